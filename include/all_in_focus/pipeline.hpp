@@ -1,0 +1,63 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <opencv2/core.hpp>
+
+#include "all_in_focus/bracket_fusion.hpp"
+#include "all_in_focus/depth_registration.hpp"
+#include "all_in_focus/dof_segmentation.hpp"
+#include "all_in_focus/hole_filling.hpp"
+
+namespace all_in_focus::core {
+
+enum class Mode {
+  kPaper,    ///< Liu et al. 2019 as printed, for comparison
+  kRefined,  ///< ours
+};
+
+/// Depth of the sensor to depth of every colour pixel: what the node depth_preprocess does.
+class DepthPreprocessing {
+ public:
+  DepthPreprocessing(const Rig& rig, Mode mode);
+
+  /// depth: CV_16UC1 mm, 0 = unknown. registered: as measured, of the colour camera's size; filled: its holes filled.
+  /// Both CV_16UC1 mm, 0 = unknown, and written in place where size and type fit.
+  void compute(const cv::Mat& depth, cv::Mat& registered, cv::Mat& filled);
+
+  const Rig& rig() const { return registration_.rig(); }
+
+ private:
+  Mode mode_;
+  DepthRegistration registration_;
+};
+
+/// How a mode cuts regions: paper merges small ones as printed, refined keeps them.
+SegmentationConfig segmentationConfig(Mode mode, const Optics& optics, DofSpan span = DofSpan::kPaper,
+                                      int min_region_size = SegmentationConfig().min_region_size);
+
+/// One bracket and what is known about its scene: depth with its rig, or registered depth, or labels, or nothing.
+struct PipelineInput {
+  cv::Mat depth;             ///< CV_16UC1 mm, seen from the depth camera; needs the rig
+  Rig rig;
+  cv::Mat registered_depth;  ///< CV_16UC1 mm, seen from the colour camera, used as it is
+  cv::Mat labels;            ///< CV_32SC1, any distinct values >= 0
+  Optics optics;
+  DofSpan span = DofSpan::kPaper;
+  std::function<bool(cv::Mat& frame)> next_frame;  ///< CV_8UC3; false at the end
+};
+
+struct PipelineResult {
+  cv::Mat registered, filled;  ///< empty when there was no depth
+  Segmentation segmentation;   ///< no segments when labels were given; no labels when nothing was known
+  FusionResult fusion;
+  int frames = 0;
+  double depth_ms = 0, segmentation_ms = 0, fusion_ms = 0;  ///< fusion_ms: all frames, without reading them
+};
+
+/// The whole method, from a depth map and a focus bracket to the all-in-focus image. Throws std::invalid_argument on bad
+/// input, also when the bracket is empty.
+PipelineResult runPipeline(const PipelineInput& input, Mode mode);
+
+}  // namespace all_in_focus::core

@@ -1,0 +1,86 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "all_in_focus/camera.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace all_in_focus::core {
+namespace {
+
+constexpr int kUndistortIterations = 50;
+constexpr double kUndistortTolerance = 1e-12;
+
+}  // namespace
+
+bool Camera::distorted() const {
+  return std::any_of(distortion.begin(), distortion.end(), [](double k) { return k != 0; });
+}
+
+cv::Point2d Camera::distort(const cv::Point2d& ideal) const {
+  const auto& [k1, k2, p1, p2, k3, k4, k5, k6] = distortion;
+  const double x = ideal.x, y = ideal.y, r2 = x * x + y * y;
+  const double radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+  return {x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+          y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
+}
+
+cv::Point2d Camera::undistort(const cv::Point2d& distorted) const {
+  cv::Point2d ideal = distorted;
+  for (int i = 0; i < kUndistortIterations; ++i) {
+    const cv::Point2d error = distort(ideal) - distorted;
+    ideal -= error;
+    if (std::abs(error.x) + std::abs(error.y) < kUndistortTolerance) break;
+  }
+  return ideal;
+}
+
+void validate(const Camera& camera, const char* name) {
+  const auto fail = [&](const std::string& what) {
+    throw std::invalid_argument(std::string(name) + " camera: " + what);
+  };
+  if (camera.size.width <= 0 || camera.size.height <= 0) {
+    fail("image size is " + std::to_string(camera.size.width) + "x" + std::to_string(camera.size.height));
+  }
+  if (!(std::isfinite(camera.fx) && camera.fx > 0 && std::isfinite(camera.fy) && camera.fy > 0)) {
+    fail("fx = " + std::to_string(camera.fx) + ", fy = " + std::to_string(camera.fy) +
+         ": not calibrated (both must be positive)");
+  }
+  if (!std::isfinite(camera.cx) || !std::isfinite(camera.cy)) fail("principal point is not finite");
+  for (const double k : camera.distortion) {
+    if (!std::isfinite(k)) fail("a distortion coefficient is not finite");
+  }
+}
+
+RigidTransform RigidTransform::fromQuaternion(double x, double y, double z, double w, const cv::Vec3d& translation_m) {
+  const double norm = std::sqrt(x * x + y * y + z * z + w * w);
+  if (!(std::isfinite(norm) && norm > 1e-6)) {
+    throw std::invalid_argument("pose of the depth camera: the rotation quaternion is zero or not finite");
+  }
+  for (const double t : translation_m.val) {
+    if (!std::isfinite(t)) throw std::invalid_argument("pose of the depth camera: the translation is not finite");
+  }
+  x /= norm, y /= norm, z /= norm, w /= norm;
+  RigidTransform pose;
+  pose.rotation = {1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
+                   2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
+                   2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
+  pose.translation_mm = translation_m * 1000.0;
+  return pose;
+}
+
+bool operator==(const Camera& a, const Camera& b) {
+  return a.size == b.size && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy &&
+         a.distortion == b.distortion;
+}
+
+bool operator==(const Rig& a, const Rig& b) {
+  return a.depth == b.depth && a.color == b.color &&
+         a.depth_to_color.rotation == b.depth_to_color.rotation &&
+         a.depth_to_color.translation_mm == b.depth_to_color.translation_mm;
+}
+
+}  // namespace all_in_focus::core

@@ -1,0 +1,74 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "all_in_focus/optics.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+namespace all_in_focus::core {
+namespace {
+
+void requirePositive(double value, const char* what) {
+  if (!(std::isfinite(value) && value > 0)) {
+    throw std::invalid_argument(std::string("optics: ") + what + " must be positive and finite, not " +
+                                std::to_string(value));
+  }
+}
+
+// F CoC u^2: the numerator of equations 9 and 10.
+double dofNumerator(const Optics& optics, double u_mm) {
+  return optics.aperture * optics.circle_of_confusion_mm * u_mm * u_mm;
+}
+
+}  // namespace
+
+bool operator==(const Optics& a, const Optics& b) {
+  return a.focal_length_mm == b.focal_length_mm && a.aperture == b.aperture &&
+         a.circle_of_confusion_mm == b.circle_of_confusion_mm;
+}
+
+void validate(const Optics& optics) {
+  requirePositive(optics.focal_length_mm, "focal length");
+  requirePositive(optics.aperture, "aperture");
+  requirePositive(optics.circle_of_confusion_mm, "circle of confusion");
+}
+
+double hyperfocalDistance(const Optics& optics) {
+  return optics.focal_length_mm * optics.focal_length_mm / (optics.aperture * optics.circle_of_confusion_mm);
+}
+
+double backDof(const Optics& optics, double u_mm) {
+  const double f2 = optics.focal_length_mm * optics.focal_length_mm;
+  const double denominator = f2 - optics.aperture * optics.circle_of_confusion_mm * u_mm;
+  if (denominator <= 0) return std::numeric_limits<double>::infinity();  // hyperfocal
+  return dofNumerator(optics, u_mm) / denominator;
+}
+
+double frontDof(const Optics& optics, double u_mm) {
+  const double f2 = optics.focal_length_mm * optics.focal_length_mm;
+  return dofNumerator(optics, u_mm) / (f2 + optics.aperture * optics.circle_of_confusion_mm * u_mm);
+}
+
+double maxDof(const Optics& optics, double min_mm, double max_mm) {
+  return std::max(backDof(optics, min_mm), frontDof(optics, max_mm));
+}
+
+double imageDistance(const Optics& optics, double focus_mm) {
+  return 1.0 / (1.0 / optics.focal_length_mm - 1.0 / focus_mm);
+}
+
+double blurCircle(const Optics& optics, double depth_mm, double focus_mm) {
+  // Lens diameter f / F times the distance between image point and sensor, over the image point's distance; written in
+  // dioptres so that infinity needs no case.
+  const double f = optics.focal_length_mm;
+  const double lens_diameter_mm = f / optics.aperture;
+  return lens_diameter_mm * imageDistance(optics, focus_mm) * std::abs(1.0 / depth_mm - 1.0 / focus_mm);
+}
+
+double dioptricMiddle(double min_mm, double max_mm) { return 2.0 / (1.0 / min_mm + 1.0 / max_mm); }
+
+}  // namespace all_in_focus::core

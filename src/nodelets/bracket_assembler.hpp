@@ -1,0 +1,80 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace all_in_focus {
+
+/// What is known of a colour frame besides its pixels.
+struct FrameInfo {
+  double stamp_s = 0;
+  bool has_focus = false;  ///< a FocusFrame of the same stamp came with it; the rest is from there
+  std::uint32_t bracket_id = 0;
+  std::uint32_t index = 0;
+  std::uint32_t count = 0;  ///< 0 = open
+  bool last = false;
+};
+
+struct BracketConfig {
+  int size = 0;      ///< frames of a bracket without FocusFrame, 0 = unknown
+  double gap_s = 1;  ///< without FocusFrame a longer gap between stamps ends a bracket, 0 = never
+};
+
+/// Says where a focus bracket begins and ends and which of its frames is which: by FocusFrame where there is
+/// one, else by count and by gaps in time.
+class BracketAssembler {
+ public:
+  /// What to do with a frame.
+  struct Step {
+    bool begin = false;  ///< a bracket begins with it
+    bool use = false;    ///< false: it belongs to no bracket, `reason` says why
+    int index = 0;       ///< its place in the bracket
+    bool last = false;   ///< the bracket ends with it: close() is due
+    std::string reason;
+  };
+
+  explicit BracketAssembler(const BracketConfig& config = {}) : config_(config) {}
+  void configure(const BracketConfig& config) { config_ = config; }
+
+  /// The frame belongs to another bracket than the open one, which ended without notice: close() it before
+  /// add().
+  bool endsBefore(const FrameInfo& frame) const;
+
+  Step add(const FrameInfo& frame);
+
+  /// Ends the open bracket.
+  void close();
+  /// As after the start: a bracket whose beginning was not seen is left out.
+  void restart();
+
+  /// No frame came for longer than the gap.
+  bool gapElapsed(double now_s) const;
+
+  bool open() const { return open_; }
+  std::uint32_t bracketId() const { return id_; }
+  /// Frames the bracket will have, where that is known in advance, else 0.
+  int length() const { return static_cast<int>(count_); }
+  /// Frames of the bracket so far, the missing ones included.
+  int seen() const { return static_cast<int>(next_); }
+  /// Frames of the bracket announced so far (all of them, once it is complete) that did not come.
+  int missing() const { return missing_; }
+
+ private:
+  bool refuses(const FrameInfo& frame, std::string& reason) const;
+
+  BracketConfig config_;
+  bool open_ = false;
+  bool by_focus_ = false;   ///< the open bracket, or the last one
+  std::uint32_t id_ = 0;    ///< of the open bracket, or the last one
+  std::uint32_t next_ = 0;  ///< index expected next
+  std::uint32_t count_ = 0;
+  int missing_ = 0;
+  double last_stamp_s_ = 0;
+  bool fresh_ = true;      ///< nothing seen since the start
+  bool skipping_ = false;  ///< the rest of bracket skip_id_, whose beginning was not seen
+  std::uint32_t skip_id_ = 0;
+};
+
+}  // namespace all_in_focus

@@ -1,0 +1,261 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "conversions.hpp"
+
+#include <cv_bridge/cv_bridge.h>
+#include <sensor_msgs/distortion_models.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include <algorithm>
+#include <boost/make_shared.hpp>
+#include <cstdint>
+#include <stdexcept>
+
+namespace all_in_focus {
+namespace {
+
+namespace enc = sensor_msgs::image_encodings;
+
+constexpr double kMmPerM = 1000.0;
+constexpr unsigned kMaxSize = 32767;  // pixels, width or height of a camera
+constexpr std::uint16_t kEndiannessProbe = 1;
+
+[[noreturn]] void fail(const std::string& topic, const std::string& what) {
+  throw std::invalid_argument(topic + ": " + what);
+}
+
+std::string sizeText(unsigned width, unsigned height) {
+  return std::to_string(width) + "x" + std::to_string(height);
+}
+
+bool hostIsBigEndian() {
+  return *reinterpret_cast<const std::uint8_t*>(&kEndiannessProbe) == 0;
+}
+
+// What a cv::Mat over the message's memory relies on.
+void checkLayout(const sensor_msgs::Image& image, std::size_t pixel_bytes, const std::string& topic) {
+  if (image.width == 0 || image.height == 0) {
+    fail(topic, "the image is empty (" + sizeText(image.width, image.height) + "): check its publisher");
+  }
+  const std::size_t row_bytes = image.width * pixel_bytes;
+  if (image.step < row_bytes || image.step % pixel_bytes != 0) {
+    fail(topic, "step is " + std::to_string(image.step) + " bytes, but a row of " +
+                    std::to_string(image.width) + " " + image.encoding + " pixels has " +
+                    std::to_string(row_bytes) + ": check its publisher");
+  }
+  const std::size_t bytes = static_cast<std::size_t>(image.step) * image.height;
+  if (image.data.size() < bytes) {
+    fail(topic, "data holds " + std::to_string(image.data.size()) + " bytes, but " +
+                    sizeText(image.width, image.height) + " " + image.encoding + " needs " +
+                    std::to_string(bytes) + ": check its publisher");
+  }
+  if ((image.is_bigendian != 0) != hostIsBigEndian()) {
+    fail(topic, std::string("the image is ") + (image.is_bigendian ? "big" : "little") +
+                    "-endian, this computer is not: publish it in host byte order");
+  }
+}
+
+// The message's memory, not to be written to.
+cv::Mat wrap(const sensor_msgs::Image& image, int type) {
+  return cv::Mat(static_cast<int>(image.height), static_cast<int>(image.width), type,
+                 const_cast<std::uint8_t*>(image.data.data()), image.step);
+}
+
+// A whole row at a time without early exit: the compiler vectorises it.
+bool contains(const cv::Mat& mm, std::uint16_t value) {
+  for (int y = 0; y < mm.rows; ++y) {
+    const auto* row = mm.ptr<std::uint16_t>(y);
+    unsigned found = 0;
+    for (int x = 0; x < mm.cols; ++x) found |= row[x] == value;
+    if (found) return true;
+  }
+  return false;
+}
+
+void setToUnknown(cv::Mat& mm, std::uint16_t value) {
+  for (int y = 0; y < mm.rows; ++y) {
+    auto* row = mm.ptr<std::uint16_t>(y);
+    for (int x = 0; x < mm.cols; ++x) row[x] = row[x] == value ? 0 : row[x];
+  }
+}
+
+// Comparisons with NaN are false: it becomes 0 like all that is out of range.
+cv::Mat metresToMm(const cv::Mat& m) {
+  cv::Mat mm(m.size(), CV_16UC1);
+  for (int y = 0; y < m.rows; ++y) {
+    const float* in = m.ptr<float>(y);
+    auto* out = mm.ptr<std::uint16_t>(y);
+    for (int x = 0; x < m.cols; ++x) {
+      const float rounded = in[x] * static_cast<float>(kMmPerM) + 0.5f;
+      const float valid = rounded >= 1.0f && rounded < 65536.0f ? rounded : 0.0f;
+      out[x] = static_cast<std::uint16_t>(static_cast<std::int32_t>(valid));
+    }
+  }
+  return mm;
+}
+
+}  // namespace
+
+DepthImage toDepth(const sensor_msgs::ImageConstPtr& message, const std::vector<int>& invalid_values,
+                   const std::string& topic) {
+  const bool millimetres = message->encoding == enc::TYPE_16UC1 || message->encoding == enc::MONO16;
+  if (!millimetres && message->encoding != enc::TYPE_32FC1) {
+    fail(topic, "depth has encoding \"" + message->encoding +
+                    "\": publish 16UC1 (millimetres) or 32FC1 (metres), or remap the topic");
+  }
+  checkLayout(*message, millimetres ? sizeof(std::uint16_t) : sizeof(float), topic);
+
+  DepthImage depth;
+  depth.mm = millimetres ? wrap(*message, CV_16UC1) : metresToMm(wrap(*message, CV_32FC1));
+  bool shared = millimetres;
+  for (const int value : invalid_values) {
+    if (value <= 0 || value > 65535 || !contains(depth.mm, static_cast<std::uint16_t>(value))) continue;
+    if (shared) depth.mm = depth.mm.clone();
+    shared = false;
+    setToUnknown(depth.mm, static_cast<std::uint16_t>(value));
+  }
+  if (shared) depth.owner = message;
+  return depth;
+}
+
+void requireSize(const DepthImage& depth, const Camera& camera, const std::string& topic,
+                 const std::string& info_topic) {
+  if (depth.mm.size() == camera.size) return;
+  fail(topic, "depth is " + sizeText(depth.mm.cols, depth.mm.rows) + ", but " + info_topic + " is for " +
+                  sizeText(camera.size.width, camera.size.height) +
+                  ": use the calibration of this resolution");
+}
+
+OutgoingImage::OutgoingImage(const std_msgs::Header& header, const std::string& encoding,
+                             const cv::Size& size)
+    : message_(boost::make_shared<sensor_msgs::Image>()) {
+  const int type = cv_bridge::getCvType(encoding);
+  message_->header = header;
+  message_->encoding = encoding;
+  message_->is_bigendian = hostIsBigEndian();
+  message_->width = size.width;
+  message_->height = size.height;
+  message_->step = static_cast<std::uint32_t>(size.width * CV_ELEM_SIZE(type));
+  message_->data.resize(static_cast<std::size_t>(message_->step) * message_->height);
+  mat = cv::Mat(size, type, message_->data.data(), message_->step);
+}
+
+sensor_msgs::ImagePtr OutgoingImage::take() {
+  if (mat.data != message_->data.data()) {
+    cv::Mat own(static_cast<int>(message_->height), static_cast<int>(message_->width), mat.type(),
+                message_->data.data(), message_->step);
+    if (mat.size() != own.size() || mat.type() != cv_bridge::getCvType(message_->encoding)) {
+      throw std::logic_error("image changed size or type while a message was filled");
+    }
+    mat.copyTo(own);
+  }
+  mat.release();
+  return std::move(message_);
+}
+
+Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {
+  if (info.width == 0 || info.height == 0 || info.width > kMaxSize || info.height > kMaxSize) {
+    fail(topic, "image size is " + sizeText(info.width, info.height) + ": calibrate the camera");
+  }
+  if (!(info.K[0] > 0 && info.K[4] > 0)) {
+    fail(topic, "the camera is not calibrated (fx = " + std::to_string(info.K[0]) + ", fy = " +
+                    std::to_string(info.K[4]) + "): calibrate it, or give its driver a calibration file");
+  }
+  Camera camera;
+  camera.fx = info.K[0], camera.fy = info.K[4], camera.cx = info.K[2], camera.cy = info.K[5];
+
+  const std::string& model = info.distortion_model;
+  const std::size_t most = model == sensor_msgs::distortion_models::PLUMB_BOB             ? 5
+                           : model == sensor_msgs::distortion_models::RATIONAL_POLYNOMIAL ? 8
+                                                                                          : 0;
+  if (most == 0 && !model.empty()) {
+    fail(topic, "distortion model \"" + model + "\" is not supported: use plumb_bob or rational_polynomial");
+  }
+  // Some drivers pad with zeros (thin prism and tilt of OpenCV's longer models).
+  for (std::size_t i = 0; i < info.D.size() && most > 0; ++i) {
+    if (i < most) {
+      camera.distortion[i] = info.D[i];
+    } else if (info.D[i] != 0) {
+      fail(topic, model + " has " + std::to_string(most) + " distortion coefficients, not " +
+                      std::to_string(info.D.size()) +
+                      ": calibrate again with plumb_bob or rational_polynomial");
+    }
+  }
+
+  // K is that of the full sensor; the images hold its region of interest, binned.
+  const sensor_msgs::RegionOfInterest& roi = info.roi;
+  const bool whole = roi.width == 0 || roi.height == 0;
+  const double width = whole ? info.width : roi.width;
+  const double height = whole ? info.height : roi.height;
+  const double bin_x = std::max(1u, info.binning_x), bin_y = std::max(1u, info.binning_y);
+  camera.size = cv::Size(static_cast<int>(width / bin_x), static_cast<int>(height / bin_y));
+  camera.fx /= bin_x;
+  camera.fy /= bin_y;
+  // Pixel centres are integers, so a binned pixel's centre lies half a bin inside.
+  camera.cx = (camera.cx - roi.x_offset + 0.5) / bin_x - 0.5;
+  camera.cy = (camera.cy - roi.y_offset + 0.5) / bin_y - 0.5;
+  try {
+    validate(camera, "");
+  } catch (const std::invalid_argument& e) {
+    fail(topic, std::string("impossible calibration,") + e.what());
+  }
+  return camera;
+}
+
+RigidTransform toRigidTransform(const geometry_msgs::Transform& transform) {
+  const geometry_msgs::Quaternion& q = transform.rotation;
+  const geometry_msgs::Vector3& t = transform.translation;
+  return RigidTransform::fromQuaternion(q.x, q.y, q.z, q.w, {t.x, t.y, t.z});
+}
+
+OpticsMsg toMessage(const core::Optics& optics) {
+  OpticsMsg message;
+  message.focal_length_mm = optics.focal_length_mm;
+  message.aperture = optics.aperture;
+  message.circle_of_confusion_mm = optics.circle_of_confusion_mm;
+  return message;
+}
+
+core::Optics toOptics(const OpticsMsg& message) {
+  core::Optics optics;
+  optics.focal_length_mm = message.focal_length_mm;
+  optics.aperture = message.aperture;
+  optics.circle_of_confusion_mm = message.circle_of_confusion_mm;
+  validate(optics);
+  return optics;
+}
+
+DofSpan toDofSpan(const std::string& dof_rule) {
+  if (dof_rule == "paper") return DofSpan::kPaper;
+  if (dof_rule == "full") return DofSpan::kFull;
+  throw std::invalid_argument("dof_rule is \"" + dof_rule + "\": use paper or full");
+}
+
+const char* toString(DofSpan span) {
+  return span == DofSpan::kFull ? "full" : "paper";
+}
+
+SegmentArrayPtr toMessage(const Segmentation& segmentation, const SegmentationConfig& config) {
+  auto array = boost::make_shared<SegmentArray>();
+  array->optics = toMessage(config.optics);
+  array->dof_rule = toString(config.span);
+  array->unknown_area = static_cast<std::uint32_t>(segmentation.unknown_area);
+  array->segments.reserve(segmentation.segments.size());
+  for (const core::Segment& segment : segmentation.segments) {
+    SegmentMsg message;
+    message.label = static_cast<std::uint32_t>(segment.label);
+    message.area = static_cast<std::uint32_t>(segment.area);
+    message.depth_min = segment.min_mm / kMmPerM;
+    message.depth_max = segment.max_mm / kMmPerM;
+    message.depth_median = segment.median_mm / kMmPerM;
+    message.diff = (segment.max_mm - segment.min_mm) / kMmPerM;
+    message.max_dof = maxDof(config.optics, segment.min_mm, segment.max_mm) / kMmPerM;
+    message.fits = segment.fits;
+    message.focus_distance = dioptricMiddle(segment.min_mm, segment.max_mm) / kMmPerM;
+    array->segments.push_back(message);
+  }
+  return array;
+}
+
+}  // namespace all_in_focus

@@ -1,0 +1,74 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <all_in_focus/FusionReport.h>
+#include <all_in_focus/SegmentArray.h>
+#include <geometry_msgs/Transform.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+#include <std_msgs/Header.h>
+
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "all_in_focus/camera.hpp"
+#include "all_in_focus/dof_segmentation.hpp"
+#include "all_in_focus/optics.hpp"
+
+/// Between ROS messages and the core. All functions throw std::invalid_argument with one line for people:
+/// what is wrong, where (a topic), what to do.
+namespace all_in_focus {
+
+using namespace core;
+using OpticsMsg = all_in_focus::Optics;  // two messages share their names with types of the core
+using SegmentMsg = all_in_focus::Segment;
+
+/// Depth of a message, CV_16UC1 mm, 0 = unknown. Read only: it may share the message's memory.
+struct DepthImage {
+  cv::Mat mm;
+  sensor_msgs::ImageConstPtr owner;  ///< keeps shared memory alive
+};
+
+/// Accepts 16UC1 and mono16 (mm) and 32FC1 (m; NaN, infinite, negative and above 65.535 m mean unknown), as
+/// REP 118 says. invalid_values: further mm values that mean unknown. A 16-bit message that holds none of
+/// them is shared, not copied.
+DepthImage toDepth(const sensor_msgs::ImageConstPtr& message, const std::vector<int>& invalid_values,
+                   const std::string& topic);
+
+/// Throws unless the depth image has the size that its camera is calibrated for.
+void requireSize(const DepthImage& depth, const Camera& camera, const std::string& topic,
+                 const std::string& info_topic);
+
+/// An image message that the core writes into.
+class OutgoingImage {
+ public:
+  /// encoding: of sensor_msgs/image_encodings.h.
+  OutgoingImage(const std_msgs::Header& header, const std::string& encoding, const cv::Size& size);
+
+  cv::Mat mat;  ///< the message's own memory; a Mat that is put in its place is copied by take()
+
+  /// The message, to be published; call once, when mat is complete.
+  sensor_msgs::ImagePtr take();
+
+ private:
+  sensor_msgs::ImagePtr message_;
+};
+
+/// Models plumb_bob, rational_polynomial and "" (no distortion). Binning and region of interest are applied:
+/// the camera is the one of the images on the wire. topic: of the camera_info.
+Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic);
+
+RigidTransform toRigidTransform(const geometry_msgs::Transform& transform);
+
+OpticsMsg toMessage(const core::Optics& optics);
+core::Optics toOptics(const OpticsMsg& message);
+
+DofSpan toDofSpan(const std::string& dof_rule);  ///< "paper" or "full"
+const char* toString(DofSpan span);
+
+/// All but the header.
+SegmentArrayPtr toMessage(const Segmentation& segmentation, const SegmentationConfig& config);
+
+}  // namespace all_in_focus

@@ -1,0 +1,298 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <all_in_focus/DepthPreprocessConfig.h>
+#include <dynamic_reconfigure/server.h>
+#include <image_transport/image_transport.h>
+#include <nodelet/nodelet.h>
+#include <sensor_msgs/image_encodings.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
+
+#include <algorithm>
+#include <boost/bind/bind.hpp>
+#include <boost/make_shared.hpp>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "all_in_focus/pipeline.hpp"
+#include "conversions.hpp"
+#include "node_monitor.hpp"
+
+namespace all_in_focus {
+namespace {
+
+constexpr double kRetryPeriod = 0.1;  // s, while a depth image waits for the transform
+constexpr double kPatience = 1.0;     // s, before waiting is an error
+constexpr const char* kProcessedTopic = "depth_registered/processed";
+
+std::string withoutSlash(const std::string& frame) {
+  return !frame.empty() && frame[0] == '/' ? frame.substr(1) : frame;
+}
+
+void requireFrame(const std_msgs::Header& header, const std::string& topic) {
+  if (header.frame_id.empty())
+    throw std::invalid_argument(topic + ": frame_id is empty: set it in the camera's driver");
+}
+
+}  // namespace
+
+/// Registers depth images to the colour camera and fills their holes.
+///
+/// All callbacks run one after the other on the nodelet's own queue; only connecting may meet onInit().
+class DepthPreprocessNodelet : public nodelet::Nodelet {
+ private:
+  using Config = DepthPreprocessConfig;
+
+  void onInit() override;
+  void advertise();
+  void readParameters();
+  void reconfigure(Config& config);
+  void connect();
+  void subscribe();
+  void unsubscribe();
+
+  void onDepth(const sensor_msgs::ImageConstPtr& depth);
+  void onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot, const sensor_msgs::CameraInfoConstPtr& info);
+  void processWaiting();
+  void giveUpWaiting(std::size_t oldest);
+  bool isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason);
+  Rig currentRig() const;
+  void process(const sensor_msgs::ImageConstPtr& depth);
+  void publish(const std_msgs::Header& header, const DepthImage& depth);
+
+  std::unique_ptr<NodeMonitor> monitor_;
+  int depth_input_ = 0, depth_info_input_ = 0, rgb_info_input_ = 0;
+  std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
+  std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
+  std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
+  Config config_ = Config::__getDefault__();
+  std::vector<int> invalid_values_{0, 2047};
+  int queue_size_ = 5;
+
+  std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
+  std::unique_ptr<image_transport::ImageTransport> transport_;
+  image_transport::Publisher registered_publisher_, filled_publisher_;
+  ros::Publisher info_publisher_;
+  image_transport::Subscriber depth_subscriber_;
+  ros::Subscriber depth_info_subscriber_, rgb_info_subscriber_;
+  ros::WallTimer retry_timer_;
+
+  std::deque<sensor_msgs::ImageConstPtr> waiting_;  // for camera infos and transform, oldest first
+  ros::WallTime waiting_since_;                     // zero: nothing had to wait lately
+  sensor_msgs::CameraInfoConstPtr depth_info_, rgb_info_;
+  geometry_msgs::Transform transform_;
+  std::unique_ptr<DepthPreprocessing> preprocessing_;  // of the current rig and mode
+  std::string preprocessing_mode_;
+};
+
+void DepthPreprocessNodelet::onInit() {
+  monitor_ =
+      std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), kProcessedTopic);
+  depth_input_ = monitor_->addInput("depth/image_raw", Expect::kStream, "start the depth camera's driver");
+  depth_info_input_ =
+      monitor_->addInput("depth/camera_info", Expect::kOnce, "start the depth camera's driver");
+  rgb_info_input_ = monitor_->addInput("rgb/camera_info", Expect::kOnce, "start the colour camera's driver");
+  readParameters();
+
+  tf_buffer_ = std::make_unique<tf2_ros::Buffer>();
+  tf_listener_ = std::make_unique<tf2_ros::TransformListener>(*tf_buffer_, getNodeHandle());
+  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(getPrivateNodeHandle());
+  reconfigure_server_->setCallback(
+      boost::bind(&DepthPreprocessNodelet::reconfigure, this, boost::placeholders::_1));
+  advertise();
+  monitor_->start();
+}
+
+void DepthPreprocessNodelet::readParameters() {
+  ros::NodeHandle& nh = getPrivateNodeHandle();
+  queue_size_ = std::max(1, nh.param("queue_size", queue_size_));
+  if (nh.hasParam("invalid_values") && !nh.getParam("invalid_values", invalid_values_)) {
+    monitor_->error("invalid_values is not a list of integers (mm): using [0, 2047]");
+  }
+}
+
+void DepthPreprocessNodelet::advertise() {
+  ros::NodeHandle& nh = getNodeHandle();
+  transport_ = std::make_unique<image_transport::ImageTransport>(nh);
+  const image_transport::SubscriberStatusCallback image_connect =
+      boost::bind(&DepthPreprocessNodelet::connect, this);
+  const ros::SubscriberStatusCallback info_connect = boost::bind(&DepthPreprocessNodelet::connect, this);
+
+  std::lock_guard<std::mutex> lock(connect_mutex_);
+  registered_publisher_ =
+      transport_->advertise("depth_registered/image_raw", 1, image_connect, image_connect);
+  filled_publisher_ = transport_->advertise("depth_registered/image", 1, image_connect, image_connect);
+  info_publisher_ =
+      nh.advertise<sensor_msgs::CameraInfo>("depth_registered/camera_info", 1, info_connect, info_connect);
+  for (const char* topic :
+       {"depth_registered/image_raw", "depth_registered/image", "depth_registered/camera_info"}) {
+    monitor_->addOutput(topic);
+  }
+}
+
+void DepthPreprocessNodelet::reconfigure(Config& config) {
+  if (config.mode != "paper" && config.mode != "refined") {
+    monitor_->warn("mode \"" + config.mode + "\" does not exist (use paper or refined): keeping " +
+                   config_.mode);
+    config.mode = config_.mode;
+  }
+  config_ = config;
+  monitor_->setValue("mode", config.mode);
+}
+
+// Works only while somebody listens.
+void DepthPreprocessNodelet::connect() {
+  std::lock_guard<std::mutex> lock(connect_mutex_);
+  const bool wanted = registered_publisher_.getNumSubscribers() > 0 ||
+                      filled_publisher_.getNumSubscribers() > 0 || info_publisher_.getNumSubscribers() > 0;
+  if (wanted && !depth_subscriber_) subscribe();
+  if (!wanted && depth_subscriber_) unsubscribe();
+}
+
+void DepthPreprocessNodelet::subscribe() {
+  ros::NodeHandle& nh = getNodeHandle();
+  depth_info_subscriber_ = nh.subscribe<sensor_msgs::CameraInfo>(
+      "depth/camera_info", queue_size_,
+      [this](const sensor_msgs::CameraInfoConstPtr& info) { onInfo(depth_info_input_, depth_info_, info); });
+  rgb_info_subscriber_ = nh.subscribe<sensor_msgs::CameraInfo>(
+      "rgb/camera_info", queue_size_,
+      [this](const sensor_msgs::CameraInfoConstPtr& info) { onInfo(rgb_info_input_, rgb_info_, info); });
+  const image_transport::TransportHints hints("raw", ros::TransportHints(), getPrivateNodeHandle());
+  depth_subscriber_ =
+      transport_->subscribe("depth/image_raw", queue_size_, &DepthPreprocessNodelet::onDepth, this, hints);
+  retry_timer_ = nh.createWallTimer(ros::WallDuration(kRetryPeriod),
+                                    [this](const ros::WallTimerEvent&) { processWaiting(); });
+  monitor_->setSubscribed(true);
+}
+
+void DepthPreprocessNodelet::unsubscribe() {
+  retry_timer_.stop();
+  depth_subscriber_.shutdown();
+  depth_info_subscriber_.shutdown();
+  rgb_info_subscriber_.shutdown();
+  depth_subscriber_ = {};
+  waiting_.clear();
+  depth_info_ = rgb_info_ = nullptr;  // may be out of date when the next listener comes
+  monitor_->setSubscribed(false);
+}
+
+void DepthPreprocessNodelet::onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot,
+                                    const sensor_msgs::CameraInfoConstPtr& info) {
+  if (monitor_->inputArrived(input, info->header.stamp)) giveUpWaiting(waiting_.size());
+  slot = info;
+  processWaiting();
+}
+
+void DepthPreprocessNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
+  if (monitor_->inputArrived(depth_input_, depth->header.stamp)) giveUpWaiting(waiting_.size());
+  waiting_.push_back(depth);
+  processWaiting();
+}
+
+// Camera infos and transform usually come within a moment; a depth image may be the only one (in a bag), so
+// it waits.
+void DepthPreprocessNodelet::processWaiting() {
+  std::string missing;
+  for (std::size_t ready = 0; ready < waiting_.size();) {
+    if (isSomethingMissing(*waiting_[ready], missing)) {
+      ++ready;
+      continue;
+    }
+    giveUpWaiting(ready);  // results come in the order of stamps
+    const sensor_msgs::ImageConstPtr depth = waiting_.front();
+    waiting_.pop_front();
+    waiting_since_ = ros::WallTime();
+    ready = 0;
+    try {
+      process(depth);
+    } catch (const std::exception& e) {
+      monitor_->consumed(depth->header, Outcome::kInvalid, e.what());
+    }
+  }
+  const auto most = static_cast<std::size_t>(queue_size_);
+  if (waiting_.size() > most) giveUpWaiting(waiting_.size() - most);
+  if (waiting_.empty()) return;
+  const ros::WallTime now = ros::WallTime::now();
+  if (waiting_since_.isZero()) waiting_since_ = now;
+  if ((now - waiting_since_).toSec() > kPatience) monitor_->error(missing);
+}
+
+void DepthPreprocessNodelet::giveUpWaiting(std::size_t oldest) {
+  for (; oldest > 0; --oldest) {
+    monitor_->consumed(waiting_.front()->header, Outcome::kUnmatched);
+    waiting_.pop_front();
+  }
+}
+
+// True while something that may still come is missing; else transform_ is that of this image. What is broken
+// is not waited for: process() refuses it.
+bool DepthPreprocessNodelet::isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason) {
+  if (!depth_info_ || !rgb_info_) {
+    reason = "depth waits for " + monitor_->resolved(depth_info_ ? rgb_info_input_ : depth_info_input_) +
+             ": publish the camera's calibration there, or remap it";
+    return true;
+  }
+  const std::string from = withoutSlash(depth.header.frame_id), to = withoutSlash(rgb_info_->header.frame_id);
+  if (from.empty() || to.empty()) return false;
+  try {
+    transform_ = tf_buffer_->lookupTransform(to, from, ros::Time(0)).transform;
+    return false;
+  } catch (const tf2::TransformException& e) {
+    reason = "no transform from depth frame \"" + from + "\" to colour frame \"" + to +
+             "\": publish it, e.g. rosrun tf2_ros static_transform_publisher x y z qx qy qz qw " + to + " " +
+             from + " (" + e.what() + ")";
+    return true;
+  }
+}
+
+Rig DepthPreprocessNodelet::currentRig() const {
+  return {toCamera(*depth_info_, monitor_->resolved(depth_info_input_)),
+          toCamera(*rgb_info_, monitor_->resolved(rgb_info_input_)), toRigidTransform(transform_)};
+}
+
+void DepthPreprocessNodelet::process(const sensor_msgs::ImageConstPtr& message) {
+  const std::string topic = monitor_->resolved(depth_input_);
+  requireFrame(message->header, topic);
+  requireFrame(rgb_info_->header, monitor_->resolved(rgb_info_input_));
+  const DepthImage depth = toDepth(message, invalid_values_, topic);
+  const Rig rig = currentRig();
+  requireSize(depth, rig.depth, topic, monitor_->resolved(depth_info_input_));
+  if (!preprocessing_ || !(preprocessing_->rig() == rig) || preprocessing_mode_ != config_.mode) {
+    const Mode mode = config_.mode == "paper" ? Mode::kPaper : Mode::kRefined;
+    preprocessing_ = std::make_unique<DepthPreprocessing>(rig, mode);
+    preprocessing_mode_ = config_.mode;
+  }
+  publish(message->header, depth);
+}
+
+void DepthPreprocessNodelet::publish(const std_msgs::Header& depth_header, const DepthImage& depth) {
+  std_msgs::Header header = depth_header;
+  header.frame_id = rgb_info_->header.frame_id;
+  const cv::Size size = preprocessing_->rig().color.size;
+  OutgoingImage registered(header, sensor_msgs::image_encodings::TYPE_16UC1, size);
+  OutgoingImage filled(header, sensor_msgs::image_encodings::TYPE_16UC1, size);
+  preprocessing_->compute(depth.mm, registered.mat, filled.mat);
+
+  std::string remark;
+  if (cv::countNonZero(depth.mm) == 0) {
+    remark = monitor_->resolved(depth_input_) +
+             ": not one pixel has a depth: is something too near, or the sensor covered?";
+  } else if (cv::countNonZero(registered.mat) == 0) {
+    remark = "no depth falls into the colour image: check the transform and both calibrations";
+  }
+
+  const auto info = boost::make_shared<sensor_msgs::CameraInfo>(*rgb_info_);
+  info->header = header;
+  info_publisher_.publish(info);
+  const sensor_msgs::ImagePtr registered_message = registered.take();
+  registered_publisher_.publish(registered_message);
+  filled_publisher_.publish(config_.fill_holes ? filled.take() : registered_message);
+  monitor_->consumed(depth_header, Outcome::kProcessed, remark);
+}
+
+}  // namespace all_in_focus
+
+PLUGINLIB_EXPORT_CLASS(all_in_focus::DepthPreprocessNodelet, nodelet::Nodelet)

@@ -1,0 +1,99 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <sensor_msgs/Image.h>
+
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <future>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "bracket_assembler.hpp"
+#include "node_monitor.hpp"
+#include "open_bracket.hpp"
+
+namespace all_in_focus {
+
+struct FusionSettings {
+  Mode mode = Mode::kRefined;
+  int reference = -1;  ///< index, or -1: the middle one where the length is known in advance, else the first
+  bool sliding = false;
+  BracketConfig bracket;
+  double label_max_age_s = 1.0;
+  double label_timeout_s = 2.0;
+  int max_queued_frames = 60;
+};
+
+/// Fuses brackets in a thread of its own, so that callbacks never wait. Frames queue up while a label image
+/// is awaited or a frame is being fused; when the queue is full the oldest is dropped. All methods are
+/// thread-safe and return at once, but finish().
+class FusionWorker {
+ public:
+  using Publish = std::function<void(const FusedBracket&)>;  ///< called from the worker's thread
+
+  FusionWorker(NodeMonitor& monitor, Publish publish);
+  ~FusionWorker();
+
+  void configure(const FusionSettings& settings);  ///< takes effect with the next bracket
+  void addFrame(const BracketFrame& frame);
+  void addLabels(const LabelSet& set);
+  void addDepth(const sensor_msgs::ImageConstPtr& depth);
+  void expectLabels(bool expected);  ///< false: nobody publishes labels, so do not wait for them
+
+  /// Time went back to `now`: ends the open bracket, forgets what is newer.
+  void timeWentBack(const ros::Time& now);
+  /// Nobody listens any more: drops the open bracket and all that waits.
+  void stopListening();
+
+  /// Ends the open bracket when all frames so far are fused. Waits for that; returns the number of brackets
+  /// published since the start, or -1 when it took too long.
+  int finish();
+
+ private:
+  struct Job {
+    BracketFrame frame;  // or, without an image:
+    bool restart = false;
+    std::shared_ptr<std::promise<int>> finished;
+  };
+
+  void run();
+  void handle(const Job& job);
+  void handleFrame(const BracketFrame& frame);
+  void begin(const BracketFrame& frame);
+  LabelSet awaitLabels(const ros::Time& first_frame);
+  void fuse(const BracketFrame& frame, const BracketAssembler::Step& step);
+  void publish(bool complete);
+  void closeBracket();
+  sensor_msgs::ImageConstPtr depthAt(const ros::Time& stamp);
+
+  NodeMonitor& monitor_;
+  const Publish publish_;
+
+  std::mutex mutex_;  // guards the part up to the next blank line
+  std::condition_variable wake_;
+  std::deque<Job> jobs_;
+  int queued_frames_ = 0;
+  std::map<ros::Time, LabelSet> labels_;
+  std::map<ros::Time, sensor_msgs::ImageConstPtr> depths_;
+  bool labels_expected_ = true;
+  bool dropping_ = false;  // stopListening() was called: leave the open bracket
+  bool stop_ = false;
+  FusionSettings next_settings_;
+
+  // Of the worker's thread alone: the open bracket.
+  FusionSettings settings_;
+  BracketAssembler assembler_;
+  OpenBracket bracket_;
+  sensor_msgs::ImageConstPtr depth_;  // that its labels were cut from
+  int published_ = 0;
+
+  std::thread thread_;
+};
+
+}  // namespace all_in_focus

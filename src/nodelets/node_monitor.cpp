@@ -1,0 +1,273 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "node_monitor.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <sstream>
+
+namespace all_in_focus {
+namespace {
+
+using diagnostic_msgs::DiagnosticStatus;
+
+constexpr std::chrono::seconds kSilence{5};
+constexpr std::chrono::seconds kSilenceThrottle{30};
+constexpr std::chrono::seconds kLogThrottle{1};
+constexpr std::chrono::seconds kRateWindow{10};
+constexpr double kJumpTolerance = 0.1;  // s
+
+const char* keyOf(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::kProcessed:
+      return "processed";
+    case Outcome::kDropped:
+      return "dropped";
+    case Outcome::kUnmatched:
+      return "unmatched";
+    case Outcome::kInvalid:
+      return "invalid";
+  }
+  return "";
+}
+
+double seconds(std::chrono::steady_clock::duration d) {
+  return std::chrono::duration<double>(d).count();
+}
+
+std::string formatSeconds(double s) {
+  std::ostringstream out;
+  out.precision(1);
+  out << std::fixed << s << " s";
+  return out.str();
+}
+
+// Exceptions of libraries may have several.
+std::string oneLine(std::string text) {
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
+}
+
+/// The topics that somebody publishes; false when the master does not answer.
+bool publishedTopics(std::vector<std::string>& topics) {
+  XmlRpc::XmlRpcValue args, result, payload;
+  args[0] = ros::this_node::getName();
+  args[1] = std::string();
+  if (!ros::master::execute("getPublishedTopics", args, result, payload, false)) return false;
+  for (int i = 0; i < payload.size(); ++i) topics.push_back(std::string(payload[i][0]));
+  return true;
+}
+
+}  // namespace
+
+NodeMonitor::NodeMonitor(const std::string& name, const ros::NodeHandle& nh,
+                         const ros::NodeHandle& private_nh, const std::string& processed_topic)
+    : name_(name), nh_(nh), updater_(nh, private_nh, name) {
+  processed_publisher_ = nh_.advertise<std_msgs::Header>(processed_topic, 100);
+  outputs_.push_back(processed_publisher_.getTopic());
+  updater_.setHardwareID(name_);
+}
+
+NodeMonitor::~NodeMonitor() {
+  timer_.stop();
+}
+
+int NodeMonitor::addInput(const std::string& topic, Expect expect, const std::string& remedy) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  inputs_.push_back({nh_.resolveName(topic), expect, remedy, 0, false, {}, {}});
+  return static_cast<int>(inputs_.size()) - 1;
+}
+
+void NodeMonitor::addOutput(const std::string& topic) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  outputs_.push_back(nh_.resolveName(topic));
+}
+
+void NodeMonitor::start() {
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    std::ostringstream text;
+    for (const Input& input : inputs_) {
+      text << "\n  subscribes " << input.topic << (input.expect == Expect::kOptional ? " (optional)" : "");
+    }
+    for (const std::string& output : outputs_) text << "\n  publishes  " << output;
+    ROS_INFO_STREAM(name_ << ":" << text.str());
+  }
+  updater_.add("processing", this, &NodeMonitor::fill);
+  timer_ = nh_.createWallTimer(ros::WallDuration(1.0), &NodeMonitor::tick, this);
+}
+
+void NodeMonitor::setSubscribed(bool subscribed) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (subscribed == subscribed_) return;
+  subscribed_ = subscribed;
+  subscribed_at_ = Clock::now();
+  silence_warned_at_ = subscribed_at_ - kSilenceThrottle;
+  for (Input& input : inputs_) input.since_subscribed = false;
+  if (!subscribed) current_ = {};
+}
+
+bool NodeMonitor::inputArrived(int input, const ros::Time& stamp) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  Input& in = inputs_.at(input);
+  ++in.arrived;
+  in.since_subscribed = true;
+  in.last_arrival = Clock::now();
+  return timeWentBack(in, stamp);
+}
+
+bool NodeMonitor::timeWentBack(Input& input, const ros::Time& stamp) {
+  const ros::Time now = ros::Time::now();
+  const ros::Duration tolerance(kJumpTolerance);
+  bool clock_back = now + tolerance < last_now_;
+  const bool stamp_back = !stamp.isZero() && stamp + tolerance < input.last_stamp;
+  last_now_ = now;
+  // A jump shows on the clock and on every input, in any order, and counts once: later signs of it would
+  // empty what came after it.
+  if (clock_back && clock_lags_) clock_back = clock_lags_ = false;
+  if (clock_back || stamp_back) {
+    for (Input& in : inputs_) in.last_stamp = ros::Time();
+    clock_lags_ = !clock_back && ros::Time::isSimTime();
+    ++resets_;
+    ROS_INFO_STREAM(name_ << ": time went back (" << input.topic << "), starting afresh");
+  }
+  const bool from_before = ros::Time::isSimTime() && now + tolerance < stamp;
+  if (!stamp.isZero() && !from_before) input.last_stamp = std::max(input.last_stamp, stamp);
+  return clock_back || stamp_back;
+}
+
+void NodeMonitor::consumed(const std_msgs::Header& header, Outcome outcome, const std::string& reason) {
+  count(outcome);
+  if (outcome == Outcome::kProcessed) {
+    const ros::Time now = ros::Time::now();
+    std::lock_guard<std::mutex> lock(mutex_);
+    processed_at_.push_back(Clock::now());
+    delay_known_ = !header.stamp.isZero() && !now.isZero();
+    if (delay_known_) delay_ms_ = (now - header.stamp).toSec() * 1e3;
+    current_ = {};
+  }
+  if (!reason.empty()) outcome == Outcome::kInvalid ? error(reason) : warn(reason);
+  processed_publisher_.publish(header);
+}
+
+void NodeMonitor::count(Outcome outcome, std::uint64_t n) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  counts_[outcome] += n;
+}
+
+void NodeMonitor::error(const std::string& reason) {
+  const std::string text = oneLine(reason);
+  raise(DiagnosticStatus::ERROR, text);
+  if (!throttled(text)) ROS_ERROR_STREAM(name_ << ": " << text);
+}
+
+void NodeMonitor::warn(const std::string& reason) {
+  const std::string text = oneLine(reason);
+  raise(DiagnosticStatus::WARN, text);
+  if (!throttled(text)) ROS_WARN_STREAM(name_ << ": " << text);
+}
+
+void NodeMonitor::raise(unsigned char level, const std::string& text) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (level == DiagnosticStatus::ERROR) last_error_ = text;
+  if (level >= current_.level) current_ = {level, text};
+  if (level >= unreported_.level) unreported_ = {level, text};
+}
+
+bool NodeMonitor::throttled(const std::string& text) {
+  std::string key = text;
+  key.erase(std::remove_if(key.begin(), key.end(), [](unsigned char c) { return std::isdigit(c); }),
+            key.end());
+  std::lock_guard<std::mutex> lock(mutex_);
+  const auto now = Clock::now();
+  if (logged_.size() > 100) logged_.clear();
+  const auto last = logged_.find(key);
+  if (last != logged_.end() && now - last->second < kLogThrottle) return true;
+  logged_[key] = now;
+  return false;
+}
+
+void NodeMonitor::setValue(const std::string& key, const std::string& value) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  values_[key] = value;
+}
+
+std::string NodeMonitor::resolved(int input) const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return inputs_.at(input).topic;
+}
+
+bool NodeMonitor::silent(const Input& input, Clock::time_point now) const {
+  if (!subscribed_ || input.expect == Expect::kOptional) return false;
+  if (input.expect == Expect::kOnce && input.since_subscribed) return false;
+  return now - (input.since_subscribed ? input.last_arrival : subscribed_at_) > kSilence;
+}
+
+void NodeMonitor::warnOfSilence() {
+  std::vector<Input> silent_inputs;
+  const auto now = Clock::now();
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    for (const Input& input : inputs_) {
+      if (silent(input, now)) silent_inputs.push_back(input);
+    }
+    if (silent_inputs.empty() || now - silence_warned_at_ < kSilenceThrottle) return;
+    silence_warned_at_ = now;
+  }
+  // Asked only here, once in a while: it is a call to the master.
+  std::vector<std::string> published;
+  const bool master_answers = publishedTopics(published);
+  std::ostringstream text;
+  for (const Input& input : silent_inputs) {
+    text << "\n  " << input.topic << ": ";
+    if (!master_answers) {
+      text << "the ROS master does not answer";
+    } else if (std::find(published.begin(), published.end(), input.topic) == published.end()) {
+      text << "nobody publishes it; " << input.remedy << " (or remap it)";
+    } else if (input.arrived == 0) {
+      text << "advertised, but no message came: is its publisher working, and the type right?";
+    } else {
+      text << "its publisher went silent: stopped, paused, or at the end of a bag?";
+    }
+  }
+  ROS_WARN_STREAM(name_ << ": no data for " << kSilence.count() << " s on" << text.str());
+}
+
+void NodeMonitor::tick(const ros::WallTimerEvent&) {
+  warnOfSilence();
+  updater_.force_update();  // update() starves after a backward jump of ROS time
+}
+
+void NodeMonitor::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  const auto now = Clock::now();
+  while (!processed_at_.empty() && now - processed_at_.front() > kRateWindow) processed_at_.pop_front();
+
+  Condition worst = unreported_.level >= current_.level ? unreported_ : current_;
+  unreported_ = {};
+  if (worst.level == DiagnosticStatus::OK) worst.text = subscribed_ ? "processing" : "idle: nobody listens";
+  status.summary(worst.level, worst.text);
+  for (const Input& input : inputs_) {
+    if (silent(input, now)) status.mergeSummary(DiagnosticStatus::WARN, "no data on " + input.topic);
+  }
+
+  for (const Outcome outcome :
+       {Outcome::kProcessed, Outcome::kDropped, Outcome::kUnmatched, Outcome::kInvalid}) {
+    status.add(keyOf(outcome), counts_[outcome]);
+  }
+  status.add("rate [Hz]", processed_at_.empty()
+                              ? 0.0
+                              : processed_at_.size() / std::max(1.0, seconds(now - processed_at_.front())));
+  status.add("delay [ms]", delay_known_ ? std::to_string(delay_ms_) : "unknown");
+  status.add("last error", last_error_);
+  status.add("backward time jumps", resets_);
+  for (const Input& input : inputs_) {
+    std::string text = std::to_string(input.arrived) + " messages";
+    if (input.arrived > 0) text += ", last " + formatSeconds(seconds(now - input.last_arrival)) + " ago";
+    status.add(input.topic, text);
+  }
+  for (const auto& value : values_) status.add(value.first, value.second);
+}
+
+}  // namespace all_in_focus

@@ -1,0 +1,139 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <ros/ros.h>
+#include <std_msgs/Header.h>
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <string>
+#include <vector>
+
+namespace all_in_focus {
+
+/// How long an input may be silent before the node warns.
+enum class Expect {
+  kStream,    ///< warn after five seconds without a message, at any time
+  kOnce,      ///< warn until the first message (calibration, latched topics)
+  kOptional,  ///< never warn
+};
+
+/// What became of one input message.
+enum class Outcome {
+  kProcessed,  ///< a result was published
+  kDropped,    ///< valid, but the node was busy or it came too late
+  kUnmatched,  ///< its partner (label image, camera info, ...) never came
+  kInvalid,    ///< refused: broken or impossible
+};
+
+/// What people see of a node besides its results: resolved topics at start, counters, rate and delay on
+/// /diagnostics, named and throttled errors, a warning for silent inputs. Also notices when time jumps back.
+///
+///   NodeMonitor monitor(getName(), getMTNodeHandle(), getPrivateNodeHandle(), "segmentation/processed");
+///   const int depth = monitor.addInput("depth_registered/image", Expect::kStream, "is depth_preprocess
+///   running?"); monitor.addOutput("segmentation/labels"); monitor.start();                         // prints
+///   the topics monitor.setSubscribed(true);             // on lazy subscription, false on shutdown of the
+///   subscribers
+///   ...in the callback:
+///   if (monitor.inputArrived(depth, header.stamp)) { /* time went back: empty all caches */ }
+///   monitor.consumed(header, Outcome::kProcessed);
+///   monitor.consumed(header, Outcome::kInvalid, "what is wrong, where, what to do");
+///
+/// All methods are thread-safe; add inputs and outputs before start().
+class NodeMonitor {
+ public:
+  /// name: of the node, for the log and the diagnostics. nh resolves the topics and runs the timer: the
+  /// multi-threaded handle keeps diagnostics alive during long callbacks. processed_topic: gets the header of
+  /// every consumed input.
+  NodeMonitor(const std::string& name, const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
+              const std::string& processed_topic);
+  ~NodeMonitor();
+  NodeMonitor(const NodeMonitor&) = delete;
+  NodeMonitor& operator=(const NodeMonitor&) = delete;
+
+  /// topic: as given to subscribe(). remedy: what to do when nobody publishes it. Returns the input's number.
+  int addInput(const std::string& topic, Expect expect, const std::string& remedy);
+  void addOutput(const std::string& topic);
+  /// Prints the resolved topics, starts the diagnostics.
+  void start();
+
+  /// Lazy subscription: silence counts only while subscribed. Ends errors and warnings when it becomes false.
+  void setSubscribed(bool subscribed);
+
+  /// Call first in every input callback. True once per backward jump of ros::Time::now() or of this input's
+  /// stamps (by more than 0.1 s, so that a jittery driver does no harm): the node has to empty its caches
+  /// before it goes on.
+  bool inputArrived(int input, const ros::Time& stamp);
+
+  /// One input is done with: counts it, and publishes its header on the processed topic. A reason is logged
+  /// and reported like error() for kInvalid, like warn() otherwise.
+  void consumed(const std_msgs::Header& header, Outcome outcome, const std::string& reason = {});
+  /// Counts inputs that are not announced on the processed topic (labels of the fusion, for example).
+  void count(Outcome outcome, std::uint64_t n = 1);
+
+  /// One line for people. Logged at most once a second per text (numbers in it do not make it another text);
+  /// sets the level of the diagnostics until the next kProcessed, and for one report at least.
+  void error(const std::string& text);
+  void warn(const std::string& text);
+
+  /// Extra lines of the diagnostics, e.g. ("optics", "f 24 mm, F 4").
+  void setValue(const std::string& key, const std::string& value);
+
+  std::string resolved(int input) const;
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  struct Input {
+    std::string topic;  // resolved
+    Expect expect;
+    std::string remedy;
+    std::uint64_t arrived;
+    bool since_subscribed;  // arrived since the last subscription
+    Clock::time_point last_arrival;
+    ros::Time last_stamp;
+  };
+  struct Condition {
+    unsigned char level = 0;
+    std::string text = "ok";
+  };
+
+  bool timeWentBack(Input& input, const ros::Time& stamp);
+  void raise(unsigned char level, const std::string& text);
+  bool throttled(const std::string& text);
+  bool silent(const Input& input, Clock::time_point now) const;
+  void warnOfSilence();
+  void fill(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void tick(const ros::WallTimerEvent&);
+
+  const std::string name_;
+  ros::NodeHandle nh_;
+  ros::Publisher processed_publisher_;
+  diagnostic_updater::Updater updater_;
+  ros::WallTimer timer_;
+
+  mutable std::mutex mutex_;  // guards all below
+  std::vector<Input> inputs_;
+  std::vector<std::string> outputs_;
+  std::map<std::string, std::string> values_;
+  std::map<Outcome, std::uint64_t> counts_;
+  std::map<std::string, Clock::time_point> logged_;
+  bool subscribed_ = false;
+  Clock::time_point subscribed_at_, silence_warned_at_;
+  ros::Time last_now_;
+  bool clock_lags_ = false;  // a jump was seen on stamps, /clock is still to follow
+  std::uint64_t resets_ = 0;
+  std::deque<Clock::time_point> processed_at_;  // of the last ten seconds
+  double delay_ms_ = 0;
+  bool delay_known_ = false;
+  std::string last_error_ = "none";
+  Condition current_;     // until the next processed input
+  Condition unreported_;  // worst since the last report
+};
+
+}  // namespace all_in_focus

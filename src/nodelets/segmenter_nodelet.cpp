@@ -1,0 +1,203 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <all_in_focus/SegmenterConfig.h>
+#include <dynamic_reconfigure/server.h>
+#include <image_transport/image_transport.h>
+#include <nodelet/nodelet.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include <algorithm>
+#include <boost/bind/bind.hpp>
+#include <cmath>
+#include <memory>
+#include <mutex>
+#include <opencv2/imgproc.hpp>
+#include <pluginlib/class_list_macros.hpp>
+#include <sstream>
+
+#include "all_in_focus/drawing.hpp"
+#include "all_in_focus/pipeline.hpp"
+#include "conversions.hpp"
+#include "node_monitor.hpp"
+
+namespace all_in_focus {
+namespace {
+
+constexpr const char* kProcessedTopic = "segmentation/processed";
+
+/// Keeps the last good value in place of an impossible one, and says so.
+template <typename T>
+void repair(T& value, const T& good, bool possible, const char* name, std::ostringstream& remarks) {
+  if (possible) return;
+  remarks << (remarks.str().empty() ? "" : ", ") << name << " = " << value << " (keeping " << good << ")";
+  value = good;
+}
+
+bool positive(double value) {
+  return std::isfinite(value) && value > 0;
+}
+
+}  // namespace
+
+/// Cuts registered depth images into regions that fit into the depth of field.
+///
+/// All callbacks run one after the other on the nodelet's own queue; only connecting may meet onInit().
+class SegmenterNodelet : public nodelet::Nodelet {
+ private:
+  using Config = SegmenterConfig;
+
+  void onInit() override;
+  void readParameters();
+  void advertise();
+  void reconfigure(Config& config);
+  void connect();
+  void onDepth(const sensor_msgs::ImageConstPtr& depth);
+  void process(const sensor_msgs::ImageConstPtr& depth);
+  void publishPicture(const std_msgs::Header& header, const cv::Mat& labels, std::size_t count);
+
+  std::unique_ptr<NodeMonitor> monitor_;
+  int depth_input_ = 0;
+  std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
+  Config config_ = Config::__getDefault__();  // always possible
+  Mode mode_ = Mode::kRefined;
+  int queue_size_ = 5;
+
+  std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
+  std::unique_ptr<image_transport::ImageTransport> transport_;
+  ros::Publisher labels_publisher_,
+      segments_publisher_;  // no image_transport: lossy plug-ins would destroy labels
+  image_transport::Publisher picture_publisher_;
+  image_transport::Subscriber depth_subscriber_;
+
+  std::unique_ptr<DofSegmentation> segmentation_;  // empty: the configuration has changed
+  Segmentation result_;
+};
+
+void SegmenterNodelet::onInit() {
+  monitor_ =
+      std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), kProcessedTopic);
+  depth_input_ = monitor_->addInput("depth_registered/image", Expect::kStream, "start depth_preprocess");
+  readParameters();
+  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(getPrivateNodeHandle());
+  reconfigure_server_->setCallback(
+      boost::bind(&SegmenterNodelet::reconfigure, this, boost::placeholders::_1));
+  advertise();
+  monitor_->start();
+}
+
+void SegmenterNodelet::readParameters() {
+  ros::NodeHandle& nh = getPrivateNodeHandle();
+  queue_size_ = std::max(1, nh.param("queue_size", queue_size_));
+  const std::string mode = nh.param("mode", std::string("refined"));
+  if (mode == "paper") mode_ = Mode::kPaper;
+  if (mode != "paper" && mode != "refined") {
+    monitor_->error("mode \"" + mode + "\" does not exist (use paper or refined): using refined");
+  }
+  monitor_->setValue("mode", mode_ == Mode::kPaper ? "paper" : "refined");
+}
+
+void SegmenterNodelet::advertise() {
+  ros::NodeHandle& nh = getNodeHandle();
+  transport_ = std::make_unique<image_transport::ImageTransport>(nh);
+  const ros::SubscriberStatusCallback connect = boost::bind(&SegmenterNodelet::connect, this);
+  const image_transport::SubscriberStatusCallback picture_connect =
+      boost::bind(&SegmenterNodelet::connect, this);
+
+  std::lock_guard<std::mutex> lock(connect_mutex_);
+  labels_publisher_ = nh.advertise<sensor_msgs::Image>("segmentation/labels", 1, connect, connect);
+  segments_publisher_ = nh.advertise<SegmentArray>("segmentation/segments", 1, connect, connect);
+  picture_publisher_ = transport_->advertise("segmentation/image_color", 1, picture_connect, picture_connect);
+  for (const char* topic : {"segmentation/labels", "segmentation/segments", "segmentation/image_color"}) {
+    monitor_->addOutput(topic);
+  }
+}
+
+// dynamic_reconfigure clamps before it calls, so its ranges admit impossible values for this to see. What
+// stands in `config` on return is shown to the user.
+void SegmenterNodelet::reconfigure(Config& config) {
+  std::ostringstream remarks;
+  repair(config.focal_length_mm, config_.focal_length_mm, positive(config.focal_length_mm), "focal_length_mm",
+         remarks);
+  repair(config.aperture, config_.aperture, positive(config.aperture), "aperture", remarks);
+  repair(config.circle_of_confusion_mm, config_.circle_of_confusion_mm,
+         positive(config.circle_of_confusion_mm), "circle_of_confusion_mm", remarks);
+  repair(config.dof_rule, config_.dof_rule, config.dof_rule == "paper" || config.dof_rule == "full",
+         "dof_rule", remarks);
+  repair(config.min_region_size, config_.min_region_size, config.min_region_size >= 0, "min_region_size",
+         remarks);
+  if (!remarks.str().empty()) monitor_->warn("impossible configuration: " + remarks.str());
+  config_ = config;
+  segmentation_.reset();
+
+  std::ostringstream optics;
+  optics << "f " << config.focal_length_mm << " mm, F " << config.aperture << ", circle of confusion "
+         << config.circle_of_confusion_mm << " mm";
+  monitor_->setValue("optics", optics.str());
+  monitor_->setValue("dof_rule", config.dof_rule);
+}
+
+// Works only while somebody listens.
+void SegmenterNodelet::connect() {
+  std::lock_guard<std::mutex> lock(connect_mutex_);
+  const bool wanted = labels_publisher_.getNumSubscribers() > 0 ||
+                      segments_publisher_.getNumSubscribers() > 0 ||
+                      picture_publisher_.getNumSubscribers() > 0;
+  if (wanted && !depth_subscriber_) {
+    const image_transport::TransportHints hints("raw", ros::TransportHints(), getPrivateNodeHandle());
+    depth_subscriber_ =
+        transport_->subscribe("depth_registered/image", queue_size_, &SegmenterNodelet::onDepth, this, hints);
+    monitor_->setSubscribed(true);
+  } else if (!wanted && depth_subscriber_) {
+    depth_subscriber_.shutdown();
+    depth_subscriber_ = {};
+    monitor_->setSubscribed(false);
+  }
+}
+
+void SegmenterNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
+  monitor_->inputArrived(depth_input_, depth->header.stamp);  // nothing is cached: time may jump
+  try {
+    process(depth);
+  } catch (const std::exception& e) {
+    monitor_->consumed(depth->header, Outcome::kInvalid, e.what());
+  }
+}
+
+void SegmenterNodelet::process(const sensor_msgs::ImageConstPtr& message) {
+  const DepthImage depth = toDepth(message, {}, monitor_->resolved(depth_input_));
+  if (!segmentation_) {
+    const core::Optics optics{config_.focal_length_mm, config_.aperture, config_.circle_of_confusion_mm};
+    segmentation_ = std::make_unique<DofSegmentation>(
+        segmentationConfig(mode_, optics, toDofSpan(config_.dof_rule), config_.min_region_size));
+  }
+  OutgoingImage labels(message->header, sensor_msgs::image_encodings::TYPE_32SC1, depth.mm.size());
+  result_.labels = labels.mat;
+  segmentation_->compute(depth.mm, result_);
+  labels.mat = result_.labels;
+  result_.labels.release();  // the memory is the message's
+
+  publishPicture(message->header, labels.mat, result_.segments.size());
+  const SegmentArrayPtr segments = toMessage(result_, segmentation_->config());
+  segments->header = message->header;
+  labels_publisher_.publish(labels.take());
+  segments_publisher_.publish(segments);
+
+  const bool no_depth = result_.unknown_area == depth.mm.rows * depth.mm.cols;
+  monitor_->setValue("segments", std::to_string(result_.segments.size()));
+  monitor_->consumed(message->header, Outcome::kProcessed,
+                     no_depth ? monitor_->resolved(depth_input_) + ": not one pixel has a depth" : "");
+}
+
+void SegmenterNodelet::publishPicture(const std_msgs::Header& header, const cv::Mat& labels,
+                                      std::size_t count) {
+  if (picture_publisher_.getNumSubscribers() == 0) return;
+  OutgoingImage picture(header, sensor_msgs::image_encodings::RGB8, labels.size());
+  drawLabels(labels, static_cast<int>(count), picture.mat);
+  cv::cvtColor(picture.mat, picture.mat, cv::COLOR_BGR2RGB);
+  picture_publisher_.publish(picture.take());
+}
+
+}  // namespace all_in_focus
+
+PLUGINLIB_EXPORT_CLASS(all_in_focus::SegmenterNodelet, nodelet::Nodelet)

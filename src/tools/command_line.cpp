@@ -1,0 +1,60 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "command_line.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <iostream>
+#include <opencv2/core/utils/logger.hpp>
+#include <stdexcept>
+
+namespace po = boost::program_options;
+
+namespace all_in_focus {
+
+int runTool(int argc, char** argv, const char* purpose, const po::options_description& options,
+            const std::function<void(const po::variables_map&)>& tool) {
+  const std::string path = argv[0];
+  const std::string name = path.substr(path.rfind('/') + 1);
+  // One line of ours says what is wrong: the decoders' own messages would bury it.
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+  setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
+  try {
+    // No guessing: an abbreviated option is an error, so that scripts do not break when options are added.
+    const auto style = po::command_line_style::default_style & ~po::command_line_style::allow_guessing;
+    po::variables_map values;
+    po::positional_options_description none;
+    po::store(po::command_line_parser(argc, argv).options(options).positional(none).style(style).run(), values);
+    if (values.count("help")) {
+      std::cout << name << ": " << purpose << "\n\n" << options;
+      return 0;
+    }
+    po::notify(values);
+    tool(values);
+    return 0;
+  } catch (const std::exception& e) {
+    std::string line = e.what();
+    std::replace(line.begin(), line.end(), '\n', ' ');
+    std::cerr << name << ": " << line << '\n';
+    return 2;
+  }
+}
+
+std::string textOption(const po::variables_map& values, const char* name) {
+  return values.count(name) ? values[name].as<std::string>() : std::string();
+}
+
+Mode parseMode(const std::string& text) {
+  if (text == "paper") return Mode::kPaper;
+  if (text == "refined") return Mode::kRefined;
+  throw std::invalid_argument("mode '" + text + "' is neither paper nor refined");
+}
+
+DofSpan parseDofRule(const std::string& text) {
+  if (text == "paper") return DofSpan::kPaper;
+  if (text == "full") return DofSpan::kFull;
+  throw std::invalid_argument("DoF rule '" + text + "' is neither paper nor full");
+}
+
+}  // namespace all_in_focus

@@ -1,0 +1,28 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <boost/program_options.hpp>
+#include <functional>
+#include <string>
+
+#include "all_in_focus/pipeline.hpp"
+
+namespace all_in_focus {
+
+using namespace core;
+
+/// Parses the command line, runs the tool and turns errors into one line and exit code 2. --help prints `options`.
+int runTool(int argc, char** argv, const char* purpose, const boost::program_options::options_description& options,
+            const std::function<void(const boost::program_options::variables_map&)>& tool);
+
+/// Value of a string option, "" if not given.
+std::string textOption(const boost::program_options::variables_map& values, const char* name);
+
+/// Throws std::invalid_argument unless "paper" or "refined".
+Mode parseMode(const std::string& text);
+
+/// Throws std::invalid_argument unless "paper" or "full".
+DofSpan parseDofRule(const std::string& text);
+
+}  // namespace all_in_focus

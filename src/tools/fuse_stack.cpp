@@ -1,0 +1,154 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+// The whole method on files: a focus bracket and what is known about depth in, the all-in-focus image out.
+
+#include <cmath>
+#include <iostream>
+
+#include "all_in_focus/drawing.hpp"
+#include "command_line.hpp"
+#include "image_files.hpp"
+#include "report_json.hpp"
+#include "rig_files.hpp"
+#include "stack_reader.hpp"
+
+namespace po = boost::program_options;
+using namespace all_in_focus;
+using namespace all_in_focus::core;
+
+namespace {
+
+constexpr int kAutoReference = -1;
+
+int parseReference(const std::string& text) {
+  if (text == "auto") return kAutoReference;
+  std::size_t used = 0;
+  int reference = -1;
+  try {
+    reference = std::stoi(text, &used);
+  } catch (const std::exception&) {
+  }
+  if (used != text.size() || reference < 0) {
+    throw std::invalid_argument("--reference: '" + text + "' is neither auto nor an index from 0 on");
+  }
+  return reference;
+}
+
+// What is known about depth: at most one of three, and what goes with it.
+void readDepthInput(const po::variables_map& values, PipelineInput& input, ReportContext& context) {
+  const std::string depth = textOption(values, "depth"), registered = textOption(values, "registered-depth"),
+                    labels = textOption(values, "label-map"), rig = textOption(values, "rig");
+  if (!depth.empty() + !registered.empty() + !labels.empty() > 1) {
+    throw std::invalid_argument("give one of --depth, --registered-depth and --label-map");
+  }
+  if (!depth.empty() && rig.empty()) throw std::invalid_argument("--depth needs --rig: the calibration that registers it");
+  if (!rig.empty()) input.rig = readRig(rig);
+
+  const std::string optics = textOption(values, "optics");
+  const bool segments = !depth.empty() || !registered.empty();
+  if (!optics.empty()) {
+    input.optics = parseOptics(optics);
+  } else if (!rig.empty()) {
+    input.optics = readOptics(rig);
+  } else if (segments) {
+    throw std::invalid_argument("--optics f,F,coc is needed: without a rig folder the depth of field is unknown");
+  }
+  context.has_optics = !optics.empty() || !rig.empty();
+  context.optics = input.optics;
+
+  if (!depth.empty()) input.depth = readDepth(depth);
+  if (!registered.empty()) input.registered_depth = readDepth(registered);
+  if (!labels.empty()) input.labels = readLabelMap(labels, values["unknown-label"].as<int>());
+  if (!segments && labels.empty()) context.notes.push_back("no depth: fused by sharpness alone");
+}
+
+// A lens cannot be focused at or before its focal length.
+void checkFocus(const std::string& path, const StackReader& stack, const Optics& optics) {
+  for (const double focus : readFocus(path, stack.names())) {
+    if (focus <= optics.focal_length_mm) {
+      throw std::invalid_argument(path + ": focus_mm " + std::to_string(focus) + " is not beyond the focal length " +
+                                  std::to_string(optics.focal_length_mm) + " mm");
+    }
+  }
+}
+
+void fuseStack(const po::variables_map& values) {
+  const Mode mode = parseMode(values["mode"].as<std::string>());
+  int reference = parseReference(values["reference"].as<std::string>());
+  PipelineInput input;
+  ReportContext context;
+  readDepthInput(values, input, context);
+  context.dof_rule = values["dof-rule"].as<std::string>();
+  input.span = parseDofRule(context.dof_rule);
+
+  StackReader stack(values["stack"].as<std::string>());
+  if (!stack.warning().empty()) context.notes.push_back(stack.warning());
+  const std::string focus = textOption(values, "focus");
+  if (!focus.empty()) checkFocus(focus, stack, input.optics);
+  if (mode == Mode::kRefined) {
+    context.notes.push_back("refined fusion is not in this version: regions are fused as in mode paper");
+  }
+
+  input.next_frame = [&](cv::Mat& frame) { return stack.next(frame); };
+  const PipelineResult result = runPipeline(input, mode);
+  if (reference >= result.frames) {
+    throw std::invalid_argument("--reference " + std::to_string(reference) + ": the stack holds frames 0 to " +
+                                std::to_string(result.frames - 1));
+  }
+  context.reference = reference == kAutoReference ? result.frames / 2 : reference;
+  context.mode = result.segmentation.labels.empty() ? "sharpness" : "paper";
+
+  OutputFiles outputs;
+  outputs.addImage(values["output"].as<std::string>(), result.fusion.image);
+  const auto save = [&](const char* option, const cv::Mat& image, const char* missing) {
+    const std::string path = textOption(values, option);
+    if (path.empty()) return;
+    if (image.empty()) throw std::invalid_argument(std::string("--") + option + ": there is no " + missing);
+    outputs.addImage(path, image);
+  };
+  save("save-registered", result.filled, "depth: give --depth or --registered-depth");
+  const bool wants_labels = !textOption(values, "save-labels").empty();
+  save("save-labels", wants_labels && !result.segmentation.labels.empty() ? labels16(result.segmentation.labels) : cv::Mat(),
+       "label image: give --depth, --registered-depth or --label-map");
+  save("save-source-index", result.fusion.source_index, "source index");
+  cv::Mat weights;
+  drawWeights(result.fusion.source_index, result.fusion.confidence, result.frames, weights);
+  save("save-weights", weights, "weights");
+  outputs.addText(textOption(values, "report"), fusionReport(result, context));
+  outputs.commit();
+
+  for (const std::string& note : context.notes) std::cerr << "fuse_stack: note: " << note << '\n';
+  if (values.count("timings")) {
+    std::cout << "depth " << result.depth_ms << " ms, segmentation " << result.segmentation_ms << " ms, fusion "
+              << result.fusion_ms << " ms for " << result.frames << " frames (" << result.fusion_ms / result.frames
+              << " ms each)\n";
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  po::options_description options("Options");
+  const auto text = [] { return po::value<std::string>(); };
+  options.add_options()("help", "this text")                                                             //
+      ("stack", text()->required(), "focus bracket: folder of images (in name order) or video")          //
+      ("output", text()->required(), "all-in-focus image")                                               //
+      ("rig", text(), "rig folder: depth.yaml, color.yaml, extrinsics.yaml, optics.yaml")                //
+      ("depth", text(), "depth of the sensor, 16-bit PNG, mm, 0 = unknown; needs --rig")                 //
+      ("registered-depth", text(), "depth seen from the colour camera instead, 16-bit PNG, mm")          //
+      ("label-map", text(), "regions instead of depth: every distinct value is one")                     //
+      ("unknown-label", po::value<int>()->default_value(-1), "value of the label map that means unknown, -1 = none")  //
+      ("optics", text(), "f,F,coc in mm, as in 24,4,0.019 (default: optics.yaml of the rig folder)")     //
+      ("dof-rule", text()->default_value("paper"), "dioptre span of a region: paper = 1/H, full = 2/H")  //
+      ("focus", text(), "YAML: focus distance of each frame")                                            //
+      ("mode", text()->default_value("refined"), "paper or refined")                                     //
+      ("reference", text()->default_value("auto"), "frame whose geometry and exposure the result keeps; auto: the middle one")  //
+      ("save-registered", text(), "depth seen from the colour camera, holes filled, 16-bit PNG, mm")     //
+      ("save-labels", text(), "label image, 16-bit PNG")                                                 //
+      ("save-source-index", text(), "frame that each pixel was taken from, 16-bit PNG, 65535 = none")    //
+      ("save-weights", text(), "picture of which frame won where: hue = frame, brightness = confidence")  //
+      ("report", text(), "JSON report")                                                                  //
+      ("timings", "print how long each step took");
+  return runTool(argc, argv, "all-in-focus image of a focus bracket, assisted by depth", options, fuseStack);
+}

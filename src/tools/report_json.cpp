@@ -1,0 +1,75 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "report_json.hpp"
+
+#include <nlohmann/json.hpp>
+
+namespace all_in_focus {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kReportVersion = 1;
+
+Json opticsJson(const Optics& optics) {
+  return {{"focal_length_mm", optics.focal_length_mm},
+          {"aperture", optics.aperture},
+          {"circle_of_confusion_mm", optics.circle_of_confusion_mm}};
+}
+
+Json tableJson(const Segmentation& segmentation, const Optics& optics) {
+  Json table = Json::array();
+  for (const Segment& s : segmentation.segments) {
+    table.push_back({{"label", s.label},
+                     {"area", s.area},
+                     {"depth_min", s.min_mm / 1000.0},
+                     {"depth_max", s.max_mm / 1000.0},
+                     {"depth_median", s.median_mm / 1000.0},
+                     {"diff", (s.max_mm - s.min_mm) / 1000.0},
+                     {"max_dof", maxDof(optics, s.min_mm, s.max_mm) / 1000.0},
+                     {"fits", s.fits},
+                     {"focus_distance", dioptricMiddle(s.min_mm, s.max_mm) / 1000.0}});
+  }
+  return table;
+}
+
+}  // namespace
+
+std::string fusionReport(const PipelineResult& result, const ReportContext& context) {
+  Json segments = Json::array();
+  for (const RegionChoice& choice : result.fusion.regions) {
+    segments.push_back(
+        {{"label", choice.label}, {"frame", choice.frame}, {"score", choice.score}, {"margin", choice.margin}});
+  }
+  const Json report = {{"version", kReportVersion},
+                       {"bracket_id", 0},
+                       {"mode", context.mode},
+                       {"frames_seen", result.frames},
+                       {"frames_used", result.frames},
+                       {"frames_rejected", 0},
+                       {"frames_missing", 0},
+                       {"reference", context.reference},
+                       {"has_labels", !result.segmentation.labels.empty()},
+                       {"label_stamp", nullptr},
+                       {"optics", context.has_optics ? opticsJson(context.optics) : Json()},
+                       {"segments", segments},
+                       {"notes", context.notes},
+                       {"timing_names", {"depth", "segmentation", "fusion"}},
+                       {"timing_ms", {result.depth_ms, result.segmentation_ms, result.fusion_ms}},
+                       {"dof_rule", context.dof_rule},
+                       {"unknown_area", result.segmentation.unknown_area},
+                       {"segment_table", tableJson(result.segmentation, context.optics)}};
+  return report.dump(2) + "\n";
+}
+
+std::string segmentationReport(const Segmentation& segmentation, const Optics& optics, const std::string& dof_rule) {
+  const Json report = {{"version", kReportVersion},
+                       {"optics", opticsJson(optics)},
+                       {"dof_rule", dof_rule},
+                       {"unknown_area", segmentation.unknown_area},
+                       {"segment_table", tableJson(segmentation, optics)}};
+  return report.dump(2) + "\n";
+}
+
+}  // namespace all_in_focus

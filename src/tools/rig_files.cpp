@@ -1,0 +1,138 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "rig_files.hpp"
+
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <sstream>
+#include <stdexcept>
+
+namespace all_in_focus {
+namespace {
+
+[[noreturn]] void fail(const std::string& path, const std::string& what) { throw std::invalid_argument(path + ": " + what); }
+
+YAML::Node load(const std::string& path) {
+  if (!std::filesystem::is_regular_file(path)) fail(path, "no such file");
+  try {
+    YAML::Node node = YAML::LoadFile(path);
+    if (!node.IsMap()) fail(path, "holds no keys");
+    return node;
+  } catch (const YAML::Exception& e) {
+    fail(path, std::string("not YAML: ") + e.what());
+  }
+}
+
+template <typename T>
+T get(const YAML::Node& node, const std::string& key, const std::string& path) {
+  if (!node.IsMap() || !node[key]) fail(path, "key '" + key + "' is missing");
+  try {
+    return node[key].as<T>();
+  } catch (const YAML::Exception&) {
+    fail(path, "key '" + key + "' is of the wrong type");
+  }
+}
+
+std::vector<double> numbers(const YAML::Node& node, const std::string& key, std::size_t least, const std::string& path) {
+  const auto values = get<std::vector<double>>(node, key, path);
+  if (values.size() < least) fail(path, "key '" + key + "' needs " + std::to_string(least) + " numbers");
+  return values;
+}
+
+Camera readCamera(const std::string& path) {
+  const YAML::Node node = load(path);
+  Camera camera;
+  camera.size = {get<int>(node, "image_width", path), get<int>(node, "image_height", path)};
+  const auto k = numbers(get<YAML::Node>(node, "camera_matrix", path), "data", 9, path);
+  camera.fx = k[0], camera.cx = k[2], camera.fy = k[4], camera.cy = k[5];
+  const auto model = node["distortion_model"] ? get<std::string>(node, "distortion_model", path) : "plumb_bob";
+  if (model != "plumb_bob" && model != "rational_polynomial") {
+    fail(path, "distortion_model '" + model + "' is not supported (plumb_bob or rational_polynomial)");
+  }
+  if (node["distortion_coefficients"]) {
+    const auto d = numbers(node["distortion_coefficients"], "data", 0, path);
+    if (d.size() > camera.distortion.size()) fail(path, "more than 8 distortion_coefficients");
+    std::copy(d.begin(), d.end(), camera.distortion.begin());
+  }
+  try {
+    validate(camera, "this");
+  } catch (const std::invalid_argument& e) {
+    fail(path, e.what());
+  }
+  return camera;
+}
+
+}  // namespace
+
+Rig readRig(const std::string& folder) {
+  if (!std::filesystem::is_directory(folder)) fail(folder, "no such rig folder");
+  Rig rig;
+  rig.depth = readCamera(folder + "/depth.yaml");
+  rig.color = readCamera(folder + "/color.yaml");
+  const std::string path = folder + "/extrinsics.yaml";
+  const YAML::Node pose = load(path);
+  const auto t = numbers(pose, "translation", 3, path);
+  const auto q = numbers(pose, "rotation", 4, path);
+  try {
+    rig.depth_to_color = RigidTransform::fromQuaternion(q[0], q[1], q[2], q[3], {t[0], t[1], t[2]});
+  } catch (const std::invalid_argument& e) {
+    fail(path, e.what());
+  }
+  return rig;
+}
+
+Optics readOptics(const std::string& folder) {
+  const std::string path = folder + "/optics.yaml";
+  const YAML::Node node = load(path);
+  const Optics optics{get<double>(node, "focal_length_mm", path), get<double>(node, "aperture", path),
+                      get<double>(node, "circle_of_confusion_mm", path)};
+  try {
+    validate(optics);
+  } catch (const std::invalid_argument& e) {
+    fail(path, e.what());
+  }
+  return optics;
+}
+
+Optics parseOptics(const std::string& text) {
+  std::istringstream in(text);
+  Optics optics;
+  char comma1 = 0, comma2 = 0;
+  in >> optics.focal_length_mm >> comma1 >> optics.aperture >> comma2 >> optics.circle_of_confusion_mm;
+  if (!in || comma1 != ',' || comma2 != ',' || in.peek() != std::istringstream::traits_type::eof()) {
+    throw std::invalid_argument("--optics: '" + text + "' is not f,F,coc in mm, as in 24,4,0.019");
+  }
+  validate(optics);
+  return optics;
+}
+
+std::vector<double> readFocus(const std::string& path, const std::vector<std::string>& names) {
+  const YAML::Node frames = get<YAML::Node>(load(path), "frames", path);
+  if (!frames.IsSequence()) fail(path, "key 'frames' must be a list");
+  const double unknown = std::numeric_limits<double>::quiet_NaN();
+  std::vector<double> in_order;
+  std::map<std::string, double> by_name;
+  for (const YAML::Node& frame : frames) {
+    const double focus = get<double>(frame, "focus_mm", path);
+    if (!(focus > 0) && !std::isnan(focus)) fail(path, "focus_mm must be positive, not " + std::to_string(focus));
+    in_order.push_back(focus);
+    if (!names.empty()) by_name[get<std::string>(frame, "file", path)] = focus;
+  }
+  if (names.empty()) return in_order;
+  std::vector<double> focus;
+  for (const std::string& name : names) {
+    const auto found = by_name.find(name);
+    focus.push_back(found == by_name.end() ? unknown : found->second);
+    by_name.erase(name);
+  }
+  if (!by_name.empty()) fail(path, "the stack holds no file '" + by_name.begin()->first + "'");
+  return focus;
+}
+
+}  // namespace all_in_focus

@@ -1,0 +1,93 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "stack_reader.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <stdexcept>
+
+#include "image_files.hpp"
+
+namespace fs = std::filesystem;
+
+namespace all_in_focus {
+namespace {
+
+[[noreturn]] void fail(const std::string& path, const std::string& what) { throw std::invalid_argument(path + ": " + what); }
+
+bool isImage(const fs::path& path) {
+  static const std::set<std::string> endings = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".webp"};
+  std::string ending = path.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  return path.filename().string()[0] != '.' && endings.count(ending) > 0;
+}
+
+// Name order puts 10.png before 2.png: right only when numbers are padded.
+bool mixesNumberLengths(const std::vector<std::string>& names) {
+  std::set<std::size_t> lengths;
+  for (const std::string& name : names) {
+    const std::size_t dot = name.rfind('.');
+    std::size_t begin = dot;
+    while (begin > 0 && std::isdigit(static_cast<unsigned char>(name[begin - 1]))) --begin;
+    if (begin < dot) lengths.insert(dot - begin);
+  }
+  return lengths.size() > 1;
+}
+
+// An AVI says in its head how long it is.
+void requireWholeAvi(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  unsigned char head[12] = {};
+  file.read(reinterpret_cast<char*>(head), sizeof head);
+  if (std::string(head, head + 4) != "RIFF" || std::string(head + 8, head + 12) != "AVI ") return;
+  const std::uint64_t length = head[4] | head[5] << 8 | head[6] << 16 | std::uint64_t{head[7]} << 24;
+  if (fs::file_size(path) < length + 8) fail(path, "video is cut short: copy it again");
+}
+
+}  // namespace
+
+StackReader::StackReader(const std::string& path) : path_(path) {
+  if (fs::is_directory(path)) {
+    for (const auto& entry : fs::directory_iterator(path)) {
+      if (entry.is_regular_file() && isImage(entry.path())) names_.push_back(entry.path().filename().string());
+    }
+    if (names_.empty()) fail(path, "the folder holds no image");
+    std::sort(names_.begin(), names_.end());
+    if (mixesNumberLengths(names_)) warning_ = path + ": numbers of different length, read in name order (10 before 2)";
+    return;
+  }
+  if (!fs::is_regular_file(path)) fail(path, "no such folder or video");
+  requireWholeAvi(path);
+  try {
+    video_.open(path);
+  } catch (const cv::Exception&) {
+  }
+  if (!video_.isOpened()) fail(path, "not a video that can be read");
+}
+
+bool StackReader::next(cv::Mat& frame) {
+  if (!video_.isOpened()) {
+    if (read_ == static_cast<int>(names_.size())) return false;
+    frame = readColor((fs::path(path_) / names_[read_++]).string());
+    return true;
+  }
+  if (video_.read(frame) && !frame.empty()) {
+    ++read_;
+    return true;
+  }
+  if (read_ == 0) fail(path_, "the video holds no frame");
+  // One frame less than reported is usual.
+  const double reported = video_.get(cv::CAP_PROP_FRAME_COUNT);
+  if (reported - read_ > std::max(1.0, 0.01 * reported)) {
+    fail(path_, "video is cut short: " + std::to_string(read_) + " of " + std::to_string(static_cast<int>(reported)) +
+                    " frames can be read");
+  }
+  return false;
+}
+
+}  // namespace all_in_focus

@@ -1,0 +1,36 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <opencv2/videoio.hpp>
+#include <string>
+#include <vector>
+
+namespace all_in_focus {
+
+/// The frames of a focus bracket, one after the other: the images of a folder in name order, or a video. Videos are decoded in
+/// sequence: seeking lands on other frames, and the reported count is a guess.
+class StackReader {
+ public:
+  /// Throws std::invalid_argument when there is nothing to read.
+  explicit StackReader(const std::string& path);
+
+  /// CV_8UC3. False at the end. Throws std::invalid_argument on a broken image or a video that is cut short.
+  bool next(cv::Mat& frame);
+
+  /// File names of a folder's images, in order; empty for a video.
+  const std::vector<std::string>& names() const { return names_; }
+
+  /// Something the user should know, or empty.
+  const std::string& warning() const { return warning_; }
+
+ private:
+  std::string path_;
+  std::vector<std::string> names_;
+  std::string warning_;
+  cv::VideoCapture video_;
+  int read_ = 0;
+};
+
+}  // namespace all_in_focus

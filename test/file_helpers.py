@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Small stacks on disk, and the command line tools as people call them."""
+import os
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+
+SCRIPTS = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "scripts")
+SIZE = (48, 32)  # width, height
+
+
+def pictures(count, size=SIZE, seed=0):
+    random = np.random.default_rng(seed)
+    return [random.integers(0, 256, (size[1], size[0], 3), np.uint8) for _ in range(count)]
+
+
+def write_stack(folder, names, frames=None):
+    folder.mkdir(exist_ok=True)
+    for name, frame in zip(names, frames or pictures(len(names))):
+        cv2.imwrite(str(folder / name), frame)
+    return str(folder)
+
+
+def write_video(path, frames):
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30, SIZE)
+    for frame in frames:
+        video.write(frame)
+    video.release()
+    return str(path)
+
+
+def cut(path, share=0.6):
+    with open(path, "rb") as file:
+        data = file.read()
+    with open(path, "wb") as file:
+        file.write(data[:int(len(data) * share)])
+
+
+def focus_file(tmp_path, text):
+    path = tmp_path / "focus.yaml"
+    path.write_text(text)
+    return str(path)
+
+
+def run_script(name, *arguments):
+    path = os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")])
+    return subprocess.run([sys.executable, os.path.join(SCRIPTS, name), *map(str, arguments)], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, universal_newlines=True, env=dict(os.environ, PATH=path), timeout=60)

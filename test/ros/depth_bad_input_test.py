@@ -1,0 +1,168 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Bad input to the depth nodes: nobody dies, the diagnostics say what is wrong, the next good depth is processed."""
+import itertools
+
+import numpy as np
+import rospy
+import rostest
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
+
+from all_in_focus.msg import SegmentArray
+from depth_testing import HEIGHT, WIDTH, GraphTest, camera_info, image_message, pixels_of, two_planes
+
+OK, WARN, ERROR = 0, 1, 2
+STAMPS = itertools.count(1000)
+
+
+def changed(message, **fields):
+    for name, value in fields.items():
+        setattr(message, name, value)
+    return message
+
+
+def bad_images():
+    """What is wrong with it, the message."""
+    good = lambda: image_message(two_planes(), next(STAMPS))
+    yield 'encoding', changed(good(), encoding='rgb8')
+    yield 'encoding', changed(good(), encoding='')
+    yield 'empty', changed(good(), width=0, height=0, step=0, data=b'')
+    yield 'empty', changed(good(), height=0)
+    yield 'step', changed(good(), step=WIDTH)
+    yield 'step', changed(good(), step=2 * WIDTH + 1)
+    yield 'data', changed(good(), data=b'\1' * 100)
+    yield 'data', changed(good(), height=2 ** 32 - 1)
+    yield 'endian', changed(good(), is_bigendian=1)
+
+
+class SegmenterTest(GraphTest):
+    def setUp(self):
+        super().setUp()
+        self.depth = self.talk('/alone/depth_registered/image', Image)
+        self.labels = self.listen('/alone/segmentation/labels', Image)
+        self.segments = self.listen('/alone/segmentation/segments', SegmentArray)
+        self.processed = self.listen('/alone/segmentation/processed', Header)
+
+    def assert_good_depth_is_processed(self):
+        stamp = next(STAMPS)
+        self.depth.say(image_message(two_planes(), stamp))
+        self.assertIsNotNone(self.labels.at(stamp))
+        self.assertEqual(len(self.segments.at(stamp).segments), 2)
+        self.diagnostics.wait('alone/segmenter', lambda s: s.level == OK)
+
+    def test_broken_images(self):
+        for wrong, message in bad_images():
+            self.depth.say(message)
+            self.assertIsNotNone(self.processed.at(message.header.stamp.to_sec()), wrong)
+            status = self.diagnostics.wait('alone/segmenter', lambda s: s.level == ERROR and wrong in s.message)
+            self.assertIn('/alone/depth_registered/image', status.message)
+            self.assertIsNone(self.labels.at(message.header.stamp.to_sec(), timeout=0))
+        self.assert_good_depth_is_processed()
+
+    def test_no_depth_at_all(self):
+        for pixels, encoding in ((np.zeros((HEIGHT, WIDTH), np.uint16), '16UC1'),
+                                 (np.full((HEIGHT, WIDTH), np.nan, np.float32), '32FC1')):
+            stamp = next(STAMPS)
+            self.depth.say(image_message(pixels, stamp, encoding))
+            self.assertFalse(pixels_of(self.labels.at(stamp)).any())
+            segments = self.segments.at(stamp)
+            self.assertEqual([len(segments.segments), segments.unknown_area], [0, WIDTH * HEIGHT])
+            self.diagnostics.wait('alone/segmenter', lambda s: s.level == WARN and 'not one pixel' in s.message)
+        self.assert_good_depth_is_processed()
+
+    def test_smallest_image(self):
+        stamp = next(STAMPS)
+        self.depth.say(image_message(np.full((1, 1), 1500, np.uint16), stamp))
+        self.assertEqual(pixels_of(self.labels.at(stamp)).tolist(), [[1]])
+
+    def test_silence_is_reported_with_the_topic(self):
+        self.assert_good_depth_is_processed()
+        self.diagnostics.wait('alone/segmenter',
+                              lambda s: s.level == WARN and '/alone/depth_registered/image' in s.message)
+
+
+class DepthPreprocessTest(GraphTest):
+    NODE = 'chain/depth_preprocess'
+
+    def setUp(self):
+        super().setUp()
+        self.depth = self.talk('/chain/depth/image_raw', Image)
+        self.infos = {name: self.talk('/chain/%s/camera_info' % name, CameraInfo) for name in ('depth', 'rgb')}
+        self.raw = self.listen('/chain/depth_registered/image_raw', Image)
+        self.processed = self.listen('/chain/depth_registered/processed', Header)
+
+    def send(self, pixels=None, frame='depth', encoding='16UC1', **infos):
+        """Camera infos first: they hold for the depth."""
+        stamp = next(STAMPS)
+        for name, info in {'depth': camera_info(stamp, 'depth'), 'rgb': camera_info(stamp, 'color'), **infos}.items():
+            self.infos[name].say(info)
+        rospy.sleep(0.1)
+        self.depth.say(image_message(two_planes() if pixels is None else pixels, stamp, encoding, frame))
+        return stamp
+
+    def assert_error(self, *words):
+        self.diagnostics.wait(self.NODE, lambda s: s.level == ERROR and all(word in s.message for word in words))
+
+    def assert_good_depth_is_processed(self):
+        self.assertIsNotNone(self.raw.at(self.send()))
+        self.diagnostics.wait(self.NODE, lambda s: s.level == OK)
+
+    def test_uncalibrated_cameras_are_named(self):
+        for name, info in (('depth', camera_info(0, 'depth', 0.0)), ('rgb', camera_info(0, 'color', 0.0)),
+                           ('rgb', camera_info(0, 'color', float('nan')))):
+            stamp = self.send(**{name: info})
+            self.assert_error('/chain/%s/camera_info' % name, 'not calibrated')
+            self.assertIsNotNone(self.processed.at(stamp))
+        self.assert_good_depth_is_processed()
+
+    def test_unknown_distortion_model_is_named(self):
+        self.send(rgb=camera_info(0, 'color', model='equidistant'))
+        self.assert_error('/chain/rgb/camera_info', 'equidistant')
+        self.assert_good_depth_is_processed()
+
+    def test_missing_transform_names_both_frames(self):
+        self.send(frame='nowhere')
+        self.assert_error('nowhere', 'color', 'static_transform_publisher')
+        self.assert_good_depth_is_processed()
+
+    def test_missing_frame_ids(self):
+        self.send(frame='')
+        self.assert_error('frame_id', '/chain/depth/image_raw')
+        self.send(rgb=camera_info(0, ''))
+        self.assert_error('frame_id', '/chain/rgb/camera_info')
+        self.assert_good_depth_is_processed()
+
+    def test_broken_images(self):
+        self.assert_good_depth_is_processed()  # camera infos are known
+        for wrong, message in bad_images():
+            self.depth.say(message)
+            self.assertIsNotNone(self.processed.at(message.header.stamp.to_sec()), wrong)
+            self.assert_error(wrong, '/chain/depth/image_raw')
+        self.assert_good_depth_is_processed()
+
+    def test_size_that_is_not_calibrated(self):
+        self.send(np.ones((10, 20), np.uint16))
+        self.assert_error('20x10', '%dx%d' % (WIDTH, HEIGHT))
+        self.assert_good_depth_is_processed()
+
+    def test_values_that_mean_nothing(self):
+        for value, kind in ((2047, np.uint16), (np.nan, np.float32), (-1, np.float32), (2.047, np.float32)):
+            encoding = '16UC1' if kind == np.uint16 else '32FC1'
+            depth = (two_planes() / (1 if kind == np.uint16 else 1000)).astype(kind)
+            depth[10:30] = value
+            registered = pixels_of(self.raw.at(self.send(depth, encoding=encoding)))
+            self.assertFalse(registered[12:28].any(), value)
+            self.assertEqual(registered[40, 10], 1000)
+
+    def test_no_depth_at_all(self):
+        stamp = self.send(np.full((HEIGHT, WIDTH), 2047, np.uint16))
+        self.assertFalse(pixels_of(self.raw.at(stamp)).any())
+        self.diagnostics.wait(self.NODE, lambda s: s.level == WARN and 'not one pixel' in s.message)
+        self.assert_good_depth_is_processed()
+
+
+if __name__ == '__main__':
+    rospy.init_node('depth_bad_input_test')
+    rostest.rosrun('all_in_focus', 'depth_bad_input', '__main__')

@@ -1,0 +1,139 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the tests of the depth nodes share: a scene of two planes, and patient talking and listening."""
+import time
+import unittest
+
+import numpy as np
+import rosgraph
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import CameraInfo, Image
+
+WIDTH, HEIGHT = 64, 48
+NEAR_MM, FAR_MM = 1000, 3000
+TIMEOUT = 10.0
+ENCODINGS = {'16UC1': np.uint16, '32FC1': np.float32, '32SC1': np.int32, 'rgb8': np.uint8}
+
+
+def wait_until(condition, timeout=TIMEOUT):
+    """The first true value of condition(), or its last one."""
+    end = time.monotonic() + timeout
+    while True:
+        value = condition()
+        if value or time.monotonic() > end:
+            return value
+        time.sleep(0.02)
+
+
+def two_planes():
+    """Left half near, right half far [mm]."""
+    depth = np.full((HEIGHT, WIDTH), FAR_MM, np.uint16)
+    depth[:, :WIDTH // 2] = NEAR_MM
+    return depth
+
+
+def image_message(pixels, stamp, encoding='16UC1', frame='depth'):
+    message = Image(height=pixels.shape[0], width=pixels.shape[1], encoding=encoding, data=pixels.tobytes())
+    message.step = pixels.strides[0]
+    message.header.stamp, message.header.frame_id = rospy.Time.from_sec(stamp), frame
+    return message
+
+
+def pixels_of(message):
+    flat = np.frombuffer(message.data, ENCODINGS[message.encoding])
+    return flat.reshape((message.height, message.width, -1)).squeeze(axis=2) if message.encoding != 'rgb8' \
+        else flat.reshape((message.height, message.width, 3))
+
+
+def camera_info(stamp, frame, focal_px=50.0, model='plumb_bob'):
+    info = CameraInfo(width=WIDTH, height=HEIGHT, distortion_model=model, D=[0.0] * 5)
+    info.K = [focal_px, 0, WIDTH / 2, 0, focal_px, HEIGHT / 2, 0, 0, 1 if focal_px else 0]
+    info.header.stamp, info.header.frame_id = rospy.Time.from_sec(stamp), frame
+    return info
+
+
+class Talker:
+    """Publishes as soon as somebody is there to hear."""
+
+    def __init__(self, topic, message_type):
+        self.publisher = rospy.Publisher(topic, message_type, queue_size=50)
+
+    def say(self, message):
+        if not wait_until(lambda: self.publisher.get_num_connections() > 0):
+            raise AssertionError('nobody subscribes ' + self.publisher.resolved_name)
+        self.publisher.publish(message)
+
+    def close(self):
+        # Nodes stop listening a moment after nobody listens to them: not to be taken for listeners by the next test.
+        wait_until(lambda: not subscribers_of(self.publisher.resolved_name))
+        self.publisher.unregister()
+
+
+class Listener:
+    """All messages of a topic by stamp, in order of arrival."""
+
+    def __init__(self, topic, message_type):
+        self.messages = []
+        self.subscriber = rospy.Subscriber(topic, message_type, self.messages.append, queue_size=50)
+        wait_until(lambda: self.subscriber.get_num_connections() > 0)
+
+    def at(self, stamp, timeout=TIMEOUT):
+        """The message with this stamp, None if it does not come."""
+        wanted = rospy.Time.from_sec(stamp)
+        found = lambda: next((m for m in self.messages if getattr(m, 'header', m).stamp == wanted), None)
+        return wait_until(found, timeout)
+
+    def close(self):
+        self.subscriber.unregister()
+
+
+class Diagnostics:
+    """What the nodes say of themselves."""
+
+    def __init__(self):
+        self.statuses = []
+        self.subscriber = rospy.Subscriber('/diagnostics', DiagnosticArray,
+                                           lambda array: self.statuses.extend(array.status))
+
+    def wait(self, node, accept):
+        """The next status of a node that is accepted; fails with what came instead."""
+        seen = len(self.statuses)
+        matching = lambda: [s for s in self.statuses[seen:] if s.name.startswith(node + ':')]
+        found = wait_until(lambda: next((s for s in matching() if accept(s)), None))
+        if found is None:
+            raise AssertionError('%s said %s' % (node, {(s.level, s.message) for s in matching()}))
+        return found
+
+    def close(self):
+        self.subscriber.unregister()
+
+
+class GraphTest(unittest.TestCase):
+    """Leaves the nodes idle behind it."""
+
+    def setUp(self):
+        self.talkers, self.listeners = [], []
+        self.diagnostics = Diagnostics()
+
+    def tearDown(self):
+        for one in [self.diagnostics, *self.listeners, *self.talkers]:
+            one.close()
+
+    def talk(self, topic, message_type):
+        self.talkers.append(Talker(topic, message_type))
+        return self.talkers[-1]
+
+    def listen(self, topic, message_type):
+        self.listeners.append(Listener(topic, message_type))
+        return self.listeners[-1]
+
+
+def values_of(status):
+    return {pair.key: pair.value for pair in status.values}
+
+
+def subscribers_of(topic):
+    """As the ROS master sees them."""
+    subscriptions = rosgraph.Master('/test').getSystemState()[1]
+    return next((nodes for name, nodes in subscriptions if name == topic), [])

@@ -1,0 +1,36 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Contact sheets."""
+import cv2
+import numpy as np
+
+from all_in_focus import contact_sheet
+from file_helpers import run_script
+
+
+def test_contact_sheet(tmp_path):
+    cv2.imwrite(str(tmp_path / "a.png"), np.full((30, 60, 3), (10, 20, 30), np.uint8))
+    labels = np.full((30, 60), 1, np.uint16)
+    labels[:, 20:40], labels[:, 40:] = 2, 0
+    cv2.imwrite(str(tmp_path / "labels.png"), labels)
+    sheet = tmp_path / "sheet.png"
+    done = run_script("contact_sheet", "--output", sheet, "--columns", 2, "--width", 60, tmp_path / "a.png",
+                      "%s:seven regions" % (tmp_path / "labels.png"), tmp_path / "a.png")
+    assert done.returncode == 0, done.stderr
+    image = cv2.imread(str(sheet))
+    assert image.shape == (2 * (30 + 24) + 18, 2 * 66 + 6, 3)
+    assert (image[40, 20] == (10, 20, 30)).all() and (image[40, 6 + 66 + 50] == 0).all()
+    assert (image[40, 6 + 66 + 5] != image[40, 6 + 66 + 30]).any()
+    assert (image[6:30, 6:66] < 128).any()  # a title
+    for bad in (["none.png"], [str(tmp_path / "a.png"), "--columns", "0"]):
+        done = run_script("contact_sheet", "--output", tmp_path / "no.png", *bad)
+        assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and not (tmp_path / "no.png").exists()
+
+
+def test_source_index_shows_its_first_frame():
+    index = np.array([[0, 5, contact_sheet.NO_FRAME]], np.uint16)
+    shown = contact_sheet.picture(index, zero_is_unknown=False)
+    assert shown[0, 0].any() and not shown[0, 2].any() and (shown[0, 0] != shown[0, 1]).any()
+    assert not contact_sheet.picture(index)[0, 0].any()
+    assert contact_sheet.split_title("x/y.png:a title") == ("x/y.png", "a title")
+    assert contact_sheet.split_title("x/y.png") == ("x/y.png", "y.png")

@@ -1,0 +1,231 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Evaluation runs without a ROS master: results on disk, exit codes, ending what was started."""
+import json
+import os
+import subprocess
+import sys
+import time
+
+import cv2
+import genpy
+import numpy as np
+import pytest
+from std_msgs.msg import Header
+
+from all_in_focus import bag_contents, bag_player, evaluation_launch, result_files, run_status
+from all_in_focus.msg import FusionReport, Optics, Segment, SegmentArray, SegmentChoice
+from all_in_focus.result_files import ResultError, ResultFolder, encode_labels, encode_png
+from all_in_focus.result_saver import BracketCollector
+from file_helpers import run_script
+
+
+# ---- results
+
+
+def report_message(stamp=7, label_stamp=5, used=3, has_labels=True):
+    choice = SegmentChoice(label=1, frame=2, score=float("nan"), margin=0.5)
+    return FusionReport(header=Header(seq=9, stamp=genpy.Time(stamp, 500000000), frame_id="color_frame"), bracket_id=4,
+                        mode="refined", frames_seen=3, frames_used=used, has_labels=has_labels,
+                        label_stamp=genpy.Time(label_stamp), optics=Optics(24.0, 4.0, 0.019), segments=[choice],
+                        notes=[] if used else ["no frame could be used"], timing_names=["fusion"], timing_ms=[1.5])
+
+
+def segments_message():
+    return SegmentArray(dof_rule="paper", unknown_area=11, segments=[Segment(label=1, area=9, max_dof=float("inf"))])
+
+
+def test_report_mirrors_the_message():
+    plain = result_files.report_dict(report_message(), segments_message())
+    assert plain["version"] == 1 and plain["header"] == {"stamp": 7.5, "frame_id": "color_frame"}
+    assert set(plain) == set(FusionReport.__slots__) | {"version", "dof_rule", "unknown_area", "segment_table"}
+    assert plain["label_stamp"] == 5.0 and plain["optics"]["aperture"] == 4.0
+    assert plain["segments"][0] == {"label": 1, "frame": 2, "score": None, "margin": 0.5}
+    assert set(plain["segment_table"][0]) == set(Segment.__slots__) and plain["segment_table"][0]["max_dof"] is None
+    assert result_files.report_dict(report_message(has_labels=False))["label_stamp"] is None
+    json.dumps(plain, allow_nan=False)
+
+
+def test_labels_are_16_bit():
+    labels = np.array([[0, 1], [300, 65535]], np.int32)
+    read = cv2.imdecode(np.frombuffer(encode_labels(labels), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert read.dtype == np.uint16 and np.array_equal(read, labels)
+    with pytest.raises(ResultError, match="65536 regions"):
+        encode_labels(labels + 1)
+
+
+PNG = encode_png(np.zeros((2, 2), np.uint8))
+
+
+def feed(collector, stamp=genpy.Time(7, 500000000), label_stamp=genpy.Time(5), names=None):
+    for name in names or ("fused", "registered", "source_index", "weights", "labels"):
+        collector.add(name, label_stamp if name == "labels" else stamp, PNG)
+    if names is None:
+        collector.add("segments", label_stamp, segments_message())
+
+
+@pytest.mark.parametrize("report_first", [True, False])
+def test_bracket_is_saved_when_complete(tmp_path, report_first):
+    folder = ResultFolder(str(tmp_path / "out"))
+    collector = BracketCollector(folder)
+    collector.add("labels", genpy.Time(4), PNG)  # of an earlier depth image
+    if report_first:
+        collector.add_report(report_message())
+        assert collector.waiting
+    feed(collector)
+    if not report_first:
+        collector.add_report(report_message())
+    assert not collector.waiting and not (tmp_path / "out" / "bracket_0000").exists()
+    collector.finish()
+    folder.commit()
+    assert sorted(os.listdir(str(tmp_path / "out"))) == ["bracket_0000"]
+    assert sorted(os.listdir(str(tmp_path / "out" / "bracket_0000"))) == [
+        "fused.png", "labels.png", "registered.png", "report.json", "source_index.png", "weights.png"]
+    report = json.loads((tmp_path / "out" / "bracket_0000" / "report.json").read_text())
+    assert report["bracket_id"] == 4 and report["segment_table"][0]["area"] == 9
+    assert collector.brackets == [{"folder": "bracket_0000", "bracket_id": 4, "frames_used": 3, "missing": [],
+                                   "notes": []}]
+
+
+def test_two_brackets_may_share_a_label_image(tmp_path):
+    folder = ResultFolder(str(tmp_path))
+    collector = BracketCollector(folder)
+    feed(collector)
+    collector.add_report(report_message())
+    feed(collector, genpy.Time(9, 500000000), names=["fused", "registered", "source_index", "weights"])
+    collector.add_report(report_message(stamp=9))
+    folder.commit()
+    assert sorted(os.listdir(str(tmp_path))) == ["bracket_0000", "bracket_0001"]
+
+
+def test_bracket_without_labels_or_without_result(tmp_path):
+    folder = ResultFolder(str(tmp_path))
+    collector = BracketCollector(folder)
+    collector.add_report(report_message(used=0))
+    collector.add_report(report_message(stamp=8, has_labels=False))
+    feed(collector, genpy.Time(8, 500000000), names=["fused", "source_index", "weights"])
+    folder.commit()
+    assert os.listdir(str(tmp_path / "bracket_0000")) == ["report.json"]
+    assert len(os.listdir(str(tmp_path / "bracket_0001"))) == 4
+
+
+def test_missing_output_and_too_many_regions_are_reported(tmp_path):
+    collector = BracketCollector(ResultFolder(str(tmp_path)))
+    collector.add_report(report_message())
+    feed(collector, names=["fused", "registered", "source_index", "weights"])
+    collector.finish()
+    assert collector.brackets[0]["missing"] == ["segmentation/labels", "segmentation/segments"]
+
+    collector = BracketCollector(ResultFolder(str(tmp_path)))
+    collector.add("labels", genpy.Time(5), ResultError("70000 regions"))
+    collector.add("segments", genpy.Time(5), segments_message())
+    collector.add_report(report_message())
+    with pytest.raises(ResultError, match="70000"):
+        feed(collector, names=["fused", "registered", "source_index", "weights"])
+
+
+def test_old_results_stay_until_the_new_are_complete(tmp_path):
+    for index in range(3):
+        (tmp_path / ("bracket_%04d" % index)).mkdir()
+        (tmp_path / ("bracket_%04d" % index) / "old").write_text("x")
+    (tmp_path / "mine").mkdir()
+    folder = ResultFolder(str(tmp_path))
+    folder.save(0, {"fused": PNG}, {})
+    folder.discard()
+    assert sorted(os.listdir(str(tmp_path))) == ["bracket_0000", "bracket_0001", "bracket_0002", "mine"]
+    assert (tmp_path / "bracket_0000" / "old").exists()
+    folder = ResultFolder(str(tmp_path))
+    folder.save(0, {"fused": PNG}, {})
+    folder.save(1, {"fused": PNG}, {})
+    folder.commit()
+    assert sorted(os.listdir(str(tmp_path))) == ["bracket_0000", "bracket_0001", "mine"]
+    assert sorted(os.listdir(str(tmp_path / "bracket_0001"))) == ["fused.png", "report.json"]
+    new = tmp_path / "new"
+    ResultFolder(str(new)).discard()
+    assert not new.exists()
+
+
+# ---- status, exit codes, flow
+
+
+def bracket(used=3, missing=(), notes=()):
+    return {"folder": "bracket_0000", "bracket_id": 0, "frames_used": used, "missing": list(missing),
+            "notes": list(notes)}
+
+
+@pytest.mark.parametrize("brackets, code, reason", [
+    ([bracket()], 0, "1 bracket fused"), ([bracket(), bracket()], 0, "2 brackets fused"),
+    ([bracket(), bracket(0)], 0, "1 bracket fused, 1 could not be"), ([], 2, "no bracket was fused: a warning"),
+    ([bracket(0, notes=["no frame"])], 2, "no bracket was fused: no frame"),
+    ([bracket(missing=["all_in_focus/image"])], 2, "bracket_0000: all_in_focus/image never came")])
+def test_conclusion(brackets, code, reason):
+    status = run_status.conclude(brackets, ["a warning"])
+    assert (status.code, status.reason) == (code, reason) and status.warnings == ["a warning"]
+
+
+def test_status_file(tmp_path):
+    path = str(tmp_path / "status.json")
+    assert run_status.RunStatus.read(path) is None
+    status = run_status.RunStatus(2, "why", [bracket()], [], 3, 5)
+    status.write(path)
+    assert run_status.RunStatus.read(path) == status and os.listdir(str(tmp_path)) == ["status.json"]
+    run_status.RunStatus().write("")
+
+
+def test_final_status():
+    good, running = run_status.RunStatus(0, "fine"), run_status.RunStatus()
+    stopped = run_status.RunStatus(2, "stopped from outside")
+    final = evaluation_launch.final_status
+    assert final(good, None, "SomeError: harmless") is good
+    assert final(stopped, None, None) is stopped
+    assert final(stopped, None, "REQUIRED process [manager-1] has died").reason.endswith("[manager-1] has died")
+    assert final(None, None, None).code == 2 and "before the bag was played" in final(running, None, None).reason
+    assert final(running, "no progress for 9 s", "RLException: x").reason == "no progress for 9 s: RLException: x"
+
+
+def test_environment_puts_the_system_first():
+    child = evaluation_launch.child_environment({"PATH": "/home/me/.pyenv/shims", "ROS_IP": "1.2.3.4"}, 12345, "/log")
+    assert child["PATH"].startswith("/usr/bin:/bin:") and "ROS_IP" not in child
+    assert child["ROS_MASTER_URI"].endswith(":12345") and child["ROS_HOSTNAME"] == "localhost"
+
+
+def test_everything_started_is_ended():
+    environment = evaluation_launch.child_environment(os.environ, 1, "/tmp")
+    run_id = environment[evaluation_launch.RUN_VARIABLE]
+    # The grandchild leaves the process group and ignores the first signals.
+    script = "import os, signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN); " \
+             "signal.signal(signal.SIGTERM, signal.SIG_IGN); os.fork() or os.setsid(); time.sleep(60)"
+    process = subprocess.Popen([sys.executable, "-c", script], env=environment)
+    while len(evaluation_launch._processes_of(run_id)) < 2:
+        time.sleep(0.01)
+    time.sleep(0.2)
+    process.kill()
+    evaluation_launch._end(process, run_id)
+    assert not evaluation_launch._processes_of(run_id)
+
+
+def test_evaluate_bag_refuses_bad_input_in_one_line(tmp_path):
+    (tmp_path / "text.bag").write_text("no")
+    for bag_name, more, complaint in (("none.bag", [], "No such file"), ("text.bag", [], "not a bag"),
+                                      ("text.bag", ["--mode", "best"], "invalid choice"),
+                                      ("text.bag", ["--optics", "1,2"], "f,F,coc")):
+        done = run_script("evaluate_bag", "--bag", tmp_path / bag_name, "--output", tmp_path / "out", *more)
+        assert done.returncode == 2 and complaint in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_acknowledgements():
+    under_way = bag_player.Acknowledgements()
+    for stamp in (5, 3, 3):
+        under_way.sent(stamp)
+    under_way.came(99)
+    assert under_way.under_way() == 3 and under_way.received == 1
+    under_way.came(3)
+    assert under_way.under_way() == 2 and under_way.first() == 3
+    under_way.give_up()
+    assert under_way.under_way() == 0 and under_way.first() is None
+
+
+def test_every_kind_of_the_bag_is_known():
+    assert set(bag_contents.TYPES) == set(vars(bag_contents.Topics()))
+    assert set(bag_player.TOPICS) < set(bag_contents.TYPES)

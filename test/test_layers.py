@@ -1,0 +1,126 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What holds for the sources themselves: layers, size, licence, and one default for each parameter."""
+import ast
+import os
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+NOT_OURS = {'.git', 'build', 'demo_output', '__pycache__', '.pytest_cache'}
+
+# Files of more than 300 lines, each with the reason why it is not split.
+LONG_FILES = {}
+
+# cfg parameters whose member in the core has another name.
+CORE_NAMES = {'dof_rule': 'span'}
+
+# Type, name = literal; another config's member in its place is not compared, it cannot differ.
+LITERAL_DEFAULT = r'\w[\w:]*\s+%s\s*=\s*([-\w.:"]+)\s*[;,)]'
+
+
+def files():
+    for folder, folders, names in os.walk(ROOT):
+        folders[:] = sorted(set(folders) - NOT_OURS)
+        yield from (Path(folder) / name for name in sorted(names))
+
+
+def sources():
+    """Programs of every language; scripts may have no suffix."""
+    for path in files():
+        if path.suffix in {'.cpp', '.hpp', '.h', '.py', '.cfg', '.sh'} or path.read_bytes()[:2] == b'#!':
+            yield path
+
+
+def relative(paths):
+    return [str(path.relative_to(ROOT)) for path in paths]
+
+
+def core_files():
+    return [path for folder in ('include', 'src/core') for path in sorted((ROOT / folder).rglob('*.[ch]pp'))]
+
+
+def test_core_includes_only_std_and_opencv_core_and_imgproc():
+    allowed = re.compile(r'<[a-z_0-9]+>|[<"]opencv2/(core|imgproc)(/[\w/]+)?\.(hpp|h)[>"]|"all_in_focus/\w+\.hpp"')
+    found = {(str(path.relative_to(ROOT)), name)
+             for path in core_files()
+             for name in re.findall(r'^\s*#\s*include\s*(\S+)', path.read_text(), re.M)
+             if not allowed.fullmatch(name) and not (path.parent / name.strip('"')).is_file()}
+    assert len(core_files()) > 1
+    assert not found
+
+
+def test_no_file_is_long_without_a_reason():
+    def lines(path):
+        content = path.read_bytes()
+        return 0 if b'\0' in content else content.count(b'\n')
+
+    long = set(relative(path for path in files() if lines(path) > 300))
+    assert long == set(LONG_FILES), f'split, or list with a reason: {long - set(LONG_FILES)}; no more: {set(LONG_FILES) - long}'
+    assert all(LONG_FILES.values())
+
+
+def test_every_source_names_author_and_licence():
+    lines = ['SPDX-FileCopyrightText: all_in_focus contributors', 'SPDX-License-Identifier: BSD-3-Clause']
+    without = [path for path in sources()
+               if not all(line in '\n'.join(path.read_text().split('\n')[:3]) for line in lines)]
+    assert not relative(without)
+
+
+def test_no_two_rostests_write_the_same_result_file():
+    names = [test.get('test-name') for path in (ROOT / 'test').rglob('*.test') for test in ET.parse(path).iter('test')]
+    assert len(names) == len(set(names))
+
+
+def cfg_defaults():
+    """(file, parameter, default) of every gen.add(name, type, level, description, default, ...)."""
+    for path in sorted((ROOT / 'cfg').glob('*.cfg')):
+        for call in ast.walk(ast.parse(path.read_text())):
+            if isinstance(call, ast.Call) and getattr(call.func, 'attr', '') == 'add':
+                yield path.name, ast.literal_eval(call.args[0]), ast.literal_eval(call.args[4])
+
+
+def value(text):
+    """A literal of C++, XML or Markdown as a Python value: 4.0f, true, `24`, DofSpan::kPaper."""
+    text = text.strip().strip('`"')
+    if text.lower() in ('true', 'false'):
+        return text.lower() == 'true'
+    try:
+        return float(re.sub(r'(?<=[\d.])f$', '', text))
+    except ValueError:
+        return re.sub(r'^\w+::k(\w+)$', lambda match: match[1].lower(), text)
+
+
+def same(one, other):
+    return type(one) is type(other) and one == other
+
+
+@pytest.mark.parametrize('file, name, default', cfg_defaults())
+def test_defaults_agree(file, name, default):
+    """cfg, core, launch, config, README."""
+    default = float(default) if type(default) is int else default
+    for path in sorted((ROOT / 'include').rglob('*.hpp')):
+        member = CORE_NAMES.get(name, name)
+        for text in re.findall(LITERAL_DEFAULT % member, path.read_text()):
+            assert same(value(text), default), f'{path.name}: {member} = {text}'
+    for path in sorted((ROOT / 'launch').glob('*.launch')):
+        for arg in ET.parse(path).iter('arg'):
+            text = arg.get('default')
+            if arg.get('name') == name and text is not None and '$(' not in text:
+                assert same(value(text), default), f'{path.name}: {name} default {text}'
+    for path in sorted((ROOT / 'config').glob('*.yaml')):
+        for text in re.findall(r'^\s*%s:\s*([^\s#]+)' % name, path.read_text(), re.M):
+            assert same(value(text), default), f'{path.name}: {name}: {text}'
+    for path in ROOT.glob('README*'):
+        for row in re.findall(r'^\|\s*`%s`\s*\|(.*)\|\s*$' % name, path.read_text(), re.M):
+            assert any(same(value(cell), default) for cell in row.split('|')), f'{path.name}: {name} |{row}|'
+
+
+def test_optics_and_region_size_have_their_default_in_the_core():
+    text = '\n'.join(path.read_text() for path in (ROOT / 'include').rglob('*.hpp'))
+    parameters = {CORE_NAMES.get(name, name) for _, name, _ in cfg_defaults()}
+    members = {name for name in parameters if re.search(LITERAL_DEFAULT % name, text)}
+    assert members >= {'focal_length_mm', 'aperture', 'circle_of_confusion_mm', 'span', 'min_region_size'}

@@ -1,0 +1,353 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Rig files, thin-lens bracket, depth camera and scenes of make_scene."""
+import filecmp
+import os
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+import skimage.data
+import yaml
+
+from all_in_focus import kinect, lens
+from all_in_focus.rig import Camera, Optics, RigError, load_rig, save_rig
+from all_in_focus.scenes import SCENES, Scene, kinect_beside, peel_layers
+
+MAKE_SCENE = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "scripts", "make_scene")
+OPTICS = Optics(50.0, 2.0, 0.03)
+
+
+def make_scene(*arguments):
+    return subprocess.run([sys.executable, MAKE_SCENE] + [str(a) for a in arguments], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, universal_newlines=True)
+
+
+def flat(color, depth, alpha=None, size=(80, 120)):
+    """A layer of one colour or of a given picture, parallel to the sensor."""
+    alpha = np.ones(size, np.float32) if alpha is None else np.float32(alpha)
+    color = np.broadcast_to(np.float32(color), size + (3,)).copy()
+    return lens.Layer(color, alpha, np.full(size, depth, np.float32), alpha)
+
+
+def scene_of(*layers, fx=800.0):
+    height, width = layers[0].alpha.shape
+    camera = Camera.pinhole("dslr", width, height, fx, fx, width / 2, height / 2)
+    return Scene("test", kinect_beside(camera, OPTICS), (0, 0), list(layers))
+
+
+def noise_picture(size=(80, 120)):
+    return np.random.default_rng(0).uniform(0, 1, size + (3,)).astype(np.float32)
+
+
+# --- rig --------------------------------------------------------------------------------------------------------------
+
+def test_rig_round_trip(tmp_path):
+    rig = kinect_beside(Camera.pinhole("dslr", 741, 500, 994.978, 993.5, 311.193, 254.877), OPTICS)
+    rig.color.D = np.array([0.1, -0.02, 1e-5, 2e-4, 0.0])
+    save_rig(tmp_path / "rig", rig)
+    back = load_rig(tmp_path / "rig")
+    assert np.allclose(back.R, rig.R, atol=1e-14) and np.array_equal(back.t, rig.t)
+    assert back.optics == rig.optics
+    assert (back.parent_frame, back.child_frame) == ("dslr_optical_frame", "kinect_depth_optical_frame")
+    for a, b in ((back.depth, rig.depth), (back.color, rig.color)):
+        assert (a.name, a.width, a.height, a.distortion_model) == (b.name, b.width, b.height, b.distortion_model)
+        for key in "KDRP":
+            assert np.array_equal(getattr(a, key), getattr(b, key))
+
+
+def test_rig_files_are_camera_info_files(tmp_path):
+    save_rig(tmp_path, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), None))
+    info = yaml.safe_load((tmp_path / "color.yaml").read_text())
+    assert list(info) == ["image_width", "image_height", "camera_name", "camera_matrix", "distortion_model",
+                          "distortion_coefficients", "rectification_matrix", "projection_matrix"]
+    assert info["projection_matrix"] == {"rows": 3, "cols": 4, "data": [810, 0, 320, 0, 0, 811, 240, 0, 0, 0, 1, 0]}
+    assert info["distortion_coefficients"] == {"rows": 1, "cols": 5, "data": [0] * 5}
+    pose = yaml.safe_load((tmp_path / "extrinsics.yaml").read_text())
+    assert sorted(pose) == ["child_frame", "parent_frame", "rotation", "translation"]
+    assert np.isclose(np.linalg.norm(pose["rotation"]), 1) and pose["rotation"][3] > 0
+    assert load_rig(tmp_path).optics is None
+
+
+@pytest.mark.parametrize("name, old, new, message", [
+    ("color.yaml", "image_width: 640", "image_width: wide", "image_width: expected a positive whole number"),
+    ("color.yaml", "data: [810.0, ", "data: [", "camera_matrix.data: expected 9 numbers"),
+    ("color.yaml", "data: [810.0, ", "data: [-810.0, ", "camera_matrix.data: focal lengths must be positive"),
+    ("depth.yaml", "camera_name", "name", "camera_name: missing"),
+    ("depth.yaml", "plumb_bob", "fisheye", "distortion_model: 'fisheye' is not one of"),
+    ("depth.yaml", "image_width: 640", "image_width: [", "not valid YAML"),
+    ("extrinsics.yaml", "rotation: [", "rotation: [7.0, ", "rotation: expected 4 numbers"),
+    ("extrinsics.yaml", "translation: [-0.03", "translation: [.nan", "translation: must be finite"),
+    ("optics.yaml", "aperture: 2.0", "aperture: 0.0", "aperture: must be positive"),
+])
+def test_rig_errors_name_file_and_key(tmp_path, name, old, new, message):
+    save_rig(tmp_path, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), OPTICS))
+    text = (tmp_path / name).read_text()
+    assert old in text
+    (tmp_path / name).write_text(text.replace(old, new))
+    with pytest.raises(RigError) as error:
+        load_rig(tmp_path)
+    assert "%s: %s" % (name, message) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_rig_without_file(tmp_path):
+    with pytest.raises(RigError, match="depth.yaml: No such file"):
+        load_rig(tmp_path)
+
+
+# --- lens -------------------------------------------------------------------------------------------------------------
+
+def test_blur_circle_of_the_thin_lens():
+    optics = Optics(24.0, 4.0, 0.019)
+    # 24^2 / 4 * |1000 - 2000| / (1000 * (2000 - 24)) = 144 / 1976
+    assert lens.blur_circle_mm(optics, 1000.0, 2000.0) == pytest.approx(0.0728745, abs=1e-7)
+    assert lens.blur_circle_mm(optics, 2000.0, 1000.0) == pytest.approx(0.0737705, abs=1e-7)
+    assert lens.blur_circle_mm(optics, 1500.0, 1500.0) == 0
+    assert lens.blur_circle_px(optics, 810.0, 1000.0, 2000.0) == pytest.approx(2.4595, abs=1e-4)
+    assert lens.image_distance(50.0, 2050.0) == pytest.approx(51.25)
+
+
+def test_focus_distances_are_even_in_dioptres():
+    distances = lens.focus_distances(800, 4000, 5)
+    assert distances[[0, 4]] == pytest.approx([800, 4000])
+    assert np.allclose(np.diff(1000 / distances), -0.25)
+    assert lens.focus_distances(1000, 3000, 1) == pytest.approx([1500])
+
+
+def test_disc_kernels():
+    for diameter in (0.25, 0.5, 1.0):
+        assert lens.blur_levels(np.array(diameter)) == 0
+    assert np.array_equal(lens.disc_kernel(0), [[1]])
+    for diameter in (1.5, 3.0, 7.25, 20.0):
+        kernel = lens.disc_kernel(int(lens.blur_levels(np.array(diameter))))
+        offset = np.arange(len(kernel)) - len(kernel) // 2
+        assert kernel.sum() == pytest.approx(1, abs=1e-5)
+        # a disc has the variance d^2 / 16 per axis; spread over whole pixels, 1 / 12 more
+        variance = (kernel.sum(axis=0) * offset ** 2).sum()
+        assert variance == pytest.approx(diameter ** 2 / 16 + 1 / 12, abs=0.1)
+
+
+def test_blur_circle_of_a_rendered_point():
+    picture = np.zeros((80, 120, 3))
+    picture[40, 60] = 1
+    light = lens.render_frame(scene_of(flat(picture, 1000.0)), OPTICS, 2000.0)
+    expected = lens.blur_circle_px(OPTICS, 800.0, 1000.0, 2000.0)
+    assert expected == pytest.approx(10.256, abs=1e-3)
+    assert light[..., 0].sum() == pytest.approx(1, abs=1e-4)
+    variance = (light[..., 0].sum(axis=0) * (np.arange(120) - 60) ** 2).sum() - 1 / 12
+    assert 4 * np.sqrt(variance) == pytest.approx(expected, abs=0.15)
+    assert light[40, 60, 0] == pytest.approx(4 / (np.pi * expected ** 2), rel=0.05)
+
+
+def test_defocused_occluder_spreads_over_the_sharp_far_side():
+    alpha = np.zeros((80, 120))
+    alpha[:, :60] = 1
+    picture = noise_picture()
+    scene = scene_of(flat(picture, 2000.0), flat([1, 1, 1], 1000.0, alpha))
+    light = lens.render_frame(scene, OPTICS, 2000.0)
+    radius = lens.blur_circle_px(OPTICS, 800.0, 1000.0, 2000.0) / 2
+    clear = 60 + int(np.ceil(radius)) + 1
+    assert np.allclose(light[:, clear:], picture[:, clear:], atol=1e-5)
+    assert np.allclose(light[:, :60 - int(np.ceil(radius)) - 1], 1, atol=1e-5)
+    # on the edge half of the lens sees past it: the near white and what really lies behind, half and half
+    behind = 0.5 * (light[:, 59] + light[:, 60]) - 0.25 * (picture[:, 59] + picture[:, 60])
+    assert behind.mean() == pytest.approx(0.5, abs=0.02)
+
+
+def test_frame_is_the_truth_where_it_is_focused():
+    alpha = np.zeros((80, 120))
+    alpha[:, :60] = 1
+    scene = scene_of(flat(noise_picture(), 2000.0), flat(noise_picture()[::-1], 1000.0, alpha))
+    truth = scene.truth()
+    near, far = (np.abs(lens.render_frame(scene, OPTICS, s) - truth).mean(axis=2) for s in (1000.0, 2000.0))
+    assert near[:, :60].max() < 1e-5 and near[:, 70:].mean() > 0.1
+    assert far[:, 67:].max() < 1e-5 and far[:, :50].mean() > 0.1
+
+
+@pytest.mark.parametrize("s", [1000.0, 1400.0, 2500.0])
+def test_no_fringes_on_a_uniform_scene(s):
+    depth = np.full((80, 120), 2500, np.float32)
+    depth[20:60, 30:50], depth[:, 80:84], depth[70:] = 1000, 1300, np.linspace(2000, 1500, 10)[:, None]
+    color = np.full((80, 120, 3), 0.4, np.float32)
+    light = lens.render_frame(scene_of(*peel_layers(color, depth, 3e-5, 20)), OPTICS, s)
+    assert np.allclose(light, 0.4, atol=1e-4)
+
+
+def test_peeled_surface_shows_no_seams():
+    """A slanted textured surface, cut into layers, is blurred as if it were whole."""
+    color = cv2.GaussianBlur(noise_picture((200, 120)), (0, 0), 1)
+    depth = (1 / np.linspace(1 / 3000, 1 / 1500, 200))[:, None].repeat(120, axis=1).astype(np.float32)
+    ones = np.ones(depth.shape, np.float32)
+    layers = peel_layers(color, depth, (1 / 1500 - 1 / 3000) / 8, 14)
+    assert len(layers) in (8, 9)
+    for s in (1500.0, 3000.0):
+        whole = lens.render_frame(scene_of(lens.Layer(color, ones, depth, ones)), OPTICS, s)
+        cut = lens.render_frame(scene_of(*layers), OPTICS, s)
+        error = np.sqrt(((whole - cut) ** 2).mean(axis=(1, 2)))
+        assert (error < 0.15 * whole.std(axis=(1, 2))).all() and error.mean() < 3e-4
+
+
+def test_peeled_layers_restore_the_picture():
+    depth = np.full((80, 120), 2500, np.float32)
+    depth[20:60, 30:50] = 1000
+    scene = scene_of(*peel_layers(noise_picture(), depth, 3e-5, 10))
+    assert np.allclose(scene.truth(), noise_picture(), atol=1e-6)
+    assert np.array_equal(scene.truth_depth(), depth)
+    assert scene.layers[0].alpha[25, 32] == 1 and scene.layers[0].alpha[40, 40] == 1  # goes on behind the box
+
+
+def test_breathing_and_exposure():
+    picture = np.zeros((81, 121, 3))
+    picture[40, 20] = picture[40, 100] = 1
+    scene = scene_of(flat(cv2.GaussianBlur(picture, (0, 0), 2) * 20, 1000.0, size=(81, 121)))
+    distances = [1000.0, 1500.0]
+    scale = lens.breathing_scale(50.0, 1000.0, 1500.0, 2.0)
+    assert scale == pytest.approx(1 + 2 * ((50000 / 950) / (75000 / 1450) - 1))
+    breathing, plain, jitter = (list(lens.render_bracket(scene, OPTICS, distances, **options)) for options in
+                                ({"breathing": 2.0}, {}, {"exposure_jitter": 0.5, "seed": 3}))
+
+    def separation(frame):
+        light = lens.srgb_to_linear(frame[..., 0]).sum(axis=0)
+        column = np.arange(121)
+        return (light * column)[61:].sum() / light[61:].sum() - (light * column)[:60].sum() / light[:60].sum()
+
+    assert separation(breathing[0]) / separation(plain[0]) == pytest.approx(scale, abs=2e-3)
+    assert np.array_equal(breathing[1], plain[1]) and np.array_equal(jitter[1], plain[1])
+    assert not np.array_equal(jitter[0], plain[0])
+
+
+def test_noise_has_the_given_deviation():
+    frame = lens.expose(np.full((200, 200, 3), 0.2, np.float32), np.random.default_rng(0), noise=4.0)
+    assert frame.std() == pytest.approx(4, abs=0.1)
+    code = np.arange(256, dtype=np.uint8)
+    assert np.array_equal(lens.expose(lens.srgb_to_linear(code)), code)
+
+
+# --- depth camera -----------------------------------------------------------------------------------------------------
+
+def test_wall_is_measured_in_disparity_steps():
+    model = kinect.KinectModel()
+    for z in (1000.0, 3000.0):
+        step = z * z / (model.focal_px * model.baseline_mm) * model.disparity_step_px
+        depth = kinect.measure(np.full((120, 160), z), 580.0, np.random.default_rng(0))
+        seen = depth[:, :-model.dead_columns]
+        lit = seen[seen > 0].astype(float)
+        assert len(lit) > 0.7 * seen.size and (depth[:, -model.dead_columns:] == 0).all()
+        assert np.abs(lit - z).max() <= 2 * step and np.abs(lit - z).mean() < step / 2 + 1
+        assert len(np.unique(lit)) <= 4
+
+
+def test_shadow_lies_to_the_left_of_a_near_object():
+    depth = np.full((60, 320), 2000.0)
+    depth[20:40, 150:200] = 1000.0
+    shadow = kinect.projector_shadow(depth, 580.0, 75.0)
+    width = 580 * 75 * (1 / 1000 - 1 / 2000)  # 21.75 px
+    assert shadow[30, 150 - int(width) + 1:149].all() and not shadow[30, 100:150 - int(width) - 2].any()
+    assert not shadow[30, 151:280].any() and not shadow[10, 60:280].any()
+
+
+def test_a_thin_object_casts_a_thin_shadow():
+    depth = np.full((1, 320), 2000.0)
+    depth[0, 200:204] = 1000.0
+    shadow = np.flatnonzero(kinect.projector_shadow(depth, 580.0, 75.0)[0, 60:280]) + 60
+    assert 3 <= len(shadow) <= 5 and 177 <= shadow.min() and shadow.max() <= 183
+
+
+def test_range_limits():
+    depth = np.full((60, 160), 7000.0)
+    depth[:, 80:] = 300.0
+    assert not kinect.measure(depth, 580.0, np.random.default_rng(0)).any()
+
+
+def test_holes_are_filled_from_the_farther_side():
+    depth = np.array([[0, 5, 0, 0, 9, 0], [0, 0, 0, 0, 0, 0]])
+    assert np.array_equal(kinect.fill_from_farther(depth), [[5, 5, 9, 9, 9, 9], [0, 0, 0, 0, 0, 0]])
+
+
+@pytest.mark.parametrize("name, size", [("planes", (320, 240)), ("motorcycle", (370, 250))])
+def test_registered_depth_agrees_with_the_truth(name, size):
+    scene = SCENES[name].build(size, SCENES[name].optics, 0)
+    depth, truth, rig = kinect.simulate(scene), scene.truth_depth(), scene.rig
+    assert depth.shape == (480, 640) and 0.8 < (depth > 0).mean() < 0.99
+    v, u = np.nonzero(depth)
+    z = depth[v, u] / 1000.0
+    points = np.linalg.solve(rig.depth.K, np.stack([u, v, np.ones(len(z))])) * z
+    x, y, z = rig.R @ points + rig.t[:, None]
+    u, v = np.floor((rig.color.K @ [x / z, y / z, np.ones(len(z))])[:2] + 0.5).astype(int)
+    inside = (u >= 0) & (v >= 0) & (u < size[0]) & (v < size[1])
+    error = np.abs(1000 * z[inside] / truth[v[inside], u[inside]] - 1)
+    assert inside.sum() > 50000
+    assert np.median(error) < 0.01 and (error < 0.03).mean() > 0.85
+
+
+# --- scenes and the program -------------------------------------------------------------------------------------------
+
+def test_motorcycle_truth_is_the_photograph():
+    scene = SCENES["motorcycle"].build((741, 500), SCENES["motorcycle"].optics, 0)
+    left, _, disparity = skimage.data.stereo_motorcycle()
+    assert np.array_equal(lens.expose(scene.truth()), left)
+    known, depth = np.isfinite(disparity), scene.truth_depth()
+    assert np.allclose(depth[known], 994.978 * 193.001 / (disparity[known] + 31.086), rtol=1e-5)
+    assert np.isfinite(depth).all() and depth.min() > 2000 and depth.max() < 5100
+    assert not any(layer.weight[layer.alpha == 0].any() for layer in scene.layers)
+
+
+def test_program_writes_a_complete_scene_and_repeats_itself(tmp_path):
+    options = ["--frames", 3, "--size", "160x120", "--noise", 2, "--exposure-jitter", 0.1, "--breathing", 1,
+               "--optics", "50,1.8,0.03"]
+    for name, seed in (("a", 5), ("b", 5), ("c", 6)):
+        result = make_scene("--scene", "planes", "--output", tmp_path / name, "--seed", seed, *options)
+        assert (result.returncode, result.stderr) == (0, "")
+    assert sorted(os.listdir(str(tmp_path))) == ["a", "b", "c"]
+    files = sorted(os.path.relpath(os.path.join(folder, name), str(tmp_path / "a"))
+                   for folder, _, names in os.walk(str(tmp_path / "a")) for name in names)
+    assert files == ["depth.png", "focus.yaml", "rig/color.yaml", "rig/depth.yaml", "rig/extrinsics.yaml",
+                     "rig/optics.yaml", "scene.json", "stack/000.png", "stack/001.png", "stack/002.png", "truth.png",
+                     "truth_depth.png"]
+    same = filecmp.cmpfiles(str(tmp_path / "a"), str(tmp_path / "b"), files, shallow=False)
+    assert same == (files, [], [])
+    assert "stack/001.png" in filecmp.cmpfiles(str(tmp_path / "a"), str(tmp_path / "c"), files, shallow=False)[1]
+
+    images = {name: cv2.imread(str(tmp_path / "a" / name), cv2.IMREAD_UNCHANGED)
+              for name in files if name.endswith(".png")}
+    assert images["depth.png"].shape == (480, 640) and images["depth.png"].dtype == np.uint16
+    assert images["truth_depth.png"].shape == (120, 160) and images["truth_depth.png"].dtype == np.uint16
+    assert images["truth_depth.png"].min() > 0
+    assert all(images[name].shape == (120, 160, 3) and images[name].dtype == np.uint8
+               for name in ("truth.png", "stack/000.png"))
+    focus = yaml.safe_load((tmp_path / "a" / "focus.yaml").read_text())["frames"]
+    assert [frame["file"] for frame in focus] == ["000.png", "001.png", "002.png"]
+    assert focus[0]["focus_mm"] == pytest.approx(images["truth_depth.png"].min(), abs=1)
+    assert load_rig(str(tmp_path / "a" / "rig")).optics == Optics(50.0, 1.8, 0.03)
+
+    before = set(os.listdir(str(tmp_path / "a")))
+    assert make_scene("--scene", "planes", "--output", tmp_path / "a", "--frames", 2, "--size", "64x48").returncode == 0
+    assert set(os.listdir(str(tmp_path / "a"))) == before
+    assert len(os.listdir(str(tmp_path / "a" / "stack"))) == 2
+
+
+@pytest.mark.parametrize("arguments, reason", [
+    (["--scene", "moon"], "invalid choice: 'moon'"),
+    (["--frames", "0"], "--frames"),
+    (["--frames", "2.5"], "--frames"),
+    (["--optics", "50,1.8"], "expected three positive numbers f,F,coc"),
+    (["--optics", "50,-1,0.03"], "expected three positive numbers f,F,coc"),
+    (["--optics", "900,4,0.03", "--size", "64x48"], "too long for a scene that begins at"),
+    (["--size", "640"], "expected WxH"),
+    (["--noise", "nan"], "--noise"),
+    (["--exposure-jitter", "-1"], "--exposure-jitter"),
+])
+def test_bad_arguments(tmp_path, arguments, reason):
+    result = make_scene("--scene", "planes", "--output", tmp_path / "scene", *arguments)
+    assert result.returncode == 2 and result.stdout == ""
+    assert result.stderr.count("\n") == 1 and reason in result.stderr
+    assert os.listdir(str(tmp_path)) == []
+
+
+def test_never_overwrites_what_it_did_not_make(tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    result = make_scene("--scene", "planes", "--output", tmp_path)
+    assert result.returncode == 2 and "is not a scene made before" in result.stderr
+    assert os.listdir(str(tmp_path)) == ["notes.txt"]

@@ -1,0 +1,143 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Focus stacks: order, completeness, focus distances."""
+import math
+import os
+
+import cv2
+import numpy as np
+import pytest
+
+from all_in_focus.stack import Stack, StackError, read_depth, read_image
+from file_helpers import SIZE, cut, focus_file, pictures, write_stack, write_video
+
+
+def test_folder_goes_in_name_order_and_skips_what_is_no_image(tmp_path):
+    frames = pictures(3)
+    folder = write_stack(tmp_path / "stack", ["b.png", "a.png", "C.PNG"], frames)
+    (tmp_path / "stack" / "notes.txt").write_text("x")
+    (tmp_path / "stack" / "deeper").mkdir()
+    stack = Stack(folder)
+    assert stack.names == ["C.PNG", "a.png", "b.png"] and not stack.warnings
+    for read, expected in zip(stack, [frames[2], frames[1], frames[0]]):
+        assert np.array_equal(read, expected)
+    assert all(math.isnan(d) for d in stack.distances)
+
+
+@pytest.mark.parametrize("names, warns", [(["2.png", "10.png"], True), (["02.png", "10.png"], False),
+                                          (["a2b.png", "a10b.png"], True), (["1.png", "2.png"], False)])
+def test_numbers_without_zeros_are_warned_of(tmp_path, names, warns):
+    stack = Stack(write_stack(tmp_path / "stack", names))
+    assert len(stack.warnings) == (1 if warns else 0)
+    assert not warns or names[0] in stack.warnings[0] and names[1] in stack.warnings[0]
+
+
+def test_alpha_gray_and_16_bit_are_read_as_8_bit_color(tmp_path):
+    cv2.imwrite(str(tmp_path / "a.png"), np.full((4, 5, 4), 77, np.uint8))
+    cv2.imwrite(str(tmp_path / "b.png"), np.full((4, 5), 77 * 257, np.uint16))
+    cv2.imwrite(str(tmp_path / "c.png"), np.full((4, 5), 77, np.uint8))
+    for frame in Stack(str(tmp_path)):
+        assert frame.dtype == np.uint8 and frame.shape == (4, 5, 3) and (frame == 77).all()
+
+
+@pytest.mark.parametrize("ending", [".png", ".jpg"])
+def test_truncated_image_is_refused(tmp_path, ending):
+    folder = write_stack(tmp_path / "stack", ["0" + ending, "1" + ending])
+    cut(os.path.join(folder, "1" + ending))
+    with pytest.raises(StackError, match="1%s: truncated" % ending):
+        list(Stack(folder))
+
+
+def test_damaged_png_and_jpeg_with_thumbnail(tmp_path):
+    path = str(tmp_path / "a.png")
+    cv2.imwrite(path, pictures(1)[0])
+    data = bytearray(open(path, "rb").read())
+    data[len(data) // 2] ^= 1
+    open(path, "wb").write(data)
+    with pytest.raises(StackError, match="damaged"):
+        read_image(path)
+    # A thumbnail has an end marker of its own, in a segment before the image data; cameras append data after the end.
+    good, jpeg = cv2.imencode(".jpg", pictures(1)[0])
+    jpeg = jpeg.tobytes()
+    thumbnail = b"\xff\xe1" + (2 + len(jpeg)).to_bytes(2, "big") + jpeg
+    path = str(tmp_path / "b.jpg")
+    for body, complete in ((jpeg[2:], True), (jpeg[2:-200], False), (jpeg[2:] + b"camera data", True)):
+        open(path, "wb").write(b"\xff\xd8" + thumbnail + body)
+        if complete:
+            assert read_image(path).shape == (SIZE[1], SIZE[0], 3)
+        else:
+            with pytest.raises(StackError, match="truncated"):
+                read_image(path)
+
+
+def test_bad_stacks_are_named(tmp_path):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    (tmp_path / "text.avi").write_text("no video")
+    (tmp_path / "zero.png").write_bytes(b"")
+    sizes = write_stack(tmp_path / "sizes", ["0.png", "1.png"], pictures(1) + pictures(1, (20, 10)))
+    for path, complaint in ((str(tmp_path / "none"), "no such"), (str(empty), "no images"),
+                            (str(tmp_path / "text.avi"), "not a readable video"), (sizes, "1.png: 20x10"),
+                            (os.path.join(sizes, "0.png"), "single image")):
+        with pytest.raises(StackError, match=complaint) as error:
+            list(Stack(path))
+        assert path in str(error.value) and "\n" not in str(error.value)
+    with pytest.raises(StackError, match="not a readable image"):
+        read_image(str(tmp_path / "zero.png"))
+    with pytest.raises(StackError, match="16-bit"):
+        read_depth(os.path.join(sizes, "0.png"))
+
+
+def test_video_is_counted_by_decoding_and_read_repeatedly(tmp_path):
+    path = write_video(tmp_path / "v.avi", pictures(7))
+    stack = Stack(path)
+    assert len(stack) == 7 and stack.names is None
+    first, second = list(stack), list(stack)
+    assert len(first) == 7 and all(np.array_equal(a, b) for a, b in zip(first, second))
+
+
+def test_truncated_video_is_refused(tmp_path):
+    path = write_video(tmp_path / "v.avi", pictures(50))
+    cut(path)
+    with pytest.raises(StackError, match="truncated"):
+        Stack(path)
+    # The same with a header that does not give it away.
+    data = bytearray(open(path, "rb").read())
+    data[4:8] = (len(data) - 8).to_bytes(4, "little")
+    open(path, "wb").write(data)
+    with pytest.raises(StackError, match="of 50 frames|not a readable|no readable"):
+        Stack(path)
+
+
+def test_focus_of_a_folder_goes_by_name(tmp_path):
+    folder = write_stack(tmp_path / "stack", ["0.png", "1.png", "2.png"])
+    focus = focus_file(tmp_path, "frames: [{file: 2.png, focus_mm: .inf}, {file: 0.png, focus_mm: 855.0}]")
+    distances = Stack(folder, focus).distances
+    assert distances[0] == 0.855 and math.isnan(distances[1]) and distances[2] == math.inf
+
+
+def test_focus_of_a_video_goes_in_frame_order(tmp_path):
+    video = write_video(tmp_path / "v.avi", pictures(4))
+    focus = focus_file(tmp_path, "frames:\n- {focus_mm: 1000}\n- {focus_mm: null}\n- {focus_mm: .nan}\n")
+    distances = Stack(video, focus).distances
+    assert distances[0] == 1.0 and all(math.isnan(d) for d in distances[1:])
+
+
+@pytest.mark.parametrize("text, complaint", [
+    ("frames: [{file: 9.png, focus_mm: 1}]", "9.png"), ("frames: 3", "expected frames"), ("[", "not valid YAML"),
+    ("frames: [{file: 0.png, focus_mm: -1}]", "positive"), ("frames: [{file: 0.png, focus_mm: near}]", "positive"),
+    ("frames: [{file: 0.png, focus_mm: yes}]", "positive"), ("frames: [7]", "entry 0"),
+    ("frames: [{file: 0.png, focus_mm: 1}, {file: 0.png, focus_mm: 2}]", "twice"), ("", "expected frames")])
+def test_bad_focus_files_are_refused(tmp_path, text, complaint):
+    folder = write_stack(tmp_path / "stack", ["0.png"])
+    with pytest.raises(StackError, match=complaint) as error:
+        Stack(folder, focus_file(tmp_path, text))
+    assert "focus.yaml" in str(error.value) and "\n" not in str(error.value)
+    with pytest.raises(StackError, match="No such file"):
+        Stack(folder, str(tmp_path / "none.yaml"))
+
+
+def test_focus_of_a_video_with_too_many_entries(tmp_path):
+    video = write_video(tmp_path / "v.avi", pictures(1))
+    with pytest.raises(StackError, match="2 entries for 1 frames"):
+        Stack(video, focus_file(tmp_path, "frames: [{focus_mm: 1}, {focus_mm: 2}]"))

@@ -1,0 +1,175 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "bracket_assembler.hpp"
+
+#include <gtest/gtest.h>
+#include <std_msgs/Header.h>
+
+#include <boost/make_shared.hpp>
+#include <string>
+
+#include "stamp_pairing.hpp"
+
+using namespace all_in_focus;
+
+namespace {
+
+FrameInfo focus(std::uint32_t id, std::uint32_t index, std::uint32_t count = 0, bool last = false) {
+  FrameInfo frame;
+  frame.has_focus = true;
+  frame.bracket_id = id;
+  frame.index = index;
+  frame.count = count;
+  frame.last = last;
+  return frame;
+}
+
+FrameInfo at(double stamp_s) {
+  FrameInfo frame;
+  frame.stamp_s = stamp_s;
+  return frame;
+}
+
+// What becomes of a frame, as letters: ) closes the bracket before, ( begins, a digit is the index, x refused, ] closes after.
+std::string feed(BracketAssembler& assembler, const FrameInfo& frame) {
+  std::string story;
+  if (assembler.endsBefore(frame)) {
+    story += ')';
+    assembler.close();
+  }
+  const BracketAssembler::Step step = assembler.add(frame);
+  if (step.begin) story += '(';
+  story += step.use ? std::to_string(step.index) : "x";
+  EXPECT_EQ(step.use, step.reason.empty());
+  if (step.last) {
+    story += ']';
+    assembler.close();
+  }
+  return story;
+}
+
+TEST(BracketAssembler, BracketByFocusFrame) {
+  BracketAssembler a;
+  EXPECT_EQ(feed(a, focus(7, 0, 3)), "(0");
+  EXPECT_EQ(a.length(), 3);
+  EXPECT_EQ(feed(a, focus(7, 1, 3)), "1");
+  EXPECT_EQ(feed(a, focus(7, 2, 3)), "2]");
+  EXPECT_EQ(a.bracketId(), 7u);
+  EXPECT_EQ(a.missing(), 0);
+  EXPECT_EQ(feed(a, focus(7, 2, 3)), "x");  // late
+}
+
+TEST(BracketAssembler, LastEndsAnOpenBracket) {
+  BracketAssembler a;
+  EXPECT_EQ(feed(a, focus(1, 0)), "(0");
+  EXPECT_EQ(feed(a, focus(1, 1, 0, true)), "1]");
+}
+
+TEST(BracketAssembler, ANewIdClosesTheOneBeforeAndMissingFramesAreCounted) {
+  BracketAssembler a;
+  feed(a, focus(1, 0, 5));
+  EXPECT_EQ(feed(a, focus(1, 3, 5)), "3");
+  EXPECT_EQ(a.missing(), 2);
+  EXPECT_TRUE(a.endsBefore(focus(2, 1, 5)));
+  a.close();
+  EXPECT_EQ(a.missing(), 3);  // the last one too
+  EXPECT_EQ(feed(a, focus(2, 1, 5)), "(1");  // its first frame was lost
+  EXPECT_EQ(a.missing(), 1);
+}
+
+TEST(BracketAssembler, WhoStartsInMidBracketGetsTheNextOne) {
+  BracketAssembler a;
+  EXPECT_EQ(feed(a, focus(4, 2, 5)), "x");
+  EXPECT_EQ(feed(a, focus(4, 3, 5)), "x");
+  EXPECT_EQ(feed(a, focus(5, 0, 5)), "(0");
+  a.restart();
+  EXPECT_EQ(feed(a, focus(5, 1, 5)), "x");
+}
+
+TEST(BracketAssembler, TheSameIdFromTheBeginningIsANewBracket) {
+  BracketAssembler a;
+  feed(a, focus(0, 0));
+  feed(a, focus(0, 1));
+  EXPECT_EQ(feed(a, focus(0, 0)), ")(0");
+  EXPECT_EQ(feed(a, focus(0, 0)), ")(0");
+}
+
+TEST(BracketAssembler, FramesThatComeTwiceAreRefused) {
+  BracketAssembler a;
+  feed(a, focus(0, 0));
+  feed(a, focus(0, 1));
+  EXPECT_EQ(feed(a, focus(0, 1)), "x");
+  EXPECT_EQ(feed(a, focus(0, 70000)), "x");
+  EXPECT_EQ(feed(a, focus(0, 2)), "2");
+}
+
+TEST(BracketAssembler, BracketBySize) {
+  BracketAssembler a({2, 0});
+  EXPECT_EQ(feed(a, at(0)), "(0");
+  EXPECT_EQ(feed(a, at(100)), "1]");
+  EXPECT_EQ(feed(a, at(101)), "(0");
+  EXPECT_EQ(a.bracketId(), 1u);
+}
+
+TEST(BracketAssembler, BracketByGap) {
+  BracketAssembler a({0, 1.0});
+  EXPECT_EQ(feed(a, at(0)), "(0");
+  EXPECT_EQ(feed(a, at(0.9)), "1");
+  EXPECT_FALSE(a.gapElapsed(1.8));
+  EXPECT_TRUE(a.gapElapsed(2.0));
+  EXPECT_EQ(feed(a, at(2.5)), ")(0");
+}
+
+TEST(BracketAssembler, FocusMessagesThatAppearBeginABracket) {
+  BracketAssembler a;
+  feed(a, at(0));
+  EXPECT_EQ(feed(a, focus(3, 0)), ")(0");
+  EXPECT_FALSE(a.gapElapsed(1000));  // a focus bracket takes its time
+}
+
+struct A { std_msgs::Header header; };
+struct B { std_msgs::Header header; };
+using PtrA = boost::shared_ptr<A>;
+using PtrB = boost::shared_ptr<B>;
+
+template <typename T>
+boost::shared_ptr<T> stamped(double stamp) {
+  auto message = boost::make_shared<T>();
+  message->header.stamp = ros::Time(stamp);
+  return message;
+}
+
+TEST(StampPairing, PairsEqualStampsAndTellsWhatIsLeftOver) {
+  StampPairing<PtrA, PtrB> pairing(10);
+  StampPairing<PtrA, PtrB>::Pair pair;
+  std::vector<StampPairing<PtrA, PtrB>::Pair> unmatched;
+  EXPECT_FALSE(pairing.add(stamped<A>(1), pair, unmatched));
+  EXPECT_FALSE(pairing.add(stamped<A>(2), pair, unmatched));
+  EXPECT_TRUE(pairing.add(stamped<B>(2), pair, unmatched));
+  EXPECT_EQ(pair.first->header.stamp, ros::Time(2));
+  ASSERT_EQ(unmatched.size(), 1u);
+  EXPECT_EQ(unmatched[0].first->header.stamp, ros::Time(1));
+}
+
+TEST(StampPairing, SurvivesTimeThatJumpsBack) {
+  StampPairing<PtrA, PtrB> pairing(3);
+  StampPairing<PtrA, PtrB>::Pair pair;
+  std::vector<StampPairing<PtrA, PtrB>::Pair> unmatched;
+  for (int i = 100; i < 103; ++i) pairing.add(stamped<A>(i), pair, unmatched);
+  pairing.forgetAfter(ros::Time(10));
+  EXPECT_FALSE(pairing.add(stamped<B>(10), pair, unmatched));
+  pairing.forgetAfter(ros::Time(10));  // the other topic tells of the same jump
+  EXPECT_TRUE(pairing.add(stamped<A>(10), pair, unmatched));
+  EXPECT_TRUE(unmatched.empty());
+}
+
+TEST(StampPairing, KeepsNoMoreThanItsLimit) {
+  StampPairing<PtrA, PtrB> pairing(2);
+  StampPairing<PtrA, PtrB>::Pair pair;
+  std::vector<StampPairing<PtrA, PtrB>::Pair> unmatched;
+  for (int i = 1; i <= 5; ++i) pairing.add(stamped<A>(i), pair, unmatched);
+  EXPECT_EQ(unmatched.size(), 3u);
+}
+
+}  // namespace

@@ -1,0 +1,93 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "all_in_focus/hole_filling.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <stdexcept>
+
+using namespace all_in_focus::core;
+
+namespace {
+
+double flow(double d) { return std::exp(-(d / 25) * (d / 25)) * d; }
+
+TEST(Dilation, TakesTheLargestOfNine) {
+  cv::Mat depth = cv::Mat::zeros(5, 5, CV_16UC1), dilated;
+  depth.at<std::uint16_t>(2, 2) = 1000;
+  depth.at<std::uint16_t>(0, 0) = 3000;
+  dilateDepth(depth, dilated);
+  EXPECT_EQ(dilated.at<std::uint16_t>(1, 1), 3000);
+  EXPECT_EQ(dilated.at<std::uint16_t>(3, 3), 1000);
+  EXPECT_EQ(dilated.at<std::uint16_t>(4, 4), 0);
+}
+
+TEST(DiffusionFilling, FollowsEquation7) {
+  cv::Mat depth = (cv::Mat_<std::uint16_t>(4, 3) << 0, 1010, 0, 980, 1000, 1030, 0, 990, 0, 5, 0, 0);
+  DiffusionFilling().fill(depth);
+  const double expected = 1000 + 0.25 * (flow(10) + flow(-10) + flow(-20) + flow(30));
+  EXPECT_EQ(depth.at<std::uint16_t>(3, 1), std::lround(expected));
+}
+
+TEST(DiffusionFilling, NoGradientBeyondTheSides) {
+  cv::Mat depth = (cv::Mat_<std::uint16_t>(4, 2) << 1000, 1000, 1000, 1000, 1000, 1000, 0, 0);
+  DiffusionFilling().fill(depth);
+  EXPECT_EQ(depth.at<std::uint16_t>(3, 0), 1000);
+  EXPECT_EQ(depth.at<std::uint16_t>(3, 1), 1000);
+}
+
+TEST(DiffusionFilling, FirstThreeRowsStay) {
+  cv::Mat depth = cv::Mat::zeros(6, 4, CV_16UC1);
+  depth.row(0) = 1200;
+  DiffusionFilling().fill(depth);
+  EXPECT_EQ(cv::countNonZero(depth.rowRange(1, 3)), 0);
+}
+
+TEST(DiffusionFilling, FilledValuesServeTheRowsBelow) {
+  cv::Mat depth = cv::Mat::zeros(20, 4, CV_16UC1);
+  depth.rowRange(0, 3) = 1500;
+  DiffusionFilling().fill(depth);
+  EXPECT_EQ(cv::countNonZero(depth == 1500), 80);
+}
+
+TEST(DiffusionFilling, HoleUnderAHoleStaysAndMeasuredDepthIsUntouched) {
+  cv::Mat depth = cv::Mat::zeros(6, 3, CV_16UC1);
+  depth.at<std::uint16_t>(5, 1) = 777;
+  DiffusionFilling().fill(depth);
+  EXPECT_EQ(cv::countNonZero(depth), 1);
+  EXPECT_EQ(depth.at<std::uint16_t>(5, 1), 777);
+}
+
+TEST(DiffusionFilling, AnySizeIsSafe) {
+  for (int rows = 1; rows < 6; ++rows) {
+    for (int cols = 1; cols < 4; ++cols) {
+      cv::Mat depth = cv::Mat::zeros(rows, cols, CV_16UC1);
+      EXPECT_NO_THROW(DiffusionFilling().fill(depth));
+    }
+  }
+}
+
+TEST(FarSideFilling, TakesTheFartherSide) {
+  cv::Mat depth = (cv::Mat_<std::uint16_t>(2, 6) << 900, 0, 0, 2500, 2500, 2500, 2500, 0, 900, 900, 900, 900);
+  FarSideFilling().fill(depth);
+  EXPECT_EQ(depth.at<std::uint16_t>(0, 1), 2500);
+  EXPECT_EQ(depth.at<std::uint16_t>(0, 2), 2500);
+  EXPECT_EQ(depth.at<std::uint16_t>(1, 1), 2500);
+}
+
+TEST(FarSideFilling, LeavesWhatTheSensorCouldNotSee) {
+  cv::Mat depth = (cv::Mat_<std::uint16_t>(2, 5) << 0, 0, 1000, 0, 0, 0, 0, 0, 0, 0);
+  FarSideFilling().fill(depth);
+  EXPECT_EQ(cv::countNonZero(depth), 1);
+}
+
+TEST(HoleFilling, RefusesOtherTypes) {
+  cv::Mat depth(4, 4, CV_32FC1), out, none;
+  EXPECT_THROW(dilateDepth(depth, out), std::invalid_argument);
+  EXPECT_THROW(DiffusionFilling().fill(depth), std::invalid_argument);
+  EXPECT_THROW(FarSideFilling().fill(none), std::invalid_argument);
+}
+
+}  // namespace
