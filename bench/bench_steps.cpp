@@ -5,8 +5,8 @@
 //
 //   bench_steps [--benchmark_filter=...] [RIG_FOLDER DEPTH.png]
 //
-// With a rig folder and a depth map of your own, or on a built scene: a slanted panel before a wall, quantised and with
-// holes as a Kinect has them.
+// With a rig folder and a depth map of your own, or on a built scene: a slanted panel before a wall,
+// quantised and with holes as a Kinect has them.
 
 #include <benchmark/benchmark.h>
 
@@ -42,7 +42,8 @@ Sample builtSample() {
       const double z = (panel ? 850.0 + 1.6 * (u - 200) : 2800.0 + 0.5 * u) + random.gaussian(1.0);
       const double disparity = std::round(8 * 580.0 * 75.0 / z) / 8;
       const bool hole = (u > 180 && u <= 200 && v > 200) || random.uniform(0, 100) < 2;
-      sample.depth.at<std::uint16_t>(v, u) = hole ? 0 : cv::saturate_cast<std::uint16_t>(580.0 * 75.0 / disparity);
+      sample.depth.at<std::uint16_t>(v, u) =
+          hole ? 0 : cv::saturate_cast<std::uint16_t>(580.0 * 75.0 / disparity);
     }
   }
   return sample;

@@ -17,18 +17,20 @@ struct FusionResult {
   std::vector<RegionChoice> regions;  ///< by label; empty when fused by sharpness alone
 };
 
-/// All-in-focus image of one bracket, frame by frame. Memory does not grow with the number of frames: of each frame only
-/// what won is kept. Not thread-safe; buffers are reused from bracket to bracket.
+/// All-in-focus image of one bracket, frame by frame. Memory does not grow with the number of frames: of each
+/// frame only what won is kept. Not thread-safe; buffers are reused from bracket to bracket.
 ///
-/// With labels one frame wins a region (RegionFusion, mode paper); without, one frame wins a pixel (SharpnessFusion).
+/// With labels one frame wins a region (RegionFusion, mode paper); without, one frame wins a pixel
+/// (SharpnessFusion).
 class BracketFusion {
  public:
-  /// Starts a bracket. labels: CV_32SC1, >= 0, any size (scaled to the frames by nearest neighbour), shared, not
-  /// copied; empty: no depth, fuse by sharpness alone. Throws std::invalid_argument on another type or a negative label.
+  /// Starts a bracket. labels: CV_32SC1, >= 0, any size (scaled to the frames by nearest neighbour), shared,
+  /// not copied; empty: no depth, fuse by sharpness alone. Throws std::invalid_argument on another type or a
+  /// negative label.
   void begin(const cv::Mat& labels);
 
-  /// frame: CV_8UC3, not empty, of the size of the bracket's first (else std::invalid_argument, and the bracket is as
-  /// before). index: 0..65534, names the frame in the result.
+  /// frame: CV_8UC3, not empty, of the size of the bracket's first (else std::invalid_argument, and the
+  /// bracket is as before). index: 0..65534, names the frame in the result.
   void add(const cv::Mat& frame, int index);
 
   /// Frames added since begin().

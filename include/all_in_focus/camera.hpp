@@ -9,9 +9,9 @@ namespace all_in_focus::core {
 
 /// Pinhole camera with the distortion of ROS' plumb_bob and rational_polynomial models.
 struct Camera {
-  cv::Size size;            ///< pixels
-  double fx = 0, fy = 0;    ///< pixels
-  double cx = 0, cy = 0;    ///< principal point, pixels; pixel centres are integers
+  cv::Size size;                       ///< pixels
+  double fx = 0, fy = 0;               ///< pixels
+  double cx = 0, cy = 0;               ///< principal point, pixels; pixel centres are integers
   std::array<double, 8> distortion{};  ///< k1 k2 p1 p2 k3 k4 k5 k6, 0 = none
 
   bool distorted() const;
@@ -22,7 +22,8 @@ struct Camera {
   cv::Point2d undistort(const cv::Point2d& distorted) const;
 };
 
-/// Throws std::invalid_argument that names camera and value unless size, fx and fy are positive and all is finite.
+/// Throws std::invalid_argument that names camera and value unless size, fx and fy are positive and all is
+/// finite.
 void validate(const Camera& camera, const char* name);
 
 /// x_to = R x_from + t, t in mm.
@@ -30,8 +31,10 @@ struct RigidTransform {
   cv::Matx33d rotation = cv::Matx33d::eye();
   cv::Vec3d translation_mm;
 
-  /// From a quaternion (normalised here; throws std::invalid_argument if it is zero or not finite) and metres.
-  static RigidTransform fromQuaternion(double x, double y, double z, double w, const cv::Vec3d& translation_m);
+  /// From a quaternion (normalised here; throws std::invalid_argument if it is zero or not finite) and
+  /// metres.
+  static RigidTransform fromQuaternion(double x, double y, double z, double w,
+                                       const cv::Vec3d& translation_m);
 };
 
 /// Depth and colour camera, rigidly mounted. Optical frames: X right, Y down, Z forward.

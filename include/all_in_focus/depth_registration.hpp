@@ -16,8 +16,8 @@ enum class Splat {
   kFootprint,  ///< every pixel under it: dense at any colour resolution and camera roll
 };
 
-/// Depth seen from the colour camera (equations 1 to 3), with z-buffer: of several depths on one pixel the nearest
-/// stays. Points outside the image or behind the camera are dropped.
+/// Depth seen from the colour camera (equations 1 to 3), with z-buffer: of several depths on one pixel the
+/// nearest stays. Points outside the image or behind the camera are dropped.
 ///
 /// Rays, pose and intrinsics are folded into three numbers per depth pixel at construction; a call then costs
 /// one multiply-add per coordinate. Not thread-safe: row buffers are reused between calls.
@@ -27,7 +27,8 @@ class DepthRegistration {
   explicit DepthRegistration(const Rig& rig, Splat splat = Splat::kFootprint);
 
   /// depth: CV_16UC1 mm, 0 = unknown, size of the rig's depth camera (else std::invalid_argument).
-  /// registered: CV_16UC1 mm, distance Z' along the colour camera's axis, 0 = unknown, size of the colour camera.
+  /// registered: CV_16UC1 mm, distance Z' along the colour camera's axis, 0 = unknown, size of the colour
+  /// camera.
   void compute(const cv::Mat& depth, cv::Mat& registered);
 
   const Rig& rig() const { return rig_; }
@@ -42,7 +43,7 @@ class DepthRegistration {
   bool fold_intrinsics_ = false;  ///< rays and translation are in colour pixels already
   cv::Mat1f ray_[3];              ///< per depth pixel: what one mm of depth adds to X', Y', Z'
   cv::Vec3f translation_;
-  struct Row {                    ///< one projected row
+  struct Row {  ///< one projected row
     void resize(int width) { u.resize(width), v.resize(width), w.resize(width), pixel.resize(width); }
     std::vector<float> u, v, w;
     std::vector<std::int32_t> pixel;

@@ -12,20 +12,20 @@ namespace all_in_focus::core {
 
 /// One region of a label image. Depths in mm, over all its pixels.
 struct Segment {
-  int label = 0;     ///< 1.. from near to far by median depth (equal medians: by first pixel)
-  int area = 0;      ///< pixels
+  int label = 0;  ///< 1.. from near to far by median depth (equal medians: by first pixel)
+  int area = 0;   ///< pixels
   int min_mm = 0;
   int max_mm = 0;
-  int median_mm = 0; ///< lower median
-  bool fits = false; ///< the DoF rule holds
+  int median_mm = 0;  ///< lower median
+  bool fits = false;  ///< the DoF rule holds
 };
 
 struct SegmentationConfig {
   Optics optics;
   DofSpan span = DofSpan::kPaper;
-  int min_region_size = 10;    ///< pixels; smaller regions are merged into a neighbour...
-  bool merge_against_rule = false;  ///< ...whatever the rule says (as printed). Otherwise they stay: the rule has
-                                    ///< refused every neighbour already, and regions only grow.
+  int min_region_size = 10;         ///< pixels; smaller regions are merged into a neighbour...
+  bool merge_against_rule = false;  ///< ...whatever the rule says (as printed). Otherwise they stay: the rule
+                                    ///< has refused every neighbour already, and regions only grow.
 };
 
 struct Segmentation {
@@ -34,9 +34,9 @@ struct Segmentation {
   int unknown_area = 0;
 };
 
-/// Felzenszwalb and Huttenlocher's graph of 8 neighbours, weight |depth difference|, merged in ascending order, with the
-/// DoF rule in place of their criterion (section 2.2). Equal weights are merged in raster order of the first pixel, then E, SW, S, SE.
-/// Unknown depth (0) takes no part.
+/// Felzenszwalb and Huttenlocher's graph of 8 neighbours, weight |depth difference|, merged in ascending
+/// order, with the DoF rule in place of their criterion (section 2.2). Equal weights are merged in raster
+/// order of the first pixel, then E, SW, S, SE. Unknown depth (0) takes no part.
 ///
 /// Buffers are reused between calls; not thread-safe.
 class DofSegmentation {
@@ -44,7 +44,8 @@ class DofSegmentation {
   /// Throws std::invalid_argument on impossible optics or a negative size.
   explicit DofSegmentation(const SegmentationConfig& config = {});
 
-  /// depth: CV_16UC1 mm, 0 = unknown, not empty, every depth beyond the focal length (else std::invalid_argument).
+  /// depth: CV_16UC1 mm, 0 = unknown, not empty, every depth beyond the focal length (else
+  /// std::invalid_argument).
   void compute(const cv::Mat& depth, Segmentation& result);
 
   const SegmentationConfig& config() const { return config_; }

@@ -9,12 +9,12 @@
 
 namespace all_in_focus::core {
 
-/// Label image for people: hue from near (red) to far (blue) by label rank, neighbours told apart by brightness, 0 black.
-/// labels: CV_32SC1, values 0..count; picture: CV_8UC3, BGR.
+/// Label image for people: hue from near (red) to far (blue) by label rank, neighbours told apart by
+/// brightness, 0 black. labels: CV_32SC1, values 0..count; picture: CV_8UC3, BGR.
 void drawLabels(const cv::Mat& labels, int count, cv::Mat& picture);
 
-/// Which frame won where: hue by frame index (red first, violet last), brightness by confidence, kNoFrame black.
-/// source_index: CV_16UC1; confidence: CV_8UC1; frames: length of the bracket; picture: CV_8UC3, BGR.
+/// Which frame won where: hue by frame index (red first, violet last), brightness by confidence, kNoFrame
+/// black. source_index: CV_16UC1; confidence: CV_8UC1; frames: length of the bracket; picture: CV_8UC3, BGR.
 void drawWeights(const cv::Mat& source_index, const cv::Mat& confidence, int frames, cv::Mat& picture);
 
 }  // namespace all_in_focus::core

@@ -17,8 +17,8 @@ struct DiffusionFilling {
   double conduction_mm = 25;  ///< K of equation 6
   int hole_below_mm = 10;     ///< every smaller depth is a hole
 
-  /// depth: CV_16UC1 mm. The first three rows have nothing above them and stay as they are; beyond the first and the
-  /// last column there is no gradient; a hole under a hole stays one.
+  /// depth: CV_16UC1 mm. The first three rows have nothing above them and stay as they are; beyond the first
+  /// and the last column there is no gradient; a hole under a hole stays one.
   void fill(cv::Mat& depth) const;
 };
 

@@ -14,7 +14,9 @@ struct Optics {
 };
 
 bool operator==(const Optics& a, const Optics& b);
-inline bool operator!=(const Optics& a, const Optics& b) { return !(a == b); }
+inline bool operator!=(const Optics& a, const Optics& b) {
+  return !(a == b);
+}
 
 /// Throws std::invalid_argument that names the member unless all three are finite and positive.
 void validate(const Optics& optics);
@@ -35,8 +37,9 @@ double maxDof(const Optics& optics, double min_mm, double max_mm);
 /// Thin lens: distance of the image plane behind a lens focused at s > f, mm. s may be infinite.
 double imageDistance(const Optics& optics, double focus_mm);
 
-/// Thin lens: diameter of the blur circle on the sensor, mm, of a point at `depth_mm` when the lens is focused
-/// at `focus_mm`: f^2 / F * |depth - focus| / (depth (focus - f)). Both may be infinite; both must exceed f.
+/// Thin lens: diameter of the blur circle on the sensor, mm, of a point at `depth_mm` when the lens is
+/// focused at `focus_mm`: f^2 / F * |depth - focus| / (depth (focus - f)). Both may be infinite; both must
+/// exceed f.
 double blurCircle(const Optics& optics, double depth_mm, double focus_mm);
 
 /// Focus distance in the dioptric middle of a depth range, mm: keeps both ends equally sharp.

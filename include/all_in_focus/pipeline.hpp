@@ -22,8 +22,8 @@ class DepthPreprocessing {
  public:
   DepthPreprocessing(const Rig& rig, Mode mode);
 
-  /// depth: CV_16UC1 mm, 0 = unknown. registered: as measured, of the colour camera's size; filled: its holes filled.
-  /// Both CV_16UC1 mm, 0 = unknown, and written in place where size and type fit.
+  /// depth: CV_16UC1 mm, 0 = unknown. registered: as measured, of the colour camera's size; filled: its holes
+  /// filled. Both CV_16UC1 mm, 0 = unknown, and written in place where size and type fit.
   void compute(const cv::Mat& depth, cv::Mat& registered, cv::Mat& filled);
 
   const Rig& rig() const { return registration_.rig(); }
@@ -37,9 +37,10 @@ class DepthPreprocessing {
 SegmentationConfig segmentationConfig(Mode mode, const Optics& optics, DofSpan span = DofSpan::kPaper,
                                       int min_region_size = SegmentationConfig().min_region_size);
 
-/// One bracket and what is known about its scene: depth with its rig, or registered depth, or labels, or nothing.
+/// One bracket and what is known about its scene: depth with its rig, or registered depth, or labels, or
+/// nothing.
 struct PipelineInput {
-  cv::Mat depth;             ///< CV_16UC1 mm, seen from the depth camera; needs the rig
+  cv::Mat depth;  ///< CV_16UC1 mm, seen from the depth camera; needs the rig
   Rig rig;
   cv::Mat registered_depth;  ///< CV_16UC1 mm, seen from the colour camera, used as it is
   cv::Mat labels;            ///< CV_32SC1, any distinct values >= 0
@@ -56,8 +57,8 @@ struct PipelineResult {
   double depth_ms = 0, segmentation_ms = 0, fusion_ms = 0;  ///< fusion_ms: all frames, without reading them
 };
 
-/// The whole method, from a depth map and a focus bracket to the all-in-focus image. Throws std::invalid_argument on bad
-/// input, also when the bracket is empty.
+/// The whole method, from a depth map and a focus bracket to the all-in-focus image. Throws
+/// std::invalid_argument on bad input, also when the bracket is empty.
 PipelineResult runPipeline(const PipelineInput& input, Mode mode);
 
 }  // namespace all_in_focus::core

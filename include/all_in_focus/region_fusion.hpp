@@ -20,8 +20,8 @@ struct RegionChoice {
   double margin = 0;  ///< 1 - runner-up / score: 0 = a draw, 1 = no rival
 };
 
-/// The paper's fusion (section 2.3): in every region the frame with the greatest normalised variance wins, its pixels are
-/// copied. The first of equal frames wins. Label 0, if there, is one region more.
+/// The paper's fusion (section 2.3): in every region the frame with the greatest normalised variance wins,
+/// its pixels are copied. The first of equal frames wins. Label 0, if there, is one region more.
 ///
 /// One pass over a frame sums all regions at once, however many there are.
 class RegionFusion {

@@ -8,7 +8,8 @@
 
 namespace all_in_focus::core {
 
-/// Fusion without depth: at every pixel the frame with the greatest modified Laplacian wins. The first of equal frames wins.
+/// Fusion without depth: at every pixel the frame with the greatest modified Laplacian wins. The first of
+/// equal frames wins.
 class SharpnessFusion {
  public:
   void begin(const cv::Size& size);

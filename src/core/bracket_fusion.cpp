@@ -10,12 +10,15 @@
 namespace all_in_focus::core {
 namespace {
 
-std::string text(const cv::Size& size) { return std::to_string(size.width) + "x" + std::to_string(size.height); }
+std::string text(const cv::Size& size) {
+  return std::to_string(size.width) + "x" + std::to_string(size.height);
+}
 
 }  // namespace
 
 void BracketFusion::begin(const cv::Mat& labels) {
-  if (!labels.empty() && labels.type() != CV_32SC1) throw std::invalid_argument("fusion: labels must be CV_32SC1");
+  if (!labels.empty() && labels.type() != CV_32SC1)
+    throw std::invalid_argument("fusion: labels must be CV_32SC1");
   if (!labels.empty() && !cv::checkRange(labels, true, nullptr, 0, 2147483648.0)) {
     throw std::invalid_argument("fusion: labels must not be negative");
   }
@@ -53,7 +56,8 @@ void BracketFusion::add(const cv::Mat& frame, int index) {
 
 FusionResult BracketFusion::result() const {
   if (frames_ == 0) throw std::logic_error("fusion: no frame yet");
-  if (!by_region_) return {sharpness_.image().clone(), sharpness_.sourceIndex().clone(), sharpness_.confidence(), {}};
+  if (!by_region_)
+    return {sharpness_.image().clone(), sharpness_.sourceIndex().clone(), sharpness_.confidence(), {}};
   return {regions_.image().clone(), regions_.sourceIndex(), regions_.confidence(), regions_.choices()};
 }
 

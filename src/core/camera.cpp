@@ -55,13 +55,15 @@ void validate(const Camera& camera, const char* name) {
   }
 }
 
-RigidTransform RigidTransform::fromQuaternion(double x, double y, double z, double w, const cv::Vec3d& translation_m) {
+RigidTransform RigidTransform::fromQuaternion(double x, double y, double z, double w,
+                                              const cv::Vec3d& translation_m) {
   const double norm = std::sqrt(x * x + y * y + z * z + w * w);
   if (!(std::isfinite(norm) && norm > 1e-6)) {
     throw std::invalid_argument("pose of the depth camera: the rotation quaternion is zero or not finite");
   }
   for (const double t : translation_m.val) {
-    if (!std::isfinite(t)) throw std::invalid_argument("pose of the depth camera: the translation is not finite");
+    if (!std::isfinite(t))
+      throw std::invalid_argument("pose of the depth camera: the translation is not finite");
   }
   x /= norm, y /= norm, z /= norm, w /= norm;
   RigidTransform pose;
@@ -78,8 +80,7 @@ bool operator==(const Camera& a, const Camera& b) {
 }
 
 bool operator==(const Rig& a, const Rig& b) {
-  return a.depth == b.depth && a.color == b.color &&
-         a.depth_to_color.rotation == b.depth_to_color.rotation &&
+  return a.depth == b.depth && a.color == b.color && a.depth_to_color.rotation == b.depth_to_color.rotation &&
          a.depth_to_color.translation_mm == b.depth_to_color.translation_mm;
 }
 

@@ -13,7 +13,8 @@
 namespace all_in_focus::core {
 namespace {
 
-// A footprint reaches this far beyond half a depth pixel: neighbours at slightly other depths are moved apart by parallax.
+// A footprint reaches this far beyond half a depth pixel: neighbours at slightly other depths are moved apart
+// by parallax.
 constexpr float kFootprintHalf = 0.5f + 0.1f;
 
 // The nearest depth stays. 0 (nothing yet) wraps around to the farthest.
@@ -35,7 +36,8 @@ DepthRegistration::DepthRegistration(const Rig& rig, Splat splat) : rig_(rig), s
   const Camera& out = rig.color;
   // With an undistorted colour camera its intrinsics belong to the fold too (equation 3).
   fold_intrinsics_ = !out.distorted();
-  const cv::Matx33d K = fold_intrinsics_ ? cv::Matx33d(out.fx, 0, out.cx, 0, out.fy, out.cy, 0, 0, 1) : cv::Matx33d::eye();
+  const cv::Matx33d K =
+      fold_intrinsics_ ? cv::Matx33d(out.fx, 0, out.cx, 0, out.fy, out.cy, 0, 0, 1) : cv::Matx33d::eye();
   const cv::Matx33d KR = K * rig.depth_to_color.rotation;
   const cv::Vec3d Kt = K * rig.depth_to_color.translation_mm;
   translation_ = cv::Vec3f(Kt);
@@ -44,8 +46,9 @@ DepthRegistration::DepthRegistration(const Rig& rig, Splat splat) : rig_(rig), s
   for (cv::Mat1f& component : ray_) component.create(in.size.height + 1, in.size.width + 1);
   for (int v = 0; v <= in.size.height; ++v) {
     for (int u = 0; u <= in.size.width; ++u) {
-      const cv::Point2d ideal = in.undistort({(u - in.cx) / in.fx, (v - in.cy) / in.fy});  // equation 1, Z = 1
-      const cv::Vec3d r = KR * cv::Vec3d(ideal.x, ideal.y, 1.0);                            // equation 2
+      const cv::Point2d ideal =
+          in.undistort({(u - in.cx) / in.fx, (v - in.cy) / in.fy});  // equation 1, Z = 1
+      const cv::Vec3d r = KR * cv::Vec3d(ideal.x, ideal.y, 1.0);     // equation 2
       for (int i = 0; i < 3; ++i) ray_[i](v, u) = static_cast<float>(r[i]);
     }
   }
@@ -55,8 +58,9 @@ DepthRegistration::DepthRegistration(const Rig& rig, Splat splat) : rig_(rig), s
 void DepthRegistration::compute(const cv::Mat& depth, cv::Mat& registered) {
   if (depth.type() != CV_16UC1) throw std::invalid_argument("registration: depth must be CV_16UC1 mm");
   if (depth.size() != rig_.depth.size) {
-    throw std::invalid_argument("registration: depth is " + std::to_string(depth.cols) + "x" + std::to_string(depth.rows) +
-                                ", but the depth camera is calibrated for " + std::to_string(rig_.depth.size.width) + "x" +
+    throw std::invalid_argument("registration: depth is " + std::to_string(depth.cols) + "x" +
+                                std::to_string(depth.rows) + ", but the depth camera is calibrated for " +
+                                std::to_string(rig_.depth.size.width) + "x" +
                                 std::to_string(rig_.depth.size.height));
   }
   registered.create(rig_.color.size, CV_16UC1);
@@ -114,8 +118,8 @@ void DepthRegistration::splatPoints(cv::Mat& registered) {
   }
 }
 
-// A depth pixel at one depth is a parallelogram in the colour image, spanned by the derivatives of its position after
-// u and v: d(nu / w) = (d nu - u' dw) / w.
+// A depth pixel at one depth is a parallelogram in the colour image, spanned by the derivatives of its
+// position after u and v: d(nu / w) = (d nu - u' dw) / w.
 void DepthRegistration::splatFootprints(int v, cv::Mat& registered) {
   const int cols = registered.cols, rows = registered.rows, width = rig_.depth.size.width;
   const float* row[3] = {ray_[0][v], ray_[1][v], ray_[2][v]};
@@ -133,7 +137,8 @@ void DepthRegistration::splatFootprints(int v, cv::Mat& registered) {
     const float x = (pu - x0) / fx, y = (pv - y0) / fy;
     const auto side = [&](const float* const* to, int j) {
       const float dw = to[2][j] - row[2][i];
-      return cv::Point2f(fx * scale * (to[0][j] - row[0][i] - x * dw), fy * scale * (to[1][j] - row[1][i] - y * dw));
+      return cv::Point2f(fx * scale * (to[0][j] - row[0][i] - x * dw),
+                         fy * scale * (to[1][j] - row[1][i] - y * dw));
     };
     const cv::Point2f e1 = side(row, i + 1), e2 = side(below, i);
     const float area = e1.x * e2.y - e1.y * e2.x;
@@ -151,7 +156,8 @@ void DepthRegistration::splatFootprints(int v, cv::Mat& registered) {
       for (int x_pixel = u_begin; x_pixel <= u_end; ++x_pixel) {
         const float dx = x_pixel - pu, dy = y_pixel - pv;
         const float along1 = (dx * e2.y - dy * e2.x) * to_a, along2 = (dy * e1.x - dx * e1.y) * to_a;
-        if (std::abs(along1) <= kFootprintHalf && std::abs(along2) <= kFootprintHalf) keepNearest(out[x_pixel], depth);
+        if (std::abs(along1) <= kFootprintHalf && std::abs(along2) <= kFootprintHalf)
+          keepNearest(out[x_pixel], depth);
       }
     }
   }

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-// The graph is built over runs, not pixels: pixels of equal depth beside each other in a row are merged by the edges of
-// weight 0, which come first and always fit the rule. On real Kinect depth a quarter of the nodes and a fifth of the
-// edges are left. Of the edges between the same two runs only the first in order counts: it is merged or refused, and
-// a refused edge stays refused because components only grow.
+// The graph is built over runs, not pixels: pixels of equal depth beside each other in a row are merged by
+// the edges of weight 0, which come first and always fit the rule. On real Kinect depth a quarter of the
+// nodes and a fifth of the edges are left. Of the edges between the same two runs only the first in order
+// counts: it is merged or refused, and a refused edge stays refused because components only grow.
 
 #include "all_in_focus/dof_segmentation.hpp"
 
@@ -16,10 +16,12 @@
 
 namespace all_in_focus::core {
 
-DofSegmentation::DofSegmentation(const SegmentationConfig& config) : config_(config), rule_(config.optics, config.span) {
+DofSegmentation::DofSegmentation(const SegmentationConfig& config)
+    : config_(config), rule_(config.optics, config.span) {
   validate(config.optics);
   if (config.min_region_size < 0) {
-    throw std::invalid_argument("segmentation: min_region_size is negative: " + std::to_string(config.min_region_size));
+    throw std::invalid_argument("segmentation: min_region_size is negative: " +
+                                std::to_string(config.min_region_size));
   }
 }
 
@@ -60,10 +62,12 @@ void DofSegmentation::findRuns(const cv::Mat& depth) {
 
 // Nothing at or before the focal length is ever sharp: such optics, or such depths, are a mistake.
 void DofSegmentation::requireBeyondFocalLength() const {
-  const auto nearest = std::min_element(runs_.begin(), runs_.end(), [](const Run& a, const Run& b) { return a.depth < b.depth; });
+  const auto nearest = std::min_element(runs_.begin(), runs_.end(),
+                                        [](const Run& a, const Run& b) { return a.depth < b.depth; });
   if (nearest != runs_.end() && nearest->depth <= config_.optics.focal_length_mm) {
-    throw std::invalid_argument("segmentation: the focal length " + std::to_string(config_.optics.focal_length_mm) +
-                                " mm is not smaller than the nearest depth, " + std::to_string(nearest->depth) + " mm");
+    throw std::invalid_argument(
+        "segmentation: the focal length " + std::to_string(config_.optics.focal_length_mm) +
+        " mm is not smaller than the nearest depth, " + std::to_string(nearest->depth) + " mm");
   }
 }
 
@@ -109,7 +113,8 @@ void DofSegmentation::sortEdges() {
 }
 
 int DofSegmentation::find(int run) {
-  while (components_[run].parent != run) run = components_[run].parent = components_[components_[run].parent].parent;
+  while (components_[run].parent != run)
+    run = components_[run].parent = components_[components_[run].parent].parent;
   return run;
 }
 
@@ -126,12 +131,14 @@ void DofSegmentation::merge(int a, int b) {
 void DofSegmentation::mergeIfFits(const Edge& edge) {
   const int a = find(edge.a), b = find(edge.b);
   if (a == b) return;
-  if (rule_.fits(std::min(components_[a].min, components_[b].min), std::max(components_[a].max, components_[b].max))) {
+  if (rule_.fits(std::min(components_[a].min, components_[b].min),
+                 std::max(components_[a].max, components_[b].max))) {
     merge(a, b);
   }
 }
 
-// As printed: along the same edge order, whatever the rule says. Only edges at regions that are small now can matter.
+// As printed: along the same edge order, whatever the rule says. Only edges at regions that are small now can
+// matter.
 void DofSegmentation::mergeSmallRegions() {
   const auto small = [this](int root) { return components_[root].area < config_.min_region_size; };
   findEdges(/*within_rule_only=*/false, [&](int a, int b) {
@@ -145,7 +152,8 @@ void DofSegmentation::mergeSmallRegions() {
   }
 }
 
-// Label image and statistics. Medians of all regions in one pass: runs in ascending depth, counted up per region.
+// Label image and statistics. Medians of all regions in one pass: runs in ascending depth, counted up per
+// region.
 void DofSegmentation::describe(const cv::Size& size, Segmentation& result) {
   const int runs = static_cast<int>(runs_.size());
   depth_begin_.assign(65537, 0);
@@ -175,8 +183,8 @@ void DofSegmentation::describe(const cv::Size& size, Segmentation& result) {
     const Component& component = components_[roots_[i].root];
     const int label = static_cast<int>(i) + 1;
     label_of_root_[roots_[i].root] = label;
-    result.segments[i] = {label,         component.area,   component.min, component.max, roots_[i].median,
-                          rule_.fits(component.min, component.max)};
+    result.segments[i] = {label,         component.area,   component.min,
+                          component.max, roots_[i].median, rule_.fits(component.min, component.max)};
     known += component.area;
   }
   result.unknown_area = size.area() - known;

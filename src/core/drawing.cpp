@@ -20,7 +20,8 @@ std::vector<cv::Vec3b> hues(int count, double span, bool alternate) {
   for (int i = 0; i < hsv.cols; ++i) {
     const double hue = count > 1 ? span * i / (count - 1) : 0;
     const int value = alternate && i % 2 == 1 ? 180 : 255;
-    hsv.at<cv::Vec3b>(0, i) = cv::Vec3b(cv::saturate_cast<std::uint8_t>(hue), 220, cv::saturate_cast<std::uint8_t>(value));
+    hsv.at<cv::Vec3b>(0, i) =
+        cv::Vec3b(cv::saturate_cast<std::uint8_t>(hue), 220, cv::saturate_cast<std::uint8_t>(value));
   }
   cv::cvtColor(hsv, bgr, cv::COLOR_HSV2BGR);
   return {bgr.begin<cv::Vec3b>(), bgr.end<cv::Vec3b>()};
@@ -42,7 +43,8 @@ void drawLabels(const cv::Mat& labels, int count, cv::Mat& picture) {
 }
 
 void drawWeights(const cv::Mat& source_index, const cv::Mat& confidence, int frames, cv::Mat& picture) {
-  if (source_index.type() != CV_16UC1 || confidence.type() != CV_8UC1 || source_index.size() != confidence.size()) {
+  if (source_index.type() != CV_16UC1 || confidence.type() != CV_8UC1 ||
+      source_index.size() != confidence.size()) {
     throw std::invalid_argument("drawing: source index must be CV_16UC1 and confidence CV_8UC1, of one size");
   }
   const std::vector<cv::Vec3b> colors = hues(frames, 150, false);  // red to violet

@@ -41,7 +41,8 @@ void DiffusionFilling::fill(cv::Mat& depth) const {
   };
   for (int i = 3; i < depth.rows; ++i) {
     std::uint16_t* const row = depth.ptr<std::uint16_t>(i);
-    const std::uint16_t* const above = depth.ptr<std::uint16_t>(i - 2);  // I(i-2, .) takes the place of I(i, .)
+    const std::uint16_t* const above =
+        depth.ptr<std::uint16_t>(i - 2);  // I(i-2, .) takes the place of I(i, .)
     const std::uint16_t* const north = depth.ptr<std::uint16_t>(i - 3);
     const std::uint16_t* const south = depth.ptr<std::uint16_t>(i - 1);
     for (int j = 0; j < depth.cols; ++j) {

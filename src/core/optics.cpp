@@ -62,13 +62,15 @@ double imageDistance(const Optics& optics, double focus_mm) {
 }
 
 double blurCircle(const Optics& optics, double depth_mm, double focus_mm) {
-  // Lens diameter f / F times the distance between image point and sensor, over the image point's distance; written in
-  // dioptres so that infinity needs no case.
+  // Lens diameter f / F times the distance between image point and sensor, over the image point's distance;
+  // written in dioptres so that infinity needs no case.
   const double f = optics.focal_length_mm;
   const double lens_diameter_mm = f / optics.aperture;
   return lens_diameter_mm * imageDistance(optics, focus_mm) * std::abs(1.0 / depth_mm - 1.0 / focus_mm);
 }
 
-double dioptricMiddle(double min_mm, double max_mm) { return 2.0 / (1.0 / min_mm + 1.0 / max_mm); }
+double dioptricMiddle(double min_mm, double max_mm) {
+  return 2.0 / (1.0 / min_mm + 1.0 / max_mm);
+}
 
 }  // namespace all_in_focus::core

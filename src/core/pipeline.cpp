@@ -57,13 +57,15 @@ PipelineResult runPipeline(const PipelineInput& input, Mode mode) {
 
   // 2. Regions that each fit inside one depth of field (equations 9 and 10).
   if (!result.filled.empty()) {
-    DofSegmentation(segmentationConfig(mode, input.optics, input.span)).compute(result.filled, result.segmentation);
+    DofSegmentation(segmentationConfig(mode, input.optics, input.span))
+        .compute(result.filled, result.segmentation);
   } else {
     result.segmentation.labels = input.labels;
   }
   result.segmentation_ms = watch.lap();
 
-  // 3. Every region from the frame in which it is sharpest (normalised variance; equation 11 with W = 0 or 1).
+  // 3. Every region from the frame in which it is sharpest (normalised variance; equation 11 with W = 0 or
+  // 1).
   BracketFusion fusion;
   fusion.begin(result.segmentation.labels);
   for (cv::Mat frame; input.next_frame(frame); ++result.frames) {

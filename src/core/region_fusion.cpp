@@ -32,8 +32,10 @@ void addRun(const std::uint8_t* gray, int length, GraySums& sums) {
 void RegionFusion::begin(const cv::Mat& labels) {
   double smallest = 0, greatest = 0;
   cv::minMaxLoc(labels, &smallest, &greatest);
-  if (smallest < 0) throw std::invalid_argument("fusion: negative label " + std::to_string(static_cast<int>(smallest)));
-  if (labels.cols > kMaxRun) throw std::invalid_argument("fusion: images wider than 65536 pixels are not supported");
+  if (smallest < 0)
+    throw std::invalid_argument("fusion: negative label " + std::to_string(static_cast<int>(smallest)));
+  if (labels.cols > kMaxRun)
+    throw std::invalid_argument("fusion: images wider than 65536 pixels are not supported");
   size_ = labels.size();
   image_.create(size_, CV_8UC3);
   image_.setTo(cv::Scalar::all(0));
@@ -118,12 +120,14 @@ cv::Mat RegionFusion::paint(int type, Value value) const {
 }
 
 cv::Mat RegionFusion::sourceIndex() const {
-  return paint<std::uint16_t>(CV_16UC1, [](const Region& region) { return static_cast<std::uint16_t>(region.frame); });
+  return paint<std::uint16_t>(CV_16UC1,
+                              [](const Region& region) { return static_cast<std::uint16_t>(region.frame); });
 }
 
 cv::Mat RegionFusion::confidence() const {
-  return paint<std::uint8_t>(CV_8UC1,
-                             [this](const Region& region) { return static_cast<std::uint8_t>(255 * margin(region) + 0.5); });
+  return paint<std::uint8_t>(CV_8UC1, [this](const Region& region) {
+    return static_cast<std::uint8_t>(255 * margin(region) + 0.5);
+  });
 }
 
 std::vector<RegionChoice> RegionFusion::choices() const {

@@ -3,6 +3,9 @@
 
 #include "bracket_assembler.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 namespace all_in_focus {
 namespace {
 
@@ -20,7 +23,7 @@ bool BracketAssembler::endsBefore(const FrameInfo& frame) const {
   if (frame.has_focus != by_focus_) return true;
   // The same number from the beginning again is another bracket: a looping bag, a restarted driver.
   if (frame.has_focus) return frame.bracket_id != id_ || frame.index == 0;
-  return config_.gap_s > 0 && frame.stamp_s - last_stamp_s_ > config_.gap_s;
+  return config_.gap_s > 0 && std::abs(frame.stamp_s - last_stamp_s_) > config_.gap_s;
 }
 
 bool BracketAssembler::refuses(const FrameInfo& frame, std::string& reason) const {
@@ -60,7 +63,7 @@ BracketAssembler::Step BracketAssembler::add(const FrameInfo& frame) {
   open_ = true;
   by_focus_ = frame.has_focus;
   fresh_ = skipping_ = false;
-  count_ = frame.has_focus ? frame.count : static_cast<std::uint32_t>(config_.size);
+  count_ = frame.has_focus ? std::min(frame.count, kMaxFrames) : static_cast<std::uint32_t>(config_.size);
   missing_ += static_cast<int>(index - next_);
   next_ = index + 1;
   last_stamp_s_ = frame.stamp_s;

@@ -9,6 +9,7 @@
 #include <sensor_msgs/image_encodings.h>
 #include <std_srvs/Trigger.h>
 
+#include <algorithm>
 #include <boost/bind/bind.hpp>
 #include <cmath>
 #include <memory>
@@ -49,7 +50,8 @@ class FusionNodelet : public nodelet::Nodelet {
   void connect();
   void subscribe();
   void unsubscribe();
-  void arrived(int input, const ros::Time& stamp);
+  void framesArrived(int input, const ros::Time& stamp);
+  void labelsArrived(int input, const ros::Time& stamp);
 
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFocus(const FocusFrameConstPtr& focus);
@@ -91,8 +93,8 @@ void FusionNodelet::onInit() {
   transport_ = std::make_unique<image_transport::ImageTransport>(getNodeHandle());
   ros::NodeHandle& private_nh = getPrivateNodeHandle();
   queue_size_ = std::max(1, private_nh.param("queue_size", queue_size_));
-  worker_ =
-      std::make_unique<FusionWorker>(*monitor_, [this](const FusedBracket& bracket) { outputs_.publish(bracket); });
+  worker_ = std::make_unique<FusionWorker>(
+      *monitor_, [this](const FusedBracket& bracket) { outputs_.publish(bracket); });
   reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(private_nh);
   reconfigure_server_->setCallback(boost::bind(&FusionNodelet::reconfigure, this, boost::placeholders::_1));
   finish_server_ = getMTPrivateNodeHandle().advertiseService("finish", &FusionNodelet::finish, this);
@@ -177,20 +179,33 @@ void FusionNodelet::unsubscribe() {
                              &info_subscriber_, &focus_subscriber_}) {
     s->shutdown();
   }
+  frame_pairing_.clear();
+  label_pairing_.clear();
+  focus_seen_ = false;
   worker_->stopListening();
   monitor_->setSubscribed(false);
 }
 
-// Callers have not used the message yet: what it brings is of the new time.
-void FusionNodelet::arrived(int input, const ros::Time& stamp) {
+// Time jumps back for each input on its own, when its first message of the new time comes; what other inputs
+// brought by then may be new already. So each forgets only what it feeds, and only frames end the open
+// bracket. The message itself may still have been under way when /clock jumped.
+
+void FusionNodelet::framesArrived(int input, const ros::Time& stamp) {
   if (!monitor_->inputArrived(input, stamp)) return;
-  frame_pairing_.forgetAfter(stamp);
-  label_pairing_.forgetAfter(stamp);
-  worker_->timeWentBack(stamp);
+  const ros::Time now = std::min(stamp, ros::Time::now());
+  frame_pairing_.forgetAfter(now);
+  worker_->framesWentBack(now);
+}
+
+void FusionNodelet::labelsArrived(int input, const ros::Time& stamp) {
+  if (!monitor_->inputArrived(input, stamp)) return;
+  const ros::Time now = std::min(stamp, ros::Time::now());
+  label_pairing_.forgetAfter(now);
+  worker_->labelsWentBack(now);
 }
 
 void FusionNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
-  arrived(image_input_, image->header.stamp);
+  framesArrived(image_input_, image->header.stamp);
   worker_->expectLabels(labels_subscriber_.getNumPublishers() > 0);
   // Once rgb/focus is there, it says what a bracket is.
   if (focus_seen_ || focus_subscriber_.getNumPublishers() > 0) {
@@ -201,28 +216,29 @@ void FusionNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void FusionNodelet::onFocus(const FocusFrameConstPtr& focus) {
-  arrived(focus_input_, focus->header.stamp);
+  framesArrived(focus_input_, focus->header.stamp);
   focus_seen_ = true;
   pairFrame(focus);
 }
 
 void FusionNodelet::onLabels(const sensor_msgs::ImageConstPtr& labels) {
-  arrived(labels_input_, labels->header.stamp);
+  labelsArrived(labels_input_, labels->header.stamp);
   pairLabels(labels);
 }
 
 void FusionNodelet::onSegments(const SegmentArrayConstPtr& segments) {
-  arrived(segments_input_, segments->header.stamp);
+  labelsArrived(segments_input_, segments->header.stamp);
   pairLabels(segments);
 }
 
 void FusionNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  arrived(depth_input_, depth->header.stamp);
+  const ros::Time& stamp = depth->header.stamp;
+  if (monitor_->inputArrived(depth_input_, stamp)) worker_->depthWentBack(std::min(stamp, ros::Time::now()));
   worker_->addDepth(depth);
 }
 
 void FusionNodelet::onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
-  arrived(info_input_, info->header.stamp);
+  monitor_->inputArrived(info_input_, info->header.stamp);
   outputs_.setCameraInfo(info);
 }
 

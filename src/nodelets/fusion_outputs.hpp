@@ -15,11 +15,12 @@
 
 namespace all_in_focus {
 
-/// What the fusion publishes, all of one result with one header and latched. publish() and setCameraInfo() may be called from
-/// different threads.
+/// What the fusion publishes, all of one result with one header and latched. publish() and setCameraInfo()
+/// may be called from different threads.
 class FusionOutputs {
  public:
-  /// connect is called whenever a subscriber comes or goes, maybe before this returns: hold the mutex it takes.
+  /// connect is called whenever a subscriber comes or goes, maybe before this returns: hold the mutex it
+  /// takes.
   void advertise(ros::NodeHandle& nh, image_transport::ImageTransport& transport, NodeMonitor& monitor,
                  const std::function<void()>& connect);
   /// Somebody listens.
@@ -28,14 +29,20 @@ class FusionOutputs {
   void publish(const FusedBracket& bracket);
 
  private:
-  template <typename Publisher>
-  void publishImage(const Publisher& publisher, const std_msgs::Header& header, const std::string& encoding, const cv::Mat& image);
-  void publishDepth(const std_msgs::Header& header, const sensor_msgs::ImageConstPtr& depth, const cv::Size& size);
+  /// image_transport's own latch forgets what is published while nobody listens to that topic.
+  struct LatchedImage {
+    image_transport::Publisher publisher;
+    sensor_msgs::ImageConstPtr last;
+  };
+
+  void publish(LatchedImage& output, const sensor_msgs::ImageConstPtr& message);
+  void publishDepth(const std_msgs::Header& header, const sensor_msgs::ImageConstPtr& depth,
+                    const cv::Size& size);
 
   NodeMonitor* monitor_ = nullptr;
-  image_transport::Publisher image_, weights_, depth_;
+  LatchedImage image_, weights_, depth_;
   ros::Publisher source_index_, info_, report_;
-  std::mutex mutex_;  // guards camera_info_
+  std::mutex mutex_;  // guards camera_info_ and what is latched
   sensor_msgs::CameraInfoConstPtr camera_info_;
 };
 

@@ -13,7 +13,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kIdlePeriod(50);  // how often a gap in time is looked for
 constexpr std::chrono::seconds kFinishPatience(60);
-constexpr std::size_t kMaxNotes = 20;   // of one report
+constexpr double kClockTolerance = 1;   // s that a label's stamp may be ahead of the clock
 constexpr std::size_t kMaxCached = 64;  // label and depth images: two seconds of a Kinect
 
 double millisecondsSince(Clock::time_point start) {
@@ -100,16 +100,26 @@ void FusionWorker::expectLabels(bool expected) {
   labels_expected_ = expected;
 }
 
-void FusionWorker::timeWentBack(const ros::Time& now) {
+void FusionWorker::framesWentBack(const ros::Time& now) {
+  labelsWentBack(now);
+  depthWentBack(now);
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    labels_.erase(labels_.upper_bound(now), labels_.end());
-    depths_.erase(depths_.upper_bound(now), depths_.end());
     Job job;
     job.restart = true;
     jobs_.push_back(job);
   }
   wake_.notify_all();
+}
+
+void FusionWorker::labelsWentBack(const ros::Time& now) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  labels_.erase(labels_.upper_bound(now), labels_.end());
+}
+
+void FusionWorker::depthWentBack(const ros::Time& now) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  depths_.erase(depths_.upper_bound(now), depths_.end());
 }
 
 void FusionWorker::stopListening() {
@@ -157,7 +167,7 @@ void FusionWorker::run() {
     try {
       if (has_job) {
         handle(job);
-      } else if (ros::Time::isValid() && assembler_.gapElapsed(ros::Time::now().toSec())) {
+      } else if (ros::Time::isValid() && assembler_.gapElapsed(ros::Time::now().toSec() - stamp_age_s_)) {
         closeBracket();
       }
     } catch (const std::exception& e) {
@@ -191,6 +201,7 @@ void FusionWorker::handleFrame(const BracketFrame& frame) {
   }
   if (step.begin) begin(frame);
   fuse(frame, step);
+  stamp_age_s_ = ros::Time::now().toSec() - info.stamp_s;
 }
 
 void FusionWorker::begin(const BracketFrame& frame) {
@@ -202,19 +213,22 @@ void FusionWorker::begin(const BracketFrame& frame) {
   const LabelSet set = awaitLabels(frame.image->header.stamp);
   const double waited_ms = millisecondsSince(start);
   const int reference = settings_.reference >= 0 ? settings_.reference : assembler_.length() / 2;
-  const std::string trouble = bracket_.begin(frame.image->header, assembler_.bracketId(), settings_.mode, reference, set);
+  const std::string trouble =
+      bracket_.begin(frame.image->header, assembler_.bracketId(), settings_.mode, reference, set);
   bracket_.setLabelWait(waited_ms);
   if (!trouble.empty()) monitor_.warn(trouble);
   depth_ = depthAt(set.labels ? set.labels->header.stamp : frame.image->header.stamp);
 }
 
-// The newest label image at or before the first frame: known for certain once one at or after it has come.
+// The newest label image at or before the first frame: known for certain once one at or after it has come,
+// unless that one is left from before /clock jumped back.
 LabelSet FusionWorker::awaitLabels(const ros::Time& first_frame) {
   const auto deadline = Clock::now() + std::chrono::duration<double>(settings_.label_timeout_s);
   std::unique_lock<std::mutex> lock(mutex_);
   wake_.wait_until(lock, deadline, [&] {
-    return stop_ || dropping_ || (labels_.empty() && !labels_expected_) ||
-           labels_.lower_bound(first_frame) != labels_.end();
+    const auto next = labels_.lower_bound(first_frame);
+    const ros::Time latest = std::max(first_frame, ros::Time::now()) + ros::Duration(kClockTolerance);
+    return stop_ || dropping_ || !labels_expected_ || (next != labels_.end() && next->first < latest);
   });
   auto newer = labels_.upper_bound(first_frame);
   if (newer == labels_.begin()) return {};
@@ -250,7 +264,8 @@ void FusionWorker::publish(bool complete) {
   if (report.frames_used == 0) warn("no frame could be used: nothing to publish");
   if (report.frames_used == 1 && complete) warn("only one frame: the result is that frame");
   if (report.frames_missing > 0) warn(std::to_string(report.frames_missing) + " frames never came");
-  if (!depth_ && report.has_labels) depth_ = depthAt(report.label_stamp);  // labels of another process may be faster
+  if (!depth_ && report.has_labels)
+    depth_ = depthAt(report.label_stamp);  // labels of another process may be faster
   bracket.depth = depth_;
   bracket.frames = std::max(assembler_.length(), assembler_.seen());
   if (complete) ++published_;

@@ -46,8 +46,11 @@ class FusionWorker {
   void addDepth(const sensor_msgs::ImageConstPtr& depth);
   void expectLabels(bool expected);  ///< false: nobody publishes labels, so do not wait for them
 
-  /// Time went back to `now`: ends the open bracket, forgets what is newer.
-  void timeWentBack(const ros::Time& now);
+  /// Time of the frames went back to `now`: ends the open bracket, forgets labels and depth that are newer.
+  void framesWentBack(const ros::Time& now);
+  void labelsWentBack(const ros::Time& now);
+  void depthWentBack(const ros::Time& now);
+
   /// Nobody listens any more: drops the open bracket and all that waits.
   void stopListening();
 
@@ -92,6 +95,7 @@ class FusionWorker {
   OpenBracket bracket_;
   sensor_msgs::ImageConstPtr depth_;  // that its labels were cut from
   int published_ = 0;
+  double stamp_age_s_ = 0;  // of its last frame when that was fused: stamps may be of another clock
 
   std::thread thread_;
 };

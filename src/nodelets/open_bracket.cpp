@@ -33,18 +33,21 @@ cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image) {
 
 }  // namespace
 
-std::string OpenBracket::begin(const std_msgs::Header& first_frame, std::uint32_t bracket_id, Mode mode, int wanted_reference,
-                               const LabelSet& set) {
+std::string OpenBracket::begin(const std_msgs::Header& first_frame, std::uint32_t bracket_id, Mode mode,
+                               int wanted_reference, const LabelSet& set) {
   report_ = FusionReport();
   report_.header = first_frame;
   report_.bracket_id = bracket_id;
   wanted_reference_ = wanted_reference;
   fusion_ms_ = label_wait_ms_ = 0;
-  if (mode == Mode::kRefined) note("refined fusion is not in this version: regions are fused as in mode paper");
+  if (mode == Mode::kRefined)
+    note("refined fusion is not in this version: regions are fused as in mode paper");
   std::string trouble;
-  if (!set.labels) trouble = "no label image in time for the bracket: fused by sharpness alone (is the segmenter running?)";
+  if (!set.labels)
+    trouble = "no label image in time for the bracket: fused by sharpness alone (is the segmenter running?)";
   try {
-    if (set.labels) fusion_.begin(cv_bridge::toCvShare(set.labels, sensor_msgs::image_encodings::TYPE_32SC1)->image);
+    if (set.labels)
+      fusion_.begin(cv_bridge::toCvShare(set.labels, sensor_msgs::image_encodings::TYPE_32SC1)->image);
   } catch (const std::exception& e) {
     trouble = std::string("label image refused, fused by sharpness alone: ") + e.what();
   }
@@ -80,7 +83,8 @@ std::string OpenBracket::add(const sensor_msgs::ImageConstPtr& image, int index)
 }
 
 bool OpenBracket::nearerToReference(int index) const {
-  return std::abs(index - wanted_reference_) < std::abs(static_cast<int>(report_.reference) - wanted_reference_);
+  return std::abs(index - wanted_reference_) <
+         std::abs(static_cast<int>(report_.reference) - wanted_reference_);
 }
 
 void OpenBracket::note(const std::string& text) {

@@ -36,10 +36,11 @@ struct FusedBracket {
 /// The bracket being fused: BracketFusion and the report that grows with it. For one thread.
 class OpenBracket {
  public:
-  /// set: empty = fuse by sharpness alone. wanted_reference: index of the frame whose stamp the result is to carry; when it
-  /// is lost, the nearest one stands in. Returns what is wrong with the labels (then sharpness decides), or "".
-  std::string begin(const std_msgs::Header& first_frame, std::uint32_t bracket_id, Mode mode, int wanted_reference,
-                    const LabelSet& set);
+  /// set: empty = fuse by sharpness alone. wanted_reference: index of the frame whose stamp the result is to
+  /// carry; when it is lost, the nearest one stands in. Returns what is wrong with the labels (then sharpness
+  /// decides), or "".
+  std::string begin(const std_msgs::Header& first_frame, std::uint32_t bracket_id, Mode mode,
+                    int wanted_reference, const LabelSet& set);
 
   /// Returns what is wrong with the frame, which is then left out, or "".
   std::string add(const sensor_msgs::ImageConstPtr& image, int index);

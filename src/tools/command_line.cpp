@@ -25,7 +25,8 @@ int runTool(int argc, char** argv, const char* purpose, const po::options_descri
     const auto style = po::command_line_style::default_style & ~po::command_line_style::allow_guessing;
     po::variables_map values;
     po::positional_options_description none;
-    po::store(po::command_line_parser(argc, argv).options(options).positional(none).style(style).run(), values);
+    po::store(po::command_line_parser(argc, argv).options(options).positional(none).style(style).run(),
+              values);
     if (values.count("help")) {
       std::cout << name << ": " << purpose << "\n\n" << options;
       return 0;

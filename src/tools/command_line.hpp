@@ -12,8 +12,10 @@ namespace all_in_focus {
 
 using namespace core;
 
-/// Parses the command line, runs the tool and turns errors into one line and exit code 2. --help prints `options`.
-int runTool(int argc, char** argv, const char* purpose, const boost::program_options::options_description& options,
+/// Parses the command line, runs the tool and turns errors into one line and exit code 2. --help prints
+/// `options`.
+int runTool(int argc, char** argv, const char* purpose,
+            const boost::program_options::options_description& options,
             const std::function<void(const boost::program_options::variables_map&)>& tool);
 
 /// Value of a string option, "" if not given.

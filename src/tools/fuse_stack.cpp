@@ -42,7 +42,8 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
   if (!depth.empty() + !registered.empty() + !labels.empty() > 1) {
     throw std::invalid_argument("give one of --depth, --registered-depth and --label-map");
   }
-  if (!depth.empty() && rig.empty()) throw std::invalid_argument("--depth needs --rig: the calibration that registers it");
+  if (!depth.empty() && rig.empty())
+    throw std::invalid_argument("--depth needs --rig: the calibration that registers it");
   if (!rig.empty()) input.rig = readRig(rig);
 
   const std::string optics = textOption(values, "optics");
@@ -52,7 +53,8 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
   } else if (!rig.empty()) {
     input.optics = readOptics(rig);
   } else if (segments) {
-    throw std::invalid_argument("--optics f,F,coc is needed: without a rig folder the depth of field is unknown");
+    throw std::invalid_argument(
+        "--optics f,F,coc is needed: without a rig folder the depth of field is unknown");
   }
   context.has_optics = !optics.empty() || !rig.empty();
   context.optics = input.optics;
@@ -67,7 +69,8 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
 void checkFocus(const std::string& path, const StackReader& stack, const Optics& optics) {
   for (const double focus : readFocus(path, stack.names())) {
     if (focus <= optics.focal_length_mm) {
-      throw std::invalid_argument(path + ": focus_mm " + std::to_string(focus) + " is not beyond the focal length " +
+      throw std::invalid_argument(path + ": focus_mm " + std::to_string(focus) +
+                                  " is not beyond the focal length " +
                                   std::to_string(optics.focal_length_mm) + " mm");
     }
   }
@@ -93,8 +96,8 @@ void fuseStack(const po::variables_map& values) {
   input.next_frame = [&](cv::Mat& frame) { return stack.next(frame); };
   const PipelineResult result = runPipeline(input, mode);
   if (reference >= result.frames) {
-    throw std::invalid_argument("--reference " + std::to_string(reference) + ": the stack holds frames 0 to " +
-                                std::to_string(result.frames - 1));
+    throw std::invalid_argument("--reference " + std::to_string(reference) +
+                                ": the stack holds frames 0 to " + std::to_string(result.frames - 1));
   }
   context.reference = reference == kAutoReference ? result.frames / 2 : reference;
   context.mode = result.segmentation.labels.empty() ? "sharpness" : "paper";
@@ -109,7 +112,8 @@ void fuseStack(const po::variables_map& values) {
   };
   save("save-registered", result.filled, "depth: give --depth or --registered-depth");
   const bool wants_labels = !textOption(values, "save-labels").empty();
-  save("save-labels", wants_labels && !result.segmentation.labels.empty() ? labels16(result.segmentation.labels) : cv::Mat(),
+  save("save-labels",
+       wants_labels && !result.segmentation.labels.empty() ? labels16(result.segmentation.labels) : cv::Mat(),
        "label image: give --depth, --registered-depth or --label-map");
   save("save-source-index", result.fusion.source_index, "source index");
   cv::Mat weights;
@@ -120,9 +124,9 @@ void fuseStack(const po::variables_map& values) {
 
   for (const std::string& note : context.notes) std::cerr << "fuse_stack: note: " << note << '\n';
   if (values.count("timings")) {
-    std::cout << "depth " << result.depth_ms << " ms, segmentation " << result.segmentation_ms << " ms, fusion "
-              << result.fusion_ms << " ms for " << result.frames << " frames (" << result.fusion_ms / result.frames
-              << " ms each)\n";
+    std::cout << "depth " << result.depth_ms << " ms, segmentation " << result.segmentation_ms
+              << " ms, fusion " << result.fusion_ms << " ms for " << result.frames << " frames ("
+              << result.fusion_ms / result.frames << " ms each)\n";
   }
 }
 
@@ -131,24 +135,26 @@ void fuseStack(const po::variables_map& values) {
 int main(int argc, char** argv) {
   po::options_description options("Options");
   const auto text = [] { return po::value<std::string>(); };
-  options.add_options()("help", "this text")                                                             //
-      ("stack", text()->required(), "focus bracket: folder of images (in name order) or video")          //
-      ("output", text()->required(), "all-in-focus image")                                               //
-      ("rig", text(), "rig folder: depth.yaml, color.yaml, extrinsics.yaml, optics.yaml")                //
-      ("depth", text(), "depth of the sensor, 16-bit PNG, mm, 0 = unknown; needs --rig")                 //
-      ("registered-depth", text(), "depth seen from the colour camera instead, 16-bit PNG, mm")          //
-      ("label-map", text(), "regions instead of depth: every distinct value is one")                     //
-      ("unknown-label", po::value<int>()->default_value(-1), "value of the label map that means unknown, -1 = none")  //
+  options.add_options()("help", "this text")                                                     //
+      ("stack", text()->required(), "focus bracket: folder of images (in name order) or video")  //
+      ("output", text()->required(), "all-in-focus image")                                       //
+      ("rig", text(), "rig folder: depth.yaml, color.yaml, extrinsics.yaml, optics.yaml")        //
+      ("depth", text(), "depth of the sensor, 16-bit PNG, mm, 0 = unknown; needs --rig")         //
+      ("registered-depth", text(), "depth seen from the colour camera instead, 16-bit PNG, mm")  //
+      ("label-map", text(), "regions instead of depth: every distinct value is one")             //
+      ("unknown-label", po::value<int>()->default_value(-1),
+       "value of the label map that means unknown, -1 = none")                                           //
       ("optics", text(), "f,F,coc in mm, as in 24,4,0.019 (default: optics.yaml of the rig folder)")     //
       ("dof-rule", text()->default_value("paper"), "dioptre span of a region: paper = 1/H, full = 2/H")  //
       ("focus", text(), "YAML: focus distance of each frame")                                            //
       ("mode", text()->default_value("refined"), "paper or refined")                                     //
-      ("reference", text()->default_value("auto"), "frame whose geometry and exposure the result keeps; auto: the middle one")  //
-      ("save-registered", text(), "depth seen from the colour camera, holes filled, 16-bit PNG, mm")     //
-      ("save-labels", text(), "label image, 16-bit PNG")                                                 //
-      ("save-source-index", text(), "frame that each pixel was taken from, 16-bit PNG, 65535 = none")    //
+      ("reference", text()->default_value("auto"),
+       "frame whose geometry and exposure the result keeps; auto: the middle one")                        //
+      ("save-registered", text(), "depth seen from the colour camera, holes filled, 16-bit PNG, mm")      //
+      ("save-labels", text(), "label image, 16-bit PNG")                                                  //
+      ("save-source-index", text(), "frame that each pixel was taken from, 16-bit PNG, 65535 = none")     //
       ("save-weights", text(), "picture of which frame won where: hue = frame, brightness = confidence")  //
-      ("report", text(), "JSON report")                                                                  //
+      ("report", text(), "JSON report")                                                                   //
       ("timings", "print how long each step took");
   return runTool(argc, argv, "all-in-focus image of a focus bracket, assisted by depth", options, fuseStack);
 }

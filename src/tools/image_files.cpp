@@ -16,7 +16,9 @@ namespace fs = std::filesystem;
 namespace all_in_focus {
 namespace {
 
-[[noreturn]] void fail(const std::string& path, const std::string& what) { throw std::invalid_argument(path + ": " + what); }
+[[noreturn]] void fail(const std::string& path, const std::string& what) {
+  throw std::invalid_argument(path + ": " + what);
+}
 
 cv::Mat decode(const std::string& path, int flags) {
   if (!fs::exists(path)) fail(path, "no such file");
@@ -26,7 +28,8 @@ cv::Mat decode(const std::string& path, int flags) {
   if (!file && !file.eof()) fail(path, "cannot be read");
   const std::string head(bytes.begin(), bytes.begin() + std::min<std::size_t>(bytes.size(), 8));
   const std::string tail(bytes.end() - std::min<std::size_t>(bytes.size(), 12), bytes.end());
-  if (head == "\x89PNG\r\n\x1a\n" && tail.find("IEND") == std::string::npos) fail(path, "PNG is cut short: copy it again");
+  if (head == "\x89PNG\r\n\x1a\n" && tail.find("IEND") == std::string::npos)
+    fail(path, "PNG is cut short: copy it again");
   if (head.compare(0, 2, "\xff\xd8") == 0) {
     const std::string end = "\xff\xd9";
     // Cameras append data of their own after the end mark: it must be there, not be last.
@@ -41,7 +44,9 @@ cv::Mat decode(const std::string& path, int flags) {
 
 }  // namespace
 
-cv::Mat readColor(const std::string& path) { return decode(path, cv::IMREAD_COLOR); }
+cv::Mat readColor(const std::string& path) {
+  return decode(path, cv::IMREAD_COLOR);
+}
 
 cv::Mat readDepth(const std::string& path) {
   const cv::Mat depth = decode(path, cv::IMREAD_UNCHANGED);
@@ -69,8 +74,9 @@ cv::Mat labels16(const cv::Mat& labels) {
   double greatest = 0;
   cv::minMaxLoc(labels, nullptr, &greatest);
   if (greatest > 65535) {
-    throw std::invalid_argument("labels: " + std::to_string(static_cast<int>(greatest)) +
-                                " regions do not fit a 16-bit PNG (65535 at most): smooth the depth or use wider optics");
+    throw std::invalid_argument(
+        "labels: " + std::to_string(static_cast<int>(greatest)) +
+        " regions do not fit a 16-bit PNG (65535 at most): smooth the depth or use wider optics");
   }
   cv::Mat out;
   labels.convertTo(out, CV_16U);

@@ -9,21 +9,23 @@
 
 namespace all_in_focus {
 
-/// Colour image, CV_8UC3 BGR. Throws std::invalid_argument that names the file when it is missing, no image, or cut short
-/// (OpenCV decodes the rest of a truncated PNG as black without a word).
+/// Colour image, CV_8UC3 BGR. Throws std::invalid_argument that names the file when it is missing, no image,
+/// or cut short (OpenCV decodes the rest of a truncated PNG as black without a word).
 cv::Mat readColor(const std::string& path);
 
-/// Depth map: 16-bit one-channel PNG, mm, 0 = unknown. Throws std::invalid_argument, also when no pixel is known.
+/// Depth map: 16-bit one-channel PNG, mm, 0 = unknown. Throws std::invalid_argument, also when no pixel is
+/// known.
 cv::Mat readDepth(const std::string& path);
 
-/// Label map: 8- or 16-bit one-channel image as CV_32SC1. With unknown >= 0 that value becomes label 0 and all others move
-/// out of its way; otherwise every distinct value is a region.
+/// Label map: 8- or 16-bit one-channel image as CV_32SC1. With unknown >= 0 that value becomes label 0 and
+/// all others move out of its way; otherwise every distinct value is a region.
 cv::Mat readLabelMap(const std::string& path, int unknown);
 
 /// Labels as a 16-bit PNG holds them. Throws std::invalid_argument above 65535.
 cv::Mat labels16(const cv::Mat& labels);
 
-/// Files that appear all together or not at all: each is written beside its place under another name, commit() moves them.
+/// Files that appear all together or not at all: each is written beside its place under another name,
+/// commit() moves them.
 class OutputFiles {
  public:
   ~OutputFiles();  ///< removes what was not committed

@@ -8,7 +8,7 @@
 namespace all_in_focus {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Json = nlohmann::json;
 
 constexpr int kReportVersion = 1;
 
@@ -39,8 +39,10 @@ Json tableJson(const Segmentation& segmentation, const Optics& optics) {
 std::string fusionReport(const PipelineResult& result, const ReportContext& context) {
   Json segments = Json::array();
   for (const RegionChoice& choice : result.fusion.regions) {
-    segments.push_back(
-        {{"label", choice.label}, {"frame", choice.frame}, {"score", choice.score}, {"margin", choice.margin}});
+    segments.push_back({{"label", choice.label},
+                        {"frame", choice.frame},
+                        {"score", choice.score},
+                        {"margin", choice.margin}});
   }
   const Json report = {{"version", kReportVersion},
                        {"bracket_id", 0},
@@ -63,7 +65,8 @@ std::string fusionReport(const PipelineResult& result, const ReportContext& cont
   return report.dump(2) + "\n";
 }
 
-std::string segmentationReport(const Segmentation& segmentation, const Optics& optics, const std::string& dof_rule) {
+std::string segmentationReport(const Segmentation& segmentation, const Optics& optics,
+                               const std::string& dof_rule) {
   const Json report = {{"version", kReportVersion},
                        {"optics", opticsJson(optics)},
                        {"dof_rule", dof_rule},

@@ -13,19 +13,20 @@ using namespace core;
 
 /// What a report needs beyond the pipeline's result.
 struct ReportContext {
-  std::string mode;                ///< what ran: paper or sharpness
+  std::string mode;  ///< what ran: paper or sharpness
   std::string dof_rule = "paper";
   int reference = 0;
-  bool has_optics = false;         ///< regions were cut for the optics
+  bool has_optics = false;  ///< regions were cut for the optics
   Optics optics;
   std::vector<std::string> notes;
 };
 
-/// report.json of one bracket: the field names of FusionReport.msg, the regions as `segment_table` with those of
-/// Segment.msg. Metres; null = infinite or unknown.
+/// report.json of one bracket: the field names of FusionReport.msg, the regions as `segment_table` with those
+/// of Segment.msg. Metres; null = infinite or unknown.
 std::string fusionReport(const PipelineResult& result, const ReportContext& context);
 
 /// Report of a segmentation alone: optics, dof_rule, unknown_area and `segment_table`.
-std::string segmentationReport(const Segmentation& segmentation, const Optics& optics, const std::string& dof_rule);
+std::string segmentationReport(const Segmentation& segmentation, const Optics& optics,
+                               const std::string& dof_rule);
 
 }  // namespace all_in_focus

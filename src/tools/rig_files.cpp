@@ -16,7 +16,9 @@
 namespace all_in_focus {
 namespace {
 
-[[noreturn]] void fail(const std::string& path, const std::string& what) { throw std::invalid_argument(path + ": " + what); }
+[[noreturn]] void fail(const std::string& path, const std::string& what) {
+  throw std::invalid_argument(path + ": " + what);
+}
 
 YAML::Node load(const std::string& path) {
   if (!std::filesystem::is_regular_file(path)) fail(path, "no such file");
@@ -39,7 +41,8 @@ T get(const YAML::Node& node, const std::string& key, const std::string& path) {
   }
 }
 
-std::vector<double> numbers(const YAML::Node& node, const std::string& key, std::size_t least, const std::string& path) {
+std::vector<double> numbers(const YAML::Node& node, const std::string& key, std::size_t least,
+                            const std::string& path) {
   const auto values = get<std::vector<double>>(node, key, path);
   if (values.size() < least) fail(path, "key '" + key + "' needs " + std::to_string(least) + " numbers");
   return values;
@@ -51,7 +54,8 @@ Camera readCamera(const std::string& path) {
   camera.size = {get<int>(node, "image_width", path), get<int>(node, "image_height", path)};
   const auto k = numbers(get<YAML::Node>(node, "camera_matrix", path), "data", 9, path);
   camera.fx = k[0], camera.cx = k[2], camera.fy = k[4], camera.cy = k[5];
-  const auto model = node["distortion_model"] ? get<std::string>(node, "distortion_model", path) : "plumb_bob";
+  const auto model =
+      node["distortion_model"] ? get<std::string>(node, "distortion_model", path) : "plumb_bob";
   if (model != "plumb_bob" && model != "rational_polynomial") {
     fail(path, "distortion_model '" + model + "' is not supported (plumb_bob or rational_polynomial)");
   }
@@ -120,7 +124,8 @@ std::vector<double> readFocus(const std::string& path, const std::vector<std::st
   std::map<std::string, double> by_name;
   for (const YAML::Node& frame : frames) {
     const double focus = get<double>(frame, "focus_mm", path);
-    if (!(focus > 0) && !std::isnan(focus)) fail(path, "focus_mm must be positive, not " + std::to_string(focus));
+    if (!(focus > 0) && !std::isnan(focus))
+      fail(path, "focus_mm must be positive, not " + std::to_string(focus));
     in_order.push_back(focus);
     if (!names.empty()) by_name[get<std::string>(frame, "file", path)] = focus;
   }

@@ -12,19 +12,21 @@ namespace all_in_focus {
 
 using namespace core;
 
-/// Rig of a folder: depth.yaml and color.yaml as camera_calibration writes them, extrinsics.yaml (pose of the depth camera in
-/// the colour camera's optical frame: translation in m, rotation as quaternion x, y, z, w).
+/// Rig of a folder: depth.yaml and color.yaml as camera_calibration writes them, extrinsics.yaml (pose of the
+/// depth camera in the colour camera's optical frame: translation in m, rotation as quaternion x, y, z, w).
 /// Throws std::invalid_argument that names file and key.
 Rig readRig(const std::string& folder);
 
-/// optics.yaml of the folder: focal_length_mm, aperture, circle_of_confusion_mm. Throws std::invalid_argument.
+/// optics.yaml of the folder: focal_length_mm, aperture, circle_of_confusion_mm. Throws
+/// std::invalid_argument.
 Optics readOptics(const std::string& folder);
 
 /// "f,F,coc" in mm. Throws std::invalid_argument.
 Optics parseOptics(const std::string& text);
 
-/// Focus distances: `frames: [{file: 00.png, focus_mm: 855.0}, ...]`, .inf allowed. For a stack folder by file name; for a video
-/// (names empty) in frame order. Frames that are not listed are NaN = unknown. Throws std::invalid_argument.
+/// Focus distances: `frames: [{file: 00.png, focus_mm: 855.0}, ...]`, .inf allowed. For a stack folder by
+/// file name; for a video (names empty) in frame order. Frames that are not listed are NaN = unknown. Throws
+/// std::invalid_argument.
 std::vector<double> readFocus(const std::string& path, const std::vector<std::string>& names);
 
 }  // namespace all_in_focus

@@ -35,12 +35,15 @@ int main(int argc, char** argv) {
   options.add_options()("help", "this text")                                                            //
       ("depth", po::value<std::string>()->required(), "registered depth, 16-bit PNG, mm, 0 = unknown")  //
       ("optics", po::value<std::string>()->required(), "f,F,coc in mm, as in 24,4,0.019")               //
-      ("output", po::value<std::string>()->required(), "label image, 16-bit PNG, 0 = unknown, 1.. near to far")  //
-      ("report", po::value<std::string>(), "JSON with the table of regions")                                     //
-      ("dof-rule", po::value<std::string>()->default_value("paper"), "dioptre span of a region: paper = 1/H, full = 2/H")  //
+      ("output", po::value<std::string>()->required(),
+       "label image, 16-bit PNG, 0 = unknown, 1.. near to far")               //
+      ("report", po::value<std::string>(), "JSON with the table of regions")  //
+      ("dof-rule", po::value<std::string>()->default_value("paper"),
+       "dioptre span of a region: paper = 1/H, full = 2/H")  //
       ("mode", po::value<std::string>()->default_value("refined"),
        "paper: small regions are merged whatever the rule says; refined: they stay")  //
       ("min-region-size", po::value<int>()->default_value(SegmentationConfig().min_region_size),
        "what is small, pixels (mode paper)");
-  return runTool(argc, argv, "regions of a depth map that each fit inside one depth of field", options, segmentDepth);
+  return runTool(argc, argv, "regions of a depth map that each fit inside one depth of field", options,
+                 segmentDepth);
 }

@@ -18,12 +18,16 @@ namespace fs = std::filesystem;
 namespace all_in_focus {
 namespace {
 
-[[noreturn]] void fail(const std::string& path, const std::string& what) { throw std::invalid_argument(path + ": " + what); }
+[[noreturn]] void fail(const std::string& path, const std::string& what) {
+  throw std::invalid_argument(path + ": " + what);
+}
 
 bool isImage(const fs::path& path) {
-  static const std::set<std::string> endings = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".webp"};
+  static const std::set<std::string> endings = {".png",  ".jpg", ".jpeg", ".tif",
+                                                ".tiff", ".bmp", ".ppm",  ".webp"};
   std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
   return path.filename().string()[0] != '.' && endings.count(ending) > 0;
 }
 
@@ -54,11 +58,13 @@ void requireWholeAvi(const std::string& path) {
 StackReader::StackReader(const std::string& path) : path_(path) {
   if (fs::is_directory(path)) {
     for (const auto& entry : fs::directory_iterator(path)) {
-      if (entry.is_regular_file() && isImage(entry.path())) names_.push_back(entry.path().filename().string());
+      if (entry.is_regular_file() && isImage(entry.path()))
+        names_.push_back(entry.path().filename().string());
     }
     if (names_.empty()) fail(path, "the folder holds no image");
     std::sort(names_.begin(), names_.end());
-    if (mixesNumberLengths(names_)) warning_ = path + ": numbers of different length, read in name order (10 before 2)";
+    if (mixesNumberLengths(names_))
+      warning_ = path + ": numbers of different length, read in name order (10 before 2)";
     return;
   }
   if (!fs::is_regular_file(path)) fail(path, "no such folder or video");
@@ -84,8 +90,8 @@ bool StackReader::next(cv::Mat& frame) {
   // One frame less than reported is usual.
   const double reported = video_.get(cv::CAP_PROP_FRAME_COUNT);
   if (reported - read_ > std::max(1.0, 0.01 * reported)) {
-    fail(path_, "video is cut short: " + std::to_string(read_) + " of " + std::to_string(static_cast<int>(reported)) +
-                    " frames can be read");
+    fail(path_, "video is cut short: " + std::to_string(read_) + " of " +
+                    std::to_string(static_cast<int>(reported)) + " frames can be read");
   }
   return false;
 }

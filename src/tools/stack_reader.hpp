@@ -9,8 +9,8 @@
 
 namespace all_in_focus {
 
-/// The frames of a focus bracket, one after the other: the images of a folder in name order, or a video. Videos are decoded in
-/// sequence: seeking lands on other frames, and the reported count is a guess.
+/// The frames of a focus bracket, one after the other: the images of a folder in name order, or a video.
+/// Videos are decoded in sequence: seeking lands on other frames, and the reported count is a guess.
 class StackReader {
  public:
   /// Throws std::invalid_argument when there is nothing to read.

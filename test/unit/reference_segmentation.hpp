@@ -33,7 +33,8 @@ inline Segmentation referenceSegmentation(const cv::Mat& depth, const Segmentati
       }
     }
   }
-  std::stable_sort(edges.begin(), edges.end(), [](const Edge& a, const Edge& b) { return a.weight < b.weight; });
+  std::stable_sort(edges.begin(), edges.end(),
+                   [](const Edge& a, const Edge& b) { return a.weight < b.weight; });
 
   std::vector<int> parent(pixels), area(pixels, 1), min(pixels), max(pixels);
   std::iota(parent.begin(), parent.end(), 0);

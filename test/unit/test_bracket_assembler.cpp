@@ -1,14 +1,13 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include "bracket_assembler.hpp"
-
 #include <gtest/gtest.h>
 #include <std_msgs/Header.h>
 
 #include <boost/make_shared.hpp>
 #include <string>
 
+#include "bracket_assembler.hpp"
 #include "stamp_pairing.hpp"
 
 using namespace all_in_focus;
@@ -31,7 +30,8 @@ FrameInfo at(double stamp_s) {
   return frame;
 }
 
-// What becomes of a frame, as letters: ) closes the bracket before, ( begins, a digit is the index, x refused, ] closes after.
+// What becomes of a frame, as letters: ) closes the bracket before, ( begins, a digit is the index, x
+// refused, ] closes after.
 std::string feed(BracketAssembler& assembler, const FrameInfo& frame) {
   std::string story;
   if (assembler.endsBefore(frame)) {
@@ -73,7 +73,7 @@ TEST(BracketAssembler, ANewIdClosesTheOneBeforeAndMissingFramesAreCounted) {
   EXPECT_EQ(a.missing(), 2);
   EXPECT_TRUE(a.endsBefore(focus(2, 1, 5)));
   a.close();
-  EXPECT_EQ(a.missing(), 3);  // the last one too
+  EXPECT_EQ(a.missing(), 3);                 // the last one too
   EXPECT_EQ(feed(a, focus(2, 1, 5)), "(1");  // its first frame was lost
   EXPECT_EQ(a.missing(), 1);
 }
@@ -128,8 +128,12 @@ TEST(BracketAssembler, FocusMessagesThatAppearBeginABracket) {
   EXPECT_FALSE(a.gapElapsed(1000));  // a focus bracket takes its time
 }
 
-struct A { std_msgs::Header header; };
-struct B { std_msgs::Header header; };
+struct A {
+  std_msgs::Header header;
+};
+struct B {
+  std_msgs::Header header;
+};
 using PtrA = boost::shared_ptr<A>;
 using PtrB = boost::shared_ptr<B>;
 

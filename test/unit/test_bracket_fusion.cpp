@@ -1,14 +1,13 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include "all_in_focus/bracket_fusion.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "all_in_focus/bracket_fusion.hpp"
 #include "all_in_focus/drawing.hpp"
 
 using namespace all_in_focus::core;
@@ -58,7 +57,8 @@ TEST(NormalizedVariance, IsTheSumOfThePaper) {
 TEST(NormalizedVariance, FlatEmptyAndBlackAreZero) {
   EXPECT_EQ(normalizedVariance({}), 0);
   EXPECT_EQ(normalizedVariance({7, 0, 0}), 0);
-  EXPECT_EQ(normalizedVariance({24000000, 24000000ull * 253, 24000000ull * 253 * 253}), 0);  // exactly, however many
+  EXPECT_EQ(normalizedVariance({24000000, 24000000ull * 253, 24000000ull * 253 * 253}),
+            0);  // exactly, however many
 }
 
 TEST(BracketFusion, EveryRegionFromItsSharpestFrame) {

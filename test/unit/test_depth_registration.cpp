@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include "all_in_focus/depth_registration.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <stdexcept>
+
+#include "all_in_focus/depth_registration.hpp"
 
 using namespace all_in_focus::core;
 
@@ -28,7 +28,9 @@ cv::Mat registered(const Rig& rig, const cv::Mat& depth, Splat splat) {
   return out;
 }
 
-cv::Mat constant(const cv::Size& size, int mm) { return cv::Mat(size, CV_16UC1, cv::Scalar(mm)); }
+cv::Mat constant(const cv::Size& size, int mm) {
+  return cv::Mat(size, CV_16UC1, cv::Scalar(mm));
+}
 
 // One pixel a depth, in double, straight from equations 1 to 3.
 cv::Mat reference(const Rig& rig, const cv::Mat& depth) {
@@ -37,8 +39,10 @@ cv::Mat reference(const Rig& rig, const cv::Mat& depth) {
     for (int u = 0; u < depth.cols; ++u) {
       const double z = depth.at<std::uint16_t>(v, u);
       if (z == 0) continue;
-      const cv::Point2d ray = rig.depth.undistort({(u - rig.depth.cx) / rig.depth.fx, (v - rig.depth.cy) / rig.depth.fy});
-      const cv::Vec3d p = rig.depth_to_color.rotation * cv::Vec3d(ray.x * z, ray.y * z, z) + rig.depth_to_color.translation_mm;
+      const cv::Point2d ray =
+          rig.depth.undistort({(u - rig.depth.cx) / rig.depth.fx, (v - rig.depth.cy) / rig.depth.fy});
+      const cv::Vec3d p = rig.depth_to_color.rotation * cv::Vec3d(ray.x * z, ray.y * z, z) +
+                          rig.depth_to_color.translation_mm;
       if (p[2] <= 0) continue;
       const cv::Point2d q = rig.color.distort({p[0] / p[2], p[1] / p[2]});
       const int x = static_cast<int>(std::floor(q.x * rig.color.fx + rig.color.cx + 0.5));
@@ -130,7 +134,8 @@ TEST(DepthRegistration, FootprintsAreDenseAtHigherColourResolution) {
   const cv::Mat out = registered(rig, constant(rig.depth.size, 1000), Splat::kFootprint);
   const cv::Mat inner = out(cv::Rect(24, 24, 208, 144));
   EXPECT_EQ(cv::countNonZero(inner), inner.rows * inner.cols);
-  EXPECT_EQ(cv::countNonZero(registered(rig, constant(rig.depth.size, 1000), Splat::kPoint)(cv::Rect(24, 24, 208, 144)) != 0),
+  EXPECT_EQ(cv::countNonZero(registered(rig, constant(rig.depth.size, 1000),
+                                        Splat::kPoint)(cv::Rect(24, 24, 208, 144)) != 0),
             inner.rows * inner.cols / 16);
 }
 

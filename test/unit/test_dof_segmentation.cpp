@@ -1,14 +1,13 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include "all_in_focus/dof_segmentation.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <functional>
 #include <stdexcept>
 
+#include "all_in_focus/dof_segmentation.hpp"
 #include "reference_segmentation.hpp"
 
 using namespace all_in_focus::core;
@@ -18,7 +17,8 @@ namespace {
 cv::Mat made(int rows, int cols, const std::function<int(int, int)>& value) {
   cv::Mat depth(rows, cols, CV_16UC1);
   for (int y = 0; y < rows; ++y) {
-    for (int x = 0; x < cols; ++x) depth.at<std::uint16_t>(y, x) = cv::saturate_cast<std::uint16_t>(value(y, x));
+    for (int x = 0; x < cols; ++x)
+      depth.at<std::uint16_t>(y, x) = cv::saturate_cast<std::uint16_t>(value(y, x));
   }
   return depth;
 }
@@ -60,7 +60,9 @@ TEST(DofSegmentation, LabelsAreThoseOfTheDefinition) {
   expectAsDefined(made(40, 60, [&](int, int) { return random.uniform(500, 5000); }), "noise");
   expectAsDefined(made(40, 60, [&](int, int) { return random.uniform(500, 520); }), "slight noise");
   expectAsDefined(made(40, 60, [&](int, int) { return random.uniform(0, 4) * 700; }), "few values and holes");
-  expectAsDefined(made(60, 80, [&](int y, int x) { return (x > 40 ? 900 + 3 * y : 2500) + random.uniform(-3, 4); }), "noisy planes");
+  expectAsDefined(
+      made(60, 80, [&](int y, int x) { return (x > 40 ? 900 + 3 * y : 2500) + random.uniform(-3, 4); }),
+      "noisy planes");
   expectAsDefined(made(1, 50, [](int, int x) { return 600 + 20 * (x % 7); }), "one row");
   expectAsDefined(made(50, 1, [](int y, int) { return 600 + 20 * (y % 7); }), "one column");
   expectAsDefined(made(1, 1, [](int, int) { return 1000; }), "one pixel");
@@ -71,7 +73,8 @@ TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionOnRandomBlocks) {
     cv::RNG random(seed);
     cv::Mat depth(37, 53, CV_16UC1, cv::Scalar(random.uniform(800, 4000)));
     for (int i = 0; i < 30; ++i) {
-      const cv::Rect block(random.uniform(0, 45), random.uniform(0, 30), random.uniform(1, 9), random.uniform(1, 7));
+      const cv::Rect block(random.uniform(0, 45), random.uniform(0, 30), random.uniform(1, 9),
+                           random.uniform(1, 7));
       depth(block) = random.uniform(0, 6) == 0 ? 0 : random.uniform(600, 1200);
     }
     expectAsDefined(depth, ("seed " + std::to_string(seed)).c_str());
@@ -79,7 +82,9 @@ TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionOnRandomBlocks) {
 }
 
 TEST(DofSegmentation, NearToFarFromOne) {
-  const Segmentation result = segment(made(20, 60, [](int, int x) { return x < 20 ? 4000 : x < 40 ? 900 : 1500; }));
+  const Segmentation result = segment(made(20, 60, [](int, int x) {
+    return x < 20 ? 4000 : x < 40 ? 900 : 1500;
+  }));
   ASSERT_EQ(result.segments.size(), 3u);
   EXPECT_EQ(result.labels.at<std::int32_t>(5, 5), 3);
   EXPECT_EQ(result.labels.at<std::int32_t>(5, 25), 1);

@@ -34,9 +34,10 @@ class Files : public testing::Test {
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
   void write(const std::string& name, const std::string& text) const { std::ofstream(path(name)) << text; }
   void writeRig() const {
-    const std::string camera = "image_width: 640\nimage_height: 480\ncamera_matrix: {rows: 3, cols: 3, data: [500.0, 0, 320, 0, "
-                               "510.0, 240, 0, 0, 1]}\ndistortion_model: plumb_bob\ndistortion_coefficients: {rows: 1, cols: 5, "
-                               "data: [0.1, -0.2, 0.001, 0.002, 0.05]}\n";
+    const std::string camera =
+        "image_width: 640\nimage_height: 480\ncamera_matrix: {rows: 3, cols: 3, data: [500.0, 0, 320, 0, "
+        "510.0, 240, 0, 0, 1]}\ndistortion_model: plumb_bob\ndistortion_coefficients: {rows: 1, cols: 5, "
+        "data: [0.1, -0.2, 0.001, 0.002, 0.05]}\n";
     write("depth.yaml", camera);
     write("color.yaml", camera);
     write("extrinsics.yaml", "translation: [0.01, -0.02, 0.03]\nrotation: [0, 0, 0, 1]\n");
@@ -73,7 +74,8 @@ TEST_F(Files, RigErrorsNameFileAndKey) {
   write("depth.yaml", "image_width: 640\nimage_height: 480\n");
   expectError([&] { readRig(folder_.string()); }, "depth.yaml: key 'camera_matrix' is missing");
   writeRig();
-  write("color.yaml", "image_width: 640\nimage_height: 480\ncamera_matrix: {data: [0, 0, 0, 0, 0, 0, 0, 0, 0]}\n");
+  write("color.yaml",
+        "image_width: 640\nimage_height: 480\ncamera_matrix: {data: [0, 0, 0, 0, 0, 0, 0, 0, 0]}\n");
   expectError([&] { readRig(folder_.string()); }, "fx = 0");
   writeRig();
   write("extrinsics.yaml", "translation: [1, 2]\nrotation: [0, 0, 0, 1]\n");
@@ -140,7 +142,8 @@ TEST_F(Files, LabelMapsKeepTheirValues) {
 }
 
 TEST_F(Files, StackInNameOrder) {
-  for (const char* name : {"b.png", "a.png", "c.png"}) cv::imwrite(path(name), cv::Mat(4, 4, CV_8UC3, cv::Scalar::all(name[0])));
+  for (const char* name : {"b.png", "a.png", "c.png"})
+    cv::imwrite(path(name), cv::Mat(4, 4, CV_8UC3, cv::Scalar::all(name[0])));
   write("notes.txt", "not an image");
   write(".hidden.png", "");
   StackReader stack(folder_.string());

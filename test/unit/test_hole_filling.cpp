@@ -1,18 +1,20 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include "all_in_focus/hole_filling.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <stdexcept>
 
+#include "all_in_focus/hole_filling.hpp"
+
 using namespace all_in_focus::core;
 
 namespace {
 
-double flow(double d) { return std::exp(-(d / 25) * (d / 25)) * d; }
+double flow(double d) {
+  return std::exp(-(d / 25) * (d / 25)) * d;
+}
 
 TEST(Dilation, TakesTheLargestOfNine) {
   cv::Mat depth = cv::Mat::zeros(5, 5, CV_16UC1), dilated;

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include "all_in_focus/optics.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+
+#include "all_in_focus/optics.hpp"
 
 using namespace all_in_focus::core;
 
@@ -20,8 +20,9 @@ struct Golden {  // tables 1 and 2 of the paper
   bool fits;
 };
 
-const Golden kGolden[] = {{2722, 3115, 393, 1526, true}, {2417, 2639, 222, 1132, true}, {832, 1360, 528, 207, false},
-                          {2463, 3140, 677, 1186, true}, {855, 962, 107, 109, true},    {950, 1085, 135, 136, true},
+const Golden kGolden[] = {{2722, 3115, 393, 1526, true}, {2417, 2639, 222, 1132, true},
+                          {832, 1360, 528, 207, false},  {2463, 3140, 677, 1186, true},
+                          {855, 962, 107, 109, true},    {950, 1085, 135, 136, true},
                           {1088, 1269, 181, 182, true},  {1273, 1412, 139, 257, true}};
 
 TEST(Optics, ReproducesThePapersTables) {
@@ -33,7 +34,9 @@ TEST(Optics, ReproducesThePapersTables) {
   }
 }
 
-TEST(Optics, HyperfocalDistanceOfThePapersLens) { EXPECT_NEAR(hyperfocalDistance({24, 4, 0.019}), 7578.9, 0.1); }
+TEST(Optics, HyperfocalDistanceOfThePapersLens) {
+  EXPECT_NEAR(hyperfocalDistance({24, 4, 0.019}), 7578.9, 0.1);
+}
 
 TEST(Optics, DepthOfFieldIsInfiniteFromTheHyperfocalDistanceOn) {
   const Optics optics;
@@ -61,7 +64,8 @@ TEST(Optics, FullRuleSpansTwiceTheDioptres) {
   const Optics optics;
   const double h = hyperfocalDistance(optics);
   const int min = 1010;
-  const int paper = static_cast<int>(1 / (1.0 / min - 1 / h)), full = static_cast<int>(1 / (1.0 / min - 2 / h));
+  const int paper = static_cast<int>(1 / (1.0 / min - 1 / h)),
+            full = static_cast<int>(1 / (1.0 / min - 2 / h));
   EXPECT_TRUE(DofRule(optics, DofSpan::kPaper).fits(min, paper));
   EXPECT_FALSE(DofRule(optics, DofSpan::kPaper).fits(min, paper + 1));
   EXPECT_TRUE(DofRule(optics, DofSpan::kFull).fits(min, full));

@@ -1,0 +1,170 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Time that goes on and jumps back: with sim time on /clock too, else on stamps alone."""
+import itertools
+import unittest
+
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray
+from rosgraph_msgs.msg import Clock
+
+from depth_testing import values_of, wait_until
+from fusion_testing import BRACKET_IDS, PERIOD, FusionTest, regions
+
+STARTS = itertools.count(10000, 1000)
+SIM_TIME = rospy.get_param('/use_sim_time', False)
+
+
+class TimeTest(FusionTest):
+    def setUp(self):
+        self.clock = rospy.Publisher('/clock', Clock, queue_size=10) if SIM_TIME else None
+        super().setUp()
+
+    def tearDown(self):
+        super().tearDown()
+        if SIM_TIME:
+            self.clock.unregister()
+
+    def set_clock(self, now):
+        """Returns when the node knows: it stamps its diagnostics."""
+        if not SIM_TIME:
+            return
+        stamps = []
+        listener = rospy.Subscriber('/diagnostics', DiagnosticArray, lambda array: stamps.append(array.header.stamp.to_sec())
+                                    if array.status[0].name.startswith(self.RIG[1:]) else None)
+
+        def known():
+            self.clock.publish(Clock(clock=rospy.Time.from_sec(now)))
+            return now in stamps
+        self.assertTrue(wait_until(known))
+        listener.unregister()
+
+
+class GapTest(TimeTest):
+    RIG = '/plain'
+
+    @unittest.skipUnless(SIM_TIME, 'needs /clock')
+    def test_a_gap_ends_a_bracket_without_another_frame(self):
+        self.reconfigure(bracket_gap=2.0)
+        start = next(STARTS)
+        for index, sharp in enumerate(('near', 'none', 'far')):
+            self.set_clock(start + index)
+            self.send_frame(start + index, sharp)
+            self.acknowledged(start + index)
+        self.set_clock(start + 3.5)
+        self.assertIsNone(self.outputs['report'].at(start, timeout=0.5))
+        self.set_clock(start + 5)
+        self.assert_fused_by_sharpness(start, near=0, far=2)
+
+    @unittest.skipIf(SIM_TIME, 'needs the time of the wall')
+    def test_a_pause_ends_a_bracket(self):
+        self.reconfigure(bracket_gap=0.5)
+        start = rospy.get_time()
+        for index, sharp in enumerate(('near', 'far')):
+            self.send_frame(start + index / 1024, sharp)
+        self.assert_fused_by_sharpness(start, near=0, far=1)
+
+    def test_a_jump_back_ends_a_bracket(self):
+        self.reconfigure(bracket_gap=5.0)
+        start = next(STARTS)
+        for now in (start + 500, start):
+            self.set_clock(now)
+            for index, sharp in enumerate(('near', 'far', 'none')):
+                self.send_frame(now + index * PERIOD, sharp)
+                self.acknowledged(now + index * PERIOD)
+        self.finish()
+        for now in (start + 500, start):
+            self.assertEqual(self.assert_fused_by_sharpness(now, near=0, far=1).frames_used, 3)
+
+
+class JumpTest(TimeTest):
+    """A bag that is played over and over."""
+
+    def setUp(self):
+        super().setUp()
+        self.expect_labels()
+        self.start = next(STARTS)
+
+    def play_to_the_end(self):
+        """Several brackets, one of them is open at the end."""
+        for now in (self.start + 100, self.start + 200):
+            self.set_clock(now)
+            self.assert_next_bracket_is_good(now)
+        now, self.cut = self.start + 300, next(BRACKET_IDS)
+        self.set_clock(now)
+        self.send_labels(now)
+        for index, sharp in enumerate(('both', 'none')):
+            self.send_frame(now + index * PERIOD, sharp, bracket_id=self.cut, index=index, count=3)
+            self.acknowledged(now + index * PERIOD)
+
+    def assert_all_is_well(self, middle):
+        report = self.assert_fused(middle)
+        self.assertEqual([report.frames_seen, report.frames_used, report.frames_missing], [3, 3, 0])
+        self.assertEqual(report.label_stamp, rospy.Time.from_sec(self.start))
+        for index in range(3):
+            self.acknowledged(self.start + index * PERIOD)
+        cut = self.report(self.start + 300 + PERIOD)
+        self.assertEqual([cut.bracket_id, cut.frames_used, cut.frames_missing], [self.cut, 2, 1])
+        self.set_clock(self.start + 10)
+        self.assert_next_bracket_is_good(self.start + 10)
+
+    def test_labels_come_first(self):
+        self.play_to_the_end()
+        self.set_clock(self.start)
+        self.send_labels(self.start)
+        self.assert_all_is_well(self.send_bracket(self.start))
+
+    def test_frames_come_first(self):
+        self.play_to_the_end()
+        self.set_clock(self.start)
+        middle = self.send_bracket(self.start)
+        self.assertIsNone(self.processed.at(self.start, timeout=0.3))
+        self.send_labels(self.start)
+        self.assert_all_is_well(middle)
+
+    @unittest.skipUnless(SIM_TIME, 'needs /clock')
+    def test_a_label_of_before_comes_after_the_jump(self):
+        self.play_to_the_end()
+        self.set_clock(self.start)
+        self.send_labels(self.start + 300.5, 3 - regions())  # the segmenter had not been ready
+        middle = self.send_bracket(self.start)
+        self.assertIsNone(self.processed.at(self.start, timeout=0.3))
+        self.send_labels(self.start)
+        self.assert_all_is_well(middle)
+
+    @unittest.skipUnless(SIM_TIME, 'needs /clock')
+    def test_a_frame_of_before_comes_after_the_jump(self):
+        self.play_to_the_end()
+        self.set_clock(self.start)
+        self.send_frame(self.start + 300 + 2 * PERIOD, 'both', bracket_id=self.cut, index=2, count=3)
+        middle = self.send_bracket(self.start)
+        self.assertIsNone(self.processed.at(self.start, timeout=0.3))
+        self.send_labels(self.start)
+        self.assert_all_is_well(middle)
+
+    @unittest.skipUnless(SIM_TIME, 'needs /clock')
+    def test_the_clock_follows_later(self):
+        self.play_to_the_end()
+        self.send_labels(self.start)
+        middle = self.send_bracket(self.start)
+        self.report(middle)
+        self.set_clock(self.start + 1)
+        self.assert_all_is_well(middle)
+
+    def test_jumps_are_counted(self):
+        jumps = lambda: int(values_of(self.diagnostics.wait('focus/fusion', lambda s: True))['backward time jumps'])
+        self.play_to_the_end()
+        before = jumps()
+        for _ in range(3):
+            self.set_clock(self.start + 50)
+            self.assert_next_bracket_is_good(self.start + 50)
+            self.set_clock(self.start)
+            self.assert_next_bracket_is_good(self.start)
+        self.assertTrue(wait_until(lambda: jumps() == before + 4))
+
+
+if __name__ == '__main__':
+    rospy.init_node('fusion_time_test')
+    rostest.rosrun('all_in_focus', 'fusion_time', '__main__')
