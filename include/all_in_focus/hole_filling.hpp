@@ -3,6 +3,7 @@
 #pragma once
 
 #include <opencv2/core.hpp>
+#include <vector>
 
 namespace all_in_focus::core {
 
@@ -22,11 +23,18 @@ struct DiffusionFilling {
   void fill(cv::Mat& depth) const;
 };
 
-/// Fills each hole of a row from the farther of its two sides: what a near object hides belongs to what lies
-/// behind it. Holes that reach the image border stay unknown where the sensor could not see at all.
-struct FarSideFilling {
-  int max_width_px = 0;  ///< wider holes stay, 0 = no limit
-  void fill(cv::Mat& depth) const;
+/// Fills each hole across its narrow side (row or column, whichever run of unknown pixels is shorter) from
+/// the farther of the two ends: what a near object hides belongs to what lies behind it. Where neither row
+/// nor column has two ends the sensor could not see at all, and depth stays unknown. Buffers are reused.
+class FarSideFilling {
+ public:
+  /// depth and filled: CV_16UC1 mm; not the same image.
+  void fill(const cv::Mat& depth, cv::Mat& filled);
+
+ private:
+  cv::Mat_<cv::Vec2w> above_;  ///< of each hole pixel: nearest known depth above (0 = none), its distance
+  std::vector<cv::Vec2w>
+      column_;  ///< the same for the row at hand, above on the way down, below on the way up
 };
 
 }  // namespace all_in_focus::core

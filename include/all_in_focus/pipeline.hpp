@@ -31,6 +31,7 @@ class DepthPreprocessing {
  private:
   Mode mode_;
   DepthRegistration registration_;
+  FarSideFilling far_side_;
 };
 
 /// How a mode cuts regions: paper merges small ones as printed, refined keeps them.

@@ -4,6 +4,7 @@
 #include "all_in_focus/hole_filling.hpp"
 
 #include <algorithm>
+#include <climits>
 #include <cmath>
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
@@ -56,21 +57,39 @@ void DiffusionFilling::fill(cv::Mat& depth) const {
   }
 }
 
-void FarSideFilling::fill(cv::Mat& depth) const {
+void FarSideFilling::fill(const cv::Mat& depth, cv::Mat& filled) {
   requireDepth(depth);
+  depth.copyTo(filled);
+  above_.create(depth.size());
+  // Nearest known depth and distance to it, carried from row to row.
+  const auto carry = [this](const std::uint16_t* row, int j) {
+    cv::Vec2w& nearest = column_[j];
+    nearest = row[j] != 0 ? cv::Vec2w(row[j], 0) : cv::Vec2w(nearest[0], nearest[1] + 1);
+  };
+  column_.assign(depth.cols, {0, 0});
   for (int i = 0; i < depth.rows; ++i) {
-    std::uint16_t* const row = depth.ptr<std::uint16_t>(i);
-    int begin = 0;
-    while (begin < depth.cols) {
+    const auto* row = depth.ptr<std::uint16_t>(i);
+    for (int j = 0; j < depth.cols; ++j) carry(row, j);
+    std::copy(column_.begin(), column_.end(), above_[i]);
+  }
+  column_.assign(depth.cols, {0, 0});
+  for (int i = depth.rows - 1; i >= 0; --i) {
+    const auto* row = depth.ptr<std::uint16_t>(i);
+    auto* out = filled.ptr<std::uint16_t>(i);
+    for (int begin = 0; begin < depth.cols;) {
       if (row[begin] != 0) {
-        ++begin;
+        carry(row, begin++);
         continue;
       }
       int end = begin;
-      while (end < depth.cols && row[end] == 0) ++end;
-      const bool open = begin == 0 || end == depth.cols;
-      if (!open && (max_width_px == 0 || end - begin <= max_width_px)) {
-        std::fill(row + begin, row + end, std::max(row[begin - 1], row[end]));
+      for (; end < depth.cols && row[end] == 0; ++end) carry(row, end);
+      const bool closed = begin > 0 && end < depth.cols;
+      const int width = closed ? end - begin : INT_MAX;
+      const std::uint16_t across = closed ? std::max(row[begin - 1], row[end]) : 0;
+      for (int j = begin; j < end; ++j) {
+        const cv::Vec2w &up = above_(i, j), &down = column_[j];
+        const int height = up[0] != 0 && down[0] != 0 ? up[1] + down[1] - 1 : INT_MAX;
+        out[j] = height < width ? std::max(up[0], down[0]) : across;
       }
       begin = end;
     }

@@ -34,8 +34,7 @@ void DepthPreprocessing::compute(const cv::Mat& depth, cv::Mat& registered, cv::
     dilateDepth(registered, filled);  // equation 4
     DiffusionFilling().fill(filled);  // equations 5 to 8
   } else {
-    registered.copyTo(filled);
-    FarSideFilling().fill(filled);
+    far_side_.fill(registered, filled);
   }
 }
 

@@ -71,25 +71,46 @@ TEST(DiffusionFilling, AnySizeIsSafe) {
   }
 }
 
-TEST(FarSideFilling, TakesTheFartherSide) {
-  cv::Mat depth = (cv::Mat_<std::uint16_t>(2, 6) << 900, 0, 0, 2500, 2500, 2500, 2500, 0, 900, 900, 900, 900);
-  FarSideFilling().fill(depth);
-  EXPECT_EQ(depth.at<std::uint16_t>(0, 1), 2500);
-  EXPECT_EQ(depth.at<std::uint16_t>(0, 2), 2500);
-  EXPECT_EQ(depth.at<std::uint16_t>(1, 1), 2500);
+cv::Mat filledFromFarSide(const cv::Mat& depth) {
+  cv::Mat filled;
+  FarSideFilling().fill(depth, filled);
+  return filled;
+}
+
+TEST(FarSideFilling, TakesTheFartherEndOfTheRow) {
+  const cv::Mat depth =
+      (cv::Mat_<std::uint16_t>(1, 12) << 900, 0, 0, 2500, 2500, 2500, 2500, 0, 900, 900, 900, 900);
+  const cv::Mat filled = filledFromFarSide(depth);
+  for (const int u : {1, 2, 7}) EXPECT_EQ(filled.at<std::uint16_t>(0, u), 2500);
+  EXPECT_EQ(cv::countNonZero(filled == 900), 5);
+}
+
+TEST(FarSideFilling, GoesAcrossTheNarrowSide) {
+  // A shadow of two rows above a near panel, before a far wall that flanks both.
+  cv::Mat depth(8, 12, CV_16UC1, cv::Scalar(4000));
+  depth(cv::Rect(1, 0, 10, 3)) = 2000;
+  depth(cv::Rect(1, 3, 10, 2)) = 0;
+  depth(cv::Rect(1, 5, 10, 3)) = 900;
+  EXPECT_EQ(cv::countNonZero(filledFromFarSide(depth)(cv::Rect(1, 3, 10, 2)) == 2000), 20);
+  EXPECT_EQ(cv::countNonZero(filledFromFarSide(depth.t())(cv::Rect(3, 1, 2, 10)) == 2000), 20);
 }
 
 TEST(FarSideFilling, LeavesWhatTheSensorCouldNotSee) {
-  cv::Mat depth = (cv::Mat_<std::uint16_t>(2, 5) << 0, 0, 1000, 0, 0, 0, 0, 0, 0, 0);
-  FarSideFilling().fill(depth);
-  EXPECT_EQ(cv::countNonZero(depth), 1);
+  const cv::Mat depth = (cv::Mat_<std::uint16_t>(3, 5) << 0, 0, 1000, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0);
+  EXPECT_EQ(cv::countNonZero(filledFromFarSide(depth)), 1);
+}
+
+TEST(FarSideFilling, AHoleAtTheSideIsFilledFromAboveAndBelow) {
+  cv::Mat depth(5, 4, CV_16UC1, cv::Scalar(1500));
+  depth(cv::Rect(0, 1, 2, 2)) = 0;
+  EXPECT_EQ(cv::countNonZero(filledFromFarSide(depth) == 1500), 20);
 }
 
 TEST(HoleFilling, RefusesOtherTypes) {
   cv::Mat depth(4, 4, CV_32FC1), out, none;
   EXPECT_THROW(dilateDepth(depth, out), std::invalid_argument);
   EXPECT_THROW(DiffusionFilling().fill(depth), std::invalid_argument);
-  EXPECT_THROW(FarSideFilling().fill(none), std::invalid_argument);
+  EXPECT_THROW(FarSideFilling().fill(none, out), std::invalid_argument);
 }
 
 }  // namespace
