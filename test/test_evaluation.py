@@ -83,7 +83,7 @@ def test_bracket_is_saved_when_complete(tmp_path, report_first):
         "fused.png", "labels.png", "registered.png", "report.json", "source_index.png", "weights.png"]
     report = json.loads((tmp_path / "out" / "bracket_0000" / "report.json").read_text())
     assert report["bracket_id"] == 4 and report["segment_table"][0]["area"] == 9
-    assert collector.brackets == [{"folder": "bracket_0000", "bracket_id": 4, "frames_used": 3, "missing": [],
+    assert collector.brackets == [{"folder": "bracket_0000", "bracket_id": 4, "frames_used": 3, "regions": 1, "missing": [],
                                    "notes": []}]
 
 
@@ -148,13 +148,15 @@ def test_old_results_stay_until_the_new_are_complete(tmp_path):
 # ---- status, exit codes, flow
 
 
-def bracket(used=3, missing=(), notes=()):
-    return {"folder": "bracket_0000", "bracket_id": 0, "frames_used": used, "missing": list(missing),
-            "notes": list(notes)}
+def bracket(used=3, missing=(), notes=(), regions=2):
+    return {"folder": "bracket_0000", "bracket_id": 0, "frames_used": used, "regions": regions,
+            "missing": list(missing), "notes": list(notes)}
 
 
 @pytest.mark.parametrize("brackets, code, reason", [
     ([bracket()], 0, "1 bracket fused"), ([bracket(), bracket()], 0, "2 brackets fused"),
+    ([bracket(), bracket(regions=0)], 0, "2 brackets fused"),
+    ([bracket(regions=0)], 2, "no region came of the bag's depth: a warning"),
     ([bracket(), bracket(0)], 0, "1 bracket fused, 1 could not be"), ([], 2, "no bracket was fused: a warning"),
     ([bracket(0, notes=["no frame"])], 2, "no bracket was fused: no frame"),
     ([bracket(missing=["all_in_focus/image"])], 2, "bracket_0000: all_in_focus/image never came")])

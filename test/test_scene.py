@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Rig files, thin-lens bracket, depth camera and scenes of make_scene."""
+"""Thin-lens bracket, depth camera and scenes of make_scene."""
 import filecmp
 import os
 import subprocess
@@ -13,7 +13,7 @@ import skimage.data
 import yaml
 
 from all_in_focus import kinect, lens
-from all_in_focus.rig import Camera, Optics, RigError, load_rig, save_rig
+from all_in_focus.rig import Camera, Optics, load_rig
 from all_in_focus.scenes import SCENES, Scene, kinect_beside, peel_layers
 
 MAKE_SCENE = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "scripts", "make_scene")
@@ -40,61 +40,6 @@ def scene_of(*layers, fx=800.0):
 
 def noise_picture(size=(80, 120)):
     return np.random.default_rng(0).uniform(0, 1, size + (3,)).astype(np.float32)
-
-
-# --- rig --------------------------------------------------------------------------------------------------------------
-
-def test_rig_round_trip(tmp_path):
-    rig = kinect_beside(Camera.pinhole("dslr", 741, 500, 994.978, 993.5, 311.193, 254.877), OPTICS)
-    rig.color.D = np.array([0.1, -0.02, 1e-5, 2e-4, 0.0])
-    save_rig(tmp_path / "rig", rig)
-    back = load_rig(tmp_path / "rig")
-    assert np.allclose(back.R, rig.R, atol=1e-14) and np.array_equal(back.t, rig.t)
-    assert back.optics == rig.optics
-    assert (back.parent_frame, back.child_frame) == ("dslr_optical_frame", "kinect_depth_optical_frame")
-    for a, b in ((back.depth, rig.depth), (back.color, rig.color)):
-        assert (a.name, a.width, a.height, a.distortion_model) == (b.name, b.width, b.height, b.distortion_model)
-        for key in "KDRP":
-            assert np.array_equal(getattr(a, key), getattr(b, key))
-
-
-def test_rig_files_are_camera_info_files(tmp_path):
-    save_rig(tmp_path, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), None))
-    info = yaml.safe_load((tmp_path / "color.yaml").read_text())
-    assert list(info) == ["image_width", "image_height", "camera_name", "camera_matrix", "distortion_model",
-                          "distortion_coefficients", "rectification_matrix", "projection_matrix"]
-    assert info["projection_matrix"] == {"rows": 3, "cols": 4, "data": [810, 0, 320, 0, 0, 811, 240, 0, 0, 0, 1, 0]}
-    assert info["distortion_coefficients"] == {"rows": 1, "cols": 5, "data": [0] * 5}
-    pose = yaml.safe_load((tmp_path / "extrinsics.yaml").read_text())
-    assert sorted(pose) == ["child_frame", "parent_frame", "rotation", "translation"]
-    assert np.isclose(np.linalg.norm(pose["rotation"]), 1) and pose["rotation"][3] > 0
-    assert load_rig(tmp_path).optics is None
-
-
-@pytest.mark.parametrize("name, old, new, message", [
-    ("color.yaml", "image_width: 640", "image_width: wide", "image_width: expected a positive whole number"),
-    ("color.yaml", "data: [810.0, ", "data: [", "camera_matrix.data: expected 9 numbers"),
-    ("color.yaml", "data: [810.0, ", "data: [-810.0, ", "camera_matrix.data: focal lengths must be positive"),
-    ("depth.yaml", "camera_name", "name", "camera_name: missing"),
-    ("depth.yaml", "plumb_bob", "fisheye", "distortion_model: 'fisheye' is not one of"),
-    ("depth.yaml", "image_width: 640", "image_width: [", "not valid YAML"),
-    ("extrinsics.yaml", "rotation: [", "rotation: [7.0, ", "rotation: expected 4 numbers"),
-    ("extrinsics.yaml", "translation: [-0.03", "translation: [.nan", "translation: must be finite"),
-    ("optics.yaml", "aperture: 2.0", "aperture: 0.0", "aperture: must be positive"),
-])
-def test_rig_errors_name_file_and_key(tmp_path, name, old, new, message):
-    save_rig(tmp_path, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), OPTICS))
-    text = (tmp_path / name).read_text()
-    assert old in text
-    (tmp_path / name).write_text(text.replace(old, new))
-    with pytest.raises(RigError) as error:
-        load_rig(tmp_path)
-    assert "%s: %s" % (name, message) in str(error.value) and "\n" not in str(error.value)
-
-
-def test_rig_without_file(tmp_path):
-    with pytest.raises(RigError, match="depth.yaml: No such file"):
-        load_rig(tmp_path)
 
 
 # --- lens -------------------------------------------------------------------------------------------------------------

@@ -87,7 +87,7 @@ def _run(settings, reporter):
         player = BagPlayer(contents, settings.limits, reporter)
         _play(contents, player, saver, optics)
         problems = ["%s (%d times)" % (text, times) if times > 1 else text for text, times in player.problems.items()]
-        status = conclude(saver.finish(), problems + contents.problems)
+        status = conclude(saver.finish(), saver.complaints() + problems + contents.problems)
         if status.code == OK:
             folder.commit()
         return status

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Collects the outputs of the fusion and saves them bracket by bracket."""
 import functools
+import re
 import threading
 from collections import OrderedDict
 
 import cv_bridge
 import rospy
+from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import Image
 
 from all_in_focus.msg import FusionReport, SegmentArray
@@ -17,6 +19,8 @@ IMAGES = {"fused": ("all_in_focus/image", "bgr8"), "registered": ("all_in_focus/
           "source_index": ("all_in_focus/source_index", "passthrough"),
           "weights": ("all_in_focus/weights_color", "bgr8")}
 LABELS, SEGMENTS, REPORT = "segmentation/labels", "segmentation/segments", "all_in_focus/report"
+NODES = ("depth_preprocess", "segmenter", "fusion")
+MAX_COMPLAINTS = 20
 KEPT = 2000  # label images, compressed, that no report has asked for yet
 
 
@@ -44,7 +48,8 @@ class BracketCollector:
     def add_report(self, report):
         number = len(self.brackets)
         self.brackets.append({"folder": self._folder.name(number), "bracket_id": report.bracket_id,
-                              "frames_used": report.frames_used, "missing": [], "notes": list(report.notes)})
+                              "frames_used": report.frames_used,
+                              "regions": sum(choice.label > 0 for choice in report.segments), "missing": [], "notes": list(report.notes)})
         self._pending[number] = report
         self._save_complete()
 
@@ -105,6 +110,8 @@ class ResultSaver:
                             for name, (topic, encoding) in {**IMAGES, "labels": (LABELS, "passthrough")}.items()}
         self.subscribers[SEGMENTS] = rospy.Subscriber(SEGMENTS, SegmentArray, self._on_segments)
         self.subscribers[REPORT] = rospy.Subscriber(REPORT, FusionReport, self._on_report)
+        self._complaints = {}  # text of a node: level
+        self._log = rospy.Subscriber("/rosout", Log, self._on_log)
 
     def progress(self):
         """(reports so far, whether one of them waits for its images)."""
@@ -118,6 +125,18 @@ class ResultSaver:
         with self._lock:
             self._collector.finish()
             return self._collector.brackets
+
+    def complaints(self):
+        """Errors and warnings that the nodes have logged, one line each, errors first."""
+        with self._lock:
+            return [text for text, _ in sorted(self._complaints.items(), key=lambda item: -item[1])]
+
+    def _on_log(self, message):
+        # Nodelets log "/name: text" under their manager's name.
+        nodelet = re.match(r"\S*/(%s): " % "|".join(NODES), message.msg)
+        if message.level >= Log.WARN and nodelet and len(self._complaints) < MAX_COMPLAINTS:
+            with self._lock:
+                self._complaints.setdefault(" ".join(message.msg[message.msg.index(nodelet[1]):].split()), message.level)
 
     def _on_image(self, name, encoding, message):
         try:

@@ -39,19 +39,24 @@ class RunStatus:
 
 
 def conclude(brackets, warnings):
-    """Final status. brackets: dicts with folder, bracket_id, frames_used, missing (outputs that never came), notes."""
+    """Final status. brackets: dicts with folder, bracket_id, frames_used, regions (number of those that depth gave),
+    missing (outputs that never came), notes. warnings: what the nodes and the player had to say, worst first."""
+    why = ": " + warnings[0] if warnings else ""
     fused = [bracket for bracket in brackets if bracket["frames_used"] > 0]
     incomplete = [bracket for bracket in fused if bracket["missing"]]
     if incomplete:
         code, reason = BAD_INPUT, "%s: %s never came" % (incomplete[0]["folder"], ", ".join(incomplete[0]["missing"]))
+    elif fused and not any(bracket["regions"] for bracket in fused):
+        # Depth was there, or the bag would have been refused: sharpness alone is not what was asked for.
+        code, reason = BAD_INPUT, "no region came of the bag's depth%s" % why
     elif fused:
         unfused = len(brackets) - len(fused)
         code, reason = OK, "%s fused" % _count(len(fused), "bracket")
         if unfused:
             reason += ", %d could not be" % unfused
     else:
-        why = [note for bracket in brackets for note in bracket["notes"]] + list(warnings)
-        code, reason = BAD_INPUT, "no bracket was fused%s" % (": " + why[0] if why else "")
+        notes = [note for bracket in brackets for note in bracket["notes"]]
+        code, reason = BAD_INPUT, "no bracket was fused%s" % (": " + notes[0] if notes else why)
     return RunStatus(code, reason, list(brackets), list(warnings))
 
 

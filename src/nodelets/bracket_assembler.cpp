@@ -4,12 +4,12 @@
 #include "bracket_assembler.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 namespace all_in_focus {
 namespace {
 
 constexpr std::uint32_t kMaxFrames = 65535;  // 65535 itself means "none" in a source index
+constexpr double kJitter = 0.1;              // s that stamps may go back while time does not
 
 std::string text(std::uint32_t number) {
   return std::to_string(number);
@@ -23,7 +23,8 @@ bool BracketAssembler::endsBefore(const FrameInfo& frame) const {
   if (frame.has_focus != by_focus_) return true;
   // The same number from the beginning again is another bracket: a looping bag, a restarted driver.
   if (frame.has_focus) return frame.bracket_id != id_ || frame.index == 0;
-  return config_.gap_s > 0 && std::abs(frame.stamp_s - last_stamp_s_) > config_.gap_s;
+  if (frame.stamp_s + kJitter < last_stamp_s_) return true;  // a looping bag, too
+  return config_.gap_s > 0 && frame.stamp_s - last_stamp_s_ > config_.gap_s;
 }
 
 bool BracketAssembler::refuses(const FrameInfo& frame, std::string& reason) const {
@@ -34,7 +35,7 @@ bool BracketAssembler::refuses(const FrameInfo& frame, std::string& reason) cons
     reason = bracket + ": frame index " + text(frame.index) + " is above 65534";
   } else if (frame.index == 0) {
     return false;  // a beginning is always welcome
-  } else if (fresh_ || (skipping_ && frame.bracket_id == skip_id_)) {
+  } else if (hasBegunUnseen() || (skipping_ && frame.bracket_id == skip_id_)) {
     reason = bracket + " had begun before anybody listened: waiting for the next one";
   } else if (open_ && same && frame.index < next_) {
     reason = bracket + ": frame " + text(frame.index) + " came twice or too late";
@@ -47,8 +48,10 @@ bool BracketAssembler::refuses(const FrameInfo& frame, std::string& reason) cons
 BracketAssembler::Step BracketAssembler::add(const FrameInfo& frame) {
   Step step;
   if (refuses(frame, step.reason)) {
-    skipping_ = skipping_ || fresh_;
-    if (fresh_) skip_id_ = frame.bracket_id;
+    if (hasBegunUnseen()) {
+      skipping_ = true;
+      skip_id_ = frame.bracket_id;
+    }
     fresh_ = false;
     return step;
   }

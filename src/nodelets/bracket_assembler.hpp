@@ -63,6 +63,8 @@ class BracketAssembler {
 
  private:
   bool refuses(const FrameInfo& frame, std::string& reason) const;
+  /// A frame in mid-bracket is the first with a FocusFrame since the start, or since frames without.
+  bool hasBegunUnseen() const { return (fresh_ || !by_focus_) && !skipping_; }
 
   BracketConfig config_;
   bool open_ = false;

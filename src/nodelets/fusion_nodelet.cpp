@@ -28,6 +28,7 @@ namespace enc = sensor_msgs::image_encodings;
 
 constexpr const char* kProcessedTopic = "all_in_focus/processed";
 constexpr std::size_t kPairsWaiting = 64;
+const ros::WallDuration kConnectPatience(1.0);  // for publishers that died without a word
 
 }  // namespace
 
@@ -50,9 +51,9 @@ class FusionNodelet : public nodelet::Nodelet {
   void connect();
   void subscribe();
   void unsubscribe();
-  void framesArrived(int input, const ros::Time& stamp);
-  void labelsArrived(int input, const ros::Time& stamp);
+  void arrived(int input, const ros::Time& stamp, bool is_frame = false);
 
+  void awaitPublishers();
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFocus(const FocusFrameConstPtr& focus);
   void onLabels(const sensor_msgs::ImageConstPtr& labels);
@@ -83,7 +84,7 @@ class FusionNodelet : public nodelet::Nodelet {
 
   FramePairing frame_pairing_{kPairsWaiting};
   LabelPairing label_pairing_{kPairsWaiting};
-  bool focus_seen_ = false;
+  bool focus_seen_ = false, awaited_ = false;  // since the subscription
 };
 
 void FusionNodelet::onInit() {
@@ -100,7 +101,7 @@ void FusionNodelet::onInit() {
   finish_server_ = getMTPrivateNodeHandle().advertiseService("finish", &FusionNodelet::finish, this);
   {
     std::lock_guard<std::mutex> lock(connect_mutex_);
-    outputs_.advertise(getNodeHandle(), *transport_, *monitor_, [this] { connect(); });
+    outputs_.advertise(getNodeHandle(), *monitor_, [this] { connect(); });
   }
   monitor_->start();
 }
@@ -181,31 +182,39 @@ void FusionNodelet::unsubscribe() {
   }
   frame_pairing_.clear();
   label_pairing_.clear();
-  focus_seen_ = false;
+  focus_seen_ = awaited_ = false;
   worker_->stopListening();
   monitor_->setSubscribed(false);
 }
 
-// Time jumps back for each input on its own, when its first message of the new time comes; what other inputs
-// brought by then may be new already. So each forgets only what it feeds, and only frames end the open
-// bracket. The message itself may still have been under way when /clock jumped.
-
-void FusionNodelet::framesArrived(int input, const ros::Time& stamp) {
+// A jump back shows on any input first, and again where an old message was still under way. Frames that came
+// before may be new already, so only frames end the open bracket. The message itself may have been under way
+// when /clock jumped.
+void FusionNodelet::arrived(int input, const ros::Time& stamp, bool is_frame) {
   if (!monitor_->inputArrived(input, stamp)) return;
   const ros::Time now = std::min(stamp, ros::Time::now());
-  frame_pairing_.forgetAfter(now);
-  worker_->framesWentBack(now);
+  if (is_frame) frame_pairing_.forgetAfter(now);
+  label_pairing_.forgetAfter(now);
+  worker_->timeWentBack(now, is_frame);
 }
 
-void FusionNodelet::labelsArrived(int input, const ros::Time& stamp) {
-  if (!monitor_->inputArrived(input, stamp)) return;
-  const ros::Time now = std::min(stamp, ros::Time::now());
-  label_pairing_.forgetAfter(now);
-  worker_->labelsWentBack(now);
+// Once a subscription: what has just started may not be connected yet with all its topics. Without its
+// rgb/focus or its labels the first bracket would be another one.
+void FusionNodelet::awaitPublishers() {
+  awaited_ = true;
+  ros::master::V_TopicInfo published;
+  ros::master::getTopics(published);
+  const ros::WallTime end = ros::WallTime::now() + kConnectPatience;
+  for (const ros::Subscriber* s : {&focus_subscriber_, &labels_subscriber_}) {
+    const auto is_it = [s](const ros::master::TopicInfo& topic) { return topic.name == s->getTopic(); };
+    if (std::none_of(published.begin(), published.end(), is_it)) continue;
+    while (s->getNumPublishers() == 0 && ros::WallTime::now() < end) ros::WallDuration(0.01).sleep();
+  }
 }
 
 void FusionNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
-  framesArrived(image_input_, image->header.stamp);
+  if (!awaited_) awaitPublishers();
+  arrived(image_input_, image->header.stamp, /*is_frame=*/true);
   worker_->expectLabels(labels_subscriber_.getNumPublishers() > 0);
   // Once rgb/focus is there, it says what a bracket is.
   if (focus_seen_ || focus_subscriber_.getNumPublishers() > 0) {
@@ -216,29 +225,28 @@ void FusionNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void FusionNodelet::onFocus(const FocusFrameConstPtr& focus) {
-  framesArrived(focus_input_, focus->header.stamp);
+  arrived(focus_input_, focus->header.stamp, /*is_frame=*/true);
   focus_seen_ = true;
   pairFrame(focus);
 }
 
 void FusionNodelet::onLabels(const sensor_msgs::ImageConstPtr& labels) {
-  labelsArrived(labels_input_, labels->header.stamp);
+  arrived(labels_input_, labels->header.stamp);
   pairLabels(labels);
 }
 
 void FusionNodelet::onSegments(const SegmentArrayConstPtr& segments) {
-  labelsArrived(segments_input_, segments->header.stamp);
+  arrived(segments_input_, segments->header.stamp);
   pairLabels(segments);
 }
 
 void FusionNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  const ros::Time& stamp = depth->header.stamp;
-  if (monitor_->inputArrived(depth_input_, stamp)) worker_->depthWentBack(std::min(stamp, ros::Time::now()));
+  arrived(depth_input_, depth->header.stamp);
   worker_->addDepth(depth);
 }
 
 void FusionNodelet::onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
-  monitor_->inputArrived(info_input_, info->header.stamp);
+  arrived(info_input_, info->header.stamp);
   outputs_.setCameraInfo(info);
 }
 

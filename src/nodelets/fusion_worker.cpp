@@ -100,26 +100,18 @@ void FusionWorker::expectLabels(bool expected) {
   labels_expected_ = expected;
 }
 
-void FusionWorker::framesWentBack(const ros::Time& now) {
-  labelsWentBack(now);
-  depthWentBack(now);
+void FusionWorker::timeWentBack(const ros::Time& now, bool ends_bracket) {
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    Job job;
-    job.restart = true;
-    jobs_.push_back(job);
+    labels_.erase(labels_.upper_bound(now), labels_.end());
+    depths_.erase(depths_.upper_bound(now), depths_.end());
+    if (ends_bracket) {
+      Job job;
+      job.restart = true;
+      jobs_.push_back(job);
+    }
   }
   wake_.notify_all();
-}
-
-void FusionWorker::labelsWentBack(const ros::Time& now) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  labels_.erase(labels_.upper_bound(now), labels_.end());
-}
-
-void FusionWorker::depthWentBack(const ros::Time& now) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  depths_.erase(depths_.upper_bound(now), depths_.end());
 }
 
 void FusionWorker::stopListening() {

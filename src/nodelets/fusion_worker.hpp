@@ -46,10 +46,8 @@ class FusionWorker {
   void addDepth(const sensor_msgs::ImageConstPtr& depth);
   void expectLabels(bool expected);  ///< false: nobody publishes labels, so do not wait for them
 
-  /// Time of the frames went back to `now`: ends the open bracket, forgets labels and depth that are newer.
-  void framesWentBack(const ros::Time& now);
-  void labelsWentBack(const ros::Time& now);
-  void depthWentBack(const ros::Time& now);
+  /// Time went back to `now`: forgets labels and depth that are newer.
+  void timeWentBack(const ros::Time& now, bool ends_bracket);
 
   /// Nobody listens any more: drops the open bracket and all that waits.
   void stopListening();

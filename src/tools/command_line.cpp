@@ -32,6 +32,11 @@ int runTool(int argc, char** argv, const char* purpose, const po::options_descri
       return 0;
     }
     po::notify(values);
+    for (const auto& [option, value] : values) {
+      const auto* text = boost::any_cast<std::string>(&value.value());
+      const bool is_flag = options.find(option, /*approx=*/false).semantic()->max_tokens() == 0;
+      if (text && text->empty() && !is_flag) throw std::invalid_argument("--" + option + " is empty");
+    }
     tool(values);
     return 0;
   } catch (const std::exception& e) {

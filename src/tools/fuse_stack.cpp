@@ -66,8 +66,8 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
 }
 
 // A lens cannot be focused at or before its focal length.
-void checkFocus(const std::string& path, const StackReader& stack, const Optics& optics) {
-  for (const double focus : readFocus(path, stack.names())) {
+void checkFocus(const std::string& path, const std::vector<double>& distances, const Optics& optics) {
+  for (const double focus : distances) {
     if (focus <= optics.focal_length_mm) {
       throw std::invalid_argument(path + ": focus_mm " + std::to_string(focus) +
                                   " is not beyond the focal length " +
@@ -88,19 +88,29 @@ void fuseStack(const po::variables_map& values) {
   StackReader stack(values["stack"].as<std::string>());
   if (!stack.warning().empty()) context.notes.push_back(stack.warning());
   const std::string focus = textOption(values, "focus");
-  if (!focus.empty()) checkFocus(focus, stack, input.optics);
+  const std::vector<double> distances =
+      focus.empty() ? std::vector<double>() : readFocus(focus, stack.names());
+  if (context.has_optics) checkFocus(focus, distances, input.optics);
   if (mode == Mode::kRefined) {
     context.notes.push_back("refined fusion is not in this version: regions are fused as in mode paper");
   }
 
   input.next_frame = [&](cv::Mat& frame) { return stack.next(frame); };
-  const PipelineResult result = runPipeline(input, mode);
+  PipelineResult result = runPipeline(input, mode);
+  if (distances.size() > static_cast<std::size_t>(result.frames)) {
+    throw std::invalid_argument(focus + ": " + std::to_string(distances.size()) + " entries for " +
+                                std::to_string(result.frames) + " frames");
+  }
   if (reference >= result.frames) {
     throw std::invalid_argument("--reference " + std::to_string(reference) +
                                 ": the stack holds frames 0 to " + std::to_string(result.frames - 1));
   }
   context.reference = reference == kAutoReference ? result.frames / 2 : reference;
   context.mode = result.segmentation.labels.empty() ? "sharpness" : "paper";
+  if (!input.labels.empty() && values["unknown-label"].as<int>() >= 0) {
+    result.segmentation.unknown_area =
+        static_cast<int>(input.labels.total()) - cv::countNonZero(input.labels);
+  }
 
   OutputFiles outputs;
   outputs.addImage(values["output"].as<std::string>(), result.fusion.image);
@@ -119,7 +129,7 @@ void fuseStack(const po::variables_map& values) {
   cv::Mat weights;
   drawWeights(result.fusion.source_index, result.fusion.confidence, result.frames, weights);
   save("save-weights", weights, "weights");
-  outputs.addText(textOption(values, "report"), fusionReport(result, context));
+  if (values.count("report")) outputs.addText(textOption(values, "report"), fusionReport(result, context));
   outputs.commit();
 
   for (const std::string& note : context.notes) std::cerr << "fuse_stack: note: " << note << '\n';

@@ -3,12 +3,16 @@
 
 #include "image_files.hpp"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
-#include <cstdio>
+#include <cctype>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
+#include <set>
 #include <stdexcept>
 
 namespace fs = std::filesystem;
@@ -20,29 +24,88 @@ namespace {
   throw std::invalid_argument(path + ": " + what);
 }
 
+/// While it lives, nothing reaches stderr: the codecs print there what they think of a file, and our one line
+/// would drown.
+class QuietStderr {
+ public:
+  QuietStderr() : stderr_(dup(STDERR_FILENO)) {
+    const int nowhere = open("/dev/null", O_WRONLY);
+    if (stderr_ >= 0 && nowhere >= 0) dup2(nowhere, STDERR_FILENO);
+    if (nowhere >= 0) close(nowhere);
+  }
+  ~QuietStderr() {
+    if (stderr_ < 0) return;
+    dup2(stderr_, STDERR_FILENO);
+    close(stderr_);
+  }
+  QuietStderr(const QuietStderr&) = delete;
+  QuietStderr& operator=(const QuietStderr&) = delete;
+
+ private:
+  int stderr_;
+};
+
+bool startsWith(const std::string& data, const char* mark) {
+  return data.rfind(mark, 0) == 0;
+}
+
+bool isWholePng(const std::string& data) {
+  return data.find("IEND", data.size() - std::min<std::size_t>(data.size(), 12)) != std::string::npos;
+}
+
+// The end mark must follow the image data: thumbnails before it have end marks of their own, and cameras
+// append data behind it.
+bool isWholeJpeg(const std::string& data) {
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(data[i]); };
+  std::size_t at = 2;
+  while (at + 4 <= data.size() && byte(at) == 0xff) {
+    if (byte(at + 1) == 0xff) {
+      ++at;  // padding
+    } else if (byte(at + 1) == 0xda) {
+      return data.find("\xff\xd9", at) != std::string::npos;
+    } else {
+      at += 2 + (byte(at + 2) << 8 | byte(at + 3));
+    }
+  }
+  return false;
+}
+
 cv::Mat decode(const std::string& path, int flags) {
   if (!fs::exists(path)) fail(path, "no such file");
   if (!fs::is_regular_file(path)) fail(path, "not a file");
   std::ifstream file(path, std::ios::binary);
-  const std::vector<char> bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  std::string data((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
   if (!file && !file.eof()) fail(path, "cannot be read");
-  const std::string head(bytes.begin(), bytes.begin() + std::min<std::size_t>(bytes.size(), 8));
-  const std::string tail(bytes.end() - std::min<std::size_t>(bytes.size(), 12), bytes.end());
-  if (head == "\x89PNG\r\n\x1a\n" && tail.find("IEND") == std::string::npos)
+  if (startsWith(data, "\x89PNG\r\n\x1a\n") && !isWholePng(data))
     fail(path, "PNG is cut short: copy it again");
-  if (head.compare(0, 2, "\xff\xd8") == 0) {
-    const std::string end = "\xff\xd9";
-    // Cameras append data of their own after the end mark: it must be there, not be last.
-    if (std::find_end(bytes.begin(), bytes.end(), end.begin(), end.end()) == bytes.end()) {
-      fail(path, "JPEG is cut short: copy it again");
+  if (startsWith(data, "\xff\xd8") && !isWholeJpeg(data)) fail(path, "JPEG is cut short: copy it again");
+  cv::Mat image;
+  if (!data.empty()) {
+    const QuietStderr quiet;
+    try {
+      image = cv::imdecode(cv::Mat(1, static_cast<int>(data.size()), CV_8UC1, data.data()), flags);
+    } catch (const cv::Exception&) {
     }
   }
-  const cv::Mat image = bytes.empty() ? cv::Mat() : cv::imdecode(bytes, flags);
   if (image.empty()) fail(path, "not an image that can be read");
   return image;
 }
 
+void write(const std::string& temporary, const std::string& data, const std::string& path) {
+  std::ofstream file(temporary, std::ios::binary);
+  file << data;
+  file.close();  // a full disk may show only here
+  if (!file) fail(path, "cannot be written");
+}
+
 }  // namespace
+
+std::string ending(const std::string& path) {
+  std::string ending = fs::path(path).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  return ending;
+}
 
 cv::Mat readColor(const std::string& path) {
   return decode(path, cv::IMREAD_COLOR);
@@ -88,37 +151,42 @@ OutputFiles::~OutputFiles() {
   for (const auto& file : files_) fs::remove(file.first, ignored);
 }
 
-// The ending stays last: it tells the encoder what to write.
 std::string OutputFiles::reserve(const std::string& path) {
   const fs::path target(path);
   if (target.filename().empty() || fs::is_directory(target)) fail(path, "is a folder, not a file to write");
   if (target.has_parent_path() && !fs::is_directory(target.parent_path())) {
     fail(path, "the folder " + target.parent_path().string() + " does not exist");
   }
+  for (const auto& file : files_) {
+    if (fs::weakly_canonical(file.second) == fs::weakly_canonical(target)) {
+      fail(path, "two outputs are to go into this file");
+    }
+  }
   const fs::path temporary =
-      target.parent_path() / ("." + target.stem().string() + ".partial" + target.extension().string());
+      target.parent_path() / ("." + target.filename().string() + "." + std::to_string(getpid()));
   files_.emplace_back(temporary.string(), path);
   return temporary.string();
 }
 
 void OutputFiles::addImage(const std::string& path, const cv::Mat& image) {
-  if (path.empty()) return;
   const std::string temporary = reserve(path);
-  bool written = false;
-  try {
-    written = cv::imwrite(temporary, image);
-  } catch (const cv::Exception& e) {
-    fail(path, "no image format has this ending (use .png)");
+  static const std::set<std::string> wide = {".png", ".tif", ".tiff"};
+  if (image.depth() == CV_16U && wide.count(ending(path)) == 0) {
+    fail(path, "16-bit values do not fit this format (use .png)");
   }
-  if (!written) fail(path, "cannot be written");
+  std::vector<unsigned char> data;
+  try {
+    const QuietStderr quiet;
+    cv::imencode(fs::path(path).extension().string(), image, data);
+  } catch (const cv::Exception&) {
+    data.clear();
+  }
+  if (data.empty()) fail(path, "no image format has this ending (use .png)");
+  write(temporary, {data.begin(), data.end()}, path);
 }
 
 void OutputFiles::addText(const std::string& path, const std::string& text) {
-  if (path.empty()) return;
-  std::ofstream file(reserve(path));
-  file << text;
-  file.close();
-  if (!file) fail(path, "cannot be written");
+  write(reserve(path), text, path);
 }
 
 void OutputFiles::commit() {

@@ -9,6 +9,9 @@
 
 namespace all_in_focus {
 
+/// ".png" of "folder/Name.PNG".
+std::string ending(const std::string& path);
+
 /// Colour image, CV_8UC3 BGR. Throws std::invalid_argument that names the file when it is missing, no image,
 /// or cut short (OpenCV decodes the rest of a truncated PNG as black without a word).
 cv::Mat readColor(const std::string& path);
@@ -25,7 +28,8 @@ cv::Mat readLabelMap(const std::string& path, int unknown);
 cv::Mat labels16(const cv::Mat& labels);
 
 /// Files that appear all together or not at all: each is written beside its place under another name,
-/// commit() moves them.
+/// commit() moves them. Throws std::invalid_argument that names the file; 16-bit images need a format that
+/// holds them (OpenCV writes the others with 8 bits without a word).
 class OutputFiles {
  public:
   ~OutputFiles();  ///< removes what was not committed

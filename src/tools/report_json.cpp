@@ -12,6 +12,11 @@ using Json = nlohmann::json;
 
 constexpr int kReportVersion = 1;
 
+// Notes may name files, and those may be named in any encoding.
+std::string text(const Json& report) {
+  return report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
 Json opticsJson(const Optics& optics) {
   return {{"focal_length_mm", optics.focal_length_mm},
           {"aperture", optics.aperture},
@@ -62,7 +67,7 @@ std::string fusionReport(const PipelineResult& result, const ReportContext& cont
                        {"dof_rule", context.dof_rule},
                        {"unknown_area", result.segmentation.unknown_area},
                        {"segment_table", tableJson(result.segmentation, context.optics)}};
-  return report.dump(2) + "\n";
+  return text(report);
 }
 
 std::string segmentationReport(const Segmentation& segmentation, const Optics& optics,
@@ -72,7 +77,7 @@ std::string segmentationReport(const Segmentation& segmentation, const Optics& o
                        {"dof_rule", dof_rule},
                        {"unknown_area", segmentation.unknown_area},
                        {"segment_table", tableJson(segmentation, optics)}};
-  return report.dump(2) + "\n";
+  return text(report);
 }
 
 }  // namespace all_in_focus

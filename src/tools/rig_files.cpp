@@ -123,11 +123,14 @@ std::vector<double> readFocus(const std::string& path, const std::vector<std::st
   std::vector<double> in_order;
   std::map<std::string, double> by_name;
   for (const YAML::Node& frame : frames) {
-    const double focus = get<double>(frame, "focus_mm", path);
+    const bool none = frame.IsMap() && frame["focus_mm"] && frame["focus_mm"].IsNull();
+    const double focus = none ? unknown : get<double>(frame, "focus_mm", path);
     if (!(focus > 0) && !std::isnan(focus))
       fail(path, "focus_mm must be positive, not " + std::to_string(focus));
     in_order.push_back(focus);
-    if (!names.empty()) by_name[get<std::string>(frame, "file", path)] = focus;
+    if (names.empty()) continue;
+    const auto name = get<std::string>(frame, "file", path);
+    if (!by_name.emplace(name, focus).second) fail(path, "'" + name + "' is listed twice");
   }
   if (names.empty()) return in_order;
   std::vector<double> focus;

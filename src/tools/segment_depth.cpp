@@ -24,7 +24,9 @@ void segmentDepth(const po::variables_map& values) {
 
   OutputFiles outputs;
   outputs.addImage(values["output"].as<std::string>(), labels16(result.labels));
-  outputs.addText(textOption(values, "report"), segmentationReport(result, optics, rule));
+  if (values.count("report")) {
+    outputs.addText(textOption(values, "report"), segmentationReport(result, optics, rule));
+  }
   outputs.commit();
 }
 

@@ -25,10 +25,7 @@ namespace {
 bool isImage(const fs::path& path) {
   static const std::set<std::string> endings = {".png",  ".jpg", ".jpeg", ".tif",
                                                 ".tiff", ".bmp", ".ppm",  ".webp"};
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return path.filename().string()[0] != '.' && endings.count(ending) > 0;
+  return path.filename().string()[0] != '.' && endings.count(ending(path.string())) > 0;
 }
 
 // Name order puts 10.png before 2.png: right only when numbers are padded.
@@ -68,9 +65,11 @@ StackReader::StackReader(const std::string& path) : path_(path) {
     return;
   }
   if (!fs::is_regular_file(path)) fail(path, "no such folder or video");
+  // OpenCV would take it, and those numbered after it, for a video.
+  if (isImage(path)) fail(path, "a single image: give its folder, or a video");
   requireWholeAvi(path);
   try {
-    video_.open(path);
+    video_.open(path, cv::CAP_FFMPEG);
   } catch (const cv::Exception&) {
   }
   if (!video_.isOpened()) fail(path, "not a video that can be read");

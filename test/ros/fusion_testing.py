@@ -76,7 +76,7 @@ class FusionTest(GraphTest):
                         for name in ('report', 'image', 'source_index')}
         self.processed = self.listen(self.topic('all_in_focus/processed'), Header)
         self.image = self.talk(self.topic('rgb/image'), Image)
-        if self.RIG == '/focus':
+        if self.RIG != '/plain':
             self.focus = self.talk(self.topic('rgb/focus'), FocusFrame)
 
     def topic(self, name):

@@ -9,8 +9,9 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo
 
-from depth_testing import values_of, wait_until
+from depth_testing import camera_info, values_of, wait_until
 from fusion_testing import BRACKET_IDS, PERIOD, FusionTest, regions
 
 STARTS = itertools.count(10000, 1000)
@@ -67,16 +68,35 @@ class GapTest(TimeTest):
         self.assert_fused_by_sharpness(start, near=0, far=1)
 
     def test_a_jump_back_ends_a_bracket(self):
-        self.reconfigure(bracket_gap=5.0)
+        self.reconfigure(bracket_size=4)
+        self.expect_labels()
         start = next(STARTS)
-        for now in (start + 500, start):
+        for now, frames in ((start + 500, ('near', 'far', 'none')), (start, ('none', 'far', 'near', 'none'))):
             self.set_clock(now)
-            for index, sharp in enumerate(('near', 'far', 'none')):
+            self.send_labels(now)  # shows the jump first
+            wait_until(lambda: False, 0.2)
+            for index, sharp in enumerate(frames):
                 self.send_frame(now + index * PERIOD, sharp)
                 self.acknowledged(now + index * PERIOD)
+        report = self.assert_fused(start + 500 + 2 * PERIOD, near=0, far=1)
+        self.assertEqual([report.frames_used, report.label_stamp.to_sec()], [3, start + 500])
+        report = self.assert_fused(start + 2 * PERIOD, near=2, far=1)
+        self.assertEqual([report.frames_used, report.label_stamp.to_sec()], [4, start])
+
+    @unittest.skipUnless(SIM_TIME, 'needs /clock')
+    def test_a_frame_of_before_the_jump_is_kept_apart(self):
+        self.reconfigure(bracket_gap=5.0)
+        start = next(STARTS)
+        self.set_clock(start + 500)
+        self.send_frame(start + 500, 'none')
+        self.acknowledged(start + 500)
+        self.set_clock(start)
+        self.send_frame(start + 500 + PERIOD, 'both')
+        for index, sharp in enumerate(('near', 'far')):
+            self.send_frame(start + index * PERIOD, sharp)
+            self.acknowledged(start + index * PERIOD)
         self.finish()
-        for now in (start + 500, start):
-            self.assertEqual(self.assert_fused_by_sharpness(now, near=0, far=1).frames_used, 3)
+        self.assertEqual(self.assert_fused_by_sharpness(start, near=0, far=1).frames_used, 2)
 
 
 class JumpTest(TimeTest):
@@ -124,6 +144,29 @@ class JumpTest(TimeTest):
         self.send_labels(self.start)
         self.assert_all_is_well(middle)
 
+    def test_camera_info_comes_first(self):
+        info = self.talk(self.topic('rgb/camera_info'), CameraInfo)
+        info.say(camera_info(self.start + 300, 'color'))
+        self.play_to_the_end()
+        self.set_clock(self.start)
+        info.say(camera_info(self.start, 'color'))
+        wait_until(lambda: False, 0.2)
+        middle = self.send_bracket(self.start)
+        self.assertIsNone(self.processed.at(self.start, timeout=0.3))
+        self.send_labels(self.start)
+        self.assert_all_is_well(middle)
+
+    @unittest.skipIf(SIM_TIME, 'the clock tells')
+    def test_the_same_jump_shows_twice(self):
+        self.play_to_the_end()
+        middle = self.send_bracket(self.start)
+        self.send_labels(self.start + 300.5)  # was still under way
+        wait_until(lambda: False, 0.2)
+        self.send_labels(self.start)
+        report = self.report(middle)
+        self.assertEqual([report.frames_used, report.frames_missing], [3, 0])
+        self.assert_next_bracket_is_good(self.start + 10)
+
     @unittest.skipUnless(SIM_TIME, 'needs /clock')
     def test_a_label_of_before_comes_after_the_jump(self):
         self.play_to_the_end()
@@ -157,11 +200,9 @@ class JumpTest(TimeTest):
         jumps = lambda: int(values_of(self.diagnostics.wait('focus/fusion', lambda s: True))['backward time jumps'])
         self.play_to_the_end()
         before = jumps()
-        for _ in range(3):
-            self.set_clock(self.start + 50)
-            self.assert_next_bracket_is_good(self.start + 50)
-            self.set_clock(self.start)
-            self.assert_next_bracket_is_good(self.start)
+        for now in (50, 10, 51, 11, 52, 12):  # stamps that did not come before
+            self.set_clock(self.start + now)
+            self.assert_next_bracket_is_good(self.start + now)
         self.assertTrue(wait_until(lambda: jumps() == before + 4))
 
 

@@ -1,0 +1,161 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""From raw depth and colour frames to the fused image through all three nodes, with good input and with bad."""
+import itertools
+
+import numpy as np
+import rospy
+import rostest
+from dynamic_reconfigure.client import Client
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import CameraInfo, Image
+from tf2_msgs.msg import TFMessage
+
+from all_in_focus.msg import SegmentArray
+from depth_testing import HEIGHT, WIDTH, camera_info, image_message, pixels_of, two_planes, wait_until
+from fusion_testing import ERROR, FAR, NEAR, OK, WARN, FusionTest, array_of, regions, scene
+
+STAMPS = itertools.count(1000, 10)
+OPTICS = {'focal_length_mm': 24.0, 'aperture': 4.0, 'circle_of_confusion_mm': 0.019}
+NODES = ('depth_preprocess', 'segmenter', 'fusion')
+
+
+class RigTest(FusionTest):
+    RIG = '/rig'
+
+    @classmethod
+    def setUpClass(cls):
+        cls.optics = Client('/rig/segmenter', timeout=30)
+        cls.transforms = rospy.Publisher('/tf_static', TFMessage, queue_size=10, latch=True)
+        cls.publish_transform('depth')
+
+    @classmethod
+    def publish_transform(cls, *frames):
+        message = TFMessage([TransformStamped(child_frame_id=frame) for frame in frames])
+        for transform in message.transforms:
+            transform.header.frame_id = 'color'
+            transform.transform.rotation.w = 1.0
+        cls.transforms.publish(message)
+
+    def setUp(self):
+        super().setUp()
+        self.optics.update_configuration(OPTICS)
+        self.depth = self.talk(self.topic('depth/image_raw'), Image)
+        self.infos = {name: self.talk(self.topic(name + '/camera_info'), CameraInfo) for name in ('depth', 'rgb')}
+        self.labels = self.listen(self.topic('segmentation/labels'), Image)
+        self.segments = self.listen(self.topic('segmentation/segments'), SegmentArray)
+
+    def send_depth(self, stamp, pixels=None, encoding='16UC1', frame='depth', **infos):
+        """Camera infos first: they hold for the depth."""
+        for name, info in {'depth': camera_info(stamp, 'depth'), 'rgb': camera_info(stamp, 'color'), **infos}.items():
+            self.infos[name].say(info)
+        rospy.sleep(0.1)
+        self.depth.say(image_message(two_planes() if pixels is None else pixels, stamp, encoding, frame))
+
+    def assert_node_said(self, node, level, *words):
+        said = lambda: [s for s in self.diagnostics.statuses if s.name.startswith('rig/%s:' % node)]
+        found = lambda: any(s.level == level and all(word in s.message for word in words) for s in said())
+        self.assertTrue(wait_until(found), (node, words, {(s.level, s.message) for s in said()}))
+
+    def assert_good_bracket_is_fused(self):
+        """Registration may move the edge between the planes by a pixel. Returns labels, table and report."""
+        stamp = next(STAMPS)
+        self.send_depth(stamp)
+        labels = self.labels.at(stamp)
+        self.assertIsNotNone(labels)
+        self.assertGreater((pixels_of(labels) == regions()).mean(), 0.95)
+        middle = self.send_bracket(stamp)
+        report = self.report(middle)
+        self.assertEqual([report.has_labels, report.label_stamp], [True, rospy.Time.from_sec(stamp)])
+        self.assertEqual([(s.label, s.frame) for s in report.segments], [(1, 1), (2, 2)])
+        same = (array_of(self.outputs['image'].at(middle)) == scene()).all(axis=2)
+        self.assertGreater(min(same[NEAR].mean(), same[FAR].mean()), 0.95)
+        for node in NODES:
+            self.diagnostics.wait('rig/' + node, lambda s: s.level == OK)
+        return report
+
+
+class OpticsTest(RigTest):
+    def fuse(self):
+        """Segment table and report of one bracket."""
+        stamp = next(STAMPS)
+        self.send_depth(stamp)
+        table = self.segments.at(stamp)
+        self.assertIsNotNone(table)
+        return table, self.report(self.send_bracket(stamp))
+
+    def test_changed_optics_reach_labels_segments_and_report(self):
+        # The planes lie 2/3 dioptre apart; each change lets 1/H = F CoC / f^2 exceed that.
+        for change in ({'focal_length_mm': 8.0}, {'aperture': 32.0}, {'circle_of_confusion_mm': 0.15}):
+            for optics, labels in ((OPTICS, [1, 2]), ({**OPTICS, **change}, [1])):
+                self.optics.update_configuration(optics)
+                table, report = self.fuse()
+                self.assertEqual([s.label for s in table.segments], labels, optics)
+                self.assertEqual(np.unique(pixels_of(self.labels.at(table.header.stamp.to_sec()))).tolist(), labels)
+                self.assertEqual([s.label for s in report.segments], labels)
+                for name, value in optics.items():
+                    self.assertAlmostEqual(getattr(table.optics, name), value)
+                    self.assertAlmostEqual(getattr(report.optics, name), value)
+
+    def test_everything_is_well(self):
+        report = self.assert_good_bracket_is_fused()
+        self.assertEqual([report.mode, report.frames_used, list(report.notes)], ['paper', 3, []])
+
+
+class BadInputTest(RigTest):
+    def setUp(self):
+        super().setUp()
+        self.reconfigure(label_timeout=0.5)
+
+    def assert_fused_without_labels(self, stamp):
+        self.assert_fused_by_sharpness(self.send_bracket(stamp))
+        self.assert_node_said('fusion', WARN, 'sharpness alone')
+
+    def test_depth_of_a_wrong_type(self):
+        stamp = next(STAMPS)
+        self.send_depth(stamp, np.zeros((HEIGHT, WIDTH, 3), np.uint8), 'rgb8')
+        self.assert_node_said('depth_preprocess', ERROR, 'rgb8', '/rig/depth/image_raw')
+        self.assert_fused_without_labels(stamp)
+        self.assert_good_bracket_is_fused()
+
+    def test_depth_without_a_value(self):
+        for pixels, encoding in ((np.zeros((HEIGHT, WIDTH), np.uint16), '16UC1'),
+                                 (np.full((HEIGHT, WIDTH), np.nan, np.float32), '32FC1')):
+            stamp = next(STAMPS)
+            self.send_depth(stamp, pixels, encoding)
+            report = self.report(self.send_bracket(stamp, ('none', 'both', 'far')))
+            self.assertEqual([(s.label, s.frame) for s in report.segments], [(0, 1)])  # all of it is unknown
+            for node in ('depth_preprocess', 'segmenter'):
+                self.assert_node_said(node, WARN, 'not one pixel')
+            self.assert_good_bracket_is_fused()
+
+    def test_uncalibrated_cameras(self):
+        for name, frame in (('depth', 'depth'), ('rgb', 'color')):
+            stamp = next(STAMPS)
+            self.send_depth(stamp, **{name: camera_info(stamp, frame, 0.0)})
+            self.assert_node_said('depth_preprocess', ERROR, '/rig/%s/camera_info' % name, 'not calibrated')
+            self.assert_fused_without_labels(stamp)
+            self.assert_good_bracket_is_fused()
+
+    def test_a_transform_that_comes_late(self):
+        self.reconfigure()
+        stamp = next(STAMPS)
+        self.send_depth(stamp, frame='latecomer')
+        middle = self.send_bracket(stamp)
+        self.assert_node_said('depth_preprocess', ERROR, 'latecomer', 'color', 'static_transform_publisher')
+        self.publish_transform('depth', 'latecomer')
+        self.assertTrue(self.report(middle).has_labels)
+        self.assert_good_bracket_is_fused()
+
+    def test_a_transform_that_never_comes(self):
+        stamp = next(STAMPS)
+        self.send_depth(stamp, frame='nowhere')
+        self.assert_fused_without_labels(stamp)
+        self.assert_node_said('depth_preprocess', ERROR, 'nowhere', 'color')
+        self.assert_good_bracket_is_fused()
+
+
+if __name__ == '__main__':
+    rospy.init_node('whole_graph_test')
+    rostest.rosrun('all_in_focus', 'whole_graph', '__main__')

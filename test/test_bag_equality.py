@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The method on files and through the real nodes, one scene: fuse_stack, and make_bag with evaluate_bag."""
+import cv2
+import numpy as np
+import pytest
+import rosbag
+
+from file_helpers import cut
+from tool_helpers import check_equality, evaluate, expect_refusal, fuse, fuse_stack, read, rosrun, snapshot, succeeded
+
+FRAMES = 6
+
+
+class Scene:
+    """Files of a made scene, and the bag of it."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        succeeded(rosrun("make_scene", "--scene", "planes", "--size", "160x120", "--frames", FRAMES, "--noise", 1,
+                         "--output", folder / "scene"))
+        self.bag = self.make_bag("sweep.bag")
+
+    def files(self):
+        scene = self.folder / "scene"
+        return ["--depth", scene / "depth.png", "--rig", scene / "rig", "--stack", scene / "stack", "--focus",
+                scene / "focus.yaml"]
+
+    def make_bag(self, name, *options):
+        succeeded(rosrun("make_bag", *self.files(), *options, "--output", self.folder / name))
+        return self.folder / name
+
+    def check_equality(self, name, bag, evaluate_options, fuse_options):
+        report = check_equality(evaluate(self.folder / (name + "_bag"), bag, *evaluate_options),
+                                fuse(self.folder / (name + "_files"), *self.files(), *fuse_options))
+        assert report["has_labels"] and len(report["segments"]) > 4 and len(report["segment_table"]) > 4
+        assert report["frames_used"] == FRAMES
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return Scene(tmp_path_factory.mktemp("equality"))
+
+
+@pytest.mark.parametrize("mode", ["paper", "refined"])
+def test_nodes_give_the_pixels_of_fuse_stack(scene, mode):
+    scene.check_equality(mode, scene.bag, ["--mode", mode], ["--mode", mode])
+
+
+def test_nodes_give_the_pixels_of_fuse_stack_without_focus_and_with_another_lens(scene):
+    bag = scene.make_bag("no_focus.bag", "--no-focus")
+    scene.check_equality("lens", bag, ["--optics", "35,8,0.03", "--bracket-size", FRAMES], ["--optics", "35,8,0.03"])
+
+
+# --- what cannot be evaluated -----------------------------------------------------------------------------------------
+
+def rewritten(scene, name, change):
+    """Copy of the bag; change(topic, message) may change the message, or return False to leave it out."""
+    with rosbag.Bag(str(scene.bag)) as old, rosbag.Bag(str(scene.folder / name), "w") as new:
+        for topic, message, when in old.read_messages():
+            if change(topic, message) is not False:
+                new.write(topic, message, when)
+    return scene.folder / name
+
+
+def check_refusal(scene, bag, complaint, *options):
+    """An earlier result stays; without one there is no folder."""
+    earlier = scene.folder / "earlier"
+    (earlier / "bracket_0000").mkdir(parents=True, exist_ok=True)
+    (earlier / "bracket_0000" / "fused.png").write_text("an earlier result")
+    before = snapshot(earlier)
+    expect_refusal(rosrun("evaluate_bag", "--bag", bag, "--output", earlier, *options), "evaluate_bag", complaint)
+    assert snapshot(earlier) == before
+
+
+@pytest.mark.parametrize("missing, complaint", [
+    ("/depth/image_raw", "no depth image"), ("/rgb/image", "no colour image"),
+    ("/depth/camera_info", "no camera info of the depth camera"),
+    ("/rgb/camera_info", "no camera info of the colour camera"), ("/tf_static", "no transform")])
+def test_bag_without_something_needed(scene, missing, complaint):
+    bag = rewritten(scene, "without.bag", lambda topic, message: topic != missing)
+    check_refusal(scene, bag, complaint)
+    expect_refusal(rosrun("evaluate_bag", "--bag", bag, "--output", scene.folder / "new"), "evaluate_bag", complaint)
+    assert not (scene.folder / "new").exists()
+
+
+def test_what_is_not_a_bag(scene):
+    path = scene.folder / "x.bag"
+    for content in (b"", b"not a bag", scene.bag.read_bytes()[:5000]):
+        path.write_bytes(content)
+        check_refusal(scene, path, "x.bag")
+    check_refusal(scene, scene.folder / "none.bag", "No such file")
+    check_refusal(scene, scene.folder, "is a folder")
+
+
+@pytest.mark.parametrize("optics", ["0,4,0.03", "35,-1,0.03", "35,4,nan", "35,4", "lens"])
+def test_impossible_optics(scene, optics):
+    check_refusal(scene, scene.bag, "f,F,coc", "--optics", optics)
+
+
+def test_focal_length_beyond_the_nearest_depth(scene):
+    done = fuse_stack(*scene.files(), "--optics", "900,4,0.03", "--output", scene.folder / "o.png")
+    expect_refusal(done, "fuse_stack", "focal length")
+    check_refusal(scene, scene.bag, "", "--optics", "900,4,0.03")
+
+
+def unknown_depth(topic, message):
+    if topic == "/depth/image_raw":
+        message.data = bytes(len(message.data))
+
+
+def small_depth(topic, message):
+    if topic == "/depth/image_raw":
+        message.height, message.data = 100, message.data[:100 * message.step]
+
+
+def no_focal_length(topic, message):
+    if topic == "/rgb/camera_info":
+        message.K = (0.0, *message.K[1:])
+
+
+@pytest.mark.parametrize("change", [unknown_depth, small_depth, no_focal_length])
+def test_depth_that_fuse_stack_would_refuse(scene, change):
+    check_refusal(scene, rewritten(scene, change.__name__ + ".bag", change), "")
+
+
+def test_make_bag_refuses_what_fuse_stack_refuses(scene, tmp_path):
+    depth = read(scene.folder / "scene" / "depth.png")
+    for name, image in (("8.png", (depth // 256).astype(np.uint8)), ("small.png", depth[:-1])):
+        cv2.imwrite(str(tmp_path / name), image)
+    cv2.imwrite(str(tmp_path / "cut.png"), depth)
+    cut(str(tmp_path / "cut.png"))
+    for name in ("8.png", "small.png", "cut.png", "none.png"):
+        arguments = [*scene.files()[2:], "--depth", tmp_path / name, "--output"]
+        before = snapshot(tmp_path)
+        expect_refusal(rosrun("make_bag", *arguments, tmp_path / "x.bag"), "make_bag", name)
+        expect_refusal(fuse_stack(*arguments, tmp_path / "x.png"), "fuse_stack", "" if name == "small.png" else name)
+        assert snapshot(tmp_path) == before

@@ -1,0 +1,146 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Real recordings: a Kinect's depth map with a focus sweep of 540 frames, and two pairs of photographs.
+
+They are not part of the repository. Their folder is named by the environment variable ALL_IN_FOCUS_DATA; without it, it
+is expected beside the repository.
+"""
+import os
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tool_helpers import (check_equality, evaluate, fits, fuse, fuse_stack, peak_mb, read, read_report, rosrun,
+                          succeeded)
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA = Path(os.environ.get("ALL_IN_FOCUS_DATA", str(ROOT.parent / "shared" / "data")))
+SWEEP, PAIRS = DATA / "kinect_dslr_sweep", DATA / "fusion_pairs"
+VIDEO = SWEEP / "focus_sweep.avi"
+NOT_HERE = "RECORDED DATA NOT TESTED: no %s; set ALL_IN_FOCUS_DATA to the folder that holds it"
+
+needs_sweep = pytest.mark.skipif(not VIDEO.is_file(), reason=NOT_HERE % SWEEP)
+needs_pairs = pytest.mark.skipif(not PAIRS.is_dir(), reason=NOT_HERE % PAIRS)
+
+INPUT = ["--depth", SWEEP / "depth_raw.png", "--rig", SWEEP, "--stack", VIDEO]
+PANEL_FRAME, WALL_FRAME = 369, 410  # sharpest
+PANEL_END = 1500  # mm: the near panel is before, everything else behind
+
+
+@pytest.fixture(scope="module", params=["paper", "refined"])
+def fused(request, tmp_path_factory):
+    """(mode, folder with what fuse_stack makes of the sweep)."""
+    mode = request.param
+    return mode, fuse(tmp_path_factory.mktemp("sweep") / mode, *INPUT, "--mode", mode)
+
+
+@pytest.fixture(scope="module")
+def sweep_bag(tmp_path_factory):
+    bag = tmp_path_factory.mktemp("bag") / "sweep.bag"
+    succeeded(rosrun("make_bag", *INPUT, "--output", bag))
+    yield bag
+    bag.unlink()  # 230 MB
+
+
+def video_frames(first, last):
+    video = cv2.VideoCapture(str(VIDEO), cv2.CAP_FFMPEG)
+    frames = [video.read()[1] for _ in range(last)]  # in sequence: seeking lands on other frames
+    return frames[first:]
+
+
+@needs_sweep
+def test_each_part_comes_from_where_it_is_sharp(fused):
+    _, folder = fused
+    report = read_report(folder / "report.json")
+    assert report["frames_used"] == 540
+    source, labels, depth = (read(folder / (name + ".png")) for name in ("source_index", "labels", "registered"))
+    wall = np.bincount(labels.ravel()).argmax()
+    assert np.median(depth[labels == wall]) > 2500
+    assert abs(int(np.median(source[labels == wall])) - WALL_FRAME) <= 10
+    nearest = (depth > 0) & (depth < 1040)  # the left part of the panel, which stands askew
+    assert nearest.mean() > 0.1
+    assert abs(int(np.median(source[nearest])) - PANEL_FRAME) <= 10
+
+
+def edge_distances(picture, mask):
+    """Along every row: pixels from the mask's last column to the strongest edge within 12 pixels of it."""
+    distances = []
+    for values, inside in zip(picture, mask):
+        if inside.any():
+            last = np.flatnonzero(inside)[-1]
+            begin = max(0, last - 12)
+            distances.append(begin + int(np.abs(np.diff(values))[begin:last + 13].argmax()) - last)
+    return np.array(distances)
+
+
+@needs_sweep
+def test_depth_edges_lie_on_edges_of_the_picture(fused):
+    mode, folder = fused
+    depth = read(folder / "registered.png")
+    gray = cv2.cvtColor(video_frames(PANEL_FRAME, PANEL_FRAME + 1)[0], cv2.COLOR_BGR2GRAY).astype(float)
+    panel = (depth > 0) & (depth < PANEL_END)
+    right = edge_distances(gray[300:460], panel[300:460])
+    top = edge_distances(gray[::-1, 180:500].T, panel[::-1, 180:500].T)
+    print("%s: right edge of the panel %+.1f px, top %+.1f px (medians)" % (mode, np.median(right), np.median(top)))
+    for distances in (right, top):
+        assert len(distances) >= 160 and np.median(np.abs(distances)) <= 4
+    shifted = edge_distances(gray[300:460], np.roll(panel, 8, axis=1)[300:460])
+    assert np.median(np.abs(shifted)) > 4, "the measure would see a shift"
+
+
+@needs_sweep
+def test_regions(fused):
+    mode, folder = fused
+    report = read_report(folder / "report.json")
+    labels, depth = read(folder / "labels.png"), read(folder / "registered.png")
+    table = report["segment_table"]
+    print("%s: %d regions, the largest %s pixels, %d pixels unknown"
+          % (mode, len(table), sorted((row["area"] for row in table), reverse=True)[:7], report["unknown_area"]))
+    assert sum(row["area"] for row in table) + report["unknown_area"] == labels.size
+    assert (labels == 0).sum() == report["unknown_area"] == (depth == 0).sum()
+    for row in table:
+        values = depth[labels == row["label"]]
+        assert len(values) == row["area"]
+        assert row["fits"] is bool(fits(int(values.min()), int(values.max())))
+        assert row["fits"] or mode == "paper"
+
+
+@needs_sweep
+def test_nodes_give_the_pixels_of_fuse_stack(tmp_path, fused, sweep_bag):
+    mode, folder = fused
+    assert check_equality(evaluate(tmp_path / mode, sweep_bag, "--mode", mode), folder)["frames_used"] == 540
+
+
+@needs_sweep
+@pytest.mark.parametrize("depth", [True, False])
+def test_memory_does_not_grow_with_the_sweep(tmp_path, depth):
+    """20 frames against 540, each 0.9 MB."""
+    video = cv2.VideoWriter(str(tmp_path / "short.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 30, (640, 480))
+    for frame in video_frames(360, 380):
+        video.write(frame)
+    video.release()
+    known = INPUT[:4] if depth else []
+    stacks = (tmp_path / "short.avi", VIDEO)
+    peaks = [peak_mb("--stack", stack, *known, "--output", tmp_path / "o.png") for stack in stacks]
+    print("peak memory: %.0f MB for 20 frames, %.0f MB for 540" % tuple(peaks))
+    assert peaks[1] - peaks[0] < 60
+
+
+@needs_pairs
+@pytest.mark.parametrize("scene", ["scene1", "scene2"])
+def test_pair_of_photographs(tmp_path, scene):
+    """Front and back from the photograph in which they are sharp, pixels as they were."""
+    stack = tmp_path / "stack"
+    stack.mkdir()
+    for name in ("source_a.jpg", "source_b.jpg"):
+        shutil.copy(str(PAIRS / scene / name), str(stack / name))
+    succeeded(fuse_stack("--stack", stack, "--label-map", PAIRS / scene / "label_front.png", "--mode", "paper",
+                         "--output", tmp_path / "o.png", "--report", tmp_path / "r.json"))
+    chosen = {segment["label"]: segment["frame"] for segment in read_report(tmp_path / "r.json")["segments"]}
+    assert chosen == {0: 1, 255: 0}
+    front = read(PAIRS / scene / "label_front.png") == 255
+    a, b = (cv2.imread(str(stack / name)) for name in ("source_a.jpg", "source_b.jpg"))
+    assert np.array_equal(read(tmp_path / "o.png"), np.where(front[..., None], a, b))

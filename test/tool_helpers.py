@@ -1,0 +1,204 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""fuse_stack, segment_depth and the programs of the package as they are called at the command line."""
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+import all_in_focus
+from all_in_focus.rig import Camera, Optics, Rig, save_rig
+
+# The space that the package is imported from: prefix/lib/python3/dist-packages/all_in_focus/__init__.py.
+PREFIX = Path(os.path.abspath(all_in_focus.__file__)).parents[4]
+SIZE = (64, 48)  # width, height
+NEAR, FAR = 1000, 3000  # mm; with OPTICS they never share a region
+OPTICS = Optics(24.0, 4.0, 0.019)
+HYPERFOCAL = 24.0 ** 2 / (4.0 * 0.019)
+
+
+def run(command, **options):
+    return subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                          universal_newlines=True, errors="replace", timeout=100, **options)
+
+
+def tool(name):
+    """Path of a compiled tool."""
+    path = PREFIX / "lib" / "all_in_focus" / name
+    assert path.is_file(), "%s is missing: is %s a built space?" % (path, PREFIX)
+    return path
+
+
+def fuse_stack(*arguments, **options):
+    return run([tool("fuse_stack"), *arguments], **options)
+
+
+def segment_depth(*arguments, **options):
+    return run([tool("segment_depth"), *arguments], **options)
+
+
+def rosrun(name, *arguments):
+    """A program of the package through rosrun, in the space's own environment, the distribution's Python first."""
+    path = os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")])
+    return run([PREFIX / "env.sh", "rosrun", "all_in_focus", name, *arguments], env=dict(os.environ, PATH=path))
+
+
+def succeeded(done):
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def snapshot(folder):
+    """Everything below a folder: path -> content, None for a folder."""
+    return {str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
+            for path in Path(folder).rglob("*")}
+
+
+def expect_refusal(done, name, complaint=""):
+    """Exit code 2, nothing on stdout, one line on stderr that begins with the tool's name."""
+    assert done.returncode == 2, (done.returncode, done.stdout, done.stderr)
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1 and done.stderr.endswith("\n"), done.stderr
+    assert done.stderr.startswith(name + ": ") and complaint in done.stderr, done.stderr
+
+
+def read(path):
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert image is not None, path
+    return image
+
+
+def write(path, image):
+    assert cv2.imwrite(str(path), image)
+    return path
+
+
+def read_report(path):
+    return json.loads(Path(path).read_text())
+
+
+def without_timings(report):
+    return {name: value for name, value in report.items() if not name.startswith("timing")}
+
+
+PEAK = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, stderr=subprocess.DEVNULL); " \
+       "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
+
+
+def peak_mb(*arguments):
+    """Peak memory of fuse_stack, in MB; measured beside a small Python: a forked child begins with its parent's."""
+    return int(succeeded(run([sys.executable, "-c", PEAK, tool("fuse_stack"), *arguments])).stdout) / 1024
+
+
+def texture(size=SIZE, seed=0):
+    """Random colours: sharp everywhere."""
+    return np.random.default_rng(seed).integers(0, 256, (size[1], size[0], 3)).astype(np.uint8)
+
+
+class TwoPlanes:
+    """Left half near, right half far; frame 1 of 3 is sharp on the left, frame 2 on the right, frame 0 nowhere.
+
+    truth, blurred: the picture; frames; depth: 16-bit mm; folder: rig/ (both cameras in one place, the colour camera's
+    size), depth.png, stack/.
+    """
+
+    def __init__(self, folder):
+        self.folder = Path(folder)
+        self.truth = texture()
+        self.blurred = cv2.GaussianBlur(self.truth, (0, 0), 2)
+        half = SIZE[0] // 2
+        left = np.arange(SIZE[0]) < half
+        self.left = np.broadcast_to(left, (SIZE[1], SIZE[0]))
+        self.depth = np.where(self.left, NEAR, FAR).astype(np.uint16)
+        self.frames = [self.blurred, np.where(self.left[..., None], self.truth, self.blurred),
+                       np.where(self.left[..., None], self.blurred, self.truth)]
+        self.stack, self.rig = self.folder / "stack", self.folder / "rig"
+        self.stack.mkdir(parents=True)
+        for index, frame in enumerate(self.frames):
+            write(self.stack / ("%02d.png" % index), frame)
+        self.depth_file = write(self.folder / "depth.png", self.depth)
+        camera = Camera.pinhole("camera", *SIZE, 60.0, 60.0, 31.5, 23.5)
+        save_rig(str(self.rig), Rig(camera, camera, np.eye(3), [0.0, 0.0, 0.0], OPTICS, "color", "depth"))
+
+    @property
+    def with_depth(self):
+        return ["--depth", self.depth_file, "--rig", self.rig]
+
+    def output(self, name):
+        return self.folder / "out" / name
+
+    def clean_output(self):
+        shutil.rmtree(str(self.folder / "out"), ignore_errors=True)
+        (self.folder / "out").mkdir()
+
+    def refused(self, complaint, *arguments, stack=None, output="old.png", prefix=(), **options):
+        """fuse_stack refuses: what was there stays as it was, nothing is added, no temporary file either."""
+        before = snapshot(self.folder)
+        done = run([*prefix, tool("fuse_stack"), "--stack", stack or self.stack, "--output", self.output(output),
+                    "--report", self.output("new.json"), *arguments], **options)
+        expect_refusal(done, "fuse_stack", complaint)
+        assert snapshot(self.folder) == before
+
+
+# --- the same input on files and as a bag -----------------------------------------------------------------------------
+
+PICTURES = ("fused", "labels", "registered", "source_index", "weights")
+
+
+def fuse(folder, *arguments):
+    """Folder with all that fuse_stack writes, under the names that evaluate_bag uses."""
+    folder.mkdir()
+    saved = [part for picture in PICTURES[1:]
+             for part in ("--save-" + picture.replace("_", "-"), folder / (picture + ".png"))]
+    succeeded(fuse_stack(*arguments, *saved, "--output", folder / "fused.png", "--report", folder / "report.json"))
+    return folder
+
+
+def evaluate(folder, bag, *options):
+    """Folder with what evaluate_bag makes of the only bracket of a bag."""
+    succeeded(rosrun("evaluate_bag", "--bag", bag, "--output", folder, *options))
+    assert [path.name for path in folder.iterdir()] == ["bracket_0000"]
+    return folder / "bracket_0000"
+
+
+def check_equality(evaluated, fused):
+    """Same pixels, same report but for what only one of them can know; returns the report."""
+    assert set(snapshot(evaluated)) == set(snapshot(fused)) == {"report.json", *(name + ".png" for name in PICTURES)}
+    different = {}
+    for name in PICTURES:
+        one, other = read(evaluated / (name + ".png")), read(fused / (name + ".png"))
+        assert (one.dtype, one.shape) == (other.dtype, other.shape), name
+        if not np.array_equal(one, other):
+            different[name] = int((one != other).sum())
+    assert not different, "values that differ"
+    one, other = read_report(evaluated / "report.json"), read_report(fused / "report.json")
+    assert set(one) == set(other) | {"header"}
+    for name in set(other) - {"label_stamp", "timing_names", "timing_ms"}:
+        assert one[name] == other[name], name
+    return one
+
+
+# --- the rule and the focus measure, from their formulas --------------------------------------------------------------
+
+def fits(smallest, greatest):
+    """The DoF rule of OPTICS, mm, from its definition: the dioptre span is below 1 / H."""
+    return 1 / smallest - 1 / greatest < 1 / HYPERFOCAL
+
+
+def max_dof(smallest, greatest):
+    """Equations 9 and 10 of the paper for OPTICS, mm."""
+    def term(u):
+        return 4.0 * 0.019 * u * u
+
+    back = 24.0 ** 2 - 4.0 * 0.019 * smallest
+    return max(term(smallest) / back if back > 0 else np.inf, term(greatest) / (24.0 ** 2 + 4.0 * 0.019 * greatest))
+
+
+def normalized_variance(gray):
+    values = gray.astype(np.float64)
+    return ((values - values.mean()) ** 2).sum() / values.sum()
