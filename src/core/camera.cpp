@@ -43,11 +43,10 @@ void validate(const Camera& camera, const char* name) {
     throw std::invalid_argument(std::string(name) + " camera: " + what);
   };
   if (camera.size.width <= 0 || camera.size.height <= 0) {
-    fail("image size is " + std::to_string(camera.size.width) + "x" + std::to_string(camera.size.height));
+    fail(cv::format("image size is %dx%d", camera.size.width, camera.size.height));
   }
   if (!(std::isfinite(camera.fx) && camera.fx > 0 && std::isfinite(camera.fy) && camera.fy > 0)) {
-    fail("fx = " + std::to_string(camera.fx) + ", fy = " + std::to_string(camera.fy) +
-         ": not calibrated (both must be positive)");
+    fail(cv::format("fx = %g, fy = %g: not calibrated (both must be positive)", camera.fx, camera.fy));
   }
   if (!std::isfinite(camera.cx) || !std::isfinite(camera.cy)) fail("principal point is not finite");
   for (const double k : camera.distortion) {

@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <limits>
 #include <stdexcept>
-#include <string>
 
 namespace all_in_focus::core {
 namespace {
@@ -58,10 +57,9 @@ DepthRegistration::DepthRegistration(const Rig& rig, Splat splat) : rig_(rig), s
 void DepthRegistration::compute(const cv::Mat& depth, cv::Mat& registered) {
   if (depth.type() != CV_16UC1) throw std::invalid_argument("registration: depth must be CV_16UC1 mm");
   if (depth.size() != rig_.depth.size) {
-    throw std::invalid_argument("registration: depth is " + std::to_string(depth.cols) + "x" +
-                                std::to_string(depth.rows) + ", but the depth camera is calibrated for " +
-                                std::to_string(rig_.depth.size.width) + "x" +
-                                std::to_string(rig_.depth.size.height));
+    throw std::invalid_argument(
+        cv::format("registration: depth is %dx%d, but the depth camera is calibrated for %dx%d", depth.cols,
+                   depth.rows, rig_.depth.size.width, rig_.depth.size.height));
   }
   registered.create(rig_.color.size, CV_16UC1);
   registered.setTo(0);

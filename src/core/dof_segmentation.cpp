@@ -66,8 +66,8 @@ void DofSegmentation::requireBeyondFocalLength() const {
                                         [](const Run& a, const Run& b) { return a.depth < b.depth; });
   if (nearest != runs_.end() && nearest->depth <= config_.optics.focal_length_mm) {
     throw std::invalid_argument(
-        "segmentation: the focal length " + std::to_string(config_.optics.focal_length_mm) +
-        " mm is not smaller than the nearest depth, " + std::to_string(nearest->depth) + " mm");
+        cv::format("segmentation: the focal length, %g mm, is not smaller than the nearest depth, %d mm",
+                   config_.optics.focal_length_mm, nearest->depth));
   }
 }
 

@@ -6,16 +6,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <opencv2/core.hpp>
 #include <stdexcept>
-#include <string>
 
 namespace all_in_focus::core {
 namespace {
 
 void requirePositive(double value, const char* what) {
   if (!(std::isfinite(value) && value > 0)) {
-    throw std::invalid_argument(std::string("optics: ") + what + " must be positive and finite, not " +
-                                std::to_string(value));
+    throw std::invalid_argument(cv::format("optics: %s must be positive and finite, not %g", what, value));
   }
 }
 

@@ -69,9 +69,8 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
 void checkFocus(const std::string& path, const std::vector<double>& distances, const Optics& optics) {
   for (const double focus : distances) {
     if (focus <= optics.focal_length_mm) {
-      throw std::invalid_argument(path + ": focus_mm " + std::to_string(focus) +
-                                  " is not beyond the focal length " +
-                                  std::to_string(optics.focal_length_mm) + " mm");
+      throw std::invalid_argument(path + cv::format(": focus_mm %g is not beyond the focal length, %g mm",
+                                                    focus, optics.focal_length_mm));
     }
   }
 }

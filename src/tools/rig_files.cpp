@@ -126,7 +126,7 @@ std::vector<double> readFocus(const std::string& path, const std::vector<std::st
     const bool none = frame.IsMap() && frame["focus_mm"] && frame["focus_mm"].IsNull();
     const double focus = none ? unknown : get<double>(frame, "focus_mm", path);
     if (!(focus > 0) && !std::isnan(focus))
-      fail(path, "focus_mm must be positive, not " + std::to_string(focus));
+      fail(path, cv::format("focus_mm must be positive, not %g", focus));
     in_order.push_back(focus);
     if (names.empty()) continue;
     const auto name = get<std::string>(frame, "file", path);
