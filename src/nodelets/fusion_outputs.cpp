@@ -16,6 +16,8 @@ namespace enc = sensor_msgs::image_encodings;
 
 namespace {
 
+constexpr int kQueueSize = 10;  // results that a slow subscriber may lag behind without losing one
+
 sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
                               const cv::Mat& image) {
   OutgoingImage message(header, encoding, image.size());
@@ -33,7 +35,7 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeMonitor& monitor,
   const ros::SubscriberStatusCallback on_connect = [connect](const auto&) { connect(); };
   const auto advertise = [&](auto type, const char* topic) {
     monitor.addOutput(topic);
-    return nh.advertise<decltype(type)>(topic, 1, on_connect, on_connect, ros::VoidConstPtr(),
+    return nh.advertise<decltype(type)>(topic, kQueueSize, on_connect, on_connect, ros::VoidConstPtr(),
                                         /*latch=*/true);
   };
   image_ = advertise(sensor_msgs::Image(), "all_in_focus/image");

@@ -121,6 +121,27 @@ TEST(BracketAssembler, BracketByGap) {
   EXPECT_EQ(feed(a, at(2.5)), ")(0");
 }
 
+TEST(BracketAssembler, StampsThatGoBackEndABracketWithoutFocus) {
+  BracketAssembler a({0, 100.0});
+  feed(a, at(50));
+  EXPECT_EQ(feed(a, at(49.95)), "1");  // jitter
+  EXPECT_EQ(feed(a, at(10)), ")(0");   // a looping bag
+}
+
+TEST(BracketAssembler, ACountBeyondAllReasonIsLimited) {
+  BracketAssembler a;
+  feed(a, focus(0, 0, 0x7fffffff));
+  EXPECT_EQ(a.length(), 65535);
+}
+
+TEST(BracketAssembler, AFocusBracketAfterPlainFramesBeginsAtItsBeginning) {
+  BracketAssembler a;
+  feed(a, at(0));
+  EXPECT_EQ(feed(a, focus(3, 4)), "x");
+  EXPECT_EQ(feed(a, focus(3, 5)), "x");
+  EXPECT_EQ(feed(a, focus(4, 0)), ")(0");
+}
+
 TEST(BracketAssembler, FocusMessagesThatAppearBeginABracket) {
   BracketAssembler a;
   feed(a, at(0));
