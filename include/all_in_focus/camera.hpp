@@ -16,6 +16,10 @@ struct Camera {
 
   bool distorted() const;
 
+  /// Radius in the plane z = 1 up to which radial distortion is one-to-one: beyond, the polynomial folds the
+  /// world back into the picture. 10 (84 degrees off the axis) where it does not.
+  double reach() const;
+
   /// Ideal to distorted coordinates in the plane z = 1.
   cv::Point2d distort(const cv::Point2d& ideal) const;
   /// Distorted to ideal coordinates in the plane z = 1 (fixed-point iteration, to 1e-9 for usual lenses).

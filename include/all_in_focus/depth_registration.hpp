@@ -36,10 +36,11 @@ class DepthRegistration {
  private:
   void projectRow(const std::uint16_t* depth, int v);
   void splatPoints(cv::Mat& registered);
-  void splatFootprints(int v, cv::Mat& registered);
+  void splatFootprints(const std::uint16_t* depth_row, int v, cv::Mat& registered);
 
   Rig rig_;
   Splat splat_;
+  float reach_ = 0;               ///< of the colour camera's distortion
   bool fold_intrinsics_ = false;  ///< rays and translation are in colour pixels already
   cv::Mat1f ray_[3];              ///< per depth pixel: what one mm of depth adds to X', Y', Z'
   cv::Vec3f translation_;

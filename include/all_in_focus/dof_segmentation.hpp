@@ -86,6 +86,7 @@ class DofSegmentation {
   std::vector<Component> components_;
   std::vector<Edge> edges_, sorted_edges_;
   std::vector<int> weight_begin_, depth_begin_, by_depth_, label_of_root_;
+  std::vector<int> counted_;  ///< pixels of a root so far
   std::vector<RootMedian> roots_;
 };
 

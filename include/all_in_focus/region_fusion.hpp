@@ -26,7 +26,7 @@ struct RegionChoice {
 /// One pass over a frame sums all regions at once, however many there are.
 class RegionFusion {
  public:
-  /// labels: CV_32SC1, >= 0, of the size of the frames. Throws std::invalid_argument on a negative label.
+  /// labels: CV_32SC1, >= 0, of the size of the frames.
   void begin(const cv::Mat& labels);
 
   /// frame: CV_8UC3; gray: CV_8UC1 of it.

@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-DISTORTION_LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
+DISTORTION_LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,)}
 
 
 def rotation_matrix(rotation):
@@ -166,7 +166,7 @@ def load_camera(path):
         file.fail("distortion_model", "'%s' is not one of %s" % (model, ", ".join(sorted(DISTORTION_LENGTHS))))
     if len(D) not in DISTORTION_LENGTHS[model]:
         file.fail("distortion_coefficients.data", "%d numbers do not fit the model %s" % (len(D), model))
-    return Camera(file.text("camera_name"), file.size("image_width"), file.size("image_height"), K, D, model,
+    return Camera(file.text("camera_name", "camera"), file.size("image_width"), file.size("image_height"), K, D, model,
                   file.matrix("rectification_matrix", (3, 3), np.eye(3)),
                   file.matrix("projection_matrix", (3, 4), np.hstack([K, np.zeros((3, 1))])))
 

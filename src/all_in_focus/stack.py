@@ -102,7 +102,7 @@ def _natural(name):
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"([0-9]+)", name)]
 
 
-def read_image(path, flags=cv2.IMREAD_COLOR):
+def read_image(path, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
     """Image as OpenCV gives it; BGR, 8 bit by default. Raises StackError, also on cut-off files, which OpenCV pads."""
     try:
         with open(path, "rb") as file:

@@ -3,6 +3,7 @@
 
 #include "all_in_focus/bracket_fusion.hpp"
 
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string>
@@ -14,14 +15,20 @@ std::string text(const cv::Size& size) {
   return std::to_string(size.width) + "x" + std::to_string(size.height);
 }
 
+// Sides in the same proportion, to 1 %.
+bool sameShape(const cv::Size& a, const cv::Size& b) {
+  const double stretch = static_cast<double>(a.width) * b.height / (static_cast<double>(a.height) * b.width);
+  return std::abs(stretch - 1) <= 0.01;
+}
+
 }  // namespace
 
 void BracketFusion::begin(const cv::Mat& labels) {
   if (!labels.empty() && labels.type() != CV_32SC1)
     throw std::invalid_argument("fusion: labels must be CV_32SC1");
-  if (!labels.empty() && !cv::checkRange(labels, true, nullptr, 0, 2147483648.0)) {
-    throw std::invalid_argument("fusion: labels must not be negative");
-  }
+  double smallest = 0;
+  if (!labels.empty()) cv::minMaxLoc(labels, &smallest);
+  if (smallest < 0) throw std::invalid_argument(cv::format("fusion: negative label %g", smallest));
   labels_ = labels;
   by_region_ = !labels.empty();
   frames_ = 0;
@@ -38,6 +45,10 @@ void BracketFusion::add(const cv::Mat& frame, int index) {
   if (frames_ > 0 && frame.size() != size_) {
     throw std::invalid_argument("fusion: frame " + std::to_string(index) + " is " + text(frame.size()) +
                                 ", but the bracket began with " + text(size_));
+  }
+  if (frames_ == 0 && by_region_ && !sameShape(labels_.size(), frame.size())) {
+    throw std::invalid_argument("fusion: the frame is " + text(frame.size()) + ", the label image " +
+                                text(labels_.size()) + ": not the same picture");
   }
   if (frames_ == 0) {
     size_ = frame.size();

@@ -28,6 +28,21 @@ cv::Point2d Camera::distort(const cv::Point2d& ideal) const {
           y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
 }
 
+double Camera::reach() const {
+  constexpr double kStep = 0.01, kMost = 10;
+  const double k1 = distortion[0], k2 = distortion[1], k3 = distortion[4], k4 = distortion[5],
+               k5 = distortion[6], k6 = distortion[7];
+  double radius = 0, image_radius = 0;
+  while (radius < kMost) {
+    const double r = radius + kStep, r2 = r * r;
+    const double next = r * (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+    if (!(next > image_radius)) break;
+    radius = r;
+    image_radius = next;
+  }
+  return radius;
+}
+
 cv::Point2d Camera::undistort(const cv::Point2d& distorted) const {
   cv::Point2d ideal = distorted;
   for (int i = 0; i < kUndistortIterations; ++i) {

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <stdexcept>
 
 namespace all_in_focus::core {
@@ -35,6 +34,7 @@ DepthRegistration::DepthRegistration(const Rig& rig, Splat splat) : rig_(rig), s
   const Camera& out = rig.color;
   // With an undistorted colour camera its intrinsics belong to the fold too (equation 3).
   fold_intrinsics_ = !out.distorted();
+  reach_ = static_cast<float>(out.reach());
   const cv::Matx33d K =
       fold_intrinsics_ ? cv::Matx33d(out.fx, 0, out.cx, 0, out.fy, out.cy, 0, 0, 1) : cv::Matx33d::eye();
   const cv::Matx33d KR = K * rig.depth_to_color.rotation;
@@ -65,7 +65,11 @@ void DepthRegistration::compute(const cv::Mat& depth, cv::Mat& registered) {
   registered.setTo(0);
   for (int v = 0; v < depth.rows; ++v) {
     projectRow(depth.ptr<std::uint16_t>(v), v);
-    splat_ == Splat::kPoint ? splatPoints(registered) : splatFootprints(v, registered);
+    if (splat_ == Splat::kPoint) {
+      splatPoints(registered);
+    } else {
+      splatFootprints(depth.ptr<std::uint16_t>(v), v, registered);
+    }
   }
 }
 
@@ -92,6 +96,10 @@ void DepthRegistration::projectRow(const std::uint16_t* depth, int v) {
   const Camera& color = rig_.color;
   for (int u = 0; u < width; ++u) {
     if (ws[u] == 0) continue;
+    if (us[u] * us[u] + vs[u] * vs[u] > reach_ * reach_) {
+      ws[u] = 0;  // would be folded back into the picture
+      continue;
+    }
     const cv::Point2d p = color.distort({us[u], vs[u]});
     us[u] = static_cast<float>(p.x * color.fx + color.cx);
     vs[u] = static_cast<float>(p.y * color.fy + color.cy);
@@ -100,6 +108,7 @@ void DepthRegistration::projectRow(const std::uint16_t* depth, int v) {
 
 void DepthRegistration::splatPoints(cv::Mat& registered) {
   const int cols = registered.cols, rows = registered.rows, width = rig_.depth.size.width;
+  const int stride = static_cast<int>(registered.step1());
   const float* us = row_.u.data();
   const float* vs = row_.v.data();
   const float* ws = row_.w.data();
@@ -108,7 +117,7 @@ void DepthRegistration::splatPoints(cv::Mat& registered) {
     const std::int32_t u = nearestPixel(us[i], static_cast<float>(cols));
     const std::int32_t v = nearestPixel(vs[i], static_cast<float>(rows));
     const bool inside = (u >= 0) & (u < cols) & (v >= 0) & (v < rows) & (ws[i] > 0);
-    at[i] = inside ? v * cols + u : -1;
+    at[i] = inside ? v * stride + u : -1;
   }
   std::uint16_t* const out = registered.ptr<std::uint16_t>();
   for (int i = 0; i < width; ++i) {
@@ -118,21 +127,20 @@ void DepthRegistration::splatPoints(cv::Mat& registered) {
 
 // A depth pixel at one depth is a parallelogram in the colour image, spanned by the derivatives of its
 // position after u and v: d(nu / w) = (d nu - u' dw) / w.
-void DepthRegistration::splatFootprints(int v, cv::Mat& registered) {
+void DepthRegistration::splatFootprints(const std::uint16_t* depth_row, int v, cv::Mat& registered) {
   const int cols = registered.cols, rows = registered.rows, width = rig_.depth.size.width;
   const float* row[3] = {ray_[0][v], ray_[1][v], ray_[2][v]};
   const float* below[3] = {ray_[0][v + 1], ray_[1][v + 1], ray_[2][v + 1]};
   const float fx = fold_intrinsics_ ? 1.0f : static_cast<float>(rig_.color.fx);
   const float fy = fold_intrinsics_ ? 1.0f : static_cast<float>(rig_.color.fy);
-  const float x0 = fold_intrinsics_ ? 0.0f : static_cast<float>(rig_.color.cx);
-  const float y0 = fold_intrinsics_ ? 0.0f : static_cast<float>(rig_.color.cy);
   for (int i = 0; i < width; ++i) {
     const float w = row_.w[i];
     if (w == 0) continue;
     const float pu = row_.u[i], pv = row_.v[i];
-    // The depth itself follows from w = c z + tz.
-    const float scale = (w - translation_[2]) / (row[2][i] * w);
-    const float x = (pu - x0) / fx, y = (pv - y0) / fy;
+    const float scale = depth_row[i] / w;
+    // Before distortion, whose own derivative is left out.
+    const float x = (row[0][i] * depth_row[i] + translation_[0]) / w;
+    const float y = (row[1][i] * depth_row[i] + translation_[1]) / w;
     const auto side = [&](const float* const* to, int j) {
       const float dw = to[2][j] - row[2][i];
       return cv::Point2f(fx * scale * (to[0][j] - row[0][i] - x * dw),

@@ -162,14 +162,14 @@ void DofSegmentation::describe(const cv::Size& size, Segmentation& result) {
   by_depth_.resize(runs);
   for (int i = 0; i < runs; ++i) by_depth_[depth_begin_[runs_[i].depth]++] = i;
 
-  label_of_root_.assign(runs, 0);  // first: how many pixels of a root have been counted
+  counted_.assign(runs, 0);
   roots_.clear();
   for (const int i : by_depth_) {
     const int root = find(i);
     const int half = (components_[root].area + 1) / 2;
-    const int before = label_of_root_[root];
+    const int before = counted_[root];
     const int counted = before + runs_[i].end - runs_[i].begin;
-    label_of_root_[root] = counted;
+    counted_[root] = counted;
     if (before < half && counted >= half) roots_.push_back({root, runs_[i].depth});
   }
   // Found in ascending order of their medians; equal ones are ordered by first pixel.
@@ -177,6 +177,7 @@ void DofSegmentation::describe(const cv::Size& size, Segmentation& result) {
     return a.median != b.median ? a.median < b.median : a.root < b.root;
   });
 
+  label_of_root_.resize(runs);
   result.segments.resize(roots_.size());
   int known = 0;
   for (std::size_t i = 0; i < roots_.size(); ++i) {

@@ -4,10 +4,7 @@
 #include "all_in_focus/region_fusion.hpp"
 
 #include <algorithm>
-#include <cstring>
-#include <numeric>
 #include <stdexcept>
-#include <string>
 
 namespace all_in_focus::core {
 namespace {
@@ -30,10 +27,6 @@ void addRun(const std::uint8_t* gray, int length, GraySums& sums) {
 }  // namespace
 
 void RegionFusion::begin(const cv::Mat& labels) {
-  double smallest = 0, greatest = 0;
-  cv::minMaxLoc(labels, &smallest, &greatest);
-  if (smallest < 0)
-    throw std::invalid_argument("fusion: negative label " + std::to_string(static_cast<int>(smallest)));
   if (labels.cols > kMaxRun)
     throw std::invalid_argument("fusion: images wider than 65536 pixels are not supported");
   size_ = labels.size();

@@ -67,7 +67,6 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   int depth_input_ = 0, depth_info_input_ = 0, rgb_info_input_ = 0;
   std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
-  std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
   Config config_ = Config::__getDefault__();
   std::vector<int> invalid_values_{0, 2047};
   int queue_size_ = 5;
@@ -76,9 +75,6 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   std::unique_ptr<image_transport::ImageTransport> transport_;
   image_transport::Publisher registered_publisher_, filled_publisher_;
   ros::Publisher info_publisher_;
-  image_transport::Subscriber depth_subscriber_;
-  ros::Subscriber depth_info_subscriber_, rgb_info_subscriber_;
-  ros::WallTimer retry_timer_;
 
   std::deque<sensor_msgs::ImageConstPtr> waiting_;  // for camera infos and transform, oldest first
   ros::WallTime waiting_since_;                     // zero: nothing had to wait lately
@@ -86,6 +82,12 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   geometry_msgs::Transform transform_;
   std::unique_ptr<DepthPreprocessing> preprocessing_;  // of the current rig and mode
   std::string preprocessing_mode_;
+
+  // Last, so that they end first: they call what stands above.
+  std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
+  image_transport::Subscriber depth_subscriber_;
+  ros::Subscriber depth_info_subscriber_, rgb_info_subscriber_;
+  ros::WallTimer retry_timer_;
 };
 
 void DepthPreprocessNodelet::onInit() {

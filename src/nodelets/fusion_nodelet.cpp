@@ -15,7 +15,9 @@
 #include <memory>
 #include <mutex>
 #include <pluginlib/class_list_macros.hpp>
+#include <string>
 
+#include "await_publishers.hpp"
 #include "fusion_outputs.hpp"
 #include "fusion_worker.hpp"
 #include "node_monitor.hpp"
@@ -28,7 +30,6 @@ namespace enc = sensor_msgs::image_encodings;
 
 constexpr const char* kProcessedTopic = "all_in_focus/processed";
 constexpr std::size_t kPairsWaiting = 64;
-const ros::WallDuration kConnectPatience(1.0);  // for publishers that died without a word
 
 }  // namespace
 
@@ -38,7 +39,7 @@ const ros::WallDuration kConnectPatience(1.0);  // for publishers that died with
 /// waits for the worker and so runs on the multi-threaded queue.
 class FusionNodelet : public nodelet::Nodelet {
  public:
-  ~FusionNodelet() override { worker_.reset(); }  // joins its thread before the publishers go
+  ~FusionNodelet() override;
 
  private:
   using Config = FusionConfig;
@@ -53,7 +54,6 @@ class FusionNodelet : public nodelet::Nodelet {
   void unsubscribe();
   void arrived(int input, const ros::Time& stamp, bool is_frame = false);
 
-  void awaitPublishers();
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFocus(const FocusFrameConstPtr& focus);
   void onLabels(const sensor_msgs::ImageConstPtr& labels);
@@ -85,7 +85,20 @@ class FusionNodelet : public nodelet::Nodelet {
   FramePairing frame_pairing_{kPairsWaiting};
   LabelPairing label_pairing_{kPairsWaiting};
   bool focus_seen_ = false, awaited_ = false;  // since the subscription
+  bool closing_ = false;
 };
+
+// First what calls the worker, which waits for calls under way, then the worker, then what it publishes with.
+FusionNodelet::~FusionNodelet() {
+  finish_server_.shutdown();
+  reconfigure_server_.reset();
+  {
+    std::lock_guard<std::mutex> lock(connect_mutex_);
+    closing_ = true;
+    if (image_subscriber_) unsubscribe();
+  }
+  worker_.reset();
+}
 
 void FusionNodelet::onInit() {
   monitor_ =
@@ -151,6 +164,7 @@ void FusionNodelet::reconfigure(Config& config) {
 // Works only while somebody listens.
 void FusionNodelet::connect() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
+  if (closing_) return;
   const bool is_wanted = outputs_.wanted();
   if (is_wanted && !image_subscriber_) {
     subscribe();
@@ -198,22 +212,10 @@ void FusionNodelet::arrived(int input, const ros::Time& stamp, bool is_frame) {
   worker_->timeWentBack(now, is_frame);
 }
 
-// Once a subscription: what has just started may not be connected yet with all its topics. Without its
-// rgb/focus or its labels the first bracket would be another one.
-void FusionNodelet::awaitPublishers() {
-  awaited_ = true;
-  ros::master::V_TopicInfo published;
-  ros::master::getTopics(published);
-  const ros::WallTime end = ros::WallTime::now() + kConnectPatience;
-  for (const ros::Subscriber* s : {&focus_subscriber_, &labels_subscriber_}) {
-    const auto is_it = [s](const ros::master::TopicInfo& topic) { return topic.name == s->getTopic(); };
-    if (std::none_of(published.begin(), published.end(), is_it)) continue;
-    while (s->getNumPublishers() == 0 && ros::WallTime::now() < end) ros::WallDuration(0.01).sleep();
-  }
-}
-
 void FusionNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
-  if (!awaited_) awaitPublishers();
+  // Without its rgb/focus or its labels the first bracket would be another one.
+  if (!awaited_) awaitPublishers({&focus_subscriber_, &labels_subscriber_});
+  awaited_ = true;
   arrived(image_input_, image->header.stamp, /*is_frame=*/true);
   worker_->expectLabels(labels_subscriber_.getNumPublishers() > 0);
   // Once rgb/focus is there, it says what a bracket is.

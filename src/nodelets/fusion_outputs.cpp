@@ -67,7 +67,7 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
     drawWeights(result.source_index, result.confidence, bracket.frames, weights);
     cv::cvtColor(weights, weights, cv::COLOR_BGR2RGB);
     weights_.publish(toImage(header, enc::RGB8, weights));
-    if (bracket.depth) publishDepth(header, bracket.depth, result.image.size());
+    publishDepth(header, bracket.depth, result.image.size());
     sensor_msgs::CameraInfoConstPtr info;
     {
       std::lock_guard<std::mutex> lock(mutex_);
@@ -86,9 +86,12 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
 void FusionOutputs::publishDepth(const std_msgs::Header& header, const sensor_msgs::ImageConstPtr& message,
                                  const cv::Size& size) {
   try {
-    const DepthImage depth = toDepth(message, {}, "depth_registered/image");
     OutgoingImage out(header, enc::TYPE_16UC1, size);
-    cv::resize(depth.mm, out.mat, size, 0, 0, cv::INTER_NEAREST);
+    if (message) {
+      cv::resize(toDepth(message, {}, "depth_registered/image").mm, out.mat, size, 0, 0, cv::INTER_NEAREST);
+    } else {
+      out.mat.setTo(0);  // unknown: that of an older result must not stay beside a newer picture
+    }
     depth_.publish(out.take());
   } catch (const std::exception& e) {
     monitor_->error(e.what());

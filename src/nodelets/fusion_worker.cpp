@@ -13,8 +13,10 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kIdlePeriod(50);  // how often a gap in time is looked for
 constexpr std::chrono::seconds kFinishPatience(60);
-constexpr double kClockTolerance = 1;   // s that a label's stamp may be ahead of the clock
-constexpr std::size_t kMaxCached = 64;  // label and depth images: two seconds of a Kinect
+constexpr double kClockTolerance = 1;         // s that a label's stamp may be ahead of the clock
+constexpr std::size_t kMaxCached = 64;        // label and depth images: two seconds of a Kinect
+constexpr std::size_t kMaxBytes = 256 << 20;  // of each kind of image that is kept
+constexpr std::size_t kFewest = 4;
 
 double millisecondsSince(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
@@ -33,9 +35,15 @@ FrameInfo frameInfo(const BracketFrame& frame) {
   return info;
 }
 
+// How many images of this size may be kept: large ones fewer, so that memory stays bounded.
+std::size_t limit(std::size_t most, const sensor_msgs::Image& image) {
+  const std::size_t fitting = kMaxBytes / std::max<std::size_t>(image.data.size(), 1);
+  return std::min(most, std::max(kFewest, fitting));
+}
+
 template <typename Value>
-void keepNewest(std::map<ros::Time, Value>& cache) {
-  while (cache.size() > kMaxCached) cache.erase(cache.begin());
+void keepNewest(std::map<ros::Time, Value>& cache, std::size_t most) {
+  while (cache.size() > most) cache.erase(cache.begin());
 }
 
 }  // namespace
@@ -61,7 +69,7 @@ void FusionWorker::addFrame(const BracketFrame& frame) {
   sensor_msgs::ImageConstPtr dropped;
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    if (queued_frames_ >= next_settings_.max_queued_frames) {
+    if (queued_frames_ >= static_cast<int>(limit(next_settings_.max_queued_frames, *frame.image))) {
       const auto oldest =
           std::find_if(jobs_.begin(), jobs_.end(), [](const Job& job) { return job.frame.image; });
       dropped = oldest->frame.image;
@@ -84,7 +92,7 @@ void FusionWorker::addLabels(const LabelSet& set) {
   {
     std::lock_guard<std::mutex> lock(mutex_);
     labels_[set.labels->header.stamp] = set;
-    keepNewest(labels_);
+    keepNewest(labels_, limit(kMaxCached, *set.labels));
   }
   wake_.notify_all();
 }
@@ -92,7 +100,7 @@ void FusionWorker::addLabels(const LabelSet& set) {
 void FusionWorker::addDepth(const sensor_msgs::ImageConstPtr& depth) {
   std::lock_guard<std::mutex> lock(mutex_);
   depths_[depth->header.stamp] = depth;
-  keepNewest(depths_);
+  keepNewest(depths_, limit(kMaxCached, *depth));
 }
 
 void FusionWorker::expectLabels(bool expected) {
@@ -163,7 +171,11 @@ void FusionWorker::run() {
         closeBracket();
       }
     } catch (const std::exception& e) {
+      // What the bracket holds is uncertain: it is given up.
+      assembler_.restart();
       monitor_.error(std::string("fusion: ") + e.what());
+      if (job.frame.image) monitor_.consumed(job.frame.image->header, Outcome::kInvalid, e.what());
+      if (job.finished) job.finished->set_value(published_);
     }
     lock.lock();
   }

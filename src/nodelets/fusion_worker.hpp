@@ -40,7 +40,7 @@ class FusionWorker {
   FusionWorker(NodeMonitor& monitor, Publish publish);
   ~FusionWorker();
 
-  void configure(const FusionSettings& settings);  ///< takes effect with the next bracket
+  void configure(const FusionSettings& settings);  ///< bracket: at once; the rest with the next bracket
   void addFrame(const BracketFrame& frame);
   void addLabels(const LabelSet& set);
   void addDepth(const sensor_msgs::ImageConstPtr& depth);

@@ -34,15 +34,8 @@ enum class Outcome {
 /// What people see of a node besides its results: resolved topics at start, counters, rate and delay on
 /// /diagnostics, named and throttled errors, a warning for silent inputs. Also notices when time jumps back.
 ///
-///   NodeMonitor monitor(getName(), getMTNodeHandle(), getPrivateNodeHandle(), "segmentation/processed");
-///   const int depth = monitor.addInput("depth_registered/image", Expect::kStream, "is depth_preprocess
-///   running?"); monitor.addOutput("segmentation/labels"); monitor.start();                         // prints
-///   the topics monitor.setSubscribed(true);             // on lazy subscription, false on shutdown of the
-///   subscribers
-///   ...in the callback:
-///   if (monitor.inputArrived(depth, header.stamp)) { /* time went back: empty all caches */ }
-///   monitor.consumed(header, Outcome::kProcessed);
-///   monitor.consumed(header, Outcome::kInvalid, "what is wrong, where, what to do");
+/// In onInit(): addInput(), addOutput(), start(). On lazy subscription: setSubscribed(). First in every input
+/// callback: inputArrived(), and empty all caches if it says so. When done with an input: consumed().
 ///
 /// All methods are thread-safe; add inputs and outputs before start().
 class NodeMonitor {

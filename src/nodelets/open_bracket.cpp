@@ -35,6 +35,7 @@ cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image) {
 
 std::string OpenBracket::begin(const std_msgs::Header& first_frame, std::uint32_t bracket_id, Mode mode,
                                int wanted_reference, const LabelSet& set) {
+  set_ = set;
   report_ = FusionReport();
   report_.header = first_frame;
   report_.bracket_id = bracket_id;

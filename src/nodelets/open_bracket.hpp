@@ -57,6 +57,7 @@ class OpenBracket {
  private:
   bool nearerToReference(int index) const;
 
+  LabelSet set_;  // the fusion reads the message's own memory
   BracketFusion fusion_;
   FusionReport report_;
   int wanted_reference_ = 0;

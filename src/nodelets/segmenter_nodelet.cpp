@@ -58,7 +58,6 @@ class SegmenterNodelet : public nodelet::Nodelet {
 
   std::unique_ptr<NodeMonitor> monitor_;
   int depth_input_ = 0;
-  std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
   Config config_ = Config::__getDefault__();  // always possible
   Mode mode_ = Mode::kRefined;
   int queue_size_ = 5;
@@ -68,10 +67,13 @@ class SegmenterNodelet : public nodelet::Nodelet {
   ros::Publisher labels_publisher_,
       segments_publisher_;  // no image_transport: lossy plug-ins would destroy labels
   image_transport::Publisher picture_publisher_;
-  image_transport::Subscriber depth_subscriber_;
 
   std::unique_ptr<DofSegmentation> segmentation_;  // empty: the configuration has changed
   Segmentation result_;
+
+  // Last, so that they end first: they call what stands above.
+  std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
+  image_transport::Subscriber depth_subscriber_;
 };
 
 void SegmenterNodelet::onInit() {

@@ -94,8 +94,23 @@ void fuseStack(const po::variables_map& values) {
     context.notes.push_back("refined fusion is not in this version: regions are fused as in mode paper");
   }
 
-  input.next_frame = [&](cv::Mat& frame) { return stack.next(frame); };
-  PipelineResult result = runPipeline(input, mode);
+  // The core says what is wrong, this says in which file; the reader's own errors name it already.
+  std::string at = textOption(values, input.depth.empty() ? "registered-depth" : "depth");
+  bool reading = false;
+  input.next_frame = [&](cv::Mat& frame) {
+    reading = true;
+    const bool there = stack.next(frame);
+    reading = false;
+    if (there) at = stack.current();
+    return there;
+  };
+  PipelineResult result;
+  try {
+    result = runPipeline(input, mode);
+  } catch (const std::invalid_argument& e) {
+    if (reading) throw;
+    throw std::invalid_argument(at + ": " + e.what());
+  }
   if (distances.size() > static_cast<std::size_t>(result.frames)) {
     throw std::invalid_argument(focus + ": " + std::to_string(distances.size()) + " entries for " +
                                 std::to_string(result.frames) + " frames");

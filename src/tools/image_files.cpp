@@ -108,7 +108,7 @@ std::string ending(const std::string& path) {
 }
 
 cv::Mat readColor(const std::string& path) {
-  return decode(path, cv::IMREAD_COLOR);
+  return decode(path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);  // calibrated as the sensor lies
 }
 
 cv::Mat readDepth(const std::string& path) {

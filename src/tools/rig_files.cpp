@@ -61,7 +61,9 @@ Camera readCamera(const std::string& path) {
   }
   if (node["distortion_coefficients"]) {
     const auto d = numbers(node["distortion_coefficients"], "data", 0, path);
-    if (d.size() > camera.distortion.size()) fail(path, "more than 8 distortion_coefficients");
+    const bool fits = model == "plumb_bob" ? d.empty() || d.size() == 4 || d.size() == 5 : d.size() == 8;
+    if (!fits)
+      fail(path, std::to_string(d.size()) + " distortion_coefficients do not fit the model " + model);
     std::copy(d.begin(), d.end(), camera.distortion.begin());
   }
   try {
@@ -83,6 +85,9 @@ Rig readRig(const std::string& folder) {
   const YAML::Node pose = load(path);
   const auto t = numbers(pose, "translation", 3, path);
   const auto q = numbers(pose, "rotation", 4, path);
+  if (!(std::abs(std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]) - 1) <= 1e-3)) {
+    fail(path, "rotation: expected a unit quaternion x, y, z, w");
+  }
   try {
     rig.depth_to_color = RigidTransform::fromQuaternion(q[0], q[1], q[2], q[3], {t[0], t[1], t[2]});
   } catch (const std::invalid_argument& e) {

@@ -95,4 +95,8 @@ bool StackReader::next(cv::Mat& frame) {
   return false;
 }
 
+std::string StackReader::current() const {
+  return names_.empty() || read_ == 0 ? path_ : (fs::path(path_) / names_[read_ - 1]).string();
+}
+
 }  // namespace all_in_focus

@@ -19,6 +19,9 @@ class StackReader {
   /// CV_8UC3. False at the end. Throws std::invalid_argument on a broken image or a video that is cut short.
   bool next(cv::Mat& frame);
 
+  /// The file that the last frame came from.
+  std::string current() const;
+
   /// File names of a folder's images, in order; empty for a video.
   const std::vector<std::string>& names() const { return names_; }
 

@@ -156,6 +156,13 @@ TEST(BracketFusion, RefusesBadLabels) {
   EXPECT_THROW(fusion.begin(halves(-1, 2)), std::invalid_argument);
 }
 
+TEST(BracketFusion, RefusesLabelsOfAnotherShape) {
+  BracketFusion fusion;
+  fusion.begin(halves(1, 2, 80, 45));
+  EXPECT_THROW(fusion.add(halfSharp(true), 0), std::invalid_argument);
+  EXPECT_EQ(fusion.frames(), 0);
+}
+
 TEST(BracketFusion, TheNextBracketMayHaveAnotherSize) {
   BracketFusion fusion;
   fusion.begin(halves(1, 2));

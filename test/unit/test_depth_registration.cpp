@@ -184,6 +184,31 @@ TEST(DepthRegistration, RefusesWhatItCannotUse) {
   EXPECT_THROW(RigidTransform::fromQuaternion(0, 0, 0, 0, {0, 0, 0}), std::invalid_argument);
 }
 
+TEST(DepthRegistration, WritesIntoPartOfAnImage) {
+  const Rig rig = sameCameras();
+  cv::Mat depth(48, 64, CV_16UC1);
+  cv::randu(depth, 500, 5000);
+  for (const Splat splat : {Splat::kPoint, Splat::kFootprint}) {
+    cv::Mat whole(60, 100, CV_16UC1, cv::Scalar(7));
+    cv::Mat part = whole(cv::Rect(20, 5, 64, 48));
+    DepthRegistration(rig, splat).compute(depth, part);
+    EXPECT_EQ(cv::countNonZero(part != registered(rig, depth, splat)), 0);
+    EXPECT_EQ(cv::countNonZero(whole == 7), 60 * 100 - 48 * 64);
+  }
+}
+
+TEST(DepthRegistration, DistortionDoesNotFoldTheWorldBack) {
+  Rig rig = sameCameras();
+  rig.depth.fx = rig.depth.fy = 12;  // sees far beyond the colour camera
+  rig.color.distortion = {-0.35, 0.12, 0, 0, -0.02};
+  EXPECT_LT(rig.color.reach(), 2.0);
+  const cv::Mat out = registered(rig, constant(rig.depth.size, 1000), Splat::kPoint);
+  cv::Mat far_side = constant(rig.depth.size, 1000);
+  far_side(cv::Rect(8, 8, 48, 32)) = 0;  // only what lies outside the colour picture
+  EXPECT_EQ(cv::countNonZero(registered(rig, far_side, Splat::kPoint)), 0);
+  EXPECT_GT(cv::countNonZero(out), 0);
+}
+
 TEST(Camera, UndistortIsTheInverseOfDistort) {
   Camera c = camera(640, 480, 500);
   c.distortion = {-0.25, 0.08, 0.001, -0.0005, -0.01, 0.02, 0.001, 0.0003};
