@@ -25,7 +25,8 @@ def write_stack(folder, names, frames=None):
 
 
 def write_video(path, frames):
-    video = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30, SIZE)
+    frames = list(frames)
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30, frames[0].shape[1::-1])
     for frame in frames:
         video.write(frame)
     video.release()

@@ -71,4 +71,7 @@ const char* toString(DofSpan span);
 /// All but the header.
 SegmentArrayPtr toMessage(const Segmentation& segmentation, const SegmentationConfig& config);
 
+std::string withoutSlash(const std::string& frame);  ///< frame id as tf2 wants it
+void requireFrame(const std_msgs::Header& header, const std::string& topic);
+
 }  // namespace all_in_focus

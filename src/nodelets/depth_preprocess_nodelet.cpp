@@ -28,21 +28,15 @@ constexpr double kRetryPeriod = 0.1;  // s, while a depth image waits for the tr
 constexpr double kPatience = 1.0;     // s, before waiting is an error
 constexpr const char* kProcessedTopic = "depth_registered/processed";
 
-std::string withoutSlash(const std::string& frame) {
-  return !frame.empty() && frame[0] == '/' ? frame.substr(1) : frame;
-}
-
-void requireFrame(const std_msgs::Header& header, const std::string& topic) {
-  if (header.frame_id.empty())
-    throw std::invalid_argument(topic + ": frame_id is empty: set it in the camera's driver");
-}
-
 }  // namespace
 
 /// Registers depth images to the colour camera and fills their holes.
 ///
 /// All callbacks run one after the other on the nodelet's own queue; only connecting may meet onInit().
 class DepthPreprocessNodelet : public nodelet::Nodelet {
+ public:
+  ~DepthPreprocessNodelet() override;
+
  private:
   using Config = DepthPreprocessConfig;
 
@@ -53,7 +47,6 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   void connect();
   void subscribe();
   void unsubscribe();
-
   void onDepth(const sensor_msgs::ImageConstPtr& depth);
   void onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot, const sensor_msgs::CameraInfoConstPtr& info);
   void processWaiting();
@@ -70,12 +63,11 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   Config config_ = Config::__getDefault__();
   std::vector<int> invalid_values_{0, 2047};
   int queue_size_ = 5;
-
+  bool closing_ = false;
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
   std::unique_ptr<image_transport::ImageTransport> transport_;
   image_transport::Publisher registered_publisher_, filled_publisher_;
   ros::Publisher info_publisher_;
-
   std::deque<sensor_msgs::ImageConstPtr> waiting_;  // for camera infos and transform, oldest first
   ros::WallTime waiting_since_;                     // zero: nothing had to wait lately
   sensor_msgs::CameraInfoConstPtr depth_info_, rgb_info_;
@@ -89,6 +81,13 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   ros::Subscriber depth_info_subscriber_, rgb_info_subscriber_;
   ros::WallTimer retry_timer_;
 };
+
+// The publishers, which end later, call connect() as their listeners go.
+DepthPreprocessNodelet::~DepthPreprocessNodelet() {
+  std::lock_guard<std::mutex> lock(connect_mutex_);
+  closing_ = true;
+  if (depth_subscriber_) unsubscribe();
+}
 
 void DepthPreprocessNodelet::onInit() {
   monitor_ =
@@ -148,6 +147,7 @@ void DepthPreprocessNodelet::reconfigure(Config& config) {
 // Works only while somebody listens.
 void DepthPreprocessNodelet::connect() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
+  if (closing_) return;
   const bool wanted = registered_publisher_.getNumSubscribers() > 0 ||
                       filled_publisher_.getNumSubscribers() > 0 || info_publisher_.getNumSubscribers() > 0;
   if (wanted && !depth_subscriber_) subscribe();

@@ -44,6 +44,9 @@ bool positive(double value) {
 ///
 /// All callbacks run one after the other on the nodelet's own queue; only connecting may meet onInit().
 class SegmenterNodelet : public nodelet::Nodelet {
+ public:
+  ~SegmenterNodelet() override;
+
  private:
   using Config = SegmenterConfig;
 
@@ -62,6 +65,7 @@ class SegmenterNodelet : public nodelet::Nodelet {
   Mode mode_ = Mode::kRefined;
   int queue_size_ = 5;
 
+  bool closing_ = false;
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
   std::unique_ptr<image_transport::ImageTransport> transport_;
   ros::Publisher labels_publisher_,
@@ -75,6 +79,13 @@ class SegmenterNodelet : public nodelet::Nodelet {
   std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
   image_transport::Subscriber depth_subscriber_;
 };
+
+// The publishers, which end later, call connect() as their listeners go.
+SegmenterNodelet::~SegmenterNodelet() {
+  std::lock_guard<std::mutex> lock(connect_mutex_);
+  closing_ = true;
+  depth_subscriber_.shutdown();
+}
 
 void SegmenterNodelet::onInit() {
   monitor_ =
@@ -142,6 +153,7 @@ void SegmenterNodelet::reconfigure(Config& config) {
 // Works only while somebody listens.
 void SegmenterNodelet::connect() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
+  if (closing_) return;
   const bool wanted = labels_publisher_.getNumSubscribers() > 0 ||
                       segments_publisher_.getNumSubscribers() > 0 ||
                       picture_publisher_.getNumSubscribers() > 0;

@@ -197,7 +197,7 @@ class BadFramesTest(FusionTest):
         self.assertEqual([report.frames_used, report.frames_rejected], [3, 1])
 
     def test_a_bracket_of_another_size_than_the_one_before(self):
-        for pixels in (scene()[:24, :32], scene().repeat(2, axis=0), scene()):
+        for pixels in (scene()[:24, :32], scene().repeat(2, axis=0).repeat(2, axis=1), scene()):
             stamp = next(STAMPS)
             self.send_labels(stamp)
             middle = self.send_bracket(stamp, [colour_message(pixels, stamp + i * PERIOD) for i in range(3)])
