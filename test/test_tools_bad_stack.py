@@ -110,7 +110,7 @@ def test_focus(planes, text, complaint):
 
 
 def test_focus_of_a_video(planes):
-    video = write_video(planes.folder / "v.avi", pictures(2))
+    video = write_video(planes.folder / "v.avi", pictures(2, (64, 48)))
     focus = planes.folder / "focus.yaml"
     focus.write_text("frames: [{focus_mm: 900}, {focus_mm: 1000}, {focus_mm: 1100}]")
     planes.refused("3 entries for 2 frames", *planes.with_depth, "--focus", focus, stack=video)
