@@ -1,0 +1,31 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+namespace all_in_focus::core {
+
+/// A gray frame, smoothed and reduced: all that alignment keeps of it. Level 0 has half its size (or less, at
+/// most a megapixel), every next level half of that. Pixel p of the frame is p / reduction(i) of level i.
+class ImagePyramid {
+ public:
+  /// gray: CV_8UC1. Buffers are reused.
+  void build(const cv::Mat& gray);
+
+  int levels() const { return levels_; }
+  const cv::Mat& level(int i) const { return images_[i]; }  ///< CV_32FC1
+  double reduction(int i) const { return finest_reduction_ * (1 << i); }
+
+  /// Local contrast of the coarsest level: what every defocus leaves of a scene.
+  const cv::Mat& contrast() const { return contrast_; }
+
+ private:
+  std::vector<cv::Mat> images_;  ///< maybe more than levels_, from a larger frame before
+  cv::Mat halved_, halved_again_, contrast_;
+  int levels_ = 0;
+  int finest_reduction_ = 2;
+};
+
+}  // namespace all_in_focus::core

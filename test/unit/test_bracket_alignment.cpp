@@ -1,0 +1,279 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <vector>
+
+#include "all_in_focus/bracket_alignment.hpp"
+#include "bracket_drawing.hpp"
+
+using namespace all_in_focus::core;
+using bracket_drawing::addNoise;
+using bracket_drawing::frame;
+using bracket_drawing::kCenter;
+using bracket_drawing::kSize;
+using bracket_drawing::refocused;
+
+namespace {
+
+constexpr double kFocal = 50;  // mm
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Equally spaced in dioptres, 0.6 m to infinity.
+double focusDistance(int k, int n) {
+  return 1000 / (1.6 - 1.6 * k / (n - 1));
+}
+
+double breathingScale(double b, int k, int reference, int n) {
+  const auto v = [&](int i) { return 1 / (1 / kFocal - 1 / focusDistance(i, n)); };
+  return 1 + b * (v(k) / v(reference) - 1);
+}
+
+// Pixels by which a placement is off anywhere in the picture.
+double error(const Placement& placement, const Motion& truth) {
+  return largestDisplacement(chain(inverse(truth), placement), kSize, kCenter);
+}
+
+BracketAlignment begun(double focal_length_mm = kFocal) {
+  BracketAlignment alignment;
+  alignment.begin(kSize, kCenter, focal_length_mm);
+  return alignment;
+}
+
+TEST(PairAlignment, FindsTheMotionUnderOppositeChangesOfBlur) {
+  ImagePyramid key, other;
+  key.build(frame({}, 0.5, 4));
+  PairAlignment alignment;
+  alignment.setKey(key, kCenter);
+  for (const Motion& truth :
+       {Motion{}, Motion{1.004, {0.2, -0.1}}, Motion{0.99, {1.5, 2.5}}, Motion{1.03, {-4, 3}}}) {
+    other.build(frame(truth, 4, 0.5));
+    const PairMeasurement found = alignment.measure(other, {});
+    EXPECT_TRUE(found.converged);
+    EXPECT_GT(found.correlation, 0.95);
+    EXPECT_LT(largestDisplacement(chain(inverse(truth), found.motion), kSize, kCenter), 0.1) << truth.scale;
+  }
+}
+
+TEST(PairAlignment, HasNoBiasTowardsWholePixels) {
+  ImagePyramid key, other;
+  key.build(frame({}));
+  PairAlignment alignment;
+  alignment.setKey(key, kCenter);
+  for (double shift = 0; shift < 2; shift += 0.25) {
+    other.build(frame({1, {shift, -shift}}));
+    EXPECT_LT(cv::norm(alignment.measure(other, {}).motion.shift - cv::Point2d(shift, -shift)), 0.005)
+        << shift;
+  }
+}
+
+TEST(FocusBreathing, FollowsTheThinLens) {
+  const double f = 50, b = 0.7;
+  const auto v = [&](double s) { return 1 / (1 / f - 1 / s); };
+  const auto x = [&](double s) { return FocusBreathing::extension(s, f); };
+  EXPECT_NEAR(x(800), v(800) / f - 1, 1e-12);
+  EXPECT_EQ(x(kInfinity), 0);
+  FocusBreathing breathing;
+  EXPECT_FALSE(breathing.b(x(800)));
+  // m relative to 800 mm
+  const auto m = [&](double s) { return 1 + b * (v(s) / v(800) - 1); };
+  for (const double s : {900.0, 2000.0, kInfinity}) breathing.add(x(800), x(s), m(s), 1e-5);
+  EXPECT_NEAR(breathing.b(x(800)).value(), b, 1e-4);
+  EXPECT_NEAR(breathing.scale(x(900), x(3000)).value(), m(3000) / m(900), 1e-6);
+  EXPECT_FALSE(breathing.scale(x(900), kUnknown));
+}
+
+TEST(FocusBreathing, UnknownOrImpossibleFocus) {
+  for (const double s : {kUnknown, 50.0, 0.0, -3.0})
+    EXPECT_TRUE(std::isnan(FocusBreathing::extension(s, 50))) << s;
+  for (const double f : {kUnknown, kInfinity, 0.0, -1.0})
+    EXPECT_TRUE(std::isnan(FocusBreathing::extension(900, f))) << f;
+}
+
+TEST(FocusBreathing, IsNotBelievedWhereItDoesNotExplain) {
+  FocusBreathing breathing;
+  for (const double scale : {1.01, 0.99, 1.02}) breathing.add(0.05, 0.06, scale, 1e-4);
+  EXPECT_FALSE(breathing.scale(0.05, 0.06));
+}
+
+TEST(BracketAlignment, StaticBracketsStayAsTheyAre) {
+  for (const double focal : {kFocal, kUnknown}) {
+    for (const double noise : {0.0, 5.0, 10.0}) {
+      BracketAlignment alignment = begun(focal);
+      for (int k = 0; k < 5; ++k) {
+        cv::Mat gray = refocused({}, k, 5);
+        addNoise(noise, k, gray);
+        alignment.observe(gray, k, focusDistance(k, 5));
+      }
+      for (int k = 0; k < 5; ++k) {
+        const Placement placement = alignment.placement(k, 2);
+        EXPECT_TRUE(placement.isIdentity()) << k << " noise " << noise;
+        EXPECT_TRUE(placement.fits && placement.measured);
+      }
+      if (focal == kFocal) {
+        EXPECT_NEAR(alignment.breathing(2).value(), 0, 0.02);
+      }
+    }
+  }
+}
+
+TEST(BracketAlignment, FindsTheBreathingOfTheLens) {
+  constexpr int n = 6, reference = 3;
+  for (const double b : {-0.6, 0.3, 1.0}) {
+    BracketAlignment alignment = begun();
+    for (int k = 0; k < n; ++k) {
+      cv::Mat gray = refocused({breathingScale(b, k, reference, n), {}}, k, n);
+      addNoise(2, k, gray);
+      alignment.observe(gray, k, focusDistance(k, n));
+    }
+    EXPECT_NEAR(alignment.breathing(reference).value(), b, 0.01);
+    for (int k = 0; k < n; ++k) {
+      EXPECT_LT(error(alignment.placement(k, reference), {breathingScale(b, k, reference, n), {}}), 0.1) << b;
+    }
+  }
+}
+
+TEST(BracketAlignment, MeasuresWhereFocusIsUnknownOrWrong) {
+  constexpr int n = 6, reference = 3;
+  BracketAlignment unknown = begun(kUnknown), wrong = begun(), partly = begun();
+  for (int k = 0; k < n; ++k) {
+    const cv::Mat gray = refocused({breathingScale(1, k, reference, n), {}}, k, n);
+    unknown.observe(gray, k, focusDistance(k, n));
+    wrong.observe(gray, k, 700 + 300 * (k * 5 % 3));
+    partly.observe(gray, k, k % 2 ? kUnknown : focusDistance(k, n));
+  }
+  EXPECT_FALSE(unknown.breathing(reference));
+  EXPECT_FALSE(wrong.breathing(reference));
+  for (int k = 0; k < n; ++k) {
+    for (const BracketAlignment* alignment : {&unknown, &wrong, &partly}) {
+      EXPECT_LT(error(alignment->placement(k, reference), {breathingScale(1, k, reference, n), {}}), 0.15)
+          << k;
+    }
+  }
+}
+
+TEST(BracketAlignment, FollowsAMovingCamera) {
+  constexpr int n = 6;
+  std::vector<Motion> truth(n);
+  cv::RNG random(4);
+  for (int k = 1; k < n; ++k) {
+    truth[k].scale = breathingScale(1, k, 0, n);
+    truth[k].shift = truth[k - 1].shift + cv::Point2d(random.uniform(-3.0, 3.0), random.uniform(-3.0, 3.0));
+  }
+  BracketAlignment alignment = begun();
+  for (int k = 0; k < n; ++k) {
+    alignment.observe(refocused(truth[k], k, n), k, focusDistance(k, n));
+    EXPECT_LT(error(alignment.placement(k, 0), truth[k]), 0.15) << k;  // as far as known by then
+  }
+  EXPECT_LT(error(alignment.placement(1, 4), chain(inverse(truth[4]), truth[1])), 0.15);
+}
+
+TEST(BracketAlignment, DoesNotDrift) {
+  constexpr int n = 60;
+  BracketAlignment alignment = begun(kUnknown);
+  Motion truth;
+  for (int k = 0; k < n; ++k) {
+    truth = {1 + 0.05 * k / n, {0.05 * k, 0}};
+    cv::Mat gray = refocused(truth, k, n);
+    addNoise(3, k, gray);
+    alignment.observe(gray, k, kUnknown);
+  }
+  EXPECT_LT(error(alignment.placement(n - 1, 0), truth), 0.15);
+}
+
+TEST(BracketAlignment, UnnoticeableMotionsAreNone) {
+  BracketAlignment alignment = begun();
+  alignment.observe(frame({}), 0, kUnknown);
+  alignment.observe(frame({1, {0.3, 0}}), 1, kUnknown);
+  alignment.observe(frame({1, {0.4, 0}}), 2, kUnknown);
+  EXPECT_TRUE(alignment.placement(1, 0).isIdentity());
+  EXPECT_FALSE(alignment.placement(2, 0).isIdentity());
+}
+
+TEST(BracketAlignment, ForeignFramesDoNotFitAndDoNoHarm) {
+  constexpr int n = 5;
+  const cv::Mat foreign = frame({}, 1, 1, 77), black(kSize, CV_8UC1, cv::Scalar(2));
+  for (const cv::Mat& bad : {foreign, black}) {
+    for (const int at : {0, 2, 4}) {
+      BracketAlignment alignment = begun();
+      for (int k = 0; k < n; ++k) {
+        if (k == at) alignment.observe(bad, 100, kUnknown);
+        alignment.observe(refocused({breathingScale(1, k, 2, n), {}}, k, n), k, focusDistance(k, n));
+      }
+      EXPECT_FALSE(alignment.placement(100, 2).fits) << at;
+      EXPECT_TRUE(alignment.placement(100, 2).isIdentity());
+      EXPECT_LT(alignment.placement(100, 0).correlation * (at > 0), 0.5);
+      for (int k = 0; k < n; ++k) {
+        EXPECT_TRUE(alignment.placement(k, 2).fits) << k;
+        EXPECT_LT(error(alignment.placement(k, 2), {breathingScale(1, k, 2, n), {}}), 0.1) << k;
+      }
+    }
+  }
+}
+
+TEST(BracketAlignment, ReturnsToASceneAfterAnInterruption) {
+  BracketAlignment alignment = begun(kUnknown);
+  int index = 0;
+  for (const int seed : {1, 1, 8, 8, 1, 1})
+    alignment.observe(frame({1, {0.5 * index, 0}}, 0, 0, seed), index, kUnknown), ++index;
+  EXPECT_FALSE(alignment.placement(3, 0).fits);
+  EXPECT_TRUE(alignment.placement(3, 2).fits);
+  EXPECT_TRUE(alignment.placement(5, 0).fits);
+  EXPECT_NEAR(alignment.placement(5, 0).shift.x, 2.5, 0.05);
+}
+
+TEST(BracketAlignment, DefocusAndExposureAreNoMisfit) {
+  BracketAlignment alignment = begun();
+  alignment.observe(frame({}), 0, kUnknown);
+  alignment.observe(frame({}, 12, 12), 1, kUnknown);
+  alignment.observe(frame({}, 0, 6) * 0.7, 2, kUnknown);
+  alignment.observe(frame({1.01, {}}, 6, 0) * 1.2, 3, kUnknown);
+  for (const int k : {1, 2, 3})
+    EXPECT_TRUE(alignment.placement(k, 0).fits) << alignment.placement(k, 0).correlation;
+  EXPECT_TRUE(alignment.placement(2, 0).isIdentity());
+  EXPECT_LT(error(alignment.placement(3, 0), {1.01, {}}), 0.2);
+}
+
+TEST(BracketAlignment, TooFarIsAMisfit) {
+  BracketAlignment alignment = begun();
+  alignment.observe(frame({}), 0, kUnknown);
+  alignment.observe(frame({1, {0.2 * kSize.width, 0}}), 1, kUnknown);
+  EXPECT_FALSE(alignment.placement(1, 0).fits);
+}
+
+TEST(BracketAlignment, NothingToSeeIsNoMotion) {
+  for (const cv::Size size : {cv::Size(1, 1), cv::Size(5, 40), cv::Size(64, 48)}) {
+    BracketAlignment alignment;
+    alignment.begin(size, {size.width / 2.0, size.height / 2.0}, kFocal);
+    for (int k = 0; k < 3; ++k) {
+      alignment.observe(cv::Mat(size, CV_8UC1, cv::Scalar(90 + k)), k, focusDistance(k, 3));
+      EXPECT_TRUE(alignment.placement(k, 0).isIdentity());
+      EXPECT_TRUE(alignment.placement(k, 0).fits);
+    }
+  }
+}
+
+TEST(BracketAlignment, BeginsAnew) {
+  BracketAlignment alignment = begun();
+  alignment.observe(frame({}), 0, kUnknown);
+  alignment.begin(kSize, kCenter, kFocal);
+  alignment.observe(frame({}, 0, 0, 5), 0, kUnknown);
+  alignment.observe(frame({1, {2, 0}}, 0, 0, 5), 1, kUnknown);
+  EXPECT_NEAR(alignment.placement(1, 0).shift.x, 2, 0.02);
+}
+
+TEST(BracketAlignment, RefusesOtherFrames) {
+  BracketAlignment alignment = begun();
+  alignment.observe(frame({}), 0, kUnknown);
+  EXPECT_THROW(alignment.observe(frame({}), 0, kUnknown), std::invalid_argument);
+  EXPECT_THROW(alignment.observe(cv::Mat(10, 10, CV_8UC1), 1, kUnknown), std::invalid_argument);
+  EXPECT_THROW(alignment.observe(cv::Mat(kSize, CV_8UC3), 1, kUnknown), std::invalid_argument);
+  EXPECT_THROW(alignment.placement(0, 1), std::out_of_range);
+}
+
+}  // namespace

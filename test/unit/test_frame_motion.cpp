@@ -1,0 +1,81 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "all_in_focus/frame_motion.hpp"
+#include "bracket_drawing.hpp"
+
+using namespace all_in_focus::core;
+using bracket_drawing::kCenter;
+using bracket_drawing::kSize;
+
+namespace {
+
+cv::Mat color(const cv::Mat& gray) {
+  cv::Mat bgr;
+  cv::merge(std::vector<cv::Mat>{gray, 255 - gray, gray / 2}, bgr);
+  return bgr;
+}
+
+TEST(Motion, ChainsAndInverts) {
+  const Motion a{1.02, {3, -4}}, b{0.97, {-1, 0.5}},
+      there_and_back = chain(chain(a, b), inverse(chain(a, b)));
+  EXPECT_NEAR(there_and_back.scale, 1, 1e-12);
+  EXPECT_NEAR(cv::norm(there_and_back.shift), 0, 1e-12);
+  const cv::Point2d p(7, 5), c(2, 1);
+  const auto apply = [&](const Motion& m, const cv::Point2d& q) { return c + m.scale * (q - c) + m.shift; };
+  EXPECT_NEAR(cv::norm(apply(chain(a, b), p) - apply(b, apply(a, p))), 0, 1e-12);
+}
+
+TEST(Motion, MovesTheFarthestCornerMost) {
+  EXPECT_EQ(largestDisplacement({}, {11, 11}, {5, 5}), 0);
+  EXPECT_DOUBLE_EQ(largestDisplacement({1, {3, 4}}, {11, 11}, {5, 5}), 5);
+  EXPECT_NEAR(largestDisplacement({1.01, {0, 0}}, {101, 101}, {100, 100}), std::sqrt(2.0), 1e-12);
+}
+
+TEST(WarpToReference, NoMotionCopies) {
+  const cv::Mat image = color(bracket_drawing::frame({}));
+  cv::Mat out;
+  warpToReference(image, {}, kCenter, out);
+  EXPECT_EQ(cv::norm(image, out, cv::NORM_INF), 0);
+  EXPECT_NE(image.data, out.data);
+}
+
+TEST(WarpToReference, WholePixelsAreExactAndTheBorderGoesOn) {
+  const cv::Mat image = color(bracket_drawing::frame({}));
+  cv::Mat out;
+  warpToReference(image, {1, {5, -3}}, kCenter, out);
+  const cv::Rect inside(0, 3, kSize.width - 5, kSize.height - 3);
+  EXPECT_EQ(cv::norm(out(inside), image(inside + cv::Point(5, -3)), cv::NORM_INF), 0);
+  EXPECT_EQ(out.at<cv::Vec3b>(0, kSize.width - 1), image.at<cv::Vec3b>(0, kSize.width - 1));
+}
+
+TEST(WarpToReference, BringsAFrameBack) {
+  for (const Motion& motion : {Motion{1.03, {2.4, -1.7}}, Motion{0.98, {-0.3, 0.5}}, Motion{1, {0.5, 0.5}}}) {
+    cv::Mat out;
+    warpToReference(color(bracket_drawing::frame(motion)), motion, kCenter, out);
+    const cv::Rect inside(12, 12, kSize.width - 24, kSize.height - 24);
+    EXPECT_GT(cv::PSNR(out(inside), color(bracket_drawing::frame({}))(inside)), 50) << motion.scale;
+  }
+}
+
+TEST(WarpToReference, SmallPicturesAndFarMotions) {
+  for (const cv::Size size : {cv::Size(1, 1), cv::Size(2, 7), cv::Size(9, 3)}) {
+    const cv::Mat plain(size, CV_8UC3, cv::Scalar(7, 80, 255));
+    for (const Motion& motion : {Motion{1.05, {0.4, 0.2}}, Motion{0.1, {900, -900}}, Motion{9, {-900, 0}}}) {
+      cv::Mat out;
+      warpToReference(plain, motion, {1, 1}, out);
+      EXPECT_EQ(cv::norm(plain, out, cv::NORM_INF), 0);
+    }
+  }
+}
+
+TEST(WarpToReference, RefusesGray) {
+  cv::Mat out;
+  EXPECT_THROW(warpToReference(cv::Mat(8, 8, CV_8UC1), {1.1, {}}, kCenter, out), std::invalid_argument);
+}
+
+}  // namespace
