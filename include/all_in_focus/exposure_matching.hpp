@@ -1,0 +1,41 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <opencv2/core.hpp>
+#include <vector>
+
+namespace all_in_focus::core {
+
+/// One gain per frame, in linear light (sRGB), that gives it the exposure of the reference frame.
+///
+/// It is the median, over blocks of the picture, of the ratio of their mean light. Blur leaves the mean light
+/// of a block alone but for what crosses its border and for a tone curve that is not sRGB's: the flatter a
+/// block in both frames, the more it counts, and textured ones do not.
+class ExposureMatching {
+ public:
+  /// reference: CV_8UC1 or CV_8UC3.
+  void setReference(const cv::Mat& reference);
+
+  /// Gain for a frame of the reference's size and type, aligned to it to a few pixels: 0.5..2, and 1 where it
+  /// is not significant. Throws std::invalid_argument on another size or type.
+  double gain(const cv::Mat& frame) const;
+
+ private:
+  struct Block {
+    float light = 0;     ///< mean, 0..1
+    float contrast = 0;  ///< variance over the mean's square; negative: too dark, bright or textured to count
+  };
+
+  static std::vector<Block> blocks(const cv::Mat& image);  ///< of each channel
+
+  cv::Size size_;
+  int type_ = 0;
+  std::vector<Block> reference_;
+};
+
+/// 8-bit code -> the code that the reference would have shown, 0..255, not rounded.
+std::array<float, 256> gainTable(double gain);
+
+}  // namespace all_in_focus::core
