@@ -1,0 +1,213 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "all_in_focus/defocus_prediction.hpp"
+
+using namespace all_in_focus::core;
+
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kUnknownFocus = std::numeric_limits<double>::quiet_NaN();
+constexpr double kPitch = 0.03;
+const Optics kOptics{50, 2, 0.03};
+const cv::Size kSize(100, 60);
+
+cv::Mat uniform(int depth_mm, const cv::Size& size = kSize) {
+  return cv::Mat(size, CV_16UC1, cv::Scalar(depth_mm));
+}
+
+// The left half near, the right half far.
+cv::Mat step(int near_mm, int far_mm, const cv::Size& size = kSize) {
+  cv::Mat depth = uniform(far_mm, size);
+  depth.colRange(0, size.width / 2) = near_mm;
+  return depth;
+}
+
+cv::Mat predict(const cv::Mat& depth, double focus_mm, const cv::Mat& measured = {},
+                const DefocusConfig& config = {}, const cv::Size& size = kSize, double pitch = kPitch) {
+  DefocusPrediction prediction(config);
+  prediction.begin(depth, measured, size, kOptics, pitch);
+  cv::Mat error;
+  prediction.compute(focus_mm, error);
+  EXPECT_EQ(error.type(), CV_32FC1);
+  EXPECT_EQ(error.size(), size);
+  return error;
+}
+
+double expected(double depth_mm, double focus_mm, double pitch = kPitch) {
+  const double b = blurCircle(kOptics, depth_mm, focus_mm) / pitch;
+  return std::pow(36.0 / 32 * b * b, 2);
+}
+
+void expectEverywhere(const cv::Mat& error, double value) {
+  double least, most;
+  cv::minMaxLoc(error, &least, &most);
+  const double tolerance = 1e-4 * value + 1e-6;
+  EXPECT_NEAR(least, value, tolerance);
+  EXPECT_NEAR(most, value, tolerance);
+}
+
+TEST(DefocusPrediction, OfAPlaneIsTheBlurTimesTheLaplacian) {
+  for (const double focus : {600.0, 1500.0, 2000.0, 2500.0, 9000.0, kInfinity}) {
+    expectEverywhere(predict(uniform(2000), focus), expected(2000, focus));
+  }
+  EXPECT_GT(expected(2000, kInfinity), 1);
+}
+
+TEST(DefocusPrediction, GrowsWithDefocusOnBothSides) {
+  double before = -1;
+  for (const double focus : {2000.0, 2100.0, 2500.0, 4000.0, kInfinity}) {
+    const double error = predict(uniform(2000), focus).at<float>(30, 50);
+    EXPECT_GT(error, before);
+    before = error;
+  }
+  before = -1;
+  for (const double focus : {2000.0, 1900.0, 1500.0, 700.0}) {
+    const double error = predict(uniform(2000), focus).at<float>(30, 50);
+    EXPECT_GT(error, before);
+    before = error;
+  }
+}
+
+TEST(DefocusPrediction, IsZeroInFocusAwayFromEdges) {
+  const cv::Mat depth = step(1000, 3000);
+  expectEverywhere(predict(depth, 1000).colRange(0, 30), 0);
+  expectEverywhere(predict(depth, 3000).colRange(70, 100), 0);
+  expectEverywhere(predict(depth, 1000).colRange(70, 100), expected(3000, 1000));
+}
+
+TEST(DefocusPrediction, EveryFrameErrsBesideAnEdge) {
+  const cv::Mat depth = step(1000, 3000);
+  for (const double focus : {1000.0, 3000.0}) {
+    const cv::Mat error = predict(depth, focus);
+    EXPECT_GT(error.at<float>(30, 49), 0.01 * expected(1000, 3000));
+    EXPECT_GT(error.at<float>(30, 50), 0.01 * expected(1000, 3000));
+  }
+}
+
+TEST(DefocusPrediction, EdgesAreAsUncertainAsThePictureIsWide) {
+  const auto reach = [](int width, const DefocusConfig& config) {
+    const cv::Size size(width, 20);
+    const cv::Mat error = predict(step(1000, 3000, size), 1000, {}, config, size);
+    const cv::Mat near = error.row(10).colRange(0, width / 2);
+    return cv::countNonZero(near > 0.02 * expected(3000, 1000));  // two deviations of the edge
+  };
+  const double deviation = DefocusConfig().edge_error_px;
+  EXPECT_NEAR(reach(640, {}), 2 * deviation, deviation);
+  EXPECT_NEAR(reach(2560, {}), 8 * deviation, 2 * deviation);
+  DefocusConfig certain;
+  certain.edge_uncertainty = false;
+  EXPECT_LE(reach(640, certain), 1);
+}
+
+TEST(DefocusPrediction, SlopesAreFollowed) {
+  cv::Mat depth(kSize, CV_16UC1);
+  for (int x = 0; x < kSize.width; ++x) depth.col(x) = 1000 + 20 * x;
+  const cv::Mat error = predict(depth, 5000);
+  for (const int x : {20, 50, 80}) {
+    EXPECT_NEAR(error.at<float>(30, x), expected(1000 + 20 * x, 5000), 0.1 * expected(1000 + 20 * x, 5000));
+  }
+}
+
+TEST(DefocusPrediction, UnknownDepthSpeaksForNoFrame) {
+  cv::Mat depth = step(1000, 0);
+  for (const double focus : {1000.0, 4000.0, kInfinity}) {
+    const cv::Mat error = predict(depth, focus);
+    expectEverywhere(error.colRange(70, 100), 0);
+    expectEverywhere(error.colRange(0, 30), expected(1000, focus));
+    expectEverywhere(predict(uniform(0), focus), 0);
+  }
+}
+
+TEST(DefocusPrediction, UnknownFocusSpeaksNeitherForNorAgainstItsFrame) {
+  const cv::Mat depth = step(1000, 0), error = predict(depth, kUnknownFocus);
+  expectEverywhere(error.colRange(0, 30), error.at<float>(30, 20));
+  EXPECT_GT(error.at<float>(30, 20), predict(depth, 1000).at<float>(30, 20));
+  EXPECT_LT(error.at<float>(30, 20), predict(depth, 5000).at<float>(30, 20));
+  expectEverywhere(error.colRange(70, 100), predict(depth, 1000).at<float>(30, 80));
+}
+
+TEST(DefocusPrediction, DepthThatNoLensReachesIsUnknown) {
+  for (const int too_near : {1, 49, 50}) {
+    const cv::Mat difference = predict(step(too_near, 2000), 3000) - predict(step(0, 2000), 3000);
+    expectEverywhere(difference, 0);
+  }
+}
+
+TEST(DefocusPrediction, FilledDepthIsTrustedLess) {
+  const cv::Mat depth = uniform(2000), measured = step(0, 2000);
+  for (const double focus : {2000.0, 4000.0}) {
+    const cv::Mat error = predict(depth, focus, measured);
+    expectEverywhere(error.colRange(0, 30), expected(2000, focus) + 100);
+    expectEverywhere(error.colRange(70, 100), expected(2000, focus));
+    DefocusConfig trusting;
+    trusting.hole_doubt = false;
+    expectEverywhere(predict(depth, focus, measured, trusting), expected(2000, focus));
+  }
+}
+
+TEST(DefocusPrediction, ThePixelPitchScalesTheBlur) {
+  expectEverywhere(predict(uniform(2000), 1500, {}, {}, kSize, kPitch / 2), expected(2000, 1500, kPitch / 2));
+  EXPECT_NEAR(expected(2000, 1500, kPitch / 2), 16 * expected(2000, 1500), 1e-6 * expected(2000, 1500));
+}
+
+TEST(DefocusPrediction, DepthMayHaveAnySize) {
+  for (const cv::Size& size : {cv::Size(1, 1), cv::Size(2, 1), cv::Size(50, 30), cv::Size(301, 179)}) {
+    expectEverywhere(predict(uniform(2000, size), 3000, uniform(2000, size)), expected(2000, 3000));
+  }
+  for (const int columns : {50, 200, 400}) {
+    const cv::Mat error = predict(step(1000, 3000, {columns, columns * 6 / 10}), 1000);
+    expectEverywhere(error.colRange(0, 30), 0);
+    expectEverywhere(error.colRange(70, 100), expected(3000, 1000));
+  }
+}
+
+TEST(DefocusPrediction, FramesMayHaveAnySize) {
+  for (const cv::Size& size : {cv::Size(1, 1), cv::Size(1, 7), cv::Size(7, 1), cv::Size(2, 3),
+                               cv::Size(641, 3), cv::Size(1999, 5)}) {
+    for (const cv::Mat& depth : {uniform(2000, size), uniform(2000, {13, 9})}) {
+      expectEverywhere(predict(depth, 3000, {}, {}, size), expected(2000, 3000));
+    }
+  }
+}
+
+TEST(DefocusPrediction, CanBeginAnew) {
+  DefocusPrediction prediction;
+  cv::Mat error;
+  prediction.begin(step(1000, 3000), step(0, 3000), kSize, kOptics, kPitch);
+  prediction.compute(1000, error);
+  prediction.begin(uniform(2000, {20, 10}), {}, {50, 25}, kOptics, 2 * kPitch);
+  prediction.compute(3000, error);
+  EXPECT_EQ(error.size(), cv::Size(50, 25));
+  expectEverywhere(error, expected(2000, 3000, 2 * kPitch));
+}
+
+TEST(DefocusPrediction, RefusesWhatItCannotUse) {
+  DefocusPrediction prediction;
+  const auto begin = [&](const cv::Mat& depth, const cv::Mat& measured, double pitch, const Optics& optics) {
+    prediction.begin(depth, measured, kSize, optics, pitch);
+  };
+  const cv::Mat depth = uniform(2000), none;
+  EXPECT_THROW(begin(none, none, kPitch, kOptics), std::invalid_argument);
+  EXPECT_THROW(begin(cv::Mat(kSize, CV_32FC1), none, kPitch, kOptics), std::invalid_argument);
+  EXPECT_THROW(begin(depth, cv::Mat(kSize, CV_8UC1), kPitch, kOptics), std::invalid_argument);
+  EXPECT_THROW(begin(depth, uniform(2000, {10, 6}), kPitch, kOptics), std::invalid_argument);
+  for (const double pitch : {0.0, -1.0, kUnknownFocus}) {
+    EXPECT_THROW(begin(depth, none, pitch, kOptics), std::invalid_argument) << pitch;
+  }
+  EXPECT_THROW(begin(depth, none, kPitch, {50, 0, 0.03}), std::invalid_argument);
+  begin(depth, none, kPitch, kOptics);
+  cv::Mat error;
+  for (const double focus : {-1000.0, 0.0, 49.9, 50.0}) {
+    EXPECT_THROW(prediction.compute(focus, error), std::invalid_argument) << focus;
+  }
+}
+
+}  // namespace
