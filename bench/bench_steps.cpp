@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstring>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "all_in_focus/pipeline.hpp"
 #include "image_files.hpp"
@@ -78,18 +79,54 @@ void segment(benchmark::State& state, Mode mode) {
   state.counters["regions"] = static_cast<double>(result.segments.size());
 }
 
-// Every frame wins half of the regions: the costly case.
-void fuseOneFrame(benchmark::State& state, bool with_labels) {
-  cv::Mat registered, filled;
-  DepthPreprocessing(sample().rig, Mode::kPaper).compute(sample().depth, registered, filled);
+BracketScene scene() {
+  BracketScene scene;
+  DepthPreprocessing(sample().rig, Mode::kPaper).compute(sample().depth, scene.measured, scene.depth);
   Segmentation segmentation;
-  DofSegmentation(segmentationConfig(Mode::kPaper, sample().optics)).compute(filled, segmentation);
+  DofSegmentation(segmentationConfig(Mode::kPaper, sample().optics)).compute(scene.depth, segmentation);
+  scene.labels = segmentation.labels;
+  scene.optics = sample().optics;
+  scene.camera = sample().rig.color;
+  return scene;
+}
+
+// Texture of all sizes. magnified: as a lens that breathes would show it.
+cv::Mat textured(double magnified = 1) {
   cv::Mat frame(sample().rig.color.size, CV_8UC3);
+  cv::theRNG().state = 1;
   cv::randu(frame, 0, 255);
+  for (const double sigma : {1.0, 4.0}) {
+    cv::Mat coarse(frame.size(), CV_8UC3);
+    cv::randu(coarse, 0, 255);
+    cv::GaussianBlur(coarse, coarse, cv::Size(), sigma);
+    cv::normalize(coarse, coarse, 0, 255, cv::NORM_MINMAX);
+    cv::addWeighted(frame, 0.5, coarse, 0.5, 0, frame);
+  }
+  const cv::Point2f center(frame.cols / 2.0f, frame.rows / 2.0f);
+  cv::warpAffine(frame, frame, cv::getRotationMatrix2D(center, 0, magnified), frame.size(), cv::INTER_CUBIC,
+                 cv::BORDER_REFLECT);
+  return frame;
+}
+
+void fusePaper(benchmark::State& state) {
+  const cv::Mat frame = textured();
   BracketFusion fusion;
-  fusion.begin(with_labels ? segmentation.labels : cv::Mat());
+  fusion.begin(scene(), Mode::kPaper);
   int index = 0;
   for (auto _ : state) fusion.add(frame, index++ % 1000);
+}
+
+void fuseRefined(benchmark::State& state, bool alignment) {
+  const cv::Mat frames[] = {textured(), textured(1.01)};
+  RefinedConfig config;
+  config.alignment = alignment;
+  BracketFusion fusion;
+  fusion.begin(scene(), Mode::kRefined, config);
+  int index = 0;
+  for (auto _ : state) {
+    fusion.add(frames[index % 2], index, 1000 + 100 * (index % 20));
+    ++index;
+  }
 }
 
 BENCHMARK(copyOneFrame)->Unit(benchmark::kMillisecond);
@@ -97,8 +134,9 @@ BENCHMARK_CAPTURE(registerAndFill, paper, Mode::kPaper)->Unit(benchmark::kMillis
 BENCHMARK_CAPTURE(registerAndFill, refined, Mode::kRefined)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(segment, paper, Mode::kPaper)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(segment, refined, Mode::kRefined)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(fuseOneFrame, paper, true)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(fuseOneFrame, sharpness_alone, false)->Unit(benchmark::kMillisecond);
+BENCHMARK(fusePaper)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fuseRefined, without_alignment, false)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(fuseRefined, aligned_and_warped, true)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 

@@ -1,13 +1,16 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The method on files and through the real nodes, one scene: fuse_stack, and make_bag with evaluate_bag."""
+import shutil
+
 import cv2
 import numpy as np
 import pytest
 import rosbag
 
 from file_helpers import cut
-from tool_helpers import check_equality, evaluate, expect_refusal, fuse, fuse_stack, read, rosrun, snapshot, succeeded
+from tool_helpers import (check_equality, evaluate, expect_refusal, fuse, fuse_stack, read, rosrun, snapshot, succeeded,
+                          texture, write)
 
 FRAMES = 6
 
@@ -21,20 +24,22 @@ class Scene:
                          "--output", folder / "scene"))
         self.bag = self.make_bag("sweep.bag")
 
-    def files(self):
+    def files(self, stack="stack", focus=True):
         scene = self.folder / "scene"
-        return ["--depth", scene / "depth.png", "--rig", scene / "rig", "--stack", scene / "stack", "--focus",
-                scene / "focus.yaml"]
+        return ["--depth", scene / "depth.png", "--rig", scene / "rig", "--stack", scene / stack,
+                *(["--focus", scene / "focus.yaml"] if focus else [])]
 
-    def make_bag(self, name, *options):
-        succeeded(rosrun("make_bag", *self.files(), *options, "--output", self.folder / name))
+    def make_bag(self, name, *options, **files):
+        succeeded(rosrun("make_bag", *self.files(**files), *options, "--output", self.folder / name))
         return self.folder / name
 
-    def check_equality(self, name, bag, evaluate_options, fuse_options):
+    def check_equality(self, name, bag, evaluate_options, fuse_options, **files):
+        """Returns the report."""
         report = check_equality(evaluate(self.folder / (name + "_bag"), bag, *evaluate_options),
-                                fuse(self.folder / (name + "_files"), *self.files(), *fuse_options))
+                                fuse(self.folder / (name + "_files"), *self.files(**files), *fuse_options))
         assert report["has_labels"] and len(report["segments"]) > 4 and len(report["segment_table"]) > 4
-        assert report["frames_used"] == FRAMES
+        assert report["frames_used"] + report["frames_rejected"] == FRAMES
+        return report
 
 
 @pytest.fixture(scope="module")
@@ -44,12 +49,29 @@ def scene(tmp_path_factory):
 
 @pytest.mark.parametrize("mode", ["paper", "refined"])
 def test_nodes_give_the_pixels_of_fuse_stack(scene, mode):
-    scene.check_equality(mode, scene.bag, ["--mode", mode], ["--mode", mode])
+    report = scene.check_equality(mode, scene.bag, ["--mode", mode], ["--mode", mode])
+    assert [report["mode"], report["frames_rejected"]] == [mode, 0]
+    assert report["reference"] == FRAMES // 2  # so some frames were held
 
 
-def test_nodes_give_the_pixels_of_fuse_stack_without_focus_and_with_another_lens(scene):
-    bag = scene.make_bag("no_focus.bag", "--no-focus")
-    scene.check_equality("lens", bag, ["--optics", "35,8,0.03", "--bracket-size", FRAMES], ["--optics", "35,8,0.03"])
+@pytest.mark.parametrize("mode", ["paper", "refined"])
+def test_nodes_give_the_pixels_of_fuse_stack_without_focus_and_with_another_lens(scene, mode):
+    bag = scene.make_bag("no_focus_%s.bag" % mode, "--no-focus")
+    options = ["--optics", "35,8,0.03", "--mode", mode]
+    report = scene.check_equality("lens_" + mode, bag, [*options, "--bracket-size", FRAMES], options, focus=False)
+    assert any("no focus distances" in note for note in report["notes"]) == (mode == "refined")
+
+
+def test_both_leave_out_frames_that_do_not_fit(scene):
+    """One before the reference and one behind."""
+    stack = scene.folder / "scene" / "misfits"
+    shutil.copytree(str(scene.folder / "scene" / "stack"), str(stack))
+    for path in (sorted(stack.iterdir())[index] for index in (1, FRAMES - 2)):
+        write(path, texture(read(path).shape[1::-1]))
+    bag = scene.make_bag("misfits.bag", stack="misfits")
+    report = scene.check_equality("misfits", bag, [], [], stack="misfits")
+    assert report["frames_rejected"] == 2
+    assert [note.split(":")[0] for note in report["notes"]][:2] == ["frame 1 rejected", "frame %d rejected" % (FRAMES - 2)]
 
 
 # --- what cannot be evaluated -----------------------------------------------------------------------------------------

@@ -24,7 +24,7 @@ from file_helpers import run_script
 
 
 def report_message(stamp=7, label_stamp=5, used=3, has_labels=True):
-    choice = SegmentChoice(label=1, frame=2, score=float("nan"), margin=0.5)
+    choice = SegmentChoice(label=1, frame=2, score=float("nan"), margin=0.5, confidence=0.25)
     return FusionReport(header=Header(seq=9, stamp=genpy.Time(stamp, 500000000), frame_id="color_frame"), bracket_id=4,
                         mode="refined", frames_seen=3, frames_used=used, has_labels=has_labels,
                         label_stamp=genpy.Time(label_stamp), optics=Optics(24.0, 4.0, 0.019), segments=[choice],
@@ -40,7 +40,7 @@ def test_report_mirrors_the_message():
     assert plain["version"] == 1 and plain["header"] == {"stamp": 7.5, "frame_id": "color_frame"}
     assert set(plain) == set(FusionReport.__slots__) | {"version", "dof_rule", "unknown_area", "segment_table"}
     assert plain["label_stamp"] == 5.0 and plain["optics"]["aperture"] == 4.0
-    assert plain["segments"][0] == {"label": 1, "frame": 2, "score": None, "margin": 0.5}
+    assert plain["segments"][0] == {"label": 1, "frame": 2, "score": None, "margin": 0.5, "confidence": 0.25}
     assert set(plain["segment_table"][0]) == set(Segment.__slots__) and plain["segment_table"][0]["max_dof"] is None
     assert result_files.report_dict(report_message(has_labels=False))["label_stamp"] is None
     json.dumps(plain, allow_nan=False)
@@ -55,10 +55,11 @@ def test_labels_are_16_bit():
 
 
 PNG = encode_png(np.zeros((2, 2), np.uint8))
+PICTURES = ("fused", "registered", "source_index", "confidence", "weights")
 
 
 def feed(collector, stamp=genpy.Time(7, 500000000), label_stamp=genpy.Time(5), names=None):
-    for name in names or ("fused", "registered", "source_index", "weights", "labels"):
+    for name in names or (*PICTURES, "labels"):
         collector.add(name, label_stamp if name == "labels" else stamp, PNG)
     if names is None:
         collector.add("segments", label_stamp, segments_message())
@@ -80,7 +81,7 @@ def test_bracket_is_saved_when_complete(tmp_path, report_first):
     folder.commit()
     assert sorted(os.listdir(str(tmp_path / "out"))) == ["bracket_0000"]
     assert sorted(os.listdir(str(tmp_path / "out" / "bracket_0000"))) == [
-        "fused.png", "labels.png", "registered.png", "report.json", "source_index.png", "weights.png"]
+        "confidence.png", "fused.png", "labels.png", "registered.png", "report.json", "source_index.png", "weights.png"]
     report = json.loads((tmp_path / "out" / "bracket_0000" / "report.json").read_text())
     assert report["bracket_id"] == 4 and report["segment_table"][0]["area"] == 9
     assert collector.brackets == [{"folder": "bracket_0000", "bracket_id": 4, "frames_used": 3, "regions": 1, "missing": [],
@@ -92,7 +93,7 @@ def test_two_brackets_may_share_a_label_image(tmp_path):
     collector = BracketCollector(folder)
     feed(collector)
     collector.add_report(report_message())
-    feed(collector, genpy.Time(9, 500000000), names=["fused", "registered", "source_index", "weights"])
+    feed(collector, genpy.Time(9, 500000000), names=PICTURES)
     collector.add_report(report_message(stamp=9))
     folder.commit()
     assert sorted(os.listdir(str(tmp_path))) == ["bracket_0000", "bracket_0001"]
@@ -103,16 +104,16 @@ def test_bracket_without_labels_or_without_result(tmp_path):
     collector = BracketCollector(folder)
     collector.add_report(report_message(used=0))
     collector.add_report(report_message(stamp=8, has_labels=False))
-    feed(collector, genpy.Time(8, 500000000), names=["fused", "source_index", "weights"])
+    feed(collector, genpy.Time(8, 500000000), names=[name for name in PICTURES if name != "registered"])
     folder.commit()
     assert os.listdir(str(tmp_path / "bracket_0000")) == ["report.json"]
-    assert len(os.listdir(str(tmp_path / "bracket_0001"))) == 4
+    assert len(os.listdir(str(tmp_path / "bracket_0001"))) == 5
 
 
 def test_missing_output_and_too_many_regions_are_reported(tmp_path):
     collector = BracketCollector(ResultFolder(str(tmp_path)))
     collector.add_report(report_message())
-    feed(collector, names=["fused", "registered", "source_index", "weights"])
+    feed(collector, names=PICTURES)
     collector.finish()
     assert collector.brackets[0]["missing"] == ["segmentation/labels", "segmentation/segments"]
 
@@ -121,7 +122,7 @@ def test_missing_output_and_too_many_regions_are_reported(tmp_path):
     collector.add("segments", genpy.Time(5), segments_message())
     collector.add_report(report_message())
     with pytest.raises(ResultError, match="70000"):
-        feed(collector, names=["fused", "registered", "source_index", "weights"])
+        feed(collector, names=PICTURES)
 
 
 def test_old_results_stay_until_the_new_are_complete(tmp_path):

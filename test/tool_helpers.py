@@ -147,7 +147,7 @@ class TwoPlanes:
 
 # --- the same input on files and as a bag -----------------------------------------------------------------------------
 
-PICTURES = ("fused", "labels", "registered", "source_index", "weights")
+PICTURES = ("fused", "labels", "registered", "source_index", "confidence", "weights")
 
 
 def fuse(folder, *arguments):

@@ -2,50 +2,78 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <limits>
 #include <opencv2/core.hpp>
+#include <string>
 #include <vector>
 
+#include "all_in_focus/refined_fusion.hpp"
 #include "all_in_focus/region_fusion.hpp"
-#include "all_in_focus/sharpness_fusion.hpp"
 
 namespace all_in_focus::core {
 
-struct FusionResult {
-  cv::Mat image;         ///< CV_8UC3
-  cv::Mat source_index;  ///< CV_16UC1, index of the frame that a pixel was taken from, kNoFrame = none
-  cv::Mat confidence;    ///< CV_8UC1, margin of the choice, 0..255
-  std::vector<RegionChoice> regions;  ///< by label; empty when fused by sharpness alone
+enum class Mode {
+  kPaper,    ///< Liu et al. 2019 as printed, for comparison
+  kRefined,  ///< ours
 };
 
-/// All-in-focus image of one bracket, frame by frame. Memory does not grow with the number of frames: of each
-/// frame only what won is kept. Not thread-safe; buffers are reused from bracket to bracket.
+/// What a bracket was fused by.
+enum class FusedBy {
+  kRegions,    ///< one frame a region (RegionFusion, mode paper with labels)
+  kPixels,     ///< pixel by pixel, by sharpness, depth and optics (RefinedFusion)
+  kSharpness,  ///< pixel by pixel, by sharpness alone
+};
+
+/// As FusionReport names it: paper, refined, sharpness.
+const char* name(FusedBy fused_by);
+
+struct FusionResult {
+  cv::Mat image;         ///< CV_8UC3
+  cv::Mat source_index;  ///< CV_16UC1, the frame that a pixel was taken from, or mostly; kNoFrame = none
+  cv::Mat confidence;    ///< CV_8UC1, margin of the choice, 0..255
+  std::vector<RegionChoice> regions;  ///< by label; empty without labels
+  std::vector<std::string> notes;     ///< what a user should know: regions that no frame reaches
+};
+
+/// All-in-focus image of one bracket, frame by frame. Memory does not grow with the number of frames: sums
+/// are kept, not frames. Not thread-safe; buffers are reused from bracket to bracket.
 ///
-/// With labels one frame wins a region (RegionFusion, mode paper); without, one frame wins a pixel
-/// (SharpnessFusion).
+/// Mode paper takes frames in any order. Mode refined takes the reference first, after observing what comes
+/// before it in the bracket (see RefinedFusion).
 class BracketFusion {
  public:
-  /// Starts a bracket. labels: CV_32SC1, >= 0, any size (scaled to the frames by nearest neighbour), shared,
-  /// not copied; empty: no depth, fuse by sharpness alone. Throws std::invalid_argument on another type or a
-  /// negative label.
-  void begin(const cv::Mat& labels);
+  /// Starts a bracket. The scene's images are shared, not copied; labels are scaled to the frames by nearest
+  /// neighbour. Throws std::invalid_argument on images of another type, a negative label, impossible optics.
+  void begin(const BracketScene& scene, Mode mode, const RefinedConfig& config = {});
+
+  /// A frame that is to be added later, in the order of the bracket. As add() otherwise; nothing in mode
+  /// paper.
+  void observe(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
 
   /// frame: CV_8UC3, not empty, of the size of the bracket's first (else std::invalid_argument, and the
-  /// bracket is as before). index: 0..65534, names the frame in the result.
-  void add(const cv::Mat& frame, int index);
+  /// bracket is as before). index: 0..65534, names the frame in the result. focus_mm: NaN = unknown, may be
+  /// infinite. Returns why the frame does not fit the others and was left out, or "".
+  std::string add(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
 
-  /// Frames added since begin().
-  int frames() const { return frames_; }
+  int frames() const { return static_cast<int>(focus_mm_.size()); }  ///< used since begin()
+  FusedBy fusedBy() const;
 
   /// The result of the frames so far; images are copies. Throws std::logic_error before the first frame.
   FusionResult result() const;
 
+  static constexpr double kUnknownFocus = std::numeric_limits<double>::quiet_NaN();
+
  private:
-  cv::Mat labels_;
-  cv::Size size_;
-  int frames_ = 0;
+  void accept(const cv::Mat& frame, int index);
+
+  BracketScene scene_;
+  RefinedConfig config_;
+  cv::Size size_;                 // empty before the first frame
+  std::vector<double> focus_mm_;  // of the frames used
   bool by_region_ = false;
   RegionFusion regions_;
-  SharpnessFusion sharpness_;
+  RefinedFusion refined_;
+  cv::Mat labels_;  // of the frames' size
   cv::Mat gray_;
 };
 

@@ -2,8 +2,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <functional>
 #include <opencv2/core.hpp>
+#include <string>
+#include <vector>
 
 #include "all_in_focus/bracket_fusion.hpp"
 #include "all_in_focus/depth_registration.hpp"
@@ -11,11 +12,6 @@
 #include "all_in_focus/hole_filling.hpp"
 
 namespace all_in_focus::core {
-
-enum class Mode {
-  kPaper,    ///< Liu et al. 2019 as printed, for comparison
-  kRefined,  ///< ours
-};
 
 /// Depth of the sensor to depth of every colour pixel: what the node depth_preprocess does.
 class DepthPreprocessing {
@@ -38,28 +34,47 @@ class DepthPreprocessing {
 SegmentationConfig segmentationConfig(Mode mode, const Optics& optics, DofSpan span = DofSpan::kPaper,
                                       int min_region_size = SegmentationConfig().min_region_size);
 
+/// The frames of a bracket in their order, as often as they are needed.
+class FrameSource {
+ public:
+  virtual ~FrameSource() = default;
+  virtual bool next(cv::Mat& frame) = 0;  ///< CV_8UC3; false at the end
+  virtual void rewind() = 0;
+  virtual int count() = 0;  ///< may take as long as reading them all
+};
+
 /// One bracket and what is known about its scene: depth with its rig, or registered depth, or labels, or
 /// nothing.
 struct PipelineInput {
   cv::Mat depth;  ///< CV_16UC1 mm, seen from the depth camera; needs the rig
-  Rig rig;
+  Rig rig;        ///< its colour camera alone serves registered depth: it tells the pixel pitch
+  bool has_rig = false;
   cv::Mat registered_depth;  ///< CV_16UC1 mm, seen from the colour camera, used as it is
   cv::Mat labels;            ///< CV_32SC1, any distinct values >= 0
   Optics optics;
   DofSpan span = DofSpan::kPaper;
-  std::function<bool(cv::Mat& frame)> next_frame;  ///< CV_8UC3; false at the end
+  FrameSource* frames = nullptr;
+  std::vector<double> focus_mm;    ///< of each frame, NaN = unknown; empty: of none
+  int reference = kAutoReference;  ///< frame whose geometry and exposure mode refined keeps
+  RefinedConfig refined;
+
+  static constexpr int kAutoReference = -1;  ///< the middle one, N / 2
 };
 
 struct PipelineResult {
   cv::Mat registered, filled;  ///< empty when there was no depth
   Segmentation segmentation;   ///< no segments when labels were given; no labels when nothing was known
   FusionResult fusion;
-  int frames = 0;
+  FusedBy fused_by = FusedBy::kSharpness;
+  int frames = 0;                    ///< in the bracket
+  int reference = 0;                 ///< index of the reference frame
+  std::vector<std::string> misfits;  ///< frames left out, a line each: "frame 3 rejected: why"
   double depth_ms = 0, segmentation_ms = 0, fusion_ms = 0;  ///< fusion_ms: all frames, without reading them
 };
 
 /// The whole method, from a depth map and a focus bracket to the all-in-focus image. Throws
-/// std::invalid_argument on bad input, also when the bracket is empty.
+/// std::invalid_argument on bad input, also when the bracket is empty or has no such reference. Mode refined
+/// reads the frames up to the reference twice, so that none needs to be kept.
 PipelineResult runPipeline(const PipelineInput& input, Mode mode);
 
 }  // namespace all_in_focus::core

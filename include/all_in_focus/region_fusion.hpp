@@ -16,8 +16,9 @@ constexpr int kNoFrame = 65535;  ///< source index of a pixel that no frame has 
 struct RegionChoice {
   int label = 0;
   int frame = kNoFrame;
-  double score = 0;   ///< normalised variance of that frame in the region
+  double score = 0;   ///< normalised variance of that frame in the region; refined: share of pixels it won
   double margin = 0;  ///< 1 - runner-up / score: 0 = a draw, 1 = no rival
+  double confidence = 0;  ///< mean over the region, 0..1
 };
 
 /// The paper's fusion (section 2.3): in every region the frame with the greatest normalised variance wins,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Results of a run on disk: bracket_0000/{fused,labels,registered,source_index,weights}.png and report.json."""
+"""Results of a run on disk: bracket_0000/{fused,labels,registered,source_index,confidence,weights}.png, report.json."""
 import json
 import math
 import os

@@ -17,7 +17,7 @@ from all_in_focus.result_files import ResultError, encode_labels, encode_png, re
 # file name: topic, encoding to save (images are saved as OpenCV has them: BGR)
 IMAGES = {"fused": ("all_in_focus/image", "bgr8"), "registered": ("all_in_focus/depth", "passthrough"),
           "source_index": ("all_in_focus/source_index", "passthrough"),
-          "weights": ("all_in_focus/weights_color", "bgr8")}
+          "confidence": ("all_in_focus/confidence", "passthrough"), "weights": ("all_in_focus/weights_color", "bgr8")}
 LABELS, SEGMENTS, REPORT = "segmentation/labels", "segmentation/segments", "all_in_focus/report"
 NODES = ("depth_preprocess", "segmenter", "fusion")
 MAX_COMPLAINTS = 20
@@ -69,7 +69,7 @@ class BracketCollector:
         if report.frames_used == 0:
             return {}
         result, label = report.header.stamp.to_nsec(), report.label_stamp.to_nsec()
-        wanted = dict.fromkeys(("fused", "source_index", "weights"), result)
+        wanted = dict.fromkeys(("fused", "source_index", "confidence", "weights"), result)
         if report.has_labels:
             wanted.update(registered=result, labels=label, segments=label)
         return wanted

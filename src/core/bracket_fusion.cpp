@@ -3,10 +3,12 @@
 
 #include "all_in_focus/bracket_fusion.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
-#include <string>
+
+#include "all_in_focus/region_summary.hpp"
 
 namespace all_in_focus::core {
 namespace {
@@ -21,55 +23,112 @@ bool sameShape(const cv::Size& a, const cv::Size& b) {
   return std::abs(stretch - 1) <= 0.01;
 }
 
-}  // namespace
-
-void BracketFusion::begin(const cv::Mat& labels) {
-  if (!labels.empty() && labels.type() != CV_32SC1)
-    throw std::invalid_argument("fusion: labels must be CV_32SC1");
-  double smallest = 0;
-  if (!labels.empty()) cv::minMaxLoc(labels, &smallest);
-  if (smallest < 0) throw std::invalid_argument(cv::format("fusion: negative label %g", smallest));
-  labels_ = labels;
-  by_region_ = !labels.empty();
-  frames_ = 0;
-  size_ = {};
+void requireShape(const cv::Mat& image, const char* what, const cv::Size& frame) {
+  if (image.empty() || sameShape(image.size(), frame)) return;
+  throw std::invalid_argument("fusion: the frame is " + text(frame) + ", the " + what + " " +
+                              text(image.size()) + ": not the same picture");
 }
 
-void BracketFusion::add(const cv::Mat& frame, int index) {
+}  // namespace
+
+const char* name(FusedBy fused_by) {
+  switch (fused_by) {
+    case FusedBy::kRegions:
+      return "paper";
+    case FusedBy::kPixels:
+      return "refined";
+    default:
+      return "sharpness";
+  }
+}
+
+void BracketFusion::begin(const BracketScene& scene, Mode mode, const RefinedConfig& config) {
+  if (!scene.labels.empty() && scene.labels.type() != CV_32SC1)
+    throw std::invalid_argument("fusion: labels must be CV_32SC1");
+  double smallest = 0;
+  if (!scene.labels.empty()) cv::minMaxLoc(scene.labels, &smallest);
+  if (smallest < 0) throw std::invalid_argument(cv::format("fusion: negative label %g", smallest));
+  if (!scene.depth.empty() && scene.depth.type() != CV_16UC1)
+    throw std::invalid_argument("fusion: depth must be CV_16UC1");
+  validate(scene.optics);
+  scene_ = scene;
+  config_ = config;
+  by_region_ = mode == Mode::kPaper && !scene.labels.empty();
+  if (mode == Mode::kPaper) {
+    // Without regions the sharpest frame a pixel, plainly copied.
+    scene_.depth = cv::Mat();
+    config_.alignment = config_.exposure = config_.soft = false;
+  }
+  size_ = {};
+  focus_mm_.clear();
+}
+
+// Checks a frame, sets up for the bracket's first.
+void BracketFusion::accept(const cv::Mat& frame, int index) {
   if (frame.type() != CV_8UC3 || frame.empty()) {
     throw std::invalid_argument("fusion: frame " + std::to_string(index) + " must be CV_8UC3 and not empty");
   }
   if (index < 0 || index >= kNoFrame) {
     throw std::invalid_argument("fusion: frame index " + std::to_string(index) + " is not in 0..65534");
   }
-  if (frames_ > 0 && frame.size() != size_) {
+  if (!size_.empty() && frame.size() != size_) {
     throw std::invalid_argument("fusion: frame " + std::to_string(index) + " is " + text(frame.size()) +
                                 ", but the bracket began with " + text(size_));
   }
-  if (frames_ == 0 && by_region_ && !sameShape(labels_.size(), frame.size())) {
-    throw std::invalid_argument("fusion: the frame is " + text(frame.size()) + ", the label image " +
-                                text(labels_.size()) + ": not the same picture");
-  }
-  if (frames_ == 0) {
-    size_ = frame.size();
+  if (size_.empty()) {
+    requireShape(scene_.labels, "label image", frame.size());
+    requireShape(scene_.depth, "depth", frame.size());
+    labels_ = scene_.labels;
+    if (!labels_.empty() && labels_.size() != frame.size())
+      cv::resize(scene_.labels, labels_, frame.size(), 0, 0, cv::INTER_NEAREST);
     if (by_region_) {
-      cv::Mat labels = labels_;
-      if (labels.size() != size_) cv::resize(labels_, labels, size_, 0, 0, cv::INTER_NEAREST);
-      regions_.begin(labels);
+      regions_.begin(labels_);
     } else {
-      sharpness_.begin(size_);
+      refined_.begin(scene_, config_, frame.size());
     }
+    size_ = frame.size();
   }
   cv::cvtColor(frame, gray_, cv::COLOR_BGR2GRAY);
-  by_region_ ? regions_.add(frame, gray_, index) : sharpness_.add(frame, gray_, index);
-  ++frames_;
+}
+
+void BracketFusion::observe(const cv::Mat& frame, int index, double focus_mm) {
+  accept(frame, index);
+  if (!by_region_) refined_.observe(gray_, index, focus_mm);
+}
+
+std::string BracketFusion::add(const cv::Mat& frame, int index, double focus_mm) {
+  accept(frame, index);
+  if (by_region_) {
+    regions_.add(frame, gray_, index);
+  } else {
+    const std::string misfit = refined_.add(frame, gray_, index, focus_mm);
+    if (!misfit.empty()) return misfit;
+  }
+  focus_mm_.push_back(focus_mm);
+  return "";
+}
+
+FusedBy BracketFusion::fusedBy() const {
+  if (by_region_) return FusedBy::kRegions;
+  return scene_.labels.empty() && scene_.depth.empty() ? FusedBy::kSharpness : FusedBy::kPixels;
 }
 
 FusionResult BracketFusion::result() const {
-  if (frames_ == 0) throw std::logic_error("fusion: no frame yet");
-  if (!by_region_)
-    return {sharpness_.image().clone(), sharpness_.sourceIndex().clone(), sharpness_.confidence(), {}};
-  return {regions_.image().clone(), regions_.sourceIndex(), regions_.confidence(), regions_.choices()};
+  if (focus_mm_.empty()) throw std::logic_error("fusion: no frame yet");
+  FusionResult result;
+  if (by_region_) {
+    result.image = regions_.image().clone();
+    result.source_index = regions_.sourceIndex();
+    result.confidence = regions_.confidence();
+    result.regions = regions_.choices();
+  } else {
+    result.image = refined_.image();
+    result.source_index = refined_.sourceIndex().clone();
+    result.confidence = refined_.confidence();
+    if (!labels_.empty()) result.regions = summarizeRegions(labels_, result.source_index, result.confidence);
+    result.notes = unreachedDistances(scene_, focus_mm_);
+  }
+  return result;
 }
 
 }  // namespace all_in_focus::core

@@ -23,6 +23,47 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
+[[noreturn]] void refuseReference(int reference, int frames) {
+  throw std::invalid_argument(
+      frames == 0 ? std::string("fusion: the bracket holds no frame")
+                  : cv::format("fusion: frame %d cannot be the reference: the bracket holds frames 0 to %d",
+                               reference, frames - 1));
+}
+
+// Adds all frames: in their order, but in mode refined the reference first.
+void fuseFrames(const PipelineInput& input, Mode mode, BracketFusion& fusion, PipelineResult& result) {
+  FrameSource& source = *input.frames;
+  const auto focus = [&](int index) {
+    return index < static_cast<int>(input.focus_mm.size()) ? input.focus_mm[index]
+                                                           : BracketFusion::kUnknownFocus;
+  };
+  const bool middle = input.reference == PipelineInput::kAutoReference;
+  const int first = mode == Mode::kPaper ? 0 : middle ? source.count() / 2 : input.reference;
+  Stopwatch watch;
+  cv::Mat frame;
+  for (int i = 0; i < first; ++i) {
+    if (!source.next(frame)) refuseReference(first, i);
+    watch.lap();
+    fusion.observe(frame, i, focus(i));
+    result.fusion_ms += watch.lap();
+  }
+  const auto add = [&](int index) {
+    watch.lap();
+    const std::string misfit = fusion.add(frame, index, focus(index));
+    result.fusion_ms += watch.lap();
+    if (!misfit.empty()) result.misfits.push_back("frame " + std::to_string(index) + " rejected: " + misfit);
+  };
+  if (!source.next(frame)) refuseReference(first, first);
+  add(first);
+  if (first > 0) source.rewind();
+  result.frames = first > 0 ? 0 : 1;
+  for (; source.next(frame); ++result.frames) {
+    if (result.frames != first) add(result.frames);
+  }
+  result.reference = middle ? result.frames / 2 : input.reference;
+  if (result.reference >= result.frames) refuseReference(result.reference, result.frames);
+}
+
 }  // namespace
 
 DepthPreprocessing::DepthPreprocessing(const Rig& rig, Mode mode)
@@ -63,16 +104,18 @@ PipelineResult runPipeline(const PipelineInput& input, Mode mode) {
   }
   result.segmentation_ms = watch.lap();
 
-  // 3. Every region from the frame in which it is sharpest (normalised variance; equation 11 with W = 0 or
-  // 1).
+  // 3. Mode paper: every region from the frame in which it is sharpest (normalised variance; equation 11 with
+  // W = 0 or 1). Mode refined: a weighted mean, pixel by pixel.
   BracketFusion fusion;
-  fusion.begin(result.segmentation.labels);
-  for (cv::Mat frame; input.next_frame(frame); ++result.frames) {
-    watch.lap();
-    fusion.add(frame, result.frames);
-    result.fusion_ms += watch.lap();
-  }
-  if (result.frames == 0) throw std::invalid_argument("fusion: the bracket holds no frame");
+  BracketScene scene;
+  scene.labels = result.segmentation.labels;
+  scene.depth = result.filled;
+  if (!input.depth.empty()) scene.measured = result.registered;
+  scene.optics = input.optics;
+  if (input.has_rig) scene.camera = input.rig.color;
+  fusion.begin(scene, mode, input.refined);
+  fuseFrames(input, mode, fusion, result);
+  result.fused_by = fusion.fusedBy();
   watch.lap();
   result.fusion = fusion.result();
   result.fusion_ms += watch.lap();

@@ -126,7 +126,8 @@ cv::Mat RegionFusion::confidence() const {
 std::vector<RegionChoice> RegionFusion::choices() const {
   std::vector<RegionChoice> choices;
   for (const Region& region : regions_) {
-    choices.push_back({region.label, region.frame, std::max(region.best, 0.0), margin(region)});
+    choices.push_back(
+        {region.label, region.frame, std::max(region.best, 0.0), margin(region), margin(region)});
   }
   return choices;
 }

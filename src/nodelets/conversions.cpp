@@ -226,6 +226,16 @@ core::Optics toOptics(const OpticsMsg& message) {
   return optics;
 }
 
+Mode toMode(const std::string& mode) {
+  if (mode == "paper") return Mode::kPaper;
+  if (mode == "refined") return Mode::kRefined;
+  throw std::invalid_argument("mode \"" + mode + "\" does not exist: use paper or refined");
+}
+
+const char* toString(Mode mode) {
+  return mode == Mode::kPaper ? "paper" : "refined";
+}
+
 DofSpan toDofSpan(const std::string& dof_rule) {
   if (dof_rule == "paper") return DofSpan::kPaper;
   if (dof_rule == "full") return DofSpan::kFull;

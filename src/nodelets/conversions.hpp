@@ -16,6 +16,7 @@
 #include "all_in_focus/camera.hpp"
 #include "all_in_focus/dof_segmentation.hpp"
 #include "all_in_focus/optics.hpp"
+#include "all_in_focus/pipeline.hpp"
 
 /// Between ROS messages and the core. All functions throw std::invalid_argument with one line for people:
 /// what is wrong, where (a topic), what to do.
@@ -64,6 +65,9 @@ RigidTransform toRigidTransform(const geometry_msgs::Transform& transform);
 
 OpticsMsg toMessage(const core::Optics& optics);
 core::Optics toOptics(const OpticsMsg& message);
+
+Mode toMode(const std::string& mode);  ///< "paper" or "refined"
+const char* toString(Mode mode);
 
 DofSpan toDofSpan(const std::string& dof_rule);  ///< "paper" or "full"
 const char* toString(DofSpan span);

@@ -263,8 +263,7 @@ void DepthPreprocessNodelet::process(const sensor_msgs::ImageConstPtr& message) 
   const Rig rig = currentRig();
   requireSize(depth, rig.depth, topic, monitor_->resolved(depth_info_input_));
   if (!preprocessing_ || !(preprocessing_->rig() == rig) || preprocessing_mode_ != config_.mode) {
-    const Mode mode = config_.mode == "paper" ? Mode::kPaper : Mode::kRefined;
-    preprocessing_ = std::make_unique<DepthPreprocessing>(rig, mode);
+    preprocessing_ = std::make_unique<DepthPreprocessing>(rig, toMode(config_.mode));
     preprocessing_mode_ = config_.mode;
   }
   publish(message->header, depth);

@@ -3,8 +3,10 @@
 
 #include "fusion_outputs.hpp"
 
+#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/image_encodings.h>
 
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -42,19 +44,15 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeMonitor& monitor,
   weights_ = advertise(sensor_msgs::Image(), "all_in_focus/weights_color");
   depth_ = advertise(sensor_msgs::Image(), "all_in_focus/depth");
   source_index_ = advertise(sensor_msgs::Image(), "all_in_focus/source_index");
+  confidence_ = advertise(sensor_msgs::Image(), "all_in_focus/confidence");
   info_ = advertise(sensor_msgs::CameraInfo(), "all_in_focus/camera_info");
   report_ = advertise(FusionReport(), "all_in_focus/report");
 }
 
 bool FusionOutputs::wanted() const {
-  return image_.getNumSubscribers() + weights_.getNumSubscribers() + depth_.getNumSubscribers() +
-             source_index_.getNumSubscribers() + info_.getNumSubscribers() + report_.getNumSubscribers() >
-         0;
-}
-
-void FusionOutputs::setCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  camera_info_ = info;
+  const auto outputs = {&image_, &weights_, &depth_, &source_index_, &confidence_, &info_, &report_};
+  return std::any_of(outputs.begin(), outputs.end(),
+                     [](const ros::Publisher* output) { return output->getNumSubscribers() > 0; });
 }
 
 void FusionOutputs::publish(const FusedBracket& bracket) {
@@ -63,18 +61,14 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
   if (!result.image.empty()) {
     image_.publish(toImage(header, enc::BGR8, result.image));
     source_index_.publish(toImage(header, enc::TYPE_16UC1, result.source_index));
+    confidence_.publish(toImage(header, enc::MONO8, result.confidence));
     cv::Mat weights;
     drawWeights(result.source_index, result.confidence, bracket.frames, weights);
     cv::cvtColor(weights, weights, cv::COLOR_BGR2RGB);
     weights_.publish(toImage(header, enc::RGB8, weights));
     publishDepth(header, bracket.depth, result.image.size());
-    sensor_msgs::CameraInfoConstPtr info;
-    {
-      std::lock_guard<std::mutex> lock(mutex_);
-      info = camera_info_;
-    }
-    if (info) {
-      const auto restamped = boost::make_shared<sensor_msgs::CameraInfo>(*info);
+    if (bracket.camera) {
+      const auto restamped = boost::make_shared<sensor_msgs::CameraInfo>(*bracket.camera);
       restamped->header = header;
       info_.publish(restamped);
     }

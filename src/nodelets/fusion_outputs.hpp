@@ -3,11 +3,9 @@
 #pragma once
 
 #include <ros/ros.h>
-#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
 #include <functional>
-#include <mutex>
 #include <string>
 
 #include "node_monitor.hpp"
@@ -15,8 +13,7 @@
 
 namespace all_in_focus {
 
-/// What the fusion publishes, all of one result with one header and latched. publish() and setCameraInfo()
-/// may be called from different threads.
+/// What the fusion publishes, all of one result with one header and latched.
 class FusionOutputs {
  public:
   /// connect is called whenever a subscriber comes or goes, maybe before this returns: hold the mutex it
@@ -24,7 +21,6 @@ class FusionOutputs {
   void advertise(ros::NodeHandle& nh, NodeMonitor& monitor, const std::function<void()>& connect);
   /// Somebody listens.
   bool wanted() const;
-  void setCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void publish(const FusedBracket& bracket);
 
  private:
@@ -32,9 +28,7 @@ class FusionOutputs {
                     const cv::Size& size);
 
   NodeMonitor* monitor_ = nullptr;
-  ros::Publisher image_, weights_, depth_, source_index_, info_, report_;
-  std::mutex mutex_;  // guards camera_info_
-  sensor_msgs::CameraInfoConstPtr camera_info_;
+  ros::Publisher image_, weights_, depth_, source_index_, confidence_, info_, report_;
 };
 
 }  // namespace all_in_focus

@@ -6,21 +6,14 @@
 #include <algorithm>
 #include <chrono>
 
+#include "image_limit.hpp"
+#include "stopwatch.hpp"
+
 namespace all_in_focus {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr std::chrono::milliseconds kIdlePeriod(50);  // how often a gap in time is looked for
 constexpr std::chrono::seconds kFinishPatience(60);
-constexpr double kClockTolerance = 1;         // s that a label's stamp may be ahead of the clock
-constexpr std::size_t kMaxCached = 64;        // label and depth images: two seconds of a Kinect
-constexpr std::size_t kMaxBytes = 256 << 20;  // of each kind of image that is kept
-constexpr std::size_t kFewest = 4;
-
-double millisecondsSince(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 FrameInfo frameInfo(const BracketFrame& frame) {
   FrameInfo info;
@@ -35,21 +28,10 @@ FrameInfo frameInfo(const BracketFrame& frame) {
   return info;
 }
 
-// How many images of this size may be kept: large ones fewer, so that memory stays bounded.
-std::size_t limit(std::size_t most, const sensor_msgs::Image& image) {
-  const std::size_t fitting = kMaxBytes / std::max<std::size_t>(image.data.size(), 1);
-  return std::min(most, std::max(kFewest, fitting));
-}
-
-template <typename Value>
-void keepNewest(std::map<ros::Time, Value>& cache, std::size_t most) {
-  while (cache.size() > most) cache.erase(cache.begin());
-}
-
 }  // namespace
 
-FusionWorker::FusionWorker(NodeMonitor& monitor, Publish publish)
-    : monitor_(monitor), publish_(std::move(publish)), thread_([this] { run(); }) {}
+FusionWorker::FusionWorker(NodeMonitor& monitor, SceneCache& scenes, Publish publish)
+    : monitor_(monitor), scenes_(scenes), publish_(std::move(publish)), thread_([this] { run(); }) {}
 
 FusionWorker::~FusionWorker() {
   {
@@ -57,6 +39,7 @@ FusionWorker::~FusionWorker() {
     stop_ = true;
   }
   wake_.notify_all();
+  scenes_.close();
   thread_.join();
 }
 
@@ -65,61 +48,40 @@ void FusionWorker::configure(const FusionSettings& settings) {
   next_settings_ = settings;
 }
 
+void FusionWorker::add(const Job& job) {
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    jobs_.push_back(job);
+    if (job.frame.image) ++queued_frames_;
+  }
+  wake_.notify_all();
+}
+
 void FusionWorker::addFrame(const BracketFrame& frame) {
   sensor_msgs::ImageConstPtr dropped;
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    if (queued_frames_ >= static_cast<int>(limit(next_settings_.max_queued_frames, *frame.image))) {
+    if (queued_frames_ >= static_cast<int>(imageLimit(next_settings_.max_queued_frames, *frame.image))) {
       const auto oldest =
           std::find_if(jobs_.begin(), jobs_.end(), [](const Job& job) { return job.frame.image; });
       dropped = oldest->frame.image;
       jobs_.erase(oldest);
       --queued_frames_;
     }
-    Job job;
-    job.frame = frame;
-    jobs_.push_back(job);
-    ++queued_frames_;
   }
-  wake_.notify_all();
+  Job job;
+  job.frame = frame;
+  add(job);
   if (dropped) {
     monitor_.consumed(dropped->header, Outcome::kDropped,
                       "fusion cannot keep up: oldest waiting colour frame dropped");
   }
 }
 
-void FusionWorker::addLabels(const LabelSet& set) {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    labels_[set.labels->header.stamp] = set;
-    keepNewest(labels_, limit(kMaxCached, *set.labels));
-  }
-  wake_.notify_all();
-}
-
-void FusionWorker::addDepth(const sensor_msgs::ImageConstPtr& depth) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  depths_[depth->header.stamp] = depth;
-  keepNewest(depths_, limit(kMaxCached, *depth));
-}
-
-void FusionWorker::expectLabels(bool expected) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  labels_expected_ = expected;
-}
-
-void FusionWorker::timeWentBack(const ros::Time& now, bool ends_bracket) {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    labels_.erase(labels_.upper_bound(now), labels_.end());
-    depths_.erase(depths_.upper_bound(now), depths_.end());
-    if (ends_bracket) {
-      Job job;
-      job.restart = true;
-      jobs_.push_back(job);
-    }
-  }
-  wake_.notify_all();
+void FusionWorker::restart() {
+  Job job;
+  job.restart = true;
+  add(job);
 }
 
 void FusionWorker::stopListening() {
@@ -128,8 +90,6 @@ void FusionWorker::stopListening() {
     jobs_.erase(std::remove_if(jobs_.begin(), jobs_.end(), [](const Job& job) { return !job.finished; }),
                 jobs_.end());
     queued_frames_ = 0;
-    labels_.clear();
-    depths_.clear();
     dropping_ = true;
   }
   wake_.notify_all();
@@ -139,11 +99,7 @@ int FusionWorker::finish() {
   Job job;
   job.finished = std::make_shared<std::promise<int>>();
   std::future<int> finished = job.finished->get_future();
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    jobs_.push_back(job);
-  }
-  wake_.notify_all();
+  add(job);
   return finished.wait_for(kFinishPatience) == std::future_status::ready ? finished.get() : -1;
 }
 
@@ -154,7 +110,7 @@ void FusionWorker::run() {
     if (stop_) break;
     if (dropping_) {
       dropping_ = false;
-      assembler_.restart();
+      giveUp();
     }
     Job job;
     const bool has_job = !jobs_.empty();
@@ -171,8 +127,8 @@ void FusionWorker::run() {
         closeBracket();
       }
     } catch (const std::exception& e) {
-      // What the bracket holds is uncertain: it is given up.
-      assembler_.restart();
+      // What the bracket holds is uncertain.
+      giveUp();
       monitor_.error(std::string("fusion: ") + e.what());
       if (job.frame.image) monitor_.consumed(job.frame.image->header, Outcome::kInvalid, e.what());
       if (job.finished) job.finished->set_value(published_);
@@ -203,59 +159,97 @@ void FusionWorker::handleFrame(const BracketFrame& frame) {
     monitor_.consumed(frame.image->header, Outcome::kUnmatched, step.reason);
     return;
   }
-  if (step.begin) begin(frame);
+  if (step.begin) begin(frame, step.index);
   fuse(frame, step);
   stamp_age_s_ = ros::Time::now().toSec() - info.stamp_s;
 }
 
-void FusionWorker::begin(const BracketFrame& frame) {
+void FusionWorker::begin(const BracketFrame& frame, int index) {
   {
     std::lock_guard<std::mutex> lock(mutex_);
     settings_ = next_settings_;
   }
-  const Clock::time_point start = Clock::now();
-  const LabelSet set = awaitLabels(frame.image->header.stamp);
-  const double waited_ms = millisecondsSince(start);
-  const int reference = settings_.reference >= 0 ? settings_.reference : assembler_.length() / 2;
-  const std::string trouble =
-      bracket_.begin(frame.image->header, assembler_.bracketId(), settings_.mode, reference, set);
+  const Stopwatch watch;
+  const SceneMessages scene =
+      scenes_.await(frame.image->header.stamp, settings_.label_max_age_s, settings_.label_timeout_s,
+                    /*whole=*/settings_.mode == Mode::kRefined);
+  const double waited_ms = watch.milliseconds();
+  std::string remark;
+  const int reference = plannedReference(frame, index, remark);
+  const std::vector<std::string> troubles =
+      bracket_.begin(frame.image->header, assembler_.bracketId(), settings_.mode, reference, scene);
   bracket_.setLabelWait(waited_ms);
-  if (!trouble.empty()) monitor_.warn(trouble);
-  depth_ = depthAt(set.labels ? set.labels->header.stamp : frame.image->header.stamp);
+  for (const std::string& trouble : troubles) monitor_.warn(trouble);
+  if (!remark.empty()) bracket_.note(remark);
+  depth_ = scene.depth;
+  depth_stamp_ = (scene.labels.labels ? *scene.labels.labels : *frame.image).header.stamp;
 }
 
-// The newest label image at or before the first frame: known for certain once one at or after it has come,
-// unless that one is left from before /clock jumped back.
-LabelSet FusionWorker::awaitLabels(const ros::Time& first_frame) {
-  const auto deadline = Clock::now() + std::chrono::duration<double>(settings_.label_timeout_s);
-  std::unique_lock<std::mutex> lock(mutex_);
-  wake_.wait_until(lock, deadline, [&] {
-    const auto next = labels_.lower_bound(first_frame);
-    const ros::Time latest = std::max(first_frame, ros::Time::now()) + ros::Duration(kClockTolerance);
-    return stop_ || dropping_ || !labels_expected_ || (next != labels_.end() && next->first < latest);
-  });
-  auto newer = labels_.upper_bound(first_frame);
-  if (newer == labels_.begin()) return {};
-  const auto& [stamp, set] = *--newer;
-  return (first_frame - stamp).toSec() <= settings_.label_max_age_s ? set : LabelSet();
+int FusionWorker::plannedReference(const BracketFrame& first, int first_index, std::string& remark) const {
+  const int length = assembler_.length();
+  int reference = settings_.reference >= 0 ? settings_.reference : length / 2;
+  if (length > 0) reference = std::min(reference, length - 1);
+  if (settings_.mode == Mode::kPaper || reference <= first_index) return reference;
+
+  const std::string instead = ": the first frame is the reference, not frame " + std::to_string(reference);
+  const auto held = static_cast<std::size_t>(reference - first_index);
+  const std::size_t most = imageLimit(settings_.max_held_frames, *first.image);
+  if (settings_.sliding) {
+    remark = "bracket_mode sliding" + instead;
+  } else if (held > most) {
+    remark = "at most " + std::to_string(most) + " frames are held (max_held_frames, memory)" + instead;
+  }
+  return remark.empty() ? reference : first_index;
 }
 
 void FusionWorker::fuse(const BracketFrame& frame, const BracketAssembler::Step& step) {
-  const std::string trouble = bracket_.add(frame.image, step.index);
+  std::string trouble = bracket_.arrived(frame, step.index, step.last);
+  const bool held = trouble.empty() && bracket_.holding();
+  if (!fuseWaiting(step.index, trouble)) return;
   if (step.last) {
     closeBracket();
   } else if (settings_.sliding && trouble.empty()) {
     publish(/*complete=*/false);
   }
   // Told last: who hears of the frame may rely on its result.
-  monitor_.consumed(frame.image->header, trouble.empty() ? Outcome::kProcessed : Outcome::kInvalid, trouble);
+  if (held) {
+    monitor_.kept(frame.image->header);
+  } else {
+    tell(*frame.image, trouble);
+  }
+}
+
+// trouble: that of the frame that has just arrived, which is not told of yet. False: nobody wants the rest.
+bool FusionWorker::fuseWaiting(int arrived, std::string& trouble) {
+  FusedFrame fused;
+  do {
+    if (!bracket_.fuseNext(fused)) return true;
+    if (fused.index == arrived) {
+      trouble = fused.trouble;
+    } else {
+      tell(*fused.image, fused.trouble);
+    }
+  } while (!interrupted());
+  return false;
+}
+
+void FusionWorker::tell(const sensor_msgs::Image& frame, const std::string& trouble) {
+  monitor_.consumed(frame.header, trouble.empty() ? Outcome::kProcessed : Outcome::kInvalid, trouble);
 }
 
 void FusionWorker::closeBracket() {
   if (!assembler_.open()) return;
   assembler_.close();
+  bracket_.stopHolding();
+  std::string trouble;
+  if (!fuseWaiting(-1, trouble)) return;
   publish(/*complete=*/true);
   depth_.reset();
+}
+
+void FusionWorker::giveUp() {
+  assembler_.restart();
+  bracket_.forgetFrames();
 }
 
 void FusionWorker::publish(bool complete) {
@@ -268,18 +262,17 @@ void FusionWorker::publish(bool complete) {
   if (report.frames_used == 0) warn("no frame could be used: nothing to publish");
   if (report.frames_used == 1 && complete) warn("only one frame: the result is that frame");
   if (report.frames_missing > 0) warn(std::to_string(report.frames_missing) + " frames never came");
-  if (!depth_ && report.has_labels)
-    depth_ = depthAt(report.label_stamp);  // labels of another process may be faster
+  if (!depth_) depth_ = scenes_.depthAt(depth_stamp_);  // labels of another process may be faster
   bracket.depth = depth_;
+  bracket.camera = scenes_.camera();
   bracket.frames = std::max(assembler_.length(), assembler_.seen());
   if (complete) ++published_;
   publish_(bracket);
 }
 
-sensor_msgs::ImageConstPtr FusionWorker::depthAt(const ros::Time& stamp) {
+bool FusionWorker::interrupted() {
   std::lock_guard<std::mutex> lock(mutex_);
-  const auto found = depths_.find(stamp);
-  return found == depths_.end() ? nullptr : found->second;
+  return stop_ || dropping_;
 }
 
 }  // namespace all_in_focus

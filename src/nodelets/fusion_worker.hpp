@@ -2,13 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <sensor_msgs/Image.h>
-
 #include <condition_variable>
 #include <deque>
 #include <functional>
 #include <future>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -17,6 +14,7 @@
 #include "bracket_assembler.hpp"
 #include "node_monitor.hpp"
 #include "open_bracket.hpp"
+#include "scene_cache.hpp"
 
 namespace all_in_focus {
 
@@ -25,6 +23,7 @@ struct FusionSettings {
   int reference = -1;  ///< index, or -1: the middle one where the length is known in advance, else the first
   bool sliding = false;
   BracketConfig bracket;
+  int max_held_frames = 64;
   double label_max_age_s = 1.0;
   double label_timeout_s = 2.0;
   int max_queued_frames = 60;
@@ -37,17 +36,14 @@ class FusionWorker {
  public:
   using Publish = std::function<void(const FusedBracket&)>;  ///< called from the worker's thread
 
-  FusionWorker(NodeMonitor& monitor, Publish publish);
-  ~FusionWorker();
+  FusionWorker(NodeMonitor& monitor, SceneCache& scenes, Publish publish);
+  ~FusionWorker();  ///< closes the scene cache
 
   void configure(const FusionSettings& settings);  ///< bracket: at once; the rest with the next bracket
   void addFrame(const BracketFrame& frame);
-  void addLabels(const LabelSet& set);
-  void addDepth(const sensor_msgs::ImageConstPtr& depth);
-  void expectLabels(bool expected);  ///< false: nobody publishes labels, so do not wait for them
 
-  /// Time went back to `now`: forgets labels and depth that are newer.
-  void timeWentBack(const ros::Time& now, bool ends_bracket);
+  /// Time went back: ends the open bracket, the next one is the first.
+  void restart();
 
   /// Nobody listens any more: drops the open bracket and all that waits.
   void stopListening();
@@ -63,26 +59,28 @@ class FusionWorker {
     std::shared_ptr<std::promise<int>> finished;
   };
 
+  void add(const Job& job);
   void run();
   void handle(const Job& job);
   void handleFrame(const BracketFrame& frame);
-  void begin(const BracketFrame& frame);
-  LabelSet awaitLabels(const ros::Time& first_frame);
+  void begin(const BracketFrame& frame, int index);
+  int plannedReference(const BracketFrame& first, int first_index, std::string& remark) const;
   void fuse(const BracketFrame& frame, const BracketAssembler::Step& step);
-  void publish(bool complete);
+  bool fuseWaiting(int arrived, std::string& trouble);
+  void tell(const sensor_msgs::Image& frame, const std::string& trouble);
   void closeBracket();
-  sensor_msgs::ImageConstPtr depthAt(const ros::Time& stamp);
+  void giveUp();
+  void publish(bool complete);
+  bool interrupted();
 
   NodeMonitor& monitor_;
+  SceneCache& scenes_;
   const Publish publish_;
 
   std::mutex mutex_;  // guards the part up to the next blank line
   std::condition_variable wake_;
   std::deque<Job> jobs_;
   int queued_frames_ = 0;
-  std::map<ros::Time, LabelSet> labels_;
-  std::map<ros::Time, sensor_msgs::ImageConstPtr> depths_;
-  bool labels_expected_ = true;
   bool dropping_ = false;  // stopListening() was called: leave the open bracket
   bool stop_ = false;
   FusionSettings next_settings_;
@@ -92,6 +90,7 @@ class FusionWorker {
   BracketAssembler assembler_;
   OpenBracket bracket_;
   sensor_msgs::ImageConstPtr depth_;  // that its labels were cut from
+  ros::Time depth_stamp_;
   int published_ = 0;
   double stamp_age_s_ = 0;  // of its last frame when that was fused: stamps may be of another clock
 

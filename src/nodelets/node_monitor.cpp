@@ -151,6 +151,10 @@ void NodeMonitor::consumed(const std_msgs::Header& header, Outcome outcome, cons
   processed_publisher_.publish(header);
 }
 
+void NodeMonitor::kept(const std_msgs::Header& header) {
+  processed_publisher_.publish(header);
+}
+
 void NodeMonitor::count(Outcome outcome, std::uint64_t n) {
   std::lock_guard<std::mutex> lock(mutex_);
   counts_[outcome] += n;

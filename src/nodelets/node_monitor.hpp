@@ -66,6 +66,8 @@ class NodeMonitor {
   /// One input is done with: counts it, and publishes its header on the processed topic. A reason is logged
   /// and reported like error() for kInvalid, like warn() otherwise.
   void consumed(const std_msgs::Header& header, Outcome outcome, const std::string& reason = {});
+  /// One input is kept for later: its sender need not wait, but consumed() is still to come.
+  void kept(const std_msgs::Header& header);
   /// Counts inputs that are not announced on the processed topic (labels of the fusion, for example).
   void count(Outcome outcome, std::uint64_t n = 1);
 

@@ -9,15 +9,16 @@
 
 #include <algorithm>
 #include <boost/bind/bind.hpp>
-#include <cmath>
 #include <memory>
 #include <mutex>
 #include <opencv2/imgproc.hpp>
 #include <pluginlib/class_list_macros.hpp>
 #include <sstream>
+#include <stdexcept>
 
 #include "all_in_focus/drawing.hpp"
 #include "all_in_focus/pipeline.hpp"
+#include "config_repair.hpp"
 #include "conversions.hpp"
 #include "node_monitor.hpp"
 
@@ -25,18 +26,6 @@ namespace all_in_focus {
 namespace {
 
 constexpr const char* kProcessedTopic = "segmentation/processed";
-
-/// Keeps the last good value in place of an impossible one, and says so.
-template <typename T>
-void repair(T& value, const T& good, bool possible, const char* name, std::ostringstream& remarks) {
-  if (possible) return;
-  remarks << (remarks.str().empty() ? "" : ", ") << name << " = " << value << " (keeping " << good << ")";
-  value = good;
-}
-
-bool positive(double value) {
-  return std::isfinite(value) && value > 0;
-}
 
 }  // namespace
 
@@ -102,12 +91,12 @@ void SegmenterNodelet::onInit() {
 void SegmenterNodelet::readParameters() {
   ros::NodeHandle& nh = getPrivateNodeHandle();
   queue_size_ = std::max(1, nh.param("queue_size", queue_size_));
-  const std::string mode = nh.param("mode", std::string("refined"));
-  if (mode == "paper") mode_ = Mode::kPaper;
-  if (mode != "paper" && mode != "refined") {
-    monitor_->error("mode \"" + mode + "\" does not exist (use paper or refined): using refined");
+  try {
+    mode_ = toMode(nh.param("mode", std::string(toString(mode_))));
+  } catch (const std::invalid_argument& e) {
+    monitor_->error(std::string(e.what()) + "; using " + toString(mode_));
   }
-  monitor_->setValue("mode", mode_ == Mode::kPaper ? "paper" : "refined");
+  monitor_->setValue("mode", toString(mode_));
 }
 
 void SegmenterNodelet::advertise() {
@@ -126,20 +115,20 @@ void SegmenterNodelet::advertise() {
   }
 }
 
-// dynamic_reconfigure clamps before it calls, so its ranges admit impossible values for this to see. What
-// stands in `config` on return is shown to the user.
+// What stands in `config` on return is shown to the user.
 void SegmenterNodelet::reconfigure(Config& config) {
-  std::ostringstream remarks;
-  repair(config.focal_length_mm, config_.focal_length_mm, positive(config.focal_length_mm), "focal_length_mm",
-         remarks);
-  repair(config.aperture, config_.aperture, positive(config.aperture), "aperture", remarks);
-  repair(config.circle_of_confusion_mm, config_.circle_of_confusion_mm,
-         positive(config.circle_of_confusion_mm), "circle_of_confusion_mm", remarks);
-  repair(config.dof_rule, config_.dof_rule, config.dof_rule == "paper" || config.dof_rule == "full",
-         "dof_rule", remarks);
-  repair(config.min_region_size, config_.min_region_size, config.min_region_size >= 0, "min_region_size",
-         remarks);
-  if (!remarks.str().empty()) monitor_->warn("impossible configuration: " + remarks.str());
+  ConfigRepair repair;
+  const auto check_positive = [&repair](double& value, double good, const char* name) {
+    repair.check(value, good, repair.isPositive(value), name);
+  };
+  check_positive(config.focal_length_mm, config_.focal_length_mm, "focal_length_mm");
+  check_positive(config.aperture, config_.aperture, "aperture");
+  check_positive(config.circle_of_confusion_mm, config_.circle_of_confusion_mm, "circle_of_confusion_mm");
+  repair.check(config.dof_rule, config_.dof_rule, config.dof_rule == "paper" || config.dof_rule == "full",
+               "dof_rule");
+  repair.check(config.min_region_size, config_.min_region_size, config.min_region_size >= 0,
+               "min_region_size");
+  if (!repair.remarks().empty()) monitor_->warn(repair.remarks());
   config_ = config;
   segmentation_.reset();
 

@@ -5,6 +5,8 @@
 
 #include <cmath>
 #include <iostream>
+#include <map>
+#include <sstream>
 
 #include "all_in_focus/drawing.hpp"
 #include "command_line.hpp"
@@ -19,7 +21,7 @@ using namespace all_in_focus::core;
 
 namespace {
 
-constexpr int kAutoReference = -1;
+constexpr int kAutoReference = PipelineInput::kAutoReference;
 
 int parseReference(const std::string& text) {
   if (text == "auto") return kAutoReference;
@@ -35,6 +37,75 @@ int parseReference(const std::string& text) {
   return reference;
 }
 
+// The stack, and whether an error came from reading it: such errors name the file already.
+class NamedFrames : public FrameSource {
+ public:
+  explicit NamedFrames(StackReader& stack) : stack_(stack) {}
+
+  bool next(cv::Mat& frame) override {
+    reading_ = true;
+    const bool there = stack_.next(frame);
+    reading_ = false;
+    return there;
+  }
+  void rewind() override {
+    reading_ = true;
+    stack_.rewind();
+    reading_ = false;
+  }
+  int count() override {
+    reading_ = true;
+    const int frames = stack_.count();
+    reading_ = false;
+    return frames;
+  }
+  bool reading() const { return reading_; }
+
+ private:
+  StackReader& stack_;
+  bool reading_ = false;
+};
+
+// Ingredients of mode refined to be left out, separated by commas.
+RefinedConfig parseWithout(const std::string& names) {
+  RefinedConfig config;
+  const std::map<std::string, bool*> ingredients = {{"alignment", &config.alignment},
+                                                    {"exposure", &config.exposure},
+                                                    {"prediction", &config.prediction},
+                                                    {"edge-error", &config.defocus.edge_uncertainty},
+                                                    {"hole-doubt", &config.defocus.hole_doubt},
+                                                    {"around", &config.around},
+                                                    {"noise", &config.noise},
+                                                    {"soft", &config.soft}};
+  std::istringstream list(names);
+  for (std::string name; std::getline(list, name, ',');) {
+    const auto found = ingredients.find(name);
+    if (found == ingredients.end()) {
+      std::string known;
+      for (const auto& ingredient : ingredients) known += " " + ingredient.first;
+      throw std::invalid_argument("--without: '" + name + "' is none of" + known);
+    }
+    *found->second = false;
+  }
+  return config;
+}
+
+// What mode refined could use and does not have.
+void explainMissing(const PipelineInput& input, Mode mode, ReportContext& context) {
+  if (mode == Mode::kPaper) return;
+  const bool has_depth = !input.depth.empty() || !input.registered_depth.empty();
+  const auto without = [&](const std::string& missing) {
+    context.notes.push_back(missing + ": depth and optics have no say in the fusion");
+  };
+  if (!has_depth && !input.labels.empty()) {
+    without("a label map tells no distances");
+  } else if (has_depth && !input.has_rig) {
+    without("no rig, the pixel pitch is unknown");
+  } else if (has_depth && input.focus_mm.empty()) {
+    without("no focus distances");
+  }
+}
+
 // What is known about depth: at most one of three, and what goes with it.
 void readDepthInput(const po::variables_map& values, PipelineInput& input, ReportContext& context) {
   const std::string depth = textOption(values, "depth"), registered = textOption(values, "registered-depth"),
@@ -44,7 +115,8 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
   }
   if (!depth.empty() && rig.empty())
     throw std::invalid_argument("--depth needs --rig: the calibration that registers it");
-  if (!rig.empty()) input.rig = readRig(rig);
+  input.has_rig = !rig.empty();
+  if (input.has_rig) input.rig = readRig(rig);
 
   const std::string optics = textOption(values, "optics");
   const bool segments = !depth.empty() || !registered.empty();
@@ -77,7 +149,6 @@ void checkFocus(const std::string& path, const std::vector<double>& distances, c
 
 void fuseStack(const po::variables_map& values) {
   const Mode mode = parseMode(values["mode"].as<std::string>());
-  int reference = parseReference(values["reference"].as<std::string>());
   PipelineInput input;
   ReportContext context;
   readDepthInput(values, input, context);
@@ -90,37 +161,30 @@ void fuseStack(const po::variables_map& values) {
   const std::vector<double> distances =
       focus.empty() ? std::vector<double>() : readFocus(focus, stack.names());
   if (context.has_optics) checkFocus(focus, distances, input.optics);
-  if (mode == Mode::kRefined) {
-    context.notes.push_back("refined fusion is not in this version: regions are fused as in mode paper");
-  }
+  input.focus_mm = distances;
+  input.reference = parseReference(values["reference"].as<std::string>());
+  input.refined = parseWithout(textOption(values, "without"));
+  explainMissing(input, mode, context);
 
-  // The core says what is wrong, this says in which file; the reader's own errors name it already.
-  std::string at = textOption(values, input.depth.empty() ? "registered-depth" : "depth");
-  bool reading = false;
-  input.next_frame = [&](cv::Mat& frame) {
-    reading = true;
-    const bool there = stack.next(frame);
-    reading = false;
-    if (there) at = stack.current();
-    return there;
-  };
+  NamedFrames frames(stack);
+  input.frames = &frames;
   PipelineResult result;
   try {
     result = runPipeline(input, mode);
   } catch (const std::invalid_argument& e) {
-    if (reading) throw;
-    throw std::invalid_argument(at + ": " + e.what());
+    if (frames.reading()) throw;
+    // The core says what is wrong, this says in which file.
+    const std::string depth = textOption(values, input.depth.empty() ? "registered-depth" : "depth");
+    throw std::invalid_argument((stack.current().empty() ? depth : stack.current()) + ": " + e.what());
   }
   if (distances.size() > static_cast<std::size_t>(result.frames)) {
     throw std::invalid_argument(focus + ": " + std::to_string(distances.size()) + " entries for " +
                                 std::to_string(result.frames) + " frames");
   }
-  if (reference >= result.frames) {
-    throw std::invalid_argument("--reference " + std::to_string(reference) +
-                                ": the stack holds frames 0 to " + std::to_string(result.frames - 1));
+  for (const auto* lines : {&result.misfits, &result.fusion.notes}) {
+    context.notes.insert(context.notes.end(), lines->begin(), lines->end());
   }
-  context.reference = reference == kAutoReference ? result.frames / 2 : reference;
-  context.mode = result.segmentation.labels.empty() ? "sharpness" : "paper";
+  context.mode = name(result.fused_by);
   if (!input.labels.empty() && values["unknown-label"].as<int>() >= 0) {
     result.segmentation.unknown_area =
         static_cast<int>(input.labels.total()) - cv::countNonZero(input.labels);
@@ -140,6 +204,7 @@ void fuseStack(const po::variables_map& values) {
        wants_labels && !result.segmentation.labels.empty() ? labels16(result.segmentation.labels) : cv::Mat(),
        "label image: give --depth, --registered-depth or --label-map");
   save("save-source-index", result.fusion.source_index, "source index");
+  save("save-confidence", result.fusion.confidence, "confidence");
   cv::Mat weights;
   drawWeights(result.fusion.source_index, result.fusion.confidence, result.frames, weights);
   save("save-weights", weights, "weights");
@@ -172,12 +237,16 @@ int main(int argc, char** argv) {
       ("dof-rule", text()->default_value("paper"), "dioptre span of a region: paper = 1/H, full = 2/H")  //
       ("focus", text(), "YAML: focus distance of each frame")                                            //
       ("mode", text()->default_value("refined"), "paper or refined")                                     //
+      ("without", text(),
+       "ingredients of mode refined to leave out: alignment, exposure, prediction, edge-error, hole-doubt, "
+       "around, noise, soft")  //
       ("reference", text()->default_value("auto"),
        "frame whose geometry and exposure the result keeps; auto: the middle one")                        //
       ("save-registered", text(), "depth seen from the colour camera, holes filled, 16-bit PNG, mm")      //
       ("save-labels", text(), "label image, 16-bit PNG")                                                  //
       ("save-source-index", text(), "frame that each pixel was taken from, 16-bit PNG, 65535 = none")     //
       ("save-weights", text(), "picture of which frame won where: hue = frame, brightness = confidence")  //
+      ("save-confidence", text(), "how clear the choice was, 8-bit PNG, 255 = no rival")                  //
       ("report", text(), "JSON report")                                                                   //
       ("timings", "print how long each step took");
   return runTool(argc, argv, "all-in-focus image of a focus bracket, assisted by depth", options, fuseStack);

@@ -47,16 +47,17 @@ std::string fusionReport(const PipelineResult& result, const ReportContext& cont
     segments.push_back({{"label", choice.label},
                         {"frame", choice.frame},
                         {"score", choice.score},
-                        {"margin", choice.margin}});
+                        {"margin", choice.margin},
+                        {"confidence", choice.confidence}});
   }
   const Json report = {{"version", kReportVersion},
                        {"bracket_id", 0},
                        {"mode", context.mode},
                        {"frames_seen", result.frames},
-                       {"frames_used", result.frames},
-                       {"frames_rejected", 0},
+                       {"frames_used", result.frames - static_cast<int>(result.misfits.size())},
+                       {"frames_rejected", result.misfits.size()},
                        {"frames_missing", 0},
-                       {"reference", context.reference},
+                       {"reference", result.reference},
                        {"has_labels", !result.segmentation.labels.empty()},
                        {"label_stamp", nullptr},
                        {"optics", context.has_optics ? opticsJson(context.optics) : Json()},

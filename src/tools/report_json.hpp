@@ -13,9 +13,8 @@ using namespace core;
 
 /// What a report needs beyond the pipeline's result.
 struct ReportContext {
-  std::string mode;  ///< what ran: paper or sharpness
+  std::string mode;  ///< what ran: paper, refined or sharpness
   std::string dof_rule = "paper";
-  int reference = 0;
   bool has_optics = false;  ///< regions were cut for the optics
   Optics optics;
   std::vector<std::string> notes;

@@ -68,15 +68,19 @@ StackReader::StackReader(const std::string& path) : path_(path) {
   // OpenCV would take it, and those numbered after it, for a video.
   if (isImage(path)) fail(path, "a single image: give its folder, or a video");
   requireWholeAvi(path);
+  open();
+}
+
+void StackReader::open() {
   try {
-    video_.open(path, cv::CAP_FFMPEG);
+    video_.open(path_, cv::CAP_FFMPEG);
   } catch (const cv::Exception&) {
   }
-  if (!video_.isOpened()) fail(path, "not a video that can be read");
+  if (!video_.isOpened()) fail(path_, "not a video that can be read");
 }
 
 bool StackReader::next(cv::Mat& frame) {
-  if (!video_.isOpened()) {
+  if (!names_.empty()) {
     if (read_ == static_cast<int>(names_.size())) return false;
     frame = readColor((fs::path(path_) / names_[read_++]).string());
     return true;
@@ -85,6 +89,28 @@ bool StackReader::next(cv::Mat& frame) {
     ++read_;
     return true;
   }
+  requireWhole();
+  return false;
+}
+
+void StackReader::rewind() {
+  read_ = 0;
+  if (names_.empty()) open();
+}
+
+int StackReader::count() {
+  if (!names_.empty()) return static_cast<int>(names_.size());
+  if (count_ < 0) {
+    rewind();
+    while (video_.grab()) ++read_;
+    requireWhole();
+    count_ = read_;
+    rewind();
+  }
+  return count_;
+}
+
+void StackReader::requireWhole() const {
   if (read_ == 0) fail(path_, "the video holds no frame");
   // One frame less than reported is usual.
   const double reported = video_.get(cv::CAP_PROP_FRAME_COUNT);
@@ -92,7 +118,6 @@ bool StackReader::next(cv::Mat& frame) {
     fail(path_, "video is cut short: " + std::to_string(read_) + " of " +
                     std::to_string(static_cast<int>(reported)) + " frames can be read");
   }
-  return false;
 }
 
 std::string StackReader::current() const {

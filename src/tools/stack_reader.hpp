@@ -7,17 +7,25 @@
 #include <string>
 #include <vector>
 
+#include "all_in_focus/pipeline.hpp"
+
 namespace all_in_focus {
 
 /// The frames of a focus bracket, one after the other: the images of a folder in name order, or a video.
 /// Videos are decoded in sequence: seeking lands on other frames, and the reported count is a guess.
-class StackReader {
+class StackReader : public core::FrameSource {
  public:
   /// Throws std::invalid_argument when there is nothing to read.
   explicit StackReader(const std::string& path);
 
   /// CV_8UC3. False at the end. Throws std::invalid_argument on a broken image or a video that is cut short.
-  bool next(cv::Mat& frame);
+  bool next(cv::Mat& frame) override;
+
+  /// To the first frame again: a video is opened anew.
+  void rewind() override;
+
+  /// A video is decoded to its end, once, and rewound.
+  int count() override;
 
   /// The file that the last frame came from.
   std::string current() const;
@@ -29,11 +37,15 @@ class StackReader {
   const std::string& warning() const { return warning_; }
 
  private:
+  void open();
+  void requireWhole() const;
+
   std::string path_;
   std::vector<std::string> names_;
   std::string warning_;
   cv::VideoCapture video_;
   int read_ = 0;
+  int count_ = -1;  // of a video, -1 = not yet counted
 };
 
 }  // namespace all_in_focus

@@ -122,10 +122,11 @@ class FocusBracketTest(FusionTest):
         self.assertEqual(self.report(stamp + 2 * PERIOD).reference, 2)
 
     def test_impossible_values_are_repaired_and_shown(self):
-        good = dict(DEFAULTS, bracket_size=4, bracket_gap=2.5, label_max_age=0.5, label_timeout=3.0)
+        good = dict(DEFAULTS, max_held_frames=7, bracket_size=4, bracket_gap=2.5, label_max_age=0.5, label_timeout=3.0)
         self.reconfigure(**good)
-        for wrong in ({'mode': 'best'}, {'bracket_mode': 'none'}, {'bracket_size': -1}, {'bracket_gap': -1.0},
-                      {'bracket_gap': math.nan}, {'label_max_age': -0.5}, {'label_timeout': math.nan}, {'reference': -7}):
+        for wrong in ({'mode': 'best'}, {'max_held_frames': -1}, {'bracket_mode': 'none'}, {'bracket_size': -1},
+                      {'bracket_gap': -1.0}, {'bracket_gap': math.nan}, {'label_max_age': -0.5}, {'label_timeout': math.nan},
+                      {'reference': -7}):
             shown = self.reconfigure(**{**good, **wrong})
             for name, value in good.items():
                 self.assertEqual(shown[name], value, wrong)
@@ -228,12 +229,16 @@ class OutputsTest(FusionTest):
         for name, message in results.items():
             self.assertIsNotNone(message, name)
             self.assertEqual(message.header.frame_id, 'color', name)
-        self.assertEqual([results[name].encoding for name in ('image', 'source_index', 'weights_color', 'depth')],
-                         ['bgr8', '16UC1', 'rgb8', '16UC1'])
+        self.assertEqual([results[name].encoding for name in ('image', 'source_index', 'confidence', 'weights_color', 'depth')],
+                         ['bgr8', '16UC1', 'mono8', 'rgb8', '16UC1'])
         self.assertEqual({(results[name].width, results[name].height) for name in OUTPUTS if name != 'report'},
                          {(WIDTH, HEIGHT)})
         self.assertEqual(results['camera_info'].K, tuple(camera_info(0, '').K))
         np.testing.assert_array_equal(pixels_of(results['depth']), two_planes())
+        confidence = array_of(results['confidence'])
+        for segment, half in zip(results['report'].segments, (NEAR, FAR)):
+            self.assertEqual(segment.confidence, segment.margin)
+            self.assertAlmostEqual(confidence[half].mean() / 255, segment.confidence, delta=1 / 255)
         weights = pixels_of(results['weights_color'])
         self.assertNotEqual(weights[NEAR][0, 0].tolist(), weights[FAR][0, 0].tolist())
 
@@ -255,11 +260,15 @@ class OutputsTest(FusionTest):
                                                 'segmentation/segments', 'depth_registered/image')]
         for listener in self.listeners:
             listener.close()
-        idle = lambda: not any(subscribers_of(topic) for topic in inputs)
+        measured = self.topic('depth_registered/image_raw')
+        idle = lambda: not any(subscribers_of(topic) for topic in [*inputs, measured])
         for name, kind in OUTPUTS.items():
             self.assertTrue(wait_until(idle), name)
             listener = self.listen(self.topic('all_in_focus/' + name), kind)
             self.assertTrue(wait_until(lambda: all(subscribers_of(topic) for topic in inputs)), name)
+            for mode in ('refined', 'paper', 'refined'):
+                self.reconfigure(mode=mode)
+                self.assertTrue(wait_until(lambda: bool(subscribers_of(measured)) == (mode == 'refined')), (name, mode))
             listener.close()
         self.assertTrue(wait_until(idle))
 

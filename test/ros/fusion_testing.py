@@ -19,10 +19,10 @@ NEAR, FAR = np.s_[:, :WIDTH // 2], np.s_[:, WIDTH // 2:]  # halves of the image
 PERIOD = 0.125  # s between frames, exact in binary
 OPTICS = Optics(focal_length_mm=24.0, aperture=4.0, circle_of_confusion_mm=0.019)
 CHANNELS = {'bgr8': (np.uint8, 3), 'rgb8': (np.uint8, 3), 'mono8': (np.uint8, 1), '16UC1': (np.uint16, 1)}
-OUTPUTS = {'image': Image, 'source_index': Image, 'weights_color': Image, 'depth': Image, 'camera_info': CameraInfo,
-           'report': FusionReport}
-DEFAULTS = {'mode': 'paper', 'reference': -1, 'bracket_mode': 'bracket', 'bracket_size': 0, 'bracket_gap': 0.0,
-            'label_max_age': 1.0, 'label_timeout': 60.0}  # who waits in vain for a label is seen to hang
+OUTPUTS = {'image': Image, 'source_index': Image, 'confidence': Image, 'weights_color': Image, 'depth': Image,
+           'camera_info': CameraInfo, 'report': FusionReport}
+DEFAULTS = {'mode': 'paper', 'reference': -1, 'max_held_frames': 64, 'bracket_mode': 'bracket', 'bracket_size': 0,
+            'bracket_gap': 0.0, 'label_max_age': 1.0, 'label_timeout': 60.0}  # who waits in vain for a label is seen to hang
 BRACKET_IDS = itertools.count(1)
 CLIENTS = {}
 
@@ -108,7 +108,7 @@ class FusionTest(GraphTest):
         message = colour_message(picture(sharp), stamp) if isinstance(sharp, str) else sharp
         self.image.say(message)
         if focus:
-            self.focus.say(FocusFrame(header=message.header, focus_distance=float('nan'), **focus))
+            self.focus.say(FocusFrame(**{'header': message.header, 'focus_distance': float('nan'), **focus}))
 
     def send_bracket(self, stamp, frames=('none', 'near', 'far'), **focus):
         """Frames from `stamp` on; returns the stamp of the middle one, which the result is to carry."""

@@ -102,6 +102,13 @@ class OpticsTest(RigTest):
         report = self.assert_good_bracket_is_fused()
         self.assertEqual([report.mode, report.frames_used, list(report.notes)], ['paper', 3, []])
 
+    def test_everything_is_well_in_mode_refined(self):
+        self.reconfigure(mode='refined')
+        _, report = self.fuse()
+        self.assertEqual([report.mode, report.frames_used, report.reference], ['refined', 3, 1])
+        self.assertEqual(list(report.notes), ['no focus distances: depth and optics have no say in the fusion'])
+        self.assertEqual([(s.label, s.frame) for s in report.segments], [(1, 1), (2, 2)])
+
 
 class BadInputTest(RigTest):
     def setUp(self):

@@ -189,6 +189,20 @@ TEST(StampPairing, SurvivesTimeThatJumpsBack) {
   EXPECT_TRUE(unmatched.empty());
 }
 
+TEST(StampPairing, APairOfBeforeAJumpTakesNothingNewAway) {
+  StampPairing<PtrA, PtrB> pairing(10);
+  StampPairing<PtrA, PtrB>::Pair pair;
+  std::vector<StampPairing<PtrA, PtrB>::Pair> unmatched;
+  pairing.add(stamped<A>(99), pair, unmatched);  // its partner is lost
+  pairing.add(stamped<A>(100), pair, unmatched);
+  pairing.add(stamped<A>(1), pair, unmatched);
+  EXPECT_TRUE(pairing.add(stamped<B>(100), pair, unmatched));  // was still under way
+  ASSERT_EQ(unmatched.size(), 1u);
+  EXPECT_EQ(unmatched[0].first->header.stamp, ros::Time(99));
+  EXPECT_TRUE(pairing.add(stamped<B>(1), pair, unmatched));
+  EXPECT_EQ(unmatched.size(), 1u);
+}
+
 TEST(StampPairing, KeepsNoMoreThanItsLimit) {
   StampPairing<PtrA, PtrB> pairing(2);
   StampPairing<PtrA, PtrB>::Pair pair;

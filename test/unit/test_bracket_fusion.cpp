@@ -61,12 +61,25 @@ TEST(NormalizedVariance, FlatEmptyAndBlackAreZero) {
             0);  // exactly, however many
 }
 
+BracketScene regions(const cv::Mat& labels) {
+  BracketScene scene;
+  scene.labels = labels;
+  return scene;
+}
+
+// Labels and depth of the two halves.
+BracketScene nearAndFar() {
+  BracketScene scene = regions(halves(1, 2));
+  halves(1000, 3000).convertTo(scene.depth, CV_16U);
+  return scene;
+}
+
 TEST(BracketFusion, EveryRegionFromItsSharpestFrame) {
-  const cv::Mat near = halfSharp(true), far = halfSharp(false), labels = halves(1, 2);
+  const cv::Mat near = halfSharp(true), far = halfSharp(false);
   BracketFusion fusion;
-  fusion.begin(labels);
-  fusion.add(far, 0);
-  fusion.add(near, 1);
+  fusion.begin(regions(halves(1, 2)), Mode::kPaper);
+  EXPECT_EQ(fusion.add(far, 0), "");
+  EXPECT_EQ(fusion.add(near, 1), "");
   const FusionResult result = fusion.result();
   const cv::Rect left(0, 0, 40, 60), right(40, 0, 40, 60);
   EXPECT_EQ(differentPixels(result.image(left), near(left)), 0);
@@ -80,32 +93,51 @@ TEST(BracketFusion, EveryRegionFromItsSharpestFrame) {
   EXPECT_LT(result.regions[0].margin, 1);
 }
 
-TEST(BracketFusion, AnyLabelNumbersAreRegionsZeroToo) {
+TEST(BracketFusion, SaysWhatItWentBy) {
   BracketFusion fusion;
-  fusion.begin(halves(0, 65535));
-  fusion.add(halfSharp(true), 0);
-  fusion.add(halfSharp(false), 1);
-  const FusionResult result = fusion.result();
-  ASSERT_EQ(result.regions.size(), 2u);
-  EXPECT_EQ(result.regions[0].label, 0);
-  EXPECT_EQ(result.regions[0].frame, 0);
-  EXPECT_EQ(result.regions[1].label, 65535);
-  EXPECT_EQ(result.regions[1].frame, 1);
+  fusion.begin(nearAndFar(), Mode::kPaper);
+  EXPECT_STREQ(name(fusion.fusedBy()), "paper");
+  fusion.begin(nearAndFar(), Mode::kRefined);
+  EXPECT_STREQ(name(fusion.fusedBy()), "refined");
+  for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
+    fusion.begin({}, mode);
+    EXPECT_STREQ(name(fusion.fusedBy()), "sharpness");
+  }
+}
+
+TEST(BracketFusion, AnyLabelNumbersAreRegionsZeroToo) {
+  for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
+    BracketFusion fusion;
+    fusion.begin(regions(halves(0, 65535)), mode);
+    fusion.add(halfSharp(true), 0);
+    fusion.add(halfSharp(false), 1);
+    const FusionResult result = fusion.result();
+    ASSERT_EQ(result.regions.size(), 2u);
+    EXPECT_EQ(result.regions[0].label, 0);
+    EXPECT_EQ(result.regions[0].frame, 0);
+    EXPECT_EQ(result.regions[1].label, 65535);
+    EXPECT_EQ(result.regions[1].frame, 1);
+  }
 }
 
 TEST(BracketFusion, FirstOfEqualFramesWins) {
-  for (const bool with_labels : {true, false}) {
-    BracketFusion fusion;
-    fusion.begin(with_labels ? halves(1, 2) : cv::Mat());
-    for (int i = 0; i < 3; ++i) fusion.add(halfSharp(true), i);
-    EXPECT_EQ(cv::countNonZero(fusion.result().source_index), 0);
-    EXPECT_EQ(cv::countNonZero(fusion.result().confidence), 0);  // a draw
+  const BracketScene with_labels = regions(halves(1, 2)), without_labels;
+  for (const BracketScene& scene : {with_labels, without_labels}) {
+    for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
+      BracketFusion fusion;
+      fusion.begin(scene, mode);
+      for (int i = 0; i < 3; ++i) fusion.add(halfSharp(true), i);
+      const FusionResult result = fusion.result();
+      EXPECT_EQ(differentPixels(result.image, halfSharp(true)), 0);
+      EXPECT_EQ(cv::countNonZero(result.source_index), 0);
+      EXPECT_EQ(cv::countNonZero(result.confidence), 0);  // a draw
+    }
   }
 }
 
 TEST(BracketFusion, LabelsAreScaledByNearestNeighbour) {
   BracketFusion fusion;
-  fusion.begin(halves(1, 2, 40, 30));
+  fusion.begin(regions(halves(1, 2, 40, 30)), Mode::kPaper);
   fusion.add(halfSharp(true), 0);
   fusion.add(halfSharp(false), 1);
   const FusionResult result = fusion.result();
@@ -115,64 +147,133 @@ TEST(BracketFusion, LabelsAreScaledByNearestNeighbour) {
 
 TEST(BracketFusion, WithoutLabelsEveryPixelFromItsSharpestFrame) {
   const cv::Mat near = halfSharp(true), far = halfSharp(false);
-  BracketFusion fusion;
-  fusion.begin(cv::Mat());
-  fusion.add(near, 0);
-  fusion.add(far, 1);
-  const FusionResult result = fusion.result();
-  EXPECT_TRUE(result.regions.empty());
-  EXPECT_EQ(cv::countNonZero(result.source_index(cv::Rect(0, 0, 34, 60)) != 0), 0);
-  EXPECT_EQ(cv::countNonZero(result.source_index(cv::Rect(46, 0, 34, 60)) != 1), 0);
+  const cv::Rect left(0, 0, 34, 60), right(46, 0, 34, 60);
+  for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
+    BracketFusion fusion;
+    fusion.begin({}, mode);
+    fusion.add(near, 0);
+    fusion.add(far, 1);
+    const FusionResult result = fusion.result();
+    EXPECT_TRUE(result.regions.empty());
+    EXPECT_EQ(cv::countNonZero(result.source_index(left) != 0), 0);
+    EXPECT_EQ(cv::countNonZero(result.source_index(right) != 1), 0);
+    if (mode == Mode::kPaper) {  // plainly copied
+      EXPECT_EQ(differentPixels(result.image(left), near(left)), 0);
+      EXPECT_EQ(differentPixels(result.image(right), far(right)), 0);
+    }
+  }
+}
+
+TEST(BracketFusion, ModePaperTakesNoNoticeOfDepth) {
+  BracketScene with_depth = nearAndFar();
+  with_depth.labels = cv::Mat();
+  with_depth.camera = Camera{{80, 60}, 100, 100, 40, 30, {}};
+  cv::Mat images[2];
+  for (const bool depth : {false, true}) {
+    BracketFusion fusion;
+    fusion.begin(depth ? with_depth : BracketScene(), Mode::kPaper);
+    fusion.add(halfSharp(true), 0, 3000);
+    fusion.add(halfSharp(false), 1, 1000);
+    images[depth] = fusion.result().image;
+    EXPECT_TRUE(fusion.result().notes.empty());
+  }
+  EXPECT_EQ(differentPixels(images[0], images[1]), 0);
 }
 
 TEST(BracketFusion, OneFrameIsTheResult) {
   const cv::Mat frame = halfSharp(true);
-  for (const bool with_labels : {true, false}) {
-    BracketFusion fusion;
-    fusion.begin(with_labels ? halves(1, 2) : cv::Mat());
-    fusion.add(frame, 4);
-    EXPECT_EQ(differentPixels(fusion.result().image, frame), 0);
-    EXPECT_EQ(cv::countNonZero(fusion.result().source_index != 4), 0);
+  for (const BracketScene& scene : {nearAndFar(), BracketScene()}) {
+    for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
+      BracketFusion fusion;
+      fusion.begin(scene, mode);
+      fusion.add(frame, 4);
+      EXPECT_EQ(differentPixels(fusion.result().image, frame), 0);
+      EXPECT_EQ(cv::countNonZero(fusion.result().source_index != 4), 0);
+      EXPECT_EQ(cv::countNonZero(fusion.result().confidence != 255), 0);
+    }
   }
+}
+
+TEST(BracketFusion, ObservedFramesAreNotPartOfTheResult) {
+  const cv::Mat frame = halfSharp(true);
+  for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
+    BracketFusion fusion;
+    fusion.begin(nearAndFar(), mode);
+    fusion.observe(halfSharp(false), 0, 1000);
+    EXPECT_EQ(fusion.frames(), 0);
+    EXPECT_THROW(fusion.result(), std::logic_error);
+    fusion.add(frame, 1, 2000);
+    EXPECT_EQ(fusion.frames(), 1);
+    EXPECT_EQ(differentPixels(fusion.result().image, frame), 0);
+    EXPECT_EQ(fusion.add(halfSharp(false), 0, 1000), "");
+    EXPECT_EQ(fusion.frames(), 2);
+  }
+}
+
+TEST(BracketFusion, NotesWhatTheBracketDoesNotReach) {
+  BracketFusion fusion;
+  fusion.begin(nearAndFar(), Mode::kRefined);
+  fusion.add(halfSharp(true), 0, 500);
+  EXPECT_EQ(fusion.result().notes.size(), 2u);
+  fusion.add(halfSharp(true), 1, 1000);
+  EXPECT_EQ(fusion.result().notes.size(), 1u);
+  fusion.add(halfSharp(false), 2, 3000);
+  EXPECT_TRUE(fusion.result().notes.empty());
 }
 
 TEST(BracketFusion, ABadFrameChangesNothing) {
   const cv::Mat frame = halfSharp(true);
-  BracketFusion fusion;
-  fusion.begin(halves(1, 2));
-  EXPECT_THROW(fusion.result(), std::logic_error);
-  fusion.add(frame, 0);
-  EXPECT_THROW(fusion.add(cv::Mat(10, 10, CV_8UC3), 1), std::invalid_argument);
-  EXPECT_THROW(fusion.add(cv::Mat(60, 80, CV_8UC1), 1), std::invalid_argument);
-  EXPECT_THROW(fusion.add(cv::Mat(), 1), std::invalid_argument);
-  EXPECT_THROW(fusion.add(frame, kNoFrame), std::invalid_argument);
-  EXPECT_EQ(fusion.frames(), 1);
-  EXPECT_EQ(differentPixels(fusion.result().image, frame), 0);
+  for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
+    BracketFusion fusion;
+    fusion.begin(nearAndFar(), mode);
+    EXPECT_THROW(fusion.result(), std::logic_error);
+    EXPECT_THROW(fusion.observe(cv::Mat(), 0), std::invalid_argument);
+    fusion.add(frame, 0);
+    EXPECT_THROW(fusion.add(cv::Mat(10, 10, CV_8UC3), 1), std::invalid_argument);
+    EXPECT_THROW(fusion.add(cv::Mat(60, 80, CV_8UC1), 1), std::invalid_argument);
+    EXPECT_THROW(fusion.add(cv::Mat(), 1), std::invalid_argument);
+    EXPECT_THROW(fusion.add(frame, -1), std::invalid_argument);
+    EXPECT_THROW(fusion.add(frame, kNoFrame), std::invalid_argument);
+    EXPECT_EQ(fusion.frames(), 1);
+    EXPECT_EQ(differentPixels(fusion.result().image, frame), 0);
+  }
 }
 
-TEST(BracketFusion, RefusesBadLabels) {
+TEST(BracketFusion, RefusesABadScene) {
   BracketFusion fusion;
-  EXPECT_THROW(fusion.begin(cv::Mat(4, 4, CV_16UC1)), std::invalid_argument);
-  EXPECT_THROW(fusion.begin(halves(-1, 2)), std::invalid_argument);
+  EXPECT_THROW(fusion.begin(regions(cv::Mat(4, 4, CV_16UC1)), Mode::kPaper), std::invalid_argument);
+  EXPECT_THROW(fusion.begin(regions(halves(-1, 2)), Mode::kPaper), std::invalid_argument);
+  BracketScene scene = nearAndFar();
+  scene.depth = cv::Mat(60, 80, CV_32FC1);
+  EXPECT_THROW(fusion.begin(scene, Mode::kRefined), std::invalid_argument);
+  scene = nearAndFar();
+  scene.optics.aperture = -1;
+  EXPECT_THROW(fusion.begin(scene, Mode::kRefined), std::invalid_argument);
 }
 
-TEST(BracketFusion, RefusesLabelsOfAnotherShape) {
-  BracketFusion fusion;
-  fusion.begin(halves(1, 2, 80, 45));
-  EXPECT_THROW(fusion.add(halfSharp(true), 0), std::invalid_argument);
-  EXPECT_EQ(fusion.frames(), 0);
+TEST(BracketFusion, RefusesLabelsAndDepthOfAnotherShape) {
+  BracketScene wide = nearAndFar();
+  wide.depth = cv::Mat(45, 80, CV_16UC1, cv::Scalar(1000));
+  for (const BracketScene& scene : {regions(halves(1, 2, 80, 45)), wide}) {
+    BracketFusion fusion;
+    fusion.begin(scene, Mode::kRefined);
+    EXPECT_THROW(fusion.add(halfSharp(true), 0), std::invalid_argument);
+    EXPECT_EQ(fusion.frames(), 0);
+  }
 }
 
 TEST(BracketFusion, TheNextBracketMayHaveAnotherSize) {
-  BracketFusion fusion;
-  fusion.begin(halves(1, 2));
-  fusion.add(halfSharp(true), 0);
-  const FusionResult first = fusion.result();
-  const cv::Mat kept = first.image.clone();
-  fusion.begin(halves(1, 2, 40, 30));
-  fusion.add(halfSharp(true, 40, 30), 0);
-  EXPECT_EQ(fusion.result().image.size(), cv::Size(40, 30));
-  EXPECT_EQ(differentPixels(first.image, kept), 0);  // results are the caller's own
+  for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
+    BracketFusion fusion;
+    fusion.begin(regions(halves(1, 2)), mode);
+    fusion.add(halfSharp(true), 0);
+    const FusionResult first = fusion.result();
+    const cv::Mat kept = first.image.clone();
+    fusion.begin(regions(halves(1, 2, 40, 30)), mode);
+    fusion.add(halfSharp(true, 40, 30), 0);
+    EXPECT_EQ(fusion.result().image.size(), cv::Size(40, 30));
+    EXPECT_EQ(differentPixels(first.image, kept), 0);  // results are the caller's own
+  }
 }
 
 TEST(Drawing, LabelsAndWeights) {

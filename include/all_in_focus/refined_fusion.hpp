@@ -1,0 +1,83 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "all_in_focus/bracket_alignment.hpp"
+#include "all_in_focus/camera.hpp"
+#include "all_in_focus/defocus_prediction.hpp"
+#include "all_in_focus/exposure_matching.hpp"
+#include "all_in_focus/focus_measure.hpp"
+#include "all_in_focus/weighted_mean.hpp"
+
+namespace all_in_focus::core {
+
+/// What is known of a scene before the first frame of its bracket. Everything may be missing.
+struct BracketScene {
+  cv::Mat labels;    ///< CV_32SC1, >= 0, any size; empty = none
+  cv::Mat depth;     ///< CV_16UC1 mm, 0 = unknown, seen from the colour camera, holes filled, any size
+  cv::Mat measured;  ///< the same before its holes were filled; empty: everything was measured
+  Optics optics;
+  std::optional<Camera> camera;  ///< the colour camera; none: the blur of frames cannot be predicted
+  double pixel_pitch_mm = 0;     ///< of that camera at its calibrated size; 0 = f / fx
+};
+
+/// The ingredients of mode refined; each can be left out, to see what it is good for.
+struct RefinedConfig {
+  bool alignment = true;   ///< frames are brought to the geometry of the reference
+  bool exposure = true;    ///< and to its exposure
+  bool prediction = true;  ///< depth and optics have a say (DefocusPrediction)
+  DefocusConfig defocus;
+  bool around = true;  ///< sharpness is looked for in a large window as well
+  bool noise = true;   ///< weights know the noise
+  bool soft = true;    ///< weighted mean; false: the heaviest frame is copied
+};
+
+/// Pixel by pixel: the mean of all frames, weighted by how sharp each is and by how sharp depth and optics
+/// say it should be. See docs/algorithms.md.
+///
+/// The first frame added is the reference: the result keeps its geometry and exposure. Frames that come
+/// before it in the bracket are observed first, so that alignment can follow the lens from neighbour to
+/// neighbour:
+///   observe(0), .. observe(r), add(r), add(0), .. add(r - 1), add(r + 1), ...
+class RefinedFusion {
+ public:
+  /// The scene's images are shared, not copied. size: of the frames. Throws std::invalid_argument.
+  void begin(const BracketScene& scene, const RefinedConfig& config, const cv::Size& size);
+
+  /// gray: CV_8UC1; index: ascending; focus_mm: NaN = unknown, may be infinite.
+  void observe(const cv::Mat& gray, int index, double focus_mm);
+
+  /// frame: CV_8UC3; gray: CV_8UC1 of it. A frame that has not been observed is. Returns why the frame does
+  /// not fit the others, which leaves it out, or "".
+  std::string add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm);
+
+  cv::Mat image() const { return mean_.image(); }
+  const cv::Mat& sourceIndex() const { return mean_.sourceIndex(); }
+  cv::Mat confidence() const { return mean_.confidence(); }
+
+ private:
+  void addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& codes,
+                  const cv::Rect& inside, int index, double focus_mm);
+
+  RefinedConfig config_;
+  cv::Size size_;
+  cv::Point2d center_;
+  double focal_length_mm_ = 0;  // 0 = unknown
+  bool predicts_ = false;
+  int reference_ = -1;  // index; -1: none yet
+  BracketAlignment alignment_;
+  ExposureMatching exposure_;
+  ModifiedLaplacian sharpness_{1.2};
+  DefocusPrediction prediction_;
+  WeightedMean mean_;
+  Evidence evidence_;
+  cv::Mat aligned_, aligned_gray_, small_;
+};
+
+}  // namespace all_in_focus::core

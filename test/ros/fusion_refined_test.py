@@ -1,0 +1,104 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Mode refined: which frame is the reference, and what waits for it. Pixels are those of fuse_stack."""
+import itertools
+
+import numpy as np
+import rospy
+import rostest
+
+from depth_testing import values_of, wait_until
+from fusion_testing import BRACKET_IDS, ERROR, PERIOD, array_of, colour_message
+from refined_testing import FRAMES, INDICES, MIDDLE, RefinedTest, another_scene, fused_by_files, pixels
+
+
+class ReferenceTest(RefinedTest):
+    def test_the_reference_goes_first_the_others_in_their_order(self):
+        images = []
+        for parameter, reference in ((-1, MIDDLE), (0, 0), (1, 1), (4, 4), (99, 4)):
+            self.reconfigure(reference=parameter)
+            stamp = self.fuse()
+            self.assertEqual(list(self.assert_as_files(stamp, INDICES, reference).notes), [])
+            images.append(array_of(self.outputs['image'].at(stamp + reference * PERIOD)))
+        for one, other in itertools.combinations(images[:-1], 2):
+            self.assertGreater(np.abs(one.astype(int) - other).mean(), 2, 'the test would not see another reference')
+
+    def test_held_frames_do_not_hold_up_their_sender(self):
+        bracket_id = next(BRACKET_IDS)
+        stamp = self.fuse(indices=range(MIDDLE), bracket_id=bracket_id)
+        for index in range(MIDDLE):
+            self.acknowledged(stamp + index * PERIOD)
+        self.send(stamp, range(MIDDLE, len(FRAMES)), bracket_id=bracket_id)
+        self.assert_as_files(stamp, INDICES, MIDDLE)
+        acknowledged = lambda index: [h.stamp.to_sec() for h in self.processed.messages].count(stamp + index * PERIOD)
+        self.assertTrue(wait_until(lambda: [acknowledged(i) for i in INDICES] == [2, 2, 1, 1, 1]))  # held, and fused
+
+    def test_no_more_frames_are_held_than_allowed(self):
+        for most, reference in ((0, 0), (1, 0), (2, MIDDLE)):
+            self.reconfigure(max_held_frames=most)
+            report = self.assert_as_files(self.fuse(), INDICES, reference)
+            self.assertEqual(len(report.notes), reference == 0)
+            if reference == 0:
+                self.assert_noted(report, 'at most %d frames' % most, 'max_held_frames', 'the first frame is the reference')
+
+    def test_an_open_bracket_keeps_its_first_frame(self):
+        stamp = self.fuse(count=0)
+        self.finish()
+        self.assertEqual(list(self.assert_as_files(stamp, INDICES, 0).notes), [])
+
+    def test_when_the_reference_is_lost_the_nearest_stands_in(self):
+        for came, reference in (([0, 1, 3, 4], 1), ([0, 3, 4], 3), ([0, 1], 1), ([0], 0), ([0, 4], 0)):
+            stamp = self.fuse(indices=came)
+            self.finish()
+            report = self.assert_as_files(stamp, came, reference)
+            self.assert_noted(report, 'frame 2, cannot be had', 'frame %d stands in' % reference)
+            self.assert_noted(report, '%d frames never came' % (len(FRAMES) - len(came)))
+
+    def test_a_new_bracket_ends_one_that_waits_for_its_reference(self):
+        stamp = self.fuse(indices=[0, 1])
+        self.acknowledged(stamp + PERIOD)
+        whole = self.fuse()
+        self.assert_as_files(stamp, [0, 1], 1)
+        self.assert_as_files(whole, INDICES, MIDDLE)
+
+    def test_a_reference_that_is_refused_does_not_lose_the_bracket(self):
+        for broken, what in ((lambda stamp: colour_message(pixels(MIDDLE), stamp, 'what'), 'what'),
+                             (lambda stamp: colour_message(pixels(MIDDLE)[:24, :32], stamp), 'the bracket began with 64x48')):
+            stamp = self.fuse(replaced={MIDDLE: broken})
+            report = self.assert_as_files(stamp, [0, 1, 3, 4], 1)
+            self.assert_noted(report, 'frame 2 rejected', what)
+            self.assert_noted(report, 'frame 1 stands in')
+            self.assertEqual([report.frames_seen, report.frames_rejected], [5, 1])
+
+    def test_sliding_takes_the_first_frame(self):
+        self.reconfigure(bracket_mode='sliding')
+        bracket_id = next(BRACKET_IDS)
+        stamp = self.fuse(bracket_id=bracket_id)
+        reports = lambda: [r for r in self.outputs['report'].messages if r.bracket_id == bracket_id]
+        self.assertTrue(wait_until(lambda: len(reports()) == len(FRAMES)))
+        self.assertEqual([r.frames_used for r in reports()], [1, 2, 3, 4, 5])
+        self.assertEqual({r.header.stamp.to_sec() for r in reports()}, {stamp})
+        for report in reports():
+            self.assert_noted(report, 'sliding', 'the first frame is the reference, not frame 2')
+        images = lambda: [m for m in self.outputs['image'].messages if m.header.stamp.to_sec() == stamp]
+        self.assertTrue(wait_until(lambda: len(images()) == len(FRAMES)))
+        for count in (1, 3, 5):
+            np.testing.assert_array_equal(array_of(images()[count - 1]), fused_by_files(range(count), 0)['image'])
+
+    def test_frames_that_do_not_fit_are_left_out(self):
+        invalid = lambda: int(values_of(self.diagnostics.wait('focus/fusion', lambda s: True))['invalid'])
+        before = invalid()
+        for misfit in (0, 1, 3, 4):  # before the reference and behind
+            stamp = self.fuse(replaced={misfit: another_scene})
+            report = self.assert_as_files(stamp, [i for i in INDICES if i != misfit], MIDDLE)
+            self.assert_noted(report, 'frame %d rejected: ' % misfit)
+            self.assertEqual([report.frames_seen, report.frames_rejected], [5, 1])
+            self.acknowledged(stamp + misfit * PERIOD)
+        self.assert_diagnosed(ERROR, 'frame 4: ', 'another scene')
+        self.assertTrue(wait_until(lambda: invalid() == before + 4))
+
+
+if __name__ == '__main__':
+    rospy.init_node('fusion_refined_test')
+    rostest.rosrun('all_in_focus', 'fusion_refined', '__main__')

@@ -1,0 +1,109 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Mode refined: what belongs to the scene of a bracket is waited for, but can be done without."""
+import numpy as np
+import rospy
+import rostest
+
+from depth_testing import camera_info, image_message, two_planes
+from fusion_testing import PERIOD, WARN
+from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest
+
+
+class SceneTest(RefinedTest):
+    def assert_fused_without(self, stamp, *words):
+        """By pixels, with labels, and with one remark about what is missing."""
+        report = self.report(stamp + MIDDLE * PERIOD)
+        self.assertEqual([report.mode, report.has_labels, report.frames_used], ['refined', True, len(FRAMES)])
+        self.assertEqual(len(report.notes), 1, report.notes)
+        self.assert_noted(report, *words)
+
+    def test_what_nobody_publishes_is_done_without(self):
+        parts = ['depth_registered/image', 'depth_registered/image_raw', 'rgb/camera_info']
+        for part, consequence in (('rgb/camera_info', 'no say'), ('depth_registered/image_raw', 'counts as measured')):
+            self.expect_scene(*[name for name in parts if name != part])
+            self.assert_fused_without(self.fuse(), 'no %s in time' % part, consequence)
+            self.assert_diagnosed(WARN, 'no %s in time' % part, consequence)
+            for talker in self.scene.values():
+                talker.publisher.unregister()
+                self.talkers.remove(talker)
+            self.scene = {}
+
+    def test_what_is_published_is_waited_for(self):
+        self.expect_scene()
+        for late in ('rgb/camera_info', 'depth_registered/image', 'depth_registered/image_raw'):  # the first one is kept
+            stamp = next(STAMPS)
+            self.send_labels(stamp)
+            for name in self.scene:
+                if name != late:
+                    self.send_part(name, stamp)
+            self.send(stamp)
+            self.assertIsNone(self.processed.at(stamp, timeout=0.3))
+            self.send_part(late, stamp)
+            self.assertEqual(list(self.assert_as_files(stamp, INDICES, MIDDLE).notes), [])
+
+    def test_nothing_is_waited_for_longer_than_the_timeout(self):
+        self.reconfigure(label_timeout=0.25)
+        self.expect_scene()
+        self.assert_as_files(self.fuse(), INDICES, MIDDLE)
+        stamp = next(STAMPS)
+        self.send_part('depth_registered/image', stamp)
+        self.send_labels(stamp)
+        self.send(stamp)
+        self.assert_fused_without(stamp, 'no depth_registered/image_raw in time')
+        self.assert_as_files(self.fuse(), INDICES, MIDDLE)
+
+    def test_a_depth_image_that_was_lost_is_not_waited_for(self):
+        self.expect_scene()
+        stamp = next(STAMPS)
+        for name in self.scene:
+            self.send_part(name, stamp + (0.25 if name == 'depth_registered/image' else 0))
+        rospy.sleep(0.1)
+        self.send_labels(stamp)
+        self.send(stamp)
+        self.assert_fused_without(stamp, 'no depth_registered/image in time', 'no say')
+
+    def test_broken_parts_are_left_out(self):
+        self.expect_scene()
+        good = image_message(two_planes(), 0, '16UC1', 'color')
+        for name, message, words in (
+                ('depth_registered/image', image_message(two_planes(), 0, 'rgb8', 'color'), ('encoding "rgb8"', 'no say')),
+                ('depth_registered/image_raw', image_message(np.ascontiguousarray(two_planes()[::2]), 0, '16UC1', 'color'),
+                 ('not of the size', 'counts as measured')),
+                ('rgb/camera_info', camera_info(0, 'color', 0.0), ('not calibrated', 'no say'))):
+            stamp = next(STAMPS)
+            for part in self.scene:
+                sent = message if part == name else camera_info(0, 'color') if part == 'rgb/camera_info' else good
+                sent.header.stamp = rospy.Time.from_sec(stamp)
+                self.scene[part].say(sent)
+            rospy.sleep(0.1)
+            self.send_labels(stamp)
+            self.send(stamp)
+            self.assert_fused_without(stamp, name, *words)
+        self.assert_as_files(self.fuse(), INDICES, MIDDLE)
+
+    def test_without_labels_sharpness_decides(self):
+        self.reconfigure(label_timeout=0.25)
+        self.expect_scene()
+        stamp = next(STAMPS)
+        for name in self.scene:
+            self.send_part(name, stamp)
+        self.send(stamp)
+        report = self.report(stamp + MIDDLE * PERIOD)
+        self.assertEqual([report.mode, report.has_labels, list(report.segments)], ['sharpness', False, []])
+        self.assert_noted(report, 'sharpness alone')
+
+    def test_focus_distances(self):
+        for distance, words in ((float('nan'), ['no focus distances', 'no say']), (0.0, ['24 mm', 'at 0 m']), (float('inf'), [])):
+            stamp = self.fuse(focus_distance=distance)
+            report = self.report(stamp + MIDDLE * PERIOD)
+            self.assertEqual([report.mode, report.frames_used], ['refined', len(FRAMES)])
+            if words:
+                self.assert_noted(report, *words)
+            self.assertEqual(any('no focus distances' in note for note in report.notes), bool(words))
+
+
+if __name__ == '__main__':
+    rospy.init_node('fusion_scene_test')
+    rostest.rosrun('all_in_focus', 'fusion_scene', '__main__')

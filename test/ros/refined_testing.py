@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the tests of mode refined share: a bracket, what belongs to its scene, and what fuse_stack makes of it."""
+import itertools
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import CameraInfo, Image
+
+from all_in_focus.rig import Camera, Optics, Rig, save_rig
+from depth_testing import FAR_MM, HEIGHT, NEAR_MM, WIDTH, camera_info, image_message, two_planes, wait_until
+from fusion_testing import BRACKET_IDS, OPTICS, PERIOD, FusionTest, array_of, colour_message, picture
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+from tool_helpers import fuse_stack, read, succeeded, write  # noqa: E402
+
+STAMPS = itertools.count(200000, 10)
+# The frames of a bracket: what is sharp, where the lens is focused [m], how bright the frame is.
+FRAMES = (('none', 0.7, 1.0), ('near', NEAR_MM / 1000, 0.9), ('none', 1.5, 0.8), ('far', FAR_MM / 1000, 0.7), ('none', 9.0, 0.6))
+INDICES = range(len(FRAMES))
+MIDDLE = len(FRAMES) // 2
+
+
+def pixels(index):
+    sharp, _, brightness = FRAMES[index]
+    return (picture(sharp) * brightness).astype(np.uint8)
+
+
+def another_scene(stamp):
+    return colour_message(np.random.default_rng(2).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8), stamp)
+
+
+def fused_by_files(indices, reference):
+    """What fuse_stack makes of some of the frames: {name of the output: pixels}; reference: one of the indices."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / 'stack').mkdir()
+        for index in indices:
+            write(folder / 'stack' / ('%d.png' % index), pixels(index))
+        (folder / 'focus.yaml').write_text('frames:\n' + ''.join('- {file: %d.png, focus_mm: %r}\n' % (i, FRAMES[i][1] * 1000)
+                                                                 for i in indices))
+        camera = Camera.pinhole('color', WIDTH, HEIGHT, 50.0, 50.0, WIDTH / 2, HEIGHT / 2)
+        optics = Optics(OPTICS.focal_length_mm, OPTICS.aperture, OPTICS.circle_of_confusion_mm)
+        save_rig(str(folder / 'rig'), Rig(camera, camera, np.eye(3), [0.0, 0.0, 0.0], optics, 'color', 'depth'))
+        files = {name: folder / (name + '.png') for name in ('image', 'source_index', 'confidence')}
+        succeeded(fuse_stack('--stack', folder / 'stack', '--registered-depth', write(folder / 'z.png', two_planes()), '--rig',
+                             folder / 'rig', '--focus', folder / 'focus.yaml', '--mode', 'refined', '--reference',
+                             list(indices).index(reference), '--output', files['image'], '--save-source-index',
+                             files['source_index'], '--save-confidence', files['confidence']))
+        results = {name: read(path) for name, path in files.items()}
+    results['source_index'] = np.array(indices, np.uint16)[results['source_index']]
+    return results
+
+
+class RefinedTest(FusionTest):
+    def setUp(self):
+        super().setUp()
+        self.reconfigure()
+        self.outputs['confidence'] = self.listen(self.topic('all_in_focus/confidence'), Image)
+        self.expect_labels()
+        self.scene = {}
+
+    def reconfigure(self, **config):
+        return super().reconfigure(**{'mode': 'refined', **config})
+
+    def expect_scene(self, *names):
+        """Publishers of all that belongs to the scene, or of some."""
+        kinds = {'depth_registered/image': Image, 'depth_registered/image_raw': Image, 'rgb/camera_info': CameraInfo}
+        for name in names or kinds:
+            self.scene[name] = self.talk(self.topic(name), kinds[name])
+        self.assertTrue(wait_until(lambda: all(t.publisher.get_num_connections() > 0 for t in self.scene.values())))
+
+    def send_scene(self, stamp):
+        for name in self.scene:
+            self.send_part(name, stamp)
+        rospy.sleep(0.1)  # other connections than that of the labels
+        self.send_labels(stamp)
+
+    def send_part(self, name, stamp):
+        self.scene[name].say(camera_info(stamp, 'color') if name == 'rgb/camera_info'
+                             else image_message(two_planes(), stamp, '16UC1', 'color'))
+
+    def send(self, stamp, indices=INDICES, replaced=None, bracket_id=None, **focus):
+        """replaced: functions of the stamp that make a message in the place of a frame, by index; focus: see send_frame()."""
+        bracket = {'count': len(FRAMES), 'bracket_id': bracket_id or next(BRACKET_IDS)}
+        for index in indices:
+            at = stamp + index * PERIOD
+            message = replaced[index](at) if index in (replaced or {}) else colour_message(pixels(index), at)
+            self.send_frame(at, message, index=index, **{'focus_distance': FRAMES[index][1], **bracket, **focus})
+
+    def assert_as_files(self, stamp, indices, reference):
+        """The result, of the bracket that began at `stamp`, is that of fuse_stack; returns the report."""
+        report = self.report(stamp + reference * PERIOD)
+        self.assertEqual([report.mode, report.has_labels, report.reference], ['refined', True, reference], report.notes)
+        self.assertEqual(report.frames_used, len(indices))
+        self.assertEqual([s.label for s in report.segments], [1, 2])
+        self.assertTrue(all(0 <= value <= 1 for s in report.segments for value in (s.score, s.margin, s.confidence)))
+        wanted = fused_by_files(indices, reference)
+        for name, wanted_pixels in wanted.items():
+            np.testing.assert_array_equal(array_of(self.outputs[name].at(stamp + reference * PERIOD)), wanted_pixels, name)
+        return report
+
+    def fuse(self, **arguments):
+        """A bracket with all that belongs to it; returns its stamp."""
+        if not self.scene:
+            self.expect_scene()
+        stamp = next(STAMPS)
+        self.send_scene(stamp)
+        self.send(stamp, **arguments)
+        return stamp

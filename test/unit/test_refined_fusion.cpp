@@ -1,0 +1,246 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "all_in_focus/refined_fusion.hpp"
+
+using namespace all_in_focus::core;
+
+namespace {
+
+constexpr double kUnknownFocus = std::numeric_limits<double>::quiet_NaN();
+constexpr int kNearMm = 1000, kFarMm = 3000;
+const std::vector<double> kSweep = {1000, 1200, 1500, 2000, 3000};
+const cv::Size kSize(160, 120);
+const cv::Rect kNear(0, 0, 80, 120), kFar(80, 0, 80, 120);
+
+// A textured picture whose left half is near and whose right half is far, and what a lens makes of it.
+struct TwoPlanes {
+  explicit TwoPlanes(double contrast = 60) {
+    scene.depth = cv::Mat(kSize, CV_16UC1, cv::Scalar(kFarMm));
+    scene.depth(kNear) = kNearMm;
+    scene.optics = {50, 4, 0.03};
+    scene.camera = Camera{kSize, 1000, 1000, 79.5, 59.5, {}};
+    truth.create(kSize, CV_8UC3);
+    cv::RNG random(1);
+    random.fill(truth, cv::RNG::NORMAL, 128, contrast);
+    cv::GaussianBlur(truth, truth, {}, 0.7);
+  }
+
+  cv::Mat frame(double focus_mm, double noise = 0) const {
+    cv::Mat frame = truth.clone();
+    for (const auto& [half, depth] : {std::pair(kNear, kNearMm), std::pair(kFar, kFarMm)}) {
+      const double blur_px = blurCircle(scene.optics, depth, focus_mm) / 0.05;  // pitch: f / fx
+      if (blur_px < 0.1) continue;
+      cv::Mat blurred;
+      cv::GaussianBlur(truth, blurred, {}, blur_px / 4);
+      blurred(half).copyTo(frame(half));
+    }
+    cv::Mat grain(kSize, CV_16SC3), sum;
+    cv::RNG(static_cast<std::uint64_t>(focus_mm)).fill(grain, cv::RNG::NORMAL, 0, noise);
+    cv::add(frame, grain, sum, cv::noArray(), CV_8U);
+    return sum;
+  }
+
+  BracketScene scene;
+  cv::Mat truth;
+};
+
+// Frames stand still and are equally bright here; the steps that find that out have tests of their own.
+RefinedConfig inPlace() {
+  RefinedConfig config;
+  config.alignment = config.exposure = false;
+  return config;
+}
+
+cv::Mat gray(const cv::Mat& frame) {
+  cv::Mat gray;
+  cv::cvtColor(frame, gray, cv::COLOR_BGR2GRAY);
+  return gray;
+}
+
+std::string add(RefinedFusion& fusion, const cv::Mat& frame, int index, double focus_mm = kUnknownFocus) {
+  return fusion.add(frame, gray(frame), index, focus_mm);
+}
+
+cv::Mat fuse(const TwoPlanes& planes, const BracketScene& scene, const RefinedConfig& config,
+             double noise = 0, bool focus_known = true) {
+  RefinedFusion fusion;
+  fusion.begin(scene, config, kSize);
+  for (std::size_t i = 0; i < kSweep.size(); ++i) {
+    const double focus = focus_known ? kSweep[i] : kUnknownFocus;
+    EXPECT_EQ(add(fusion, planes.frame(kSweep[i], noise), static_cast<int>(i), focus), "");
+  }
+  return fusion.image();
+}
+
+double psnr(const cv::Mat& a, const cv::Mat& b) {
+  return cv::PSNR(a, b);
+}
+
+TEST(RefinedFusion, TwoPlanesComeOutSharp) {
+  const TwoPlanes planes;
+  for (const double focus : kSweep) EXPECT_LT(psnr(planes.frame(focus), planes.truth), 30);
+  EXPECT_GT(psnr(fuse(planes, planes.scene, inPlace()), planes.truth), 40);
+}
+
+TEST(RefinedFusion, TwoPlanesComeOutSharpWithAllSteps) {
+  const TwoPlanes planes;
+  EXPECT_GT(psnr(fuse(planes, planes.scene, {}), planes.truth), 38);
+}
+
+TEST(RefinedFusion, TheMeanIsBetterThanTheChoice) {
+  const TwoPlanes planes;
+  RefinedConfig hard = inPlace();
+  hard.soft = false;
+  EXPECT_GT(psnr(fuse(planes, planes.scene, inPlace(), 4), planes.truth),
+            psnr(fuse(planes, planes.scene, hard, 4), planes.truth));
+}
+
+TEST(RefinedFusion, ThePredictionDecidesWhereThereIsNoTexture) {
+  // Hardly any contrast under much noise: a frame more or less is all that can be told apart.
+  const TwoPlanes planes(3);
+  RefinedFusion fusion;
+  fusion.begin(planes.scene, inPlace(), kSize);
+  for (std::size_t i = 0; i < kSweep.size(); ++i) {
+    add(fusion, planes.frame(kSweep[i], 2), static_cast<int>(i), kSweep[i]);
+  }
+  const int last = static_cast<int>(kSweep.size()) - 1;
+  EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kNear) == 0), 0.8 * kNear.area());
+  EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kFar) == last), 0.8 * kFar.area());
+}
+
+TEST(RefinedFusion, SharpnessAloneServesWithoutDepthCameraOrFocus) {
+  const TwoPlanes planes;
+  BracketScene without_depth = planes.scene, without_camera = planes.scene;
+  without_depth.depth = cv::Mat();
+  without_camera.camera.reset();
+  RefinedConfig without_prediction = inPlace();
+  without_prediction.prediction = false;
+  const cv::Mat expected = fuse(planes, planes.scene, without_prediction);
+  EXPECT_GT(psnr(expected, planes.truth), 38);
+  EXPECT_EQ(cv::norm(fuse(planes, without_depth, inPlace()), expected, cv::NORM_INF), 0);
+  EXPECT_EQ(cv::norm(fuse(planes, without_camera, inPlace()), expected, cv::NORM_INF), 0);
+  EXPECT_EQ(cv::norm(fuse(planes, {}, inPlace()), expected, cv::NORM_INF), 0);
+  EXPECT_GT(psnr(fuse(planes, planes.scene, inPlace(), 0, false), planes.truth), 38);
+}
+
+TEST(RefinedFusion, FramesThatAreSharpNowhereDoNotSpoilBareSurfaces) {
+  // Only the near plane has texture; frames far out of focus shine on the bare one.
+  const TwoPlanes planes;
+  RefinedFusion fusion;
+  fusion.begin({}, inPlace(), kSize);
+  for (int i = 0; i < 5; ++i) {
+    cv::Mat frame = planes.truth.clone();
+    if (i > 0) cv::GaussianBlur(frame, frame, {}, 20);
+    frame(kFar) = cv::Scalar::all(i > 0 ? 110 : 100);
+    add(fusion, frame, i);
+  }
+  const cv::Mat away_from_edge = fusion.image()(cv::Rect(110, 0, 50, 120));
+  EXPECT_LE(
+      cv::norm(away_from_edge, cv::Mat(away_from_edge.size(), CV_8UC3, cv::Scalar::all(100)), cv::NORM_INF),
+      1);
+}
+
+TEST(RefinedFusion, AveragesNoiseOnBareSurfaces) {
+  constexpr int kFrames = 16;
+  constexpr double kNoise = 5;
+  RefinedFusion fusion;
+  fusion.begin({}, inPlace(), kSize);
+  for (int i = 0; i < kFrames; ++i) {
+    cv::Mat frame(kSize, CV_8UC3);
+    cv::RNG(i + 1).fill(frame, cv::RNG::NORMAL, 128, kNoise);
+    add(fusion, frame, i);
+  }
+  cv::Scalar mean, deviation;
+  cv::meanStdDev(fusion.image().reshape(1), mean, deviation);
+  EXPECT_LT(deviation[0], 1.4 * kNoise / std::sqrt(kFrames));
+}
+
+TEST(RefinedFusion, TheCameraMayBeCalibratedAtAnotherSize) {
+  const TwoPlanes planes;
+  BracketScene twice = planes.scene, pitch = planes.scene;
+  twice.camera = Camera{kSize * 2, 2000, 2000, 159.5, 119.5, {}};
+  pitch.camera->fx = 900;
+  pitch.pixel_pitch_mm = 0.05;
+  const cv::Mat expected = fuse(planes, planes.scene, inPlace());
+  EXPECT_EQ(cv::norm(fuse(planes, twice, inPlace()), expected, cv::NORM_INF), 0);
+  EXPECT_EQ(cv::norm(fuse(planes, pitch, inPlace()), expected, cv::NORM_INF), 0);
+}
+
+TEST(RefinedFusion, AnyFrameMayBeTheReference) {
+  const TwoPlanes planes;
+  for (const RefinedConfig& config : {inPlace(), RefinedConfig()}) {
+    RefinedFusion fusion;
+    fusion.begin(planes.scene, config, kSize);
+    for (int i = 0; i < 3; ++i) fusion.observe(gray(planes.frame(kSweep[i])), i, kSweep[i]);
+    for (const int i : {3, 0, 1, 2, 4}) EXPECT_EQ(add(fusion, planes.frame(kSweep[i]), i, kSweep[i]), "");
+    EXPECT_GT(psnr(fusion.image(), fuse(planes, planes.scene, config)), 45);
+    EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kNear) == 0), 0.9 * kNear.area());
+    EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kFar) == 4), 0.9 * kFar.area());
+  }
+}
+
+TEST(RefinedFusion, FewFramesAreEnough) {
+  const TwoPlanes planes;
+  const cv::Mat near = planes.frame(kNearMm), far = planes.frame(kFarMm);
+  RefinedFusion fusion;
+  fusion.begin(planes.scene, {}, kSize);
+  add(fusion, near, 0, kNearMm);
+  EXPECT_EQ(cv::norm(fusion.image(), near, cv::NORM_INF), 0);
+  EXPECT_EQ(cv::countNonZero(fusion.sourceIndex()), 0);
+  EXPECT_EQ(cv::countNonZero(fusion.confidence() != 255), 0);
+  add(fusion, far, 1, kFarMm);
+  EXPECT_GT(psnr(fusion.image(), planes.truth), 38);
+}
+
+TEST(RefinedFusion, SmallFrames) {
+  for (const cv::Size& size :
+       {cv::Size(1, 1), cv::Size(1, 2), cv::Size(2, 2), cv::Size(3, 1), cv::Size(9, 2)}) {
+    const cv::Mat frame(size, CV_8UC3, cv::Scalar(10, 20, 30));
+    BracketScene scene;
+    scene.depth = cv::Mat(size, CV_16UC1, cv::Scalar(1000));
+    scene.camera = Camera{size, 100, 100, 0, 0, {}};
+    RefinedFusion fusion;
+    fusion.begin(scene, inPlace(), size);
+    ASSERT_NO_THROW(add(fusion, frame, 0, 1000)) << size;
+    add(fusion, frame, 1, 2000);
+    EXPECT_EQ(cv::norm(fusion.image(), frame, cv::NORM_INF), 0) << size;
+  }
+}
+
+TEST(RefinedFusion, ManyFramesTakeNoMoreMemoryThanTwo) {
+  const TwoPlanes planes;
+  const cv::Mat frame = planes.frame(kNearMm);
+  RefinedFusion fusion;
+  const uchar* buffer = nullptr;
+  for (int bracket = 0; bracket < 2; ++bracket) {
+    fusion.begin(planes.scene, inPlace(), kSize);
+    for (int i = 0; i < 50; ++i) {
+      add(fusion, frame, i, kNearMm);
+      if (!buffer) buffer = fusion.sourceIndex().data;
+      ASSERT_EQ(fusion.sourceIndex().data, buffer);
+    }
+  }
+}
+
+TEST(RefinedFusion, RefusesAnImpossibleScene) {
+  RefinedFusion fusion;
+  BracketScene scene = TwoPlanes().scene;
+  scene.measured = cv::Mat(3, 3, CV_16UC1, cv::Scalar(1));
+  EXPECT_THROW(fusion.begin(scene, {}, kSize), std::invalid_argument);
+  scene = TwoPlanes().scene;
+  scene.optics.aperture = 0;
+  EXPECT_THROW(fusion.begin(scene, {}, kSize), std::invalid_argument);
+  scene = TwoPlanes().scene;
+  scene.camera->fx = 0;
+  EXPECT_THROW(fusion.begin(scene, {}, kSize), std::invalid_argument);
+}
+
+}  // namespace

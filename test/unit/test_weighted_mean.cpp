@@ -1,0 +1,230 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+
+#include "all_in_focus/region_fusion.hpp"
+#include "all_in_focus/weighted_mean.hpp"
+
+using namespace all_in_focus::core;
+
+namespace {
+
+const cv::Size kSize(40, 30);
+const cv::Rect kWhole({}, kSize);
+
+std::array<float, 256> asTheyAre() {
+  std::array<float, 256> codes;
+  std::iota(codes.begin(), codes.end(), 0.0f);
+  return codes;
+}
+
+cv::Mat randomFrame(int seed, double mean = 128, double deviation = 30) {
+  cv::Mat frame(kSize, CV_8UC3);
+  cv::RNG(seed).fill(frame, cv::RNG::NORMAL, mean, deviation);
+  return frame;
+}
+
+cv::Mat plain(int value) {
+  return cv::Mat(kSize, CV_8UC3, cv::Scalar::all(value));
+}
+
+cv::Mat everywhere(float value) {
+  return cv::Mat(kSize, CV_32FC1, cv::Scalar(value));
+}
+
+Evidence sharpness(float value) {
+  Evidence evidence;
+  evidence.sharpness = everywhere(value);
+  return evidence;
+}
+
+int largestDifference(const cv::Mat& a, const cv::Mat& b) {
+  return static_cast<int>(cv::norm(a, b, cv::NORM_INF));
+}
+
+TEST(WeightedMean, OneFrameIsTheResult) {
+  const cv::Mat frame = randomFrame(1);
+  for (const bool soft : {true, false}) {
+    for (const float value : {0.0f, 3.7f, 1020.0f}) {
+      WeightedMean mean;
+      mean.begin(kSize, 2, soft);
+      mean.add(frame, asTheyAre(), sharpness(value), kWhole, 5);
+      EXPECT_EQ(largestDifference(mean.image(), frame), 0);
+      EXPECT_EQ(cv::countNonZero(mean.sourceIndex() != 5), 0);
+      EXPECT_EQ(cv::countNonZero(mean.confidence() != 255), 0);
+    }
+  }
+}
+
+TEST(WeightedMean, EqualFramesGiveThatFrame) {
+  const cv::Mat frame = randomFrame(1);
+  WeightedMean mean;
+  mean.begin(kSize, 0);
+  for (int i = 0; i < 100; ++i) mean.add(frame, asTheyAre(), sharpness(static_cast<float>(i)), kWhole, i);
+  EXPECT_EQ(largestDifference(mean.image(), frame), 0);
+}
+
+TEST(WeightedMean, WeightsAreThePowersOfTheEvidence) {
+  constexpr float kNoise = 1.5f;
+  const float floor = 1 + 2 * std::sqrt(6.0f) * std::sqrt(2 / static_cast<float>(CV_PI)) * kNoise;
+  const float error_floor = 1 + 4 * kNoise * kNoise;
+  const Evidence evidence[] = {{everywhere(8), everywhere(5), everywhere(30), 0.3},
+                               {everywhere(10), everywhere(4), everywhere(50), 0.2}};
+  const int values[] = {40, 200};
+  WeightedMean mean;
+  mean.begin(kSize, kNoise);
+  double sum = 0, sum_of_weights = 0;
+  for (int i = 0; i < 2; ++i) {
+    mean.add(plain(values[i]), asTheyAre(), evidence[i], kWhole, i);
+    const double weight = evidence[i].trust * std::pow(evidence[i].sharpness.at<float>(0) + floor, 6) *
+                          std::pow(evidence[i].sharpness_around.at<float>(0) + floor, 2) /
+                          (evidence[i].squared_error.at<float>(0) + error_floor);
+    sum += weight * values[i];
+    sum_of_weights += weight;
+  }
+  EXPECT_LE(largestDifference(mean.image(), plain(cvRound(sum / sum_of_weights))), 1);
+}
+
+TEST(WeightedMean, TheSharperFrameDominates) {
+  WeightedMean mean;
+  mean.begin(kSize, 0);
+  mean.add(plain(0), asTheyAre(), sharpness(5), kWhole, 0);
+  mean.add(plain(100), asTheyAre(), sharpness(20), kWhole, 1);
+  EXPECT_LE(largestDifference(mean.image(), plain(100)), 1);
+  EXPECT_EQ(cv::countNonZero(mean.sourceIndex() != 1), 0);
+  EXPECT_EQ(cv::countNonZero(mean.confidence() < 250), 0);
+}
+
+TEST(WeightedMean, ThePredictionDecidesWhereFramesAreEquallySharp) {
+  WeightedMean mean;
+  mean.begin(kSize, 0);
+  for (int i = 0; i < 2; ++i) {
+    mean.add(plain(100 * i), asTheyAre(), {everywhere(10), {}, everywhere(i == 0 ? 1e4f : 0), 1}, kWhole, i);
+  }
+  EXPECT_LE(largestDifference(mean.image(), plain(100)), 1);
+}
+
+TEST(WeightedMean, AveragesNoiseWhereFramesAgree) {
+  constexpr int kFrames = 16;
+  constexpr double kNoise = 8;
+  WeightedMean mean;
+  mean.begin(kSize, kNoise);
+  for (int i = 0; i < kFrames; ++i) {
+    mean.add(randomFrame(i + 1, 128, kNoise), asTheyAre(), sharpness(0), kWhole, i);
+  }
+  cv::Scalar average, deviation;
+  cv::meanStdDev(mean.image().reshape(1), average, deviation);
+  EXPECT_NEAR(deviation[0], kNoise / std::sqrt(kFrames), 0.15);
+  EXPECT_EQ(cv::countNonZero(mean.confidence()), 0);   // a draw
+  EXPECT_EQ(cv::countNonZero(mean.sourceIndex()), 0);  // the first
+}
+
+TEST(WeightedMean, HardChoiceCopiesTheHeaviest) {
+  WeightedMean mean;
+  mean.begin(kSize, 0, false);
+  for (int i = 0; i < 3; ++i) {
+    mean.add(randomFrame(i + 1), asTheyAre(), sharpness(i == 1 ? 10.1f : 10), kWhole, i);
+  }
+  EXPECT_EQ(largestDifference(mean.image(), randomFrame(2)), 0);
+  EXPECT_EQ(cv::countNonZero(mean.sourceIndex() != 1), 0);
+}
+
+TEST(WeightedMean, ConfidenceIsTheSameForHardAndSoft) {
+  cv::Mat confidence[2];
+  for (const bool soft : {true, false}) {
+    WeightedMean mean;
+    mean.begin(kSize, 0, soft);
+    for (int i = 0; i < 3; ++i) mean.add(plain(i), asTheyAre(), sharpness(10 + i), kWhole, i);
+    confidence[soft] = mean.confidence();
+  }
+  EXPECT_EQ(largestDifference(confidence[0], confidence[1]), 0);
+}
+
+TEST(WeightedMean, CodesAreTheValuesThatCount) {
+  std::array<float, 256> brighter = asTheyAre();
+  for (float& code : brighter) code *= 1.5f;
+  WeightedMean mean;
+  mean.begin(kSize, 0);
+  mean.add(plain(100), asTheyAre(), sharpness(3), kWhole, 0);
+  mean.add(plain(100), brighter, sharpness(3), kWhole, 1);
+  EXPECT_EQ(largestDifference(mean.image(), plain(125)), 0);
+  mean.begin(kSize, 0);
+  mean.add(plain(200), brighter, sharpness(3), kWhole, 0);
+  EXPECT_EQ(largestDifference(mean.image(), plain(255)), 0);  // 300
+}
+
+TEST(WeightedMean, AFrameCountsOnlyWhereItHasSeen) {
+  const cv::Rect inside(10, 5, 20, 15);
+  WeightedMean mean;
+  mean.begin(kSize, 0);
+  mean.add(plain(0), asTheyAre(), sharpness(1), kWhole, 0);
+  mean.add(plain(200), asTheyAre(), sharpness(100), inside, 1);
+  mean.add(plain(255), asTheyAre(), sharpness(200), cv::Rect(), 2);
+  cv::Mat expected = plain(0), source(kSize, CV_16UC1, cv::Scalar(0));
+  expected(inside) = cv::Scalar::all(200);
+  source(inside) = 1;
+  EXPECT_LE(largestDifference(mean.image(), expected), 1);
+  EXPECT_EQ(largestDifference(mean.sourceIndex(), source), 0);
+}
+
+TEST(WeightedMean, WhatNoFrameHasSeenIsBlack) {
+  WeightedMean mean;
+  mean.begin(kSize, 0);
+  mean.add(plain(200), asTheyAre(), sharpness(1), cv::Rect(0, 0, 10, 30), 0);
+  mean.add(plain(200), asTheyAre(), sharpness(1), cv::Rect(0, 0, 10, 30), 1);
+  const cv::Rect unseen(10, 0, 30, 30);
+  EXPECT_EQ(largestDifference(mean.image()(unseen), plain(0)(unseen)), 0);
+  EXPECT_EQ(cv::countNonZero(mean.sourceIndex()(unseen) != kNoFrame), 0);
+  EXPECT_EQ(cv::countNonZero(mean.confidence()(unseen)), 0);
+}
+
+TEST(WeightedMean, LongBracketsOfTheGreatestSharpnessDoNotOverflow) {
+  WeightedMean mean;
+  mean.begin(kSize, 0);
+  for (int i = 0; i < 2000; ++i) {
+    mean.add(plain(250), asTheyAre(), {everywhere(1020), everywhere(1020), everywhere(0), 1}, kWhole, i);
+  }
+  EXPECT_EQ(largestDifference(mean.image(), plain(250)), 0);
+}
+
+TEST(WeightedMean, DoesNotDependOnTheNumberOfThreads) {
+  const int threads = cv::getNumThreads();
+  cv::Mat images[2], confidences[2];
+  for (int run = 0; run < 2; ++run) {
+    cv::setNumThreads(run + 1);
+    WeightedMean mean;
+    mean.begin(kSize, 3);
+    for (int i = 0; i < 9; ++i) {
+      Evidence evidence;
+      randomFrame(i + 50)
+          .reshape(1, kSize.height)
+          .colRange(0, kSize.width)
+          .convertTo(evidence.sharpness, CV_32F);
+      mean.add(randomFrame(i + 1), asTheyAre(), evidence, kWhole, i);
+    }
+    images[run] = mean.image();
+    confidences[run] = mean.confidence();
+  }
+  cv::setNumThreads(threads);
+  EXPECT_EQ(largestDifference(images[0], images[1]), 0);
+  EXPECT_EQ(largestDifference(confidences[0], confidences[1]), 0);
+}
+
+TEST(WeightedMean, BuffersAreTheSameForEveryFrameAndBracket) {
+  WeightedMean mean;
+  const uchar* buffer = nullptr;
+  for (int bracket = 0; bracket < 3; ++bracket) {
+    mean.begin(kSize, 0);
+    for (int i = 0; i < 20; ++i) {
+      mean.add(plain(i), asTheyAre(), sharpness(1), kWhole, i);
+      if (!buffer) buffer = mean.sourceIndex().data;
+      EXPECT_EQ(mean.sourceIndex().data, buffer);
+    }
+  }
+}
+
+}  // namespace
