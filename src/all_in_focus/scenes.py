@@ -1,242 +1,49 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scenes as layers of known colour and depth, with a rig that looks at them.
+"""The scenes of make_scene: functions (size, optics, seed) -> Scene, listed in SCENES with their defaults.
 
-A scene is a function (size, optics, seed) -> Scene; SCENES lists them with their defaults. Lengths of built surfaces
-are in metres in the colour camera's frame (X right, Y down, Z forward), depths in mm.
+Pictures on surfaces are those that scikit-image ships; none is downloaded. Lengths of built surfaces are in metres in
+the colour camera's frame (X right, Y down, Z forward), layers go back to front.
 """
 from dataclasses import dataclass
-from typing import Callable, List, Tuple
+from typing import Callable, Tuple
 
-import cv2
 import numpy as np
 import skimage.data
 from scipy.ndimage import gaussian_filter
-from scipy.spatial.transform import Rotation
 
-from all_in_focus.kinect import fill_from_farther
-from all_in_focus.lens import Layer, blur_circle_px, composite, srgb_to_linear, visible_depth, window_around
-from all_in_focus.rig import Camera, Optics, Rig, rotation_matrix
-
-INVENTED = 0.01  # weight of a colour that was invented behind an occluder
-
-
-@dataclass
-class Scene:
-    """Layers back to front on a canvas that exceeds the colour picture by margin = (columns, rows) on each side."""
-    name: str
-    rig: Rig
-    margin: Tuple[int, int]
-    layers: List[Layer]
-
-    def frame_window(self, pad):
-        """The colour picture on the canvas, widened by pad pixels where the canvas allows (two slices)."""
-        return (slice(max(0, self.margin[1] - pad), self.margin[1] + self.rig.color.height + pad),
-                slice(max(0, self.margin[0] - pad), self.margin[0] + self.rig.color.width + pad))
-
-    def _picture(self):
-        window = self.frame_window(0)
-        return [layer.crop(*window) for layer in self.layers]
-
-    def truth(self):
-        """The all-in-focus picture, linear light."""
-        return composite(self._picture())
-
-    def truth_depth(self):
-        """True depth (mm) in the colour camera."""
-        return visible_depth(self._picture())
+from all_in_focus.layered_scene import Scene, canvas_margin, kinect_beside
+from all_in_focus.photograph import motorcycle
+from all_in_focus.rig import Camera, Optics
+from all_in_focus.surfaces import (Ball, Plane, disc, fence, lit, marked, picture, plain, rods, shaded_under, tiles,
+                                   twigs)
 
 
-def kinect_beside(color, optics):
-    """Rig of a Kinect next to the colour camera, turned a little."""
-    depth = Camera.pinhole("kinect_depth", 640, 480, 583.9147, 586.7294, 310.0020, 251.6837)
-    rotation = rotation_matrix(Rotation.from_euler("xyz", [-0.4, -0.9, 0.6], degrees=True))
-    return Rig(depth, color, rotation, [-0.030, 0.045, 0.020], optics)
-
-
-def canvas_margin(rig, near_mm):
-    """Margin (columns, rows) that the canvas needs for the depth camera to see surface everywhere, from near_mm on."""
-    corners = np.array([[0, 0, 1], [rig.depth.width, 0, 1], [0, rig.depth.height, 1],
-                        [rig.depth.width, rig.depth.height, 1]], float)
-    rays = np.linalg.solve(rig.depth.K, corners.T)
-    seen = np.concatenate([rig.color.K @ (rig.R @ (rays * z) + rig.t[:, None]) for z in (near_mm / 1000, 1e3)], axis=1)
-    u, v = seen[0] / seen[2], seen[1] / seen[2]
-    return (int(np.ceil(max(-u.min(), u.max() - rig.color.width, 0))) + 2,
-            int(np.ceil(max(-v.min(), v.max() - rig.color.height, 0))) + 2)
-
-
-# --- a photograph with a depth map -----------------------------------------------------------------------------------
-
-def peel_layers(color, depth, step, reach):
-    """Cut one view with a depth map into layers, back to front.
-
-    color: H x W x 3 linear; depth: H x W mm; step: thickness of a layer in 1/mm; reach: how many pixels each layer
-    goes on, with the colour of its nearest known pixel, behind whatever is nearer.
-    """
-    closeness = 1 / depth
-    slab = np.floor((closeness - closeness.min()) / step).astype(np.int32)
-    layers = []
-    for value in np.unique(slab):
-        own = slab == value
-        distance, label = cv2.distanceTransformWithLabels((~own).astype(np.uint8), cv2.DIST_L2, 5,
-                                                          labelType=cv2.DIST_LABEL_PIXEL)
-        source = np.zeros(label.max() + 1, np.int64)
-        source[label[own]] = np.flatnonzero(own)
-        nearest = source[label]
-        hidden = (slab > value) & (distance <= reach)
-        filled = color.reshape(-1, 3)[nearest]
-        filled = np.where(hidden[..., None], cv2.GaussianBlur(filled, (0, 0), 2), filled)
-        layers.append(Layer(filled, (own | hidden).astype(np.float32), depth.reshape(-1)[nearest],
-                            own + np.float32(INVENTED) * hidden))
-    return layers
-
-
-def motorcycle(size, optics, seed):
-    """Middlebury's motorcycle as scikit-image ships it, 2.1 to 5 m; other sizes: scaled to cover, then cropped."""
-    left, _, disparity = skimage.data.stereo_motorcycle()
-    focal, cx, cy, doffs, baseline_mm = 994.978, 311.193, 254.877, 31.086, 193.001  # from its docstring
-    known = np.isfinite(disparity) & (disparity > -doffs)
-    depth = np.where(known, focal * baseline_mm / (np.where(known, disparity, 0) + doffs), 0)
-    depth = fill_from_farther(depth).astype(np.float32)
-
+def _camera(size):
+    """Colour camera of the built scenes: 43 degrees wide."""
     width, height = size
-    scale = max(width / left.shape[1], height / left.shape[0])
-    if scale != 1:
-        full = (max(width, round(left.shape[1] * scale)), max(height, round(left.shape[0] * scale)))
-        left = cv2.resize(left, full, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC)
-        depth = cv2.resize(depth, full, interpolation=cv2.INTER_NEAREST)
-    x, y = (left.shape[1] - width) // 2, (left.shape[0] - height) // 2
-    left, depth = left[y:y + height, x:x + width], depth[y:y + height, x:x + width]
-    color = Camera.pinhole("dslr", width, height, focal * scale, focal * scale,
-                           (cx + 0.5) * scale - 0.5 - x, (cy + 0.5) * scale - 0.5 - y)
+    focal = 810.2 * width / 640
+    return Camera.pinhole("dslr", width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
+
+
+def _built(name, size, optics, near_mm, surfaces):
+    """Scene of surfaces, back to front, of which the nearest begins at near_mm."""
+    color = _camera(size)
     rig = kinect_beside(color, optics)
-
-    mx, my = margin = canvas_margin(rig, depth.min())
-    left = cv2.copyMakeBorder(left, my, my, mx, mx, cv2.BORDER_REFLECT_101)
-    depth = cv2.copyMakeBorder(depth, my, my, mx, mx, cv2.BORDER_REPLICATE)
-    span = 1 / depth.min() - 1 / depth.max()
-    widest = max(blur_circle_px(optics, color.K[0, 0], u, s)
-                 for u, s in ((depth.min(), depth.max()), (depth.max(), depth.min())))
-    layers = int(np.clip(np.ceil(widest / 0.75), 4, 24))  # 0.75 px of blur per layer where affordable
-    step = span / layers * 1.0001  # a little more than a share, so that the nearest pixel falls into the last layer
-    return Scene("motorcycle", rig, margin, peel_layers(srgb_to_linear(left), depth, step, widest + 2))
+    margin = canvas_margin(rig, near_mm)
+    return Scene(name, rig, margin, [surface.layer(color, margin) for surface in surfaces])
 
 
-# --- surfaces built from planes --------------------------------------------------------------------------------------
-
-@dataclass
-class Plane:
-    """A plane through `center`, turned by yaw and pitch (degrees) from facing the camera.
-
-    shade: coordinates a (right), b (down) on the plane in metres -> (N x 3 linear colour, boolean mask of what exists).
-    """
-    center: Tuple[float, float, float]
-    yaw: float
-    pitch: float
-    shade: Callable
-
-    def layer(self, camera, margin, samples=3):
-        """Render to a layer, samples x samples per pixel."""
-        center = np.array(self.center)
-        axes = rotation_matrix(Rotation.from_euler("YX", [self.yaw, self.pitch], degrees=True))  # columns: a, b, normal
-        shape = (camera.height + 2 * margin[1], camera.width + 2 * margin[0])
-        offsets = (np.arange(samples) + 0.5) / samples - 0.5
-
-        def intersect(dx, dy, rows=slice(None), cols=slice(None)):
-            """Depth (m) and position a, b on the plane where the rays meet it, and where they do at all."""
-            x = (np.arange(shape[1], dtype=np.float32) + dx - margin[0] - camera.K[0, 2]) / camera.K[0, 0]
-            y = (np.arange(shape[0], dtype=np.float32) + dy - margin[1] - camera.K[1, 2]) / camera.K[1, 1]
-            along = [np.float32(x * e[0] + e[2])[None, cols] + np.float32(y * e[1])[rows, None] for e in axes.T]
-            origin = np.float32(center @ axes)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                z = origin[2] / along[2]
-            ahead = (z > 0.1) & (z < 100)
-            z = np.where(ahead, z, np.float32(100))
-            return z, z * along[0] - origin[0], z * along[1] - origin[1], ahead
-
-        z, a, b, ahead = intersect(0, 0)
-        window = window_around(self.shade(a, b)[1] & ahead, pad=4)
-        light, alpha = np.zeros(shape + (3,), np.float32), np.zeros(shape, np.float32)
-        for dy in offsets:
-            for dx in offsets:
-                _, a, b, ahead = intersect(dx, dy, *window)
-                color, exists = self.shade(a, b)
-                exists = (exists & ahead).astype(np.float32)
-                light[window] += color * exists[..., None]
-                alpha[window] += exists
-        light[window] /= np.maximum(alpha[window], 1)[..., None]
-        alpha /= samples * samples
-        z = np.clip(z, z[alpha > 0].min(), z[alpha > 0].max())
-        return Layer(light, alpha, 1000 * z, alpha)
-
-
-def picture(image, width, height):
-    """Shade of a board width x height metres with an 8-bit picture on it."""
-    image = srgb_to_linear(image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2RGB))
-
-    def shade(a, b):
-        x, y = (a / width + 0.5) * image.shape[1] - 0.5, (b / height + 0.5) * image.shape[0] - 0.5
-        color = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return color, (np.abs(a) <= width / 2) & (np.abs(b) <= height / 2)
-    return shade
-
-
-def tiles(image, width, tint, bottom):
-    """Shade of a surface that ends at b = bottom and is tiled, mirrored, with a gray picture `width` metres wide."""
-    image = srgb_to_linear(cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)) * np.float32(tint)
-
-    def shade(a, b):
-        scale = image.shape[1] / width
-        color = cv2.remap(image, a * scale + image.shape[1] / 2, b * scale + image.shape[0] / 2, cv2.INTER_LINEAR,
-                          borderMode=cv2.BORDER_REFLECT)
-        return color, b <= bottom
-    return shade
-
-
-def plain(width, height, color):
-    """Shade of a board without texture: one colour, a little darker towards its lower edge."""
-    def shade(a, b):
-        tone = 1 - 0.15 * (b / height + 0.5)
-        return np.clip(tone, 0, 1)[..., None] * np.float32(color), (np.abs(a) <= width / 2) & (np.abs(b) <= height / 2)
-    return shade
-
-
-def rods(lines, radius, color_a, color_b, stripe):
-    """Shade of thin straight rods, striped along their length; lines: (offset in metres, tilt in degrees)."""
-    def shade(a, b):
-        exists, along = np.full(a.shape, False), np.zeros(a.shape, np.float32)
-        for offset, tilt in lines:
-            c, s = np.cos(np.radians(tilt)), np.sin(np.radians(tilt))
-            here = np.abs((a - offset) * c + b * s) <= radius
-            exists |= here
-            along = np.where(here, b * c - (a - offset) * s, along)
-        striped = (np.floor(along / stripe) % 2 == 0)[..., None]
-        return np.where(striped, np.float32(color_a), np.float32(color_b)), exists
-    return shade
-
-
-def fence(columns, rows, mesh, bar, color_a, color_b):
-    """Shade of a two-coloured grid of columns x rows meshes (even numbers); mesh and bar width in metres."""
-    def shade(a, b):
-        inside = (np.abs(a) <= (columns * mesh + bar) / 2) & (np.abs(b) <= (rows * mesh + bar) / 2)
-        upright = np.abs((a + mesh / 2) % mesh - mesh / 2) <= bar / 2
-        across = np.abs((b + mesh / 2) % mesh - mesh / 2) <= bar / 2
-        checker = (np.floor(a / bar) + np.floor(b / bar)) % 2 == 0
-        return np.where(checker[..., None], np.float32(color_a), np.float32(color_b)), inside & (upright | across)
-    return shade
+def _speckle(seed):
+    """512 x 512 gray, seamless: blotches about 4 pixels wide."""
+    noise = gaussian_filter(np.random.default_rng([seed, 0]).normal(size=(512, 512)), 1.5, mode="wrap")
+    return np.clip(128 + 40 * noise / noise.std(), 0, 255).astype(np.uint8)
 
 
 def planes(size, optics, seed):
-    """A built scene, 0.8 to 4 m: wall, floor, slanted boards, a plain card, rods and a fence before them all."""
-    width, height = size
-    focal = 810.2 * width / 640
-    color = Camera.pinhole("dslr", width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
-    rig = kinect_beside(color, optics)
-    margin = canvas_margin(rig, 800)
-    speckle = gaussian_filter(np.random.default_rng([seed, 0]).normal(size=(512, 512)), 1.5, mode="wrap")
-    speckle = np.clip(128 + 40 * speckle / speckle.std(), 0, 255).astype(np.uint8)
-    surfaces = [
-        Plane((0.0, 0.5, 2.5), 0, 90, tiles(speckle, 0.9, (0.9, 0.8, 0.6), bottom=2.5)),
+    """0.8 to 4 m: wall, floor, slanted boards, a plain card, rods and a fence before them all."""
+    return _built("planes", size, optics, 800, [
+        Plane((0.0, 0.5, 2.5), 0, 90, tiles(_speckle(seed), 0.9, (0.9, 0.8, 0.6), bottom=2.5)),
         Plane((0.0, 0.0, 3.75), 6, 0, tiles(skimage.data.brick(), 3.0, (1.0, 0.75, 0.6), bottom=0.5)),
         Plane((0.62, -0.45, 2.9), -12, 0, plain(0.8, 0.6, (0.55, 0.62, 0.45))),
         Plane((-0.42, -0.08, 2.2), 35, 0, picture(skimage.data.astronaut(), 0.8, 0.8)),
@@ -244,8 +51,135 @@ def planes(size, optics, seed):
         Plane((-0.02, 0.29, 1.3), 10, -40, picture(skimage.data.coffee(), 0.42, 0.28)),
         Plane((0.0, 0.0, 1.05), 0, 0, rods([(0.09, 6), (0.31, -9)], 0.006, (0.8, 0.1, 0.05), (0.85, 0.85, 0.8), 0.03)),
         Plane((-0.24, 0.10, 0.86), 18, 0, fence(8, 8, 0.048, 0.006, (0.05, 0.1, 0.06), (0.25, 0.5, 0.15))),
-    ]
-    return Scene("planes", rig, margin, [surface.layer(color, margin) for surface in surfaces])
+    ])
+
+
+def _branch_segments(rng, start, heading, length, radius, depth=0):
+    """Rows for `twigs`: a crooked branch that starts at (a, b) towards heading (radians) and forks four times."""
+    rows = []
+    for _ in range(4):
+        heading += rng.normal(0, 0.16)
+        end = start + length / 4 * np.array([np.cos(heading), np.sin(heading)])
+        rows.append((*start, *end, radius, 0.87 * radius))
+        start, radius = end, 0.87 * radius
+        if depth < 2:
+            fork = heading + rng.choice([-1, 1]) * rng.uniform(0.5, 1.0)
+            rows += _branch_segments(rng, start, fork, 0.5 * length, 0.6 * radius, depth + 1)
+    return rows
+
+
+def occluders(size, optics, seed):
+    """0.8 to 3.4 m: twigs, rods and wire grids a few pixels wide at seven depths before a wall with pictures."""
+    rng = np.random.default_rng([seed, 3])
+
+    def branch(depth, yaw, start, heading, length, radius):
+        segments = _branch_segments(rng, np.array(start), heading, length, radius)
+        return Plane((0.0, 0.0, depth), yaw, 0, twigs(segments, (0.16, 0.10, 0.06)))
+
+    return _built("occluders", size, optics, 800, [
+        Plane((0.0, 0.0, 3.3), -5, 0, tiles(skimage.data.brick(), 1.3, (1.0, 0.72, 0.55))),
+        Plane((-0.62, -0.3, 3.0), 8, 0, picture(skimage.data.chelsea(), 1.0, 0.67)),
+        Plane((0.7, 0.35, 2.7), -14, 0, picture(skimage.data.text(), 1.2, 0.46)),
+        Plane((0.35, -0.25, 2.3), 10, 0, fence(16, 10, 0.06, 0.006, (0.5, 0.52, 0.55), (0.12, 0.13, 0.15))),
+        branch(1.9, -12, (-0.85, 0.35), -0.45, 1.5, 0.012),
+        Plane((-0.25, 0.22, 1.55), -10, 0, fence(14, 8, 0.04, 0.003, (0.1, 0.3, 0.15), (0.4, 0.65, 0.3))),
+        branch(1.3, 14, (0.6, 0.1), -2.75, 1.0, 0.008),
+        Plane((0.0, 0.0, 1.1), 0, 0, rods([(-0.33, 4), (0.12, -3), (0.2, 2)], 0.003, (0.75, 0.6, 0.1),
+                                          (0.08, 0.08, 0.1), 0.025)),
+        branch(0.95, -8, (-0.1, -0.45), 1.2, 0.62, 0.005),
+        Plane((0.0, 0.0, 0.84), 0, 0, rods([(0.31, 8)], 0.005, (0.6, 0.08, 0.06), (0.85, 0.85, 0.8), 0.03)),
+    ])
+
+
+def plain_surfaces(size, optics, _seed):
+    """0.9 to 3.5 m: painted walls, floor, panels and balls in soft light, with few marks that show any focus."""
+    dark, white = (0.05, 0.05, 0.06), (0.8, 0.8, 0.78)
+    wall = marked(plain(6, 5, (0.62, 0.6, 0.52)),
+                  [(-0.2, -0.55, 0.09, 0.13, white), (-0.2, -0.55, 0.03, 0.05, dark), (0.95, -0.9, 0.5, 0.012, dark),
+                   (0, 0.47, 6, 0.06, (0.3, 0.2, 0.12))])
+    panel = marked(plain(0.75, 1.6, (0.2, 0.33, 0.42)),
+                   [(0.28, 0.1, 0.1, 0.022, (0.6, 0.55, 0.4)), (0, -0.42, 0.45, 0.006, dark),
+                    (0, 0.45, 0.45, 0.006, dark)])
+    box = marked(plain(0.5, 0.42, (0.55, 0.2, 0.12)), [(0.12, 0.1, 0.12, 0.05, white), (0.12, 0.1, 0.08, 0.008, dark)])
+    card = marked(plain(0.26, 0.34, white), [(0.0, -0.1, 0.16, 0.007, dark), (-0.02, -0.07, 0.12, 0.007, dark)])
+    floor = shaded_under(plain(8, 4, (0.4, 0.36, 0.3)), [(0.4, 0.8, 0.25), (-0.32, 0.5, 0.2), (-0.95, 1.7, 0.4)])
+    return _built("plain", size, optics, 900, [
+        Plane((0.0, 0.0, 3.5), 0, 0, lit(wall, -0.6, -0.9, 1.8)),
+        Plane((0.0, 0.5, 1.5), 0, 90, lit(floor, -0.4, 0.4, 1.6)),
+        Plane((-0.95, -0.3, 3.2), 9, 0, lit(panel, 0.2, -0.7, 1.5)),
+        Plane((0.4, 0.29, 2.3), -24, 0, lit(box, -0.2, -0.3, 0.5)),
+        Ball((-0.32, 0.3, 2.0), 0.2, plain(9, 9, (0.75, 0.55, 0.1))),
+        Ball((0.27, -0.26, 1.7), 0.17, plain(9, 9, (0.28, 0.45, 0.22))),
+        Plane((-0.33, -0.12, 1.25), 22, 0, lit(card, -0.1, -0.2, 0.4)),
+        Plane((0.34, 0.2, 0.98), -15, 8, lit(plain(0.16, 0.22, (0.25, 0.3, 0.55)), -0.1, -0.1, 0.25)),
+    ])
+
+
+def slope(size, optics, seed):
+    """0.8 to 4.5 m: gravel that runs away from under the camera, which looks down by 20 degrees; things stand on it."""
+    tilt, height = np.radians(20), 0.5
+    down, away = np.array([0, np.cos(tilt), np.sin(tilt)]), np.array([0, -np.sin(tilt), np.cos(tilt)])
+
+    def above(right, forward, up):
+        """Point over the ground, in the camera's frame."""
+        return tuple(np.array([right, 0, 0]) + forward * away + (height - up) * down)
+
+    def standing(right, forward, width, tall, yaw, image):
+        return Plane(above(right, forward, tall / 2), yaw, 0, picture(image, width, tall), tilt=20)
+
+    balls = [(-0.55, 2.25, 0.2, tiles(skimage.data.gravel(), 0.5, (0.9, 0.5, 0.3))),
+             (0.3, 1.45, 0.11, tiles(_speckle(seed), 0.5, (0.95, 0.85, 0.4))),
+             (-0.22, 0.98, 0.065, tiles(skimage.data.brick(), 0.25, (0.5, 0.7, 0.9)))]
+    spots = [(right, forward, radius) for right, forward, radius, _ in balls]
+    # The plane's b runs along `away`.
+    ground = shaded_under(tiles(skimage.data.gravel(), 0.8, (0.85, 0.8, 0.7), bottom=4.6), spots)
+    return _built("slope", size, optics, 750, [
+        Plane(above(0, 4.6, 0), 0, 0, tiles(skimage.data.grass(), 1.4, (0.55, 0.85, 0.35), bottom=0.0), tilt=20),
+        Plane(above(0, 0, 0), 0, 90, ground, tilt=20),
+        standing(0.75, 3.4, 0.7, 0.7, -20, skimage.data.astronaut()),
+        standing(-0.15, 2.75, 0.36, 0.5, 12, skimage.data.coins()),
+        Ball(above(-0.55, 2.25, 0.2), 0.2, balls[0][3]),
+        standing(0.45, 1.95, 0.42, 0.28, -35, skimage.data.coffee()),
+        Ball(above(0.3, 1.45, 0.11), 0.11, balls[1][3]),
+        Ball(above(-0.22, 0.98, 0.065), 0.065, balls[2][3]),
+    ])
+
+
+CARDS = 40
+PICTURES = ("astronaut", "brick", "camera", "chelsea", "coffee", "coins", "grass", "gravel", "immunohistochemistry",
+            "moon", "page", "retina", "rocket", "text")  # of skimage.data
+
+
+def clutter(size, optics, seed):
+    """0.8 to 3.7 m: cards and discs with pictures, at random depths before a brick wall, none through another."""
+    rng = np.random.default_rng([seed, 4])
+    color = _camera(size)
+    rig = kinect_beside(color, optics)
+    margin = canvas_margin(rig, 780)
+    layers = [Plane((0.0, 0.0, 3.5), 4, 3, tiles(skimage.data.brick(), 2.2, (0.9, 0.8, 0.7))).layer(color, margin)]
+    nearest = layers[0].depth.copy()
+    half = np.array([color.width, color.height]) / 2 / color.K[0, 0]
+    names = [name for _ in range(CARDS) for name in rng.permutation(PICTURES)]
+
+    def card(z):
+        image = getattr(skimage.data, names.pop())()
+        width = rng.uniform(0.12, 0.24) * z
+        height = width * image.shape[0] / image.shape[1]
+        shade = picture(image, width, height)
+        if rng.random() < 0.4:
+            shade = disc(shade, min(width, height) / 2)
+        yaw, pitch = rng.uniform(-40, 40, 2)
+        return Plane((*(rng.uniform(-1, 1, 2) * half * z), z), yaw, pitch, shade).layer(color, margin)
+
+    for z in 1 / np.linspace(1 / 3.2, 1 / 0.88, CARDS):
+        for _ in PICTURES:  # tries
+            layer = card(z)
+            shown = layer.alpha > 0
+            if (layer.depth[shown] < nearest[shown]).all():  # it cuts through no other
+                nearest[shown] = layer.depth[shown]
+                layers.append(layer)
+                break
+    return Scene("clutter", rig, margin, layers)
 
 
 @dataclass
@@ -258,6 +192,10 @@ class Preset:
 
 
 SCENES = {
+    "clutter": Preset(clutter, (640, 480), Optics(50.0, 2.8, 0.03), 12),
     "motorcycle": Preset(motorcycle, (741, 500), Optics(50.0, 1.8, 0.03), 12),
+    "occluders": Preset(occluders, (640, 480), Optics(50.0, 2.8, 0.03), 12),
+    "plain": Preset(plain_surfaces, (640, 480), Optics(35.0, 2.0, 0.03), 12),
     "planes": Preset(planes, (640, 480), Optics(35.0, 2.8, 0.03), 12),
+    "slope": Preset(slope, (640, 480), Optics(50.0, 2.8, 0.03), 12),
 }
