@@ -4,4 +4,4 @@
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
-setup(**generate_distutils_setup(packages=['all_in_focus'], package_dir={'': 'src'}))
+setup(**generate_distutils_setup(packages=['all_in_focus', 'all_in_focus.baselines'], package_dir={'': 'src'}))

@@ -2,16 +2,34 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How near an image comes to a known all-in-focus truth."""
 import os
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from scipy.ndimage import distance_transform_edt
-from skimage.metrics import peak_signal_noise_ratio
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from all_in_focus.rig import load_rig
 from all_in_focus.stack import Stack
 
 EDGE_REACH_PX = 8  # how far from a depth edge a pixel still counts as near it
+
+
+@dataclass
+class Truth:
+    """What a scene folder (see make_scene) should be fused to; image: H x W x 3 uint8 (BGR), edges: H x W bool, the
+    pixels near depth edges."""
+    image: np.ndarray
+    edges: np.ndarray
+
+    @classmethod
+    def load(cls, scene):
+        """ValueError where a file is missing or damaged."""
+        optics = load_rig(os.path.join(scene, "rig")).optics
+        # Half the span of one depth of field, 1/H, is a jump that blurs visibly.
+        step = 500 * optics.aperture * optics.circle_of_confusion_mm / optics.focal_length_mm ** 2
+        depth = read(os.path.join(scene, "truth_depth.png"), cv2.IMREAD_UNCHANGED)
+        return cls(read(os.path.join(scene, "truth.png")), near_depth_edges(depth, step))
 
 
 def near_depth_edges(depth_mm, step_dioptres):
@@ -23,21 +41,34 @@ def near_depth_edges(depth_mm, step_dioptres):
     edge = np.zeros(depth_mm.shape, bool)
     edge[:, 1:] |= np.abs(np.diff(dioptres, axis=1)) > step_dioptres
     edge[1:, :] |= np.abs(np.diff(dioptres, axis=0)) > step_dioptres
-    return distance_transform_edt(~edge) <= EDGE_REACH_PX
+    return distance_transform_edt(~edge) <= EDGE_REACH_PX if edge.any() else edge
 
 
 def psnr(image, truth, mask=None):
     """Peak signal to noise ratio in dB of 8-bit images (H x W x 3), over mask (H x W, bool) or everywhere."""
-    if image.shape != truth.shape:
-        raise ValueError("images differ in size: %dx%d and %dx%d" % (image.shape[1::-1] + truth.shape[1::-1]))
+    _check_sizes(image, truth)
     if mask is not None:
         image, truth = image[mask], truth[mask]
     if np.array_equal(image, truth):
         return float("inf")
-    return peak_signal_noise_ratio(truth, image, data_range=255)
+    return float(peak_signal_noise_ratio(truth, image, data_range=255))
 
 
-def _read(path, flags=cv2.IMREAD_COLOR):
+def ssim(image, truth):
+    """Structural similarity (Wang et al. 2004: Gaussian window of sigma 1.5) of 8-bit images, mean of the channels."""
+    _check_sizes(image, truth)
+    options = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False, "data_range": 255}
+    return float(np.mean([structural_similarity(truth[..., channel], image[..., channel], **options)
+                          for channel in range(3)]))
+
+
+def _check_sizes(image, truth):
+    if image.shape != truth.shape:
+        raise ValueError("images differ in size: %dx%d and %dx%d" % (image.shape[1::-1] + truth.shape[1::-1]))
+
+
+def read(path, flags=cv2.IMREAD_COLOR):
+    """Image as OpenCV gives it; ValueError where it cannot be read."""
     image = cv2.imread(path, flags)
     if image is None:
         raise ValueError("%s: no such file, or not an image" % path)
@@ -45,20 +76,18 @@ def _read(path, flags=cv2.IMREAD_COLOR):
 
 
 def psnr_table(scene, fused):
-    """Lines of a table: PSNR of each frame of a scene folder (see make_scene), of the mean and best of them, and of
+    """Lines of a table: PSNR of each frame of a scene folder (see make_scene), of the best of them, and of
     each fused image, over the whole image and near depth edges."""
-    truth = _read(os.path.join(scene, "truth.png"))
-    optics = load_rig(os.path.join(scene, "rig")).optics
-    # Half the span of one depth of field, 1/H, is a jump that blurs visibly.
-    step = 500 * optics.aperture * optics.circle_of_confusion_mm / optics.focal_length_mm ** 2
-    edges = near_depth_edges(_read(os.path.join(scene, "truth_depth.png"), cv2.IMREAD_UNCHANGED), step)
+    truth = Truth.load(scene)
     stack = Stack(os.path.join(scene, "stack"))
+
+    def scores(image):
+        return psnr(image, truth.image), psnr(image, truth.image, truth.edges)
+
     row = "%-34s %8.2f %12.2f"
-    singles = [(psnr(frame, truth), psnr(frame, truth, edges)) for frame in stack]
+    singles = [scores(frame) for frame in stack]
     lines = ["%-34s %8s %12s" % ("PSNR against the truth, dB", "image", "depth edges")]
     lines += [row % ((name,) + values) for name, values in zip(stack.names, singles)]
     lines.append(row % (("best single frame",) + max(singles)))
-    for path in fused:
-        image = _read(path)
-        lines.append(row % (os.path.join(*path.split(os.sep)[-2:]), psnr(image, truth), psnr(image, truth, edges)))
+    lines += [row % ((os.path.join(*path.split(os.sep)[-2:]),) + scores(read(path))) for path in fused]
     return lines

@@ -1,0 +1,201 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+// The pictures of docs/algorithms.md: what every step of mode refined makes of scene motorcycle.
+//
+//   make_scene --scene motorcycle --optics 85,2,0.03 --output SCENE
+//   algorithm_pictures --scene SCENE --output docs/images/algorithms
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <vector>
+
+#include "all_in_focus/drawing.hpp"
+#include "command_line.hpp"
+#include "image_files.hpp"
+#include "rig_files.hpp"
+#include "stack_reader.hpp"
+
+namespace po = boost::program_options;
+using namespace all_in_focus;
+using namespace all_in_focus::core;
+
+namespace {
+
+constexpr int kWidth = 320;
+constexpr int kShown = 3;  // frame whose evidence is shown
+
+struct CloseUp {
+  const char* name;
+  cv::Rect place;
+};
+const CloseUp kCloseUps[] = {{"close_up_mirror", {326, 96, 52, 52}}, {"close_up_wheel", {600, 330, 52, 52}}};
+constexpr int kEnlarged = 3;
+
+struct Scene {
+  PipelineInput input;
+  std::vector<cv::Mat> frames;
+  cv::Mat truth;
+};
+
+Scene readScene(const std::string& folder, StackReader& stack) {
+  Scene scene;
+  scene.input.rig = readRig(folder + "/rig");
+  scene.input.has_rig = true;
+  scene.input.optics = readOptics(folder + "/rig");
+  scene.input.depth = readDepth(folder + "/depth.png");
+  scene.input.focus_mm = readFocus(folder + "/focus.yaml", stack.names());
+  scene.input.frames = &stack;
+  for (cv::Mat frame; stack.next(frame);) scene.frames.push_back(frame.clone());
+  scene.truth = readColor(folder + "/truth.png");
+  return scene;
+}
+
+void write(const std::string& path, const cv::Mat& picture) {
+  if (!cv::imwrite(path, picture, {cv::IMWRITE_JPEG_QUALITY, 88})) {
+    throw std::invalid_argument(path + ": cannot be written");
+  }
+}
+
+// Colours from least (dark) to most (bright).
+cv::Mat colored(const cv::Mat& values, double least, double most, int map = cv::COLORMAP_INFERNO) {
+  cv::Mat scaled, picture;
+  values.convertTo(scaled, CV_8U, 255 / (most - least), -255 * least / (most - least));
+  cv::applyColorMap(scaled, picture, map);
+  return picture;
+}
+
+// Decimal logarithm; of values below 1: 0.
+cv::Mat decades(const cv::Mat& values) {
+  cv::Mat logarithm;
+  cv::log(cv::max(values, 1), logarithm);
+  return logarithm / std::log(10);
+}
+
+// Near is bright, unknown is black. nearest, farthest: of the scale, mm.
+cv::Mat drawDepth(const cv::Mat& depth, double nearest, double farthest) {
+  cv::Mat millimetres;
+  depth.convertTo(millimetres, CV_32F);
+  cv::Mat picture = colored(1 / cv::max(millimetres, 1), 1 / farthest, 1 / nearest, cv::COLORMAP_VIRIDIS);
+  picture.setTo(cv::Scalar::all(0), depth == 0);
+  return picture;
+}
+
+cv::Mat grayOf(const cv::Mat& frame) {
+  cv::Mat gray;
+  cv::cvtColor(frame, gray, cv::COLOR_BGR2GRAY);
+  return gray;
+}
+
+BracketScene bracketScene(const Scene& scene, const PipelineResult& result) {
+  BracketScene bracket;
+  bracket.depth = result.filled;
+  bracket.measured = result.registered;
+  bracket.optics = scene.input.optics;
+  bracket.camera = scene.input.rig.color;
+  return bracket;
+}
+
+// Share of one frame in the weights, 0..255: the mean of a white frame among black ones, which weigh what the
+// real ones do.
+cv::Mat shareOf(int wanted, const Scene& scene, const BracketScene& bracket) {
+  RefinedConfig config;
+  config.alignment = config.exposure = false;
+  RefinedFusion fusion;
+  fusion.begin(bracket, config, scene.truth.size());
+  for (int i = 0; i < static_cast<int>(scene.frames.size()); ++i) {
+    const cv::Mat marked(scene.truth.size(), CV_8UC3, cv::Scalar::all(i == wanted ? 255 : 0));
+    fusion.add(marked, grayOf(scene.frames[i]), i, scene.input.focus_mm[i]);
+  }
+  return grayOf(fusion.image());
+}
+
+cv::Mat bestSingleFrame(const Scene& scene) {
+  const auto psnr = [&](const cv::Mat& frame) { return cv::PSNR(frame, scene.truth); };
+  return *std::max_element(scene.frames.begin(), scene.frames.end(),
+                           [&](const cv::Mat& a, const cv::Mat& b) { return psnr(a) < psnr(b); });
+}
+
+// The same place of all images, side by side.
+cv::Mat enlarge(const std::vector<cv::Mat>& images, const cv::Rect& place) {
+  const cv::Mat gap(place.height * kEnlarged, 4, CV_8UC3, cv::Scalar::all(255));
+  std::vector<cv::Mat> row;
+  for (const cv::Mat& image : images) {
+    cv::Mat tile;
+    cv::resize(image(place), tile, {}, kEnlarged, kEnlarged, cv::INTER_NEAREST);
+    if (!row.empty()) row.push_back(gap);
+    row.push_back(tile);
+  }
+  cv::Mat picture;
+  cv::hconcat(row, picture);
+  return picture;
+}
+
+void drawAll(const po::variables_map& values) {
+  const std::string folder = textOption(values, "scene"), output = textOption(values, "output");
+  StackReader stack(folder + "/stack");
+  const Scene scene = readScene(folder, stack);
+  const int count = static_cast<int>(scene.frames.size());
+  if (count <= kShown || scene.truth.size() != cv::Size(741, 500)) {
+    throw std::invalid_argument(folder + ": not scene motorcycle");
+  }
+  stack.rewind();
+  const PipelineResult paper = runPipeline(scene.input, Mode::kPaper);
+  stack.rewind();
+  const PipelineResult result = runPipeline(scene.input, Mode::kRefined);
+
+  std::filesystem::create_directories(output);
+  const auto save = [&](const char* name, const cv::Mat& picture, int interpolation = cv::INTER_AREA) {
+    cv::Mat small;
+    const int height = cvRound(static_cast<double>(picture.rows) * kWidth / picture.cols);
+    cv::resize(picture, small, {kWidth, height}, 0, 0, interpolation);
+    write(output + "/" + name + ".jpg", small);
+  };
+
+  double nearest, farthest;
+  cv::minMaxLoc(result.filled, &nearest, &farthest, nullptr, nullptr, result.filled > 0);
+  save("depth_raw", drawDepth(scene.input.depth, nearest, farthest), cv::INTER_NEAREST);
+  save("depth_registered", drawDepth(result.registered, nearest, farthest), cv::INTER_NEAREST);
+  save("depth_filled", drawDepth(result.filled, nearest, farthest), cv::INTER_NEAREST);
+  cv::Mat picture;
+  drawLabels(result.segmentation.labels, static_cast<int>(result.segmentation.segments.size()), picture);
+  save("regions", picture, cv::INTER_NEAREST);
+  save("frame_near", scene.frames.front());
+  save("frame_far", scene.frames.back());
+  save("frame", scene.frames[kShown]);
+
+  const BracketScene bracket = bracketScene(scene, result);
+  cv::Mat sharpness, squared_error;
+  ModifiedLaplacian(1.2).compute(grayOf(scene.frames[kShown]), sharpness);
+  save("sharpness", colored(decades(sharpness), 0, 2));
+  DefocusPrediction prediction;
+  prediction.begin(bracket.depth, bracket.measured, scene.truth.size(), bracket.optics,
+                   bracket.optics.focal_length_mm / bracket.camera->fx);
+  prediction.compute(scene.input.focus_mm[kShown], squared_error);
+  save("predicted_error", colored(decades(squared_error), 0, 5));
+  save("share", colored(shareOf(kShown, scene, bracket), 0, 255));
+
+  drawWeights(result.fusion.source_index, result.fusion.confidence, count, picture);
+  save("winners", picture, cv::INTER_NEAREST);
+  save("confidence", colored(result.fusion.confidence, 128, 255));
+  save("result", result.fusion.image);
+  const std::vector<cv::Mat> compared = {bestSingleFrame(scene), paper.fusion.image, result.fusion.image,
+                                         scene.truth};
+  for (const CloseUp& close_up : kCloseUps) {
+    write(output + "/" + close_up.name + ".jpg", enlarge(compared, close_up.place));
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  po::options_description options("Options");
+  options.add_options()("help", "this text")                                           //
+      ("scene", po::value<std::string>()->required(), "folder that make_scene wrote")  //
+      ("output", po::value<std::string>()->required(), "folder for the pictures");
+  return runTool(argc, argv, "a picture of every step of mode refined", options, drawAll);
+}

@@ -1,0 +1,161 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Measures of quality, and the program that compares methods by them."""
+import json
+import os
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from file_helpers import run_script
+from skimage.metrics import structural_similarity
+
+from all_in_focus.quality import near_depth_edges, psnr, ssim
+
+BENCH = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "bench")
+sys.path.insert(0, BENCH)
+import methods  # noqa: E402
+import quality  # noqa: E402
+
+COPY = "copy=cp {stack}/000.png {output}"
+
+
+def compare(*arguments):
+    """Run bench/quality.py; its own output is parsed by `tables`."""
+    return subprocess.run([sys.executable, os.path.join(BENCH, "quality.py"), *map(str, arguments)],
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=100)
+
+
+def tables(markdown):
+    """title -> row name -> column name -> text."""
+    result, blocks = {}, markdown.strip().split("\n\n")
+    for title, block in zip(blocks[::2], blocks[1::2]):
+        header, _, *rows = ([cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines())
+        result[title] = {row[0]: dict(zip(header[1:], row[1:])) for row in rows}
+    return result
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory):
+    """Two small scenes of three frames, the second with breathing."""
+    folder = tmp_path_factory.mktemp("scenes")
+    for name, breathing in (("still", 0), ("breathing", 1)):
+        result = run_script("make_scene", "--scene", "planes", "--size", "160x120", "--frames", 3, "--breathing",
+                            breathing, "--optics", "50,1.8,0.03", "--output", folder / name)
+        assert (result.returncode, result.stderr) == (0, "")
+    return folder
+
+
+# --- measures ---------------------------------------------------------------------------------------------------------
+
+def test_measures_of_known_images():
+    random = np.random.default_rng(0)
+    truth = random.integers(0, 256, (40, 60, 3), np.uint8)
+    noisy = np.uint8(np.clip(truth + random.normal(0, 20, truth.shape), 0, 255))
+    assert psnr(truth, truth) == np.inf and ssim(truth, truth) == 1
+    assert psnr(np.uint8(truth // 2), np.uint8(truth // 2 + 10)) == pytest.approx(20 * np.log10(255 / 10))
+    assert 0.5 < ssim(noisy, truth) < 1
+    gray = structural_similarity(truth[..., 0], noisy[..., 0], gaussian_weights=True, sigma=1.5,
+                                 use_sample_covariance=False, data_range=255)
+    assert ssim(noisy[..., [0, 0, 0]], truth[..., [0, 0, 0]]) == pytest.approx(gray)
+    for measure in (psnr, ssim):
+        with pytest.raises(ValueError, match="differ in size: 60x40 and 60x30"):
+            measure(truth, truth[:30])
+
+
+def test_near_depth_edges():
+    depth = np.full((40, 60), 2000, np.uint16)
+    depth[:, 30:] = 1000
+    near = near_depth_edges(depth, 0.1)
+    assert near[:, 22:39].all() and not near[:, :22].any() and not near[:, 39:].any()
+    assert not near_depth_edges(depth, 0.6).any()
+
+
+# --- methods ----------------------------------------------------------------------------------------------------------
+
+def test_lists_of_methods():
+    assert methods.split("paper,refined:-alignment,gain,gf+ecc,refined:no-depth,oracle") == [
+        "paper", "refined:-alignment,gain", "gf+ecc", "refined:no-depth", "oracle"]
+    for name in ("single", "gf+ecc", "refined:optics+20", "refined:shift5", "paper:no-depth", "mine"):
+        assert callable(methods.find(name, "fuse_stack", {"mine": "true"}))
+    for name in ("median", "single+ecc", "refined:", "refined:optics", "gf:no-depth", ""):
+        with pytest.raises(ValueError, match="no method is named '%s'" % name.replace("+", r"\+")):
+            methods.find(name, "fuse_stack", {})
+
+
+def test_bounds_know_the_truth(scenes):
+    for scene in ("still", "breathing"):
+        truth = methods.truth_of(str(scenes / scene))
+        values = {name: psnr(make(str(scenes / scene)), truth) for name, make in methods.BOUNDS.items()}
+        assert values["single"] < values["oracle"] and values["single"] + 1 < values["true-depth"]
+
+
+@pytest.mark.parametrize("variant, expected", [
+    ("", ["--rig", "--depth", "--mode refined"]),
+    ("-alignment,gain", ["--depth", "--without alignment,gain"]),
+    ("no-depth", ["--focus"]),
+    ("optics-20", ["--optics 40,1.8,0.03"]),
+])
+def test_variants_of_fuse_stack(scenes, tmp_path, variant, expected):
+    program, output = tmp_path / "fuse_stack", tmp_path / "out.png"
+    program.write_text("#!/bin/sh\necho \"$@\" > %s\n" % output)
+    program.chmod(0o755)
+    methods.fuse_stack(str(program), "refined", variant, str(scenes / "still"), str(output))
+    said = output.read_text()
+    assert all(option in said for option in expected)
+    assert ("--depth" in said) == ("--rig" in said) == (variant != "no-depth")
+
+
+def test_shifted_depth(tmp_path):
+    depth = np.arange(1, 13, dtype=np.uint16).reshape(2, 6)
+    cv2.imwrite(str(tmp_path / "z.png"), depth)
+    methods.shifted(str(tmp_path / "z.png"), 2, str(tmp_path / "moved.png"))
+    moved = cv2.imread(str(tmp_path / "moved.png"), cv2.IMREAD_UNCHANGED)
+    assert not moved[:, :2].any() and np.array_equal(moved[:, 2:], depth[:, :4])
+
+
+# --- the program ------------------------------------------------------------------------------------------------------
+
+def test_means_say_what_they_cover():
+    figures = {"a": {"x": {"psnr": 30.0}, "y": None}, "b": {"x": {"psnr": 40.0}, "y": {"psnr": 20.0}}}
+    assert quality.table(figures, "psnr").splitlines()[2:] == [
+        "| scene | x | y |", "|---|---:|---:|", "| a | 30.00 | - |", "| b | 40.00 | 20.00 |",
+        "| mean (of scenes) | 35.00 (2) | 20.00 (1) |"]
+
+
+def test_program_compares_and_keeps(scenes, tmp_path):
+    arguments = [scenes / "still", scenes / "breathing", "--methods", "single,laplacian+ecc", "--peer", COPY, "--peer",
+                 "broken=false {output}", "--output", tmp_path / "out", "--json", tmp_path / "figures.json"]
+    result = compare(*arguments)
+    assert result.returncode == 0
+    assert result.stderr.splitlines() == ["%s broken: false: exit code 1" % scene for scene in ("still", "breathing")]
+    written = sorted(str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.png"))
+    assert written == ["%s/%s.png" % (scene, method) for scene in ("breathing", "still")
+                       for method in ("copy", "laplacian+ecc", "single")]
+    psnrs = tables(result.stdout)["PSNR, dB"]
+    assert psnrs["still"]["broken"] == "-" and psnrs["mean (of scenes)"]["broken"] == "- (0)"
+    assert float(psnrs["still"]["laplacian+ecc"]) > float(psnrs["still"]["single"]) >= float(psnrs["still"]["copy"])
+    assert list(tables(result.stdout)) == ["PSNR, dB", "SSIM", "PSNR within 8 px of depth edges, dB"]
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    assert figures["scenes"]["still"]["broken"] is None and figures["mean_and_scenes"]["single"]["ssim"][1] == 2
+    assert figures["scenes"]["still"]["copy"]["seconds_per_frame"] > 0
+
+    kept = tmp_path / "out" / "still" / "copy.png"
+    cv2.imwrite(str(kept), methods.truth_of(str(scenes / "still")))
+    again = tables(compare(*arguments, "--keep", "--time").stdout)
+    assert again["PSNR, dB"]["still"]["copy"] == "inf" and again["Time per frame, s"]["still"]["copy"] == "-"
+    assert tables(compare(*arguments).stdout)["PSNR, dB"]["still"]["copy"] == psnrs["still"]["copy"]
+
+
+@pytest.mark.parametrize("arguments, reason", [
+    ([], "give scene folders or --generate DIR"),
+    (["nowhere"], "nowhere"),
+    (["--methods", "median"], "no method is named 'median'"),
+    (["--peer", "mine=true"], "expected NAME=COMMAND with {output} in it"),
+    (["a/scene", "b/scene"], "two scenes have the same name"),
+])
+def test_bad_arguments(tmp_path, arguments, reason):
+    result = compare(*arguments, "--output", tmp_path / "out")
+    assert result.returncode == 2 and result.stderr.count("\n") == 1 and reason in result.stderr
