@@ -1,0 +1,34 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""How good a fused image is, judged by its sources alone: the six metrics of Liu et al. ("Objective assessment of
+multiresolution image fusion algorithms for context enhancement in night vision", PAMI 34(1), 2012) that the evaluation
+of depth-assisted fusion used. They reward copying: an unfused source beats every method in Q_MI and Q_NCIE.
+
+Each is metric(sources, fused) -> float. sources: list of at least two H x W uint8 gray images (see `to_gray`), fused:
+H x W uint8, at least 7 x 7. NaN where nothing in the images is measurable. With two sources the values are those that
+were published; with more each metric is generalised as its docstring says, so that two remain what they are.
+"""
+from all_in_focus.metrics.contrast import q_cb
+from all_in_focus.metrics.gradient import q_g
+from all_in_focus.metrics.images import MIN_SIZE, to_gray
+from all_in_focus.metrics.information import q_mi, q_ncie
+from all_in_focus.metrics.phase import q_p
+from all_in_focus.metrics.structure import q_y
+
+METRICS = {"Q_MI": q_mi, "Q_NCIE": q_ncie, "Q_G": q_g, "Q_P": q_p, "Q_Y": q_y, "Q_CB": q_cb}
+
+__all__ = ["METRICS", "evaluate", "q_cb", "q_g", "q_mi", "q_ncie", "q_p", "q_y", "to_gray"]
+
+
+def evaluate(sources, fused):
+    """Name -> value of all metrics. Images: H x W (gray) or H x W x 3 (BGR) uint8; ValueError where they do not fit."""
+    images = [to_gray(image) for image in (*sources, fused)]
+    if len(images) < 3:
+        raise ValueError("at least two sources are needed")
+    for image in images[:-1]:
+        if image.shape != images[-1].shape:
+            raise ValueError("images differ in size: %dx%d and %dx%d" % (image.shape[::-1] + images[-1].shape[::-1]))
+    if min(images[-1].shape) < MIN_SIZE:
+        raise ValueError("images of %dx%d pixels are too small: at least %dx%d are needed"
+                         % (images[-1].shape[::-1] + (MIN_SIZE, MIN_SIZE)))
+    return {name: metric(images[:-1], images[-1]) for name, metric in METRICS.items()}
