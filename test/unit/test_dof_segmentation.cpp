@@ -6,6 +6,9 @@
 #include <cmath>
 #include <functional>
 #include <stdexcept>
+#include <string>
+#include <tuple>
+#include <vector>
 
 #include "all_in_focus/dof_segmentation.hpp"
 #include "reference_segmentation.hpp"
@@ -29,20 +32,44 @@ Segmentation segment(const cv::Mat& depth, const SegmentationConfig& config = {}
   return result;
 }
 
-void expectAsDefined(const cv::Mat& depth, const char* what) {
-  for (const bool against_rule : {false, true}) {
-    for (const DofSpan span : {DofSpan::kPaper, DofSpan::kFull}) {
-      const SegmentationConfig config{{24, 4, 0.019}, span, 10, against_rule};
-      const Segmentation expected = referenceSegmentation(depth, config), result = segment(depth, config);
-      ASSERT_EQ(result.segments.size(), expected.segments.size()) << what << against_rule;
-      EXPECT_EQ(cv::countNonZero(result.labels != expected.labels), 0) << what << against_rule;
-      EXPECT_EQ(result.unknown_area, expected.unknown_area) << what;
-      for (std::size_t i = 0; i < expected.segments.size(); ++i) {
-        const Segment &a = result.segments[i], &b = expected.segments[i];
-        EXPECT_EQ(std::tie(a.label, a.area, a.min_mm, a.max_mm, a.median_mm, a.fits),
-                  std::tie(b.label, b.area, b.min_mm, b.max_mm, b.median_mm, b.fits))
-            << what << ", label " << b.label;
-      }
+void expectSame(const Segmentation& result, const Segmentation& expected, const std::string& what) {
+  ASSERT_EQ(result.segments.size(), expected.segments.size()) << what;
+  ASSERT_EQ(cv::countNonZero(result.labels != expected.labels), 0) << what;
+  ASSERT_EQ(result.unknown_area, expected.unknown_area) << what;
+  for (std::size_t i = 0; i < expected.segments.size(); ++i) {
+    const Segment &a = result.segments[i], &b = expected.segments[i];
+    ASSERT_EQ(std::tie(a.label, a.area, a.min_mm, a.max_mm, a.median_mm, a.fits),
+              std::tie(b.label, b.area, b.min_mm, b.max_mm, b.median_mm, b.fits))
+        << what << ", label " << b.label;
+  }
+}
+
+struct Threads {
+  explicit Threads(int count) { cv::setNumThreads(count); }
+  ~Threads() { cv::setNumThreads(-1); }
+};
+
+// Both modes, both spans, any number of threads; buffers go on from image to image.
+void expectAsDefined(const cv::Mat& depth, const std::string& what) {
+  static std::vector<DofSegmentation> segmentations;
+  if (segmentations.empty()) {
+    for (const bool against_rule : {false, true}) {
+      for (const DofSpan span : {DofSpan::kPaper, DofSpan::kFull})
+        segmentations.emplace_back(SegmentationConfig{{24, 4, 0.019}, span, 10, against_rule});
+    }
+  }
+  static Segmentation result;
+  for (DofSegmentation& segmentation : segmentations) {
+    const Segmentation expected = referenceSegmentation(depth, segmentation.config());
+    for (const int threads : {1, 2, 5}) {
+      if (threads > 1 && depth.rows < 64) continue;  // one thread has them all
+      const Threads limited(threads);
+      segmentation.compute(depth, result);
+      ASSERT_NO_FATAL_FAILURE(expectSame(
+          result, expected,
+          what + ", against the rule: " + std::to_string(segmentation.config().merge_against_rule) +
+              ", full span: " + std::to_string(segmentation.config().span == DofSpan::kFull) +
+              ", threads: " + std::to_string(threads)));
     }
   }
 }
@@ -68,6 +95,60 @@ TEST(DofSegmentation, LabelsAreThoseOfTheDefinition) {
   expectAsDefined(made(1, 1, [](int, int) { return 1000; }), "one pixel");
 }
 
+// A scene of one of many kinds: surfaces and blocks, noise, quantisation as by a Kinect, holes.
+cv::Mat randomScene(cv::RNG& random, int rows, int cols) {
+  const int kind = random.uniform(0, 11);
+  const int base = random.uniform(600, 4000), spread = 1 << random.uniform(0, 11);
+  const double noise = random.uniform(0, 2) * random.uniform(0.0, 8.0);
+  const double slope_x = random.uniform(-8.0, 8.0), slope_y = random.uniform(-8.0, 8.0);
+  const bool holes = random.uniform(0, 2) == 0, quantised = random.uniform(0, 3) == 0;
+  cv::Mat blocks(rows, cols, CV_16UC1, cv::Scalar(0));
+  for (int i = random.uniform(0, 8); i > 0; --i) {
+    const cv::Rect block(random.uniform(0, cols), random.uniform(0, rows), random.uniform(1, 12),
+                         random.uniform(1, 12));
+    blocks(block & cv::Rect(0, 0, cols, rows)) = random.uniform(1, 2000);
+  }
+  return made(rows, cols, [&](int y, int x) {
+    if (holes && random.uniform(0, 12) == 0) return 0;
+    double z = base;
+    if (kind == 0) z = 65535 - random.uniform(0, 3) * random.uniform(0, 30000);
+    if (kind == 1) z = base + (x + y) % 2 * spread;
+    if (kind == 2) z = base + random.uniform(0, 2) * spread;
+    if (kind == 3) z = base + random.uniform(0, spread);
+    if (kind == 4) z = random.uniform(100, 65536);
+    if (kind >= 5) z = base + slope_x * x + slope_y * y + random.gaussian(noise);
+    if (kind >= 7) z += blocks.at<std::uint16_t>(y, x);
+    if (kind == 10)
+      z = x < cols / 2 ? base + 9 * slope_x * x + 9 * slope_y * y : base + random.uniform(0, spread);
+    z = std::max(z, 30.0);
+    if (quantised) z = 348000 / std::max(1.0, std::round(348000 / z));
+    return static_cast<int>(z);
+  });
+}
+
+TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionOnSmallScenes) {
+  for (int seed = 1; seed <= 4000; ++seed) {
+    cv::RNG random(seed);
+    const int rows = random.uniform(1, 14), cols = random.uniform(1, 20);
+    const cv::Mat depth = randomScene(random, rows, cols);
+    ASSERT_NO_FATAL_FAILURE(expectAsDefined(depth, "seed " + std::to_string(seed)));
+  }
+}
+
+TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionOnAnyNumberOfThreads) {
+  for (int seed = 1; seed <= 60; ++seed) {
+    cv::RNG random(seed);
+    const int rows = random.uniform(64, 200), cols = random.uniform(1, 70);
+    const cv::Mat depth = randomScene(random, rows, cols);
+    ASSERT_NO_FATAL_FAILURE(expectAsDefined(depth, "seed " + std::to_string(seed)));
+  }
+}
+
+TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionOnPartOfAnImage) {
+  const cv::Mat depth = made(80, 90, [](int y, int x) { return 700 + 3 * x + (y / 7) * 20; });
+  expectAsDefined(depth(cv::Rect(7, 5, 61, 70)), "rows with gaps");
+}
+
 TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionOnRandomBlocks) {
   for (int seed = 1; seed <= 60; ++seed) {
     cv::RNG random(seed);
@@ -77,7 +158,7 @@ TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionOnRandomBlocks) {
                            random.uniform(1, 7));
       depth(block) = random.uniform(0, 6) == 0 ? 0 : random.uniform(600, 1200);
     }
-    expectAsDefined(depth, ("seed " + std::to_string(seed)).c_str());
+    ASSERT_NO_FATAL_FAILURE(expectAsDefined(depth, "seed " + std::to_string(seed)));
   }
 }
 
