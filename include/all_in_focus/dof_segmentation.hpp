@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -43,6 +44,9 @@ class DofSegmentation {
  public:
   /// Throws std::invalid_argument on impossible optics or a negative size.
   explicit DofSegmentation(const SegmentationConfig& config = {});
+  ~DofSegmentation();
+  DofSegmentation(DofSegmentation&&) noexcept;
+  DofSegmentation& operator=(DofSegmentation&&) noexcept;
 
   /// depth: CV_16UC1 mm, 0 = unknown, not empty, every depth beyond the focal length (else
   /// std::invalid_argument).
@@ -51,43 +55,11 @@ class DofSegmentation {
   const SegmentationConfig& config() const { return config_; }
 
  private:
-  struct Run {  ///< pixels begin..end-1 of one row, all of one depth
-    int begin, end;
-    std::uint16_t depth;
-  };
-  struct Component {  ///< union-find node; area, min and max hold at roots
-    int parent, area;
-    std::uint16_t min, max;
-  };
-  struct Edge {
-    int a, b;  ///< runs
-    std::uint16_t weight;
-  };
-  struct RootMedian {
-    int root;
-    std::uint16_t median;
-  };
-
-  void findRuns(const cv::Mat& depth);
-  void requireBeyondFocalLength() const;
-  template <typename Wanted>
-  void findEdges(bool within_rule_only, Wanted wanted);
-  void sortEdges();
-  int find(int run);
-  void merge(int a, int b);
-  void mergeIfFits(const Edge& edge);
-  void mergeSmallRegions();
-  void describe(const cv::Size& size, Segmentation& result);
+  struct Work;
 
   SegmentationConfig config_;
   DofRule rule_;
-  std::vector<Run> runs_;
-  std::vector<int> row_begin_;  ///< first run of each row
-  std::vector<Component> components_;
-  std::vector<Edge> edges_, sorted_edges_;
-  std::vector<int> weight_begin_, depth_begin_, by_depth_, label_of_root_;
-  std::vector<int> counted_;  ///< pixels of a root so far
-  std::vector<RootMedian> roots_;
+  std::unique_ptr<Work> work_;  ///< buffers
 };
 
 }  // namespace all_in_focus::core

@@ -1,0 +1,52 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "pixel_graph.hpp"
+
+namespace all_in_focus::core {
+
+/// Edges between regions in Kruskal's order: by weight, then raster order of the first pixel, then E, SW, S,
+/// SE.
+///
+/// Of the edges between the same two regions only the first one can change anything: the others find the two
+/// merged, or refused, and refused once is refused for ever, because regions only grow. Not all others are
+/// left out, only those that have an earlier one beside them.
+class BorderEdges {
+ public:
+  struct Edge {
+    int a, b;  ///< labels
+  };
+  struct Range {
+    const Edge *first, *last;
+    const Edge* begin() const { return first; }
+    const Edge* end() const { return last; }
+  };
+
+  /// Edges up to `limit` mm; with `small_area`, only those of a region of fewer pixels. regions: by label.
+  /// The result holds until the next call.
+  Range sorted(const PixelGraph& graph, int limit, const int* areas = nullptr, int small_area = 0);
+
+ private:
+  struct WeightedEdge {
+    int a, b, weight;
+  };
+  struct Stripe {
+    std::vector<std::uint8_t> same[2], edges;
+    std::vector<BlockRow> blocks[2];
+    std::vector<WeightedEdge> found;
+    std::size_t count;
+    std::vector<int> place;  ///< by weight: number of edges, then place of the next one
+  };
+
+  void find(const PixelGraph& graph, int limit, const int* areas, int small_area, int begin, int end,
+            Stripe& stripe);
+
+  std::vector<Stripe> stripes_;
+  std::vector<Edge> sorted_;
+};
+
+}  // namespace all_in_focus::core

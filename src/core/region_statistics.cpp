@@ -1,0 +1,116 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "region_statistics.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+namespace all_in_focus::core {
+
+void RegionStatistics::measure(const RegionMap& map) {
+  areas_.assign(map.count + 1, 0);
+  medians_.resize(map.count + 1);
+  std::int64_t depths = 0;
+  for (int i = 1; i <= map.count; ++i) depths += map.depths(i);
+  // Many regions of many depths each, as far away as nothing is out of focus.
+  if (depths > 65536 + map.graph.rows() * map.graph.cols()) {
+    sortDepths(map);
+  } else {
+    countDepths(map);
+  }
+}
+
+// Pixels of each region by depth.
+void RegionStatistics::countDepths(const RegionMap& map) {
+  begin_.resize(map.count + 1);
+  int total = 1;  // the first is for unknown depth
+  for (int i = 1; i <= map.count; ++i) {
+    begin_[i] = total;
+    total += map.depths(i);
+  }
+  of_node_.resize(map.node_count + 1);
+  of_node_[0] = 0;
+  for (int i = 1; i <= map.node_count; ++i) {
+    const int region = map.nodes[i].parent;
+    of_node_[i] = begin_[region] - map.regions[region].min;
+  }
+  counts_.resize(map.graph.stripes().count());
+  map.graph.stripes().forEach([&](int stripe) {
+    // Two counts, for neighbours: the same one twice in a row would have to wait for itself.
+    counts_[stripe].assign(2 * static_cast<std::size_t>(total), 0);
+    int* const counts = counts_[stripe].data();
+    const int* const of_node = of_node_.data();
+    for (int y = map.graph.stripes().begin(stripe); y < map.graph.stripes().end(stripe); ++y) {
+      const std::int32_t* const labels = map.graph.labelRow(y);
+      const std::uint16_t* const depth = map.graph.depthRow(y);
+      for (int x = 0; x < map.graph.cols(); ++x) ++counts[2 * (of_node[labels[x]] + depth[x]) + (x & 1)];
+    }
+  });
+  std::vector<int>& counts = counts_[0];
+  for (std::size_t stripe = 1; stripe < counts_.size(); ++stripe)
+    std::transform(counts.begin(), counts.end(), counts_[stripe].begin(), counts.begin(), std::plus<int>());
+  for (int i = 1; i <= map.count; ++i) {
+    const int* const begin = &counts[2 * begin_[i]];
+    const int* const end = begin + 2 * map.depths(i);
+    areas_[i] = std::accumulate(begin, end, 0);
+    const int* depth = begin;
+    for (int left = (areas_[i] + 1) / 2 - depth[0] - depth[1]; left > 0; left -= depth[0] + depth[1])
+      depth += 2;
+    medians_[i] = map.regions[i].min + static_cast<int>(depth - begin) / 2;
+  }
+}
+
+// Depths of each region.
+void RegionStatistics::sortDepths(const RegionMap& map) {
+  const auto forEachPixel = [&](const auto& use) {
+    for (int y = 0; y < map.graph.rows(); ++y) {
+      for (int x = 0; x < map.graph.cols(); ++x)
+        use(map.nodes[map.graph.labelRow(y)[x]].parent, map.graph.depthRow(y)[x]);
+    }
+  };
+  forEachPixel([&](int region, int) { ++areas_[region]; });
+  begin_.assign(map.count + 2, 0);
+  for (int i = 0; i <= map.count; ++i) begin_[i + 1] = begin_[i] + areas_[i];
+  counts_.resize(1);
+  std::vector<int>& depths = counts_[0];
+  depths.resize(begin_[map.count + 1]);
+  forEachPixel([&](int region, int depth) { depths[begin_[region]++] = depth; });
+  for (int i = 1; i <= map.count; ++i) {
+    const auto end = depths.begin() + begin_[i], begin = end - areas_[i];
+    const auto median = begin + (areas_[i] - 1) / 2;
+    std::nth_element(begin, median, end);
+    medians_[i] = *median;
+  }
+}
+
+void RegionStatistics::describe(const RegionMap& map, const DofRule& rule, Segmentation& result) {
+  order_.resize(map.count);
+  std::iota(order_.begin(), order_.end(), 1);
+  std::sort(order_.begin(), order_.end(),
+            [this](int a, int b) { return medians_[a] != medians_[b] ? medians_[a] < medians_[b] : a < b; });
+
+  labels_.assign(map.count + 1, 0);
+  result.segments.resize(map.count);
+  result.unknown_area = map.graph.rows() * map.graph.cols();
+  for (int i = 0; i < map.count; ++i) {
+    const int region = order_[i];
+    labels_[region] = i + 1;
+    const int min = map.regions[region].min, max = map.regions[region].max;
+    result.segments[i] = {i + 1, areas_[region], min, max, medians_[region], rule.fits(min, max)};
+    result.unknown_area -= areas_[region];
+  }
+  of_node_.resize(map.node_count + 1);
+  for (int i = 0; i <= map.node_count; ++i) of_node_[i] = labels_[map.nodes[i].parent];
+
+  result.labels.create(map.graph.rows(), map.graph.cols(), CV_32SC1);
+  map.graph.stripes().forEach([&](int stripe) {
+    for (int y = map.graph.stripes().begin(stripe); y < map.graph.stripes().end(stripe); ++y) {
+      const std::int32_t* const labels = map.graph.labelRow(y);
+      std::int32_t* const row = result.labels.ptr<std::int32_t>(y);
+      for (int x = 0; x < map.graph.cols(); ++x) row[x] = of_node_[labels[x]];
+    }
+  });
+}
+
+}  // namespace all_in_focus::core
