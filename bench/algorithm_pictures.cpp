@@ -170,7 +170,11 @@ void drawAll(const po::variables_map& values) {
 
   const BracketScene bracket = bracketScene(scene, result);
   cv::Mat sharpness, squared_error;
-  ModifiedLaplacian(1.2).compute(grayOf(scene.frames[kShown]), sharpness);
+  const cv::Mat gray = grayOf(scene.frames[kShown]);
+  SharpnessRows rows;
+  rows.begin(gray);
+  sharpness.create(gray.size(), CV_32FC1);
+  for (int y = 0; y < gray.rows; ++y) std::copy_n(rows.small(y), gray.cols, sharpness.ptr<float>(y));
   save("sharpness", colored(decades(sharpness), 0, 2));
   DefocusPrediction prediction;
   prediction.begin(bracket.depth, bracket.measured, scene.truth.size(), bracket.optics,

@@ -38,6 +38,9 @@ class DefocusPrediction {
   /// frame whose focus_mm is NaN. focus_mm may be infinite; throws std::invalid_argument unless beyond f.
   void compute(double focus_mm, cv::Mat& squared_error);
 
+  /// The same on a grid about as coarse as edges are uncertain: enlarged linearly it is what compute() gives.
+  void computeCoarse(double focus_mm, cv::Mat& squared_error);
+
  private:
   DefocusConfig config_;
   Optics optics_;
@@ -51,7 +54,7 @@ class DefocusPrediction {
   cv::Mat constant_;  // CV_32FC1, error that all frames share: the doubt in filled depth
   cv::Mat known_;     // CV_32FC1, 1 / share of known depth under the Gaussian; 0 where there is none
   std::vector<float> error_of_level_;
-  cv::Mat error_;
+  cv::Mat error_, coarse_;
 };
 
 }  // namespace all_in_focus::core

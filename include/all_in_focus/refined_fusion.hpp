@@ -12,7 +12,8 @@
 #include "all_in_focus/camera.hpp"
 #include "all_in_focus/defocus_prediction.hpp"
 #include "all_in_focus/exposure_matching.hpp"
-#include "all_in_focus/focus_measure.hpp"
+#include "all_in_focus/image_rows.hpp"
+#include "all_in_focus/sharpness_rows.hpp"
 #include "all_in_focus/weighted_mean.hpp"
 
 namespace all_in_focus::core {
@@ -64,6 +65,13 @@ class RefinedFusion {
  private:
   void addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& codes,
                   const cv::Rect& inside, int index, double focus_mm);
+  double meanFourthPower();
+
+  struct Strip {  ///< of the frame being added; each thread works at one
+    SharpnessRows sharpness;
+    EnlargedRows squared_error;
+    std::vector<float> row;
+  };
 
   RefinedConfig config_;
   cv::Size size_;
@@ -73,11 +81,11 @@ class RefinedFusion {
   int reference_ = -1;  // index; -1: none yet
   BracketAlignment alignment_;
   ExposureMatching exposure_;
-  ModifiedLaplacian sharpness_{1.2};
   DefocusPrediction prediction_;
   WeightedMean mean_;
-  Evidence evidence_;
-  cv::Mat aligned_, aligned_gray_, small_;
+  cv::Mat aligned_, aligned_gray_, squared_error_;
+  std::vector<Strip> strips_;
+  std::vector<double> fourth_powers_;
 };
 
 }  // namespace all_in_focus::core

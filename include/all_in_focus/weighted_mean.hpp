@@ -3,16 +3,18 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <opencv2/core.hpp>
 
 namespace all_in_focus::core {
 
-/// What speaks for a frame, pixel by pixel. CV_32FC1, gray levels; an empty one says nothing.
-struct Evidence {
-  cv::Mat sharpness;         ///< modified Laplacian in a small window
-  cv::Mat sharpness_around;  ///< and in a large one: decides where the small one holds no texture
-  cv::Mat squared_error;     ///< that depth and optics predict
-  double trust = 1;          ///< in the frame as a whole; > 0
+/// What speaks for a row of a frame, pixel by pixel, gray levels; null says nothing.
+struct EvidenceRow {
+  const float* sharpness = nullptr;  ///< modified Laplacian in a small window; never null
+  const float* sharpness_around =
+      nullptr;                           ///< and in a large one: decides where the small one holds no texture
+  const float* squared_error = nullptr;  ///< that depth and optics predict
+  double trust = 1;                      ///< in the frame as a whole; > 0
 };
 
 /// Running weighted mean of frames, pixel by pixel, and which of them weighed most. Keeps one sum per pixel,
@@ -28,10 +30,12 @@ class WeightedMean {
   /// most is copied, for comparison.
   void begin(const cv::Size& size, double noise, bool soft = true);
 
-  /// frame: CV_8UC3; codes: the value that each of its 8-bit values stands for; evidence: of the frame's
-  /// size; inside: pixels that the frame has seen.
-  void add(const cv::Mat& frame, const std::array<float, 256>& codes, const Evidence& evidence,
-           const cv::Rect& inside, int index);
+  /// The rows that follow are of this frame. codes: the value that each of its 8-bit values stands for.
+  void beginFrame(int index, const std::array<float, 256>& codes);
+
+  /// Adds row y. columns: those that the frame has seen; pixels: of the whole row, three bytes each. Other
+  /// threads may add other rows at the same time.
+  void addRow(int y, const cv::Range& columns, const std::uint8_t* pixels, const EvidenceRow& evidence);
 
   /// Mean modified Laplacian of the noise alone.
   double sharpnessOfNoise() const { return sharpness_of_noise_; }
@@ -41,12 +45,19 @@ class WeightedMean {
   cv::Mat confidence() const;  ///< CV_8UC1: 255 (1 - mean weight / largest), scaled so that 255 = no rival
 
  private:
+  void weigh(const EvidenceRow& evidence, int x, int n, float* weight) const;
+  void accumulate(const float* weight, const float* values, const cv::Point& at, int n);
+
   bool soft_ = true;
   int frames_ = 0;
   double sharpness_of_noise_ = 0;
   float sharpness_floor_ = 1, error_floor_ = 1;
-  cv::Mat sum_;   // CV_32FC4: blue, green, red times weight (hard: of the heaviest frame); weight
-  cv::Mat most_;  // CV_32FC1
+  std::uint16_t index_ = 0;  // of the frame being added
+  std::array<float, 256> codes_;
+  bool plain_ = true;  // codes are their own values
+  cv::Mat colors_;     // CV_32FC3: sums of weight times color (hard: that of the heaviest frame)
+  cv::Mat weights_;    // CV_32FC1: sums
+  cv::Mat most_;       // CV_32FC1: greatest weight
   cv::Mat source_index_;
 };
 

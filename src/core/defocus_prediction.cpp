@@ -88,6 +88,11 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
 }
 
 void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
+  computeCoarse(focus_mm, coarse_);
+  cv::resize(coarse_, squared_error, size_, 0, 0, cv::INTER_LINEAR);
+}
+
+void DefocusPrediction::computeCoarse(double focus_mm, cv::Mat& squared_error) {
   if (focus_mm <= optics_.focal_length_mm) {
     throw std::invalid_argument(
         cv::format("defocus: focus distance %g mm is not beyond the focal length, %g mm", focus_mm,
@@ -105,10 +110,10 @@ void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
     float* error = error_.ptr<float>(v);
     for (int u = 0; u < level_.cols; ++u) error[u] = error_of_level_[level[u]];
   }
-  cv::GaussianBlur(error_, error_, cv::Size(), edge_error_px_);
-  cv::add(error_, constant_, error_);
-  cv::multiply(error_, known_, error_);  // mean over what is known; 0 for all frames alike where nothing is
-  cv::resize(error_, squared_error, size_, 0, 0, cv::INTER_LINEAR);
+  cv::GaussianBlur(error_, squared_error, cv::Size(), edge_error_px_);
+  cv::add(squared_error, constant_, squared_error);
+  // Mean over what is known; 0 for all frames alike where nothing is.
+  cv::multiply(squared_error, known_, squared_error);
 }
 
 }  // namespace all_in_focus::core

@@ -5,15 +5,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "all_in_focus/noise_estimation.hpp"
+#include "row_strips.hpp"
 
 namespace all_in_focus::core {
 namespace {
-
-constexpr double kAroundPx = 5;
 
 // Modified Laplacian, gray levels above the noise, that a frame which is sharp anywhere has in its sharpest
 // places.
@@ -23,14 +24,9 @@ constexpr double kNoiseMargin = 1.25;  // frames differ in their noise, and plac
 
 // Where nothing tells how blurred a frame is: 1 if it is sharp somewhere, next to nothing if nowhere. On bare
 // surfaces all frames agree but for the light that far too blurred ones spread over them: a halo round
-// everything bright. sharpness: CV_32FC1; noise: its mean over nothing but noise.
-double trustIn(const cv::Mat& sharpness, double noise) {
-  double fourth = 0;  // the mean of fourth powers lets the sharpest places speak
-  for (int y = 0; y < sharpness.rows; ++y) {
-    const float* s = sharpness.ptr<float>(y);
-    for (int x = 0; x < sharpness.cols; ++x) fourth += s[x] * s[x] * s[x] * s[x];
-  }
-  fourth /= static_cast<double>(sharpness.total());
+// everything bright. fourth: mean of sharpness^4, which lets the sharpest places speak; noise: mean sharpness
+// of nothing but noise.
+double trustIn(double fourth, double noise) {
   const double above_noise = std::pow(std::max(fourth - std::pow(kNoiseMargin * noise, 4), 0.0), 0.25);
   return std::max(kLeastTrust, std::pow(std::min(1.0, above_noise / (kSharp + noise)), 8));
 }
@@ -64,7 +60,6 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
         scene.pixel_pitch_mm > 0 ? scene.pixel_pitch_mm : scene.optics.focal_length_mm / scene.camera->fx;
     pixel_pitch_mm = calibrated / scale;
   }
-  evidence_ = {};
   predicts_ = config.prediction && !scene.depth.empty() && pixel_pitch_mm > 0;
   if (predicts_) {
     prediction_ = DefocusPrediction(config.defocus);
@@ -112,18 +107,47 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
 
 void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& codes,
                                const cv::Rect& inside, int index, double focus_mm) {
-  sharpness_.compute(gray, evidence_.sharpness);
-  const cv::Size quarter(std::max(1, size_.width / 4), std::max(1, size_.height / 4));
-  cv::resize(evidence_.sharpness, small_, quarter, 0, 0, cv::INTER_AREA);
-  const bool predicted = predicts_ && !std::isnan(focus_mm);
-  evidence_.trust = predicted ? 1 : trustIn(small_, mean_.sharpnessOfNoise());
-  if (config_.around) {
-    // A Gaussian of kAroundPx, on a quarter of the columns and rows.
-    cv::GaussianBlur(small_, small_, cv::Size(), kAroundPx / 4);
-    cv::resize(small_, evidence_.sharpness_around, size_, 0, 0, cv::INTER_LINEAR);
+  strips_.resize(stripCount(size_.height));
+  for (Strip& strip : strips_) strip.sharpness.begin(gray);
+  if (predicts_) {
+    prediction_.computeCoarse(focus_mm, squared_error_);
+    for (Strip& strip : strips_) strip.squared_error.begin(squared_error_.size(), size_);
   }
-  if (predicts_) prediction_.compute(focus_mm, evidence_.squared_error);
-  mean_.add(frame, codes, evidence_, inside, index);
+  const bool predicted = predicts_ && !std::isnan(focus_mm);
+  const double trust = predicted ? 1 : trustIn(meanFourthPower(), mean_.sharpnessOfNoise());
+
+  mean_.beginFrame(index, codes);
+  forStrips({inside.y, inside.br().y}, strips_.size(), [&](const cv::Range& rows, int i) {
+    const auto predictedError = [this](int v, float* out) {
+      std::copy_n(squared_error_.ptr<float>(v), squared_error_.cols, out);
+    };
+    Strip& strip = strips_[i];
+    for (int y = rows.start; y < rows.end; ++y) {
+      EvidenceRow evidence;
+      if (config_.around) evidence.sharpness_around = strip.sharpness.around(y);
+      evidence.sharpness = strip.sharpness.small(y);
+      if (predicts_) evidence.squared_error = strip.squared_error.row(y, predictedError);
+      evidence.trust = trust;
+      mean_.addRow(y, {inside.x, inside.br().x}, frame.ptr<std::uint8_t>(y), evidence);
+    }
+  });
+}
+
+// Of the frame's sharpness, reduced to a quarter.
+double RefinedFusion::meanFourthPower() {
+  const cv::Size size = strips_[0].sharpness.reducedSize();
+  fourth_powers_.resize(size.height);
+  forStrips({0, size.height}, strips_.size(), [&](const cv::Range& rows, int i) {
+    std::vector<float>& row = strips_[i].row;
+    row.resize(size.width);
+    for (int y = rows.start; y < rows.end; ++y) {
+      strips_[i].sharpness.reduced(y, row.data());
+      fourth_powers_[y] = 0;
+      for (const float s : row) fourth_powers_[y] += s * s * s * s;
+    }
+  });
+  const double sum = std::accumulate(fourth_powers_.begin(), fourth_powers_.end(), 0.0);
+  return sum / size.area();
 }
 
 }  // namespace all_in_focus::core

@@ -5,11 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
-#include <opencv2/core/utility.hpp>
-#include <vector>
 
 #include "all_in_focus/region_fusion.hpp"
+#include "simd.hpp"
 
 namespace all_in_focus::core {
 namespace {
@@ -24,6 +22,71 @@ constexpr double kRounding = 1;
 // A gain from a frame below this share of the error's own noise is not worth the loss of a frame to average.
 constexpr double kNoiseVariances = 4;
 
+constexpr int kSpan = 512;  // pixels worked on at a time: what they need stays in the L1 cache
+
+// What follows works on a span of one row, n <= kSpan pixels.
+
+// trust (sharpness + floor)^6
+ALL_IN_FOCUS_SIMD void weighSharpness(const float* sharpness, float floor, float trust, int n,
+                                      float* weight) {
+  for (int i = 0; i < n; ++i) {
+    const float s = sharpness[i] + floor, cube = s * s * s;
+    weight[i] = trust * (cube * cube);
+  }
+}
+
+// times (sharpness + floor)^2
+ALL_IN_FOCUS_SIMD void weighSharpnessAround(const float* sharpness, float floor, int n, float* weight) {
+  for (int i = 0; i < n; ++i) {
+    const float s = sharpness[i] + floor;
+    weight[i] *= s * s;
+  }
+}
+
+ALL_IN_FOCUS_SIMD void weighError(const float* squared_error, float floor, int n, float* weight) {
+  for (int i = 0; i < n; ++i) weight[i] /= squared_error[i] + floor;
+}
+
+// n: values, three a pixel
+ALL_IN_FOCUS_SIMD void toFloat(const std::uint8_t* from, int n, float* to) {
+  for (int i = 0; i < n; ++i) to[i] = from[i];
+}
+
+void decode(const std::uint8_t* from, const std::array<float, 256>& codes, int n, float* to) {
+  for (int i = 0; i < n; ++i) to[i] = codes[from[i]];
+}
+
+ALL_IN_FOCUS_SIMD void threeTimes(const float* weight, int n, float* weights) {
+  for (int i = 0; i < n; ++i) weights[3 * i] = weights[3 * i + 1] = weights[3 * i + 2] = weight[i];
+}
+
+ALL_IN_FOCUS_SIMD void addProducts(const float* weights, const float* values, int n, float* sum) {
+  for (int i = 0; i < n; ++i) sum[i] += weights[i] * values[i];
+}
+
+ALL_IN_FOCUS_SIMD void addWeights(const float* weight, int n, float* sum) {
+  for (int i = 0; i < n; ++i) sum[i] += weight[i];
+}
+
+void copyHeavier(const float* weight, const float* most, const float* values, int n, float* chosen) {
+  for (int i = 0; i < n; ++i) {
+    if (weight[i] > most[i]) std::copy_n(values + 3 * i, 3, chosen + 3 * i);
+  }
+}
+
+ALL_IN_FOCUS_SIMD void keepHeavier(const float* weight, std::uint16_t index, int n, float* most,
+                                   std::uint16_t* source) {
+  for (int i = 0; i < n; ++i) source[i] = weight[i] > most[i] ? index : source[i];
+  for (int i = 0; i < n; ++i) most[i] = std::max(most[i], weight[i]);
+}
+
+bool areTheirOwnValues(const std::array<float, 256>& codes) {
+  for (int code = 0; code < 256; ++code) {
+    if (codes[code] != static_cast<float>(code)) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 void WeightedMean::begin(const cv::Size& size, double noise, bool soft) {
@@ -32,83 +95,85 @@ void WeightedMean::begin(const cv::Size& size, double noise, bool soft) {
   sharpness_of_noise_ = kSharpnessOfNoise * noise;
   sharpness_floor_ = static_cast<float>(kRounding + sharpness_of_noise_);
   error_floor_ = static_cast<float>(kRounding + kNoiseVariances * noise * noise);
-  sum_.create(size, CV_32FC4);
-  sum_.setTo(0);
+  colors_.create(size, CV_32FC3);
+  colors_.setTo(0);
+  weights_.create(size, CV_32FC1);
+  weights_.setTo(0);
   most_.create(size, CV_32FC1);
   most_.setTo(0);
   source_index_.create(size, CV_16UC1);
   source_index_.setTo(kNoFrame);
 }
 
-void WeightedMean::add(const cv::Mat& frame, const std::array<float, 256>& codes, const Evidence& evidence,
-                       const cv::Rect& inside, int index) {
+void WeightedMean::beginFrame(int index, const std::array<float, 256>& codes) {
   ++frames_;
-  const auto trust = static_cast<float>(evidence.trust);
-  cv::parallel_for_(cv::Range(inside.y, inside.y + inside.height), [&](const cv::Range& rows) {
-    std::vector<float> weights(inside.width);
-    for (int y = rows.start; y < rows.end; ++y) {
-      float* weight = weights.data();
-      const float* sharpness = evidence.sharpness.ptr<float>(y) + inside.x;
-      for (int x = 0; x < inside.width; ++x) {
-        const float s = sharpness[x] + sharpness_floor_;
-        weight[x] = trust * (s * s * s * s * s * s);
-      }
-      if (!evidence.sharpness_around.empty()) {
-        const float* around = evidence.sharpness_around.ptr<float>(y) + inside.x;
-        for (int x = 0; x < inside.width; ++x) {
-          const float s = around[x] + sharpness_floor_;
-          weight[x] *= s * s;
-        }
-      }
-      if (!evidence.squared_error.empty()) {
-        const float* error = evidence.squared_error.ptr<float>(y) + inside.x;
-        for (int x = 0; x < inside.width; ++x) weight[x] /= error[x] + error_floor_;
-      }
-      const auto* from = frame.ptr<cv::Vec3b>(y) + inside.x;
-      auto* sum = sum_.ptr<cv::Vec4f>(y) + inside.x;
-      float* most = most_.ptr<float>(y) + inside.x;
-      auto* source = source_index_.ptr<std::uint16_t>(y) + inside.x;
-      for (int x = 0; x < inside.width; ++x) {
-        const float w = weight[x];
-        const bool wins = w > most[x];
-        if (soft_) {
-          for (int c = 0; c < 3; ++c) sum[x][c] += w * codes[from[x][c]];
-        } else if (wins) {
-          for (int c = 0; c < 3; ++c) sum[x][c] = codes[from[x][c]];
-        }
-        sum[x][3] += w;
-        if (wins) {
-          most[x] = w;
-          source[x] = static_cast<std::uint16_t>(index);
-        }
-      }
+  index_ = static_cast<std::uint16_t>(index);
+  codes_ = codes;
+  plain_ = areTheirOwnValues(codes);
+}
+
+void WeightedMean::addRow(int y, const cv::Range& columns, const std::uint8_t* pixels,
+                          const EvidenceRow& evidence) {
+  for (int x = columns.start; x < columns.end; x += kSpan) {
+    const int n = std::min(kSpan, columns.end - x);
+    std::array<float, kSpan> weight;
+    std::array<float, 3 * kSpan> values;
+    weigh(evidence, x, n, weight.data());
+    if (plain_) {
+      toFloat(pixels + 3 * x, 3 * n, values.data());
+    } else {
+      decode(pixels + 3 * x, codes_, 3 * n, values.data());
     }
-  });
+    accumulate(weight.data(), values.data(), {x, y}, n);
+  }
+}
+
+void WeightedMean::weigh(const EvidenceRow& evidence, int x, int n, float* weight) const {
+  weighSharpness(evidence.sharpness + x, sharpness_floor_, static_cast<float>(evidence.trust), n, weight);
+  if (evidence.sharpness_around) {
+    weighSharpnessAround(evidence.sharpness_around + x, sharpness_floor_, n, weight);
+  }
+  if (evidence.squared_error) weighError(evidence.squared_error + x, error_floor_, n, weight);
+}
+
+void WeightedMean::accumulate(const float* weight, const float* values, const cv::Point& at, int n) {
+  float* color = colors_.ptr<float>(at.y) + 3 * at.x;
+  float* most = most_.ptr<float>(at.y) + at.x;
+  if (soft_) {
+    std::array<float, 3 * kSpan> weights;
+    threeTimes(weight, n, weights.data());
+    addProducts(weights.data(), values, 3 * n, color);
+  } else {
+    copyHeavier(weight, most, values, n, color);
+  }
+  addWeights(weight, n, weights_.ptr<float>(at.y) + at.x);
+  keepHeavier(weight, index_, n, most, source_index_.ptr<std::uint16_t>(at.y) + at.x);
 }
 
 cv::Mat WeightedMean::image() const {
-  cv::Mat image(sum_.size(), CV_8UC3, cv::Scalar::all(0));
+  cv::Mat image(colors_.size(), CV_8UC3, cv::Scalar::all(0));
   for (int y = 0; y < image.rows; ++y) {
-    const auto* sum = sum_.ptr<cv::Vec4f>(y);
+    const auto* color = colors_.ptr<cv::Vec3f>(y);
+    const float* weight = weights_.ptr<float>(y);
     auto* out = image.ptr<cv::Vec3b>(y);
     for (int x = 0; x < image.cols; ++x) {
-      if (!(sum[x][3] > 0)) continue;
-      const float scale = soft_ ? 1 / sum[x][3] : 1;
-      for (int c = 0; c < 3; ++c) out[x][c] = cv::saturate_cast<std::uint8_t>(sum[x][c] * scale);
+      if (!(weight[x] > 0)) continue;
+      const float scale = soft_ ? 1 / weight[x] : 1;
+      for (int c = 0; c < 3; ++c) out[x][c] = cv::saturate_cast<std::uint8_t>(color[x][c] * scale);
     }
   }
   return image;
 }
 
 cv::Mat WeightedMean::confidence() const {
-  cv::Mat confidence(sum_.size(), CV_8UC1);
+  cv::Mat confidence(weights_.size(), CV_8UC1);
   const float n = static_cast<float>(frames_);
   for (int y = 0; y < confidence.rows; ++y) {
-    const auto* sum = sum_.ptr<cv::Vec4f>(y);
+    const float* weight = weights_.ptr<float>(y);
     const float* most = most_.ptr<float>(y);
     auto* out = confidence.ptr<std::uint8_t>(y);
     for (int x = 0; x < confidence.cols; ++x) {
-      const float rest = most[x] > 0 ? 1 - sum[x][3] / (n * most[x]) : 0;
+      const float rest = most[x] > 0 ? 1 - weight[x] / (n * most[x]) : 0;
       out[x] = frames_ < 2 ? 255 : cv::saturate_cast<std::uint8_t>(255 * rest * n / (n - 1));
     }
   }

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <numeric>
+#include <opencv2/core/utility.hpp>
 
 #include "all_in_focus/region_fusion.hpp"
 #include "all_in_focus/weighted_mean.hpp"
@@ -36,10 +37,29 @@ cv::Mat everywhere(float value) {
   return cv::Mat(kSize, CV_32FC1, cv::Scalar(value));
 }
 
+// CV_32FC1 images; empty: says nothing.
+struct Evidence {
+  cv::Mat sharpness, sharpness_around, squared_error;
+  double trust = 1;
+};
+
 Evidence sharpness(float value) {
   Evidence evidence;
   evidence.sharpness = everywhere(value);
   return evidence;
+}
+
+void add(WeightedMean& mean, const cv::Mat& frame, const std::array<float, 256>& codes,
+         const Evidence& evidence, const cv::Rect& inside, int index) {
+  const auto row = [](const cv::Mat& image, int y) { return image.empty() ? nullptr : image.ptr<float>(y); };
+  mean.beginFrame(index, codes);
+  cv::parallel_for_({inside.y, inside.br().y}, [&](const cv::Range& rows) {
+    for (int y = rows.start; y < rows.end; ++y) {
+      mean.addRow(y, {inside.x, inside.br().x}, frame.ptr<std::uint8_t>(y),
+                  {row(evidence.sharpness, y), row(evidence.sharpness_around, y),
+                   row(evidence.squared_error, y), evidence.trust});
+    }
+  });
 }
 
 int largestDifference(const cv::Mat& a, const cv::Mat& b) {
@@ -52,7 +72,7 @@ TEST(WeightedMean, OneFrameIsTheResult) {
     for (const float value : {0.0f, 3.7f, 1020.0f}) {
       WeightedMean mean;
       mean.begin(kSize, 2, soft);
-      mean.add(frame, asTheyAre(), sharpness(value), kWhole, 5);
+      add(mean, frame, asTheyAre(), sharpness(value), kWhole, 5);
       EXPECT_EQ(largestDifference(mean.image(), frame), 0);
       EXPECT_EQ(cv::countNonZero(mean.sourceIndex() != 5), 0);
       EXPECT_EQ(cv::countNonZero(mean.confidence() != 255), 0);
@@ -64,7 +84,7 @@ TEST(WeightedMean, EqualFramesGiveThatFrame) {
   const cv::Mat frame = randomFrame(1);
   WeightedMean mean;
   mean.begin(kSize, 0);
-  for (int i = 0; i < 100; ++i) mean.add(frame, asTheyAre(), sharpness(static_cast<float>(i)), kWhole, i);
+  for (int i = 0; i < 100; ++i) add(mean, frame, asTheyAre(), sharpness(static_cast<float>(i)), kWhole, i);
   EXPECT_EQ(largestDifference(mean.image(), frame), 0);
 }
 
@@ -79,7 +99,7 @@ TEST(WeightedMean, WeightsAreThePowersOfTheEvidence) {
   mean.begin(kSize, kNoise);
   double sum = 0, sum_of_weights = 0;
   for (int i = 0; i < 2; ++i) {
-    mean.add(plain(values[i]), asTheyAre(), evidence[i], kWhole, i);
+    add(mean, plain(values[i]), asTheyAre(), evidence[i], kWhole, i);
     const double weight = evidence[i].trust * std::pow(evidence[i].sharpness.at<float>(0) + floor, 6) *
                           std::pow(evidence[i].sharpness_around.at<float>(0) + floor, 2) /
                           (evidence[i].squared_error.at<float>(0) + error_floor);
@@ -92,8 +112,8 @@ TEST(WeightedMean, WeightsAreThePowersOfTheEvidence) {
 TEST(WeightedMean, TheSharperFrameDominates) {
   WeightedMean mean;
   mean.begin(kSize, 0);
-  mean.add(plain(0), asTheyAre(), sharpness(5), kWhole, 0);
-  mean.add(plain(100), asTheyAre(), sharpness(20), kWhole, 1);
+  add(mean, plain(0), asTheyAre(), sharpness(5), kWhole, 0);
+  add(mean, plain(100), asTheyAre(), sharpness(20), kWhole, 1);
   EXPECT_LE(largestDifference(mean.image(), plain(100)), 1);
   EXPECT_EQ(cv::countNonZero(mean.sourceIndex() != 1), 0);
   EXPECT_EQ(cv::countNonZero(mean.confidence() < 250), 0);
@@ -103,7 +123,7 @@ TEST(WeightedMean, ThePredictionDecidesWhereFramesAreEquallySharp) {
   WeightedMean mean;
   mean.begin(kSize, 0);
   for (int i = 0; i < 2; ++i) {
-    mean.add(plain(100 * i), asTheyAre(), {everywhere(10), {}, everywhere(i == 0 ? 1e4f : 0), 1}, kWhole, i);
+    add(mean, plain(100 * i), asTheyAre(), {everywhere(10), {}, everywhere(i == 0 ? 1e4f : 0), 1}, kWhole, i);
   }
   EXPECT_LE(largestDifference(mean.image(), plain(100)), 1);
 }
@@ -114,7 +134,7 @@ TEST(WeightedMean, AveragesNoiseWhereFramesAgree) {
   WeightedMean mean;
   mean.begin(kSize, kNoise);
   for (int i = 0; i < kFrames; ++i) {
-    mean.add(randomFrame(i + 1, 128, kNoise), asTheyAre(), sharpness(0), kWhole, i);
+    add(mean, randomFrame(i + 1, 128, kNoise), asTheyAre(), sharpness(0), kWhole, i);
   }
   cv::Scalar average, deviation;
   cv::meanStdDev(mean.image().reshape(1), average, deviation);
@@ -127,7 +147,7 @@ TEST(WeightedMean, HardChoiceCopiesTheHeaviest) {
   WeightedMean mean;
   mean.begin(kSize, 0, false);
   for (int i = 0; i < 3; ++i) {
-    mean.add(randomFrame(i + 1), asTheyAre(), sharpness(i == 1 ? 10.1f : 10), kWhole, i);
+    add(mean, randomFrame(i + 1), asTheyAre(), sharpness(i == 1 ? 10.1f : 10), kWhole, i);
   }
   EXPECT_EQ(largestDifference(mean.image(), randomFrame(2)), 0);
   EXPECT_EQ(cv::countNonZero(mean.sourceIndex() != 1), 0);
@@ -138,7 +158,7 @@ TEST(WeightedMean, ConfidenceIsTheSameForHardAndSoft) {
   for (const bool soft : {true, false}) {
     WeightedMean mean;
     mean.begin(kSize, 0, soft);
-    for (int i = 0; i < 3; ++i) mean.add(plain(i), asTheyAre(), sharpness(10 + i), kWhole, i);
+    for (int i = 0; i < 3; ++i) add(mean, plain(i), asTheyAre(), sharpness(10 + i), kWhole, i);
     confidence[soft] = mean.confidence();
   }
   EXPECT_EQ(largestDifference(confidence[0], confidence[1]), 0);
@@ -149,11 +169,11 @@ TEST(WeightedMean, CodesAreTheValuesThatCount) {
   for (float& code : brighter) code *= 1.5f;
   WeightedMean mean;
   mean.begin(kSize, 0);
-  mean.add(plain(100), asTheyAre(), sharpness(3), kWhole, 0);
-  mean.add(plain(100), brighter, sharpness(3), kWhole, 1);
+  add(mean, plain(100), asTheyAre(), sharpness(3), kWhole, 0);
+  add(mean, plain(100), brighter, sharpness(3), kWhole, 1);
   EXPECT_EQ(largestDifference(mean.image(), plain(125)), 0);
   mean.begin(kSize, 0);
-  mean.add(plain(200), brighter, sharpness(3), kWhole, 0);
+  add(mean, plain(200), brighter, sharpness(3), kWhole, 0);
   EXPECT_EQ(largestDifference(mean.image(), plain(255)), 0);  // 300
 }
 
@@ -161,9 +181,9 @@ TEST(WeightedMean, AFrameCountsOnlyWhereItHasSeen) {
   const cv::Rect inside(10, 5, 20, 15);
   WeightedMean mean;
   mean.begin(kSize, 0);
-  mean.add(plain(0), asTheyAre(), sharpness(1), kWhole, 0);
-  mean.add(plain(200), asTheyAre(), sharpness(100), inside, 1);
-  mean.add(plain(255), asTheyAre(), sharpness(200), cv::Rect(), 2);
+  add(mean, plain(0), asTheyAre(), sharpness(1), kWhole, 0);
+  add(mean, plain(200), asTheyAre(), sharpness(100), inside, 1);
+  add(mean, plain(255), asTheyAre(), sharpness(200), cv::Rect(), 2);
   cv::Mat expected = plain(0), source(kSize, CV_16UC1, cv::Scalar(0));
   expected(inside) = cv::Scalar::all(200);
   source(inside) = 1;
@@ -174,8 +194,8 @@ TEST(WeightedMean, AFrameCountsOnlyWhereItHasSeen) {
 TEST(WeightedMean, WhatNoFrameHasSeenIsBlack) {
   WeightedMean mean;
   mean.begin(kSize, 0);
-  mean.add(plain(200), asTheyAre(), sharpness(1), cv::Rect(0, 0, 10, 30), 0);
-  mean.add(plain(200), asTheyAre(), sharpness(1), cv::Rect(0, 0, 10, 30), 1);
+  add(mean, plain(200), asTheyAre(), sharpness(1), cv::Rect(0, 0, 10, 30), 0);
+  add(mean, plain(200), asTheyAre(), sharpness(1), cv::Rect(0, 0, 10, 30), 1);
   const cv::Rect unseen(10, 0, 30, 30);
   EXPECT_EQ(largestDifference(mean.image()(unseen), plain(0)(unseen)), 0);
   EXPECT_EQ(cv::countNonZero(mean.sourceIndex()(unseen) != kNoFrame), 0);
@@ -186,7 +206,7 @@ TEST(WeightedMean, LongBracketsOfTheGreatestSharpnessDoNotOverflow) {
   WeightedMean mean;
   mean.begin(kSize, 0);
   for (int i = 0; i < 2000; ++i) {
-    mean.add(plain(250), asTheyAre(), {everywhere(1020), everywhere(1020), everywhere(0), 1}, kWhole, i);
+    add(mean, plain(250), asTheyAre(), {everywhere(1020), everywhere(1020), everywhere(0), 1}, kWhole, i);
   }
   EXPECT_EQ(largestDifference(mean.image(), plain(250)), 0);
 }
@@ -204,7 +224,7 @@ TEST(WeightedMean, DoesNotDependOnTheNumberOfThreads) {
           .reshape(1, kSize.height)
           .colRange(0, kSize.width)
           .convertTo(evidence.sharpness, CV_32F);
-      mean.add(randomFrame(i + 1), asTheyAre(), evidence, kWhole, i);
+      add(mean, randomFrame(i + 1), asTheyAre(), evidence, kWhole, i);
     }
     images[run] = mean.image();
     confidences[run] = mean.confidence();
@@ -220,7 +240,7 @@ TEST(WeightedMean, BuffersAreTheSameForEveryFrameAndBracket) {
   for (int bracket = 0; bracket < 3; ++bracket) {
     mean.begin(kSize, 0);
     for (int i = 0; i < 20; ++i) {
-      mean.add(plain(i), asTheyAre(), sharpness(1), kWhole, i);
+      add(mean, plain(i), asTheyAre(), sharpness(1), kWhole, i);
       if (!buffer) buffer = mean.sourceIndex().data;
       EXPECT_EQ(mean.sourceIndex().data, buffer);
     }
