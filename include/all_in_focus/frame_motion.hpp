@@ -2,7 +2,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <opencv2/core.hpp>
+#include <vector>
+
+#include "all_in_focus/image_rows.hpp"
 
 namespace all_in_focus::core {
 
@@ -24,9 +29,37 @@ Motion inverse(const Motion& motion);
 /// How far the motion moves any point of a picture at most, pixels.
 double largestDisplacement(const Motion& motion, const cv::Size& size, const cv::Point2d& center);
 
-/// Brings a frame into the geometry of the reference: out(p) = frame(p') by a separable Lanczos kernel of six
-/// taps. What the frame does not show is continued from its border. frame: CV_8UC3, not shared with out;
-/// motion: from the reference to the frame.
-void warpToReference(const cv::Mat& frame, const Motion& motion, const cv::Point2d& center, cv::Mat& out);
+/// Brings frames into the geometry of the reference: out(p) = frame(p') by a separable Lanczos kernel of six
+/// taps. What a frame does not show is continued from its border.
+class ReferenceWarp {
+ public:
+  static constexpr int kTaps = 6;
+
+  /// frame: CV_8UC3, else std::invalid_argument; not shared with out. motion: from the reference to the
+  /// frame.
+  void compute(const cv::Mat& frame, const Motion& motion, const cv::Point2d& center, cv::Mat& out);
+
+ private:
+  struct Axis {  ///< where each row or column of the output comes from: pixels first, first + 1, ...
+    std::vector<int> first;
+    std::vector<std::array<float, kTaps>> weight;
+    void prepare(int length, double scale, double center, double shift);
+  };
+  struct Run {  ///< columns begin..end-1, whose pixels begin `offset` columns from themselves
+    int begin, end, offset;
+  };
+  struct Strip {
+    KeptRows along;  ///< rows of the frame that have been warped along x
+    std::vector<float> padded;
+  };
+
+  void prepareColumns(int columns, const Motion& motion, const cv::Point2d& center);
+  void warpAlong(const std::uint8_t* from, std::vector<float>& padded, float* out) const;
+
+  Axis rows_, columns_;
+  std::vector<Run> runs_;
+  std::vector<float> column_weights_;  ///< by tap, column, channel
+  std::vector<Strip> strips_;
+};
 
 }  // namespace all_in_focus::core

@@ -80,6 +80,7 @@ class RefinedFusion {
   bool predicts_ = false;
   int reference_ = -1;  // index; -1: none yet
   BracketAlignment alignment_;
+  ReferenceWarp warp_;
   ExposureMatching exposure_;
   DefocusPrediction prediction_;
   WeightedMean mean_;

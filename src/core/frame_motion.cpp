@@ -8,41 +8,64 @@
 #include <cmath>
 #include <cstdint>
 #include <stdexcept>
-#include <vector>
+
+#include "row_strips.hpp"
+#include "simd.hpp"
 
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kTaps = 6;
+constexpr int kTaps = ReferenceWarp::kTaps;
 constexpr int kChannels = 3;
+constexpr int kBorder = 3 + kTaps;  // pixels that taps may lie beyond a border
+constexpr int kKept = 8;            // rows, at least kTaps
 
-// Where one row or column of the output comes from: pixels first, first + 1, ... and their weights.
-struct Taps {
-  int first;
-  std::array<float, kTaps> weight;
-};
-
-// Lanczos kernel: sinc(x) sinc(x / 3), |x| < 3.
-double lanczos(double x) {
-  if (std::abs(x) < 1e-9) return 1;
-  const double a = CV_PI * x;
-  return std::sin(a) * std::sin(a / 3) / (a * a / 3);
+// Lanczos kernel sinc(x) sinc(x / 3) at x = fraction + 2, + 1, ... - 3; 0 <= fraction < 1; scaled to sum 1.
+std::array<double, kTaps> lanczos(double fraction) {
+  std::array<double, kTaps> weight{};
+  if (fraction < 1e-9) {
+    weight[2] = 1;
+    return weight;
+  }
+  // sin(pi x) only changes its sign from tap to tap, and pi x / 3 its angle by 60 degrees.
+  constexpr double kCos[] = {-0.5, 0.5, 1, 0.5, -0.5, -1};
+  const double half_root = std::sqrt(3) / 2;
+  const double sines[] = {half_root, half_root, 0, -half_root, -half_root, 0};
+  const double sine = std::sin(CV_PI / 3 * fraction), cosine = std::cos(CV_PI / 3 * fraction);
+  double sum = 0;
+  for (int k = 0; k < kTaps; ++k) {
+    const double x = fraction + 2 - k;
+    weight[k] = (k % 2 == 0 ? 1 : -1) * (sine * kCos[k] + cosine * sines[k]) / (x * x);
+    sum += weight[k];
+  }
+  for (double& w : weight) w /= sum;
+  return weight;
 }
 
-// Taps of every output coordinate u at u' = center + scale (u - center) + shift, weights of sum 1.
-std::vector<Taps> tapsOf(int length, double scale, double center, double shift) {
-  std::vector<Taps> taps(length);
-  for (int u = 0; u < length; ++u) {
-    const double from = center + scale * (u - center) + shift;
-    // Beyond the border all taps read the border pixel.
-    const double inside = std::clamp(from, -3.0, length + 2.0);
-    taps[u].first = static_cast<int>(std::floor(inside)) - (kTaps / 2 - 1);
-    double sum = 0;
-    std::array<double, kTaps> weight;
-    for (int k = 0; k < kTaps; ++k) sum += weight[k] = lanczos(inside - (taps[u].first + k));
-    for (int k = 0; k < kTaps; ++k) taps[u].weight[k] = static_cast<float>(weight[k] / sum);
+ALL_IN_FOCUS_SIMD void toFloat(const std::uint8_t* from, int n, float* __restrict to) {
+  for (int i = 0; i < n; ++i) to[i] = from[i];
+}
+
+// Every value has weights of its own: w[i], w[stride + i], ...
+ALL_IN_FOCUS_SIMD void combineAlong(const float* from, const float* w, size_t stride, int n,
+                                    float* __restrict to) {
+  for (int i = 0; i < n; ++i) {
+    to[i] = w[i] * from[i] + w[stride + i] * from[i + kChannels] +
+            w[2 * stride + i] * from[i + 2 * kChannels] + w[3 * stride + i] * from[i + 3 * kChannels] +
+            w[4 * stride + i] * from[i + 4 * kChannels] + w[5 * stride + i] * from[i + 5 * kChannels];
   }
-  return taps;
+}
+
+// Rounds to the nearest code, half to even.
+ALL_IN_FOCUS_SIMD void combineAcross(const std::array<const float*, kTaps>& rows,
+                                     const std::array<float, kTaps>& w, int n, std::uint8_t* __restrict to) {
+  const float *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3], *e = rows[4], *f = rows[5];
+  for (int i = 0; i < n; ++i) {
+    const float sum = w[0] * a[i] + w[1] * b[i] + w[2] * c[i] + w[3] * d[i] + w[4] * e[i] + w[5] * f[i];
+    constexpr float kInteger = 3 << 22;  // floats about that have no fraction
+    const int code = static_cast<int>((sum + kInteger) - kInteger);
+    to[i] = static_cast<std::uint8_t>(std::min(std::max(code, 0), 255));
+  }
 }
 
 }  // namespace
@@ -65,39 +88,73 @@ double largestDisplacement(const Motion& motion, const cv::Size& size, const cv:
   return largest;
 }
 
-void warpToReference(const cv::Mat& frame, const Motion& motion, const cv::Point2d& center, cv::Mat& out) {
+// Taps of every output coordinate u at u' = center + scale (u - center) + shift.
+void ReferenceWarp::Axis::prepare(int length, double scale, double center, double shift) {
+  first.resize(length);
+  weight.resize(length);
+  for (int u = 0; u < length; ++u) {
+    const double from = center + scale * (u - center) + shift;
+    // Beyond the border all taps read the border pixel.
+    const double inside = std::clamp(from, -3.0, length + 2.0), whole = std::floor(inside);
+    first[u] = static_cast<int>(whole) - (kTaps / 2 - 1);
+    const std::array<double, kTaps> weights = lanczos(inside - whole);
+    std::transform(weights.begin(), weights.end(), weight[u].begin(),
+                   [](double w) { return static_cast<float>(w); });
+  }
+}
+
+void ReferenceWarp::compute(const cv::Mat& frame, const Motion& motion, const cv::Point2d& center,
+                            cv::Mat& out) {
   if (frame.type() != CV_8UC3) throw std::invalid_argument("warp: the frame must be CV_8UC3");
   if (motion.isIdentity()) return frame.copyTo(out);
   out.create(frame.size(), CV_8UC3);
-  const std::vector<Taps> rows = tapsOf(frame.rows, motion.scale, center.y, motion.shift.y);
-  const std::vector<Taps> columns = tapsOf(frame.cols, motion.scale, center.x, motion.shift.x);
-
-  // One output row at a time: first down the columns, into a row with room for taps beyond both borders.
-  constexpr int kBorder = 3 + kTaps;
+  rows_.prepare(frame.rows, motion.scale, center.y, motion.shift.y);
+  prepareColumns(frame.cols, motion, center);
   const int values = kChannels * frame.cols;
-  std::vector<float> buffer(values + 2 * kChannels * kBorder + 1);
-  float* row = buffer.data() + kChannels * kBorder;
-  for (int y = 0; y < frame.rows; ++y) {
-    std::array<const std::uint8_t*, kTaps> from;
-    for (int k = 0; k < kTaps; ++k) from[k] = frame.ptr(std::clamp(rows[y].first + k, 0, frame.rows - 1));
-    const std::array<float, kTaps> w = rows[y].weight;
-    for (int i = 0; i < values; ++i) {
-      row[i] = w[0] * from[0][i] + w[1] * from[1][i] + w[2] * from[2][i] + w[3] * from[3][i] +
-               w[4] * from[4][i] + w[5] * from[5][i];
-    }
-    for (int i = 0; i < kChannels * kBorder; ++i) {
-      row[-1 - i] = row[kChannels - 1 - i % kChannels];
-      row[values + i] = row[values - kChannels + i % kChannels];
-    }
-    auto* to = out.ptr<std::uint8_t>(y);
-    for (int x = 0; x < frame.cols; ++x, to += kChannels) {
-      const float* pixel = row + kChannels * columns[x].first;
-      std::array<float, 4> sum{};  // four lanes for three channels
+  strips_.resize(stripCount(frame.rows));
+  for (Strip& strip : strips_) {
+    strip.along.begin(kKept, values);
+    strip.padded.resize(values + 2 * kChannels * kBorder);
+  }
+  forStrips({0, frame.rows}, static_cast<int>(strips_.size()), [&](const cv::Range& rows, int i) {
+    const auto along = [&](int v, float* row) { warpAlong(frame.ptr(v), strips_[i].padded, row); };
+    for (int y = rows.start; y < rows.end; ++y) {
+      std::array<const float*, kTaps> from;
       for (int k = 0; k < kTaps; ++k) {
-        for (int c = 0; c < 4; ++c) sum[c] += columns[x].weight[k] * pixel[kChannels * k + c];
+        from[k] = strips_[i].along.row(std::clamp(rows_.first[y] + k, 0, frame.rows - 1), along);
       }
-      for (int c = 0; c < kChannels; ++c) to[c] = cv::saturate_cast<std::uint8_t>(sum[c]);
+      combineAcross(from, rows_.weight[y], values, out.ptr(y));
     }
+  });
+}
+
+void ReferenceWarp::prepareColumns(int columns, const Motion& motion, const cv::Point2d& center) {
+  columns_.prepare(columns, motion.scale, center.x, motion.shift.x);
+  runs_.clear();
+  column_weights_.resize(static_cast<size_t>(kTaps) * kChannels * columns);
+  for (int x = 0; x < columns; ++x) {
+    const int offset = columns_.first[x] - x;
+    if (runs_.empty() || runs_.back().offset != offset) runs_.push_back({x, x, offset});
+    ++runs_.back().end;
+    for (int k = 0; k < kTaps; ++k) {
+      std::fill_n(&column_weights_[static_cast<size_t>(kChannels) * (k * columns + x)], kChannels,
+                  columns_.weight[x][k]);
+    }
+  }
+}
+
+void ReferenceWarp::warpAlong(const std::uint8_t* from, std::vector<float>& padded, float* out) const {
+  const int values = static_cast<int>(padded.size()) - 2 * kChannels * kBorder;
+  float* row = padded.data() + kChannels * kBorder;
+  toFloat(from, values, row);
+  for (int i = 0; i < kChannels * kBorder; ++i) {
+    row[-1 - i] = row[kChannels - 1 - i % kChannels];
+    row[values + i] = row[values - kChannels + i % kChannels];
+  }
+  for (const Run& run : runs_) {
+    const int begin = kChannels * run.begin;
+    combineAlong(row + begin + kChannels * run.offset, column_weights_.data() + begin, values,
+                 kChannels * run.end - begin, out + begin);
   }
 }
 

@@ -94,7 +94,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   }
   cv::Rect inside({}, size_);
   if (!placement.isIdentity()) {
-    warpToReference(frame, placement, center_, aligned_);
+    warp_.compute(frame, placement, center_, aligned_);
     cv::cvtColor(aligned_, aligned_gray_, cv::COLOR_BGR2GRAY);
     inside = seenBy(placement, size_, center_);
   }

@@ -39,7 +39,7 @@ TEST(Motion, MovesTheFarthestCornerMost) {
 TEST(WarpToReference, NoMotionCopies) {
   const cv::Mat image = color(bracket_drawing::frame({}));
   cv::Mat out;
-  warpToReference(image, {}, kCenter, out);
+  ReferenceWarp().compute(image, {}, kCenter, out);
   EXPECT_EQ(cv::norm(image, out, cv::NORM_INF), 0);
   EXPECT_NE(image.data, out.data);
 }
@@ -47,7 +47,7 @@ TEST(WarpToReference, NoMotionCopies) {
 TEST(WarpToReference, WholePixelsAreExactAndTheBorderGoesOn) {
   const cv::Mat image = color(bracket_drawing::frame({}));
   cv::Mat out;
-  warpToReference(image, {1, {5, -3}}, kCenter, out);
+  ReferenceWarp().compute(image, {1, {5, -3}}, kCenter, out);
   const cv::Rect inside(0, 3, kSize.width - 5, kSize.height - 3);
   EXPECT_EQ(cv::norm(out(inside), image(inside + cv::Point(5, -3)), cv::NORM_INF), 0);
   EXPECT_EQ(out.at<cv::Vec3b>(0, kSize.width - 1), image.at<cv::Vec3b>(0, kSize.width - 1));
@@ -56,7 +56,7 @@ TEST(WarpToReference, WholePixelsAreExactAndTheBorderGoesOn) {
 TEST(WarpToReference, BringsAFrameBack) {
   for (const Motion& motion : {Motion{1.03, {2.4, -1.7}}, Motion{0.98, {-0.3, 0.5}}, Motion{1, {0.5, 0.5}}}) {
     cv::Mat out;
-    warpToReference(color(bracket_drawing::frame(motion)), motion, kCenter, out);
+    ReferenceWarp().compute(color(bracket_drawing::frame(motion)), motion, kCenter, out);
     const cv::Rect inside(12, 12, kSize.width - 24, kSize.height - 24);
     EXPECT_GT(cv::PSNR(out(inside), color(bracket_drawing::frame({}))(inside)), 50) << motion.scale;
   }
@@ -67,7 +67,7 @@ TEST(WarpToReference, SmallPicturesAndFarMotions) {
     const cv::Mat plain(size, CV_8UC3, cv::Scalar(7, 80, 255));
     for (const Motion& motion : {Motion{1.05, {0.4, 0.2}}, Motion{0.1, {900, -900}}, Motion{9, {-900, 0}}}) {
       cv::Mat out;
-      warpToReference(plain, motion, {1, 1}, out);
+      ReferenceWarp().compute(plain, motion, {1, 1}, out);
       EXPECT_EQ(cv::norm(plain, out, cv::NORM_INF), 0);
     }
   }
@@ -75,7 +75,8 @@ TEST(WarpToReference, SmallPicturesAndFarMotions) {
 
 TEST(WarpToReference, RefusesGray) {
   cv::Mat out;
-  EXPECT_THROW(warpToReference(cv::Mat(8, 8, CV_8UC1), {1.1, {}}, kCenter, out), std::invalid_argument);
+  EXPECT_THROW(ReferenceWarp().compute(cv::Mat(8, 8, CV_8UC1), {1.1, {}}, kCenter, out),
+               std::invalid_argument);
 }
 
 }  // namespace
