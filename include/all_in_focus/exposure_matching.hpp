@@ -20,7 +20,7 @@ class ExposureMatching {
 
   /// Gain for a frame of the reference's size and type, aligned to it to a few pixels: 0.5..2, and 1 where it
   /// is not significant. Throws std::invalid_argument on another size or type.
-  double gain(const cv::Mat& frame) const;
+  double gain(const cv::Mat& frame);
 
  private:
   struct Block {
@@ -28,11 +28,19 @@ class ExposureMatching {
     float contrast = 0;  ///< variance over the mean's square; negative: too dark, bright or textured to count
   };
 
-  static std::vector<Block> blocks(const cv::Mat& image);  ///< of each channel
+  struct Weighted {
+    float value, weight;
+  };
+
+  static void findBlocks(const cv::Mat& image, std::vector<Block>& blocks);  ///< of each channel
+  template <int kChannels>
+  static void findBlock(const cv::Mat& image, const cv::Point& corner, int step, Block* blocks);
+  static double median(std::vector<Weighted>& values);  ///< reorders them
 
   cv::Size size_;
   int type_ = 0;
-  std::vector<Block> reference_;
+  std::vector<Block> reference_, seen_;
+  std::vector<Weighted> ratios_;
 };
 
 /// 8-bit code -> the code that the reference would have shown, 0..255, not rounded.

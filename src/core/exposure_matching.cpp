@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numeric>
 #include <stdexcept>
 
 namespace all_in_focus::core {
@@ -42,55 +43,68 @@ const std::array<float, 256>& lightOfCode() {
   return table;
 }
 
-struct Weighted {
-  float value, weight;
-};
-
-// Sorts the values.
-double median(std::vector<Weighted>& values) {
-  std::sort(values.begin(), values.end(),
-            [](const Weighted& a, const Weighted& b) { return a.value < b.value; });
-  double total = 0, sum = 0;
-  for (const Weighted& v : values) total += v.weight;
-  for (const Weighted& v : values) {
-    sum += v.weight;
-    if (sum >= total / 2) return v.value;
-  }
-  return 0;
-}
-
 }  // namespace
 
-std::vector<ExposureMatching::Block> ExposureMatching::blocks(const cv::Mat& image) {
+// Of the values' order only as much is found as it takes: the half that holds the median, and again.
+double ExposureMatching::median(std::vector<Weighted>& values) {
+  const auto less = [](const Weighted& a, const Weighted& b) { return a.value < b.value; };
+  const auto add = [](double sum, const Weighted& v) { return sum + v.weight; };
+  double left = std::accumulate(values.begin(), values.end(), 0.0, add) / 2;  // to come before the median
+  auto begin = values.begin(), end = values.end();
+  while (end - begin > 1) {
+    const auto middle = begin + (end - begin) / 2;
+    std::nth_element(begin, middle, end, less);
+    const double lower = std::accumulate(begin, middle, 0.0, add);
+    if (lower >= left) {
+      end = middle;
+    } else {
+      left -= lower;
+      begin = middle;
+    }
+  }
+  return begin == end ? 0 : begin->value;
+}
+
+// All channels at once: their sums do not wait for one another.
+template <int kChannels>
+void ExposureMatching::findBlock(const cv::Mat& image, const cv::Point& corner, int step, Block* blocks) {
   const std::array<float, 256>& light = lightOfCode();
-  const int side = std::max(image.cols / kColumns, kSamples), step = side / kSamples;
-  const int columns = image.cols / side, rows = image.rows / side, channels = image.channels();
-  std::vector<Block> blocks(columns * rows * channels);
-  for (int j = 0; j < rows; ++j) {
-    for (int i = 0; i < columns; ++i) {
-      for (int c = 0; c < channels; ++c) {
-        float sum = 0, squares = 0;
-        int brightest = 0;
-        for (int v = 0; v < kSamples; ++v) {
-          const auto* row = image.ptr<std::uint8_t>(j * side + v * step) + i * side * channels + c;
-          for (int u = 0; u < kSamples; ++u) {
-            const int code = row[u * step * channels];
-            sum += light[code];
-            squares += light[code] * light[code];
-            brightest = std::max(brightest, code);
-          }
-        }
-        constexpr float n = kSamples * kSamples;
-        Block& block = blocks[(j * columns + i) * channels + c];
-        block.light = sum / n;
-        const bool exposed =
-            block.light > light[kDark] && block.light < light[kBright] && brightest < kClipped;
-        const float contrast = std::max(0.0f, n * squares / (sum * sum) - 1);
-        block.contrast = exposed && contrast < kTextured ? contrast : -1;
+  std::array<float, kChannels> sum{}, squares{};
+  std::array<int, kChannels> brightest{};
+  for (int v = 0; v < kSamples; ++v) {
+    const auto* pixel = image.ptr<std::uint8_t>(corner.y + v * step) + corner.x * kChannels;
+    for (int u = 0; u < kSamples; ++u, pixel += step * kChannels) {
+      for (int c = 0; c < kChannels; ++c) {
+        const float value = light[pixel[c]];
+        sum[c] += value;
+        squares[c] += value * value;
+        brightest[c] = std::max<int>(brightest[c], pixel[c]);
       }
     }
   }
-  return blocks;
+  for (int c = 0; c < kChannels; ++c) {
+    constexpr float n = kSamples * kSamples;
+    Block& block = blocks[c];
+    block.light = sum[c] / n;
+    const bool exposed =
+        block.light > light[kDark] && block.light < light[kBright] && brightest[c] < kClipped;
+    const float contrast = std::max(0.0f, n * squares[c] / (sum[c] * sum[c]) - 1);
+    block.contrast = exposed && contrast < kTextured ? contrast : -1;
+  }
+}
+
+void ExposureMatching::findBlocks(const cv::Mat& image, std::vector<Block>& blocks) {
+  const int side = std::max(image.cols / kColumns, kSamples);
+  const int columns = image.cols / side, rows = image.rows / side, channels = image.channels();
+  blocks.resize(columns * rows * channels);
+  auto block = blocks.begin();
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns; ++i, block += channels) {
+      const cv::Point corner(i * side, j * side);
+      channels == 3 ? findBlock<3>(image, corner, side / kSamples, &*block)
+                    : findBlock<1>(image, corner, side / kSamples, &*block);
+    }
+  }
 }
 
 void ExposureMatching::setReference(const cv::Mat& reference) {
@@ -99,29 +113,28 @@ void ExposureMatching::setReference(const cv::Mat& reference) {
   }
   size_ = reference.size();
   type_ = reference.type();
-  reference_ = blocks(reference);
+  findBlocks(reference, reference_);
 }
 
-double ExposureMatching::gain(const cv::Mat& frame) const {
+double ExposureMatching::gain(const cv::Mat& frame) {
   if (frame.size() != size_ || frame.type() != type_) {
     throw std::invalid_argument("exposure: the frame must be of the reference's size and type");
   }
-  const std::vector<Block> seen = blocks(frame);
-  std::vector<Weighted> ratios;
-  ratios.reserve(seen.size());
+  findBlocks(frame, seen_);
+  ratios_.clear();
   double sum = 0, squares = 0;
-  for (size_t i = 0; i < seen.size(); ++i) {
-    const Block &a = reference_[i], &b = seen[i];
+  for (size_t i = 0; i < seen_.size(); ++i) {
+    const Block &a = reference_[i], &b = seen_[i];
     if (a.contrast < 0 || b.contrast < 0) continue;
     const auto weight = static_cast<float>(1 / (kNoise * kNoise + a.contrast + b.contrast));
-    ratios.push_back({std::log(a.light / b.light), weight});
+    ratios_.push_back({std::log(a.light / b.light), weight});
     sum += weight;
     squares += weight * weight;
   }
-  const double exposure = median(ratios);
-  for (Weighted& ratio : ratios) ratio.value = std::abs(ratio.value - static_cast<float>(exposure));
+  const double exposure = median(ratios_);
+  for (Weighted& ratio : ratios_) ratio.value = std::abs(ratio.value - static_cast<float>(exposure));
   // Standard deviation of a median, from the median deviation, for normal errors.
-  const double deviation = 1.2533 * 1.4826 * median(ratios) * std::sqrt(squares) / sum;
+  const double deviation = 1.2533 * 1.4826 * median(ratios_) * std::sqrt(squares) / sum;
   if (!(std::abs(exposure) > std::max(kNoticeable, kSignificance * deviation))) return 1;
   return std::clamp(std::exp(exposure), 1 / kLargestGain, kLargestGain);
 }
@@ -129,7 +142,8 @@ double ExposureMatching::gain(const cv::Mat& frame) const {
 std::array<float, 256> gainTable(double gain) {
   std::array<float, 256> table;
   for (int code = 0; code < 256; ++code) {
-    table[code] = static_cast<float>(std::min(255.0, toCode(gain * toLight(code))));
+    const double shown = gain == 1 ? code : toCode(gain * toLight(code));  // exactly itself
+    table[code] = static_cast<float>(std::min(255.0, shown));
   }
   return table;
 }
