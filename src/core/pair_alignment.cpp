@@ -7,6 +7,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "simd.hpp"
+
 namespace all_in_focus::core {
 namespace {
 
@@ -109,7 +111,7 @@ void PairAlignment::setKey(const ImagePyramid& key, const cv::Point2d& center) {
   key.contrast().copyTo(contrast_);
 }
 
-void PairAlignment::fill(const Level& level, const cv::Mat& image, const cv::Point& corner, Tile& tile) {
+ALL_IN_FOCUS_SIMD void PairAlignment::fill(const Level& level, const cv::Mat& image, const cv::Point& corner, Tile& tile) {
   // The spline and its derivatives at the pixels: [1 4 1] / 6, [-1 0 1] / 2, [1 -2 1].
   tile.nuisance[0].fill(1.0f / kTile);
   for (int v = 0; v < kTile; ++v) {
