@@ -1,148 +1,229 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-// Every step of the method, each beside a plain copy of one colour frame, the yardstick of the machine.
+// Every step of the method at several sizes, with one thread and with two.
 //
 //   bench_steps [--benchmark_filter=...] [RIG_FOLDER DEPTH.png]
 //
-// With a rig folder and a depth map of your own, or on a built scene: a slanted panel before a wall,
-// quantised and with holes as a Kinect has them.
+// Depth is generated, with 3 mm of noise on every pixel but where a name says kinect: that has the steps of a
+// Kinect. A rig folder and a depth map of your own take its place at the size of their colour camera.
+//
+// Counters of each: touched_bytes, what the step must read and write at least: inputs and outputs once,
+// accumulators both ways; copies, its time over that of a plain copy, by one thread, that reads and writes as
+// many bytes: 1 = as fast as memory allows; allocations and allocated_bytes, from the heap, per iteration
+// when all buffers have grown to their size.
 
 #include <benchmark/benchmark.h>
 
-#include <cmath>
+#include <algorithm>
+#include <chrono>
 #include <cstring>
+#include <iostream>
 #include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
+#include <vector>
 
-#include "all_in_focus/pipeline.hpp"
+#include "allocations.hpp"
+#include "bench_scene.hpp"
 #include "image_files.hpp"
 #include "rig_files.hpp"
 
 namespace {
 
 using namespace all_in_focus;
-using namespace all_in_focus::core;
 
-struct Sample {
-  Rig rig;
-  cv::Mat depth;
-  Optics optics;
-};
+constexpr int kWarmUp = 3;    // iterations until buffers have their size
+constexpr int kBracket = 10;  // frames
 
-Sample builtSample() {
-  Sample sample;
-  sample.rig.depth = {{640, 480}, 583.9, 586.7, 310.0, 251.7, {}};
-  sample.rig.color = {{640, 480}, 810.2, 814.2, 309.9, 244.0, {}};
-  sample.rig.depth_to_color.translation_mm = {-10.0, 53.9, 40.5};
-  sample.depth.create(480, 640, CV_16UC1);
-  cv::RNG random(1);
-  for (int v = 0; v < 480; ++v) {
-    for (int u = 0; u < 640; ++u) {
-      const bool panel = u > 200 && u < 450 && v > 200;
-      const double z = (panel ? 850.0 + 1.6 * (u - 200) : 2800.0 + 0.5 * u) + random.gaussian(1.0);
-      const double disparity = std::round(8 * 580.0 * 75.0 / z) / 8;
-      const bool hole = (u > 180 && u <= 200 && v > 200) || random.uniform(0, 100) < 2;
-      sample.depth.at<std::uint16_t>(v, u) =
-          hole ? 0 : cv::saturate_cast<std::uint16_t>(580.0 * 75.0 / disparity);
-    }
-  }
-  return sample;
+cv::Size sizeOf(const benchmark::State& state) {
+  return {static_cast<int>(state.range(0)), static_cast<int>(state.range(1))};
 }
 
-Sample& sample() {
-  static Sample s = builtSample();
-  return s;
-}
-
-void copyOneFrame(benchmark::State& state) {
-  const cv::Mat from(480, 640, CV_8UC3, cv::Scalar(1, 2, 3));
-  cv::Mat to(480, 640, CV_8UC3);
-  for (auto _ : state) {
-    std::memcpy(to.data, from.data, from.total() * from.elemSize());
+// Seconds that a plain copy takes which reads and writes that many bytes together.
+double copySeconds(std::size_t bytes) {
+  using Clock = std::chrono::steady_clock;
+  const std::vector<char> from(bytes / 2, 1);
+  std::vector<char> to(bytes / 2);
+  std::vector<double> seconds;
+  while (seconds.size() < 9) {
+    const auto begin = Clock::now();
+    std::memcpy(to.data(), from.data(), to.size());
+    benchmark::DoNotOptimize(to.data());
     benchmark::ClobberMemory();
+    seconds.push_back(std::chrono::duration<double>(Clock::now() - begin).count());
   }
+  std::nth_element(seconds.begin(), seconds.begin() + seconds.size() / 2, seconds.end());
+  return seconds[seconds.size() / 2];
+}
+
+// Runs step() and reports. prepare() comes before every `every`-th step and counts for nothing.
+template <typename Step, typename Prepare>
+void measure(benchmark::State& state, std::size_t touched_bytes, Step step, int every, Prepare prepare) {
+  using Clock = std::chrono::steady_clock;
+  cv::setNumThreads(static_cast<int>(state.range(2)));
+  Allocations taken;
+  double seconds = 0;
+  std::int64_t steps = 0;
+  const auto run = [&] {
+    if (steps++ % every == 0) prepare();
+    const Allocations before = Allocations::soFar();
+    const auto begin = Clock::now();
+    step();
+    const double elapsed = std::chrono::duration<double>(Clock::now() - begin).count();
+    const Allocations after = Allocations::soFar();
+    taken.calls += after.calls - before.calls;
+    taken.bytes += after.bytes - before.bytes;
+    seconds += elapsed;
+    return elapsed;
+  };
+  while (steps < kWarmUp) run();
+  taken = {};
+  seconds = 0;
+  for (auto _ : state) state.SetIterationTime(run());
+  const double n = static_cast<double>(state.iterations());
+  state.counters["touched_bytes"] = static_cast<double>(touched_bytes);
+  state.counters["allocations"] = static_cast<double>(taken.calls) / n;
+  state.counters["allocated_bytes"] = static_cast<double>(taken.bytes) / n;
+  state.counters["copies"] = seconds / n / copySeconds(touched_bytes);
+}
+
+template <typename Step>
+void measure(benchmark::State& state, std::size_t touched_bytes, Step step) {
+  measure(state, touched_bytes, step, kWarmUp, [] {});
+}
+
+// Bytes a pixel: depth 2, labels 4, frame 3; of the accumulators of mode refined 20, both read and written.
+std::size_t pixels(const cv::Size& size) {
+  return static_cast<std::size_t>(size.area());
+}
+
+void copyFrame(benchmark::State& state) {
+  const cv::Mat from(sizeOf(state), CV_8UC3, cv::Scalar(1, 2, 3));
+  cv::Mat to = from.clone();
+  const std::size_t bytes = from.total() * from.elemSize();
+  measure(state, 2 * bytes, [&] {
+    std::memcpy(to.data, from.data, bytes);
+    benchmark::ClobberMemory();
+  });
 }
 
 void registerAndFill(benchmark::State& state, Mode mode) {
-  DepthPreprocessing preprocessing(sample().rig, mode);
+  const Sample& sample = Samples::get(sizeOf(state), Sensor::kNoisy);
+  DepthPreprocessing preprocessing(sample.rig, mode);
   cv::Mat registered, filled;
-  for (auto _ : state) preprocessing.compute(sample().depth, registered, filled);
+  measure(state, 2 * sample.depth.total() + 4 * pixels(sizeOf(state)),
+          [&] { preprocessing.compute(sample.depth, registered, filled); });
 }
 
-void segment(benchmark::State& state, Mode mode) {
-  cv::Mat registered, filled;
-  DepthPreprocessing(sample().rig, mode).compute(sample().depth, registered, filled);
-  DofSegmentation segmentation(segmentationConfig(mode, sample().optics));
+void segment(benchmark::State& state, Mode mode, Sensor sensor) {
+  const Sample& sample = Samples::get(sizeOf(state), Sensor::kKinect);
+  const cv::Mat filled = Samples::filled(sample, mode);
+  const cv::Mat depth = sensor == Sensor::kNoisy ? Samples::withNoise(filled) : filled;
+  DofSegmentation segmentation(segmentationConfig(mode, sample.optics));
   Segmentation result;
-  for (auto _ : state) segmentation.compute(filled, result);
+  measure(state, 6 * pixels(sizeOf(state)), [&] { segmentation.compute(depth, result); });
   state.counters["regions"] = static_cast<double>(result.segments.size());
 }
 
-BracketScene scene() {
-  BracketScene scene;
-  DepthPreprocessing(sample().rig, Mode::kPaper).compute(sample().depth, scene.measured, scene.depth);
-  Segmentation segmentation;
-  DofSegmentation(segmentationConfig(Mode::kPaper, sample().optics)).compute(scene.depth, segmentation);
-  scene.labels = segmentation.labels;
-  scene.optics = sample().optics;
-  scene.camera = sample().rig.color;
-  return scene;
-}
-
-// Texture of all sizes. magnified: as a lens that breathes would show it.
-cv::Mat textured(double magnified = 1) {
-  cv::Mat frame(sample().rig.color.size, CV_8UC3);
-  cv::theRNG().state = 1;
-  cv::randu(frame, 0, 255);
-  for (const double sigma : {1.0, 4.0}) {
-    cv::Mat coarse(frame.size(), CV_8UC3);
-    cv::randu(coarse, 0, 255);
-    cv::GaussianBlur(coarse, coarse, cv::Size(), sigma);
-    cv::normalize(coarse, coarse, 0, 255, cv::NORM_MINMAX);
-    cv::addWeighted(frame, 0.5, coarse, 0.5, 0, frame);
-  }
-  const cv::Point2f center(frame.cols / 2.0f, frame.rows / 2.0f);
-  cv::warpAffine(frame, frame, cv::getRotationMatrix2D(center, 0, magnified), frame.size(), cv::INTER_CUBIC,
-                 cv::BORDER_REFLECT);
-  return frame;
-}
-
-void fusePaper(benchmark::State& state) {
-  const cv::Mat frame = textured();
-  BracketFusion fusion;
-  fusion.begin(scene(), Mode::kPaper);
-  int index = 0;
-  for (auto _ : state) fusion.add(frame, index++ % 1000);
-}
-
-void fuseRefined(benchmark::State& state, bool alignment) {
-  const cv::Mat frames[] = {textured(), textured(1.01)};
+void fuse(benchmark::State& state, Mode mode, bool alignment) {
+  const BracketScene& scene = Samples::scene(Samples::get(sizeOf(state), Sensor::kNoisy));
+  const std::vector<cv::Mat>& frames = Samples::sweep(sizeOf(state));
   RefinedConfig config;
   config.alignment = alignment;
   BracketFusion fusion;
-  fusion.begin(scene(), Mode::kRefined, config);
   int index = 0;
-  for (auto _ : state) {
-    fusion.add(frames[index % 2], index, 1000 + 100 * (index % 20));
+  const auto add = [&] {
+    fusion.add(frames[index % frames.size()], index, 1000 + 200 * index);
     ++index;
+  };
+  const auto begin = [&] {
+    fusion.begin(scene, mode, config);
+    index = 0;
+    add();  // the reference: sets up, and is never warped
+  };
+  const std::size_t bytes_per_pixel = mode == Mode::kPaper ? 3 + 4 + 3 : 3 + 2 + 2 * 20 + 2;
+  measure(state, bytes_per_pixel * pixels(sizeOf(state)), add, kBracket - 1, begin);
+}
+
+class Frames : public FrameSource {
+ public:
+  explicit Frames(const std::vector<cv::Mat>& frames) : frames_(frames) {}
+  bool next(cv::Mat& frame) override {
+    if (next_ == frames_.size()) return false;
+    frame = frames_[next_++];
+    return true;
+  }
+  void rewind() override { next_ = 0; }
+  int count() override { return static_cast<int>(frames_.size()); }
+
+ private:
+  std::vector<cv::Mat> frames_;
+  std::size_t next_ = 0;
+};
+
+void runWithTwoFrames(benchmark::State& state, Mode mode) {
+  const Sample& sample = Samples::get(sizeOf(state), Sensor::kNoisy);
+  const std::vector<cv::Mat>& sweep = Samples::sweep(sizeOf(state));
+  Frames frames({sweep.front(), sweep.back()});
+  PipelineInput input;
+  input.depth = sample.depth;
+  input.rig = sample.rig;
+  input.has_rig = true;
+  input.optics = sample.optics;
+  input.frames = &frames;
+  input.focus_mm = {1000, 3000};
+  const std::size_t depth_and_labels = 4 + 4, two_frames = 6, image_index_confidence = 6;
+  measure(state,
+          2 * sample.depth.total() +
+              (depth_and_labels + two_frames + image_index_confidence) * pixels(sizeOf(state)),
+          [&] {
+            frames.rewind();
+            benchmark::DoNotOptimize(runPipeline(input, mode));
+          });
+}
+
+void atAllSizes(benchmark::internal::Benchmark* step) {
+  const int sizes[][2] = {{320, 240}, {640, 480}, {1280, 720}, {2208, 1242}, {4416, 1242}};
+  step->ArgNames({"width", "height", "threads"})->UseManualTime()->Unit(benchmark::kMillisecond);
+  for (const auto& size : sizes) {
+    for (const int threads : {1, 2}) step->Args({size[0], size[1], threads});
   }
 }
 
-BENCHMARK(copyOneFrame)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(registerAndFill, paper, Mode::kPaper)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(registerAndFill, refined, Mode::kRefined)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(segment, paper, Mode::kPaper)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(segment, refined, Mode::kRefined)->Unit(benchmark::kMillisecond);
-BENCHMARK(fusePaper)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(fuseRefined, without_alignment, false)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(fuseRefined, aligned_and_warped, true)->Unit(benchmark::kMillisecond);
+BENCHMARK(copyFrame)->Apply(atAllSizes);
+BENCHMARK_CAPTURE(registerAndFill, paper, Mode::kPaper)->Apply(atAllSizes);
+BENCHMARK_CAPTURE(registerAndFill, refined, Mode::kRefined)->Apply(atAllSizes);
+BENCHMARK_CAPTURE(segment, paper_kinect, Mode::kPaper, Sensor::kKinect)->Apply(atAllSizes);
+BENCHMARK_CAPTURE(segment, paper_noisy, Mode::kPaper, Sensor::kNoisy)->Apply(atAllSizes);
+BENCHMARK_CAPTURE(segment, refined_kinect, Mode::kRefined, Sensor::kKinect)->Apply(atAllSizes);
+BENCHMARK_CAPTURE(segment, refined_noisy, Mode::kRefined, Sensor::kNoisy)->Apply(atAllSizes);
+BENCHMARK_CAPTURE(fuse, paper, Mode::kPaper, false)->Apply(atAllSizes);
+BENCHMARK_CAPTURE(fuse, refined_without_alignment, Mode::kRefined, false)->Apply(atAllSizes);
+BENCHMARK_CAPTURE(fuse, refined_aligned, Mode::kRefined, true)->Apply(atAllSizes);
+BENCHMARK_CAPTURE(runWithTwoFrames, paper, Mode::kPaper)->Apply(atAllSizes);
+BENCHMARK_CAPTURE(runWithTwoFrames, refined, Mode::kRefined)->Apply(atAllSizes);
+
+int fail(const std::string& reason) {
+  std::cerr << "bench_steps: " << reason << '\n';
+  return 2;
+}
 
 }  // namespace
 
 int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
-  if (argc == 3) sample() = {readRig(argv[1]), readDepth(argv[2]), readOptics(argv[1])};
-  benchmark::RunSpecifiedBenchmarks();
+  if (argc != 1 && argc != 3)
+    return fail("give RIG_FOLDER and DEPTH.png, or nothing, and --benchmark_ options");
+  try {
+    if (argc == 3) {
+      const Sample recorded{readRig(argv[1]), readDepth(argv[2]), readOptics(argv[1])};
+      if (recorded.depth.size() != recorded.rig.depth.size) {
+        return fail(std::string(argv[2]) + ": not of the size of the rig's depth camera");
+      }
+      Samples::setRecorded(recorded);
+    }
+    benchmark::RunSpecifiedBenchmarks();
+  } catch (const std::exception& e) {
+    return fail(e.what());
+  }
   return 0;
 }
