@@ -1,0 +1,145 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Draw how time grows with pixels, and time and memory with the number of frames, beside what linear would be.
+
+Needs a sourced setup.bash and bench_steps (see docs/performance.md). Depth is generated, with 3 mm of noise on every pixel
+but for the segmentation of a Kinect's depth. Brackets of many frames are a sweep of 30 in which frames come again.
+"""
+import argparse
+import json
+import os
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+from tqdm import tqdm  # noqa: E402
+
+import steps  # noqa: E402
+from all_in_focus.command_line import Parser, count  # noqa: E402
+from suite import MAKE_SCENE  # noqa: E402
+
+FRAMES = (2, 5, 15, 50, 150, 540)
+SWEEP = 30  # different frames
+MODES = ("paper", "refined")
+# In a small process of its own: the kernel counts the memory of the one that starts a program as the program's, too.
+PEAK_MEMORY = """import os, resource, sys
+status = os.spawnv(os.P_WAIT, sys.argv[1], sys.argv[1:])
+sys.stderr.write("\\n%d\\n" % resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+sys.exit(status)"""
+COLORS = plt.get_cmap("tab20").colors
+
+
+def parse_arguments():
+    parser = Parser(prog="growth.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--output", required=True, metavar="PNG")
+    parser.add_argument("--json", metavar="FILE", help="write the figures there")
+    parser.add_argument("--take", metavar="FILE", help="draw these figures, as --json wrote them; measure nothing")
+    parser.add_argument("--repetitions", type=count, default=3, metavar="N", help="medians of so many; default %(default)s")
+    parser.add_argument("--bench-steps", default=steps.BENCH_STEPS, metavar="PATH")
+    parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
+    return parser, parser.parse_args()
+
+
+def make_stack(scene, frames, folder):
+    """Folder of links to the frames of the scene's sweep, and the focus distances of them."""
+    names = sorted(os.listdir(os.path.join(scene, "stack")))
+    with open(os.path.join(scene, "focus.yaml"), encoding="utf-8") as file:
+        distances = re.findall(r"focus_mm: ([\w.]+)", file.read())
+    os.makedirs(os.path.join(folder, "stack"))
+    with open(os.path.join(folder, "focus.yaml"), "w", encoding="utf-8") as focus:
+        focus.write("frames:\n")
+        for i in range(frames):
+            taken = i * len(names) // frames
+            os.symlink(os.path.join(scene, "stack", names[taken]), os.path.join(folder, "stack", "%04d.png" % i))
+            focus.write("  - {file: %04d.png, focus_mm: %s}\n" % (i, distances[taken]))
+
+
+def run_measured(command):
+    """What a program printed, and its peak memory in MB. RuntimeError where it fails."""
+    result = subprocess.run([sys.executable, "-S", "-c", PEAK_MEMORY, *command], stdout=subprocess.PIPE,
+                            stderr=subprocess.PIPE, universal_newlines=True, errors="replace")
+    *said, peak = result.stderr.splitlines()
+    if result.returncode:
+        raise RuntimeError(said[-1] if said else "%s fails" % command[0])
+    return result.stdout, int(peak) / 1024
+
+
+def measure_frames(program, repetitions, scene):
+    """mode -> rows of number of frames, ms of fusion, peak memory in MB."""
+    runs = {}
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run([sys.executable, MAKE_SCENE, "--scene", "planes", "--size", "640x480", "--frames", str(SWEEP),
+                        "--output", scene], check=True, stdout=subprocess.DEVNULL)
+        for frames in FRAMES:
+            make_stack(scene, frames, os.path.join(folder, str(frames)))
+        todo = [(mode, frames) for _ in range(repetitions) for frames in FRAMES for mode in MODES]
+        for mode, frames in tqdm(todo, unit="stack", disable=not sys.stderr.isatty()):
+            stack = os.path.join(folder, str(frames))
+            text, memory = run_measured([
+                program, "--stack", os.path.join(stack, "stack"), "--focus", os.path.join(stack, "focus.yaml"), "--mode",
+                mode, "--rig", os.path.join(scene, "rig"), "--depth", os.path.join(scene, "depth.png"), "--timings",
+                "--output", os.path.join(folder, "fused.png")])
+            fusion_ms = float(re.search(r"fusion ([-+.e\d]+) ms", text)[1])
+            runs.setdefault((mode, frames), []).append((fusion_ms, memory))
+    return {mode: [[frames, *(statistics.median(column) for column in zip(*runs[mode, frames]))] for frames in FRAMES]
+            for mode in MODES}
+
+
+def measure(args):
+    figures = steps.run(args.bench_steps, only="threads:1", repetitions=args.repetitions)
+    pixels = {}
+    for (step, width, height, _), entry in sorted(figures.items(), key=lambda item: item[0][1] * item[0][2]):
+        pixels.setdefault(step, []).append([width * height, entry["ms"]])
+    with tempfile.TemporaryDirectory() as scene:
+        return {"pixels": pixels, "frames": measure_frames(args.fuse_stack, args.repetitions, scene)}
+
+
+def draw(figures, output):
+    fig, (left, middle, right) = plt.subplots(1, 3, figsize=(13, 6.2), dpi=75, gridspec_kw={"width_ratios": (1.4, 1, 1)})
+    for color, (step, rows) in zip(COLORS, sorted(figures["pixels"].items(), key=lambda item: -item[1][-1][1])):
+        x, y = zip(*rows)
+        left.loglog(x, y, "o-", color=color, lw=1.5, ms=4, label=steps.TITLES[step])
+        left.loglog(x, [y[0] * n / x[0] for n in x], ":", color=color, lw=1)
+    left.set(xlabel="pixels", ylabel="ms", title="each step, one thread; dotted: linear")
+    for mode, rows in figures["frames"].items():
+        frames, ms, memory = zip(*rows)
+        line, = middle.loglog(frames, ms, "o-", ms=4, label="mode " + mode)
+        middle.loglog(frames, [ms[-1] * n / frames[-1] for n in frames], ":", color=line.get_color(), lw=1)
+        right.semilogx(frames, memory, "o-", ms=4, label="mode " + mode)
+    middle.set(xlabel="frames of 640x480", ylabel="ms", title="fusion of a bracket; dotted: linear")
+    right.set(xlabel="frames of 640x480", ylabel="MB", title="peak memory of fuse_stack", ylim=(0, None))
+    for axes in (left, middle, right):
+        axes.grid(alpha=0.3)
+    middle.legend()
+    right.legend()
+    fig.tight_layout(rect=(0, 0.17, 1, 1))
+    fig.legend(*left.get_legend_handles_labels(), loc="lower center", ncol=3, fontsize=9, frameon=False)
+    fig.savefig(output)
+
+
+def main():
+    parser, args = parse_arguments()
+    try:
+        if args.take:
+            with open(args.take, encoding="utf-8") as file:
+                figures = json.load(file)
+        else:
+            figures = measure(args)
+        if args.json:
+            with open(args.json, "w", encoding="utf-8") as file:
+                json.dump(figures, file, indent=1)
+        os.makedirs(os.path.dirname(os.path.abspath(args.output)), exist_ok=True)
+        draw(figures, args.output)
+    except (ValueError, KeyError, RuntimeError, OSError, subprocess.SubprocessError) as error:
+        parser.error(error)
+
+
+if __name__ == "__main__":
+    main()

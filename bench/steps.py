@@ -1,0 +1,114 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs bench_steps and makes tables of what it says."""
+import json
+import os
+import re
+import statistics
+import subprocess
+import tempfile
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+BENCH_STEPS = os.path.join(ROOT, "build/devel/lib/all_in_focus/bench_steps")
+FUSE_STACK = os.path.join(ROOT, "build/.install/lib/all_in_focus/fuse_stack")
+TIMEOUT_S = 3 * 3600
+
+TITLES = {
+    "copyFrame": "plain copy of one colour frame",
+    "registerAndFill/paper": "registration, dilation, filling; paper",
+    "registerAndFill/refined": "registration by footprints, filling; refined",
+    "segment/paper_kinect": "segmentation, steps of a Kinect; paper",
+    "segment/refined_kinect": "segmentation, steps of a Kinect; refined",
+    "segment/paper_noisy": "segmentation, 3 mm noise on every pixel; paper",
+    "segment/refined_noisy": "segmentation, 3 mm noise on every pixel; refined",
+    "fuse/paper": "fusion of one frame; paper",
+    "fuse/refined_without_alignment": "fusion of one frame, not aligned; refined",
+    "fuse/refined_aligned": "fusion of one frame, aligned and warped; refined",
+    "runWithTwoFrames/paper": "everything, two frames; paper",
+    "runWithTwoFrames/refined": "everything, two frames; refined",
+}
+NAME = re.compile(r"(?P<step>.+?)/width:(?P<width>\d+)/height:(?P<height>\d+)/threads:(?P<threads>\d+)")
+COUNTERS = ("copies", "allocations", "allocated_bytes", "touched_bytes")
+
+
+def run(program=BENCH_STEPS, only=".", repetitions=5, sample=(), min_time=0.1):
+    """(step, width, height, threads) -> its medians over the repetitions: ms and COUNTERS.
+
+    only: regular expression of names; sample: rig folder and depth map, or nothing. Raises RuntimeError, OSError.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        output = os.path.join(folder, "steps.json")
+        # Repetitions in turn, so that whatever else the machine does meets all alike.
+        command = [program, "--benchmark_filter=" + only, "--benchmark_repetitions=%d" % repetitions,
+                   "--benchmark_enable_random_interleaving=true", "--benchmark_min_time=%g" % min_time,
+                   "--benchmark_out=" + output, "--benchmark_out_format=json", *sample]
+        result = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, universal_newlines=True,
+                                timeout=TIMEOUT_S)
+        if result.returncode:
+            raise RuntimeError(result.stderr.strip().splitlines()[-1])
+        with open(output, encoding="utf-8") as file:
+            return read(json.load(file))
+
+
+def read(data):
+    """The same from what --benchmark_out holds."""
+    runs = {}
+    for entry in data["benchmarks"]:
+        if entry["run_type"] == "iteration":
+            name = NAME.match(entry["name"])
+            key = (name["step"], int(name["width"]), int(name["height"]), int(name["threads"]))
+            runs.setdefault(key, []).append(dict({c: entry[c] for c in COUNTERS}, ms=entry["real_time"]))
+    return {key: {name: statistics.median(entry[name] for entry in entries) for name in entries[0]}
+            for key, entries in runs.items()}
+
+
+def number(value):
+    """Two to three digits, as text."""
+    if value == 0:
+        return "0"
+    return "%.2g" % value if value < 10 else "%d" % round(value, 2 - len(str(int(value))))
+
+
+def times_table(figures, sizes):
+    """Markdown: ms with one thread and with two, and copies, of each step at each of the sizes."""
+    head = ["step"]
+    for width, height in sizes:
+        head += ["%dx%d, ms" % (width, height), "2 threads", "copies"]
+
+    def row(step):
+        for width, height in sizes:
+            one, two = (figures.get((step, width, height, threads)) for threads in (1, 2))
+            yield from (number(one["ms"]), number(two["ms"]), number(one["copies"])) if one and two else ("-",) * 3
+
+    return table(head, [[TITLES[step], *row(step)] for step in TITLES if has(figures, step)])
+
+
+def allocations_table(figures, width, height):
+    """Markdown: allocations of each step, with one thread and with two."""
+    def row(step):
+        for threads in (1, 2):
+            entry = figures.get((step, width, height, threads))
+            yield from (number(round(entry["allocations"], 1)), size(entry["allocated_bytes"])) if entry else ("-",) * 2
+
+    return table(["step at %dx%d" % (width, height), "allocations", "bytes", "2 threads", "bytes"],
+                 [[TITLES[step], *row(step)] for step in TITLES if has(figures, step)])
+
+
+def has(figures, step):
+    return any(key[0] == step for key in figures)
+
+
+def size(number_of_bytes):
+    """In B, kB or MB."""
+    for unit in ("B", "kB"):
+        if number_of_bytes < 1000:
+            return "%d %s" % (round(number_of_bytes), unit)
+        number_of_bytes /= 1000
+    return "%s MB" % number(number_of_bytes)
+
+
+def table(head, rows):
+    """Markdown; the first column to the left, the others to the right."""
+    lines = ["| %s |" % " | ".join(row) for row in [head] + rows]
+    lines.insert(1, "|---" + "|---:" * (len(head) - 1) + "|")
+    return "\n".join(lines) + "\n"
