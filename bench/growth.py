@@ -15,15 +15,11 @@ import subprocess
 import sys
 import tempfile
 
-import matplotlib
+from tqdm import tqdm
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
-from tqdm import tqdm  # noqa: E402
-
-import steps  # noqa: E402
-from all_in_focus.command_line import Parser, count  # noqa: E402
-from suite import MAKE_SCENE  # noqa: E402
+import steps
+from all_in_focus.command_line import Parser, count
+from suite import MAKE_SCENE
 
 FRAMES = (2, 5, 15, 50, 150, 540)
 SWEEP = 30  # different frames
@@ -33,7 +29,6 @@ PEAK_MEMORY = """import os, resource, sys
 status = os.spawnv(os.P_WAIT, sys.argv[1], sys.argv[1:])
 sys.stderr.write("\\n%d\\n" % resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 sys.exit(status)"""
-COLORS = plt.get_cmap("tab20").colors
 
 
 def parse_arguments():
@@ -101,9 +96,17 @@ def measure(args):
         return {"pixels": pixels, "frames": measure_frames(args.fuse_stack, args.repetitions, scene)}
 
 
-def draw(figures, output):
+def import_pyplot():
+    """Without a screen. Not at the top: the package itself does without matplotlib."""
+    import matplotlib
+    matplotlib.use("Agg")
+    import matplotlib.pyplot
+    return matplotlib.pyplot
+
+
+def draw(plt, figures, output):
     fig, (left, middle, right) = plt.subplots(1, 3, figsize=(13, 6.2), dpi=75, gridspec_kw={"width_ratios": (1.4, 1, 1)})
-    for color, (step, rows) in zip(COLORS, sorted(figures["pixels"].items(), key=lambda item: -item[1][-1][1])):
+    for color, (step, rows) in zip(plt.get_cmap("tab20").colors, sorted(figures["pixels"].items(), key=lambda item: -item[1][-1][1])):
         x, y = zip(*rows)
         left.loglog(x, y, "o-", color=color, lw=1.5, ms=4, label=steps.TITLES[step])
         left.loglog(x, [y[0] * n / x[0] for n in x], ":", color=color, lw=1)
@@ -114,7 +117,8 @@ def draw(figures, output):
         middle.loglog(frames, [ms[-1] * n / frames[-1] for n in frames], ":", color=line.get_color(), lw=1)
         right.semilogx(frames, memory, "o-", ms=4, label="mode " + mode)
     middle.set(xlabel="frames of 640x480", ylabel="ms", title="fusion of a bracket; dotted: linear")
-    right.set(xlabel="frames of 640x480", ylabel="MB", title="peak memory of fuse_stack", ylim=(0, None))
+    right.set(xlabel="frames of 640x480", ylabel="MB", title="peak memory of fuse_stack")
+    right.set_ylim(0, 1.15 * right.get_ylim()[1])
     for axes in (left, middle, right):
         axes.grid(alpha=0.3)
     middle.legend()
@@ -127,6 +131,7 @@ def draw(figures, output):
 def main():
     parser, args = parse_arguments()
     try:
+        plt = import_pyplot()
         if args.take:
             with open(args.take, encoding="utf-8") as file:
                 figures = json.load(file)
@@ -136,8 +141,8 @@ def main():
             with open(args.json, "w", encoding="utf-8") as file:
                 json.dump(figures, file, indent=1)
         os.makedirs(os.path.dirname(os.path.abspath(args.output)), exist_ok=True)
-        draw(figures, args.output)
-    except (ValueError, KeyError, RuntimeError, OSError, subprocess.SubprocessError) as error:
+        draw(plt, figures, args.output)
+    except (ImportError, ValueError, KeyError, RuntimeError, OSError, subprocess.SubprocessError) as error:
         parser.error(error)
 
 

@@ -63,7 +63,7 @@ def read(data):
 
 
 def number(value):
-    """Two to three digits, as text."""
+    """Two digits, as text."""
     if value == 0:
         return "0"
     return "%.2g" % value if value < 10 else "%d" % round(value, 2 - len(str(int(value))))
@@ -107,8 +107,8 @@ def size(number_of_bytes):
     return "%s MB" % number(number_of_bytes)
 
 
-def table(head, rows):
-    """Markdown; the first column to the left, the others to the right."""
+def table(head, rows, left=1):
+    """Markdown; the first columns to the left, the others to the right."""
     lines = ["| %s |" % " | ".join(row) for row in [head] + rows]
-    lines.insert(1, "|---" + "|---:" * (len(head) - 1) + "|")
+    lines.insert(1, "|---" * left + "|---:" * (len(head) - left) + "|")
     return "\n".join(lines) + "\n"

@@ -1,0 +1,192 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Time this package beside what one would take in its place, in one run and in turn, as a Markdown table of medians.
+
+Registration: nodelet depth_image_proc/register, same images through a ROS master of its own. Segmentation: graph
+segmentation of OpenCV's contrib and of scikit-image, one thread each. Fusion: the program enfuse, from files to file. What
+is not installed is said so. Needs a sourced setup.bash and bench_steps (see docs/performance.md).
+"""
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+import cv2
+import numpy as np
+from tqdm import tqdm
+
+import compare_registration
+import methods
+import steps
+from all_in_focus.baselines import enfuse
+from all_in_focus.command_line import Parser, count
+from all_in_focus.rig import load_rig
+from all_in_focus.stack import read_depth
+from quality import peer_of
+from suite import MAKE_SCENE
+
+TASKS = ("registration", "segmentation", "fusion")
+NOISE_MM = 3
+NOT_INSTALLED = "not installed"
+
+
+def parse_arguments():
+    parser = Parser(prog="compare.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scene", metavar="DIR", help="as make_scene wrote it; default: planes, 640x480, 12 frames")
+    parser.add_argument("--rig", help="rig folder for registration and segmentation; default: that of the scene")
+    parser.add_argument("--depth", help="depth image of its depth camera; default: that of the scene")
+    parser.add_argument("--tasks", default=",".join(TASKS), metavar="A,B", help="default %(default)s")
+    parser.add_argument("--repetitions", type=count, default=5, metavar="N", help="default %(default)s")
+    parser.add_argument("--peer", type=peer_of, action="append", default=[], metavar="NAME=COMMAND",
+                        help="one more fusion; in COMMAND {stack} {focus} {rig} {depth} {output} are replaced")
+    parser.add_argument("--bench-steps", default=steps.BENCH_STEPS, metavar="PATH")
+    parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
+    args = parser.parse_args()
+    args.tasks = args.tasks.split(",")
+    if not set(args.tasks) <= set(TASKS):
+        parser.error("--tasks: expected some of %s" % ",".join(TASKS))
+    if (args.rig is None) != (args.depth is None):
+        parser.error("give --rig and --depth together")
+    return parser, args
+
+
+def in_turn(programs, repetitions, title):
+    """Medians of what the programs return, None for those that are None: name -> function () -> number or tuple."""
+    runs = {name: [] for name in programs}
+    todo = [name for _ in range(repetitions) for name in programs if programs[name]]
+    for name in tqdm(todo, desc=title, unit="run", disable=not sys.stderr.isatty()):
+        runs[name].append(programs[name]())
+    return {name: np.median(values, axis=0) if values else None for name, values in runs.items()}
+
+
+def rows(task, medians, ours):
+    """Table rows; `ours` names what the others are compared with."""
+    for name, value in medians.items():
+        if value is None:
+            yield [task, name, NOT_INSTALLED, ""]
+        else:
+            yield [task, name, steps.number(value), "%.2g" % (value / medians[ours])]
+
+
+def elapsed_ms(function, *arguments):
+    begin = time.perf_counter()
+    function(*arguments)
+    return 1000 * (time.perf_counter() - begin)
+
+
+# --- segmentation -----------------------------------------------------------------------------------------------------
+
+def own_segmentation(args, step, size):
+    """Milliseconds, inside one process whose buffers are warm."""
+    name = "segment/%s" % step
+    figures = steps.run(args.bench_steps, "%s/width:%d/height:%d/threads:1/" % (name, *size), 1, (args.rig, args.depth), 0.05)
+    if not figures:
+        raise RuntimeError("bench_steps does not know the size %dx%d" % size)
+    return figures[(name, *size, 1)]["ms"]
+
+
+def opencv_segmentation(depth):
+    if not hasattr(cv2, "ximgproc"):
+        return None
+    segmentation = cv2.ximgproc.segmentation.createGraphSegmentation(sigma=0.5, k=300, min_size=10)
+    return lambda: elapsed_ms(segmentation.processImage, np.float32(depth))
+
+
+def skimage_segmentation(depth):
+    try:
+        from skimage.segmentation import felzenszwalb
+    except ImportError:
+        return None
+    return lambda: elapsed_ms(lambda: felzenszwalb(np.float64(depth), scale=300, sigma=0.5, min_size=10))
+
+
+def compare_segmentation(args):
+    camera = load_rig(args.rig).color
+    size = (camera.width, camera.height)
+    with tempfile.TemporaryDirectory() as folder:
+        frame, filled = os.path.join(folder, "stack", "0.png"), os.path.join(folder, "filled.png")
+        os.mkdir(os.path.dirname(frame))
+        cv2.imwrite(frame, np.zeros((*size[::-1], 3), np.uint8))
+        methods.run([args.fuse_stack, "--stack", os.path.dirname(frame), "--rig", args.rig, "--depth", args.depth, "--output",
+                     os.path.join(folder, "fused.png"), "--save-registered", filled], filled)
+        depth = read_depth(filled)
+    noise = np.random.default_rng(0).normal(0, NOISE_MM, depth.shape)
+    noisy = np.where(depth > 0, np.clip(np.rint(depth + noise), 1, 65535), 0).astype(np.uint16)
+    cv2.setNumThreads(1)
+    for step, image, title in (("kinect", depth, "segmentation, ms"),
+                               ("noisy", noisy, "segmentation, %d mm noise, ms" % NOISE_MM)):
+        programs = {"%s (%s)" % ("segment_depth", mode): lambda mode=mode: own_segmentation(args, mode + "_" + step, size)
+                    for mode in ("refined", "paper")}
+        programs["OpenCV GraphSegmentation"] = opencv_segmentation(image)
+        programs["scikit-image felzenszwalb"] = skimage_segmentation(image)
+        yield from rows(title, in_turn(programs, args.repetitions, title), "segment_depth (refined)")
+
+
+# --- fusion -----------------------------------------------------------------------------------------------------------
+
+def own_fusion(args, mode, without=()):
+    inputs = [part for name, path in methods.inputs(args.scene).items() for part in ("--" + name, path)]
+    output = os.path.join(args.folder, "own.png")
+    extra = ["--without", ",".join(without)] if without else []
+    return lambda: elapsed_ms(methods.run, [args.fuse_stack, *inputs, "--mode", mode, "--output", output, *extra], output)
+
+
+def enfuse_fusion(args):
+    program = shutil.which("enfuse")
+    stack = methods.inputs(args.scene)["stack"]
+    output = os.path.join(args.folder, "enfuse.png")
+    command = [program, *enfuse.OPTIONS, "--output=" + output, *(os.path.join(stack, name) for name in sorted(os.listdir(stack)))]
+    return program and (lambda: elapsed_ms(methods.run, command, output))
+
+
+def peer_fusion(args, name, command):
+    output = os.path.join(args.folder, "peer.png")
+    return lambda: elapsed_ms(methods.peer, command, args.scene, output)
+
+
+def compare_fusion(args):
+    programs = {"fuse_stack (refined)": own_fusion(args, "refined"),
+                "fuse_stack (refined, not aligned)": own_fusion(args, "refined", ["alignment"]),
+                "fuse_stack (paper)": own_fusion(args, "paper"), "enfuse": enfuse_fusion(args)}
+    programs.update({name: peer_fusion(args, name, command) for name, command in args.peer})
+    title = "fusion of %d frames, files to file, ms" % len(os.listdir(methods.inputs(args.scene)["stack"]))
+    yield from rows(title, in_turn(programs, args.repetitions, title), "fuse_stack (refined)")
+
+
+# --- registration -----------------------------------------------------------------------------------------------------
+
+def compare_registrations(args):
+    with compare_registration.Runner(args.rig, args.depth) as runner:
+        programs = runner.programs()
+        medians = in_turn(programs, args.repetitions, "registration")
+    for i, title in enumerate(("registration, CPU time of the process a frame, ms", "registration, from stamp to result, ms")):
+        yield from rows(title, {name: None if value is None else value[i] for name, value in medians.items()},
+                        "depth_preprocess (refined)")
+
+
+def main():
+    parser, args = parse_arguments()
+    compare = {"registration": compare_registrations, "segmentation": compare_segmentation, "fusion": compare_fusion}
+    try:
+        with tempfile.TemporaryDirectory() as args.folder:
+            if args.scene is None:
+                args.scene = os.path.join(args.folder, "scene")
+                subprocess.run([sys.executable, MAKE_SCENE, "--scene", "planes", "--size", "640x480", "--output", args.scene],
+                               check=True, stdout=subprocess.DEVNULL)
+            inputs = methods.inputs(args.scene)
+            args.rig, args.depth = args.rig or inputs["rig"], args.depth or inputs["depth"]
+            compared = [row for task in args.tasks for row in compare[task](args)]
+        print("Medians of %d runs, in turn.\n" % args.repetitions)
+        print(steps.table(["task", "program", "median", "times ours"], compared, left=2))
+    except (ValueError, RuntimeError, OSError, subprocess.SubprocessError, cv2.error) as error:
+        parser.error(error)
+    sys.stdout.flush()
+    os._exit(0)  # rospy's threads may take long
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Measure everything that docs/performance.md tells and print its tables, or write them there. Takes about 25 minutes.
+
+Needs a sourced setup.bash and bench_steps (see docs/performance.md), and a recorded depth image of a rig whose colour camera
+has 640x480 pixels. Parts: steps (times and allocations), growth (the figure), comparison, graph (through ROS).
+"""
+import argparse
+import os
+import re
+import shlex
+import subprocess
+import sys
+
+import steps
+from all_in_focus.command_line import Parser, count
+
+SIZES = ((640, 480), (4416, 1242))
+GRAPHS = (  # options of graph_rate
+    "--mode paper", "--mode refined", "--mode refined --processes", "--mode refined --size 2208x1242 --rate 15 --frames 150",
+    "--mode refined --size 4416x1242 --rate 15 --frames 150 --depth-only --processes",
+    "--mode refined --size 4416x1242 --rate 15 --frames 150 --depth-only --processes --noise 3")
+
+
+def parse_arguments():
+    parser = Parser(prog="report.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rig", required=True, help="rig folder")
+    parser.add_argument("--depth", required=True, help="depth image of its depth camera, 16-bit PNG, mm")
+    parser.add_argument("--parts", default=",".join(PARTS), metavar="A,B", help="default %(default)s")
+    parser.add_argument("--repetitions", type=count, default=5, metavar="N", help="default %(default)s")
+    parser.add_argument("--write", metavar="FILE", help="put each part between <!-- PART --> and <!-- /PART --> of that file")
+    parser.add_argument("--figure", default=os.path.join(steps.ROOT, "docs/images/performance/growth.png"), metavar="PNG",
+                        help="default %(default)s")
+    parser.add_argument("--bench-steps", default=steps.BENCH_STEPS, metavar="PATH")
+    args = parser.parse_args()
+    args.parts = args.parts.split(",")
+    if not set(args.parts) <= set(PARTS):
+        parser.error("--parts: expected some of %s" % ",".join(PARTS))
+    return parser, args
+
+
+def run(program, *options):
+    """What another program of this folder prints. RuntimeError where it fails."""
+    result = subprocess.run([sys.executable, os.path.join(os.path.dirname(os.path.abspath(__file__)), program),
+                             *map(str, options)], stdout=subprocess.PIPE, universal_newlines=True)
+    if result.returncode:
+        raise RuntimeError("%s fails" % program)
+    return result.stdout.strip()
+
+
+def measure_steps(args):
+    only = "width:(%s)/" % "|".join(str(width) for width, _ in SIZES)
+    figures = steps.run(args.bench_steps, only, args.repetitions, (args.rig, args.depth))
+    return steps.times_table(figures, SIZES) + "\n" + steps.allocations_table(figures, *SIZES[0])
+
+
+def measure_growth(args):
+    run("growth.py", "--output", args.figure, "--repetitions", args.repetitions, "--bench-steps", args.bench_steps)
+    where = os.path.dirname(os.path.abspath(args.write)) if args.write else os.getcwd()
+    return "![Time against pixels, time and memory against frames](%s)" % os.path.relpath(args.figure, where)
+
+
+def measure_comparison(args):
+    return run("compare.py", "--rig", args.rig, "--depth", args.depth, "--repetitions", args.repetitions, "--bench-steps",
+               args.bench_steps)
+
+
+def measure_graph(args):
+    return "\n\n".join(run("graph_rate", "--rig", args.rig, "--depth", args.depth, *shlex.split(options))
+                       for options in GRAPHS)
+
+
+PARTS = {"steps": measure_steps, "growth": measure_growth, "comparison": measure_comparison, "graph": measure_graph}
+
+
+def write_between_marks(path, part, text):
+    with open(path, encoding="utf-8") as file:
+        before = file.read()
+    after, found = re.subn("(<!-- %s -->\n).*?(<!-- /%s -->)" % (part, part), lambda m: m[1] + text.strip() + "\n" + m[2], before,
+                           flags=re.DOTALL)
+    if found != 1:
+        raise ValueError("%s: has no <!-- %s --> and <!-- /%s -->" % (path, part, part))
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(after)
+
+
+def main():
+    parser, args = parse_arguments()
+    try:
+        for part in args.parts:
+            text = PARTS[part](args)
+            if args.write:
+                write_between_marks(args.write, part, text)
+            else:
+                print(text + "\n", flush=True)
+    except (ValueError, RuntimeError, OSError, subprocess.SubprocessError) as error:
+        parser.error(error)
+
+
+if __name__ == "__main__":
+    main()

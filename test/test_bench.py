@@ -1,0 +1,46 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The benchmark programs: wrong arguments give one line; tables come out of what bench_steps writes."""
+import os
+import subprocess
+import sys
+
+import pytest
+
+BENCH = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "bench")
+sys.path.insert(0, BENCH)
+import steps  # noqa: E402
+
+
+@pytest.mark.parametrize("line", [
+    "growth.py", "growth.py --output x.png --repetitions 0", "growth.py --output x.png --take /none.json",
+    "growth.py --output x.png --bench-steps /none", "compare.py --tasks cooking", "compare.py --rig x", "compare.py --peer cp",
+    "compare.py --scene /none --tasks segmentation", "graph_rate", "graph_rate --rig /none --depth x",
+    "graph_rate --rig x --depth x --size huge", "graph_source.py --rig x", "report.py --rig x --depth x --parts all",
+    "report.py --rig x --depth x --parts steps --bench-steps /none"])
+def test_wrong_arguments_give_one_line(line, tmp_path):
+    program, *arguments = line.split()
+    done = subprocess.run([sys.executable, os.path.join(BENCH, program), *arguments], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, universal_newlines=True, cwd=str(tmp_path), timeout=100)
+    assert (done.returncode, done.stdout) == (2, ""), done.stderr
+    assert len(done.stderr.splitlines()) == 1 and done.stderr.startswith(program + ": "), done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def entry(ms, threads, run_type="iteration"):
+    return {"name": "fuse/paper/width:640/height:480/threads:%d/manual_time" % threads, "run_type": run_type,
+            "real_time": ms, "copies": 10 * ms, "allocations": 0, "allocated_bytes": 1500, "touched_bytes": 1}
+
+
+def test_tables_hold_medians_of_repetitions():
+    runs = [entry(ms, 1) for ms in (1, 3, 200)] + [entry(1.5, 2), entry(99, 1, "aggregate")]
+    figures = steps.read({"benchmarks": runs})
+    assert figures[("fuse/paper", 640, 480, 1)]["ms"] == 3
+    lines = steps.times_table(figures, [(640, 480), (320, 240)]).splitlines()
+    assert lines[0].count("|") == 8 and lines[2] == "| fusion of one frame; paper | 3 | 1.5 | 30 | - | - | - |"
+    assert steps.allocations_table(figures, 640, 480).splitlines()[2].endswith("| 0 | 2 kB | 0 | 2 kB |")
+
+
+@pytest.mark.parametrize("value, text", [(0, "0"), (0.0254, "0.025"), (9.96, "10"), (12.34, "12"), (123.4, "120"), (99.7, "100")])
+def test_numbers_have_two_digits(value, text):
+    assert steps.number(value) == text
