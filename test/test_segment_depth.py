@@ -122,6 +122,19 @@ def test_beyond_the_hyperfocal_distance_all_is_sharp(tmp_path):
     assert (labels == 1).all() and report["segment_table"][0]["max_dof"] is None
 
 
+def test_focus_plan_makes_every_region_sharp(tmp_path):
+    report = segmented(tmp_path, rough_scene())[1]
+    plan = report["focus_plan"]
+    limits = [(one["near_limit"], one["focus_distance"], one["far_limit"]) for one in plan]
+    assert all(near < focus < far for near, focus, far in limits) and len(limits) > 3
+    for row in report["segment_table"]:
+        sharp_to = row["depth_min"]
+        for near, _, far in limits:
+            if near <= sharp_to * (1 + 1e-8):
+                sharp_to = max(sharp_to, far)
+        assert sharp_to >= row["depth_max"] * (1 - 1e-8)
+
+
 def test_rule_and_optics_are_reported(tmp_path):
     depth = np.repeat([[2000, 3000]], 5, axis=0)  # 1.26 depths of field apart
     for rule, regions in (("paper", 2), ("full", 1)):

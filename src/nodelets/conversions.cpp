@@ -268,6 +268,19 @@ SegmentArrayPtr toMessage(const Segmentation& segmentation, const SegmentationCo
   return array;
 }
 
+FocusPlanPtr toMessage(const std::vector<PlannedFocus>& plan, const core::Optics& optics,
+                       std::size_t segments) {
+  auto message = boost::make_shared<FocusPlan>();
+  message->optics = toMessage(optics);
+  message->segments = static_cast<std::uint32_t>(segments);
+  for (const PlannedFocus& one : plan) {
+    message->focus_distance.push_back(one.focus_mm / kMmPerM);
+    message->near_limit.push_back(one.near_mm / kMmPerM);
+    message->far_limit.push_back(one.far_mm / kMmPerM);
+  }
+  return message;
+}
+
 std::string withoutSlash(const std::string& frame) {
   return !frame.empty() && frame[0] == '/' ? frame.substr(1) : frame;
 }

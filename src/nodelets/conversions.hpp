@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <all_in_focus/FocusPlan.h>
 #include <all_in_focus/FusionReport.h>
 #include <all_in_focus/SegmentArray.h>
 #include <geometry_msgs/Transform.h>
@@ -15,6 +16,7 @@
 
 #include "all_in_focus/camera.hpp"
 #include "all_in_focus/dof_segmentation.hpp"
+#include "all_in_focus/focus_plan.hpp"
 #include "all_in_focus/optics.hpp"
 #include "all_in_focus/pipeline.hpp"
 
@@ -74,6 +76,10 @@ const char* toString(DofSpan span);
 
 /// All but the header.
 SegmentArrayPtr toMessage(const Segmentation& segmentation, const SegmentationConfig& config);
+
+/// All but the header.
+FocusPlanPtr toMessage(const std::vector<PlannedFocus>& plan, const core::Optics& optics,
+                       std::size_t segments);
 
 std::string withoutSlash(const std::string& frame);  ///< frame id as tf2 wants it
 void requireFrame(const std_msgs::Header& header, const std::string& topic);

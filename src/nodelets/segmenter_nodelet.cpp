@@ -17,6 +17,7 @@
 #include <stdexcept>
 
 #include "all_in_focus/drawing.hpp"
+#include "all_in_focus/focus_plan.hpp"
 #include "all_in_focus/pipeline.hpp"
 #include "config_repair.hpp"
 #include "conversions.hpp"
@@ -46,6 +47,7 @@ class SegmenterNodelet : public nodelet::Nodelet {
   void connect();
   void onDepth(const sensor_msgs::ImageConstPtr& depth);
   void process(const sensor_msgs::ImageConstPtr& depth);
+  void publishPlan(const std_msgs::Header& header);
   void publishPicture(const std_msgs::Header& header, const cv::Mat& labels, std::size_t count);
 
   std::unique_ptr<NodeMonitor> monitor_;
@@ -57,8 +59,8 @@ class SegmenterNodelet : public nodelet::Nodelet {
   bool closing_ = false;
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
   std::unique_ptr<image_transport::ImageTransport> transport_;
-  ros::Publisher labels_publisher_,
-      segments_publisher_;  // no image_transport: lossy plug-ins would destroy labels
+  ros::Publisher labels_publisher_;  // no image_transport: lossy plug-ins would destroy labels
+  ros::Publisher segments_publisher_, plan_publisher_;
   image_transport::Publisher picture_publisher_;
 
   std::unique_ptr<DofSegmentation> segmentation_;  // empty: the configuration has changed
@@ -109,8 +111,10 @@ void SegmenterNodelet::advertise() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
   labels_publisher_ = nh.advertise<sensor_msgs::Image>("segmentation/labels", 1, connect, connect);
   segments_publisher_ = nh.advertise<SegmentArray>("segmentation/segments", 1, connect, connect);
+  plan_publisher_ = nh.advertise<FocusPlan>("segmentation/focus_plan", 1, connect, connect);
   picture_publisher_ = transport_->advertise("segmentation/image_color", 1, picture_connect, picture_connect);
-  for (const char* topic : {"segmentation/labels", "segmentation/segments", "segmentation/image_color"}) {
+  for (const char* topic : {"segmentation/labels", "segmentation/segments", "segmentation/focus_plan",
+                            "segmentation/image_color"}) {
     monitor_->addOutput(topic);
   }
 }
@@ -145,7 +149,7 @@ void SegmenterNodelet::connect() {
   if (closing_) return;
   const bool wanted = labels_publisher_.getNumSubscribers() > 0 ||
                       segments_publisher_.getNumSubscribers() > 0 ||
-                      picture_publisher_.getNumSubscribers() > 0;
+                      plan_publisher_.getNumSubscribers() > 0 || picture_publisher_.getNumSubscribers() > 0;
   if (wanted && !depth_subscriber_) {
     const image_transport::TransportHints hints("raw", ros::TransportHints(), getPrivateNodeHandle());
     depth_subscriber_ =
@@ -181,6 +185,7 @@ void SegmenterNodelet::process(const sensor_msgs::ImageConstPtr& message) {
   result_.labels.release();  // the memory is the message's
 
   publishPicture(message->header, labels.mat, result_.segments.size());
+  publishPlan(message->header);
   const SegmentArrayPtr segments = toMessage(result_, segmentation_->config());
   segments->header = message->header;
   labels_publisher_.publish(labels.take());
@@ -190,6 +195,14 @@ void SegmenterNodelet::process(const sensor_msgs::ImageConstPtr& message) {
   monitor_->setValue("segments", std::to_string(result_.segments.size()));
   monitor_->consumed(message->header, Outcome::kProcessed,
                      no_depth ? monitor_->resolved(depth_input_) + ": not one pixel has a depth" : "");
+}
+
+void SegmenterNodelet::publishPlan(const std_msgs::Header& header) {
+  if (plan_publisher_.getNumSubscribers() == 0) return;
+  const core::Optics& optics = segmentation_->config().optics;
+  const FocusPlanPtr plan = toMessage(planFocus(optics, result_.segments), optics, result_.segments.size());
+  plan->header = header;
+  plan_publisher_.publish(plan);
 }
 
 void SegmenterNodelet::publishPicture(const std_msgs::Header& header, const cv::Mat& labels,

@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "all_in_focus/focus_plan.hpp"
+
 namespace all_in_focus {
 namespace {
 
@@ -37,6 +39,16 @@ Json tableJson(const Segmentation& segmentation, const Optics& optics) {
                      {"focus_distance", dioptricMiddle(s.min_mm, s.max_mm) / 1000.0}});
   }
   return table;
+}
+
+Json planJson(const Segmentation& segmentation, const Optics& optics) {
+  Json plan = Json::array();
+  for (const PlannedFocus& one : planFocus(optics, segmentation.segments)) {
+    plan.push_back({{"focus_distance", one.focus_mm / 1000},
+                    {"near_limit", one.near_mm / 1000},
+                    {"far_limit", one.far_mm / 1000}});
+  }
+  return plan;
 }
 
 }  // namespace
@@ -77,7 +89,8 @@ std::string segmentationReport(const Segmentation& segmentation, const Optics& o
                        {"optics", opticsJson(optics)},
                        {"dof_rule", dof_rule},
                        {"unknown_area", segmentation.unknown_area},
-                       {"segment_table", tableJson(segmentation, optics)}};
+                       {"segment_table", tableJson(segmentation, optics)},
+                       {"focus_plan", planJson(segmentation, optics)}};
   return text(report);
 }
 

@@ -24,7 +24,8 @@ struct ReportContext {
 /// of Segment.msg. Metres; null = infinite or unknown.
 std::string fusionReport(const PipelineResult& result, const ReportContext& context);
 
-/// Report of a segmentation alone: optics, dof_rule, unknown_area and `segment_table`.
+/// Report of a segmentation alone: optics, dof_rule, unknown_area, `segment_table` and `focus_plan` (one
+/// entry an exposure, with the field names of FocusPlan.msg).
 std::string segmentationReport(const Segmentation& segmentation, const Optics& optics,
                                const std::string& dof_rule);
 

@@ -11,7 +11,7 @@ from dynamic_reconfigure.client import Client
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from all_in_focus.msg import SegmentArray
+from all_in_focus.msg import FocusPlan, SegmentArray
 from depth_testing import (FAR_MM, HEIGHT, NEAR_MM, WIDTH, GraphTest, camera_info, image_message, pixels_of,
                            subscribers_of, two_planes, values_of, wait_until)
 
@@ -97,6 +97,21 @@ class SegmenterTest(GraphTest):
         near, far = pixels_of(message)[0, 0], pixels_of(message)[0, -1]
         self.assertEqual([near.argmax(), far.argmax()], [0, 2])  # red, blue
 
+    def test_focus_plan(self):
+        plans = self.listen('/alone/segmentation/focus_plan', FocusPlan)
+        stamp = next(STAMPS)
+        _, array = self.cut(stamp=stamp)
+        plan = plans.at(stamp)
+        self.assertEqual([plan.header.frame_id, plan.optics, plan.segments], ['color', array.optics, 2])
+        np.testing.assert_allclose(plan.focus_distance, [1.0, 3.0], rtol=1e-6)
+        hyperfocal_m = 24.0 ** 2 / (4.0 * 0.019) / 1000
+        for focus, near, far in zip(plan.focus_distance, plan.near_limit, plan.far_limit):
+            np.testing.assert_allclose([1 / near - 1 / focus, 1 / focus - 1 / far], 1 / hyperfocal_m, rtol=1e-6)
+        self.client.update_configuration({'aperture': 22.0})  # now one exposure reaches both
+        stamp = next(STAMPS)
+        self.cut(stamp=stamp)
+        np.testing.assert_allclose(plans.at(stamp).focus_distance, [1.5], rtol=1e-6)
+
     def test_time_may_jump_back(self):
         jumps = lambda: int(values_of(self.diagnostics.wait('alone/segmenter', lambda s: True))['backward time jumps'])
         before = jumps()
@@ -162,7 +177,8 @@ class ChainTest(GraphTest):
     def test_subscribes_only_while_somebody_listens(self):
         topics = ['/chain/' + name for name in ('depth/image_raw', 'depth/camera_info', 'rgb/camera_info')]
         idle = lambda: not any(subscribers_of(topic) for topic in topics)
-        for output, kind in (('depth_registered/camera_info', CameraInfo), ('segmentation/image_color', Image)):
+        for output, kind in (('depth_registered/camera_info', CameraInfo), ('segmentation/image_color', Image),
+                             ('segmentation/focus_plan', FocusPlan)):
             self.assertTrue(wait_until(idle))
             self.listen('/chain/' + output, kind)
             self.assertTrue(wait_until(lambda: all(subscribers_of(topic) for topic in topics)), output)
