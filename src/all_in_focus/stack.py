@@ -170,11 +170,8 @@ def _check_riff(path):
                          % (path, os.path.getsize(path), int.from_bytes(head[4:8], "little") + 8))
 
 
-def load_focus(path, names, frames):
-    """Focus distances in m, NaN = unknown, from `frames: [{file: 00.png, focus_mm: 855.0}, ...]`.
-
-    names: file names of the stack, None for a video: its entries go in frame order and name no file.
-    """
+def focus_entries(path):
+    """What stands in a file `frames: [{file: 00.png, focus_mm: 855.0}, ...]`: (name or None, metres or NaN), in order."""
     try:
         with open(path, encoding="utf-8") as file:
             data = yaml.safe_load(file)
@@ -185,24 +182,36 @@ def load_focus(path, names, frames):
     entries = data.get("frames") if isinstance(data, dict) else None
     if not isinstance(entries, list):
         raise StackError("%s: expected frames: [{file: 00.png, focus_mm: 855.0}, ...]" % path)
-    if names is None and len(entries) > frames:
-        raise StackError("%s: %d entries for %d frames" % (path, len(entries), frames))
-    distances = [math.nan] * frames
-    listed = set()
+    found = []
     for number, entry in enumerate(entries):
         where = "%s: entry %d" % (path, number)
         if not isinstance(entry, dict):
             raise StackError("%s: expected {file: NAME, focus_mm: NUMBER}" % where)
+        found.append((entry.get("file"), _metres(entry.get("focus_mm"), where)))
+    return found
+
+
+def load_focus(path, names, frames):
+    """Focus distances of a stack in m, NaN = unknown; see focus_entries().
+
+    names: file names of the stack, None for a video: its entries go in frame order and name no file.
+    """
+    entries = focus_entries(path)
+    if names is None and len(entries) > frames:
+        raise StackError("%s: %d entries for %d frames" % (path, len(entries), frames))
+    distances = [math.nan] * frames
+    listed = set()
+    for number, (name, distance) in enumerate(entries):
         index = number
         if names is not None:
-            name = entry.get("file")
+            where = "%s: entry %d" % (path, number)
             if name not in names:
                 raise StackError("%s: no frame is named '%s'" % (where, name))
             if name in listed:
                 raise StackError("%s: '%s' is listed twice" % (where, name))
             listed.add(name)
             index = names.index(name)
-        distances[index] = _metres(entry.get("focus_mm"), where)
+        distances[index] = distance
     return distances
 
 

@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node image_folder_camera: pictures of a folder or a video as if a camera had just taken them."""
+import math
+import time
+
+import rospy
+
+from all_in_focus.camera import parameters
+from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
+from all_in_focus.camera.frame_publisher import FramePublisher
+from all_in_focus.stack import Stack, StackError, focus_entries
+
+POLL_PERIOD = 0.1  # s
+
+
+class Player:
+    """Plays a stack, once or for ever, at a rate."""
+
+    def __init__(self, path, focus):
+        self._stack = Stack(path, focus or None)
+        for warning in self._stack.warnings:
+            rospy.logwarn("%s", warning)
+        self._period = 1 / parameters.number("rate", 2.0, 0.001)
+        self._loop = parameters.flag("loop", False)
+
+    def run(self, frames):
+        count, bracket_id = len(self._stack), 0
+        while not frames.listened():
+            if rospy.is_shutdown():
+                return
+            time.sleep(POLL_PERIOD)
+        due = time.monotonic()
+        while not rospy.is_shutdown():
+            for index, image in enumerate(self._stack):
+                time.sleep(max(0, due - time.monotonic()))
+                if rospy.is_shutdown():
+                    return
+                frames.publish(image, rospy.Time.now(), bracket_id, index, count, index + 1 == count,
+                               self._stack.distances[index])
+                due = max(due + self._period, time.monotonic())
+            bracket_id += 1
+            if not self._loop:
+                rospy.loginfo("all %d frames are out", count)
+                rospy.spin()  # slow listeners still fetch theirs
+
+
+class Watcher:
+    """Publishes what comes into a folder."""
+
+    def __init__(self, path, focus):
+        self._distances = dict(focus_entries(focus)) if focus else {}
+        self._watch = FolderWatch(path, rospy.Time.now)
+        self._brackets = BracketGrouper(parameters.whole("bracket_size", 0, 0),
+                                        parameters.number("bracket_gap", 2.0, 0))
+        self._path, self._complaint = path, ""
+
+    def run(self, frames):
+        rospy.loginfo("watching %s", self._path)
+        while not rospy.is_shutdown():
+            arrivals = self._poll()
+            for arrival in arrivals:
+                self._publish(frames, self._brackets.add(arrival))
+            if not arrivals:
+                self._publish(frames, self._brackets.tick())
+            time.sleep(POLL_PERIOD)
+
+    def _poll(self):
+        """New pictures; the folder may come and go (a memory card, a network share)."""
+        try:
+            arrivals, complaint = self._watch.poll(), ""
+        except StackError as error:
+            arrivals, complaint = [], str(error)
+        if complaint and complaint != self._complaint:
+            rospy.logwarn("%s; waiting for it", complaint)
+        self._complaint = complaint
+        while self._watch.warnings:
+            rospy.logwarn("%s", self._watch.warnings.pop(0))
+        return arrivals
+
+    def _publish(self, frames, ready):
+        for arrival, *place in ready:
+            frames.publish(arrival.image, arrival.stamp, *place, self._distances.get(arrival.name, math.nan))
+
+
+def run():
+    """Returns the exit code."""
+    rospy.init_node("image_folder_camera")
+    try:
+        path = parameters.text("stack")
+        if not path:
+            raise parameters.ParameterError("~stack is missing: give a folder of images or a video")
+        source = (Watcher if parameters.flag("watch", False) else Player)(path, parameters.text("focus"))
+        frames = FramePublisher(parameters.text("rig"), parameters.whole("width", 0, 0), parameters.text("frame_id"))
+        source.run(frames)
+    except rospy.ROSException:  # the node is to end
+        pass
+    except (ValueError, OSError) as error:
+        rospy.logfatal("%s", error)
+        return 2
+    return 0

@@ -1,0 +1,84 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Publishes the frames of a focus bracket: image, camera_info and focus, all with one stamp."""
+import time
+
+import cv2
+import cv_bridge
+import numpy as np
+import rospy
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
+
+from all_in_focus.bag_writer import camera_info
+from all_in_focus.msg import FocusFrame
+from all_in_focus.rig import Camera, load_rig
+
+QUEUE = 30  # frames that may wait for a slow listener
+GRACE = 1.0  # s
+SAME_SHAPE = 0.01  # difference of aspect ratios that is rounding
+
+
+class FramePublisher:
+    """rig: folder with the calibration, "" = none; width: of the published pictures, 0 = as they come."""
+
+    def __init__(self, rig="", width=0, frame_id=""):
+        rig = load_rig(rig) if rig else None
+        self._calibration = rig.color if rig else None
+        self._frame_id = frame_id or (rig.parent_frame if rig else "rgb_optical_frame")
+        self._width = width
+        self._bridge = cv_bridge.CvBridge()
+        self._info = None  # for the size of the last picture
+        self._listened_since = None
+        self._image_publisher = rospy.Publisher("rgb/image", Image, queue_size=QUEUE)
+        self._info_publisher = rospy.Publisher("rgb/camera_info", CameraInfo, queue_size=QUEUE)
+        self._focus_publisher = rospy.Publisher("rgb/focus", FocusFrame, queue_size=QUEUE)
+
+    def listened(self):
+        """Whether somebody listens to the images; who wants the other topics as well has a moment to connect."""
+        if self._image_publisher.get_num_connections() == 0:
+            self._listened_since = None
+            return False
+        self._listened_since = self._listened_since or time.monotonic()
+        others = (self._info_publisher, self._focus_publisher)
+        return all(other.get_num_connections() for other in others) or time.monotonic() > self._listened_since + GRACE
+
+    def publish(self, image, stamp, bracket_id, index, count, last, distance):
+        """image: BGR, 8 bit; the rest: see FocusFrame.msg."""
+        if self._width and image.shape[1] != self._width:
+            height = max(1, round(image.shape[0] * self._width / image.shape[1]))
+            image = cv2.resize(image, (self._width, height), interpolation=cv2.INTER_AREA)
+        header = Header(stamp=stamp, frame_id=self._frame_id)
+        self._info_publisher.publish(camera_info(self._camera_of(image), header))
+        self._focus_publisher.publish(FocusFrame(header, bracket_id, index, count, last, distance))
+        self._image_publisher.publish(self._bridge.cv2_to_imgmsg(np.ascontiguousarray(image), "bgr8", header))
+
+    def _camera_of(self, image):
+        height, width = image.shape[:2]
+        if self._info is None or (self._info.width, self._info.height) != (width, height):
+            self._info = self._fitted(width, height)
+        return self._info
+
+    def _fitted(self, width, height):
+        """The calibration for pictures of this size; without one all zeros, as REP 104 says."""
+        camera = self._calibration
+        if camera and (camera.width, camera.height) == (width, height):
+            return camera
+        uncalibrated = Camera("uncalibrated", width, height, np.zeros((3, 3)))
+        if camera is None:
+            rospy.logwarn("no calibration (parameter ~rig): rgb/camera_info is empty")
+            return uncalibrated
+        sizes = "pictures have %dx%d pixels, the calibration has %dx%d" % (width, height, camera.width, camera.height)
+        if abs(camera.width * height / (camera.height * width) - 1) > SAME_SHAPE:
+            rospy.logwarn("%s: another shape, rgb/camera_info is empty", sizes)
+            return uncalibrated
+        rospy.loginfo("%s: scaled", sizes)
+        return _scaled(camera, width, height)
+
+
+def _scaled(camera, width, height):
+    """The same view on more or fewer pixels; a pixel's centre is at whole coordinates."""
+    x, y = width / camera.width, height / camera.height
+    scale = np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
+    return Camera(camera.name, width, height, scale @ camera.K, camera.D, camera.distortion_model, camera.R,
+                  scale @ camera.P)

@@ -1,0 +1,98 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the tests of the camera nodes share: nodes as programs of their own, and listeners to their three topics."""
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import unittest
+from pathlib import Path
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import CameraInfo, Image
+
+from all_in_focus.msg import FocusFrame
+from all_in_focus.rig import Camera, Rig, save_rig
+from depth_testing import Listener, wait_until
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+SCRIPTS = os.path.join(HERE, os.pardir, os.pardir, "scripts")
+TOPICS = {"rgb/image": Image, "rgb/camera_info": CameraInfo, "rgb/focus": FocusFrame}
+
+
+class NodeProcess:
+    """A node that runs; what it says is in `lines`."""
+
+    def __init__(self, path, namespace, **parameters):
+        arguments = ["_%s:=%s" % item for item in parameters.items()]
+        self.lines = []
+        environment = dict(os.environ, PYTHONUNBUFFERED="1", ROSCONSOLE_FORMAT="${message}")
+        self._process = subprocess.Popen([sys.executable, path, "__ns:=" + namespace] + arguments, env=environment,
+                                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+        self._reader = threading.Thread(target=lambda: self.lines.extend(iter(self._process.stdout.readline, "")))
+        self._reader.start()
+
+    def said(self, words, timeout=10):
+        """The first line with these words, None if it does not come."""
+        return wait_until(lambda: next((line for line in list(self.lines) if words in line), None), timeout)
+
+    def exit_code(self):
+        return self._process.wait(timeout=15)
+
+    def stop(self):
+        self._process.terminate()
+        self._process.wait(timeout=10)
+        self._reader.join()
+        self._process.stdout.close()
+
+
+class CameraTest(unittest.TestCase):
+    """Ends its nodes; each test has a namespace and a folder of its own."""
+
+    def setUp(self):
+        self.namespace = "/" + self.id().split(".")[-1]
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def start(self, path, **parameters):
+        if rospy.has_param(self.namespace):
+            rospy.delete_param(self.namespace)  # of the node before
+        node = NodeProcess(path, self.namespace, **parameters)
+        self.addCleanup(node.stop)
+        return node
+
+    def topic(self, name):
+        return self.namespace + "/" + name
+
+    def listen(self, name, kind):
+        listener = Listener(self.topic(name), kind)
+        self.addCleanup(listener.close)
+        return listener
+
+    def listen_to_all(self):
+        """Call before anything is published."""
+        self.heard = {name: self.listen(name, kind) for name, kind in TOPICS.items()}
+
+    def frames(self, count, timeout=10):
+        """The first `count` frames, as (image, camera_info, focus) of one stamp and frame_id each."""
+        self.assertTrue(wait_until(lambda: all(len(heard.messages) >= count for heard in self.heard.values()), timeout),
+                        {name: len(heard.messages) for name, heard in self.heard.items()})
+        frames = list(zip(*(self.heard[name].messages[:count] for name in TOPICS)))
+        for messages in frames:
+            self.assertEqual(len({message.header.stamp for message in messages}), 1)
+            self.assertEqual(len({message.header.frame_id for message in messages}), 1)
+        return frames
+
+    def save_rig(self, size, frame="dslr"):
+        """A rig folder for pictures of this size."""
+        camera = Camera.pinhole("camera", *size, 60.0, 60.0, size[0] / 2, size[1] / 2)
+        save_rig(str(self.folder / "rig"), Rig(camera, camera, np.eye(3), [0.0, 0.0, 0.0], None, frame, "kinect"))
+        return self.folder / "rig"
+
+
+def places(frames):
+    """What the FocusFrames say: (bracket_id, index, count, last)."""
+    return [(focus.bracket_id, focus.index, focus.count, focus.last) for _, _, focus in frames]

@@ -1,0 +1,92 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""image_folder_camera over ROS: a folder or a video played once or looped, and a folder that is watched."""
+import math
+import os
+import sys
+import time
+
+import cv2
+import numpy as np
+import rospy
+import rostest
+
+from camera_testing import HERE, SCRIPTS, CameraTest, places
+
+sys.path.insert(0, os.path.join(HERE, os.pardir))
+from file_helpers import SIZE, pictures, write_stack, write_video  # noqa: E402
+
+NODE = os.path.join(SCRIPTS, "image_folder_camera")
+
+
+def pixels(image):
+    return np.frombuffer(image.data, np.uint8).reshape((image.height, image.width, 3))
+
+
+class ImageFolderTest(CameraTest):
+    def test_a_folder_once_with_focus_and_calibration(self):
+        stack = write_stack(self.folder / "stack", ["0.png", "1.png", "2.png"])
+        (self.folder / "focus.yaml").write_text(
+            "frames: [{file: 0.png, focus_mm: 855.0}, {file: 2.png, focus_mm: .inf}]")
+        node = self.start(NODE, stack=stack, focus=self.folder / "focus.yaml", rig=self.save_rig(SIZE), rate=50.0)
+        time.sleep(1)  # nobody listens yet: nothing is lost
+        self.listen_to_all()
+        frames = self.frames(3)
+        self.assertEqual(places(frames), [(0, 0, 3, False), (0, 1, 3, False), (0, 2, 3, True)])
+        for (image, info, _), picture in zip(frames, pictures(3)):
+            np.testing.assert_array_equal(pixels(image), picture)
+            self.assertEqual([image.header.frame_id, info.K[0], info.width], ["dslr", 60.0, SIZE[0]])
+        distances = [focus.focus_distance for _, _, focus in frames]
+        self.assertEqual([distances[0], distances[2], math.isnan(distances[1])], [0.855, math.inf, True])
+        self.assertTrue(node.said("all 3 frames are out"))
+        time.sleep(0.3)
+        self.assertEqual(len(self.heard["rgb/image"].messages), 3)
+
+    def test_a_video_looped_at_a_rate(self):
+        video = write_video(self.folder / "sweep.avi", pictures(2))
+        self.start(NODE, stack=video, rate=20.0, loop=True, width=24)
+        self.listen_to_all()
+        frames = self.frames(6)
+        self.assertEqual(places(frames), [(bracket, index, 2, index == 1) for bracket in range(3) for index in (0, 1)])
+        self.assertEqual([frames[0][0].width, frames[0][0].height], [24, 16])
+        stamps = [image.header.stamp.to_sec() for image, _, _ in frames]
+        self.assertAlmostEqual(stamps[-1] - stamps[0], 5 / 20, delta=0.15)
+
+    def test_a_watched_folder(self):
+        write_stack(self.folder / "in", ["old.png"])
+        (self.folder / "focus.yaml").write_text("frames: [{file: b.png, focus_mm: 900}]")
+        node = self.start(NODE, stack=self.folder / "in", watch=True, bracket_gap=0.7, focus=self.folder / "focus.yaml")
+        self.listen_to_all()
+        self.assertTrue(node.said("watching"))
+        first, second, third = pictures(3)
+        cv2.imwrite(str(self.folder / "in" / "a.png"), first)
+        data = cv2.imencode(".png", second)[1].tobytes()
+        for end in (len(data) // 2, len(data)):  # a copy that takes its time
+            (self.folder / "in" / "b.png").write_bytes(data[:end])
+            time.sleep(0.3)
+        self.frames(2)
+        cv2.imwrite(str(self.folder / "in" / "a.png"), third)  # taken over
+        frames = self.frames(3)
+        self.assertEqual(places(frames), [(0, 0, 0, False), (0, 1, 2, True), (1, 0, 1, True)])
+        for (image, _, _), picture in zip(frames, (first, second, third)):
+            np.testing.assert_array_equal(pixels(image), picture)
+        self.assertEqual(frames[1][2].focus_distance, 0.9)
+
+    def test_wrong_parameters_end_in_one_line(self):
+        write_stack(self.folder / "stack", ["0.png"])
+        (self.folder / "stack.yaml").write_text("frames: [{file: x.png, focus_mm: 1}]")
+        for parameters, words in (({}, "~stack is missing: give a folder of images or a video"),
+                                  ({"stack": self.folder / "none", "watch": "true"}, "none: No such file or directory"),
+                                  ({"stack": self.folder / "stack", "rate": 0}, "~rate: expected a number of at least"),
+                                  ({"stack": self.folder / "stack", "focus": self.folder / "stack.yaml"}, "'x.png'")):
+            with self.subTest(words):
+                node = self.start(NODE, **parameters)
+                self.assertEqual(node.exit_code(), 2)
+                self.assertTrue(node.said(words), node.lines)
+                self.assertEqual(len([line for line in node.lines if line.strip()]), 1, node.lines)
+
+
+if __name__ == "__main__":
+    rospy.init_node("image_folder_test")
+    rostest.rosrun("all_in_focus", "image_folder", ImageFolderTest)
