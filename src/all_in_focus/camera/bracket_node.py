@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node focus_bracket_camera: shoots focus brackets on request or at a fixed rate."""
+import threading
+import time
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from std_srvs.srv import Trigger, TriggerResponse
+
+from all_in_focus.camera import parameters
+from all_in_focus.camera.bracket import PREVIEW, STILL
+from all_in_focus.camera.focus_drive import FocusLimit
+from all_in_focus.camera.frame_publisher import FramePublisher
+from all_in_focus.camera.interface import CameraError
+from all_in_focus.camera.session import CURRENT, FAR, NEAR, Config, Session
+from all_in_focus.msg import FocusPlan
+
+CHECK_PERIOD = 1.0  # s
+
+
+def read_config():
+    """Config from the node's private parameters."""
+    table = rospy.get_param("~focus_table", [])
+    default = Config()
+    settle = parameters.number("settle", -1)
+    config = Config(
+        maker=parameters.text("maker"),
+        frames=parameters.text("frames", STILL, (STILL, PREVIEW)),
+        count=parameters.whole("count", default.count, 1),
+        step=parameters.whole("step", default.step),
+        first=parameters.whole("first", default.first),
+        step_size=parameters.whole("step_size", default.step_size, 0),
+        settle_s=settle if settle >= 0 else None,
+        home=parameters.text("home", NEAR if table else CURRENT, (CURRENT, NEAR, FAR)),
+        table=table,
+        patience_s=parameters.number("patience", default.patience_s, 0),
+        timeout_s=parameters.number("timeout", default.timeout_s, 0),
+        keep_files=parameters.flag("keep_files", default.keep_files),
+        white_balance=parameters.text("white_balance"),
+        iso=parameters.text("iso"))
+    if config.step == 0 and config.count > 1:
+        raise parameters.ParameterError("~step: 0 would take the same picture %d times" % config.count)
+    return config
+
+
+class FocusBracketCamera:
+    """camera: a Camera, closed."""
+
+    def __init__(self, camera):
+        self._session = Session(camera, read_config(), rospy.Time.now)
+        self._rate = parameters.number("rate", 0, 0)
+        self._planned = parameters.flag("plan", False)
+        self._reconnect = parameters.number("reconnect", 2.0, 0.05)
+        if self._planned and self._session.scale is None:
+            raise parameters.ParameterError("~plan: needs a ~focus_table, which says where the steps focus")
+        self._frames = FramePublisher(parameters.text("rig"), parameters.whole("width", 0, 0),
+                                      parameters.text("frame_id"))
+        self._lock = threading.Lock()  # the camera does one thing at a time
+        self._plan = None
+        self._bracket_id = 0
+        self._level, self._words = DiagnosticStatus.WARN, "looking for the camera"
+        self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=1)
+        if self._session.scale:
+            rospy.Subscriber("segmentation/focus_plan", FocusPlan, self._on_plan, queue_size=1)
+        rospy.Service("~bracket", Trigger, lambda _: self._answer(False))
+        rospy.Service("~bracket_planned", Trigger, lambda _: self._answer(True))
+
+    def run(self):
+        """Until the node is to end: brackets at the rate, looking after the connection between them."""
+        next_bracket, next_check = time.monotonic(), 0.0
+        while not rospy.is_shutdown():
+            now = time.monotonic()
+            if now >= next_check:
+                with self._lock:
+                    self._look_after()
+                    self._diagnose()
+                next_check = time.monotonic() + (CHECK_PERIOD if self._session.connected else self._reconnect)
+            # At a rate only while somebody wants the pictures: every one wears the shutter.
+            if self._rate and self._session.connected and now >= next_bracket and self._frames.listened():
+                next_bracket = max(next_bracket + 1 / self._rate, now)
+                with self._lock:
+                    self._shoot(self._planned)
+            time.sleep(0.02)
+        with self._lock:
+            self._session.close()
+
+    def _on_plan(self, plan):
+        self._plan = plan
+
+    def _say(self, words, level=DiagnosticStatus.WARN):
+        """One line, once until it changes; also what the diagnostics say."""
+        if words != self._words:
+            (rospy.logwarn if level else rospy.loginfo)("%s", words)
+        self._level, self._words = level, words
+
+    def _diagnose(self):
+        status = DiagnosticStatus(self._level, rospy.get_name().lstrip("/") + ": camera", self._words,
+                                  self._session.model, [KeyValue("brackets", str(self._bracket_id))])
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = rospy.Time.now()
+        self._diagnostics.publish(message)
+
+    def _look_after(self):
+        try:
+            if self._session.connected:
+                self._session.check()
+            else:
+                self._session.connect()
+                self._say_ready()
+        except CameraError as error:
+            again = "" if self._session.connected else "; trying again every %g s" % self._reconnect
+            self._say(str(error) + again, DiagnosticStatus.ERROR if again else DiagnosticStatus.WARN)
+
+    def _say_ready(self):
+        self._say("ready: " + self._session.description, DiagnosticStatus.OK)
+
+    def _answer(self, planned):
+        if not self._lock.acquire(blocking=False):
+            return TriggerResponse(False, "the camera is shooting or being looked for: ask again in a moment")
+        try:
+            return TriggerResponse(*self._shoot(planned))
+        finally:
+            self._lock.release()
+
+    def _shoot(self, planned):
+        """(success, a line for people)"""
+        count = [0]
+
+        def publish(shot):
+            if rospy.is_shutdown():
+                raise rospy.ROSInterruptException("the node ends")
+            count[0] += 1
+            self._frames.publish(shot.image, shot.stamp, self._bracket_id, shot.index, shot.count, shot.last,
+                                 shot.distance)
+
+        try:
+            if not self._session.connected:
+                return False, self._words
+            if planned:
+                missing = self._why_no_plan()
+                if missing:
+                    self._say(missing)
+                    return False, missing
+                remarks = self._session.shoot_planned(self._plan.focus_distance, publish)
+            else:
+                remarks = self._session.shoot(publish)
+        except (CameraError, FocusLimit, rospy.ROSException) as error:
+            self._say("bracket %d broke off after %d frames: %s" % (self._bracket_id, count[0], error))
+            return False, self._words
+        finally:
+            if count[0]:
+                self._bracket_id += 1
+        self._say_ready()
+        for remark in remarks:
+            rospy.logwarn("%s", remark)
+        return True, "; ".join(["%d frames" % count[0]] + remarks)
+
+    def _why_no_plan(self):
+        if self._session.scale is None:
+            return "no ~focus_table: it is not known where the steps focus"
+        if self._plan is None:
+            return "no plan has come on %s yet" % rospy.resolve_name("segmentation/focus_plan")
+        return "" if self._plan.focus_distance else "the plan is empty: no region has a depth"
+
+
+def run(camera_at):
+    """camera_at(port, model) -> Camera. Returns the exit code."""
+    rospy.init_node("focus_bracket_camera")
+    try:
+        node = FocusBracketCamera(camera_at(parameters.text("port"), parameters.text("model")))
+    except (ValueError, OSError) as error:
+        rospy.logfatal("%s", error)
+        return 2
+    node.run()
+    return 0

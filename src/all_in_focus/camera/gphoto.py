@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The camera interface on libgphoto2."""
+import contextlib
+import posixpath
+
+import gphoto2 as gp
+
+from all_in_focus.camera.interface import (BAD_PARAMETERS, CAPTURE_COMPLETE, FILE_ADDED, IO, NO_EVENT, NOT_SUPPORTED,
+                                           OTHER_EVENT, Camera, CameraError, Widget)
+
+_EVENTS = {gp.GP_EVENT_FILE_ADDED: FILE_ADDED, gp.GP_EVENT_CAPTURE_COMPLETE: CAPTURE_COMPLETE,
+           gp.GP_EVENT_TIMEOUT: NO_EVENT}
+_CHOICES = (gp.GP_WIDGET_RADIO, gp.GP_WIDGET_MENU)
+
+
+class GphotoCamera(Camera):
+    """The camera at a port, such as usb:001,004 or disk:/folder, or the first one found; model: as libgphoto2 names it,
+    needed for ports that cannot be asked."""
+
+    def __init__(self, port="", model=""):
+        self._port, self._model = port, model
+        self._camera = None
+        self._captured = []  # paths that capture() itself has learnt
+        self._said = []  # by the driver, during the current call
+        self._context = gp.Context()
+        self._callback = self._context.set_error_func(self._note, None)
+
+    def _note(self, _context, text, *_data):
+        self._said.append(text.decode(errors="replace") if isinstance(text, bytes) else text)
+
+    @contextlib.contextmanager
+    def _errors(self, doing):
+        """Errors of libgphoto2 as CameraError."""
+        del self._said[:]
+        try:
+            yield
+        except gp.GPhoto2Error as error:
+            raise CameraError(error.code, doing, "; ".join(self._said) or error.string)
+
+    def _opened(self):
+        if self._camera is None:
+            raise CameraError(IO, detail="not open")
+        return self._camera
+
+    def open(self):
+        self.close()
+        camera = gp.Camera()
+        with self._errors("opening the camera"):
+            if self._model:
+                models = gp.CameraAbilitiesList()
+                models.load(self._context)
+                camera.set_abilities(models[models.lookup_model(self._model)])
+            if self._port:
+                ports = gp.PortInfoList()
+                ports.load()
+                camera.set_port_info(ports[ports.lookup_path(self._port)])
+            camera.init(self._context)
+            self._camera = camera
+            return camera.get_abilities().model
+
+    def close(self):
+        camera, self._camera = self._camera, None
+        del self._captured[:]
+        if camera is not None:
+            with contextlib.suppress(gp.GPhoto2Error):
+                camera.exit(self._context)
+
+    def get_config(self, name):
+        camera = self._opened()
+        with self._errors("reading '%s'" % name):
+            widget = camera.get_single_config(name, self._context)
+            kind = widget.get_type()
+            low, high = widget.get_range()[:2] if kind == gp.GP_WIDGET_RANGE else (None, None)
+            return Widget(name, widget.get_value(), list(widget.get_choices()) if kind in _CHOICES else [], low, high,
+                          bool(widget.get_readonly()))
+
+    def set_config(self, name, value):
+        camera = self._opened()
+        with self._errors("setting '%s' to %s" % (name, value)):
+            widget = camera.get_single_config(name, self._context)
+            try:
+                widget.set_value(_typed(widget.get_type(), value))
+            except (TypeError, ValueError):
+                raise CameraError(BAD_PARAMETERS, "setting '%s' to %s" % (name, value))
+            camera.set_single_config(name, widget, self._context)
+
+    def capture(self):
+        camera = self._opened()
+        with self._errors("releasing the shutter"):
+            try:
+                camera.trigger_capture(self._context)
+            except gp.GPhoto2Error as error:
+                if error.code != NOT_SUPPORTED:
+                    raise
+                path = camera.capture(gp.GP_CAPTURE_IMAGE, self._context)  # waits for the picture
+                self._captured.append(posixpath.join(path.folder, path.name))
+
+    def wait_for_event(self, seconds):
+        if self._captured:
+            return FILE_ADDED, self._captured.pop(0)
+        camera = self._opened()
+        with self._errors("waiting for the camera"):
+            kind, data = camera.wait_for_event(max(1, round(1000 * seconds)), self._context)
+        if kind == gp.GP_EVENT_FILE_ADDED:
+            return FILE_ADDED, posixpath.join(data.folder, data.name)
+        return _EVENTS.get(kind, OTHER_EVENT), None
+
+    def capture_preview(self):
+        camera = self._opened()
+        with self._errors("reading live view"):
+            return _content(camera.capture_preview(self._context))
+
+    def download(self, path):
+        camera = self._opened()
+        with self._errors("downloading %s" % path):
+            return _content(camera.file_get(*posixpath.split(path), gp.GP_FILE_TYPE_NORMAL, self._context))
+
+    def delete(self, path):
+        camera = self._opened()
+        with self._errors("deleting %s" % path):
+            camera.file_delete(*posixpath.split(path), self._context)
+
+
+def _content(file):
+    return bytes(memoryview(file.get_data_and_size()))
+
+
+def _typed(kind, value):
+    """As the widget wants it."""
+    if kind == gp.GP_WIDGET_RANGE:
+        return float(value)
+    return int(value) if kind == gp.GP_WIDGET_TOGGLE else str(value)

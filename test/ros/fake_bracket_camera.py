@@ -1,0 +1,35 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""focus_bracket_camera with a fake camera: ~make, ~lens, ~claimed (times it cannot be opened at first).
+
+~provoke (std_msgs/String) takes "unplug", "plug" and "busy N".
+"""
+import os
+import sys
+
+import rospy
+from std_msgs.msg import String
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir))
+from all_in_focus.camera.bracket_node import run  # noqa: E402
+from all_in_focus.camera.interface import USB_CLAIM  # noqa: E402
+from fake_camera import FakeCamera  # noqa: E402
+
+
+def camera_at(_port, _model):
+    camera = FakeCamera(rospy.get_param("~make", "Canon EOS"), rospy.get_param("~lens", 400), latency=0.001)
+    camera.open_errors = [USB_CLAIM] * rospy.get_param("~claimed", 0)
+
+    def provoke(message):
+        words = message.data.split()
+        if words[0] == "busy":
+            camera.busy = int(words[1])
+        else:
+            getattr(camera, words[0])()
+    rospy.Subscriber("~provoke", String, provoke)
+    return camera
+
+
+if __name__ == "__main__":
+    sys.exit(run(camera_at))

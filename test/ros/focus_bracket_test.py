@@ -1,0 +1,132 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""focus_bracket_camera over ROS: brackets on request, at a rate, as planned, and cameras that come and go."""
+import math
+import os
+
+import numpy as np
+import rospy
+import rostest
+from sensor_msgs.msg import Image
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from camera_testing import HERE, SCRIPTS, CameraTest, places
+from depth_testing import FAR_MM, NEAR_MM, Diagnostics, Talker, image_message, two_planes, wait_until
+
+LENS = 1000  # motor positions of the fake
+TABLE = "[{step: 0, mm: 500}, {step: 1000, mm: .inf}]"
+
+
+def lens_of(image):
+    return float(np.frombuffer(image.data, np.uint8).mean()) * LENS / 255
+
+
+class FocusBracketTest(CameraTest):
+    def fake(self, **parameters):
+        node = self.start(os.path.join(HERE, "fake_bracket_camera.py"), settle=0.0, reconnect=0.1, **parameters)
+        self.provoke = Talker(self.topic("focus_bracket_camera/provoke"), String)
+        return node
+
+    def call(self, service="bracket"):
+        name = self.topic("focus_bracket_camera/" + service)
+        rospy.wait_for_service(name, 10)
+        return rospy.ServiceProxy(name, Trigger)()
+
+    def succeed(self, service="bracket"):
+        """The answer; the camera may be looked for at this moment."""
+        answers = []
+
+        def done():
+            answers.append(self.call(service))
+            return answers[-1].success
+        self.assertTrue(wait_until(done), answers[-1])
+        return answers[-1]
+
+    def test_a_bracket_on_request(self):
+        node = self.fake(count=3, first=-1, rig=self.save_rig((96, 64)))
+        self.listen_to_all()
+        self.assertTrue(node.said("ready: Canon EOS 80D"))
+        for bracket in range(2):
+            self.assertEqual(self.succeed().message, "3 frames")
+            frames = self.frames(3 * bracket + 3)[-3:]
+            self.assertEqual(places(frames), [(bracket, index, 3, index == 2) for index in range(3)])
+            for (image, info, focus), lens in zip(frames, (390, 400, 410)):
+                self.assertLess(abs(lens_of(image) - lens), 4)
+                self.assertEqual([image.header.frame_id, image.encoding, image.width], ["dslr", "bgr8", 48])
+                self.assertEqual([info.width, info.height, info.K[0]], [48, 32, 30.0])  # half the calibrated size
+                self.assertTrue(math.isnan(focus.focus_distance))
+        stamps = [image.header.stamp for image, _, _ in self.frames(6)]
+        self.assertEqual(stamps, sorted(set(stamps)))
+        self.assertIn("no ~focus_table", self.call("bracket_planned").message)
+        self.assertLess(abs((rospy.Time.now() - stamps[-1]).to_sec()), 10)
+
+    def test_live_view_at_a_rate(self):
+        self.fake(frames="preview", rate=10.0, count=2)
+        self.listen_to_all()
+        frames = self.frames(8)
+        self.assertEqual([focus.index for _, _, focus in frames], [0, 1] * 4)
+        ids = [focus.bracket_id for _, _, focus in frames]
+        self.assertEqual(ids, sorted(ids))
+        self.assertEqual([frames[0][0].width, frames[0][1].K[0]], [24, 0.0])  # not calibrated
+
+    def test_unplugged_and_plugged_in_again(self):
+        node = self.fake(count=2, patience=0.5)
+        self.listen_to_all()
+        self.succeed()
+        self.provoke.say(String("unplug"))
+        self.assertTrue(node.said("the connection to the camera broke: it is off, asleep or unplugged"))
+        self.assertTrue(node.said("no camera found: switch it on and check the USB cable"))
+        self.assertTrue(wait_until(lambda: "no camera found" in self.call().message))
+        self.provoke.say(String("plug"))
+        self.succeed()
+        self.assertEqual(places(self.frames(4)), [(0, 0, 2, False), (0, 1, 2, True), (1, 0, 2, False), (1, 1, 2, True)])
+        self.assertEqual(len([line for line in node.lines if "no camera found" in line]), 1)  # once, not at every try
+
+    def test_claimed_by_the_desktop_then_busy(self):
+        node = self.fake(count=1, claimed=5)
+        self.assertTrue(node.said("the camera is claimed by another program, mostly the desktop's volume monitor (gvfs)"))
+        self.assertTrue(node.said("ready"))
+        self.provoke.say(String("busy 6"))  # only takes longer
+        self.assertEqual(self.succeed().message, "1 frames")
+
+    def test_at_its_limit(self):
+        node = self.fake(make="Nikon", lens=850, count=5)
+        self.listen_to_all()
+        self.assertIn("the focus is at its far limit after 2 of 5 frames", self.succeed().message)
+        self.assertEqual(places(self.frames(2)), [(0, 0, 5, False), (0, 1, 2, True)])
+        self.assertTrue(node.said("far limit"))
+        status = Diagnostics().wait(self.namespace[1:] + "/focus_bracket_camera", lambda s: s.values[0].value == "1")
+        self.assertEqual([status.level, status.hardware_id], [0, "Nikon DSC D750"])
+
+    def test_the_plan_of_the_segmenter(self):
+        """Depth in, exactly the frames out that make it sharp."""
+        node = self.fake(make="Nikon", step_size=1, focus_table=TABLE)
+        self.listen_to_all()
+        self.assertTrue(node.said("ready"))
+        self.assertIn("no plan has come on %s yet" % self.topic("segmentation/focus_plan"),
+                      self.call("bracket_planned").message)
+        Talker("/planner/depth_registered/image", Image).say(image_message(two_planes(), 1000))
+        self.assertEqual(self.succeed("bracket_planned").message, "2 frames")
+        frames = self.frames(2)
+        for (image, _, focus), mm in zip(frames, (NEAR_MM, FAR_MM)):
+            self.assertAlmostEqual(focus.focus_distance * 1000, mm, delta=0.01 * mm)
+            self.assertLess(abs(lens_of(image) - LENS * (1 - 500 / mm)), 4)
+
+    def test_wrong_parameters_end_in_one_line(self):
+        node = self.fake(focus_table="[1]")
+        self.assertEqual(node.exit_code(), 2)
+        self.assertTrue(node.said("focus_table: expected"))
+        self.assertEqual(len([line for line in node.lines if line.strip()]), 1, node.lines)
+
+    def test_without_a_camera_the_real_node_waits(self):
+        node = self.start(os.path.join(SCRIPTS, "focus_bracket_camera"), port="usb:999,999", model="Canon EOS 5D",
+                          reconnect=0.1)
+        self.assertTrue(node.said("no camera found: switch it on and check the USB cable"))
+        self.assertFalse(self.call().success)
+
+
+if __name__ == "__main__":
+    rospy.init_node("focus_bracket_test")
+    rostest.rosrun("all_in_focus", "focus_bracket", FocusBracketTest)

@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Pictures that come as files: from libgphoto2's own camera of a folder, and into a folder that is watched."""
+import itertools
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
+from all_in_focus.camera.interface import FILE_NOT_FOUND, NOT_SUPPORTED, CameraError
+from all_in_focus.stack import StackError
+from file_helpers import cut, pictures
+
+gphoto = pytest.importorskip("all_in_focus.camera.gphoto", reason="python3-gphoto2 is not installed")
+
+
+@pytest.fixture
+def disk(tmp_path):
+    """libgphoto2's "Directory Browse" camera, opened, and the folder with its pictures."""
+    folder = tmp_path / "card" / "DCIM" / "100CANON"
+    folder.mkdir(parents=True)
+    camera = gphoto.GphotoCamera("disk:%s" % (tmp_path / "card"), "Directory Browse")
+    assert camera.open() == "Directory Browse"
+    yield camera, folder
+    camera.close()
+
+
+def test_download_and_delete(disk):
+    camera, folder = disk
+    picture = pictures(1)[0]
+    cv2.imwrite(str(folder / "IMG_1.PNG"), picture)
+    camera.open()  # libgphoto2 remembers what is in a folder
+    data = camera.download("/DCIM/100CANON/IMG_1.PNG")
+    assert data == (folder / "IMG_1.PNG").read_bytes()
+    np.testing.assert_array_equal(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR), picture)
+    camera.delete("/DCIM/100CANON/IMG_1.PNG")
+    assert not (folder / "IMG_1.PNG").exists()
+    with pytest.raises(CameraError, match="^downloading /DCIM/100CANON/IMG_1.PNG: ") as failure:
+        camera.download("/DCIM/100CANON/IMG_1.PNG")
+    assert failure.value.code == FILE_NOT_FOUND
+
+
+@pytest.mark.parametrize("call, arguments", [("capture", ()), ("capture_preview", ()), ("get_config", ("iso",)),
+                                             ("set_config", ("iso", "100")), ("wait_for_event", (0.01,))])
+def test_what_a_folder_cannot_do(disk, call, arguments):
+    with pytest.raises(CameraError, match="the camera does not support this") as failure:
+        getattr(disk[0], call)(*arguments)
+    assert failure.value.code == NOT_SUPPORTED and not failure.value.lost
+
+
+def test_a_closed_camera_is_a_lost_one(disk):
+    disk[0].close()
+    disk[0].close()
+    with pytest.raises(CameraError) as failure:
+        disk[0].download("/a.jpg")
+    assert failure.value.lost
+
+
+def test_no_camera_is_explained():
+    with pytest.raises(CameraError, match="no camera found: switch it on and check the USB cable") as failure:
+        gphoto.GphotoCamera("usb:999,999", "Canon EOS 5D").open()
+    assert failure.value.lost
+
+
+@pytest.fixture
+def watched(tmp_path):
+    """A folder with an old picture and its watch."""
+    cv2.imwrite(str(tmp_path / "old.png"), pictures(1)[0])
+    return tmp_path, FolderWatch(str(tmp_path), itertools.count().__next__, patience=0.05)
+
+
+def polled(watch, times=2):
+    """Names and stamps of what arrives."""
+    return [(arrival.name, arrival.stamp) for _ in range(times) for arrival in watch.poll()]
+
+
+def test_new_pictures_arrive_once(watched):
+    folder, watch = watched
+    assert polled(watch) == []
+    cv2.imwrite(str(folder / "b.png"), pictures(1)[0])
+    (folder / "notes.txt").write_text("no picture")
+    (folder / ".hidden.png").write_bytes(b"")
+    assert watch.poll() == []  # it may still grow
+    assert polled(watch) == [("b.png", 0)]
+    for name in ("d.jpg", "c.jpg"):
+        cv2.imwrite(str(folder / name), pictures(1)[0])
+    assert polled(watch, 3) == [("c.jpg", 1), ("d.jpg", 2)]
+
+
+def test_an_overwritten_picture_arrives_again(watched):
+    folder, watch = watched
+    picture = pictures(2)[1]
+    cv2.imwrite(str(folder / "old.png"), picture)
+    watch.poll()
+    arrival, = watch.poll()
+    np.testing.assert_array_equal(arrival.image, picture)
+
+
+@pytest.mark.parametrize("suffix", ["png", "jpg"])
+def test_a_picture_is_read_when_it_is_complete(watched, suffix):
+    folder, watch = watched
+    cv2.imwrite(str(folder / ("whole." + suffix)), pictures(1)[0])
+    data = (folder / ("whole." + suffix)).read_bytes()
+    watch.poll()
+    assert len(polled(watch)) == 1
+    for share in (0.3, 0.6, 1.0):  # a slow copy, with pauses
+        (folder / ("slow." + suffix)).write_bytes(data[:int(len(data) * share)])
+        names = [name for name, _ in polled(watch, 3)]
+    assert names == ["slow." + suffix] and not watch.warnings
+
+
+def test_a_damaged_picture_is_given_up(watched):
+    folder, watch = watched
+    cv2.imwrite(str(folder / "bad.png"), pictures(1)[0])
+    cut(folder / "bad.png")
+    assert polled(watch) == []
+    time.sleep(0.1)
+    assert polled(watch) == []
+    assert [line for line in watch.warnings if "bad.png: truncated or damaged; left out" in line] == watch.warnings
+    assert len(watch.warnings) == 1
+
+
+def test_a_folder_may_go_and_come_back(watched):
+    folder, watch = watched
+    folder.rename(folder.parent / "away")
+    with pytest.raises(StackError, match="No such file or directory"):
+        watch.poll()
+    (folder.parent / "away").rename(folder)
+    assert polled(watch) == []
+
+
+def test_brackets_of_known_size():
+    grouper = BracketGrouper(size=2)
+    assert [grouper.add(name) for name in "abc"] == [[("a", 0, 0, 2, False)], [("b", 0, 1, 2, True)],
+                                                     [("c", 1, 0, 2, False)]]
+    assert grouper.tick() == []
+
+
+def test_brackets_that_end_with_a_pause():
+    grouper = BracketGrouper(gap=0.05)
+    assert grouper.add("a") == [] and grouper.tick() == []
+    assert grouper.add("b") == [("a", 0, 0, 0, False)]
+    time.sleep(0.06)
+    assert grouper.tick() == [("b", 0, 1, 2, True)] and grouper.tick() == []
+    assert grouper.add("c") == []
+    time.sleep(0.06)
+    assert grouper.tick() == [("c", 1, 0, 1, True)]

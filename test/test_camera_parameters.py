@@ -1,0 +1,55 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Parameters of the camera nodes: what is impossible is named in one line."""
+import pytest
+import rospy
+
+from all_in_focus.camera import parameters
+from all_in_focus.camera.bracket_node import read_config
+from all_in_focus.camera.frame_publisher import _scaled
+from all_in_focus.camera.session import Config
+from all_in_focus.rig import Camera
+
+
+@pytest.fixture
+def given(monkeypatch):
+    """Private parameters as if a master held them."""
+    values = {}
+    monkeypatch.setattr(rospy, "get_param", lambda name, default: values.get(name.lstrip("~"), default))
+    return values
+
+
+def test_defaults_are_those_of_the_config(given):
+    default = Config()
+    assert vars(read_config()) == {**vars(default), "table": []}
+    given["focus_table"] = [{"step": 0, "mm": 500}]
+    assert read_config().home == "near"  # a table counts from a stop
+    given["home"] = "current"
+    assert read_config().home == "current"
+
+
+@pytest.mark.parametrize("name, value, words", [
+    ("count", 0, "~count: expected a number of at least 1, not '0'"),
+    ("count", 2.5, "~count: expected a whole number of at least 1, not '2.5'"),
+    ("count", "many", "~count: expected a number of at least 1, not 'many'"),
+    ("count", True, "~count: expected a number"),
+    ("step", 0, "~step: 0 would take the same picture 9 times"),
+    ("frames", "film", "~frames: 'film' is not one of still, preview"),
+    ("home", "far away", "~home: 'far away' is not one of current, near, far"),
+    ("timeout", float("inf"), "~timeout: expected a number"),
+    ("timeout", float("nan"), "~timeout: expected a number"),
+    ("keep_files", 1, "~keep_files: expected true or false, not '1'")])
+def test_impossible_parameters_are_named(given, name, value, words):
+    given[name] = value
+    with pytest.raises(parameters.ParameterError) as failure:
+        read_config()
+    assert str(failure.value).startswith(words)
+
+
+def test_a_calibration_for_another_size_sees_the_same():
+    camera = Camera("color", 640, 480, [[800, 0, 319.5], [0, 810, 239.5], [0, 0, 1]])
+    half = _scaled(camera, 320, 240)
+    assert (half.width, half.height) == (320, 240)
+    # The middle of the picture stays the middle: pixel 159.5 of 320, as 319.5 of 640.
+    assert half.K.tolist() == [[400, 0, 159.5], [0, 405, 119.5], [0, 0, 1]]
+    assert half.P[:, :3].tolist() == half.K.tolist()

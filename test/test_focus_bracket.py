@@ -1,0 +1,206 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Brackets: frames, settings that hold, the way back, and what happens when the camera does not do as it should."""
+import itertools
+import math
+
+import pytest
+
+from all_in_focus.camera.focus_drive import FocusLimit
+from all_in_focus.camera.interface import BUSY, CAMERA_ERROR, IO_WRITE, MODEL_NOT_FOUND, USB_CLAIM, CameraError
+from all_in_focus.camera.session import Config, Session
+from fake_camera import LENS, MODELS, FakeCamera, lens_of
+
+MAKES = [make for make in MODELS if make != "none"]
+SETTINGS = ("iso", "whitebalance", "shutterspeed", "autofocus", "autoexposuremode", "expprogram")
+TABLE = [{"step": 0, "mm": 500}, {"step": 100, "mm": math.inf}]  # of all 1000 motor positions
+
+
+def connected(camera, **config):
+    session = Session(camera, Config(**{"settle_s": 0, "count": 3, "patience_s": 1, "timeout_s": 1, **config}),
+                      itertools.count().__next__)
+    session.connect()
+    return session
+
+
+def settings(camera):
+    return {name: camera.widgets[name].value for name in SETTINGS if name in camera.widgets}
+
+
+@pytest.mark.parametrize("frames", ["still", "preview"])
+@pytest.mark.parametrize("make", MAKES)
+def test_a_bracket(make, frames):
+    camera, shots, seen = FakeCamera(make), [], []
+    session = connected(camera, frames=frames, first=-1, step_size=3 if make == "Sony" else 0)
+
+    def publish(shot):
+        shots.append(shot)
+        seen.append(settings(camera))
+    before = settings(camera)
+    assert session.shoot(publish) == []
+    step = {"Sony": 30, "Nikon": 100}.get(make, 10)
+    for shot, expected in zip(shots, (400 - step, 400, 400 + step)):
+        assert abs(lens_of(shot.image) - expected) < 4
+    assert [(shot.index, shot.count, shot.last) for shot in shots] == [(0, 3, False), (1, 3, False), (2, 3, True)]
+    assert [shot.position for shot in shots] == [-1, 0, 1]
+    assert all(math.isnan(shot.distance) for shot in shots)
+    assert [shot.stamp for shot in shots] == sorted({shot.stamp for shot in shots})
+    # Fixed while it lasts, with the exposure as it was metered; as before afterwards.
+    for held in seen:
+        assert held["iso"] == "400" and held["whitebalance"] == "Daylight" and held["shutterspeed"] == "1/60"
+        assert held.get("autoexposuremode", held.get("expprogram")) in ("Manual", "M")
+    assert settings(camera) == before and camera.lens == 400
+
+
+def test_wishes_for_white_balance_and_iso():
+    camera, seen = FakeCamera(), []
+    connected(camera, white_balance="Tungsten", iso="100").shoot(lambda shot: seen.append(settings(camera)))
+    assert {(held["whitebalance"], held["iso"]) for held in seen} == {("Tungsten", "100")}
+
+
+def test_what_cannot_be_held_is_told():
+    camera = FakeCamera()
+    camera.widgets["autoexposuremode"].read_only = True  # it has a dial
+    camera.widgets["whitebalance"].choices.remove("Daylight")
+    camera.widgets["whitebalance"].choices.remove("Tungsten")
+    remarks = connected(camera).shoot(lambda shot: None)
+    assert len(remarks) == 2
+    assert "'autoexposuremode' is 'AV'" in remarks[0] and "'whitebalance' is 'Auto'" in remarks[1]
+
+
+def test_an_exposure_that_is_not_told_is_left_alone():
+    """Some Canons say 'auto' for what they have metered."""
+    camera, modes = FakeCamera(), []
+    camera.widgets["shutterspeed"].value = "auto"
+    remarks = connected(camera).shoot(lambda shot: modes.append(camera.widgets["autoexposuremode"].value))
+    assert modes == ["AV"] * 3 and len(remarks) == 1
+    assert "does not tell the 'shutterspeed' that it has metered: set it to manual yourself" in remarks[0]
+
+
+def test_raw_files_beside_the_pictures_are_left_alone():
+    camera, shots = FakeCamera(raw=True), []
+    connected(camera).shoot(shots.append)
+    assert len(shots) == 3 and len(camera.files) == 6
+    connected(camera, keep_files=False).shoot(shots.append)
+    assert len(shots) == 6 and all(path.endswith("JPG") for path in camera.deleted) and len(camera.deleted) == 3
+
+
+def test_raw_alone_is_explained():
+    camera = FakeCamera()
+    camera.capture = lambda: camera._pending.append((0, "/card/IMG_1.NEF"))
+    with pytest.raises(CameraError, match="only IMG_1.NEF: let the camera write JPEG"):
+        connected(camera).shoot(lambda shot: None)
+    assert camera.lens == 400 and settings(camera)["iso"] == "Auto"
+
+
+@pytest.mark.parametrize("make, lens, frames", [("Nikon", LENS - 150, 2), ("Fuji", LENS - 25, 3)])
+def test_the_bracket_ends_at_the_focus_limit(make, lens, frames):
+    camera, shots = FakeCamera(make, lens=lens), []
+    remarks = connected(camera, count=5).shoot(shots.append)
+    assert remarks == ["the focus is at its far limit after %d of 5 frames" % frames]
+    assert [shot.last for shot in shots] == [False] * (frames - 1) + [True]
+    assert shots[-1].count == frames
+    assert abs(camera.lens - lens) <= 50 and settings(camera)["iso"] == "Auto"
+
+
+def test_no_frame_within_the_limits():
+    camera, shots = FakeCamera("Nikon", lens=10), []
+    with pytest.raises(FocusLimit, match="near limit"):
+        connected(camera, first=-1).shoot(shots.append)
+    assert not shots and settings(camera)["iso"] == "Auto"
+
+
+def test_a_busy_camera_only_takes_longer():
+    camera, shots = FakeCamera(latency=0.001), []
+
+    def publish(shot):
+        shots.append(shot)
+        camera.busy = 3
+    assert connected(camera, patience_s=3).shoot(publish) == []
+    assert len(shots) == 3 and camera.lens == 400
+
+
+@pytest.mark.parametrize("call", range(1, 60, 3))
+def test_after_any_error_everything_is_as_before(call):
+    """Whichever call of a bracket fails, the settings are back, and the lens within a step of the start."""
+    camera = FakeCamera("Nikon")
+    session, before = connected(camera), settings(camera)
+    camera.fail = (CAMERA_ERROR, call)
+    try:
+        session.shoot(lambda shot: None)
+    except CameraError:
+        pass
+    if camera.fail is None:  # else the bracket had fewer calls
+        session._bracketer.restore([])  # the way back may be what failed
+    camera.fail = None
+    assert settings(camera) == before and abs(camera.lens - 400) <= 100
+
+
+def test_an_interrupted_bracket_is_closed_and_put_right_when_the_camera_is_back():
+    camera, shots = FakeCamera("Fuji"), []
+    session, before = connected(camera), settings(camera)
+
+    def publish(shot):
+        shots.append(shot)
+        camera.unplug()
+    with pytest.raises(CameraError, match="connection to the camera broke") as failure:
+        session.shoot(publish)
+    assert failure.value.lost and not session.connected and len(shots) == 1
+    assert settings(camera) != before
+    with pytest.raises(CameraError, match="no camera found: switch it on"):
+        session.connect()
+    camera.plug()
+    session.connect()
+    assert session.connected and settings(camera) == before and camera.lens == 400
+    assert session.shoot(shots.append) == [] and len(shots) == 4
+
+
+def test_a_frame_is_the_last_if_the_camera_is_lost_on_the_way_to_the_next():
+    camera, shots = FakeCamera(), []
+    session = connected(camera)
+    download = camera.download
+
+    def lost_after(path):
+        data = download(path)
+        camera.unplug()
+        return data
+    camera.download = lost_after
+    with pytest.raises(CameraError):
+        session.shoot(shots.append)
+    assert [(shot.count, shot.last) for shot in shots] == [(1, True)]
+
+
+@pytest.mark.parametrize("code, words", [(USB_CLAIM, "volume monitor (gvfs)"), (MODEL_NOT_FOUND, "no camera found"),
+                                         (IO_WRITE, "off, asleep or unplugged"), (BUSY, "busy")])
+def test_errors_are_one_line_with_a_remedy(code, words):
+    camera = FakeCamera()
+    camera.open_errors = [code] * 20
+    session = Session(camera, Config(patience_s=0.1), int)
+    with pytest.raises(CameraError) as failure:
+        session.connect()
+    assert words in str(failure.value) and "\n" not in str(failure.value) and not session.connected
+
+
+def test_a_camera_that_cannot_be_driven():
+    with pytest.raises(CameraError, match="'Pentax K-1'.*only that of Canon EOS, .*use image_folder_camera"):
+        connected(FakeCamera("none"))
+
+
+def test_calibrated_steps_have_distances():
+    camera, shots = FakeCamera("Canon EOS", lens=700), []
+    connected(camera, table=TABLE, home="near", first=40, step=10).shoot(shots.append)
+    assert [shot.distance for shot in shots] == pytest.approx([1 / 1.2, 1.0, 1 / 0.8])
+    assert [round(lens_of(shot.image), -2) for shot in shots] == [400, 500, 600]
+    assert camera.lens == 0  # where counting begins
+
+
+def test_a_plan_is_shot_exactly():
+    camera, shots = FakeCamera("Nikon", lens=700), []
+    session = connected(camera, table=TABLE, home="near", step_size=10)
+    remarks = session.shoot_planned([0.3, 0.8, 2.0, math.inf], shots.append)
+    assert remarks == ["0.30 m lies beyond the focus table: focused at its end"]
+    assert [shot.position for shot in shots] == [0, 38, 75, 100]
+    assert [shot.distance for shot in shots] == pytest.approx([0.5, 0.8, 2.0, math.inf], rel=0.01)
+    assert [(shot.index, shot.count) for shot in shots] == [(0, 4), (1, 4), (2, 4), (3, 4)]
+    for shot in shots:
+        assert abs(lens_of(shot.image) - 10 * shot.position) < 4
