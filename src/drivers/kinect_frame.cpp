@@ -1,0 +1,124 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "kinect_frame.hpp"
+
+#include <sensor_msgs/image_encodings.h>
+
+#include <boost/make_shared.hpp>
+#include <opencv2/imgproc.hpp>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+
+namespace all_in_focus {
+namespace {
+
+namespace enc = sensor_msgs::image_encodings;
+
+struct Layout {
+  int cv_type;           // of the camera's pixels
+  int message_type;      // of the message's
+  const char* encoding;  // of the message
+};
+
+Layout layoutOf(openni::PixelFormat format, KinectStream stream) {
+  const bool depth = stream == KinectStream::kDepth;
+  switch (format) {
+    case openni::PIXEL_FORMAT_DEPTH_1_MM:
+    case openni::PIXEL_FORMAT_DEPTH_100_UM:
+      if (depth) return {CV_16UC1, CV_16UC1, enc::TYPE_16UC1.c_str()};
+      break;
+    case openni::PIXEL_FORMAT_GRAY8:
+      if (!depth) return {CV_8UC1, CV_8UC1, enc::MONO8.c_str()};
+      break;
+    case openni::PIXEL_FORMAT_GRAY16:
+      if (!depth) return {CV_16UC1, CV_16UC1, enc::MONO16.c_str()};
+      break;
+    case openni::PIXEL_FORMAT_RGB888:
+      if (!depth) return {CV_8UC3, CV_8UC3, enc::RGB8.c_str()};
+      break;
+    case openni::PIXEL_FORMAT_YUV422:
+      if (!depth) return {CV_8UC2, CV_8UC3, enc::RGB8.c_str()};
+      break;
+    default:
+      break;
+  }
+  throw std::invalid_argument("its pixel format " + std::to_string(format) + " is not supported");
+}
+
+void requireWhole(const KinectFrame& frame, std::size_t pixel_bytes) {
+  std::ostringstream text;
+  if (frame.width != frame.mode.width || frame.height != frame.mode.height) {
+    text << "it has " << frame.width << "x" << frame.height << " pixels, the stream was set to "
+         << frame.mode.width << "x" << frame.mode.height;
+    throw std::invalid_argument(text.str());
+  }
+  if (frame.width <= 0 || frame.height <= 0 || frame.data == nullptr) {
+    throw std::invalid_argument("it has no pixels");
+  }
+  const std::size_t row = frame.width * pixel_bytes;
+  if (frame.stride < 0 || static_cast<std::size_t>(frame.stride) < row) {
+    text << "rows of " << row << " bytes cannot be " << frame.stride << " bytes apart";
+    throw std::invalid_argument(text.str());
+  }
+  const std::size_t needed = static_cast<std::size_t>(frame.stride) * (frame.height - 1) + row;
+  if (frame.bytes < needed) {
+    text << needed << " bytes are needed, " << frame.bytes << " came";
+    throw std::invalid_argument(text.str());
+  }
+}
+
+void clear(cv::Mat& depth, const std::vector<int>& invalid_values) {
+  auto* const begin = depth.ptr<std::uint16_t>();
+  const std::size_t count = depth.total();
+  for (const int value : invalid_values) {
+    if (value <= 0 || value > UINT16_MAX) continue;
+    const auto invalid = static_cast<std::uint16_t>(value);
+    for (std::size_t i = 0; i < count; ++i) begin[i] = begin[i] == invalid ? 0 : begin[i];
+  }
+}
+
+}  // namespace
+
+const char* toString(KinectStream stream) {
+  switch (stream) {
+    case KinectStream::kDepth:
+      return "depth";
+    case KinectStream::kIr:
+      return "IR";
+    case KinectStream::kColor:
+      return "colour";
+  }
+  return "";
+}
+
+sensor_msgs::ImagePtr toImage(const KinectFrame& frame, const std_msgs::Header& header,
+                              const std::vector<int>& invalid_values) {
+  const Layout layout = layoutOf(frame.format, frame.stream);
+  requireWhole(frame, CV_ELEM_SIZE(layout.cv_type));
+
+  const auto image = boost::make_shared<sensor_msgs::Image>();
+  image->header = header;
+  image->encoding = layout.encoding;
+  image->width = frame.width;
+  image->height = frame.height;
+  image->step = frame.width * CV_ELEM_SIZE(layout.message_type);
+  image->data.resize(std::size_t{image->step} * image->height);
+
+  const cv::Mat camera(frame.height, frame.width, layout.cv_type, const_cast<void*>(frame.data),
+                       frame.stride);
+  cv::Mat message(frame.height, frame.width, layout.message_type, image->data.data(), image->step);
+  if (frame.format == openni::PIXEL_FORMAT_YUV422) {
+    cv::cvtColor(camera, message, cv::COLOR_YUV2RGB_UYVY);
+  } else if (frame.format == openni::PIXEL_FORMAT_DEPTH_100_UM) {
+    camera.convertTo(message, CV_16U, 0.1);
+  } else {
+    camera.copyTo(message);
+  }
+  if (frame.mode.mirrored) cv::flip(message, message, 1);
+  if (frame.stream == KinectStream::kDepth) clear(message, invalid_values);
+  return image;
+}
+
+}  // namespace all_in_focus

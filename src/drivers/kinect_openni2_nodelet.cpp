@@ -1,0 +1,298 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <nodelet/nodelet.h>
+#include <std_srvs/Trigger.h>
+
+#include <array>
+#include <chrono>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <pluginlib/class_list_macros.hpp>
+#include <stdexcept>
+#include <string>
+#include <thread>
+
+#include "kinect_device.hpp"
+#include "kinect_output.hpp"
+#include "kinect_parameters.hpp"
+#include "node_monitor.hpp"
+
+namespace all_in_focus {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr int kPollMs = 50;  // longest wait for an image, and delay with which listeners are noticed
+constexpr std::chrono::seconds kRepeatError{30};
+constexpr std::chrono::seconds kStepPatience{5};
+
+Clock::duration seconds(double s) {
+  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(s));
+}
+
+}  // namespace
+
+/// Publishes what a Kinect, another OpenNI2 camera or an .oni file gives.
+///
+/// One thread does all that concerns the camera: open, start, wait, publish, close, and open again when it
+/// fails.
+class KinectOpenni2Nodelet : public nodelet::Nodelet {
+ public:
+  ~KinectOpenni2Nodelet() override;
+
+ private:
+  enum class Step { kNone, kWanted, kDone };
+
+  void onInit() override;
+  bool onStep(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+
+  void run();
+  void open();
+  void serve();
+  bool chooseStreams();
+  bool mayStart(const KinectOutput& output);
+  void readOne();
+  void finishStep(bool success, const std::string& message);
+  void finishRecording();
+  void checkSilence() const;
+  void complain(const std::string& text);
+  bool isClosing();
+  bool isStepWanted();
+  void pause(Clock::duration duration);
+
+  KinectParameters parameters_;
+  std::unique_ptr<NodeMonitor> monitor_;
+
+  // Of the thread.
+  std::unique_ptr<KinectDevice> device_;
+  std::array<Clock::time_point, 3> start_again_{};  // after a stream that did not start
+  std::array<bool, 3> stepped_{};                   // has had its image in this step
+  bool ended_ = false;
+  std::string complaint_;
+  Clock::time_point complained_at_;
+
+  std::condition_variable changed_;
+  std::mutex mutex_;  // guards the next four
+  bool closing_ = false, connections_changed_ = false;
+  Step step_ = Step::kNone;
+  std_srvs::Trigger::Response step_response_;
+
+  // Last, so that they end first: they call what stands above.
+  std::array<std::unique_ptr<KinectOutput>, 3> outputs_;
+  ros::ServiceServer step_server_;
+  std::thread thread_;
+};
+
+KinectOpenni2Nodelet::~KinectOpenni2Nodelet() {
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    closing_ = true;
+  }
+  changed_.notify_all();
+  step_server_.shutdown();
+  if (thread_.joinable()) thread_.join();
+}
+
+void KinectOpenni2Nodelet::onInit() {
+  monitor_ =
+      std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), "kinect/processed");
+  parameters_ = readKinectParameters(getPrivateNodeHandle(), *monitor_);
+  const auto on_connect = [this] {
+    std::lock_guard<std::mutex> lock(mutex_);
+    connections_changed_ = true;
+    changed_.notify_all();
+  };
+  for (const KinectStream stream : kKinectStreams) {
+    outputs_[static_cast<std::size_t>(stream)] =
+        std::make_unique<KinectOutput>(stream, getNodeHandle(), parameters_, *monitor_, on_connect);
+  }
+  step_server_ = getMTPrivateNodeHandle().advertiseService("step", &KinectOpenni2Nodelet::onStep, this);
+  monitor_->start();
+  thread_ = std::thread(&KinectOpenni2Nodelet::run, this);
+}
+
+bool KinectOpenni2Nodelet::onStep(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  response.success = false;
+  if (!parameters_.playback.single_step) {
+    response.message = "start the node with _single_step:=true and an .oni file as _device";
+  } else if (step_ != Step::kNone) {
+    response.message = "the last step is still under way";
+  } else {
+    step_ = Step::kWanted;
+    changed_.notify_all();
+    changed_.wait_for(lock, kStepPatience, [this] { return step_ == Step::kDone || closing_; });
+    response = step_response_;
+    if (step_ != Step::kDone) response.message = "no answer from the recording";
+    response.success = step_ == Step::kDone && response.success;
+    step_ = Step::kNone;
+  }
+  return true;
+}
+
+void KinectOpenni2Nodelet::run() {
+  while (!isClosing()) {
+    try {
+      open();
+      serve();
+    } catch (const std::exception& e) {
+      complain(e.what());
+      finishStep(false, e.what());
+      device_.reset();
+      monitor_->setValue("device", "none");
+      pause(seconds(parameters_.reconnect_period));
+    }
+  }
+  device_.reset();
+}
+
+void KinectOpenni2Nodelet::open() {
+  device_ = std::make_unique<KinectDevice>(parameters_.device, parameters_.playback);
+  if (parameters_.playback.single_step && !device_->isFile()) {
+    monitor_->warn("single_step has no effect on a camera");
+  }
+  ended_ = false;
+  complaint_.clear();
+  start_again_ = {};
+  monitor_->setValue("device", device_->description());
+  ROS_INFO_STREAM(getName() << ": opened " << (device_->isFile() ? "recording " : "")
+                            << device_->description());
+}
+
+// Returns when the device is to be opened again, at once.
+void KinectOpenni2Nodelet::serve() {
+  const bool stepping = device_->isFile() && parameters_.playback.single_step;
+  while (!isClosing()) {
+    if (device_->isUnplugged())
+      throw std::runtime_error(device_->description() + " was unplugged: waiting for it");
+    const bool running = chooseStreams();
+    if (ended_ && !running) {
+      finishStep(false, "the recording is at its end; it starts again when all listeners have left");
+      bool wanted = false;
+      for (const auto& output : outputs_) wanted = wanted || output->isWanted();
+      if (!wanted) {
+        device_.reset();
+        return;
+      }
+    } else if (!running) {
+      finishStep(false, "nobody listens to an image that the recording has");
+    }
+    if (!running || (stepping && !isStepWanted())) {
+      pause(std::chrono::milliseconds(kPollMs));
+    } else {
+      readOne();
+    }
+    checkSilence();
+  }
+}
+
+/// Streams run while somebody listens. True if one does.
+bool KinectOpenni2Nodelet::chooseStreams() {
+  bool wanted = false, running = false;
+  for (const auto& output : outputs_) {
+    const KinectStream stream = output->stream();
+    wanted = wanted || output->isWanted();
+    if (device_->isRunning(stream) && (!output->isWanted() || ended_)) device_->stop(stream);
+    if (!device_->isRunning(stream) && output->isWanted() && !ended_ && mayStart(*output)) {
+      try {
+        device_->start(stream);
+        output->begin(!device_->isFile()              ? 1.0
+                      : parameters_.playback.manual() ? 0.0
+                                                      : parameters_.playback.rate);
+      } catch (const std::runtime_error& e) {
+        start_again_[static_cast<std::size_t>(stream)] = Clock::now() + seconds(parameters_.reconnect_period);
+        complain(e.what());
+      }
+    }
+    running = running || device_->isRunning(stream);
+  }
+  monitor_->setSubscribed(wanted && !ended_);
+  return running;
+}
+
+// A Kinect has one USB pipe for IR and colour.
+bool KinectOpenni2Nodelet::mayStart(const KinectOutput& output) {
+  const auto stream = output.stream();
+  if (Clock::now() < start_again_[static_cast<std::size_t>(stream)]) return false;
+  if (stream == KinectStream::kDepth || device_->isFile()) return true;
+  const KinectStream other = stream == KinectStream::kIr ? KinectStream::kColor : KinectStream::kIr;
+  if (!device_->isRunning(other)) return true;
+  complain("the camera gives either IR or colour: " + output.topic() + " waits until nobody listens to " +
+           outputs_[static_cast<std::size_t>(other)]->topic());
+  return false;
+}
+
+void KinectOpenni2Nodelet::readOne() {
+  KinectFrame frame;
+  if (!device_->next(frame, kPollMs)) {
+    if (device_->hasEnded()) finishRecording();
+    return;
+  }
+  outputs_[static_cast<std::size_t>(frame.stream)]->publish(frame);
+  stepped_[static_cast<std::size_t>(frame.stream)] = true;
+  for (const auto& output : outputs_) {
+    if (device_->isRunning(output->stream()) && !stepped_[static_cast<std::size_t>(output->stream())]) return;
+  }
+  stepped_ = {};
+  finishStep(true, std::string(toString(frame.stream)) + " image " + std::to_string(frame.index));
+}
+
+void KinectOpenni2Nodelet::finishStep(bool success, const std::string& message) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (step_ != Step::kWanted) return;
+  step_response_.success = success;
+  step_response_.message = message;
+  step_ = Step::kDone;
+  changed_.notify_all();
+}
+
+void KinectOpenni2Nodelet::finishRecording() {
+  if (ended_) return;
+  ended_ = true;
+  ROS_INFO_STREAM(getName() << ": " << device_->description() << " is at its end");
+  monitor_->setValue("device", device_->description() + ", at its end");
+}
+
+void KinectOpenni2Nodelet::checkSilence() const {
+  if (device_->isFile() || parameters_.silence_timeout <= 0) return;
+  for (const auto& output : outputs_) {
+    if (!device_->isRunning(output->stream()) || output->silence() < seconds(parameters_.silence_timeout))
+      continue;
+    throw std::runtime_error(
+        std::string("no ") + toString(output->stream()) + " image from " + device_->description() + " for " +
+        std::to_string(std::chrono::duration_cast<std::chrono::seconds>(output->silence()).count()) +
+        " s: opening it again");
+  }
+}
+
+// Attempts go on for hours: the same reason is told now and then.
+void KinectOpenni2Nodelet::complain(const std::string& text) {
+  const auto now = Clock::now();
+  if (text == complaint_ && now - complained_at_ < kRepeatError) return;
+  complaint_ = text;
+  complained_at_ = now;
+  monitor_->error(text);
+}
+
+bool KinectOpenni2Nodelet::isClosing() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return closing_;
+}
+
+bool KinectOpenni2Nodelet::isStepWanted() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return step_ == Step::kWanted;
+}
+
+void KinectOpenni2Nodelet::pause(Clock::duration duration) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  changed_.wait_for(lock, duration,
+                    [this] { return closing_ || connections_changed_ || step_ == Step::kWanted; });
+  connections_changed_ = false;
+}
+
+}  // namespace all_in_focus
+
+PLUGINLIB_EXPORT_CLASS(all_in_focus::KinectOpenni2Nodelet, nodelet::Nodelet)

@@ -1,0 +1,107 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "kinect_output.hpp"
+
+#include <cstdio>
+#include <stdexcept>
+
+namespace all_in_focus {
+namespace {
+
+constexpr std::chrono::seconds kReportPeriod{1};
+constexpr int kMaxGap = 1000;  // images; more is another count, not a loss
+
+const char* topicOf(KinectStream stream) {
+  switch (stream) {
+    case KinectStream::kIr:
+      return "ir";
+    case KinectStream::kColor:
+      return "kinect_rgb";  // rgb belongs to the camera that sweeps its focus
+    default:
+      return "depth";
+  }
+}
+
+}  // namespace
+
+KinectOutput::KinectOutput(KinectStream stream, const ros::NodeHandle& nh, const KinectParameters& parameters,
+                           NodeMonitor& monitor, const std::function<void()>& on_connect)
+    : stream_(stream),
+      parameters_(parameters),
+      of_stream_(parameters.streams[static_cast<std::size_t>(stream)]),
+      monitor_(monitor),
+      topic_(std::string(topicOf(stream)) + "/image_raw"),
+      calibration_(stream, ros::NodeHandle(nh, topicOf(stream)), of_stream_, monitor) {
+  const image_transport::SubscriberStatusCallback image_connect =
+      [on_connect](const image_transport::SingleSubscriberPublisher&) { on_connect(); };
+  const ros::SubscriberStatusCallback info_connect = [on_connect](const ros::SingleSubscriberPublisher&) {
+    on_connect();
+  };
+  publisher_ = image_transport::ImageTransport(nh).advertiseCamera(
+      topic_, parameters.queue_size, image_connect, image_connect, info_connect, info_connect);
+  monitor_.addOutput(topic_);
+  monitor_.addOutput(std::string(topicOf(stream)) + "/camera_info");
+}
+
+void KinectOutput::begin(double rate) {
+  clock_ = KinectClock(rate);
+  last_arrival_ = Clock::now();
+  last_index_ = 0;
+}
+
+void KinectOutput::publish(const KinectFrame& frame) {
+  last_arrival_ = Clock::now();
+  countLost(frame);
+  std_msgs::Header header;
+  header.frame_id = of_stream_.frame_id;
+  header.stamp = stampOf(frame);
+  if (header.stamp.isZero()) {
+    monitor_.consumed(header, Outcome::kDropped,
+                      "use_sim_time is set, but nobody publishes /clock: no images");
+    return;
+  }
+  sensor_msgs::ImagePtr image;
+  try {
+    image = toImage(frame, header, parameters_.invalid_values);
+  } catch (const std::invalid_argument& e) {
+    monitor_.consumed(
+        header, Outcome::kInvalid,
+        std::string(toString(stream_)) + " image " + std::to_string(frame.index) + " refused: " + e.what());
+    return;
+  }
+  const sensor_msgs::CameraInfoPtr info = calibration_.cameraInfo(frame.mode);
+  info->header = header;
+  publisher_.publish(image, info);
+  ++published_;
+  monitor_.consumed(header, Outcome::kProcessed);
+  report(frame.mode);
+}
+
+// Simulated time is exact, and has nothing to do with the camera's clock.
+ros::Time KinectOutput::stampOf(const KinectFrame& frame) {
+  const ros::Time arrival = ros::Time::now();
+  if (ros::Time::isSimTime()) return arrival;
+  return clock_.stamp(frame.device_us, arrival) + ros::Duration(parameters_.time_offset);
+}
+
+void KinectOutput::countLost(const KinectFrame& frame) {
+  const int lost = frame.index - last_index_ - 1;
+  if (last_index_ > 0 && lost > 0 && lost < kMaxGap) monitor_.count(Outcome::kDropped, lost);
+  last_index_ = frame.index;
+}
+
+void KinectOutput::report(const KinectMode& mode) {
+  const auto now = Clock::now();
+  const auto passed = now - reported_at_;
+  if (passed < kReportPeriod) return;
+  const double rate = (published_ - reported_) / std::chrono::duration<double>(passed).count();
+  char text[100];
+  std::snprintf(text, sizeof text, "%dx%d at %d Hz, %llu images, now %.1f Hz", mode.width, mode.height,
+                mode.fps, static_cast<unsigned long long>(published_), rate);
+  monitor_.setValue(topic_, text);
+  reported_ = published_;
+  reported_at_ = now;
+}
+
+}  // namespace all_in_focus

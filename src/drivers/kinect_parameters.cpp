@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "kinect_parameters.hpp"
+
+#include <cmath>
+#include <sstream>
+
+namespace all_in_focus {
+namespace {
+
+void readNumber(const ros::NodeHandle& nh, const char* name, double least, double& value,
+                NodeMonitor& monitor) {
+  double read = value;
+  if (!nh.hasParam(name)) return;
+  if (nh.getParam(name, read) && std::isfinite(read) && read >= least) {
+    value = read;
+    return;
+  }
+  std::ostringstream text;
+  text << name << " must be a number";
+  if (std::isfinite(least)) text << " of at least " << least;
+  text << ": using " << value;
+  monitor.error(text.str());
+}
+
+// camera_info_manager takes URLs only.
+std::string toUrl(const std::string& file_or_url) {
+  return !file_or_url.empty() && file_or_url[0] == '/' ? "file://" + file_or_url : file_or_url;
+}
+
+}  // namespace
+
+KinectParameters readKinectParameters(const ros::NodeHandle& nh, NodeMonitor& monitor) {
+  KinectParameters p;
+  nh.getParam("device", p.device);
+  readNumber(nh, "playback_rate", 0.0, p.playback.rate, monitor);
+  nh.getParam("repeat", p.playback.repeat);
+  nh.getParam("single_step", p.playback.single_step);
+  if (nh.hasParam("invalid_values") && !nh.getParam("invalid_values", p.invalid_values)) {
+    monitor.error("invalid_values is not a list of integers (mm): using [0, 2047]");
+  }
+  readNumber(nh, "time_offset", -INFINITY, p.time_offset, monitor);
+  readNumber(nh, "reconnect_period", 0.1, p.reconnect_period, monitor);
+  readNumber(nh, "silence_timeout", 0.0, p.silence_timeout, monitor);
+  double queue_size = p.queue_size;
+  readNumber(nh, "queue_size", 1, queue_size, monitor);
+  p.queue_size = static_cast<int>(queue_size);
+
+  const std::string camera = nh.param("camera_name", std::string("kinect"));
+  for (const KinectStream stream : kKinectStreams) {
+    const char* const names[] = {"depth", "ir", "rgb"};
+    const std::string name = names[static_cast<std::size_t>(stream)];
+    KinectStreamParameters& s = p.streams[static_cast<std::size_t>(stream)];
+    s.name = camera + "_" + name;
+    s.frame_id = nh.param(name + "_frame_id", s.name + "_optical_frame");
+    s.info_url = toUrl(nh.param(name + "_camera_info_url", std::string()));
+  }
+  return p;
+}
+
+}  // namespace all_in_focus

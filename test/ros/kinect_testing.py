@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the tests of the Kinect node share: cameras without hardware (test/openni2), plugged in and out."""
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import CameraInfo, Image
+
+from depth_testing import GraphTest, wait_until
+
+WIDTH, HEIGHT = 640, 480
+CAMERAS = Path(os.environ['KINECT_TEST_DIR'])
+SENSORS = {'ir': 1, 'kinect_rgb': 2, 'depth': 3}
+X, Y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
+PIXELS = {'16UC1': np.uint16, 'mono16': np.uint16, 'rgb8': np.uint8}
+
+
+def plug(name, faults=''):
+    """Also changes the faults of a camera that is plugged in."""
+    new = CAMERAS / ('.new_' + name)
+    new.write_text(faults)
+    new.rename(CAMERAS / name)
+
+
+def unplug(name):
+    (CAMERAS / name).unlink()
+
+
+def is_running(name, topic):
+    return (CAMERAS / f'.{name}.{SENSORS[topic]}').exists()
+
+
+def depth_pattern(index):
+    return (400 + (X + 2 * Y + 10 * index) % 3000).astype(np.uint16)
+
+
+def index_of(depth):
+    """Which image of the pattern this is, by a pixel of its last row that has not been cleared as invalid."""
+    column = int(np.flatnonzero(depth[-1])[-1])
+    offset = (int(depth[-1, column]) - 400 - column - 2 * (HEIGHT - 1)) % 3000
+    assert offset % 10 == 0, offset
+    return offset // 10
+
+
+def pixels_of(message):
+    pixels = np.frombuffer(message.data, PIXELS[message.encoding])
+    return pixels.reshape((message.height, message.width, -1)).squeeze()
+
+
+class Images:
+    """The messages of a topic with the times at which they came."""
+
+    def __init__(self, topic, message_type=Image):
+        self.messages, self.times = [], []
+        self.subscriber = rospy.Subscriber(topic, message_type, self.take, queue_size=100, buff_size=2 ** 24)
+
+    def take(self, message):
+        self.times.append(time.time())
+        self.messages.append(message)
+
+    def wait(self, count, timeout=10.0):
+        """At least so many more messages, or an AssertionError."""
+        begin = len(self.messages)
+        if not wait_until(lambda: len(self.messages) >= begin + count, timeout):
+            raise AssertionError('%d of %d images came' % (len(self.messages) - begin, count))
+        return self.messages[begin:]
+
+    def stamps(self):
+        return np.array([message.header.stamp.to_sec() for message in self.messages])
+
+    def close(self):
+        self.subscriber.unregister()
+
+
+class KinectTest(GraphTest):
+    def setUp(self):
+        super().setUp()
+        self.unplug_all()
+
+    def tearDown(self):
+        super().tearDown()
+        self.unplug_all()
+        time.sleep(0.1)  # a camera that is back within 20 ms was never away
+
+    def unplug_all(self):
+        for file in CAMERAS.iterdir():
+            if file.is_file() and not file.name.startswith('.'):
+                file.unlink()
+
+    def images(self, topic, message_type=Image):
+        self.listeners.append(Images(topic, message_type))
+        return self.listeners[-1]
+
+    def infos(self, topic):
+        return self.images(topic, CameraInfo)
+
+    def status(self, node, text):
+        return self.diagnostics.wait(node, lambda s: text in s.message)
