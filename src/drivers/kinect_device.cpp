@@ -5,16 +5,16 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cctype>
-#include <mutex>
-#include <sstream>
+#include <cmath>
 #include <stdexcept>
+#include <thread>
 #include <vector>
 
 namespace all_in_focus {
 namespace {
 
 constexpr int kWidth = 640, kHeight = 480, kFps = 30;
+constexpr std::chrono::milliseconds kCatchUp{100};
 
 openni::SensorType sensorOf(KinectStream stream) {
   switch (stream) {
@@ -39,73 +39,7 @@ std::vector<openni::PixelFormat> formatsOf(KinectStream stream) {
   }
 }
 
-/// OpenNI2's own words; it leaves line ends in them.
-std::string reason() {
-  std::string text = openni::OpenNI::getExtendedError();
-  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
-  return text.empty() ? "OpenNI2 tells no reason" : text;
-}
-
-std::string describe(const openni::DeviceInfo& info) {
-  std::ostringstream text;
-  text << '"' << info.getUri() << '"';
-  const std::string name = info.getName(), vendor = info.getVendor();
-  if (!name.empty()) text << " (" << name << (vendor.empty() ? "" : ", ") << vendor << ")";
-  return text.str();
-}
-
-std::string describeFound(const openni::Array<openni::DeviceInfo>& devices) {
-  if (devices.getSize() == 0) {
-    return "no camera was found: is it plugged in and powered, may this user open it (udev), and is its "
-           "OpenNI2 "
-           "driver installed (a Kinect needs libfreenect's, see docs/kinect.md)?";
-  }
-  std::ostringstream text;
-  text << "found";
-  for (int i = 0; i < devices.getSize(); ++i) {
-    text << (i ? ", " : " ") << "#" << i + 1 << " " << describe(devices[i]);
-  }
-  return text.str();
-}
-
-/// n of "#n", 0 for anything else.
-int numberOf(const std::string& device) {
-  const bool is_number =
-      device.size() > 1 && device.size() < 5 && device[0] == '#' &&
-      std::all_of(device.begin() + 1, device.end(), [](unsigned char c) { return std::isdigit(c); });
-  return is_number ? std::stoi(device.substr(1)) : 0;
-}
-
 }  // namespace
-
-/// OpenNI2 is initialised while somebody in the process has a device open or tries to. Drivers such as
-/// libfreenect's look for cameras at that moment only, so that every new attempt must begin with it.
-class KinectDevice::OpenNi {
- public:
-  static std::shared_ptr<OpenNi> get() {
-    static std::weak_ptr<OpenNi> current;
-    std::lock_guard<std::mutex> lock(mutex());
-    std::shared_ptr<OpenNi> openni = current.lock();
-    if (!openni) current = openni = std::shared_ptr<OpenNi>(new OpenNi);
-    return openni;
-  }
-  ~OpenNi() {
-    std::lock_guard<std::mutex> lock(mutex());
-    openni::OpenNI::shutdown();
-  }
-
- private:
-  static std::mutex& mutex() {
-    static std::mutex mutex;
-    return mutex;
-  }
-  OpenNi() {
-    if (openni::OpenNI::initialize() == openni::STATUS_OK) return;
-    const std::string text = reason();
-    openni::OpenNI::shutdown();
-    throw std::runtime_error("OpenNI2 does not start: " + text);
-  }
-};
 
 /// Called from threads of the drivers: only takes notes.
 class KinectDevice::Events : public openni::OpenNI::DeviceDisconnectedListener,
@@ -134,7 +68,7 @@ class KinectDevice::Events : public openni::OpenNI::DeviceDisconnectedListener,
 
 KinectDevice::KinectDevice(const std::string& device, const KinectPlayback& playback)
     : playback_(playback), openni_(OpenNi::get()) {
-  open(device);
+  openDevice(device, device_);
   description_ = describe(device_.getDeviceInfo());
   events_ = std::make_unique<Events>(device_.getDeviceInfo().getUri());
   if (isFile()) setPlayback();
@@ -147,30 +81,13 @@ KinectDevice::~KinectDevice() {
   device_.close();
 }
 
-void KinectDevice::open(const std::string& device) {
-  openni::Array<openni::DeviceInfo> found;
-  openni::OpenNI::enumerateDevices(&found);
-  const int number = numberOf(device);
-  if (number > found.getSize() || (device.empty() && found.getSize() == 0)) {
-    throw std::runtime_error((device.empty() ? "" : "there is no camera " + device + "; ") +
-                             describeFound(found));
-  }
-  const char* uri = number > 0       ? found[number - 1].getUri()
-                    : device.empty() ? openni::ANY_DEVICE
-                                     : device.c_str();
-  if (device_.open(uri) != openni::STATUS_OK) {
-    throw std::runtime_error("cannot open " + (device.empty() ? "the first camera" : '"' + device + '"') +
-                             " (" + reason() + "); " + describeFound(found));
-  }
-}
-
+// OpenNI2's own pace loses images: it keeps only the last, and plays the first of a new round at once after
+// it. So the player gives images when it is asked (-1), and next() keeps the pace.
 void KinectDevice::setPlayback() {
   openni::PlaybackControl& control = *device_.getPlaybackControl();
-  const auto speed =
-      static_cast<float>(playback_.manual() ? -1.0 : playback_.rate);  // -1: a frame when one is asked for
-  if (control.setSpeed(speed) != openni::STATUS_OK ||
+  if (control.setSpeed(-1.0F) != openni::STATUS_OK ||
       control.setRepeatEnabled(playback_.repeat) != openni::STATUS_OK) {
-    throw std::runtime_error("cannot set how " + description_ + " is played: " + reason());
+    throw std::runtime_error("cannot set how " + description_ + " is played: " + openNiReason());
   }
 }
 
@@ -179,7 +96,7 @@ void KinectDevice::start(KinectStream stream) {
   const std::string what = std::string("the ") + toString(stream) + " stream of " + description_;
   if (!device_.hasSensor(sensorOf(stream))) throw std::runtime_error("there is no such thing as " + what);
   if (slot.stream.create(device_, sensorOf(stream)) != openni::STATUS_OK) {
-    throw std::runtime_error("cannot create " + what + ": " + reason());
+    throw std::runtime_error("cannot create " + what + ": " + openNiReason());
   }
   try {
     chooseMode(stream);
@@ -187,13 +104,14 @@ void KinectDevice::start(KinectStream stream) {
     if (stream == KinectStream::kDepth && !isFile() &&
         device_.getImageRegistrationMode() != openni::IMAGE_REGISTRATION_OFF &&
         device_.setImageRegistrationMode(openni::IMAGE_REGISTRATION_OFF) != openni::STATUS_OK) {
-      throw std::runtime_error("cannot switch off the hardware registration of " + what + ": " + reason());
+      throw std::runtime_error("cannot switch off the hardware registration of " + what + ": " +
+                               openNiReason());
     }
     if (slot.stream.isCroppingSupported() && !isFile()) slot.stream.resetCropping();
     slot.stream.setMirroringEnabled(false);
     slot.mode.mirrored = slot.stream.getMirroringEnabled();
     if (slot.stream.start() != openni::STATUS_OK) {
-      throw std::runtime_error("cannot start " + what + ": " + reason());
+      throw std::runtime_error("cannot start " + what + ": " + openNiReason());
     }
   } catch (...) {
     slot.stream.destroy();
@@ -219,7 +137,7 @@ void KinectDevice::chooseMode(KinectStream stream) {
     }
     if (best != nullptr && slot.stream.setVideoMode(*best) != openni::STATUS_OK) {
       throw std::runtime_error(std::string("cannot set the ") + toString(stream) + " stream of " +
-                               description_ + " to 640x480 at 30 Hz: " + reason());
+                               description_ + " to 640x480 at 30 Hz: " + openNiReason());
     }
   }
   const openni::VideoMode mode = slot.stream.getVideoMode();
@@ -235,29 +153,27 @@ void KinectDevice::stop(KinectStream stream) {
   Slot& slot = this->slot(stream);
   if (!slot.running) return;
   slot.running = false;
+  if (waiting_ && current_stream_ == stream) {
+    waiting_ = false;
+    current_.release();
+  }
   slot.stream.stop();
   slot.stream.destroy();  // some drivers let USB run until then
 }
 
 bool KinectDevice::next(KinectFrame& frame, int timeout_ms) {
-  current_.release();
-  std::array<openni::VideoStream*, 3> streams{};
-  for (const KinectStream stream : kKinectStreams) {
-    if (slot(stream).running) streams[static_cast<std::size_t>(stream)] = &slot(stream).stream;
+  if (!waiting_) {
+    if (!receive(timeout_ms)) return false;
+    due_ = dueTime();
+    last_us_ = current_.getTimestamp();
   }
-  int ready = -1;
-  // Waiting pokes the player of a recording, once each time it wakes up. What is left of the last wait's
-  // wake-up call would make it two images, of which one is lost; waiting for nothing takes it away.
-  openni::VideoStream* nothing = nullptr;
-  if (isFile() && playback_.manual()) openni::OpenNI::waitForAnyStream(&nothing, 1, &ready, 0);
-  if (openni::OpenNI::waitForAnyStream(streams.data(), streams.size(), &ready, timeout_ms) !=
-      openni::STATUS_OK) {
-    return false;
-  }
-  Slot& from = slots_.at(ready);
-  if (from.stream.readFrame(&current_) != openni::STATUS_OK || !current_.isValid()) return false;
-  frame.stream = static_cast<KinectStream>(ready);
-  frame.mode = from.mode;
+  const auto end = Clock::now() + std::chrono::milliseconds(timeout_ms);
+  waiting_ = due_ > end;
+  std::this_thread::sleep_until(std::min(due_, end));
+  if (waiting_) return false;
+
+  frame.stream = current_stream_;
+  frame.mode = slot(current_stream_).mode;
   frame.index = current_.getFrameIndex();
   frame.device_us = current_.getTimestamp();
   frame.format = current_.getVideoMode().getPixelFormat();
@@ -269,12 +185,43 @@ bool KinectDevice::next(KinectFrame& frame, int timeout_ms) {
   return true;
 }
 
+bool KinectDevice::receive(int timeout_ms) {
+  current_.release();
+  std::array<openni::VideoStream*, 3> streams{};
+  for (const KinectStream stream : kKinectStreams) {
+    if (slot(stream).running) streams[static_cast<std::size_t>(stream)] = &slot(stream).stream;
+  }
+  int ready = -1;
+  // Waiting asks the player for an image, once each time it wakes up. What is left of the last wait's wake-up
+  // call would make it two images, of which one is lost; waiting for nothing takes it away.
+  openni::VideoStream* nothing = nullptr;
+  if (isFile()) openni::OpenNI::waitForAnyStream(&nothing, 1, &ready, 0);
+  if (openni::OpenNI::waitForAnyStream(streams.data(), streams.size(), &ready, timeout_ms) !=
+      openni::STATUS_OK) {
+    return false;
+  }
+  current_stream_ = static_cast<KinectStream>(ready);
+  return slots_.at(ready).stream.readFrame(&current_) == openni::STATUS_OK && current_.isValid();
+}
+
+KinectDevice::Clock::time_point KinectDevice::dueTime() const {
+  const auto now = Clock::now();
+  if (!isFile() || rate() <= 0) return now;
+  const std::uint64_t us = current_.getTimestamp();
+  const int fps = std::max(1, slot(current_stream_).mode.fps);
+  const double pause_us =
+      us >= last_us_ ? static_cast<double>(us - last_us_) : 1e6 / fps;  // else a new round
+  const auto pause = std::chrono::microseconds(std::llround(std::min(pause_us / rate(), 1e9)));
+  // After a break, or far too slow a computer, there is nothing to catch up.
+  return std::max(due_ + pause, now - kCatchUp);
+}
+
 bool KinectDevice::isUnplugged() const {
   return events_->unplugged;
 }
 
 bool KinectDevice::hasEnded() const {
-  return events_->ended;
+  return events_->ended && !waiting_;
 }
 
 }  // namespace all_in_focus

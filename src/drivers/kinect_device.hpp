@@ -5,10 +5,13 @@
 #include <OpenNI.h>
 
 #include <array>
+#include <chrono>
+#include <cstdint>
 #include <memory>
 #include <string>
 
 #include "kinect_frame.hpp"
+#include "kinect_openni.hpp"
 
 namespace all_in_focus {
 
@@ -16,8 +19,7 @@ namespace all_in_focus {
 struct KinectPlayback {
   double rate = 1.0;  ///< times the recorded pace; 0: as fast as the images are taken, without loss
   bool repeat = true;
-  bool single_step = false;  ///< advance only in next()
-  bool manual() const { return single_step || rate <= 0; }
+  bool single_step = false;  ///< without any pace, whatever the rate
 };
 
 /// A depth camera or a recording through OpenNI2. All methods of one object belong to one thread. They throw
@@ -33,6 +35,8 @@ class KinectDevice {
 
   const std::string& description() const { return description_; }
   bool isFile() const { return device_.isFile(); }
+  /// Device seconds in a host second; 0: images have no pace.
+  double rate() const { return !isFile() ? 1.0 : playback_.single_step ? 0.0 : playback_.rate; }
 
   /// Starts a stream: 640x480 at 30 Hz where the camera offers it, unmirrored, not registered by the
   /// hardware, uncropped.
@@ -42,15 +46,15 @@ class KinectDevice {
   const KinectMode& mode(KinectStream stream) const { return slot(stream).mode; }
 
   /// The next image of the running streams, oldest first; it is valid until the next call. False after
-  /// timeout_ms without one.
+  /// timeout_ms without one. Of a recording none is lost, however slow the caller is.
   bool next(KinectFrame& frame, int timeout_ms);
 
   bool isUnplugged() const;
   bool hasEnded() const;  ///< a recording that does not repeat: no more images will come
 
  private:
-  class OpenNi;
   class Events;
+  using Clock = std::chrono::steady_clock;
   struct Slot {
     openni::VideoStream stream;
     KinectMode mode;
@@ -59,9 +63,10 @@ class KinectDevice {
 
   Slot& slot(KinectStream stream) { return slots_[static_cast<std::size_t>(stream)]; }
   const Slot& slot(KinectStream stream) const { return slots_[static_cast<std::size_t>(stream)]; }
-  void open(const std::string& device);
   void setPlayback();
   void chooseMode(KinectStream stream);
+  bool receive(int timeout_ms);
+  Clock::time_point dueTime() const;
 
   const KinectPlayback playback_;
   std::shared_ptr<OpenNi> openni_;
@@ -70,6 +75,12 @@ class KinectDevice {
   std::unique_ptr<Events> events_;
   std::array<Slot, 3> slots_;
   openni::VideoFrameRef current_;
+  KinectStream current_stream_ = KinectStream::kDepth;
+
+  // Of a recording: an image waits for its time.
+  bool waiting_ = false;
+  Clock::time_point due_;
+  std::uint64_t last_us_ = 0;  // of the image before
 };
 
 }  // namespace all_in_focus

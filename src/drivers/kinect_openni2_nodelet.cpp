@@ -153,6 +153,8 @@ void KinectOpenni2Nodelet::open() {
   if (parameters_.playback.single_step && !device_->isFile()) {
     monitor_->warn("single_step has no effect on a camera");
   }
+  for (const bool subscribed : {true, false})
+    monitor_->setSubscribed(subscribed);  // ends the errors of before
   ended_ = false;
   complaint_.clear();
   start_again_ = {};
@@ -198,9 +200,7 @@ bool KinectOpenni2Nodelet::chooseStreams() {
     if (!device_->isRunning(stream) && output->isWanted() && !ended_ && mayStart(*output)) {
       try {
         device_->start(stream);
-        output->begin(!device_->isFile()              ? 1.0
-                      : parameters_.playback.manual() ? 0.0
-                                                      : parameters_.playback.rate);
+        output->begin(device_->rate());
       } catch (const std::runtime_error& e) {
         start_again_[static_cast<std::size_t>(stream)] = Clock::now() + seconds(parameters_.reconnect_period);
         complain(e.what());

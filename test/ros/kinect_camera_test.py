@@ -118,6 +118,11 @@ class ImagesTest(KinectTest):
 
 
 class FailuresTest(KinectTest):
+    def test_error_ends_when_the_camera_is_there_though_nobody_listens(self):
+        self.status(FIRST, 'no camera was found')
+        plug('one')
+        self.assertEqual(self.status(FIRST, 'idle: nobody listens').level, 0)
+
     def test_no_camera_then_one_then_two(self):
         depth = self.images('/first/depth/image_raw')
         status = self.status(FIRST, 'no camera was found: is it plugged in')

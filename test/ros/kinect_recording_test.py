@@ -1,0 +1,121 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Recordings that OpenNI2's own recorder makes and its own file driver plays: pixel for pixel, at any pace, by steps."""
+import os
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import rospy
+import rostest
+from std_srvs.srv import Trigger
+
+from depth_testing import values_of, wait_until
+from kinect_testing import HEIGHT, WIDTH, KinectTest, depth_pattern, index_of, pixels_of, plug
+
+WORLD = Path(os.environ['KINECT_TEST_WORLD'])
+NOISE, MIRRORED = Path(os.environ['KINECT_TEST_NOISE']), Path(os.environ['KINECT_TEST_MIRRORED'])
+FRAMES = 12
+# A Kinect's values: everything up to 10 m, holes, and 2047, which here is a distance like others.
+DEPTH = np.random.default_rng(0).integers(0, 10000, (FRAMES, HEIGHT, WIDTH)).astype(np.uint16)
+DEPTH[:, ::7, ::5], DEPTH[:, ::11, ::3] = 0, 2047
+
+
+def record(camera, path, mirrored):
+    unfinished = path.with_suffix('.part')
+    subprocess.run([WORLD / 'record_oni', 'frames:' + camera, unfinished, str(FRAMES), str(int(mirrored))],
+                   check=True, timeout=20)
+    unfinished.rename(path)
+
+
+class RecordingTest(KinectTest):
+    @classmethod
+    def tearDownClass(cls):
+        NOISE.unlink(missing_ok=True)
+        MIRRORED.unlink(missing_ok=True)
+
+    def setUp(self):
+        super().setUp()
+        if not MIRRORED.exists():
+            DEPTH.tofile(WORLD / 'noise.raw')
+            # Whoever comes first also sees that a file which is not there yet is waited for.
+            self.status('steps/kinect_openni2', 'cannot open "%s"' % NOISE)
+            plug('noise', 'recorded=%s' % (WORLD / 'noise.raw'))
+            plug('pattern')
+            record('noise', NOISE, False)
+            record('pattern', MIRRORED, True)
+            for node in ('steps', 'fast', 'slow', 'repeated'):
+                self.diagnostics.wait(node + '/kinect_openni2', lambda s: '.oni' in values_of(s)['device'])
+
+    def check_noise(self, messages, cyclic):
+        """The recorded images, in their order; the recorder has lost the first."""
+        indices = []
+        for message in messages:
+            depth = pixels_of(message)
+            found = [i for i in range(FRAMES) if np.array_equal(depth[0], DEPTH[i, 0])]
+            self.assertEqual(len(found), 1)
+            np.testing.assert_array_equal(depth, DEPTH[found[0]])
+            indices.append(found[0])
+        steps = np.diff(indices)
+        last = max(indices)
+        self.assertTrue(all(s == 1 or (cyclic and i == last) for s, i in zip(steps, indices)), indices)
+        return indices
+
+    def test_repeated_at_the_recorded_pace_pixel_for_pixel(self):
+        depth = self.images('/repeated/depth/image_raw')
+        began = time.monotonic()
+        indices = self.check_noise(depth.wait(30), cyclic=True)
+        self.assertGreater(time.monotonic() - began, 0.8)
+        self.assertGreaterEqual(len(set(indices)), FRAMES - 3)
+        stamps = depth.stamps()
+        self.assertTrue((np.diff(stamps) > 0).all())
+        self.assertLess(np.abs(np.array(depth.times) - stamps).max(), 0.3)
+
+    def test_half_the_pace(self):
+        depth = self.images('/slow/depth/image_raw')
+        depth.wait(11)
+        self.assertLess(abs(np.median(np.diff(depth.stamps())) * 15 - 1), 0.2, np.diff(depth.stamps()))
+
+    def test_as_fast_as_possible_mirrored_to_its_end_and_again(self):
+        for _ in range(2):
+            depth = self.images('/fast/depth/image_raw')
+            self.diagnostics.wait('fast/kinect_openni2', lambda s: 'at its end' in values_of(s)['device'])
+            indices = [index_of(pixels_of(message)) for message in depth.messages]
+            for index, message in zip(indices, depth.messages):
+                truth = depth_pattern(index)
+                np.testing.assert_array_equal(pixels_of(message), np.where(truth == 2047, 0, truth))
+            # Who listens to what starts at once may miss the first of it, as everywhere in ROS.
+            self.assertEqual(indices, list(range(indices[0], indices[0] + len(indices))))
+            self.assertGreaterEqual(len(indices), FRAMES - 5)
+            depth.close()
+            self.diagnostics.wait('fast/kinect_openni2', lambda s: 'at its end' not in values_of(s)['device'])
+
+    def test_step_by_step(self):
+        step = rospy.ServiceProxy('/steps/kinect_openni2/step', Trigger)
+        answer = step()
+        self.assertEqual((answer.success, answer.message[:15]), (False, 'nobody listens '))
+        depth = self.images('/steps/depth/image_raw')
+        self.assertTrue(wait_until(lambda: 'idle' not in self.status('steps/kinect_openni2', '').message))
+        time.sleep(0.3)
+        self.assertFalse(depth.messages)
+        for count in range(1, 6):
+            answer = step()
+            self.assertTrue(answer.success, answer.message)
+            self.assertIn('depth image', answer.message)
+            self.assertTrue(wait_until(lambda: len(depth.messages) >= count))
+        time.sleep(0.3)
+        self.assertEqual(len(depth.messages), 5)
+        answers = [step() for _ in range(FRAMES)]
+        self.assertFalse(answers[-1].success)
+        self.assertIn('at its end', answers[-1].message)
+        taken = 5 + sum(answer.success for answer in answers)
+        self.assertGreaterEqual(taken, FRAMES - 2)
+        self.assertTrue(wait_until(lambda: len(depth.messages) == taken))
+        self.check_noise(depth.messages, cyclic=False)
+
+
+if __name__ == '__main__':
+    rospy.init_node('kinect_recording_test')
+    rostest.rosrun('all_in_focus', 'kinect_recording', '__main__')
