@@ -66,9 +66,9 @@ class KinectDevice::Events : public openni::OpenNI::DeviceDisconnectedListener,
   const std::string uri_;
 };
 
-KinectDevice::KinectDevice(const std::string& device, const KinectPlayback& playback)
-    : playback_(playback), openni_(OpenNi::get()) {
+KinectDevice::KinectDevice(const std::string& device, const KinectPlayback& playback) : playback_(playback) {
   openDevice(device, device_);
+  if (!isFile()) use_.deviceWasOpened();
   description_ = describe(device_.getDeviceInfo());
   events_ = std::make_unique<Events>(device_.getDeviceInfo().getUri());
   if (isFile()) setPlayback();

@@ -69,7 +69,7 @@ class KinectDevice {
   Clock::time_point dueTime() const;
 
   const KinectPlayback playback_;
-  std::shared_ptr<OpenNi> openni_;
+  OpenNiUse use_;
   openni::Device device_;
   std::string description_;
   std::unique_ptr<Events> events_;

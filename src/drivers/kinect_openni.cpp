@@ -5,17 +5,69 @@
 
 #include <algorithm>
 #include <cctype>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
 #include <mutex>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 
 namespace all_in_focus {
 namespace {
 
-std::mutex& sessionMutex() {
-  static std::mutex mutex;
-  return mutex;
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::minutes kStartAnyway{5};  // where /sys does not show what is plugged in
+
+/// The numbers that the kernel gives to USB devices, each time anew.
+std::string pluggedIn() {
+  namespace fs = std::filesystem;
+  std::set<std::string> devices;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator("/sys/bus/usb/devices", error)) {
+    std::ifstream file(entry.path() / "devnum");
+    std::string number;
+    if (file >> number) devices.insert(entry.path().filename().string() + "=" + number);
+  }
+  std::string text;
+  for (const std::string& device : devices) text += device + " ";
+  return text;
 }
+
+/// Of the process.
+struct Session {
+  std::mutex mutex;  // guards all below
+  int keepers = 0, uses = 0;
+  bool running = false;
+  bool opened = false;  // a device, since the start
+  std::string plugged_in;
+  Clock::time_point started;
+
+  static Session& get() {
+    static Session session;
+    return session;
+  }
+
+  bool isOutdated() const {
+    return opened || Clock::now() - started > kStartAnyway || pluggedIn() != plugged_in;
+  }
+  void start() {
+    plugged_in = pluggedIn();
+    if (openni::OpenNI::initialize() != openni::STATUS_OK) {
+      const std::string text = openNiReason();
+      openni::OpenNI::shutdown();
+      throw std::runtime_error("OpenNI2 does not start: " + text);
+    }
+    running = true;
+    opened = false;
+    started = Clock::now();
+  }
+  void stop() {
+    if (running) openni::OpenNI::shutdown();
+    running = false;
+  }
+};
 
 std::string describeFound(const openni::Array<openni::DeviceInfo>& devices) {
   if (devices.getSize() == 0) {
@@ -40,24 +92,36 @@ int numberOf(const std::string& device) {
 
 }  // namespace
 
-std::shared_ptr<OpenNi> OpenNi::get() {
-  static std::weak_ptr<OpenNi> current;
-  std::lock_guard<std::mutex> lock(sessionMutex());
-  std::shared_ptr<OpenNi> openni = current.lock();
-  if (!openni) current = openni = std::shared_ptr<OpenNi>(new OpenNi);
-  return openni;
+OpenNiKeeper::OpenNiKeeper() {
+  Session& session = Session::get();
+  std::lock_guard<std::mutex> lock(session.mutex);
+  ++session.keepers;
 }
 
-OpenNi::OpenNi() {
-  if (openni::OpenNI::initialize() == openni::STATUS_OK) return;
-  const std::string text = openNiReason();
-  openni::OpenNI::shutdown();
-  throw std::runtime_error("OpenNI2 does not start: " + text);
+OpenNiKeeper::~OpenNiKeeper() {
+  Session& session = Session::get();
+  std::lock_guard<std::mutex> lock(session.mutex);
+  if (--session.keepers == 0) session.stop();
 }
 
-OpenNi::~OpenNi() {
-  std::lock_guard<std::mutex> lock(sessionMutex());
-  openni::OpenNI::shutdown();
+OpenNiUse::OpenNiUse() {
+  Session& session = Session::get();
+  std::lock_guard<std::mutex> lock(session.mutex);
+  if (session.uses == 0 && session.running && session.isOutdated()) session.stop();
+  if (!session.running) session.start();
+  ++session.uses;
+}
+
+OpenNiUse::~OpenNiUse() {
+  Session& session = Session::get();
+  std::lock_guard<std::mutex> lock(session.mutex);
+  --session.uses;
+}
+
+void OpenNiUse::deviceWasOpened() {
+  Session& session = Session::get();
+  std::lock_guard<std::mutex> lock(session.mutex);
+  session.opened = true;
 }
 
 // They come in indented lines.

@@ -4,21 +4,30 @@
 
 #include <OpenNI.h>
 
-#include <memory>
 #include <string>
 
 namespace all_in_focus {
 
-/// OpenNI2 is initialised while somebody in the process has a device open or tries to. Drivers such as
-/// libfreenect's look for cameras at that moment only, so that every new attempt must begin with it.
-class OpenNi {
+/// OpenNI2 runs from the first attempt to open a camera until the last of these objects of the process ends.
+class OpenNiKeeper {
  public:
-  /// Throws std::runtime_error.
-  static std::shared_ptr<OpenNi> get();
-  ~OpenNi();
+  OpenNiKeeper();
+  ~OpenNiKeeper();
+  OpenNiKeeper(const OpenNiKeeper&) = delete;
+  OpenNiKeeper& operator=(const OpenNiKeeper&) = delete;
+};
 
- private:
-  OpenNi();
+/// Held by whoever opens, or has open, a device. Drivers such as libfreenect's look for cameras when OpenNI2
+/// starts only, and forget those that were closed. So it is started afresh when nobody holds it, and a camera
+/// was closed or something was plugged in or out. Not with every attempt: each start costs 0.1 MB for ever.
+class OpenNiUse {
+ public:
+  OpenNiUse();  ///< Throws std::runtime_error.
+  ~OpenNiUse();
+  OpenNiUse(const OpenNiUse&) = delete;
+  OpenNiUse& operator=(const OpenNiUse&) = delete;
+
+  void deviceWasOpened();
 };
 
 /// Why the last call failed, in OpenNI2's own words.

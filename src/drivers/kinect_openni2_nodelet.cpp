@@ -66,6 +66,7 @@ class KinectOpenni2Nodelet : public nodelet::Nodelet {
   std::unique_ptr<NodeMonitor> monitor_;
 
   // Of the thread.
+  OpenNiKeeper openni_;
   std::unique_ptr<KinectDevice> device_;
   std::array<Clock::time_point, 3> start_again_{};  // after a stream that did not start
   std::array<bool, 3> stepped_{};                   // has had its image in this step

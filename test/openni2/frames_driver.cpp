@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <utility>
 
 #include "frames_stream.hpp"
@@ -90,6 +91,8 @@ class Driver : public oni::driver::DriverBase {
   void deviceClose(oni::driver::DeviceBase* device) override {
     {
       std::lock_guard<std::mutex> lock(mutex_);
+      Camera& camera = static_cast<Device*>(device)->camera;
+      if (camera.has("forgotten")) forgotten_.insert(camera.uri);
       open_.erase(std::remove(open_.begin(), open_.end(), static_cast<Device*>(device)), open_.end());
     }
     delete device;
@@ -98,9 +101,11 @@ class Driver : public oni::driver::DriverBase {
  private:
   void watch() {
     std::map<std::string, OniDeviceInfo> now;
+    std::unique_lock<std::mutex> lock(mutex_);
     std::error_code error;
     for (const auto& file : fs::directory_iterator(folder(), error)) {
       if (file.path().filename().string()[0] == '.') continue;
+      if (forgotten_.count(kScheme + file.path().filename().string())) continue;
       OniDeviceInfo info{};
       std::strncpy(info.uri, (kScheme + file.path().filename().string()).c_str(), ONI_MAX_STR - 1);
       std::strncpy(info.vendor, "all_in_focus", ONI_MAX_STR - 1);
@@ -109,15 +114,10 @@ class Driver : public oni::driver::DriverBase {
     }
     const std::map<std::string, OniDeviceInfo> before = plugged_;
     plugged_ = now;
+    for (Device* device : open_) device->camera.plugged = now.count(device->camera.uri) > 0;
+    lock.unlock();  // OpenNI2 may call back
     for (const auto& [uri, info] : before) {
-      if (now.count(uri)) continue;
-      {
-        std::lock_guard<std::mutex> lock(mutex_);
-        for (Device* device : open_) {
-          if (device->camera.uri == uri) device->camera.plugged = false;
-        }
-      }
-      deviceDisconnected(&info);
+      if (!now.count(uri)) deviceDisconnected(&info);
     }
     for (const auto& [uri, info] : now) {
       if (!before.count(uri)) deviceConnected(&info);
@@ -129,6 +129,7 @@ class Driver : public oni::driver::DriverBase {
   std::thread thread_;
   std::mutex mutex_;
   std::vector<Device*> open_;
+  std::set<std::string> forgotten_;
 };
 
 }  // namespace frames

@@ -6,6 +6,7 @@
 // plugged in; it is unplugged by removing the file. The words in the file are its faults:
 //   no_open, no_start, silent, stuck_mirror   short, small, narrow: every third image is broken
 //   late: every fourth image comes 15 ms late   clock_back: the camera's clock starts again with image 30
+//   forgotten: once closed it is not listed until OpenNI2 starts again, as with libfreenect's driver
 //   recorded=FILE: depth from raw 16-bit images of 640x480 instead of a pattern
 // While a stream runs there is a file .NAME.SENSOR (1 IR, 2 colour, 3 depth).
 // Like a Kinect after power-on the cameras are mirrored, registered and not at 640x480 until they are told.

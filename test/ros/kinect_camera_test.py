@@ -165,10 +165,10 @@ class FailuresTest(KinectTest):
             self.status(FIRST, 'no camera was found')
 
     def test_camera_that_falls_silent_is_opened_again(self):
-        plug('one', 'silent')
+        plug('one', 'silent forgotten')
         depth = self.images('/first/depth/image_raw')
         self.status(FIRST, 'no depth image from "frames:one" (Test camera, all_in_focus) for 1 s: opening it again')
-        plug('one')
+        plug('one', 'forgotten')
         depth.wait(2)
 
     def test_camera_that_does_not_open_or_start(self):
