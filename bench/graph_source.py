@@ -127,11 +127,12 @@ class Source:
         self.publishers[topic].publish(message)
 
     def run(self):
-        """Seconds that all frames took."""
+        """Seconds that all frames took, each with the pause after it."""
         begin = time.monotonic()
         for i in range(self.args.frames):
             time.sleep(max(0, begin + i / self.args.rate - time.monotonic()))
             self.send(i)
+        time.sleep(max(0, begin + self.args.frames / self.args.rate - time.monotonic()))
         return time.monotonic() - begin
 
 

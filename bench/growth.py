@@ -3,14 +3,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Draw how time grows with pixels, and time and memory with the number of frames, beside what linear would be.
 
-Needs a sourced setup.bash and bench_steps (see docs/performance.md). Depth is generated, with 3 mm of noise on every pixel
-but for the segmentation of a Kinect's depth. Brackets of many frames are a sweep of 30 in which frames come again.
+The least of several runs: whatever else the machine does only adds to it. Depth is generated, with 3 mm of noise on every
+pixel but for the segmentation of a Kinect's depth. Brackets of many frames are a sweep of 30 in which frames come again.
+Needs a sourced setup.bash and bench_steps (see docs/performance.md).
 """
 import argparse
 import json
 import os
 import re
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -36,7 +36,7 @@ def parse_arguments():
     parser.add_argument("--output", required=True, metavar="PNG")
     parser.add_argument("--json", metavar="FILE", help="write the figures there")
     parser.add_argument("--take", metavar="FILE", help="draw these figures, as --json wrote them; measure nothing")
-    parser.add_argument("--repetitions", type=count, default=3, metavar="N", help="medians of so many; default %(default)s")
+    parser.add_argument("--repetitions", type=count, default=3, metavar="N", help="of each run, default %(default)s")
     parser.add_argument("--bench-steps", default=steps.BENCH_STEPS, metavar="PATH")
     parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
     return parser, parser.parse_args()
@@ -83,7 +83,7 @@ def measure_frames(program, repetitions, scene):
                 "--output", os.path.join(folder, "fused.png")])
             fusion_ms = float(re.search(r"fusion ([-+.e\d]+) ms", text)[1])
             runs.setdefault((mode, frames), []).append((fusion_ms, memory))
-    return {mode: [[frames, *(statistics.median(column) for column in zip(*runs[mode, frames]))] for frames in FRAMES]
+    return {mode: [[frames, *(min(column) for column in zip(*runs[mode, frames]))] for frames in FRAMES]
             for mode in MODES}
 
 
@@ -91,7 +91,7 @@ def measure(args):
     figures = steps.run(args.bench_steps, only="threads:1", repetitions=args.repetitions)
     pixels = {}
     for (step, width, height, _), entry in sorted(figures.items(), key=lambda item: item[0][1] * item[0][2]):
-        pixels.setdefault(step, []).append([width * height, entry["ms"]])
+        pixels.setdefault(step, []).append([width * height, entry["least_ms"]])
     with tempfile.TemporaryDirectory() as scene:
         return {"pixels": pixels, "frames": measure_frames(args.fuse_stack, args.repetitions, scene)}
 
@@ -106,7 +106,8 @@ def import_pyplot():
 
 def draw(plt, figures, output):
     fig, (left, middle, right) = plt.subplots(1, 3, figsize=(13, 6.2), dpi=75, gridspec_kw={"width_ratios": (1.4, 1, 1)})
-    for color, (step, rows) in zip(plt.get_cmap("tab20").colors, sorted(figures["pixels"].items(), key=lambda item: -item[1][-1][1])):
+    slowest_first = sorted(figures["pixels"].items(), key=lambda item: -item[1][-1][1])
+    for color, (step, rows) in zip(plt.get_cmap("tab20").colors, slowest_first):
         x, y = zip(*rows)
         left.loglog(x, y, "o-", color=color, lw=1.5, ms=4, label=steps.TITLES[step])
         left.loglog(x, [y[0] * n / x[0] for n in x], ":", color=color, lw=1)
