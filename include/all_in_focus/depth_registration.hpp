@@ -2,13 +2,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
 #include "all_in_focus/camera.hpp"
 
 namespace all_in_focus::core {
+
+class ZBuffer;
 
 /// What one depth pixel covers in the colour image.
 enum class Splat {
@@ -20,11 +21,15 @@ enum class Splat {
 /// nearest stays. Points outside the image or behind the camera are dropped.
 ///
 /// Rays, pose and intrinsics are folded into three numbers per depth pixel at construction; a call then costs
-/// one multiply-add per coordinate. Not thread-safe: row buffers are reused between calls.
+/// one multiply-add per coordinate. Bands of rows are drawn by several threads; the result does not depend on
+/// their number. Not thread-safe: buffers are reused between calls.
 class DepthRegistration {
  public:
   /// Throws std::invalid_argument when a camera is impossible.
   explicit DepthRegistration(const Rig& rig, Splat splat = Splat::kFootprint);
+  ~DepthRegistration();
+  DepthRegistration(const DepthRegistration&) = delete;
+  DepthRegistration& operator=(const DepthRegistration&) = delete;
 
   /// depth: CV_16UC1 mm, 0 = unknown, size of the rig's depth camera (else std::invalid_argument).
   /// registered: CV_16UC1 mm, distance Z' along the colour camera's axis, 0 = unknown, size of the colour
@@ -34,9 +39,7 @@ class DepthRegistration {
   const Rig& rig() const { return rig_; }
 
  private:
-  void projectRow(const std::uint16_t* depth, int v);
-  void splatPoints(cv::Mat& registered);
-  void splatFootprints(const std::uint16_t* depth_row, int v, cv::Mat& registered);
+  void drawRows(const cv::Mat& depth, const cv::Range& rows, ZBuffer& nearest) const;
 
   Rig rig_;
   Splat splat_;
@@ -44,11 +47,7 @@ class DepthRegistration {
   bool fold_intrinsics_ = false;  ///< rays and translation are in colour pixels already
   cv::Mat1f ray_[3];              ///< per depth pixel: what one mm of depth adds to X', Y', Z'
   cv::Vec3f translation_;
-  struct Row {  ///< one projected row
-    void resize(int width) { u.resize(width), v.resize(width), w.resize(width), pixel.resize(width); }
-    std::vector<float> u, v, w;
-    std::vector<std::int32_t> pixel;
-  } row_;
+  std::vector<ZBuffer> bands_;  ///< one for each band of rows of the depth image
 };
 
 }  // namespace all_in_focus::core

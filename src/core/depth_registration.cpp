@@ -4,25 +4,29 @@
 #include "all_in_focus/depth_registration.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <stdexcept>
+
+#include "simd.hpp"
+#include "z_buffer.hpp"
 
 namespace all_in_focus::core {
 namespace {
 
-// A footprint reaches this far beyond half a depth pixel: neighbours at slightly other depths are moved apart
-// by parallax.
-constexpr float kFootprintHalf = 0.5f + 0.1f;
+constexpr int kLeastRows = 16;           // of a band
+constexpr int kLeastPixels = 64 * 1024;  // of a part of an image that is worth a thread
 
-// The nearest depth stays. 0 (nothing yet) wraps around to the farthest.
-inline void keepNearest(std::uint16_t& stored, std::uint16_t depth) {
-  if (static_cast<std::uint16_t>(depth - 1) < static_cast<std::uint16_t>(stored - 1)) stored = depth;
+ALL_IN_FOCUS_SIMD void fromZBuffer(const std::uint16_t* __restrict stored, int cols,
+                                   std::uint16_t* __restrict row) {
+  for (int u = 0; u < cols; ++u) row[u] = stored[u] + 1;
 }
 
-// floor(value + 0.5) limited to -1..size, both of which lie outside the image; NaN becomes -1.
-inline std::int32_t nearestPixel(float value, float size) {
-  return static_cast<std::int32_t>(std::min(std::max(-1.0f, value), size) + 1.5f) - 1;
+ALL_IN_FOCUS_SIMD void keepNearest(const std::uint16_t* __restrict stored, int cols,
+                                   std::uint16_t* __restrict row) {
+  for (int u = 0; u < cols; ++u) {
+    const std::uint16_t so_far = row[u] - 1;
+    row[u] = std::min(so_far, stored[u]) + 1;
+  }
 }
 
 }  // namespace
@@ -51,8 +55,9 @@ DepthRegistration::DepthRegistration(const Rig& rig, Splat splat) : rig_(rig), s
       for (int i = 0; i < 3; ++i) ray_[i](v, u) = static_cast<float>(r[i]);
     }
   }
-  row_.resize(in.size.width);
 }
+
+DepthRegistration::~DepthRegistration() = default;
 
 void DepthRegistration::compute(const cv::Mat& depth, cv::Mat& registered) {
   if (depth.type() != CV_16UC1) throw std::invalid_argument("registration: depth must be CV_16UC1 mm");
@@ -61,109 +66,54 @@ void DepthRegistration::compute(const cv::Mat& depth, cv::Mat& registered) {
         cv::format("registration: depth is %dx%d, but the depth camera is calibrated for %dx%d", depth.cols,
                    depth.rows, rig_.depth.size.width, rig_.depth.size.height));
   }
+  const int count = std::max(1, std::min(cv::getNumThreads(), depth.rows / kLeastRows));
+  if (static_cast<int>(bands_.size()) < count) bands_.resize(count);
+  cv::parallel_for_(
+      cv::Range(0, count),
+      [&](const cv::Range& range) {
+        for (int i = range.start; i < range.end; ++i) {
+          bands_[i].begin(rig_.color.size);
+          drawRows(depth, {depth.rows * i / count, depth.rows * (i + 1) / count}, bands_[i]);
+        }
+      },
+      count);
+
   registered.create(rig_.color.size, CV_16UC1);
-  registered.setTo(0);
-  for (int v = 0; v < depth.rows; ++v) {
-    projectRow(depth.ptr<std::uint16_t>(v), v);
-    if (splat_ == Splat::kPoint) {
-      splatPoints(registered);
-    } else {
-      splatFootprints(depth.ptr<std::uint16_t>(v), v, registered);
-    }
-  }
+  cv::parallel_for_(
+      cv::Range(0, registered.rows),
+      [&](const cv::Range& range) {
+        for (int v = range.start; v < range.end; ++v) {
+          auto* const row = registered.ptr<std::uint16_t>(v);
+          bool reached = false;
+          for (int i = 0; i < count; ++i) {
+            const std::uint16_t* const stored = bands_[i].row(v);
+            if (!stored) continue;
+            (reached ? keepNearest : fromZBuffer)(stored, registered.cols, row);
+            reached = true;
+          }
+          if (!reached) std::fill_n(row, registered.cols, 0);
+        }
+      },
+      static_cast<double>(registered.total()) / kLeastPixels);
 }
 
-// Equations 2 and 3 for one row: position in the colour image and depth along its axis, 0 = nothing to draw.
-void DepthRegistration::projectRow(const std::uint16_t* depth, int v) {
-  const float* a = ray_[0][v];
-  const float* b = ray_[1][v];
-  const float* c = ray_[2][v];
-  const float tx = translation_[0], ty = translation_[1], tz = translation_[2];
-  const int width = rig_.depth.size.width;
-  float* const us = row_.u.data();
-  float* const vs = row_.v.data();
-  float* const ws = row_.w.data();
-  for (int u = 0; u < width; ++u) {
-    const float z = depth[u];
-    const float w = c[u] * z + tz;
-    const float inverse = 1.0f / w;
-    us[u] = (a[u] * z + tx) * inverse;
-    vs[u] = (b[u] * z + ty) * inverse;
-    const bool visible = (z > 0) & (w >= 0.5f) & (w < 65535.0f);
-    ws[u] = visible ? w : 0.0f;
-  }
-  if (fold_intrinsics_) return;
-  const Camera& color = rig_.color;
-  for (int u = 0; u < width; ++u) {
-    if (ws[u] == 0) continue;
-    if (us[u] * us[u] + vs[u] * vs[u] > reach_ * reach_) {
-      ws[u] = 0;  // would be folded back into the picture
-      continue;
-    }
-    const cv::Point2d p = color.distort({us[u], vs[u]});
-    us[u] = static_cast<float>(p.x * color.fx + color.cx);
-    vs[u] = static_cast<float>(p.y * color.fy + color.cy);
-  }
-}
-
-void DepthRegistration::splatPoints(cv::Mat& registered) {
-  const int cols = registered.cols, rows = registered.rows, width = rig_.depth.size.width;
-  const int stride = static_cast<int>(registered.step1());
-  const float* us = row_.u.data();
-  const float* vs = row_.v.data();
-  const float* ws = row_.w.data();
-  std::int32_t* const at = row_.pixel.data();
-  for (int i = 0; i < width; ++i) {
-    const std::int32_t u = nearestPixel(us[i], static_cast<float>(cols));
-    const std::int32_t v = nearestPixel(vs[i], static_cast<float>(rows));
-    const bool inside = (u >= 0) & (u < cols) & (v >= 0) & (v < rows) & (ws[i] > 0);
-    at[i] = inside ? v * stride + u : -1;
-  }
-  std::uint16_t* const out = registered.ptr<std::uint16_t>();
-  for (int i = 0; i < width; ++i) {
-    if (at[i] >= 0) keepNearest(out[at[i]], static_cast<std::uint16_t>(ws[i] + 0.5f));
-  }
-}
-
-// A depth pixel at one depth is a parallelogram in the colour image, spanned by the derivatives of its
-// position after u and v: d(nu / w) = (d nu - u' dw) / w.
-void DepthRegistration::splatFootprints(const std::uint16_t* depth_row, int v, cv::Mat& registered) {
-  const int cols = registered.cols, rows = registered.rows, width = rig_.depth.size.width;
-  const float* row[3] = {ray_[0][v], ray_[1][v], ray_[2][v]};
-  const float* below[3] = {ray_[0][v + 1], ray_[1][v + 1], ray_[2][v + 1]};
-  const float fx = fold_intrinsics_ ? 1.0f : static_cast<float>(rig_.color.fx);
-  const float fy = fold_intrinsics_ ? 1.0f : static_cast<float>(rig_.color.fy);
-  for (int i = 0; i < width; ++i) {
-    const float w = row_.w[i];
-    if (w == 0) continue;
-    const float pu = row_.u[i], pv = row_.v[i];
-    const float scale = depth_row[i] / w;
-    // Before distortion, whose own derivative is left out.
-    const float x = (row[0][i] * depth_row[i] + translation_[0]) / w;
-    const float y = (row[1][i] * depth_row[i] + translation_[1]) / w;
-    const auto side = [&](const float* const* to, int j) {
-      const float dw = to[2][j] - row[2][i];
-      return cv::Point2f(fx * scale * (to[0][j] - row[0][i] - x * dw),
-                         fy * scale * (to[1][j] - row[1][i] - y * dw));
-    };
-    const cv::Point2f e1 = side(row, i + 1), e2 = side(below, i);
-    const float area = e1.x * e2.y - e1.y * e2.x;
-    if (!(std::abs(area) > 1e-6f)) continue;  // seen edge-on
-    const float half_u = kFootprintHalf * (std::abs(e1.x) + std::abs(e2.x));
-    const float half_v = kFootprintHalf * (std::abs(e1.y) + std::abs(e2.y));
-    const int u_begin = nearestPixel(std::max(pu - half_u + 0.5f, 0.0f), static_cast<float>(cols));
-    const int u_end = nearestPixel(pu + half_u - 0.5f, static_cast<float>(cols - 1));
-    const int v_begin = nearestPixel(std::max(pv - half_v + 0.5f, 0.0f), static_cast<float>(rows));
-    const int v_end = nearestPixel(pv + half_v - 0.5f, static_cast<float>(rows - 1));
-    const auto depth = static_cast<std::uint16_t>(w + 0.5f);
-    const float to_a = 1.0f / area;
-    for (int y_pixel = v_begin; y_pixel <= v_end; ++y_pixel) {
-      std::uint16_t* const out = registered.ptr<std::uint16_t>(y_pixel);
-      for (int x_pixel = u_begin; x_pixel <= u_end; ++x_pixel) {
-        const float dx = x_pixel - pu, dy = y_pixel - pv;
-        const float along1 = (dx * e2.y - dy * e2.x) * to_a, along2 = (dy * e1.x - dx * e1.y) * to_a;
-        if (std::abs(along1) <= kFootprintHalf && std::abs(along2) <= kFootprintHalf)
-          keepNearest(out[x_pixel], depth);
+void DepthRegistration::drawRows(const cv::Mat& depth, const cv::Range& rows, ZBuffer& nearest) const {
+  DepthSpan span;
+  ProjectedSpan projected;
+  std::copy_n(translation_.val, 3, span.translation);
+  span.fx = fold_intrinsics_ ? 1.0f : static_cast<float>(rig_.color.fx);
+  span.fy = fold_intrinsics_ ? 1.0f : static_cast<float>(rig_.color.fy);
+  for (int v = rows.start; v < rows.end; ++v) {
+    for (int u = 0; u < depth.cols; u += DepthSpan::kMost) {
+      span.count = std::min(depth.cols - u, DepthSpan::kMost);
+      span.depth = depth.ptr<std::uint16_t>(v) + u;
+      for (int i = 0; i < 3; ++i) span.ray[i] = ray_[i][v] + u, span.ray_below[i] = ray_[i][v + 1] + u;
+      project(span, projected);
+      if (!fold_intrinsics_) distort(rig_.color, reach_, span.count, projected);
+      if (splat_ == Splat::kPoint) {
+        nearest.drawPoints(projected, span.count);
+      } else {
+        nearest.drawFootprints(span, projected);
       }
     }
   }
