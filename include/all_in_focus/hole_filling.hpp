@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -13,14 +14,22 @@ void dilateDepth(const cv::Mat& depth, cv::Mat& dilated);
 
 /// One step of anisotropic diffusion from two rows above (equations 5 to 8), in place, in row order, so that
 /// values just filled serve the rows below.
-struct DiffusionFilling {
+class DiffusionFilling {
+ public:
   double lambda = 0.25;       ///< step, 0..0.25
   double conduction_mm = 25;  ///< K of equation 6
   int hole_below_mm = 10;     ///< every smaller depth is a hole
 
   /// depth: CV_16UC1 mm. The first three rows have nothing above them and stay as they are; beyond the first
   /// and the last column there is no gradient; a hole under a hole stays one.
-  void fill(cv::Mat& depth) const;
+  void fill(cv::Mat& depth);
+
+ private:
+  void tabulateFlows();
+
+  double tabulated_conduction_mm_ = 0;
+  int reach_ = 0;              ///< mm; no flow beyond
+  std::vector<double> flows_;  ///< C d (equations 5 and 6) for d = -reach..reach mm
 };
 
 /// Fills each hole across its narrow side (row or column, whichever run of unknown pixels is shorter) from
@@ -28,13 +37,23 @@ struct DiffusionFilling {
 /// nor column has two ends the sensor could not see at all, and depth stays unknown. Buffers are reused.
 class FarSideFilling {
  public:
-  /// depth and filled: CV_16UC1 mm; not the same image.
+  /// depth and filled: CV_16UC1 mm, less than 65535 rows and columns; not the same image.
   void fill(const cv::Mat& depth, cv::Mat& filled);
 
  private:
-  cv::Mat_<cv::Vec2w> above_;  ///< of each hole pixel: nearest known depth above (0 = none), its distance
-  std::vector<cv::Vec2w>
-      column_;  ///< the same for the row at hand, above on the way down, below on the way up
+  /// Rows filled by one thread, with the holes that it met before it knew their lower or upper end.
+  struct Band {
+    std::vector<std::uint64_t> holes;  ///< of the last row, a bit each
+    std::vector<std::uint16_t> begin;  ///< by column: first row of the last hole; 0: begins above the band
+    std::vector<std::uint16_t> end;    ///< by column: row below the hole that begins above the band, 0 = none
+  };
+
+  void fillBand(const cv::Mat& depth, const cv::Range& rows, Band& band, cv::Mat& filled);
+  void fillAcross(const std::uint16_t* row, int cols, int begin, int end, int i, cv::Mat& filled);
+  void fillDown(const cv::Mat& depth, int column, int begin, int end, cv::Mat& filled);
+
+  cv::Mat1w width_;  ///< of each hole pixel: of the hole in its row
+  std::vector<Band> bands_;
 };
 
 }  // namespace all_in_focus::core

@@ -27,6 +27,7 @@ class DepthPreprocessing {
  private:
   Mode mode_;
   DepthRegistration registration_;
+  DiffusionFilling diffusion_;
   FarSideFilling far_side_;
 };
 

@@ -73,7 +73,7 @@ void DepthPreprocessing::compute(const cv::Mat& depth, cv::Mat& registered, cv::
   registration_.compute(depth, registered);  // equations 1 to 3
   if (mode_ == Mode::kPaper) {
     dilateDepth(registered, filled);  // equation 4
-    DiffusionFilling().fill(filled);  // equations 5 to 8
+    diffusion_.fill(filled);          // equations 5 to 8
   } else {
     far_side_.fill(registered, filled);
   }
