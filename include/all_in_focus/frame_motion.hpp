@@ -45,9 +45,6 @@ class ReferenceWarp {
     std::vector<std::array<float, kTaps>> weight;
     void prepare(int length, double scale, double center, double shift);
   };
-  struct Run {  ///< columns begin..end-1, whose pixels begin `offset` columns from themselves
-    int begin, end, offset;
-  };
   struct Strip {
     KeptRows along;  ///< rows of the frame that have been warped along x
     std::vector<float> padded;
@@ -57,7 +54,7 @@ class ReferenceWarp {
   void warpAlong(const std::uint8_t* from, std::vector<float>& padded, float* out) const;
 
   Axis rows_, columns_;
-  std::vector<Run> runs_;
+  std::vector<TapRun> runs_;
   std::vector<float> column_weights_;  ///< by tap, column, channel
   std::vector<Strip> strips_;
 };

@@ -35,6 +35,15 @@ class KeptRows {
   std::vector<int> kept_y_;
 };
 
+/// Coordinates begin..end-1 of a resampled row; the pixels that u is made of begin at u + offset. In a run of
+/// many they are neighbours in memory, as vectors like them.
+struct TapRun {
+  int begin, end, offset;
+};
+
+/// Adds the next coordinate u, made of the pixels `first` and following.
+void appendToRuns(std::vector<TapRun>& runs, int u, int first);
+
 /// A Gaussian window of 11 rows and columns: that of cv::GaussianBlur for a sigma of 1.2 or 1.25 px.
 class GaussianRows {
  public:

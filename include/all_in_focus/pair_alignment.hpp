@@ -34,7 +34,7 @@ class PairAlignment {
   void setKey(const ImagePyramid& key, const cv::Point2d& center);
 
   /// frame: of the key's size.
-  PairMeasurement measure(const ImagePyramid& frame, const Motion& guess) const;
+  PairMeasurement measure(const ImagePyramid& frame, const Motion& guess);
 
  private:
   static constexpr int kTile = 8;
@@ -59,11 +59,29 @@ class PairAlignment {
     double step = 0;  ///< the last one
   };
 
+  struct Axis {  ///< one axis of a motion in a level: u' = center + scale (u - center) + shift
+    double scale, center, shift;
+    int length;  ///< of the picture that is read
+
+    double operator()(int u) const { return center + scale * (u - center) + shift; }
+    bool covers(int first, int last) const { return (*this)(first) >= 1 && (*this)(last) <= length - 2; }
+  };
+  struct Columns {
+    std::vector<TapRun> runs;
+    std::vector<float> weights;  ///< by tap, column
+    void prepare(const Axis& axis, int origin, int width);
+  };
+
   static void fill(const Level& level, const cv::Mat& image, const cv::Point& corner, Tile& tile);
-  static Estimate refine(const Level& level, const cv::Mat& image, const cv::Vec3d& guess);
+  Estimate refine(const Level& level, const cv::Mat& image, const cv::Vec3d& guess);
+  void sampleRow(const cv::Mat& image, double y, int width, float* out);
 
   std::vector<Level> levels_;
   cv::Mat contrast_;
+
+  Columns columns_;
+  std::vector<float> row_, band_;  ///< of the frame: one row; a row of tiles
+  cv::Mat aligned_;
 };
 
 }  // namespace all_in_focus::core

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <stdexcept>
 
+#include "rounding.hpp"
 #include "row_strips.hpp"
 #include "simd.hpp"
 
@@ -56,15 +57,12 @@ ALL_IN_FOCUS_SIMD void combineAlong(const float* from, const float* w, size_t st
   }
 }
 
-// Rounds to the nearest code, half to even.
 ALL_IN_FOCUS_SIMD void combineAcross(const std::array<const float*, kTaps>& rows,
                                      const std::array<float, kTaps>& w, int n, std::uint8_t* __restrict to) {
   const float *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3], *e = rows[4], *f = rows[5];
   for (int i = 0; i < n; ++i) {
     const float sum = w[0] * a[i] + w[1] * b[i] + w[2] * c[i] + w[3] * d[i] + w[4] * e[i] + w[5] * f[i];
-    constexpr float kInteger = 3 << 22;  // floats about that have no fraction
-    const int code = static_cast<int>((sum + kInteger) - kInteger);
-    to[i] = static_cast<std::uint8_t>(std::min(std::max(code, 0), 255));
+    to[i] = roundToCode(sum);
   }
 }
 
@@ -133,9 +131,7 @@ void ReferenceWarp::prepareColumns(int columns, const Motion& motion, const cv::
   runs_.clear();
   column_weights_.resize(static_cast<size_t>(kTaps) * kChannels * columns);
   for (int x = 0; x < columns; ++x) {
-    const int offset = columns_.first[x] - x;
-    if (runs_.empty() || runs_.back().offset != offset) runs_.push_back({x, x, offset});
-    ++runs_.back().end;
+    appendToRuns(runs_, x, columns_.first[x]);
     for (int k = 0; k < kTaps; ++k) {
       std::fill_n(&column_weights_[static_cast<size_t>(kChannels) * (k * columns + x)], kChannels,
                   columns_.weight[x][k]);
@@ -151,7 +147,7 @@ void ReferenceWarp::warpAlong(const std::uint8_t* from, std::vector<float>& padd
     row[-1 - i] = row[kChannels - 1 - i % kChannels];
     row[values + i] = row[values - kChannels + i % kChannels];
   }
-  for (const Run& run : runs_) {
+  for (const TapRun& run : runs_) {
     const int begin = kChannels * run.begin;
     combineAlong(row + begin + kChannels * run.offset, column_weights_.data() + begin, values,
                  kChannels * run.end - begin, out + begin);

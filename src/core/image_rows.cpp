@@ -54,6 +54,11 @@ void KeptRows::begin(int kept, int width) {
   kept_y_.assign(kept, -1);
 }
 
+void appendToRuns(std::vector<TapRun>& runs, int u, int first) {
+  if (runs.empty() || runs.back().offset != first - u) runs.push_back({u, u, first - u});
+  ++runs.back().end;
+}
+
 void GaussianRows::begin(const cv::Size& size, double sigma) {
   double sum = 0;
   std::array<double, kRadius + 1> window;

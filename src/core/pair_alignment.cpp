@@ -35,28 +35,18 @@ SplineTaps splineTaps(double position, int length) {
           {g * g * g / 6, (4 - 3 * f * f * (2 - f)) / 6, (4 - 3 * g * g * (2 - g)) / 6, f * f * f / 6}};
 }
 
-// One axis of a motion in a level: u' = center + scale (u - center) + shift.
-struct Axis {
-  double scale, center, shift;
-  int length;  // of the picture that is read
+ALL_IN_FOCUS_SIMD void combineAcross(const std::array<const float*, 4>& rows, const std::array<float, 4>& w,
+                                     int n, float* __restrict out) {
+  const float *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3];
+  for (int i = 0; i < n; ++i) out[i] = w[0] * a[i] + w[1] * b[i] + w[2] * c[i] + w[3] * d[i];
+}
 
-  double operator()(int u) const { return center + scale * (u - center) + shift; }
-  bool covers(int first, int last) const { return (*this)(first) >= 1 && (*this)(last) <= length - 2; }
-};
-
-// out[i] = spline of the picture at the i-th column; row: buffer of a row of the picture.
-void sampleRow(const cv::Mat& image, const SplineTaps& y, const std::vector<SplineTaps>& columns,
-               std::vector<float>& row, float* out) {
-  const float* from[4];
-  for (int k = 0; k < 4; ++k) from[k] = image.ptr<float>(y.first + k);
-  const std::array<float, 4> w = y.weight;
-  for (int x = 0; x < image.cols; ++x) {
-    row[x] = w[0] * from[0][x] + w[1] * from[1][x] + w[2] * from[2][x] + w[3] * from[3][x];
-  }
-  for (size_t i = 0; i < columns.size(); ++i) {
-    const float* pixel = row.data() + columns[i].first;
-    const std::array<float, 4>& c = columns[i].weight;
-    out[i] = c[0] * pixel[0] + c[1] * pixel[1] + c[2] * pixel[2] + c[3] * pixel[3];
+// Every value has weights of its own: w[i], w[stride + i], ...
+ALL_IN_FOCUS_SIMD void combineAlong(const float* from, const float* w, size_t stride, int n,
+                                    float* __restrict out) {
+  for (int i = 0; i < n; ++i) {
+    out[i] = w[i] * from[i] + w[stride + i] * from[i + 1] + w[2 * stride + i] * from[i + 2] +
+             w[3 * stride + i] * from[i + 3];
   }
 }
 
@@ -76,12 +66,11 @@ void subtract(float factor, const std::array<float, N>& b, std::array<float, N>&
   for (size_t i = 0; i < N; ++i) a[i] -= factor * b[i];
 }
 
-// Normalised correlation of the contrast of two frames; of two frames without any, 1.
-double correlation(const cv::Mat& key, const cv::Mat& frame, const Motion& motion,
-                   const cv::Point2d& center) {
+// Normalised correlation of the contrast of two frames; of two frames without any, 1. aligned: buffer.
+double correlation(const cv::Mat& key, const cv::Mat& frame, const Motion& motion, const cv::Point2d& center,
+                   cv::Mat& aligned) {
   const cv::Point2d offset = center - motion.scale * center + motion.shift;
   const cv::Matx23d to_frame(motion.scale, 0, offset.x, 0, motion.scale, offset.y);
-  cv::Mat aligned;
   cv::warpAffine(frame, aligned, to_frame, key.size(), cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
                  cv::BORDER_REPLICATE);
   const double floor = kContrastFloor * kContrastFloor * static_cast<double>(key.total());
@@ -111,7 +100,8 @@ void PairAlignment::setKey(const ImagePyramid& key, const cv::Point2d& center) {
   key.contrast().copyTo(contrast_);
 }
 
-ALL_IN_FOCUS_SIMD void PairAlignment::fill(const Level& level, const cv::Mat& image, const cv::Point& corner, Tile& tile) {
+ALL_IN_FOCUS_SIMD void PairAlignment::fill(const Level& level, const cv::Mat& image, const cv::Point& corner,
+                                           Tile& tile) {
   // The spline and its derivatives at the pixels: [1 4 1] / 6, [-1 0 1] / 2, [1 -2 1].
   tile.nuisance[0].fill(1.0f / kTile);
   for (int v = 0; v < kTile; ++v) {
@@ -156,11 +146,34 @@ ALL_IN_FOCUS_SIMD void PairAlignment::fill(const Level& level, const cv::Mat& im
   }
 }
 
+// Taps of the columns origin, origin + 1, ... in a level, and runs of columns with neighbouring taps.
+void PairAlignment::Columns::prepare(const Axis& axis, int origin, int width) {
+  runs.clear();
+  weights.resize(4 * static_cast<size_t>(width));
+  for (int i = 0; i < width; ++i) {
+    const SplineTaps taps = splineTaps(axis(origin + i), axis.length);
+    appendToRuns(runs, i, taps.first);
+    for (size_t k = 0; k < 4; ++k) weights[k * width + i] = taps.weight[k];
+  }
+}
+
+// out[i] = spline of the picture at the i-th column.
+void PairAlignment::sampleRow(const cv::Mat& image, double y, int width, float* out) {
+  const SplineTaps taps = splineTaps(y, image.rows);
+  std::array<const float*, 4> rows;
+  for (int k = 0; k < 4; ++k) rows[k] = image.ptr<float>(taps.first + k);
+  row_.resize(image.cols);
+  combineAcross(rows, taps.weight, image.cols, row_.data());
+  for (const TapRun& run : columns_.runs) {
+    combineAlong(row_.data() + run.begin + run.offset, columns_.weights.data() + run.begin, width,
+                 run.end - run.begin, out + run.begin);
+  }
+}
+
 PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat& image,
                                               const cv::Vec3d& guess) {
   const int width = level.grid.width * kTile;
-  std::vector<SplineTaps> columns(width);
-  std::vector<float> row(image.cols), band(width * kTile);
+  band_.resize(static_cast<size_t>(width) * kTile);
   // Where the pictures say nothing the guess stays, give or take the largest motion.
   const cv::Matx33d prior = cv::Matx33d::eye() * (1 / std::pow(kLargestMotion * level.radius, 2));
 
@@ -169,7 +182,7 @@ PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat&
     const double scale = 1 + estimate.motion[0] / level.radius;
     const Axis x{scale, level.center.x, estimate.motion[1], image.cols};
     const Axis y{scale, level.center.y, estimate.motion[2], image.rows};
-    for (int i = 0; i < width; ++i) columns[i] = splineTaps(x(level.origin.x + i), image.cols);
+    columns_.prepare(x, level.origin.x, width);
 
     cv::Matx33d information = prior, scatter = prior;
     cv::Vec3d gradient;
@@ -177,7 +190,7 @@ PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat&
       const int top = level.origin.y + j * kTile;
       if (!y.covers(top, top + kTile - 1)) continue;
       for (int v = 0; v < kTile; ++v) {
-        sampleRow(image, splineTaps(y(top + v), image.rows), columns, row, band.data() + v * width);
+        sampleRow(image, y(top + v), width, band_.data() + v * width);
       }
       for (int k = 0; k < level.grid.width; ++k) {
         const int left = level.origin.x + k * kTile;
@@ -186,7 +199,7 @@ PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat&
         Pixels residual;
         for (int v = 0; v < kTile; ++v) {
           for (int u = 0; u < kTile; ++u) {
-            residual[kTile * v + u] = band[v * width + k * kTile + u] - tile.image[kTile * v + u];
+            residual[kTile * v + u] = band_[v * width + k * kTile + u] - tile.image[kTile * v + u];
           }
         }
         double unexplained = dot(residual, residual);
@@ -211,7 +224,7 @@ PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat&
   return estimate;
 }
 
-PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const Motion& guess) const {
+PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const Motion& guess) {
   const double radius = levels_[0].radius * levels_[0].reduction;
   const double width = levels_[0].size.width * levels_[0].reduction;
   PairMeasurement result;
@@ -235,7 +248,7 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const Motion& 
     }
   }
   const Motion coarse{result.motion.scale, result.motion.shift * (1 / levels_.back().reduction)};
-  result.correlation = correlation(contrast_, frame.contrast(), coarse, levels_.back().center);
+  result.correlation = correlation(contrast_, frame.contrast(), coarse, levels_.back().center, aligned_);
   return result;
 }
 
