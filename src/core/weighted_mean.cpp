@@ -5,8 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <opencv2/core/utility.hpp>
 
 #include "all_in_focus/region_fusion.hpp"
+#include "rounding.hpp"
 #include "simd.hpp"
 
 namespace all_in_focus::core {
@@ -21,6 +24,9 @@ constexpr double kRounding = 1;
 
 // A gain from a frame below this share of the error's own noise is not worth the loss of a frame to average.
 constexpr double kNoiseVariances = 4;
+
+// Makes weights divisors where there is none, and disappears in all others.
+constexpr float kNoWeight = std::numeric_limits<float>::min();
 
 constexpr int kSpan = 512;  // pixels worked on at a time: what they need stays in the L1 cache
 
@@ -78,6 +84,23 @@ ALL_IN_FOCUS_SIMD void keepHeavier(const float* weight, std::uint16_t index, int
                                    std::uint16_t* source) {
   for (int i = 0; i < n; ++i) source[i] = weight[i] > most[i] ? index : source[i];
   for (int i = 0; i < n; ++i) most[i] = std::max(most[i], weight[i]);
+}
+
+ALL_IN_FOCUS_SIMD void invert(const float* weight, int n, float* inverse) {
+  for (int i = 0; i < n; ++i) inverse[i] = 1 / (weight[i] + kNoWeight);
+}
+
+ALL_IN_FOCUS_SIMD void roundProducts(const float* a, const float* b, int n, std::uint8_t* __restrict out) {
+  for (int i = 0; i < n; ++i) out[i] = roundToCode(a[i] * b[i]);
+}
+
+// 255 (1 - mean / greatest weight) frames / (frames - 1); 0 where there is none
+ALL_IN_FOCUS_SIMD void rate(const float* weights, const float* most, float frames, int n,
+                            std::uint8_t* __restrict out) {
+  const float scale = 255 * frames / (frames - 1);
+  for (int i = 0; i < n; ++i) {
+    out[i] = roundToCode(scale * (most[i] - weights[i] / frames) / (most[i] + kNoWeight));
+  }
 }
 
 bool areTheirOwnValues(const std::array<float, 256>& codes) {
@@ -151,32 +174,32 @@ void WeightedMean::accumulate(const float* weight, const float* values, const cv
 }
 
 cv::Mat WeightedMean::image() const {
-  cv::Mat image(colors_.size(), CV_8UC3, cv::Scalar::all(0));
-  for (int y = 0; y < image.rows; ++y) {
-    const auto* color = colors_.ptr<cv::Vec3f>(y);
-    const float* weight = weights_.ptr<float>(y);
-    auto* out = image.ptr<cv::Vec3b>(y);
-    for (int x = 0; x < image.cols; ++x) {
-      if (!(weight[x] > 0)) continue;
-      const float scale = soft_ ? 1 / weight[x] : 1;
-      for (int c = 0; c < 3; ++c) out[x][c] = cv::saturate_cast<std::uint8_t>(color[x][c] * scale);
+  cv::Mat image(colors_.size(), CV_8UC3);
+  cv::parallel_for_(cv::Range(0, image.rows), [&](const cv::Range& rows) {
+    for (int y = rows.start; y < rows.end; ++y) {
+      for (int x = 0; x < image.cols; x += kSpan) {
+        const int n = std::min(kSpan, image.cols - x);
+        std::array<float, kSpan> scale;
+        std::array<float, 3 * kSpan> scales;
+        scale.fill(1);
+        if (soft_) invert(weights_.ptr<float>(y) + x, n, scale.data());
+        threeTimes(scale.data(), n, scales.data());
+        roundProducts(colors_.ptr<float>(y) + 3 * x, scales.data(), 3 * n, image.ptr(y) + 3 * x);
+      }
     }
-  }
+  });
   return image;
 }
 
 cv::Mat WeightedMean::confidence() const {
-  cv::Mat confidence(weights_.size(), CV_8UC1);
-  const float n = static_cast<float>(frames_);
-  for (int y = 0; y < confidence.rows; ++y) {
-    const float* weight = weights_.ptr<float>(y);
-    const float* most = most_.ptr<float>(y);
-    auto* out = confidence.ptr<std::uint8_t>(y);
-    for (int x = 0; x < confidence.cols; ++x) {
-      const float rest = most[x] > 0 ? 1 - weight[x] / (n * most[x]) : 0;
-      out[x] = frames_ < 2 ? 255 : cv::saturate_cast<std::uint8_t>(255 * rest * n / (n - 1));
+  cv::Mat confidence(weights_.size(), CV_8UC1, cv::Scalar(255));
+  if (frames_ < 2) return confidence;
+  cv::parallel_for_(cv::Range(0, confidence.rows), [&](const cv::Range& rows) {
+    for (int y = rows.start; y < rows.end; ++y) {
+      rate(weights_.ptr<float>(y), most_.ptr<float>(y), static_cast<float>(frames_), confidence.cols,
+           confidence.ptr(y));
     }
-  }
+  });
   return confidence;
 }
 

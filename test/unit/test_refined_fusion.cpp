@@ -230,6 +230,39 @@ TEST(RefinedFusion, ManyFramesTakeNoMoreMemoryThanTwo) {
   }
 }
 
+TEST(RefinedFusion, DoesNotDependOnTheNumberOfThreads) {
+  const cv::Size size(150, 500);
+  cv::Mat texture(size, CV_8UC3);
+  cv::RNG(3).fill(texture, cv::RNG::NORMAL, 128, 60);
+  cv::GaussianBlur(texture, texture, {}, 1.5);
+  BracketScene with_depth = TwoPlanes().scene;
+  with_depth.camera = Camera{size, 1000, 1000, 74.5, 249.5, {}};
+  cv::resize(with_depth.depth, with_depth.depth, size, 0, 0, cv::INTER_NEAREST);
+  const int threads = cv::getNumThreads();
+  for (const BracketScene& scene : {with_depth, BracketScene()}) {
+    cv::Mat images[3], sources[3], confidences[3];
+    for (int run = 0; run < 3; ++run) {
+      cv::setNumThreads(1 + run);
+      RefinedFusion fusion;
+      fusion.begin(scene, {}, size);
+      for (int i = 0; i < 4; ++i) {
+        cv::Mat frame;
+        const cv::Matx23d magnified(1 + 0.01 * i, 0, -0.75 * i, 0, 1 + 0.01 * i, -2.5 * i);
+        cv::warpAffine(texture, frame, magnified, size, cv::INTER_CUBIC, cv::BORDER_REFLECT);
+        cv::GaussianBlur(frame, frame, {}, 0.5 + 0.5 * i);
+        EXPECT_EQ(add(fusion, frame, i, kSweep[i]), "");
+      }
+      images[run] = fusion.image();
+      sources[run] = fusion.sourceIndex().clone();
+      confidences[run] = fusion.confidence();
+      EXPECT_EQ(cv::norm(images[run], images[0], cv::NORM_INF), 0);
+      EXPECT_EQ(cv::norm(sources[run], sources[0], cv::NORM_INF), 0);
+      EXPECT_EQ(cv::norm(confidences[run], confidences[0], cv::NORM_INF), 0);
+    }
+  }
+  cv::setNumThreads(threads);
+}
+
 TEST(RefinedFusion, RefusesAnImpossibleScene) {
   RefinedFusion fusion;
   BracketScene scene = TwoPlanes().scene;
