@@ -8,6 +8,8 @@ else 0; guided by the image itself these maps are smoothed, widely for the base,
 import cv2
 import numpy as np
 
+from all_in_focus.baselines.common import mixed, to_8_bit
+
 BASE_SIZE = 31                         # of the mean filter, pixels
 SALIENCY_SIZE, SALIENCY_SIGMA = 11, 5  # of the Gaussian that spreads the Laplacian, pixels
 BASE_RADIUS, BASE_EPS = 45, 0.3        # of the guided filter, for values 0..1
@@ -36,21 +38,27 @@ def guided_filter(guide, image, radius, eps):
     return mean(slope) * guide + mean(mean_image - slope * mean_guide)
 
 
-def fuse(images):
-    """See all_in_focus.baselines; the index is that of the most salient image."""
+def fuse(images, same=False):
+    """See all_in_focus.baselines; the weights are those of the detail layer. same: use them for the base layer too."""
     images = [np.float32(image) / 255 for image in images]
     grays = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in images]
-    index = np.argmax([saliency(gray) for gray in grays], axis=0).astype(np.uint16)
+    index = np.argmax([saliency(gray) for gray in grays], axis=0)
 
-    base_sum, detail_sum, base_weights, detail_weights = 0, 0, 0, 0
-    for number, (image, gray) in enumerate(zip(images, grays)):
+    def weights(radius, eps):
+        smooth = [guided_filter(gray, index == number, radius, eps) for number, gray in enumerate(grays)]
+        smooth = np.maximum(smooth, WEIGHT_FLOOR)
+        return np.float32(smooth / smooth.sum(axis=0))
+
+    detail = weights(DETAIL_RADIUS, DETAIL_EPS)
+    if same:
+        return mixed([255 * image for image in images], detail), detail
+    fused = 0
+    for image, base_weight, detail_weight in zip(images, weights(BASE_RADIUS, BASE_EPS), detail):
         base = cv2.blur(image, (BASE_SIZE,) * 2)
-        chosen = index == number
-        base_weight, detail_weight = (
-            np.maximum(guided_filter(gray, chosen, radius, eps), WEIGHT_FLOOR)[..., None]
-            for radius, eps in ((BASE_RADIUS, BASE_EPS), (DETAIL_RADIUS, DETAIL_EPS)))
-        base_sum, base_weights = base_sum + base_weight * base, base_weights + base_weight
-        detail_sum = detail_sum + detail_weight * (image - base)
-        detail_weights = detail_weights + detail_weight
-    fused = base_sum / base_weights + detail_sum / detail_weights
-    return np.rint(255 * np.clip(fused, 0, 1)).astype(np.uint8), index
+        fused = fused + base_weight[..., None] * base + detail_weight[..., None] * (image - base)
+    return to_8_bit(255 * fused), detail
+
+
+def fuse_same(images):
+    """`fuse` with one weight for both layers."""
+    return fuse(images, same=True)

@@ -4,6 +4,8 @@
 import cv2
 import numpy as np
 
+from all_in_focus.baselines.common import one_hot
+
 WINDOW_SIGMA = 2.0  # pixels, of the Gaussian window in which sharpness is summed
 
 
@@ -18,9 +20,9 @@ def sharpness(image):
 
 def fuse(images):
     """See all_in_focus.baselines; of equally sharp images the first."""
-    fused, index, best = images[0].copy(), np.zeros(images[0].shape[:2], np.uint16), sharpness(images[0])
+    fused, index, best = images[0].copy(), np.zeros(images[0].shape[:2], int), sharpness(images[0])
     for number, image in enumerate(images[1:], 1):
         score = sharpness(image)
         better = score > best
         fused[better], index[better], best[better] = image[better], number, score[better]
-    return fused, index
+    return fused, one_hot(index, len(images))

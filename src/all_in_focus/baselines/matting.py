@@ -1,0 +1,98 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Li, Kang, Hu, Yang, "Image matting for fusion of multi-focus images in dynamic scenes", Information Fusion 14, 2013.
+
+Morphological top-hats tell where one image is clearly sharper; from these pixels matting finds the weights of all
+others. The matting here is that of He, Sun, Tang, "Fast matting using large kernel matting Laplacian matrices", CVPR
+2010: large windows make the conjugate gradients converge, in large flat regions too.
+"""
+import cv2
+import numpy as np
+from skimage.morphology import remove_small_objects
+
+from all_in_focus.baselines.common import grays_of, mixed
+
+TOP_HAT_RADIUS = 4           # pixels
+VOTE_SIZE, MAJORITY = 15, 0.6  # pixels; share of a window that must agree
+SMALLEST = 1 / 400           # of the image; smaller regions are unknown
+WINDOW_RADIUS, EPS = 6, 1e-4  # of the matting, pixels; for colours 0..1
+GUESS_SIGMA = 20             # pixels
+ITERATIONS, TOLERANCE = 100, 1e-3
+
+
+def focus(gray):
+    """Small bright and dark details; gray: H x W."""
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * TOP_HAT_RADIUS + 1,) * 2)
+    return np.maximum(*(cv2.morphologyEx(gray, kind, kernel) for kind in (cv2.MORPH_TOPHAT, cv2.MORPH_BLACKHAT)))
+
+
+def certain(sharper):
+    """Pixels, most of whose neighbours agree; sharper: H x W bool."""
+    votes = cv2.blur(np.float32(sharper), (VOTE_SIZE, VOTE_SIZE))
+    return remove_small_objects(votes > MAJORITY, int(SMALLEST * sharper.size))
+
+
+class MattingLaplacian:
+    """The matrix that is 0 for what depends linearly on the colours in every window, as a function of H x W."""
+
+    def __init__(self, image):
+        """image: H x W x 3, 0..1."""
+        self.colours = [np.ascontiguousarray(image[..., channel]) for channel in range(3)]
+        self.count = self.box(np.ones(image.shape[:2]))
+        self.means = [self.box(colour) / self.count for colour in self.colours]
+        covariance = np.empty(image.shape[:2] + (3, 3))
+        for i in range(3):
+            for j in range(3):
+                mean = self.box(self.colours[i] * self.colours[j]) / self.count
+                covariance[..., i, j] = mean - self.means[i] * self.means[j]
+        self.inverse = np.ascontiguousarray(np.moveaxis(np.linalg.inv(covariance + EPS * np.eye(3)), (2, 3), (0, 1)))
+
+    @staticmethod
+    def box(values):
+        return cv2.boxFilter(values, -1, (2 * WINDOW_RADIUS + 1,) * 2, normalize=False, borderType=cv2.BORDER_CONSTANT)
+
+    def __call__(self, matte):
+        mean = self.box(matte) / self.count
+        shared = [self.box(matte * colour) / self.count - mean * of for colour, of in zip(self.colours, self.means)]
+        slopes = [sum(factor * of for factor, of in zip(row, shared)) for row in self.inverse]
+        offset = mean - sum(slope * of for slope, of in zip(slopes, self.means))
+        linear = sum(self.box(slope) * colour for slope, colour in zip(slopes, self.colours))
+        return self.count * matte - linear - self.box(offset)
+
+
+def matte(image, front, back):
+    """H x W, 0..1: 1 where front (bool), 0 where back, by colour elsewhere; image: H x W x 3 uint8."""
+    if not (front.any() or back.any()):
+        return np.full(front.shape, 0.5)
+    known = front | back
+    near, any_near = (cv2.GaussianBlur(np.float64(mask), (0, 0), GUESS_SIGMA) + 1e-9 for mask in (front, known))
+    result = np.where(known, front, near / any_near)
+    laplacian = MattingLaplacian(image / 255)
+    # Conjugate gradients over the unknown pixels, preconditioned by the number of windows around each.
+    residual = np.where(known, 0, -laplacian(result))
+    direction = scaled = residual / laplacian.count
+    size = (residual * scaled).sum()
+    for _ in range(ITERATIONS):
+        if size == 0:
+            break
+        change = np.where(known, 0, laplacian(direction))
+        step = size / (direction * change).sum()
+        result += step * direction
+        residual -= step * change
+        if np.abs(step * direction).max() < TOLERANCE:
+            break
+        scaled = residual / laplacian.count
+        size, before = (residual * scaled).sum(), size
+        direction = scaled + size / before * direction
+    return np.clip(result, 0, 1)
+
+
+def fuse(images):
+    """See all_in_focus.baselines. The images are fused one after the other with what came before."""
+    fused, weights = images[0], np.ones((1,) + images[0].shape[:2], np.float32)
+    for image in images[1:]:
+        one, other = (np.int16(focus(np.uint8(gray))) for gray in grays_of([fused, image]))
+        share = np.float32(matte(fused, certain(one > other), certain(other > one)))
+        weights = np.concatenate([weights * share, 1 - share[None]])
+        fused = mixed([fused, image], [share, 1 - share])
+    return mixed(images, weights), weights
