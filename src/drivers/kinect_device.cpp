@@ -94,7 +94,8 @@ void KinectDevice::setPlayback() {
 void KinectDevice::start(KinectStream stream) {
   Slot& slot = this->slot(stream);
   const std::string what = std::string("the ") + toString(stream) + " stream of " + description_;
-  if (!device_.hasSensor(sensorOf(stream))) throw std::runtime_error("there is no such thing as " + what);
+  if (!device_.hasSensor(sensorOf(stream)))
+    throw std::runtime_error(description_ + " has no " + toString(stream) + " stream");
   if (slot.stream.create(device_, sensorOf(stream)) != openni::STATUS_OK) {
     throw std::runtime_error("cannot create " + what + ": " + openNiReason());
   }
@@ -189,7 +190,7 @@ bool KinectDevice::receive(int timeout_ms) {
   current_.release();
   std::array<openni::VideoStream*, 3> streams{};
   for (const KinectStream stream : kKinectStreams) {
-    if (slot(stream).running) streams[static_cast<std::size_t>(stream)] = &slot(stream).stream;
+    if (slot(stream).running) streams[indexOf(stream)] = &slot(stream).stream;
   }
   int ready = -1;
   // Waiting asks the player for an image, once each time it wakes up. What is left of the last wait's wake-up

@@ -61,8 +61,8 @@ class KinectDevice {
     bool running = false;
   };
 
-  Slot& slot(KinectStream stream) { return slots_[static_cast<std::size_t>(stream)]; }
-  const Slot& slot(KinectStream stream) const { return slots_[static_cast<std::size_t>(stream)]; }
+  Slot& slot(KinectStream stream) { return slots_[indexOf(stream)]; }
+  const Slot& slot(KinectStream stream) const { return slots_[indexOf(stream)]; }
   void setPlayback();
   void chooseMode(KinectStream stream);
   bool receive(int timeout_ms);

@@ -14,6 +14,9 @@ namespace all_in_focus {
 
 enum class KinectStream { kDepth, kIr, kColor };
 constexpr KinectStream kKinectStreams[] = {KinectStream::kDepth, KinectStream::kIr, KinectStream::kColor};
+constexpr std::size_t indexOf(KinectStream stream) {
+  return static_cast<std::size_t>(stream);
+}
 const char* toString(KinectStream stream);  ///< "depth", "IR", "colour"
 
 /// What a stream was set to.

@@ -4,6 +4,7 @@
 #include <nodelet/nodelet.h>
 #include <std_srvs/Trigger.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <condition_variable>
@@ -56,7 +57,7 @@ class KinectOpenni2Nodelet : public nodelet::Nodelet {
   void readOne();
   void finishStep(bool success, const std::string& message);
   void finishRecording();
-  void checkSilence() const;
+  void checkSilence();
   void complain(const std::string& text);
   bool isClosing();
   bool isStepWanted();
@@ -71,6 +72,7 @@ class KinectOpenni2Nodelet : public nodelet::Nodelet {
   std::array<Clock::time_point, 3> start_again_{};  // after a stream that did not start
   std::array<bool, 3> stepped_{};                   // has had its image in this step
   bool ended_ = false;
+  int silences_ = 0;  // since the last image
   std::string complaint_;
   Clock::time_point complained_at_;
 
@@ -106,7 +108,7 @@ void KinectOpenni2Nodelet::onInit() {
     changed_.notify_all();
   };
   for (const KinectStream stream : kKinectStreams) {
-    outputs_[static_cast<std::size_t>(stream)] =
+    outputs_[indexOf(stream)] =
         std::make_unique<KinectOutput>(stream, getNodeHandle(), parameters_, *monitor_, on_connect);
   }
   step_server_ = getMTPrivateNodeHandle().advertiseService("step", &KinectOpenni2Nodelet::onStep, this);
@@ -151,17 +153,16 @@ void KinectOpenni2Nodelet::run() {
 
 void KinectOpenni2Nodelet::open() {
   device_ = std::make_unique<KinectDevice>(parameters_.device, parameters_.playback);
+  monitor_->setSubscribed(true);
+  monitor_->setSubscribed(false);  // ends the errors of before
   if (parameters_.playback.single_step && !device_->isFile()) {
     monitor_->warn("single_step has no effect on a camera");
   }
-  for (const bool subscribed : {true, false})
-    monitor_->setSubscribed(subscribed);  // ends the errors of before
   ended_ = false;
   complaint_.clear();
   start_again_ = {};
   monitor_->setValue("device", device_->description());
-  ROS_INFO_STREAM(getName() << ": opened " << (device_->isFile() ? "recording " : "")
-                            << device_->description());
+  ROS_INFO_STREAM(getName() << ": opened " << device_->description());
 }
 
 // Returns when the device is to be opened again, at once.
@@ -173,9 +174,7 @@ void KinectOpenni2Nodelet::serve() {
     const bool running = chooseStreams();
     if (ended_ && !running) {
       finishStep(false, "the recording is at its end; it starts again when all listeners have left");
-      bool wanted = false;
-      for (const auto& output : outputs_) wanted = wanted || output->isWanted();
-      if (!wanted) {
+      if (std::none_of(outputs_.begin(), outputs_.end(), [](auto& output) { return output->isWanted(); })) {
         device_.reset();
         return;
       }
@@ -203,7 +202,7 @@ bool KinectOpenni2Nodelet::chooseStreams() {
         device_->start(stream);
         output->begin(device_->rate());
       } catch (const std::runtime_error& e) {
-        start_again_[static_cast<std::size_t>(stream)] = Clock::now() + seconds(parameters_.reconnect_period);
+        start_again_[indexOf(stream)] = Clock::now() + seconds(parameters_.reconnect_period);
         complain(e.what());
       }
     }
@@ -216,12 +215,12 @@ bool KinectOpenni2Nodelet::chooseStreams() {
 // A Kinect has one USB pipe for IR and colour.
 bool KinectOpenni2Nodelet::mayStart(const KinectOutput& output) {
   const auto stream = output.stream();
-  if (Clock::now() < start_again_[static_cast<std::size_t>(stream)]) return false;
+  if (Clock::now() < start_again_[indexOf(stream)]) return false;
   if (stream == KinectStream::kDepth || device_->isFile()) return true;
   const KinectStream other = stream == KinectStream::kIr ? KinectStream::kColor : KinectStream::kIr;
   if (!device_->isRunning(other)) return true;
   complain("the camera gives either IR or colour: " + output.topic() + " waits until nobody listens to " +
-           outputs_[static_cast<std::size_t>(other)]->topic());
+           outputs_[indexOf(other)]->topic());
   return false;
 }
 
@@ -231,10 +230,11 @@ void KinectOpenni2Nodelet::readOne() {
     if (device_->hasEnded()) finishRecording();
     return;
   }
-  outputs_[static_cast<std::size_t>(frame.stream)]->publish(frame);
-  stepped_[static_cast<std::size_t>(frame.stream)] = true;
+  silences_ = 0;
+  outputs_[indexOf(frame.stream)]->publish(frame);
+  stepped_[indexOf(frame.stream)] = true;
   for (const auto& output : outputs_) {
-    if (device_->isRunning(output->stream()) && !stepped_[static_cast<std::size_t>(output->stream())]) return;
+    if (device_->isRunning(output->stream()) && !stepped_[indexOf(output->stream())]) return;
   }
   stepped_ = {};
   finishStep(true, std::string(toString(frame.stream)) + " image " + std::to_string(frame.index));
@@ -250,21 +250,21 @@ void KinectOpenni2Nodelet::finishStep(bool success, const std::string& message) 
 }
 
 void KinectOpenni2Nodelet::finishRecording() {
-  if (ended_) return;
   ended_ = true;
   ROS_INFO_STREAM(getName() << ": " << device_->description() << " is at its end");
   monitor_->setValue("device", device_->description() + ", at its end");
 }
 
-void KinectOpenni2Nodelet::checkSilence() const {
+// Opening again costs memory for ever (see OpenNiUse): a camera that stays silent is tried ever more rarely.
+void KinectOpenni2Nodelet::checkSilence() {
   if (device_->isFile() || parameters_.silence_timeout <= 0) return;
+  const double limit = parameters_.silence_timeout * (1 << std::min(silences_, 6));
   for (const auto& output : outputs_) {
-    if (!device_->isRunning(output->stream()) || output->silence() < seconds(parameters_.silence_timeout))
-      continue;
-    throw std::runtime_error(
-        std::string("no ") + toString(output->stream()) + " image from " + device_->description() + " for " +
-        std::to_string(std::chrono::duration_cast<std::chrono::seconds>(output->silence()).count()) +
-        " s: opening it again");
+    if (!device_->isRunning(output->stream()) || output->silence() < seconds(limit)) continue;
+    ++silences_;
+    throw std::runtime_error(std::string("no ") + toString(output->stream()) + " image from " +
+                             device_->description() + " for " + std::to_string(static_cast<int>(limit)) +
+                             " s: opening it again");
   }
 }
 

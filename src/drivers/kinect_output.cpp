@@ -29,7 +29,7 @@ KinectOutput::KinectOutput(KinectStream stream, const ros::NodeHandle& nh, const
                            NodeMonitor& monitor, const std::function<void()>& on_connect)
     : stream_(stream),
       parameters_(parameters),
-      of_stream_(parameters.streams[static_cast<std::size_t>(stream)]),
+      of_stream_(parameters.streams[indexOf(stream)]),
       monitor_(monitor),
       topic_(std::string(topicOf(stream)) + "/image_raw"),
       calibration_(stream, ros::NodeHandle(nh, topicOf(stream)), of_stream_, monitor) {

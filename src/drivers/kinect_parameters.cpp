@@ -50,8 +50,8 @@ KinectParameters readKinectParameters(const ros::NodeHandle& nh, NodeMonitor& mo
   const std::string camera = nh.param("camera_name", std::string("kinect"));
   for (const KinectStream stream : kKinectStreams) {
     const char* const names[] = {"depth", "ir", "rgb"};
-    const std::string name = names[static_cast<std::size_t>(stream)];
-    KinectStreamParameters& s = p.streams[static_cast<std::size_t>(stream)];
+    const std::string name = names[indexOf(stream)];
+    KinectStreamParameters& s = p.streams[indexOf(stream)];
     s.name = camera + "_" + name;
     s.frame_id = nh.param(name + "_frame_id", s.name + "_optical_frame");
     s.info_url = toUrl(nh.param(name + "_camera_info_url", std::string()));
