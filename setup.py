@@ -4,5 +4,5 @@
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
-PACKAGES = ['all_in_focus', 'all_in_focus.baselines', 'all_in_focus.camera', 'all_in_focus.metrics']
+PACKAGES = ['all_in_focus'] + ['all_in_focus.' + name for name in ('baselines', 'camera', 'comparison', 'metrics')]
 setup(**generate_distutils_setup(packages=PACKAGES, package_dir={'': 'src'}))

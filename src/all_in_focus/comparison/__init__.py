@@ -1,0 +1,7 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Many methods on many scenes, measured, scored and put into one report: the library behind `evaluate`.
+
+scenes, bags: what is fused; methods: who fuses; tasks: one method on one scene; engine: where tasks run; store:
+results on disk; scores, tables, pictures, page, report: what is made of them. segmentation: for compare_segmentation.
+"""

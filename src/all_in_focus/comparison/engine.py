@@ -1,0 +1,115 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Where tasks run: in this process, in processes of this machine, or on the workers of a Dask scheduler.
+
+An engine has run(calls), calls: key -> (function, arguments): it yields (key, result) as they come, in any order. What
+the function raises, or a lost worker, comes as result {"error": one line}. EngineError ends everything.
+"""
+import logging
+import time
+from contextlib import contextmanager
+
+POLL_S = 0.1
+PATIENCE_S = 60.0  # without any worker, before it is given up
+ANSWER_S = 10.0    # for a scheduler to answer
+LOST = "the connection to the Dask scheduler was lost"
+
+
+class EngineError(RuntimeError):
+    """Tasks cannot be run any more; the message is one line."""
+
+
+@contextmanager
+def engine(jobs, scheduler, patience=PATIENCE_S):
+    """jobs: processes of this machine; scheduler: address such as tcp://host:8786, or empty."""
+    if jobs == 1 and not scheduler:
+        yield InProcess()
+        return
+    try:
+        import distributed
+    except ImportError:
+        raise EngineError("%s needs Dask: install python3-distributed, or leave it out"
+                          % ("--scheduler" if scheduler else "--jobs"))
+    for name in list(logging.root.manager.loggerDict):  # what they tell of lost connections is told here, in one line
+        if name.partition(".")[0] in ("distributed", "asyncio", "tornado"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+    cluster = None
+    if not scheduler:
+        cluster = distributed.LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=None,
+                                           memory_limit=None, silence_logs=logging.CRITICAL)
+    try:
+        client = distributed.Client(cluster or scheduler, timeout=ANSWER_S)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise EngineError("%s: no Dask scheduler answers: %s" % (scheduler, " ".join(str(error).split())))
+    try:
+        yield OnWorkers(client, patience)
+    finally:
+        client.close(timeout=ANSWER_S)
+        if cluster:
+            cluster.close(timeout=ANSWER_S)
+
+
+class InProcess:
+    """One task after the other."""
+    at_a_time = 1
+
+    def run(self, calls):
+        for key, (function, arguments) in calls.items():
+            try:
+                yield key, function(*arguments)
+            except Exception as error:
+                yield key, {"error": "%s: %s" % (type(error).__name__, error)}
+
+
+class OnWorkers:
+    """On whatever workers the scheduler has; a task whose worker is lost goes to another one, three times at most."""
+
+    def __init__(self, client, patience):
+        self._client, self._patience = client, patience
+        self._last_seen = time.monotonic()
+
+    @property
+    def at_a_time(self):
+        return max(1, sum(worker["nthreads"] for worker in self._workers().values()))
+
+    def run(self, calls):
+        self._last_seen = time.monotonic()
+        waiting = {self._client.submit(function, *arguments, pure=False): key
+                   for key, (function, arguments) in calls.items()}
+        try:
+            while waiting:
+                done = [future for future in waiting if future.done()]
+                for future in done:
+                    yield waiting.pop(future), self._result(future)
+                if not done:
+                    self._check()
+                    time.sleep(POLL_S)
+        finally:
+            if waiting and self._client.status == "running":
+                self._client.cancel(list(waiting))
+
+    def _result(self, future):
+        from distributed import CancelledError
+        from distributed.scheduler import KilledWorker
+        try:
+            return future.result(timeout=self._patience)
+        except KilledWorker:
+            return {"error": "every worker that took this task was lost: see the workers' logs, memory first"}
+        except CancelledError:  # nobody cancels tasks but a client that has lost its scheduler
+            raise EngineError(LOST)
+        except Exception as error:
+            self._check()
+            return {"error": "%s: %s" % (type(error).__name__, " ".join(str(error).split()))}
+
+    def _workers(self):
+        return self._client.scheduler_info().get("workers", {})
+
+    def _check(self):
+        """EngineError when the scheduler, or the last worker, has been gone for too long."""
+        now = time.monotonic()
+        if self._client.status == "closed":
+            raise EngineError(LOST)
+        if self._client.status == "running" and self._workers():
+            self._last_seen = now
+        elif now - self._last_seen > self._patience:
+            raise EngineError("no Dask worker for %g s" % self._patience if self._client.status == "running" else LOST)

@@ -1,0 +1,59 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Results on disk, OUTPUT/results/SCENE/METHOD/: each is there as a whole or not at all, so that a run can go on where
+an earlier one was interrupted."""
+import json
+import os
+import shutil
+
+RESULT = "result.json"  # written last; plain numbers, Python's JSON: NaN and Infinity are told
+
+
+class Store:
+    """The results folder of one output folder."""
+
+    def __init__(self, output):
+        self.folder = os.path.join(output, "results")
+        os.makedirs(self.folder, exist_ok=True)
+
+    def path(self, scene, method, name=""):
+        """Of a result's folder, or a file in it."""
+        return os.path.join(self.folder, scene, method.replace("/", "_"), name)
+
+    def load(self, scene, method, fingerprint, metric_names):
+        """A result of the same fingerprint that has these metrics, or None."""
+        try:
+            with open(self.path(scene, method, RESULT), encoding="utf-8") as file:
+                result = json.load(file)
+            same = result["fingerprint"] == fingerprint and set(metric_names) <= set(result["values"])
+            return result if same and os.path.exists(self.path(scene, method, "fused.png")) else None
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def save(self, scene, method, fingerprint, run, result):
+        """Write what tasks.run has returned, in place of an older one; run: name of this run. Returns what load would.
+
+        Of a failure nothing is kept: the next run tries again.
+        """
+        target = self.path(scene, method).rstrip("/")
+        working = "%s.%d.partial" % (target, os.getpid())
+        files = result.get("files", {})
+        plain = {key: value for key, value in result.items() if key != "files"}
+        plain.update(fingerprint=fingerprint, run=run)
+        shutil.rmtree(working, ignore_errors=True)
+        shutil.rmtree(target, ignore_errors=True)
+        if "error" in result:
+            return plain
+        os.makedirs(working)
+        for name, data in files.items():
+            with open(os.path.join(working, name + ".png"), "wb") as file:
+                file.write(data)
+        with open(os.path.join(working, RESULT), "w", encoding="utf-8") as file:
+            json.dump(plain, file, indent=2)
+        os.rename(working, target)
+        return plain
+
+    def picture(self, scene, method, name):
+        """Path of a picture of a result, None if it has none."""
+        path = self.path(scene, method, name + ".png")
+        return path if os.path.exists(path) else None

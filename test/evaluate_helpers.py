@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs of scripts/evaluate, and its page read back."""
+import csv
+import json
+import os
+import subprocess
+import sys
+from html.parser import HTMLParser
+
+from file_helpers import SCRIPTS, run_script
+
+METHODS = "paper,refined,gf,laplacian"
+
+
+def environment():
+    path = os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")])
+    return dict(os.environ, PATH=path, DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT="10s")
+
+
+def start(*arguments):
+    return subprocess.Popen([sys.executable, os.path.join(SCRIPTS, "evaluate"), *map(str, arguments)],
+                            env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
+
+
+def evaluate(*arguments, timeout=300):
+    """(exit code, stdout, stderr)."""
+    process = start(*arguments)
+    try:
+        out, err = process.communicate(timeout=timeout)
+    finally:
+        process.kill()
+    return process.returncode, out, err
+
+
+def make_scene(folder, scene="planes", seed=0):
+    done = run_script("make_scene", "--scene", scene, "--size", "160x120", "--frames", 3, "--optics", "50,1.8,0.03",
+                      "--seed", seed, "--output", folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    return folder
+
+
+def results(folder):
+    return json.loads((folder / "results.json").read_text())
+
+
+def rows(folder, name="results.csv"):
+    with open(str(folder / name), encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+class Page(HTMLParser):
+    """tables: id -> rows of cells (text, value that stands beside it or None); images: (title, address); text; links:
+    everything that a browser would fetch."""
+
+    OPEN = {"html", "head", "body", "title", "style", "h1", "h2", "h3", "p", "div", "table", "thead", "tbody", "tr",
+            "th", "td", "small", "figure", "figcaption", "ul", "li", "code", "pre"}
+
+    def __init__(self, path):
+        super().__init__()
+        self.tables, self.images, self.links, self.text = {}, [], [], []
+        self._open, self._rows, self._cell = [], [], None
+        self.feed(path.read_text(encoding="utf-8"))
+        assert not self._open, self._open
+
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        self.links += [value for name, value in attributes.items() if name in ("src", "href", "action", "srcset")]
+        if tag == "img":
+            self.images.append((attributes["alt"], attributes["src"]))
+        if tag in self.OPEN:
+            self._open.append(tag)
+        else:
+            assert tag in ("img", "br", "meta"), tag
+        if tag == "table":
+            self._rows = self.tables.setdefault(attributes["id"], [])
+        elif tag == "tr":
+            self._rows.append([])
+        elif tag in ("td", "th"):
+            self._cell = ["", attributes.get("data-value")]
+
+    def handle_endtag(self, tag):
+        assert self._open.pop() == tag
+        if tag in ("td", "th"):
+            self._rows[-1].append(tuple(self._cell))
+            self._cell = None
+
+    def handle_data(self, data):
+        self.text.append(data)
+        if self._cell is not None:
+            self._cell[0] += data

@@ -1,0 +1,186 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""scripts/evaluate on scenes of known truth: its numbers are the metrics' numbers, its page needs nothing else."""
+import base64
+import json
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+from evaluate_helpers import METHODS, Page, evaluate, make_scene, results, rows
+from tool_helpers import read
+
+from all_in_focus import metrics
+from all_in_focus.baselines import guided_filtering, laplacian_maximum
+from all_in_focus.comparison import pictures
+from all_in_focus.quality import Truth, psnr, ssim
+from all_in_focus.stack import Stack
+
+SCENES = ("planes", "pair")
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory):
+    """A generated scene of three frames; its first and last one as a pair with a label map and somebody's result."""
+    folder = tmp_path_factory.mktemp("scenes")
+    make_scene(folder / "planes")
+    frames = list(Stack(str(folder / "planes" / "stack")))
+    (folder / "pair").mkdir()
+    cv2.imwrite(str(folder / "pair" / "source_a.png"), frames[0])
+    cv2.imwrite(str(folder / "pair" / "source_b.png"), frames[-1])
+    near = read(folder / "planes" / "truth_depth.png") < 1500
+    cv2.imwrite(str(folder / "pair" / "label_front.png"), np.where(near, 255, 0).astype(np.uint8))
+    cv2.imwrite(str(folder / "pair" / "fused_other.png"), cv2.cvtColor(frames[1], cv2.COLOR_BGR2GRAY))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def output(scenes, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run") / "out"
+    code, out, err = evaluate(scenes / "planes", scenes / "pair", "--methods", METHODS + ",given:*", "--output", folder)
+    assert code == 1, err  # nobody's result lies beside the generated scene
+    missing = "planes given:other: %s: holds no fused_other.png" % (scenes / "planes")
+    assert err.splitlines() == ["evaluate: warning: " + missing]
+    assert "| paper " in out and out.splitlines()[-1] == str(folder / "report.html")
+    return folder
+
+
+def sources(scenes, name):
+    return list(Stack(str(scenes / "planes" / "stack"))) if name == "planes" else [
+        read(scenes / "pair" / ("source_%s.png" % letter)) for letter in "ab"]
+
+
+def test_images_are_those_of_the_methods(scenes, output):
+    for name in SCENES:
+        frames = sources(scenes, name)
+        for method, fuse in (("gf", guided_filtering.fuse), ("laplacian", laplacian_maximum.fuse)):
+            fused, index = fuse(frames)
+            assert np.array_equal(read(output / "results" / name / method / "fused.png"), fused)
+            assert np.array_equal(read(output / "results" / name / method / "source_index.png"), index)
+    near = read(scenes / "pair" / "label_front.png") == 255
+    index = read(output / "results" / "pair" / "paper" / "source_index.png")
+    assert len(np.unique(index[near])) == len(np.unique(index[~near])) == 1
+
+
+def test_numbers_are_those_of_the_metrics(scenes, output):
+    """CSV, JSON and page against the metrics applied to the images that were saved."""
+    table = {(row["scene"], row["method"]): row for row in rows(output)}
+    found = results(output)["results"]
+    page = Page(output / "report.html").tables
+    truth = Truth.load(str(scenes / "planes"))
+    for name in SCENES:
+        for column, method in enumerate(METHODS.split(",") + ["given:other"], 2):
+            if (name, method) == ("planes", "given:other"):
+                assert table[name, method]["error"].endswith("holds no fused_other.png")
+                continue
+            fused = read(output / "results" / name / method / "fused.png")
+            expected = metrics.evaluate(sources(scenes, name), fused)
+            if name == "planes":
+                expected.update(PSNR=psnr(fused, truth.image), SSIM=ssim(fused, truth.image),
+                                PSNR_edges=psnr(fused, truth.image, truth.edges))
+            assert found[name][method]["values"] == expected
+            shown = page_values(page, name, column)
+            assert shown == expected
+            for measure, value in expected.items():
+                assert float(table[name, method][measure]) == value
+            seconds = found[name][method]["seconds"]
+            assert method == "given:other" or float(table[name, method]["seconds"]) == seconds > 0
+
+
+def page_values(tables, scene, column):
+    """measure -> value that the page has in a column of T3."""
+    values = {}
+    for key in ("values-metrics", "values-truth"):
+        at = None
+        for line in tables[key][1:]:
+            at = line[0][0] or at
+            if at == scene:
+                text, exact = line[column]
+                values[line[1][0]] = float(exact)
+                assert text.startswith("%.2f" % float(exact) if "PSNR" in line[1][0] else "%.4f" % float(exact))
+    return values
+
+
+def test_scores_of_the_page_are_ranks_of_its_values(output):
+    tables = Page(output / "report.html").tables
+    totals = {}
+    for line in tables["values-metrics"][1:]:
+        values = [float(exact) if exact else None for _, exact in line[2:]]
+        for (name, _), (text, _), value in zip(tables["values-metrics"][0][2:], line[2:], values):
+            if value is None:
+                assert text == "-"
+                continue
+            score = float(text[text.index("(") + 1:-1])
+            worse = [other for other in values if other is None or other < value]
+            equal = [other for other in values if other is not None and other == value]
+            assert score == len(worse) + (len(equal) + 1) / 2
+            totals[name] = totals.get(name, 0) + score
+    shown = {line[0][0]: float(line[-2][0]) for line in tables["scores-metrics"][1:]}
+    assert shown == totals
+    ranks = [float(line[-1][0]) for line in tables["scores-metrics"][1:]]
+    assert ranks == sorted(ranks) and sum(ranks) == 15
+    assert [row["method"] for row in rows(output, "scores.csv") if row["by"] == "metrics"] == list(shown)
+
+
+def test_page_is_complete_and_needs_no_network(scenes, output):
+    page = Page(output / "report.html")
+    assert page.links and all(link.startswith("data:image/") for link in page.links)
+    sizes = {}
+    for title, address in page.images:
+        image = cv2.imdecode(np.frombuffer(base64.b64decode(address.partition(",")[2]), np.uint8), cv2.IMREAD_COLOR)
+        sizes.setdefault(title, []).append(image.shape)
+        assert image.std() > 1, title  # something can be seen
+    # Of two scenes: result, weights, label maps of the own methods, three crops each.
+    assert {name: len(of) for name, of in sizes.items() if name in METHODS.split(",")} == {
+        "paper": 12, "refined": 12, "gf": 10, "laplacian": 10}
+    assert {"truth", "depth", "given", "000.png", "source_a.png"} <= set(sizes)
+    text = "".join(page.text)
+    for expected in ("Weight maps", "Label maps", "Where the methods differ most, 3", "What failed",
+                     "fuse_stack", "numpy", "holds no fused_other.png", str(scenes / "planes")):
+        assert expected in text
+    assert (output / "configuration.yaml").read_text() in text
+
+
+def test_json_is_json_and_says_what_was_used(output):
+    def refuse(name):
+        raise AssertionError(name)
+
+    found = json.loads((output / "results.json").read_text(), parse_constant=refuse)
+    assert found["methods"] == METHODS.split(",") + ["given:other"] and len(found["failures"]) == 1
+    assert {"all_in_focus", "numpy", "cv2", "fuse_stack", "machine"} <= set(found["versions"])
+    standing = found["scores"]["truth"]["standings"]["refined"]
+    assert standing["total"] == sum(float(score) * times for score, times in standing["times"].items())
+
+
+def test_runs_go_on_where_they_were_interrupted(scenes, output, tmp_path):
+    shutil.copytree(str(output), str(tmp_path / "out"))
+    shutil.rmtree(str(tmp_path / "out" / "results" / "pair" / "gf"))
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("result.json")}
+    code, _, _ = evaluate("--config", tmp_path / "out" / "configuration.yaml", "--output", tmp_path / "out")
+    again = results(tmp_path / "out")
+    assert code == 1 and {path: path.stat().st_mtime_ns for path in kept} == kept
+    assert again["results"]["pair"]["gf"]["values"] == results(output)["results"]["pair"]["gf"]["values"]
+    assert again["results"]["pair"]["gf"]["run"] != again["results"]["pair"]["paper"]["run"]
+    assert "Some are of an earlier run." in again["timing"]
+
+
+def test_changed_input_is_fused_again(scenes, tmp_path):
+    shutil.copytree(str(scenes / "pair"), str(tmp_path / "pair"))
+    arguments = [tmp_path / "pair", "--methods", "laplacian", "--metrics", "Q_G", "--output", tmp_path / "out"]
+    assert evaluate(*arguments)[0] == 0
+    before = results(tmp_path / "out")["results"]["pair"]["laplacian"]["values"]
+    cv2.imwrite(str(tmp_path / "pair" / "source_a.png"), 255 - read(tmp_path / "pair" / "source_a.png"))
+    assert evaluate(*arguments)[0] == 0
+    assert results(tmp_path / "out")["results"]["pair"]["laplacian"]["values"] != before
+
+
+def test_windows_where_images_differ_lie_apart_and_inside():
+    images = [np.zeros((100, 300, 3), np.uint8), np.zeros((100, 300, 3), np.uint8)]
+    images[1][40:60, 280:] = 200
+    images[1][40:60, :20] = 100
+    windows = pictures.differences(images)
+    assert [side for _, _, side in windows] == [25, 25]
+    assert windows[0][0] >= 270 and windows[1][0] <= 10
+    assert all(0 <= x <= 275 and 30 <= y <= 45 for x, y, _ in windows)
+    assert pictures.differences(images[:1]) == [] == pictures.differences([images[0]] * 2)
