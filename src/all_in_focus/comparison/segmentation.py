@@ -1,0 +1,85 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Felzenszwalb and Huttenlocher's segmentation of a depth map, and which regions fit one depth of field: tables T1 and
+T2 of the paper, for any depth map and for the labels of any segmentation."""
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+from skimage.segmentation import felzenszwalb
+
+HEADING = ["region", "pixels", "Min", "Max", "Diff", "MaxDoF", "Diff < MaxDoF?"]
+
+
+@dataclass
+class Region:
+    """label; area in pixels; extremes of depth and the greatest span that fits, mm (infinite beyond hyperfocal)."""
+    label: int
+    area: int
+    min_mm: int
+    max_mm: int
+    max_dof_mm: float
+
+    @property
+    def diff_mm(self):
+        return self.max_mm - self.min_mm
+
+    @property
+    def fits(self):
+        return self.diff_mm < self.max_dof_mm
+
+
+def max_dof(optics, min_mm, max_mm):
+    """MaxDoF in mm, the larger one of b_DoF(Min) and f_DoF(Max): equations 9 and 10."""
+    spread = optics.aperture * optics.circle_of_confusion_mm
+    behind = optics.focal_length_mm ** 2 - spread * min_mm  # not positive beyond the hyperfocal distance
+    back = spread * min_mm ** 2 / behind if behind > 0 else np.inf
+    return max(back, spread * max_mm ** 2 / (optics.focal_length_mm ** 2 + spread * max_mm))
+
+
+def graph_segmentation(depth, scale_mm, sigma, min_size):
+    """Labels (H x W int32, 0 = depth unknown) of a depth map (H x W uint16, mm, 0 = unknown).
+
+    scale_mm: k of the criterion k/|C|, in mm; sigma: of the Gaussian beforehand, pixels; min_size: smaller regions are
+    merged. Unknown pixels get the depth of the nearest known one, so that they neither part regions nor join them.
+    """
+    known = depth > 0
+    if not known.any():
+        return np.zeros(depth.shape, np.int32)
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    filled = depth[tuple(nearest)].astype(np.float64)
+    labels = felzenszwalb(filled, scale=255 * scale_mm, sigma=sigma, min_size=min_size)  # it divides the scale by 255
+    return np.where(known, labels + 1, 0).astype(np.int32)
+
+
+def regions(labels, depth, optics):
+    """Region of each label but 0, the nearest (by median depth) first."""
+    order = np.argsort(labels, axis=None, kind="stable")
+    sorted_labels, sorted_depth = labels.ravel()[order], depth.ravel()[order]
+    begins = np.flatnonzero(np.r_[True, np.diff(sorted_labels) > 0])
+    found = []
+    for begin, end in zip(begins, np.r_[begins[1:], len(sorted_labels)]):
+        values = sorted_depth[begin:end]
+        if sorted_labels[begin] != 0:
+            low, high = int(values.min()), int(values.max())
+            found.append((np.median(values), Region(int(sorted_labels[begin]), end - begin, low, high,
+                                                    max_dof(optics, low, high))))
+    return [region for _, region in sorted(found, key=lambda item: (item[0], item[1].label))]
+
+
+def cells(found, count):
+    """Table of the `count` largest regions as lists of text, nearest first; mm."""
+    largest = set(sorted(range(len(found)), key=lambda n: -found[n].area)[:count])
+    lines = [HEADING]
+    for number, it in enumerate(region for n, region in enumerate(found) if n in largest):
+        dof = "infinite" if np.isinf(it.max_dof_mm) else "%.0f" % it.max_dof_mm
+        lines.append([str(number + 1), str(it.area), str(it.min_mm), str(it.max_mm), str(it.diff_mm), dof,
+                      "yes" if it.fits else "no"])
+    return lines
+
+
+def summary(found):
+    """How many regions, and how many pixels, fit one depth of field."""
+    total, fit = sum(it.area for it in found), sum(it.area for it in found if it.fits)
+    return "%d of %d regions fit one depth of field: %.1f %% of the known pixels" % (
+        sum(it.fits for it in found), len(found), 100 * fit / max(1, total))
