@@ -4,12 +4,14 @@
 import base64
 import json
 import shutil
+import signal
+import time
 
 import cv2
 import numpy as np
 import pytest
-from evaluate_helpers import METHODS, Page, evaluate, make_scene, results, rows
-from tool_helpers import read
+from evaluate_helpers import METHODS, Page, evaluate, make_scene, results, rows, start
+from tool_helpers import read, rosrun, succeeded
 
 from all_in_focus import metrics
 from all_in_focus.baselines import guided_filtering, laplacian_maximum
@@ -184,3 +186,21 @@ def test_windows_where_images_differ_lie_apart_and_inside():
     assert windows[0][0] >= 270 and windows[1][0] <= 10
     assert all(0 <= x <= 275 and 30 <= y <= 45 for x, y, _ in windows)
     assert pictures.differences(images[:1]) == [] == pictures.differences([images[0]] * 2)
+
+
+def test_an_interrupted_run_says_so_and_keeps_what_it_has(scenes, tmp_path):
+    run = start(scenes / "planes", scenes / "pair", "--methods", METHODS, "--output", tmp_path)
+    while not list(tmp_path.glob("results/*/*/result.json")):
+        assert run.poll() is None
+        time.sleep(0.01)
+    run.send_signal(signal.SIGINT)
+    out, err = run.communicate(timeout=60)
+    assert (run.returncode, out, err) == (130, "", "evaluate: interrupted; the same command goes on from here\n")
+    kept = len(list(tmp_path.glob("results/*/*/result.json")))
+    assert 0 < kept < 8 and not (tmp_path / "report.html").exists() and not list(tmp_path.rglob("*.partial"))
+
+
+def test_program_of_the_built_space(scenes, tmp_path):
+    """Through rosrun; worker processes start the program anew."""
+    done = succeeded(rosrun("evaluate", scenes / "pair", "--methods", "paper,laplacian", "--jobs", "2", "--output", tmp_path))
+    assert done.stderr == "" and len(rows(tmp_path)) == 2
