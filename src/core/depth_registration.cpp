@@ -45,16 +45,19 @@ DepthRegistration::DepthRegistration(const Rig& rig, Splat splat) : rig_(rig), s
   const cv::Vec3d Kt = K * rig.depth_to_color.translation_mm;
   translation_ = cv::Vec3f(Kt);
 
+  const bool distorted = in.distorted();
   // One column and one row more than pixels: differences to them give the footprint's sides.
   for (cv::Mat1f& component : ray_) component.create(in.size.height + 1, in.size.width + 1);
-  for (int v = 0; v <= in.size.height; ++v) {
-    for (int u = 0; u <= in.size.width; ++u) {
-      const cv::Point2d ideal =
-          in.undistort({(u - in.cx) / in.fx, (v - in.cy) / in.fy});  // equation 1, Z = 1
-      const cv::Vec3d r = KR * cv::Vec3d(ideal.x, ideal.y, 1.0);     // equation 2
-      for (int i = 0; i < 3; ++i) ray_[i](v, u) = static_cast<float>(r[i]);
+  cv::parallel_for_(cv::Range(0, in.size.height + 1), [&](const cv::Range& range) {
+    for (int v = range.start; v < range.end; ++v) {
+      for (int u = 0; u <= in.size.width; ++u) {
+        const cv::Point2d seen((u - in.cx) / in.fx, (v - in.cy) / in.fy);  // equation 1, Z = 1
+        const cv::Point2d ideal = distorted ? in.undistort(seen) : seen;
+        const cv::Vec3d r = KR * cv::Vec3d(ideal.x, ideal.y, 1.0);  // equation 2
+        for (int i = 0; i < 3; ++i) ray_[i](v, u) = static_cast<float>(r[i]);
+      }
     }
-  }
+  });
 }
 
 DepthRegistration::~DepthRegistration() = default;
