@@ -83,6 +83,8 @@ def _labels(scene, worked, store):
     figures = []
     if "label" in scene.beside:
         figures.append(("given", pictures.small_map(pictures.read_labels(scene.beside["label"])), "map", ""))
+        if not {"depth", "registered_depth"} & set(scene.beside):
+            return figures  # the own methods have used just that
     for name in worked:
         path = store.picture(scene.name, name, "labels")
         if path:
@@ -92,7 +94,7 @@ def _labels(scene, worked, store):
 
 def _regions(path):
     labels = read_image(path, cv2.IMREAD_UNCHANGED)
-    return "%d regions" % int((cv2.calcHist([labels], [0], None, [65536], [0, 65536])[1:] > 0).sum())
+    return "regions: %d" % int((cv2.calcHist([labels], [0], None, [65536], [0, 65536])[1:] > 0).sum())
 
 
 def _crops(scene, shown, fused, windows):
