@@ -127,6 +127,23 @@ def test_what_a_method_does_wrong_is_its_own_failure(scene, tmp_path, monkeypatc
     assert run.results["scene"]["gf"]["values"]["Q_MI"] > 0 and "error" in run.results["scene"]["broken"]
 
 
+@pytest.mark.parametrize("frames, shares, name, expected", [
+    (2, [[0.0, 0.5, 1.0]], "weights", [[0, 32768, 65535]]),
+    (2, [[[3.0, 1.0]], [[1.0, 1.0]]], "weights", [[16384, 32768]]),
+    (3, [[[0.2, 0.1]], [[0.3, 0.1]], [[0.5, 0.8]]], "source_index", [[2, 2]]),
+])
+def test_weights_may_be_shares(tmp_path, monkeypatch, frames, shares, name, expected):
+    """Of the second of two frames, or of each frame."""
+    shape = (8, 8 * len(expected[0]))
+    wide = np.kron(np.array(shares), np.ones((8, 8)))
+    write_stack(tmp_path / "scene", ["source_%d.png" % number for number in range(frames)], pictures(frames, shape[::-1]))
+    monkeypatch.setitem(BASELINES, "soft", lambda images: (images[0], wide))
+    wanted = settings.Settings([{"path": str(tmp_path / "scene")}], ["soft"], output=str(tmp_path / "out"))
+    run, store = runner.evaluate(wanted)
+    assert not run.failures
+    assert np.array_equal(cv2.imread(store.picture("scene", "soft", name), -1), np.kron(expected, np.ones((8, 8))))
+
+
 def test_enfuse_that_is_not_installed(scene, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     assert "enfuse" not in methods.available() and "gf" in methods.available()
