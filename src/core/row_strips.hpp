@@ -7,12 +7,11 @@
 
 namespace all_in_focus::core {
 
-/// Into how many strips to cut an image for the threads there are. Each costs some rows of its neighbours, so
-/// that strips are not to be low.
+/// Into how many strips to cut an image: one for each thread, as every strip costs some rows of its
+/// neighbours, and none of few rows.
 inline int stripCount(int rows) {
   constexpr int kLeastRows = 64;
-  const int threads = cv::getNumThreads();
-  return threads < 2 ? 1 : std::clamp(rows / kLeastRows, 1, 2 * threads);
+  return std::clamp(rows / kLeastRows, 1, std::max(cv::getNumThreads(), 1));
 }
 
 /// body(rows, i) for each of `count` strips of the rows, in parallel.
