@@ -41,6 +41,7 @@ void BorderEdges::find(const PixelGraph& graph, int limit, const int* areas, int
   const int to[] = {1, stride - 1, stride, stride + 1};
   stripe.place.assign(limit + 1, 0);
   stripe.edges.assign(cols + 8, 0);
+  stripe.listed.resize(kMostBits(cols));
   for (auto& same : stripe.same) same.assign(stride, 0);
   for (auto& blocks : stripe.blocks) blocks.assign(stride, kAdmitsBd | kAdmitsCd);
   stripe.count = 0;
@@ -61,19 +62,21 @@ void BorderEdges::find(const PixelGraph& graph, int limit, const int* areas, int
       const std::uint8_t* const weight_of[] = {weights.ab, weights.bc - 1, weights.ac, weights.ad};
       const std::int32_t* const labels = graph.labelRow(y);
       int* const count_of = stripe.place.data();
-      forEachEdge(stripe.edges.data(), cols, [&, count_of](int x, int edge) {
+      const int listed = listBits(stripe.edges.data(), cols, stripe.listed.data());
+      for (int i = 0; i < listed; ++i) {
+        const int x = stripe.listed[i] / 8, edge = stripe.listed[i] % 8;
         const int a = labels[x], b = labels[x + to[edge]];
-        if (areas != nullptr && areas[a] >= small_area && areas[b] >= small_area) return;
+        if (areas != nullptr && areas[a] >= small_area && areas[b] >= small_area) continue;
         int weight = weight_of[edge][x];
         if (weight == kHeavy) {  // or unknown
-          if (a == 0 || b == 0) return;
+          if (a == 0 || b == 0) continue;
           const int dx = edge == 1 ? -1 : edge == 2 ? 0 : 1;
           weight = std::abs(graph.depthRow(y)[x] - graph.depthRow(y + (edge != 0))[x + dx]);
-          if (weight > limit) return;
+          if (weight > limit) continue;
         }
         *next++ = {a, b, weight};
         ++count_of[weight];
-      });
+      }
       stripe.count = next - stripe.found.data();
     }
     std::swap(above, here);

@@ -37,6 +37,7 @@ class BorderEdges {
   struct Stripe {
     std::vector<std::uint8_t> same[2], edges;
     std::vector<BlockRow> blocks[2];
+    std::vector<std::uint32_t> listed;
     std::vector<WeightedEdge> found;
     std::size_t count;
     std::vector<int> place;  ///< by weight: number of edges, then place of the next one

@@ -3,6 +3,8 @@
 
 #include "neighbour_rows.hpp"
 
+#include <cstring>
+
 #include "simd.hpp"
 
 namespace all_in_focus::core {
@@ -119,6 +121,27 @@ void gatherEdges(const BlockRow* blocks, const BlockRow* blocks_above, int n, st
     edges[x] = (blocks[x] & kSouthEast) | (blocks[x] & (blocks[x - 1] >> 2) & kSouth) |
                (blocks[x] & (blocks_above[x] >> 5) & kEast) | (blocks[x - 1] & kSouthWest);
   }
+}
+
+ALL_IN_FOCUS_SIMD
+int listBits(const std::uint8_t* bits, int n, std::uint32_t* list) {
+  static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the first pixel has the lowest bits");
+  std::uint32_t* next = list;
+  for (int x = 0; x < n; x += 8) {
+    std::uint64_t left;
+    std::memcpy(&left, bits + x, 8);
+    if (left == 0) continue;
+    std::uint32_t* const end = next + __builtin_popcountll(left);
+    // By fours, past the end if need be: how many there are cannot be guessed.
+    do {
+      for (int i = 0; i < 4; ++i) {
+        *next++ = 8 * x + __builtin_ctzll(left | std::uint64_t{1} << 63);
+        left &= left - 1;
+      }
+    } while (next < end);
+    next = end;
+  }
+  return static_cast<int>(next - list);
 }
 
 }  // namespace all_in_focus::core

@@ -52,4 +52,11 @@ void takeFirstLinks(std::uint8_t* links, int first, int stride, int n, std::int3
 /// EdgeBit of each pixel's own edges that all blocks admit. blocks[-1] is read.
 void gatherEdges(const BlockRow* blocks, const BlockRow* blocks_above, int n, std::uint8_t* edges);
 
+/// Lists the bits of all pixels in their order, 8 x + bit, and returns their number. bits must be 0 from n up
+/// to a multiple of 8; the list needs room for kMostBits(n).
+int listBits(const std::uint8_t* bits, int n, std::uint32_t* list);
+constexpr int kMostBits(int n) {
+  return 4 * n + 8;
+}
+
 }  // namespace all_in_focus::core

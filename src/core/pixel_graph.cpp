@@ -66,10 +66,13 @@ void PixelGraph::reset(const cv::Mat& depth) {
 void PixelGraph::weighRow(int y) {
   std::uint8_t* const ab = &weights_[static_cast<std::size_t>(y) * 4 * stride()];
   std::uint8_t *const ac = ab + stride(), *const ad = ac + stride(), *const bc = ad + stride();
-  std::fill_n(ab, 4 * stride(), kHeavy);
+  for (std::uint8_t* const weights : {ab, ac, ad, bc}) weights[cols() - 1] = weights[cols()] = kHeavy;
   const std::uint16_t* const row = depthRow(y);
   weighEdges(row, row + 1, cols() - 1, ab);
-  if (y + 1 == rows()) return;
+  if (y + 1 == rows()) {
+    std::fill_n(ac, 3 * stride(), kHeavy);
+    return;
+  }
   const std::uint16_t* const below = depthRow(y + 1);
   weighEdges(row, below, cols(), ac);
   weighEdges(row, below + 1, cols() - 1, ad);

@@ -4,7 +4,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -50,19 +49,5 @@ class PixelGraph {
   std::vector<std::uint8_t> weights_;  // of each row: ab, ac, ad, bc
   std::vector<std::int32_t> labels_;
 };
-
-/// use(x, i) for each EdgeBit 1 << i of each pixel in their order. edges must be 0 from n up to a multiple
-/// of 8.
-template <typename Use>
-void forEachEdge(const std::uint8_t* edges, int n, const Use& use) {
-  static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the first pixel has the lowest bits");
-  for (int x = 0; x < n; x += 8) {
-    std::uint64_t bits;
-    for (std::memcpy(&bits, edges + x, 8); bits != 0; bits &= bits - 1) {
-      const int bit = __builtin_ctzll(bits);
-      use(x + bit / 8, bit % 8);
-    }
-  }
-}
 
 }  // namespace all_in_focus::core

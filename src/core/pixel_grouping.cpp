@@ -29,8 +29,8 @@ int countRoots(const std::int32_t* labels, const std::uint16_t* depth, int first
 int numberRow(PixelGraph& graph, int y, bool equal_depth, int number, RegionNode* regions) {
   const std::uint16_t* const depth = graph.depthRow(y);
   std::int32_t* const labels = graph.labelRow(0);
-  const int first = y * graph.stride();
-  for (int x = 0; x < graph.cols(); ++x) {
+  const int first = y * graph.stride(), cols = graph.cols();
+  for (int x = 0; x < cols; ++x) {
     const std::uint16_t d = depth[x];
     if (d == 0) {
       labels[first + x] = 0;
@@ -92,6 +92,7 @@ void PixelGrouping::plantRows(PixelGraph& graph, int begin, int end, Stripe& str
   for (auto& blocks : stripe.blocks) blocks.assign(stride, 0);
   stripe.links.assign(cols + 8, 0);
   stripe.parents.resize(cols);
+  stripe.listed.resize(kMostBits(cols));
   BlockRow *above = &stripe.blocks[0][1], *here = &stripe.blocks[1][1];
   here[-1] = above[-1] = kAdmitsBd;
   std::int32_t* const labels = graph.labelRow(0);
@@ -104,10 +105,12 @@ void PixelGrouping::plantRows(PixelGraph& graph, int begin, int end, Stripe& str
       labels[first + x] = first + x;
       labels[first + x] = labels[stripe.parents[x]];
     }
-    forEachEdge(stripe.links.data(), cols, [&](int x, int link) {
-      const int a = findRoot(labels, first + x), b = findRoot(labels, first + x - back[link]);
+    const int others = listBits(stripe.links.data(), cols, stripe.listed.data());
+    for (int i = 0; i < others; ++i) {
+      const int pixel = first + stripe.listed[i] / 8;
+      const int a = findRoot(labels, pixel), b = findRoot(labels, pixel - back[stripe.listed[i] % 8]);
       labels[std::max(a, b)] = std::min(a, b);
-    });
+    }
     std::swap(above, here);
   }
 }
@@ -148,11 +151,13 @@ void PixelGrouping::joinRow(const PixelGraph& graph, int y, RegionNode* regions)
   std::uint8_t* const edges = stripes_[0].links.data();
   gatherEdges(blocks, &stripes_[0].blocks[1][1], graph.cols(), edges);
   const std::int32_t* const labels = graph.labelRow(y);
-  forEachEdge(edges, graph.cols(), [&](int x, int edge) {
-    if (edge == 0) return;
+  const int count = listBits(edges, graph.cols(), stripes_[0].listed.data());
+  for (int i = 0; i < count; ++i) {
+    const int x = stripes_[0].listed[i] / 8, edge = stripes_[0].listed[i] % 8;
+    if (edge == 0) continue;
     const int a = core::findRoot(regions, labels[x]), b = core::findRoot(regions, labels[x + to[edge]]);
     if (a != b) uniteRoots(regions, a, b);
-  });
+  }
 }
 
 }  // namespace all_in_focus::core

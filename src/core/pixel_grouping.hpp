@@ -23,7 +23,8 @@ class PixelGrouping {
   struct Stripe {
     std::vector<BlockRow> blocks[2];
     std::vector<std::uint8_t> links;
-    std::vector<int> parents;
+    std::vector<std::int32_t> parents;
+    std::vector<std::uint32_t> listed;
     int first_number, numbers;
   };
 

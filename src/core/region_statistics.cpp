@@ -40,11 +40,12 @@ void RegionStatistics::countDepths(const RegionMap& map) {
     // Two counts, for neighbours: the same one twice in a row would have to wait for itself.
     counts_[stripe].assign(2 * static_cast<std::size_t>(total), 0);
     int* const counts = counts_[stripe].data();
+    const int cols = map.graph.cols();
     const int* const of_node = of_node_.data();
     for (int y = map.graph.stripes().begin(stripe); y < map.graph.stripes().end(stripe); ++y) {
       const std::int32_t* const labels = map.graph.labelRow(y);
       const std::uint16_t* const depth = map.graph.depthRow(y);
-      for (int x = 0; x < map.graph.cols(); ++x) ++counts[2 * (of_node[labels[x]] + depth[x]) + (x & 1)];
+      for (int x = 0; x < cols; ++x) ++counts[2 * (of_node[labels[x]] + depth[x]) + (x & 1)];
     }
   });
   std::vector<int>& counts = counts_[0];
@@ -104,11 +105,13 @@ void RegionStatistics::describe(const RegionMap& map, const DofRule& rule, Segme
   for (int i = 0; i <= map.node_count; ++i) of_node_[i] = labels_[map.nodes[i].parent];
 
   result.labels.create(map.graph.rows(), map.graph.cols(), CV_32SC1);
-  map.graph.stripes().forEach([&](int stripe) {
+  const int* const of_node = of_node_.data();
+  const int cols = map.graph.cols();
+  map.graph.stripes().forEach([&, of_node, cols](int stripe) {
     for (int y = map.graph.stripes().begin(stripe); y < map.graph.stripes().end(stripe); ++y) {
       const std::int32_t* const labels = map.graph.labelRow(y);
       std::int32_t* const row = result.labels.ptr<std::int32_t>(y);
-      for (int x = 0; x < map.graph.cols(); ++x) row[x] = of_node_[labels[x]];
+      for (int x = 0; x < cols; ++x) row[x] = of_node[labels[x]];
     }
   });
 }
