@@ -19,6 +19,7 @@
 
 #include "all_in_focus/pipeline.hpp"
 #include "conversions.hpp"
+#include "counted_subscription.hpp"
 #include "node_monitor.hpp"
 
 namespace all_in_focus {
@@ -32,7 +33,8 @@ constexpr const char* kProcessedTopic = "depth_registered/processed";
 
 /// Registers depth images to the colour camera and fills their holes.
 ///
-/// All callbacks run one after the other on the nodelet's own queue; only connecting may meet onInit().
+/// All callbacks run one after the other on the nodelet's own queue, but depth images arrive on another
+/// thread, and connecting may meet onInit().
 class DepthPreprocessNodelet : public nodelet::Nodelet {
  public:
   ~DepthPreprocessNodelet() override;
@@ -65,7 +67,6 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   int queue_size_ = 5;
   bool closing_ = false;
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
-  std::unique_ptr<image_transport::ImageTransport> transport_;
   image_transport::Publisher registered_publisher_, filled_publisher_;
   ros::Publisher info_publisher_;
   std::deque<sensor_msgs::ImageConstPtr> waiting_;  // for camera infos and transform, oldest first
@@ -77,7 +78,7 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
 
   // Last, so that they end first: they call what stands above.
   std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
-  image_transport::Subscriber depth_subscriber_;
+  std::unique_ptr<CountedSubscription> depth_subscription_;
   ros::Subscriber depth_info_subscriber_, rgb_info_subscriber_;
   ros::WallTimer retry_timer_;
 };
@@ -86,7 +87,7 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
 DepthPreprocessNodelet::~DepthPreprocessNodelet() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
   closing_ = true;
-  if (depth_subscriber_) unsubscribe();
+  if (depth_subscription_ && *depth_subscription_) unsubscribe();
 }
 
 void DepthPreprocessNodelet::onInit() {
@@ -103,6 +104,9 @@ void DepthPreprocessNodelet::onInit() {
   reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(getPrivateNodeHandle());
   reconfigure_server_->setCallback(
       boost::bind(&DepthPreprocessNodelet::reconfigure, this, boost::placeholders::_1));
+  depth_subscription_ = std::make_unique<CountedSubscription>(
+      getSTCallbackQueue(), queue_size_, *monitor_,
+      [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
   monitor_->start();
 }
@@ -117,15 +121,14 @@ void DepthPreprocessNodelet::readParameters() {
 
 void DepthPreprocessNodelet::advertise() {
   ros::NodeHandle& nh = getNodeHandle();
-  transport_ = std::make_unique<image_transport::ImageTransport>(nh);
+  image_transport::ImageTransport transport(nh);
   const image_transport::SubscriberStatusCallback image_connect =
       boost::bind(&DepthPreprocessNodelet::connect, this);
   const ros::SubscriberStatusCallback info_connect = boost::bind(&DepthPreprocessNodelet::connect, this);
 
   std::lock_guard<std::mutex> lock(connect_mutex_);
-  registered_publisher_ =
-      transport_->advertise("depth_registered/image_raw", 1, image_connect, image_connect);
-  filled_publisher_ = transport_->advertise("depth_registered/image", 1, image_connect, image_connect);
+  registered_publisher_ = transport.advertise("depth_registered/image_raw", 1, image_connect, image_connect);
+  filled_publisher_ = transport.advertise("depth_registered/image", 1, image_connect, image_connect);
   info_publisher_ =
       nh.advertise<sensor_msgs::CameraInfo>("depth_registered/camera_info", 1, info_connect, info_connect);
   for (const char* topic :
@@ -150,8 +153,8 @@ void DepthPreprocessNodelet::connect() {
   if (closing_) return;
   const bool wanted = registered_publisher_.getNumSubscribers() > 0 ||
                       filled_publisher_.getNumSubscribers() > 0 || info_publisher_.getNumSubscribers() > 0;
-  if (wanted && !depth_subscriber_) subscribe();
-  if (!wanted && depth_subscriber_) unsubscribe();
+  if (wanted && !*depth_subscription_) subscribe();
+  if (!wanted && *depth_subscription_) unsubscribe();
 }
 
 void DepthPreprocessNodelet::subscribe() {
@@ -162,9 +165,7 @@ void DepthPreprocessNodelet::subscribe() {
   rgb_info_subscriber_ = nh.subscribe<sensor_msgs::CameraInfo>(
       "rgb/camera_info", queue_size_,
       [this](const sensor_msgs::CameraInfoConstPtr& info) { onInfo(rgb_info_input_, rgb_info_, info); });
-  const image_transport::TransportHints hints("raw", ros::TransportHints(), getPrivateNodeHandle());
-  depth_subscriber_ =
-      transport_->subscribe("depth/image_raw", queue_size_, &DepthPreprocessNodelet::onDepth, this, hints);
+  depth_subscription_->subscribe(getMTNodeHandle(), getPrivateNodeHandle(), "depth/image_raw");
   retry_timer_ = nh.createWallTimer(ros::WallDuration(kRetryPeriod),
                                     [this](const ros::WallTimerEvent&) { processWaiting(); });
   monitor_->setSubscribed(true);
@@ -172,10 +173,9 @@ void DepthPreprocessNodelet::subscribe() {
 
 void DepthPreprocessNodelet::unsubscribe() {
   retry_timer_.stop();
-  depth_subscriber_.shutdown();
+  depth_subscription_->shutdown();
   depth_info_subscriber_.shutdown();
   rgb_info_subscriber_.shutdown();
-  depth_subscriber_ = {};
   waiting_.clear();
   depth_info_ = rgb_info_ = nullptr;  // may be out of date when the next listener comes
   monitor_->setSubscribed(false);

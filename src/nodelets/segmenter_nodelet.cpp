@@ -21,6 +21,7 @@
 #include "all_in_focus/pipeline.hpp"
 #include "config_repair.hpp"
 #include "conversions.hpp"
+#include "counted_subscription.hpp"
 #include "node_monitor.hpp"
 
 namespace all_in_focus {
@@ -32,7 +33,8 @@ constexpr const char* kProcessedTopic = "segmentation/processed";
 
 /// Cuts registered depth images into regions that fit into the depth of field.
 ///
-/// All callbacks run one after the other on the nodelet's own queue; only connecting may meet onInit().
+/// All callbacks run one after the other on the nodelet's own queue, but depth images arrive on another
+/// thread, and connecting may meet onInit().
 class SegmenterNodelet : public nodelet::Nodelet {
  public:
   ~SegmenterNodelet() override;
@@ -58,7 +60,6 @@ class SegmenterNodelet : public nodelet::Nodelet {
 
   bool closing_ = false;
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
-  std::unique_ptr<image_transport::ImageTransport> transport_;
   ros::Publisher labels_publisher_;  // no image_transport: lossy plug-ins would destroy labels
   ros::Publisher segments_publisher_, plan_publisher_;
   image_transport::Publisher picture_publisher_;
@@ -68,14 +69,14 @@ class SegmenterNodelet : public nodelet::Nodelet {
 
   // Last, so that they end first: they call what stands above.
   std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
-  image_transport::Subscriber depth_subscriber_;
+  std::unique_ptr<CountedSubscription> depth_subscription_;
 };
 
 // The publishers, which end later, call connect() as their listeners go.
 SegmenterNodelet::~SegmenterNodelet() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
   closing_ = true;
-  depth_subscriber_.shutdown();
+  if (depth_subscription_) depth_subscription_->shutdown();
 }
 
 void SegmenterNodelet::onInit() {
@@ -86,6 +87,9 @@ void SegmenterNodelet::onInit() {
   reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(getPrivateNodeHandle());
   reconfigure_server_->setCallback(
       boost::bind(&SegmenterNodelet::reconfigure, this, boost::placeholders::_1));
+  depth_subscription_ = std::make_unique<CountedSubscription>(
+      getSTCallbackQueue(), queue_size_, *monitor_,
+      [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
   monitor_->start();
 }
@@ -103,7 +107,7 @@ void SegmenterNodelet::readParameters() {
 
 void SegmenterNodelet::advertise() {
   ros::NodeHandle& nh = getNodeHandle();
-  transport_ = std::make_unique<image_transport::ImageTransport>(nh);
+  image_transport::ImageTransport transport(nh);
   const ros::SubscriberStatusCallback connect = boost::bind(&SegmenterNodelet::connect, this);
   const image_transport::SubscriberStatusCallback picture_connect =
       boost::bind(&SegmenterNodelet::connect, this);
@@ -112,7 +116,7 @@ void SegmenterNodelet::advertise() {
   labels_publisher_ = nh.advertise<sensor_msgs::Image>("segmentation/labels", 1, connect, connect);
   segments_publisher_ = nh.advertise<SegmentArray>("segmentation/segments", 1, connect, connect);
   plan_publisher_ = nh.advertise<FocusPlan>("segmentation/focus_plan", 1, connect, connect);
-  picture_publisher_ = transport_->advertise("segmentation/image_color", 1, picture_connect, picture_connect);
+  picture_publisher_ = transport.advertise("segmentation/image_color", 1, picture_connect, picture_connect);
   for (const char* topic : {"segmentation/labels", "segmentation/segments", "segmentation/focus_plan",
                             "segmentation/image_color"}) {
     monitor_->addOutput(topic);
@@ -150,14 +154,11 @@ void SegmenterNodelet::connect() {
   const bool wanted = labels_publisher_.getNumSubscribers() > 0 ||
                       segments_publisher_.getNumSubscribers() > 0 ||
                       plan_publisher_.getNumSubscribers() > 0 || picture_publisher_.getNumSubscribers() > 0;
-  if (wanted && !depth_subscriber_) {
-    const image_transport::TransportHints hints("raw", ros::TransportHints(), getPrivateNodeHandle());
-    depth_subscriber_ =
-        transport_->subscribe("depth_registered/image", queue_size_, &SegmenterNodelet::onDepth, this, hints);
+  if (wanted && !*depth_subscription_) {
+    depth_subscription_->subscribe(getMTNodeHandle(), getPrivateNodeHandle(), "depth_registered/image");
     monitor_->setSubscribed(true);
-  } else if (!wanted && depth_subscriber_) {
-    depth_subscriber_.shutdown();
-    depth_subscriber_ = {};
+  } else if (!wanted && *depth_subscription_) {
+    depth_subscription_->shutdown();
     monitor_->setSubscribed(false);
   }
 }

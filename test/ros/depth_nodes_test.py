@@ -112,6 +112,18 @@ class SegmenterTest(GraphTest):
         self.cut(stamp=stamp)
         np.testing.assert_allclose(plans.at(stamp).focus_distance, [1.5], rtol=1e-6)
 
+    def test_what_it_cannot_follow_is_dropped_and_counted(self):
+        counts = lambda status: {name: int(values_of(status)[name]) for name in ('processed', 'dropped')}
+        before = counts(self.diagnostics.wait('alone/segmenter', lambda s: True))
+        noise = np.random.default_rng(0).integers(2000, 2010, (960, 1280)).astype(np.uint16)
+        messages = [image_message(noise, next(STAMPS)) for _ in range(30)]
+        for message in messages:
+            self.depth.say(message)
+        self.assertIsNotNone(self.labels.at(messages[-1].header.stamp.to_sec(), timeout=60), 'the newest was dropped')
+        all_counted = lambda status: sum(counts(status).values()) == sum(before.values()) + len(messages)
+        after = counts(self.diagnostics.wait('alone/segmenter', all_counted))
+        self.assertGreater(after['dropped'], before['dropped'])
+
     def test_time_may_jump_back(self):
         jumps = lambda: int(values_of(self.diagnostics.wait('alone/segmenter', lambda s: True))['backward time jumps'])
         before = jumps()
