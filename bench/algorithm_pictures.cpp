@@ -144,9 +144,9 @@ void drawAll(const po::variables_map& values) {
     throw std::invalid_argument(folder + ": not scene motorcycle");
   }
   stack.rewind();
-  const PipelineResult paper = runPipeline(scene.input, Mode::kPaper);
+  const PipelineResult paper = Pipeline(Mode::kPaper).run(scene.input);
   stack.rewind();
-  const PipelineResult result = runPipeline(scene.input, Mode::kRefined);
+  const PipelineResult result = Pipeline(Mode::kRefined).run(scene.input);
 
   std::filesystem::create_directories(output);
   const auto save = [&](const char* name, const cv::Mat& picture, int interpolation = cv::INTER_AREA) {

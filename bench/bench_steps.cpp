@@ -171,13 +171,14 @@ void runWithTwoFrames(benchmark::State& state, Mode mode) {
   input.optics = sample.optics;
   input.frames = &frames;
   input.focus_mm = {1000, 3000};
+  Pipeline pipeline(mode);
   const std::size_t depth_and_labels = 4 + 4, two_frames = 6, image_index_confidence = 6;
   measure(state,
           2 * sample.depth.total() +
               (depth_and_labels + two_frames + image_index_confidence) * pixels(sizeOf(state)),
           [&] {
             frames.rewind();
-            benchmark::DoNotOptimize(runPipeline(input, mode));
+            benchmark::DoNotOptimize(pipeline.run(input));
           });
 }
 

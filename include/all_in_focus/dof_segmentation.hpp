@@ -29,6 +29,8 @@ struct SegmentationConfig {
                                     ///< has refused every neighbour already, and regions only grow.
 };
 
+bool operator==(const SegmentationConfig& a, const SegmentationConfig& b);
+
 struct Segmentation {
   cv::Mat labels;  ///< CV_32SC1, 0 = depth unknown, 1..segments.size()
   std::vector<Segment> segments;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <memory>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
@@ -73,9 +74,21 @@ struct PipelineResult {
   double depth_ms = 0, segmentation_ms = 0, fusion_ms = 0;  ///< fusion_ms: all frames, without reading them
 };
 
-/// The whole method, from a depth map and a focus bracket to the all-in-focus image. Throws
-/// std::invalid_argument on bad input, also when the bracket is empty or has no such reference. Mode refined
-/// reads the frames up to the reference twice, so that none needs to be kept.
-PipelineResult runPipeline(const PipelineInput& input, Mode mode);
+/// The whole method, from a depth map and a focus bracket to the all-in-focus image. Buffers, and what
+/// follows from rig and optics, are kept from run to run. Not thread-safe.
+class Pipeline {
+ public:
+  explicit Pipeline(Mode mode) : mode_(mode) {}
+
+  /// Throws std::invalid_argument on bad input, also when the bracket is empty or has no such reference. Mode
+  /// refined reads the frames up to the reference twice, so that none needs to be kept.
+  PipelineResult run(const PipelineInput& input);
+
+ private:
+  Mode mode_;
+  std::unique_ptr<DepthPreprocessing> preprocessing_;
+  std::unique_ptr<DofSegmentation> segmentation_;
+  BracketFusion fusion_;
+};
 
 }  // namespace all_in_focus::core

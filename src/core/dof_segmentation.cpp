@@ -22,6 +22,11 @@ constexpr double kUnorderedShare = 0.36, kFirstShare = 0.6;
 
 }  // namespace
 
+bool operator==(const SegmentationConfig& a, const SegmentationConfig& b) {
+  return a.optics == b.optics && a.span == b.span && a.min_region_size == b.min_region_size &&
+         a.merge_against_rule == b.merge_against_rule;
+}
+
 struct DofSegmentation::Work {
   PixelGraph graph;
   PixelGrouping grouping;

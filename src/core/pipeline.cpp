@@ -83,13 +83,15 @@ SegmentationConfig segmentationConfig(Mode mode, const Optics& optics, DofSpan s
   return {optics, span, min_region_size, mode == Mode::kPaper};
 }
 
-PipelineResult runPipeline(const PipelineInput& input, Mode mode) {
+PipelineResult Pipeline::run(const PipelineInput& input) {
   PipelineResult result;
   Stopwatch watch;
 
   // 1. Registration, dilation and hole filling (equations 1 to 8).
   if (!input.depth.empty()) {
-    DepthPreprocessing(input.rig, mode).compute(input.depth, result.registered, result.filled);
+    if (!preprocessing_ || !(preprocessing_->rig() == input.rig))
+      preprocessing_ = std::make_unique<DepthPreprocessing>(input.rig, mode_);
+    preprocessing_->compute(input.depth, result.registered, result.filled);
   } else {
     result.registered = result.filled = input.registered_depth;
   }
@@ -97,8 +99,10 @@ PipelineResult runPipeline(const PipelineInput& input, Mode mode) {
 
   // 2. Regions that each fit inside one depth of field (equations 9 and 10).
   if (!result.filled.empty()) {
-    DofSegmentation(segmentationConfig(mode, input.optics, input.span))
-        .compute(result.filled, result.segmentation);
+    const SegmentationConfig config = segmentationConfig(mode_, input.optics, input.span);
+    if (!segmentation_ || !(segmentation_->config() == config))
+      segmentation_ = std::make_unique<DofSegmentation>(config);
+    segmentation_->compute(result.filled, result.segmentation);
   } else {
     result.segmentation.labels = input.labels;
   }
@@ -106,18 +110,17 @@ PipelineResult runPipeline(const PipelineInput& input, Mode mode) {
 
   // 3. Mode paper: every region from the frame in which it is sharpest (normalised variance; equation 11 with
   // W = 0 or 1). Mode refined: a weighted mean, pixel by pixel.
-  BracketFusion fusion;
   BracketScene scene;
   scene.labels = result.segmentation.labels;
   scene.depth = result.filled;
   if (!input.depth.empty()) scene.measured = result.registered;
   scene.optics = input.optics;
   if (input.has_rig) scene.camera = input.rig.color;
-  fusion.begin(scene, mode, input.refined);
-  fuseFrames(input, mode, fusion, result);
-  result.fused_by = fusion.fusedBy();
+  fusion_.begin(scene, mode_, input.refined);
+  fuseFrames(input, mode_, fusion_, result);
+  result.fused_by = fusion_.fusedBy();
   watch.lap();
-  result.fusion = fusion.result();
+  result.fusion = fusion_.result();
   result.fusion_ms += watch.lap();
   return result;
 }

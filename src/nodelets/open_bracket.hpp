@@ -40,7 +40,7 @@ struct FusedFrame {
 /// grows with it. For one thread.
 ///
 /// Mode refined fuses the reference first, then what came before it: until it is there, frames are observed
-/// and held. Files are fused in the same order (see runPipeline()), so both give the same pixels.
+/// and held. Files are fused in the same order (see Pipeline), so both give the same pixels.
 class OpenBracket {
  public:
   /// reference: index of the frame whose stamp the result is to carry, and in mode refined geometry and

@@ -170,7 +170,7 @@ void fuseStack(const po::variables_map& values) {
   input.frames = &frames;
   PipelineResult result;
   try {
-    result = runPipeline(input, mode);
+    result = Pipeline(mode).run(input);
   } catch (const std::invalid_argument& e) {
     if (frames.reading()) throw;
     // The core says what is wrong, this says in which file.
