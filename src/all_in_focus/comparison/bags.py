@@ -9,9 +9,9 @@ import os
 import shutil
 
 import cv2
-import cv_bridge
 
 from all_in_focus.bag_contents import BagContents, Topics
+from all_in_focus.bag_images import bgr
 from all_in_focus.comparison import programs
 from all_in_focus.comparison.methods import OWN, TIMEOUT_S
 from all_in_focus.comparison.scenes import Scene, digest
@@ -77,7 +77,7 @@ def export(bag, names, results, folder):
     messages go by their bracket_id, all others in the order of the bag.
     """
     reports = [_report(os.path.join(results, name)) for name in sorted(os.listdir(results))]
-    bridge, contents = cv_bridge.CvBridge(), BagContents(bag, names)
+    contents = BagContents(bag, names)
     try:
         brackets = {message.header.stamp: message.bracket_id for kind, message, _ in contents.messages()
                     if kind == "focus"}
@@ -87,7 +87,7 @@ def export(bag, names, results, folder):
             if place is not None:
                 target = os.path.join(folder, "bracket_%04d" % place[0])
                 os.makedirs(target, exist_ok=True)
-                cv2.imwrite(os.path.join(target, "%03d.png" % place[1]), bridge.imgmsg_to_cv2(message, "bgr8"))
+                cv2.imwrite(os.path.join(target, "%03d.png" % place[1]), bgr(message))
     finally:
         contents.close()
 

@@ -1,0 +1,132 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A bag on disk: opened, its topics found by what they hold, its messages read, with errors of one line."""
+import os
+import struct
+from dataclasses import dataclass
+
+import genpy
+import rosbag
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from all_in_focus.msg import FocusFrame, Optics
+
+
+class BagError(ValueError):
+    """A bag that cannot be used; the message is one line and says what is missing."""
+
+
+@dataclass
+class Topics:
+    """Names in the bag, by what they hold."""
+    depth: str = "/depth/image_raw"
+    depth_info: str = "/depth/camera_info"
+    rgb: str = "/rgb/image"
+    rgb_info: str = "/rgb/camera_info"
+    focus: str = "/rgb/focus"
+    optics: str = "/rgb/optics"
+
+
+TYPES = {"depth": Image, "depth_info": CameraInfo, "rgb": Image, "rgb_info": CameraInfo, "focus": FocusFrame,
+         "optics": Optics}
+REQUIRED = {"depth": "depth image", "depth_info": "camera info of the depth camera", "rgb": "colour image",
+            "rgb_info": "camera info of the colour camera"}
+# What rosbag throws at damaged files, from its own errors down to those of its decompressors.
+DAMAGE = (rosbag.ROSBagException, genpy.DeserializationError, struct.error, RuntimeError, EOFError, ValueError,
+          KeyError, IndexError, UnicodeError, MemoryError)
+
+
+class BagFile:
+    """An opened bag.
+
+    topics: names by kind (the fields of Topics), absolute; colour is that of /compressed where there is no other.
+    found: of each topic of the bag, by absolute name, what rosbag says of it: msg_type, message_count.
+    """
+
+    def __init__(self, path, topics=None):
+        self.path = path
+        self.topics = {kind: absolute(name) for kind, name in vars(topics or Topics()).items()}
+        self._bag = self._open()
+        info = self._bag.get_type_and_topic_info()
+        self.found = {absolute(name): topic for name, topic in info.topics.items()}
+        self._md5sums = info.msg_types
+        compressed = self.topics["rgb"] + "/compressed"
+        if self.topics["rgb"] not in self.found and compressed in self.found:
+            self.topics["rgb"] = compressed
+
+    def close(self):
+        self._bag.close()
+
+    def has(self, kind):
+        """Whether there is a message of that kind."""
+        return self.has_topic(self.topics[kind])
+
+    def has_topic(self, name):
+        return name in self.found and self.found[name].message_count > 0
+
+    def read(self, names, **options):
+        """Messages of these topics in recorded order; options: of rosbag.Bag.read_messages()."""
+        try:
+            yield from self._bag.read_messages(topics=[*names, *(name[1:] for name in names)], **options)
+        except (OSError, *DAMAGE) as error:
+            raise BagError("%s: damaged or unreadable: %s" % (self.path, one_line(error)))
+
+    def first(self, name):
+        """(message, time) of a topic that has() one."""
+        for _, message, time in self.read([name]):
+            return message, time
+        raise BagError("%s: no message on %s can be read" % (self.path, name))
+
+    def missing(self):
+        """Kinds that the nodes need and that the bag does not have."""
+        return [kind for kind in REQUIRED if not self.has(kind)]
+
+    def wrong_types(self):
+        """Yield (kind, one line) for topics that hold something else."""
+        for kind, expected in TYPES.items():
+            name = self.topics[kind]
+            found = self.found.get(name)
+            if found is None or kind == "rgb" and found.msg_type == CompressedImage._type:
+                continue
+            if found.msg_type != expected._type:
+                yield kind, "%s holds %s, not %s" % (name, found.msg_type, expected._type)
+            elif self._md5sums.get(expected._type) != expected._md5sum:
+                yield kind, "%s: %s was recorded in another version of that message" % (name, expected._type)
+
+    def alternatives(self, kind):
+        """Names of topics with messages of the type that this kind needs."""
+        types = (TYPES[kind]._type,) + ((CompressedImage._type,) if TYPES[kind] is Image else ())
+        return sorted(name for name, info in self.found.items() if info.msg_type in types and info.message_count > 0)
+
+    def span(self):
+        """First and last time of recording, s."""
+        if not any(self.has_topic(name) for name in self.found):
+            return 0.0, 0.0
+        return self._bag.get_start_time(), self._bag.get_end_time()
+
+    def compression(self):
+        """none, bz2 or lz4."""
+        return self._bag.get_compression_info().compression
+
+    def _open(self):
+        try:
+            if os.path.isdir(self.path):
+                raise BagError("%s: is a folder, not a bag" % self.path)
+            return rosbag.Bag(self.path)
+        except rosbag.ROSBagUnindexedException:
+            raise BagError("%s: has no index (recording or copy cut off?): try rosbag reindex" % self.path)
+        except OSError as error:
+            raise BagError("%s: %s" % (self.path, error.strerror or error))
+        except BagError:
+            raise
+        except DAMAGE as error:
+            raise BagError("%s: not a bag: %s" % (self.path, one_line(error)))
+
+
+def absolute(name):
+    """Recorders write names with and without the slash."""
+    return "/" + name.strip("/")
+
+
+def one_line(error):
+    return " ".join(str(error).split()) or type(error).__name__
