@@ -212,8 +212,9 @@ def save_camera(path, camera):
         out.write(_matrix("projection_matrix", camera.P, 3))
 
 
-def save_rig(folder, rig):
-    """Write the rig into `folder`, which is made if needed."""
+def save_rig(folder, rig, quaternion=None):
+    """Write the rig into `folder`, which is made if needed. quaternion: x, y, z, w to write to the last bit in place of
+    that of rig.R."""
     os.makedirs(folder, exist_ok=True)
     save_camera(os.path.join(folder, "depth.yaml"), rig.depth)
     save_camera(os.path.join(folder, "color.yaml"), rig.color)
@@ -221,7 +222,7 @@ def save_rig(folder, rig):
         out.write("# Pose of the depth camera in the colour camera's optical frame: "
                   "X_color = R * X_depth + t (metres).\n")
         out.write("parent_frame: %s\nchild_frame: %s\n" % (rig.parent_frame, rig.child_frame))
-        out.write("translation: %s\nrotation: %s  # quaternion x, y, z, w\n" % (_flow(rig.t), _flow(rig.quaternion)))
+        out.write("translation: %s\nrotation: %s  # quaternion x, y, z, w\n" % (_flow(rig.t), _flow(quaternion or rig.quaternion)))
     if rig.optics is not None:
         with open(os.path.join(folder, "optics.yaml"), "w", encoding="utf-8") as out:
             out.write("# Lens of the colour camera\n")
