@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What was found in a bag: lines of ok, warning and error."""
+from dataclasses import dataclass, field
+from typing import List
+
+OK, WARNING, ERROR = "ok", "warning", "error"
+
+
+@dataclass
+class Finding:
+    """check: what was looked at; text: one line that says what is wrong, where, and what to do."""
+    check: str
+    level: str
+    text: str
+
+
+@dataclass
+class Report:
+    """All findings in the order in which a person would repair them. skipped: checks that make no sense before.
+
+    brackets: dicts with number, frames and depth (whether it has one).
+    """
+    bag: str
+    findings: List[Finding] = field(default_factory=list)
+    skipped: List[str] = field(default_factory=list)
+    brackets: List[dict] = field(default_factory=list)
+
+    @property
+    def fusable(self):
+        return not any(finding.level == ERROR for finding in self.findings)
+
+    def failed(self, *checks):
+        """Whether one of these has an error, or was skipped."""
+        return any(finding.check in checks and finding.level == ERROR for finding in self.findings) \
+            or any(check in checks for check in self.skipped)
+
+    def summary(self):
+        errors, warnings = (sum(finding.level == level for finding in self.findings) for level in (ERROR, WARNING))
+        text = "can be fused" if self.fusable else "cannot be fused as it should be"
+        counts = [counted(number, noun) for number, noun in ((errors, "error"), (warnings, "warning")) if number]
+        text = "%s: %s%s" % (self.bag, text, ": " + ", ".join(counts) if counts else "")
+        return text + ("; not looked at before that is repaired: " + ", ".join(self.skipped) if self.skipped else "")
+
+    def lines(self):
+        width = max(len(finding.check) for finding in self.findings)
+        return ["%-7s  %-*s  %s" % (finding.level, width, finding.check, finding.text) for finding in self.findings]
+
+    def plain(self):
+        """As JSON knows it."""
+        return {"version": 1, "bag": self.bag, "fusable": self.fusable, "skipped": self.skipped,
+                "checks": [vars(finding) for finding in self.findings], "brackets": self.brackets}
+
+
+class Check:
+    """Collects the findings of one check; ends with one line that says ok where there was nothing to find."""
+
+    def __init__(self, report, name):
+        self._report, self._name = report, name
+        self.clean = True
+
+    def error(self, text):
+        self._add(ERROR, text)
+
+    def warning(self, text):
+        self._add(WARNING, text)
+
+    def ok(self, text):
+        """Nothing if there was something to find."""
+        if self.clean:
+            self._report.findings.append(Finding(self._name, OK, text))
+
+    def _add(self, level, text):
+        self.clean = False
+        self._report.findings.append(Finding(self._name, level, " ".join(text.split())))
+
+
+class PerBracket:
+    """Warnings of a check about single brackets: what many have in common is told once."""
+
+    MOST = 3  # lines
+
+    def __init__(self, check, brackets):
+        self._check, self._brackets, self._numbers = check, brackets, {}
+
+    def warning(self, number, text):
+        self._numbers.setdefault(text, []).append(number)
+
+    def tell(self):
+        for text, numbers in list(self._numbers.items())[:self.MOST]:
+            where = "bracket %d" % numbers[0]
+            if len(numbers) > 1:
+                where = "all brackets" if len(numbers) == self._brackets else \
+                    "%d of %d brackets, the first is %d" % (len(numbers), self._brackets, numbers[0])
+            self._check.warning("%s%s" % (where + ": " if self._brackets > 1 else "", text))
+        more = len(self._numbers) - self.MOST
+        if more > 0:
+            self._check.warning("%s like these in other brackets" % counted(more, "more warning"))
+
+
+def counted(number, noun):
+    return "%d %s%s" % (number, noun, "" if number == 1 else "s")
+
+
+def share_text(share):
+    """0.02 -> 2 %."""
+    return "%.2g %%" % (100 * share) if share < 0.995 else "%.4g %%" % (100 * share)
