@@ -4,6 +4,6 @@
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
-PACKAGES = ['all_in_focus'] + ['all_in_focus.' + name
-                               for name in ('bag_check', 'baselines', 'camera', 'comparison', 'metrics')]
-setup(**generate_distutils_setup(packages=PACKAGES, package_dir={'': 'src'}))
+PARTS = ['bag_check', 'baselines', 'calibration', 'camera', 'comparison', 'metrics']
+setup(**generate_distutils_setup(packages=['all_in_focus'] + ['all_in_focus.' + part for part in PARTS],
+                                 package_dir={'': 'src'}))

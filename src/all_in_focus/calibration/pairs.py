@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Pictures of a board that both cameras took at once, paired by name."""
+import os
+from dataclasses import dataclass
+from typing import Optional
+
+import cv2
+import numpy as np
+
+from all_in_focus.calibration import CalibrationError
+from all_in_focus.calibration.board import find_corners
+from all_in_focus.stack import IMAGE_SUFFIXES, read_image
+
+CAMERAS = ("depth", "color")
+
+
+@dataclass
+class Pair:
+    """Corners of the board (N x 2, pixels) in the two pictures of one moment; None where it is not seen."""
+    name: str
+    depth: Optional[np.ndarray]
+    color: Optional[np.ndarray]
+
+
+class PairFolders:
+    """Two folders of pictures; files of the same name, whatever the ending, are a pair. warnings: one line each."""
+
+    def __init__(self, depth_folder, color_folder):
+        self._folders = (depth_folder, color_folder)
+        files = [_images(folder) for folder in self._folders]
+        self.names = sorted(set(files[0]) & set(files[1]))
+        if not self.names:
+            raise CalibrationError("no picture of %s has a counterpart of the same name in %s" % self._folders)
+        self.warnings = ["%s: no picture in %s is named like %s: left out"
+                         % (folder, other, ", ".join(sorted(set(own) - set(others))))
+                         for folder, own, other, others in ((self._folders[0], files[0], self._folders[1], files[1]),
+                                                            (self._folders[1], files[1], self._folders[0], files[0]))
+                         if set(own) - set(others)]
+        self._files = files
+        self.sizes = [None, None]  # (width, height) of the cameras' pictures
+
+    def pairs(self, board):
+        """Reads and searches one pair after the other."""
+        for name in self.names:
+            yield Pair(name, *(find_corners(self._read(camera, name), board) for camera in (0, 1)))
+
+    def first_picture(self, camera):
+        return self._read(camera, self.names[0])
+
+    def _read(self, camera, name):
+        path = os.path.join(self._folders[camera], self._files[camera][name])
+        image = read_image(path, cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+        size = image.shape[1::-1]
+        self.sizes[camera] = self.sizes[camera] or size
+        if size != self.sizes[camera]:
+            raise CalibrationError("%s: %dx%d pixels, but the %s camera's pictures before it have %dx%d"
+                                   % ((path,) + size + (CAMERAS[camera],) + self.sizes[camera]))
+        return image
+
+
+def _images(folder):
+    """File names by stem."""
+    try:
+        names = sorted(name for name in os.listdir(folder)
+                       if name.lower().endswith(IMAGE_SUFFIXES) and not name.startswith("."))
+    except OSError as error:
+        raise CalibrationError("%s: %s" % (folder, error.strerror))
+    if not names:
+        raise CalibrationError("%s: holds no images" % folder)
+    stems = [os.path.splitext(name)[0] for name in names]
+    for stem, name, other in zip(stems[1:], names[1:], names):
+        if os.path.splitext(other)[0] == stem:
+            raise CalibrationError("%s: %s and %s differ in their ending only: which is it?" % (folder, other, name))
+    return dict(zip(stems, names))
