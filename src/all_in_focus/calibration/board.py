@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 MAX_SIDE = 1200  # pixels: the board is looked for in a picture of this size, its corners are then refined in the whole
-MIN_SIDE = 400  # a smaller picture is looked at magnified, too
+MAGNIFIED_SIDE = 800  # a picture up to this size is also looked at magnified
 MAX_WINDOW = 11  # pixels: half the window in which a corner is refined; in a larger one curved lines count
 MAX_BEND = 0.15  # of a square: farther from a flat board's corners lies none, whatever the lens
 
@@ -56,8 +56,12 @@ def gray(image):
         image = image[..., 0] if image.shape[2] == 1 else cv2.cvtColor(image[..., :3], cv2.COLOR_BGR2GRAY)
     if image.dtype == np.uint8:
         return image.astype(np.float32)
+    return _stretched(image)
+
+
+def _stretched(image):
     low, high = np.percentile(image, (0.5, 99.5))
-    return np.clip((image.astype(np.float32) - low) * (255 / max(1, high - low)), 0, 255).astype(np.float32)
+    return np.clip((image.astype(np.float32) - np.float32(low)) * np.float32(255 / max(1, high - low)), 0, 255)
 
 
 def find_corners(image, board, thorough=True):
@@ -67,38 +71,31 @@ def find_corners(image, board, thorough=True):
     """
     brightness = gray(image)
     side = max(brightness.shape)
-    scales = [min(1, MAX_SIDE / side)] + ([2] if side < MIN_SIDE else [])
-    for search in _SEARCHES if thorough else _SEARCHES[:1]:
-        for scale in scales:
-            corners = search(_scaled(brightness, scale), (board.columns, board.rows))
-            if corners is not None:
-                corners = (corners.reshape(-1, 2) + 0.5) / scale - 0.5
-                return _refined(brightness, _not_mirrored(corners, board), board, scale)
+    base = min(1, MAX_SIDE / side)
+    for scale, flags in _searches(base, side) if thorough else [(base, 0)]:
+        found, corners = cv2.findChessboardCornersSB(_scaled(brightness, scale), (board.columns, board.rows), flags=flags)
+        if found:
+            corners = (corners.reshape(-1, 2) + 0.5) / scale - 0.5
+            return _refined(brightness, _not_mirrored(corners, board), board, scale)
     return None
 
 
-def _sector_search(flags):
-    def search(image, size):
-        found, corners = cv2.findChessboardCornersSB(image, size, flags=flags | cv2.CALIB_CB_NORMALIZE_IMAGE)
-        return corners if found else None
-    return search
-
-
-def _contour_search(image, size):
-    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-    found, corners = cv2.findChessboardCorners(image, size, flags=flags)
-    return corners if found else None
-
-
-# findChessboardCornersSB stands blur and noise; what it leaves, the older way may find.
-_SEARCHES = [_sector_search(0), _sector_search(cv2.CALIB_CB_EXHAUSTIVE), _contour_search]
+def _searches(base, side):
+    """(scale, flags), the quickest first. Small squares want magnifying; evening out the brightness of the whole
+    picture helps a board in the shade, but lets noise rise beside a small one."""
+    yield base, 0
+    if side <= MAGNIFIED_SIDE:
+        yield 2, 0
+    yield base, cv2.CALIB_CB_NORMALIZE_IMAGE
+    yield base, cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
 
 
 def _scaled(brightness, scale):
+    """8 bit, stretched to the range in use."""
     if scale != 1:
         way = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
         brightness = cv2.resize(brightness, None, fx=scale, fy=scale, interpolation=way)
-    return np.clip(np.rint(brightness), 0, 255).astype(np.uint8)
+    return np.rint(_stretched(brightness)).astype(np.uint8)
 
 
 def _not_mirrored(corners, board):

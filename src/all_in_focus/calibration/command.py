@@ -62,7 +62,7 @@ def main(argv):
         rig_folder.refuse_existing(arguments.output, arguments.force)
         if arguments.live:
             from all_in_focus.calibration import live_node
-            return live_node.run(arguments)
+            return live_node.run(arguments, lambda pairs, sizes: calibrate(arguments, pairs, sizes))
         _from_files(parser, arguments)
     except (ValueError, OSError) as error:
         parser.error(error)

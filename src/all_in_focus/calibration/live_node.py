@@ -1,0 +1,127 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""calibrate_rig --live: takes pairs of pictures from two topics until there are enough, then calibrates and ends."""
+import threading
+import time
+
+import cv_bridge
+import message_filters
+import rospy
+from sensor_msgs.msg import Image
+from std_srvs.srv import Trigger, TriggerResponse
+
+from all_in_focus.calibration import CalibrationError
+from all_in_focus.calibration.live_view import LiveView
+
+TOPICS = ("ir/image", "rgb/image")
+SLOP = 0.2  # s between the two pictures; the board is held still
+SILENCE = 5.0  # s
+MORE = 5  # pairs, after which a calibration that failed is tried again
+GRACE = 1.0  # s for answers that are on their way
+
+
+class LiveNode:
+    """calibrate: pairs and sizes -> lines, CalibrationError if that is not possible."""
+
+    def __init__(self, view, calibrate):
+        self._view, self._calibrate = view, calibrate
+        self._bridge = cv_bridge.CvBridge()
+        self._lock = threading.Lock()  # of the view, and of the end
+        self._arrived = threading.Condition()
+        self._latest, self._last_heard, self._last_pair = None, [time.monotonic()] * 2, time.monotonic()
+        self._done, self._next_try = False, 0
+        self._picture = rospy.Publisher("~coverage", Image, queue_size=1, latch=True)
+        rospy.Service("~finish", Trigger, self._finish)
+        subscribers = [message_filters.Subscriber(topic, Image, queue_size=5, buff_size=2 ** 26) for topic in TOPICS]
+        for index, subscriber in enumerate(subscribers):
+            subscriber.registerCallback(self._heard, index)
+        self._synchronizer = message_filters.ApproximateTimeSynchronizer(subscribers, 30, SLOP)
+        self._synchronizer.registerCallback(self._pair)
+
+    def _heard(self, _, index):
+        self._last_heard[index] = time.monotonic()
+
+    def _pair(self, *messages):
+        with self._arrived:
+            self._latest = messages  # who searches slower than pictures come leaves some out
+            self._last_pair = time.monotonic()
+            self._arrived.notify()
+
+    def run(self):
+        """Until the rig is written, or the node is to end; whether it is written."""
+        while not rospy.is_shutdown() and not self._done:
+            with self._arrived:
+                if self._latest is None:
+                    self._arrived.wait(0.2)
+                messages, self._latest = self._latest, None
+            if messages is None:
+                self._name_the_silent()
+                continue
+            images = self._images(messages)
+            with self._lock:
+                if images and not self._done:
+                    self._look(images)
+        if self._done:
+            time.sleep(GRACE)
+        return self._done
+
+    def _images(self, messages):
+        try:
+            return [self._bridge.imgmsg_to_cv2(message, "passthrough" if message.encoding in ("mono16", "16UC1") else "bgr8")
+                    for message in messages]
+        except cv_bridge.CvBridgeError as error:
+            rospy.logwarn_throttle(10, "a picture cannot be used: %s" % error)
+            return None
+
+    def _look(self, images):
+        if self._view.add(images):
+            rospy.loginfo("%s", "; ".join(self._view.status()))
+        if self._view.enough and len(self._view.pairs) >= self._next_try:
+            try:
+                self._end()
+            except ValueError as error:
+                self._next_try = len(self._view.pairs) + MORE
+                rospy.logwarn("%s; taking more pairs", error)
+        if self._picture.get_num_connections() or self._done:
+            self._picture.publish(self._bridge.cv2_to_imgmsg(self._view.picture()[..., ::-1].copy(), "rgb8"))
+
+    def _end(self):
+        if not self._view.pairs:
+            raise CalibrationError("no pair is taken yet: show the board to both cameras and hold it still")
+        lines = self._calibrate(self._view.pairs, self._view.sizes)
+        for line in lines:
+            rospy.loginfo("%s", line)
+        self._done = True
+        return lines
+
+    def _finish(self, _):
+        with self._lock:
+            if self._done:
+                return TriggerResponse(True, "finished already")
+            try:
+                return TriggerResponse(True, "; ".join(self._end()[-4:]))
+            except (ValueError, OSError) as error:
+                return TriggerResponse(False, str(error))
+
+    def _name_the_silent(self):
+        now = time.monotonic()
+        for index, topic in enumerate(TOPICS):
+            if now - self._last_heard[index] > SILENCE:
+                rospy.logwarn_throttle(30, "nothing comes on %s: is its camera on, is the topic remapped?"
+                                       % rospy.resolve_name(topic))
+                return
+        if now - self._last_pair > SILENCE:
+            rospy.logwarn_throttle(30, "both cameras' pictures come, but their stamps are more than %g s apart" % SLOP)
+
+
+def run(arguments, calibrate):
+    """Returns the exit code."""
+    rospy.init_node("calibrate_rig")
+    view = LiveView(arguments.board, arguments.views, arguments.save_pictures)
+    node = LiveNode(view, calibrate)
+    rospy.loginfo("pictures from %s and %s, coverage on %s; ends with %d pairs that cover enough, or by %s",
+                  *map(rospy.resolve_name, TOPICS + ("~coverage",)), arguments.views, rospy.resolve_name("~finish"))
+    if node.run():
+        return 0
+    rospy.logerr("ended before there were enough pairs: no rig was written")
+    return 2
