@@ -5,6 +5,8 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from all_in_focus.calibration.pairs import Pair
+from all_in_focus.calibration.rig_fit import map_points
 from all_in_focus.rig import Camera, Rig, rotation_matrix
 
 COLUMNS, ROWS, SQUARE = 8, 6, 0.045  # inner corners; metres
@@ -50,6 +52,26 @@ def board_poses(rig, count, seed=0, near=0.6, far=1.6, tilt=45):
 def _in_picture(camera, points, margin=25):
     u, v = project(camera, points).T
     return min(u.min(), v.min(), camera.width - u.max(), camera.height - v.max()) > margin
+
+
+def seen_pairs(rig, poses, noise=0.05, seed=0):
+    """The corners as found in both pictures, without any picture; noise: pixels, standard deviation."""
+    rng = np.random.default_rng(seed)
+
+    def seen(camera, pose):
+        points = project(camera, corner_points(pose))
+        return points + rng.normal(0, noise, points.shape)
+
+    return [Pair("%02d" % number, seen(rig.depth, pose), seen(rig.color, in_color_camera(rig, pose)))
+            for number, pose in enumerate(poses)]
+
+
+def mapping_error(one, other):
+    """Pixels of the colour picture between where two rigs put depth pixels at 0.8 to 4 m, as far as it shows them."""
+    at = [map_points((rig.depth.K, rig.color.K), (rig.depth.D, rig.color.D), rig.R, rig.t,
+                     (rig.depth.width, rig.depth.height)) for rig in (one, other)]
+    inside = ((at[1] >= 0) & (at[1] < (other.color.width, other.color.height))).all(axis=1)
+    return np.linalg.norm(at[0] - at[1], axis=1)[inside]
 
 
 def in_color_camera(rig, pose):

@@ -14,7 +14,8 @@ BLOCK = 40  # pixels: borders that lie so near to each other are one observation
 DRAWS = 300
 ENOUGH = 10  # blocks
 SURE = 1.5  # pixels of the picture compared: a shift known worse than that is not known
-SMALL = 1.0  # pixels there: no shift to talk about
+AWAY, FALL = 4, 0.2  # pixels there; share of the peak's height: less is no peak
+SMALL = 1.5  # pixels there: a Kinect draws its edges no better
 
 
 @dataclass
@@ -82,6 +83,14 @@ def _vertex(values, at):
     return 0.5 * (low - high) / (low + high) if low + high > 0 else 0.0
 
 
+def _distinct(score, shift):
+    """Whether the score falls off to both sides of its peak, in x and y; along straight edges it does not."""
+    place = np.arange(score.shape[0]) - REACH
+    height = score.max() - np.median(score)
+    away = [np.abs(place - middle) >= AWAY for middle in shift]
+    return np.array([score.max() - score.max(axis=axis)[far].max() > FALL * height for axis, far in zip((0, 1), away)])
+
+
 def fit_edges(image, contours, seed=0):
     """EdgeFit of contours.Contours on a BGR picture of 8 bit."""
     scale = min(1.0, WIDTH / image.shape[1])
@@ -105,7 +114,7 @@ def fit_edges(image, contours, seed=0):
     draws = rng.multinomial(len(blocks), np.full(len(blocks), 1 / len(blocks)), DRAWS)
     peaks = np.array([_peak(score(draw)) for draw in draws])
     shift, deviation = _peak(whole), peaks.std(axis=0)
-    sure = deviation < SURE
+    sure = (deviation < SURE) & _distinct(whole, shift)
     clear = bool(whole.max() > whole.mean() + 3 * np.median(np.abs(whole - np.median(whole))))
     shifted = bool((sure & (np.abs(shift) > np.maximum(SMALL, 2 * deviation))).any())
     return EdgeFit(float(whole[REACH, REACH]), float(whole.max()), float(np.median(whole)), shift / scale,

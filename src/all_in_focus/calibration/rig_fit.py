@@ -9,7 +9,7 @@ import numpy as np
 
 from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.camera_fit import CameraFit, distortion_flags, fit_camera, known_camera, limit
-from all_in_focus.calibration.consensus import agree
+from all_in_focus.calibration.consensus import OTHERWISE, agree
 
 MIN_PAIRS = 5
 CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-7)
@@ -94,7 +94,7 @@ def _fit(name, board, pairs, size, camera, radial):
 
 def _disagreeing(off, width):
     """Left out at first sight: the poses of single views are not precise, so only what is grossly off."""
-    bound = max(0.01 * width, 6 * float(np.median(list(off.values()))))
+    bound = min(max(0.01 * width, 6 * float(np.median(list(off.values())))), OTHERWISE * width)
     return {name: "%.0f px beside where the others put it: %s" % (pixels, MOVED)
             for name, pixels in off.items() if pixels > bound}
 

@@ -1,0 +1,131 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""calibrate_rig --live and check_rig --live: rendered boards and scenes on the cameras' topics."""
+import os
+import subprocess
+import sys
+
+import cv2
+import cv_bridge
+import numpy as np
+import rospy
+import rostest
+from sensor_msgs.msg import Image
+from std_srvs.srv import Trigger
+
+from camera_testing import HERE, SCRIPTS, CameraTest
+from depth_testing import wait_until
+
+sys.path.insert(0, os.path.join(HERE, os.pardir))
+from all_in_focus.rig import load_rig  # noqa: E402
+from board_rendering import board_poses, in_color_camera, mapping_error, rays, render, true_rig  # noqa: E402
+
+PATIENCE = 60  # s
+
+
+class CalibrateRigTest(CameraTest):
+    def setUp(self):
+        super().setUp()
+        self.bridge = cv_bridge.CvBridge()
+
+    def program(self, name, *options):
+        """A script whose relative topics are in this test's namespace."""
+        program = subprocess.Popen([sys.executable, os.path.join(SCRIPTS, name), *map(str, options),
+                                    "__ns:=" + self.namespace],
+                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+        self.addCleanup(program.stdout.close)
+        self.addCleanup(program.wait)
+        self.addCleanup(program.kill)
+        return program
+
+    def publisher(self, topic):
+        publisher = rospy.Publisher(self.topic(topic), Image, queue_size=5)
+        self.addCleanup(publisher.unregister)
+        return publisher
+
+    def publish(self, publishers, messages):
+        stamp = rospy.Time.now()
+        for publisher, message in zip(publishers, messages):
+            message.header.stamp = stamp
+            publisher.publish(message)
+
+    def live(self, *options):
+        """calibrate_rig, listening; also sets self.publishers and self.coverage."""
+        program = self.program("calibrate_rig", "--live", "--board", "8x6", "--square", "45", "--output",
+                               self.folder / "rig", *options)
+        self.publishers = [self.publisher(topic) for topic in ("ir/image", "rgb/image")]
+        self.coverage = self.listen("calibrate_rig/coverage", Image)
+        connected = [publisher.get_num_connections for publisher in self.publishers]
+        connected.append(self.coverage.subscriber.get_num_connections)
+        self.assertTrue(wait_until(lambda: all(count() for count in connected), PATIENCE))
+        return program
+
+    def show(self, pictures):
+        """Publish a pair, again until the answer comes: the picture of the coverage."""
+        known = len(self.coverage.messages)
+        messages = [self.bridge.cv2_to_imgmsg(picture, encoding)
+                    for picture, encoding in zip(pictures, ("mono16", "bgr8"))]
+        for _ in range(5):
+            self.publish(self.publishers, messages)
+            if wait_until(lambda: len(self.coverage.messages) > known, PATIENCE / 4):
+                return self.coverage.messages[-1]
+        self.fail("no picture of the coverage")
+
+    def test_boards_shown_to_both_cameras_become_a_rig(self):
+        truth = true_rig()
+        camera_rays = rays(truth.depth), rays(truth.color)
+        program = self.live("--save-pictures", self.folder / "pictures")
+        finish = rospy.ServiceProxy(self.topic("calibrate_rig/finish"), Trigger)
+        finish.wait_for_service(PATIENCE)
+        self.assertIn("no pair is taken yet", finish().message)
+        for number, pose in enumerate(board_poses(truth, 12)):
+            ir = render(camera_rays[0], pose, black=40, white=110, background=60, blur=1.0, seed=number, scale=8)
+            color = cv2.cvtColor(render(camera_rays[1], in_color_camera(truth, pose), seed=100 + number), cv2.COLOR_GRAY2BGR)
+            for _ in range(2):  # the first time it has moved
+                picture = self.show((ir, color))
+        self.assertEqual(picture.encoding, "rgb8")
+        answer = finish()
+        self.assertTrue(answer.success, answer.message)
+        self.assertIn("wrote", answer.message)
+        said, _ = program.communicate(timeout=PATIENCE)
+        self.assertEqual(program.returncode, 0, said)
+        rig = load_rig(str(self.folder / "rig"))
+        self.assertLess(np.percentile(mapping_error(rig, truth), 90), 0.5)
+        self.assertLess(np.linalg.norm(rig.t - truth.t), 0.003)
+        self.assertGreaterEqual(len(os.listdir(self.folder / "pictures" / "depth")), 10)
+
+    def test_what_ends_early_writes_nothing(self):
+        program = self.live()
+        self.show((np.full((120, 160), 500, np.uint16), np.zeros((120, 160, 3), np.uint8)))
+        finish = rospy.ServiceProxy(self.topic("calibrate_rig/finish"), Trigger)
+        self.assertFalse(finish().success)
+        program.send_signal(2)
+        said, _ = program.communicate(timeout=PATIENCE)
+        self.assertEqual(program.returncode, 2, said)
+        self.assertIn("no rig was written", said)
+        self.assertFalse((self.folder / "rig").exists())
+
+    def test_check_rig_takes_the_newest_images(self):
+        program = self.program("check_rig", "--live", "--timeout", PATIENCE, "--output", self.folder / "o.png")
+        depth = np.full((240, 320), 3000, np.uint16)
+        color = np.full((240, 320, 3), 200, np.uint8)
+        for x, y in np.random.default_rng(0).integers(20, 180, (8, 2)):
+            depth[y:y + 40, x:x + 60], color[y:y + 40, x:x + 60] = 1000 + 5 * x, x
+        images = (self.bridge.cv2_to_imgmsg(depth, "16UC1"), self.bridge.cv2_to_imgmsg(color, "bgr8"))
+        publishers = [self.publisher(topic) for topic in ("depth_registered/image_raw", "rgb/image")]
+
+        def ended():
+            self.publish(publishers, images)
+            return program.poll() is not None
+
+        self.assertTrue(wait_until(ended, PATIENCE))
+        said, _ = program.communicate()
+        self.assertEqual(program.returncode, 0, said)
+        self.assertIn("fits: no shift is clearly better", said)
+        self.assertTrue((self.folder / "o.png").exists())
+
+
+if __name__ == "__main__":
+    rospy.init_node("calibrate_rig_test")
+    rostest.rosrun("all_in_focus", "calibrate_rig", CalibrateRigTest)

@@ -1,0 +1,195 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""calibrate_rig on rendered boards whose cameras are known, and on what is no calibration."""
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from all_in_focus.calibration.command import main
+from all_in_focus.comparison import programs
+from all_in_focus.rig import load_rig, save_camera
+
+from board_rendering import board_poses, mapping_error, true_rig, write_views
+from file_helpers import run_script
+
+MOVED, HIDDEN = 7, 11
+
+
+@pytest.fixture(scope="module")
+def views(tmp_path_factory):
+    """20 good pairs, one with a board that was moved between the pictures, one that the depth camera does not see."""
+    folder = write_views(tmp_path_factory.mktemp("views") / "boards", true_rig(), board_poses(true_rig(), 22), moved=(MOVED,))
+    cv2.imwrite(str(folder / "depth" / ("%02d.png" % HIDDEN)), np.full((480, 640), 400, np.uint16))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def calibrated(views, tmp_path_factory):
+    """(rig folder, what was printed)."""
+    output = tmp_path_factory.mktemp("calibrated") / "rig"
+    with pytest.MonkeyPatch.context() as patch:
+        printed = []
+        patch.setattr("builtins.print", lambda *words, **_: printed.append(" ".join(words)))
+        assert main(arguments(views, output) + ["--optics", "24,4,0.019", "--kinect"]) == 0
+    return output, printed
+
+
+def arguments(views, output, board="8x6"):
+    return ["calibrate_rig", "--depth-camera", str(views / "depth"), "--color-camera", str(views / "color"),
+            "--board", board, "--square", "45", "--output", str(output)]
+
+
+def refused(capsys, argv):
+    """The one line of an error."""
+    with pytest.raises(SystemExit) as end:
+        main(argv)
+    said = capsys.readouterr().err
+    assert end.value.code == 2 and said.startswith("calibrate_rig: ")
+    return said.strip().splitlines()[-1]
+
+
+def subset(views, folder, count):
+    """The first pairs only."""
+    for camera in ("depth", "color"):
+        (folder / camera).mkdir(parents=True)
+        for path in sorted((views / camera).iterdir())[:count]:
+            shutil.copy(str(path), str(folder / camera))
+    return folder
+
+
+def test_the_rig_maps_depth_to_color_as_the_true_one(calibrated):
+    rig, truth = load_rig(str(calibrated[0])), true_rig()
+    rig.depth.K[:2, 2] += (4.8, 3.9)  # what --kinect has moved
+    error = mapping_error(rig, truth)
+    assert error.max() < 0.3 and np.sqrt(np.mean(error ** 2)) < 0.15
+    assert np.linalg.norm(rig.t - truth.t) < 0.002
+    assert rig.optics.focal_length_mm == 24
+    assert (rig.parent_frame, rig.child_frame) == ("dslr_optical_frame", "kinect_depth_optical_frame")
+
+
+def test_bad_views_are_named_and_left_out(calibrated):
+    folder, printed = calibrated
+    record = yaml.safe_load((folder / "calibration.yaml").read_text())
+    remarks = {int(pair["pair"]): pair.get("remark", "") for pair in record["pairs"]}
+    assert "was the board moved between the two pictures?" in remarks[MOVED]
+    assert remarks[HIDDEN] == "no board in the depth picture"
+    assert sum(bool(remark) for remark in remarks.values()) == 2
+    assert [line.split()[0] for line in printed if "left out" in line] == ["%02d" % MOVED]
+    assert any("20 of 22 pairs" in line for line in printed)
+
+
+def test_the_report_tells_how_sure_it_is(calibrated):
+    folder, printed = calibrated
+    record = yaml.safe_load((folder / "calibration.yaml").read_text())
+    assert record["ir_offset_px"] == [-4.8, -3.9] and record["refined_jointly"]
+    assert 0.02 < record["standard_deviations"]["mapping_px"] < 0.3
+    assert 0.1 < record["depth"]["standard_deviations"]["fx"] < 3
+    assert record["error_px"] < 0.15
+    text = "\n".join(printed)
+    assert "moved by the offset of the depth image, (-4.80, -3.90) px" in text and "fx 58" in text and " +- " in text
+
+
+def test_the_tools_in_cpp_read_the_rig(calibrated, tmp_path):
+    (tmp_path / "stack").mkdir()
+    cv2.imwrite(str(tmp_path / "stack" / "0.png"), np.full((600, 800, 3), 90, np.uint8))
+    cv2.imwrite(str(tmp_path / "depth.png"), np.full((480, 640), 1500, np.uint16))
+    programs.run([programs.find("fuse_stack"), "--stack", str(tmp_path / "stack"), "--rig", str(calibrated[0]), "--depth",
+                  str(tmp_path / "depth.png"), "--output", str(tmp_path / "o.png"),
+                  "--save-registered", str(tmp_path / "z.png")])
+    registered = cv2.imread(str(tmp_path / "z.png"), cv2.IMREAD_UNCHANGED)
+    assert abs(np.median(registered[registered > 0]) - 1521) < 25  # the depth camera is 21 mm behind
+
+
+def test_an_existing_rig_stays(calibrated, views, capsys):
+    before = (calibrated[0] / "depth.yaml").read_bytes()
+    assert "holds a rig already" in refused(capsys, arguments(views, calibrated[0]))
+    assert (calibrated[0] / "depth.yaml").read_bytes() == before
+    assert sorted(path.name for path in calibrated[0].parent.iterdir()) == ["rig"]
+
+
+def test_known_cameras_stay_as_they_are_and_force_replaces(views, tmp_path, capsys):
+    truth, few, rig = true_rig(), subset(views, tmp_path / "few", 6), tmp_path / "rig"
+    rig.mkdir()
+    (rig / "optics.yaml").write_text("focal_length_mm: 35\naperture: 2\ncircle_of_confusion_mm: 0.02\n")
+    (rig / "notes.txt").write_text("mine")
+    for name in ("depth", "color"):
+        save_camera(str(tmp_path / (name + ".yaml")), getattr(truth, name))
+    known = ["--depth-info", str(tmp_path / "depth.yaml"), "--color-info", str(tmp_path / "color.yaml"), "--force",
+             "--ir-offset", "-1.5,2"]
+    assert main(arguments(few, rig) + known) == 0
+    found = load_rig(str(rig))
+    assert np.array_equal(found.color.K, truth.color.K) and np.array_equal(found.color.D, truth.color.D)
+    assert np.allclose(found.depth.K - truth.depth.K, [[0, 0, -1.5], [0, 0, 2], [0, 0, 0]])
+    assert np.linalg.norm(found.t - truth.t) < 0.002
+    assert found.optics.focal_length_mm == 35 and (rig / "notes.txt").exists()
+    assert "(known)" in capsys.readouterr().out
+
+
+def test_too_few_views(views, tmp_path, capsys):
+    few = subset(views, tmp_path / "few", 3)
+    assert "the depth camera: 3 usable views of the board, at least 5 are needed" in refused(
+        capsys, arguments(few, tmp_path / "rig"))
+    assert not (tmp_path / "rig").exists()
+
+
+def test_a_board_of_another_size(views, tmp_path, capsys):
+    few = subset(views, tmp_path / "few", 1)
+    said = refused(capsys, arguments(few, tmp_path / "rig", "9x7"))
+    assert "no board of 9x7 inner corners" in said and "shows one of 8x6: --board counts the corners inside" in said
+
+
+def test_no_board_anywhere(tmp_path, capsys):
+    for camera in ("depth", "color"):
+        (tmp_path / camera).mkdir()
+        cv2.imwrite(str(tmp_path / camera / "0.png"), np.full((120, 160), 100, np.uint8))
+    assert refused(capsys, arguments(tmp_path, tmp_path / "rig")).endswith("no board of 8x6 inner corners in any of 1 pairs")
+
+
+def test_pictures_of_different_sizes(tmp_path, capsys):
+    for camera in ("depth", "color"):
+        (tmp_path / camera).mkdir()
+        for number in (0, 1):
+            cv2.imwrite(str(tmp_path / camera / ("%d.png" % number)), np.full((120, 160 + number), 100, np.uint8))
+    assert "1.png: 161x120 pixels, but the depth camera's pictures before it have 160x120" in refused(
+        capsys, arguments(tmp_path, tmp_path / "rig"))
+
+
+def test_names_without_a_counterpart(tmp_path, capsys):
+    for camera, names in (("depth", "ab"), ("color", "c")):
+        (tmp_path / camera).mkdir()
+        for name in names:
+            cv2.imwrite(str(tmp_path / camera / (name + ".png")), np.full((120, 160), 100, np.uint8))
+    argv = arguments(tmp_path, tmp_path / "rig")
+    assert "has a counterpart of the same name" in refused(capsys, argv)
+    (tmp_path / "color" / "a.png").write_bytes((tmp_path / "depth" / "a.png").read_bytes())
+    with pytest.raises(SystemExit):
+        main(argv)
+    said = capsys.readouterr().err
+    assert "is named like b: left out" in said and "is named like c: left out" in said
+    (tmp_path / "color" / "a.jpg").write_bytes(b"")
+    assert "a.jpg and a.png differ in their ending only" in refused(capsys, argv)
+
+
+@pytest.mark.parametrize("options, words", [
+    (["--board", "8"], "argument --board: '8': expected the number of inner corners"),
+    (["--board", "8x2"], "at least 3 each way"),
+    (["--square", "-1"], "expected a positive number"),
+    (["--live"], "give --depth-camera and --color-camera, or --live"),
+    (["--ir-offset", "3"], "expected X,Y in pixels"),
+    (["--depth-info", "none.yaml"], "none.yaml: No such file"),
+    (["--depth-camera", "nowhere"], "nowhere: No such file or directory"),
+])
+def test_wrong_arguments(tmp_path, capsys, options, words):
+    for camera in ("depth", "color"):
+        (tmp_path / camera).mkdir()
+    assert words in refused(capsys, arguments(tmp_path, tmp_path / "rig") + options)
+
+
+def test_the_script():
+    result = run_script("calibrate_rig", "--help")
+    assert result.returncode == 0 and "--ir-offset" in result.stdout
+    result = run_script("calibrate_rig")
+    assert result.returncode == 2 and len(result.stderr.splitlines()) == 1
