@@ -94,7 +94,8 @@ def rays(camera):
     """Direction (x / z, y / z) of each pixel's ray, H x W x 2."""
     v, u = np.mgrid[:camera.height, :camera.width].astype(float)
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 1e-9)
-    straight = cv2.undistortPointsIter(np.stack([u, v], axis=-1).reshape(-1, 1, 2), camera.K, camera.D, None, None, criteria)
+    pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
+    straight = cv2.undistortPointsIter(pixels, camera.K, camera.D, None, None, criteria)
     return straight.reshape(camera.height, camera.width, 2)
 
 
@@ -125,7 +126,7 @@ def write_views(folder, rig, poses, moved=(), **how):
     for name in ("depth", "color"):
         (folder / name).mkdir(parents=True)
     for number, pose in enumerate(poses):
-        ir = render(camera_rays[0], pose, black=40, white=110, background=60, blur=1.1, noise=2, seed=number, scale=8, **how)
+        ir = render(camera_rays[0], pose, 40, 110, 60, blur=1.1, noise=2, seed=number, scale=8, **how)
         shifted = (pose[0], pose[1] + [0.02 * (number in moved), 0, 0])
         color = render(camera_rays[1], in_color_camera(rig, shifted), blur=0.8, noise=3, seed=1000 + number, **how)
         cv2.imwrite(str(folder / "depth" / ("%02d.png" % number)), ir)

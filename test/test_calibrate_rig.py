@@ -21,7 +21,8 @@ MOVED, HIDDEN = 7, 11
 @pytest.fixture(scope="module")
 def views(tmp_path_factory):
     """20 good pairs, one with a board that was moved between the pictures, one that the depth camera does not see."""
-    folder = write_views(tmp_path_factory.mktemp("views") / "boards", true_rig(), board_poses(true_rig(), 22), moved=(MOVED,))
+    folder = tmp_path_factory.mktemp("views") / "boards"
+    write_views(folder, true_rig(), board_poses(true_rig(), 22), moved=(MOVED,))
     cv2.imwrite(str(folder / "depth" / ("%02d.png" % HIDDEN)), np.full((480, 640), 400, np.uint16))
     return folder
 
@@ -96,8 +97,8 @@ def test_the_tools_in_cpp_read_the_rig(calibrated, tmp_path):
     (tmp_path / "stack").mkdir()
     cv2.imwrite(str(tmp_path / "stack" / "0.png"), np.full((600, 800, 3), 90, np.uint8))
     cv2.imwrite(str(tmp_path / "depth.png"), np.full((480, 640), 1500, np.uint16))
-    programs.run([programs.find("fuse_stack"), "--stack", str(tmp_path / "stack"), "--rig", str(calibrated[0]), "--depth",
-                  str(tmp_path / "depth.png"), "--output", str(tmp_path / "o.png"),
+    programs.run([programs.find("fuse_stack"), "--stack", str(tmp_path / "stack"), "--rig", str(calibrated[0]),
+                  "--depth", str(tmp_path / "depth.png"), "--output", str(tmp_path / "o.png"),
                   "--save-registered", str(tmp_path / "z.png")])
     registered = cv2.imread(str(tmp_path / "z.png"), cv2.IMREAD_UNCHANGED)
     assert abs(np.median(registered[registered > 0]) - 1521) < 25  # the depth camera is 21 mm behind
@@ -145,7 +146,8 @@ def test_no_board_anywhere(tmp_path, capsys):
     for camera in ("depth", "color"):
         (tmp_path / camera).mkdir()
         cv2.imwrite(str(tmp_path / camera / "0.png"), np.full((120, 160), 100, np.uint8))
-    assert refused(capsys, arguments(tmp_path, tmp_path / "rig")).endswith("no board of 8x6 inner corners in any of 1 pairs")
+    said = refused(capsys, arguments(tmp_path, tmp_path / "rig"))
+    assert said.endswith("no board of 8x6 inner corners in any of 1 pairs")
 
 
 def test_pictures_of_different_sizes(tmp_path, capsys):

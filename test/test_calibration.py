@@ -116,6 +116,16 @@ def test_a_mirrored_picture_is_suspected():
         fit_rig(BOARD, pairs, SIZES)
 
 
+def test_a_known_camera_may_have_the_rational_distortion():
+    truth = true_rig()
+    truth.color.D = np.array([0.4, -0.3, 0.001, -0.0005, 0.02, 0.6, -0.2, 0.01])
+    pairs = seen_pairs(truth, board_poses(truth, 10))
+    fit = fit_rig(BOARD, pairs, SIZES, (None, truth.color))
+    rig = rig_of(fit)
+    assert np.array_equal(rig.color.D, truth.color.D) and rig.color.distortion_model == "rational_polynomial"
+    assert np.linalg.norm(rig.t - truth.t) < 0.004 and fit.rms < 0.1 and not fit.left_out
+
+
 def test_refining_both_cameras_together_is_worth_it():
     """The reason why intrinsics do not stay as each camera alone gives them."""
     truth = true_rig()
@@ -143,11 +153,11 @@ def warnings_of(poses):
 
 
 def test_boards_that_are_tilted_alike_or_leave_a_side_empty():
-    alike = warnings_of([tilted(3 + 0.5 * (n % 3), 2, 5 * n, [0.1 * (n % 5) - 0.2, 0.06 * (n % 4) - 0.1, 0.8 + 0.05 * n])
-                         for n in range(14)])
+    spread = [[0.1 * (n % 5) - 0.2, 0.06 * (n % 4) - 0.1, 0.8 + 0.05 * n] for n in range(14)]
+    alike = warnings_of([tilted(3 + 0.5 * (n % 3), 2, 5 * n, place) for n, place in enumerate(spread)])
     assert "nearly the same tilt" in alike
-    left = warnings_of([tilted(30 * (-1) ** n, 25 * (-1) ** (n // 2), 5 * n, [-0.22 + 0.01 * n, 0.04 * (n % 4) - 0.06, 0.9])
-                        for n in range(8)])
+    places = [[-0.22 + 0.01 * n, 0.04 * (n % 4) - 0.06, 0.9] for n in range(8)]
+    left = warnings_of([tilted(30 * (-1) ** n, 25 * (-1) ** (n // 2), 5 * n, place) for n, place in enumerate(places)])
     assert "no board in the right" in left and "has 8 views of the board only" in left and "tilt" not in left
 
 

@@ -13,13 +13,14 @@ from board_rendering import project, true_rig
 from file_helpers import run_script
 
 WALL = 3.0  # m
-CARDS = [(-0.5, -0.3, 0.24, 0.3, 1.2), (-0.1, -0.35, 0.22, 0.16, 1.5), (0.25, -0.2, 0.26, 0.36, 1.1), (-0.35, 0.12, 0.3, 0.2, 1.3),
-         (0.1, 0.12, 0.2, 0.2, 0.9), (0.48, 0.2, 0.3, 0.3, 1.7), (-0.75, 0.05, 0.2, 0.5, 1.8), (-0.05, 0.42, 0.3, 0.1, 1.6)]
+CARDS = [(-0.5, -0.3, 0.24, 0.3, 1.2), (-0.1, -0.35, 0.22, 0.16, 1.5), (0.25, -0.2, 0.26, 0.36, 1.1),
+         (-0.35, 0.12, 0.3, 0.2, 1.3), (0.1, 0.12, 0.2, 0.2, 0.9), (0.48, 0.2, 0.3, 0.3, 1.7),
+         (-0.75, 0.05, 0.2, 0.5, 1.8), (-0.05, 0.42, 0.3, 0.1, 1.6)]  # left, top, width, height, distance (m)
 POLES = [(x, -1.5, 0.06, 3.0, 1.0) for x in (-0.4, -0.25, -0.1, 0.05, 0.2, 0.35)]
 
 
 def outline(card):
-    """Corners of a card (left, top, width, height, distance; m), finely divided: lenses bend lines."""
+    """Points around a card, close to each other: lenses bend lines."""
     left, top, width, height, z = card
     side = np.linspace(0, 1, 40)
     around = np.concatenate([np.stack([side, 0 * side], 1), np.stack([1 + 0 * side, side], 1),
@@ -110,9 +111,22 @@ def test_registered_depth_needs_no_rig(tmp_path):
     depth, color = scene(rig, CARDS)
     cv2.imwrite(str(tmp_path / "z.png"), depth)
     cv2.imwrite(str(tmp_path / "c.png"), color)
-    result = run_script("check_rig", "--registered-depth", tmp_path / "z.png", "--color", tmp_path / "c.png", "--output",
-                        tmp_path / "o.jpg")
+    result = run_script("check_rig", "--registered-depth", tmp_path / "z.png", "--color", tmp_path / "c.png",
+                        "--output", tmp_path / "o.jpg")
     assert result.returncode == 0 and "fits: no shift" in result.stdout
+
+
+def test_the_offset_between_a_depth_image_and_its_infrared_picture(tmp_path):
+    """As docs/calibration.md measures it."""
+    rig = true_rig()
+    rig.color, rig.R, rig.t = rig.depth, np.eye(3), np.zeros(3)
+    depth, infrared = scene(rig, CARDS)
+    cv2.imwrite(str(tmp_path / "depth.png"), np.roll(depth, (-4, -5), axis=(0, 1)))
+    cv2.imwrite(str(tmp_path / "ir.png"), infrared[..., 1].astype(np.uint16) * 3 + 50)
+    result = run_script("check_rig", "--registered-depth", tmp_path / "depth.png", "--color", tmp_path / "ir.png",
+                        "--output", tmp_path / "o.png")
+    x, y, *_ = shift_in(result.stdout)
+    assert "edges fit best when shifted by" in result.stdout and abs(x - 5) < 0.7 and abs(y - 4) < 0.7
 
 
 @pytest.mark.parametrize("change, words", [
@@ -131,6 +145,7 @@ def test_wrong_input_ends_in_one_line(tmp_path, change, words):
     given = {"rig": "rig", "depth": "depth.png", "color": "color.png", "output": "o.png", **change}
     live = ["--live"] if given.pop("live", False) else []
     before = sorted(tmp_path.iterdir())
-    result = run_script("check_rig", *live, *[word for key, name in given.items() for word in ("--" + key, tmp_path / name)])
+    options = [word for key, name in given.items() for word in ("--" + key, tmp_path / name)]
+    result = run_script("check_rig", *live, *options)
     assert result.returncode == 2 and words in result.stderr and len(result.stderr.splitlines()) == 1
     assert sorted(tmp_path.iterdir()) == before

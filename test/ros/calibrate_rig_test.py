@@ -80,8 +80,9 @@ class CalibrateRigTest(CameraTest):
         finish.wait_for_service(PATIENCE)
         self.assertIn("no pair is taken yet", finish().message)
         for number, pose in enumerate(board_poses(truth, 12)):
-            ir = render(camera_rays[0], pose, black=40, white=110, background=60, blur=1.0, seed=number, scale=8)
-            color = cv2.cvtColor(render(camera_rays[1], in_color_camera(truth, pose), seed=100 + number), cv2.COLOR_GRAY2BGR)
+            ir = render(camera_rays[0], pose, 40, 110, 60, blur=1.0, seed=number, scale=8)
+            color = render(camera_rays[1], in_color_camera(truth, pose), seed=100 + number)
+            color = cv2.cvtColor(color, cv2.COLOR_GRAY2BGR)
             for _ in range(2):  # the first time it has moved
                 picture = self.show((ir, color))
         self.assertEqual(picture.encoding, "rgb8")

@@ -73,7 +73,8 @@ def find_corners(image, board, thorough=True):
     side = max(brightness.shape)
     base = min(1, MAX_SIDE / side)
     for scale, flags in _searches(base, side) if thorough else [(base, 0)]:
-        found, corners = cv2.findChessboardCornersSB(_scaled(brightness, scale), (board.columns, board.rows), flags=flags)
+        small = _scaled(brightness, scale)
+        found, corners = cv2.findChessboardCornersSB(small, (board.columns, board.rows), flags=flags)
         if found:
             corners = (corners.reshape(-1, 2) + 0.5) / scale - 0.5
             return _refined(brightness, _not_mirrored(corners, board), board, scale)

@@ -20,8 +20,10 @@ def calibrate(arguments, pairs, sizes):
     fit = fit_rig(arguments.board, pairs, sizes, arguments.known, arguments.radial)
     rig = rig_folder.build_rig(fit, (arguments.depth_name, arguments.color_name),
                                (depth_size(arguments, sizes[0]), sizes[1]), arguments.ir_offset, arguments.optics)
-    warnings = [line for name, part, size, known in zip(("depth", "color"), (fit.depth, fit.color), sizes, arguments.known)
-                for line in advice.warnings(name, part, {pair.name: getattr(pair, name) for pair in pairs}, size, known)]
+    warnings = []
+    for name, part, size, known in zip(("depth", "color"), (fit.depth, fit.color), sizes, arguments.known):
+        corners = {pair.name: getattr(pair, name) for pair in pairs}
+        warnings += advice.warnings(name, part, corners, size, known)
     names = [pair.name for pair in pairs]
     text = report.record(fit, names, arguments.board, arguments.ir_offset, warnings)
     rig_folder.write_rig(arguments.output, rig, text, arguments.force)

@@ -12,7 +12,10 @@ ADVICE = {"across": "to the left and right border", "down": "to the upper and lo
 
 
 def measure(outline, size):
-    """Place across and down (0..1), size (share of the picture's side), tilt (0..1) of a board; outline: 4 x 2 pixels."""
+    """Place across and down (0..1), size (share of the picture's side), tilt (0..1) of a board; outline: 4 x 2, pixels.
+
+    size: (width, height) of the picture.
+    """
     area = 0.5 * abs(_cross(outline[2] - outline[0], outline[3] - outline[1]))
     side = np.sqrt(area)
     middle = outline.mean(axis=0)

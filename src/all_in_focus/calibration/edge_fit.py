@@ -40,8 +40,8 @@ class EdgeFit:
             return [numbers, "cannot tell whether it fits: too few depth edges are edges of the picture"]
         if not self.sure.any():
             return [numbers, "cannot tell whether a shift would fit better: found %s" % shift]
-        unsure = [name for name, sure in zip(("x, too few upright edges", "y, too few level edges"), self.sure) if not sure]
-        note = "; unsure in " + unsure[0] if unsure else ""
+        reasons = ("x, too few upright edges", "y, too few level edges")
+        note = "".join("; unsure in " + reason for reason, sure in zip(reasons, self.sure) if not sure)
         if self.shifted:
             return [numbers, "edges fit best when shifted by %s%s" % (shift, note)]
         return [numbers, "fits: no shift is clearly better, best %s%s" % (shift, note)]

@@ -14,6 +14,7 @@ from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.live_view import LiveView
 
 TOPICS = ("ir/image", "rgb/image")
+SIXTEEN_BIT = ("mono16", "16UC1")
 SLOP = 0.2  # s between the two pictures; the board is held still
 SILENCE = 5.0  # s
 MORE = 5  # pairs, after which a calibration that failed is tried again
@@ -67,7 +68,7 @@ class LiveNode:
 
     def _images(self, messages):
         try:
-            return [self._bridge.imgmsg_to_cv2(message, "passthrough" if message.encoding in ("mono16", "16UC1") else "bgr8")
+            return [self._bridge.imgmsg_to_cv2(message, "passthrough" if message.encoding in SIXTEEN_BIT else "bgr8")
                     for message in messages]
         except cv_bridge.CvBridgeError as error:
             rospy.logwarn_throttle(10, "a picture cannot be used: %s" % error)

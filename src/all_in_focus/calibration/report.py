@@ -41,13 +41,13 @@ def summary(fit, rig, offset):
     """Lines; offset: of the depth image against the pictures of the board (x, y), pixels."""
     yield _camera_line("depth", fit.depth, rig.depth)
     if any(offset):
-        yield ("  principal point in depth.yaml: moved by the offset of the depth image, (%+.2f, %+.2f) px, to (%.2f, %.2f)"
-               % (*offset, rig.depth.K[0, 2], rig.depth.K[1, 2]))
+        yield ("  principal point in depth.yaml: moved by the offset of the depth image, (%+.2f, %+.2f) px, to "
+               "(%.2f, %.2f)" % (*offset, rig.depth.K[0, 2], rig.depth.K[1, 2]))
     yield _camera_line("color", fit.color, rig.color)
     position, turn, mapping = fit.spread
     angles = Rotation.from_quat(rig.quaternion).as_euler("xyz", degrees=True)
-    yield ("depth camera in the color camera: x %.1f, y %.1f, z %.1f mm, +- %.1f, %.1f, %.1f; turned by %.2f, %.2f, %.2f "
-           "degrees, +- %.2f" % (*(1000 * rig.t), *(1000 * position), *angles, np.degrees(turn)))
+    yield ("depth camera in the color camera: x %.1f, y %.1f, z %.1f mm, +- %.1f, %.1f, %.1f; turned by %.2f, %.2f, "
+           "%.2f degrees, +- %.2f" % (*(1000 * rig.t), *(1000 * position), *angles, np.degrees(turn)))
     yield ("%d of %d pairs, %.2f px RMS; %s" % (len(fit.errors), len(fit.errors) + len(remarks(fit)), fit.rms,
                                                 "both cameras refined together" if fit.jointly
                                                 else "intrinsics of each camera alone"))
@@ -79,5 +79,5 @@ def record(fit, names, board, offset, warnings):
                                     "rotation_deg": round(float(np.degrees(turn)), 5),
                                     "mapping_px": mapping if mapping is None else round(mapping, 4)},
             "warnings": list(warnings), "pairs": views}
-    return ("# How this rig was calibrated, by calibrate_rig. error_px: RMS, of a pair in the depth and the color picture.\n"
+    return ("# How this rig was calibrated, by calibrate_rig. error_px: RMS; of a pair in the depth and color picture.\n"
             + yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=120))

@@ -60,8 +60,8 @@ def fit_rig(board, pairs: List, sizes, known=(None, None), radial=2):
     while True:
         kept = [pair.name for pair in both if pair.name not in left_out]
         if 2 * len(kept) < len(both) or len(kept) < MIN_PAIRS:
-            raise CalibrationError("the cameras' relative pose differs from pair to pair (only %d of %d agree): were the "
-                                   "cameras or the board moved, or is one camera's picture mirrored?"
+            raise CalibrationError("the cameras' relative pose differs from pair to pair (only %d of %d agree): were "
+                                   "the cameras or the board moved, or is one camera's picture mirrored?"
                                    % (len(kept), len(both)))
         solution = solver.solve(kept)
         total = {name: float(np.hypot(*error)) for name, error in solution.errors.items()}
@@ -113,7 +113,10 @@ class _Solver:
 
     def __init__(self, board, corners, fits, size, flags):
         self._board, self._corners, self._fits, self._size = board, corners, fits, size
-        self._flags = cv2.CALIB_FIX_INTRINSIC if flags is None else flags | cv2.CALIB_USE_INTRINSIC_GUESS
+        self._fixed = flags is None
+        self._flags = cv2.CALIB_FIX_INTRINSIC if self._fixed else flags | cv2.CALIB_USE_INTRINSIC_GUESS
+        if any(len(fit.D) > 5 for fit in fits):  # only known cameras have more
+            self._flags |= cv2.CALIB_RATIONAL_MODEL
 
     def solve(self, names):
         corners = [[np.ascontiguousarray(self._corners[name][camera], np.float32) for name in names]
@@ -124,7 +127,10 @@ class _Solver:
         _, K1, D1, K2, D2, R, t = result[:7]
         # Of the tuple's end only the last is the same in all versions of OpenCV.
         errors = {name: tuple(map(float, error)) for name, error in zip(names, result[-1])}
-        return _Solution([K1, K2], [np.ravel(D1), np.ravel(D2)], R, t.ravel(), errors)
+        K, D = [K1, K2], [np.ravel(D1), np.ravel(D2)]
+        if self._fixed:
+            K, D = [fit.K for fit in self._fits], [fit.D for fit in self._fits]
+        return _Solution(K, D, R, t.ravel(), errors)
 
 
 def map_points(K, D, R, t, size):
@@ -144,7 +150,8 @@ def _spread(solver, names, whole, sizes):
     for group in range(groups):
         part = solver.solve([name for number, name in enumerate(names) if number % groups != group])
         turn = cv2.Rodrigues(part.R @ whole.R.T)[0].ravel()
-        found.append(np.concatenate([part.t, turn, map_points(part.K, part.D, part.R, part.t, sizes[0])[inside].ravel()]))
+        mapped = map_points(part.K, part.D, part.R, part.t, sizes[0])[inside]
+        found.append(np.concatenate([part.t, turn, mapped.ravel()]))
     deviations = np.std(found, axis=0) * np.sqrt(groups - 1)
     mapping = float(np.sqrt(np.mean(deviations[6:] ** 2) * 2)) if inside.any() else None
     return deviations[:3], float(np.linalg.norm(deviations[3:6])), mapping
