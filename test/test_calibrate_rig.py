@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """calibrate_rig on rendered boards whose cameras are known, and on what is no calibration."""
+import contextlib
+import io
 import shutil
 
 import cv2
@@ -31,11 +33,10 @@ def views(tmp_path_factory):
 def calibrated(views, tmp_path_factory):
     """(rig folder, what was printed)."""
     output = tmp_path_factory.mktemp("calibrated") / "rig"
-    with pytest.MonkeyPatch.context() as patch:
-        printed = []
-        patch.setattr("builtins.print", lambda *words, **_: printed.append(" ".join(words)))
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
         assert main(arguments(views, output) + ["--optics", "24,4,0.019", "--kinect"]) == 0
-    return output, printed
+    return output, printed.getvalue().splitlines()
 
 
 def arguments(views, output, board="8x6"):

@@ -83,6 +83,6 @@ def known_camera(name, board, corners, camera):
 
 def board_pose(board, corners, K, D):
     """Rotation vector and position (m) of the board."""
-    points = corners.astype(np.float64)
-    _, turn, position = cv2.solvePnP(board.points, points, K, D, flags=cv2.SOLVEPNP_IPPE)
-    return cv2.solvePnPRefineLM(board.points, points, K, D, turn, position)
+    on_board, seen = board.points.astype(np.float64), corners.astype(np.float64)
+    _, turn, position = cv2.solvePnP(on_board, seen, K, D, flags=cv2.SOLVEPNP_IPPE)
+    return cv2.solvePnPRefineLM(on_board, seen, K, D, turn, position)
