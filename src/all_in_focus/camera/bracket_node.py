@@ -56,6 +56,7 @@ class FocusBracketCamera:
             raise parameters.ParameterError("~plan: needs a ~focus_table, which says where the steps focus")
         self._frames = FramePublisher(parameters.text("rig"), parameters.whole("width", 0, 0),
                                       parameters.text("frame_id"))
+        self._frames.announce()
         self._lock = threading.Lock()  # the camera does one thing at a time
         self._plan = None
         self._bracket_id = 0

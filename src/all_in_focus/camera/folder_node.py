@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node image_folder_camera: pictures of a folder or a video as if a camera had just taken them."""
 import math
+import threading
 import time
 
 import rospy
@@ -14,6 +15,12 @@ from all_in_focus.stack import Stack, StackError, focus_entries
 POLL_PERIOD = 0.1  # s
 
 
+def _poll_until(condition, end=math.inf):
+    """Until it holds, it is `end` (monotonic, s), or the node is to end."""
+    while not condition() and time.monotonic() < end and not rospy.is_shutdown():
+        time.sleep(POLL_PERIOD)
+
+
 class Player:
     """Plays a stack, once or for ever, at a rate."""
 
@@ -23,13 +30,15 @@ class Player:
             rospy.logwarn("%s", warning)
         self._period = 1 / parameters.number("rate", 2.0, 0.001)
         self._loop = parameters.flag("loop", False)
+        self._wait_for = parameters.text("wait_for")
+        self._wait_timeout = parameters.number("wait_timeout", 10.0, 0)
 
     def run(self, frames):
         count, bracket_id = len(self._stack), 0
-        while not frames.listened():
-            if rospy.is_shutdown():
-                return
-            time.sleep(POLL_PERIOD)
+        frames.announce(next(iter(self._stack)).shape[1::-1])
+        _poll_until(frames.listened)
+        if self._wait_for:
+            self._wait(frames)
         due = time.monotonic()
         while not rospy.is_shutdown():
             for index, image in enumerate(self._stack):
@@ -44,6 +53,18 @@ class Player:
                 rospy.loginfo("all %d frames are out", count)
                 rospy.spin()  # slow listeners still fetch theirs
 
+    def _wait(self, frames):
+        """For a message on ~wait_for that came while the fusion listened: it has seen what this says is there."""
+        came = threading.Event()
+        end = time.monotonic() + self._wait_timeout if self._wait_timeout else math.inf
+        _poll_until(frames.listened_to_all, end)
+        subscriber = rospy.Subscriber(self._wait_for, rospy.AnyMsg, lambda _: came.set())
+        _poll_until(came.is_set, end)
+        subscriber.unregister()
+        if not came.is_set() and not rospy.is_shutdown():
+            rospy.logwarn("nothing came on %s for %g s: the pictures go out without", rospy.resolve_name(self._wait_for),
+                          self._wait_timeout)
+
 
 class Watcher:
     """Publishes what comes into a folder."""
@@ -56,6 +77,7 @@ class Watcher:
         self._path, self._complaint = path, ""
 
     def run(self, frames):
+        frames.announce()
         rospy.loginfo("watching %s", self._path)
         while not rospy.is_shutdown():
             arrivals = self._poll()

@@ -31,8 +31,27 @@ class FramePublisher:
         self._info = None  # for the size of the last picture
         self._listened_since = None
         self._image_publisher = rospy.Publisher("rgb/image", Image, queue_size=QUEUE)
-        self._info_publisher = rospy.Publisher("rgb/camera_info", CameraInfo, queue_size=QUEUE)
+        self._info_publisher = rospy.Publisher("rgb/camera_info", CameraInfo, queue_size=QUEUE, latch=True)
         self._focus_publisher = rospy.Publisher("rgb/focus", FocusFrame, queue_size=QUEUE)
+
+    def announce(self, size=None):
+        """Publish the calibration before the first frame: depth can be registered then, and the focus be planned.
+
+        size: (width, height) of the pictures to come; None: that of the calibration, as far as it is known now.
+        """
+        if self._calibration is None:
+            return
+        width, height = size or (self._calibration.width, self._calibration.height)
+        if self._width:
+            width, height = self._width, max(1, round(height * self._width / width))
+        camera = self._camera_of(width, height)
+        if camera.K[0, 0]:
+            self._info_publisher.publish(camera_info(camera, Header(stamp=rospy.Time.now(), frame_id=self._frame_id)))
+
+    def listened_to_all(self):
+        """Whether images, camera_info and focus all have a listener: the fusion is there."""
+        publishers = (self._image_publisher, self._info_publisher, self._focus_publisher)
+        return all(publisher.get_num_connections() for publisher in publishers)
 
     def listened(self):
         """Whether somebody listens to the images; who wants the other topics as well has a moment to connect."""
@@ -40,8 +59,7 @@ class FramePublisher:
             self._listened_since = None
             return False
         self._listened_since = self._listened_since or time.monotonic()
-        others = (self._info_publisher, self._focus_publisher)
-        return all(other.get_num_connections() for other in others) or time.monotonic() > self._listened_since + GRACE
+        return self.listened_to_all() or time.monotonic() > self._listened_since + GRACE
 
     def publish(self, image, stamp, bracket_id, index, count, last, distance):
         """image: BGR, 8 bit; the rest: see FocusFrame.msg."""
@@ -49,12 +67,11 @@ class FramePublisher:
             height = max(1, round(image.shape[0] * self._width / image.shape[1]))
             image = cv2.resize(image, (self._width, height), interpolation=cv2.INTER_AREA)
         header = Header(stamp=stamp, frame_id=self._frame_id)
-        self._info_publisher.publish(camera_info(self._camera_of(image), header))
+        self._info_publisher.publish(camera_info(self._camera_of(*image.shape[1::-1]), header))
         self._focus_publisher.publish(FocusFrame(header, bracket_id, index, count, last, distance))
         self._image_publisher.publish(self._bridge.cv2_to_imgmsg(np.ascontiguousarray(image), "bgr8", header))
 
-    def _camera_of(self, image):
-        height, width = image.shape[:2]
+    def _camera_of(self, width, height):
         if self._info is None or (self._info.width, self._info.height) != (width, height):
             self._info = self._fitted(width, height)
         return self._info

@@ -1,0 +1,58 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node depth_file_camera: one depth image on depth/image_raw and depth/camera_info, again and again."""
+import os
+
+import cv_bridge
+import rospy
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
+
+from all_in_focus.bag_writer import camera_info
+from all_in_focus.camera import parameters
+from all_in_focus.rig import load_camera
+from all_in_focus.stack import StackError, read_depth
+
+
+class DepthFileCamera:
+    """path: 16-bit image, mm; rig: folder with its depth.yaml."""
+
+    def __init__(self, path, rig, frame_id):
+        depth, self._camera = read_depth(path), load_camera(os.path.join(rig, "depth.yaml"))
+        height, width = depth.shape
+        if (self._camera.width, self._camera.height) != (width, height):
+            raise StackError("%s: %dx%d pixels, but depth.yaml says %dx%d"
+                             % (path, width, height, self._camera.width, self._camera.height))
+        self._message = cv_bridge.CvBridge().cv2_to_imgmsg(depth, "16UC1")
+        self._frame_id = frame_id
+        self._image_publisher = rospy.Publisher("depth/image_raw", Image, queue_size=1)
+        self._info_publisher = rospy.Publisher("depth/camera_info", CameraInfo, queue_size=1)
+
+    def publish(self, stamp):
+        """Only if somebody listens."""
+        if not (self._image_publisher.get_num_connections() or self._info_publisher.get_num_connections()):
+            return
+        self._message.header = Header(stamp=stamp, frame_id=self._frame_id)
+        self._info_publisher.publish(camera_info(self._camera, self._message.header))
+        self._image_publisher.publish(self._message)
+
+
+def run():
+    """Returns the exit code."""
+    rospy.init_node("depth_file_camera")
+    try:
+        paths = {name: parameters.text(name) for name in ("depth", "rig")}
+        for name, path in paths.items():
+            if not path:
+                raise parameters.ParameterError("~%s is missing" % name)
+        rate = rospy.Rate(parameters.number("rate", 5.0, 0.1))
+        camera = DepthFileCamera(paths["depth"], paths["rig"], parameters.text("frame_id", "depth_optical_frame"))
+        while not rospy.is_shutdown():
+            camera.publish(rospy.Time.now())
+            rate.sleep()
+    except rospy.ROSException:  # the node is to end
+        pass
+    except (ValueError, OSError) as error:
+        rospy.logfatal("%s", error)
+        return 2
+    return 0

@@ -1,0 +1,53 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""robot.launch without hardware: the pixels of fuse_stack, whose parameters count, and recordings that come late."""
+import rospy
+import rostest
+import yaml
+
+from robot_testing import LaunchTest, Scene, whole
+
+# Over args, which are over the rig. In a recording that was made from an image 2047 mm is a measurement.
+OVERLAY = {'segmenter': {'circle_of_confusion_mm': 0.02, 'dof_rule': 'full'},
+           'depth_preprocess': {'invalid_values': [0]}, 'kinect_openni2': {'invalid_values': [0]},
+           'image_folder_camera': {'rate': 20.0}}
+
+
+class RobotTest(LaunchTest):
+    def test_recordings_that_come_late_end_in_the_pixels_of_fuse_stack(self):
+        scene = Scene(self.folder / 'scene', 'planes')
+        scene.record()
+        expected = scene.fused('--optics', '35,4,0.02', '--dof-rule', 'full')  # 35 mm are the rig's
+        self.assertTrue((expected != scene.fused()).any())
+        (self.folder / 'own.yaml').write_text(yaml.safe_dump(OVERLAY))
+        late = [scene.recording, scene.stack, scene.rig / 'extrinsics.yaml']
+        for path in late:
+            path.rename(str(path) + '.late')
+
+        results = self.results()
+        self.launch('all_in_focus', 'robot.launch', rviz='false', config=self.folder / 'own.yaml', aperture=4.0,
+                    circle_of_confusion_mm=0.05, frame_rate=1.0, depth_timeout=1.0, **scene.arguments())
+        self.assert_said('cannot open "%s"' % scene.recording, '%s: no such folder or video' % scene.stack,
+                         'extrinsics.yaml: No such file or directory')
+        for path in late[1:]:
+            path.with_name(path.name + '.late').rename(path)
+        self.assert_said('nothing came on /segmentation/processed for 1 s: the pictures go out without')
+        self.result(results, lambda report: report.mode == 'sharpness' and report.frames_seen == 5)
+        scene.recording.with_name(scene.recording.name + '.late').rename(scene.recording)
+        picture, report = self.result(results, whole)
+        self.assert_same(picture, expected)
+        self.assertEqual([report.mode, report.reference, report.frames_used], ['refined', 2, 5])
+        self.assertEqual([round(value, 6) for value in (report.optics.focal_length_mm, report.optics.aperture,
+                                                        report.optics.circle_of_confusion_mm)], [35, 4, 0.02])
+        self.assertEqual(report.header.frame_id, 'rgb_optical_frame')
+
+    def test_rig_that_is_not_there(self):
+        self.launch('all_in_focus', 'robot.launch', rviz='false', rig=self.folder / 'none')
+        self.assert_said('file does not exist [%s]' % (self.folder / 'none' / 'optics.yaml'))
+        self.assertEqual(self.launched.process.wait(60), 1)
+
+
+if __name__ == '__main__':
+    rospy.init_node('robot_test')
+    rostest.rosrun('all_in_focus', 'robot', '__main__')

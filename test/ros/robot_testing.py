@@ -1,0 +1,139 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the tests of robot.launch share: scenes as recordings for it, what fuse_stack makes of them, and roslaunch itself."""
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import unittest
+from pathlib import Path
+
+import numpy as np
+from sensor_msgs.msg import Image
+
+from all_in_focus.msg import FusionReport
+from depth_testing import Listener, wait_until
+from fusion_testing import array_of
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir))
+from file_helpers import run_script  # noqa: E402
+from tool_helpers import fuse_stack, read, succeeded  # noqa: E402
+
+WORLD = Path(os.environ['KINECT_TEST_WORLD'])
+RECORDED = 12  # depth images; the recorder loses the first
+TIMEOUT = 60.0  # s; a machine may have much else to do
+
+
+class Scene:
+    """A folder as make_scene writes it, and its depth as recording.oni."""
+
+    def __init__(self, folder, name):
+        self.folder, self.rig, self.stack = folder, folder / 'rig', folder / 'stack'
+        self.focus, self.depth, self.recording = folder / 'focus.yaml', folder / 'depth.png', folder / 'recording.oni'
+        succeeded(run_script('make_scene', '--scene', name, '--size', '160x120', '--frames', 5, '--output', folder))
+
+    def record(self):
+        """With OpenNI2's own recorder, from a camera that shows the depth image."""
+        cameras, pixels = self.folder / 'cameras', self.folder / 'depth.raw'
+        cameras.mkdir()
+        read(self.depth).tofile(str(pixels))
+        (cameras / 'scene').write_text('recorded=%s' % pixels)
+        environment = dict(os.environ, KINECT_TEST_DIR=str(cameras), LD_LIBRARY_PATH=str(WORLD))
+        subprocess.run([str(WORLD / 'record_oni'), 'frames:scene', str(self.recording), str(RECORDED), '0'], check=True,
+                       timeout=TIMEOUT, env=environment)
+
+    def fused(self, *options):
+        """What fuse_stack makes of it."""
+        output = self.folder / 'fused.png'
+        succeeded(fuse_stack('--stack', self.stack, '--focus', self.focus, '--depth', self.depth, '--rig', self.rig,
+                             '--output', output, *options))
+        return read(output)
+
+    def arguments(self):
+        """For robot.launch."""
+        return {'kinect': self.recording, 'dslr': self.stack, 'focus': self.focus, 'rig': self.rig}
+
+
+class Launch:
+    """roslaunch, on the master of the test; what it and its nodes print is in `lines`."""
+
+    def __init__(self, *files, **arguments):
+        command = ['roslaunch', *map(str, files), *('%s:=%s' % item for item in arguments.items())]
+        environment = dict(os.environ, PATH='/usr/bin:/bin:' + os.environ['PATH'], PYTHONUNBUFFERED='1')
+        self.lines = []
+        self.process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                        universal_newlines=True, errors='replace')
+        self._reader = threading.Thread(target=lambda: self.lines.extend(iter(self.process.stdout.readline, '')))
+        self._reader.start()
+
+    def said(self, words):
+        """The first line with these words, None if it does not come."""
+        return wait_until(lambda: next((line for line in list(self.lines) if words in line), None), TIMEOUT)
+
+    def stop(self):
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            self.process.wait(TIMEOUT)
+        finally:
+            self.process.kill()
+            self._reader.join(TIMEOUT)
+            self.process.stdout.close()
+
+
+class Results:
+    """Fused images of a rig, with their reports."""
+
+    def __init__(self, namespace=''):
+        self._images = Listener(namespace + '/all_in_focus/image', Image)
+        self._reports = Listener(namespace + '/all_in_focus/report', FusionReport)
+
+    def wait(self, accept):
+        """(picture as BGR, report) of the first result whose report is accepted; None if it does not come."""
+        report = wait_until(lambda: next((r for r in list(self._reports.messages) if accept(r)), None), TIMEOUT)
+        if report is None:
+            return None
+        image = self._images.at(report.header.stamp.to_sec(), TIMEOUT)
+        picture = array_of(image)
+        return (picture if image.encoding == 'bgr8' else picture[..., ::-1]), report
+
+    def close(self):
+        self._images.close()
+        self._reports.close()
+
+
+class LaunchTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, str(self.folder), True)
+        self.launched = None
+
+    def launch(self, *files, **arguments):
+        self.launched = Launch(*files, **arguments)
+        self.addCleanup(self.launched.stop)
+
+    def results(self, namespace=''):
+        results = Results(namespace)
+        self.addCleanup(results.close)
+        return results
+
+    def result(self, results, accept):
+        """See Results.wait; fails with what was printed instead."""
+        found = results.wait(accept)
+        self.assertIsNotNone(found, ''.join(self.launched.lines))
+        return found
+
+    def assert_said(self, *words):
+        for some in words:
+            self.assertIsNotNone(self.launched.said(some), '%r is missing in\n%s' % (some, ''.join(self.launched.lines)))
+
+    def assert_same(self, picture, expected):
+        np.testing.assert_array_equal(picture, expected)
+
+
+def whole(report):
+    """Whether a bracket was fused from its first to its last frame, with its regions."""
+    return report.has_labels and report.frames_seen == 5

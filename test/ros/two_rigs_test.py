@@ -1,0 +1,45 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Two rigs at once on one master, in namespaces: each fuses its own scene, with its own calibration."""
+import os
+
+import rosgraph
+import rospy
+import rostest
+import yaml
+
+from all_in_focus.rig import load_rig, save_rig
+from robot_testing import LaunchTest, Scene, whole
+
+LAUNCH = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'two_rigs.launch')
+COMMON = {'/rosout', '/rosout_agg', '/tf', '/tf_static', '/diagnostics', '/clock'}
+
+
+class TwoRigsTest(LaunchTest):
+    def test_two_rigs_do_not_mix(self):
+        scenes = {'left': Scene(self.folder / 'left', 'planes'), 'right': Scene(self.folder / 'right', 'occluders')}
+        # The same names of frames in both rig folders, but not the same pose.
+        rig = load_rig(str(scenes['right'].rig))
+        rig.t[1] += 0.03
+        save_rig(str(scenes['right'].rig), rig)
+        expected = {}
+        for side, scene in scenes.items():
+            scene.record()
+            expected[side] = scene.fused()
+        (self.folder / 'own.yaml').write_text(yaml.safe_dump(
+            {node: {'invalid_values': [0]} for node in ('depth_preprocess', 'kinect_openni2')}))
+
+        results = {side: self.results('/' + side) for side in scenes}
+        self.launch(LAUNCH, config=self.folder / 'own.yaml', **{side: scene.folder for side, scene in scenes.items()})
+        for side in scenes:
+            picture, report = self.result(results[side], whole)
+            self.assert_same(picture, expected[side])
+            self.assertEqual(report.header.frame_id, side + '_rgb_optical_frame')
+        topics = {name for names in rosgraph.Master('/two_rigs_test').getSystemState()[:2] for name, _ in names}
+        self.assertFalse({name for name in topics - COMMON if not name.startswith(('/left/', '/right/'))})
+
+
+if __name__ == '__main__':
+    rospy.init_node('two_rigs_test')
+    rostest.rosrun('all_in_focus', 'two_rigs', '__main__')
