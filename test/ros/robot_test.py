@@ -16,7 +16,7 @@ OVERLAY = {'segmenter': {'circle_of_confusion_mm': 0.02, 'dof_rule': 'full'},
 
 class RobotTest(LaunchTest):
     def test_recordings_that_come_late_end_in_the_pixels_of_fuse_stack(self):
-        scene = Scene(self.folder / 'scene', 'planes')
+        scene = Scene(self.folder / 'scene')
         scene.record()
         expected = scene.fused('--optics', '35,4,0.02', '--dof-rule', 'full')  # 35 mm are the rig's
         self.assertTrue((expected != scene.fused()).any())

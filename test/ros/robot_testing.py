@@ -20,7 +20,7 @@ from fusion_testing import array_of
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir))
 from file_helpers import run_script  # noqa: E402
-from tool_helpers import fuse_stack, read, succeeded  # noqa: E402
+from tool_helpers import fuse_stack, read, succeeded, write  # noqa: E402
 
 WORLD = Path(os.environ['KINECT_TEST_WORLD'])
 RECORDED = 12  # depth images; the recorder loses the first
@@ -30,10 +30,18 @@ TIMEOUT = 60.0  # s; a machine may have much else to do
 class Scene:
     """A folder as make_scene writes it, and its depth as recording.oni."""
 
-    def __init__(self, folder, name):
+    def __init__(self, folder):
         self.folder, self.rig, self.stack = folder, folder / 'rig', folder / 'stack'
         self.focus, self.depth, self.recording = folder / 'focus.yaml', folder / 'depth.png', folder / 'recording.oni'
-        succeeded(run_script('make_scene', '--scene', name, '--size', '160x120', '--frames', 5, '--output', folder))
+        if not folder.exists():
+            succeeded(run_script('make_scene', '--scene', 'planes', '--size', '160x120', '--frames', 5, '--output', folder))
+
+    def copy_upside_down(self, folder):
+        """Another scene, at less cost than making one."""
+        shutil.copytree(str(self.folder), str(folder))
+        for path in [folder / 'depth.png', *(folder / 'stack').iterdir()]:
+            write(path, read(path)[::-1])
+        return Scene(folder)
 
     def record(self):
         """With OpenNI2's own recorder, from a camera that shows the depth image."""

@@ -18,7 +18,8 @@ COMMON = {'/rosout', '/rosout_agg', '/tf', '/tf_static', '/diagnostics', '/clock
 
 class TwoRigsTest(LaunchTest):
     def test_two_rigs_do_not_mix(self):
-        scenes = {'left': Scene(self.folder / 'left', 'planes'), 'right': Scene(self.folder / 'right', 'occluders')}
+        left = Scene(self.folder / 'left')
+        scenes = {'left': left, 'right': left.copy_upside_down(self.folder / 'right')}
         # The same names of frames in both rig folders, but not the same pose.
         rig = load_rig(str(scenes['right'].rig))
         rig.t[1] += 0.03
@@ -27,6 +28,7 @@ class TwoRigsTest(LaunchTest):
         for side, scene in scenes.items():
             scene.record()
             expected[side] = scene.fused()
+        self.assertTrue((expected['left'] != expected['right'][::-1]).any())
         (self.folder / 'own.yaml').write_text(yaml.safe_dump(
             {node: {'invalid_values': [0]} for node in ('depth_preprocess', 'kinect_openni2')}))
 

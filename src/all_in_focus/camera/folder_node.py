@@ -6,6 +6,7 @@ import threading
 import time
 
 import rospy
+from std_msgs.msg import Header
 
 from all_in_focus.camera import parameters
 from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
@@ -13,12 +14,39 @@ from all_in_focus.camera.frame_publisher import FramePublisher
 from all_in_focus.stack import Stack, StackError, focus_entries
 
 POLL_PERIOD = 0.1  # s
+MOST_UNDER_WAY = 8  # frames that the fusion has not dealt with
+ANSWER_TIMEOUT = 5.0  # s
 
 
 def _poll_until(condition, end=math.inf):
     """Until it holds, it is `end` (monotonic, s), or the node is to end."""
     while not condition() and time.monotonic() < end and not rospy.is_shutdown():
         time.sleep(POLL_PERIOD)
+
+
+class Pace:
+    """Holds frames back while the fusion is behind: it drops what waits too long, and large pictures fill the memory."""
+
+    def __init__(self):
+        self._under_way = []  # stamps, oldest first
+        self._answered = 0.0
+        self._subscriber = rospy.Subscriber("all_in_focus/processed", Header, self._on_processed)
+
+    def _on_processed(self, header):
+        self._answered = time.monotonic()
+        self._under_way = [stamp for stamp in self._under_way if stamp > header.stamp]
+
+    def wait(self):
+        """Before the next frame; not for a fusion that does not answer."""
+        self._answered = time.monotonic()
+        while len(self._under_way) >= MOST_UNDER_WAY and self._subscriber.get_num_connections() \
+                and not rospy.is_shutdown():
+            if time.monotonic() - self._answered > ANSWER_TIMEOUT:
+                self._under_way = []
+            time.sleep(0.01)
+
+    def went(self, stamp):
+        self._under_way.append(stamp)
 
 
 class Player:
@@ -39,13 +67,18 @@ class Player:
         _poll_until(frames.listened)
         if self._wait_for:
             self._wait(frames)
+        pace = Pace()
         due = time.monotonic()
         while not rospy.is_shutdown():
             for index, image in enumerate(self._stack):
                 time.sleep(max(0, due - time.monotonic()))
+                if frames.listened_to_all():
+                    pace.wait()
                 if rospy.is_shutdown():
                     return
-                frames.publish(image, rospy.Time.now(), bracket_id, index, count, index + 1 == count,
+                stamp = rospy.Time.now()
+                pace.went(stamp)
+                frames.publish(image, stamp, bracket_id, index, count, index + 1 == count,
                                self._stack.distances[index])
                 due = max(due + self._period, time.monotonic())
             bracket_id += 1
