@@ -8,10 +8,8 @@ import yaml
 
 from robot_testing import LaunchTest, Scene, whole
 
-# Over args, which are over the rig. In a recording that was made from an image 2047 mm is a measurement.
-OVERLAY = {'segmenter': {'circle_of_confusion_mm': 0.02, 'dof_rule': 'full'},
-           'depth_preprocess': {'invalid_values': [0]}, 'kinect_openni2': {'invalid_values': [0]},
-           'image_folder_camera': {'rate': 20.0}}
+# Over args, which are over the rig.
+OVERLAY = {'segmenter': {'circle_of_confusion_mm': 0.02, 'dof_rule': 'full'}, 'image_folder_camera': {'rate': 20.0}}
 
 
 class RobotTest(LaunchTest):

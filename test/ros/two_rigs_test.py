@@ -7,7 +7,6 @@ import os
 import rosgraph
 import rospy
 import rostest
-import yaml
 
 from all_in_focus.rig import load_rig, save_rig
 from robot_testing import LaunchTest, Scene, whole
@@ -29,11 +28,8 @@ class TwoRigsTest(LaunchTest):
             scene.record()
             expected[side] = scene.fused()
         self.assertTrue((expected['left'] != expected['right'][::-1]).any())
-        (self.folder / 'own.yaml').write_text(yaml.safe_dump(
-            {node: {'invalid_values': [0]} for node in ('depth_preprocess', 'kinect_openni2')}))
-
         results = {side: self.results('/' + side) for side in scenes}
-        self.launch(LAUNCH, config=self.folder / 'own.yaml', **{side: scene.folder for side, scene in scenes.items()})
+        self.launch(LAUNCH, **{side: scene.folder for side, scene in scenes.items()})
         for side in scenes:
             picture, report = self.result(results[side], whole)
             self.assert_same(picture, expected[side])
