@@ -38,7 +38,7 @@ class RobotTest(LaunchTest):
         self.assertEqual([report.mode, report.reference, report.frames_used], ['refined', 2, 5])
         self.assertEqual([round(value, 6) for value in (report.optics.focal_length_mm, report.optics.aperture,
                                                         report.optics.circle_of_confusion_mm)], [35, 4, 0.02])
-        self.assertEqual(report.header.frame_id, 'rgb_optical_frame')
+        self.assertEqual(report.header.frame_id, 'dslr_optical_frame')
 
     def test_rig_that_is_not_there(self):
         self.launch('all_in_focus', 'robot.launch', rviz='false', rig=self.folder / 'none')

@@ -33,7 +33,7 @@ class TwoRigsTest(LaunchTest):
         for side in scenes:
             picture, report = self.result(results[side], whole)
             self.assert_same(picture, expected[side])
-            self.assertEqual(report.header.frame_id, side + '_rgb_optical_frame')
+            self.assertEqual(report.header.frame_id, side + '_dslr_optical_frame')
         topics = {name for names in rosgraph.Master('/two_rigs_test').getSystemState()[:2] for name, _ in names}
         self.assertFalse({name for name in topics - COMMON if not name.startswith(('/left/', '/right/'))})
 
