@@ -11,8 +11,12 @@ import cv2
 import numpy as np
 import rospy
 import rostest
+from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import Header
 
+from all_in_focus.camera.folder_node import MOST_UNDER_WAY
 from camera_testing import HERE, SCRIPTS, CameraTest, places
+from depth_testing import Talker, wait_until
 
 sys.path.insert(0, os.path.join(HERE, os.pardir))
 from file_helpers import SIZE, pictures, write_stack, write_video  # noqa: E402
@@ -30,6 +34,9 @@ class ImageFolderTest(CameraTest):
         (self.folder / "focus.yaml").write_text(
             "frames: [{file: 0.png, focus_mm: 855.0}, {file: 2.png, focus_mm: .inf}]")
         node = self.start(NODE, stack=stack, focus=self.folder / "focus.yaml", rig=self.save_rig(SIZE), rate=50.0)
+        # Before the first frame depth needs it.
+        info = rospy.wait_for_message(self.topic("rgb/camera_info"), CameraInfo, 10)
+        self.assertEqual([info.width, info.K[0], info.header.frame_id], [SIZE[0], 60.0, "dslr"])
         time.sleep(1)  # nobody listens yet: nothing is lost
         self.listen_to_all()
         frames = self.frames(3)
@@ -52,6 +59,23 @@ class ImageFolderTest(CameraTest):
         self.assertEqual([frames[0][0].width, frames[0][0].height], [24, 16])
         stamps = [image.header.stamp.to_sec() for image, _, _ in frames]
         self.assertAlmostEqual(stamps[-1] - stamps[0], 5 / 20, delta=0.15)
+
+    def test_frames_wait_for_what_is_said_to_come_first_then_for_the_fusion(self):
+        stack = write_stack(self.folder / "stack", ["%02d.png" % index for index in range(MOST_UNDER_WAY + 2)])
+        self.start(NODE, stack=stack, rate=100.0, wait_for="segmentation/processed", wait_timeout=60.0)
+        processed = Talker(self.topic("all_in_focus/processed"), Header)
+        regions = Talker(self.topic("segmentation/processed"), Header)
+        self.listen_to_all()
+        time.sleep(0.5)
+        self.assertFalse(self.heard["rgb/image"].messages)
+        regions.say(Header())
+        frames = self.frames(MOST_UNDER_WAY)
+        time.sleep(0.5)
+        self.assertEqual(len(self.heard["rgb/image"].messages), MOST_UNDER_WAY)
+        processed.say(frames[0][0].header)
+        self.frames(MOST_UNDER_WAY + 1)
+        # A fusion that does not answer is not waited for.
+        self.assertTrue(wait_until(lambda: len(self.heard["rgb/image"].messages) == MOST_UNDER_WAY + 2, 30))
 
     def test_a_watched_folder(self):
         write_stack(self.folder / "in", ["old.png"])

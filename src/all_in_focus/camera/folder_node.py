@@ -36,8 +36,10 @@ class Pace:
         self._answered = time.monotonic()
         self._under_way = [stamp for stamp in self._under_way if stamp > header.stamp]
 
-    def wait(self):
+    def wait(self, fusion_listens):
         """Before the next frame; not for a fusion that does not answer."""
+        if not fusion_listens:
+            self._under_way = []
         self._answered = time.monotonic()
         while len(self._under_way) >= MOST_UNDER_WAY and self._subscriber.get_num_connections() \
                 and not rospy.is_shutdown():
@@ -62,18 +64,16 @@ class Player:
         self._wait_timeout = parameters.number("wait_timeout", 10.0, 0)
 
     def run(self, frames):
-        count, bracket_id = len(self._stack), 0
+        count, bracket_id, pace = len(self._stack), 0, Pace()
         frames.announce(next(iter(self._stack)).shape[1::-1])
         _poll_until(frames.listened)
         if self._wait_for:
             self._wait(frames)
-        pace = Pace()
         due = time.monotonic()
         while not rospy.is_shutdown():
             for index, image in enumerate(self._stack):
                 time.sleep(max(0, due - time.monotonic()))
-                if frames.listened_to_all():
-                    pace.wait()
+                pace.wait(frames.listened_to_all())
                 if rospy.is_shutdown():
                     return
                 stamp = rospy.Time.now()

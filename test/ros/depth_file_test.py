@@ -1,0 +1,52 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""depth_file_camera over ROS: an image again and again, and what it refuses."""
+import os
+
+import cv2
+import numpy as np
+import rospy
+import rostest
+from sensor_msgs.msg import CameraInfo, Image
+
+from camera_testing import SCRIPTS, CameraTest
+from depth_testing import pixels_of, wait_until
+
+NODE = os.path.join(SCRIPTS, "depth_file_camera")
+SIZE = (64, 48)
+
+
+class DepthFileTest(CameraTest):
+    def setUp(self):
+        super().setUp()
+        self.depth = np.random.default_rng(0).integers(0, 5000, SIZE[::-1]).astype(np.uint16)
+        cv2.imwrite(str(self.folder / "depth.png"), self.depth)
+
+    def test_an_image_with_its_calibration_again_and_again(self):
+        self.start(NODE, depth=self.folder / "depth.png", rig=self.save_rig(SIZE), frame_id="left_depth", rate=20.0)
+        images, infos = self.listen("depth/image_raw", Image), self.listen("depth/camera_info", CameraInfo)
+        self.assertTrue(wait_until(lambda: len(images.messages) > 2 and len(infos.messages) > 2))
+        image, info = images.messages[2], infos.at(images.messages[2].header.stamp.to_sec())
+        self.assertEqual([image.encoding, image.header.frame_id], ["16UC1", "left_depth"])
+        np.testing.assert_array_equal(pixels_of(image), self.depth)
+        self.assertEqual([info.width, info.K[0], info.header], [SIZE[0], 60.0, image.header])
+        self.assertLess(images.messages[0].header.stamp, image.header.stamp)
+
+    def test_wrong_parameters_end_in_one_line(self):
+        rig = self.save_rig((32, 24))
+        cv2.imwrite(str(self.folder / "8.png"), (self.depth // 256).astype(np.uint8))
+        for parameters, words in (({}, "~depth is missing"), ({"depth": self.folder / "none.png"}, "~rig is missing"),
+                                  ({"depth": self.folder / "none.png", "rig": rig}, "none.png: No such file"),
+                                  ({"depth": self.folder / "8.png", "rig": rig}, "expected a 16-bit image"),
+                                  ({"depth": self.folder / "depth.png", "rig": rig}, "depth.yaml says 32x24")):
+            with self.subTest(words):
+                node = self.start(NODE, **parameters)
+                self.assertEqual(node.exit_code(), 2)
+                self.assertTrue(node.said(words), node.lines)
+                self.assertEqual(len([line for line in node.lines if line.strip()]), 1, node.lines)
+
+
+if __name__ == "__main__":
+    rospy.init_node("depth_file_test")
+    rostest.rosrun("all_in_focus", "depth_file", DepthFileTest)
