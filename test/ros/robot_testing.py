@@ -12,10 +12,11 @@ import unittest
 from pathlib import Path
 
 import numpy as np
+import rospy
 from sensor_msgs.msg import Image
 
 from all_in_focus.msg import FusionReport
-from depth_testing import Listener, wait_until
+from depth_testing import wait_until
 from fusion_testing import array_of
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir))
@@ -96,21 +97,27 @@ class Results:
     """Fused images of a rig, with their reports."""
 
     def __init__(self, namespace=''):
-        self._images = Listener(namespace + '/all_in_focus/image', Image)
-        self._reports = Listener(namespace + '/all_in_focus/report', FusionReport)
+        self._images, self._reports = {}, []
+        self._subscribers = [
+            rospy.Subscriber(namespace + '/all_in_focus/image', Image,
+                             lambda image: self._images.setdefault(image.header.stamp, image), buff_size=2 ** 24),
+            rospy.Subscriber(namespace + '/all_in_focus/report', FusionReport, self._reports.append)]
 
     def wait(self, accept):
         """(picture as BGR, report) of the first result whose report is accepted; None if it does not come."""
-        report = wait_until(lambda: next((r for r in list(self._reports.messages) if accept(r)), None), TIMEOUT)
+        def found():
+            return next((report for report in list(self._reports)
+                         if report.header.stamp in self._images and accept(report)), None)
+        report = wait_until(found, TIMEOUT)
         if report is None:
             return None
-        image = self._images.at(report.header.stamp.to_sec(), TIMEOUT)
+        image = self._images[report.header.stamp]
         picture = array_of(image)
         return (picture if image.encoding == 'bgr8' else picture[..., ::-1]), report
 
     def close(self):
-        self._images.close()
-        self._reports.close()
+        for subscriber in self._subscribers:
+            subscriber.unregister()
 
 
 class LaunchTest(unittest.TestCase):
