@@ -6,7 +6,7 @@ import rospy
 import rostest
 import yaml
 
-from robot_testing import LaunchTest, Scene, whole
+from robot_testing import FRAMES, LaunchTest, Scene, whole
 
 # Over args, which are over the rig.
 OVERLAY = {'segmenter': {'circle_of_confusion_mm': 0.02, 'dof_rule': 'full'}, 'image_folder_camera': {'rate': 20.0}}
@@ -31,11 +31,11 @@ class RobotTest(LaunchTest):
         for path in late[1:]:
             path.with_name(path.name + '.late').rename(path)
         self.assert_said('nothing came on /segmentation/processed for 1 s: the pictures go out without')
-        self.result(results, lambda report: report.mode == 'sharpness' and report.frames_seen == 5)
+        self.result(results, lambda report: report.mode == 'sharpness' and report.frames_seen == FRAMES)
         scene.recording.with_name(scene.recording.name + '.late').rename(scene.recording)
         picture, report = self.result(results, whole)
         self.assert_same(picture, expected)
-        self.assertEqual([report.mode, report.reference, report.frames_used], ['refined', 2, 5])
+        self.assertEqual([report.mode, report.reference, report.frames_used], ['refined', FRAMES // 2, FRAMES])
         self.assertEqual([round(value, 6) for value in (report.optics.focal_length_mm, report.optics.aperture,
                                                         report.optics.circle_of_confusion_mm)], [35, 4, 0.02])
         self.assertEqual(report.header.frame_id, 'dslr_optical_frame')

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the tests of robot.launch share: scenes as recordings for it, what fuse_stack makes of them, and roslaunch itself."""
+"""What the tests of robot.launch share: scenes as recordings, what fuse_stack makes of them, and roslaunch itself."""
 import os
 import shutil
 import signal
@@ -24,6 +24,7 @@ from file_helpers import run_script  # noqa: E402
 from tool_helpers import fuse_stack, read, succeeded, write  # noqa: E402
 
 WORLD = Path(os.environ['KINECT_TEST_WORLD'])
+FRAMES = 5  # of the sweep
 RECORDED = 12  # depth images; the recorder loses the first
 TIMEOUT = 60.0  # s; a machine may have much else to do
 
@@ -35,7 +36,8 @@ class Scene:
         self.folder, self.rig, self.stack = folder, folder / 'rig', folder / 'stack'
         self.focus, self.depth, self.recording = folder / 'focus.yaml', folder / 'depth.png', folder / 'recording.oni'
         if not folder.exists():
-            succeeded(run_script('make_scene', '--scene', 'planes', '--size', '160x120', '--frames', 5, '--output', folder))
+            succeeded(run_script('make_scene', '--scene', 'planes', '--size', '160x120', '--frames', FRAMES,
+                                 '--output', folder))
 
     def copy_upside_down(self, folder):
         """Another scene, at less cost than making one."""
@@ -143,7 +145,8 @@ class LaunchTest(unittest.TestCase):
 
     def assert_said(self, *words):
         for some in words:
-            self.assertIsNotNone(self.launched.said(some), '%r is missing in\n%s' % (some, ''.join(self.launched.lines)))
+            self.assertIsNotNone(self.launched.said(some),
+                                 '%r is missing in\n%s' % (some, ''.join(self.launched.lines)))
 
     def assert_same(self, picture, expected):
         np.testing.assert_array_equal(picture, expected)
@@ -151,4 +154,4 @@ class LaunchTest(unittest.TestCase):
 
 def whole(report):
     """Whether a bracket was fused from its first to its last frame, with its regions."""
-    return report.has_labels and report.frames_seen == 5
+    return report.has_labels and report.frames_seen == FRAMES

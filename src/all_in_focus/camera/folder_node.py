@@ -25,7 +25,7 @@ def _poll_until(condition, end=math.inf):
 
 
 class Pace:
-    """Holds frames back while the fusion is behind: it drops what waits too long, and large pictures fill the memory."""
+    """Holds frames back while the fusion is behind: it drops what waits too long, and large pictures fill memory."""
 
     def __init__(self):
         self._under_way = []  # stamps, oldest first
@@ -95,8 +95,8 @@ class Player:
         _poll_until(came.is_set, end)
         subscriber.unregister()
         if not came.is_set() and not rospy.is_shutdown():
-            rospy.logwarn("nothing came on %s for %g s: the pictures go out without", rospy.resolve_name(self._wait_for),
-                          self._wait_timeout)
+            rospy.logwarn("nothing came on %s for %g s: the pictures go out without",
+                          rospy.resolve_name(self._wait_for), self._wait_timeout)
 
 
 class Watcher:
