@@ -45,12 +45,15 @@ class Store:
         if "error" in result:
             return plain
         os.makedirs(working)
-        for name, data in files.items():
-            with open(os.path.join(working, name + ".png"), "wb") as file:
-                file.write(data)
-        with open(os.path.join(working, RESULT), "w", encoding="utf-8") as file:
-            json.dump(plain, file, indent=2)
-        os.rename(working, target)
+        try:
+            for name, data in files.items():
+                with open(os.path.join(working, name + ".png"), "wb") as file:
+                    file.write(data)
+            with open(os.path.join(working, RESULT), "w", encoding="utf-8") as file:
+                json.dump(plain, file, indent=2)
+            os.rename(working, target)
+        finally:  # interrupted, or the disk is full
+            shutil.rmtree(working, ignore_errors=True)
         return plain
 
     def picture(self, scene, method, name):
