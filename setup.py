@@ -6,4 +6,4 @@ from setuptools import setup
 
 PARTS = ['bag_check', 'baselines', 'calibration', 'camera', 'comparison', 'metrics']
 setup(**generate_distutils_setup(packages=['all_in_focus'] + ['all_in_focus.' + part for part in PARTS],
-                                 package_dir={'': 'src'}))
+                                 package_dir={'': 'src'}, package_data={'all_in_focus.baselines': ['*.onnx']}))

@@ -9,8 +9,8 @@ tell. Those that decide on gray images treat the colours alike.
 Written from the papers. What those leave open (levels, thresholds, scaling) was chosen by comparison with published
 results on two pairs of photographs; test_baselines.py tells how near each method comes to them.
 """
-from all_in_focus.baselines import (contourlet, dense_sift, enfuse, guided_filtering, laplacian_maximum, matting,
-                                    pulse_coupled, wavelet)
+from all_in_focus.baselines import (contourlet, convolutional, dense_sift, enfuse, guided_filtering, laplacian_maximum,
+                                    matting, pulse_coupled, wavelet)
 
 BASELINES = {
     "dwt": wavelet.fuse,
@@ -20,6 +20,7 @@ BASELINES = {
     "gf-same": guided_filtering.fuse_same,
     "nsct-pcnn": pulse_coupled.fuse,
     "dsift": dense_sift.fuse,
+    "dcnn": convolutional.fuse,
     "laplacian": laplacian_maximum.fuse,
     "enfuse": enfuse.fuse,
 }

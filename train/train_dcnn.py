@@ -1,0 +1,132 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Train the network of all_in_focus.baselines.convolutional, or check that training gives the network that is there.
+
+Needs a sourced setup.bash and PyTorch (Debian: python3-torch), which nothing else here does. One thread, no GPU.
+"""
+import argparse
+import os
+import shutil
+import sys
+import tempfile
+
+import cv2
+import numpy as np
+import torch
+from torch import nn
+from tqdm import tqdm
+
+import patches
+from all_in_focus.command_line import Parser
+
+SHIPPED = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))),
+                       "src", "all_in_focus", "baselines", "dcnn.onnx")
+SEED = 1
+PAIRS, HELD_OUT_PAIRS = 40000, 4000
+EPOCHS, BATCH, RATE = 6, 128, 2e-3
+# Of the scores (0..1) of held-out pairs. The same processor and libraries give the same file; others round otherwise,
+# and training amplifies that.
+MEAN_TOLERANCE, DECISION_TOLERANCE = 0.02, 0.01
+
+
+class Network(nn.Module):
+    """Two branches with the same weights, then which of the two is sharper: 1 the first, 0 the second.
+
+    No padding: a patch gives one score, larger images one for each patch, two pixels apart.
+    """
+
+    def __init__(self):
+        super().__init__()
+        self.branch = nn.Sequential(nn.Conv2d(1, 16, 3), nn.ReLU(), nn.Conv2d(16, 24, 3), nn.ReLU(), nn.MaxPool2d(2),
+                                    nn.Conv2d(24, 32, 3), nn.ReLU())
+        self.head = nn.Sequential(nn.Conv2d(64, 32, 4), nn.ReLU(), nn.Conv2d(32, 1, 1))
+
+    def logit(self, one, other):
+        return self.head(torch.cat([self.branch(one), self.branch(other)], dim=1))
+
+    def forward(self, one, other):
+        return torch.sigmoid(self.logit(one, other))
+
+
+def batches(pairs, rng):
+    """Endless (one, other, is one the sharper), each pair in random order."""
+    while True:
+        order = rng.permutation(len(pairs))
+        for begin in range(0, len(pairs) - BATCH + 1, BATCH):
+            batch = torch.from_numpy(np.float32(pairs[order[begin:begin + BATCH]]) / 255)
+            swapped = torch.from_numpy(rng.random(BATCH) < 0.5)
+            one, other = (torch.where(swapped[:, None, None], batch[:, 1 - k], batch[:, k])[:, None] for k in (0, 1))
+            yield one, other, (~swapped).float()
+
+
+def train(pairs):
+    torch.manual_seed(SEED)
+    network, rng = Network(), np.random.default_rng(SEED)
+    steps = EPOCHS * (len(pairs) // BATCH)
+    optimizer = torch.optim.Adam(network.parameters(), RATE)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
+    source, bar = batches(pairs, rng), tqdm(range(steps), unit="batch")
+    for step in bar:
+        one, other, target = next(source)
+        loss = nn.functional.binary_cross_entropy_with_logits(network.logit(one, other).flatten(), target)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        schedule.step()
+        if step % 100 == 0:
+            bar.set_postfix(loss="%.4f" % loss.item())
+    return network.eval()
+
+
+def export(network, path):
+    one = torch.zeros(1, 1, 64, 64)
+    torch.onnx.export(network, (one, one), path, opset_version=9, input_names=["one", "other"],
+                      output_names=["score"])
+
+
+def scores(path, pairs):
+    """By OpenCV, one for each pair."""
+    network = cv2.dnn.readNetFromONNX(path)
+    for k, name in enumerate(("one", "other")):
+        network.setInput(np.float32(pairs[:, k:k + 1]) / 255, name)
+    return network.forward().reshape(-1)
+
+
+def accuracy(path, pairs):
+    return np.mean([scores(path, pairs) > 0.5, scores(path, pairs[:, ::-1]) < 0.5])
+
+
+def agrees(one, other, pairs):
+    """Print how far the scores of two networks are apart; is it within the tolerance?"""
+    found = [scores(path, pairs) for path in (one, other)]
+    difference, decisions = np.abs(found[0] - found[1]), (found[0] > 0.5) != (found[1] > 0.5)
+    print("scores differ by %.5f in the mean (at most %g), %.5f at the most; other decisions: %.5f (at most %g)"
+          % (difference.mean(), MEAN_TOLERANCE, difference.max(), decisions.mean(), DECISION_TOLERANCE))
+    return difference.mean() <= MEAN_TOLERANCE and decisions.mean() <= DECISION_TOLERANCE
+
+
+def main():
+    parser = Parser(prog="train_dcnn.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="compare with --output, write nothing; exit code 1: differs")
+    parser.add_argument("--output", default=SHIPPED, metavar="FILE", help="default: the network in the sources")
+    args = parser.parse_args()
+    if args.check and not os.path.isfile(args.output):
+        parser.error("%s: there is no such file" % args.output)
+    torch.set_num_threads(1)
+    torch.use_deterministic_algorithms(True)
+    cv2.setNumThreads(1)
+    held_out = patches.pairs(patches.HELD_OUT, HELD_OUT_PAIRS, SEED + 1)
+    network = train(patches.pairs(patches.TRAINING, PAIRS, SEED))
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "dcnn.onnx")
+        export(network, path)
+        print("%d bytes, right on %.2f %% of pairs of images that it has not seen"
+              % (os.path.getsize(path), 100 * accuracy(path, held_out)))
+        if args.check:
+            sys.exit(0 if agrees(path, args.output, held_out) else 1)
+        shutil.copyfile(path, args.output)
+
+
+if __name__ == "__main__":
+    main()
