@@ -17,6 +17,7 @@ VOTE_SIZE, MAJORITY = 15, 0.6  # pixels; share of a window that must agree
 SMALLEST = 1 / 400           # of the image; smaller regions are unknown
 WINDOW_RADIUS, EPS = 6, 1e-4  # of the matting, pixels; for colours 0..1
 GUESS_SIGMA = 20             # pixels
+SMALL = 200                  # pixels; larger images begin with what is found at half their size
 ITERATIONS, TOLERANCE = 100, 1e-3
 
 
@@ -38,14 +39,15 @@ class MattingLaplacian:
     def __init__(self, image):
         """image: H x W x 3, 0..1."""
         self.colours = [np.ascontiguousarray(image[..., channel]) for channel in range(3)]
-        self.count = self.box(np.ones(image.shape[:2]))
+        self.count = self.box(np.ones(image.shape[:2], image.dtype))
         self.means = [self.box(colour) / self.count for colour in self.colours]
-        covariance = np.empty(image.shape[:2] + (3, 3))
+        covariance = np.empty(image.shape[:2] + (3, 3))  # float64, for the inverse
         for i in range(3):
             for j in range(3):
                 mean = self.box(self.colours[i] * self.colours[j]) / self.count
                 covariance[..., i, j] = mean - self.means[i] * self.means[j]
-        self.inverse = np.ascontiguousarray(np.moveaxis(np.linalg.inv(covariance + EPS * np.eye(3)), (2, 3), (0, 1)))
+        inverse = np.linalg.inv(covariance + EPS * np.eye(3)).astype(image.dtype)
+        self.inverse = np.ascontiguousarray(np.moveaxis(inverse, (2, 3), (0, 1)))
 
     @staticmethod
     def box(values):
@@ -60,14 +62,24 @@ class MattingLaplacian:
         return self.count * matte - linear - self.box(offset)
 
 
+def guess(image, front, back):
+    """A matte to begin with, H x W float32; see `matte`."""
+    if min(front.shape) <= SMALL:
+        near, any_near = (cv2.GaussianBlur(np.float64(mask), (0, 0), GUESS_SIGMA) + 1e-9
+                          for mask in (front, front | back))
+        return np.float32(near / any_near)
+    half = [cv2.resize(of, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+            for of in (image, np.float32(front), np.float32(back))]
+    return cv2.resize(np.float32(matte(half[0], half[1] > 0.5, half[2] > 0.5)), front.shape[::-1])
+
+
 def matte(image, front, back):
     """H x W, 0..1: 1 where front (bool), 0 where back, by colour elsewhere; image: H x W x 3 uint8."""
     if not (front.any() or back.any()):
         return np.full(front.shape, 0.5)
     known = front | back
-    near, any_near = (cv2.GaussianBlur(np.float64(mask), (0, 0), GUESS_SIGMA) + 1e-9 for mask in (front, known))
-    result = np.where(known, front, near / any_near)
-    laplacian = MattingLaplacian(image / 255)
+    result = np.where(known, np.float32(front), guess(image, front, back))
+    laplacian = MattingLaplacian(np.float32(image) / 255)
     # Conjugate gradients over the unknown pixels, preconditioned by the number of windows around each.
     residual = np.where(known, 0, -laplacian(result))
     direction = scaled = residual / laplacian.count
