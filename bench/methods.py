@@ -144,7 +144,8 @@ def find(name, program, peers):
         return partial(save, partial(baseline, plain, aligned))
     if kind in OWN and (name == kind or VARIANTS.fullmatch(variant)):
         return partial(fuse_stack, program, kind, variant)
-    raise ValueError("no method is named '%s'" % name)
+    raise ValueError("no method is named '%s'; there are %s, each of the last %d with +ecc"
+                     % (name, ", ".join([*BOUNDS, *OWN, *BASELINES]), len(BASELINES)))
 
 
 def split(text):

@@ -3,9 +3,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fuse scenes of known truth by several methods and print how near each comes to it, as Markdown tables.
 
-Needs a sourced setup.bash. Methods: single, oracle, true-depth (bounds that know the truth); gf, laplacian, enfuse and
-each with +ecc (frames aligned first); paper and refined (fuse_stack), refined:-alignment,gain (without these steps),
-refined:no-depth, refined:optics+20 (focal length 20 % too long), refined:shift5 (depth 5 pixels to the right).
+Needs a sourced setup.bash. Methods: single, oracle, true-depth (bounds that know the truth); dwt, nsct, im, gf, gf-same,
+nsct-pcnn, dsift, dcnn, laplacian, enfuse and each with +ecc (frames aligned first); paper and refined (fuse_stack),
+refined:-alignment,gain (without these steps), refined:no-depth, refined:optics+20 (focal length 20 % too long),
+refined:shift5 (depth 5 pixels to the right).
 """
 import argparse
 import json
