@@ -6,6 +6,7 @@
 Needs a sourced setup.bash and PyTorch (Debian: python3-torch), which nothing else here does. One thread, no GPU.
 """
 import argparse
+import filecmp
 import os
 import shutil
 import sys
@@ -26,8 +27,8 @@ SEED = 1
 PAIRS, HELD_OUT_PAIRS = 40000, 4000
 EPOCHS, BATCH, RATE = 6, 128, 2e-3
 # Of the scores (0..1) of held-out pairs. The same processor and libraries give the same file; others round otherwise,
-# and training amplifies that.
-MEAN_TOLERANCE, DECISION_TOLERANCE = 0.02, 0.01
+# and training amplifies that: without AVX it has come to 0.013 and 0.009.
+MEAN_TOLERANCE, DECISION_TOLERANCE = 0.03, 0.02
 
 
 class Network(nn.Module):
@@ -99,6 +100,9 @@ def accuracy(path, pairs):
 
 def agrees(one, other, pairs):
     """Print how far the scores of two networks are apart; is it within the tolerance?"""
+    if filecmp.cmp(one, other, shallow=False):
+        print("the same file, byte by byte")
+        return True
     found = [scores(path, pairs) for path in (one, other)]
     difference, decisions = np.abs(found[0] - found[1]), (found[0] > 0.5) != (found[1] > 0.5)
     print("scores differ by %.5f in the mean (at most %g), %.5f at the most; other decisions: %.5f (at most %g)"
@@ -108,7 +112,8 @@ def agrees(one, other, pairs):
 
 def main():
     parser = Parser(prog="train_dcnn.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", action="store_true", help="compare with --output, write nothing; exit code 1: differs")
+    parser.add_argument("--check", action="store_true",
+                        help="compare with --output, write nothing; exit code 1: they differ")
     parser.add_argument("--output", default=SHIPPED, metavar="FILE", help="default: the network in the sources")
     args = parser.parse_args()
     if args.check and not os.path.isfile(args.output):
