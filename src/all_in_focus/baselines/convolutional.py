@@ -5,7 +5,7 @@
 
 A network with two branches of the same weights tells which of two patches is the sharper; each pixel has the mean score
 of the patches that it lies in. That is rounded, cleaned of small regions and smoothed along the edges of the picture.
-The network is our own, much smaller than the paper's: train/train_dcnn.py made it of the images of scikit-image and SciPy.
+The network is our own, much smaller than the paper's, and trained on other images: see train/train_dcnn.py.
 """
 import os
 
