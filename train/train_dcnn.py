@@ -14,9 +14,14 @@ import tempfile
 
 import cv2
 import numpy as np
-import torch
-from torch import nn
 from tqdm import tqdm
+
+try:
+    import torch
+    from torch import nn
+except ImportError:
+    print("train_dcnn.py: PyTorch is missing: install python3-torch", file=sys.stderr)
+    sys.exit(2)
 
 import patches
 from all_in_focus.command_line import Parser
@@ -118,6 +123,8 @@ def main():
     args = parser.parse_args()
     if args.check and not os.path.isfile(args.output):
         parser.error("%s: there is no such file" % args.output)
+    if not os.path.isdir(os.path.dirname(os.path.abspath(args.output))):
+        parser.error("%s: there is no such folder" % os.path.dirname(args.output))
     torch.set_num_threads(1)
     torch.use_deterministic_algorithms(True)
     cv2.setNumThreads(1)
