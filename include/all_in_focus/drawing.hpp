@@ -5,13 +5,20 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "all_in_focus/dof_segmentation.hpp"
+#include "all_in_focus/region_captions.hpp"
 
 namespace all_in_focus::core {
+
+/// Colours of the labels 0..count in drawLabels(), BGR.
+std::vector<cv::Vec3b> labelColors(int count);
 
 /// Label image for people: hue from near (red) to far (blue) by label rank, neighbours told apart by
 /// brightness, 0 black. labels: CV_32SC1, values 0..count; picture: CV_8UC3, BGR.
 void drawLabels(const cv::Mat& labels, int count, cv::Mat& picture);
+
+/// Writes the captions at their anchors, sized to the picture, white on a dark rim. The first come first:
+/// what would cover an earlier caption is left out. picture: CV_8UC3.
+void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture);
 
 /// Which frame won where: hue by frame index (red first, violet last), brightness by confidence, kNoFrame
 /// black. source_index: CV_16UC1; confidence: CV_8UC1; frames: length of the bracket; picture: CV_8UC3, BGR.

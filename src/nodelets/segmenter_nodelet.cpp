@@ -23,6 +23,7 @@
 #include "conversions.hpp"
 #include "counted_subscription.hpp"
 #include "node_monitor.hpp"
+#include "segment_markers.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -50,7 +51,8 @@ class SegmenterNodelet : public nodelet::Nodelet {
   void onDepth(const sensor_msgs::ImageConstPtr& depth);
   void process(const sensor_msgs::ImageConstPtr& depth);
   void publishPlan(const std_msgs::Header& header);
-  void publishPicture(const std_msgs::Header& header, const cv::Mat& labels, std::size_t count);
+  void publishCaptioned(const std_msgs::Header& header);
+  void publishPicture(const CaptionSet& captions);
 
   std::unique_ptr<NodeMonitor> monitor_;
   int depth_input_ = 0;
@@ -63,6 +65,7 @@ class SegmenterNodelet : public nodelet::Nodelet {
   ros::Publisher labels_publisher_;  // no image_transport: lossy plug-ins would destroy labels
   ros::Publisher segments_publisher_, plan_publisher_;
   image_transport::Publisher picture_publisher_;
+  std::unique_ptr<SegmentMarkers> markers_;
 
   std::unique_ptr<DofSegmentation> segmentation_;  // empty: the configuration has changed
   Segmentation result_;
@@ -77,12 +80,14 @@ SegmenterNodelet::~SegmenterNodelet() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
   closing_ = true;
   if (depth_subscription_) depth_subscription_->shutdown();
+  if (markers_) markers_->listen(false);
 }
 
 void SegmenterNodelet::onInit() {
   monitor_ =
       std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), kProcessedTopic);
   depth_input_ = monitor_->addInput("depth_registered/image", Expect::kStream, "start depth_preprocess");
+  markers_ = std::make_unique<SegmentMarkers>(getNodeHandle(), *monitor_);
   readParameters();
   reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(getPrivateNodeHandle());
   reconfigure_server_->setCallback(
@@ -117,6 +122,7 @@ void SegmenterNodelet::advertise() {
   segments_publisher_ = nh.advertise<SegmentArray>("segmentation/segments", 1, connect, connect);
   plan_publisher_ = nh.advertise<FocusPlan>("segmentation/focus_plan", 1, connect, connect);
   picture_publisher_ = transport.advertise("segmentation/image_color", 1, picture_connect, picture_connect);
+  markers_->advertise(connect);
   for (const char* topic : {"segmentation/labels", "segmentation/segments", "segmentation/focus_plan",
                             "segmentation/image_color"}) {
     monitor_->addOutput(topic);
@@ -136,6 +142,8 @@ void SegmenterNodelet::reconfigure(Config& config) {
                "dof_rule");
   repair.check(config.min_region_size, config_.min_region_size, config.min_region_size >= 0,
                "min_region_size");
+  repair.check(config.caption_min_area, config_.caption_min_area,
+               repair.isNotNegative(config.caption_min_area), "caption_min_area");
   if (!repair.remarks().empty()) monitor_->warn(repair.remarks());
   config_ = config;
   segmentation_.reset();
@@ -153,7 +161,9 @@ void SegmenterNodelet::connect() {
   if (closing_) return;
   const bool wanted = labels_publisher_.getNumSubscribers() > 0 ||
                       segments_publisher_.getNumSubscribers() > 0 ||
-                      plan_publisher_.getNumSubscribers() > 0 || picture_publisher_.getNumSubscribers() > 0;
+                      plan_publisher_.getNumSubscribers() > 0 || picture_publisher_.getNumSubscribers() > 0 ||
+                      markers_->wanted();
+  markers_->listen(wanted);
   if (wanted && !*depth_subscription_) {
     depth_subscription_->subscribe(getMTNodeHandle(), getPrivateNodeHandle(), "depth_registered/image");
     monitor_->setSubscribed(true);
@@ -183,10 +193,10 @@ void SegmenterNodelet::process(const sensor_msgs::ImageConstPtr& message) {
   result_.labels = labels.mat;
   segmentation_->compute(depth.mm, result_);
   labels.mat = result_.labels;
-  result_.labels.release();  // the memory is the message's
 
-  publishPicture(message->header, labels.mat, result_.segments.size());
+  publishCaptioned(message->header);
   publishPlan(message->header);
+  result_.labels.release();  // the memory is the message's
   const SegmentArrayPtr segments = toMessage(result_, segmentation_->config());
   segments->header = message->header;
   labels_publisher_.publish(labels.take());
@@ -206,12 +216,21 @@ void SegmenterNodelet::publishPlan(const std_msgs::Header& header) {
   plan_publisher_.publish(plan);
 }
 
-void SegmenterNodelet::publishPicture(const std_msgs::Header& header, const cv::Mat& labels,
-                                      std::size_t count) {
+// The outputs with captions, which cost more than the labels do.
+void SegmenterNodelet::publishCaptioned(const std_msgs::Header& header) {
+  if (picture_publisher_.getNumSubscribers() == 0 && !markers_->wanted()) return;
+  CaptionSet captions{header, result_.labels.size(), static_cast<int>(result_.segments.size()), {}};
+  captions.captions = captionRegions(result_, config_.caption_min_area);
+  publishPicture(captions);
+  markers_->publish(captions);
+}
+
+void SegmenterNodelet::publishPicture(const CaptionSet& captions) {
   if (picture_publisher_.getNumSubscribers() == 0) return;
-  OutgoingImage picture(header, sensor_msgs::image_encodings::RGB8, labels.size());
-  drawLabels(labels, static_cast<int>(count), picture.mat);
+  OutgoingImage picture(captions.header, sensor_msgs::image_encodings::RGB8, captions.size);
+  drawLabels(result_.labels, captions.labels, picture.mat);
   cv::cvtColor(picture.mat, picture.mat, cv::COLOR_BGR2RGB);
+  drawCaptions(captions.captions, picture.mat);
   picture_publisher_.publish(picture.take());
 }
 

@@ -1,0 +1,147 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Pictures of rviz and image_view with the results of a bag: a master, the nodes and screens of their own."""
+import contextlib
+import os
+import signal
+import subprocess
+import tempfile
+import time
+import xmlrpc.client
+from xml.sax.saxutils import quoteattr
+
+import rosgraph
+import rospkg
+import rospy
+from roslib.packages import find_node
+
+from all_in_focus import rviz_config
+from all_in_focus.bag_player import BagPlayer, Limits, PlayError
+from all_in_focus.evaluation_launch import child_environment, free_port
+from all_in_focus.virtual_screen import ScreenError, VirtualScreen, changed_share, check_programs
+
+LABELS = "segmentation/labels"
+REPORT = "all_in_focus/report"
+CHANGED = 0.15  # share of the screen that results change, at least
+END = 40.0  # s for roslaunch to end what it has started
+
+LAUNCH = """<launch>
+  <param name="/use_sim_time" value="true"/>
+  <include file="$(find all_in_focus)/launch/all_in_focus.launch"><arg name="mode" value={mode}/></include>
+  <node pkg="rviz" type="rviz" name="rviz" args="-d {config}" required="true">
+    <env name="DISPLAY" value={rviz_display}/>
+  </node>
+  {image_view}
+</launch>
+"""
+# Labels are 32-bit: image_view colours them between the limits.
+IMAGE_VIEW = """<node pkg="image_view" type="image_view" name="labels_view">
+    <remap from="image" to="segmentation/labels"/>
+    <param name="min_image_value" value="0"/>
+    <param name="max_image_value" value="{labels}"/>
+    <param name="colormap" value="2"/>
+    <env name="DISPLAY" value={display}/>
+  </node>"""
+
+
+def default_config():
+    return os.path.join(rospkg.RosPack().get_path("all_in_focus"), "rviz", "all_in_focus.rviz")
+
+
+def has_image_view():
+    try:
+        return bool(find_node("image_view", "image_view"))
+    except rospkg.ResourceNotFound:
+        return False
+
+
+class Graph:
+    """roslaunch with rviz and the nodes, and this process as a node beside them."""
+
+    def __init__(self, launch, folder, timeout):
+        self._timeout = timeout
+        port = free_port()
+        environment = child_environment(os.environ, port, os.path.join(folder, "log"))
+        os.environ.update(ROS_MASTER_URI=environment["ROS_MASTER_URI"], ROS_HOSTNAME="localhost")
+        self.log = os.path.join(folder, "roslaunch.log")
+        with open(self.log, "w", encoding="utf-8") as log:
+            self._process = subprocess.Popen(["roslaunch", "-p", str(port), "-"], env=environment, stdin=subprocess.PIPE,
+                                             stdout=log, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+        self._process.stdin.write(launch)
+        self._process.stdin.close()
+
+    def wait(self, condition, what):
+        """Until the condition holds; raises ScreenError that says what was waited for."""
+        end = time.monotonic() + self._timeout
+        while not condition():
+            if self._process.poll() is not None:
+                raise ScreenError("roslaunch ended before %s: %s" % (what, self.last_error()))
+            if time.monotonic() > end:
+                raise ScreenError("%s: not within %g s" % (what, self._timeout))
+            time.sleep(0.1)
+
+    def last_error(self):
+        with open(self.log, encoding="utf-8", errors="replace") as log:
+            lines = [line.strip() for line in log if "rror" in line or "FATAL" in line or "died" in line]
+        return lines[-1] if lines else "it says no more"
+
+    def close(self):
+        self._process.send_signal(signal.SIGINT)
+        try:
+            self._process.wait(END)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+
+
+def hears(node, topics):
+    """Whether the node is connected with a publisher of each topic."""
+    try:
+        uri = rosgraph.Master("/rviz_pictures").lookupNode(node)
+        with xmlrpc.client.ServerProxy(uri) as proxy:
+            _, _, connections = proxy.getBusInfo("/rviz_pictures")
+    except (rosgraph.MasterException, OSError, xmlrpc.client.Error):
+        return False
+    return set(topics) <= {connection[4] for connection in connections if connection[2] == "i" and connection[5]}
+
+
+def take_pictures(contents, config, mode="refined", optics=None, timeout=60.0):
+    """Play a bag to the nodes and to rviz; returns {name: picture, BGR}: "rviz", and "labels" if image_view is installed.
+
+    contents: BagContents; config: an .rviz file; optics: of the lens, None: what the bag says; timeout: s for each step.
+    Raises ScreenError, PlayError.
+    """
+    check_programs("Xvfb", "import", "rviz")
+    wanted = ["/" + topic.lstrip("/") for topic in rviz_config.topics(config)]
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="rviz_screenshots."))
+        screens = {"rviz": VirtualScreen()}
+        stack.callback(lambda: [screen.close() for screen in screens.values()])
+        if has_image_view():
+            screens["labels"] = VirtualScreen(760, 540)
+        view = IMAGE_VIEW.format(display=quoteattr(screens["labels"].display), labels=20) if "labels" in screens else ""
+        graph = Graph(LAUNCH.format(mode=quoteattr(mode), config=config, image_view=view,
+                                    rviz_display=quoteattr(screens["rviz"].display)), folder, timeout)
+        stack.callback(graph.close)
+
+        graph.wait(rosgraph.is_master_online, "the master to answer")
+        rospy.init_node("rviz_screenshots", disable_signals=True)
+        stack.callback(rospy.signal_shutdown, "done")
+        seen = {}
+        outputs = {topic: rospy.Subscriber(topic, rospy.AnyMsg, lambda _, topic=topic: seen.update({topic: True}))
+                   for topic in [*wanted, "/" + LABELS, "/" + REPORT]}
+        graph.wait(lambda: hears("/rviz", wanted), "rviz to listen to " + ", ".join(wanted))
+        if view:
+            graph.wait(lambda: hears("/labels_view", ["/" + LABELS]), "image_view to listen to /" + LABELS)
+
+        player = BagPlayer(contents, Limits(connect=timeout))
+        player.connect({topic[1:]: subscriber for topic, subscriber in outputs.items()})
+        if optics or contents.optics:
+            player.set_optics(optics or contents.optics)
+        before = {name: screen.picture() for name, screen in screens.items()}
+        player.play(follow_optics=optics is None)
+        player.end_bracket(lambda number: "/" + REPORT in seen)
+        if "/" + REPORT not in seen:
+            raise PlayError("no result came: does the bag have a whole bracket?")
+        graph.wait(lambda: len(seen) == len(outputs), "every display to get its message")
+        return {name: screen.settled_picture(lambda now, name=name: changed_share(before[name], now) > CHANGED, timeout)
+                for name, screen in screens.items()}

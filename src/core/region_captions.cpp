@@ -1,0 +1,95 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "all_in_focus/region_captions.hpp"
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+namespace all_in_focus::core {
+namespace {
+
+constexpr float kWellWithin = 0.8f;  // of the greatest distance from the border that the region has
+
+std::string captionText(const Segment& segment) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%d: %.2f-%.2f m", segment.label, segment.min_mm / 1e3,
+                segment.max_mm / 1e3);
+  return text;
+}
+
+// Distance of each pixel from the border of its region, all regions in one go. The picture's edge is a
+// border, too: nobody reads what sticks out.
+cv::Mat borderDistance(const cv::Mat& labels) {
+  cv::Mat inside(labels.size(), CV_8UC1, cv::Scalar(0)), distance;
+  for (int y = 1; y + 1 < labels.rows; ++y) {
+    const auto* label = labels.ptr<std::int32_t>(y);
+    const auto* below = labels.ptr<std::int32_t>(y + 1);
+    auto* to = inside.ptr<std::uint8_t>(y);
+    for (int x = 1; x + 1 < labels.cols; ++x)
+      to[x] = label[x] == label[x + 1] && label[x] == below[x] ? 255 : 0;
+  }
+  cv::distanceTransform(inside, distance, cv::DIST_L2, 3);
+  return distance;
+}
+
+struct Region {
+  double pixels = 0, sum_x = 0, sum_y = 0;
+  float width = 0;  // greatest distance from the border
+  double nearest = std::numeric_limits<double>::infinity();
+  cv::Point anchor;
+};
+
+// The centroid of a bent region lies outside of it, so the pixel nearest to it among those well within.
+std::vector<Region> anchorRegions(const cv::Mat& labels, int count) {
+  std::vector<Region> regions(count + 1);
+  const cv::Mat distance = borderDistance(labels);
+  for (int y = 0; y < labels.rows; ++y) {
+    const auto* label = labels.ptr<std::int32_t>(y);
+    const auto* from_border = distance.ptr<float>(y);
+    for (int x = 0; x < labels.cols; ++x) {
+      Region& region = regions.at(label[x]);
+      region.pixels += 1;
+      region.sum_x += x;
+      region.sum_y += y;
+      region.width = std::max(region.width, from_border[x]);
+    }
+  }
+  for (int y = 0; y < labels.rows; ++y) {
+    const auto* label = labels.ptr<std::int32_t>(y);
+    const auto* from_border = distance.ptr<float>(y);
+    for (int x = 0; x < labels.cols; ++x) {
+      Region& region = regions[label[x]];
+      if (from_border[x] < kWellWithin * region.width) continue;
+      const double dx = x - region.sum_x / region.pixels, dy = y - region.sum_y / region.pixels;
+      if (dx * dx + dy * dy >= region.nearest) continue;
+      region.nearest = dx * dx + dy * dy;
+      region.anchor = {x, y};
+    }
+  }
+  return regions;
+}
+
+}  // namespace
+
+std::vector<RegionCaption> captionRegions(const Segmentation& segmentation, double caption_min_area) {
+  const cv::Mat& labels = segmentation.labels;
+  if (labels.type() != CV_32SC1) throw std::invalid_argument("captions: labels must be CV_32SC1");
+  const double least = std::max(1.0, caption_min_area / 100 * static_cast<double>(labels.total()));
+  const auto regions = anchorRegions(labels, static_cast<int>(segmentation.segments.size()));
+  std::vector<RegionCaption> captions;
+  for (const Segment& segment : segmentation.segments) {
+    if (segment.area < least) continue;
+    captions.push_back({segment.label, segment.area, segment.median_mm, regions.at(segment.label).anchor,
+                        captionText(segment)});
+  }
+  std::stable_sort(captions.begin(), captions.end(),
+                   [](const RegionCaption& a, const RegionCaption& b) { return a.area > b.area; });
+  return captions;
+}
+
+}  // namespace all_in_focus::core

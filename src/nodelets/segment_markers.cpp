@@ -1,0 +1,107 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "segment_markers.hpp"
+
+#include <visualization_msgs/MarkerArray.h>
+
+#include "all_in_focus/drawing.hpp"
+
+namespace all_in_focus {
+namespace {
+
+using visualization_msgs::Marker;
+
+constexpr const char* kInfoTopic = "depth_registered/camera_info";
+constexpr const char* kMarkersTopic = "segmentation/markers";
+constexpr double kTextHeight = 0.025;  // of the distance: equally legible near and far
+
+visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& camera) {
+  visualization_msgs::MarkerArray array;
+  Marker marker;
+  marker.header = set.header;
+  marker.pose.orientation.w = 1;
+  marker.action = Marker::DELETEALL;  // there may be fewer segments than in the last image
+  array.markers.push_back(marker);
+
+  marker.ns = "segments";
+  marker.type = Marker::TEXT_VIEW_FACING;
+  marker.action = Marker::ADD;
+  const std::vector<cv::Vec3b> colors = labelColors(set.labels);
+  for (const RegionCaption& caption : set.captions) {
+    const double z = caption.depth_mm / 1e3;
+    const cv::Point2d ray = camera.undistort(
+        {(caption.anchor.x - camera.cx) / camera.fx, (caption.anchor.y - camera.cy) / camera.fy});
+    const cv::Vec3b color = colors.at(caption.label);
+    marker.id = caption.label;
+    marker.text = caption.text;
+    marker.pose.position.x = ray.x * z;
+    marker.pose.position.y = ray.y * z;
+    marker.pose.position.z = z;
+    marker.scale.z = kTextHeight * z;
+    marker.color.r = color[2] / 255.f;
+    marker.color.g = color[1] / 255.f;
+    marker.color.b = color[0] / 255.f;
+    marker.color.a = 1;
+    array.markers.push_back(marker);
+  }
+  return array;
+}
+
+}  // namespace
+
+SegmentMarkers::SegmentMarkers(ros::NodeHandle& nh, NodeMonitor& monitor) : nh_(nh), monitor_(monitor) {
+  info_input_ = monitor_.addInput(kInfoTopic, Expect::kOptional, "start depth_preprocess");
+}
+
+void SegmentMarkers::advertise(const ros::SubscriberStatusCallback& connect) {
+  publisher_ = nh_.advertise<visualization_msgs::MarkerArray>(kMarkersTopic, 1, connect, connect);
+  monitor_.addOutput(kMarkersTopic);
+}
+
+// Shuts down without mutex_: that waits for onInfo(), which wants it.
+void SegmentMarkers::listen(bool wake) {
+  const bool want = wake && wanted();
+  if (want && !info_subscriber_) {
+    info_subscriber_ = nh_.subscribe(kInfoTopic, 1, &SegmentMarkers::onInfo, this);
+  } else if (!want && info_subscriber_) {
+    info_subscriber_.shutdown();
+    info_subscriber_ = {};
+    std::lock_guard<std::mutex> lock(mutex_);
+    camera_.reset();  // may be out of date when the next listener comes
+    waiting_.reset();
+  }
+}
+
+void SegmentMarkers::publish(const CaptionSet& captions) {
+  if (!wanted()) return;
+  std::lock_guard<std::mutex> lock(mutex_);
+  const bool second = waiting_ != nullptr;
+  waiting_ = std::make_unique<CaptionSet>(captions);
+  if (publishWaiting() || !second) return;
+  monitor_.warn(
+      "markers wait for " + monitor_.resolved(info_input_) +
+      ": nothing came that fits the depth image; publish its camera's calibration there, or remap it");
+}
+
+void SegmentMarkers::onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
+  monitor_.inputArrived(info_input_, info->header.stamp);
+  std::lock_guard<std::mutex> lock(mutex_);
+  try {
+    camera_ = std::make_unique<Camera>(toCamera(*info, monitor_.resolved(info_input_)));
+    publishWaiting();
+  } catch (const std::exception& e) {
+    camera_.reset();
+    monitor_.error(e.what());
+  }
+}
+
+// Holds mutex_.
+bool SegmentMarkers::publishWaiting() {
+  if (!waiting_ || !camera_ || camera_->size != waiting_->size) return false;
+  publisher_.publish(toMarkers(*waiting_, *camera_));
+  waiting_.reset();
+  return true;
+}
+
+}  // namespace all_in_focus

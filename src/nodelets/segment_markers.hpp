@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <ros/ros.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <std_msgs/Header.h>
+
+#include <memory>
+#include <mutex>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "all_in_focus/region_captions.hpp"
+#include "conversions.hpp"
+#include "node_monitor.hpp"
+
+namespace all_in_focus {
+
+/// Captions of a label image.
+struct CaptionSet {
+  std_msgs::Header header;  ///< of the label image
+  cv::Size size;            ///< of the label image
+  int labels = 0;           ///< how many there are, captioned or not: sets the colours
+  std::vector<RegionCaption> captions;
+};
+
+/// Publishes the captions as text in space, for rviz: each on the ray of its anchor, at the median depth of
+/// its region. Where the rays go is told by the camera_info beside the depth image, listened to while
+/// somebody wants markers.
+class SegmentMarkers {
+ public:
+  /// In onInit(), before monitor.start().
+  SegmentMarkers(ros::NodeHandle& nh, NodeMonitor& monitor);
+  /// connect: called as listeners come and go.
+  void advertise(const ros::SubscriberStatusCallback& connect);
+
+  bool wanted() const { return publisher_.getNumSubscribers() > 0; }
+  /// Starts or stops listening to the camera, as wanted; `wake` false: stops. For one thread at a time.
+  void listen(bool wake);
+
+  /// Publishes them, or keeps them until the camera is known: its message may come after the image.
+  void publish(const CaptionSet& captions);
+
+ private:
+  void onInfo(const sensor_msgs::CameraInfoConstPtr& info);
+  bool publishWaiting();
+
+  ros::NodeHandle nh_;
+  NodeMonitor& monitor_;
+  int info_input_ = 0;
+  ros::Publisher publisher_;
+
+  std::mutex mutex_;  // guards these two
+  std::unique_ptr<Camera> camera_;
+  std::unique_ptr<CaptionSet> waiting_;  // the newest, for the camera
+
+  ros::Subscriber info_subscriber_;  // last: calls onInfo()
+};
+
+}  // namespace all_in_focus

@@ -1,0 +1,219 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What people look at: captions in picture and space, the topics of the rviz file, the parameters' descriptions."""
+import ast
+import itertools
+import os
+
+import cv2
+import numpy as np
+import rospy
+import rostest
+from dynamic_reconfigure.client import Client
+from dynamic_reconfigure.msg import Config, ConfigDescription
+from sensor_msgs.msg import CameraInfo, Image
+from visualization_msgs.msg import Marker, MarkerArray
+
+from all_in_focus import rviz_config
+from all_in_focus.msg import SegmentArray
+from depth_testing import (FAR_MM, HEIGHT, NEAR_MM, WIDTH, GraphTest, camera_info, image_message, pixels_of,
+                           subscribers_of, two_planes, wait_until)
+
+STAMPS = itertools.count(1000)
+RVIZ_FILE = os.path.join(os.path.dirname(os.path.realpath(__file__)), '../../rviz/all_in_focus.rviz')
+TYPES = {'rviz/Image': 'sensor_msgs/Image', 'rviz/DepthCloud': 'sensor_msgs/Image',
+         'rviz/MarkerArray': 'visualization_msgs/MarkerArray'}
+INFO = 'depth_registered/camera_info'
+
+
+def u_around_a_block():
+    """Far away a U whose centroid lies in the near block that it goes around; nothing is known of the rest [mm]."""
+    depth = np.zeros((HEIGHT, WIDTH), np.uint16)
+    depth[6:44, 8:56] = FAR_MM
+    depth[8:32, 22:42] = NEAR_MM
+    return depth
+
+
+class CaptionTest(GraphTest):
+    """A segmenter on its own."""
+
+    def setUp(self):
+        super().setUp()
+        self.client = Client('/alone/segmenter', timeout=30)
+        self.client.update_configuration({'caption_min_area': 0.5})
+        self.depth = self.talk('/alone/depth_registered/image', Image)
+
+    def listen_to_markers(self):
+        self.markers = self.listen('/alone/segmentation/markers', MarkerArray)
+        self.labels = self.listen('/alone/segmentation/labels', Image)
+        self.segments = self.listen('/alone/segmentation/segments', SegmentArray)
+        self.info = self.talk('/alone/' + INFO, CameraInfo)
+
+    def markers_at(self, stamp, timeout=10.0):
+        found = lambda: [a.markers for a in self.markers.messages if a.markers[0].header.stamp == rospy.Time(stamp)]
+        arrays = wait_until(found, timeout)
+        self.assertLessEqual(len(arrays), 1)
+        return arrays[0] if arrays else None
+
+    def see(self, depth, info=None):
+        """Labels, segments and text markers of a depth image; what was there before is to be deleted first."""
+        stamp = next(STAMPS)
+        self.info.say(info or camera_info(stamp, 'color'))
+        self.depth.say(image_message(depth, stamp, frame='color'))
+        markers = self.markers_at(stamp)
+        self.assertIsNotNone(markers)
+        self.assertEqual([m.action for m in markers], [Marker.DELETEALL] + [Marker.ADD] * (len(markers) - 1))
+        self.assertEqual({m.header.frame_id for m in markers}, {'color'})
+        return pixels_of(self.labels.at(stamp)), self.segments.at(stamp).segments, markers[1:]
+
+    def test_markers_lie_in_their_regions_and_tell_their_depth(self):
+        self.listen_to_markers()
+        straight, bent = camera_info(0, 'color'), camera_info(0, 'color')
+        bent.D = [-0.3, 0.1, 0.01, -0.01, 0.0]
+        for info in (straight, bent):
+            labels, segments, markers = self.see(u_around_a_block(), info)
+            self.assertEqual({m.id for m in markers}, {1, 2})
+            for marker in markers:
+                at = marker.pose.position
+                pixel = cv2.projectPoints(np.array([[at.x, at.y, at.z]]), np.zeros(3), np.zeros(3),
+                                          np.array(info.K).reshape(3, 3), np.array(info.D))[0].ravel()
+                x, y = np.rint(pixel).astype(int)
+                np.testing.assert_allclose(pixel, (x, y), atol=1e-3)
+                self.assertTrue((labels[y - 2:y + 3, x - 2:x + 3] == marker.id).all(), (marker.id, x, y))
+                segment = segments[marker.id - 1]
+                self.assertAlmostEqual(at.z, segment.depth_median, places=5)
+                self.assertEqual(marker.text, '%d: %.2f-%.2f m' % (marker.id, segment.depth_min, segment.depth_max))
+                self.assertEqual([marker.type, marker.pose.orientation.w], [Marker.TEXT_VIEW_FACING, 1])
+                self.assertGreater(marker.color.a, 0.5)
+            near, far = sorted(markers, key=lambda m: m.id)
+            self.assertAlmostEqual(far.scale.z / near.scale.z, FAR_MM / NEAR_MM, places=5)
+            self.assertGreater(near.scale.z, 0)
+            self.assertEqual([near.color.r, far.color.b], [1, max(far.color.r, far.color.g, far.color.b)])
+
+    def test_markers_of_vanished_segments_are_deleted(self):
+        self.listen_to_markers()
+        for depth, ids in ((two_planes(), {1, 2}), (np.full_like(two_planes(), FAR_MM), {1}),
+                           (np.zeros_like(two_planes()), set())):
+            self.assertEqual({m.id for m in self.see(depth)[2]}, ids)
+
+    def test_small_segments_have_no_caption(self):
+        self.listen_to_markers()
+        depth = two_planes()
+        depth[10:14, 40:44] = 500  # 0.52 % of the picture
+        self.assertEqual({m.id for m in self.see(depth)[2]}, {1, 2, 3})
+        self.client.update_configuration({'caption_min_area': 1.0})
+        self.assertEqual({m.id for m in self.see(depth)[2]}, {2, 3})
+        self.assertEqual(self.client.update_configuration({'caption_min_area': -0.5})['caption_min_area'], 1.0)
+
+    def test_markers_wait_for_a_calibration_that_fits(self):
+        self.listen_to_markers()
+        stamp, other = next(STAMPS), camera_info(0, 'color')
+        other.width = WIDTH // 2
+        self.info.say(other)
+        self.info.say(camera_info(0, 'color', 0.0))
+        self.depth.say(image_message(two_planes(), stamp, frame='color'))
+        self.assertIsNotNone(self.labels.at(stamp))
+        self.assertTrue(wait_until(lambda: any('/alone/' + INFO in s.message and 'not calibrated' in s.message
+                                               for s in self.diagnostics.statuses)))
+        self.assertIsNone(self.markers_at(stamp, timeout=0.2))
+        later = next(STAMPS)
+        self.depth.say(image_message(two_planes(), later, frame='color'))
+        self.diagnostics.wait('alone/segmenter', lambda s: 'markers wait for /alone/' + INFO in s.message)
+        self.info.say(camera_info(0, 'color'))
+        self.assertEqual(len(self.markers_at(later)), 3)
+        self.assertIsNone(self.markers_at(stamp, timeout=0))
+
+    def test_calibration_is_read_only_for_markers(self):
+        silent = lambda: not subscribers_of('/alone/' + INFO)
+        self.listen('/alone/segmentation/image_color', Image)
+        self.assertTrue(wait_until(lambda: subscribers_of('/alone/depth_registered/image')))
+        self.assertTrue(silent())
+        markers = self.listen('/alone/segmentation/markers', MarkerArray)
+        self.assertTrue(wait_until(lambda: not silent()))
+        self.listeners.remove(markers)
+        markers.close()
+        self.assertTrue(wait_until(silent))
+        self.assertTrue(subscribers_of('/alone/depth_registered/image'))
+
+    def test_picture_has_captions(self):
+        picture = self.listen('/alone/segmentation/image_color', Image)
+        depth = np.full((240, 320), FAR_MM, np.uint16)
+        depth[:, :160] = NEAR_MM
+        pictures = []
+        for least in (0.5, 100.0):
+            self.client.update_configuration({'caption_min_area': least})
+            stamp = next(STAMPS)
+            self.depth.say(image_message(depth, stamp, frame='color'))
+            pictures.append(pixels_of(picture.at(stamp)))
+        captioned, plain = pictures
+        self.assertEqual([plain[0, 0].argmax(), plain[0, -1].argmax()], [0, 2])  # red, blue
+        for half in (slice(0, 160), slice(160, 320)):
+            self.assertEqual(len(np.unique(plain[:, half].reshape(-1, 3), axis=0)), 1)
+            written = (captioned != plain).any(axis=2)[:, half]
+            ys, xs = np.nonzero(written)
+            self.assertGreater(len(ys), 200)
+            self.assertLess(abs(ys.mean() - 120) + abs(xs.mean() - 80), 8)  # about the middle
+            self.assertEqual(captioned[:, half][written].max(), 255)
+
+
+class RvizFileTest(GraphTest):
+    def test_somebody_publishes_what_the_displays_want(self):
+        topics = rviz_config.topics(RVIZ_FILE)
+        self.assertGreaterEqual(set(topics), {'all_in_focus/image', 'all_in_focus/weights_color', 'all_in_focus/depth',
+                                              'segmentation/image_color', 'segmentation/markers'})
+        missing = lambda: {'/rig/' + t for t in topics} - {name for name, _ in rospy.get_published_topics('/rig')}
+        self.assertTrue(wait_until(lambda: not missing()), missing())
+        types = dict(rospy.get_published_topics('/rig'))
+        for display in rviz_config.displays(RVIZ_FILE):
+            for name in rviz_config.topics_of(display):
+                kind = 'sensor_msgs/CameraInfo' if name.endswith('camera_info') else TYPES[display['Class']]
+                self.assertEqual(types['/rig/' + name], kind, display['Name'])
+
+
+class DescriptionTest(GraphTest):
+    GROUPS = {
+        'depth_preprocess': {'Registration': ['mode'], 'Holes': ['fill_holes']},
+        'segmenter': {'Optics': ['focal_length_mm', 'aperture', 'circle_of_confusion_mm'],
+                      'Regions': ['dof_rule', 'min_region_size'], 'Captions': ['caption_min_area']},
+        'fusion': {'Fusion': ['mode'], 'Alignment': ['reference', 'max_held_frames'],
+                   'Brackets': ['bracket_mode', 'bracket_size', 'bracket_gap'], 'Labels': ['label_max_age', 'label_timeout']},
+    }
+    CHOICES = {'mode': ['paper', 'refined'], 'dof_rule': ['paper', 'full'], 'bracket_mode': ['bracket', 'sliding']}
+
+    def last(self, topic, kind):
+        listener = self.listen(topic, kind)
+        self.assertTrue(wait_until(lambda: listener.messages), topic)
+        return listener.messages[-1]
+
+    @staticmethod
+    def values(config):
+        return {value.name: value.value for part in (config.bools, config.ints, config.strs, config.doubles) for value in part}
+
+    def test_every_parameter_has_group_unit_and_range(self):
+        for node, groups in self.GROUPS.items():
+            description = self.last('/rig/%s/parameter_descriptions' % node, ConfigDescription)
+            shown = {group.name: group.parameters for group in description.groups if group.parameters}
+            self.assertEqual({name: [p.name for p in parameters] for name, parameters in shown.items()}, groups, node)
+            default, least, most = (self.values(part) for part in (description.dflt, description.min, description.max))
+            for parameter in itertools.chain(*shown.values()):
+                self.assertRegex(parameter.description, r'.{10,}\[.+\]', parameter.name)  # what it does, its unit
+                if parameter.type in ('int', 'double'):
+                    self.assertLessEqual(least[parameter.name], default[parameter.name])
+                    self.assertGreater(most[parameter.name], default[parameter.name])
+                    self.assertLess(most[parameter.name], 1e6)  # sliders stay usable
+                if parameter.name in self.CHOICES:
+                    choices = [c['value'] for c in ast.literal_eval(parameter.edit_method)['enum']]
+                    self.assertEqual(choices, self.CHOICES[parameter.name])
+                    self.assertIn(default[parameter.name], choices)
+
+    def test_nodes_start_with_the_defaults_shown(self):
+        for node in self.GROUPS:
+            default = self.last('/rig/%s/parameter_descriptions' % node, ConfigDescription).dflt
+            now = self.last('/rig/%s/parameter_updates' % node, Config)
+            self.assertEqual(self.values(now), self.values(default), node)
+
+
+if __name__ == '__main__':
+    rospy.init_node('seeing_test')
+    rostest.rosrun('all_in_focus', 'seeing', '__main__')

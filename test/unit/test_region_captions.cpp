@@ -1,0 +1,84 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "all_in_focus/drawing.hpp"
+#include "all_in_focus/region_captions.hpp"
+
+using namespace all_in_focus::core;
+
+namespace {
+
+Segment segment(const cv::Mat& labels, int label, int min_mm, int max_mm) {
+  Segment result;
+  result.label = label;
+  result.area = cv::countNonZero(labels == label);
+  result.min_mm = min_mm;
+  result.max_mm = max_mm;
+  result.median_mm = (min_mm + max_mm) / 2;
+  return result;
+}
+
+// A U of depth 0.92 to 1.05 m around a block of 2 m, a far speck; the rest is unknown.
+Segmentation scene() {
+  Segmentation scene;
+  scene.labels = cv::Mat(240, 320, CV_32SC1, cv::Scalar(0));
+  scene.labels(cv::Rect(40, 20, 200, 200)) = 1;
+  scene.labels(cv::Rect(80, 0, 120, 180)) = 2;
+  scene.labels(cv::Rect(300, 100, 6, 6)) = 3;
+  scene.segments = {segment(scene.labels, 1, 920, 1050), segment(scene.labels, 2, 2000, 2000),
+                    segment(scene.labels, 3, 3000, 3500)};
+  return scene;
+}
+
+TEST(RegionCaptions, LieWellWithinTheirRegions) {
+  const Segmentation segmentation = scene();
+  const auto captions = captionRegions(segmentation);
+  ASSERT_EQ(captions.size(), 2u);   // the speck is too small
+  EXPECT_EQ(captions[0].label, 2);  // the largest first
+  EXPECT_EQ(captions[0].text, "2: 2.00-2.00 m");
+  EXPECT_EQ(captions[1].text, "1: 0.92-1.05 m");
+  EXPECT_EQ(captions[1].depth_mm, 985);
+  EXPECT_NEAR(captions[0].anchor.x, 140, 3);
+  EXPECT_NEAR(captions[0].anchor.y, 90, 3);
+  for (const RegionCaption& caption : captions) {  // the centroid of the U lies outside of it
+    const cv::Rect around(caption.anchor.x - 12, caption.anchor.y - 12, 25, 25);
+    EXPECT_EQ(cv::countNonZero(segmentation.labels(around) != caption.label), 0) << caption.anchor;
+  }
+}
+
+TEST(RegionCaptions, SmallRegionsHaveOneWhenAskedFor) {
+  const auto captions = captionRegions(scene(), 0.04);  // 36 of 76800 pixels are 0.047 %
+  ASSERT_EQ(captions.size(), 3u);
+  EXPECT_EQ(captions[2].text, "3: 3.00-3.50 m");
+  EXPECT_TRUE(cv::Rect(300, 100, 6, 6).contains(captions[2].anchor));
+}
+
+TEST(RegionCaptions, NothingKnownHasNoCaption) {
+  Segmentation nothing;
+  nothing.labels = cv::Mat(1, 1, CV_32SC1, cv::Scalar(0));
+  EXPECT_TRUE(captionRegions(nothing, 0).empty());
+  nothing.labels = cv::Mat(4, 4, CV_8UC1, cv::Scalar(0));
+  EXPECT_THROW(captionRegions(nothing), std::invalid_argument);
+}
+
+TEST(DrawCaptions, WritesInsideThePictureAndNotOverEarlierOnes) {
+  cv::Mat plain(120, 160, CV_8UC3, cv::Scalar(40, 80, 200)), once = plain.clone(), twice = plain.clone();
+  const RegionCaption corner{1, 100, 1000, {0, 0}, "1: 0.99-1.01 m"};
+  drawCaptions({corner}, once);
+  drawCaptions({corner, corner}, twice);
+  cv::Mat written;
+  cv::absdiff(plain, once, written);
+  EXPECT_GT(cv::countNonZero(written.reshape(1)), 300);
+  EXPECT_EQ(cv::countNonZero(written.col(0).clone().reshape(1)), 0);  // nothing is cut off
+  EXPECT_EQ(cv::norm(once, twice, cv::NORM_INF), 0);
+  cv::Mat tiny(3, 3, CV_8UC3, cv::Scalar::all(0));
+  EXPECT_NO_THROW(drawCaptions({corner}, tiny));
+  cv::Mat gray(9, 9, CV_8UC1);
+  EXPECT_THROW(drawCaptions({corner}, gray), std::invalid_argument);
+}
+
+}  // namespace
