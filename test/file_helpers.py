@@ -46,7 +46,7 @@ def focus_file(tmp_path, text):
     return str(path)
 
 
-def run_script(name, *arguments):
+def run_script(name, *arguments, timeout=60):
     path = os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")])
     return subprocess.run([sys.executable, os.path.join(SCRIPTS, name), *map(str, arguments)], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, universal_newlines=True, env=dict(os.environ, PATH=path), timeout=60)
+                          stderr=subprocess.PIPE, universal_newlines=True, env=dict(os.environ, PATH=path), timeout=timeout)

@@ -28,18 +28,15 @@ END = 40.0  # s for roslaunch to end what it has started
 LAUNCH = """<launch>
   <param name="/use_sim_time" value="true"/>
   <include file="$(find all_in_focus)/launch/all_in_focus.launch"><arg name="mode" value={mode}/></include>
-  <node pkg="rviz" type="rviz" name="rviz" args="-d {config}" required="true">
+  <node pkg="rviz" type="rviz" name="rviz" args={rviz_args} required="true">
     <env name="DISPLAY" value={rviz_display}/>
   </node>
   {image_view}
 </launch>
 """
-# Labels are 32-bit: image_view colours them between the limits.
 IMAGE_VIEW = """<node pkg="image_view" type="image_view" name="labels_view">
     <remap from="image" to="segmentation/labels"/>
-    <param name="min_image_value" value="0"/>
-    <param name="max_image_value" value="{labels}"/>
-    <param name="colormap" value="2"/>
+    <param name="autosize" value="true"/>
     <env name="DISPLAY" value={display}/>
   </node>"""
 
@@ -49,6 +46,7 @@ def default_config():
 
 
 def has_image_view():
+    """Debian has the program in one package, and what makes it a ROS package in another."""
     try:
         return bool(find_node("image_view", "image_view"))
     except rospkg.ResourceNotFound:
@@ -65,8 +63,9 @@ class Graph:
         os.environ.update(ROS_MASTER_URI=environment["ROS_MASTER_URI"], ROS_HOSTNAME="localhost")
         self.log = os.path.join(folder, "roslaunch.log")
         with open(self.log, "w", encoding="utf-8") as log:
-            self._process = subprocess.Popen(["roslaunch", "-p", str(port), "-"], env=environment, stdin=subprocess.PIPE,
-                                             stdout=log, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+            self._process = subprocess.Popen(["roslaunch", "-p", str(port), "-"], env=environment, text=True,
+                                             stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
+                                             start_new_session=True)
         self._process.stdin.write(launch)
         self._process.stdin.close()
 
@@ -105,22 +104,24 @@ def hears(node, topics):
 
 
 def take_pictures(contents, config, mode="refined", optics=None, timeout=60.0):
-    """Play a bag to the nodes and to rviz; returns {name: picture, BGR}: "rviz", and "labels" if image_view is installed.
+    """Play a bag to the nodes and to rviz. Returns BGR pictures: "rviz", and "labels" if image_view is installed.
 
-    contents: BagContents; config: an .rviz file; optics: of the lens, None: what the bag says; timeout: s for each step.
-    Raises ScreenError, PlayError.
+    contents: BagContents; config: an .rviz file; optics: of the lens, None: what the bag says; timeout: s for each
+    step. Raises ScreenError, PlayError.
     """
-    check_programs("Xvfb", "import", "rviz")
     wanted = ["/" + topic.lstrip("/") for topic in rviz_config.topics(config)]
+    check_programs("Xvfb", "import", "rviz")
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="rviz_screenshots."))
         screens = {"rviz": VirtualScreen()}
         stack.callback(lambda: [screen.close() for screen in screens.values()])
         if has_image_view():
-            screens["labels"] = VirtualScreen(760, 540)
-        view = IMAGE_VIEW.format(display=quoteattr(screens["labels"].display), labels=20) if "labels" in screens else ""
-        graph = Graph(LAUNCH.format(mode=quoteattr(mode), config=config, image_view=view,
-                                    rviz_display=quoteattr(screens["rviz"].display)), folder, timeout)
+            screens["labels"] = VirtualScreen(1600, 640)
+        view = IMAGE_VIEW.format(display=quoteattr(screens["labels"].display)) if "labels" in screens else ""
+        frame = contents.rgb_info.header.frame_id.lstrip("/")  # the result's
+        launch = LAUNCH.format(mode=quoteattr(mode), rviz_args=quoteattr("-d %s -f %s" % (config, frame)),
+                               rviz_display=quoteattr(screens["rviz"].display), image_view=view)
+        graph = Graph(launch, folder, timeout)
         stack.callback(graph.close)
 
         graph.wait(rosgraph.is_master_online, "the master to answer")

@@ -52,8 +52,8 @@ class VirtualScreen:
 
     def picture(self):
         """The whole screen, BGR."""
-        shot = subprocess.run(["import", "-display", self.display, "-window", "root", "png:-"], stdin=subprocess.DEVNULL,
-                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, check=False)
+        shot = subprocess.run(["import", "-display", self.display, "-window", "root", "png:-"], check=False,
+                              stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         image = cv2.imdecode(np.frombuffer(shot.stdout, np.uint8), cv2.IMREAD_COLOR) if shot.stdout else None
         if image is None:
             raise ScreenError("no picture of the screen: " + " ".join(shot.stderr.decode(errors="replace").split()))

@@ -29,7 +29,7 @@ std::vector<cv::Vec3b> hues(int count, double span, bool alternate) {
 
 constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
 constexpr double kLetterHeight = 22;  // of OpenCV's font at scale 1, pixels
-constexpr double kTextHeight = 0.03;  // of the picture's height
+constexpr double kTextHeight = 0.04;  // of the picture's height
 
 }  // namespace
 
@@ -54,7 +54,7 @@ void drawLabels(const cv::Mat& labels, int count, cv::Mat& picture) {
 void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture) {
   if (picture.type() != CV_8UC3) throw std::invalid_argument("drawing: captions go on a CV_8UC3 picture");
   const double scale = std::max(0.35, kTextHeight * picture.rows / kLetterHeight);
-  const int line = std::max(1, cvRound(1.5 * scale)), rim = 2 * line;
+  const int line = std::max(1, cvRound(1.5 * scale)), rim = line + 1;
   std::vector<cv::Rect> taken;
   for (const RegionCaption& caption : captions) {
     int below = 0;

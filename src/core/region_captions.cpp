@@ -84,7 +84,7 @@ std::vector<RegionCaption> captionRegions(const Segmentation& segmentation, doub
   std::vector<RegionCaption> captions;
   for (const Segment& segment : segmentation.segments) {
     if (segment.area < least) continue;
-    captions.push_back({segment.label, segment.area, segment.median_mm, regions.at(segment.label).anchor,
+    captions.push_back({segment.label, segment.area, segment.min_mm, regions.at(segment.label).anchor,
                         captionText(segment)});
   }
   std::stable_sort(captions.begin(), captions.end(),

@@ -28,8 +28,9 @@ visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& c
   marker.type = Marker::TEXT_VIEW_FACING;
   marker.action = Marker::ADD;
   const std::vector<cv::Vec3b> colors = labelColors(set.labels);
+  const auto pale = [](int value) { return (value + 255) / 510.f; };  // dark letters are not legible
   for (const RegionCaption& caption : set.captions) {
-    const double z = caption.depth_mm / 1e3;
+    const double z = caption.near_mm / 1e3;
     const cv::Point2d ray = camera.undistort(
         {(caption.anchor.x - camera.cx) / camera.fx, (caption.anchor.y - camera.cy) / camera.fy});
     const cv::Vec3b color = colors.at(caption.label);
@@ -39,9 +40,9 @@ visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& c
     marker.pose.position.y = ray.y * z;
     marker.pose.position.z = z;
     marker.scale.z = kTextHeight * z;
-    marker.color.r = color[2] / 255.f;
-    marker.color.g = color[1] / 255.f;
-    marker.color.b = color[0] / 255.f;
+    marker.color.r = pale(color[2]);
+    marker.color.g = pale(color[1]);
+    marker.color.b = pale(color[0]);
     marker.color.a = 1;
     array.markers.push_back(marker);
   }

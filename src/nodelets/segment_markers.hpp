@@ -26,9 +26,9 @@ struct CaptionSet {
   std::vector<RegionCaption> captions;
 };
 
-/// Publishes the captions as text in space, for rviz: each on the ray of its anchor, at the median depth of
-/// its region. Where the rays go is told by the camera_info beside the depth image, listened to while
-/// somebody wants markers.
+/// Publishes the captions as text in space, for rviz: each on the ray of its anchor, at the near end of its
+/// region, whose points would hide it further back. Where the rays go is told by the camera_info beside the
+/// depth image, listened to while somebody wants markers.
 class SegmentMarkers {
  public:
   /// In onInit(), before monitor.start().

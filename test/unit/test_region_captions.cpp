@@ -41,7 +41,7 @@ TEST(RegionCaptions, LieWellWithinTheirRegions) {
   EXPECT_EQ(captions[0].label, 2);  // the largest first
   EXPECT_EQ(captions[0].text, "2: 2.00-2.00 m");
   EXPECT_EQ(captions[1].text, "1: 0.92-1.05 m");
-  EXPECT_EQ(captions[1].depth_mm, 985);
+  EXPECT_EQ(captions[1].near_mm, 920);
   EXPECT_NEAR(captions[0].anchor.x, 140, 3);
   EXPECT_NEAR(captions[0].anchor.y, 90, 3);
   for (const RegionCaption& caption : captions) {  // the centroid of the U lies outside of it
