@@ -79,10 +79,15 @@ def test_missing_programs_are_named_with_their_packages(bag, tmp_path, monkeypat
 def test_topics_of_a_configuration(tmp_path):
     path = tmp_path / "a.rviz"
     path.write_text("""Visualization Manager:
+  Global Options: {Fixed Frame: map}
   Displays:
     - {Class: rviz/DepthCloud, Name: cloud, Enabled: true, Depth Map Topic: a/depth, Color Image Topic: a/image}
     - {Class: rviz/Image, Name: picture, Image Topic: a/image}
     - {Class: rviz/Image, Name: off, Enabled: false, Image Topic: b}
     - {Class: rviz/Grid, Name: grid, Enabled: true}
 """)
-    assert rviz_config.topics(str(path)) == ["a/image", "a/depth", "a/camera_info"]
+    other = str(tmp_path / "b.rviz")
+    rviz_config.write_with_frame(str(path), "color", other)
+    for name in (str(path), other):
+        assert rviz_config.topics(name) == ["a/image", "a/depth", "a/camera_info"]
+    assert "Fixed Frame: color" in open(other).read()

@@ -16,8 +16,7 @@ std::vector<cv::Vec3b> labelColors(int count);
 /// brightness, 0 black. labels: CV_32SC1, values 0..count; picture: CV_8UC3, BGR.
 void drawLabels(const cv::Mat& labels, int count, cv::Mat& picture);
 
-/// Writes the captions at their anchors, sized to the picture, white on a dark rim. The first come first:
-/// what would cover an earlier caption is left out. picture: CV_8UC3.
+/// Writes captions into a picture of their labels' size, white on a dark rim. picture: CV_8UC3.
 void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture);
 
 /// Which frame won where: hue by frame index (red first, violet last), brightness by confidence, kNoFrame

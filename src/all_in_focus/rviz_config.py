@@ -8,14 +8,28 @@ import yaml
 TOPIC_KEYS = ("Image Topic", "Color Image Topic", "Depth Map Topic", "Marker Topic", "Topic")
 
 
-def displays(path):
-    """The enabled displays of an .rviz file, as it describes them. Raises OSError, ValueError (one line)."""
+def _read(path):
+    """Raises OSError, ValueError (one line)."""
     with open(path, encoding="utf-8") as file:
         try:
-            found = yaml.safe_load(file)["Visualization Manager"]["Displays"]
+            config = yaml.safe_load(file)
+            config["Visualization Manager"]["Displays"], config["Visualization Manager"]["Global Options"]
+            return config
         except (yaml.YAMLError, KeyError, TypeError) as error:
             raise ValueError("%s: not an rviz configuration (%s)" % (path, " ".join(str(error).split()))) from error
-    return [display for display in found if display.get("Enabled", True)]
+
+
+def displays(path):
+    """The enabled displays of an .rviz file, as it describes them. Raises OSError, ValueError (one line)."""
+    return [display for display in _read(path)["Visualization Manager"]["Displays"] if display.get("Enabled", True)]
+
+
+def write_with_frame(path, frame, output):
+    """Copy an .rviz file with another fixed frame: DepthCloud keeps to that of the file, whatever rviz -f says."""
+    config = _read(path)
+    config["Visualization Manager"]["Global Options"]["Fixed Frame"] = frame
+    with open(output, "w", encoding="utf-8") as file:
+        yaml.safe_dump(config, file)
 
 
 def topics_of(display):

@@ -22,7 +22,7 @@ from all_in_focus.virtual_screen import ScreenError, VirtualScreen, changed_shar
 
 LABELS = "segmentation/labels"
 REPORT = "all_in_focus/report"
-CHANGED = 0.15  # share of the screen that results change, at least
+CHANGED = {"rviz": 0.15, "labels": 0.01}  # share of the screen that results change, at least
 END = 40.0  # s for roslaunch to end what it has started
 
 LAUNCH = """<launch>
@@ -118,8 +118,9 @@ def take_pictures(contents, config, mode="refined", optics=None, timeout=60.0):
         if has_image_view():
             screens["labels"] = VirtualScreen(1600, 640)
         view = IMAGE_VIEW.format(display=quoteattr(screens["labels"].display)) if "labels" in screens else ""
-        frame = contents.rgb_info.header.frame_id.lstrip("/")  # the result's
-        launch = LAUNCH.format(mode=quoteattr(mode), rviz_args=quoteattr("-d %s -f %s" % (config, frame)),
+        own_config = os.path.join(folder, "own.rviz")
+        rviz_config.write_with_frame(config, contents.rgb_info.header.frame_id.lstrip("/"), own_config)
+        launch = LAUNCH.format(mode=quoteattr(mode), rviz_args=quoteattr("-d " + own_config),
                                rviz_display=quoteattr(screens["rviz"].display), image_view=view)
         graph = Graph(launch, folder, timeout)
         stack.callback(graph.close)
@@ -144,5 +145,6 @@ def take_pictures(contents, config, mode="refined", optics=None, timeout=60.0):
         if "/" + REPORT not in seen:
             raise PlayError("no result came: does the bag have a whole bracket?")
         graph.wait(lambda: len(seen) == len(outputs), "every display to get its message")
-        return {name: screen.settled_picture(lambda now, name=name: changed_share(before[name], now) > CHANGED, timeout)
+        return {name: screen.settled_picture(
+                    lambda now, name=name: changed_share(before[name], now) > CHANGED[name], timeout)
                 for name, screen in screens.items()}

@@ -27,10 +27,6 @@ std::vector<cv::Vec3b> hues(int count, double span, bool alternate) {
   return {bgr.begin<cv::Vec3b>(), bgr.end<cv::Vec3b>()};
 }
 
-constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
-constexpr double kLetterHeight = 22;  // of OpenCV's font at scale 1, pixels
-constexpr double kTextHeight = 0.04;  // of the picture's height
-
 }  // namespace
 
 std::vector<cv::Vec3b> labelColors(int count) {
@@ -53,23 +49,15 @@ void drawLabels(const cv::Mat& labels, int count, cv::Mat& picture) {
 
 void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture) {
   if (picture.type() != CV_8UC3) throw std::invalid_argument("drawing: captions go on a CV_8UC3 picture");
-  const double scale = std::max(0.35, kTextHeight * picture.rows / kLetterHeight);
-  const int line = std::max(1, cvRound(1.5 * scale)), rim = line + 1;
-  std::vector<cv::Rect> taken;
+  const CaptionStyle style = captionStyle(picture.size());
+  const auto write = [&](const RegionCaption& caption, int grey, int thickness) {
+    const cv::Point base(caption.box.x, caption.box.y + caption.box.height);
+    cv::putText(picture, caption.text, base, style.font, style.scale, cv::Scalar::all(grey), thickness,
+                cv::LINE_AA);
+  };
   for (const RegionCaption& caption : captions) {
-    int below = 0;
-    const cv::Size size = cv::getTextSize(caption.text, kFont, scale, line, &below);
-    cv::Rect box(caption.anchor.x - size.width / 2, caption.anchor.y - size.height / 2, size.width,
-                 size.height);
-    box.x = std::max(rim, std::min(box.x, picture.cols - box.width - rim));
-    box.y = std::max(rim, std::min(box.y, picture.rows - box.height - rim));
-    const cv::Rect whole(box.x - rim, box.y - rim, box.width + 2 * rim, box.height + 2 * rim);
-    const auto covers = [&whole](const cv::Rect& other) { return (whole & other).area() > 0; };
-    if (std::any_of(taken.begin(), taken.end(), covers)) continue;
-    taken.push_back(whole);
-    const cv::Point origin(box.x, box.y + box.height);  // of the base line
-    cv::putText(picture, caption.text, origin, kFont, scale, cv::Scalar::all(0), line + 2 * rim, cv::LINE_AA);
-    cv::putText(picture, caption.text, origin, kFont, scale, cv::Scalar::all(255), line, cv::LINE_AA);
+    write(caption, 0, style.line + 2 * style.rim);
+    write(caption, 255, style.line);
   }
 }
 

@@ -13,7 +13,10 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr float kWellWithin = 0.8f;  // of the greatest distance from the border that the region has
+constexpr double kLetterHeight = 22;  // of OpenCV's font at scale 1, pixels
+constexpr double kTextHeight = 0.04;  // of the picture's height
+constexpr double kLeastScale = 0.35;  // smaller letters are not legible
+constexpr float kWellWithin = 0.8f;   // of the greatest distance from the border that the region has
 
 std::string captionText(const Segment& segment) {
   char text[64];
@@ -74,21 +77,51 @@ std::vector<Region> anchorRegions(const cv::Mat& labels, int count) {
   return regions;
 }
 
+// Moved into the picture where it would stick out.
+cv::Rect textBox(const std::string& text, const cv::Point& middle, const cv::Size& picture) {
+  const CaptionStyle style = captionStyle(picture);
+  int below = 0;
+  const cv::Size size = cv::getTextSize(text, style.font, style.scale, style.line, &below);
+  const int right = picture.width - size.width - style.rim, bottom = picture.height - size.height - style.rim;
+  return {std::max(style.rim, std::min(middle.x - size.width / 2, right)),
+          std::max(style.rim, std::min(middle.y - size.height / 2, bottom)), size.width, size.height};
+}
+
+bool isCovered(const cv::Rect& box, const std::vector<RegionCaption>& captions) {
+  const int gap = box.height;
+  const cv::Rect around(box.x - gap, box.y - gap, box.width + 2 * gap, box.height + 2 * gap);
+  return std::any_of(captions.begin(), captions.end(),
+                     [&around](const RegionCaption& other) { return (around & other.box).area() > 0; });
+}
+
 }  // namespace
+
+CaptionStyle captionStyle(const cv::Size& picture) {
+  CaptionStyle style;
+  style.font = cv::FONT_HERSHEY_SIMPLEX;
+  style.scale = std::max(kLeastScale, kTextHeight * picture.height / kLetterHeight);
+  style.line = std::max(1, cvRound(1.5 * style.scale));
+  style.rim = style.line + 1;
+  return style;
+}
 
 std::vector<RegionCaption> captionRegions(const Segmentation& segmentation, double caption_min_area) {
   const cv::Mat& labels = segmentation.labels;
   if (labels.type() != CV_32SC1) throw std::invalid_argument("captions: labels must be CV_32SC1");
   const double least = std::max(1.0, caption_min_area / 100 * static_cast<double>(labels.total()));
   const auto regions = anchorRegions(labels, static_cast<int>(segmentation.segments.size()));
+  std::vector<Segment> segments = segmentation.segments;
+  std::stable_sort(segments.begin(), segments.end(),
+                   [](const Segment& a, const Segment& b) { return a.area > b.area; });
   std::vector<RegionCaption> captions;
-  for (const Segment& segment : segmentation.segments) {
-    if (segment.area < least) continue;
-    captions.push_back({segment.label, segment.area, segment.min_mm, regions.at(segment.label).anchor,
-                        captionText(segment)});
+  for (const Segment& segment : segments) {
+    if (segment.area < least) break;
+    const cv::Point anchor = regions.at(segment.label).anchor;
+    const std::string text = captionText(segment);
+    const cv::Rect box = textBox(text, anchor, labels.size());
+    if (isCovered(box, captions)) continue;
+    captions.push_back({segment.label, segment.area, segment.min_mm, anchor, text, box});
   }
-  std::stable_sort(captions.begin(), captions.end(),
-                   [](const RegionCaption& a, const RegionCaption& b) { return a.area > b.area; });
   return captions;
 }
 

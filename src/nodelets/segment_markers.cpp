@@ -14,7 +14,7 @@ using visualization_msgs::Marker;
 
 constexpr const char* kInfoTopic = "depth_registered/camera_info";
 constexpr const char* kMarkersTopic = "segmentation/markers";
-constexpr double kTextHeight = 0.025;  // of the distance: equally legible near and far
+constexpr double kTextHeight = 0.02;  // of the distance: equally legible near and far
 
 visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& camera) {
   visualization_msgs::MarkerArray array;
@@ -28,7 +28,7 @@ visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& c
   marker.type = Marker::TEXT_VIEW_FACING;
   marker.action = Marker::ADD;
   const std::vector<cv::Vec3b> colors = labelColors(set.labels);
-  const auto pale = [](int value) { return (value + 255) / 510.f; };  // dark letters are not legible
+  const auto pale = [](int value) { return (2 * value + 255) / 765.f; };  // pure blue is not legible
   for (const RegionCaption& caption : set.captions) {
     const double z = caption.near_mm / 1e3;
     const cv::Point2d ray = camera.undistort(

@@ -17,22 +17,37 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from all_in_focus import rviz_config
 from all_in_focus.msg import SegmentArray
-from depth_testing import (FAR_MM, HEIGHT, NEAR_MM, WIDTH, GraphTest, camera_info, image_message, pixels_of,
-                           subscribers_of, two_planes, wait_until)
+import depth_testing
+from depth_testing import FAR_MM, NEAR_MM, GraphTest, image_message, pixels_of, subscribers_of, wait_until
 
 STAMPS = itertools.count(1000)
 RVIZ_FILE = os.path.join(os.path.dirname(os.path.realpath(__file__)), '../../rviz/all_in_focus.rviz')
 TYPES = {'rviz/Image': 'sensor_msgs/Image', 'rviz/DepthCloud': 'sensor_msgs/Image',
          'rviz/MarkerArray': 'visualization_msgs/MarkerArray'}
 INFO = 'depth_registered/camera_info'
+WIDTH, HEIGHT = 320, 240  # large enough for captions side by side
+
+
+def camera_info(stamp, focal_px=250.0):
+    info = depth_testing.camera_info(stamp, 'color')
+    info.width, info.height = WIDTH, HEIGHT
+    info.K = [focal_px, 0, WIDTH / 2, 0, focal_px, HEIGHT / 2, 0, 0, 1]
+    return info
+
+
+def two_planes():
+    """Left half near, right half far [mm]."""
+    depth = np.full((HEIGHT, WIDTH), FAR_MM, np.uint16)
+    depth[:, :WIDTH // 2] = NEAR_MM
+    return depth
 
 
 def u_around_a_block():
     """Far away a U whose centroid lies in the near block that it goes around; nothing is known of the rest [mm]."""
     depth = np.zeros((HEIGHT, WIDTH), np.uint16)
-    depth[6:44, 8:56] = FAR_MM
-    depth[6:44, 8:12] += 100
-    depth[8:32, 22:42] = NEAR_MM
+    depth[30:220, 40:280] = FAR_MM
+    depth[30:220, 40:60] += 100
+    depth[40:160, 110:210] = NEAR_MM
     return depth
 
 
@@ -60,7 +75,7 @@ class CaptionTest(GraphTest):
     def see(self, depth, info=None):
         """Labels, segments and text markers of a depth image; what was there before is to be deleted first."""
         stamp = next(STAMPS)
-        self.info.say(info or camera_info(stamp, 'color'))
+        self.info.say(info or camera_info(stamp))
         self.depth.say(image_message(depth, stamp, frame='color'))
         markers = self.markers_at(stamp)
         self.assertIsNotNone(markers)
@@ -70,7 +85,7 @@ class CaptionTest(GraphTest):
 
     def test_markers_lie_in_their_regions_and_tell_their_depth(self):
         self.listen_to_markers()
-        straight, bent = camera_info(0, 'color'), camera_info(0, 'color')
+        straight, bent = camera_info(0), camera_info(0)
         bent.D = [-0.3, 0.1, 0.01, -0.01, 0.0]
         for info in (straight, bent):
             labels, segments, markers = self.see(u_around_a_block(), info)
@@ -102,7 +117,7 @@ class CaptionTest(GraphTest):
     def test_small_segments_have_no_caption(self):
         self.listen_to_markers()
         depth = two_planes()
-        depth[10:14, 40:44] = 500  # 0.52 % of the picture
+        depth[50:70, 200:220] = 500  # 0.52 % of the picture
         self.assertEqual({m.id for m in self.see(depth)[2]}, {1, 2, 3})
         self.client.update_configuration({'caption_min_area': 1.0})
         self.assertEqual({m.id for m in self.see(depth)[2]}, {2, 3})
@@ -110,10 +125,10 @@ class CaptionTest(GraphTest):
 
     def test_markers_wait_for_a_calibration_that_fits(self):
         self.listen_to_markers()
-        stamp, other = next(STAMPS), camera_info(0, 'color')
+        stamp, other = next(STAMPS), camera_info(0)
         other.width = WIDTH // 2
         self.info.say(other)
-        self.info.say(camera_info(0, 'color', 0.0))
+        self.info.say(camera_info(0, 0.0))
         self.depth.say(image_message(two_planes(), stamp, frame='color'))
         self.assertIsNotNone(self.labels.at(stamp))
         self.assertTrue(wait_until(lambda: any('/alone/' + INFO in s.message and 'not calibrated' in s.message
@@ -122,7 +137,7 @@ class CaptionTest(GraphTest):
         later = next(STAMPS)
         self.depth.say(image_message(two_planes(), later, frame='color'))
         self.diagnostics.wait('alone/segmenter', lambda s: 'markers wait for /alone/' + INFO in s.message)
-        self.info.say(camera_info(0, 'color'))
+        self.info.say(camera_info(0))
         self.assertEqual(len(self.markers_at(later)), 3)
         self.assertIsNone(self.markers_at(stamp, timeout=0))
 
@@ -140,13 +155,11 @@ class CaptionTest(GraphTest):
 
     def test_picture_has_captions(self):
         picture = self.listen('/alone/segmentation/image_color', Image)
-        depth = np.full((240, 320), FAR_MM, np.uint16)
-        depth[:, :160] = NEAR_MM
         pictures = []
         for least in (0.5, 100.0):
             self.client.update_configuration({'caption_min_area': least})
             stamp = next(STAMPS)
-            self.depth.say(image_message(depth, stamp, frame='color'))
+            self.depth.say(image_message(two_planes(), stamp, frame='color'))
             pictures.append(pixels_of(picture.at(stamp)))
         captioned, plain = pictures
         self.assertEqual([plain[0, 0].argmax(), plain[0, -1].argmax()], [0, 2])  # red, blue
@@ -156,7 +169,7 @@ class CaptionTest(GraphTest):
             ys, xs = np.nonzero(written)
             self.assertGreater(len(ys), 200)
             self.assertLess(abs(ys.mean() - 120) + abs(xs.mean() - 80), 8)  # about the middle
-            self.assertEqual(captioned[:, half][written].max(), 255)
+            self.assertGreater(captioned[:, half][written].min(axis=1).max(), 240)  # white
 
 
 class RvizFileTest(GraphTest):

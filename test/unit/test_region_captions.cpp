@@ -28,7 +28,7 @@ Segmentation scene() {
   scene.labels = cv::Mat(240, 320, CV_32SC1, cv::Scalar(0));
   scene.labels(cv::Rect(40, 20, 200, 200)) = 1;
   scene.labels(cv::Rect(80, 0, 120, 180)) = 2;
-  scene.labels(cv::Rect(300, 100, 6, 6)) = 3;
+  scene.labels(cv::Rect(300, 15, 6, 6)) = 3;
   scene.segments = {segment(scene.labels, 1, 920, 1050), segment(scene.labels, 2, 2000, 2000),
                     segment(scene.labels, 3, 3000, 3500)};
   return scene;
@@ -54,7 +54,7 @@ TEST(RegionCaptions, SmallRegionsHaveOneWhenAskedFor) {
   const auto captions = captionRegions(scene(), 0.04);  // 36 of 76800 pixels are 0.047 %
   ASSERT_EQ(captions.size(), 3u);
   EXPECT_EQ(captions[2].text, "3: 3.00-3.50 m");
-  EXPECT_TRUE(cv::Rect(300, 100, 6, 6).contains(captions[2].anchor));
+  EXPECT_TRUE(cv::Rect(300, 15, 6, 6).contains(captions[2].anchor));
 }
 
 TEST(RegionCaptions, NothingKnownHasNoCaption) {
@@ -65,20 +65,38 @@ TEST(RegionCaptions, NothingKnownHasNoCaption) {
   EXPECT_THROW(captionRegions(nothing), std::invalid_argument);
 }
 
-TEST(DrawCaptions, WritesInsideThePictureAndNotOverEarlierOnes) {
-  cv::Mat plain(120, 160, CV_8UC3, cv::Scalar(40, 80, 200)), once = plain.clone(), twice = plain.clone();
-  const RegionCaption corner{1, 100, 1000, {0, 0}, "1: 0.99-1.01 m"};
-  drawCaptions({corner}, once);
-  drawCaptions({corner, corner}, twice);
-  cv::Mat written;
-  cv::absdiff(plain, once, written);
+TEST(RegionCaptions, WhatWouldCoverALargerRegionsCaptionIsLeftOut) {
+  for (const int below : {112, 180}) {  // a band right below another one, or further down
+    Segmentation bands;
+    bands.labels = cv::Mat(240, 320, CV_32SC1, cv::Scalar(0));
+    bands.labels(cv::Rect(60, below, 180, 12)) = 1;
+    bands.labels(cv::Rect(60, 100, 200, 12)) = 2;
+    bands.segments = {segment(bands.labels, 1, 900, 900), segment(bands.labels, 2, 2000, 2000)};
+    const auto captions = captionRegions(bands);
+    ASSERT_EQ(captions.size(), below == 112 ? 1u : 2u);
+    EXPECT_EQ(captions[0].label, 2);
+  }
+}
+
+TEST(DrawCaptions, WritesInsideThePicture) {
+  const cv::Mat plain(240, 320, CV_8UC3, cv::Scalar(40, 80, 200));
+  Segmentation edge;
+  edge.labels = cv::Mat(plain.size(), CV_32SC1, cv::Scalar(0));
+  edge.labels(cv::Rect(0, 0, 30, 30)) = 1;
+  edge.segments = {segment(edge.labels, 1, 990, 1010)};
+  const auto captions = captionRegions(edge);
+  ASSERT_EQ(captions.size(), 1u);
+  cv::Mat picture = plain.clone(), written;
+  drawCaptions(captions, picture);
+  cv::absdiff(plain, picture, written);
   EXPECT_GT(cv::countNonZero(written.reshape(1)), 300);
   EXPECT_EQ(cv::countNonZero(written.col(0).clone().reshape(1)), 0);  // nothing is cut off
-  EXPECT_EQ(cv::norm(once, twice, cv::NORM_INF), 0);
-  cv::Mat tiny(3, 3, CV_8UC3, cv::Scalar::all(0));
-  EXPECT_NO_THROW(drawCaptions({corner}, tiny));
+  EXPECT_EQ(cv::countNonZero(written.row(0).clone().reshape(1)), 0);
+  const cv::Rect about = captions[0].box + cv::Point(-4, -4) + cv::Size(8, 12);
+  written(about & cv::Rect(cv::Point(), written.size())) = cv::Scalar::all(0);
+  EXPECT_EQ(cv::countNonZero(written.reshape(1)), 0);  // nor outside of its box
   cv::Mat gray(9, 9, CV_8UC1);
-  EXPECT_THROW(drawCaptions({corner}, gray), std::invalid_argument);
+  EXPECT_THROW(drawCaptions(captions, gray), std::invalid_argument);
 }
 
 }  // namespace
