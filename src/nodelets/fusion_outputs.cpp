@@ -59,6 +59,12 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
   const std_msgs::Header& header = bracket.report->header;
   const FusionResult& result = bracket.result;
   if (!result.image.empty()) {
+    // First: rviz's DepthCloud drops images that come before their camera is known.
+    if (bracket.camera) {
+      const auto restamped = boost::make_shared<sensor_msgs::CameraInfo>(*bracket.camera);
+      restamped->header = header;
+      info_.publish(restamped);
+    }
     image_.publish(toImage(header, enc::BGR8, result.image));
     source_index_.publish(toImage(header, enc::TYPE_16UC1, result.source_index));
     confidence_.publish(toImage(header, enc::MONO8, result.confidence));
@@ -67,11 +73,6 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
     cv::cvtColor(weights, weights, cv::COLOR_BGR2RGB);
     weights_.publish(toImage(header, enc::RGB8, weights));
     publishDepth(header, bracket.depth, result.image.size());
-    if (bracket.camera) {
-      const auto restamped = boost::make_shared<sensor_msgs::CameraInfo>(*bracket.camera);
-      restamped->header = header;
-      info_.publish(restamped);
-    }
   }
   report_.publish(bracket.report);
 }
