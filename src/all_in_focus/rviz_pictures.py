@@ -41,6 +41,10 @@ IMAGE_VIEW = """<node pkg="image_view" type="image_view" name="labels_view">
   </node>"""
 
 
+class RvizDied(ScreenError):
+    """rviz crashed. It does, now and then, under load: DepthCloud touches Qt from a thread of its own."""
+
+
 def default_config():
     return os.path.join(rospkg.RosPack().get_path("all_in_focus"), "rviz", "all_in_focus.rviz")
 
@@ -73,16 +77,24 @@ class Graph:
         """Until the condition holds; raises ScreenError that says what was waited for."""
         end = time.monotonic() + self._timeout
         while not condition():
-            if self._process.poll() is not None:
-                raise ScreenError("roslaunch ended before %s: %s" % (what, self.last_error()))
+            self.check()
             if time.monotonic() > end:
                 raise ScreenError("%s: not within %g s" % (what, self._timeout))
             time.sleep(0.1)
 
-    def last_error(self):
+    def check(self):
+        """Raises RvizDied, or ScreenError when the launch has ended otherwise."""
+        if self._process.poll() is None:
+            return
+        error = self._last_error()
+        raise (RvizDied if "rviz" in error and "died" in error else ScreenError)("roslaunch ended: " + error)
+
+    def _last_error(self):
         with open(self.log, encoding="utf-8", errors="replace") as log:
-            lines = [line.strip() for line in log if "rror" in line or "FATAL" in line or "died" in line]
-        return lines[-1] if lines else "it says no more"
+            lines = [line.strip() for line in log]
+        died = [line for line in lines if "REQUIRED process" in line and "died" in line]
+        errors = [line for line in lines if "rror" in line or "FATAL" in line]
+        return (died or errors or ["it does not say why"])[-1].lstrip("\x1b[31m=")
 
     def close(self):
         self._process.send_signal(signal.SIGINT)
@@ -135,16 +147,31 @@ def take_pictures(contents, config, mode="refined", optics=None, timeout=60.0):
         if view:
             graph.wait(lambda: hears("/labels_view", ["/" + LABELS]), "image_view to listen to /" + LABELS)
 
-        player = BagPlayer(contents, Limits(connect=timeout))
-        player.connect({topic[1:]: subscriber for topic, subscriber in outputs.items()})
-        if optics or contents.optics:
-            player.set_optics(optics or contents.optics)
-        before = {name: screen.picture() for name, screen in screens.items()}
-        player.play(follow_optics=optics is None)
-        player.end_bracket(lambda number: "/" + REPORT in seen)
-        if "/" + REPORT not in seen:
-            raise PlayError("no result came: does the bag have a whole bracket?")
+        player = BagPlayer(contents, Limits(connect=timeout), heartbeat=lambda done: graph.check())
+        try:
+            before = _play(player, contents, optics, outputs, seen, screens)
+        except PlayError:
+            graph.check()  # the reason for it
+            raise
         graph.wait(lambda: len(seen) == len(outputs), "every display to get its message")
-        return {name: screen.settled_picture(
-                    lambda now, name=name: changed_share(before[name], now) > CHANGED[name], timeout)
-                for name, screen in screens.items()}
+        return {name: _settled(screen, before[name], CHANGED[name], graph, timeout) for name, screen in screens.items()}
+
+
+def _play(player, contents, optics, outputs, seen, screens):
+    """Returns pictures of the screens from before the bag was played."""
+    player.connect({topic[1:]: subscriber for topic, subscriber in outputs.items()})
+    if optics or contents.optics:
+        player.set_optics(optics or contents.optics)
+    before = {name: screen.picture() for name, screen in screens.items()}
+    player.play(follow_optics=optics is None)
+    player.end_bracket(lambda number: "/" + REPORT in seen)
+    if "/" + REPORT not in seen:
+        raise PlayError("no result came: does the bag have a whole bracket?")
+    return before
+
+
+def _settled(screen, before, share, graph, timeout):
+    def accept(now):
+        graph.check()
+        return changed_share(before, now) > share
+    return screen.settled_picture(accept, timeout)
