@@ -69,7 +69,7 @@ def rows(task, medians, ours):
         if value is None:
             yield [task, name, NOT_INSTALLED, ""]
         else:
-            yield [task, name, steps.number(value), "%.2g" % (value / medians[ours])]
+            yield [task, name, steps.number(value), steps.number(value / medians[ours])]
 
 
 def elapsed_ms(function, *arguments):
