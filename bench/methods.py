@@ -18,9 +18,9 @@ import numpy as np
 from all_in_focus import lens
 from all_in_focus.baselines import BASELINES
 from all_in_focus.baselines.alignment import align
-from all_in_focus.quality import psnr, read
+from all_in_focus.quality import psnr
 from all_in_focus.rig import load_rig
-from all_in_focus.stack import Stack, read_depth
+from all_in_focus.stack import Stack, read_depth, read_image
 
 TIMEOUT_S = 3600
 
@@ -36,7 +36,7 @@ def frames_of(scene):
 
 
 def truth_of(scene):
-    return read(os.path.join(scene, "truth.png"))
+    return read_image(os.path.join(scene, "truth.png"))
 
 
 # --- bounds: they know the truth -------------------------------------------------------------------------------------

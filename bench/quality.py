@@ -22,8 +22,8 @@ from tqdm import tqdm
 import methods
 import suite
 from all_in_focus.command_line import Parser
-from all_in_focus.quality import Truth, psnr, read, ssim
-from all_in_focus.stack import Stack
+from all_in_focus.quality import Truth, psnr, ssim
+from all_in_focus.stack import Stack, read_image
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 MEASURES = {"psnr": ("PSNR, dB", "%.2f"), "ssim": ("SSIM", "%.4f"),
@@ -72,7 +72,7 @@ def measure(method, scene, truth, output, keep):
         begin = time.monotonic()
         method(scene, output)
         seconds = (time.monotonic() - begin) / len(Stack(os.path.join(scene, "stack")))
-    image = read(output)
+    image = read_image(output)
     return {"psnr": psnr(image, truth.image), "ssim": ssim(image, truth.image),
             "psnr_edges": psnr(image, truth.image, truth.edges) if truth.edges.any() else None,
             "seconds_per_frame": seconds}

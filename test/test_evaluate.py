@@ -181,6 +181,21 @@ def test_changed_input_is_fused_again(scenes, tmp_path):
     assert results(tmp_path / "out")["results"]["pair"]["laplacian"]["values"] != before
 
 
+def test_edges_of_a_truth_that_lies_elsewhere(scenes, tmp_path):
+    """The optics say which jumps in depth are edges; without them none is known."""
+    planes = scenes / "planes"
+    truth = "truth: %s, truth_depth: %s" % (planes / "truth.png", planes / "truth_depth.png")
+    (tmp_path / "c.yaml").write_text("scenes:\n- {path: %s, name: with, optics: '50,1.8,0.03', %s}\n- {path: %s, name: "
+                                     "without, %s}\n" % ((scenes / "pair", truth) * 2))
+    code, _, err = evaluate("--config", tmp_path / "c.yaml", "--methods", "laplacian", "--metrics", "Q_MI", "--output",
+                            tmp_path / "out")
+    found, known = results(tmp_path / "out")["results"], Truth.load(str(planes))
+    assert (code, err) == (0, "")
+    fused = read(tmp_path / "out" / "results" / "with" / "laplacian" / "fused.png")
+    assert found["with"]["laplacian"]["values"]["PSNR_edges"] == psnr(fused, known.image, known.edges)
+    assert set(found["without"]["laplacian"]["values"]) == {"Q_MI", "PSNR", "SSIM"}
+
+
 def test_windows_where_images_differ_lie_apart_and_inside():
     images = [np.zeros((100, 300, 3), np.uint8), np.zeros((100, 300, 3), np.uint8)]
     images[1][40:60, 280:] = 200

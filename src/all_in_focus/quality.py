@@ -4,13 +4,12 @@
 import os
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from all_in_focus.rig import load_rig
-from all_in_focus.stack import Stack
+from all_in_focus.stack import Stack, read_depth, read_image
 
 EDGE_REACH_PX = 8  # how far from a depth edge a pixel still counts as near it
 
@@ -25,19 +24,24 @@ class Truth:
     @classmethod
     def load(cls, scene):
         """ValueError where a file is missing or damaged."""
-        optics = load_rig(os.path.join(scene, "rig")).optics
+        return cls.of(read_image(os.path.join(scene, "truth.png")), read_depth(os.path.join(scene, "truth_depth.png")),
+                      load_rig(os.path.join(scene, "rig")).optics)
+
+    @classmethod
+    def of(cls, image, depth_mm, optics):
+        """image: as above; depth_mm: H x W, its depth, 0 = unknown; optics: rig.Optics of the lens."""
         # Half the span of one depth of field, 1/H, is a jump that blurs visibly.
         step = 500 * optics.aperture * optics.circle_of_confusion_mm / optics.focal_length_mm ** 2
-        depth = read(os.path.join(scene, "truth_depth.png"), cv2.IMREAD_UNCHANGED)
-        return cls(read(os.path.join(scene, "truth.png")), near_depth_edges(depth, step))
+        return cls(image, near_depth_edges(depth_mm, step))
 
 
 def near_depth_edges(depth_mm, step_dioptres):
     """Mask (H x W, bool) of the pixels within EDGE_REACH_PX of a depth edge.
 
-    depth_mm: H x W, true depth, > 0. step_dioptres: smallest jump between neighbours, 1/m, that is an edge.
+    depth_mm: H x W, true depth; 0 = unknown, which makes no edge. step_dioptres: smallest jump between neighbours, 1/m,
+    that is an edge.
     """
-    dioptres = 1000.0 / depth_mm.astype(float)
+    dioptres = 1000.0 / np.where(depth_mm > 0, depth_mm, np.nan)
     edge = np.zeros(depth_mm.shape, bool)
     edge[:, 1:] |= np.abs(np.diff(dioptres, axis=1)) > step_dioptres
     edge[1:, :] |= np.abs(np.diff(dioptres, axis=0)) > step_dioptres
@@ -67,14 +71,6 @@ def _check_sizes(image, truth):
         raise ValueError("images differ in size: %dx%d and %dx%d" % (image.shape[1::-1] + truth.shape[1::-1]))
 
 
-def read(path, flags=cv2.IMREAD_COLOR):
-    """Image as OpenCV gives it; ValueError where it cannot be read."""
-    image = cv2.imread(path, flags)
-    if image is None:
-        raise ValueError("%s: no such file, or not an image" % path)
-    return image
-
-
 def psnr_table(scene, fused):
     """Lines of a table: PSNR of each frame of a scene folder (see make_scene), of the best of them, and of
     each fused image, over the whole image and near depth edges."""
@@ -89,5 +85,5 @@ def psnr_table(scene, fused):
     lines = ["%-34s %8s %12s" % ("PSNR against the truth, dB", "image", "depth edges")]
     lines += [row % ((name,) + values) for name, values in zip(stack.names, singles)]
     lines.append(row % (("best single frame",) + max(singles)))
-    lines += [row % ((os.path.join(*path.split(os.sep)[-2:]),) + scores(read(path))) for path in fused]
+    lines += [row % ((os.path.join(*path.split(os.sep)[-2:]),) + scores(read_image(path))) for path in fused]
     return lines

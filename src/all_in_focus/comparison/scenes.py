@@ -70,6 +70,12 @@ class Scene:
         stack = Stack(self.stack)
         return stack.names or ["frame %d" % number for number in range(len(stack))]
 
+    def lens(self):
+        """Optics: those that are given, else the rig's; None where neither is known."""
+        if self.optics:
+            return Optics.parse(self.optics)
+        return load_rig(self.beside["rig"]).optics if "rig" in self.beside else None
+
     def files(self):
         """All that the methods see and the measures need."""
         paths = list(self.sources)

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """One method on one scene, fused and measured: what is handed to other processes and machines."""
-import os
 import platform
 import tempfile
 import time
@@ -14,9 +13,7 @@ from all_in_focus.comparison import methods, programs
 from all_in_focus.comparison.settings import TRUTH_MEASURES
 from all_in_focus.quality import Truth, psnr, ssim
 from all_in_focus.result_files import encode_png
-from all_in_focus.stack import read_image
-
-LAYOUT = {"truth": "truth.png", "truth_depth": "truth_depth.png", "rig": "rig"}  # where Truth.load looks for them
+from all_in_focus.stack import read_depth, read_image
 
 
 def one_line(error):
@@ -61,8 +58,9 @@ def measure(scene, fused, metric_names):
     colour = fused if fused.ndim == 3 else cv2.cvtColor(fused, cv2.COLOR_GRAY2BGR)
     truth = read_image(scene.beside["truth"])
     values.update(zip(TRUTH_MEASURES, (psnr(colour, truth), ssim(colour, truth))))
-    if all(scene.beside.get(key) == os.path.join(scene.path, name) for key, name in LAYOUT.items()):
-        edges = Truth.load(scene.path).edges
+    optics = scene.lens()
+    if "truth_depth" in scene.beside and optics:
+        edges = Truth.of(truth, read_depth(scene.beside["truth_depth"]), optics).edges
         if edges.any():
             values["PSNR_edges"] = psnr(colour, truth, edges)
     return values
