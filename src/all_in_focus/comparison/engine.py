@@ -20,8 +20,9 @@ class EngineError(RuntimeError):
 
 
 @contextmanager
-def engine(jobs, scheduler, patience=PATIENCE_S):
-    """jobs: processes of this machine; scheduler: address such as tcp://host:8786, or empty."""
+def engine(jobs, scheduler, patience=PATIENCE_S, say=lambda line: None):
+    """jobs: processes of this machine; scheduler: address such as tcp://host:8786, or empty; say(line): told of every
+    worker that is lost."""
     if jobs == 1 and not scheduler:
         yield InProcess()
         return
@@ -42,7 +43,7 @@ def engine(jobs, scheduler, patience=PATIENCE_S):
     except (OSError, ValueError, TimeoutError) as error:
         raise EngineError("%s: no Dask scheduler answers: %s" % (scheduler, " ".join(str(error).split())))
     try:
-        yield OnWorkers(client, patience)
+        yield OnWorkers(client, patience, say)
     finally:
         client.close(timeout=ANSWER_S)
         if cluster:
@@ -64,9 +65,9 @@ class InProcess:
 class OnWorkers:
     """On whatever workers the scheduler has; a task whose worker is lost goes to another one, three times at most."""
 
-    def __init__(self, client, patience):
-        self._client, self._patience = client, patience
-        self._last_seen = time.monotonic()
+    def __init__(self, client, patience, say):
+        self._client, self._patience, self._say = client, patience, say
+        self._last_seen, self._known = time.monotonic(), {}
 
     @property
     def at_a_time(self):
@@ -78,6 +79,7 @@ class OnWorkers:
                    for key, (function, arguments) in calls.items()}
         try:
             while waiting:
+                self._tell_lost()
                 done = [future for future in waiting if future.done()]
                 for future in done:
                     yield waiting.pop(future), self._result(future)
@@ -100,6 +102,14 @@ class OnWorkers:
         except Exception as error:
             self._check()
             return {"error": "%s: %s" % (type(error).__name__, " ".join(str(error).split()))}
+
+    def _tell_lost(self):
+        if self._client.status != "running":
+            return  # whose workers those were, nobody knows
+        workers = self._workers()
+        for address in sorted(set(self._known) - set(workers)):
+            self._say("Dask worker %s is lost; its tasks go to others" % address)
+        self._known = workers
 
     def _workers(self):
         return self._client.scheduler_info().get("workers", {})

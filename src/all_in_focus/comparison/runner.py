@@ -54,8 +54,8 @@ def find_scenes(settings):
 
 
 def evaluate(settings, fresh=False, say=None):
-    """Run (see report.Run) and Store of checked settings. say(line): told of every failure as it happens; fresh:
-    results of earlier runs do not count. Raises BadInput, SettingsError, engine.EngineError."""
+    """Run (see report.Run) and Store of checked settings. say(line): told of every failure and every lost worker;
+    fresh: results of earlier runs do not count. Raises BadInput, SettingsError, engine.EngineError."""
     say = say or (lambda line: None)
     found = find_scenes(settings)
     try:
@@ -67,11 +67,15 @@ def evaluate(settings, fresh=False, say=None):
     run = Run(settings, [], names, {}, [], programs.versions(), name, metrics=settings.metrics)
     store = Store(settings.output)
 
+    def tell(line):
+        with tqdm.external_write_mode(file=sys.stderr):
+            say(line)
+
     def fail(line):
         run.failures.append(line)
-        say(line)
+        tell(line)
 
-    with engine(settings.jobs, settings.scheduler) as workers:
+    with engine(settings.jobs, settings.scheduler, say=tell) as workers:
         run.at_a_time = workers.at_a_time
         run.scenes = _with_brackets(found, names, settings, workers, run.versions["fuse_stack"], fail)
         _run_tasks(run, store, workers, fresh, fail)
@@ -113,7 +117,6 @@ def _run_tasks(run, store, workers, fresh, fail):
             bar.set_description("%s %s" % key)
             done[key] = store.save(*key, marks[key], run.name, result)
             if "error" in result:
-                with bar.external_write_mode(file=sys.stderr):
-                    fail("%s %s: %s" % (*key, result["error"]))
+                fail("%s %s: %s" % (*key, result["error"]))
             bar.update()
     run.results = {scene: {method: done[scene, method] for method in run.methods} for scene in by_name}
