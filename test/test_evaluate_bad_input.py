@@ -30,6 +30,7 @@ def refused(*arguments):
 @pytest.mark.parametrize("arguments, complaint", [
     ([], "no scenes: give folders of pictures or bags"),
     (["SCENE", "--methods", "gf,median"], "no method is named 'median'; there are paper, refined, dwt"),
+    (["SCENE", "--methods", ""], "no method is named ''"),
     (["SCENE", "--methods", "gf,gf"], "method 'gf' is named twice"),
     (["SCENE", "--methods", "paper:alignment"], "no method is named 'paper:alignment'"),
     (["SCENE", "--metrics", "Q_MI,Q_X"], "no metric is named 'Q_X'; there are Q_MI"),
