@@ -23,8 +23,9 @@ figure { width: 330px; } figure.crop { width: 192px; } img { width: 100%; }
 
 def page(run, tables, store):
     """HTML text. run: see report.Run; tables: tables.Tables; store: where the pictures are."""
-    counts = (len(run.scenes), "" if len(run.scenes) == 1 else "s", len(tables.methods))
-    parts = ["<h1>Fusion of %d scene%s by %d methods</h1>" % counts, _failures(run)]
+    counts = tuple("%d %s%s" % (len(of), noun, "" if len(of) == 1 else "s")
+                   for of, noun in ((run.scenes, "scene"), (tables.methods, "method")))
+    parts = ["<h1>Fusion of %s by %s</h1>" % counts, _failures(run)]
     parts.append("<h2>Scores and ranks</h2>")
     parts.append(_standings(tables, tables.metrics,
                             "By the metrics %s. The best of N methods has score N in each row of the table of values, "
