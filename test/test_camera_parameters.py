@@ -35,6 +35,7 @@ def test_defaults_are_those_of_the_config(given):
     ("count", True, "~count: expected a number"),
     ("step", 0, "~step: 0 would take the same picture 9 times"),
     ("frames", "film", "~frames: 'film' is not one of still, preview"),
+    ("maker", "Leica", "~maker: 'Leica' is not one of Canon EOS, Nikon"),
     ("home", "far away", "~home: 'far away' is not one of current, near, far"),
     ("timeout", float("inf"), "~timeout: expected a number"),
     ("timeout", float("nan"), "~timeout: expected a number"),

@@ -13,6 +13,7 @@ from all_in_focus.camera.bracket import PREVIEW, STILL
 from all_in_focus.camera.focus_drive import FocusLimit
 from all_in_focus.camera.frame_publisher import FramePublisher
 from all_in_focus.camera.interface import CameraError
+from all_in_focus.camera.makers import MAKERS, maker_of
 from all_in_focus.camera.session import CURRENT, FAR, NEAR, Config, Session
 from all_in_focus.msg import FocusPlan
 
@@ -39,6 +40,9 @@ def read_config():
         keep_files=parameters.flag("keep_files", default.keep_files),
         white_balance=parameters.text("white_balance"),
         iso=parameters.text("iso"))
+    if config.maker and maker_of(config.maker) is None:
+        raise parameters.ParameterError("~maker: '%s' is not one of %s"
+                                        % (config.maker, ", ".join(maker.name for maker in MAKERS)))
     if config.step == 0 and config.count > 1:
         raise parameters.ParameterError("~step: 0 would take the same picture %d times" % config.count)
     return config
