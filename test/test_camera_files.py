@@ -58,10 +58,27 @@ def test_a_closed_camera_is_a_lost_one(disk):
     assert failure.value.lost
 
 
-def test_no_camera_is_explained():
+@pytest.mark.parametrize("port, model", [("", "Canon EOS 80D"), ("usb:999,999", "Canon EOS 80D"), ("usb:999,999", "")])
+def test_no_camera_is_explained(port, model):
     with pytest.raises(CameraError, match="no camera found: switch it on and check the USB cable") as failure:
-        gphoto.GphotoCamera("usb:999,999", "Canon EOS 5D").open()
+        gphoto.GphotoCamera(port, model).open()
     assert failure.value.lost
+
+
+def test_a_model_is_looked_for_among_those_plugged_in():
+    found = [("Nikon DSC D750", "usb:001,004"), ("Canon EOS 80D", "usb:001,005")]
+    assert gphoto.GphotoCamera("", "Canon EOS 80D")._port_among(found) == "usb:001,005"
+    # Where the port is given, too, the model says how the camera there is to be spoken to.
+    assert gphoto.GphotoCamera("usb:001,004", "Canon EOS 80D")._port_among(found) == "usb:001,004"
+    with pytest.raises(CameraError, match="'Canon EOS 6D' is not among those found: 'Nikon DSC D750' at usb:001,004, "):
+        gphoto.GphotoCamera("", "Canon EOS 6D")._port_among(found)
+
+
+@pytest.mark.parametrize("port, model", [("usb:", "stack"), ("nowhere", "")])
+def test_names_that_libgphoto2_does_not_know(port, model):
+    """A folder that is not absolute looks like a model to robot.launch."""
+    with pytest.raises(CameraError, match="^(model 'stack'|port 'nowhere'): libgphoto2 knows none of this name: see"):
+        gphoto.GphotoCamera(port, model).open()
 
 
 @pytest.fixture

@@ -121,7 +121,7 @@ class FocusBracketTest(CameraTest):
         self.assertEqual(len([line for line in node.lines if line.strip()]), 1, node.lines)
 
     def test_without_a_camera_the_real_node_waits(self):
-        node = self.start(os.path.join(SCRIPTS, "focus_bracket_camera"), port="usb:999,999", model="Canon EOS 5D",
+        node = self.start(os.path.join(SCRIPTS, "focus_bracket_camera"), port="usb:999,999", model="Canon EOS 80D",
                           reconnect=0.1)
         self.assertTrue(node.said("no camera found: switch it on and check the USB cable"))
         self.assertFalse(self.call().success)

@@ -6,8 +6,8 @@ import posixpath
 
 import gphoto2 as gp
 
-from all_in_focus.camera.interface import (BAD_PARAMETERS, CAPTURE_COMPLETE, FILE_ADDED, IO, NO_EVENT, NOT_SUPPORTED,
-                                           OTHER_EVENT, Camera, CameraError, Widget)
+from all_in_focus.camera.interface import (BAD_PARAMETERS, CAPTURE_COMPLETE, FILE_ADDED, IO, MODEL_NOT_FOUND, NO_EVENT,
+                                           NOT_SUPPORTED, OTHER_EVENT, UNKNOWN_PORT, Camera, CameraError, Widget)
 
 _EVENTS = {gp.GP_EVENT_FILE_ADDED: FILE_ADDED, gp.GP_EVENT_CAPTURE_COMPLETE: CAPTURE_COMPLETE,
            gp.GP_EVENT_TIMEOUT: NO_EVENT}
@@ -47,17 +47,30 @@ class GphotoCamera(Camera):
         self.close()
         camera = gp.Camera()
         with self._errors("opening the camera"):
-            if self._model:
-                models = gp.CameraAbilitiesList()
-                models.load(self._context)
-                camera.set_abilities(models[models.lookup_model(self._model)])
-            if self._port:
-                ports = gp.PortInfoList()
-                ports.load()
-                camera.set_port_info(ports[ports.lookup_path(self._port)])
+            self._choose(camera)
             camera.init(self._context)
             self._camera = camera
             return camera.get_abilities().model
+
+    def _choose(self, camera):
+        """Tell it what it is, and where."""
+        models, ports, port = gp.CameraAbilitiesList(), gp.PortInfoList(), self._port
+        models.load(self._context)
+        ports.load()
+        if self._model:
+            camera.set_abilities(models[_number_of("model", self._model, models.lookup_model)])
+            if not port or port.startswith("usb:"):
+                port = self._port_among(_detected(models, ports, self._context))
+        if port:
+            camera.set_port_info(ports[_number_of("port", port, ports.lookup_path)])
+
+    def _port_among(self, found):
+        """libgphoto2 itself looks for cameras only where no model is given. found: (model, port) of each."""
+        for model, port in found:
+            if port == self._port or (not self._port and model == self._model):
+                return port
+        raise CameraError(MODEL_NOT_FOUND, "opening the camera", "'%s'%s is not among those found: %s" % (
+            self._model, self._port and " at " + self._port, ", ".join("'%s' at %s" % one for one in found) or "none"))
 
     def close(self):
         camera, self._camera = self._camera, None
@@ -120,6 +133,20 @@ class GphotoCamera(Camera):
         camera = self._opened()
         with self._errors("deleting %s" % path):
             camera.file_delete(*posixpath.split(path), self._context)
+
+
+def _number_of(what, name, look_up):
+    """Of a name in one of libgphoto2's lists: a wrong one does not mean that the camera is off."""
+    try:
+        return look_up(name)
+    except gp.GPhoto2Error:
+        raise CameraError(UNKNOWN_PORT, "%s '%s'" % (what, name))
+
+
+def _detected(models, ports, context):
+    """(model, port) of every camera that is plugged in."""
+    found = models.detect(ports, context)
+    return [(found.get_name(index), found.get_value(index)) for index in range(found.count())]
 
 
 def _content(file):

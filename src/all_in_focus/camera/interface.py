@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Optional
 
 # Result codes of libgphoto2 (gphoto2-result.h, gphoto2-port-result.h).
-ERROR, NOT_SUPPORTED, IO, TIMEOUT, BAD_PARAMETERS = -1, -6, -7, -10, -2
+ERROR, UNKNOWN_PORT, NOT_SUPPORTED, IO, TIMEOUT, BAD_PARAMETERS = -1, -5, -6, -7, -10, -2
 IO_INIT, IO_READ, IO_WRITE, USB_FIND, USB_CLAIM, IO_LOCK = -31, -34, -35, -52, -53, -60
 CORRUPTED, MODEL_NOT_FOUND, FILE_NOT_FOUND, BUSY = -102, -105, -108, -110
 CAMERA_ERROR, OS_FAILURE, NO_SPACE = -113, -114, -115
@@ -20,6 +20,7 @@ _EXPLANATIONS = {
     **dict.fromkeys(CLAIMED, "the camera is claimed by another program, mostly the desktop's volume monitor (gvfs): "
                              "run 'gio mount -s gphoto2' or stop gvfs-gphoto2-volume-monitor"),
     **dict.fromkeys(BROKEN, "the connection to the camera broke: it is off, asleep or unplugged"),
+    UNKNOWN_PORT: "libgphoto2 knows none of this name: see 'gphoto2 --auto-detect'",
     BUSY: "the camera is busy: it still writes, or somebody uses its menu or buttons",
     CAMERA_ERROR: "the camera could not do it",
     CORRUPTED: "the camera sent what cannot be read",
