@@ -7,7 +7,8 @@ import math
 import pytest
 
 from all_in_focus.camera.focus_drive import FocusLimit
-from all_in_focus.camera.interface import BUSY, CAMERA_ERROR, IO_WRITE, MODEL_NOT_FOUND, USB_CLAIM, CameraError
+from all_in_focus.camera.interface import (BUSY, CAMERA_ERROR, CORRUPTED, IO_WRITE, MODEL_NOT_FOUND, NO_SPACE, USB_CLAIM,
+                                           CameraError)
 from all_in_focus.camera.session import Config, Session
 from fake_camera import LENS, MODELS, FakeCamera, lens_of
 
@@ -75,6 +76,40 @@ def test_an_exposure_that_is_not_told_is_left_alone():
     remarks = connected(camera).shoot(lambda shot: modes.append(camera.widgets["autoexposuremode"].value))
     assert modes == ["AV"] * 3 and len(remarks) == 1
     assert "does not tell the 'shutterspeed' that it has metered: set it to manual yourself" in remarks[0]
+
+
+@pytest.mark.parametrize("frames", ["still", "preview"])
+def test_the_stamp_is_taken_at_the_release(frames):
+    """With the lens where it is to be, and before the picture is taken."""
+    camera, shots, calls = FakeCamera(), [], []
+    for name in ("set_config", "capture", "capture_preview", "download"):
+        def call(*arguments, name=name, was=getattr(camera, name)):
+            calls.append(name)
+            return was(*arguments)
+        setattr(camera, name, call)
+    session = Session(camera, Config(settle_s=0, count=2, frames=frames), lambda: len(calls))
+    session.connect()
+    session.shoot(shots.append)
+    release = "capture" if frames == "still" else "capture_preview"
+    for shot in shots:
+        assert calls[shot.stamp] == release
+        assert calls[:shot.stamp][-1] == ("set_config" if frames == "still" else "capture_preview")
+
+
+@pytest.mark.parametrize("code, data, words", [(None, b"junk", "it is not a picture"), (NO_SPACE, None, "card is full"),
+                                               (CORRUPTED, None, "sent what cannot be read")])
+def test_a_picture_that_does_not_come_ends_the_bracket(code, data, words):
+    camera, shots = FakeCamera(), []
+    session, before = connected(camera), settings(camera)
+
+    def download(path):
+        if code:
+            raise CameraError(code, "downloading %s" % path)
+        return data
+    camera.download = download
+    with pytest.raises(CameraError, match=words):
+        session.shoot(shots.append)
+    assert not shots and session.connected and settings(camera) == before and camera.lens == 400
 
 
 def test_raw_files_beside_the_pictures_are_left_alone():
