@@ -1,0 +1,48 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""replay.launch: a folder, and a bag round after round, end in the pixels of fuse_stack."""
+import rospy
+import rostest
+
+from robot_testing import LaunchTest, Scene, run_script, succeeded, whole
+
+ROUNDS = 2  # each starts with a pause of some seconds
+
+
+class ReplayTest(LaunchTest):
+    def setUp(self):
+        super().setUp()
+        self.scene = Scene(self.folder / 'scene')
+        self.expected = self.scene.fused()
+
+    def test_a_folder(self):
+        results = self.results()
+        self.launch('all_in_focus', 'replay.launch', rviz='false', folder=self.scene.folder)
+        self.assert_same(self.result(results, whole)[0], self.expected)
+
+    def test_a_bag_over_and_over_with_all_its_frames(self):
+        bag, reports = self.folder / 'scene.bag', []
+        succeeded(run_script('make_bag', '--depth', self.scene.depth, '--rig', self.scene.rig, '--stack', self.scene.stack,
+                             '--focus', self.scene.focus, '--output', bag))
+        self.addCleanup(lambda: rospy.delete_param('/use_sim_time'))
+        results = self.results()
+
+        def last_round(report):
+            if not any(report is known for known in reports):
+                reports.append(report)
+            return len(reports) == ROUNDS
+        self.launch('all_in_focus', 'replay.launch', rviz='false', bag=bag, rig=self.scene.rig)
+        self.result(results, last_round)
+        for report in reports:
+            self.assertTrue(whole(report), report)
+        self.assert_same(results.wait(whole)[0], self.expected)
+
+    def test_neither(self):
+        self.launch('all_in_focus', 'replay.launch', rviz='false')
+        self.assert_said("requires the 'bag:=X.bag or folder:=DIR' arg to be set")
+
+
+if __name__ == '__main__':
+    rospy.init_node('robot_replay_test')
+    rostest.rosrun('all_in_focus', 'robot_replay', '__main__')
