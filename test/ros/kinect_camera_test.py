@@ -8,6 +8,7 @@ import time
 import numpy as np
 import rospy
 import rostest
+from rosgraph_msgs.msg import Log
 from std_srvs.srv import Trigger
 
 from depth_testing import values_of, wait_until
@@ -82,6 +83,7 @@ class ImagesTest(KinectTest):
     def test_infrared_or_colour_beside_depth(self):
         plug('one')
         plug('two')
+        log = self.images('/rosout', Log)
         depth, ir = self.images('/second/depth/image_raw'), self.images('/second/ir/image_raw')
         depth.wait(2)
         infos = self.infos('/second/ir/camera_info')
@@ -89,8 +91,12 @@ class ImagesTest(KinectTest):
         self.assertEqual((message.encoding, message.step), ('mono16', 2 * WIDTH))
         index = int(pixels_of(message)[0, 0])
         np.testing.assert_array_equal(pixels_of(message), (X + Y + index) % 1024)
-        # Its calibration is for another size: the field of view counts.
+        # Its calibration is for another size: the field of view counts, which is said once.
         self.assertAlmostEqual(info.K[0], FOCAL_PX, places=1)
+        warnings = lambda: [line for line in log.messages if 'side_ir: the calibration is for 320x240' in line.msg]
+        self.assertTrue(wait_until(warnings))
+        ir.wait(5)
+        self.assertEqual(len(warnings()), 1)
 
         colour = self.images('/second/kinect_rgb/image_raw')
         status = self.status(SECOND, 'either IR or colour')
