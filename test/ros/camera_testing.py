@@ -64,6 +64,12 @@ class CameraTest(unittest.TestCase):
         self.addCleanup(node.stop)
         return node
 
+    def assert_refused(self, node, words):
+        """The node has ended with exit code 2 and one line, which holds these words."""
+        self.assertEqual(node.exit_code(), 2)
+        self.assertTrue(node.said(words), node.lines)
+        self.assertEqual(len([line for line in node.lines if line.strip()]), 1, node.lines)
+
     def topic(self, name):
         return self.namespace + "/" + name
 

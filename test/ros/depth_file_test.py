@@ -42,10 +42,7 @@ class DepthFileTest(CameraTest):
                                   ({"depth": self.folder / "none.png", "rig": rig}, "none.png: No such file"),
                                   ({"depth": self.folder / "depth.png", "rig": rig}, "depth.yaml says 32x24")):
             with self.subTest(words):
-                node = self.start(NODE, **parameters)
-                self.assertEqual(node.exit_code(), 2)
-                self.assertTrue(node.said(words), node.lines)
-                self.assertEqual(len([line for line in node.lines if line.strip()]), 1, node.lines)
+                self.assert_refused(self.start(NODE, **parameters), words)
 
 
 if __name__ == "__main__":

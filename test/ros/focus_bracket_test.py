@@ -115,10 +115,7 @@ class FocusBracketTest(CameraTest):
             self.assertLess(abs(lens_of(image) - LENS * (1 - 500 / mm)), 4)
 
     def test_wrong_parameters_end_in_one_line(self):
-        node = self.fake(focus_table="[1]")
-        self.assertEqual(node.exit_code(), 2)
-        self.assertTrue(node.said("focus_table: expected"))
-        self.assertEqual(len([line for line in node.lines if line.strip()]), 1, node.lines)
+        self.assert_refused(self.fake(focus_table="[1]"), "focus_table: expected")
 
     def test_without_a_camera_the_real_node_waits(self):
         node = self.start(os.path.join(SCRIPTS, "focus_bracket_camera"), port="usb:999,999", model="Canon EOS 80D",

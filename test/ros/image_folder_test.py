@@ -105,10 +105,7 @@ class ImageFolderTest(CameraTest):
                                   ({"stack": self.folder / "stack", "rate": 0}, "~rate: expected a number of at least"),
                                   ({"stack": self.folder / "stack", "focus": self.folder / "stack.yaml"}, "'x.png'")):
             with self.subTest(words):
-                node = self.start(NODE, **parameters)
-                self.assertEqual(node.exit_code(), 2)
-                self.assertTrue(node.said(words), node.lines)
-                self.assertEqual(len([line for line in node.lines if line.strip()]), 1, node.lines)
+                self.assert_refused(self.start(NODE, **parameters), words)
 
 
 if __name__ == "__main__":
