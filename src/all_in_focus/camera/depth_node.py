@@ -10,6 +10,7 @@ from std_msgs.msg import Header
 
 from all_in_focus.bag_writer import camera_info
 from all_in_focus.camera import parameters
+from all_in_focus.camera.file_node import run_node
 from all_in_focus.rig import load_camera
 from all_in_focus.stack import StackError, read_depth
 
@@ -37,22 +38,18 @@ class DepthFileCamera:
         self._image_publisher.publish(self._message)
 
 
+def _publish():
+    paths = {name: parameters.text(name) for name in ("depth", "rig")}
+    for name, path in paths.items():
+        if not path:
+            raise parameters.ParameterError("~%s is missing" % name)
+    rate = rospy.Rate(parameters.number("rate", 5.0, 0.1))
+    camera = DepthFileCamera(paths["depth"], paths["rig"], parameters.text("frame_id", "depth_optical_frame"))
+    while not rospy.is_shutdown():
+        camera.publish(rospy.Time.now())
+        rate.sleep()
+
+
 def run():
     """Returns the exit code."""
-    rospy.init_node("depth_file_camera")
-    try:
-        paths = {name: parameters.text(name) for name in ("depth", "rig")}
-        for name, path in paths.items():
-            if not path:
-                raise parameters.ParameterError("~%s is missing" % name)
-        rate = rospy.Rate(parameters.number("rate", 5.0, 0.1))
-        camera = DepthFileCamera(paths["depth"], paths["rig"], parameters.text("frame_id", "depth_optical_frame"))
-        while not rospy.is_shutdown():
-            camera.publish(rospy.Time.now())
-            rate.sleep()
-    except rospy.ROSException:  # the node is to end
-        pass
-    except (ValueError, OSError) as error:
-        rospy.logfatal("%s", error)
-        return 2
-    return 0
+    return run_node("depth_file_camera", _publish)

@@ -9,6 +9,7 @@ import rospy
 from std_msgs.msg import Header
 
 from all_in_focus.camera import parameters
+from all_in_focus.camera.file_node import run_node
 from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
 from all_in_focus.camera.frame_publisher import FramePublisher
 from all_in_focus.stack import Stack, StackError, focus_entries
@@ -138,19 +139,15 @@ class Watcher:
             frames.publish(arrival.image, arrival.stamp, *place, self._distances.get(arrival.name, math.nan))
 
 
+def _publish():
+    path = parameters.text("stack")
+    if not path:
+        raise parameters.ParameterError("~stack is missing: give a folder of images or a video")
+    source = (Watcher if parameters.flag("watch", False) else Player)(path, parameters.text("focus"))
+    frames = FramePublisher(parameters.text("rig"), parameters.whole("width", 0, 0), parameters.text("frame_id"))
+    source.run(frames)
+
+
 def run():
     """Returns the exit code."""
-    rospy.init_node("image_folder_camera")
-    try:
-        path = parameters.text("stack")
-        if not path:
-            raise parameters.ParameterError("~stack is missing: give a folder of images or a video")
-        source = (Watcher if parameters.flag("watch", False) else Player)(path, parameters.text("focus"))
-        frames = FramePublisher(parameters.text("rig"), parameters.whole("width", 0, 0), parameters.text("frame_id"))
-        source.run(frames)
-    except rospy.ROSException:  # the node is to end
-        pass
-    except (ValueError, OSError) as error:
-        rospy.logfatal("%s", error)
-        return 2
-    return 0
+    return run_node("image_folder_camera", _publish)
