@@ -221,6 +221,16 @@ def test_a_camera_that_cannot_be_driven():
         connected(FakeCamera("none"))
 
 
+def test_a_camera_of_another_maker_is_never_driven_as_the_one_before():
+    camera = FakeCamera("Canon EOS")
+    session = connected(camera)
+    camera.make = "Nikon"
+    camera.widgets = {name: widget for name, widget in FakeCamera("Nikon").widgets.items() if name != "manualfocusdrive"}
+    for _ in range(2):
+        with pytest.raises(CameraError, match="no widget manualfocusdrive"):
+            session.connect()
+
+
 def test_calibrated_steps_have_distances():
     camera, shots = FakeCamera("Canon EOS", lens=700), []
     connected(camera, table=TABLE, home="near", first=40, step=10).shoot(shots.append)

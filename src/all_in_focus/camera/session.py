@@ -48,7 +48,6 @@ class Session:
         self._camera = PatientCamera(camera, config.patience_s)
         self._photographer = Photographer(self._camera, clock, config.frames, config.timeout_s,
                                           keep_files=config.keep_files)
-        self._maker = None
         self._bracketer = None
 
     @contextlib.contextmanager
@@ -65,13 +64,11 @@ class Session:
         try:
             self.model = self._camera.open()
             maker = self._maker_of(self.model)
-            if self._bracketer is None or maker is not self._maker:
-                self._maker = maker
+            if self._bracketer is None or self._bracketer.drive.maker is not maker:
                 self._bracketer = self._prepared(maker)
-            else:
-                if self.config.home != CURRENT:
-                    self._bracketer.drive.go_to_stop(self.config.home == FAR)
-                self._bracketer.restore([])
+            if self.config.home != CURRENT:
+                self._bracketer.drive.go_to_stop(self.config.home == FAR)
+            self._bracketer.restore([])
         except Exception:
             self.close()
             raise
@@ -92,8 +89,6 @@ class Session:
 
     def _prepared(self, maker):
         drive = FocusDrive(self._camera, maker, self.config.step_size, self.config.settle_s)
-        if self.config.home != CURRENT:
-            drive.go_to_stop(self.config.home == FAR)
         hold = SettingsHold(self._camera, maker, self.config.white_balance, self.config.iso)
         return Bracketer(drive, hold, self._photographer, self.scale)
 
