@@ -6,8 +6,8 @@ import time
 import cv2
 import numpy as np
 
-from all_in_focus.camera.interface import (BAD_PARAMETERS, BUSY, CAMERA_ERROR, ERROR, FILE_ADDED, FILE_NOT_FOUND,
-                                           IO_WRITE, MODEL_NOT_FOUND, NO_EVENT, Camera, CameraError, Widget)
+from all_in_focus.camera.interface import (BAD_PARAMETERS, BUSY, CAMERA_ERROR, ERROR, FILE_NOT_FOUND, IO_WRITE,
+                                           MODEL_NOT_FOUND, Camera, CameraError, Widget)
 
 SIZE = (48, 32)  # width, height of a picture
 LENS = 1000  # motor positions from the near limit, 0, to the far limit
@@ -166,9 +166,9 @@ class FakeCamera(Camera):
         end = time.monotonic() + seconds
         while True:
             if self._pending and self._pending[0][0] <= time.monotonic():
-                return FILE_ADDED, self._pending.pop(0)[1]
+                return self._pending.pop(0)[1]
             if time.monotonic() > end:
-                return NO_EVENT, None
+                return None
             time.sleep(0.002)
 
     def capture_preview(self):

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from all_in_focus.camera.focus_drive import FocusLimit
-from all_in_focus.camera.interface import CAMERA_ERROR, CORRUPTED, FILE_ADDED, CameraError
+from all_in_focus.camera.interface import CAMERA_ERROR, CORRUPTED, CameraError
 from all_in_focus.stack import IMAGE_SUFFIXES
 
 STILL, PREVIEW = "still", "preview"
@@ -58,8 +58,8 @@ class Photographer:
         """Path of the first new file that can be read; raw files that come with it are left alone."""
         end, others = time.monotonic() + self._timeout, []
         while time.monotonic() < end:
-            event, path = self._camera.wait_for_event(0.5)
-            if event != FILE_ADDED:
+            path = self._camera.wait_for_event(0.5)
+            if path is None:
                 continue
             if path.lower().endswith(IMAGE_SUFFIXES):
                 return path

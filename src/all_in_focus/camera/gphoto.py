@@ -6,11 +6,9 @@ import posixpath
 
 import gphoto2 as gp
 
-from all_in_focus.camera.interface import (BAD_PARAMETERS, CAPTURE_COMPLETE, FILE_ADDED, IO, MODEL_NOT_FOUND, NO_EVENT,
-                                           NOT_SUPPORTED, OTHER_EVENT, UNKNOWN_PORT, Camera, CameraError, Widget)
+from all_in_focus.camera.interface import (BAD_PARAMETERS, IO, MODEL_NOT_FOUND, NOT_SUPPORTED, UNKNOWN_PORT, Camera,
+                                           CameraError, Widget)
 
-_EVENTS = {gp.GP_EVENT_FILE_ADDED: FILE_ADDED, gp.GP_EVENT_CAPTURE_COMPLETE: CAPTURE_COMPLETE,
-           gp.GP_EVENT_TIMEOUT: NO_EVENT}
 _CHOICES = (gp.GP_WIDGET_RADIO, gp.GP_WIDGET_MENU)
 
 
@@ -111,13 +109,11 @@ class GphotoCamera(Camera):
 
     def wait_for_event(self, seconds):
         if self._captured:
-            return FILE_ADDED, self._captured.pop(0)
+            return self._captured.pop(0)
         camera = self._opened()
         with self._errors("waiting for the camera"):
             kind, data = camera.wait_for_event(max(1, round(1000 * seconds)), self._context)
-        if kind == gp.GP_EVENT_FILE_ADDED:
-            return FILE_ADDED, posixpath.join(data.folder, data.name)
-        return _EVENTS.get(kind, OTHER_EVENT), None
+        return posixpath.join(data.folder, data.name) if kind == gp.GP_EVENT_FILE_ADDED else None
 
     def capture_preview(self):
         camera = self._opened()

@@ -65,9 +65,6 @@ class Widget:
     read_only: bool = False
 
 
-FILE_ADDED, CAPTURE_COMPLETE, OTHER_EVENT, NO_EVENT = "file added", "capture complete", "other", "none"
-
-
 class Camera:
     """The narrow interface; every call but close() may raise CameraError. A path is the full name on the camera.
 
@@ -75,7 +72,7 @@ class Camera:
     get_config(name) -> Widget; a widget that does not exist raises BAD_PARAMETERS or ERROR
     set_config(name, value)
     capture(): releases the shutter and returns at once; the picture arrives by wait_for_event()
-    wait_for_event(seconds) -> (event, path of the file or None)
+    wait_for_event(seconds) -> path of the new file, None if the event is another or none came
     capture_preview() -> bytes of a JPEG picture
     download(path) -> bytes; delete(path)
     """
