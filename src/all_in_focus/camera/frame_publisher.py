@@ -41,10 +41,7 @@ class FramePublisher:
         """
         if self._calibration is None:
             return
-        width, height = size or (self._calibration.width, self._calibration.height)
-        if self._width:
-            width, height = self._width, max(1, round(height * self._width / width))
-        camera = self._camera_of(width, height)
+        camera = self._camera_of(*self._published(size or (self._calibration.width, self._calibration.height)))
         if camera.K[0, 0]:
             self._info_publisher.publish(camera_info(camera, Header(stamp=rospy.Time.now(), frame_id=self._frame_id)))
 
@@ -63,13 +60,18 @@ class FramePublisher:
 
     def publish(self, image, stamp, bracket_id, index, count, last, distance):
         """image: BGR, 8 bit; the rest: see FocusFrame.msg."""
-        if self._width and image.shape[1] != self._width:
-            height = max(1, round(image.shape[0] * self._width / image.shape[1]))
-            image = cv2.resize(image, (self._width, height), interpolation=cv2.INTER_AREA)
+        size = self._published(image.shape[1::-1])
+        if size != image.shape[1::-1]:
+            image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         header = Header(stamp=stamp, frame_id=self._frame_id)
-        self._info_publisher.publish(camera_info(self._camera_of(*image.shape[1::-1]), header))
+        self._info_publisher.publish(camera_info(self._camera_of(*size), header))
         self._focus_publisher.publish(FocusFrame(header, bracket_id, index, count, last, distance))
         self._image_publisher.publish(self._bridge.cv2_to_imgmsg(np.ascontiguousarray(image), "bgr8", header))
+
+    def _published(self, size):
+        """(width, height) at which pictures of this size go out."""
+        width, height = size
+        return (self._width, max(1, round(height * self._width / width))) if self._width else size
 
     def _camera_of(self, width, height):
         if self._info is None or (self._info.width, self._info.height) != (width, height):
