@@ -15,6 +15,7 @@ from all_in_focus.camera.interface import CAMERA_ERROR, CORRUPTED, CameraError
 from all_in_focus.stack import IMAGE_SUFFIXES
 
 STILL, PREVIEW = "still", "preview"
+STALE_PREVIEWS = 1  # begun before the lens came to rest
 
 
 @dataclass
@@ -33,16 +34,16 @@ class Shot:
 class Photographer:
     """Takes frames with one open camera. clock: gives the stamps."""
 
-    def __init__(self, camera, clock, frames=STILL, timeout=10.0, stale_previews=1, keep_files=True):
+    def __init__(self, camera, clock, frames=STILL, timeout=10.0, keep_files=True):
         if frames not in (STILL, PREVIEW):
             raise ValueError("frames: '%s' is neither %s nor %s" % (frames, STILL, PREVIEW))
         self._camera, self._clock, self._frames = camera, clock, frames
-        self._timeout, self._stale, self._keep = timeout, stale_previews, keep_files
+        self._timeout, self._keep = timeout, keep_files
 
     def take(self):
         """(image, stamp)"""
         if self._frames == PREVIEW:
-            for _ in range(self._stale):  # begun before the lens came to rest
+            for _ in range(STALE_PREVIEWS):
                 self._camera.capture_preview()
             stamp = self._clock()
             return _decoded(self._camera.capture_preview(), "live view"), stamp

@@ -8,6 +8,7 @@ from all_in_focus.camera.interface import BAD_PARAMETERS, CAMERA_ERROR, CameraEr
 from all_in_focus.camera.makers import CHOICES, POSITION
 
 READ_BACK = 5.0  # s for a focus position to be reached
+TO_STOP = 30  # moves of the greatest size, at most, to drive against a stop
 
 
 class FocusLimit(Exception):
@@ -73,15 +74,15 @@ class FocusDrive:
         if self.maker.live_view and self._camera.get_config("viewfinder").value != 1:
             self._camera.set_config("viewfinder", 1)
 
-    def go_to_stop(self, far=False, commands=30):
+    def go_to_stop(self, far=False):
         """Drive against the end of the range with the greatest steps, and count from there. Cameras that do not tell
-        their limit get all the commands."""
+        their limit get TO_STOP of them."""
         self.wake()
         if self.maker.rule == POSITION:
             self._zero = self._absolute(self._widget.high if far else self._widget.low)
             self._drive(0)
         else:
-            for _ in range(commands):
+            for _ in range(TO_STOP):
                 try:
                     self._command(far, self.maker.sizes[1])
                 except FocusLimit:
@@ -105,11 +106,11 @@ class FocusDrive:
 
     def _go(self, position):
         """An absolute move, as far as the range allows: to a whole step, so that the way back is whole steps too."""
-        reachable = position
-        for limit, toward in ((self._widget.low, math.ceil), (self._widget.high, math.floor)):
-            if limit is not None:
-                clamp = max if toward is math.ceil else min
-                reachable = clamp(reachable, toward((limit - self._zero) / self.size))
+        low, high, reachable = self._widget.low, self._widget.high, position
+        if low is not None:
+            reachable = max(reachable, math.ceil((low - self._zero) / self.size))
+        if high is not None:
+            reachable = min(reachable, math.floor((high - self._zero) / self.size))
         self._drive(reachable)
         if reachable != position:
             raise FocusLimit(position > reachable)
