@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import List, NamedTuple, Optional
 
 import genpy
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import Image
 from tf2_msgs.msg import TFMessage
 from tqdm import tqdm
 
@@ -48,7 +48,7 @@ class Small(NamedTuple):
 class Scan:
     """What is in a bag, in recorded order. infos: only those that differ from the one before. tf: of both topics.
 
-    compressed: whether colour is; unreadable: (kind, recorded) of messages that are no such message.
+    unreadable: (kind, recorded) of messages that are no such message; start: the first recorded, ns.
     """
     depth: List[Head] = field(default_factory=list)
     rgb: List[Head] = field(default_factory=list)
@@ -58,11 +58,9 @@ class Scan:
     optics: List[Small] = field(default_factory=list)
     tf: List[Small] = field(default_factory=list)
     tf_static: List[Small] = field(default_factory=list)
-    compressed: bool = False
     unreadable: List[tuple] = field(default_factory=list)
     counts: dict = field(default_factory=dict)
     start: int = 0
-    end: int = 0
 
 
 def scan(bag, checksums=False):
@@ -70,8 +68,7 @@ def scan(bag, checksums=False):
     wrong = {kind for kind, _ in bag.wrong_types()}
     kinds = {name: kind for kind, name in bag.topics.items() if kind not in wrong}
     kinds.update({"/tf": "tf", "/tf_static": "tf_static"})
-    found = Scan(compressed="rgb" not in wrong and bag.has("rgb")
-                 and bag.found[bag.topics["rgb"]].msg_type == CompressedImage._type)
+    found = Scan()
     total = sum(bag.found[name].message_count for name in kinds if name in bag.found)
     last, infos = {}, {}  # (recorded, nth) by kind; the last camera info without its stamp
     messages = enumerate(bag.read(list(kinds), raw=True))
@@ -79,7 +76,7 @@ def scan(bag, checksums=False):
                                                                    disable=not sys.stderr.isatty()):
         kind, recorded = kinds[absolute(name)], time.to_nsec()
         found.counts[kind] = found.counts.get(kind, 0) + 1
-        found.start, found.end = found.start or recorded, recorded
+        found.start = found.start or recorded
         try:
             if kind in ("depth", "rgb"):
                 nth = last[kind][1] + 1 if last.get(kind, (None,))[0] == recorded else 0
