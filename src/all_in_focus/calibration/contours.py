@@ -51,34 +51,26 @@ def depth_jumps(depth):
     return ((near + far)[:, ::-1] / 2, (far - near)[:, ::-1].astype(float), filled[tuple(near.T)], filled[tuple(far.T)])
 
 
-class _Projection:
-    """Depth pixels with depth (mm) to pixels of the colour picture."""
-
-    def __init__(self, rig):
-        self._rig = rig
-
-    def __call__(self, at, z):
-        """(N x 2, pixels; depth in the colour camera, m)."""
-        if len(at) == 0:
-            return np.zeros((0, 2)), np.zeros(0)
-        depth, color = self._rig.depth, self._rig.color
-        rays = cv2.undistortPoints(np.asarray(at, float).reshape(-1, 1, 2), depth.K, depth.D)[:, 0]
-        points = np.column_stack([rays, np.ones(len(rays))]) * (np.asarray(z, float) / 1000)[:, None]
-        turn = cv2.Rodrigues(self._rig.R)[0]
-        return (cv2.projectPoints(points, turn, self._rig.t, color.K, color.D)[0][:, 0],
-                (points @ self._rig.R.T + self._rig.t)[:, 2])
+def _project(rig, at, z):
+    """Depth pixels with depth (mm) in the colour picture: (N x 2, pixels; depth in the colour camera, m)."""
+    if len(at) == 0:
+        return np.zeros((0, 2)), np.zeros(0)
+    depth, color = rig.depth, rig.color
+    rays = cv2.undistortPoints(np.asarray(at, float).reshape(-1, 1, 2), depth.K, depth.D)[:, 0]
+    points = np.column_stack([rays, np.ones(len(rays))]) * (np.asarray(z, float) / 1000)[:, None]
+    return (cv2.projectPoints(points, cv2.Rodrigues(rig.R)[0], rig.t, color.K, color.D)[0][:, 0],
+            (points @ rig.R.T + rig.t)[:, 2])
 
 
 def contours_by_rig(depth, rig):
     """Contours of a depth image of the depth camera, as far as the colour camera sees them."""
     border, normal, near, far = depth_jumps(depth)
-    project = _Projection(rig)
-    nearest = _nearest(depth, project, rig.color)
-    at, z = project(border, near)
-    beside, _ = project(border + normal, near)
+    nearest = _nearest(depth, rig)
+    at, z = _project(rig, border, near)
+    beside, _ = _project(rig, border + normal, near)
     direction = beside - at
     shown = _shown(at, z, nearest, rig.color)
-    behind, behind_z = project(border + normal / 2, far)
+    behind, behind_z = _project(rig, border + normal / 2, far)
     return Contours(at[shown], (direction / np.linalg.norm(direction, axis=1, keepdims=True))[shown],
                     behind[_shown(behind, behind_z, nearest, rig.color)])
 
@@ -96,12 +88,12 @@ def _cells(at, camera):
     return row * (camera.width // CELL + 1) + column, inside
 
 
-def _nearest(depth, project, camera):
+def _nearest(depth, rig):
     """Least depth (m) of what lies in each cell of the colour picture."""
     rows, columns = np.nonzero(depth)
-    at, z = project(np.stack([columns, rows], axis=1), depth[rows, columns])
-    cell, inside = _cells(at, camera)
-    nearest = np.full((camera.width // CELL + 1) * (camera.height // CELL + 1), np.inf)
+    at, z = _project(rig, np.stack([columns, rows], axis=1), depth[rows, columns])
+    cell, inside = _cells(at, rig.color)
+    nearest = np.full((rig.color.width // CELL + 1) * (rig.color.height // CELL + 1), np.inf)
     np.minimum.at(nearest, cell[inside], z[inside])
     return nearest
 
