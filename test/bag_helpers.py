@@ -71,7 +71,6 @@ def good_messages(brackets=1):
 
 
 def copied(message):
-    import io
     buffer = io.BytesIO()
     message.serialize(buffer)
     return type(message)().deserialize(buffer.getvalue())

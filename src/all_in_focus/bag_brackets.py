@@ -70,7 +70,8 @@ def assemble(scan, rules, usable_depth):
     places = {head.order: place for place, head in enumerate(scan.rgb)}
     for bracket in found:
         first = bracket.frames[0].head
-        later = scan.rgb[places[first.order] + WINDOW:][:1]
+        end = places[first.order] + WINDOW
+        later = scan.rgb[end:end + 1]
         in_time = [head for head in usable_depth if not later or head.order < later[0].order]
         bracket.depth = newest_before(in_time, first.stamp, rules.max_age)
     return Brackets(found, unpaired, stray, refused)

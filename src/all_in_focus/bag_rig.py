@@ -9,6 +9,7 @@ import numpy as np
 import tf2_py
 from scipy.spatial.transform import Rotation
 
+from all_in_focus.bag_file import one_line
 from all_in_focus.bag_images import ImageError, check_depth
 from all_in_focus.bag_scan import newest
 from all_in_focus.rig import DISTORTION_LENGTHS, Camera, Optics, rotation_matrix
@@ -150,4 +151,4 @@ def _lookup(buffer, child, parent):
     try:
         return buffer.lookup_transform_core(parent.lstrip("/"), child.lstrip("/"), genpy.Time()), None
     except tf2_py.TransformException as error:
-        return None, " ".join(str(error).split())
+        return None, one_line(error)

@@ -24,7 +24,7 @@ def check_images(check, bag, scan, kind):
             first = next(head for head in heads if problems.get(head.order) == text)
             check.warning("%s: %d of %d images, the first at %.3f s: %s"
                           % (name, number, len(heads), (first.recorded - scan.start) / NS, text))
-    if not heads and not good:
+    if not heads:
         check.error("%s: no image can be read" % name)
     sizes = Counter(head.size for head in good)
     if len(sizes) > 1:
@@ -44,7 +44,7 @@ def check_images(check, bag, scan, kind):
 def _problems(bag, scan, kind):
     """Why the nodes refuse an image, by its order in the bag."""
     problems = {}
-    conversions = {}  # problem or None, by encoding: tried once each; every compressed image is read in time anyway
+    conversions = {}  # problem or None, by encoding: tried once each, reading all pixels would take long
     for head in getattr(scan, kind):
         try:
             if kind == "depth":
