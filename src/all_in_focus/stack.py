@@ -49,8 +49,7 @@ class Stack:
 
     def _list(self):
         names = sorted(name for name in os.listdir(self.path)
-                       if name.lower().endswith(IMAGE_SUFFIXES) and not name.startswith(".")
-                       and os.path.isfile(os.path.join(self.path, name)))
+                       if is_image_name(name) and os.path.isfile(os.path.join(self.path, name)))
         if not names:
             raise StackError("%s: holds no images" % self.path)
         for first, second in zip(names, names[1:]):
@@ -95,6 +94,11 @@ class Stack:
             if not good:
                 raise StackError("%s: frame %d cannot be read" % (self.path, index))
             yield "%s: frame %d" % (self.path, index), frame
+
+
+def is_image_name(name):
+    """Whether a file in a folder counts as a picture; hidden ones do not."""
+    return name.lower().endswith(IMAGE_SUFFIXES) and not name.startswith(".")
 
 
 def _natural(name):

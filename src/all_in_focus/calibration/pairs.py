@@ -10,7 +10,7 @@ import numpy as np
 
 from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.board import find_corners
-from all_in_focus.stack import IMAGE_SUFFIXES, read_image
+from all_in_focus.stack import is_image_name, read_image
 
 CAMERAS = ("depth", "color")
 
@@ -62,8 +62,7 @@ class PairFolders:
 def _images(folder):
     """File names by stem."""
     try:
-        names = sorted(name for name in os.listdir(folder)
-                       if name.lower().endswith(IMAGE_SUFFIXES) and not name.startswith("."))
+        names = sorted(filter(is_image_name, os.listdir(folder)))
     except OSError as error:
         raise CalibrationError("%s: %s" % (folder, error.strerror))
     if not names:

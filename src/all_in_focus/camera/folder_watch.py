@@ -6,7 +6,7 @@ import os
 import time
 from dataclasses import dataclass
 
-from all_in_focus.stack import IMAGE_SUFFIXES, StackError, read_image
+from all_in_focus.stack import StackError, is_image_name, read_image
 
 
 @dataclass
@@ -38,7 +38,7 @@ class FolderWatch:
         except OSError as error:
             raise StackError("%s: %s" % (self._folder, error.strerror))
         for name in names:
-            if name.lower().endswith(IMAGE_SUFFIXES) and not name.startswith("."):
+            if is_image_name(name):
                 with contextlib.suppress(OSError):  # gone since it was listed
                     status = os.stat(os.path.join(self._folder, name))
                     states[name] = (status.st_size, status.st_mtime_ns)
