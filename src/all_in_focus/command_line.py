@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the command line tools share: one-line errors and checked arguments."""
 import argparse
+import contextlib
 import math
+import os
 import sys
 
 from all_in_focus.rig import Optics
@@ -16,6 +18,19 @@ class Parser(argparse.ArgumentParser):
 
     def warn(self, message):
         print("%s: warning: %s" % (self.prog, message), file=sys.stderr)
+
+
+@contextlib.contextmanager
+def whole_file(path):
+    """Path to write to. What is there takes the place of `path` in one step; on an error nothing is left behind."""
+    folder, name = os.path.split(path)
+    working = os.path.join(folder, ".%d.%s" % (os.getpid(), name))  # keeps the ending, which may say the format
+    try:
+        yield working
+        os.replace(working, path)
+    finally:
+        if os.path.exists(working):
+            os.remove(working)
 
 
 def positive(text):
