@@ -34,7 +34,7 @@ class BorderEdges {
   struct WeightedEdge {
     int a, b, weight;
   };
-  struct Stripe {
+  struct Strip {
     std::vector<std::uint8_t> same[2], edges;
     std::vector<BlockRow> blocks[2];
     std::vector<std::uint32_t> listed;
@@ -43,10 +43,10 @@ class BorderEdges {
     std::vector<int> place;  ///< by weight: number of edges, then place of the next one
   };
 
-  void find(const PixelGraph& graph, int limit, const int* areas, int small_area, int begin, int end,
-            Stripe& stripe);
+  void find(const PixelGraph& graph, int limit, const int* areas, int small_area, const cv::Range& rows,
+            Strip& strip);
 
-  std::vector<Stripe> stripes_;
+  std::vector<Strip> strips_;
   std::vector<Edge> sorted_;
 };
 

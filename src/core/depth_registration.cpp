@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <stdexcept>
 
+#include "row_strips.hpp"
 #include "simd.hpp"
 #include "z_buffer.hpp"
 
@@ -69,17 +70,12 @@ void DepthRegistration::compute(const cv::Mat& depth, cv::Mat& registered) {
         cv::format("registration: depth is %dx%d, but the depth camera is calibrated for %dx%d", depth.cols,
                    depth.rows, rig_.depth.size.width, rig_.depth.size.height));
   }
-  const int count = std::max(1, std::min(cv::getNumThreads(), depth.rows / kLeastRows));
+  const int count = stripCount(depth.rows, kLeastRows);
   if (static_cast<int>(bands_.size()) < count) bands_.resize(count);
-  cv::parallel_for_(
-      cv::Range(0, count),
-      [&](const cv::Range& range) {
-        for (int i = range.start; i < range.end; ++i) {
-          bands_[i].begin(rig_.color.size);
-          drawRows(depth, {depth.rows * i / count, depth.rows * (i + 1) / count}, bands_[i]);
-        }
-      },
-      count);
+  RowStrips({0, depth.rows}, count).forEach([&](const cv::Range& rows, int i) {
+    bands_[i].begin(rig_.color.size);
+    drawRows(depth, rows, bands_[i]);
+  });
 
   registered.create(rig_.color.size, CV_16UC1);
   cv::parallel_for_(

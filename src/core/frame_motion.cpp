@@ -114,7 +114,7 @@ void ReferenceWarp::compute(const cv::Mat& frame, const Motion& motion, const cv
     strip.along.begin(kKept, values);
     strip.padded.resize(values + 2 * kChannels * kBorder);
   }
-  forStrips({0, frame.rows}, static_cast<int>(strips_.size()), [&](const cv::Range& rows, int i) {
+  RowStrips({0, frame.rows}, static_cast<int>(strips_.size())).forEach([&](const cv::Range& rows, int i) {
     const auto along = [&](int v, float* row) { warpAlong(frame.ptr(v), strips_[i].padded, row); };
     for (int y = rows.start; y < rows.end; ++y) {
       std::array<const float*, kTaps> from;

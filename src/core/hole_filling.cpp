@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "row_strips.hpp"
 #include "simd.hpp"
 
 namespace all_in_focus::core {
@@ -129,22 +130,15 @@ void FarSideFilling::fill(const cv::Mat& depth, cv::Mat& filled) {
   requireDepth(depth);
   filled.create(depth.size(), CV_16UC1);
   width_.create(depth.size());
-  bands_.resize(parts(depth));
-  const int count = static_cast<int>(bands_.size());
-  const auto firstRow = [&](int band) { return static_cast<int>(std::int64_t{depth.rows} * band / count); };
-  cv::parallel_for_(
-      cv::Range(0, count),
-      [&](const cv::Range& range) {
-        for (int i = range.start; i < range.end; ++i) {
-          fillBand(depth, {firstRow(i), firstRow(i + 1)}, bands_[i], filled);
-        }
-      },
-      count);
+  const int count = parts(depth);
+  bands_.resize(count);
+  const RowStrips strips({0, depth.rows}, count);
+  strips.forEach([&](const cv::Range& rows, int i) { fillBand(depth, rows, bands_[i], filled); });
   // Holes that lie in several bands.
   for (int j = 0; count > 1 && j < depth.cols; ++j) {
     int begin = bands_[0].begin[j];
     for (int i = 1; i < count; ++i) {
-      const bool goes_on = depth.at<std::uint16_t>(firstRow(i) - 1, j) == 0;
+      const bool goes_on = depth.at<std::uint16_t>(strips[i].start - 1, j) == 0;
       const int end = bands_[i].end[j];
       if (goes_on && end == 0) continue;  // through all of the band
       if (goes_on && begin > 0) fillDown(depth, j, begin, end, filled);

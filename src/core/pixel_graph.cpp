@@ -12,6 +12,8 @@
 namespace all_in_focus::core {
 namespace {
 
+constexpr int kLeastRows = 32;  // of a strip
+
 struct DepthRange {
   int nearest = 65536, farthest = 0;
 };
@@ -38,20 +40,20 @@ WeightRow PixelGraph::weightRow(int y) const {
 
 void PixelGraph::reset(const cv::Mat& depth) {
   depth_ = depth;
-  stripes_ = RowStripes(rows());
+  strips_ = RowStrips({0, rows()}, stripCount(rows(), kLeastRows));
   const std::size_t padded = static_cast<std::size_t>(rows() + 1) * stride();
   weights_.resize(4 * padded);
   labels_.resize(padded);
 
-  std::vector<DepthRange> ranges(stripes_.count());
-  stripes_.forEach([&](int stripe) {
+  std::vector<DepthRange> ranges(strips_.count());
+  strips_.forEach([&](const cv::Range& rows, int strip) {
     DepthRange range;
-    for (int y = stripes_.begin(stripe); y < stripes_.end(stripe); ++y) {
+    for (int y = rows.start; y < rows.end; ++y) {
       widen(depthRow(y), cols(), range.nearest, range.farthest);
       weighRow(y);
       labelRow(y)[cols()] = 0;
     }
-    ranges[stripe] = range;
+    ranges[strip] = range;
   });
   std::fill_n(&weights_[static_cast<std::size_t>(rows()) * 4 * stride()], 4 * stride(), kHeavy);
   std::fill_n(labelRow(rows()), stride(), 0);
@@ -98,10 +100,9 @@ int PixelGraph::weightQuantile(double share) const {
 }
 
 void PixelGraph::relabel(const RegionNode* nodes) {
-  stripes_.forEach([&](int stripe) {
-    std::int32_t* const end = labelRow(stripes_.end(stripe));
-    for (std::int32_t* label = labelRow(stripes_.begin(stripe)); label != end; ++label)
-      *label = nodes[*label].parent;
+  strips_.forEach([&](const cv::Range& rows, int) {
+    std::int32_t* const end = labelRow(rows.end);
+    for (std::int32_t* label = labelRow(rows.start); label != end; ++label) *label = nodes[*label].parent;
   });
 }
 

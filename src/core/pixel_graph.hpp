@@ -9,7 +9,7 @@
 
 #include "neighbour_rows.hpp"
 #include "region_forest.hpp"
-#include "row_stripes.hpp"
+#include "row_strips.hpp"
 
 namespace all_in_focus::core {
 
@@ -23,7 +23,7 @@ class PixelGraph {
   int rows() const { return depth_.rows; }
   int cols() const { return depth_.cols; }
   int stride() const { return depth_.cols + 1; }  ///< from a label to the one below
-  const RowStripes& stripes() const { return stripes_; }
+  const RowStrips& strips() const { return strips_; }
 
   int nearest() const { return nearest_; }    ///< smallest known depth, mm; 65536 if there is none
   int farthest() const { return farthest_; }  ///< greatest depth, mm
@@ -44,7 +44,7 @@ class PixelGraph {
   void weighRow(int y);
 
   cv::Mat depth_;
-  RowStripes stripes_;
+  RowStrips strips_;
   int nearest_ = 0, farthest_ = 0;
   std::vector<std::uint8_t> weights_;  // of each row: ab, ac, ad, bc
   std::vector<std::int32_t> labels_;

@@ -69,10 +69,9 @@ int PixelGrouping::compute(PixelGraph& graph, const DofRule& rule, int limit,
     }
     if (!any) return count;
     const std::int32_t* const labels = graph.labelRow(0);
-    graph.stripes().forEach([&](int stripe) {
-      const std::int32_t* const begin = graph.labelRow(graph.stripes().begin(stripe));
-      const std::int32_t* const end = graph.labelRow(graph.stripes().end(stripe));
-      for (const std::int32_t* label = begin; label != end; ++label) {
+    graph.strips().forEach([&](const cv::Range& rows, int) {
+      const std::int32_t* const end = graph.labelRow(rows.end);
+      for (const std::int32_t* label = graph.labelRow(rows.start); label != end; ++label) {
         if (*label != 0 && breaks(regions[regions[*label].parent])) limits_[label - labels] /= 2;
       }
     });
@@ -86,29 +85,29 @@ void PixelGrouping::findRow(const PixelGraph& graph, int y, BlockRow* blocks) co
 }
 
 // A forest of the pixels of some rows: labels become the indices of their parents.
-void PixelGrouping::plantRows(PixelGraph& graph, int begin, int end, Stripe& stripe) const {
+void PixelGrouping::plantRows(PixelGraph& graph, const cv::Range& rows, Strip& strip) const {
   const int stride = graph.stride(), cols = graph.cols();
   const int back[] = {1, stride, stride - 1, stride + 1};
-  for (auto& blocks : stripe.blocks) blocks.assign(stride, 0);
-  stripe.links.assign(cols + 8, 0);
-  stripe.parents.resize(cols);
-  stripe.listed.resize(kMostBits(cols));
-  BlockRow *above = &stripe.blocks[0][1], *here = &stripe.blocks[1][1];
+  for (auto& blocks : strip.blocks) blocks.assign(stride, 0);
+  strip.links.assign(cols + 8, 0);
+  strip.parents.resize(cols);
+  strip.listed.resize(kMostBits(cols));
+  BlockRow *above = &strip.blocks[0][1], *here = &strip.blocks[1][1];
   here[-1] = above[-1] = kAdmitsBd;
   std::int32_t* const labels = graph.labelRow(0);
-  for (int y = begin; y < end; ++y) {
+  for (int y = rows.start; y < rows.end; ++y) {
     const int first = y * stride;
     findRow(graph, y, here);
-    gatherLinks(here, above, cols, stripe.links.data());
-    takeFirstLinks(stripe.links.data(), first, stride, cols, stripe.parents.data());
+    gatherLinks(here, above, cols, strip.links.data());
+    takeFirstLinks(strip.links.data(), first, stride, cols, strip.parents.data());
     for (int x = 0; x < cols; ++x) {
       labels[first + x] = first + x;
-      labels[first + x] = labels[stripe.parents[x]];
+      labels[first + x] = labels[strip.parents[x]];
     }
-    const int others = listBits(stripe.links.data(), cols, stripe.listed.data());
+    const int others = listBits(strip.links.data(), cols, strip.listed.data());
     for (int i = 0; i < others; ++i) {
-      const int pixel = first + stripe.listed[i] / 8;
-      const int a = findRoot(labels, pixel), b = findRoot(labels, pixel - back[stripe.listed[i] % 8]);
+      const int pixel = first + strip.listed[i] / 8;
+      const int a = findRoot(labels, pixel), b = findRoot(labels, pixel - back[strip.listed[i] % 8]);
       labels[std::max(a, b)] = std::min(a, b);
     }
     std::swap(above, here);
@@ -116,44 +115,44 @@ void PixelGrouping::plantRows(PixelGraph& graph, int begin, int end, Stripe& str
 }
 
 int PixelGrouping::findGroups(PixelGraph& graph, bool equal_depth, std::vector<RegionNode>& regions) {
-  const RowStripes& stripes = graph.stripes();
-  stripes_.resize(stripes.count());
-  stripes.forEach([&](int i) {
-    Stripe& stripe = stripes_[i];
-    plantRows(graph, stripes.begin(i), stripes.end(i), stripe);
-    stripe.numbers = 0;
-    for (int y = stripes.begin(i); y < stripes.end(i); ++y)
-      stripe.numbers += countRoots(graph.labelRow(y), graph.depthRow(y), y * graph.stride(), graph.cols());
+  const RowStrips& strips = graph.strips();
+  strips_.resize(strips.count());
+  strips.forEach([&](const cv::Range& rows, int i) {
+    Strip& strip = strips_[i];
+    plantRows(graph, rows, strip);
+    strip.numbers = 0;
+    for (int y = rows.start; y < rows.end; ++y)
+      strip.numbers += countRoots(graph.labelRow(y), graph.depthRow(y), y * graph.stride(), graph.cols());
   });
   int count = 0;
-  for (Stripe& stripe : stripes_) {
-    stripe.first_number = count + 1;
-    count += stripe.numbers;
+  for (Strip& strip : strips_) {
+    strip.first_number = count + 1;
+    count += strip.numbers;
   }
   if (static_cast<int>(regions.size()) < count + 1) regions.resize(count + 1);
   regions[0] = {0, 0, 0};
 
-  stripes.forEach([&](int i) {
-    int number = stripes_[i].first_number - 1;
-    for (int y = stripes.begin(i); y < stripes.end(i); ++y)
+  strips.forEach([&](const cv::Range& rows, int i) {
+    int number = strips_[i].first_number - 1;
+    for (int y = rows.start; y < rows.end; ++y)
       number = numberRow(graph, y, equal_depth, number, regions.data());
   });
-  for (int i = 1; i < stripes.count(); ++i) joinRow(graph, stripes.begin(i) - 1, regions.data());
+  for (int i = 1; i < strips.count(); ++i) joinRow(graph, strips[i].start - 1, regions.data());
   return count;
 }
 
-// Links between the last row of a stripe and the first one of the next.
+// Links between the last row of a strip and the first one of the next.
 void PixelGrouping::joinRow(const PixelGraph& graph, int y, RegionNode* regions) {
   const int stride = graph.stride();
   const int to[] = {1, stride - 1, stride, stride + 1};
-  BlockRow* const blocks = &stripes_[0].blocks[0][1];
+  BlockRow* const blocks = &strips_[0].blocks[0][1];
   findRow(graph, y, blocks);
-  std::uint8_t* const edges = stripes_[0].links.data();
-  gatherEdges(blocks, &stripes_[0].blocks[1][1], graph.cols(), edges);
+  std::uint8_t* const edges = strips_[0].links.data();
+  gatherEdges(blocks, &strips_[0].blocks[1][1], graph.cols(), edges);
   const std::int32_t* const labels = graph.labelRow(y);
-  const int count = listBits(edges, graph.cols(), stripes_[0].listed.data());
+  const int count = listBits(edges, graph.cols(), strips_[0].listed.data());
   for (int i = 0; i < count; ++i) {
-    const int x = stripes_[0].listed[i] / 8, edge = stripes_[0].listed[i] % 8;
+    const int x = strips_[0].listed[i] / 8, edge = strips_[0].listed[i] % 8;
     if (edge == 0) continue;
     const int a = core::findRoot(regions, labels[x]), b = core::findRoot(regions, labels[x + to[edge]]);
     if (a != b) uniteRoots(regions, a, b);

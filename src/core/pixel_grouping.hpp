@@ -20,7 +20,7 @@ class PixelGrouping {
   int compute(PixelGraph& graph, const DofRule& rule, int limit, std::vector<RegionNode>& regions);
 
  private:
-  struct Stripe {
+  struct Strip {
     std::vector<BlockRow> blocks[2];
     std::vector<std::uint8_t> links;
     std::vector<std::int32_t> parents;
@@ -30,10 +30,10 @@ class PixelGrouping {
 
   int findGroups(PixelGraph& graph, bool equal_depth, std::vector<RegionNode>& regions);
   void findRow(const PixelGraph& graph, int y, BlockRow* blocks) const;
-  void plantRows(PixelGraph& graph, int begin, int end, Stripe& stripe) const;
+  void plantRows(PixelGraph& graph, const cv::Range& rows, Strip& strip) const;
   void joinRow(const PixelGraph& graph, int y, RegionNode* nodes);
 
-  std::vector<Stripe> stripes_;
+  std::vector<Strip> strips_;
   std::vector<std::uint8_t> limits_;
 };
 

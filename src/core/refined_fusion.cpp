@@ -117,7 +117,8 @@ void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const 
   const double trust = predicted ? 1 : trustIn(meanFourthPower(), mean_.sharpnessOfNoise());
 
   mean_.beginFrame(index, codes);
-  forStrips({inside.y, inside.br().y}, strips_.size(), [&](const cv::Range& rows, int i) {
+  const RowStrips strips({inside.y, inside.br().y}, static_cast<int>(strips_.size()));
+  strips.forEach([&](const cv::Range& rows, int i) {
     const auto predictedError = [this](int v, float* out) {
       std::copy_n(squared_error_.ptr<float>(v), squared_error_.cols, out);
     };
@@ -137,7 +138,7 @@ void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const 
 double RefinedFusion::meanFourthPower() {
   const cv::Size size = strips_[0].sharpness.reducedSize();
   fourth_powers_.resize(size.height);
-  forStrips({0, size.height}, strips_.size(), [&](const cv::Range& rows, int i) {
+  RowStrips({0, size.height}, static_cast<int>(strips_.size())).forEach([&](const cv::Range& rows, int i) {
     std::vector<float>& row = strips_[i].row;
     row.resize(size.width);
     for (int y = rows.start; y < rows.end; ++y) {

@@ -35,22 +35,22 @@ void RegionStatistics::countDepths(const RegionMap& map) {
     const int region = map.nodes[i].parent;
     of_node_[i] = begin_[region] - map.regions[region].min;
   }
-  counts_.resize(map.graph.stripes().count());
-  map.graph.stripes().forEach([&](int stripe) {
+  counts_.resize(map.graph.strips().count());
+  map.graph.strips().forEach([&](const cv::Range& rows, int strip) {
     // Two counts, for neighbours: the same one twice in a row would have to wait for itself.
-    counts_[stripe].assign(2 * static_cast<std::size_t>(total), 0);
-    int* const counts = counts_[stripe].data();
+    counts_[strip].assign(2 * static_cast<std::size_t>(total), 0);
+    int* const counts = counts_[strip].data();
     const int cols = map.graph.cols();
     const int* const of_node = of_node_.data();
-    for (int y = map.graph.stripes().begin(stripe); y < map.graph.stripes().end(stripe); ++y) {
+    for (int y = rows.start; y < rows.end; ++y) {
       const std::int32_t* const labels = map.graph.labelRow(y);
       const std::uint16_t* const depth = map.graph.depthRow(y);
       for (int x = 0; x < cols; ++x) ++counts[2 * (of_node[labels[x]] + depth[x]) + (x & 1)];
     }
   });
   std::vector<int>& counts = counts_[0];
-  for (std::size_t stripe = 1; stripe < counts_.size(); ++stripe)
-    std::transform(counts.begin(), counts.end(), counts_[stripe].begin(), counts.begin(), std::plus<int>());
+  for (std::size_t strip = 1; strip < counts_.size(); ++strip)
+    std::transform(counts.begin(), counts.end(), counts_[strip].begin(), counts.begin(), std::plus<int>());
   for (int i = 1; i <= map.count; ++i) {
     const int* const begin = &counts[2 * begin_[i]];
     const int* const end = begin + 2 * map.depths(i);
@@ -107,8 +107,8 @@ void RegionStatistics::describe(const RegionMap& map, const DofRule& rule, Segme
   result.labels.create(map.graph.rows(), map.graph.cols(), CV_32SC1);
   const int* const of_node = of_node_.data();
   const int cols = map.graph.cols();
-  map.graph.stripes().forEach([&, of_node, cols](int stripe) {
-    for (int y = map.graph.stripes().begin(stripe); y < map.graph.stripes().end(stripe); ++y) {
+  map.graph.strips().forEach([&, of_node, cols](const cv::Range& rows, int) {
+    for (int y = rows.start; y < rows.end; ++y) {
       const std::int32_t* const labels = map.graph.labelRow(y);
       std::int32_t* const row = result.labels.ptr<std::int32_t>(y);
       for (int x = 0; x < cols; ++x) row[x] = of_node[labels[x]];

@@ -37,7 +37,7 @@ class RegionStatistics {
   void sortDepths(const RegionMap& map);
 
   std::vector<int> areas_, medians_, begin_, of_node_, order_, labels_;
-  std::vector<std::vector<int>> counts_;  ///< by stripe
+  std::vector<std::vector<int>> counts_;  ///< by strip
 };
 
 }  // namespace all_in_focus::core
