@@ -16,13 +16,25 @@ inline Mask mask(bool value) {
   return value ? 255 : 0;
 }
 
+struct BorderEdge {
+  std::uint8_t weight;
+  Mask same;      // whether its ends have one label
+  Mask drop = 0;  // whether an earlier edge makes it useless
+};
+
 // Of two edges between the same two labels, `first` being the earlier one at equal weights, the later is
 // dropped.
-inline void dropLater(Mask same_labels, std::uint8_t first, std::uint8_t second, Mask& drop_first,
-                      Mask& drop_second) {
-  const Mask in_order = mask(first <= second);
-  drop_second |= same_labels & in_order;
-  drop_first |= same_labels & ~in_order;
+inline void dropLater(Mask same_labels, BorderEdge& first, BorderEdge& second) {
+  const Mask in_order = mask(first.weight <= second.weight);
+  second.drop |= same_labels & in_order;
+  first.drop |= same_labels & ~in_order;
+}
+
+// A triangle's edges in raster order: where one joins equal labels, the other two join the same pair.
+inline void dropInTriangle(BorderEdge& p, BorderEdge& q, BorderEdge& r) {
+  dropLater(p.same, q, r);
+  dropLater(q.same, p, r);
+  dropLater(r.same, p, q);
 }
 
 }  // namespace
@@ -64,32 +76,23 @@ void findBorders(const WeightRow& row, const std::uint8_t* ab_below, const std::
                  const std::uint8_t* same_below, std::uint8_t limit, int n, BlockRow* blocks) {
   const std::uint8_t *ab_row = row.ab, *ac_row = row.ac, *ad_row = row.ad, *bc_row = row.bc;
   for (int x = 0; x < n; ++x) {
-    const std::uint8_t ab = ab_row[x], ac = ac_row[x], ad = ad_row[x], bc = bc_row[x], bd = ac_row[x + 1],
-                       cd = ab_below[x];
-    const Mask same_ab = mask((same[x] & kEast) != 0), same_ac = mask((same[x] & kSouth) != 0),
-               same_ad = mask((same[x] & kSouthEast) != 0), same_bc = mask((same[x] & kSouthWest) != 0),
-               same_bd = mask((same[x + 1] & kSouth) != 0), same_cd = mask((same_below[x] & kEast) != 0);
-    Mask drop_ab = 0, drop_ac = 0, drop_ad = 0, drop_bc = 0, drop_bd = 0, drop_cd = 0;
-    // The four triangles. Raster order of the edges is ab, ac, ad, bc, bd, cd.
-    dropLater(same_ab, ac, bc, drop_ac, drop_bc);
-    dropLater(same_ac, ab, bc, drop_ab, drop_bc);
-    dropLater(same_bc, ab, ac, drop_ab, drop_ac);
-    dropLater(same_ab, ad, bd, drop_ad, drop_bd);
-    dropLater(same_ad, ab, bd, drop_ab, drop_bd);
-    dropLater(same_bd, ab, ad, drop_ab, drop_ad);
-    dropLater(same_ac, ad, cd, drop_ad, drop_cd);
-    dropLater(same_ad, ac, cd, drop_ac, drop_cd);
-    dropLater(same_cd, ac, ad, drop_ac, drop_ad);
-    dropLater(same_bc, bd, cd, drop_bd, drop_cd);
-    dropLater(same_bd, bc, cd, drop_bc, drop_cd);
-    dropLater(same_cd, bc, bd, drop_bc, drop_bd);
+    BorderEdge ab{ab_row[x], mask((same[x] & kEast) != 0)}, ac{ac_row[x], mask((same[x] & kSouth) != 0)},
+        ad{ad_row[x], mask((same[x] & kSouthEast) != 0)}, bc{bc_row[x], mask((same[x] & kSouthWest) != 0)},
+        bd{ac_row[x + 1], mask((same[x + 1] & kSouth) != 0)},
+        cd{ab_below[x], mask((same_below[x] & kEast) != 0)};
+    dropInTriangle(ab, ac, bc);
+    dropInTriangle(ab, ad, bd);
+    dropInTriangle(ac, ad, cd);
+    dropInTriangle(bc, bd, cd);
     // Heavy edges cannot be compared: they stay.
-    const auto wanted = [limit](std::uint8_t weight, Mask same_labels, Mask drop) -> Mask {
-      return mask(weight <= limit) & ~same_labels & ~(drop & mask(weight != kHeavy));
+    const auto dropped = [](const BorderEdge& edge) -> Mask {
+      return edge.drop & mask(edge.weight != kHeavy);
     };
-    blocks[x] = (wanted(ab, same_ab, drop_ab) & kEast) | (wanted(ac, same_ac, drop_ac) & kSouth) |
-                (wanted(ad, same_ad, drop_ad) & kSouthEast) | (wanted(bc, same_bc, drop_bc) & kSouthWest) |
-                (~(drop_bd & mask(bd != kHeavy)) & kAdmitsBd) | (~(drop_cd & mask(cd != kHeavy)) & kAdmitsCd);
+    const auto wanted = [&](const BorderEdge& edge) -> Mask {
+      return mask(edge.weight <= limit) & ~edge.same & ~dropped(edge);
+    };
+    blocks[x] = (wanted(ab) & kEast) | (wanted(ac) & kSouth) | (wanted(ad) & kSouthEast) |
+                (wanted(bc) & kSouthWest) | (~dropped(bd) & kAdmitsBd) | (~dropped(cd) & kAdmitsCd);
   }
 }
 
