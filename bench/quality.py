@@ -20,12 +20,12 @@ import cv2
 from tqdm import tqdm
 
 import methods
+import steps
 import suite
 from all_in_focus.command_line import Parser
 from all_in_focus.quality import Truth, psnr, ssim
 from all_in_focus.stack import Stack, read_image
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 MEASURES = {"psnr": ("PSNR, dB", "%.2f"), "ssim": ("SSIM", "%.4f"),
             "psnr_edges": ("PSNR within 8 px of depth edges, dB", "%.2f"),
             "seconds_per_frame": ("Time per frame, s", "%.3f")}
@@ -51,8 +51,7 @@ def parse_arguments():
     parser.add_argument("--keep", action="store_true", help="take results that are there already")
     parser.add_argument("--time", action="store_true", help="print a table of times too")
     parser.add_argument("--json", metavar="FILE", help="write the figures there")
-    parser.add_argument("--fuse-stack", default=os.path.join(ROOT, "build/.install/lib/all_in_focus/fuse_stack"),
-                        metavar="PATH", help="default: that of scripts/build")
+    parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
     args = parser.parse_args()
     peers = dict(args.peer)
     try:
@@ -114,9 +113,7 @@ def table(figures, key):
     rows = [[name] + [cell(of[method] and of[method][key]) for method in columns] for name, of in figures.items()]
     means = [mean(figures, method, key) for method in columns]
     rows.append(["mean (of scenes)"] + ["%s (%d)" % (cell(value), count) for value, count in means])
-    lines = ["| %s |" % " | ".join(row) for row in [["scene"] + columns] + rows]
-    lines.insert(1, "|---" + "|---:" * len(columns) + "|")
-    return "%s\n\n%s\n" % (title, "\n".join(lines))
+    return "%s\n\n%s" % (title, steps.table(["scene"] + columns, rows))
 
 
 def main():
