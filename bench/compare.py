@@ -128,11 +128,9 @@ def compare_segmentation(args):
 
 # --- fusion -----------------------------------------------------------------------------------------------------------
 
-def own_fusion(args, mode, without=()):
-    inputs = [part for name, path in methods.inputs(args.scene).items() for part in ("--" + name, path)]
+def own_fusion(args, mode, variant=""):
     output = os.path.join(args.folder, "own.png")
-    extra = ["--without", ",".join(without)] if without else []
-    return lambda: elapsed_ms(methods.run, [args.fuse_stack, *inputs, "--mode", mode, "--output", output, *extra], output)
+    return lambda: elapsed_ms(methods.fuse_stack, args.fuse_stack, mode, variant, args.scene, output)
 
 
 def enfuse_fusion(args):
@@ -150,7 +148,7 @@ def peer_fusion(args, name, command):
 
 def compare_fusion(args):
     programs = {"fuse_stack (refined)": own_fusion(args, "refined"),
-                "fuse_stack (refined, not aligned)": own_fusion(args, "refined", ["alignment"]),
+                "fuse_stack (refined, not aligned)": own_fusion(args, "refined", "-alignment"),
                 "fuse_stack (paper)": own_fusion(args, "paper"), "enfuse": enfuse_fusion(args)}
     programs.update({name: peer_fusion(args, name, command) for name, command in args.peer})
     title = "fusion of %d frames, files to file, ms" % len(os.listdir(methods.inputs(args.scene)["stack"]))
