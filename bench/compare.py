@@ -20,6 +20,7 @@ import numpy as np
 from tqdm import tqdm
 
 import compare_registration
+import graph_source
 import methods
 import steps
 from all_in_focus.baselines import enfuse
@@ -114,8 +115,7 @@ def compare_segmentation(args):
         methods.run([args.fuse_stack, "--stack", os.path.dirname(frame), "--rig", args.rig, "--depth", args.depth, "--output",
                      os.path.join(folder, "fused.png"), "--save-registered", filled], filled)
         depth = read_depth(filled)
-    noise = np.random.default_rng(0).normal(0, NOISE_MM, depth.shape)
-    noisy = np.where(depth > 0, np.clip(np.rint(depth + noise), 1, 65535), 0).astype(np.uint16)
+    noisy = graph_source.with_noise(depth, NOISE_MM, np.random.default_rng(0))
     cv2.setNumThreads(1)
     for step, image, title in (("kinect", depth, "segmentation, ms"),
                                ("noisy", noisy, "segmentation, %d mm noise, ms" % NOISE_MM)):

@@ -25,6 +25,7 @@ from all_in_focus.bag_writer import camera_info, static_transform
 from all_in_focus.command_line import Parser, count, positive
 from all_in_focus.msg import FocusFrame
 from all_in_focus.rig import load_rig
+from all_in_focus.stack import read_depth
 
 # Without a queue: an image is sent, or waits, when it is published, and none is lost on this side.
 warnings.filterwarnings("ignore", message=".*queue_size", category=SyntaxWarning)
@@ -67,16 +68,19 @@ def scale(camera, size):
     camera.width, camera.height = size
 
 
+def with_noise(depth, noise_mm, random):
+    """Depth with normal noise of that deviation on every known pixel, all of them still known."""
+    noisy = np.rint(depth + random.normal(0, noise_mm, depth.shape))
+    return np.where(depth > 0, np.clip(noisy, 1, 65535), 0).astype(np.uint16)
+
+
 def depth_images(args):
-    depth = cv2.imread(args.depth, cv2.IMREAD_UNCHANGED)
-    if depth is None or depth.dtype != np.uint16 or depth.ndim != 2:
-        raise ValueError("%s: no 16-bit depth image" % args.depth)
+    depth = read_depth(args.depth)
     if args.size:
         depth = cv2.resize(depth, args.size, interpolation=cv2.INTER_NEAREST)
     random = np.random.default_rng(0)
     for _ in range(DIFFERENT if args.noise else 1):
-        noisy = np.rint(depth + random.normal(0, args.noise, depth.shape)) if args.noise else depth
-        yield np.where(depth > 0, np.clip(noisy, 1, 65535), 0).astype(np.uint16)
+        yield with_noise(depth, args.noise, random)
 
 
 def color_images(camera):
