@@ -4,6 +4,7 @@
 #include "region_statistics.hpp"
 
 #include <algorithm>
+#include <functional>
 #include <numeric>
 
 namespace all_in_focus::core {
