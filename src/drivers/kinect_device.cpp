@@ -142,12 +142,8 @@ void KinectDevice::chooseMode(KinectStream stream) {
     }
   }
   const openni::VideoMode mode = slot.stream.getVideoMode();
-  slot.mode = {mode.getPixelFormat(),
-               mode.getResolutionX(),
-               mode.getResolutionY(),
-               mode.getFps(),
-               slot.stream.getHorizontalFieldOfView(),
-               false};
+  slot.mode = {mode.getResolutionX(), mode.getResolutionY(), mode.getFps(),
+               slot.stream.getHorizontalFieldOfView(), false};
 }
 
 void KinectDevice::stop(KinectStream stream) {

@@ -43,7 +43,6 @@ class KinectDevice {
   void start(KinectStream stream);
   void stop(KinectStream stream);
   bool isRunning(KinectStream stream) const { return slot(stream).running; }
-  const KinectMode& mode(KinectStream stream) const { return slot(stream).mode; }
 
   /// The next image of the running streams, oldest first; it is valid until the next call. False after
   /// timeout_ms without one. Of a recording none is lost, however slow the caller is.

@@ -21,7 +21,6 @@ const char* toString(KinectStream stream);  ///< "depth", "IR", "colour"
 
 /// What a stream was set to.
 struct KinectMode {
-  openni::PixelFormat format = openni::PIXEL_FORMAT_DEPTH_1_MM;
   int width = 0, height = 0;  // pixels
   int fps = 0;
   double horizontal_fov = 0;  // rad; 0: the camera does not tell

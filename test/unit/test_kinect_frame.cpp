@@ -23,7 +23,7 @@ KinectFrame frameOf(KinectStream stream, openni::PixelFormat format, int width, 
                     const Bytes& data) {
   KinectFrame frame;
   frame.stream = stream;
-  frame.format = frame.mode.format = format;
+  frame.format = format;
   frame.width = frame.mode.width = width;
   frame.height = frame.mode.height = height;
   frame.stride = static_cast<int>(data.size()) / height;
