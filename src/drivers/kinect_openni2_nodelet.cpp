@@ -153,8 +153,7 @@ void KinectOpenni2Nodelet::run() {
 
 void KinectOpenni2Nodelet::open() {
   device_ = std::make_unique<KinectDevice>(parameters_.device, parameters_.playback);
-  monitor_->setSubscribed(true);
-  monitor_->setSubscribed(false);  // ends the errors of before
+  monitor_->recovered();
   if (parameters_.playback.single_step && !device_->isFile()) {
     monitor_->warn("single_step has no effect on a camera");
   }

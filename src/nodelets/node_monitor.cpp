@@ -172,6 +172,11 @@ void NodeMonitor::warn(const std::string& reason) {
   if (!throttled(text)) ROS_WARN_STREAM(name_ << ": " << text);
 }
 
+void NodeMonitor::recovered() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  current_ = {};
+}
+
 void NodeMonitor::raise(unsigned char level, const std::string& text) {
   std::lock_guard<std::mutex> lock(mutex_);
   if (level == DiagnosticStatus::ERROR) last_error_ = text;

@@ -76,6 +76,9 @@ class NodeMonitor {
   void error(const std::string& text);
   void warn(const std::string& text);
 
+  /// What was wrong is over: ends errors and warnings, as a processed input does.
+  void recovered();
+
   /// Extra lines of the diagnostics, e.g. ("optics", "f 24 mm, F 4").
   void setValue(const std::string& key, const std::string& value);
 
