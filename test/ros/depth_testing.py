@@ -13,7 +13,8 @@ from sensor_msgs.msg import CameraInfo, Image
 WIDTH, HEIGHT = 64, 48
 NEAR_MM, FAR_MM = 1000, 3000
 TIMEOUT = 10.0
-ENCODINGS = {'16UC1': np.uint16, '32FC1': np.float32, '32SC1': np.int32, 'rgb8': np.uint8}
+ENCODINGS = {'16UC1': np.uint16, 'mono16': np.uint16, '32FC1': np.float32, '32SC1': np.int32, 'rgb8': np.uint8,
+             'bgr8': np.uint8}
 
 
 def wait_until(condition, timeout=TIMEOUT):
@@ -42,8 +43,8 @@ def image_message(pixels, stamp, encoding='16UC1', frame='depth'):
 
 def pixels_of(message):
     flat = np.frombuffer(message.data, ENCODINGS[message.encoding])
-    return flat.reshape((message.height, message.width, -1)).squeeze(axis=2) if message.encoding != 'rgb8' \
-        else flat.reshape((message.height, message.width, 3))
+    channels = (3,) if message.encoding in ('rgb8', 'bgr8') else ()
+    return flat.reshape((message.height, message.width, *channels))
 
 
 def camera_info(stamp, frame, focal_px=50.0, model='plumb_bob'):

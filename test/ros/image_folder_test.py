@@ -16,16 +16,12 @@ from std_msgs.msg import Header
 
 from all_in_focus.camera.folder_node import MOST_UNDER_WAY
 from camera_testing import HERE, SCRIPTS, CameraTest, places
-from depth_testing import Talker, wait_until
+from depth_testing import Talker, pixels_of, wait_until
 
 sys.path.insert(0, os.path.join(HERE, os.pardir))
 from file_helpers import SIZE, pictures, write_stack, write_video  # noqa: E402
 
 NODE = os.path.join(SCRIPTS, "image_folder_camera")
-
-
-def pixels(image):
-    return np.frombuffer(image.data, np.uint8).reshape((image.height, image.width, 3))
 
 
 class ImageFolderTest(CameraTest):
@@ -42,7 +38,7 @@ class ImageFolderTest(CameraTest):
         frames = self.frames(3)
         self.assertEqual(places(frames), [(0, 0, 3, False), (0, 1, 3, False), (0, 2, 3, True)])
         for (image, info, _), picture in zip(frames, pictures(3)):
-            np.testing.assert_array_equal(pixels(image), picture)
+            np.testing.assert_array_equal(pixels_of(image), picture)
             self.assertEqual([image.header.frame_id, info.K[0], info.width], ["dslr", 60.0, SIZE[0]])
         distances = [focus.focus_distance for _, _, focus in frames]
         self.assertEqual([distances[0], distances[2], math.isnan(distances[1])], [0.855, math.inf, True])
@@ -94,7 +90,7 @@ class ImageFolderTest(CameraTest):
         frames = self.frames(3)
         self.assertEqual(places(frames), [(0, 0, 0, False), (0, 1, 2, True), (1, 0, 1, True)])
         for (image, _, _), picture in zip(frames, (first, second, third)):
-            np.testing.assert_array_equal(pixels(image), picture)
+            np.testing.assert_array_equal(pixels_of(image), picture)
         self.assertEqual(frames[1][2].focus_distance, 0.9)
 
     def test_wrong_parameters_end_in_one_line(self):

@@ -11,9 +11,8 @@ import rostest
 from rosgraph_msgs.msg import Log
 from std_srvs.srv import Trigger
 
-from depth_testing import values_of, wait_until
-from kinect_testing import (HEIGHT, WIDTH, X, Y, KinectTest, depth_pattern, index_of, is_running, pixels_of, plug,
-                            unplug)
+from depth_testing import pixels_of, values_of, wait_until
+from kinect_testing import HEIGHT, WIDTH, X, Y, KinectTest, depth_pattern, index_of, is_running, plug, unplug
 
 FIRST, SECOND = 'first/kinect_openni2', 'second/kinect_openni2'
 FOCAL_PX = WIDTH / 2 / math.tan(1.0145 / 2)  # of the field of view that the cameras tell

@@ -12,8 +12,8 @@ import rospy
 import rostest
 from std_srvs.srv import Trigger
 
-from depth_testing import values_of, wait_until
-from kinect_testing import HEIGHT, WIDTH, KinectTest, depth_pattern, index_of, pixels_of, plug
+from depth_testing import pixels_of, values_of, wait_until
+from kinect_testing import HEIGHT, WIDTH, KinectTest, depth_pattern, index_of, plug
 
 WORLD = Path(os.environ['KINECT_TEST_WORLD'])
 NOISE, MIRRORED = Path(os.environ['KINECT_TEST_NOISE']), Path(os.environ['KINECT_TEST_MIRRORED'])

@@ -15,7 +15,6 @@ WIDTH, HEIGHT = 640, 480
 CAMERAS = Path(os.environ['KINECT_TEST_DIR'])
 SENSORS = {'ir': 1, 'kinect_rgb': 2, 'depth': 3}
 X, Y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
-PIXELS = {'16UC1': np.uint16, 'mono16': np.uint16, 'rgb8': np.uint8}
 
 
 def plug(name, faults=''):
@@ -43,11 +42,6 @@ def index_of(depth):
     offset = (int(depth[-1, column]) - 400 - column - 2 * (HEIGHT - 1)) % 3000
     assert offset % 10 == 0, offset
     return offset // 10
-
-
-def pixels_of(message):
-    pixels = np.frombuffer(message.data, PIXELS[message.encoding])
-    return pixels.reshape((message.height, message.width, -1)).squeeze()
 
 
 class Images:
