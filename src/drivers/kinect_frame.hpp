@@ -41,7 +41,7 @@ struct KinectFrame {
 };
 
 /// Copies a frame into a message, never mirrored, without gaps between rows: depth as 16UC1 mm with the
-/// invalid_values set to 0, IR as mono16 or mono8, colour as rgb8 or mono8. Throws std::invalid_argument with
+/// invalid_values set to 0, IR and colour as mono16, mono8 or rgb8. Throws std::invalid_argument with
 /// one line for people when the frame is not what the stream was set to, or lacks pixels.
 sensor_msgs::ImagePtr toImage(const KinectFrame& frame, const std_msgs::Header& header,
                               const std::vector<int>& invalid_values);
