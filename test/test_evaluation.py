@@ -203,7 +203,7 @@ def test_everything_started_is_ended():
         time.sleep(0.01)
     time.sleep(0.2)
     process.kill()
-    evaluation_launch._end(process, run_id)
+    evaluation_launch.end_run(process, run_id)
     assert not evaluation_launch._processes_of(run_id)
 
 

@@ -112,7 +112,7 @@ def run(arguments, output, timeout, verbose=False):
         try:
             stopped_because = _watch(process, status_file, printed, timeout)
         finally:
-            _end(process, environment[RUN_VARIABLE])
+            end_run(process, environment[RUN_VARIABLE])
         printed.join(1.0)
         status = final_status(RunStatus.read(status_file), stopped_because, printed.hint())
     if status.code != 0 and os.path.isdir(output):
@@ -151,7 +151,7 @@ def _watch(process, status_file, printed, timeout):
     return None
 
 
-def _end(process, run_id):
+def end_run(process, run_id):
     """End roslaunch and everything that it has started: its children have process groups of their own."""
     if process.poll() is None:
         process.send_signal(signal.SIGINT)

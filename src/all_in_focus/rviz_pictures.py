@@ -3,7 +3,6 @@
 """Pictures of rviz and image_view with the results of a bag: a master, the nodes and screens of their own."""
 import contextlib
 import os
-import signal
 import subprocess
 import tempfile
 import time
@@ -17,13 +16,12 @@ from roslib.packages import find_node
 
 from all_in_focus import rviz_config
 from all_in_focus.bag_player import BagPlayer, Limits, PlayError
-from all_in_focus.evaluation_launch import child_environment, free_port
+from all_in_focus.evaluation_launch import RUN_VARIABLE, child_environment, end_run, free_port
 from all_in_focus.virtual_screen import ScreenError, VirtualScreen, changed_share, check_programs
 
 LABELS = "segmentation/labels"
 REPORT = "all_in_focus/report"
 CHANGED = {"rviz": 0.15, "labels": 0.01}  # share of the screen that results change, at least
-END = 40.0  # s for roslaunch to end what it has started
 
 LAUNCH = """<launch>
   <param name="/use_sim_time" value="true"/>
@@ -64,6 +62,7 @@ class Graph:
         self._timeout = timeout
         port = free_port()
         environment = child_environment(os.environ, port, os.path.join(folder, "log"))
+        self._run = environment[RUN_VARIABLE]
         os.environ.update(ROS_MASTER_URI=environment["ROS_MASTER_URI"], ROS_HOSTNAME="localhost")
         self.log = os.path.join(folder, "roslaunch.log")
         with open(self.log, "w", encoding="utf-8") as log:
@@ -97,11 +96,7 @@ class Graph:
         return (died or errors or ["it does not say why"])[-1].lstrip("\x1b[31m=")
 
     def close(self):
-        self._process.send_signal(signal.SIGINT)
-        try:
-            self._process.wait(END)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
+        end_run(self._process, self._run)
 
 
 def hears(node, topics):
