@@ -15,6 +15,8 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
+from all_in_focus import yaml_file
+
 DISTORTION_LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,)}
 
 
@@ -98,13 +100,7 @@ class _Reader:
 
     def __init__(self, path):
         self.path = path
-        try:
-            with open(path, encoding="utf-8") as stream:
-                self.data = yaml.safe_load(stream)
-        except OSError as error:
-            raise RigError("%s: %s" % (path, error.strerror))
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise RigError("%s: not valid YAML: %s" % (path, " ".join(str(error).split())))
+        self.data = yaml_file.read(path, RigError)
         if not isinstance(self.data, dict):
             raise RigError("%s: expected keys and values" % path)
 

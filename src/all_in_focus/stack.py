@@ -8,7 +8,8 @@ import zlib
 
 import cv2
 import numpy as np
-import yaml
+
+from all_in_focus import yaml_file
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".webp")
 
@@ -176,13 +177,7 @@ def _check_riff(path):
 
 def focus_entries(path):
     """What stands in a file `frames: [{file: 00.png, focus_mm: 855.0}, ...]`: (name or None, metres or NaN), in order."""
-    try:
-        with open(path, encoding="utf-8") as file:
-            data = yaml.safe_load(file)
-    except OSError as error:
-        raise StackError("%s: %s" % (path, error.strerror))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise StackError("%s: not valid YAML: %s" % (path, " ".join(str(error).split())))
+    data = yaml_file.read(path, StackError)
     entries = data.get("frames") if isinstance(data, dict) else None
     if not isinstance(entries, list):
         raise StackError("%s: expected frames: [{file: 00.png, focus_mm: 855.0}, ...]" % path)

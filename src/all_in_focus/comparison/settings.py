@@ -7,6 +7,7 @@ from typing import Dict, List
 
 import yaml
 
+from all_in_focus import yaml_file
 from all_in_focus.metrics import METRICS
 
 # With a truth; the last one only where its depth is known too.
@@ -39,13 +40,7 @@ class Settings:
 
 def load(path):
     """Settings from a YAML file with the fields of Settings; its paths are relative to its folder. SettingsError."""
-    try:
-        with open(path, encoding="utf-8") as file:
-            data = yaml.safe_load(file)
-    except OSError as error:
-        raise SettingsError("%s: %s" % (path, error.strerror))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise SettingsError("%s: not valid YAML: %s" % (path, " ".join(str(error).split())))
+    data = yaml_file.read(path, SettingsError)
     try:
         return from_dict(data, os.path.dirname(os.path.abspath(path)))
     except SettingsError as error:
