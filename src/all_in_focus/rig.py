@@ -218,7 +218,8 @@ def save_rig(folder, rig, quaternion=None):
         out.write("# Pose of the depth camera in the colour camera's optical frame: "
                   "X_color = R * X_depth + t (metres).\n")
         out.write("parent_frame: %s\nchild_frame: %s\n" % (rig.parent_frame, rig.child_frame))
-        out.write("translation: %s\nrotation: %s  # quaternion x, y, z, w\n" % (_flow(rig.t), _flow(quaternion or rig.quaternion)))
+        out.write("translation: %s\nrotation: %s  # quaternion x, y, z, w\n"
+                  % (_flow(rig.t), _flow(rig.quaternion if quaternion is None else quaternion)))
     if rig.optics is not None:
         with open(os.path.join(folder, "optics.yaml"), "w", encoding="utf-8") as out:
             out.write("# Lens of the colour camera\n")

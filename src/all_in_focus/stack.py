@@ -176,7 +176,7 @@ def _check_riff(path):
 
 
 def focus_entries(path):
-    """What stands in a file `frames: [{file: 00.png, focus_mm: 855.0}, ...]`: (name or None, metres or NaN), in order."""
+    """(name or None, metres or NaN), in order, from `frames: [{file: 00.png, focus_mm: 855.0}, ...]`."""
     data = yaml_file.read(path, StackError)
     entries = data.get("frames") if isinstance(data, dict) else None
     if not isinstance(entries, list):
