@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the methods share: gray images, mixing, one-hot weights."""
+"""What the methods share: gray images, mixing, one-hot weights, spatial frequency."""
+import cv2
 import numpy as np
 
 from all_in_focus.metrics import to_gray
@@ -24,6 +25,27 @@ def to_8_bit(image):
 def mixed(images, weights):
     """Sum of the images, each times its weights (H x W), as uint8."""
     return to_8_bit(sum(weight[..., None] * image for image, weight in zip(images, weights)))
+
+
+def one_after_the_other(images, share_of):
+    """(fused, weights), see all_in_focus.baselines, where each image is fused with what came before.
+
+    share_of(one, other): how much `one` has, H x W float32, 0..1.
+    """
+    fused, weights = images[0], np.ones((1,) + images[0].shape[:2], np.float32)
+    for image in images[1:]:
+        share = share_of(fused, image)
+        weights = np.concatenate([weights * share, 1 - share[None]])
+        fused = mixed([fused, image], [share, 1 - share])
+    return mixed(images, weights), weights
+
+
+def spatial_frequency(gray, size):
+    """Mean over size x size pixels of the squared differences to the neighbours above and to the left; H x W."""
+    squares = np.zeros_like(gray)
+    squares[:, 1:] += np.diff(gray, axis=1) ** 2
+    squares[1:] += np.diff(gray, axis=0) ** 2
+    return cv2.blur(squares, (size, size))
 
 
 def choose(coefficients, index):

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from skimage.morphology import remove_small_holes, remove_small_objects
 
-from all_in_focus.baselines.common import grays_of, mixed
+from all_in_focus.baselines.common import grays_of, one_after_the_other
 from all_in_focus.baselines.guided_filtering import guided_filter
 
 NETWORK = os.path.join(os.path.dirname(os.path.abspath(__file__)), "dcnn.onnx")
@@ -47,14 +47,12 @@ def decision(one, other):
     return remove_small_holes(remove_small_objects(sharper, smallest), smallest)
 
 
+def _share(fused, image):
+    one, other = grays_of([fused, image])
+    first = decision(one, other)
+    return np.float32(np.clip(guided_filter(np.where(first, one, other) / 255, first, RADIUS, EPS), 0, 1))
+
+
 def fuse(images):
-    """See all_in_focus.baselines. The images are fused one after the other with what came before."""
-    fused, weights = images[0], np.ones((1,) + images[0].shape[:2], np.float32)
-    for image in images[1:]:
-        one, other = grays_of([fused, image])
-        first = decision(one, other)
-        share = guided_filter(np.where(first, one, other) / 255, first, RADIUS, EPS)
-        share = np.float32(np.clip(share, 0, 1))
-        weights = np.concatenate([weights * share, 1 - share[None]])
-        fused = mixed([fused, image], [share, 1 - share])
-    return mixed(images, weights), weights
+    """See all_in_focus.baselines."""
+    return one_after_the_other(images, _share)

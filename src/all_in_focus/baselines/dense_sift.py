@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from skimage.morphology import remove_small_objects
 
-from all_in_focus.baselines.common import grays_of, mixed, one_hot
+from all_in_focus.baselines.common import grays_of, mixed, one_hot, spatial_frequency
 
 GRADIENT_SIGMA = 1         # pixels
 DIRECTIONS, SHARPNESS = 8, 9  # of the orientation histogram; exponent of the cosine that shares out a gradient
@@ -51,21 +51,13 @@ def unanimous(wins):
                      np.ones((BLOCK, BLOCK)), anchor=(0, 0))[:1 - BLOCK, :1 - BLOCK] > 0
 
 
-def spatial_frequency(gray):
-    """Mean squared difference to the neighbours above and to the left."""
-    squares = np.zeros_like(gray)
-    squares[:, 1:] += np.diff(gray, axis=1) ** 2
-    squares[1:] += np.diff(gray, axis=0) ** 2
-    return cv2.blur(squares, (FREQUENCY_BLOCK, FREQUENCY_BLOCK))
-
-
 def fuse(images):
     """See all_in_focus.baselines; the weights are 0 or 1. N images compete for every block at once."""
     grays = grays_of(images)
     if min(grays[0].shape) < BLOCK:
         raise ValueError("dsift needs images of at least %dx%d pixels" % (BLOCK, BLOCK))
     winner = np.argmax([block_sums(activity(gray), BLOCK) for gray in grays], axis=0)
-    index = np.argmax([spatial_frequency(gray) for gray in grays], axis=0)
+    index = np.argmax([spatial_frequency(gray, FREQUENCY_BLOCK) for gray in grays], axis=0)
     for number in range(len(images)):
         index[remove_small_objects(unanimous(winner == number), int(SMALLEST * index.size))] = number
     weights = one_hot(index, len(images))

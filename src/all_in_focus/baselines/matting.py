@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from skimage.morphology import remove_small_objects
 
-from all_in_focus.baselines.common import grays_of, mixed
+from all_in_focus.baselines.common import grays_of, one_after_the_other
 
 TOP_HAT_RADIUS = 4           # pixels
 VOTE_SIZE, MAJORITY = 15, 0.6  # pixels; share of a window that must agree
@@ -99,12 +99,11 @@ def matte(image, front, back):
     return np.clip(result, 0, 1)
 
 
+def _share(fused, image):
+    one, other = (np.int16(focus(np.uint8(gray))) for gray in grays_of([fused, image]))
+    return np.float32(matte(fused, certain(one > other), certain(other > one)))
+
+
 def fuse(images):
-    """See all_in_focus.baselines. The images are fused one after the other with what came before."""
-    fused, weights = images[0], np.ones((1,) + images[0].shape[:2], np.float32)
-    for image in images[1:]:
-        one, other = (np.int16(focus(np.uint8(gray))) for gray in grays_of([fused, image]))
-        share = np.float32(matte(fused, certain(one > other), certain(other > one)))
-        weights = np.concatenate([weights * share, 1 - share[None]])
-        fused = mixed([fused, image], [share, 1 - share])
-    return mixed(images, weights), weights
+    """See all_in_focus.baselines."""
+    return one_after_the_other(images, _share)

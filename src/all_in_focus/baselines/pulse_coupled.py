@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from all_in_focus.baselines import contourlet
+from all_in_focus.baselines.common import spatial_frequency
 
 WINDOW = 3                              # pixels, of the spatial frequency
 LINK_DECAY, THRESHOLD_DECAY = 0.06931, 0.2
@@ -20,12 +21,9 @@ NEIGHBOURS = np.float32([[0.5 ** 0.5, 1, 0.5 ** 0.5], [1, 0, 1], [0.5 ** 0.5, 1,
 STEPS = 200
 
 
-def spatial_frequency(band):
-    """Root of the mean squared difference to the neighbours above and to the left, float32, for gray values 0..1."""
-    squares = np.zeros_like(band)
-    squares[:, 1:] += np.diff(band, axis=1) ** 2
-    squares[1:] += np.diff(band, axis=0) ** 2
-    return np.float32(np.sqrt(cv2.blur(squares, (WINDOW, WINDOW))) / 255)
+def stimulus_of(band):
+    """Root of the spatial frequency, float32, for gray values 0..1."""
+    return np.float32(np.sqrt(spatial_frequency(band, WINDOW)) / 255)
 
 
 def firing_counts(stimulus):
@@ -48,7 +46,7 @@ def firing_counts(stimulus):
 def fuse(images):
     """See all_in_focus.baselines; tells no weights."""
     def choice(subbands, _):
-        return np.argmax(list(pool.map(firing_counts, map(spatial_frequency, subbands))), axis=0)
+        return np.argmax(list(pool.map(firing_counts, map(stimulus_of, subbands))), axis=0)
 
     with ThreadPoolExecutor() as pool:  # OpenCV lets go of the interpreter lock
         return contourlet.fuse_by(images, choice), None
