@@ -6,8 +6,7 @@ import base64
 import cv2
 import numpy as np
 
-from all_in_focus.comparison.methods import NO_FRAME
-from all_in_focus.contact_sheet import picture
+from all_in_focus.contact_sheet import NO_FRAME, picture
 from all_in_focus.stack import read_image
 
 WIDTH = 420          # of a small copy, pixels
@@ -16,20 +15,17 @@ UNDECIDED = (200, 80, 200)  # BGR of pixels that no frame has won: a colour that
 MAX_COLOURS = 0.9    # of the colour map: its last tenth is nearly as dark as its first
 
 
-def small(image, width=WIDTH):
-    """A copy of at most this width."""
-    if image.shape[1] <= width:
+def small(image, interpolation=cv2.INTER_AREA):
+    """A copy of at most WIDTH."""
+    if image.shape[1] <= WIDTH:
         return image
-    height = max(1, round(image.shape[0] * width / image.shape[1]))
-    return cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+    height = max(1, round(image.shape[0] * WIDTH / image.shape[1]))
+    return cv2.resize(image, (WIDTH, height), interpolation=interpolation)
 
 
-def small_map(image, width=WIDTH):
-    """As small(), for what must keep its colours: nearest neighbour."""
-    if image.shape[1] <= width:
-        return image
-    height = max(1, round(image.shape[0] * width / image.shape[1]))
-    return cv2.resize(image, (width, height), interpolation=cv2.INTER_NEAREST)
+def small_map(image):
+    """As small(), for what must keep its colours."""
+    return small(image, cv2.INTER_NEAREST)
 
 
 def inline(image, lossless=False):
