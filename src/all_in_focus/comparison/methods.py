@@ -20,17 +20,17 @@ import numpy as np
 from all_in_focus.baselines import BASELINES
 from all_in_focus.baselines.alignment import align
 from all_in_focus.comparison import programs
+from all_in_focus.comparison.scenes import digest
 from all_in_focus.stack import read_image
 
 OWN = ("paper", "refined")
 TIMEOUT_S = 3600.0
-NO_FRAME = 65535
 PICTURES = ("source_index", "labels")
 
 
 @dataclass
 class Produced:
-    """fused: H x W x 3 uint8. weights: H x W, uint16: frame with the most weight, NO_FRAME = none; or float: share of
+    """fused: H x W x 3 uint8. weights: H x W, uint16: frame with the most weight, 65535 = none; or float: share of
     the second of two frames, W of equation 11. labels: H x W uint16. seconds: from frames in memory to the fused image.
     """
     fused: np.ndarray
@@ -75,7 +75,6 @@ def fingerprint(name, scene, code, fusion):
     """What a result depends on; code, fusion: see programs."""
     parts = [scene.digest, scene.optics, name]
     if name.startswith("given:"):
-        from all_in_focus.comparison.scenes import digest
         path = scene.given.get(name.partition(":")[2])
         parts.append(digest([path]) if path else "")
     return " ".join(parts + [code] + [fusion] * (name.partition(":")[0] in OWN))
@@ -84,17 +83,16 @@ def fingerprint(name, scene, code, fusion):
 def _baseline(name, aligned, scene, folder):
     frames = list(scene.frames())
     begin = time.perf_counter()
-    fused, weights = BASELINES[name](align(frames) if aligned else frames)[:2]
+    fused, weights = BASELINES[name](align(frames) if aligned else frames)
     seconds = time.perf_counter() - begin
     return Produced(fused, _checked_weights(weights, fused.shape[:2], len(frames)), seconds=seconds)
 
 
 def _checked_weights(weights, shape, frames):
-    """Weights as Produced has them; a share for each frame (N x H x W or H x W x N) becomes one of both forms."""
+    """Weights as Produced has them; a share for each frame (N x H x W) becomes one of both forms."""
     if weights is None or np.shape(weights) == shape:
         return weights
     shares = np.asarray(weights)
-    shares = np.moveaxis(shares, -1, 0) if shares.shape == shape + (frames,) else shares
     if shares.shape != (frames,) + shape:
         raise ValueError("weights of shape %s for %d frames of %dx%d pixels" % (shares.shape, frames, *shape[::-1]))
     return shares[1] / np.maximum(shares.sum(0), 1e-9) if frames == 2 else np.argmax(shares, 0).astype(np.uint16)

@@ -18,7 +18,7 @@ class Store:
 
     def path(self, scene, method, name=""):
         """Of a result's folder, or a file in it."""
-        return os.path.join(self.folder, scene, method.replace("/", "_"), name)
+        return os.path.join(self.folder, scene, method, name)
 
     def load(self, scene, method, fingerprint, metric_names):
         """A result of the same fingerprint that has these metrics, or None."""
