@@ -100,8 +100,6 @@ def check(settings):
 
 
 def _text(value, key):
-    return value if isinstance(value, str) and value else _fail("%s: expected text, not '%s'" % (key, value))
-
-
-def _fail(message):
-    raise SettingsError(message)
+    if not isinstance(value, str) or not value:
+        raise SettingsError("%s: expected text, not '%s'" % (key, value))
+    return value

@@ -95,12 +95,10 @@ def standing_cells(tables, rows):
 
 def seconds_cells(tables):
     """T5 as lists of text."""
-    def cell(value):
-        return "-" if value is None else "%.4f" % value
-
     lines = [["scene"] + tables.methods]
-    lines += [[scene] + [cell(of[name]) for name in tables.methods] for scene, of in tables.seconds.items()]
-    return lines + [["mean"] + [cell(tables.mean_seconds(name)) for name in tables.methods]]
+    lines += [[scene] + [number("seconds", of[name]) for name in tables.methods]
+              for scene, of in tables.seconds.items()]
+    return lines + [["mean"] + [number("seconds", tables.mean_seconds(name)) for name in tables.methods]]
 
 
 def markdown(lines):

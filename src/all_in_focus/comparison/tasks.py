@@ -18,12 +18,12 @@ from all_in_focus.stack import read_depth, read_image
 
 def one_line(error):
     """An exception for people; its type only where the message alone would tell nothing."""
-    text = " ".join(str(error).split())
-    if isinstance(error, (ValueError, RuntimeError)) and text and type(error) in (ValueError, RuntimeError):
-        return text
     if isinstance(error, OSError) and error.strerror:
         return "%s: %s" % (error.filename, error.strerror) if error.filename else error.strerror
-    return text if isinstance(error, ValueError) and text else ("%s: %s" % (type(error).__name__, text)).rstrip(": ")
+    text = " ".join(str(error).split())
+    if text and (isinstance(error, ValueError) or type(error) is RuntimeError):  # its subclasses are told by type
+        return text
+    return ("%s: %s" % (type(error).__name__, text)).rstrip(": ")
 
 
 def run(scene, method, metric_names, code):
