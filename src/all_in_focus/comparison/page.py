@@ -30,7 +30,7 @@ def page(run, tables, store):
     parts.append(_standings(tables, tables.metrics,
                             "By the metrics %s. The best of N methods has score N in each row of the table of values, "
                             "equal ones have the mean; a failed method has none. These metrics reward copying: see the "
-                            "truth, where it is known." % ", ".join(run.metrics)))
+                            "truth, where it is known." % ", ".join(run.settings.metrics)))
     if tables.truth:
         parts.append(_standings(tables, tables.truth,
                                 "By the known all-in-focus truth: PSNR, SSIM, PSNR within 8 px of depth edges."))

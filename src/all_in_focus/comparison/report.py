@@ -6,7 +6,7 @@ import io
 import json
 import math
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Dict, List
 
 from all_in_focus.comparison import tables as t
@@ -29,7 +29,6 @@ class Run:
     versions: Dict[str, str]
     name: str = ""
     at_a_time: int = 1
-    metrics: List[str] = field(default_factory=list)
 
     @property
     def timing_note(self):
@@ -48,7 +47,7 @@ class Run:
 
 def write(run, store):
     """Write everything; each file takes the place of an older one at once. Returns the tables."""
-    tables = t.build(run.results, run.methods, run.metrics)
+    tables = t.build(run.results, run.methods, run.settings.metrics)
     files = {"results.csv": results_csv(run), "scores.csv": scores_csv(tables), "results.json": as_json(run, tables),
              "configuration.yaml": run.settings.as_yaml(), "report.html": page(run, tables, store)}
     for name, text in files.items():
@@ -68,7 +67,7 @@ def _csv(lines):
 def results_csv(run):
     """A line for each scene and method: values to the last bit, empty where there are none."""
     found = {name for of in run.results.values() for result in of.values() for name in result.get("values", {})}
-    names = list(run.metrics) + [name for name in t.TRUTH_MEASURES if name in found]
+    names = run.settings.metrics + [name for name in t.TRUTH_MEASURES if name in found]
     lines = [["scene", "method"] + names + ["seconds", "wall_seconds", "host", "error"]]
     for scene, of in run.results.items():
         for method in run.methods:
@@ -107,6 +106,6 @@ def as_json(run, tables):
                                  for name, it in tables.standings(rows).items()}}
               for by, rows in (("metrics", tables.metrics), ("truth", tables.truth))}
     content = {"version": VERSION, "scenes": {scene.name: scene.path for scene in run.scenes}, "methods": run.methods,
-               "metrics": run.metrics, "results": results, "scores": scores, "timing": run.timing_note,
+               "metrics": run.settings.metrics, "results": results, "scores": scores, "timing": run.timing_note,
                "failures": run.failures, "versions": run.versions}
     return json.dumps(content, indent=2, allow_nan=False) + "\n"

@@ -64,7 +64,7 @@ def evaluate(settings, fresh=False, say=None):
         raise SettingsError(error)
     os.makedirs(settings.output, exist_ok=True)
     name = "%s %d" % (time.strftime("%Y-%m-%dT%H:%M:%S"), os.getpid())
-    run = Run(settings, [], names, {}, [], programs.versions(), name, metrics=settings.metrics)
+    run = Run(settings, [], names, {}, [], programs.versions(), name)
     store = Store(settings.output)
 
     def tell(line):
@@ -109,8 +109,8 @@ def _run_tasks(run, store, workers, fresh, fail):
     code, fusion = run.versions["code"], run.versions["fuse_stack"]
     marks = {(scene, method): methods.fingerprint(method, by_name[scene], code, fusion)
              for scene in by_name for method in run.methods}
-    done = {key: None if fresh else store.load(*key, mark, run.metrics) for key, mark in marks.items()}
-    calls = {key: (tasks.run, (by_name[key[0]], key[1], run.metrics, code))
+    done = {key: None if fresh else store.load(*key, mark, run.settings.metrics) for key, mark in marks.items()}
+    calls = {key: (tasks.run, (by_name[key[0]], key[1], run.settings.metrics, code))
              for key, result in done.items() if result is None}
     with progress(total=len(marks), initial=len(marks) - len(calls), unit="result") as bar:
         for key, result in workers.run(calls):
