@@ -50,6 +50,10 @@ def engine(jobs, scheduler, patience=PATIENCE_S, say=lambda line: None):
             cluster.close(timeout=ANSWER_S)
 
 
+def _failure(error):
+    return {"error": "%s: %s" % (type(error).__name__, " ".join(str(error).split()))}
+
+
 class InProcess:
     """One task after the other."""
     at_a_time = 1
@@ -59,7 +63,7 @@ class InProcess:
             try:
                 yield key, function(*arguments)
             except Exception as error:
-                yield key, {"error": "%s: %s" % (type(error).__name__, error)}
+                yield key, _failure(error)
 
 
 class OnWorkers:
@@ -101,7 +105,7 @@ class OnWorkers:
             raise EngineError(LOST)
         except Exception as error:
             self._check()
-            return {"error": "%s: %s" % (type(error).__name__, " ".join(str(error).split()))}
+            return _failure(error)
 
     def _tell_lost(self):
         if self._client.status != "running":
