@@ -14,7 +14,7 @@ import rospkg
 import all_in_focus
 from all_in_focus import baselines, metrics, quality, stack
 
-LIBRARIES = ("numpy", "scipy", "skimage", "cv2", "pywt", "distributed")
+LIBRARIES = ("numpy", "scipy", "skimage", "cv2", "distributed")
 
 
 def prefix():
