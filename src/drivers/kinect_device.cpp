@@ -15,6 +15,7 @@ namespace {
 
 constexpr int kWidth = 640, kHeight = 480, kFps = 30;
 constexpr std::chrono::milliseconds kCatchUp{100};
+constexpr int kMissingEndMs = 2000;  // from a disk images come at once
 
 openni::SensorType sensorOf(KinectStream stream) {
   switch (stream) {
@@ -119,6 +120,7 @@ void KinectDevice::start(KinectStream stream) {
     throw;
   }
   slot.running = true;
+  silent_ms_ = 0;
 }
 
 // A recording has the mode it was recorded with.
@@ -195,8 +197,10 @@ bool KinectDevice::receive(int timeout_ms) {
   if (isFile()) openni::OpenNI::waitForAnyStream(&nothing, 1, &ready, 0);
   if (openni::OpenNI::waitForAnyStream(streams.data(), streams.size(), &ready, timeout_ms) !=
       openni::STATUS_OK) {
+    silent_ms_ += timeout_ms;
     return false;
   }
+  silent_ms_ = 0;
   current_stream_ = static_cast<KinectStream>(ready);
   return slots_.at(ready).stream.readFrame(&current_) == openni::STATUS_OK && current_.isValid();
 }
@@ -218,7 +222,7 @@ bool KinectDevice::isUnplugged() const {
 }
 
 bool KinectDevice::hasEnded() const {
-  return events_->ended && !waiting_;
+  return isFile() && !waiting_ && (events_->ended || silent_ms_ >= kMissingEndMs);
 }
 
 }  // namespace all_in_focus

@@ -49,7 +49,8 @@ class KinectDevice {
   bool next(KinectFrame& frame, int timeout_ms);
 
   bool isUnplugged() const;
-  bool hasEnded() const;  ///< a recording that does not repeat: no more images will come
+  /// A recording of which no more images will come: it does not repeat, or was cut short and lacks its end.
+  bool hasEnded() const;
 
  private:
   class Events;
@@ -80,6 +81,7 @@ class KinectDevice {
   bool waiting_ = false;
   Clock::time_point due_;
   std::uint64_t last_us_ = 0;  // of the image before
+  int silent_ms_ = 0;          // waited for an image since the last
 };
 
 }  // namespace all_in_focus

@@ -13,6 +13,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "kinect_recording.hpp"
+
 namespace all_in_focus {
 namespace {
 
@@ -90,6 +92,14 @@ int numberOf(const std::string& device) {
   return is_number ? std::stoi(device.substr(1)) : 0;
 }
 
+void openFile(const std::string& path, openni::Device& opened) {
+  requireRecording(path);
+  if (opened.open(path.c_str()) != openni::STATUS_OK) {
+    throw std::runtime_error("cannot open \"" + path + "\" (" + openNiReason() +
+                             "): it is damaged, or recorded by something else than OpenNI; record it again");
+  }
+}
+
 }  // namespace
 
 OpenNiKeeper::OpenNiKeeper() {
@@ -141,6 +151,7 @@ std::string describe(const openni::DeviceInfo& info) {
 }
 
 void openDevice(const std::string& device, openni::Device& opened) {
+  if (isFileName(device)) return openFile(device, opened);
   openni::Array<openni::DeviceInfo> found;
   openni::OpenNI::enumerateDevices(&found);
   const int number = numberOf(device);

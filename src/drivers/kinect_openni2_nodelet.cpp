@@ -249,6 +249,8 @@ void KinectOpenni2Nodelet::finishStep(bool success, const std::string& message) 
 }
 
 void KinectOpenni2Nodelet::finishRecording() {
+  if (parameters_.playback.repeat)
+    throw std::runtime_error(device_->description() + " lacks its end: playing it again");
   ended_ = true;
   ROS_INFO_STREAM(getName() << ": " << device_->description() << " is at its end");
   monitor_->setValue("device", device_->description() + ", at its end");

@@ -16,7 +16,7 @@ from depth_testing import pixels_of, values_of, wait_until
 from kinect_testing import HEIGHT, WIDTH, KinectTest, depth_pattern, index_of, plug
 
 WORLD = Path(os.environ['KINECT_TEST_WORLD'])
-NOISE, MIRRORED = Path(os.environ['KINECT_TEST_NOISE']), Path(os.environ['KINECT_TEST_MIRRORED'])
+NOISE, MIRRORED, DAMAGED = (Path(os.environ['KINECT_TEST_' + name]) for name in ('NOISE', 'MIRRORED', 'DAMAGED'))
 FRAMES = 12
 # A Kinect's values: everything up to 10 m, holes, and 2047, which here is a distance like others.
 DEPTH = np.random.default_rng(0).integers(0, 10000, (FRAMES, HEIGHT, WIDTH)).astype(np.uint16)
@@ -30,18 +30,25 @@ def record(camera, path, mirrored):
     unfinished.rename(path)
 
 
+def replace(path, content):
+    new = path.with_suffix('.part')
+    new.write_bytes(content)
+    new.rename(path)
+
+
 class RecordingTest(KinectTest):
     @classmethod
     def tearDownClass(cls):
         NOISE.unlink(missing_ok=True)
         MIRRORED.unlink(missing_ok=True)
+        DAMAGED.unlink(missing_ok=True)
 
     def setUp(self):
         super().setUp()
         if not MIRRORED.exists():
             DEPTH.tofile(WORLD / 'noise.raw')
             # Whoever comes first also sees that a file which is not there yet is waited for.
-            self.status('steps/kinect_openni2', 'cannot open "%s"' % NOISE)
+            self.status('steps/kinect_openni2', 'cannot open "%s" (parameter device): there is no such file' % NOISE)
             plug('noise', 'recorded=%s' % (WORLD / 'noise.raw'))
             plug('pattern')
             record('noise', NOISE, False)
@@ -91,6 +98,24 @@ class RecordingTest(KinectTest):
             self.assertGreaterEqual(len(indices), FRAMES - 5)
             depth.close()
             self.diagnostics.wait('fast/kinect_openni2', lambda s: 'at its end' not in values_of(s)['device'])
+
+    def test_files_that_cannot_be_played_until_one_can(self):
+        whole = NOISE.read_bytes()
+        broken = {'it is empty': b'',
+                  'it is no .oni recording': b'Some text.',
+                  'it is cut short: it has 100000 bytes of at least ': whole[:100000],
+                  'a name has impossible characters (byte 98)': whole[:140] + b'\xff' + whole[141:]}
+        for reason, content in broken.items():
+            replace(DAMAGED, content)
+            self.status('damaged/kinect_openni2', 'cannot open "%s" (parameter device): %s' % (DAMAGED, reason))
+        # As a recorder leaves it that is killed: no count of images, no index, no end.
+        replace(DAMAGED, whole[:70] + b'\xff' * 4 + whole[74:90] + bytes(8) + whole[98:len(whole) // 4])
+        depth = self.images('/damaged/depth/image_raw')
+        self.check_noise(depth.wait(2), cyclic=False)
+        replace(DAMAGED, whole)  # seen when it is opened again
+        self.status('damaged/kinect_openni2', 'lacks its end: playing it again')
+        self.check_noise(depth.wait(FRAMES)[-2:], cyclic=True)
+        self.assertIn('lacks its end', values_of(self.status('damaged/kinect_openni2', 'processing'))['last error'])
 
     def test_step_by_step(self):
         step = rospy.ServiceProxy('/steps/kinect_openni2/step', Trigger)
