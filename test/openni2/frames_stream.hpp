@@ -5,7 +5,8 @@
 // Cameras without hardware. Each file NAME in $KINECT_TEST_DIR is a camera "frames:NAME" that is
 // plugged in; it is unplugged by removing the file. The words in the file are its faults:
 //   no_open, no_start, silent, stuck_mirror   short, small, narrow: every third image is broken
-//   late: every fourth image comes 15 ms late   clock_back: the camera's clock starts again with image 30
+//   drop: images 10 to 14 never come   late: every fourth image comes 15 ms late
+//   clock_back: the camera's clock starts again with image 30
 //   forgotten: once closed it is not listed until OpenNI2 starts again, as with libfreenect's driver
 //   recorded=FILE: depth from raw 16-bit images of 640x480 instead of a pattern
 // While a stream runs there is a file .NAME.SENSOR (1 IR, 2 colour, 3 depth).
@@ -161,6 +162,7 @@ class Stream : public oni::driver::StreamBase {
       const bool late = camera_.has("late") && index % 4 == 0;
       std::this_thread::sleep_until(begin + index * kPeriod + milliseconds(late ? 15 : 0));
       if (!running_ || !camera_.plugged || camera_.has("silent")) continue;
+      if (camera_.has("drop") && index >= 10 && index < 15) continue;
       OniFrame* frame = getServices().acquireFrame();
       if (frame == nullptr) continue;
       fill(*frame, index);

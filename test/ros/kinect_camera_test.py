@@ -169,6 +169,21 @@ class FailuresTest(KinectTest):
             unplug('one')
             self.status(FIRST, 'no camera was found')
 
+    def test_images_that_never_came_are_counted(self):
+        depth = self.images('/first/depth/image_raw')
+        self.assertTrue(wait_until(lambda: depth.subscriber.get_num_connections()))  # so that it sees the first
+        before = int(values_of(self.status(FIRST, 'no camera was found'))['dropped'])
+        plug('one', 'drop')
+        depth.wait(30)
+        depth.close()
+        self.assertTrue(wait_until(lambda: not is_running('one', 'depth')))
+        indices = [index_of(pixels_of(message)) for message in depth.messages]
+        self.assertFalse(set(indices) & set(range(10, 15)))
+        lost = int(np.sum(np.diff(indices) - 1))  # more than five on a computer that is too slow
+        self.assertGreaterEqual(lost, 5)
+        status = self.status(FIRST, 'idle: nobody listens')
+        self.assertEqual((int(values_of(status)['dropped']) - before, status.level), (lost, 0))
+
     def test_camera_that_falls_silent_is_opened_again(self):
         plug('one', 'silent forgotten')
         depth = self.images('/first/depth/image_raw')
