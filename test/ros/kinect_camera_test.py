@@ -3,22 +3,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The Kinect node on cameras without hardware, through OpenNI2: what it publishes, and says when things go wrong."""
 import math
-import signal
-import subprocess
 import tempfile
 import time
-from pathlib import Path
+import unittest
 
 import numpy as np
 import rospy
 import rostest
-from roslib.packages import find_node
 from rosgraph_msgs.msg import Log
-from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import Trigger
 
 from depth_testing import pixels_of, values_of, wait_until
-from kinect_testing import HEIGHT, WIDTH, X, Y, KinectTest, depth_pattern, index_of, is_running, plug, unplug
+from kinect_testing import (HEIGHT, SAMPLE, WIDTH, X, Y, KinectTest, depth_pattern, index_of, is_running, plug,
+                            recorded_depth, unplug)
 
 FIRST, SECOND = 'first/kinect_openni2', 'second/kinect_openni2'
 FOCAL_PX = WIDTH / 2 / math.tan(1.0145 / 2)  # of the field of view that the cameras tell
@@ -115,6 +112,16 @@ class ImagesTest(KinectTest):
         np.testing.assert_array_equal(pixels_of(message)[..., 1], Y % 256)
         depth.wait(2)
 
+    @unittest.skipUnless(SAMPLE.is_file(), 'RECORDED DEPTH NOT TESTED: no %s; set ALL_IN_FOCUS_DATA' % SAMPLE)
+    def test_depth_of_a_real_kinect_pixel_for_pixel(self):
+        truth = recorded_depth()
+        self.assertGreater(np.count_nonzero(truth), truth.size // 2)
+        with tempfile.NamedTemporaryFile() as file:
+            truth.tofile(file.name)
+            plug('one', 'recorded=' + file.name)
+            depth = self.images('/first/depth/image_raw').wait(2)
+        np.testing.assert_array_equal(pixels_of(depth[-1]), np.where(truth == 2047, 0, truth))
+
     def test_streams_run_only_while_somebody_listens(self):
         plug('one')
         self.diagnostics.wait(FIRST, lambda s: 'frames:one' in values_of(s)['device'] and 'idle' in s.message)
@@ -210,76 +217,6 @@ class FailuresTest(KinectTest):
         rospy.wait_for_service('/first/kinect_openni2/step', 10)
         answer = rospy.ServiceProxy('/first/kinect_openni2/step', Trigger)()
         self.assertEqual((answer.success, 'single_step' in answer.message), (False, True))
-
-
-class CalibrationTest(KinectTest):
-    """With a node of its own, which is started again."""
-
-    def setUp(self):
-        super().setUp()
-        self.folder = tempfile.TemporaryDirectory()
-        self.file = Path(self.folder.name) / 'new' / 'depth.yaml'
-        self.start()
-
-    def tearDown(self):
-        self.stop()
-        self.folder.cleanup()
-        super().tearDown()
-
-    def start(self):
-        arguments = ['__ns:=/calibrated', '_device:=frames:one', '_reconnect_period:=0.2',
-                     '_depth_camera_info_url:=%s' % self.file, '_rgb_camera_info_url:=/dev/null/rgb.yaml']
-        self.node = subprocess.Popen(find_node('all_in_focus', 'kinect_openni2')[:1] + arguments)
-
-    def stop(self):
-        self.node.send_signal(signal.SIGINT)
-        self.assertEqual(self.node.wait(10), 0)
-
-    def set_info(self, camera, info):
-        name = '/calibrated/%s/set_camera_info' % camera
-        rospy.wait_for_service(name, 10)
-        return rospy.ServiceProxy(name, SetCameraInfo)(info)
-
-    def test_calibration_that_is_set_is_kept(self):
-        plug('one')
-        infos = self.infos('/calibrated/depth/camera_info')
-        info = infos.wait(1)[0]
-        self.assertAlmostEqual(info.K[0], FOCAL_PX, places=1)
-        info.K = [600.5, 0, 310, 0, 601.5, 250, 0, 0, 1]
-        info.D = [0.1, -0.2, 0.001, 0.002, 0.0]
-        info.P = [600.5, 0, 310, 0, 0, 601.5, 250, 0, 0, 0, 1, 0]
-        answer = self.set_info('depth', info)
-        self.assertTrue(answer.success, answer.status_message)
-        self.assertIn('camera_name: kinect_depth', self.file.read_text())
-
-        def is_used():
-            return wait_until(lambda: infos.messages and (infos.messages[-1].K, infos.messages[-1].D) == (
-                tuple(info.K), tuple(info.D)))
-
-        self.assertTrue(is_used())
-        unplug('one')
-        self.status('calibrated/kinect_openni2', 'no camera was found')
-        infos.messages.clear()
-        plug('one')
-        self.assertTrue(is_used())
-        self.stop()
-        infos.messages.clear()
-        self.start()
-        self.assertTrue(is_used())
-
-    def test_calibration_that_cannot_be_stored(self):
-        plug('one')
-        log = self.images('/rosout', Log)
-        infos = self.infos('/calibrated/kinect_rgb/camera_info')
-        info = infos.wait(1)[0]
-        info.K = [600.5, 0, 310, 0, 601.5, 250, 0, 0, 1]
-        answer = self.set_info('kinect_rgb', info)
-        self.assertEqual((answer.success, answer.status_message), (False, 'Error storing camera calibration.'))
-        self.assertTrue(wait_until(lambda: any('/dev/null' in line.msg and line.level >= Log.ERROR
-                                               for line in log.messages)), [line.msg for line in log.messages])
-        # It counts until the node ends.
-        self.assertTrue(wait_until(lambda: infos.messages[-1].K[0] == 600.5))
-        self.images('/calibrated/depth/image_raw').wait(2)
 
 
 if __name__ == '__main__':

@@ -13,7 +13,7 @@ import rostest
 from std_srvs.srv import Trigger
 
 from depth_testing import pixels_of, values_of, wait_until
-from kinect_testing import HEIGHT, WIDTH, KinectTest, depth_pattern, index_of, plug
+from kinect_testing import HEIGHT, WIDTH, KinectTest, depth_pattern, index_of, plug, recorded_depth
 
 WORLD = Path(os.environ['KINECT_TEST_WORLD'])
 NOISE, MIRRORED, DAMAGED = (Path(os.environ['KINECT_TEST_' + name]) for name in ('NOISE', 'MIRRORED', 'DAMAGED'))
@@ -21,6 +21,8 @@ FRAMES = 12
 # A Kinect's values: everything up to 10 m, holes, and 2047, which here is a distance like others.
 DEPTH = np.random.default_rng(0).integers(0, 10000, (FRAMES, HEIGHT, WIDTH)).astype(np.uint16)
 DEPTH[:, ::7, ::5], DEPTH[:, ::11, ::3] = 0, 2047
+if recorded_depth() is not None:
+    DEPTH[FRAMES // 2] = recorded_depth()
 
 
 def record(camera, path, mirrored):

@@ -5,6 +5,7 @@ import os
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
@@ -13,6 +14,9 @@ from depth_testing import GraphTest, wait_until
 
 WIDTH, HEIGHT = 640, 480
 CAMERAS = Path(os.environ['KINECT_TEST_DIR'])
+# A Kinect's own depth, not part of the repository: see test/test_recorded_sample.py.
+DATA = Path(os.environ.get('ALL_IN_FOCUS_DATA', str(Path(__file__).resolve().parents[3] / 'shared' / 'data')))
+SAMPLE = DATA / 'kinect_dslr_sweep' / 'depth_raw.png'
 SENSORS = {'ir': 1, 'kinect_rgb': 2, 'depth': 3}
 X, Y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
 
@@ -30,6 +34,11 @@ def unplug(name):
 
 def is_running(name, topic):
     return (CAMERAS / f'.{name}.{SENSORS[topic]}').exists()
+
+
+def recorded_depth():
+    """Of a real Kinect, 640x480 mm; None without it."""
+    return cv2.imread(str(SAMPLE), cv2.IMREAD_UNCHANGED) if SAMPLE.is_file() else None
 
 
 def depth_pattern(index):

@@ -1,0 +1,89 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A calibration that the Kinect node is given while it runs: a node of its own, which is started again."""
+import signal
+import subprocess
+import tempfile
+from pathlib import Path
+
+import rospy
+import rostest
+from roslib.packages import find_node
+from rosgraph_msgs.msg import Log
+from sensor_msgs.srv import SetCameraInfo
+
+from depth_testing import wait_until
+from kinect_testing import KinectTest, plug, unplug
+
+
+class CalibrationTest(KinectTest):
+    def setUp(self):
+        super().setUp()
+        self.folder = tempfile.TemporaryDirectory()
+        self.file = Path(self.folder.name) / 'new' / 'depth.yaml'
+        self.start()
+
+    def tearDown(self):
+        self.stop()
+        self.folder.cleanup()
+        super().tearDown()
+
+    def start(self):
+        arguments = ['__ns:=/calibrated', '_device:=frames:one', '_reconnect_period:=0.2',
+                     '_depth_camera_info_url:=%s' % self.file, '_rgb_camera_info_url:=/dev/null/rgb.yaml']
+        self.node = subprocess.Popen(find_node('all_in_focus', 'kinect_openni2')[:1] + arguments)
+
+    def stop(self):
+        self.node.send_signal(signal.SIGINT)
+        self.assertEqual(self.node.wait(10), 0)
+
+    def set_info(self, camera, info):
+        name = '/calibrated/%s/set_camera_info' % camera
+        rospy.wait_for_service(name, 10)
+        return rospy.ServiceProxy(name, SetCameraInfo)(info)
+
+    def test_calibration_that_is_set_is_kept(self):
+        plug('one')
+        infos = self.infos('/calibrated/depth/camera_info')
+        info = infos.wait(1)[0]
+        info.K = [600.5, 0, 310, 0, 601.5, 250, 0, 0, 1]
+        info.D = [0.1, -0.2, 0.001, 0.002, 0.0]
+        info.P = [600.5, 0, 310, 0, 0, 601.5, 250, 0, 0, 0, 1, 0]
+        answer = self.set_info('depth', info)
+        self.assertTrue(answer.success, answer.status_message)
+        self.assertIn('camera_name: kinect_depth', self.file.read_text())
+
+        def is_used():
+            return wait_until(lambda: infos.messages and (infos.messages[-1].K, infos.messages[-1].D) == (
+                tuple(info.K), tuple(info.D)))
+
+        self.assertTrue(is_used())
+        unplug('one')
+        self.status('calibrated/kinect_openni2', 'no camera was found')
+        infos.messages.clear()
+        plug('one')
+        self.assertTrue(is_used())
+        self.stop()
+        infos.messages.clear()
+        self.start()
+        self.assertTrue(is_used())
+
+    def test_calibration_that_cannot_be_stored(self):
+        plug('one')
+        log = self.images('/rosout', Log)
+        infos = self.infos('/calibrated/kinect_rgb/camera_info')
+        info = infos.wait(1)[0]
+        info.K = [600.5, 0, 310, 0, 601.5, 250, 0, 0, 1]
+        answer = self.set_info('kinect_rgb', info)
+        self.assertEqual((answer.success, answer.status_message), (False, 'Error storing camera calibration.'))
+        self.assertTrue(wait_until(lambda: any('/dev/null' in line.msg and line.level >= Log.ERROR
+                                               for line in log.messages)), [line.msg for line in log.messages])
+        # It counts until the node ends.
+        self.assertTrue(wait_until(lambda: infos.messages[-1].K[0] == 600.5))
+        self.images('/calibrated/depth/image_raw').wait(2)
+
+
+if __name__ == '__main__':
+    rospy.init_node('kinect_calibration_test')
+    rostest.rosrun('all_in_focus', 'kinect_calibration', '__main__')
