@@ -46,7 +46,8 @@ class Device : public oni::driver::DeviceBase {
                 size);
   }
   OniStatus setProperty(int id, const void* data, int) override {
-    if (id != ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION) return ONI_STATUS_NOT_SUPPORTED;
+    if (id != ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION || camera.has("stuck_registration"))
+      return ONI_STATUS_NOT_SUPPORTED;
     camera.registered = *static_cast<const OniImageRegistrationMode*>(data) != ONI_IMAGE_REGISTRATION_OFF;
     return ONI_STATUS_OK;
   }

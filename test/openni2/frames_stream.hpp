@@ -4,7 +4,8 @@
 
 // Cameras without hardware. Each file NAME in $KINECT_TEST_DIR is a camera "frames:NAME" that is
 // plugged in; it is unplugged by removing the file. The words in the file are its faults:
-//   no_open, no_start, silent, stuck_mirror   short, small, narrow: every third image is broken
+//   no_open, no_mode, no_start, silent, stuck_mirror, stuck_registration
+//   short, small, narrow: every third image is broken
 //   drop: images 10 to 14 never come   late: every fourth image comes 15 ms late
 //   clock_back: the camera's clock starts again with image 30
 //   forgotten: once closed it is not listed until OpenNI2 starts again, as with libfreenect's driver
@@ -75,14 +76,14 @@ struct Camera {
   bool has(const char* fault) const { return faults.count(fault) > 0; }
 
   const std::string uri;
-  std::map<std::string, std::string> faults;  // as they were when it was opened, or a stream was started
+  std::map<std::string, std::string> faults;  // as they were when it was opened, or a stream made or started
   std::vector<std::uint16_t> recorded;
   std::atomic<bool> plugged{true}, registered{true};
 };
 
 class Stream : public oni::driver::StreamBase {
  public:
-  Stream(OniSensorType sensor, Camera& camera) : sensor_(sensor), camera_(camera) {}
+  Stream(OniSensorType sensor, Camera& camera) : sensor_(sensor), camera_(camera) { camera.readFaults(); }
   ~Stream() override { stop(); }
 
   OniStatus start() override {
@@ -124,7 +125,7 @@ class Stream : public oni::driver::StreamBase {
     }
   }
   OniStatus setProperty(int id, const void* data, int size) override {
-    if (id == ONI_STREAM_PROPERTY_VIDEO_MODE && size == sizeof(OniVideoMode)) {
+    if (id == ONI_STREAM_PROPERTY_VIDEO_MODE && size == sizeof(OniVideoMode) && !camera_.has("no_mode")) {
       std::memcpy(&mode_, data, size);
     } else if (id == ONI_STREAM_PROPERTY_MIRRORING && size == sizeof(OniBool) &&
                !camera_.has("stuck_mirror")) {

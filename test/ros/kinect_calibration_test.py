@@ -2,19 +2,16 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """A calibration that the Kinect node is given while it runs: a node of its own, which is started again."""
-import signal
-import subprocess
 import tempfile
 from pathlib import Path
 
 import rospy
 import rostest
-from roslib.packages import find_node
 from rosgraph_msgs.msg import Log
 from sensor_msgs.srv import SetCameraInfo
 
 from depth_testing import wait_until
-from kinect_testing import KinectTest, plug, unplug
+from kinect_testing import KinectNode, KinectTest, plug, unplug
 
 
 class CalibrationTest(KinectTest):
@@ -25,27 +22,22 @@ class CalibrationTest(KinectTest):
         self.start()
 
     def tearDown(self):
-        self.stop()
+        self.node.stop()
         self.folder.cleanup()
         super().tearDown()
 
     def start(self):
-        arguments = ['__ns:=/calibrated', '_device:=frames:one', '_reconnect_period:=0.2',
-                     '_depth_camera_info_url:=%s' % self.file, '_rgb_camera_info_url:=/dev/null/rgb.yaml']
-        self.node = subprocess.Popen(find_node('all_in_focus', 'kinect_openni2')[:1] + arguments)
-
-    def stop(self):
-        self.node.send_signal(signal.SIGINT)
-        self.assertEqual(self.node.wait(10), 0)
+        self.node = KinectNode('_device:=frames:one', '_depth_camera_info_url:=%s' % self.file,
+                               '_rgb_camera_info_url:=/dev/null/rgb.yaml')
 
     def set_info(self, camera, info):
-        name = '/calibrated/%s/set_camera_info' % camera
+        name = '/own/%s/set_camera_info' % camera
         rospy.wait_for_service(name, 10)
         return rospy.ServiceProxy(name, SetCameraInfo)(info)
 
     def test_calibration_that_is_set_is_kept(self):
         plug('one')
-        infos = self.infos('/calibrated/depth/camera_info')
+        infos = self.infos('/own/depth/camera_info')
         info = infos.wait(1)[0]
         info.K = [600.5, 0, 310, 0, 601.5, 250, 0, 0, 1]
         info.D = [0.1, -0.2, 0.001, 0.002, 0.0]
@@ -60,11 +52,11 @@ class CalibrationTest(KinectTest):
 
         self.assertTrue(is_used())
         unplug('one')
-        self.status('calibrated/kinect_openni2', 'no camera was found')
+        self.status('own/kinect_openni2', 'cannot open "frames:one"')
         infos.messages.clear()
         plug('one')
         self.assertTrue(is_used())
-        self.stop()
+        self.node.stop()
         infos.messages.clear()
         self.start()
         self.assertTrue(is_used())
@@ -72,7 +64,7 @@ class CalibrationTest(KinectTest):
     def test_calibration_that_cannot_be_stored(self):
         plug('one')
         log = self.images('/rosout', Log)
-        infos = self.infos('/calibrated/kinect_rgb/camera_info')
+        infos = self.infos('/own/kinect_rgb/camera_info')
         info = infos.wait(1)[0]
         info.K = [600.5, 0, 310, 0, 601.5, 250, 0, 0, 1]
         answer = self.set_info('kinect_rgb', info)
@@ -81,7 +73,7 @@ class CalibrationTest(KinectTest):
                                                for line in log.messages)), [line.msg for line in log.messages])
         # It counts until the node ends.
         self.assertTrue(wait_until(lambda: infos.messages[-1].K[0] == 600.5))
-        self.images('/calibrated/depth/image_raw').wait(2)
+        self.images('/own/depth/image_raw').wait(2)
 
 
 if __name__ == '__main__':

@@ -208,8 +208,12 @@ class FailuresTest(KinectTest):
         plug('one', 'no_open')
         depth = self.images('/first/depth/image_raw')
         self.status(FIRST, 'cannot open the first camera (the camera is in use); found #1 "frames:one"')
-        plug('one', 'no_start')
-        self.status(FIRST, 'cannot start the depth stream of "frames:one"')
+        for fault, what in (('stuck_registration', 'switch off the hardware registration of the depth stream'),
+                            ('no_mode', 'set the depth stream of "frames:one" (Test camera, all_in_focus) to 640x480'),
+                            ('no_start', 'start the depth stream of "frames:one"')):
+            plug('one', fault)
+            self.status(FIRST, 'cannot ' + what)
+            self.assertFalse(depth.messages)
         plug('one')
         depth.wait(2)
 

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Recordings that OpenNI2's own recorder makes and its own file driver plays: pixel for pixel, at any pace, by steps."""
+"""Recordings that OpenNI2's own recorder makes and its file driver plays: pixel for pixel, at any pace, in steps."""
 import os
 import subprocess
 import time
@@ -51,6 +51,8 @@ class RecordingTest(KinectTest):
             DEPTH.tofile(WORLD / 'noise.raw')
             # Whoever comes first also sees that a file which is not there yet is waited for.
             self.status('steps/kinect_openni2', 'cannot open "%s" (parameter device): there is no such file' % NOISE)
+            answer = rospy.ServiceProxy('/steps/kinect_openni2/step', Trigger)()
+            self.assertEqual((answer.success, 'there is no such file' in answer.message), (False, True))
             plug('noise', 'recorded=%s' % (WORLD / 'noise.raw'))
             plug('pattern')
             record('noise', NOISE, False)
@@ -81,6 +83,9 @@ class RecordingTest(KinectTest):
         stamps = depth.stamps()
         self.assertTrue((np.diff(stamps) > 0).all())
         self.assertLess(np.abs(np.array(depth.times) - stamps).max(), 0.3)
+        self.images('/repeated/ir/image_raw')
+        self.status('repeated/kinect_openni2', 'has no IR stream')
+        depth.wait(2)
 
     def test_half_the_pace(self):
         depth = self.images('/slow/depth/image_raw')

@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the tests of the Kinect node share: cameras without hardware (test/openni2), plugged in and out."""
 import os
+import signal
+import subprocess
 import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import rospy
+from roslib.packages import find_node
 from sensor_msgs.msg import CameraInfo, Image
 
 from depth_testing import GraphTest, wait_until
@@ -76,6 +79,24 @@ class Images:
 
     def close(self):
         self.subscriber.unregister()
+
+
+class KinectNode:
+    """/own/kinect_openni2 for a test that starts and ends it."""
+
+    def __init__(self, *arguments, **environment):
+        program = find_node('all_in_focus', 'kinect_openni2')[0]
+        self.process = subprocess.Popen([program, '__ns:=/own', '_reconnect_period:=0.2', *arguments],
+                                        env=dict(os.environ, **environment), stdout=subprocess.PIPE,
+                                        stderr=subprocess.STDOUT, universal_newlines=True)
+
+    def stop(self):
+        """What it said; an AssertionError if it ended in any other way than it was told to."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        output = self.process.communicate(timeout=20)[0]
+        assert self.process.returncode == 0, output
+        return output
 
 
 class KinectTest(GraphTest):

@@ -1,0 +1,63 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What can be wrong when the Kinect node starts: parameters, the device, OpenNI2 itself."""
+import os
+import tempfile
+from pathlib import Path
+
+import rospy
+import rostest
+
+from depth_testing import pixels_of, values_of
+from kinect_testing import KinectNode, KinectTest, depth_pattern, index_of, plug
+
+OWN = 'own/kinect_openni2'
+WORLD = Path(os.environ['KINECT_TEST_DIR']).parent
+
+
+class StartTest(KinectTest):
+    def start(self, *arguments, **environment):
+        self.node = KinectNode(*arguments, **environment)
+        return self.images('/own/depth/image_raw')
+
+    def tearDown(self):
+        if self.node.process.poll() is None:
+            self.node.stop()
+        super().tearDown()
+
+    def test_impossible_parameters_are_named_and_the_defaults_taken(self):
+        plug('one')
+        images = self.start('_invalid_values:=none', '_queue_size:=0', '_time_offset:=soon', '_silence_timeout:=-1')
+        depth = pixels_of(images.wait(8)[-1])  # in the first there is no 2047
+        self.assertEqual(depth[depth_pattern(index_of(depth)) == 2047].max(), 0)
+        said = self.node.stop()
+        for line in ('invalid_values is not a list of integers (mm): using [0, 2047]',
+                     'queue_size must be a number of at least 1: using 5', 'time_offset must be a number: using 0',
+                     'silence_timeout must be a number of at least 0: using 5'):
+            self.assertIn(line, said)
+        self.assertEqual(said.count('kinect_depth is not calibrated'), 1, said)
+
+    def test_camera_by_its_uri_among_others(self):
+        plug('two')
+        depth = self.start('_device:=frames:one')
+        status = self.status(OWN, 'cannot open "frames:one" (')
+        self.assertIn('; found #1 "frames:two" (Test camera, all_in_focus)', status.message)
+        plug('one')
+        depth.wait(2)
+        self.assertIn('"frames:one"', values_of(self.status(OWN, 'processing'))['device'])
+
+    def test_openni_without_drivers_until_they_are_installed(self):
+        plug('one')
+        with tempfile.TemporaryDirectory() as folder:
+            library = Path(folder) / 'libOpenNI2.so.0'
+            library.symlink_to((WORLD / library.name).resolve())
+            depth = self.start(LD_LIBRARY_PATH=folder + ':' + os.environ['LD_LIBRARY_PATH'])
+            self.status(OWN, 'OpenNI2 does not start: ')
+            (Path(folder) / 'OpenNI2').symlink_to(WORLD / 'OpenNI2')
+            depth.wait(2)
+
+
+if __name__ == '__main__':
+    rospy.init_node('kinect_start_test')
+    rostest.rosrun('all_in_focus', 'kinect_start', '__main__')
