@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Small stacks on disk, and the command line tools as people call them."""
 import os
+import struct
 import subprocess
 import sys
 
@@ -10,6 +11,8 @@ import numpy as np
 
 SCRIPTS = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "scripts")
 SIZE = (48, 32)  # width, height
+# A BMP of 2^21 x 2^21 pixels, as far as its header goes: OpenCV does not even try.
+ENDLESS_PICTURE = b"BM" + struct.pack("<IHHI IiiHHIIiiII", 54, 0, 0, 54, 40, 1 << 21, 1 << 21, 1, 24, *(0,) * 6)
 
 
 def pictures(count, size=SIZE, seed=0):

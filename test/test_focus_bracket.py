@@ -11,6 +11,7 @@ from all_in_focus.camera.interface import (BUSY, CAMERA_ERROR, CORRUPTED, IO_WRI
                                            CameraError)
 from all_in_focus.camera.session import Config, Session
 from fake_camera import LENS, MODELS, FakeCamera, lens_of
+from file_helpers import ENDLESS_PICTURE
 
 MAKES = [make for make in MODELS if make != "none"]
 SETTINGS = ("iso", "whitebalance", "shutterspeed", "autofocus", "autoexposuremode", "expprogram")
@@ -97,6 +98,7 @@ def test_the_stamp_is_taken_at_the_release(frames):
 
 
 @pytest.mark.parametrize("code, data, words", [(None, b"junk", "it is not a picture"), (NO_SPACE, None, "card is full"),
+                                               (None, ENDLESS_PICTURE, "it is not a picture"),
                                                (CORRUPTED, None, "sent what cannot be read")])
 def test_a_picture_that_does_not_come_ends_the_bracket(code, data, words):
     camera, shots = FakeCamera(), []

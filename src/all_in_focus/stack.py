@@ -116,10 +116,18 @@ def read_image(path, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
         raise StackError("%s: %s" % (path, error.strerror))
     if not _is_complete(data):
         raise StackError("%s: truncated or damaged" % path)
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    image = decode_image(data, flags)
     if image is None:
         raise StackError("%s: not a readable image" % path)
     return image
+
+
+def decode_image(data, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
+    """Image as OpenCV gives it, None where the bytes are none."""
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    except cv2.error:  # a header that tells an impossible size
+        return None
 
 
 def read_depth(path):

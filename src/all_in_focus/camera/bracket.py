@@ -7,12 +7,11 @@ import posixpath
 import time
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from all_in_focus.camera.focus_drive import FocusLimit
 from all_in_focus.camera.interface import CAMERA_ERROR, CORRUPTED, CameraError
-from all_in_focus.stack import IMAGE_SUFFIXES
+from all_in_focus.stack import IMAGE_SUFFIXES, decode_image
 
 STILL, PREVIEW = "still", "preview"
 STALE_PREVIEWS = 1  # begun before the lens came to rest
@@ -70,8 +69,7 @@ class Photographer:
 
 
 def _decoded(data, name):
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    image = decode_image(data)
     if image is None:
         raise CameraError(CORRUPTED, "reading %s" % name, "it is not a picture")
     return image
