@@ -20,6 +20,7 @@ from all_in_focus.bag_file import BagError
 from all_in_focus.bag_images import ImageError, bgr, check_color, depth_mm
 from all_in_focus.bag_rig import RigProblem, camera_at, color_frame, depth_problem, optics_at, pose
 from all_in_focus.bag_scan import fetch, scan
+from all_in_focus.output_file import named
 from all_in_focus.rig import Optics, Rig, save_rig
 
 DEFAULT_OPTICS = "24,4,0.019"  # of the segmenter
@@ -63,15 +64,15 @@ def export(bag, output, which, options, force=False):
 
     folder, name = os.path.split(os.path.abspath(output))
     working = os.path.join(folder, ".%s.%d" % (name, os.getpid()))
-    os.mkdir(working)
     try:
         exported = []
-        with tqdm(total=sum(len(bracket.frames) for bracket in chosen.values()), unit="frame",
-                  disable=not sys.stderr.isatty()) as bar:
+        with named(output, working), tqdm(total=sum(len(bracket.frames) for bracket in chosen.values()), unit="frame",
+                                          disable=not sys.stderr.isatty()) as bar:
+            os.mkdir(working)
             for part, bracket in chosen.items():
                 writer = _Writer(bag, found, bracket, options, os.path.join(working, part))
                 exported.append(writer.write(os.path.join(output, part) if part else output, bar))
-        _put_in_place(working, output)
+            _put_in_place(working, output)
     finally:
         shutil.rmtree(working, ignore_errors=True)
     return exported

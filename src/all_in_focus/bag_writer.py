@@ -16,6 +16,7 @@ from tf2_msgs.msg import TFMessage
 from tqdm import tqdm
 
 from all_in_focus.msg import FocusFrame, Optics
+from all_in_focus.output_file import whole_file
 from all_in_focus.rig import load_rig
 
 START_NS = 1000 * 10 ** 9  # stamp of the first frame, ns; the same in every bag, so that bags can be compared
@@ -90,12 +91,5 @@ def write_bag(output, depth, rig_folder, stack, rate=30.0, with_focus=True):
     """
     if os.path.isdir(output):
         raise IsADirectoryError(errno.EISDIR, "is a folder", output)
-    folder, name = os.path.split(os.path.abspath(output))
-    working = os.path.join(folder, ".%s.%d" % (name, os.getpid()))
-    try:
-        with rosbag.Bag(working, "w", compression=rosbag.Compression.LZ4) as bag:
-            _fill(_Writer(bag), depth, rig_folder, stack, rate, with_focus)
-        os.replace(working, output)
-    finally:
-        if os.path.exists(working):
-            os.remove(working)
+    with whole_file(output) as working, rosbag.Bag(working, "w", compression=rosbag.Compression.LZ4) as bag:
+        _fill(_Writer(bag), depth, rig_folder, stack, rate, with_focus)

@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the command line tools share: one-line errors and checked arguments."""
 import argparse
-import contextlib
 import math
-import os
 import sys
 
 from all_in_focus.rig import Optics
@@ -14,23 +12,13 @@ class Parser(argparse.ArgumentParser):
     """Argument parser whose errors are one line and exit code 2, without the usage text."""
 
     def error(self, message):
+        """message: text, or an exception."""
+        if isinstance(message, OSError) and message.filename:
+            message = "%s: %s" % (message.filename, message.strerror)
         self.exit(2, "%s: %s\n" % (self.prog, " ".join(str(message).split())))
 
     def warn(self, message):
         print("%s: warning: %s" % (self.prog, message), file=sys.stderr)
-
-
-@contextlib.contextmanager
-def whole_file(path):
-    """Path to write to. What is there takes the place of `path` in one step; on an error nothing is left behind."""
-    folder, name = os.path.split(path)
-    working = os.path.join(folder, ".%d.%s" % (os.getpid(), name))  # keeps the ending, which may say the format
-    try:
-        yield working
-        os.replace(working, path)
-    finally:
-        if os.path.exists(working):
-            os.remove(working)
 
 
 def positive(text):

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How an evaluation run stands: a small file that the player writes and evaluate_bag watches."""
 import json
-import os
 from dataclasses import asdict, dataclass, field
 from typing import List, Optional
+
+from all_in_focus.output_file import whole_file
 
 OK, BAD_INPUT = 0, 2  # exit codes
 
@@ -23,10 +24,8 @@ class RunStatus:
         """Replace the file in one step: whoever reads it never sees half of it."""
         if not path:
             return
-        working = "%s.%d" % (path, os.getpid())
-        with open(working, "w", encoding="utf-8") as file:
+        with whole_file(path) as working, open(working, "w", encoding="utf-8") as file:
             json.dump(asdict(self), file, indent=2)
-        os.replace(working, path)
 
     @classmethod
     def read(cls, path):

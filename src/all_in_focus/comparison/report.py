@@ -13,6 +13,7 @@ from all_in_focus.comparison import tables as t
 from all_in_focus.comparison.page import page
 from all_in_focus.comparison.scenes import Scene
 from all_in_focus.comparison.settings import Settings
+from all_in_focus.output_file import whole_file
 
 VERSION = 1  # of results.json
 
@@ -52,9 +53,8 @@ def write(run, store):
              "configuration.yaml": run.settings.as_yaml(), "report.html": page(run, tables, store)}
     for name, text in files.items():
         path = os.path.join(run.settings.output, name)
-        with open(path + ".partial", "w", encoding="utf-8", newline="") as file:
+        with whole_file(path) as working, open(working, "w", encoding="utf-8", newline="") as file:
             file.write(text)
-        os.replace(path + ".partial", path)
     return tables
 
 

@@ -1,0 +1,60 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Files that are whole or not there, and errors that name the file that was asked for."""
+import numpy as np
+import pytest
+from tool_helpers import TwoPlanes, expect_refusal, snapshot
+from file_helpers import cut, run_script
+
+from all_in_focus.output_file import named, whole_file, write_picture
+
+
+def test_a_file_appears_whole_or_not_at_all(tmp_path):
+    path = tmp_path / "a.txt"
+    for text in ("old", "new"):
+        with whole_file(str(path)) as working, open(working, "w") as file:
+            file.write(text)
+            assert not path.exists() or path.read_text() == "old"
+    with pytest.raises(ZeroDivisionError), whole_file(str(path)) as working, open(working, "w") as file:
+        file.write("half")
+        1 / 0
+    assert snapshot(tmp_path) == {"a.txt": b"new"}
+
+
+@pytest.mark.parametrize("name, kind", [("none/a.png", FileNotFoundError), ("folder", IsADirectoryError),
+                                        ("file/a.png", NotADirectoryError)])
+def test_errors_name_what_was_asked_for(tmp_path, name, kind):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_bytes(b"")
+    before, path = snapshot(tmp_path), str(tmp_path / name)
+    with pytest.raises(kind) as error:
+        write_picture(path, np.zeros((4, 4), np.uint8))
+    assert error.value.filename == path and error.value.filename2 is None
+    assert snapshot(tmp_path) == before
+
+
+def test_other_errors_stay_as_they_are(tmp_path):
+    for place, told in ((tmp_path / "w" / "x", str(tmp_path / "o" / "x")), (tmp_path / "wx", str(tmp_path / "wx"))):
+        with pytest.raises(FileNotFoundError) as error, named(str(tmp_path / "o"), str(tmp_path / "w")):
+            open(str(place))
+        assert error.value.filename == told
+    with pytest.raises(ValueError, match="a.nonsense: no image format has this ending: use .png"):
+        write_picture("a.nonsense", np.zeros((4, 4), np.uint8))
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    return TwoPlanes(tmp_path_factory.mktemp("scene"))
+
+
+@pytest.mark.parametrize("name, options", [
+    ("contact_sheet", "{0}/depth.png"),
+    ("check_rig", "--registered-depth {0}/depth.png --color {0}/stack/00.png"),
+    ("make_bag", "--depth {0}/depth.png --rig {0}/rig --stack {0}/stack"),
+    ("compare_segmentation", "--depth {0}/depth.png --optics 24,4,0.019"),
+])
+def test_a_missing_folder_is_told_with_the_file_as_it_was_given(scene, tmp_path, name, options):
+    output = str(tmp_path / "none" / "o.png")
+    done = run_script(name, *options.format(scene.folder).split(), "--output", output)
+    assert done.returncode == 2 and done.stderr.splitlines()[-1] == "%s: %s: No such file or directory" % (name, output)
+    assert not list(tmp_path.iterdir())
