@@ -15,7 +15,7 @@ from all_in_focus.comparison import programs
 from all_in_focus.rig import load_rig, save_camera
 
 from board_rendering import board_poses, mapping_error, true_rig, write_views
-from file_helpers import run_script
+from file_helpers import ENDLESS_PICTURE, cut, run_script
 
 MOVED, HIDDEN = 7, 11
 
@@ -130,6 +130,36 @@ def test_known_cameras_stay_as_they_are_and_force_replaces(views, tmp_path, caps
     assert "(known)" in capsys.readouterr().out
 
 
+def test_pictures_that_cannot_be_read_are_named_and_left_out(views, tmp_path, capsys):
+    some = subset(views, tmp_path / "some", 8)
+    cut(some / "depth" / "02.png")
+    (some / "color" / "05.jpg").write_bytes(ENDLESS_PICTURE)
+    assert main(arguments(some, tmp_path / "rig")) == 0
+    told = capsys.readouterr()
+    wrong = {"02": "%s: truncated or damaged" % (some / "depth" / "02.png"),
+             "05": "%s: not a readable image" % (some / "color" / "05.jpg")}
+    for complaint in wrong.values():
+        assert "calibrate_rig: warning: %s: left out\n" % complaint in told.err and complaint in told.out
+    record = yaml.safe_load((tmp_path / "rig" / "calibration.yaml").read_text())
+    assert {pair["pair"]: pair["remark"] for pair in record["pairs"] if pair["pair"] in wrong} == wrong
+
+
+def test_too_few_pictures_that_can_be_read(views, tmp_path, capsys):
+    few = subset(views, tmp_path / "few", 5)
+    for name in ("00", "04"):
+        (few / "depth" / (name + ".png")).write_bytes(b"")
+    with pytest.raises(SystemExit):
+        main(arguments(few, tmp_path / "rig"))
+    said = capsys.readouterr().err.splitlines()
+    assert [line.endswith("not a readable image: left out") for line in said] == [True, True, False]
+    assert "the depth camera: 3 usable views of the board, at least 5 are needed" in said[-1]
+    for path in (few / "color").iterdir():
+        cut(path, 0.1)
+    assert refused(capsys, arguments(few, tmp_path / "rig")) == (
+        "calibrate_rig: %s: none of the 5 pictures can be read" % (few / "color"))
+    assert not (tmp_path / "rig").exists()
+
+
 def test_too_few_views(views, tmp_path, capsys):
     few = subset(views, tmp_path / "few", 3)
     assert "the depth camera: 3 usable views of the board, at least 5 are needed" in refused(
@@ -138,9 +168,10 @@ def test_too_few_views(views, tmp_path, capsys):
 
 
 def test_a_board_of_another_size(views, tmp_path, capsys):
-    few = subset(views, tmp_path / "few", 1)
+    few = subset(views, tmp_path / "few", 2)
+    (few / "depth" / "00.png").write_bytes(b"")
     said = refused(capsys, arguments(few, tmp_path / "rig", "9x7"))
-    assert "no board of 9x7 inner corners" in said and "shows one of 8x6: --board counts the corners inside" in said
+    assert "no board of 9x7 inner corners" in said and "the pictures show one of 8x6: --board counts the corners inside" in said
 
 
 def test_no_board_anywhere(tmp_path, capsys):

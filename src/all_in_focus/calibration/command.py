@@ -37,7 +37,7 @@ def _other_board(folders, board):
                           (board.columns + 1, board.rows), (board.columns, board.rows + 1)):
         other = Board(max(columns, rows), min(columns, rows), board.square)
         if other.rows >= 3 and any(find_corners(folders.first_picture(camera), other) is not None for camera in (0, 1)):
-            return "; the first pair shows one of %s: --board counts the corners inside" % other
+            return "; the pictures show one of %s: --board counts the corners inside" % other
     return ""
 
 
@@ -47,6 +47,9 @@ def _from_files(parser, arguments):
         parser.warn(warning)
     pairs = list(tqdm(folders.pairs(arguments.board), total=len(folders.names), unit="pair",
                       disable=not sys.stderr.isatty()))
+    for pair in pairs:
+        if pair.unreadable:
+            parser.warn(pair.unreadable + ": left out")
     if all(pair.depth is None and pair.color is None for pair in pairs):
         raise CalibrationError("no board of %s inner corners in any of %d pairs%s"
                                % (arguments.board, len(pairs), _other_board(folders, arguments.board)))

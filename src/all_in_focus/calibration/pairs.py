@@ -10,17 +10,21 @@ import numpy as np
 
 from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.board import find_corners
-from all_in_focus.stack import is_image_name, read_image
+from all_in_focus.stack import StackError, is_image_name, read_image
 
 CAMERAS = ("depth", "color")
 
 
 @dataclass
 class Pair:
-    """Corners of the board (N x 2, pixels) in the two pictures of one moment; None where it is not seen."""
+    """Corners of the board (N x 2, pixels) in the two pictures of one moment; None where it is not seen.
+
+    unreadable: a line where a picture cannot be read.
+    """
     name: str
     depth: Optional[np.ndarray]
     color: Optional[np.ndarray]
+    unreadable: str = ""
 
 
 class PairFolders:
@@ -39,19 +43,31 @@ class PairFolders:
                          if set(own) - set(others)]
         self._files = files
         self.sizes = [None, None]  # (width, height) of the cameras' pictures
+        self._first = [None, None]  # name of the first that can be read
 
     def pairs(self, board):
-        """Reads and searches one pair after the other."""
+        """Reads and searches one pair after the other. CalibrationError where no picture of a camera can be read."""
         for name in self.names:
-            yield Pair(name, *(find_corners(self._read(camera, name), board) for camera in (0, 1)))
+            corners, complaints = [None, None], []
+            for camera in (0, 1):
+                try:
+                    corners[camera] = find_corners(self._read(camera, name), board)
+                except StackError as error:
+                    complaints.append(str(error))
+            yield Pair(name, *corners, "; ".join(complaints))
+        for folder, first in zip(self._folders, self._first):
+            if first is None:
+                raise CalibrationError("%s: none of the %d pictures can be read" % (folder, len(self.names)))
 
     def first_picture(self, camera):
-        return self._read(camera, self.names[0])
+        """The first that can be read; call after pairs()."""
+        return self._read(camera, self._first[camera])
 
     def _read(self, camera, name):
         path = os.path.join(self._folders[camera], self._files[camera][name])
         image = read_image(path, cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
         size = image.shape[1::-1]
+        self._first[camera] = self._first[camera] or name
         self.sizes[camera] = self.sizes[camera] or size
         if size != self.sizes[camera]:
             raise CalibrationError("%s: %dx%d pixels, but the %s camera's pictures before it have %dx%d"

@@ -33,7 +33,7 @@ class RigFit:
     left_out: Dict[str, str]
     jointly: bool
     spread: tuple = (None, None, None)
-    missing: Dict[str, str] = field(default_factory=dict)  # pair -> which picture does not show the board
+    missing: Dict[str, str] = field(default_factory=dict)  # pair -> which picture does not show the board, and why
 
     @property
     def rms(self):
@@ -78,7 +78,7 @@ def fit_rig(board, pairs: List, sizes, known=(None, None), radial=2):
 def _missing(pairs):
     words = {(True, True): "no board in either picture", (True, False): "no board in the depth picture",
              (False, True): "no board in the color picture"}
-    found = {pair.name: words.get((pair.depth is None, pair.color is None)) for pair in pairs}
+    found = {pair.name: pair.unreadable or words.get((pair.depth is None, pair.color is None)) for pair in pairs}
     return {name: word for name, word in found.items() if word}
 
 
