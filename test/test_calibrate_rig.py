@@ -222,6 +222,15 @@ def test_wrong_arguments(tmp_path, capsys, options, words):
     assert words in refused(capsys, arguments(tmp_path, tmp_path / "rig") + options)
 
 
+@pytest.mark.parametrize("source", ["--live", "--depth-camera=boards --color-camera=boards"])
+def test_a_folder_that_cannot_be_written_is_told_before_the_work(tmp_path, capsys, source):
+    """Before there is a node, too: nobody has to take the views twice."""
+    (tmp_path / "file").write_text("")
+    said = refused(capsys, ["calibrate_rig", *source.split(), "--board", "8x6", "--square", "45", "--output",
+                            str(tmp_path / "file" / "rig")])
+    assert said.startswith("calibrate_rig: %s: cannot be written, " % (tmp_path / "file" / "rig"))
+
+
 def test_the_script():
     result = run_script("calibrate_rig", "--help")
     assert result.returncode == 0 and "--ir-offset" in result.stdout

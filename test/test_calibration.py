@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Parts of the calibration: corners in pictures of all kinds, the order of corners, bad views, coverage."""
+import shutil
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -13,7 +15,7 @@ from all_in_focus.calibration.coverage import Coverage, measure, moved
 from all_in_focus.calibration.live_view import LiveView
 from all_in_focus.calibration.pairs import Pair
 from all_in_focus.calibration.rig_fit import fit_rig
-from all_in_focus.calibration.rig_folder import build_rig
+from all_in_focus.calibration.rig_folder import build_rig, refuse_read_only
 from all_in_focus.rig import Camera, rotation_matrix
 
 from board_rendering import (SQUARE, board_poses, corner_points, in_color_camera, mapping_error, project, rays, render,
@@ -191,7 +193,7 @@ def test_coverage_counts_what_is_new_and_tells_what_lacks():
 def test_a_view_is_taken_when_it_is_new_and_held_still(tmp_path):
     truth = true_rig()
     camera_rays = rays(truth.depth), rays(truth.color)
-    poses = board_poses(truth, 2, seed=3)
+    poses = board_poses(truth, 3, seed=3)
 
     def pictures(pose, seed):
         return [render(one, seen, noise=2, seed=seed) for one, seen in
@@ -208,6 +210,21 @@ def test_a_view_is_taken_when_it_is_new_and_held_still(tmp_path):
     assert sorted(path.name for path in (tmp_path / "depth").iterdir()) == ["000.png", "001.png"]
     with pytest.raises(CalibrationError, match="holds pictures already"):
         LiveView(BOARD, 2, str(tmp_path))
+    shutil.rmtree(str(tmp_path / "color"))
+    view.add(pictures(poses[2], 6))
+    with pytest.raises(FileNotFoundError, match="color/002.png"):
+        view.add(pictures(poses[2], 7))
+    assert len(view.pairs) == 3 and view.picture().shape[0] > 360  # the pair counts
+
+
+@pytest.mark.parametrize("place", ["file/rig", "file", "gone/rig"])
+def test_where_nothing_can_be_written(tmp_path, place):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "gone").symlink_to(tmp_path / "nowhere")
+    refuse_read_only(str(tmp_path / "new" / "rig"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "gone"]
+    with pytest.raises(CalibrationError, match="%s: cannot be written, " % (tmp_path / place)):
+        refuse_read_only(str(tmp_path / place))
 
 
 def test_how_far_a_board_moved_does_not_depend_on_the_order():

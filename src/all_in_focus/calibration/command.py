@@ -65,6 +65,7 @@ def main(argv):
     parser, arguments = parse_arguments(argv, DESCRIPTION)
     try:
         rig_folder.refuse_existing(arguments.output, arguments.force)
+        rig_folder.refuse_read_only(arguments.output)
         if arguments.live:
             from all_in_focus.calibration import live_node
             return live_node.run(arguments, lambda pairs, sizes: calibrate(arguments, pairs, sizes))

@@ -75,12 +75,15 @@ class LiveNode:
             return None
 
     def _look(self, images):
-        if self._view.add(images):
-            rospy.loginfo("%s", "; ".join(self._view.status()))
+        try:
+            if self._view.add(images):
+                rospy.loginfo("%s", "; ".join(self._view.status()))
+        except OSError as error:  # the pair itself counts
+            rospy.logwarn("%s", error)
         if self._view.enough and len(self._view.pairs) >= self._next_try:
             try:
                 self._end()
-            except ValueError as error:
+            except (ValueError, OSError) as error:
                 self._next_try = len(self._view.pairs) + MORE
                 rospy.logwarn("%s; taking more pairs", error)
         if self._picture.get_num_connections() or self._done:

@@ -3,7 +3,6 @@
 """From pairs of pictures as they come to the pairs that a calibration needs, and the picture that guides to them."""
 import os
 
-import cv2
 import numpy as np
 
 from all_in_focus.calibration import CalibrationError
@@ -11,6 +10,8 @@ from all_in_focus.calibration.board import find_corners
 from all_in_focus.calibration.coverage import STILL, Coverage, measure, moved
 from all_in_focus.calibration.coverage_picture import draw
 from all_in_focus.calibration.pairs import CAMERAS, Pair
+from all_in_focus.calibration.rig_folder import refuse_read_only
+from all_in_focus.output_file import write_picture
 
 
 class LiveView:
@@ -25,8 +26,10 @@ class LiveView:
         self.pairs, self.sizes = [], None
         if pictures:
             for camera in CAMERAS:
-                os.makedirs(os.path.join(pictures, camera), exist_ok=True)
-                if os.listdir(os.path.join(pictures, camera)):
+                folder = os.path.join(pictures, camera)
+                os.makedirs(folder, exist_ok=True)
+                refuse_read_only(folder)
+                if os.listdir(folder):
                     raise CalibrationError("%s: holds pictures already: name another folder" % pictures)
 
     @property
@@ -34,16 +37,17 @@ class LiveView:
         return len(self.pairs) >= self._wanted and not self._coverage.lacking()
 
     def add(self, images):
-        """Look at the two pictures of one moment; whether the pair is taken."""
+        """Look at the two pictures of one moment; whether the pair is taken. OSError where it is, but cannot be kept as
+        pictures."""
         sizes = tuple(image.shape[1::-1] for image in images)
         self.sizes = self.sizes or sizes
         corners = [find_corners(image, self._board, thorough=False) for image in images]
         outlines = [None if found is None else self._board.outline(found) for found in corners]
         said = self._reason_against(sizes, corners, outlines)
         self._before = corners
+        self._now = (images, outlines, said or "taken")
         if not said:
             self._take(images, corners, outlines)
-        self._now = (images, outlines, said or "taken")
         return not said
 
     def _reason_against(self, sizes, corners, outlines):
@@ -66,12 +70,11 @@ class LiveView:
         name = "%03d" % len(self.pairs)
         self._coverage.add(self._measured(outlines))
         self.pairs.append(Pair(name, *corners))
-        for camera, image, outline, taken in zip(CAMERAS, images, outlines, self._outlines):
+        for outline, taken in zip(outlines, self._outlines):
             taken.append(outline)
-            if self._pictures:
-                path = os.path.join(self._pictures, camera, name + ".png")
-                if not cv2.imwrite(path, image):
-                    raise CalibrationError("%s: cannot be written" % path)
+        if self._pictures:
+            for camera, image in zip(CAMERAS, images):
+                write_picture(os.path.join(self._pictures, camera, name + ".png"), image)
 
     def status(self):
         """Two lines: how far it is, what to do."""

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from all_in_focus.calibration import CalibrationError
+from all_in_focus.output_file import named
 from all_in_focus.rig import Camera, Rig, load_rig, save_rig
 
 FILES = ("depth.yaml", "color.yaml", "extrinsics.yaml", "optics.yaml", "calibration.yaml")
@@ -22,6 +23,18 @@ def refuse_existing(folder, force):
     if existing and not force:
         raise CalibrationError("%s: holds a rig already (%s): name another folder, or say --force"
                                % (folder, ", ".join(existing)))
+
+
+def refuse_read_only(folder):
+    """CalibrationError where nothing can be written, tried out: before somebody has stood there with the board."""
+    whole = os.path.abspath(folder)
+    for place in (whole, os.path.dirname(whole)):  # the parent holds the files until all are there
+        while not os.path.lexists(place):
+            place = os.path.dirname(place)
+        try:
+            tempfile.TemporaryDirectory(dir=place).cleanup()
+        except OSError as error:
+            raise CalibrationError("%s: cannot be written, %s: %s" % (folder, place, error.strerror))
 
 
 def build_rig(fit, names, sizes, offset=(0.0, 0.0), optics=None):
@@ -45,17 +58,18 @@ def write_rig(folder, rig, record, force=False):
     refuse_existing(folder, force)
     folder = os.path.abspath(folder)
     os.makedirs(os.path.dirname(folder), exist_ok=True)
-    working = tempfile.mkdtemp(prefix=".%s." % os.path.basename(folder), dir=os.path.dirname(folder))
+    working = os.path.join(os.path.dirname(folder), ".%d.%s" % (os.getpid(), os.path.basename(folder)))
     try:
-        save_rig(working, rig)
-        with open(os.path.join(working, "calibration.yaml"), "w", encoding="utf-8") as out:
-            out.write(record)
-        load_rig(working)  # what cannot be read is not put in anybody's place
-        if os.path.isdir(folder):
-            for name in os.listdir(working):
-                os.replace(os.path.join(working, name), os.path.join(folder, name))
-        else:
-            os.chmod(working, 0o755)  # mkdtemp's are private
-            os.rename(working, folder)
+        with named(folder, working):
+            os.mkdir(working)
+            save_rig(working, rig)
+            with open(os.path.join(working, "calibration.yaml"), "w", encoding="utf-8") as out:
+                out.write(record)
+            load_rig(working)  # what cannot be read is not put in anybody's place
+            if os.path.isdir(folder):
+                for name in os.listdir(working):
+                    os.replace(os.path.join(working, name), os.path.join(folder, name))
+            else:
+                os.rename(working, folder)
     finally:
         shutil.rmtree(working, ignore_errors=True)
