@@ -3,8 +3,8 @@
 """Files that are whole or not there, and errors that name the file that was asked for."""
 import numpy as np
 import pytest
-from tool_helpers import TwoPlanes, expect_refusal, snapshot
-from file_helpers import cut, run_script
+from file_helpers import run_script
+from tool_helpers import TwoPlanes, snapshot
 
 from all_in_focus.output_file import named, whole_file, write_picture
 
@@ -58,3 +58,15 @@ def test_a_missing_folder_is_told_with_the_file_as_it_was_given(scene, tmp_path,
     done = run_script(name, *options.format(scene.folder).split(), "--output", output)
     assert done.returncode == 2 and done.stderr.splitlines()[-1] == "%s: %s: No such file or directory" % (name, output)
     assert not list(tmp_path.iterdir())
+
+
+def test_so_it_is_for_a_folder(scene, tmp_path):
+    bag, output = scene.folder / "scene.bag", tmp_path / "none" / "stack"
+    done = run_script("make_bag", "--depth", scene.depth_file, "--rig", scene.rig, "--stack", scene.stack, "--output", bag)
+    assert done.returncode == 0, done.stderr
+    done = run_script("bag_to_stack", bag, "--output", output)
+    assert done.returncode == 2 and done.stderr == "bag_to_stack: %s: No such file or directory\n" % output
+    (tmp_path / "file").write_text("")
+    done = run_script("make_scene", "--scene", "planes", "--output", tmp_path / "file" / "scene")
+    assert done.returncode == 2 and done.stderr.endswith("make_scene: %s: Not a directory\n" % (tmp_path / "file" / "scene"))
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
