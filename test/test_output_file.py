@@ -62,11 +62,12 @@ def test_a_missing_folder_is_told_with_the_file_as_it_was_given(scene, tmp_path,
 
 def test_so_it_is_for_a_folder(scene, tmp_path):
     bag, output = scene.folder / "scene.bag", tmp_path / "none" / "stack"
-    done = run_script("make_bag", "--depth", scene.depth_file, "--rig", scene.rig, "--stack", scene.stack, "--output", bag)
+    done = run_script("make_bag", *scene.with_depth, "--stack", scene.stack, "--output", bag)
     assert done.returncode == 0, done.stderr
     done = run_script("bag_to_stack", bag, "--output", output)
     assert done.returncode == 2 and done.stderr == "bag_to_stack: %s: No such file or directory\n" % output
     (tmp_path / "file").write_text("")
-    done = run_script("make_scene", "--scene", "planes", "--output", tmp_path / "file" / "scene")
-    assert done.returncode == 2 and done.stderr.endswith("make_scene: %s: Not a directory\n" % (tmp_path / "file" / "scene"))
+    output = tmp_path / "file" / "scene"
+    done = run_script("make_scene", "--scene", "planes", "--output", output)
+    assert done.returncode == 2 and done.stderr.endswith("make_scene: %s: Not a directory\n" % output)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

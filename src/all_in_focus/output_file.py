@@ -34,7 +34,7 @@ def whole_file(path):
 
 
 def write_picture(path, image):
-    """A whole picture file, of the format that the ending says; PNG without one. ValueError where none has it, OSError."""
+    """A whole picture file of the format that its ending says, PNG without one. ValueError for other endings."""
     try:
         data = cv2.imencode(os.path.splitext(path)[1] or ".png", image)[1].tobytes()
     except cv2.error:

@@ -8,7 +8,7 @@ import os
 import numpy as np
 import rospy
 import rostest
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -70,6 +70,26 @@ class FocusBracketTest(CameraTest):
         ids = [focus.bracket_id for _, _, focus in frames]
         self.assertEqual(ids, sorted(ids))
         self.assertEqual([frames[0][0].width, frames[0][1].K[0]], [24, 0.0])  # not calibrated
+
+    def test_at_a_rate_nothing_is_shot_without_a_listener(self):
+        diagnostics = Diagnostics()
+        self.addCleanup(diagnostics.close)
+
+        def shot():
+            """Brackets so far, as the next diagnostics of a camera that is ready tell: a second after the last ones."""
+            name = self.namespace[1:] + "/focus_bracket_camera"
+            return int(diagnostics.wait(name, lambda status: status.level == 0).values[0].value)
+        self.fake(rate=20.0, count=1)
+        self.assertEqual([shot(), shot()], [0, 0])
+        info = self.listen("rgb/camera_info", CameraInfo)  # is no reason to wear the shutter
+        self.assertEqual([shot(), len(info.messages)], [0, 0])
+        self.listen_to_all()
+        self.assertEqual(places(self.frames(2)), [(0, 0, 1, True), (1, 0, 1, True)])
+        self.heard["rgb/image"].close()
+        self.assertTrue(wait_until(lambda: shot() == shot()))
+        ended = shot()
+        self.assertEqual(self.succeed().message, "1 frames")  # on request all the same
+        self.assertEqual(shot(), ended + 1)
 
     def test_unplugged_and_plugged_in_again(self):
         node = self.fake(count=2, patience=0.5)
