@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tool_helpers import (check_equality, evaluate, fits, fuse, fuse_stack, peak_mb, read, read_report, rosrun,
-                          succeeded)
+                          segment_depth, succeeded)
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("ALL_IN_FOCUS_DATA", str(ROOT.parent / "shared" / "data")))
@@ -118,6 +118,20 @@ def test_regions(fused):
         assert len(values) == row["area"]
         assert row["fits"] is bool(fits(int(values.min()), int(values.max())))
         assert row["fits"] or mode == "paper"
+
+
+@needs_sweep
+def test_three_planned_frames_show_all_that_the_sweep_does(tmp_path, fused):
+    """Every depth is sharp in one of them: docs/dslr.md tells these numbers."""
+    mode, folder = fused
+    succeeded(segment_depth("--depth", folder / "registered.png", "--optics", "24,4,0.019", "--mode", mode,
+                            "--output", tmp_path / "labels.png", "--report", tmp_path / "report.json"))
+    plan = read_report(tmp_path / "report.json")["focus_plan"]
+    assert [round(one["focus_distance"], 3) for one in plan] == [0.982, 1.254, 2.761]
+    depth = read(folder / "registered.png") / 1000
+    sharp = [(depth > one["near_limit"] - 1e-6) & (depth < one["far_limit"] + 1e-6) for one in plan]
+    print("%s: %s" % (mode, ", ".join("%.0f %%" % (100 * one.sum() / (depth > 0).sum()) for one in sharp)))
+    assert np.array_equal(np.any(sharp, axis=0), depth > 0)
 
 
 @needs_sweep
