@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <utility>
 
+#include "transport_choice.hpp"
+
 namespace all_in_focus {
 
 class CountedSubscription::Call : public ros::CallbackInterface {
@@ -32,7 +34,7 @@ CountedSubscription::~CountedSubscription() {
 
 void CountedSubscription::subscribe(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
                                     const std::string& topic) {
-  const image_transport::TransportHints hints("raw", ros::TransportHints(), private_nh);
+  const image_transport::TransportHints hints = chosenTransport(nh, private_nh, monitor_);
   const std::uint32_t endless = 0;  // push() never takes long
   subscriber_ =
       image_transport::ImageTransport(nh).subscribe(topic, endless, &CountedSubscription::push, this, hints);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "await_publishers.hpp"
+#include "transport_choice.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -39,7 +40,7 @@ FusionInputs::FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& pri
 
 void FusionInputs::subscribe(int queue_size) {
   queue_size_ = queue_size;
-  const image_transport::TransportHints hints("raw", ros::TransportHints(), private_nh_);
+  const image_transport::TransportHints hints = chosenTransport(nh_, private_nh_, monitor_);
   // Depth and labels go by plain ROS: lossy transports would destroy them. They are there before colour
   // comes.
   updateMeasured();

@@ -11,7 +11,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from all_in_focus.msg import SegmentArray
-from depth_testing import HEIGHT, WIDTH, GraphTest, camera_info, image_message, pixels_of, two_planes
+from depth_testing import HEIGHT, WIDTH, GraphTest, camera_info, image_message, pixels_of, two_planes, wait_until
 
 OK, WARN, ERROR = 0, 1, 2
 STAMPS = itertools.count(1000)
@@ -108,6 +108,16 @@ class DepthPreprocessTest(GraphTest):
     def assert_good_depth_is_processed(self):
         self.assertIsNotNone(self.raw.at(self.send()))
         self.diagnostics.wait(self.NODE, lambda s: s.level == OK)
+
+    def test_a_transport_that_is_not_installed_is_raw(self):
+        rospy.set_param('/' + self.NODE + '/image_transport', 'nonsense')
+        for listener in (self.raw, self.processed):
+            listener.close()
+        self.assertTrue(wait_until(lambda: not self.depth.publisher.get_num_connections()))
+        self.raw = self.listen('/chain/depth_registered/image_raw', Image)
+        self.assert_error("~image_transport: 'nonsense' is not installed here, only", 'raw: using raw')
+        self.assertEqual(rospy.get_param('/' + self.NODE + '/image_transport'), 'raw')
+        self.assert_good_depth_is_processed()
 
     def test_uncalibrated_cameras_are_named(self):
         for name, info in (('depth', camera_info(0, 'depth', 0.0)), ('rgb', camera_info(0, 'color', 0.0)),

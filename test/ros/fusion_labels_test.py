@@ -13,7 +13,8 @@ from sensor_msgs.msg import Image
 
 from all_in_focus.msg import SegmentArray
 from depth_testing import HEIGHT, WIDTH, image_message, subscribers_of, wait_until
-from fusion_testing import ERROR, OK, PERIOD, WARN, FusionTest, array_of, colour_message, picture, regions, scene
+from fusion_testing import (ERROR, OK, OUTPUTS, PERIOD, WARN, FusionTest, array_of, colour_message, picture, regions,
+                            scene)
 
 STAMPS = itertools.count(100000, 10)
 
@@ -220,6 +221,15 @@ class BadFramesTest(FusionTest):
             self.assertIsNone(self.outputs[name].at(stamp, timeout=0.3), name)
             self.assertIsNotNone(self.listen(self.topic('all_in_focus/' + name), Image).at(middle), name)  # latched
         self.assert_next_bracket_is_good(stamp + 1)
+
+    def test_a_transport_that_is_not_installed_is_raw(self):
+        rospy.set_param(self.topic('fusion/image_transport'), 'nonsense')
+        for output in self.outputs.values():
+            output.close()
+        self.assertTrue(wait_until(lambda: not self.image.publisher.get_num_connections()))
+        self.outputs = {name: self.listen(self.topic('all_in_focus/' + name), OUTPUTS[name]) for name in self.outputs}
+        self.assert_diagnosed(ERROR, "~image_transport: 'nonsense' is not installed here, only", 'raw: using raw')
+        self.assert_next_bracket_is_good(next(STAMPS))
 
     def test_colours_of_other_encodings(self):
         for encoding in ('rgb8', 'mono8'):
