@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """focus_bracket_camera with a fake camera: ~make, ~lens, ~claimed (times it cannot be opened at first).
 
-~provoke (std_msgs/String) takes "unplug", "plug" and "busy N".
+~provoke (std_msgs/String) takes "unplug", "plug", "busy N" and "fail CODE N": the Nth call from then on fails.
 """
 import os
 import sys
@@ -25,6 +25,8 @@ def camera_at(_port, _model):
         words = message.data.split()
         if words[0] == "busy":
             camera.busy = int(words[1])
+        elif words[0] == "fail":
+            camera.fail = tuple(map(int, words[1:]))
         else:
             getattr(camera, words[0])()
     rospy.Subscriber("~provoke", String, provoke)

@@ -12,6 +12,8 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from all_in_focus.camera.interface import IO_WRITE, NO_SPACE
+from all_in_focus.msg import FocusPlan
 from camera_testing import HERE, SCRIPTS, CameraTest, places
 from depth_testing import FAR_MM, NEAR_MM, Diagnostics, Talker, image_message, two_planes, wait_until
 
@@ -80,16 +82,15 @@ class FocusBracketTest(CameraTest):
             name = self.namespace[1:] + "/focus_bracket_camera"
             return int(diagnostics.wait(name, lambda status: status.level == 0).values[0].value)
         self.fake(rate=20.0, count=1)
+        self.listen("rgb/camera_info", CameraInfo)  # is no reason to wear the shutter
         self.assertEqual([shot(), shot()], [0, 0])
-        info = self.listen("rgb/camera_info", CameraInfo)  # is no reason to wear the shutter
-        self.assertEqual([shot(), len(info.messages)], [0, 0])
         self.listen_to_all()
         self.assertEqual(places(self.frames(2)), [(0, 0, 1, True), (1, 0, 1, True)])
         self.heard["rgb/image"].close()
-        self.assertTrue(wait_until(lambda: shot() == shot()))
-        ended = shot()
+        told = [shot()]
+        self.assertTrue(wait_until(lambda: told.append(shot()) or told[-1] == told[-2]))
         self.assertEqual(self.succeed().message, "1 frames")  # on request all the same
-        self.assertEqual(shot(), ended + 1)
+        self.assertEqual(shot(), told[-1] + 1)
 
     def test_unplugged_and_plugged_in_again(self):
         node = self.fake(count=2, patience=0.5)
@@ -103,6 +104,40 @@ class FocusBracketTest(CameraTest):
         self.succeed()
         self.assertEqual(places(self.frames(4)), [(0, 0, 2, False), (0, 1, 2, True), (1, 0, 2, False), (1, 1, 2, True)])
         self.assertEqual(len([line for line in node.lines if "no camera found" in line]), 1)  # once, not at every try
+
+    def assert_breaks_off(self, words):
+        """Brackets, until one breaks off with these words."""
+        answers = []
+
+        def failed():
+            answers.append(self.call())
+            return words in answers[-1].message
+        self.assertTrue(wait_until(failed), answers)
+        self.assertFalse(answers[-1].success)
+        self.assertIn("broke off after", answers[-1].message)
+
+    def test_errors_in_mid_bracket_are_told_and_leave_nothing_behind(self):
+        node = self.fake(count=3, patience=0.2)
+        self.succeed()
+        for provoked, words in (("fail %d 30" % IO_WRITE, "the connection to the camera broke"),
+                                ("fail %d 30" % NO_SPACE, "the memory card is full"),
+                                ("busy 100000", "the camera is busy")):
+            self.provoke.say(String(provoked))
+            self.assert_breaks_off(words)
+            self.assertTrue(node.said(words))
+        self.provoke.say(String("busy 0"))
+        self.succeed()
+        self.listen_to_all()
+        self.succeed()
+        frames = self.frames(3)
+        self.assertEqual([focus.index for _, _, focus in frames], [0, 1, 2])
+        for (image, _, _), lens in zip(frames, (400, 410, 420)):  # where it was at the beginning
+            self.assertLess(abs(lens_of(image) - lens), 4)
+        diagnostics, name = Diagnostics(), self.namespace[1:] + "/focus_bracket_camera"
+        self.addCleanup(diagnostics.close)
+        for provoked, level, words in (("busy 100000", 1, "the camera is busy"), ("busy 0", 0, "ready")):
+            self.provoke.say(String(provoked))  # between brackets
+            self.assertIn(words, diagnostics.wait(name, lambda status: status.level == level).message)
 
     def test_claimed_by_the_desktop_then_busy(self):
         node = self.fake(count=1, claimed=5)
@@ -133,6 +168,16 @@ class FocusBracketTest(CameraTest):
         for (image, _, focus), mm in zip(frames, (NEAR_MM, FAR_MM)):
             self.assertAlmostEqual(focus.focus_distance * 1000, mm, delta=0.01 * mm)
             self.assertLess(abs(lens_of(image) - LENS * (1 - 500 / mm)), 4)
+
+    def test_planned_brackets_at_a_rate(self):
+        node = self.fake(make="Nikon", step_size=1, focus_table=TABLE, rate=20.0, plan=True)
+        self.listen_to_all()
+        self.assertTrue(node.said("no plan has come on %s yet" % self.topic("segmentation/focus_plan")))
+        Talker(self.topic("segmentation/focus_plan"), FocusPlan).say(FocusPlan(focus_distance=[0.6, 2.0]))
+        frames = self.frames(4)
+        self.assertEqual(places(frames), [(bracket, index, 2, index == 1) for bracket in (0, 1) for index in (0, 1)])
+        distances = [focus.focus_distance for _, _, focus in frames]
+        np.testing.assert_allclose(distances, [0.6, 2.0, 0.6, 2.0], rtol=0.01)
 
     def test_wrong_parameters_end_in_one_line(self):
         self.assert_refused(self.fake(focus_table="[1]"), "focus_table: expected")

@@ -38,6 +38,7 @@ class Photographer:
             raise ValueError("frames: '%s' is neither %s nor %s" % (frames, STILL, PREVIEW))
         self._camera, self._clock, self._frames = camera, clock, frames
         self._timeout, self._keep = timeout, keep_files
+        self.owed = False  # a picture that did not come in time, and is not to be taken for the next one
 
     def take(self):
         """(image, stamp)"""
@@ -46,6 +47,10 @@ class Photographer:
                 self._camera.capture_preview()
             stamp = self._clock()
             return _decoded(self._camera.capture_preview(), "live view"), stamp
+        if self.owed:
+            with contextlib.suppress(CameraError):
+                self._await_picture()
+            self.owed = False
         stamp = self._clock()
         self._camera.capture()
         path = self._await_picture()
@@ -54,6 +59,11 @@ class Photographer:
             self._camera.delete(path)
         return image, stamp
 
+    def idle(self):
+        """Between pictures: hear what the camera has to say, which also keeps it awake."""
+        path = self._camera.wait_for_event(0.01)
+        self.owed = self.owed and not _is_picture(path)
+
     def _await_picture(self):
         """Path of the first new file that can be read; raw files that come with it are left alone."""
         end, others = time.monotonic() + self._timeout, []
@@ -61,11 +71,16 @@ class Photographer:
             path = self._camera.wait_for_event(0.5)
             if path is None:
                 continue
-            if path.lower().endswith(IMAGE_SUFFIXES):
+            if _is_picture(path):
                 return path
             others.append(posixpath.basename(path))
+        self.owed = not others
         hint = "only %s: let the camera write JPEG" % ", ".join(others) if others else "is a card in the camera?"
         raise CameraError(CAMERA_ERROR, "waiting for the picture", "none came in %g s, %s" % (self._timeout, hint))
+
+
+def _is_picture(path):
+    return path is not None and path.lower().endswith(IMAGE_SUFFIXES)
 
 
 def _decoded(data, name):

@@ -64,6 +64,7 @@ class FocusBracketCamera:
         self._lock = threading.Lock()  # the camera does one thing at a time
         self._plan = None
         self._bracket_id = 0
+        self._well = False  # as the last look has found
         self._level, self._words = DiagnosticStatus.WARN, "looking for the camera"
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=1)
         if self._session.scale:
@@ -111,9 +112,13 @@ class FocusBracketCamera:
             if self._session.connected:
                 self._session.check()
             else:
+                self._well = False
                 self._session.connect()
+            if not self._well:
                 self._say_ready()
+            self._well = True
         except CameraError as error:
+            self._well = False
             again = "" if self._session.connected else "; trying again every %g s" % self._reconnect
             self._say(str(error) + again, DiagnosticStatus.ERROR if again else DiagnosticStatus.WARN)
 

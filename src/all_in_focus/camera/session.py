@@ -63,6 +63,7 @@ class Session:
         """Open the camera, and put back what an interrupted bracket has left."""
         try:
             self.model = self._camera.open()
+            self._photographer.owed = False
             maker = self._maker_of(self.model)
             if self._bracketer is None or self._bracketer.drive.maker is not maker:
                 self._bracketer = self._prepared(maker)
@@ -94,6 +95,7 @@ class Session:
 
     def shoot(self, publish):
         """A bracket of equal steps; see Bracketer.shoot()."""
+        self._put_right()
         start = self._bracketer.drive.position + self.config.first
         positions = [start + index * self.config.step for index in range(self.config.count)]
         with self._watching():
@@ -102,13 +104,20 @@ class Session:
     def shoot_planned(self, distances, publish):
         """A bracket at these distances (m), near to far or the other way; needs a table."""
         positions, remarks = planned_positions(distances, self.scale)
+        self._put_right()
         with self._watching():
             return remarks + self._bracketer.shoot(positions, publish)
 
     def check(self):
-        """Hear what the camera has to say, which also keeps it awake."""
+        """Whether it is still there."""
         with self._watching():
-            self._camera.wait_for_event(0.01)
+            self._photographer.idle()
+        self._put_right()
+
+    def _put_right(self):
+        """What a bracket has left whose way back failed, too: the camera was busy, say."""
+        with self._watching():
+            self._bracketer.restore([])
 
     def close(self):
         self.connected = False
