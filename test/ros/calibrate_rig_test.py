@@ -131,6 +131,12 @@ class CalibrateRigTest(CameraTest):
         self.assertIn("fits: no shift is clearly better", said)
         self.assertTrue((self.folder / "o.png").exists())
 
+    def test_check_rig_names_the_silent_topic(self):
+        program = self.program("check_rig", "--live", "--timeout", 0.2, "--output", self.folder / "o.png")
+        said, _ = program.communicate(timeout=PATIENCE)
+        self.assertEqual(program.returncode, 2, said)
+        self.assertEqual(said, "check_rig: nothing came on %s for 0.2 s\n" % self.topic("depth_registered/image_raw"))
+
 
 if __name__ == "__main__":
     rospy.init_node("calibrate_rig_test")

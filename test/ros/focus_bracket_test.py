@@ -170,7 +170,7 @@ class FocusBracketTest(CameraTest):
             self.assertLess(abs(lens_of(image) - LENS * (1 - 500 / mm)), 4)
 
     def test_planned_brackets_at_a_rate(self):
-        node = self.fake(make="Nikon", step_size=1, focus_table=TABLE, rate=20.0, plan=True)
+        node = self.fake(make="Nikon", step_size=10, focus_table=TABLE.replace("1000", "100"), rate=20.0, plan=True)
         self.listen_to_all()
         self.assertTrue(node.said("no plan has come on %s yet" % self.topic("segmentation/focus_plan")))
         Talker(self.topic("segmentation/focus_plan"), FocusPlan).say(FocusPlan(focus_distance=[0.6, 2.0]))
