@@ -114,9 +114,9 @@ cv::Mat Samples::filled(const Sample& sample, Mode mode) {
   return filled;
 }
 
-cv::Mat Samples::withNoise(const cv::Mat& depth) {
+cv::Mat Samples::withNoise(const cv::Mat& depth, int seed) {
   cv::Mat noisy = depth.clone();
-  cv::RNG random(1);
+  cv::RNG random(seed);
   for (auto z = noisy.begin<std::uint16_t>(); z != noisy.end<std::uint16_t>(); ++z) {
     if (*z > 0) *z = cv::saturate_cast<std::uint16_t>(*z + random.gaussian(kNoiseMm));
   }

@@ -36,8 +36,8 @@ class Samples {
   /// Depth seen from the colour camera, holes filled.
   static cv::Mat filled(const Sample& sample, Mode mode);
 
-  /// Depth with 3 mm of noise on every known pixel.
-  static cv::Mat withNoise(const cv::Mat& depth);
+  /// Depth with 3 mm of noise on every known pixel, another one for each seed.
+  static cv::Mat withNoise(const cv::Mat& depth, int seed);
 
   /// What a bracket's fusion starts from; labels as mode paper cuts them.
   static const BracketScene& scene(const Sample& sample);

@@ -8,12 +8,11 @@
 
 namespace all_in_focus::core {
 
-BorderEdges::Range BorderEdges::sorted(const PixelGraph& graph, int limit, const int* areas, int small_area) {
+BorderEdges::Range BorderEdges::sorted(const PixelGraph& graph, int limit, const TileSet* tiles) {
   const RowStrips& strips = graph.strips();
   strips_.resize(strips.count());
   limit = std::max(0, std::min(limit, graph.farthest() - graph.nearest()));
-  strips.forEach(
-      [&](const cv::Range& rows, int i) { find(graph, limit, areas, small_area, rows, strips_[i]); });
+  strips.forEach([&](const cv::Range& rows, int i) { find(graph, limit, tiles, rows, strips_[i]); });
   int place = 0;
   for (int weight = 0; weight <= limit; ++weight) {
     for (Strip& strip : strips_) {
@@ -35,53 +34,77 @@ BorderEdges::Range BorderEdges::sorted(const PixelGraph& graph, int limit, const
   return {sorted_.data(), sorted_.data() + place};
 }
 
-void BorderEdges::find(const PixelGraph& graph, int limit, const int* areas, int small_area,
-                       const cv::Range& rows, Strip& strip) {
-  const int cols = graph.cols(), stride = graph.stride();
-  const int to[] = {1, stride - 1, stride, stride + 1};
+const BorderEdges::Edge* BorderEdges::heavierThan(int weight) const {
+  // Places have moved on to the next weight: its edges begin where the last strip's of this one end.
+  const std::vector<int>& place = strips_.back().place;
+  return sorted_.data() + place[std::min<std::size_t>(weight, place.size() - 1)];
+}
+
+void BorderEdges::find(const PixelGraph& graph, int limit, const TileSet* tiles, const cv::Range& rows,
+                       Strip& strip) {
+  const int stride = graph.stride();
   strip.place.assign(limit + 1, 0);
-  strip.edges.assign(cols + 8, 0);
-  strip.listed.resize(kMostBits(cols));
-  for (auto& same : strip.same) same.assign(stride, 0);
-  for (auto& blocks : strip.blocks) blocks.assign(stride, kAdmitsBd | kAdmitsCd);
+  strip.edges.assign(stride + 8, 0);
+  strip.listed.resize(kMostBits(graph.cols()));
+  for (auto& same : strip.same) same.resize(stride);
+  for (auto& blocks : strip.blocks) blocks.resize(stride + 1);
   strip.count = 0;
 
   std::uint8_t *same = strip.same[0].data(), *same_below = strip.same[1].data();
   BlockRow *above = &strip.blocks[0][1], *here = &strip.blocks[1][1];
-  const int first = std::max(0, rows.start - 1);  // what the row above says about its edges cd
-  findSame(graph.labelRow(first), graph.labelRow(first + 1), cols, same);
-  for (int y = first; y < rows.end; ++y) {
-    if (y + 1 < graph.rows()) findSame(graph.labelRow(y + 1), graph.labelRow(y + 2), cols, same_below);
-    findBorders(graph.weightRow(y), graph.weightRow(y + 1).ab, same, same_below,
-                static_cast<std::uint8_t>(std::min<int>(limit, kHeavy)), cols, here);
-    if (y >= rows.start) {
-      gatherEdges(here, above, cols, strip.edges.data());
-      if (strip.found.size() < strip.count + 4 * cols) strip.found.resize(2 * strip.count + 4 * cols);
-      WeightedEdge* next = &strip.found[strip.count];
-      const WeightRow weights = graph.weightRow(y);
-      const std::uint8_t* const weight_of[] = {weights.ab, weights.bc - 1, weights.ac, weights.ad};
-      const std::int32_t* const labels = graph.labelRow(y);
-      int* const count_of = strip.place.data();
-      const int listed = listBits(strip.edges.data(), cols, strip.listed.data());
-      for (int i = 0; i < listed; ++i) {
-        const int x = strip.listed[i] / 8, edge = strip.listed[i] % 8;
-        const int a = labels[x], b = labels[x + to[edge]];
-        if (areas != nullptr && areas[a] >= small_area && areas[b] >= small_area) continue;
-        int weight = weight_of[edge][x];
-        if (weight == kHeavy) {  // or unknown
-          if (a == 0 || b == 0) continue;
-          const int dx = edge == 1 ? -1 : edge == 2 ? 0 : 1;
-          weight = std::abs(graph.depthRow(y)[x] - graph.depthRow(y + (edge != 0))[x + dx]);
-          if (weight > limit) continue;
-        }
-        *next++ = {a, b, weight};
-        ++count_of[weight];
-      }
-      strip.count = next - strip.found.data();
+  const auto findSameFrom = [&graph](int y, const cv::Range& cols, std::uint8_t* to) {
+    findSame(graph.labelRow(y) + cols.start, graph.labelRow(y + 1) + cols.start, cols.size(),
+             to + cols.start);
+    to[cols.end] = 0;
+  };
+  cv::Range before(0, 0);
+  for (int y = rows.start; y < rows.end; ++y) {
+    const cv::Range cols = tiles == nullptr ? cv::Range(0, graph.cols()) : tiles->cols(y);
+    if (cols != before) {  // what other blocks do not admit is not known: nothing
+      std::fill_n(above - 1, stride, kAdmitsBd | kAdmitsCd);
+      std::fill_n(here - 1, stride, kAdmitsBd | kAdmitsCd);
+      std::fill(strip.edges.begin(), strip.edges.end(), 0);
+      if (!cols.empty()) findSameFrom(y, cols, same);
+      before = cols;
     }
+    if (cols.empty()) continue;
+    if (y + 1 < graph.rows()) findSameFrom(y + 1, cols, same_below);
+    findBorders(graph.weightRow(y).from(cols.start), graph.weightRow(y + 1).ab + cols.start,
+                same + cols.start, same_below + cols.start,
+                static_cast<std::uint8_t>(std::min<int>(limit, kHeavy)), cols.size(), here + cols.start);
+    gatherEdges(here + cols.start, above + cols.start, cols.size(), &strip.edges[cols.start]);
+    list(graph, limit, y, cols, strip);
     std::swap(above, here);
     std::swap(same, same_below);
   }
+}
+
+// The edges of a row, in their order.
+void BorderEdges::list(const PixelGraph& graph, int limit, int y, const cv::Range& cols, Strip& strip) {
+  const int stride = graph.stride();
+  const int to[] = {1, stride - 1, stride, stride + 1};
+  if (strip.found.size() < strip.count + 4 * cols.size())
+    strip.found.resize(2 * strip.count + 4 * cols.size());
+  WeightedEdge* next = &strip.found[strip.count];
+  const WeightRow weights = graph.weightRow(y);
+  const std::uint8_t* const weight_of[] = {weights.ab, weights.bc - 1, weights.ac, weights.ad};
+  const std::int32_t* const labels = graph.labelRow(y);
+  int* const count_of = strip.place.data();
+  const int listed = listBits(&strip.edges[cols.start], cols.size(), strip.listed.data());
+  for (int i = 0; i < listed; ++i) {
+    const int x = cols.start + static_cast<int>(strip.listed[i] / 8), edge = strip.listed[i] % 8;
+    const int a = labels[x], b = labels[x + to[edge]];
+    int weight = weight_of[edge][x];
+    if (weight == kHeavy) {  // or unknown
+      if (a == 0 || b == 0) continue;
+      const int dx = edge == 1 ? -1 : edge == 2 ? 0 : 1;
+      weight = std::abs(graph.depthRow(y)[x] - graph.depthRow(y + (edge != 0))[x + dx]);
+      if (weight > limit) continue;
+    }
+    *next++ = {a, b, weight};
+    ++count_of[weight];
+  }
+  strip.count = next - strip.found.data();
 }
 
 }  // namespace all_in_focus::core

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "pixel_graph.hpp"
+#include "tile_set.hpp"
 
 namespace all_in_focus::core {
 
@@ -26,9 +27,12 @@ class BorderEdges {
     const Edge* end() const { return last; }
   };
 
-  /// Edges up to `limit` mm; with `small_area`, only those of a region of fewer pixels. regions: by label.
-  /// The result holds until the next call.
-  Range sorted(const PixelGraph& graph, int limit, const int* areas = nullptr, int small_area = 0);
+  /// Edges up to `limit` mm, those whose first pixels lie in the tiles at least. The result holds until the
+  /// next call.
+  Range sorted(const PixelGraph& graph, int limit, const TileSet* tiles = nullptr);
+
+  /// Where the edges of the last result that are heavier than `weight` begin.
+  const Edge* heavierThan(int weight) const;
 
  private:
   struct WeightedEdge {
@@ -43,8 +47,8 @@ class BorderEdges {
     std::vector<int> place;  ///< by weight: number of edges, then place of the next one
   };
 
-  void find(const PixelGraph& graph, int limit, const int* areas, int small_area, const cv::Range& rows,
-            Strip& strip);
+  void find(const PixelGraph& graph, int limit, const TileSet* tiles, const cv::Range& rows, Strip& strip);
+  void list(const PixelGraph& graph, int limit, int y, const cv::Range& cols, Strip& strip);
 
   std::vector<Strip> strips_;
   std::vector<Edge> sorted_;

@@ -11,14 +11,16 @@
 #include "pixel_graph.hpp"
 #include "pixel_grouping.hpp"
 #include "region_statistics.hpp"
+#include "tile_set.hpp"
 
 namespace all_in_focus::core {
 namespace {
 
-// The share of the lightest edges that is merged first without an order, and then in order before all others.
-// Only speed depends on them. With more than about two fifths of the edges of an image in noise, its groups
-// grow over whole surfaces and break the rule.
-constexpr double kUnorderedShare = 0.36, kFirstShare = 0.6;
+// Only speed depends on these shares of the lightest edges. Up to the first they are merged without an order:
+// with more than about two fifths of the edges of an image in noise, groups grow over whole surfaces and
+// break the rule. Up to the second they are merged in order before all others. Up to the third they are
+// merged without an order where regions did not meet in the image before.
+constexpr double kUnorderedShare = 0.36, kFirstShare = 0.6, kCalmShare = 0.97;
 
 }  // namespace
 
@@ -32,41 +34,96 @@ struct DofSegmentation::Work {
   PixelGrouping grouping;
   BorderEdges borders;
   RegionStatistics statistics;
-  std::vector<RegionNode> nodes;  // of the labels 1..node_count
-  std::vector<RegionNode> trees;  // of the forest of nodes, 1..tree_count
+  TileSet contested;  // where regions refused each other over light edges in the last image
+  TileSet tiles;
+  std::vector<RegionNode> nodes;                // of the labels 1..node_count
+  std::vector<RegionNode> trees;                // of the forest of nodes, 1..tree_count
+  std::vector<RegionNode> joined;               // of the forest of trees
+  std::vector<std::uint8_t> flags, tree_flags;  // of nodes, of trees
   std::vector<int> areas;
   int node_count = 0, tree_count = 0;
 
-  void group(const DofRule& rule) {
-    const int limit = std::max(0, graph.weightQuantile(kUnorderedShare));
-    node_count = grouping.compute(graph, rule, limit, nodes);
-    const int next_limit = graph.weightQuantile(kFirstShare);
-    if (next_limit <= limit) return;
-    merge(rule, next_limit);
-    contract();
+  // Outside the contested tiles all edges up to `high` are merged at once. This gives the regions of
+  // Kruskal's order if none with a pixel there is refused over an edge up to `high`. For then each region
+  // holds all along what it would hold in order, and perhaps more. So whatever is merged here would be merged
+  // in order: it is smaller there, and fits, too. And where a merge is refused here, both regions are what
+  // they would be in order. Otherwise the scene has changed: all is done again, in order.
+  void merge(const DofRule& rule) {
+    const cv::Size size(graph.cols(), graph.rows());
+    contested.resize(size);
+    tiles.resize(size);
+    const int low = std::max(0, graph.weightQuantile(kUnorderedShare));
+    const int first = std::max(low, graph.weightQuantile(kFirstShare));
+    const int high = first > low ? graph.weightQuantile(kCalmShare) : low;
+    while (!mergeFrom(rule, low, first, high)) contested.addAll();
   }
 
-  void merge(const DofRule& rule, int limit) {
-    RegionNode* const node = nodes.data();
-    for (const BorderEdges::Edge& edge : borders.sorted(graph, limit)) {
-      const int a = findRoot(node, edge.a), b = findRoot(node, edge.b);
-      if (a != b && rule.fits(std::min(node[a].min, node[b].min), std::max(node[a].max, node[b].max)))
-        uniteRoots(node, a, b);
+  bool mergeFrom(const DofRule& rule, int low, int first, int high) {
+    node_count = grouping.compute(graph, rule, low, high, contested, nodes);
+    flags.assign(node_count + 1, 0);
+    if (first > low && !contested.empty()) {
+      mergeInOrder(rule, borders.sorted(graph, first, &contested), high);
+      contract();
     }
+    mergeInOrder(rule, borders.sorted(graph, 65535), high);
+    return high == low || learnContested();
+  }
+
+  // The flagged regions are those that refused each other. False if one has a pixel outside the tiles known.
+  bool learnContested() {
+    flagNodes();
+    if (std::find(flags.begin(), flags.end(), 1) == flags.end()) {
+      contested.clear();
+      return true;
+    }
+    tiles.assign(graph, flags.data());
+    const bool known = contested.contains(tiles);
+    std::swap(contested, tiles);
+    contested.widen();  // for what moves until the next image
+    return known;
+  }
+
+  // Flags what is refused over edges up to `light`.
+  void mergeInOrder(const DofRule& rule, const BorderEdges::Range& edges, int light) {
+    const BorderEdges::Edge* const heavy = borders.heavierThan(light);
+    mergeInOrder(rule, {edges.first, heavy}, [this](int a, int b) { flags[a] = flags[b] = 1; });
+    mergeInOrder(rule, {heavy, edges.last}, [](int, int) {});
     countTrees();
+  }
+
+  template <typename Refused>
+  void mergeInOrder(const DofRule& rule, const BorderEdges::Range& edges, const Refused& refused) {
+    RegionNode* const node = nodes.data();
+    for (const BorderEdges::Edge& edge : edges) {
+      const int a = findRoot(node, edge.a), b = findRoot(node, edge.b);
+      if (a == b) continue;
+      if (rule.fits(std::min(node[a].min, node[b].min), std::max(node[a].max, node[b].max))) {
+        uniteRoots(node, a, b);
+      } else {
+        refused(a, b);
+      }
+    }
   }
 
   // As printed: along the same edge order, whatever the rule says.
   void mergeSmallRegions(int min_size) {
     areas = statistics.areas();
     const auto small = [&](int region) { return areas[region] < min_size; };
-    for (const BorderEdges::Edge& edge : borders.sorted(graph, 65535, areas.data(), min_size)) {
-      const int a = findRoot(nodes.data(), edge.a), b = findRoot(nodes.data(), edge.b);
+    for (int i = 1; i <= node_count; ++i) flags[i] = small(nodes[i].parent);
+    tiles.assign(graph, flags.data());
+    tiles.widen();  // an edge belongs to its first pixel
+    for (const BorderEdges::Edge& edge : borders.sorted(graph, 65535, &tiles)) {
+      const int a = findRoot(trees.data(), nodes[edge.a].parent),
+                b = findRoot(trees.data(), nodes[edge.b].parent);
       if (a == b || (!small(a) && !small(b))) continue;
-      uniteRoots(nodes.data(), a, b);
+      uniteRoots(trees.data(), a, b);
       areas[std::min(a, b)] += areas[std::max(a, b)];
     }
-    countTrees();
+    if (joined.size() < trees.size()) joined.resize(trees.size());
+    tree_count = numberTrees(trees.data(), tree_count, joined.data());
+    for (int i = 1; i <= node_count; ++i) nodes[i].parent = trees[nodes[i].parent].parent;
+    std::swap(trees, joined);
+    statistics.join(regionMap(), joined.data());
   }
 
   void countTrees() {
@@ -75,8 +132,22 @@ struct DofSegmentation::Work {
     tree_count = numberTrees(nodes.data(), node_count, trees.data());
   }
 
+  // A tree has the flag if one of its nodes has it.
+  void flagTrees() {
+    tree_flags.assign(tree_count + 1, 0);
+    for (int i = 1; i <= node_count; ++i) tree_flags[nodes[i].parent] |= flags[i];
+  }
+
+  // All nodes of a tree have the flag if one has it.
+  void flagNodes() {
+    flagTrees();
+    for (int i = 1; i <= node_count; ++i) flags[i] = tree_flags[nodes[i].parent];
+  }
+
   // Trees become nodes.
   void contract() {
+    flagTrees();
+    std::swap(flags, tree_flags);
     graph.relabel(nodes.data());
     std::swap(nodes, trees);
     node_count = tree_count;
@@ -110,15 +181,12 @@ void DofSegmentation::compute(const cv::Mat& depth, Segmentation& result) {
         cv::format("segmentation: the focal length, %g mm, is not smaller than the nearest depth, %d mm",
                    config_.optics.focal_length_mm, work.graph.nearest()));
   }
-  work.group(rule_);
-  work.merge(rule_, 65535);
+  work.merge(rule_);
   work.statistics.measure(work.regionMap());
   const std::vector<int>& areas = work.statistics.areas();
   if (config_.merge_against_rule && areas.size() > 1 &&
       *std::min_element(areas.begin() + 1, areas.end()) < config_.min_region_size) {
-    work.contract();
     work.mergeSmallRegions(config_.min_region_size);
-    work.statistics.measure(work.regionMap());
   }
   work.statistics.describe(work.regionMap(), rule_, result);
 }

@@ -16,6 +16,8 @@ enum EdgeBit : std::uint8_t { kEast = 1, kSouthWest = 2, kSouth = 4, kSouthEast 
 /// Weights of the edges of a row, |depth difference| in mm; 255 stands for more, and for unknown depth.
 struct WeightRow {
   const std::uint8_t *ab, *ac, *ad, *bc;
+
+  WeightRow from(int x) const { return {ab + x, ac + x, ad + x, bc + x}; }
 };
 constexpr std::uint8_t kHeavy = 255;
 

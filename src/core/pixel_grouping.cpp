@@ -25,12 +25,13 @@ int countRoots(const std::int32_t* labels, const std::uint16_t* depth, int first
 }
 
 // Labels become numbers of groups, counted on from `number`, the last one given, and the groups are
-// described. Returns the last one. No branches but for holes: in noise they would be guessed wrong.
-int numberRow(PixelGraph& graph, int y, bool equal_depth, int number, RegionNode* regions) {
+// described. Returns the last one.
+template <typename Describe>
+int numberRow(PixelGraph& graph, int y, const cv::Range& cols, int number, const Describe& describe) {
   const std::uint16_t* const depth = graph.depthRow(y);
   std::int32_t* const labels = graph.labelRow(0);
-  const int first = y * graph.stride(), cols = graph.cols();
-  for (int x = 0; x < cols; ++x) {
+  const int first = y * graph.stride();
+  for (int x = cols.start; x < cols.end; ++x) {
     const std::uint16_t d = depth[x];
     if (d == 0) {
       labels[first + x] = 0;
@@ -41,41 +42,80 @@ int numberRow(PixelGraph& graph, int y, bool equal_depth, int number, RegionNode
     number += root;
     const int of_parent = labels[parent];
     const int label = labels[first + x] = root ? number : of_parent;
-    if (equal_depth) {
-      regions[label] = {label, d, d};
-    } else {
-      const int old = root - 1;  // all bits or none
-      const int min = (regions[label].min | ~old) & 65535, max = regions[label].max & old;
-      regions[label] = {label, static_cast<std::uint16_t>(d < min ? d : min),
-                        static_cast<std::uint16_t>(d > max ? d : max)};
-    }
+    describe(label, root, d);
   }
   return number;
 }
 
+// Groups of a few pixels: no branches, they would be guessed wrong.
+int numberSmall(PixelGraph& graph, int y, const cv::Range& cols, int number, RegionNode* regions) {
+  return numberRow(graph, y, cols, number, [regions](int label, bool root, std::uint16_t d) {
+    const int old = root - 1;  // all bits or none
+    const int min = (regions[label].min | ~old) & 65535, max = regions[label].max & old;
+    regions[label] = {label, static_cast<std::uint16_t>(d < min ? d : min),
+                      static_cast<std::uint16_t>(d > max ? d : max)};
+  });
+}
+
+// Groups of many pixels: few of them change anything, and writing what the next one reads would take longer.
+int numberLarge(PixelGraph& graph, int y, const cv::Range& cols, int number, RegionNode* regions) {
+  return numberRow(graph, y, cols, number, [regions](int label, bool root, std::uint16_t d) {
+    RegionNode& region = regions[label];
+    if (root) {
+      region = {label, d, d};
+    } else if ((d < region.min) | (d > region.max)) {
+      region.min = std::min(region.min, d);
+      region.max = std::max(region.max, d);
+    }
+  });
+}
+
 }  // namespace
 
-int PixelGrouping::compute(PixelGraph& graph, const DofRule& rule, int limit,
+int PixelGrouping::compute(PixelGraph& graph, const DofRule& rule, int low, int high, TileSet& tiles,
                            std::vector<RegionNode>& regions) {
-  const std::size_t pixels = static_cast<std::size_t>(graph.rows() + 1) * graph.stride();
-  limits_.assign(pixels, static_cast<std::uint8_t>(limit));
+  limits_.assign(static_cast<std::size_t>(graph.rows() + 1) * graph.stride(),
+                 static_cast<std::uint8_t>(high));
+  if (low < high) lowerLimits(graph, low, tiles);
   for (;;) {
-    const int count = findGroups(graph, limit == 0, regions);
-    const auto breaks = [&](const RegionNode& region) { return !rule.fits(region.min, region.max); };
+    const int count = findGroups(graph, regions, [&](int y) {
+      return low < high ? tiles.cols(y) : cv::Range(0, high > 0 ? graph.cols() : 0);
+    });
+    broken_.assign(count + 1, 0);
     bool any = false;
     for (int i = 1; i <= count; ++i) {
-      regions[i].parent = regions[regions[i].parent].parent;
-      any |= regions[i].parent == i && breaks(regions[i]);
+      const int root = regions[i].parent = regions[regions[i].parent].parent;
+      broken_[i] = !rule.fits(regions[root].min, regions[root].max);
+      any |= broken_[i] != 0;
     }
     if (!any) return count;
+    if (low < high) {
+      of_broken_.resize(cv::Size(graph.cols(), graph.rows()));
+      of_broken_.assign(graph, broken_.data());
+      if (!tiles.contains(of_broken_)) {
+        tiles.add(of_broken_);
+        lowerLimits(graph, low, tiles);
+        continue;
+      }
+    }
     const std::int32_t* const labels = graph.labelRow(0);
     graph.strips().forEach([&](const cv::Range& rows, int) {
       const std::int32_t* const end = graph.labelRow(rows.end);
-      for (const std::int32_t* label = graph.labelRow(rows.start); label != end; ++label) {
-        if (*label != 0 && breaks(regions[regions[*label].parent])) limits_[label - labels] /= 2;
-      }
+      for (const std::int32_t* label = graph.labelRow(rows.start); label != end; ++label)
+        limits_[label - labels] >>= broken_[*label];
     });
   }
+}
+
+void PixelGrouping::lowerLimits(const PixelGraph& graph, int low, const TileSet& tiles) {
+  graph.strips().forEach([&](const cv::Range& rows, int) {
+    for (int y = rows.start; y < rows.end; ++y) {
+      std::uint8_t* const row = &limits_[static_cast<std::size_t>(y) * graph.stride()];
+      tiles.forEachIn(y, [&](const cv::Range& cols) {
+        for (int x = cols.start; x < cols.end; ++x) row[x] = std::min(row[x], static_cast<std::uint8_t>(low));
+      });
+    }
+  });
 }
 
 void PixelGrouping::findRow(const PixelGraph& graph, int y, BlockRow* blocks) const {
@@ -114,7 +154,9 @@ void PixelGrouping::plantRows(PixelGraph& graph, const cv::Range& rows, Strip& s
   }
 }
 
-int PixelGrouping::findGroups(PixelGraph& graph, bool equal_depth, std::vector<RegionNode>& regions) {
+// few_pixels(y): columns in which groups have few pixels.
+template <typename Cols>
+int PixelGrouping::findGroups(PixelGraph& graph, std::vector<RegionNode>& regions, const Cols& few_pixels) {
   const RowStrips& strips = graph.strips();
   strips_.resize(strips.count());
   strips.forEach([&](const cv::Range& rows, int i) {
@@ -134,8 +176,12 @@ int PixelGrouping::findGroups(PixelGraph& graph, bool equal_depth, std::vector<R
 
   strips.forEach([&](const cv::Range& rows, int i) {
     int number = strips_[i].first_number - 1;
-    for (int y = rows.start; y < rows.end; ++y)
-      number = numberRow(graph, y, equal_depth, number, regions.data());
+    for (int y = rows.start; y < rows.end; ++y) {
+      const cv::Range few = few_pixels(y);
+      number = numberLarge(graph, y, {0, few.start}, number, regions.data());
+      number = numberSmall(graph, y, few, number, regions.data());
+      number = numberLarge(graph, y, {few.end, graph.cols()}, number, regions.data());
+    }
   });
   for (int i = 1; i < strips.count(); ++i) joinRow(graph, strips[i].start - 1, regions.data());
   return count;

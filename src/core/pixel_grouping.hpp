@@ -6,18 +6,22 @@
 
 #include "all_in_focus/optics.hpp"
 #include "pixel_graph.hpp"
+#include "tile_set.hpp"
 
 namespace all_in_focus::core {
 
-/// Groups of pixels that are one region whatever the order of merging: joined by edges up to some weight, all
-/// others heavier, and within the rule altogether. Nothing can refuse a merge inside a group, and nothing
-/// outside touches it before its own merges are over. Groups that break the rule are divided again by half
-/// the weight, finally to equal depth.
+/// Groups of pixels joined by edges up to some weight. Those that break the rule are divided again by half
+/// the weight, finally into equal depth.
+///
+/// With one weight for all, groups are regions whatever the order of merging: nothing can refuse a merge
+/// inside a group, and nothing outside touches it before its own merges are over.
 class PixelGrouping {
  public:
   /// Labels the graph 1..n in the order of first pixels, 0 where depth is unknown. regions[1..n] describe
-  /// them. limit: weight to begin with, 0..254. Returns n.
-  int compute(PixelGraph& graph, const DofRule& rule, int limit, std::vector<RegionNode>& regions);
+  /// them. low: weight in the tiles; high: elsewhere, at least low, 0..254. The tiles of groups that would
+  /// break the rule by more weight than low are added. Returns n.
+  int compute(PixelGraph& graph, const DofRule& rule, int low, int high, TileSet& tiles,
+              std::vector<RegionNode>& regions);
 
  private:
   struct Strip {
@@ -28,13 +32,17 @@ class PixelGrouping {
     int first_number, numbers;
   };
 
-  int findGroups(PixelGraph& graph, bool equal_depth, std::vector<RegionNode>& regions);
+  void lowerLimits(const PixelGraph& graph, int low, const TileSet& tiles);
+  template <typename Cols>
+  int findGroups(PixelGraph& graph, std::vector<RegionNode>& regions, const Cols& few_pixels);
   void findRow(const PixelGraph& graph, int y, BlockRow* blocks) const;
   void plantRows(PixelGraph& graph, const cv::Range& rows, Strip& strip) const;
   void joinRow(const PixelGraph& graph, int y, RegionNode* nodes);
 
   std::vector<Strip> strips_;
-  std::vector<std::uint8_t> limits_;
+  std::vector<std::uint8_t> limits_;  // by pixel
+  std::vector<std::uint8_t> broken_;  // by label
+  TileSet of_broken_;
 };
 
 }  // namespace all_in_focus::core

@@ -10,36 +10,61 @@
 namespace all_in_focus::core {
 
 void RegionStatistics::measure(const RegionMap& map) {
+  if (layOut(map)) {
+    countDepths(map);
+    sumUp(map);
+  } else {
+    sortDepths(map);
+  }
+}
+
+void RegionStatistics::join(const RegionMap& map, const RegionNode* before) {
+  std::swap(begin_, begin_before_);
+  std::swap(min_, min_before_);
+  std::swap(counts_[0], counts_before_);
+  const bool were_counted = counted_;
+  if (!layOut(map) || !were_counted) return measure(map);
+  std::vector<int>& counts = counts_[0];
+  counts.assign(2 * static_cast<std::size_t>(begin_[map.count + 1]), 0);
+  for (std::size_t i = 1; i + 1 < begin_before_.size(); ++i) {
+    const int region = before[i].parent, first = begin_[region] - min_[region] + min_before_[i];
+    std::transform(&counts_before_[2 * begin_before_[i]], &counts_before_[2 * begin_before_[i + 1]],
+                   &counts[2 * first], &counts[2 * first], std::plus<int>());
+  }
+  sumUp(map);
+}
+
+// Room for a count of each depth of each region. False for many regions of many depths each, as far away as
+// nothing is out of focus.
+bool RegionStatistics::layOut(const RegionMap& map) {
   areas_.assign(map.count + 1, 0);
   medians_.resize(map.count + 1);
-  std::int64_t depths = 0;
-  for (int i = 1; i <= map.count; ++i) depths += map.depths(i);
-  // Many regions of many depths each, as far away as nothing is out of focus.
-  if (depths > 65536 + map.graph.rows() * map.graph.cols()) {
-    sortDepths(map);
-  } else {
-    countDepths(map);
+  begin_.resize(map.count + 2);
+  min_.resize(map.count + 1);
+  std::int64_t total = 1;  // the first is for unknown depth
+  const std::int64_t most = 65536 + static_cast<std::int64_t>(map.graph.rows()) * map.graph.cols();
+  for (int i = 1; i <= map.count && total <= most; ++i) {
+    begin_[i] = static_cast<int>(total);
+    min_[i] = map.regions[i].min;
+    total += map.depths(i);
   }
+  begin_[map.count + 1] = static_cast<int>(total);
+  counted_ = total <= most;
+  counts_.resize(map.graph.strips().count());
+  return counted_;
 }
 
 // Pixels of each region by depth.
 void RegionStatistics::countDepths(const RegionMap& map) {
-  begin_.resize(map.count + 1);
-  int total = 1;  // the first is for unknown depth
-  for (int i = 1; i <= map.count; ++i) {
-    begin_[i] = total;
-    total += map.depths(i);
-  }
   of_node_.resize(map.node_count + 1);
   of_node_[0] = 0;
   for (int i = 1; i <= map.node_count; ++i) {
     const int region = map.nodes[i].parent;
-    of_node_[i] = begin_[region] - map.regions[region].min;
+    of_node_[i] = begin_[region] - min_[region];
   }
-  counts_.resize(map.graph.strips().count());
   map.graph.strips().forEach([&](const cv::Range& rows, int strip) {
     // Two counts, for neighbours: the same one twice in a row would have to wait for itself.
-    counts_[strip].assign(2 * static_cast<std::size_t>(total), 0);
+    counts_[strip].assign(2 * static_cast<std::size_t>(begin_[map.count + 1]), 0);
     int* const counts = counts_[strip].data();
     const int cols = map.graph.cols();
     const int* const of_node = of_node_.data();
@@ -52,14 +77,17 @@ void RegionStatistics::countDepths(const RegionMap& map) {
   std::vector<int>& counts = counts_[0];
   for (std::size_t strip = 1; strip < counts_.size(); ++strip)
     std::transform(counts.begin(), counts.end(), counts_[strip].begin(), counts.begin(), std::plus<int>());
+}
+
+// Areas and medians from counts.
+void RegionStatistics::sumUp(const RegionMap& map) {
   for (int i = 1; i <= map.count; ++i) {
-    const int* const begin = &counts[2 * begin_[i]];
-    const int* const end = begin + 2 * map.depths(i);
-    areas_[i] = std::accumulate(begin, end, 0);
+    const int* const begin = &counts_[0][2 * begin_[i]];
+    areas_[i] = std::accumulate(begin, begin + 2 * map.depths(i), 0);
     const int* depth = begin;
     for (int left = (areas_[i] + 1) / 2 - depth[0] - depth[1]; left > 0; left -= depth[0] + depth[1])
       depth += 2;
-    medians_[i] = map.regions[i].min + static_cast<int>(depth - begin) / 2;
+    medians_[i] = min_[i] + static_cast<int>(depth - begin) / 2;
   }
 }
 

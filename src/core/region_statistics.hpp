@@ -27,16 +27,24 @@ class RegionStatistics {
  public:
   void measure(const RegionMap& map);
 
+  /// As measure(), when some of the regions measured last were joined: before[i].parent is the region that
+  /// the former region i is in now.
+  void join(const RegionMap& map, const RegionNode* before);
+
   const std::vector<int>& areas() const { return areas_; }  ///< pixels of regions 1..count
 
   /// Of what has been measured.
   void describe(const RegionMap& map, const DofRule& rule, Segmentation& result);
 
  private:
+  bool layOut(const RegionMap& map);
   void countDepths(const RegionMap& map);
+  void sumUp(const RegionMap& map);
   void sortDepths(const RegionMap& map);
 
-  std::vector<int> areas_, medians_, begin_, of_node_, order_, labels_;
+  std::vector<int> areas_, medians_, begin_, min_, of_node_, order_, labels_;
+  std::vector<int> begin_before_, min_before_, counts_before_;
+  bool counted_ = false;
   std::vector<std::vector<int>> counts_;  ///< by strip
 };
 

@@ -162,6 +162,26 @@ TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionOnRandomBlocks) {
   }
 }
 
+// Where regions met in one image saves work in the next one. It must change nothing when they meet elsewhere.
+TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionFromImageToImage) {
+  cv::RNG random(5);
+  for (int image = 0; image < 100; ++image) {
+    const double slope_x = random.uniform(-6.0, 6.0), slope_y = random.uniform(-6.0, 6.0);
+    const double noise = random.uniform(1.0, 20.0);
+    cv::Mat boards(70, 100, CV_32S, cv::Scalar(900));
+    for (int i = 0; i < 3; ++i) {
+      const cv::Rect board(random.uniform(0, 80), random.uniform(0, 60), random.uniform(5, 60),
+                           random.uniform(5, 60));
+      boards(board & cv::Rect(0, 0, 100, 70)) = random.uniform(700, 1200);
+    }
+    const auto depth = [&](int y, int x) {
+      const double z = boards.at<int>(y, x) + slope_x * x + slope_y * y + random.gaussian(noise);
+      return std::max(100, static_cast<int>(z));
+    };
+    ASSERT_NO_FATAL_FAILURE(expectAsDefined(made(70, 100, depth), "image " + std::to_string(image)));
+  }
+}
+
 TEST(DofSegmentation, NearToFarFromOne) {
   const Segmentation result = segment(made(20, 60, [](int, int x) {
     return x < 20 ? 4000 : x < 40 ? 900 : 1500;
