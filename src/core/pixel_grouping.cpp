@@ -4,6 +4,7 @@
 #include "pixel_grouping.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 #include "simd.hpp"
 
@@ -14,6 +15,28 @@ int findRoot(std::int32_t* parents, int i) {
   int root = parents[i] = parents[parents[i]];
   while (parents[root] != root) root = parents[root] = parents[parents[root]];
   return root;
+}
+
+// Each pixel of a row gets the parent of the pixel that it is linked to, `first` being the index of the first
+// one; eight at once where all are linked to the west, as each would have to wait for the one before.
+void takeParents(const BlockRow* blocks, const std::int32_t* linked_to, int n, int first,
+                 std::int32_t* parents) {
+  constexpr std::uint64_t all_linked = 0x0101010101010101 * kEast;
+  const auto takeOne = [&](int x) {
+    parents[first + x] = first + x;
+    parents[first + x] = parents[linked_to[x]];
+  };
+  int x = 0;
+  for (; x + 8 <= n; x += 8) {
+    std::uint64_t to_west;
+    std::memcpy(&to_west, blocks + x - 1, sizeof to_west);
+    if ((to_west & all_linked) == all_linked) {
+      std::fill_n(parents + first + x, 8, parents[first + x - 1]);
+    } else {
+      for (int i = 0; i < 8; ++i) takeOne(x + i);
+    }
+  }
+  for (; x < n; ++x) takeOne(x);
 }
 
 // Labels of known depth that are their own parents, `first` being the index of the first one.
@@ -140,10 +163,7 @@ void PixelGrouping::plantRows(PixelGraph& graph, const cv::Range& rows, Strip& s
     findRow(graph, y, here);
     gatherLinks(here, above, cols, strip.links.data());
     takeFirstLinks(strip.links.data(), first, stride, cols, strip.parents.data());
-    for (int x = 0; x < cols; ++x) {
-      labels[first + x] = first + x;
-      labels[first + x] = labels[strip.parents[x]];
-    }
+    takeParents(here, strip.parents.data(), cols, first, labels);
     const int others = listBits(strip.links.data(), cols, strip.listed.data());
     for (int i = 0; i < others; ++i) {
       const int pixel = first + strip.listed[i] / 8;
