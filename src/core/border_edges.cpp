@@ -59,8 +59,9 @@ void BorderEdges::find(const PixelGraph& graph, int limit, const TileSet* tiles,
   };
   cv::Range before(0, 0);
   for (int y = rows.start; y < rows.end; ++y) {
-    const cv::Range cols = tiles == nullptr ? cv::Range(0, graph.cols()) : tiles->cols(y);
-    if (cols != before) {  // what other blocks do not admit is not known: nothing
+    cv::Range cols = tiles == nullptr ? cv::Range(0, graph.cols()) : tiles->cols(y);
+    if (cols.start > 0) --cols.start;  // a pixel's edge to the lower left belongs to the block before it
+    if (cols != before) {              // what other blocks do not admit is not known: nothing
       std::fill_n(above - 1, stride, kAdmitsBd | kAdmitsCd);
       std::fill_n(here - 1, stride, kAdmitsBd | kAdmitsCd);
       std::fill(strip.edges.begin(), strip.edges.end(), 0);

@@ -182,6 +182,21 @@ TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionFromImageToImage) {
   }
 }
 
+// The only edge over which the first pixel of a tile of 8x8 meets another region leads to the tile before.
+TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionWhereATileBegins) {
+  DofSegmentation segmentation;
+  Segmentation result;
+  cv::Mat depth(9, 10, CV_16UC1, cv::Scalar(0));
+  depth(cv::Rect(8, 6, 2, 2)) = 1600;
+  segmentation.compute(depth, result);
+  depth = 0;
+  const int points[][3] = {{5, 9, 700}, {6, 9, 700}, {7, 8, 134}, {7, 9, 100},
+                           {8, 7, 135}, {8, 8, 136}, {8, 9, 137}};
+  for (const auto& [y, x, z] : points) depth.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(z);
+  segmentation.compute(depth, result);
+  expectSame(result, referenceSegmentation(depth, {}), "after another image");
+}
+
 TEST(DofSegmentation, NearToFarFromOne) {
   const Segmentation result = segment(made(20, 60, [](int, int x) {
     return x < 20 ? 4000 : x < 40 ? 900 : 1500;
