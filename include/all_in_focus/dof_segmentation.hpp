@@ -41,7 +41,8 @@ struct Segmentation {
 /// order, with the DoF rule in place of their criterion (section 2.2). Equal weights are merged in raster
 /// order of the first pixel, then E, SW, S, SE. Unknown depth (0) takes no part.
 ///
-/// Buffers are reused between calls; not thread-safe.
+/// Buffers are reused between calls, and where regions met saves work in the next image of the same size: the
+/// result does not depend on it. Not thread-safe.
 class DofSegmentation {
  public:
   /// Throws std::invalid_argument on impossible optics or a negative size.
@@ -61,7 +62,7 @@ class DofSegmentation {
 
   SegmentationConfig config_;
   DofRule rule_;
-  std::unique_ptr<Work> work_;  ///< buffers
+  std::unique_ptr<Work> work_;  ///< buffers, memory of the last image
 };
 
 }  // namespace all_in_focus::core

@@ -34,7 +34,7 @@ struct DofSegmentation::Work {
   PixelGrouping grouping;
   BorderEdges borders;
   RegionStatistics statistics;
-  TileSet contested;  // where regions refused each other over light edges in the last image
+  TileSet contested;  // where regions refused each other over light edges in the last image, and beside it
   TileSet tiles;
   std::vector<RegionNode> nodes;                // of the labels 1..node_count
   std::vector<RegionNode> trees;                // of the forest of nodes, 1..tree_count
@@ -45,9 +45,12 @@ struct DofSegmentation::Work {
 
   // Outside the contested tiles all edges up to `high` are merged at once. This gives the regions of
   // Kruskal's order if none with a pixel there is refused over an edge up to `high`. For then each region
-  // holds all along what it would hold in order, and perhaps more. So whatever is merged here would be merged
-  // in order: it is smaller there, and fits, too. And where a merge is refused here, both regions are what
-  // they would be in order. Otherwise the scene has changed: all is done again, in order.
+  // holds all along what it would hold in order, and perhaps more; so whatever is merged here would be merged
+  // in order: it is smaller there, and fits, too. And a merge that is refused here would be refused in order,
+  // as both regions are the same there by then: over a heavier edge than `high`, because all that was merged
+  // before its time has had its time; over a lighter one, because both lie in the tiles and consist of groups
+  // by one weight, which only heavier edges leave. Otherwise the scene has changed: all is done again, in
+  // order.
   void merge(const DofRule& rule) {
     const cv::Size size(graph.cols(), graph.rows());
     contested.resize(size);
@@ -60,37 +63,22 @@ struct DofSegmentation::Work {
 
   bool mergeFrom(const DofRule& rule, int low, int first, int high) {
     node_count = grouping.compute(graph, rule, low, high, contested, nodes);
-    flags.assign(node_count + 1, 0);
+    const auto ignore = [](int, int) {};
     if (first > low && !contested.empty()) {
-      mergeInOrder(rule, borders.sorted(graph, first, &contested), high);
+      // Only for speed. What lies elsewhere is not refused over such edges, whenever they come.
+      mergeInOrder(rule, borders.sorted(graph, first, &contested), ignore);
       contract();
     }
-    mergeInOrder(rule, borders.sorted(graph, 65535), high);
+    flags.assign(node_count + 1, 0);
+    const BorderEdges::Range edges = borders.sorted(graph, 65535);
+    const BorderEdges::Edge* const heavy = borders.heavierThan(high);
+    mergeInOrder(rule, {edges.first, heavy}, [this](int a, int b) { flags[a] = flags[b] = 1; });
+    mergeInOrder(rule, {heavy, edges.last}, ignore);
+    countTrees();
     return high == low || learnContested();
   }
 
-  // The flagged regions are those that refused each other. False if one has a pixel outside the tiles known.
-  bool learnContested() {
-    flagNodes();
-    if (std::find(flags.begin(), flags.end(), 1) == flags.end()) {
-      contested.clear();
-      return true;
-    }
-    tiles.assign(graph, flags.data());
-    const bool known = contested.contains(tiles);
-    std::swap(contested, tiles);
-    contested.widen();  // for what moves until the next image
-    return known;
-  }
-
-  // Flags what is refused over edges up to `light`.
-  void mergeInOrder(const DofRule& rule, const BorderEdges::Range& edges, int light) {
-    const BorderEdges::Edge* const heavy = borders.heavierThan(light);
-    mergeInOrder(rule, {edges.first, heavy}, [this](int a, int b) { flags[a] = flags[b] = 1; });
-    mergeInOrder(rule, {heavy, edges.last}, [](int, int) {});
-    countTrees();
-  }
-
+  // Kruskal's loop. refused(a, b): what to do about two roots that do not fit together.
   template <typename Refused>
   void mergeInOrder(const DofRule& rule, const BorderEdges::Range& edges, const Refused& refused) {
     RegionNode* const node = nodes.data();
@@ -103,6 +91,22 @@ struct DofSegmentation::Work {
         refused(a, b);
       }
     }
+  }
+
+  // The trees of flagged nodes refused each other. False if one has a pixel outside the tiles known.
+  bool learnContested() {
+    tree_flags.assign(tree_count + 1, 0);
+    for (int i = 1; i <= node_count; ++i) tree_flags[nodes[i].parent] |= flags[i];
+    if (std::find(tree_flags.begin(), tree_flags.end(), 1) == tree_flags.end()) {
+      contested.clear();
+      return true;
+    }
+    for (int i = 1; i <= node_count; ++i) flags[i] = tree_flags[nodes[i].parent];
+    tiles.assign(graph, flags.data());
+    const bool known = contested.contains(tiles);
+    std::swap(contested, tiles);
+    contested.widen();  // for what moves until the next image
+    return known;
   }
 
   // As printed: along the same edge order, whatever the rule says.
@@ -132,22 +136,9 @@ struct DofSegmentation::Work {
     tree_count = numberTrees(nodes.data(), node_count, trees.data());
   }
 
-  // A tree has the flag if one of its nodes has it.
-  void flagTrees() {
-    tree_flags.assign(tree_count + 1, 0);
-    for (int i = 1; i <= node_count; ++i) tree_flags[nodes[i].parent] |= flags[i];
-  }
-
-  // All nodes of a tree have the flag if one has it.
-  void flagNodes() {
-    flagTrees();
-    for (int i = 1; i <= node_count; ++i) flags[i] = tree_flags[nodes[i].parent];
-  }
-
   // Trees become nodes.
   void contract() {
-    flagTrees();
-    std::swap(flags, tree_flags);
+    countTrees();
     graph.relabel(nodes.data());
     std::swap(nodes, trees);
     node_count = tree_count;

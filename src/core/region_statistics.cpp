@@ -28,8 +28,9 @@ void RegionStatistics::join(const RegionMap& map, const RegionNode* before) {
   counts.assign(2 * static_cast<std::size_t>(begin_[map.count + 1]), 0);
   for (std::size_t i = 1; i + 1 < begin_before_.size(); ++i) {
     const int region = before[i].parent, first = begin_[region] - min_[region] + min_before_[i];
-    std::transform(&counts_before_[2 * begin_before_[i]], &counts_before_[2 * begin_before_[i + 1]],
-                   &counts[2 * first], &counts[2 * first], std::plus<int>());
+    const auto from = counts_before_.begin() + 2 * begin_before_[i];
+    const auto to = counts.begin() + 2 * first;
+    std::transform(from, from + 2 * (begin_before_[i + 1] - begin_before_[i]), to, to, std::plus<int>());
   }
   sumUp(map);
 }

@@ -16,6 +16,10 @@ class TileSet {
  public:
   static constexpr int kSide = 8;  ///< pixels
 
+  TileSet() = default;
+  TileSet(TileSet&&) = default;  // a copy would be one of cv::Mat: the same tiles
+  TileSet& operator=(TileSet&&) = default;
+
   /// Holds all tiles when the image has another size than before.
   void resize(const cv::Size& image);
 

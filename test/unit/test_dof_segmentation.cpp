@@ -135,6 +135,18 @@ TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionOnSmallScenes) {
   }
 }
 
+TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionInSequences) {
+  for (int seed = 1; seed <= 300; ++seed) {
+    cv::RNG random(seed);
+    const int rows = random.uniform(9, 35), cols = random.uniform(9, 35);
+    for (int image = 0; image < 8; ++image) {
+      const cv::Mat depth = randomScene(random, rows, cols);
+      ASSERT_NO_FATAL_FAILURE(
+          expectAsDefined(depth, "seed " + std::to_string(seed) + ", image " + std::to_string(image)));
+    }
+  }
+}
+
 TEST(DofSegmentation, LabelsAreThoseOfTheDefinitionOnAnyNumberOfThreads) {
   for (int seed = 1; seed <= 60; ++seed) {
     cv::RNG random(seed);
