@@ -12,18 +12,19 @@ namespace all_in_focus::core {
 void TileSet::resize(const cv::Size& image) {
   if (image == image_) return;
   image_ = image;
-  tiles_.create((image.height + kSide - 1) / kSide, (image.width + kSide - 1) / kSide);
-  addAll();
+  rows_ = (image.height + kSide - 1) / kSide;
+  cols_ = (image.width + kSide - 1) / kSide;
+  tiles_.assign(static_cast<std::size_t>(rows_) * cols_, 1);
 }
 
 void TileSet::assign(const PixelGraph& graph, const std::uint8_t* flags) {
-  tiles_.setTo(0);
-  const RowStrips strips({0, tiles_.rows}, stripCount(tiles_.rows, 4));
+  clear();
+  const RowStrips strips({0, rows_}, stripCount(rows_, 4));
   strips.forEach([&](const cv::Range& tile_rows, int) {
     const int last_row = std::min(tile_rows.end * kSide, graph.rows()), whole = graph.cols() / kSide;
     for (int y = tile_rows.start * kSide; y < last_row; ++y) {
       const std::int32_t* const labels = graph.labelRow(y);
-      std::uint8_t* const tiles = tiles_[y / kSide];
+      std::uint8_t* const tiles = row(y / kSide);
       for (int i = 0; i < whole; ++i) {
         std::uint8_t any = 0;
         for (int x = i * kSide; x < (i + 1) * kSide; ++x) any |= flags[labels[x]];
@@ -35,20 +36,20 @@ void TileSet::assign(const PixelGraph& graph, const std::uint8_t* flags) {
 }
 
 void TileSet::widen() {
-  above_.assign(tiles_.cols, 0);
-  for (int y = 0; y < tiles_.rows; ++y) {
-    std::uint8_t* const tiles = tiles_[y];
+  above_.assign(cols_, 0);
+  for (int y = 0; y < rows_; ++y) {
+    std::uint8_t* const tiles = row(y);
     std::uint8_t left = 0;
-    for (int x = 0; x < tiles_.cols; ++x) {
+    for (int x = 0; x < cols_; ++x) {
       const std::uint8_t here = tiles[x];
-      tiles[x] |= left | (x + 1 < tiles_.cols ? tiles[x + 1] : 0);
+      tiles[x] |= left | (x + 1 < cols_ ? tiles[x + 1] : 0);
       left = here;
     }
   }
-  for (int y = 0; y < tiles_.rows; ++y) {
-    std::uint8_t* const tiles = tiles_[y];
-    const std::uint8_t* const below = y + 1 < tiles_.rows ? tiles_[y + 1] : tiles;
-    for (int x = 0; x < tiles_.cols; ++x) {
+  for (int y = 0; y < rows_; ++y) {
+    std::uint8_t* const tiles = row(y);
+    const std::uint8_t* const below = y + 1 < rows_ ? row(y + 1) : tiles;
+    for (int x = 0; x < cols_; ++x) {
       const std::uint8_t here = tiles[x];
       tiles[x] |= above_[x] | below[x];
       above_[x] = here;
@@ -67,7 +68,7 @@ bool TileSet::contains(const TileSet& other) const {
 }
 
 cv::Range TileSet::cols(int y) const {
-  const std::uint8_t *const begin = tiles_[y / kSide], *const end = begin + tiles_.cols;
+  const std::uint8_t *const begin = row(y / kSide), *const end = begin + cols_;
   const auto is_in = [](std::uint8_t tile) { return tile != 0; };
   const auto first = std::find_if(begin, end, is_in);
   if (first == end) return {0, 0};

@@ -16,15 +16,11 @@ class TileSet {
  public:
   static constexpr int kSide = 8;  ///< pixels
 
-  TileSet() = default;
-  TileSet(TileSet&&) = default;  // a copy would be one of cv::Mat: the same tiles
-  TileSet& operator=(TileSet&&) = default;
-
   /// Holds all tiles when the image has another size than before.
   void resize(const cv::Size& image);
 
-  void clear() { tiles_.setTo(0); }
-  void addAll() { tiles_.setTo(1); }
+  void clear() { std::fill(tiles_.begin(), tiles_.end(), 0); }
+  void addAll() { std::fill(tiles_.begin(), tiles_.end(), 1); }
   void add(const TileSet& others);
 
   /// Holds the tiles of pixels whose labels have a flag, 0 or 1, and no others.
@@ -33,7 +29,7 @@ class TileSet {
   /// Adds the neighbours of all its tiles.
   void widen();
 
-  bool empty() const { return cv::countNonZero(tiles_) == 0; }
+  bool empty() const { return std::find(tiles_.begin(), tiles_.end(), 1) == tiles_.end(); }
   bool contains(const TileSet& other) const;
 
   /// Columns from its first tile in the row of pixels y to its last one.
@@ -42,15 +38,19 @@ class TileSet {
   /// visit(cols) for its tiles in the row of pixels y.
   template <typename Visit>
   void forEachIn(int y, const Visit& visit) const {
-    const std::uint8_t* const tiles = tiles_[y / kSide];
-    for (int i = 0; i < tiles_.cols; ++i) {
+    const std::uint8_t* const tiles = row(y / kSide);
+    for (int i = 0; i < cols_; ++i) {
       if (tiles[i] != 0) visit(cv::Range(i * kSide, std::min((i + 1) * kSide, image_.width)));
     }
   }
 
  private:
+  std::uint8_t* row(int y) { return &tiles_[static_cast<std::size_t>(y) * cols_]; }
+  const std::uint8_t* row(int y) const { return &tiles_[static_cast<std::size_t>(y) * cols_]; }
+
   cv::Size image_;
-  cv::Mat1b tiles_;  // 0 or 1
+  int rows_ = 0, cols_ = 0;          // tiles
+  std::vector<std::uint8_t> tiles_;  // 0 or 1
   std::vector<std::uint8_t> above_;
 };
 
