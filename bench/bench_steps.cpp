@@ -117,11 +117,11 @@ void registerAndFill(benchmark::State& state, Mode mode) {
 void segment(benchmark::State& state, Mode mode, Sensor sensor) {
   const Sample& sample = Samples::get(sizeOf(state), Sensor::kKinect);
   const cv::Mat filled = Samples::filled(sample, mode);
-  std::vector<cv::Mat> depths{filled};
-  if (sensor == Sensor::kNoisy) {  // as in a stream: nothing can be learnt by heart from the noise itself
-    for (depths.clear(); depths.size() < 8;)
-      depths.push_back(Samples::withNoise(filled, static_cast<int>(depths.size())));
-  }
+  // Noise of its own in each image, as in a stream: it cannot be learnt by heart.
+  const bool noisy = sensor == Sensor::kNoisy;
+  std::vector<cv::Mat> depths(noisy ? 8 : 1, filled);
+  for (std::size_t i = 0; noisy && i < depths.size(); ++i)
+    depths[i] = Samples::withNoise(filled, static_cast<int>(i));
   DofSegmentation segmentation(segmentationConfig(mode, sample.optics));
   Segmentation result;
   for (int round = 0; round < 2; ++round) {  // until buffers have their size
