@@ -16,6 +16,9 @@
 
 #include "all_in_focus/drawing.hpp"
 #include "command_line.hpp"
+#include "fusion/defocus_prediction.hpp"
+#include "fusion/refined_fusion.hpp"
+#include "fusion/sharpness_rows.hpp"
 #include "image_files.hpp"
 #include "rig_files.hpp"
 #include "stack_reader.hpp"

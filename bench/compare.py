@@ -25,8 +25,8 @@ import methods
 import steps
 from all_in_focus.baselines import enfuse
 from all_in_focus.command_line import Parser, count
-from all_in_focus.rig import load_rig
-from all_in_focus.stack import read_depth
+from all_in_focus.files.rig import load_rig
+from all_in_focus.files.stack import read_depth
 from quality import peer_of
 from suite import MAKE_SCENE
 

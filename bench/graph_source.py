@@ -21,11 +21,11 @@ import tf2_ros
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from all_in_focus.bag_writer import camera_info, static_transform
+from all_in_focus.bag.writer import camera_info, static_transform
 from all_in_focus.command_line import Parser, count, positive
 from all_in_focus.msg import FocusFrame
-from all_in_focus.rig import load_rig
-from all_in_focus.stack import read_depth
+from all_in_focus.files.rig import load_rig
+from all_in_focus.files.stack import read_depth
 
 # Without a queue: an image is sent, or waits, when it is published, and none is lost on this side.
 warnings.filterwarnings("ignore", message=".*queue_size", category=SyntaxWarning)

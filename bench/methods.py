@@ -15,12 +15,12 @@ from functools import partial
 import cv2
 import numpy as np
 
-from all_in_focus import lens
+from all_in_focus.simulation import lens
 from all_in_focus.baselines import BASELINES
 from all_in_focus.baselines.alignment import align
-from all_in_focus.quality import psnr
-from all_in_focus.rig import load_rig
-from all_in_focus.stack import Stack, read_depth, read_image
+from all_in_focus.metrics.truth import psnr
+from all_in_focus.files.rig import load_rig
+from all_in_focus.files.stack import Stack, read_depth, read_image
 
 TIMEOUT_S = 3600
 

@@ -23,8 +23,8 @@ import methods
 import steps
 import suite
 from all_in_focus.command_line import Parser
-from all_in_focus.quality import Truth, psnr, ssim
-from all_in_focus.stack import Stack, read_image
+from all_in_focus.metrics.truth import Truth, psnr, ssim
+from all_in_focus.files.stack import Stack, read_image
 
 MEASURES = {"psnr": ("PSNR, dB", "%.2f"), "ssim": ("SSIM", "%.4f"),
             "psnr_edges": ("PSNR within 8 px of depth edges, dB", "%.2f"),

@@ -19,11 +19,11 @@ from tf2_msgs.msg import TFMessage
 
 from file_helpers import SCRIPTS
 
-from all_in_focus.bag_writer import camera_info
-from all_in_focus.lens import linear_to_srgb
+from all_in_focus.bag.writer import camera_info
+from all_in_focus.simulation.lens import linear_to_srgb
 from all_in_focus.msg import FocusFrame
 from all_in_focus.msg import Optics as OpticsMessage
-from all_in_focus.rig import Camera
+from all_in_focus.files.rig import Camera
 
 SIZE = (64, 48)
 DIOPTRES = (1.0, 0.8, 0.65, 0.5)  # 1/m; the lens covers 0.13 to either side

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from all_in_focus.calibration.pairs import Pair
 from all_in_focus.calibration.rig_fit import map_points
-from all_in_focus.rig import Camera, Rig, rotation_matrix
+from all_in_focus.files.rig import Camera, Rig, rotation_matrix
 
 COLUMNS, ROWS, SQUARE = 8, 6, 0.045  # inner corners; metres
 

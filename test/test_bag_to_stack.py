@@ -12,10 +12,10 @@ from bag_helpers import (BRIDGE, COLOR_CAMERA, DEPTH_CAMERA, DIOPTRES, SIZE, cal
 from file_helpers import run_script
 from tool_helpers import check_equality, evaluate, fuse, read, run, snapshot, succeeded, tool
 
-from all_in_focus.bag_export import millimetres
-from all_in_focus.bag_writer import write_bag
-from all_in_focus.rig import Camera, Optics, Rig, load_rig, save_rig
-from all_in_focus.stack import Stack, load_focus, read_depth
+from all_in_focus.bag.export import millimetres
+from all_in_focus.bag.writer import write_bag
+from all_in_focus.files.rig import Camera, Optics, Rig, load_rig, save_rig
+from all_in_focus.files.stack import Stack, load_focus, read_depth
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of cv_bridge
 QUATERNION = [0.01, -0.02, 0.03, 0.999299755]

@@ -12,10 +12,10 @@ import yaml
 from cv_bridge import CvBridge
 from sensor_msgs.msg import Image
 
-from all_in_focus.bag_contents import BagContents, BagError, Topics
-from all_in_focus.bag_writer import stamp_of, write_bag
-from all_in_focus.rig import Camera, Optics, Rig, save_rig
-from all_in_focus.stack import Stack
+from all_in_focus.bag.contents import BagContents, BagError, Topics
+from all_in_focus.bag.writer import stamp_of, write_bag
+from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
+from all_in_focus.files.stack import Stack
 from file_helpers import SIZE, cut, focus_file, pictures, run_script, write_stack
 
 ROTATION = [0.0, 0.0, 0.6, 0.8]

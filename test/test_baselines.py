@@ -17,7 +17,7 @@ from all_in_focus.baselines import (BASELINES, contourlet, convolutional, dense_
                                     pulse_coupled, wavelet)
 from all_in_focus.baselines.alignment import align
 from all_in_focus.metrics import phase
-from all_in_focus.quality import psnr
+from all_in_focus.metrics.truth import psnr
 
 needs_enfuse = pytest.mark.skipif(shutil.which("enfuse") is None, reason="enfuse is not installed")
 METHODS = [pytest.param(name, marks=needs_enfuse if name == "enfuse" else ()) for name in sorted(BASELINES)]

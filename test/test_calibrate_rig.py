@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 from all_in_focus.calibration.command import main
-from all_in_focus.comparison import programs
-from all_in_focus.rig import load_rig, save_camera
+from all_in_focus.benchmark import programs
+from all_in_focus.files.rig import load_rig, save_camera
 
 from board_rendering import board_poses, mapping_error, true_rig, write_views
 from file_helpers import ENDLESS_PICTURE, cut, run_script

@@ -16,7 +16,7 @@ from all_in_focus.calibration.live_view import LiveView
 from all_in_focus.calibration.pairs import Pair
 from all_in_focus.calibration.rig_fit import fit_rig
 from all_in_focus.calibration.rig_folder import build_rig, refuse_read_only
-from all_in_focus.rig import Camera, rotation_matrix
+from all_in_focus.files.rig import Camera, rotation_matrix
 
 from board_rendering import (SQUARE, board_poses, corner_points, in_color_camera, mapping_error, project, rays, render,
                              seen_pairs, true_rig)

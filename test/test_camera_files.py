@@ -10,7 +10,7 @@ import pytest
 
 from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
 from all_in_focus.camera.interface import FILE_NOT_FOUND, NOT_SUPPORTED, CameraError
-from all_in_focus.stack import StackError
+from all_in_focus.files.stack import StackError
 from file_helpers import cut, pictures
 
 gphoto = pytest.importorskip("all_in_focus.camera.gphoto", reason="python3-gphoto2 is not installed")

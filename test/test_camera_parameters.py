@@ -8,7 +8,7 @@ from all_in_focus.camera import parameters
 from all_in_focus.camera.bracket_node import read_config
 from all_in_focus.camera.frame_publisher import _scaled
 from all_in_focus.camera.session import Config
-from all_in_focus.rig import Camera
+from all_in_focus.files.rig import Camera
 
 
 @pytest.fixture

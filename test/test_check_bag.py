@@ -13,9 +13,9 @@ from bag_helpers import (BRIDGE, SIZE, START, call, changed, compressed, depth_i
 from file_helpers import cut, run_script
 from tool_helpers import rosrun, snapshot, succeeded
 
-from all_in_focus import bag_check
-from all_in_focus.bag_brackets import Rules
-from all_in_focus.bag_file import BagError, BagFile, Topics
+from all_in_focus.bag import check as bag_check
+from all_in_focus.bag.brackets import Rules
+from all_in_focus.bag.file import BagError, BagFile, Topics
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of cv_bridge
 CHECKS = ["file", "topics", "depth image", "colour image", "depth camera", "colour camera", "transform", "stamps",

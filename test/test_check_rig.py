@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from all_in_focus.rig import save_rig
+from all_in_focus.files.rig import save_rig
 
 from board_rendering import project, true_rig
 from file_helpers import run_script

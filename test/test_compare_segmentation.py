@@ -8,7 +8,7 @@ from file_helpers import run_script
 from test_recorded_sample import SWEEP, needs_sweep
 from tool_helpers import OPTICS, fuse_stack, max_dof, read, succeeded, texture, write
 
-from all_in_focus.comparison import segmentation
+from all_in_focus.benchmark import segmentation
 
 LENS = "24,4,0.019"
 

@@ -15,9 +15,9 @@ from tool_helpers import read, rosrun, succeeded
 
 from all_in_focus import metrics
 from all_in_focus.baselines import guided_filtering, laplacian_maximum
-from all_in_focus.comparison import pictures
-from all_in_focus.quality import Truth, psnr, ssim
-from all_in_focus.stack import Stack
+from all_in_focus.benchmark import pictures
+from all_in_focus.metrics.truth import Truth, psnr, ssim
+from all_in_focus.files.stack import Stack
 
 SCENES = ("planes", "pair")
 

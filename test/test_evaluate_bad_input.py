@@ -10,7 +10,7 @@ from evaluate_helpers import evaluate, results, rows
 from file_helpers import cut, pictures, run_script, write_stack
 
 from all_in_focus.baselines import BASELINES
-from all_in_focus.comparison import engine, methods, runner, settings
+from all_in_focus.benchmark import engine, methods, runner, settings
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ import rosbag
 from evaluate_helpers import evaluate, make_scene, results
 from tool_helpers import read, rosrun, succeeded
 
-from all_in_focus.comparison import bags
-from all_in_focus.stack import Stack
+from all_in_focus.benchmark import bags
+from all_in_focus.files.stack import Stack
 
 METHODS = "paper,refined,laplacian"
 

@@ -13,10 +13,14 @@ import numpy as np
 import pytest
 from std_msgs.msg import Header
 
-from all_in_focus import bag_contents, bag_player, evaluation_launch, result_files, run_status
+from all_in_focus.bag import contents as bag_contents
+from all_in_focus.replay import player as bag_player
+from all_in_focus.replay import launch as evaluation_launch
+from all_in_focus.files import result_files
+from all_in_focus.replay import run_status
 from all_in_focus.msg import FusionReport, Optics, Segment, SegmentArray, SegmentChoice
-from all_in_focus.result_files import ResultError, ResultFolder, encode_labels, encode_png
-from all_in_focus.result_saver import BracketCollector
+from all_in_focus.files.result_files import ResultError, ResultFolder, encode_labels, encode_png
+from all_in_focus.replay.result_saver import BracketCollector
 from file_helpers import run_script
 
 

@@ -6,7 +6,7 @@ import pytest
 from file_helpers import run_script
 from tool_helpers import TwoPlanes, snapshot
 
-from all_in_focus.output_file import named, whole_file, write_picture
+from all_in_focus.files.output_file import named, whole_file, write_picture
 
 
 def test_a_file_appears_whole_or_not_at_all(tmp_path):

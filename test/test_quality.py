@@ -12,7 +12,7 @@ import pytest
 from file_helpers import run_script
 from skimage.metrics import structural_similarity
 
-from all_in_focus.quality import near_depth_edges, psnr, ssim
+from all_in_focus.metrics.truth import near_depth_edges, psnr, ssim
 
 BENCH = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "bench")
 sys.path.insert(0, BENCH)

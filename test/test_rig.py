@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import yaml
 
-from all_in_focus.rig import Camera, Optics, RigError, load_rig, save_rig
-from all_in_focus.scenes import kinect_beside
+from all_in_focus.files.rig import Camera, Optics, RigError, load_rig, save_rig
+from all_in_focus.simulation.presets import kinect_beside
 
 OPTICS = Optics(50.0, 2.0, 0.03)
 

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from all_in_focus import rviz_config
-from all_in_focus.bag_writer import write_bag
-from all_in_focus.rig import Camera, Optics, Rig, save_rig
-from all_in_focus.stack import Stack
+from all_in_focus.rviz import config as rviz_config
+from all_in_focus.bag.writer import write_bag
+from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
+from all_in_focus.files.stack import Stack
 from file_helpers import focus_file, run_script, write_stack
 
 WIDTH, HEIGHT = 160, 120
@@ -70,7 +70,7 @@ def test_what_is_missing_is_named(bag, tmp_path):
 
 
 def test_missing_programs_are_named_with_their_packages(bag, tmp_path, monkeypatch):
-    from all_in_focus import virtual_screen
+    from all_in_focus.rviz import virtual_screen
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(virtual_screen.ScreenError, match="Xvfb and rviz missing: install xvfb rviz"):
         virtual_screen.check_programs("Xvfb", "rviz")

@@ -12,11 +12,12 @@ import pytest
 import skimage.data
 import yaml
 
-from all_in_focus import kinect, lens
-from all_in_focus.layered_scene import Scene, kinect_beside
-from all_in_focus.photograph import peel_layers
-from all_in_focus.rig import Camera, Optics, load_rig
-from all_in_focus.scenes import SCENES
+from all_in_focus.simulation import depth_sensor as kinect
+from all_in_focus.simulation import lens
+from all_in_focus.simulation.layered_scene import Scene, kinect_beside
+from all_in_focus.simulation.photograph import peel_layers
+from all_in_focus.files.rig import Camera, Optics, load_rig
+from all_in_focus.simulation.presets import SCENES
 
 MAKE_SCENE = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "scripts", "make_scene")
 OPTICS = Optics(50.0, 2.0, 0.03)

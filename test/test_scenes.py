@@ -9,12 +9,13 @@ import pytest
 import skimage.data
 from file_helpers import run_script
 
-from all_in_focus import kinect, lens
-from all_in_focus.layered_scene import Scene
-from all_in_focus.photograph import measured
-from all_in_focus.rig import Camera, Optics
-from all_in_focus.scenes import SCENES
-from all_in_focus.surfaces import Ball, Plane, disc, lit, marked, plain, shaded_under, twigs
+from all_in_focus.simulation import depth_sensor as kinect
+from all_in_focus.simulation import lens
+from all_in_focus.simulation.layered_scene import Scene
+from all_in_focus.simulation.photograph import measured
+from all_in_focus.files.rig import Camera, Optics
+from all_in_focus.simulation.presets import SCENES
+from all_in_focus.simulation.surfaces import Ball, Plane, disc, lit, marked, plain, shaded_under, twigs
 
 OPTICS = Optics(50.0, 1.8, 0.03)
 CAMERA = Camera.pinhole("test", 160, 120, 200, 200, 79.5, 59.5)

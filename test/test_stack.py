@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from all_in_focus.stack import Stack, StackError, read_depth, read_image
+from all_in_focus.files.stack import Stack, StackError, read_depth, read_image
 from file_helpers import SIZE, cut, focus_file, pictures, write_stack, write_video
 
 

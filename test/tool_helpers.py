@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 import all_in_focus
-from all_in_focus.rig import Camera, Optics, Rig, save_rig
+from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 
 # The space that the package is imported from: prefix/lib/python3/dist-packages/all_in_focus/__init__.py.
 PREFIX = Path(os.path.abspath(all_in_focus.__file__)).parents[4]

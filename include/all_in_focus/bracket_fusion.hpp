@@ -3,18 +3,52 @@
 #pragma once
 
 #include <limits>
+#include <memory>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "all_in_focus/refined_fusion.hpp"
-#include "all_in_focus/region_fusion.hpp"
+#include "all_in_focus/camera.hpp"
+#include "all_in_focus/optics.hpp"
 
 namespace all_in_focus::core {
+
+constexpr int kNoFrame = 65535;  ///< source index of a pixel that no frame has won
 
 enum class Mode {
   kPaper,    ///< Liu et al. 2019 as printed, for comparison
   kRefined,  ///< ours
+};
+
+/// What is known of a scene before the first frame of its bracket. Everything may be missing.
+struct BracketScene {
+  cv::Mat labels;    ///< CV_32SC1, >= 0, any size; empty = none
+  cv::Mat depth;     ///< CV_16UC1 mm, 0 = unknown, seen from the colour camera, holes filled, any size
+  cv::Mat measured;  ///< the same before its holes were filled; empty: everything was measured
+  Optics optics;
+  std::optional<Camera> camera;  ///< the colour camera; none: the blur of frames cannot be predicted
+  double pixel_pitch_mm = 0;     ///< of that camera at its calibrated size; 0 = f / fx
+};
+
+/// What the prediction of blur assumes about the registered depth.
+struct DefocusConfig {
+  /// How far the edges of the registered depth lie from those of the picture: standard deviation in pixels of
+  /// a picture 640 wide (a depth sensor's own resolution), more in wider ones.
+  double edge_error_px = 3.0;
+  bool edge_uncertainty = true;  ///< take edges for that uncertain
+  bool hole_doubt = true;        ///< trust filled depth less than measured
+};
+
+/// The ingredients of mode refined; each can be left out, to see what it is good for.
+struct RefinedConfig {
+  bool alignment = true;   ///< frames are brought to the geometry of the reference
+  bool exposure = true;    ///< and to its exposure
+  bool prediction = true;  ///< depth and optics have a say (DefocusPrediction)
+  DefocusConfig defocus;
+  bool around = true;  ///< sharpness is looked for in a large window as well
+  bool noise = true;   ///< weights know the noise
+  bool soft = true;    ///< weighted mean; false: the heaviest frame is copied
 };
 
 /// What a bracket was fused by.
@@ -27,6 +61,15 @@ enum class FusedBy {
 /// As FusionReport names it: paper, refined, sharpness.
 const char* name(FusedBy fused_by);
 
+/// Which frame a region was taken from.
+struct RegionChoice {
+  int label = 0;
+  int frame = kNoFrame;
+  double score = 0;   ///< normalised variance of that frame in the region; refined: share of pixels it won
+  double margin = 0;  ///< 1 - runner-up / score: 0 = a draw, 1 = no rival
+  double confidence = 0;  ///< mean over the region, 0..1
+};
+
 struct FusionResult {
   cv::Mat image;         ///< CV_8UC3
   cv::Mat source_index;  ///< CV_16UC1, the frame that a pixel was taken from, or mostly; kNoFrame = none
@@ -35,6 +78,9 @@ struct FusionResult {
   std::vector<std::string> notes;     ///< what a user should know: regions that no frame reaches
 };
 
+class RefinedFusion;
+class RegionFusion;
+
 /// All-in-focus image of one bracket, frame by frame. Memory does not grow with the number of frames: sums
 /// are kept, not frames. Not thread-safe; buffers are reused from bracket to bracket.
 ///
@@ -42,6 +88,11 @@ struct FusionResult {
 /// before it in the bracket (see RefinedFusion).
 class BracketFusion {
  public:
+  BracketFusion();
+  BracketFusion(BracketFusion&&) noexcept;
+  BracketFusion& operator=(BracketFusion&&) noexcept;
+  ~BracketFusion();
+
   /// Starts a bracket. The scene's images are shared, not copied; labels are scaled to the frames by nearest
   /// neighbour. Throws std::invalid_argument on images of another type, a negative label, impossible optics.
   void begin(const BracketScene& scene, Mode mode, const RefinedConfig& config = {});
@@ -71,8 +122,8 @@ class BracketFusion {
   cv::Size size_;                 // empty before the first frame
   std::vector<double> focus_mm_;  // of the frames used
   bool by_region_ = false;
-  RegionFusion regions_;
-  RefinedFusion refined_;
+  std::unique_ptr<RegionFusion> regions_;
+  std::unique_ptr<RefinedFusion> refined_;
   cv::Mat labels_;  // of the frames' size
   cv::Mat gray_;
 };

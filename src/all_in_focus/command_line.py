@@ -5,7 +5,7 @@ import argparse
 import math
 import sys
 
-from all_in_focus.rig import Optics
+from all_in_focus.files.rig import Optics
 
 
 class Parser(argparse.ArgumentParser):

@@ -6,7 +6,7 @@ import os
 import cv2
 import numpy as np
 
-from all_in_focus.stack import read_image
+from all_in_focus.files.stack import read_image
 
 NO_FRAME = 65535  # in source_index images
 TITLE_HEIGHT, MARGIN = 24, 6  # pixels

@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "all_in_focus/region_fusion.hpp"
+#include "fusion/region_fusion.hpp"
 
 namespace all_in_focus::core {
 namespace {

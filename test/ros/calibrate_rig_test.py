@@ -18,7 +18,7 @@ from camera_testing import HERE, SCRIPTS, CameraTest
 from depth_testing import wait_until
 
 sys.path.insert(0, os.path.join(HERE, os.pardir))
-from all_in_focus.rig import load_rig  # noqa: E402
+from all_in_focus.files.rig import load_rig  # noqa: E402
 from board_rendering import board_poses, in_color_camera, mapping_error, rays, render, true_rig  # noqa: E402
 
 PATIENCE = 60  # s

@@ -14,7 +14,7 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 
 from all_in_focus.msg import FocusFrame
-from all_in_focus.rig import Camera, Rig, save_rig
+from all_in_focus.files.rig import Camera, Rig, save_rig
 from depth_testing import Listener, wait_until
 
 HERE = os.path.dirname(os.path.abspath(__file__))

@@ -10,7 +10,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
 
-from all_in_focus.rig import Camera, Optics, Rig, save_rig
+from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from depth_testing import FAR_MM, HEIGHT, NEAR_MM, WIDTH, camera_info, image_message, two_planes, wait_until
 from fusion_testing import BRACKET_IDS, OPTICS, PERIOD, FusionTest, array_of, colour_message, picture
 

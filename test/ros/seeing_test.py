@@ -15,7 +15,7 @@ from dynamic_reconfigure.msg import Config, ConfigDescription
 from sensor_msgs.msg import CameraInfo, Image
 from visualization_msgs.msg import Marker, MarkerArray
 
-from all_in_focus import rviz_config
+from all_in_focus.rviz import config as rviz_config
 from all_in_focus.msg import SegmentArray
 import depth_testing
 from depth_testing import FAR_MM, NEAR_MM, GraphTest, image_message, pixels_of, subscribers_of, wait_until

@@ -8,7 +8,7 @@ import rosgraph
 import rospy
 import rostest
 
-from all_in_focus.rig import load_rig, save_rig
+from all_in_focus.files.rig import load_rig, save_rig
 from robot_testing import LaunchTest, Scene, whole
 
 LAUNCH = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'two_rigs.launch')

@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "all_in_focus/frame_motion.hpp"
+#include "alignment/frame_motion.hpp"
 
 /// Frames of a focus bracket of an endless texture, which is known at every point: a sum of plane waves. So
 /// scale and shift of a frame are exact, without any resampling.

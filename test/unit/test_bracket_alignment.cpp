@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "all_in_focus/bracket_alignment.hpp"
+#include "alignment/bracket_alignment.hpp"
 #include "bracket_drawing.hpp"
 
 using namespace all_in_focus::core;

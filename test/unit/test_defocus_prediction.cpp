@@ -7,7 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "all_in_focus/defocus_prediction.hpp"
+#include "fusion/defocus_prediction.hpp"
 
 using namespace all_in_focus::core;
 

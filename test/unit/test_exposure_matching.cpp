@@ -7,8 +7,8 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-#include "all_in_focus/exposure_matching.hpp"
 #include "bracket_drawing.hpp"
+#include "fusion/exposure_matching.hpp"
 
 using namespace all_in_focus::core;
 

@@ -5,7 +5,7 @@
 
 #include <stdexcept>
 
-#include "all_in_focus/frame_motion.hpp"
+#include "alignment/frame_motion.hpp"
 #include "bracket_drawing.hpp"
 
 using namespace all_in_focus::core;

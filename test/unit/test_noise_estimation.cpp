@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "all_in_focus/noise_estimation.hpp"
+#include "fusion/noise_estimation.hpp"
 
 using namespace all_in_focus::core;
 

@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-#include "all_in_focus/refined_fusion.hpp"
+#include "fusion/refined_fusion.hpp"
 
 using namespace all_in_focus::core;
 

@@ -5,7 +5,7 @@
 
 #include <limits>
 
-#include "all_in_focus/region_summary.hpp"
+#include "fusion/region_summary.hpp"
 
 using namespace all_in_focus::core;
 

@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-#include "all_in_focus/sharpness_rows.hpp"
+#include "fusion/sharpness_rows.hpp"
 
 using namespace all_in_focus::core;
 

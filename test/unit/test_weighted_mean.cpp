@@ -7,8 +7,8 @@
 #include <numeric>
 #include <opencv2/core/utility.hpp>
 
-#include "all_in_focus/region_fusion.hpp"
-#include "all_in_focus/weighted_mean.hpp"
+#include "fusion/region_fusion.hpp"
+#include "fusion/weighted_mean.hpp"
 
 using namespace all_in_focus::core;
 

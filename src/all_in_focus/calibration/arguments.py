@@ -6,7 +6,7 @@ import math
 
 from all_in_focus.calibration.board import Board
 from all_in_focus.command_line import Parser, optics, positive
-from all_in_focus.rig import load_camera
+from all_in_focus.files.rig import load_camera
 
 # The depth image of a Kinect v1 lies higher and more to the left than its IR picture, by half a correlation window:
 # http://wiki.ros.org/kinect_calibration/technical measured it, openni_camera takes (-5, -4).

@@ -11,7 +11,7 @@ from all_in_focus.calibration.coverage import STILL, Coverage, measure, moved
 from all_in_focus.calibration.coverage_picture import draw
 from all_in_focus.calibration.pairs import CAMERAS, Pair
 from all_in_focus.calibration.rig_folder import refuse_read_only
-from all_in_focus.output_file import write_picture
+from all_in_focus.files.output_file import write_picture
 
 
 class LiveView:

@@ -10,7 +10,7 @@ import numpy as np
 
 from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.board import find_corners
-from all_in_focus.stack import StackError, is_image_name, read_image
+from all_in_focus.files.stack import StackError, is_image_name, read_image
 
 CAMERAS = ("depth", "color")
 

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from all_in_focus.calibration import CalibrationError
-from all_in_focus.output_file import named
-from all_in_focus.rig import Camera, Rig, load_rig, save_rig
+from all_in_focus.files.output_file import named
+from all_in_focus.files.rig import Camera, Rig, load_rig, save_rig
 
 FILES = ("depth.yaml", "color.yaml", "extrinsics.yaml", "optics.yaml", "calibration.yaml")
 

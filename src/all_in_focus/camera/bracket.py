@@ -11,7 +11,7 @@ import numpy as np
 
 from all_in_focus.camera.focus_drive import FocusLimit
 from all_in_focus.camera.interface import CAMERA_ERROR, CORRUPTED, CameraError
-from all_in_focus.stack import IMAGE_SUFFIXES, decode_image
+from all_in_focus.files.stack import IMAGE_SUFFIXES, decode_image
 
 STILL, PREVIEW = "still", "preview"
 STALE_PREVIEWS = 1  # begun before the lens came to rest

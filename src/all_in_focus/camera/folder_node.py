@@ -12,7 +12,7 @@ from all_in_focus.camera import parameters
 from all_in_focus.camera.file_node import run_node
 from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
 from all_in_focus.camera.frame_publisher import FramePublisher
-from all_in_focus.stack import Stack, StackError, focus_entries
+from all_in_focus.files.stack import Stack, StackError, focus_entries
 
 POLL_PERIOD = 0.1  # s
 MOST_UNDER_WAY = 8  # frames that the fusion has not dealt with

@@ -6,7 +6,7 @@ import os
 import time
 from dataclasses import dataclass
 
-from all_in_focus.stack import StackError, is_image_name, read_image
+from all_in_focus.files.stack import StackError, is_image_name, read_image
 
 
 @dataclass

@@ -10,9 +10,9 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from all_in_focus.bag_writer import camera_info
+from all_in_focus.bag.writer import camera_info
 from all_in_focus.msg import FocusFrame
-from all_in_focus.rig import Camera, load_rig
+from all_in_focus.files.rig import Camera, load_rig
 
 QUEUE = 30  # frames that may wait for a slow listener
 GRACE = 1.0  # s

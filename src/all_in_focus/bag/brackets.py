@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Which frames of a bag make up which bracket, and which depth image each gets: as the fusion node decides it."""
+import math
+from dataclasses import dataclass, field
+from typing import List, Optional
+
+from all_in_focus.bag.scan import NS, Head
+
+MAX_FRAMES = 65535
+JITTER_NS = NS // 10  # that stamps may go back while time does not
+WINDOW = 8            # frames that evaluate_bag's player has under way: a bracket sees depth that is recorded before
+                      # so many of its frames
+
+
+@dataclass
+class Rules:
+    """size: frames in a bracket, 0 = unknown, gap: s that end one (both where there is no focus topic); max_age: s."""
+    size: int = 0
+    gap: float = 1.0
+    max_age: float = 1.0
+
+
+@dataclass
+class Frame:
+    """index: in its bracket; focus: the FocusFrame, or None."""
+    head: Head
+    index: int
+    focus: Optional[object] = None
+
+    @property
+    def distance(self):
+        """m, NaN = unknown."""
+        return self.focus.focus_distance if self.focus else math.nan
+
+
+@dataclass
+class Bracket:
+    """number: of the message, or counted; announced: frames that it should have, 0 = unknown; depth: the newest depth
+    image at or before its first frame, None where there is none that is not too old."""
+    number: int
+    announced: int = 0
+    frames: List[Frame] = field(default_factory=list)
+    depth: Optional[Head] = None
+
+    @property
+    def missing(self):
+        """Indices that were announced and never came."""
+        present = {frame.index for frame in self.frames}
+        return [index for index in range(max(self.announced, max(present) + 1)) if index not in present]
+
+
+@dataclass
+class Brackets:
+    """found: in order; unpaired: heads of frames without a focus message of the same stamp, stray: focus messages
+    without a frame; refused: frames of brackets whose beginning is not there, or that come twice."""
+    found: List[Bracket]
+    unpaired: List[Head]
+    stray: List[object]
+    refused: List[Head]
+
+
+def assemble(scan, rules, usable_depth):
+    """Brackets of a Scan. usable_depth: heads of the depth images that the nodes do not refuse."""
+    if scan.focus:
+        pairs, unpaired, stray = _pair(scan)
+        found, refused = _by_focus(pairs)
+    else:
+        found, unpaired, stray, refused = _by_gap(scan.rgb, rules), [], [], []
+    places = {head.order: place for place, head in enumerate(scan.rgb)}
+    for bracket in found:
+        first = bracket.frames[0].head
+        end = places[first.order] + WINDOW
+        later = scan.rgb[end:end + 1]
+        in_time = [head for head in usable_depth if not later or head.order < later[0].order]
+        bracket.depth = newest_before(in_time, first.stamp, rules.max_age)
+    return Brackets(found, unpaired, stray, refused)
+
+
+def newest_before(heads, stamp, max_age):
+    """Head with the newest stamp (ns) at or before `stamp`, not older than max_age s; None where there is none."""
+    fitting = [head for head in heads if 0 <= stamp - head.stamp <= max_age * NS]
+    return max(fitting, key=lambda head: head.stamp) if fitting else None
+
+
+def _pair(scan):
+    """((head, FocusFrame) of equal stamps, in the order in which they are complete; heads and messages left over)."""
+    waiting_heads, waiting_focus, pairs = {}, {}, []
+    for item in sorted([*scan.rgb, *scan.focus], key=lambda item: item.order):
+        is_head = isinstance(item, Head)
+        stamp = item.stamp if is_head else item.message.header.stamp.to_nsec()
+        own, other = (waiting_heads, waiting_focus) if is_head else (waiting_focus, waiting_heads)
+        if other.get(stamp):
+            partner = other[stamp].pop(0)
+            pairs.append((item, partner.message) if is_head else (partner, item.message))
+        else:
+            own.setdefault(stamp, []).append(item)
+    unpaired = [head for heads in waiting_heads.values() for head in heads]
+    return pairs, unpaired, [small.message for smalls in waiting_focus.values() for small in smalls]
+
+
+def _by_focus(pairs):
+    """src/nodelets/fusion/bracket_assembler.cpp for frames with focus messages."""
+    brackets, refused, is_open, skipped = [], [], False, None
+    for head, focus in pairs:
+        same = bool(brackets) and focus.bracket_id == brackets[-1].number
+        unseen = not brackets and skipped is None  # it had begun before the recording
+        late = same and (not is_open or focus.index <= brackets[-1].frames[-1].index)
+        if focus.index >= MAX_FRAMES or focus.index and (unseen or focus.bracket_id == skipped or late):
+            skipped = focus.bracket_id if unseen else skipped
+            refused.append(head)
+            continue
+        skipped = None
+        # The same number from the beginning again is another bracket.
+        if not is_open or not same or focus.index == 0:
+            brackets.append(Bracket(focus.bracket_id))
+        bracket = brackets[-1]
+        bracket.frames.append(Frame(head, focus.index, focus))
+        bracket.announced = focus.count
+        is_open = not (focus.last or focus.count and focus.index + 1 >= focus.count)
+    return brackets, refused
+
+
+def _by_gap(heads, rules):
+    brackets = []
+    for head in heads:
+        frames = brackets[-1].frames if brackets else []
+        if not frames or (rules.size and len(frames) >= rules.size) or len(frames) >= MAX_FRAMES:
+            frames = None
+        elif head.stamp + JITTER_NS < frames[-1].head.stamp:
+            frames = None
+        elif rules.gap > 0 and head.stamp - frames[-1].head.stamp > rules.gap * NS:
+            frames = None
+        if frames is None:
+            brackets.append(Bracket(len(brackets), rules.size))
+        brackets[-1].frames.append(Frame(head, len(brackets[-1].frames)))
+    return brackets

@@ -1,0 +1,120 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""All checks of a bag, in the order in which a person would repair what they find."""
+import numpy as np
+
+from all_in_focus.bag.brackets import assemble
+from all_in_focus.bag.check.brackets import check_brackets
+from all_in_focus.bag.check.cameras import check_camera
+from all_in_focus.bag.check.depth_values import check_depth_values
+from all_in_focus.bag.check.findings import Check, Report
+from all_in_focus.bag.check.focus_steps import check_focus_steps, check_optics
+from all_in_focus.bag.check.geometry import check_overlap, check_transform
+from all_in_focus.bag.check.images import check_images
+from all_in_focus.bag.check.pictures import BRACKETS, FRAMES, Sample, check_exposure, check_focus_change, sample
+from all_in_focus.bag.check.timing import TITLES, check_depth_in_time, check_stamps
+from all_in_focus.bag.check.topics import check_file, check_topics
+from all_in_focus.bag.images import depth_mm
+from all_in_focus.bag.rig import color_frame, depth_problem, optics_at
+from all_in_focus.bag.scan import fetch, scan
+
+DEPTH_SAMPLES = 3
+
+
+def check(bag, rules, invalid_values=(0,), optics=None):
+    """Report on a BagFile. rules: of brackets; invalid_values: mm that mean unknown; optics: instead of the bag's.
+
+    Raises BagError where it cannot be read to its end.
+    """
+    return _Checker(bag, rules, invalid_values, optics).run()
+
+
+class _Checker:
+    def __init__(self, bag, rules, invalid_values, optics):
+        self._bag, self._rules, self._invalid_values, self._given_optics = bag, rules, invalid_values, optics
+        self._report = Report(bag.path)
+        self._scan = scan(bag, checksums=True)
+
+    def run(self):
+        check_file(self._check("file"), self._bag)
+        check_topics(self._check("topics"), self._bag, self._scan)
+        good, cameras, pose = {"depth": [], "rgb": []}, {"depth": None, "rgb": None}, None
+        for kind, title in TITLES.items():
+            if self._scan_has(kind):
+                good[kind] = check_images(self._check(title + " image"), self._bag, self._scan, kind)
+        for kind, title in TITLES.items():
+            if self._scan_has(kind + "_info"):
+                cameras[kind] = check_camera(self._check(title + " camera"), self._bag, self._scan, kind, good[kind])
+        depth = self._scan.depth
+        if depth and depth[0].frame_id and color_frame(self._scan, depth[0].order):
+            pose = check_transform(self._check("transform"), self._bag, self._scan, depth[0])
+        else:
+            self._skip("transform")
+        usable = [head for head in depth if not depth_problem(self._scan, head)]
+        assembled = assemble(self._scan, self._rules, usable)
+        brackets = assembled.found
+        self._report.brackets = [{"bracket_id": bracket.number, "frames": len(bracket.frames),
+                                  "depth": bracket.depth is not None} for bracket in brackets]
+        self._check_timing(brackets, assembled, usable)
+        images = self._check_depth(usable, cameras, pose)
+        self._check_pictures(brackets, images, {head.order for head in good["rgb"]})
+        return self._report
+
+    def _check(self, name):
+        return Check(self._report, name)
+
+    def _skip(self, name):
+        self._report.skipped.append(name)
+
+    def _scan_has(self, kind):
+        return self._scan.counts.get(kind, 0) > 0
+
+    def _check_timing(self, brackets, assembled, usable):
+        if not self._scan.rgb:
+            for name in ("stamps", "brackets", "depth in time"):
+                self._skip(name)
+            return
+        alone = not any(bracket.depth for bracket in brackets)
+        check_stamps(self._check("stamps"), self._bag, self._scan, alone)
+        check_brackets(self._check("brackets"), self._bag, self._scan, assembled, self._rules)
+        if brackets and usable:
+            check_depth_in_time(self._check("depth in time"), brackets, usable, self._rules)
+        else:
+            self._skip("depth in time")
+
+    def _check_depth(self, usable, cameras, pose):
+        """Returns the sampled depth images, mm."""
+        if not usable:
+            self._skip("depth values")
+            self._skip("overlap")
+            return []
+        messages = [fetch(self._bag, "depth", head) for head in sample(usable, DEPTH_SAMPLES)]
+        images = [depth_mm(message, self._invalid_values) for message in messages]
+        check_depth_values(self._check("depth values"), self._bag.topics["depth"], messages, images)
+        if pose and all(cameras.values()) and images[0].any():
+            check_overlap(self._check("overlap"), images[0], (cameras["depth"], cameras["rgb"]), pose)
+        else:
+            self._skip("overlap")
+        return images
+
+    def _check_pictures(self, brackets, images, fit):
+        """fit: order of the frames that the nodes take."""
+        known = np.concatenate([image[image > 0] for image in images]) if images else np.zeros(0)
+        optics = optics_at(self._scan, self._scan.depth[0].order if self._scan.depth else 0)
+        check_optics(self._check("optics"), self._bag, self._scan, optics, self._given_optics,
+                     int(known.min()) if len(known) else None)
+        for bracket in brackets:
+            bracket.frames = [frame for frame in bracket.frames if frame.head.order in fit]
+        brackets = [bracket for bracket in brackets if bracket.frames]
+        if not brackets:
+            for name in ("focus steps", "exposure", "focus change"):
+                self._skip(name)
+            return
+        if self._report.failed("optics"):
+            self._skip("focus steps")
+        else:
+            check_focus_steps(self._check("focus steps"), brackets, self._given_optics or optics, known)
+        chosen = sample(list(enumerate(brackets)), BRACKETS)
+        samples = [Sample(self._bag, number, bracket, FRAMES // len(chosen)) for number, bracket in chosen]
+        check_exposure(self._check("exposure"), len(brackets), samples)
+        check_focus_change(self._check("focus change"), brackets, samples)

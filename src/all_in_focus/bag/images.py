@@ -1,0 +1,105 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Pixels of messages as the nodes take them, and what they refuse: src/ros/conversions.cpp, in Python."""
+import sys
+
+import cv2
+import cv_bridge
+import numpy as np
+from sensor_msgs.msg import CompressedImage, Image
+
+from all_in_focus.bag.file import one_line
+
+MILLIMETRES = ("16UC1", "mono16")
+METRES = "32FC1"
+BRIDGE = cv_bridge.CvBridge()
+
+
+class ImageError(ValueError):
+    """An image that the nodes refuse; the message says why and what to do."""
+
+
+def check_depth(head):
+    """ImageError where depth_preprocess would refuse the image of a Head for what it is."""
+    if head.encoding not in (*MILLIMETRES, METRES):
+        raise ImageError("depth has encoding \"%s\": publish 16UC1 (mm) or 32FC1 (m), or take another topic"
+                         % head.encoding)
+    value_bytes = 4 if head.encoding == METRES else 2
+    _check_layout(head, value_bytes)
+    if head.step % value_bytes:
+        raise ImageError("step is %d bytes, which are no whole pixels: check its publisher" % head.step)
+    if head.big_endian != (sys.byteorder == "big"):
+        raise ImageError("the image is not in the byte order of this computer: publish it in host byte order")
+
+
+def check_color(head):
+    """ImageError where the fusion would refuse the colour image of a Head for its layout; see bgr()."""
+    if head.size is None:
+        return
+    try:
+        _check_layout(head, _pixel_bytes(head.encoding))
+    except cv_bridge.CvBridgeError as error:
+        raise ImageError("%s: publish bgr8 or rgb8" % one_line(error))
+
+
+def _check_layout(head, pixel_bytes):
+    width, height = head.size
+    if width == 0 or height == 0:
+        raise ImageError("the image is empty (%dx%d): check its publisher" % head.size)
+    if head.step < width * pixel_bytes:
+        raise ImageError("step is %d bytes, but a row of %d %s pixels has %d: check its publisher"
+                         % (head.step, width, head.encoding, width * pixel_bytes))
+    if head.bytes < head.step * height:
+        raise ImageError("data holds %d bytes, but %dx%d %s with step %d needs %d: check its publisher"
+                         % (head.bytes, width, height, head.encoding, head.step, head.step * height))
+
+
+def _pixel_bytes(encoding):
+    dtype, channels = BRIDGE.encoding_to_dtype_with_channels(encoding)
+    return np.dtype(dtype).itemsize * channels
+
+
+def depth_as_sent(message):
+    """Values (H x W) of a message that check_depth() accepts: uint16 mm, or float32 m."""
+    dtype = np.dtype(np.float32 if message.encoding == METRES else np.uint16)
+    return np.ascontiguousarray(_rows(message)[:, :message.width * dtype.itemsize]).view(dtype)
+
+
+def depth_mm(message, invalid_values=(0,)):
+    """Depth (H x W, uint16 mm, 0 = unknown) of a message that check_depth() accepts."""
+    values = depth_as_sent(message)
+    if values.dtype == np.float32:
+        with np.errstate(invalid="ignore", over="ignore"):
+            rounded = values * np.float32(1000) + np.float32(0.5)
+            values = np.where((rounded >= 1) & (rounded < 65536), rounded, 0).astype(np.uint16)
+    return np.where(np.isin(values, [value for value in invalid_values if value > 0]), 0, values).astype(np.uint16)
+
+
+def bgr(message):
+    """BGR picture, 8 bit, of an Image or CompressedImage, as the fusion node sees it. ImageError."""
+    try:
+        if message._type == CompressedImage._type:
+            picture = BRIDGE.compressed_imgmsg_to_cv2(message, "bgr8")
+            if picture is None:  # cv2.imdecode says no more
+                raise ImageError("its %d bytes cannot be decoded" % len(message.data))
+            return picture
+        return BRIDGE.imgmsg_to_cv2(_without_padding(message), "bgr8")
+    except ImageError:
+        raise
+    except (cv2.error, cv_bridge.CvBridgeError, ValueError, TypeError, AttributeError) as error:
+        raise ImageError("%s: publish bgr8 or rgb8" % one_line(error))
+
+
+def _without_padding(message):
+    """The Python of cv_bridge takes rows to lie side by side, whatever their step is; its C++ does not."""
+    row = message.width * _pixel_bytes(message.encoding)
+    if message.step == row:
+        return message
+    return Image(message.header, message.height, message.width, message.encoding, message.is_bigendian, row,
+                 _rows(message)[:, :row].tobytes())
+
+
+def _rows(message):
+    """Bytes, H x step."""
+    data = np.frombuffer(message.data, np.uint8)[:message.step * message.height]
+    return data.reshape(message.height, message.step)

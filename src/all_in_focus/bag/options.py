@@ -1,0 +1,59 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Command line options of all programs that read bags."""
+import argparse
+
+import yaml
+
+from all_in_focus.bag.brackets import Rules
+from all_in_focus.bag.file import Topics
+from all_in_focus.command_line import optics, positive
+
+
+def add_topics(parser):
+    """Names in the bag: --depth-topic and so on."""
+    group = parser.add_argument_group("topics in the bag")
+    for kind, name in vars(Topics()).items():
+        group.add_argument(option_of(kind), default=name, metavar="NAME", help="default " + name)
+
+
+def add_nodes(parser):
+    """What the nodes are told where the bag does not say it, as for evaluate_bag."""
+    parser.add_argument("--optics", type=optics, metavar="f,F,coc", help="default: what the bag says")
+    fusion = parser.add_argument_group("brackets, where the bag does not say what they are")
+    fusion.add_argument("--bracket-size", type=int, metavar="N", help="frames in a bracket")
+    fusion.add_argument("--bracket-gap", type=positive, metavar="S", help="a longer gap ends a bracket; default 1")
+    fusion.add_argument("--label-max-age", type=positive, metavar="S", help="oldest depth to use; default 1")
+    parser.add_argument("--invalid-values", type=_list_of_mm, metavar="[MM,...]",
+                        help="depths that mean unknown; default [0], as in the files; [0,2047] for raw Kinect streams")
+
+
+def option_of(kind):
+    """--depth-info-topic of depth_info."""
+    return "--%s-topic" % kind.replace("_", "-")
+
+
+def topics(args):
+    return Topics(**{kind: getattr(args, kind + "_topic") for kind in vars(Topics())})
+
+
+def rules(args):
+    """Rules of brackets, with the defaults of evaluate_bag."""
+    given = {"size": args.bracket_size, "gap": args.bracket_gap, "max_age": args.label_max_age}
+    return Rules(**{name: value for name, value in given.items() if value is not None})
+
+
+def invalid_values(args):
+    """List of mm."""
+    return [0] if args.invalid_values is None else yaml.safe_load(args.invalid_values)
+
+
+def _list_of_mm(text):
+    """argparse type: a YAML list of whole numbers, as text: that is how launch files take it."""
+    try:
+        values = yaml.safe_load(text)
+    except yaml.YAMLError:
+        values = None
+    if not isinstance(values, list) or not all(type(value) is int for value in values):
+        raise argparse.ArgumentTypeError("'%s': expected a list of whole numbers, such as [0,2047]" % text)
+    return text

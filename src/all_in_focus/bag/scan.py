@@ -1,0 +1,129 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""One pass over a bag: the head of every image, everything small whole. Pixels are fetched afterwards, one by one."""
+import struct
+import sys
+import zlib
+from dataclasses import dataclass, field
+from typing import List, NamedTuple, Optional
+
+import genpy
+from sensor_msgs.msg import Image
+from tf2_msgs.msg import TFMessage
+from tqdm import tqdm
+
+from all_in_focus.bag.file import TYPES, BagError, absolute
+
+NS = 10 ** 9  # in a second
+SMALL = {**TYPES, "tf": TFMessage, "tf_static": TFMessage}  # rosbag makes classes of its own, which tf2 does not know
+
+
+class Head(NamedTuple):
+    """An image without its pixels. Times in ns.
+
+    order: position among the messages scanned; nth: among those of its topic that were recorded at the same time.
+    size: (width, height), and the rest, None where the image is compressed; checksum: of the pixels.
+    """
+    order: int
+    recorded: int
+    nth: int
+    stamp: int
+    frame_id: str
+    encoding: str
+    size: Optional[tuple] = None
+    big_endian: bool = False
+    step: int = 0
+    bytes: int = 0
+    checksum: int = 0
+
+
+class Small(NamedTuple):
+    """A message that is kept whole; recorded: ns."""
+    order: int
+    recorded: int
+    message: object
+
+
+@dataclass
+class Scan:
+    """What is in a bag, in recorded order. infos: only those that differ from the one before. tf: of both topics.
+
+    unreadable: (kind, recorded) of messages that are no such message; start: the first recorded, ns.
+    """
+    depth: List[Head] = field(default_factory=list)
+    rgb: List[Head] = field(default_factory=list)
+    depth_info: List[Small] = field(default_factory=list)
+    rgb_info: List[Small] = field(default_factory=list)
+    focus: List[Small] = field(default_factory=list)
+    optics: List[Small] = field(default_factory=list)
+    tf: List[Small] = field(default_factory=list)
+    tf_static: List[Small] = field(default_factory=list)
+    unreadable: List[tuple] = field(default_factory=list)
+    counts: dict = field(default_factory=dict)
+    start: int = 0
+
+
+def scan(bag, checksums=False):
+    """Scan of a BagFile; topics of a wrong type are left out. checksums: whether those of colour are wanted."""
+    wrong = {kind for kind, _ in bag.wrong_types()}
+    kinds = {name: kind for kind, name in bag.topics.items() if kind not in wrong}
+    kinds.update({"/tf": "tf", "/tf_static": "tf_static"})
+    found = Scan()
+    total = sum(bag.found[name].message_count for name in kinds if name in bag.found)
+    last, infos = {}, {}  # (recorded, nth) by kind; the last camera info without its stamp
+    messages = enumerate(bag.read(list(kinds), raw=True))
+    for order, (name, (_, data, _, _, message_type), time) in tqdm(messages, total=total, unit="message", leave=False,
+                                                                   disable=not sys.stderr.isatty()):
+        kind, recorded = kinds[absolute(name)], time.to_nsec()
+        found.counts[kind] = found.counts.get(kind, 0) + 1
+        found.start = found.start or recorded
+        try:
+            if kind in ("depth", "rgb"):
+                nth = last[kind][1] + 1 if last.get(kind, (None,))[0] == recorded else 0
+                last[kind] = (recorded, nth)
+                head = Head(order, recorded, nth, *_head(data, message_type, checksums and kind == "rgb"))
+                getattr(found, kind).append(head)
+                continue
+            if kind.endswith("_info"):
+                if infos.get(kind) == data[12:]:
+                    continue
+                infos[kind] = data[12:]  # after sequence number and stamp
+            getattr(found, kind).append(Small(order, recorded, SMALL[kind]().deserialize(data)))
+        except (struct.error, UnicodeError, genpy.DeserializationError):
+            found.unreadable.append((kind, recorded))
+    return found
+
+
+def _head(data, message_type, checksum):
+    """Everything of a Head from the stamp on."""
+    _, seconds, nanoseconds, length = struct.unpack_from("<4I", data, 0)
+    at = 16 + length
+    stamp, frame_id = seconds * NS + nanoseconds, data[16:at].decode()
+    if message_type._type == Image._type:
+        height, width, length = struct.unpack_from("<3I", data, at)
+        at += 12 + length
+        encoding = data[at - length:at].decode()
+        big_endian, step, length = struct.unpack_from("<BII", data, at)
+        at += 9
+        rest = ((width, height), bool(big_endian), step, length)
+    else:
+        length, = struct.unpack_from("<I", data, at)
+        at += 4 + length
+        encoding, rest = data[at - length:at].decode(), (None, False, 0, len(data) - at - 4)
+    return (stamp, frame_id, encoding, *rest, zlib.crc32(data[at:]) if checksum else 0)
+
+
+def fetch(bag, kind, head):
+    """The whole message of a Head."""
+    time = genpy.Time(nsecs=head.recorded)
+    for nth, (_, message, _) in enumerate(bag.read([bag.topics[kind]], start_time=time, end_time=time)):
+        if nth == head.nth:
+            return message
+    raise BagError("%s: the image of %.6f on %s cannot be read again"
+                   % (bag.path, head.recorded / NS, bag.topics[kind]))
+
+
+def newest(messages, order):
+    """The last of Smalls, or of Heads, that was recorded at or before `order`, else the first; None of none."""
+    before = [message for message in messages if message.order <= order]
+    return before[-1] if before else messages[0] if messages else None

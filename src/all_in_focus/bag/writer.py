@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Writes a depth image and a focus stack into a bag, as a robot would have recorded them."""
+import errno
+import os
+import sys
+
+import cv_bridge
+import genpy
+import rosbag
+import yaml
+from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+from tqdm import tqdm
+
+from all_in_focus.msg import FocusFrame, Optics
+from all_in_focus.files.output_file import whole_file
+from all_in_focus.files.rig import load_rig
+
+START_NS = 1000 * 10 ** 9  # stamp of the first frame, ns; the same in every bag, so that bags can be compared
+
+
+def camera_info(camera, header):
+    """CameraInfo of a camera of the rig."""
+    return CameraInfo(header=header, width=camera.width, height=camera.height, distortion_model=camera.distortion_model,
+                      D=camera.D.ravel().tolist(), K=camera.K.ravel().tolist(), R=camera.R.ravel().tolist(),
+                      P=camera.P.ravel().tolist())
+
+
+def static_transform(rig_folder, stamp):
+    """Pose of the depth camera in the colour camera's frame (m), with the numbers as they stand in extrinsics.yaml."""
+    rig = load_rig(rig_folder)  # checks the file
+    with open(os.path.join(rig_folder, "extrinsics.yaml"), encoding="utf-8") as file:
+        rotation = yaml.safe_load(file)["rotation"]
+    transform = TransformStamped(header=Header(stamp=stamp, frame_id=rig.parent_frame), child_frame_id=rig.child_frame)
+    transform.transform.translation = Vector3(*rig.t.tolist())
+    transform.transform.rotation = Quaternion(*(float(value) for value in rotation))
+    return transform
+
+
+def stamp_of(index, rate):
+    """Stamp of a frame; rate in Hz."""
+    return genpy.Time(nsecs=START_NS + round(index * 1e9 / rate))
+
+
+class _Writer:
+    """A bag that records messages at their stamps."""
+
+    def __init__(self, bag):
+        self.bag = bag
+
+    def write(self, topic, message, stamp, latched=False):
+        header = None
+        if latched:  # rosbag keeps it in the connection and latches the topic again when it plays
+            header = {"topic": topic, "type": message._type, "md5sum": message._md5sum, "latching": "1",
+                      "message_definition": message._full_text, "callerid": "/make_bag"}
+        self.bag.write(topic, message, stamp, connection_header=header)
+
+
+def _fill(writer, depth, rig_folder, stack, rate, with_focus):
+    rig = load_rig(rig_folder)
+    bridge = cv_bridge.CvBridge()
+    start = stamp_of(0, rate)
+    writer.write("/tf_static", TFMessage([static_transform(rig_folder, start)]), start, latched=True)
+    if rig.optics is not None:
+        writer.write("/rgb/optics", Optics(**vars(rig.optics)), start, latched=True)
+
+    # Equal times are played in the order in which topics were first written: the depth image before the colour images.
+    header = Header(stamp=start, frame_id=rig.child_frame)
+    writer.write("/depth/camera_info", camera_info(rig.depth, header), start)
+    writer.write("/depth/image_raw", bridge.cv2_to_imgmsg(depth, "16UC1", header), start)
+
+    for index, frame in enumerate(tqdm(stack, unit="frame", disable=not sys.stderr.isatty())):
+        stamp = stamp_of(index, rate)
+        header = Header(stamp=stamp, frame_id=rig.parent_frame)
+        writer.write("/rgb/camera_info", camera_info(rig.color, header), stamp)
+        if with_focus:
+            writer.write("/rgb/focus", FocusFrame(header=header, bracket_id=0, index=index, count=len(stack),
+                                                  last=index + 1 == len(stack),
+                                                  focus_distance=stack.distances[index]), stamp)
+        writer.write("/rgb/image", bridge.cv2_to_imgmsg(frame, "bgr8", header), stamp)
+
+
+def write_bag(output, depth, rig_folder, stack, rate=30.0, with_focus=True):
+    """Write the bag; on any error nothing is left behind and an older bag stays.
+
+    depth: 16-bit image in mm; rig_folder: see rig.py; stack: a Stack; rate: colour frames per second;
+    with_focus: whether FocusFrame messages say which frame of the bracket an image is.
+    """
+    if os.path.isdir(output):
+        raise IsADirectoryError(errno.EISDIR, "is a folder", output)
+    with whole_file(output) as working, rosbag.Bag(working, "w", compression=rosbag.Compression.LZ4) as bag:
+        _fill(_Writer(bag), depth, rig_folder, stack, rate, with_focus)

@@ -1,0 +1,122 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The whole evaluation: find and check scenes, run what is not done yet, collect."""
+import os
+import sys
+import time
+
+from tqdm import tqdm
+
+from all_in_focus.benchmark import methods, programs, scenes, tasks
+from all_in_focus.benchmark.engine import engine
+from all_in_focus.benchmark.report import Run
+from all_in_focus.benchmark.settings import SettingsError
+from all_in_focus.benchmark.store import Store
+
+
+class BadInput(ValueError):
+    """lines: what is wrong, one each."""
+
+    def __init__(self, lines):
+        super().__init__("; ".join(lines))
+        self.lines = lines
+
+
+def progress(items=None, **options):
+    return tqdm(items, disable=not sys.stderr.isatty(), **options)
+
+
+def find_scenes(settings):
+    """All scenes, looked at: BadInput with a line for each that cannot be used."""
+    found, wrong = [], []
+    for entry in settings.scenes:
+        try:
+            found += scenes.find(entry)
+        except ValueError as error:
+            wrong.append(str(error))
+    names = [scene.name for scene in found]
+    wrong += ["two scenes are named %s: give one of them a name" % name for name in sorted(set(names))
+              if names.count(name) > 1]
+    for scene in progress(found, desc="check", unit="scene"):
+        try:
+            if scene.is_bag:
+                from all_in_focus.benchmark import bags  # with rosbag behind it
+                bags.check(scene, settings.bag)
+            else:
+                scenes.check(scene)
+        except OSError as error:
+            wrong.append("%s: %s" % (error.filename or scene.path, error.strerror))
+        except ValueError as error:
+            wrong.append(str(error))
+    if wrong:
+        raise BadInput(wrong)
+    return found
+
+
+def evaluate(settings, fresh=False, say=None):
+    """Run (see report.Run) and Store of checked settings. say(line): told of every failure and every lost worker;
+    fresh: results of earlier runs do not count. Raises BadInput, SettingsError, engine.EngineError."""
+    say = say or (lambda line: None)
+    found = find_scenes(settings)
+    try:
+        names = methods.expand(settings.methods, found)
+    except ValueError as error:
+        raise SettingsError(error)
+    os.makedirs(settings.output, exist_ok=True)
+    name = "%s %d" % (time.strftime("%Y-%m-%dT%H:%M:%S"), os.getpid())
+    run = Run(settings, [], names, {}, [], programs.versions(), name)
+    store = Store(settings.output)
+
+    def tell(line):
+        with tqdm.external_write_mode(file=sys.stderr):
+            say(line)
+
+    def fail(line):
+        run.failures.append(line)
+        tell(line)
+
+    with engine(settings.jobs, settings.scheduler, say=tell) as workers:
+        run.at_a_time = workers.at_a_time
+        run.scenes = _with_brackets(found, names, settings, workers, run.versions["fuse_stack"], fail)
+        _run_tasks(run, store, workers, fresh, fail)
+    return run, store
+
+
+def _with_brackets(found, names, settings, workers, fusion, fail):
+    """The scenes, each bag replaced by its brackets."""
+    recorded = [scene for scene in found if scene.is_bag]
+    if not recorded:
+        return found
+    from all_in_focus.benchmark import bags
+    modes = [name for name in names if name in methods.OWN]
+    folders = {scene.name: os.path.join(settings.output, "bags", scene.name) for scene in recorded}
+    calls = {scene.name: (bags.prepare, (scene, modes, settings.bag, folders[scene.name],
+                                         bags.fingerprint(scene, modes, settings.bag, fusion))) for scene in recorded}
+    for name, result in progress(workers.run(calls), total=len(calls), desc="bags", unit="bag"):
+        for mode, reason in result.get("failed", {}).items():
+            fail("%s %s: %s" % (name, mode, reason))
+        if "error" in result:
+            fail("%s: %s" % (name, result["error"]))
+    replaced = []
+    for scene in found:
+        replaced += bags.brackets(scene, modes, settings.bag, folders[scene.name]) if scene.is_bag else [scene]
+    return replaced
+
+
+def _run_tasks(run, store, workers, fresh, fail):
+    """Every method on every scene, unless its result is there already."""
+    by_name = {scene.name: scene for scene in run.scenes}
+    code, fusion = run.versions["code"], run.versions["fuse_stack"]
+    marks = {(scene, method): methods.fingerprint(method, by_name[scene], code, fusion)
+             for scene in by_name for method in run.methods}
+    done = {key: None if fresh else store.load(*key, mark, run.settings.metrics) for key, mark in marks.items()}
+    calls = {key: (tasks.run, (by_name[key[0]], key[1], run.settings.metrics, code))
+             for key, result in done.items() if result is None}
+    with progress(total=len(marks), initial=len(marks) - len(calls), unit="result") as bar:
+        for key, result in workers.run(calls):
+            bar.set_description("%s %s" % key)
+            done[key] = store.save(*key, marks[key], run.name, result)
+            if "error" in result:
+                fail("%s %s: %s" % (*key, result["error"]))
+            bar.update()
+    run.results = {scene: {method: done[scene, method] for method in run.methods} for scene in by_name}

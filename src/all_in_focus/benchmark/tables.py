@@ -1,0 +1,109 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tables T3, T4 and T5 of the paper from results, as rows that the terminal, CSV files and the page show alike."""
+import math
+from dataclasses import dataclass
+from typing import Dict, List, Optional
+
+from all_in_focus.benchmark.scores import scores, standings
+from all_in_focus.benchmark.settings import TRUTH_MEASURES
+
+FORMS = {"PSNR": "%.2f", "SSIM": "%.4f", "PSNR_edges": "%.2f"}
+
+
+@dataclass
+class Row:
+    """One measure on one scene: value and score of each method, None where it failed."""
+    scene: str
+    measure: str
+    values: Dict[str, Optional[float]]
+    scores: Dict[str, Optional[float]]
+
+
+@dataclass
+class Tables:
+    """methods, in order; metrics and truth: rows of T3 by the metrics and by the truth; seconds: scene -> method ->
+    seconds or None."""
+    methods: List[str]
+    metrics: List[Row]
+    truth: List[Row]
+    seconds: Dict[str, Dict[str, Optional[float]]]
+
+    def standings(self, rows):
+        """Table T4 of some rows: name of a method -> Standing, best first."""
+        found = standings(row.scores for row in rows)
+        return dict(sorted(found.items(), key=lambda item: item[1].rank))
+
+    def mean_seconds(self, method):
+        """Mean over the scenes that have a time, None without."""
+        times = [of[method] for of in self.seconds.values() if of[method] is not None]
+        return math.fsum(times) / len(times) if times else None
+
+
+def build(results, methods, metric_names):
+    """Tables of results: scene -> method -> what Store has, {"error": ...} where it failed."""
+    def rows(names):
+        found = []
+        for scene, of in results.items():
+            for name in names:
+                values = {method: of[method].get("values", {}).get(name) for method in methods}
+                if any(value is not None for value in values.values()):
+                    found.append(Row(scene, name, values, scores(values)))
+        return found
+
+    seconds = {scene: {method: of[method].get("seconds") for method in methods} for scene, of in results.items()}
+    return Tables(methods, rows(metric_names), rows(TRUTH_MEASURES), seconds)
+
+
+def number(measure, value):
+    """A value as people read it."""
+    return "-" if value is None else FORMS.get(measure, "%.4f") % value
+
+
+def score(value):
+    """A score, or a rank: halves only where they are."""
+    return "-" if value is None else "%g" % round(value, 2)
+
+
+def score_columns(found, count):
+    """Scores that head the columns of T4, best first: all whole ones, and means of ties that occurred.
+
+    found: Standings; count: of the methods.
+    """
+    return sorted({float(value) for value in range(1, count + 1)} | {value for it in found for value in it.times},
+                  reverse=True)
+
+
+def value_cells(tables, rows):
+    """T3 as lists of text: heading, then one line for each row."""
+    lines = [["scene", "measure"] + tables.methods]
+    for row in rows:
+        cells = [(number(row.measure, row.values[name]), score(row.scores[name])) for name in tables.methods]
+        lines.append([row.scene, row.measure] + ["-" if cell == ("-", "-") else "%s (%s)" % cell for cell in cells])
+    return lines
+
+
+def standing_cells(tables, rows):
+    """T4 as lists of text."""
+    found = tables.standings(rows)
+    columns = score_columns(found.values(), len(tables.methods))
+    lines = [["method"] + [score(value) for value in columns] + ["total", "rank"]]
+    for name, it in found.items():
+        lines.append([name] + [str(it.times[value]) for value in columns] + [score(it.total), score(it.rank)])
+    return lines
+
+
+def seconds_cells(tables):
+    """T5 as lists of text."""
+    lines = [["scene"] + tables.methods]
+    lines += [[scene] + [number("seconds", of[name]) for name in tables.methods]
+              for scene, of in tables.seconds.items()]
+    return lines + [["mean"] + [number("seconds", tables.mean_seconds(name)) for name in tables.methods]]
+
+
+def markdown(lines):
+    """Lists of text as a table that reads well as it is, too."""
+    widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
+    text = ["| %s |" % " | ".join(cell.ljust(width) for cell, width in zip(line, widths)) for line in lines]
+    text.insert(1, "|%s|" % "|".join("-" * (width + 2) for width in widths))
+    return "\n".join(text) + "\n"

@@ -1,0 +1,79 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""One method on one scene, fused and measured: what is handed to other processes and machines."""
+import platform
+import tempfile
+import time
+
+import cv2
+import numpy as np
+
+from all_in_focus import metrics
+from all_in_focus.benchmark import methods, programs
+from all_in_focus.benchmark.settings import TRUTH_MEASURES
+from all_in_focus.metrics.truth import Truth, psnr, ssim
+from all_in_focus.files.result_files import encode_png
+from all_in_focus.files.stack import read_depth, read_image
+
+
+def one_line(error):
+    """An exception for people; its type only where the message alone would tell nothing."""
+    if isinstance(error, OSError) and error.strerror:
+        return "%s: %s" % (error.filename, error.strerror) if error.filename else error.strerror
+    text = " ".join(str(error).split())
+    if text and (isinstance(error, ValueError) or type(error) is RuntimeError):  # its subclasses are told by type
+        return text
+    return ("%s: %s" % (type(error).__name__, text)).rstrip(": ")
+
+
+def run(scene, method, metric_names, code):
+    """Plain dictionary: values, seconds, wall_seconds, host, notes, files (PNG bytes by name); or just error, host.
+
+    code: programs.code_digest() of whoever asks: results of another version of the package are of no use to it.
+    """
+    host = platform.node()
+    try:
+        if programs.code_digest() != code:
+            raise RuntimeError("%s has another version of the package" % host)
+        begin = time.perf_counter()
+        with tempfile.TemporaryDirectory(prefix="evaluate.") as folder:
+            produced = methods.find(method)(scene, folder)
+        wall = time.perf_counter() - begin
+        return {"values": measure(scene, produced.fused, metric_names), "seconds": produced.seconds,
+                "wall_seconds": wall, "host": host, "notes": produced.notes, "files": pictures(produced)}
+    except Exception as error:  # whatever a method does wrong, the others go on
+        return {"error": one_line(error), "host": host}
+
+
+def measure(scene, fused, metric_names):
+    """Name -> value of the metrics, and with a truth of TRUTH_MEASURES. ValueError where sizes differ."""
+    frames = list(scene.frames())
+    if fused.shape[:2] != frames[0].shape[:2]:
+        raise ValueError("the fused image has %dx%d pixels, the frames have %dx%d"
+                         % (fused.shape[1::-1] + frames[0].shape[1::-1]))
+    grays, gray = [metrics.to_gray(frame) for frame in frames], metrics.to_gray(fused)
+    values = {name: float(metrics.METRICS[name](grays, gray)) for name in metric_names}
+    if "truth" not in scene.beside:
+        return values
+    colour = fused if fused.ndim == 3 else cv2.cvtColor(fused, cv2.COLOR_GRAY2BGR)
+    truth = read_image(scene.beside["truth"])
+    values.update(zip(TRUTH_MEASURES, (psnr(colour, truth), ssim(colour, truth))))
+    optics = scene.lens()
+    if "truth_depth" in scene.beside and optics:
+        edges = Truth.of(truth, read_depth(scene.beside["truth_depth"]), optics).edges
+        if edges.any():
+            values["PSNR_edges"] = psnr(colour, truth, edges)
+    return values
+
+
+def pictures(produced):
+    """PNG bytes by name: fused, source_index or weights (16 bit: 65535 = all of the second frame), labels."""
+    files = {"fused": encode_png(produced.fused)}
+    if produced.weights is not None:
+        if np.issubdtype(produced.weights.dtype, np.floating):
+            files["weights"] = encode_png(np.rint(np.clip(produced.weights, 0, 1) * 65535).astype(np.uint16))
+        else:
+            files["source_index"] = encode_png(produced.weights.astype(np.uint16))
+    if produced.labels is not None:
+        files["labels"] = encode_png(produced.labels.astype(np.uint16))
+    return files

@@ -1,0 +1,227 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A rig folder: depth.yaml, color.yaml, extrinsics.yaml and, optionally, optics.yaml.
+
+The cameras are camera_info files as camera_calibration writes them; extrinsics.yaml holds the pose of the depth camera
+in the colour camera's optical frame, X_color = R X_depth + t (metres); optics.yaml holds the lens of the colour camera.
+"""
+import math
+import os
+from dataclasses import dataclass
+from typing import Optional
+
+import cv2
+import numpy as np
+import yaml
+from scipy.spatial.transform import Rotation
+
+from all_in_focus.files import yaml_file
+
+DISTORTION_LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,)}
+
+
+def rotation_matrix(rotation):
+    """3x3 matrix of a scipy Rotation (as_matrix, which scipy before 1.4 does not have)."""
+    return rotation.apply(np.eye(3)).T
+
+
+class RigError(ValueError):
+    """A rig file that is missing or wrong; the message names the file and the key."""
+
+
+@dataclass
+class Camera:
+    """Pinhole camera with distortion; K, R (rectification) 3x3 and P 3x4, in pixels."""
+    name: str
+    width: int
+    height: int
+    K: np.ndarray
+    D: np.ndarray = None
+    distortion_model: str = "plumb_bob"
+    R: np.ndarray = None
+    P: np.ndarray = None
+
+    def __post_init__(self):
+        self.K = np.array(self.K, float)
+        self.D = np.zeros(5) if self.D is None else np.array(self.D, float)
+        self.R = np.eye(3) if self.R is None else np.array(self.R, float)
+        self.P = np.hstack([self.K, np.zeros((3, 1))]) if self.P is None else np.array(self.P, float)
+
+    @classmethod
+    def pinhole(cls, name, width, height, fx, fy, cx, cy):
+        """Camera without distortion."""
+        return cls(name, width, height, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+
+@dataclass
+class Optics:
+    """Thin lens: focal length (mm), f-number, circle of confusion (mm)."""
+    focal_length_mm: float
+    aperture: float
+    circle_of_confusion_mm: float
+
+    @classmethod
+    def parse(cls, text):
+        """Optics from 'f,F,coc', such as '24,4.0,0.019'."""
+        try:
+            values = [float(part) for part in text.split(",")]
+        except ValueError:
+            values = []
+        if len(values) != 3 or not all(math.isfinite(v) and v > 0 for v in values):
+            raise ValueError("optics '%s': expected three positive numbers f,F,coc" % text)
+        return cls(*values)
+
+
+@dataclass
+class Rig:
+    """Depth and colour camera, X_color = R X_depth + t (R 3x3, t in metres), and the colour camera's lens if known."""
+    depth: Camera
+    color: Camera
+    R: np.ndarray
+    t: np.ndarray
+    optics: Optional[Optics] = None
+    parent_frame: str = ""
+    child_frame: str = ""
+
+    def __post_init__(self):
+        self.R, self.t = np.array(self.R, float), np.array(self.t, float)
+        self.parent_frame = self.parent_frame or self.color.name + "_optical_frame"
+        self.child_frame = self.child_frame or self.depth.name + "_optical_frame"
+
+    @property
+    def quaternion(self):
+        """Rotation as x, y, z, w with w >= 0."""
+        q = Rotation.from_rotvec(cv2.Rodrigues(self.R)[0].ravel()).as_quat()
+        return -q if q[3] < 0 else q
+
+
+class _Reader:
+    """One YAML file, read key by key with errors that name file and key."""
+
+    def __init__(self, path):
+        self.path = path
+        self.data = yaml_file.read(path, RigError)
+        if not isinstance(self.data, dict):
+            raise RigError("%s: expected keys and values" % path)
+
+    def fail(self, key, reason):
+        raise RigError("%s: %s: %s" % (self.path, key, reason))
+
+    def value(self, key, default=None):
+        node = self.data
+        for part in key.split("."):
+            if not isinstance(node, dict) or part not in node:
+                return default if default is not None else self.fail(key, "missing")
+            node = node[part]
+        return node
+
+    def text(self, key, default=None):
+        value = self.value(key, default)
+        return value if isinstance(value, str) and value else self.fail(key, "expected a name")
+
+    def number(self, key):
+        return float(self.array(key, ())[()])
+
+    def positive(self, key):
+        value = self.number(key)
+        return value if value > 0 else self.fail(key, "must be positive")
+
+    def size(self, key):
+        value = self.value(key)
+        return value if type(value) is int and value > 0 else self.fail(key, "expected a positive whole number")
+
+    def array(self, key, shape):
+        """Finite numbers in the given shape; shape None: any flat list."""
+        try:
+            values = np.array(self.value(key), float)
+        except (TypeError, ValueError):
+            self.fail(key, "expected numbers")
+        if not np.isfinite(values).all():
+            self.fail(key, "must be finite")
+        if shape is None:
+            return values if values.ndim == 1 else self.fail(key, "expected a list of numbers")
+        if values.size != int(np.prod(shape)) or values.ndim > 1:
+            self.fail(key, "expected %s" % ("a number" if shape == () else "%d numbers" % np.prod(shape)))
+        return values.reshape(shape)
+
+    def matrix(self, key, shape, default=None):
+        if default is not None and key not in self.data:
+            return default
+        return self.array(key + ".data", shape)
+
+
+def load_camera(path):
+    """Camera from a camera_info YAML file."""
+    file = _Reader(path)
+    K = file.matrix("camera_matrix", (3, 3))
+    if K[0, 0] <= 0 or K[1, 1] <= 0:
+        file.fail("camera_matrix.data", "focal lengths must be positive")
+    model = file.text("distortion_model", "plumb_bob")
+    D = file.array("distortion_coefficients.data", None) if "distortion_coefficients" in file.data else np.zeros(5)
+    if model not in DISTORTION_LENGTHS:
+        file.fail("distortion_model", "'%s' is not one of %s" % (model, ", ".join(sorted(DISTORTION_LENGTHS))))
+    if len(D) not in DISTORTION_LENGTHS[model]:
+        file.fail("distortion_coefficients.data", "%d numbers do not fit the model %s" % (len(D), model))
+    return Camera(file.text("camera_name", "camera"), file.size("image_width"), file.size("image_height"), K, D, model,
+                  file.matrix("rectification_matrix", (3, 3), np.eye(3)),
+                  file.matrix("projection_matrix", (3, 4), np.hstack([K, np.zeros((3, 1))])))
+
+
+def load_optics(path):
+    """Optics from optics.yaml."""
+    file = _Reader(path)
+    return Optics(file.positive("focal_length_mm"), file.positive("aperture"), file.positive("circle_of_confusion_mm"))
+
+
+def load_rig(folder):
+    """Rig from its folder; `optics` is None where optics.yaml does not exist. Raises RigError."""
+    path = os.path.join(folder, "extrinsics.yaml")
+    depth = load_camera(os.path.join(folder, "depth.yaml"))
+    color = load_camera(os.path.join(folder, "color.yaml"))
+    file = _Reader(path)
+    quaternion = file.array("rotation", (4,))
+    if abs(np.linalg.norm(quaternion) - 1) > 1e-3:
+        file.fail("rotation", "expected a unit quaternion x, y, z, w")
+    optics = os.path.join(folder, "optics.yaml")
+    return Rig(depth, color, rotation_matrix(Rotation.from_quat(quaternion)), file.array("translation", (3,)),
+               load_optics(optics) if os.path.exists(optics) else None,
+               file.text("parent_frame"), file.text("child_frame"))
+
+
+def _flow(values):
+    """Numbers as one line of YAML, exact to the last bit."""
+    return yaml.safe_dump([float(v) for v in np.ravel(values)], default_flow_style=True, width=10 ** 6).strip()
+
+
+def _matrix(key, values, rows):
+    return "%s:\n  rows: %d\n  cols: %d\n  data: %s\n" % (key, rows, np.size(values) // rows, _flow(values))
+
+
+def save_camera(path, camera):
+    """Write a camera_info YAML file."""
+    with open(path, "w", encoding="utf-8") as out:
+        out.write("image_width: %d\nimage_height: %d\ncamera_name: %s\n" % (camera.width, camera.height, camera.name))
+        out.write(_matrix("camera_matrix", camera.K, 3))
+        out.write("distortion_model: %s\n" % camera.distortion_model)
+        out.write(_matrix("distortion_coefficients", camera.D, 1))
+        out.write(_matrix("rectification_matrix", camera.R, 3))
+        out.write(_matrix("projection_matrix", camera.P, 3))
+
+
+def save_rig(folder, rig, quaternion=None):
+    """Write the rig into `folder`, which is made if needed. quaternion: x, y, z, w to write to the last bit in place of
+    that of rig.R."""
+    os.makedirs(folder, exist_ok=True)
+    save_camera(os.path.join(folder, "depth.yaml"), rig.depth)
+    save_camera(os.path.join(folder, "color.yaml"), rig.color)
+    with open(os.path.join(folder, "extrinsics.yaml"), "w", encoding="utf-8") as out:
+        out.write("# Pose of the depth camera in the colour camera's optical frame: "
+                  "X_color = R * X_depth + t (metres).\n")
+        out.write("parent_frame: %s\nchild_frame: %s\n" % (rig.parent_frame, rig.child_frame))
+        out.write("translation: %s\nrotation: %s  # quaternion x, y, z, w\n"
+                  % (_flow(rig.t), _flow(rig.quaternion if quaternion is None else quaternion)))
+    if rig.optics is not None:
+        with open(os.path.join(folder, "optics.yaml"), "w", encoding="utf-8") as out:
+            out.write("# Lens of the colour camera\n")
+            for key in ("focal_length_mm", "aperture", "circle_of_confusion_mm"):
+                out.write("%s: %s\n" % (key, _flow([getattr(rig.optics, key)])[1:-1]))

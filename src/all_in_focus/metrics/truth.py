@@ -1,0 +1,89 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""How near an image comes to a known all-in-focus truth."""
+import os
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+from all_in_focus.files.rig import load_rig
+from all_in_focus.files.stack import Stack, read_depth, read_image
+
+EDGE_REACH_PX = 8  # how far from a depth edge a pixel still counts as near it
+
+
+@dataclass
+class Truth:
+    """What a scene folder (see make_scene) should be fused to; image: H x W x 3 uint8 (BGR), edges: H x W bool, the
+    pixels near depth edges."""
+    image: np.ndarray
+    edges: np.ndarray
+
+    @classmethod
+    def load(cls, scene):
+        """ValueError where a file is missing or damaged."""
+        return cls.of(read_image(os.path.join(scene, "truth.png")), read_depth(os.path.join(scene, "truth_depth.png")),
+                      load_rig(os.path.join(scene, "rig")).optics)
+
+    @classmethod
+    def of(cls, image, depth_mm, optics):
+        """image: as above; depth_mm: H x W, its depth, 0 = unknown; optics: rig.Optics of the lens."""
+        # Half the span of one depth of field, 1/H, is a jump that blurs visibly.
+        step = 500 * optics.aperture * optics.circle_of_confusion_mm / optics.focal_length_mm ** 2
+        return cls(image, near_depth_edges(depth_mm, step))
+
+
+def near_depth_edges(depth_mm, step_dioptres):
+    """Mask (H x W, bool) of the pixels within EDGE_REACH_PX of a depth edge.
+
+    depth_mm: H x W, true depth; 0 = unknown, which makes no edge. step_dioptres: smallest jump between neighbours, 1/m,
+    that is an edge.
+    """
+    dioptres = 1000.0 / np.where(depth_mm > 0, depth_mm, np.nan)
+    edge = np.zeros(depth_mm.shape, bool)
+    edge[:, 1:] |= np.abs(np.diff(dioptres, axis=1)) > step_dioptres
+    edge[1:, :] |= np.abs(np.diff(dioptres, axis=0)) > step_dioptres
+    return distance_transform_edt(~edge) <= EDGE_REACH_PX if edge.any() else edge
+
+
+def psnr(image, truth, mask=None):
+    """Peak signal to noise ratio in dB of 8-bit images (H x W x 3), over mask (H x W, bool) or everywhere."""
+    _check_sizes(image, truth)
+    if mask is not None:
+        image, truth = image[mask], truth[mask]
+    if np.array_equal(image, truth):
+        return float("inf")
+    return float(peak_signal_noise_ratio(truth, image, data_range=255))
+
+
+def ssim(image, truth):
+    """Structural similarity (Wang et al. 2004: Gaussian window of sigma 1.5) of 8-bit images, mean of the channels."""
+    _check_sizes(image, truth)
+    options = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False, "data_range": 255}
+    return float(np.mean([structural_similarity(truth[..., channel], image[..., channel], **options)
+                          for channel in range(3)]))
+
+
+def _check_sizes(image, truth):
+    if image.shape != truth.shape:
+        raise ValueError("images differ in size: %dx%d and %dx%d" % (image.shape[1::-1] + truth.shape[1::-1]))
+
+
+def psnr_table(scene, fused):
+    """Lines of a table: PSNR of each frame of a scene folder (see make_scene), of the best of them, and of
+    each fused image, over the whole image and near depth edges."""
+    truth = Truth.load(scene)
+    stack = Stack(os.path.join(scene, "stack"))
+
+    def scores(image):
+        return psnr(image, truth.image), psnr(image, truth.image, truth.edges)
+
+    row = "%-34s %8.2f %12.2f"
+    singles = [scores(frame) for frame in stack]
+    lines = ["%-34s %8s %12s" % ("PSNR against the truth, dB", "image", "depth edges")]
+    lines += [row % ((name,) + values) for name, values in zip(stack.names, singles)]
+    lines.append(row % (("best single frame",) + max(singles)))
+    lines += [row % ((os.path.join(*path.split(os.sep)[-2:]),) + scores(read_image(path))) for path in fused]
+    return lines

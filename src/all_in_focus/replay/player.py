@@ -1,0 +1,268 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Plays a bag to the nodes as fast as they work, never faster: every input waits for its acknowledgement.
+
+All waiting is in wall time. Node time is that of the bag, and never passes a colour image that is still under way: the
+fusion ends brackets at gaps in time.
+"""
+import re
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass
+
+import dynamic_reconfigure.client
+import genpy
+import rospy
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
+
+from all_in_focus.bag.contents import TYPES
+
+TOPICS = {"depth": "depth/image_raw", "depth_info": "depth/camera_info", "rgb": "rgb/image",
+          "rgb_info": "rgb/camera_info", "focus": "rgb/focus"}
+ACKNOWLEDGED = {"registration": "depth_registered/processed", "segmentation": "segmentation/processed",
+                "fusion": "all_in_focus/processed"}
+NODES = {"depth": "depth_preprocess", "depth_registered": "depth_preprocess", "segmentation": "segmenter",
+         "rgb": "fusion", "all_in_focus": "fusion"}
+LENS = ("focal_length_mm", "aperture", "circle_of_confusion_mm")
+POLL = 0.002  # s
+CLOCK_PERIOD = 0.1  # s
+SETTLE = 0.5  # s, for connections among the nodes, which cannot be seen from here
+MAX_SILENCES = 3  # acknowledgements that fail to come one after the other before giving up
+
+
+class PlayError(RuntimeError):
+    """The bag cannot be played to the end; the message is one line."""
+
+
+@dataclass
+class Limits:
+    """Waits in seconds of wall time."""
+    connect: float = 60.0      # for nodes to connect, and for the last result
+    acknowledge: float = 10.0  # for one input
+    follow_up: float = 3.0     # for the segmenter once depth_preprocess is done with a depth image
+    window: int = 8            # colour images under way
+
+
+class Acknowledgements:
+    """Stamps (ns) of inputs sent and not yet reported back. Thread-safe."""
+
+    def __init__(self):
+        self._lock = threading.Lock()
+        self._under_way = Counter()
+        self.received = 0
+
+    def sent(self, stamp):
+        with self._lock:
+            self._under_way[stamp] += 1
+
+    def came(self, stamp):
+        with self._lock:
+            self.received += 1
+            self._under_way -= Counter({stamp: 1})  # unexpected stamps change nothing
+
+    def under_way(self):
+        with self._lock:
+            return sum(self._under_way.values())
+
+    def first(self):
+        """First stamp under way (ns), or None."""
+        with self._lock:
+            return min(self._under_way, default=None)
+
+    def give_up(self):
+        """Forget everything under way."""
+        with self._lock:
+            self._under_way.clear()
+
+
+class BagPlayer:
+    """contents: BagContents; limits: Limits; heartbeat: called often, with the number of messages played.
+
+    problems: what went wrong without ending the run, text -> how often.
+    """
+
+    def __init__(self, contents, limits, heartbeat=lambda done: None):
+        self._contents, self._limits, self._heartbeat = contents, limits, heartbeat
+        self._done = 0
+        self._silences = self._refusals = 0  # in a row
+        self.problems = Counter()
+        self._clock = _NodeTime(contents.start)
+        self._played_to = contents.start
+        self._publishers = {kind: rospy.Publisher(topic, TYPES[kind], queue_size=50, latch=kind.endswith("_info"))
+                            for kind, topic in TOPICS.items() if contents.counts.get(kind)}
+        self._publishers["tf"] = rospy.Publisher("/tf", TFMessage, queue_size=100)
+        self._static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+        self._acknowledged, self._subscribers = {}, {}
+        for kind, topic in ACKNOWLEDGED.items():
+            waiting = self._acknowledged[kind] = Acknowledgements()
+            self._subscribers[topic] = rospy.Subscriber(
+                topic, Header, lambda header, waiting=waiting: waiting.came(header.stamp.to_nsec()))
+
+    def connect(self, outputs):
+        """Wait until every node listens and every output is connected; give out what is latched.
+
+        outputs: subscribers by topic.
+        """
+        self._static.publish(self._contents.static_transforms)
+        self._publishers["depth_info"].publish(self._contents.depth_info)
+        self._publishers["rgb_info"].publish(self._contents.rgb_info)
+        ends = [(topic, "nobody publishes", end) for topic, end in {**self._subscribers, **outputs}.items()]
+        ends += [(TOPICS[kind], "nobody listens to", end) for kind, end in self._publishers.items() if kind in TOPICS]
+
+        def loose_ends():
+            return [end for end in ends if end[2].get_num_connections() == 0]
+
+        if not self._wait(lambda: not loose_ends(), self._limits.connect):
+            topic, complaint, _ = loose_ends()[0]
+            raise PlayError("%s %s for %g s: did the node %s start?"
+                            % (complaint, rospy.resolve_name(topic), self._limits.connect, NODES[topic.split("/")[0]]))
+        self._wait(lambda: False, SETTLE)
+
+    def set_optics(self, optics):
+        """Give the lens to the segmenter. optics: has focal_length_mm, aperture, circle_of_confusion_mm."""
+        wanted = {name: getattr(optics, name) for name in LENS}
+        try:
+            client = dynamic_reconfigure.client.Client("segmenter", timeout=self._limits.connect)
+            if client.get_parameter_descriptions(timeout=self._limits.connect) is None:
+                raise PlayError("the segmenter does not say what its parameters are")
+            taken = client.update_configuration(wanted)
+            client.close()
+        except (rospy.ROSException, rospy.ServiceException) as error:
+            raise PlayError("the segmenter does not take the optics: %s" % error)
+        for name in LENS:
+            if taken[name] != getattr(optics, name):
+                self.problems["segmenter: %s = %g is impossible, it uses %g"
+                              % (name, getattr(optics, name), taken[name])] += 1
+
+    def play(self, follow_optics=True, check=lambda: None):
+        """Send every message of the bag.
+
+        follow_optics: whether lens changes in the bag go to the segmenter.
+        check: called before each message, may raise.
+        """
+        optics = self._contents.optics
+        for kind, message, stamp in self._contents.messages():
+            check()
+            self._played_to = stamp
+            self._advance_clock()
+            if kind == "depth":
+                self._send_depth(message)
+            elif kind == "rgb":
+                self._send_color(message)
+            elif kind != "optics":
+                self._publishers[kind].publish(message)
+            elif follow_optics and any(getattr(message, name) != getattr(optics, name) for name in LENS):
+                optics = message
+                self.set_optics(optics)
+            self._done += 1
+            self._heartbeat(self._done)
+        self._wait_for_color(1)
+
+    def end_bracket(self, enough):
+        """End the open bracket. enough: called with the number of brackets published, says whether all have come."""
+        answer = self._call_finish()
+        number = re.match(r"\s*(\d+)", answer.message)
+        if not number:
+            raise PlayError("fusion/finish answers '%s', not how many brackets were published" % answer.message)
+        self._wait(lambda: enough(int(number.group(1))), self._limits.connect)
+
+    def _call_finish(self):
+        answers = []
+
+        def call():
+            try:
+                rospy.wait_for_service("fusion/finish", self._limits.connect)
+                answers.append(rospy.ServiceProxy("fusion/finish", Trigger)())
+            except (rospy.ROSException, rospy.ServiceException) as error:
+                answers.append(PlayError("fusion/finish: %s" % error))
+
+        # A service call takes no time limit: it gets a thread that can be left behind.
+        threading.Thread(target=call, daemon=True).start()
+        if not self._wait(lambda: bool(answers), self._limits.connect):
+            raise PlayError("fusion/finish does not answer within %g s" % self._limits.connect)
+        if isinstance(answers[0], PlayError):
+            raise answers[0]
+        return answers[0]
+
+    def _send_depth(self, message):
+        """Returns when the label image is out: no colour image may overtake it."""
+        registered, segmented = self._acknowledged["registration"], self._acknowledged["segmentation"]
+        for waiting in (registered, segmented):
+            waiting.give_up()
+            waiting.sent(message.header.stamp.to_nsec())
+        self._publishers["depth"].publish(message)
+        if not self._wait(lambda: not (registered.under_way() and segmented.under_way()), self._limits.acknowledge):
+            self._silence("depth_preprocess did not acknowledge a depth image within %g s" % self._limits.acknowledge)
+            return
+        self._silences = 0
+        # When everything is refused, only the first few images are worth the full wait.
+        patience = self._limits.follow_up * (0.1 if self._refusals >= 3 else 1)
+        if self._wait(lambda: not segmented.under_way(), patience):
+            self._refusals = 0
+        else:
+            self._refusals += 1
+            self.problems["depth_preprocess refused a depth image, or the segmenter never got it"] += 1
+
+    def _send_color(self, message):
+        self._wait_for_color(self._limits.window)
+        self._acknowledged["fusion"].sent(message.header.stamp.to_nsec())
+        self._publishers["rgb"].publish(message)
+
+    def _wait_for_color(self, limit):
+        """Until fewer than `limit` colour images are under way."""
+        fused = self._acknowledged["fusion"]
+        while fused.under_way() >= limit:
+            before = fused.received
+            if self._wait(lambda: fused.received > before, self._limits.acknowledge):
+                self._silences = 0
+            else:
+                rospy.logwarn("%d colour images are not acknowledged, the first of stamp %.6f",
+                              fused.under_way(), (fused.first() or 0) / 1e9)
+                fused.give_up()
+                text = "fusion did not acknowledge colour images within %g s" % self._limits.acknowledge
+                if "focus" in self._publishers:
+                    text += " (is there a focus message for each, of the same stamp?)"
+                self._silence(text)
+
+    def _silence(self, text):
+        self.problems[text] += 1
+        self._silences += 1
+        if self._silences >= MAX_SILENCES:
+            raise PlayError("%s, %d times in a row" % (text, self._silences))
+
+    def _wait(self, condition, limit):
+        """Whether the condition came true within `limit` seconds of wall time."""
+        deadline = time.monotonic() + limit
+        while not condition():
+            if time.monotonic() > deadline:
+                return False
+            if rospy.is_shutdown():
+                raise PlayError("stopped from outside")
+            self._advance_clock()
+            self._heartbeat(self._done)
+            time.sleep(POLL)
+        return True
+
+    def _advance_clock(self):
+        first = self._acknowledged["fusion"].first()
+        self._clock.reach(self._played_to if first is None else min(self._played_to, genpy.Time(nsecs=first)))
+
+
+class _NodeTime:
+    """Publishes /clock; never goes back."""
+
+    def __init__(self, start):
+        self._publisher = rospy.Publisher("/clock", Clock, queue_size=10)
+        self._now = start
+        self._published = 0.0  # wall time
+
+    def reach(self, stamp):
+        """Called often: also publishes the time again now and then, for nodes that have just started."""
+        if stamp > self._now or time.monotonic() - self._published > CLOCK_PERIOD:
+            self._now = max(self._now, stamp)
+            self._publisher.publish(Clock(self._now))
+            self._published = time.monotonic()

@@ -1,0 +1,172 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Pictures of rviz and image_view with the results of a bag: a master, the nodes and screens of their own."""
+import contextlib
+import os
+import subprocess
+import tempfile
+import time
+import xmlrpc.client
+from xml.sax.saxutils import quoteattr
+
+import rosgraph
+import rospkg
+import rospy
+from roslib.packages import find_node
+
+from all_in_focus.rviz import config as rviz_config
+from all_in_focus.replay.player import BagPlayer, Limits, PlayError
+from all_in_focus.replay.launch import RUN_VARIABLE, child_environment, end_run, free_port
+from all_in_focus.rviz.virtual_screen import ScreenError, VirtualScreen, changed_share, check_programs
+
+LABELS = "segmentation/labels"
+REPORT = "all_in_focus/report"
+CHANGED = {"rviz": 0.15, "labels": 0.01}  # share of the screen that results change, at least
+
+LAUNCH = """<launch>
+  <param name="/use_sim_time" value="true"/>
+  <include file="$(find all_in_focus)/launch/all_in_focus.launch"><arg name="mode" value={mode}/></include>
+  <node pkg="rviz" type="rviz" name="rviz" args={rviz_args} required="true">
+    <env name="DISPLAY" value={rviz_display}/>
+  </node>
+  {image_view}
+</launch>
+"""
+IMAGE_VIEW = """<node pkg="image_view" type="image_view" name="labels_view">
+    <remap from="image" to="segmentation/labels"/>
+    <param name="autosize" value="true"/>
+    <env name="DISPLAY" value={display}/>
+  </node>"""
+
+
+class RvizDied(ScreenError):
+    """rviz crashed. It does, now and then, under load: DepthCloud touches Qt from a thread of its own."""
+
+
+def default_config():
+    return os.path.join(rospkg.RosPack().get_path("all_in_focus"), "rviz", "all_in_focus.rviz")
+
+
+def has_image_view():
+    """Debian has the program in one package, and what makes it a ROS package in another."""
+    try:
+        return bool(find_node("image_view", "image_view"))
+    except rospkg.ResourceNotFound:
+        return False
+
+
+class Graph:
+    """roslaunch with rviz and the nodes, and this process as a node beside them."""
+
+    def __init__(self, launch, folder, timeout):
+        self._timeout = timeout
+        port = free_port()
+        environment = child_environment(os.environ, port, os.path.join(folder, "log"))
+        self._run = environment[RUN_VARIABLE]
+        os.environ.update(ROS_MASTER_URI=environment["ROS_MASTER_URI"], ROS_HOSTNAME="localhost")
+        self.log = os.path.join(folder, "roslaunch.log")
+        with open(self.log, "w", encoding="utf-8") as log:
+            self._process = subprocess.Popen(["roslaunch", "-p", str(port), "-"], env=environment, text=True,
+                                             stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
+                                             start_new_session=True)
+        self._process.stdin.write(launch)
+        self._process.stdin.close()
+
+    def wait(self, condition, what):
+        """Until the condition holds; raises ScreenError that says what was waited for."""
+        end = time.monotonic() + self._timeout
+        while not condition():
+            self.check()
+            if time.monotonic() > end:
+                raise ScreenError("%s: not within %g s" % (what, self._timeout))
+            time.sleep(0.1)
+
+    def check(self):
+        """Raises RvizDied, or ScreenError when the launch has ended otherwise."""
+        if self._process.poll() is None:
+            return
+        error = self._last_error()
+        raise (RvizDied if "rviz" in error and "died" in error else ScreenError)("roslaunch ended: " + error)
+
+    def _last_error(self):
+        with open(self.log, encoding="utf-8", errors="replace") as log:
+            lines = [line.strip() for line in log]
+        died = [line for line in lines if "REQUIRED process" in line and "died" in line]
+        errors = [line for line in lines if "rror" in line or "FATAL" in line]
+        return (died or errors or ["it does not say why"])[-1].lstrip("\x1b[31m=")
+
+    def close(self):
+        end_run(self._process, self._run)
+
+
+def hears(node, topics):
+    """Whether the node is connected with a publisher of each topic."""
+    try:
+        uri = rosgraph.Master("/rviz_pictures").lookupNode(node)
+        with xmlrpc.client.ServerProxy(uri) as proxy:
+            _, _, connections = proxy.getBusInfo("/rviz_pictures")
+    except (rosgraph.MasterException, OSError, xmlrpc.client.Error):
+        return False
+    return set(topics) <= {connection[4] for connection in connections if connection[2] == "i" and connection[5]}
+
+
+def take_pictures(contents, config, mode="refined", optics=None, timeout=60.0):
+    """Play a bag to the nodes and to rviz. Returns BGR pictures: "rviz", and "labels" if image_view is installed.
+
+    contents: BagContents; config: an .rviz file; optics: of the lens, None: what the bag says; timeout: s for each
+    step. Raises ScreenError, PlayError.
+    """
+    wanted = ["/" + topic.lstrip("/") for topic in rviz_config.topics(config)]
+    check_programs("Xvfb", "import", "rviz")
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="rviz_screenshots."))
+        screens = {"rviz": VirtualScreen()}
+        stack.callback(lambda: [screen.close() for screen in screens.values()])
+        if has_image_view():
+            screens["labels"] = VirtualScreen(1600, 640)
+        view = IMAGE_VIEW.format(display=quoteattr(screens["labels"].display)) if "labels" in screens else ""
+        own_config = os.path.join(folder, "own.rviz")
+        rviz_config.write_with_frame(config, contents.rgb_info.header.frame_id.lstrip("/"), own_config)
+        launch = LAUNCH.format(mode=quoteattr(mode), rviz_args=quoteattr("-d " + own_config),
+                               rviz_display=quoteattr(screens["rviz"].display), image_view=view)
+        graph = Graph(launch, folder, timeout)
+        stack.callback(graph.close)
+
+        graph.wait(rosgraph.is_master_online, "the master to answer")
+        rospy.init_node("rviz_screenshots", disable_signals=True)
+        stack.callback(rospy.signal_shutdown, "done")
+        seen = {}
+        outputs = {topic: rospy.Subscriber(topic, rospy.AnyMsg, lambda _, topic=topic: seen.update({topic: True}))
+                   for topic in [*wanted, "/" + LABELS, "/" + REPORT]}
+        graph.wait(lambda: hears("/rviz", wanted), "rviz to listen to " + ", ".join(wanted))
+        if view:
+            graph.wait(lambda: hears("/labels_view", ["/" + LABELS]), "image_view to listen to /" + LABELS)
+
+        player = BagPlayer(contents, Limits(connect=timeout), heartbeat=lambda done: graph.check())
+        try:
+            before = _play(player, contents, optics, outputs, seen, screens)
+        except PlayError:
+            graph.check()  # the reason for it
+            raise
+        graph.wait(lambda: len(seen) == len(outputs), "every display to get its message")
+        return {name: _settled(screen, before[name], CHANGED[name], graph, timeout) for name, screen in screens.items()}
+
+
+def _play(player, contents, optics, outputs, seen, screens):
+    """Returns pictures of the screens from before the bag was played."""
+    player.connect({topic[1:]: subscriber for topic, subscriber in outputs.items()})
+    if optics or contents.optics:
+        player.set_optics(optics or contents.optics)
+    before = {name: screen.picture() for name, screen in screens.items()}
+    player.play(follow_optics=optics is None)
+    player.end_bracket(lambda number: "/" + REPORT in seen)
+    if "/" + REPORT not in seen:
+        raise PlayError("no result came: does the bag have a whole bracket?")
+    return before
+
+
+def _settled(screen, before, share, graph, timeout):
+    def accept(now):
+        graph.check()
+        return changed_share(before, now) > share
+    return screen.settled_picture(accept, timeout)

@@ -1,0 +1,158 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "alignment/bracket_alignment.hpp"
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+namespace all_in_focus::core {
+namespace {
+
+constexpr double kSameScene = 0.8;    // correlation; frames far out of focus reach 0.9, other scenes 0.5
+constexpr double kCertain = 0.05;     // px; no better key frame is looked for
+constexpr double kFarFromKey = 0.03;  // magnification relative to the key frame
+constexpr double kModelError = 0.05;  // px by which a lens may depart from the model
+constexpr double kSignificance = 3;   // standard deviations
+constexpr double kRounding = 0.01;    // px; nothing is measured better
+
+double variance(const cv::Matx33d& covariance) {
+  return cv::trace(covariance);
+}
+
+}  // namespace
+
+void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, double focal_length_mm) {
+  size_ = size;
+  center_ = center;
+  focal_length_mm_ = focal_length_mm;
+  radius_ = 0.5 * std::hypot(size.width, size.height);
+  observations_.clear();
+  scenes_ = 0;
+  breathing_ = {};
+}
+
+void BracketAlignment::observe(const cv::Mat& gray, int index, double focus_mm) {
+  if (gray.type() != CV_8UC1 || gray.size() != size_) {
+    throw std::invalid_argument("alignment: frame " + std::to_string(index) +
+                                " must be CV_8UC1 and of the bracket's size");
+  }
+  if (observations_.count(index) > 0) {
+    throw std::invalid_argument("alignment: frame " + std::to_string(index) + " has been observed before");
+  }
+  current_.pyramid.build(gray);
+  current_.frame = {};
+  current_.frame.index = index;
+  current_.frame.extension = FocusBreathing::extension(focus_mm, focal_length_mm_);
+
+  PairMeasurement found;
+  if (observations_.empty()) {
+    current_.frame.scene = scenes_++;
+    other_alignment_.setKey(current_.pyramid, center_);
+    makeKey(current_);
+  } else if (found = measureFromKey(); found.correlation >= kSameScene) {
+    place(found);
+  } else if (scenes_ > 1 && (found = measureFrom(stray_, {})).correlation >= kSameScene) {
+    // Two frames against the key: the bracket goes on with theirs, and may return.
+    std::swap(last_, stray_);
+    makeKey(last_);
+    place(found);
+  } else {
+    current_.frame.scene = scenes_++;
+    current_.frame.correlation = found.correlation;
+    observations_[index] = current_.frame;
+    std::swap(stray_, current_);
+    return;
+  }
+  observations_[index] = current_.frame;
+  std::swap(last_, current_);
+}
+
+PairMeasurement BracketAlignment::measureFrom(const View& view, const Motion& guess) {
+  other_alignment_.setKey(view.pyramid, center_);
+  return other_alignment_.measure(current_.pyramid, guess);
+}
+
+PairMeasurement BracketAlignment::measureFromKey() {
+  const Motion guess = chain(inverse(key_.motion), last_.frame.motion);
+  const PairMeasurement direct = key_alignment_.measure(current_.pyramid, guess);
+  const bool far =
+      !direct.converged || largestDisplacement(direct.motion, size_, center_) > kFarFromKey * radius_;
+  const bool usable = last_.frame.index != key_.index && last_.frame.measured;
+  if (direct.correlation < kSameScene || !usable) return direct;
+  if (!far && variance(direct.covariance) < kCertain * kCertain) return direct;
+
+  const PairMeasurement step = measureFrom(last_, {});
+  const bool better =
+      far || variance(last_.frame.covariance) + variance(step.covariance) < variance(direct.covariance);
+  if (!step.converged || !better) return direct;
+  makeKey(last_);
+  return step;
+}
+
+// The view's frame, which other_alignment_ has as its key, becomes the key frame.
+void BracketAlignment::makeKey(const View& view) {
+  std::swap(key_alignment_, other_alignment_);
+  key_ = view.frame;
+  key_.key_covariance += key_.covariance;
+  key_.covariance = cv::Matx33d::zeros();
+  observations_[key_.index] = key_;
+}
+
+void BracketAlignment::place(const PairMeasurement& measurement) {
+  Observation& frame = current_.frame;
+  frame.scene = key_.scene;
+  frame.correlation = measurement.correlation;
+  frame.measured = measurement.converged;
+  if (!measurement.converged) {
+    frame.motion = last_.frame.motion;
+    frame.key_covariance = last_.frame.key_covariance;
+    frame.covariance = last_.frame.covariance;
+    return;
+  }
+  frame.motion = chain(key_.motion, measurement.motion);
+  frame.key_covariance = key_.key_covariance;
+  frame.covariance = measurement.covariance;
+  breathing_.add(key_.extension, frame.extension, measurement.motion.scale,
+                 std::sqrt(measurement.covariance(0, 0) + kModelError * kModelError) / radius_);
+}
+
+Placement BracketAlignment::placement(int index, int reference) const {
+  const Observation& to = observations_.at(index);
+  const Observation& from = observations_.at(reference);
+  Placement result;
+  result.fits = to.scene == from.scene;
+  result.measured = to.measured && result.fits;
+  result.correlation = to.correlation;
+  if (index == reference || !result.fits) return result;
+
+  const Motion measured = chain(inverse(from.motion), to.motion);
+  const cv::Matx33d between_keys = to.key_covariance - from.key_covariance;
+  const cv::Matx33d covariance = to.covariance + from.covariance +
+                                 between_keys * (variance(between_keys) < 0 ? -1.0 : 1.0) +
+                                 kRounding * kRounding * cv::Matx33d::eye();
+
+  const double magnified = radius_ * (measured.scale - 1);
+  const bool significant = magnified * magnified > kSignificance * kSignificance * covariance(0, 0);
+  result.scale = breathing_.scale(from.extension, to.extension).value_or(significant ? measured.scale : 1);
+
+  // Shift and its covariance, given that scale.
+  const cv::Vec2d slope = cv::Vec2d(covariance(1, 0), covariance(2, 0)) / covariance(0, 0);
+  const cv::Vec2d shift =
+      cv::Vec2d(measured.shift.x, measured.shift.y) + slope * (radius_ * (result.scale - measured.scale));
+  const cv::Matx22d shift_covariance =
+      covariance.get_minor<2, 2>(1, 1) - covariance(0, 0) * slope * slope.t();
+  const double deviations = std::sqrt(shift.dot(shift_covariance.inv() * shift));
+  if (deviations > kSignificance) result.shift = cv::Point2d(shift[0], shift[1]);
+
+  if (largestDisplacement(result, size_, center_) < kNoticeable) static_cast<Motion&>(result) = {};
+  return result;
+}
+
+std::optional<double> BracketAlignment::breathing(int reference) const {
+  return breathing_.b(observations_.at(reference).extension);
+}
+
+}  // namespace all_in_focus::core

@@ -1,0 +1,82 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <map>
+#include <opencv2/core.hpp>
+#include <optional>
+
+#include "alignment/focus_breathing.hpp"
+#include "alignment/frame_motion.hpp"
+#include "alignment/pair_alignment.hpp"
+
+namespace all_in_focus::core {
+
+/// Where a frame lies: its motion from the reference frame to it.
+struct Placement : Motion {
+  bool fits = true;        ///< false: it shows something else than the reference; no motion then
+  bool measured = true;    ///< false: it could not be aligned and moves like the frame before it
+  double correlation = 1;  ///< of its coarse local contrast with an earlier frame's
+};
+
+/// Aligns the frames of a focus bracket as they come. Memory does not grow but for some numbers per frame.
+///
+/// Every frame is measured against a key frame, so that errors add up only where the key changes: to the
+/// frame before, when the way over that one has become the more certain. The magnification is that of
+/// FocusBreathing where focus distances are known and explain what is measured, else as measured.
+class BracketAlignment {
+ public:
+  static constexpr double kNoticeable = 0.35;  ///< px; a smaller motion is not worth resampling a frame
+
+  /// center: principal point, pixels. focal_length_mm: anything but a positive number: unknown.
+  void begin(const cv::Size& size, const cv::Point2d& center, double focal_length_mm);
+
+  /// The next frame of the bracket. gray: CV_8UC1; index: any, each once; focus_mm: may be infinite, NaN:
+  /// unknown. Throws std::invalid_argument on another type, another size than the bracket's, or a known
+  /// index.
+  void observe(const cv::Mat& gray, int index, double focus_mm);
+
+  bool hasObserved(int index) const { return observations_.count(index) > 0; }
+
+  /// Placement of one observed frame relative to another, from all that has been observed so far. A motion
+  /// that is not significant or not noticeable is none at all.
+  Placement placement(int index, int reference) const;
+
+  /// b of the lens, if known.
+  std::optional<double> breathing(int reference) const;
+
+ private:
+  struct Observation {
+    int index = 0;
+    double extension = 0;        ///< NaN: unknown
+    int scene = 0;               ///< the same for frames that fit each other
+    Motion motion;               ///< from the first frame of the scene
+    cv::Matx33d key_covariance;  ///< of the key frame's motion, px^2, as in PairMeasurement
+    cv::Matx33d covariance;      ///< of the motion from there
+    bool measured = true;
+    double correlation = 1;
+  };
+  struct View {
+    ImagePyramid pyramid;
+    Observation frame;
+  };
+
+  PairMeasurement measureFrom(const View& view, const Motion& guess);
+  PairMeasurement measureFromKey();
+  void makeKey(const View& view);
+  void place(const PairMeasurement& measurement);
+
+  cv::Size size_;
+  cv::Point2d center_;
+  double focal_length_mm_ = 0;
+  double radius_ = 0;  ///< half the diagonal, px
+  std::map<int, Observation> observations_;
+  int scenes_ = 0;
+  FocusBreathing breathing_;
+
+  Observation key_;
+  PairAlignment key_alignment_, other_alignment_;
+  View current_, last_, stray_;  ///< stray: the last frame that shows another scene than the key frame
+};
+
+}  // namespace all_in_focus::core

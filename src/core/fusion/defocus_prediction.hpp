@@ -1,0 +1,53 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "all_in_focus/bracket_fusion.hpp"
+#include "all_in_focus/optics.hpp"
+
+namespace all_in_focus::core {
+
+/// What depth and optics say of a frame before it is looked at: the squared error, in gray levels, that each
+/// of its pixels is expected to have against the sharp picture.
+///
+/// A disc of diameter b, the blur circle, spreads light with variance b^2 / 16 along each axis, so that the
+/// picture changes by b^2 / 32 of its Laplacian; the Laplacian is taken as that of a textured picture
+/// everywhere, for where it is smaller the frames agree and weights do not matter. As depth edges are
+/// uncertain, the expectation is taken over their displacement: a Gaussian mean. Beside an edge, frames in
+/// which either surface is blurred are thus expected to err, and sharpness decides.
+class DefocusPrediction {
+ public:
+  explicit DefocusPrediction(const DefocusConfig& config = {}) : config_(config) {}
+
+  /// depth: CV_16UC1 mm, 0 = unknown, seen from the colour camera, any size. measured: the same before holes
+  /// were filled, or empty. size: of the frames. pixel_pitch_mm: > 0. Throws std::invalid_argument.
+  void begin(const cv::Mat& depth, const cv::Mat& measured, const cv::Size& size, const Optics& optics,
+             double pixel_pitch_mm);
+
+  /// squared_error: CV_32FC1 of the frames' size. The same for all frames where depth is unknown, and for a
+  /// frame whose focus_mm is NaN. focus_mm may be infinite; throws std::invalid_argument unless beyond f.
+  void compute(double focus_mm, cv::Mat& squared_error);
+
+  /// The same on a grid about as coarse as edges are uncertain: enlarged linearly it is what compute() gives.
+  void computeCoarse(double focus_mm, cv::Mat& squared_error);
+
+ private:
+  DefocusConfig config_;
+  Optics optics_;
+  double pixel_pitch_mm_ = 0;
+  cv::Size size_;
+  double edge_error_px_ = 0;  // on the grid
+
+  // Depth on a grid as coarse as its edges are uncertain. Closeness = 1 / depth, 1/mm.
+  double least_ = 0, level_step_ = 0;
+  cv::Mat level_;     // CV_16UC1, closeness in steps; kUnknown
+  cv::Mat constant_;  // CV_32FC1, error that all frames share: the doubt in filled depth
+  cv::Mat known_;     // CV_32FC1, 1 / share of known depth under the Gaussian; 0 where there is none
+  std::vector<float> error_of_level_;
+  cv::Mat error_, coarse_;
+};
+
+}  // namespace all_in_focus::core

@@ -1,0 +1,154 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "fusion/refined_fusion.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numeric>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "fusion/noise_estimation.hpp"
+#include "util/row_strips.hpp"
+
+namespace all_in_focus::core {
+namespace {
+
+// Modified Laplacian, gray levels above the noise, that a frame which is sharp anywhere has in its sharpest
+// places.
+constexpr double kSharp = 4;
+constexpr double kLeastTrust = 1e-9;
+constexpr double kNoiseMargin = 1.25;  // frames differ in their noise, and places in a frame
+
+// Where nothing tells how blurred a frame is: 1 if it is sharp somewhere, next to nothing if nowhere. On bare
+// surfaces all frames agree but for the light that far too blurred ones spread over them: a halo round
+// everything bright. fourth: mean of sharpness^4, which lets the sharpest places speak; noise: mean sharpness
+// of nothing but noise.
+double trustIn(double fourth, double noise) {
+  const double above_noise = std::pow(std::max(fourth - std::pow(kNoiseMargin * noise, 4), 0.0), 0.25);
+  return std::max(kLeastTrust, std::pow(std::min(1.0, above_noise / (kSharp + noise)), 8));
+}
+
+// The pixels of the reference that a frame shows.
+cv::Rect seenBy(const Motion& motion, const cv::Size& size, const cv::Point2d& center) {
+  const Motion back = inverse(motion);
+  const cv::Point2d first = center + back.scale * (cv::Point2d() - center) + back.shift;
+  const cv::Point2d last =
+      center + back.scale * (cv::Point2d(size.width - 1, size.height - 1) - center) + back.shift;
+  const cv::Point from(static_cast<int>(std::ceil(first.x)), static_cast<int>(std::ceil(first.y)));
+  const cv::Point to(static_cast<int>(std::floor(last.x)) + 1, static_cast<int>(std::floor(last.y)) + 1);
+  return cv::Rect(from, to) & cv::Rect({}, size);
+}
+
+}  // namespace
+
+void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config, const cv::Size& size) {
+  if (scene.camera) validate(*scene.camera, "colour camera");
+  config_ = config;
+  size_ = size;
+  reference_ = -1;
+  focal_length_mm_ = scene.camera ? scene.optics.focal_length_mm : 0;
+  center_ = {(size.width - 1) / 2.0, (size.height - 1) / 2.0};
+  double pixel_pitch_mm = 0;
+  if (scene.camera) {
+    // The camera may have been calibrated at another resolution.
+    const double scale = static_cast<double>(size.width) / scene.camera->size.width;
+    center_ = {(scene.camera->cx + 0.5) * scale - 0.5, (scene.camera->cy + 0.5) * scale - 0.5};
+    const double calibrated =
+        scene.pixel_pitch_mm > 0 ? scene.pixel_pitch_mm : scene.optics.focal_length_mm / scene.camera->fx;
+    pixel_pitch_mm = calibrated / scale;
+  }
+  predicts_ = config.prediction && !scene.depth.empty() && pixel_pitch_mm > 0;
+  if (predicts_) {
+    prediction_ = DefocusPrediction(config.defocus);
+    prediction_.begin(scene.depth, scene.measured, size, scene.optics, pixel_pitch_mm);
+  }
+  alignment_.begin(size, center_, focal_length_mm_);
+}
+
+void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
+  if (focus_mm <= focal_length_mm_) {
+    throw std::invalid_argument(
+        cv::format("fusion: frame %d is focused at %g mm, not beyond the focal length, %g mm", index,
+                   focus_mm, focal_length_mm_));
+  }
+  if (config_.alignment) alignment_.observe(gray, index, focus_mm);
+}
+
+std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm) {
+  if (!config_.alignment || !alignment_.hasObserved(index)) observe(gray, index, focus_mm);
+  if (reference_ < 0) {
+    reference_ = index;
+    mean_.begin(size_, config_.noise ? noiseDeviation(gray) : 0, config_.soft);
+    exposure_.setReference(frame);
+    addAligned(frame, gray, gainTable(1), cv::Rect({}, size_), index, focus_mm);
+    return "";
+  }
+  const Placement placement = config_.alignment ? alignment_.placement(index, reference_) : Placement();
+  if (!placement.fits) {
+    return cv::format(
+        "it shows something else than frame %d (correlation %.2f): another scene, or the camera was moved",
+        reference_, placement.correlation);
+  }
+  cv::Rect inside({}, size_);
+  if (!placement.isIdentity()) {
+    warp_.compute(frame, placement, center_, aligned_);
+    cv::cvtColor(aligned_, aligned_gray_, cv::COLOR_BGR2GRAY);
+    inside = seenBy(placement, size_, center_);
+  }
+  const cv::Mat& in_place = placement.isIdentity() ? frame : aligned_;
+  const double gain = config_.exposure ? exposure_.gain(in_place) : 1;
+  addAligned(in_place, placement.isIdentity() ? gray : aligned_gray_, gainTable(gain), inside, index,
+             focus_mm);
+  return "";
+}
+
+void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& codes,
+                               const cv::Rect& inside, int index, double focus_mm) {
+  strips_.resize(stripCount(size_.height));
+  for (Strip& strip : strips_) strip.sharpness.begin(gray);
+  if (predicts_) {
+    prediction_.computeCoarse(focus_mm, squared_error_);
+    for (Strip& strip : strips_) strip.squared_error.begin(squared_error_.size(), size_);
+  }
+  const bool predicted = predicts_ && !std::isnan(focus_mm);
+  const double trust = predicted ? 1 : trustIn(meanFourthPower(), mean_.sharpnessOfNoise());
+
+  mean_.beginFrame(index, codes);
+  const RowStrips strips({inside.y, inside.br().y}, static_cast<int>(strips_.size()));
+  strips.forEach([&](const cv::Range& rows, int i) {
+    const auto predictedError = [this](int v, float* out) {
+      std::copy_n(squared_error_.ptr<float>(v), squared_error_.cols, out);
+    };
+    Strip& strip = strips_[i];
+    for (int y = rows.start; y < rows.end; ++y) {
+      EvidenceRow evidence;
+      if (config_.around) evidence.sharpness_around = strip.sharpness.around(y);
+      evidence.sharpness = strip.sharpness.small(y);
+      if (predicts_) evidence.squared_error = strip.squared_error.row(y, predictedError);
+      evidence.trust = trust;
+      mean_.addRow(y, {inside.x, inside.br().x}, frame.ptr<std::uint8_t>(y), evidence);
+    }
+  });
+}
+
+// Of the frame's sharpness, reduced to a quarter.
+double RefinedFusion::meanFourthPower() {
+  const cv::Size size = strips_[0].sharpness.reducedSize();
+  fourth_powers_.resize(size.height);
+  RowStrips({0, size.height}, static_cast<int>(strips_.size())).forEach([&](const cv::Range& rows, int i) {
+    std::vector<float>& row = strips_[i].row;
+    row.resize(size.width);
+    for (int y = rows.start; y < rows.end; ++y) {
+      strips_[i].sharpness.reduced(y, row.data());
+      fourth_powers_[y] = 0;
+      for (const float s : row) fourth_powers_[y] += s * s * s * s;
+    }
+  });
+  const double sum = std::accumulate(fourth_powers_.begin(), fourth_powers_.end(), 0.0);
+  return sum / size.area();
+}
+
+}  // namespace all_in_focus::core

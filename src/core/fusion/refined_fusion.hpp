@@ -1,0 +1,70 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "alignment/bracket_alignment.hpp"
+#include "all_in_focus/bracket_fusion.hpp"
+#include "fusion/defocus_prediction.hpp"
+#include "fusion/exposure_matching.hpp"
+#include "fusion/sharpness_rows.hpp"
+#include "fusion/weighted_mean.hpp"
+#include "util/image_rows.hpp"
+
+namespace all_in_focus::core {
+
+/// Pixel by pixel: the mean of all frames, weighted by how sharp each is and by how sharp depth and optics
+/// say it should be. See docs/algorithms.md.
+///
+/// The first frame added is the reference: the result keeps its geometry and exposure. Frames that come
+/// before it in the bracket are observed first, so that alignment can follow the lens from neighbour to
+/// neighbour:
+///   observe(0), .. observe(r), add(r), add(0), .. add(r - 1), add(r + 1), ...
+class RefinedFusion {
+ public:
+  /// The scene's images are shared, not copied. size: of the frames. Throws std::invalid_argument.
+  void begin(const BracketScene& scene, const RefinedConfig& config, const cv::Size& size);
+
+  /// gray: CV_8UC1; index: ascending; focus_mm: NaN = unknown, may be infinite.
+  void observe(const cv::Mat& gray, int index, double focus_mm);
+
+  /// frame: CV_8UC3; gray: CV_8UC1 of it. A frame that has not been observed is. Returns why the frame does
+  /// not fit the others, which leaves it out, or "".
+  std::string add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm);
+
+  cv::Mat image() const { return mean_.image(); }
+  const cv::Mat& sourceIndex() const { return mean_.sourceIndex(); }
+  cv::Mat confidence() const { return mean_.confidence(); }
+
+ private:
+  void addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& codes,
+                  const cv::Rect& inside, int index, double focus_mm);
+  double meanFourthPower();
+
+  struct Strip {  ///< of the frame being added; each thread works at one
+    SharpnessRows sharpness;
+    EnlargedRows squared_error;
+    std::vector<float> row;
+  };
+
+  RefinedConfig config_;
+  cv::Size size_;
+  cv::Point2d center_;
+  double focal_length_mm_ = 0;  // 0 = unknown
+  bool predicts_ = false;
+  int reference_ = -1;  // index; -1: none yet
+  BracketAlignment alignment_;
+  ReferenceWarp warp_;
+  ExposureMatching exposure_;
+  DefocusPrediction prediction_;
+  WeightedMean mean_;
+  cv::Mat aligned_, aligned_gray_, squared_error_;
+  std::vector<Strip> strips_;
+  std::vector<double> fourth_powers_;
+};
+
+}  // namespace all_in_focus::core

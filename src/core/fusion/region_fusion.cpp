@@ -1,0 +1,135 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "fusion/region_fusion.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace all_in_focus::core {
+namespace {
+
+// Fits 32 bits for runs of up to 66051 pixels: no image row is longer (65025 = 255^2).
+constexpr int kMaxRun = 65536;
+
+void addRun(const std::uint8_t* gray, int length, GraySums& sums) {
+  std::uint32_t sum = 0, sum_of_squares = 0;
+  for (int i = 0; i < length; ++i) {
+    const std::uint32_t g = gray[i];
+    sum += g;
+    sum_of_squares += g * g;
+  }
+  sums.n += length;
+  sums.sum += sum;
+  sums.sum_of_squares += sum_of_squares;
+}
+
+}  // namespace
+
+void RegionFusion::begin(const cv::Mat& labels) {
+  if (labels.cols > kMaxRun)
+    throw std::invalid_argument("fusion: images wider than 65536 pixels are not supported");
+  size_ = labels.size();
+  image_.create(size_, CV_8UC3);
+  image_.setTo(cv::Scalar::all(0));
+
+  runs_.clear();
+  row_begin_.assign(1, 0);
+  for (int y = 0; y < labels.rows; ++y) {
+    const auto* row = labels.ptr<std::int32_t>(y);
+    for (int x = 0; x < labels.cols;) {
+      const int begin = x, label = row[x];
+      while (++x < labels.cols && row[x] == label) {
+      }
+      runs_.push_back({begin, x, label});
+    }
+    row_begin_.push_back(static_cast<int>(runs_.size()));
+  }
+  // Labels may be any numbers (label maps of other programs): regions are their ranks among those that occur.
+  regions_.clear();
+  std::vector<int>& known = region_of_label_;
+  known.clear();
+  for (const Run& run : runs_) known.push_back(run.region);
+  std::sort(known.begin(), known.end());
+  known.erase(std::unique(known.begin(), known.end()), known.end());
+  for (const int label : known) regions_.push_back({label});
+  for (Run& run : runs_) {
+    run.region = static_cast<int>(std::lower_bound(known.begin(), known.end(), run.region) - known.begin());
+  }
+}
+
+void RegionFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index) {
+  sums_.assign(regions_.size(), {});
+  for (int y = 0; y < size_.height; ++y) {
+    const auto* row = gray.ptr<std::uint8_t>(y);
+    for (int i = row_begin_[y]; i < row_begin_[y + 1]; ++i) {
+      addRun(row + runs_[i].begin, runs_[i].end - runs_[i].begin, sums_[runs_[i].region]);
+    }
+  }
+
+  bool any_won = false;
+  for (std::size_t r = 0; r < regions_.size(); ++r) {
+    Region& region = regions_[r];
+    const double score = normalizedVariance(sums_[r]);
+    region.won = score > region.best;
+    if (region.won) {
+      region.second = region.best;
+      region.best = score;
+      region.frame = index;
+      any_won = true;
+    } else {
+      region.second = std::max(region.second, score);
+    }
+  }
+  if (!any_won) return;
+
+  for (int y = 0; y < size_.height; ++y) {
+    const auto* from = frame.ptr<cv::Vec3b>(y);
+    auto* to = image_.ptr<cv::Vec3b>(y);
+    for (int i = row_begin_[y]; i < row_begin_[y + 1]; ++i) {
+      const Run& run = runs_[i];
+      if (regions_[run.region].won) std::copy(from + run.begin, from + run.end, to + run.begin);
+    }
+  }
+}
+
+double RegionFusion::margin(const Region& region) const {
+  if (region.second < 0) return 1;
+  return region.best > 0 ? 1 - region.second / region.best : 0;
+}
+
+template <typename Pixel, typename Value>
+cv::Mat RegionFusion::paint(int type, Value value) const {
+  std::vector<Pixel> values(regions_.size());
+  std::transform(regions_.begin(), regions_.end(), values.begin(), value);
+  cv::Mat painted(size_, type);
+  for (int y = 0; y < size_.height; ++y) {
+    auto* row = painted.ptr<Pixel>(y);
+    for (int i = row_begin_[y]; i < row_begin_[y + 1]; ++i) {
+      std::fill(row + runs_[i].begin, row + runs_[i].end, values[runs_[i].region]);
+    }
+  }
+  return painted;
+}
+
+cv::Mat RegionFusion::sourceIndex() const {
+  return paint<std::uint16_t>(CV_16UC1,
+                              [](const Region& region) { return static_cast<std::uint16_t>(region.frame); });
+}
+
+cv::Mat RegionFusion::confidence() const {
+  return paint<std::uint8_t>(CV_8UC1, [this](const Region& region) {
+    return static_cast<std::uint8_t>(255 * margin(region) + 0.5);
+  });
+}
+
+std::vector<RegionChoice> RegionFusion::choices() const {
+  std::vector<RegionChoice> choices;
+  for (const Region& region : regions_) {
+    choices.push_back(
+        {region.label, region.frame, std::max(region.best, 0.0), margin(region), margin(region)});
+  }
+  return choices;
+}
+
+}  // namespace all_in_focus::core

@@ -1,0 +1,206 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "fusion/weighted_mean.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/core/utility.hpp>
+
+#include "fusion/region_fusion.hpp"
+#include "util/rounding.hpp"
+#include "util/simd.hpp"
+
+namespace all_in_focus::core {
+namespace {
+
+// Mean modified Laplacian of white noise of deviation 1: two second differences of deviation sqrt(6), each
+// with mean absolute value sqrt(2 / pi).
+const double kSharpnessOfNoise = 2 * std::sqrt(6) * std::sqrt(2 / CV_PI);
+
+// Rounding to 8 bits is noise as well; below it nothing can be told.
+constexpr double kRounding = 1;
+
+// A gain from a frame below this share of the error's own noise is not worth the loss of a frame to average.
+constexpr double kNoiseVariances = 4;
+
+// Makes weights divisors where there is none, and disappears in all others.
+constexpr float kNoWeight = std::numeric_limits<float>::min();
+
+constexpr int kSpan = 512;  // pixels worked on at a time: what they need stays in the L1 cache
+
+// What follows works on a span of one row, n <= kSpan pixels.
+
+// trust (sharpness + floor)^6
+ALL_IN_FOCUS_SIMD void weighSharpness(const float* sharpness, float floor, float trust, int n,
+                                      float* weight) {
+  for (int i = 0; i < n; ++i) {
+    const float s = sharpness[i] + floor, cube = s * s * s;
+    weight[i] = trust * (cube * cube);
+  }
+}
+
+// times (sharpness + floor)^2
+ALL_IN_FOCUS_SIMD void weighSharpnessAround(const float* sharpness, float floor, int n, float* weight) {
+  for (int i = 0; i < n; ++i) {
+    const float s = sharpness[i] + floor;
+    weight[i] *= s * s;
+  }
+}
+
+ALL_IN_FOCUS_SIMD void weighError(const float* squared_error, float floor, int n, float* weight) {
+  for (int i = 0; i < n; ++i) weight[i] /= squared_error[i] + floor;
+}
+
+// n: values, three a pixel
+ALL_IN_FOCUS_SIMD void toFloat(const std::uint8_t* from, int n, float* to) {
+  for (int i = 0; i < n; ++i) to[i] = from[i];
+}
+
+void decode(const std::uint8_t* from, const std::array<float, 256>& codes, int n, float* to) {
+  for (int i = 0; i < n; ++i) to[i] = codes[from[i]];
+}
+
+ALL_IN_FOCUS_SIMD void threeTimes(const float* weight, int n, float* weights) {
+  for (int i = 0; i < n; ++i) weights[3 * i] = weights[3 * i + 1] = weights[3 * i + 2] = weight[i];
+}
+
+ALL_IN_FOCUS_SIMD void addProducts(const float* weights, const float* values, int n, float* sum) {
+  for (int i = 0; i < n; ++i) sum[i] += weights[i] * values[i];
+}
+
+ALL_IN_FOCUS_SIMD void addWeights(const float* weight, int n, float* sum) {
+  for (int i = 0; i < n; ++i) sum[i] += weight[i];
+}
+
+void copyHeavier(const float* weight, const float* most, const float* values, int n, float* chosen) {
+  for (int i = 0; i < n; ++i) {
+    if (weight[i] > most[i]) std::copy_n(values + 3 * i, 3, chosen + 3 * i);
+  }
+}
+
+ALL_IN_FOCUS_SIMD void keepHeavier(const float* weight, std::uint16_t index, int n, float* most,
+                                   std::uint16_t* source) {
+  for (int i = 0; i < n; ++i) source[i] = weight[i] > most[i] ? index : source[i];
+  for (int i = 0; i < n; ++i) most[i] = std::max(most[i], weight[i]);
+}
+
+ALL_IN_FOCUS_SIMD void invert(const float* weight, int n, float* inverse) {
+  for (int i = 0; i < n; ++i) inverse[i] = 1 / (weight[i] + kNoWeight);
+}
+
+ALL_IN_FOCUS_SIMD void roundProducts(const float* a, const float* b, int n, std::uint8_t* __restrict out) {
+  for (int i = 0; i < n; ++i) out[i] = roundToCode(a[i] * b[i]);
+}
+
+// 255 (1 - mean / greatest weight) frames / (frames - 1); 0 where there is none
+ALL_IN_FOCUS_SIMD void rate(const float* weights, const float* most, float frames, int n,
+                            std::uint8_t* __restrict out) {
+  const float scale = 255 * frames / (frames - 1);
+  for (int i = 0; i < n; ++i) {
+    out[i] = roundToCode(scale * (most[i] - weights[i] / frames) / (most[i] + kNoWeight));
+  }
+}
+
+bool areTheirOwnValues(const std::array<float, 256>& codes) {
+  for (int code = 0; code < 256; ++code) {
+    if (codes[code] != static_cast<float>(code)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+void WeightedMean::begin(const cv::Size& size, double noise, bool soft) {
+  soft_ = soft;
+  frames_ = 0;
+  sharpness_of_noise_ = kSharpnessOfNoise * noise;
+  sharpness_floor_ = static_cast<float>(kRounding + sharpness_of_noise_);
+  error_floor_ = static_cast<float>(kRounding + kNoiseVariances * noise * noise);
+  colors_.create(size, CV_32FC3);
+  colors_.setTo(0);
+  weights_.create(size, CV_32FC1);
+  weights_.setTo(0);
+  most_.create(size, CV_32FC1);
+  most_.setTo(0);
+  source_index_.create(size, CV_16UC1);
+  source_index_.setTo(kNoFrame);
+}
+
+void WeightedMean::beginFrame(int index, const std::array<float, 256>& codes) {
+  ++frames_;
+  index_ = static_cast<std::uint16_t>(index);
+  codes_ = codes;
+  plain_ = areTheirOwnValues(codes);
+}
+
+void WeightedMean::addRow(int y, const cv::Range& columns, const std::uint8_t* pixels,
+                          const EvidenceRow& evidence) {
+  for (int x = columns.start; x < columns.end; x += kSpan) {
+    const int n = std::min(kSpan, columns.end - x);
+    std::array<float, kSpan> weight;
+    std::array<float, 3 * kSpan> values;
+    weigh(evidence, x, n, weight.data());
+    if (plain_) {
+      toFloat(pixels + 3 * x, 3 * n, values.data());
+    } else {
+      decode(pixels + 3 * x, codes_, 3 * n, values.data());
+    }
+    accumulate(weight.data(), values.data(), {x, y}, n);
+  }
+}
+
+void WeightedMean::weigh(const EvidenceRow& evidence, int x, int n, float* weight) const {
+  weighSharpness(evidence.sharpness + x, sharpness_floor_, static_cast<float>(evidence.trust), n, weight);
+  if (evidence.sharpness_around) {
+    weighSharpnessAround(evidence.sharpness_around + x, sharpness_floor_, n, weight);
+  }
+  if (evidence.squared_error) weighError(evidence.squared_error + x, error_floor_, n, weight);
+}
+
+void WeightedMean::accumulate(const float* weight, const float* values, const cv::Point& at, int n) {
+  float* color = colors_.ptr<float>(at.y) + 3 * at.x;
+  float* most = most_.ptr<float>(at.y) + at.x;
+  if (soft_) {
+    std::array<float, 3 * kSpan> weights;
+    threeTimes(weight, n, weights.data());
+    addProducts(weights.data(), values, 3 * n, color);
+  } else {
+    copyHeavier(weight, most, values, n, color);
+  }
+  addWeights(weight, n, weights_.ptr<float>(at.y) + at.x);
+  keepHeavier(weight, index_, n, most, source_index_.ptr<std::uint16_t>(at.y) + at.x);
+}
+
+cv::Mat WeightedMean::image() const {
+  cv::Mat image(colors_.size(), CV_8UC3);
+  cv::parallel_for_(cv::Range(0, image.rows), [&](const cv::Range& rows) {
+    for (int y = rows.start; y < rows.end; ++y) {
+      for (int x = 0; x < image.cols; x += kSpan) {
+        const int n = std::min(kSpan, image.cols - x);
+        std::array<float, kSpan> scale;
+        std::array<float, 3 * kSpan> scales;
+        scale.fill(1);
+        if (soft_) invert(weights_.ptr<float>(y) + x, n, scale.data());
+        threeTimes(scale.data(), n, scales.data());
+        roundProducts(colors_.ptr<float>(y) + 3 * x, scales.data(), 3 * n, image.ptr(y) + 3 * x);
+      }
+    }
+  });
+  return image;
+}
+
+cv::Mat WeightedMean::confidence() const {
+  cv::Mat confidence(weights_.size(), CV_8UC1, cv::Scalar(255));
+  if (frames_ < 2) return confidence;
+  cv::parallel_for_(cv::Range(0, confidence.rows), [&](const cv::Range& rows) {
+    for (int y = rows.start; y < rows.end; ++y) {
+      rate(weights_.ptr<float>(y), most_.ptr<float>(y), static_cast<float>(frames_), confidence.cols,
+           confidence.ptr(y));
+    }
+  });
+  return confidence;
+}
+
+}  // namespace all_in_focus::core

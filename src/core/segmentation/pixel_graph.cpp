@@ -1,0 +1,109 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "segmentation/pixel_graph.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+
+#include "util/simd.hpp"
+
+namespace all_in_focus::core {
+namespace {
+
+constexpr int kLeastRows = 32;  // of a strip
+
+struct DepthRange {
+  int nearest = 65536, farthest = 0;
+};
+
+// Unknown depth wraps round: it is never the nearest.
+ALL_IN_FOCUS_SIMD
+void widen(const std::uint16_t* depth, int n, int& nearest, int& farthest) {
+  std::uint16_t min = 65535, max = 0;
+  for (int x = 0; x < n; ++x) {
+    const std::uint16_t below = depth[x] - 1;
+    min = below < min ? below : min;
+    max = depth[x] > max ? depth[x] : max;
+  }
+  nearest = std::min(nearest, min + 1);
+  farthest = std::max(farthest, static_cast<int>(max));
+}
+
+}  // namespace
+
+WeightRow PixelGraph::weightRow(int y) const {
+  const std::uint8_t* const row = &weights_[static_cast<std::size_t>(y) * 4 * stride()];
+  return {row, row + stride(), row + 2 * stride(), row + 3 * stride()};
+}
+
+void PixelGraph::reset(const cv::Mat& depth) {
+  depth_ = depth;
+  strips_ = RowStrips({0, rows()}, stripCount(rows(), kLeastRows));
+  const std::size_t padded = static_cast<std::size_t>(rows() + 1) * stride();
+  weights_.resize(4 * padded);
+  labels_.resize(padded);
+
+  std::vector<DepthRange> ranges(strips_.count());
+  strips_.forEach([&](const cv::Range& rows, int strip) {
+    DepthRange range;
+    for (int y = rows.start; y < rows.end; ++y) {
+      widen(depthRow(y), cols(), range.nearest, range.farthest);
+      weighRow(y);
+      labelRow(y)[cols()] = 0;
+    }
+    ranges[strip] = range;
+  });
+  std::fill_n(&weights_[static_cast<std::size_t>(rows()) * 4 * stride()], 4 * stride(), kHeavy);
+  std::fill_n(labelRow(rows()), stride(), 0);
+  nearest_ = 65536;
+  farthest_ = 0;
+  for (const DepthRange& range : ranges) {
+    nearest_ = std::min(nearest_, range.nearest);
+    farthest_ = std::max(farthest_, range.farthest);
+  }
+}
+
+void PixelGraph::weighRow(int y) {
+  std::uint8_t* const ab = &weights_[static_cast<std::size_t>(y) * 4 * stride()];
+  std::uint8_t *const ac = ab + stride(), *const ad = ac + stride(), *const bc = ad + stride();
+  for (std::uint8_t* const weights : {ab, ac, ad, bc}) weights[cols() - 1] = weights[cols()] = kHeavy;
+  const std::uint16_t* const row = depthRow(y);
+  weighEdges(row, row + 1, cols() - 1, ab);
+  if (y + 1 == rows()) {
+    std::fill_n(ac, 3 * stride(), kHeavy);
+    return;
+  }
+  const std::uint16_t* const below = depthRow(y + 1);
+  weighEdges(row, below, cols(), ac);
+  weighEdges(row, below + 1, cols() - 1, ad);
+  weighEdges(row + 1, below, cols() - 1, bc);
+}
+
+int PixelGraph::weightQuantile(double share) const {
+  std::array<int, 256> count{};
+  int edges = 0;
+  const int step = 1 + rows() / 32;
+  for (int y = step / 2; y < rows(); y += step) {
+    const std::uint8_t* const weight = weightRow(y).ac;
+    const std::uint16_t* const depth = depthRow(y);
+    for (int x = 0; x < cols(); ++x) {
+      edges += depth[x] != 0;
+      ++count[weight[x]];
+    }
+  }
+  int weight = 0;
+  for (int up_to = count[0]; weight < kHeavy && up_to <= share * edges; up_to += count[++weight]) {
+  }
+  return weight - 1;
+}
+
+void PixelGraph::relabel(const RegionNode* nodes) {
+  strips_.forEach([&](const cv::Range& rows, int) {
+    std::int32_t* const end = labelRow(rows.end);
+    for (std::int32_t* label = labelRow(rows.start); label != end; ++label) *label = nodes[*label].parent;
+  });
+}
+
+}  // namespace all_in_focus::core
