@@ -46,7 +46,7 @@ class ReferenceWarp {
     void prepare(int length, double scale, double center, double shift);
   };
   struct Strip {
-    KeptRows along;  ///< rows of the frame that have been warped along x
+    LineBuffer along;  ///< rows of the frame that have been warped along x
     std::vector<float> padded;
   };
 

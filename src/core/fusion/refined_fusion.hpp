@@ -47,7 +47,7 @@ class RefinedFusion {
 
   struct Strip {  ///< of the frame being added; each thread works at one
     SharpnessRows sharpness;
-    EnlargedRows squared_error;
+    UpsampledRows squared_error;
     std::vector<float> row;
   };
 

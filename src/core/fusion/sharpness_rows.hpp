@@ -31,10 +31,10 @@ class SharpnessRows {
   cv::Mat gray_;
   cv::Size reduced_size_;
   GaussianRows window_;
-  KeptRows small_;
-  ReducedRows reduced_;
+  LineBuffer small_;
+  DownsampledRows reduced_;
   GaussianRows window_around_;
-  EnlargedRows around_;
+  UpsampledRows around_;
 };
 
 }  // namespace all_in_focus::core

@@ -7,138 +7,147 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-// Images that are never made as a whole: their rows are computed when they are asked for, top down, and a few
-// are kept for the rows that follow. So what a step hands to the next one stays in the cache.
+/// Images of floats that are computed row by row, from top to bottom, when a row is asked for. Only a few
+/// rows are in memory at a time, so what one step hands to the next stays in the cache.
+///
+/// In all of them `source` is a callable that gives the rows of the input image. Rows are numbered
+/// 0..height-1.
 
 namespace all_in_focus::core {
 
-/// The last rows of an image of floats.
-class KeptRows {
+/// Holds the last rows of an image: row y lies in line y modulo the number of lines.
+class LineBuffer {
  public:
-  /// Forgets all rows. The buffer is reused.
-  void begin(int kept, int width);
+  /// Forgets all rows. Keeps the memory.
+  void begin(int lines, int width);
 
-  /// Row y, valid until as many other rows have been asked for as are kept. compute(y, out) is called if it
-  /// is not there.
+  /// Returns row y. If it is not in the buffer, calls compute(y, out), which writes `width` floats to out.
+  /// The pointer is valid until another row takes the line.
   template <typename Compute>
   const float* row(int y, const Compute& compute) {
-    const size_t place = static_cast<size_t>(y) % kept_y_.size();
-    float* out = &rows_[place * width_];
-    if (kept_y_[place] != y) compute(y, out);
-    kept_y_[place] = y;
+    const size_t line = static_cast<size_t>(y) % y_of_line_.size();
+    float* out = &pixels_[line * width_];
+    if (y_of_line_[line] != y) compute(y, out);
+    y_of_line_[line] = y;
     return out;
   }
 
  private:
   size_t width_ = 0;
-  std::vector<float> rows_;
-  std::vector<int> kept_y_;
+  std::vector<float> pixels_;
+  std::vector<int> y_of_line_;  ///< -1: empty
 };
 
-/// Coordinates begin..end-1 of a resampled row; the pixels that u is made of begin at u + offset. In a run of
-/// many they are neighbours in memory, as vectors like them.
+/// Coordinates begin..end-1 of a resampled row. Coordinate u is computed from the pixels at u + offset and
+/// following, so a whole run reads and writes consecutive pixels, and the loop over it vectorises.
 struct TapRun {
   int begin, end, offset;
 };
 
-/// Adds the next coordinate u, made of the pixels `first` and following.
+/// Appends coordinate u, computed from the pixels `first` and following. Calls come in ascending order of u.
 void appendToRuns(std::vector<TapRun>& runs, int u, int first);
 
-/// A Gaussian window of 11 rows and columns: that of cv::GaussianBlur for a sigma of 1.2 or 1.25 px.
+/// The image convolved with a Gaussian of 11 x 11 pixels, which is the window of cv::GaussianBlur for a sigma
+/// of 1.2 or 1.25 px. Borders as BORDER_REFLECT_101.
 class GaussianRows {
  public:
   static constexpr int kRadius = 5;
-  using Window = std::array<float, kRadius + 1>;  ///< from the middle outwards
+  using Window = std::array<float, kRadius + 1>;  ///< weights from the middle outwards
 
+  /// sigma: pixels.
   void begin(const cv::Size& size, double sigma);
 
-  /// Row y of the smoothed image; source(y, out) computes one of the image itself.
+  /// Writes row y to out. source(v, out) writes row v of the input to out.
   template <typename Source>
   void row(int y, const Source& source, float* out) {
     std::array<const float*, 2 * kRadius + 1> rows;
     for (int k = -kRadius; k <= kRadius; ++k) {
       const int mirrored = cv::borderInterpolate(y + k, size_.height, cv::BORDER_REFLECT_101);
-      rows[k + kRadius] = along_.row(mirrored, [&](int v, float* smoothed) {
+      rows[k + kRadius] = horizontal_.row(mirrored, [&](int v, float* convolved) {
         source(v, padded_.data() + kRadius);
-        smoothAlong(smoothed);
+        convolvePadded(convolved);
       });
     }
-    smoothAcross(rows, out);
+    convolveVertically(rows, out);
   }
 
  private:
-  void smoothAlong(float* out);
-  void smoothAcross(const std::array<const float*, 2 * kRadius + 1>& rows, float* out) const;
+  void convolvePadded(float* out);
+  void convolveVertically(const std::array<const float*, 2 * kRadius + 1>& rows, float* out) const;
 
   cv::Size size_;
   Window window_;
-  KeptRows along_;             ///< rows that have been smoothed along x
-  std::vector<float> padded_;  ///< a row with its mirror images on both sides
+  LineBuffer horizontal_;      ///< input rows, convolved horizontally
+  std::vector<float> padded_;  ///< an input row with kRadius pixels more on both sides
 };
 
-/// An image scaled down, by the mean over areas, as cv::resize does with INTER_AREA.
-class ReducedRows {
+/// The image downsampled by area means, as cv::resize does with INTER_AREA.
+class DownsampledRows {
  public:
-  void begin(const cv::Size& large, const cv::Size& small);
+  /// Keeps its tables if the sizes are the same as before. The output is no larger than the input.
+  void begin(const cv::Size& input, const cv::Size& output);
 
-  /// Row y of the small image; source(y) returns a row of the large one.
+  /// Writes row y of the output to out. source(v) returns row v of the input.
   template <typename Source>
   void row(int y, const Source& source, float* out) {
     std::fill(sum_.begin(), sum_.end(), 0.0f);
     for (int k = 0; k < y_.taps; ++k) {
-      const float share = y_.share[y_.taps * y + k];
-      if (share > 0) addRow(source(y_.first[y] + k), share);
+      const float weight = y_.weight[y_.taps * y + k];
+      if (weight > 0) accumulate(source(y_.first[y] + k), weight);
     }
-    sumAlong(out);
+    downsampleSum(out);
   }
 
  private:
-  struct Axis {  ///< by small coordinate: shares of the large ones from `first` on
+  /// Output coordinate i is the sum of input coordinate first[i] + k times weight[taps * i + k], k < taps.
+  struct Axis {
     int taps = 0;
     std::vector<int> first;
-    std::vector<float> share;
-    void begin(int large, int small);
+    std::vector<float> weight;
+    void begin(int input, int output);
   };
-  void addRow(const float* row, float share);
-  void sumAlong(float* out) const;
+  void accumulate(const float* row, float weight);
+  void downsampleSum(float* out) const;
 
-  cv::Size large_, small_;
+  cv::Size input_, output_;
   Axis x_, y_;
-  std::vector<float> sum_;
+  std::vector<float> sum_;  ///< input rows, weighted and summed vertically
 };
 
-/// An image scaled up, as cv::resize does with INTER_LINEAR.
-class EnlargedRows {
+/// The image upsampled by linear interpolation, as cv::resize does with INTER_LINEAR.
+class UpsampledRows {
  public:
-  void begin(const cv::Size& small, const cv::Size& large);
+  /// Keeps its tables if the sizes are the same as before.
+  void begin(const cv::Size& input, const cv::Size& output);
 
-  /// Row y of the large image; source(y, out) computes one of the small one. Valid until the next call.
+  /// Returns row y of the output, valid until the next call. source(v, out) writes row v of the input to out.
   template <typename Source>
   const float* row(int y, const Source& source) {
-    const auto widened = [&](int v) {
-      return widened_.row(v, [&](int, float* out) {
+    const auto horizontal = [&](int v) {
+      return horizontal_.row(v, [&](int, float* out) {
         source(v, row_.data());
-        widen(out);
+        upsampleRow(out);
       });
     };
-    const float* north = widened(y_.first[y]);
-    const float* south = widened(y_.second[y]);
-    return blend(north, south, y_.fraction[y]);
+    const float* above = horizontal(y_.first[y]);
+    const float* below = horizontal(y_.second[y]);
+    return interpolateVertically(above, below, y_.fraction[y]);
   }
 
  private:
-  struct Axis {  ///< by large coordinate: (1 - fraction) small[first] + fraction small[second]
+  /// Output coordinate i is input coordinate first[i] times 1 - fraction[i] plus second[i] times fraction[i].
+  struct Axis {
     std::vector<int> first, second;
     std::vector<float> fraction;
-    void begin(int small, int large);
+    void begin(int input, int output);
   };
-  void widen(float* out) const;
-  const float* blend(const float* north, const float* south, float fraction);
+  void upsampleRow(float* out) const;
+  const float* interpolateVertically(const float* above, const float* below, float fraction);
 
-  cv::Size small_, large_;
+  cv::Size input_, output_;
   Axis x_, y_;
-  KeptRows widened_;              ///< small rows, scaled along x
-  std::vector<float> row_, out_;  ///< a small one, a large one
+  LineBuffer horizontal_;         ///< input rows, upsampled horizontally
+  std::vector<float> row_, out_;  ///< a row of the input, a row of the output
 };
 
 }  // namespace all_in_focus::core
