@@ -21,7 +21,7 @@ import tf2_ros
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from all_in_focus.bag.writer import camera_info, static_transform
+from all_in_focus.files.rig_messages import camera_info, static_transform
 from all_in_focus.command_line import Parser, count, positive
 from all_in_focus.msg import FocusFrame
 from all_in_focus.files.rig import load_rig

@@ -19,8 +19,8 @@ from tf2_msgs.msg import TFMessage
 
 from file_helpers import SCRIPTS
 
-from all_in_focus.bag.writer import camera_info
-from all_in_focus.simulation.lens import linear_to_srgb
+from all_in_focus.files.rig_messages import camera_info
+from all_in_focus.imaging import linear_to_srgb
 from all_in_focus.msg import FocusFrame
 from all_in_focus.msg import Optics as OpticsMessage
 from all_in_focus.files.rig import Camera

@@ -4,7 +4,7 @@
 import cv2
 import numpy as np
 
-from all_in_focus import contact_sheet
+from all_in_focus import imaging
 from file_helpers import run_script
 
 
@@ -28,9 +28,9 @@ def test_contact_sheet(tmp_path):
 
 
 def test_source_index_shows_its_first_frame():
-    index = np.array([[0, 5, contact_sheet.NO_FRAME]], np.uint16)
-    shown = contact_sheet.picture(index, zero_is_unknown=False)
+    index = np.array([[0, 5, imaging.NO_FRAME]], np.uint16)
+    shown = imaging.picture(index, zero_is_unknown=False)
     assert shown[0, 0].any() and not shown[0, 2].any() and (shown[0, 0] != shown[0, 1]).any()
-    assert not contact_sheet.picture(index)[0, 0].any()
-    assert contact_sheet.split_title("x/y.png:a title") == ("x/y.png", "a title")
-    assert contact_sheet.split_title("x/y.png") == ("x/y.png", "y.png")
+    assert not imaging.picture(index)[0, 0].any()
+    assert imaging.split_title("x/y.png:a title") == ("x/y.png", "a title")
+    assert imaging.split_title("x/y.png") == ("x/y.png", "y.png")

@@ -15,6 +15,22 @@ NOT_OURS = {'.git', 'build', 'demo_output', '__pycache__', '.pytest_cache'}
 # cfg parameters whose member in the core has another name.
 CORE_NAMES = {'dof_rule': 'span'}
 
+# The rooms of src/all_in_focus: which others each may use besides itself. No circle: each names only rooms above it.
+ROOMS = {
+    'files': [],
+    'imaging': ['files'],
+    'command_line': ['files'],
+    'metrics': ['files', 'imaging'],
+    'baselines': ['files', 'imaging'],
+    'simulation': ['files', 'imaging'],
+    'camera': ['files'],
+    'calibration': ['files', 'imaging', 'command_line'],
+    'bag': ['files', 'imaging', 'command_line'],
+    'replay': ['files', 'bag'],
+    'rviz': ['files', 'bag', 'replay'],
+    'benchmark': ['files', 'imaging', 'command_line', 'metrics', 'baselines', 'simulation', 'bag', 'replay'],
+}
+
 # Type, name = literal; another config's member in its place is not compared, it cannot differ.
 LITERAL_DEFAULT = r'\w[\w:]*\s+%s\s*=\s*([-\w.:"]+)\s*[;,)]'
 
@@ -48,6 +64,33 @@ def test_core_includes_only_std_and_opencv_core_and_imgproc():
              if not allowed.fullmatch(name) and not (ROOT / 'src/core' / name.strip('"')).is_file()}
     assert len(core_files()) > 1
     assert not found
+
+
+def python_imports(path):
+    """Rooms of our own package that a Python file imports, also inside functions; its generated messages are no room."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f'{path}: imports by whole names only'
+            names = [f'{node.module}.{alias.name}' for alias in node.names]
+        for parts in (name.split('.') for name in names):
+            if parts[0] == 'all_in_focus' and parts[1:2] not in ([], ['msg'], ['srv'], ['cfg']):
+                yield parts[1]
+
+
+def test_python_rooms_use_only_those_above_them():
+    package = ROOT / 'src/all_in_focus'
+    found = {path.stem if path.suffix else path.name for path in package.iterdir() if not path.name.startswith('__')}
+    assert found == set(ROOMS)
+    order = list(ROOMS)
+    for room, allowed in ROOMS.items():
+        assert all(order.index(name) < order.index(room) for name in allowed), f'{room}: a circle'
+        files = (package / room).rglob('*.py') if (package / room).is_dir() else [package / f'{room}.py']
+        for path in files:
+            wrong = set(python_imports(path)) - {room, *allowed}
+            assert not wrong, f'{path.relative_to(ROOT)} uses {", ".join(sorted(wrong))}'
 
 
 def test_every_source_names_author_and_licence():

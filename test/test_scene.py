@@ -12,6 +12,7 @@ import pytest
 import skimage.data
 import yaml
 
+from all_in_focus import imaging
 from all_in_focus.simulation import depth_sensor as kinect
 from all_in_focus.simulation import lens
 from all_in_focus.simulation.layered_scene import Scene, kinect_beside
@@ -157,7 +158,7 @@ def test_breathing_and_exposure():
                                 ({"breathing": 2.0}, {}, {"exposure_jitter": 0.5, "seed": 3}))
 
     def separation(frame):
-        light = lens.srgb_to_linear(frame[..., 0]).sum(axis=0)
+        light = imaging.srgb_to_linear(frame[..., 0]).sum(axis=0)
         column = np.arange(121)
         return (light * column)[61:].sum() / light[61:].sum() - (light * column)[:60].sum() / light[:60].sum()
 
@@ -170,7 +171,7 @@ def test_noise_has_the_given_deviation():
     frame = lens.expose(np.full((200, 200, 3), 0.2, np.float32), np.random.default_rng(0), noise=4.0)
     assert frame.std() == pytest.approx(4, abs=0.1)
     code = np.arange(256, dtype=np.uint8)
-    assert np.array_equal(lens.expose(lens.srgb_to_linear(code)), code)
+    assert np.array_equal(lens.expose(imaging.srgb_to_linear(code)), code)
 
 
 # --- depth camera -----------------------------------------------------------------------------------------------------
@@ -211,7 +212,7 @@ def test_range_limits():
 
 def test_holes_are_filled_from_the_farther_side():
     depth = np.array([[0, 5, 0, 0, 9, 0], [0, 0, 0, 0, 0, 0]])
-    assert np.array_equal(kinect.fill_from_farther(depth), [[5, 5, 9, 9, 9, 9], [0, 0, 0, 0, 0, 0]])
+    assert np.array_equal(imaging.fill_from_farther(depth), [[5, 5, 9, 9, 9, 9], [0, 0, 0, 0, 0, 0]])
 
 
 @pytest.mark.parametrize("name, size", [("planes", (320, 240)), ("motorcycle", (370, 250))])

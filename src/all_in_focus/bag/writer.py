@@ -8,9 +8,6 @@ import sys
 import cv_bridge
 import genpy
 import rosbag
-import yaml
-from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
-from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from tqdm import tqdm
@@ -18,26 +15,9 @@ from tqdm import tqdm
 from all_in_focus.msg import FocusFrame, Optics
 from all_in_focus.files.output_file import whole_file
 from all_in_focus.files.rig import load_rig
+from all_in_focus.files.rig_messages import camera_info, static_transform
 
 START_NS = 1000 * 10 ** 9  # stamp of the first frame, ns; the same in every bag, so that bags can be compared
-
-
-def camera_info(camera, header):
-    """CameraInfo of a camera of the rig."""
-    return CameraInfo(header=header, width=camera.width, height=camera.height, distortion_model=camera.distortion_model,
-                      D=camera.D.ravel().tolist(), K=camera.K.ravel().tolist(), R=camera.R.ravel().tolist(),
-                      P=camera.P.ravel().tolist())
-
-
-def static_transform(rig_folder, stamp):
-    """Pose of the depth camera in the colour camera's frame (m), with the numbers as they stand in extrinsics.yaml."""
-    rig = load_rig(rig_folder)  # checks the file
-    with open(os.path.join(rig_folder, "extrinsics.yaml"), encoding="utf-8") as file:
-        rotation = yaml.safe_load(file)["rotation"]
-    transform = TransformStamped(header=Header(stamp=stamp, frame_id=rig.parent_frame), child_frame_id=rig.child_frame)
-    transform.transform.translation = Vector3(*rig.t.tolist())
-    transform.transform.rotation = Quaternion(*(float(value) for value in rotation))
-    return transform
 
 
 def stamp_of(index, rate):

@@ -6,7 +6,7 @@ import base64
 import cv2
 import numpy as np
 
-from all_in_focus.contact_sheet import NO_FRAME, picture
+from all_in_focus.imaging import NO_FRAME, picture
 from all_in_focus.files.stack import read_image
 
 WIDTH = 420          # of a small copy, pixels

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from all_in_focus.benchmark import pictures, tables as t
-from all_in_focus.contact_sheet import picture
+from all_in_focus.imaging import picture
 from all_in_focus.files.stack import read_depth, read_image
 
 SHOWN_FRAMES = 4  # of a long sweep: the first, the last and some between

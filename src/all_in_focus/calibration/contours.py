@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from all_in_focus.simulation.depth_sensor import fill_from_farther
+from all_in_focus.imaging import fill_from_farther
 
 JUMP = 0.06  # of the nearer depth
 STEADY = 3  # times the change of depth on either side: a jump, no slope

@@ -8,7 +8,7 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from all_in_focus.bag.writer import camera_info
+from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.camera import parameters
 from all_in_focus.camera.file_node import run_node
 from all_in_focus.files.rig import load_camera

@@ -10,7 +10,7 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from all_in_focus.bag.writer import camera_info
+from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.msg import FocusFrame
 from all_in_focus.files.rig import Camera, load_rig
 

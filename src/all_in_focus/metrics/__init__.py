@@ -10,7 +10,8 @@ were published; with more each metric is generalised as its docstring says, so t
 """
 from all_in_focus.metrics.contrast import q_cb
 from all_in_focus.metrics.gradient import q_g
-from all_in_focus.metrics.images import MIN_SIZE, to_gray
+from all_in_focus.imaging import to_gray
+from all_in_focus.metrics.images import MIN_SIZE
 from all_in_focus.metrics.information import q_mi, q_ncie
 from all_in_focus.metrics.phase import q_p
 from all_in_focus.metrics.structure import q_y

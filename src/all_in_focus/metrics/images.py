@@ -1,20 +1,11 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the metrics share: gray values, stretching, windows."""
+"""What the metrics share: stretching, windows."""
 import cv2
 import numpy as np
 
-GRAY_OF_BGR = (0.114021, 0.587043, 0.298936)  # as Matlab's rgb2gray; cvtColor's differ by 1 in some pixels
-MIN_SIZE = 7                                  # pixels, the window of Q_Y
 
-
-def to_gray(image):
-    """H x W uint8 of H x W (as it is) or H x W x 3 (BGR) uint8; ValueError for anything else."""
-    image = np.asarray(image)
-    if image.dtype != np.uint8 or not (image.ndim == 2 or image.ndim == 3 and image.shape[2] == 3):
-        raise ValueError("expected an 8-bit image with one or three channels, not %s of shape %s"
-                         % (image.dtype, image.shape))
-    return image if image.ndim == 2 else np.floor(image @ np.array(GRAY_OF_BGR) + 0.5).astype(np.uint8)
+MIN_SIZE = 7  # pixels, the window of Q_Y
 
 
 def stretched(gray):

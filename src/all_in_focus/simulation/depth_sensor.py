@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from all_in_focus.imaging import fill_from_farther
+
 
 @dataclass
 class KinectModel:
@@ -23,17 +25,6 @@ class KinectModel:
     max_range_mm: float = 5500.0       # the nominal 5 m, and a little: measurements do go on beyond it
     dead_columns: int = 8              # at the right edge, where the correlation window ends
     depth_edge: float = 0.03           # relative step in depth that makes an edge
-
-
-def fill_from_farther(depth):
-    """Depth map with each hole filled along its row from the farther of its two sides; empty rows stay 0."""
-    columns = np.arange(depth.shape[1])[None, :]
-    known = depth > 0
-    left = np.maximum.accumulate(np.where(known, columns, -1), axis=1)
-    right = np.minimum.accumulate(np.where(known, columns, depth.shape[1])[:, ::-1], axis=1)[:, ::-1]
-    padded = np.pad(depth, ((0, 0), (1, 1)))
-    rows = np.arange(depth.shape[0])[:, None]
-    return np.where(known, depth, np.maximum(padded[rows, left + 1], padded[rows, right + 1]))
 
 
 def nearest_depth(index, z, size):

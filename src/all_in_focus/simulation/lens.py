@@ -10,6 +10,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+from all_in_focus.imaging import linear_to_srgb
+
 LEVEL_STEP_PX = 0.25  # blur circles are rounded to multiples of this diameter
 SHARP_PX = 1.0        # a centred disc of this diameter or less lies inside its own pixel
 COVERAGE_FLOOR = 1e-6
@@ -30,18 +32,6 @@ class Layer:
     def crop(self, rows, cols):
         """The layer seen through a window of its canvas (two slices)."""
         return Layer(self.color[rows, cols], self.alpha[rows, cols], self.depth[rows, cols], self.weight[rows, cols])
-
-
-def srgb_to_linear(code):
-    """8-bit sRGB values -> linear light 0..1 (float32)."""
-    v = np.asarray(code, np.float32) / 255
-    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4).astype(np.float32)
-
-
-def linear_to_srgb(light):
-    """Linear light 0..1 -> 8-bit sRGB values as float32, not yet rounded."""
-    v = np.clip(light, 0, 1)
-    return (255 * np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)).astype(np.float32)
 
 
 def image_distance(f, s):

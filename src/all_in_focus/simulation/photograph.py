@@ -5,9 +5,10 @@ import cv2
 import numpy as np
 import skimage.data
 
-from all_in_focus.simulation.depth_sensor import KinectModel, fill_from_farther
+from all_in_focus.imaging import fill_from_farther, srgb_to_linear
+from all_in_focus.simulation.depth_sensor import KinectModel
 from all_in_focus.simulation.layered_scene import Scene, canvas_margin, kinect_beside
-from all_in_focus.simulation.lens import Layer, blur_circle_px, srgb_to_linear
+from all_in_focus.simulation.lens import Layer, blur_circle_px
 from all_in_focus.files.rig import Camera
 
 INVENTED = 0.01           # weight of a colour that was invented behind an occluder

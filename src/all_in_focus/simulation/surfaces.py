@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from all_in_focus.simulation.lens import Layer, srgb_to_linear, window_around
+from all_in_focus.imaging import srgb_to_linear
+from all_in_focus.simulation.lens import Layer, window_around
 from all_in_focus.files.rig import rotation_matrix
 
 NEAR, FAR = 0.1, 100.0           # metres; surfaces end there

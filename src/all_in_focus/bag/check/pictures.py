@@ -7,7 +7,7 @@ import numpy as np
 from all_in_focus.bag.check.findings import PerBracket, counted, share_text
 from all_in_focus.bag.images import ImageError, bgr
 from all_in_focus.bag.scan import fetch
-from all_in_focus.simulation.lens import srgb_to_linear
+from all_in_focus.imaging import srgb_to_linear
 
 BRACKETS, FRAMES = 3, 30      # samples at most, frames of all brackets together
 BLOCKS = (8, 6)               # a picture is cut into: blur keeps the mean light of a block

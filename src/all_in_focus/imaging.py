@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Many pictures on one sheet, each under its title."""
+"""Small image operations that several rooms share: sRGB, filling of holes, pictures that people can see, contact sheets.
+
+Depth maps are H x W, 0 = unknown.
+"""
 import os
 
 import cv2
@@ -8,9 +11,42 @@ import numpy as np
 
 from all_in_focus.files.stack import read_image
 
+GRAY_OF_BGR = (0.114021, 0.587043, 0.298936)  # as Matlab's rgb2gray; cvtColor's differ by 1 in some pixels
 NO_FRAME = 65535  # in source_index images
 TITLE_HEIGHT, MARGIN = 24, 6  # pixels
 BACKGROUND, INK = 255, (40, 40, 40)
+
+
+def to_gray(image):
+    """H x W uint8 of H x W (as it is) or H x W x 3 (BGR) uint8; ValueError for anything else."""
+    image = np.asarray(image)
+    if image.dtype != np.uint8 or not (image.ndim == 2 or image.ndim == 3 and image.shape[2] == 3):
+        raise ValueError("expected an 8-bit image with one or three channels, not %s of shape %s"
+                         % (image.dtype, image.shape))
+    return image if image.ndim == 2 else np.floor(image @ np.array(GRAY_OF_BGR) + 0.5).astype(np.uint8)
+
+
+def srgb_to_linear(code):
+    """8-bit sRGB values -> linear light 0..1 (float32)."""
+    v = np.asarray(code, np.float32) / 255
+    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+def linear_to_srgb(light):
+    """Linear light 0..1 -> 8-bit sRGB values as float32, not yet rounded."""
+    v = np.clip(light, 0, 1)
+    return (255 * np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)).astype(np.float32)
+
+
+def fill_from_farther(depth):
+    """Depth map with each hole filled along its row from the farther of its two sides; empty rows stay 0."""
+    columns = np.arange(depth.shape[1])[None, :]
+    known = depth > 0
+    left = np.maximum.accumulate(np.where(known, columns, -1), axis=1)
+    right = np.minimum.accumulate(np.where(known, columns, depth.shape[1])[:, ::-1], axis=1)[:, ::-1]
+    padded = np.pad(depth, ((0, 0), (1, 1)))
+    rows = np.arange(depth.shape[0])[:, None]
+    return np.where(known, depth, np.maximum(padded[rows, left + 1], padded[rows, right + 1]))
 
 
 def split_title(text):
