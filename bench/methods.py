@@ -19,7 +19,7 @@ from all_in_focus.simulation import lens
 from all_in_focus.baselines import BASELINES
 from all_in_focus.baselines.alignment import align
 from all_in_focus.metrics.truth import psnr
-from all_in_focus.files.rig import load_rig
+from all_in_focus.files.rig import Optics, load_rig
 from all_in_focus.files.stack import Stack, read_depth, read_image
 
 TIMEOUT_S = 3600
@@ -55,19 +55,20 @@ def oracle(scene):
 
 
 def true_depth(scene):
-    """Every pixel from the frame focused nearest, in dioptres, to the true depth; true breathing is undone."""
+    """Every pixel from the frame focused nearest, in dioptres, to the true depth; true motion is undone."""
     camera, depth = load_rig(inputs(scene)["rig"]).color, read_depth(os.path.join(scene, "truth_depth.png"))
     with open(os.path.join(scene, "scene.json"), encoding="utf-8") as file:
         made = json.load(file)
     focus = np.array(made["focus_mm"])
     index = np.argmin(np.abs(1 / focus[:, None, None] - 1 / np.maximum(depth, 1)), axis=0)
-    scales = [lens.breathing_scale(made["optics"]["focal_length_mm"], s, focus[made["reference"]], made["breathing"])
-              for s in focus]
+    roll, right, down = (made.get("sag", {}).get(key, 0) for key in ("roll_degrees", "right_px", "down_px"))
+    enlarge = made.get("enlarge", 1)
+    motions = lens.frame_motions(camera, Optics(**made["optics"]), focus, made["breathing"],
+                                 lens.Sag(roll, right * enlarge, down * enlarge))
     fused = np.zeros(depth.shape + (3,), np.uint8)
-    for number, (frame, scale) in enumerate(zip(frames_of(scene), scales)):
-        if scale != 1:
-            still = lens.magnify(np.float32(frame), 1 / scale, (camera.K[0, 2], camera.K[1, 2]))
-            frame = np.uint8(np.clip(np.rint(still), 0, 255))
+    for number, (frame, matrix) in enumerate(zip(frames_of(scene), motions)):
+        still = lens.warp(np.float32(frame), cv2.invertAffineTransform(matrix))
+        frame = np.uint8(np.clip(np.rint(still), 0, 255))
         fused[index == number] = frame[index == number]
     return fused
 

@@ -39,10 +39,20 @@ def peer_of(text):
     return name, command
 
 
+def suites_of(text):
+    """argparse type: A,B of bench/suite.py."""
+    names = text.split(",")
+    if not set(names) <= set(suite.SUITES):
+        raise argparse.ArgumentTypeError(f"'{text}': there are {', '.join(suite.SUITES)}")
+    return names
+
+
 def parse_arguments():
     parser = Parser(prog="quality.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help="folders that make_scene wrote")
-    parser.add_argument("--generate", metavar="DIR", help="take the suite of bench/suite.py, made in DIR where missing")
+    parser.add_argument("--generate", metavar="DIR", help="take scenes of bench/suite.py, made in DIR where missing")
+    parser.add_argument("--suite", type=suites_of, default=["small"], metavar="A,B",
+                        help=f"which of its suites: {', '.join(suite.SUITES)}; default small")
     parser.add_argument("--methods", default="single,oracle,true-depth,gf,gf+ecc,laplacian,laplacian+ecc,paper,refined",
                         metavar="A,B", help="default %(default)s")
     parser.add_argument("--peer", type=peer_of, action="append", default=[], metavar="NAME=COMMAND",
@@ -71,7 +81,7 @@ def measure(method, scene, truth, output, keep):
         begin = time.monotonic()
         method(scene, output)
         seconds = (time.monotonic() - begin) / len(Stack(os.path.join(scene, "stack")))
-    image = read_image(output)
+    image = truth.compared(read_image(output))
     return {"psnr": psnr(image, truth.image), "ssim": ssim(image, truth.image),
             "psnr_edges": psnr(image, truth.image, truth.edges) if truth.edges.any() else None,
             "seconds_per_frame": seconds}
@@ -119,7 +129,7 @@ def table(figures, key):
 def main():
     parser, args = parse_arguments()
     try:
-        paths = args.scenes + (suite.generate(args.generate) if args.generate else [])
+        paths = args.scenes + (suite.generate(args.generate, args.suite) if args.generate else [])
         if not paths:
             parser.error("give scene folders or --generate DIR")
         scenes = {os.path.basename(os.path.abspath(path)): path for path in paths}

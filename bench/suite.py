@@ -9,8 +9,8 @@ from tqdm import tqdm
 
 MAKE_SCENE = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "scripts", "make_scene")
 
-# Options of make_scene; the widest blur circle, in pixels, beside each. All are 640x480 but the large one.
-SUITE = {
+# Options of make_scene; the widest blur circle, in pixels, beside each. All are 640x480 but clutter_large.
+SMALL = {
     "occluders": "--scene occluders --frames 12 --optics 50,2.8,0.03",                           # 14
     "plain": "--scene plain --frames 10 --optics 50,2,0.03",                                     # 17
     "slope": "--scene slope --frames 12 --optics 50,1.8,0.03",                                   # 24
@@ -27,10 +27,30 @@ SUITE = {
 }
 
 
-def generate(folder):
-    """Make the scenes that are not in `folder` yet; paths of all."""
-    paths = [os.path.join(folder, name) for name in SUITE]
-    missing = [(path, options) for path, options in zip(paths, SUITE.values()) if not os.path.exists(path)]
+# 6 and 24 Mpx; the depth camera keeps its 640x480, so that holes and frayed edges are tens of pixels wide.
+LARGE = {
+    "occluders_6mp": "--scene occluders --frames 12 --size 3000x2000 --optics 50,2.8,0.03 --grain 0.15 --seed 3 --noise 1",  # 66
+    "slope_6mp": "--scene slope --frames 12 --size 3000x2000 --optics 50,2.8,0.03 --grain 0.15 --seed 3 --noise 1"
+                 " --breathing 0.7 --vignetting 0.3",                                                                   # 72
+    "garden_6mp": "--scene garden --frames 12 --size 3000x2000 --optics 45,2.8,0.03 --grain 0.15 --seed 3 --noise 1"
+                  " --sag 0.1,4,7",                                                                                     # 66
+    "plain_6mp": "--scene plain --frames 12 --size 3000x2000 --optics 50,2,0.03 --seed 3 --noise 2"
+                 " --exposure-jitter 0.03 --vignetting 0.3",                                                            # 80
+    "planes_24mp": "--scene planes --frames 10 --size 6000x4000 --optics 35,3.5,0.03 --grain 0.15 --seed 3 --noise 2"
+                   " --breathing 0.3 --vignetting 0.3 --exposure-jitter 0.02 --sag 0.05,6,10",                          # 80
+}
+
+# Each small scene as it is, with five pixels for one each way: whoever sees scale loses nothing.
+ENLARGED = {name + "_x5": options + " --enlarge 5" for name, options in SMALL.items() if "--size" not in options}
+
+SUITES = {"small": SMALL, "large": LARGE, "enlarged": ENLARGED}
+
+
+def generate(folder, suites=("small",)):
+    """Make the scenes of these suites that are not in `folder` yet; paths of all."""
+    scenes = {name: options for suite in suites for name, options in SUITES[suite].items()}
+    paths = [os.path.join(folder, name) for name in scenes]
+    missing = [(path, options) for path, options in zip(paths, scenes.values()) if not os.path.exists(path)]
     for path, options in tqdm(missing, unit="scene", disable=not sys.stderr.isatty()):
         size = [] if "--size" in options else ["--size", "640x480"]
         subprocess.run([sys.executable, MAKE_SCENE, "--output", path] + options.split() + size, check=True)

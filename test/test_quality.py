@@ -3,6 +3,7 @@
 """Measures of quality, and the program that compares methods by them."""
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -18,6 +19,7 @@ BENCH = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 sys.path.insert(0, BENCH)
 import methods  # noqa: E402
 import quality  # noqa: E402
+import suite  # noqa: E402
 
 COPY = "copy=cp {stack}/000.png {output}"
 
@@ -116,6 +118,22 @@ def test_shifted_depth(tmp_path):
     assert not moved[:, :2].any() and np.array_equal(moved[:, 2:], depth[:, :4])
 
 
+# --- the suites -------------------------------------------------------------------------------------------------------
+
+def test_suites_name_each_scene_once():
+    names = [name for scenes in suite.SUITES.values() for name in scenes]
+    assert len(names) == len(set(names)) and len(suite.LARGE) >= 5
+    assert set(suite.ENLARGED) == {name + "_x5" for name in suite.SMALL} - {"clutter_large_x5"}
+
+
+@pytest.mark.parametrize("name", sorted(suite.LARGE))
+def test_large_scenes_are_rendered(name, tmp_path):
+    """As small pictures: the real ones take minutes each."""
+    options = re.sub(r"--size \S+", "--size 96x64", re.sub(r"--frames \d+", "--frames 2", suite.LARGE[name])).split()
+    result = run_script("make_scene", "--output", tmp_path / name, *options)
+    assert (result.returncode, result.stderr) == (0, "")
+
+
 # --- the program ------------------------------------------------------------------------------------------------------
 
 def test_means_say_what_they_cover():
@@ -152,6 +170,7 @@ def test_program_compares_and_keeps(scenes, tmp_path):
 @pytest.mark.parametrize("arguments, reason", [
     ([], "give scene folders or --generate DIR"),
     (["nowhere"], "nowhere"),
+    (["--suite", "huge"], "there are small, large, enlarged"),
     (["--methods", "median"], "no method is named 'median'"),
     (["--peer", "mine=true"], "expected NAME=COMMAND with {output} in it"),
     (["a/scene", "b/scene"], "two scenes have the same name"),

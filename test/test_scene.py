@@ -15,9 +15,10 @@ import yaml
 from all_in_focus import imaging
 from all_in_focus.simulation import depth_sensor as kinect
 from all_in_focus.simulation import lens
-from all_in_focus.simulation.layered_scene import Scene, kinect_beside
+from all_in_focus.simulation.layered_scene import Scene, add_grain, kinect_beside
 from all_in_focus.simulation.photograph import peel_layers
 from all_in_focus.files.rig import Camera, Optics, load_rig
+from all_in_focus.metrics.truth import Truth
 from all_in_focus.simulation.presets import SCENES
 
 MAKE_SCENE = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "scripts", "make_scene")
@@ -154,8 +155,8 @@ def test_breathing_and_exposure():
     distances = [1000.0, 1500.0]
     scale = lens.breathing_scale(50.0, 1000.0, 1500.0, 2.0)
     assert scale == pytest.approx(1 + 2 * ((50000 / 950) / (75000 / 1450) - 1))
-    breathing, plain, jitter = (list(lens.render_bracket(scene, OPTICS, distances, **options)) for options in
-                                ({"breathing": 2.0}, {}, {"exposure_jitter": 0.5, "seed": 3}))
+    breathing, plain, jitter = (list(lens.render_bracket(scene, OPTICS, distances, lens.Disturbance(**options), seed=3))
+                                for options in ({"breathing": 2.0}, {}, {"exposure_jitter": 0.5}))
 
     def separation(frame):
         light = imaging.srgb_to_linear(frame[..., 0]).sum(axis=0)
@@ -165,6 +166,91 @@ def test_breathing_and_exposure():
     assert separation(breathing[0]) / separation(plain[0]) == pytest.approx(scale, abs=2e-3)
     assert np.array_equal(breathing[1], plain[1]) and np.array_equal(jitter[1], plain[1])
     assert not np.array_equal(jitter[0], plain[0])
+
+
+def test_motion_rolls_about_the_centre_and_then_shifts():
+    matrix = lens.motion((60, 40), scale=1.1, roll=90, shift=(3, -2))
+    assert matrix @ [60, 40, 1] == pytest.approx([63, 38])
+    assert matrix @ [70, 40, 1] == pytest.approx([63, 38 + 11]), "clockwise: what was right is below"
+    picture = cv2.GaussianBlur(noise_picture(), (0, 0), 2)
+    assert lens.warp(picture, lens.motion((60, 40))) is picture
+    back = lens.warp(lens.warp(picture, matrix), cv2.invertAffineTransform(matrix))
+    assert np.abs(back - picture)[25:55, 45:75].max() < 0.01
+
+
+def test_sagging_head_moves_the_frames_evenly():
+    camera = scene_of(flat([0, 0, 0], 1000.0)).rig.color
+    motions = list(lens.frame_motions(camera, OPTICS, np.full(5, 1000.0), sag=lens.Sag(2, 4, 8)))
+    assert np.array_equal(motions[2], np.eye(2, 3)), "the reference stays"
+    centre = [camera.K[0, 2], camera.K[1, 2]]
+    assert [tuple(np.round(matrix @ [*centre, 1] - centre, 6)) for matrix in motions] == [
+        (-2, -4), (-1, -2), (0, 0), (1, 2), (2, 4)]
+    assert np.degrees(np.arctan2(motions[4][1, 0], motions[4][0, 0])) == pytest.approx(1)
+
+    picture = np.zeros((80, 120, 3))
+    picture[40, 60] = 1
+    scene = scene_of(flat(cv2.GaussianBlur(picture, (0, 0), 2) * 20, 1000.0))
+    frames = list(lens.render_bracket(scene, OPTICS, [1000.0] * 3, lens.Disturbance(sag=lens.Sag(0, 6, 10))))
+    assert [np.unravel_index(frame[..., 0].argmax(), (80, 120)) for frame in frames] == [(35, 57), (40, 60), (45, 63)]
+
+
+def test_vignetting_darkens_the_corners():
+    camera = scene_of(flat([0, 0, 0], 1000.0)).rig.color
+    gain = lens.vignette(camera, 0.3, 50.0, 1000.0, 1000.0)
+    assert gain.shape == (80, 120) and gain[40, 60] == 1 and gain[0, 0] == pytest.approx(0.7)
+    near = lens.vignette(camera, 0.3, 50.0, 500.0, 1000.0)
+    assert near[0, 0] == pytest.approx(1 - 0.3 * ((50000 / 950) / (25000 / 450)) ** 2), "the sensor is farther away"
+    frame, = lens.render_bracket(scene_of(flat([0.5] * 3, 1000.0)), OPTICS, [1000.0], lens.Disturbance(vignetting=0.3))
+    assert srgb_to_linear(frame)[..., 0] == pytest.approx(0.5 * gain, abs=0.005)
+
+
+@pytest.mark.parametrize("name", ["planes", "motorcycle"])
+def test_tiles_have_no_seams(name, monkeypatch):
+    preset, tiles = SCENES[name], []
+    for size in (lens.TILE_PX, 48):
+        monkeypatch.setattr(lens, "TILE_PX", size)
+        scene = preset.build((160, 120), preset.optics, 0)
+        tiles.append((scene.truth(), scene.truth_depth(), lens.render_frame(scene, Optics(50.0, 0.7, 0.03), 3500.0)))
+    for whole, tiled in zip(*tiles):
+        assert np.allclose(whole, tiled, atol=1e-4)
+
+
+def test_large_blur_circles_are_rounded_to_less_than_one_percent():
+    diameter = np.linspace(1.2, 300, 5000)
+    rounded = lens.blur_levels(diameter) * lens.LEVEL_STEP_PX
+    assert (np.abs(rounded - diameter) <= np.maximum(lens.LEVEL_STEP_PX / 2, 0.008 * diameter)).all()
+    assert len(np.unique(rounded[diameter > 100])) < 150
+
+
+def test_depth_camera_sees_the_same_in_a_large_picture():
+    """The canvas of a large picture ends where the lens does; the depth camera looks at one of its own."""
+    preset = SCENES["planes"]
+    large, small = (preset.build(size, preset.optics, 0) for size in ((1920, 1440), (640, 480)))
+    assert small.seen_by_depth is None and large.seen_by_depth.rig.color.width == 960
+    assert large.margin[0] <= 120 < large.seen_by_depth.margin[0]
+    one, other = (kinect.warp_to_depth_camera(scene) for scene in (large, small))
+    assert (np.abs(one - other) < 0.01 * other).mean() > 0.98
+
+
+def test_grain_adds_texture_in_patches():
+    scenes = [scene_of(flat([0.4] * 3, 2000.0, size=(500, 800))) for _ in range(2)]
+    for scene in scenes:
+        add_grain(scene, 0.2, 1)
+    truth = scenes[0].truth()
+    assert np.array_equal(truth, scenes[1].truth())
+    strength = cv2.blur(np.abs(cv2.Laplacian(truth[..., 0], cv2.CV_32F)), (25, 25))
+    assert truth.mean() == pytest.approx(0.4, abs=0.02) and 0.01 < truth.std() < 0.08
+    assert strength.min() < 0.02 * strength.max(), "somewhere smooth"
+
+
+def test_lamps_are_clipped_by_the_picture_only():
+    """A lamp's blur disc is brighter than a white surface would give: what saturates is the picture."""
+    picture = np.zeros((80, 120, 3))
+    picture[40, 60] = 50
+    scene = scene_of(flat(picture, 1000.0))
+    assert scene.truth().max() == 1
+    expected = 50 * 4 / (np.pi * lens.blur_circle_px(OPTICS, 800.0, 1000.0, 2000.0) ** 2)
+    assert lens.render_frame(scene, OPTICS, 2000.0)[40, 60, 0] == pytest.approx(expected, rel=0.05)
 
 
 def test_noise_has_the_given_deviation():
@@ -277,6 +363,25 @@ def test_program_writes_a_complete_scene_and_repeats_itself(tmp_path):
     assert len(os.listdir(str(tmp_path / "a" / "stack"))) == 2
 
 
+def test_enlarged_scene_is_the_small_one(tmp_path):
+    options = ["--scene", "planes", "--frames", 2, "--size", "64x48", "--noise", 2, "--sag", "1,1,1"]
+    assert make_scene("--output", tmp_path / "small", *options).returncode == 0
+    assert make_scene("--output", tmp_path / "large", "--enlarge", 3, *options).returncode == 0
+    for name in ("truth.png", "truth_depth.png", "stack/000.png", "stack/001.png"):
+        small, large = (cv2.imread(str(tmp_path / size / name), cv2.IMREAD_UNCHANGED) for size in ("small", "large"))
+        assert np.array_equal(large, small.repeat(3, axis=0).repeat(3, axis=1))
+    for name in ("depth.png", "focus.yaml", "rig/depth.yaml", "rig/optics.yaml"):
+        assert filecmp.cmp(str(tmp_path / "small" / name), str(tmp_path / "large" / name), shallow=False)
+    small, large = (load_rig(str(tmp_path / size / "rig")).color for size in ("small", "large"))
+    assert (large.width, large.height) == (192, 144)
+    for point in ([0, 0, 1], [0.1, -0.2, 1]):
+        assert (large.K @ point)[:2] == pytest.approx(3 * (small.K @ point)[:2] + 1), "the middle of the same pixel"
+    truths = [Truth.load(str(tmp_path / size)) for size in ("small", "large")]
+    assert np.array_equal(truths[0].image, truths[1].image) and np.array_equal(truths[0].edges, truths[1].edges)
+    fused = cv2.imread(str(tmp_path / "large" / "stack" / "000.png"))
+    assert np.array_equal(truths[1].compared(fused), cv2.imread(str(tmp_path / "small" / "stack" / "000.png")))
+
+
 @pytest.mark.parametrize("arguments, reason", [
     (["--scene", "moon"], "invalid choice: 'moon'"),
     (["--frames", "0"], "--frames"),
@@ -287,6 +392,10 @@ def test_program_writes_a_complete_scene_and_repeats_itself(tmp_path):
     (["--size", "640"], "expected WxH"),
     (["--noise", "nan"], "--noise"),
     (["--exposure-jitter", "-1"], "--exposure-jitter"),
+    (["--vignetting", "1"], "--vignetting"),
+    (["--sag", "1,2"], "expected ROLL,X,Y"),
+    (["--sag", "9,0,0"], "expected a number from -5 to 5"),
+    (["--enlarge", "4"], "expected an odd number"),
 ])
 def test_bad_arguments(tmp_path, arguments, reason):
     result = make_scene("--scene", "planes", "--output", tmp_path / "scene", *arguments)

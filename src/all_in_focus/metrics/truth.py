@@ -1,8 +1,10 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """How near an image comes to a known all-in-focus truth."""
+import json
 import os
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -17,22 +19,35 @@ EDGE_REACH_PX = 8  # how far from a depth edge a pixel still counts as near it
 @dataclass
 class Truth:
     """What a scene folder (see make_scene) should be fused to; image: H x W x 3 uint8 (BGR), edges: H x W bool, the
-    pixels near depth edges."""
+    pixels near depth edges; enlarge: how many equal pixels, each way, the frames have for one of these."""
     image: np.ndarray
     edges: np.ndarray
+    enlarge: int = 1
 
     @classmethod
     def load(cls, scene):
-        """ValueError where a file is missing or damaged."""
-        return cls.of(read_image(os.path.join(scene, "truth.png")), read_depth(os.path.join(scene, "truth_depth.png")),
-                      load_rig(os.path.join(scene, "rig")).optics)
+        """ValueError where a file is missing or damaged. Of an enlarged scene the truth is that of the small one."""
+        scene, made = Path(scene), Path(scene, "scene.json")
+        enlarge = json.loads(made.read_text(encoding="utf-8")).get("enlarge", 1) if made.exists() else 1
+        image, depth = (centres(picture, enlarge)
+                        for picture in (read_image(scene / "truth.png"), read_depth(scene / "truth_depth.png")))
+        return cls.of(image, depth, load_rig(scene / "rig").optics, enlarge)
 
     @classmethod
-    def of(cls, image, depth_mm, optics):
+    def of(cls, image, depth_mm, optics, enlarge=1):
         """image: as above; depth_mm: H x W, its depth, 0 = unknown; optics: rig.Optics of the lens."""
         # Half the span of one depth of field, 1/H, is a jump that blurs visibly.
         step = 500 * optics.aperture * optics.circle_of_confusion_mm / optics.focal_length_mm ** 2
-        return cls(image, near_depth_edges(depth_mm, step))
+        return cls(image, near_depth_edges(depth_mm, step), enlarge)
+
+    def compared(self, fused):
+        """What of a fused image (BGR) is compared with the truth: the middle pixel of each enlarged one."""
+        return centres(fused, self.enlarge)
+
+
+def centres(image, factor):
+    """Every factor-th pixel (odd) of each row and column, from the middle of the first block."""
+    return np.ascontiguousarray(image[factor // 2::factor, factor // 2::factor])
 
 
 def near_depth_edges(depth_mm, step_dioptres):

@@ -51,6 +51,7 @@ def layer_points(layer, color, origin, oversampling):
 
 def warp_to_depth_camera(scene):
     """True depth (mm, float) of a scene in the depth camera of its rig; small gaps are filled from the farther side."""
+    scene = scene.seen_by_depth or scene
     camera, color = scene.rig.depth, scene.rig.color
     oversampling = max(1, int(np.ceil(2 * camera.K[0, 0] / color.K[0, 0])))
     window = scene.frame_window(0)

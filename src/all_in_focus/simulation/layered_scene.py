@@ -2,22 +2,32 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A scene made of layers, with the rig of colour and depth camera that looks at it."""
 from dataclasses import dataclass
-from typing import List, Tuple
+from typing import List, Optional, Tuple
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
-from all_in_focus.simulation.lens import Layer, composite, visible_depth
+from all_in_focus.simulation.lens import Layer, composite, tiles_of, visible_depth
 from all_in_focus.files.rig import Camera, Rig, rotation_matrix
+
+GRAIN_TILE = 1024                 # pixels; the texture repeats after so many
+GRAIN_SIGMAS_PX = (0.7, 2, 6)     # texture of three sizes
+PATCH_SIGMA_PX = 40
 
 
 @dataclass
 class Scene:
-    """Layers back to front on a canvas that exceeds the colour picture by margin = (columns, rows) on each side."""
+    """Layers back to front on a canvas that exceeds the colour picture by margin = (columns, rows) on each side.
+
+    seen_by_depth: the same surfaces for the depth camera, which sees more of them, but less finely than a large colour
+    picture; None: this scene serves.
+    """
     name: str
     rig: Rig
     margin: Tuple[int, int]
     layers: List[Layer]
+    seen_by_depth: Optional["Scene"] = None
 
     def frame_window(self, pad):
         """The colour picture on the canvas, widened by pad pixels where the canvas allows (two slices)."""
@@ -29,8 +39,8 @@ class Scene:
         return [layer.crop(*window) for layer in self.layers]
 
     def truth(self):
-        """The all-in-focus picture, linear light."""
-        return composite(self._picture())
+        """The all-in-focus picture, linear light; a lamp is as bright as a picture can show it, 1."""
+        return np.minimum(composite(self._picture()), 1)
 
     def truth_depth(self):
         """True depth (mm) in the colour camera."""
@@ -44,6 +54,13 @@ def kinect_beside(color, optics):
     return Rig(depth, color, rotation, [-0.030, 0.045, 0.020], optics)
 
 
+def enlarged(camera, factor):
+    """Pinhole camera of pictures in which each pixel has become factor x factor."""
+    (fx, _, cx), (_, fy, cy), _ = camera.K
+    return Camera.pinhole(camera.name, camera.width * factor, camera.height * factor, fx * factor, fy * factor,
+                          (cx + 0.5) * factor - 0.5, (cy + 0.5) * factor - 0.5)
+
+
 def canvas_margin(rig, near_mm):
     """Margin (columns, rows) that the canvas needs for the depth camera to see surface everywhere, from near_mm on."""
     corners = np.array([[0, 0, 1], [rig.depth.width, 0, 1], [0, rig.depth.height, 1],
@@ -53,3 +70,25 @@ def canvas_margin(rig, near_mm):
     u, v = seen[0] / seen[2], seen[1] / seen[2]
     return (int(np.ceil(max(-u.min(), u.max() - rig.color.width, 0))) + 2,
             int(np.ceil(max(-v.min(), v.max() - rig.color.height, 0))) + 2)
+
+
+def add_grain(scene, deviation, seed):
+    """Give every layer texture down to a pixel: a standard deviation, as a share of the light, where it is strongest.
+
+    Large pictures of enlarged textures would have none. It comes in patches, so that smooth places stay.
+    """
+    rng = np.random.default_rng([seed, 5])
+    grain = sum(_seamless(rng, sigma) for sigma in GRAIN_SIGMAS_PX) / np.sqrt(len(GRAIN_SIGMAS_PX))
+    grain *= deviation * np.clip(_seamless(rng, PATCH_SIGMA_PX) + 0.5, 0, 1)
+    for layer in scene.layers:
+        rows, cols = (rng.integers(GRAIN_TILE) + np.arange(count) for count in layer.alpha.shape)
+        for tile in tiles_of((slice(0, len(rows)), slice(0, len(cols)))):
+            if layer.alpha[tile].any():
+                factor = grain[np.ix_(rows[tile[0]] % GRAIN_TILE, cols[tile[1]] % GRAIN_TILE)]
+                layer.color[tile] *= np.maximum(1 + factor, 0)[..., None]
+
+
+def _seamless(rng, sigma):
+    """Noise of standard deviation 1, smooth over sigma pixels, that continues beyond its border at the opposite one."""
+    noise = gaussian_filter(np.float32(rng.normal(size=(GRAIN_TILE, GRAIN_TILE))), sigma, mode="wrap")
+    return noise / noise.std()

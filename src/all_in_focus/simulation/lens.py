@@ -6,6 +6,7 @@ Distances are in mm, blur circles in mm on the sensor or in pixels of pitch f / 
 """
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 
 import cv2
 import numpy as np
@@ -13,8 +14,11 @@ import numpy as np
 from all_in_focus.imaging import linear_to_srgb
 
 LEVEL_STEP_PX = 0.25  # blur circles are rounded to multiples of this diameter
+COARSE_STEPS = 128    # a blur circle of more steps than this is rounded to two steps, then four, and so on
 SHARP_PX = 1.0        # a centred disc of this diameter or less lies inside its own pixel
 COVERAGE_FLOOR = 1e-6
+TILE_PX = 1024        # large pictures are rendered tile by tile, so that memory does not grow with the layers
+NOISE_ROWS = 256      # rows that get their noise at once
 
 
 @dataclass
@@ -80,12 +84,24 @@ def window_around(mask, pad):
     rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return None
-    return (slice(max(0, rows[0] - pad), rows[-1] + 1 + pad), slice(max(0, cols[0] - pad), cols[-1] + 1 + pad))
+    return tuple(slice(max(0, side[0] - pad), min(side[-1] + 1 + pad, size))
+                 for side, size in zip((rows, cols), mask.shape))
+
+
+def tiles_of(window):
+    """Windows (two slices) of at most TILE_PX x TILE_PX pixels that make up a window."""
+    for rows, cols in product(*(range(side.start, side.stop, TILE_PX) for side in window)):
+        yield slice(rows, min(rows + TILE_PX, window[0].stop)), slice(cols, min(cols + TILE_PX, window[1].stop))
 
 
 def blur_levels(diameter_px):
-    """Blur circles in pixels -> whole multiples of LEVEL_STEP_PX, 0 where the pixel stays untouched."""
-    level = np.rint(diameter_px / LEVEL_STEP_PX).astype(np.int32)
+    """Blur circles in pixels -> whole multiples of LEVEL_STEP_PX, 0 where the pixel stays untouched.
+
+    The rounding stays below 1 % of a large circle: fewer levels, fewer passes over a slanted surface.
+    """
+    steps = diameter_px / LEVEL_STEP_PX
+    coarse = 2.0 ** np.ceil(np.log2(np.maximum(steps / COARSE_STEPS, 1)))
+    level = (np.rint(steps / coarse) * coarse).astype(np.int32)
     return np.where(level * LEVEL_STEP_PX <= SHARP_PX, 0, level)
 
 
@@ -116,13 +132,30 @@ def composite(layers, diameter_of=None):
 
     diameter_of: depth (mm) -> blur circle (px); None: the pinhole picture, sharp everywhere.
     """
+    height, width = layers[0].alpha.shape
+    reach = 0
+    if diameter_of is not None:  # the widest circle belongs to the nearest or the farthest depth
+        ends = np.float32([end for layer in layers for end in (layer.depth.min(), layer.depth.max())])
+        reach = disc_kernel(int(blur_levels(diameter_of(ends)).max())).shape[0] // 2
+    light = np.empty((height, width, 3), np.float32)
+    for rows, cols in tiles_of((slice(0, height), slice(0, width))):
+        wide = [slice(max(0, side.start - reach), side.stop + reach) for side in (rows, cols)]
+        tile = _composite_tile([layer.crop(*wide) for layer in layers], diameter_of)
+        tile = tile[rows.start - wide[0].start:, cols.start - wide[1].start:]
+        light[rows, cols] = tile[:rows.stop - rows.start, :cols.stop - cols.start]
+    return light
+
+
+def _composite_tile(layers, diameter_of):
+    """What `composite` returns, in one piece."""
     shape = layers[0].alpha.shape
     light, covered = np.zeros(shape + (3,), np.float32), np.zeros(shape, np.float32)
     for layer in layers:
-        level = np.zeros(shape, np.int32) if diameter_of is None else blur_levels(diameter_of(layer.depth))
-        window = window_around(layer.alpha > 0, disc_kernel(int(level.max())).shape[0] // 2)
-        if window is None:
+        if not layer.alpha.any():
             continue
+        level = np.zeros(shape, np.int32) if diameter_of is None else blur_levels(diameter_of(layer.depth))
+        # As far as the layer spreads, and once more: coverage there is a share of what arrives from all around.
+        window = window_around(layer.alpha > 0, disc_kernel(int(level.max())).shape[0] // 2 * 2)
         color, coverage = blur_layer(layer.crop(*window), level[window])
         light[window] += coverage[..., None] * (color - light[window])
         covered[window] += coverage * (1 - covered[window])
@@ -137,44 +170,98 @@ def visible_depth(layers):
     return depth
 
 
-def magnify(light, scale, center):
-    """Scale a picture about a pixel (x, y), same size."""
-    to_source = np.float64([[1 / scale, 0, center[0] * (1 - 1 / scale)], [0, 1 / scale, center[1] * (1 - 1 / scale)]])
-    scaled = cv2.warpAffine(light, to_source, light.shape[1::-1], flags=cv2.INTER_LANCZOS4 | cv2.WARP_INVERSE_MAP,
-                            borderMode=cv2.BORDER_REPLICATE)
-    return np.maximum(scaled, 0)
+def motion(center, scale=1.0, roll=0.0, shift=(0.0, 0.0)):
+    """2x3 matrix from a still picture to one that is scaled and rolled (degrees, clockwise) about a pixel (x, y), then
+    shifted by (x, y) pixels."""
+    c, s = scale * np.cos(np.radians(roll)), scale * np.sin(np.radians(roll))
+    linear = np.array([[c, -s], [s, c]])
+    return np.column_stack([linear, np.array(center) - linear @ center + shift])
 
 
-def render_frame(scene, optics, s, scale=1.0):
-    """One frame of a scene focused at s (mm), in linear light, of the colour camera's size."""
+def warp(picture, matrix):
+    """Move a picture by the 2x3 matrix of `motion`, same size; as it is where the matrix is the identity."""
+    if np.array_equal(matrix, np.eye(2, 3)):
+        return picture
+    moved = cv2.warpAffine(picture, matrix, picture.shape[1::-1], flags=cv2.INTER_LANCZOS4,
+                           borderMode=cv2.BORDER_REPLICATE)
+    return np.maximum(moved, 0)
+
+
+@dataclass(frozen=True)
+class Sag:
+    """A tripod head that gives way: what happens, at an even pace, from the first frame of a bracket to the last."""
+    roll_degrees: float = 0.0
+    right_px: float = 0.0
+    down_px: float = 0.0
+
+
+def frame_motions(camera, optics, distances, breathing=0.0, sag=Sag()):
+    """How each frame of a bracket is moved against its reference frame N // 2: a 2x3 matrix for each distance."""
+    reference, last = len(distances) // 2, max(1, len(distances) - 1)
+    for number, s in enumerate(distances):
+        share = (number - reference) / last
+        yield motion((camera.K[0, 2], camera.K[1, 2]),
+                     breathing_scale(optics.focal_length_mm, s, distances[reference], breathing),
+                     share * sag.roll_degrees, (share * sag.right_px, share * sag.down_px))
+
+
+def vignette(camera, corner_loss, f, s, s_reference):
+    """Gain of each pixel (H x W): in the corners the reference frame loses a share corner_loss of the light.
+
+    The loss grows with the square of the angle to the axis, so the frames differ by the distance of the sensor.
+    """
+    x, y = np.arange(camera.width) - camera.K[0, 2], np.arange(camera.height) - camera.K[1, 2]
+    corner = max(abs(x[0]), abs(x[-1])) ** 2 + max(abs(y[0]), abs(y[-1])) ** 2
+    loss = corner_loss * (image_distance(f, s_reference) / image_distance(f, s)) ** 2
+    return np.float32(1 - loss * (x ** 2 + (y ** 2)[:, None]) / corner)
+
+
+def render_frame(scene, optics, s, matrix=np.eye(2, 3)):
+    """One frame of a scene focused at s (mm), in linear light, of the colour camera's size; matrix: see `motion`."""
     camera = scene.rig.color
     near, far = min(layer.depth.min() for layer in scene.layers), max(layer.depth.max() for layer in scene.layers)
     widest = max(blur_circle_px(optics, camera.K[0, 0], u, s) for u in (near, far))
-    pad = int(np.ceil(widest)) + 4 + int(np.ceil(abs(scale - 1) * max(camera.width, camera.height)))
+    moved = np.abs(matrix - np.eye(2, 3)) @ [camera.width, camera.height, 1]
+    pad = int(np.ceil(widest)) + 4 + int(np.ceil(moved.max()))
     inner = scene.frame_window(pad)
     light = composite([layer.crop(*inner) for layer in scene.layers],
                       lambda depth: blur_circle_px(optics, camera.K[0, 0], depth, s))
     top, left = (window.start for window in scene.frame_window(0))
-    top, left = top - inner[0].start, left - inner[1].start
-    if scale != 1:
-        light = magnify(light, scale, (left + camera.K[0, 2], top + camera.K[1, 2]))
-    return light[top:top + camera.height, left:left + camera.width]
+    offset = np.array([left - inner[1].start, top - inner[0].start])
+    matrix = np.column_stack([matrix[:, :2], matrix[:, 2] + offset - matrix[:, :2] @ offset])
+    return warp(light, matrix)[offset[1]:offset[1] + camera.height, offset[0]:offset[0] + camera.width]
 
 
 def expose(light, rng=None, gain=1.0, noise=0.0):
     """Linear light -> 8-bit picture, with a gain in linear light and gaussian noise in 8-bit units."""
-    code = linear_to_srgb(light * np.float32(gain))
-    if noise > 0:
-        code = code + rng.normal(0, noise, code.shape)
-    return np.clip(np.rint(code), 0, 255).astype(np.uint8)
+    image = np.empty(light.shape, np.uint8)
+    for row in range(0, len(light), NOISE_ROWS):
+        code = linear_to_srgb(light[row:row + NOISE_ROWS] * np.float32(gain))
+        if noise > 0:
+            code = code + rng.normal(0, noise, code.shape)
+        image[row:row + NOISE_ROWS] = np.clip(np.rint(code), 0, 255)
+    return image
 
 
-def render_bracket(scene, optics, distances, breathing=0.0, noise=0.0, exposure_jitter=0.0, seed=0):
-    """Yield the 8-bit frames of a bracket, one per focus distance; frame N // 2 keeps magnification and gain 1."""
+@dataclass(frozen=True)
+class Disturbance:
+    """What keeps a bracket from being a still scene through an ideal lens."""
+    breathing: float = 0.0        # 1: as a simple thin lens has it
+    noise: float = 0.0            # standard deviation, 8-bit units
+    exposure_jitter: float = 0.0  # per-frame gain exp(N(0, this)) in linear light
+    vignetting: float = 0.0       # share of the light lost in the corners of the reference frame
+    sag: Sag = Sag()
+
+
+def render_bracket(scene, optics, distances, disturbance=Disturbance(), seed=0):
+    """Yield the 8-bit frames of a bracket, one per focus distance; frame N // 2 stays in place and keeps gain 1."""
     rng = np.random.default_rng([seed, 1])
-    reference = len(distances) // 2
-    gains = np.exp(rng.normal(0, exposure_jitter, len(distances)))
+    reference, camera = len(distances) // 2, scene.rig.color
+    gains = np.exp(rng.normal(0, disturbance.exposure_jitter, len(distances)))
     gains[reference] = 1
-    for s, gain in zip(distances, gains):
-        scale = breathing_scale(optics.focal_length_mm, s, distances[reference], breathing)
-        yield expose(render_frame(scene, optics, s, scale), rng, gain, noise)
+    motions = frame_motions(camera, optics, distances, disturbance.breathing, disturbance.sag)
+    for s, gain, matrix in zip(distances, gains, motions):
+        light = render_frame(scene, optics, s, matrix)
+        if disturbance.vignetting > 0:
+            light *= vignette(camera, disturbance.vignetting, optics.focal_length_mm, s, distances[reference])[..., None]
+        yield expose(light, rng, gain, disturbance.noise)

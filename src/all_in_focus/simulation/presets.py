@@ -15,8 +15,8 @@ from scipy.ndimage import gaussian_filter
 from all_in_focus.simulation.layered_scene import Scene, canvas_margin, kinect_beside
 from all_in_focus.simulation.photograph import motorcycle
 from all_in_focus.files.rig import Camera, Optics
-from all_in_focus.simulation.surfaces import (Ball, Plane, disc, fence, lit, marked, picture, plain, rods, shaded_under, tiles,
-                                   twigs)
+from all_in_focus.simulation.surfaces import (Ball, Plane, disc, fence, leaves, lit, marked, picture, plain, rods,
+                                              shaded_under, spotted, tiles, twigs)
 
 
 def _camera(size):
@@ -28,10 +28,14 @@ def _camera(size):
 
 def _built(name, size, optics, near_mm, surfaces):
     """Scene of surfaces, back to front, of which the nearest begins at near_mm."""
-    color = _camera(size)
+    color, seen_by_depth = _camera(size), None
     rig = kinect_beside(color, optics)
     margin = canvas_margin(rig, near_mm)
-    return Scene(name, rig, margin, [surface.layer(color, margin) for surface in surfaces])
+    finer = int(color.K[0, 0] / (2 * rig.depth.K[0, 0]))  # than the depth camera needs to see every surface
+    if finer > 1:
+        seen_by_depth = _built(name, (size[0] // finer, size[1] // finer), optics, near_mm, surfaces)
+        margin = tuple(min(side, size[0] // 16) for side in margin)  # that much blur and motion come in from outside
+    return Scene(name, rig, margin, [surface.layer(color, margin) for surface in surfaces], seen_by_depth)
 
 
 def _speckle(seed):
@@ -145,6 +149,45 @@ def slope(size, optics, seed):
     ])
 
 
+def _scattered(rng, count, width, height, angles):
+    """Rows (a, b, angle) of `count` things, at random on a board of this size about the origin."""
+    return np.column_stack([rng.uniform(-width / 2, width / 2, count), rng.uniform(-height / 2, height / 2, count),
+                            rng.uniform(*angles, count)])
+
+
+def garden(size, optics, seed):
+    """0.8 to 4.5 m: bars, leaves, wires and hair before a bright sky with lamps, which are brighter than white."""
+    rng = np.random.default_rng([seed, 6])
+    sky = lit(plain(12, 9, (0.95, 0.98, 1.0)), -0.5, -1.5, 4, floor=0.6)
+    lamps = [(rng.uniform(-1.6, 1.6), rng.uniform(-1.2, 0.4), 0.012, (8.0, 6.5, 4.0)) for _ in range(12)]
+    glints = [(rng.uniform(-0.4, 0.4), rng.uniform(-0.1, 0.1), 0.0015, (6.0, 6.0, 6.0)) for _ in range(25)]
+
+    def foliage(depth, count, length, low, tone):
+        rows = _scattered(rng, count, 1.1 * depth, 0.8 * depth, (0, np.pi))
+        return Plane((0.0, 0.0, depth), *rng.uniform(-8, 8, 2), leaves(rows[rows[:, 1] > low * depth], length, tone))
+
+    def hair(depth, a, b, count, length):
+        strands = []
+        for _ in range(count):
+            strands += _branch_segments(rng, np.array([a + rng.normal(0, 0.02), b]), -np.pi / 2 + rng.normal(0, 0.5),
+                                        length * rng.uniform(0.5, 1), 0.0009, depth=2)
+        return Plane((0.0, 0.0, depth), 0, 0, twigs(strands, (0.25, 0.15, 0.07)))
+
+    return _built("garden", size, optics, 780, [
+        Plane((0.0, 0.0, 4.5), 0, 0, spotted(sky, lamps)),
+        Plane((0.0, 0.9, 4.2), 0, 0, tiles(skimage.data.grass(), 1.2, (0.45, 0.7, 0.25), top=0.0)),
+        Plane((0.6, 0.1, 3.6), -20, 0, picture(skimage.data.text(), 1.3, 0.5)),
+        foliage(3.0, 900, 0.07, -0.1, (0.16, 0.33, 0.08)),
+        Plane((-0.35, -0.1, 2.4), 15, 0, rods([(x, 0) for x in np.arange(-0.5, 0.51, 0.07)], 0.012, (0.01, 0.01, 0.01),
+                                              (0.012, 0.011, 0.01), 0.2)),
+        foliage(1.9, 260, 0.06, -0.05, (0.2, 0.42, 0.1)),
+        Plane((0.3, -0.12, 1.5), -15, 0, fence(12, 8, 0.04, 0.0016, (0.3, 0.3, 0.32), (0.5, 0.5, 0.5))),
+        hair(1.2, -0.2, 0.45, 60, 0.5),
+        Plane((0.12, 0.26, 1.05), 0, 0, spotted(plain(0.3, 0.1, (0.05, 0.06, 0.1)), glints)),
+        foliage(0.88, 40, 0.035, 0.12, (0.3, 0.5, 0.12)),
+    ])
+
+
 CARDS = 40
 PICTURES = ("astronaut", "brick", "camera", "chelsea", "coffee", "coins", "grass", "gravel", "immunohistochemistry",
             "moon", "page", "retina", "rocket", "text")  # of skimage.data
@@ -193,6 +236,7 @@ class Preset:
 
 SCENES = {
     "clutter": Preset(clutter, (640, 480), Optics(50.0, 2.8, 0.03), 12),
+    "garden": Preset(garden, (640, 480), Optics(35.0, 2.8, 0.03), 12),
     "motorcycle": Preset(motorcycle, (741, 500), Optics(50.0, 1.8, 0.03), 12),
     "occluders": Preset(occluders, (640, 480), Optics(50.0, 2.8, 0.03), 12),
     "plain": Preset(plain_surfaces, (640, 480), Optics(35.0, 2.0, 0.03), 12),

@@ -6,6 +6,7 @@ Lengths are in metres in the colour camera's frame (X right, Y down, Z forward).
 b (down) on a surface (arrays of one shape, metres) to N x 3 linear colour and a boolean mask of what exists there.
 """
 from dataclasses import dataclass
+from itertools import product
 from typing import Callable, Tuple
 
 import cv2
@@ -13,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from all_in_focus.imaging import srgb_to_linear
-from all_in_focus.simulation.lens import Layer, window_around
+from all_in_focus.simulation.lens import Layer, tiles_of, window_around
 from all_in_focus.files.rig import rotation_matrix
 
 NEAR, FAR = 0.1, 100.0           # metres; surfaces end there
@@ -41,20 +42,24 @@ class Surface:
             y = (np.arange(shape[0], dtype=np.float32) + dy - margin[1] - camera.K[1, 2]) / camera.K[1, 1]
             return self.meet(x[cols], y[rows])
 
-        z, _, exists = meet(0, 0)
-        light, alpha = np.zeros(shape + (3,), np.float32), np.zeros(shape, np.float32)
+        z, exists = np.empty(shape, np.float32), np.empty(shape, bool)
+        for tile in tiles_of((slice(0, shape[0]), slice(0, shape[1]))):
+            z[tile], _, exists[tile] = meet(0, 0, *tile)
         window = window_around(exists, pad=4)
         if window is None:
             raise ValueError("a surface lies outside the picture")
-        for dy in offsets:
-            for dx in offsets:
-                _, color, exists = meet(dx, dy, *window)
-                light[window] += color * exists[..., None]
-                alpha[window] += exists
-        light[window] /= np.maximum(alpha[window], 1)[..., None]
+        light, alpha = np.zeros(shape + (3,), np.float32), np.zeros(shape, np.float32)
+        for tile in tiles_of(window):
+            for dy, dx in product(offsets, offsets):
+                _, color, exists = meet(dx, dy, *tile)
+                light[tile] += color * exists[..., None]
+                alpha[tile] += exists
+            light[tile] /= np.maximum(alpha[tile], 1)[..., None]
         alpha /= samples * samples
-        z = np.clip(z, z[alpha > 0].min(), z[alpha > 0].max())
-        return Layer(light, alpha, 1000 * z, alpha)
+        shown = z[window][alpha[window] > 0]
+        np.clip(z, shown.min(), shown.max(), out=z)
+        z *= 1000
+        return Layer(light, alpha, z, alpha)
 
 
 @dataclass
@@ -122,15 +127,15 @@ def picture(image, width, height):
     return shade
 
 
-def tiles(image, width, tint, bottom=np.inf):
-    """A surface that ends at b = bottom and is tiled, mirrored, with a gray picture `width` metres wide."""
+def tiles(image, width, tint, bottom=np.inf, top=-np.inf):
+    """A surface between b = top and bottom, tiled, mirrored, with a gray picture `width` metres wide."""
     image = linear_rgb(image) * np.float32(tint)
 
     def shade(a, b):
         scale = image.shape[1] / width
         color = cv2.remap(image, np.float32(a * scale + image.shape[1] / 2), np.float32(b * scale + image.shape[0] / 2),
                           cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
-        return color, b <= bottom
+        return color, (b <= bottom) & (b >= top)
     return shade
 
 
@@ -180,6 +185,49 @@ def shaded_under(shade, spots):
     return paint
 
 
+def in_blocks(shade, size=128):
+    """The same shade, asked for blocks of pixels: one of many small things is quicker where few of them can lie."""
+    def paint(a, b):
+        color, exists = np.empty(a.shape + (3,), np.float32), np.empty(a.shape, bool)
+        for row, col in product(*(range(0, count, size) for count in a.shape)):
+            block = slice(row, row + size), slice(col, col + size)
+            color[block], exists[block] = shade(a[block], b[block])
+        return color, exists
+    return paint
+
+
+def rows_within(rows, a, b, reach):
+    """The rows, each of which begins with a place (a, b), that lie within reach of a block of pixels."""
+    return rows[(rows[:, 0] >= a.min() - reach) & (rows[:, 0] <= a.max() + reach)
+                & (rows[:, 1] >= b.min() - reach) & (rows[:, 1] <= b.max() + reach)]
+
+
+def spotted(shade, spots):
+    """What another shade paints, with discs on it: (a, b, radius, linear colour)."""
+    def paint(a, b):
+        color, exists = shade(a, b)
+        for right, down, radius, ink in spots:
+            color[(a - right) ** 2 + (b - down) ** 2 <= radius ** 2] = ink
+        return color, exists
+    return paint
+
+
+def leaves(rows, length, tone):
+    """Pointed leaves with a light midrib: rows (a, b, angle in radians) of their middles; length in metres."""
+    def shade(a, b):
+        exists, color = np.full(a.shape, False), np.zeros(a.shape + (3,), np.float32)
+        for right, down, angle in rows_within(np.float32(rows), a, b, length):
+            near = np.nonzero((np.abs(a - right) <= length / 2) & (np.abs(b - down) <= length / 2))
+            c, s, x, y = np.cos(angle), np.sin(angle), a[near] - right, b[near] - down
+            along, across = (x * c + y * s) / (length / 2), np.abs(y * c - x * s) / (length / 6)
+            here = (np.abs(along) <= 1) & (across <= 1 - along * along)
+            bright = np.where(across < 0.08, 1.5, 0.7 + 0.5 * np.abs(np.sin(3 * angle)) - 0.25 * across)
+            near = tuple(index[here] for index in near)
+            exists[near], color[near] = True, bright[here][:, None] * np.float32(tone)
+        return color, exists
+    return in_blocks(shade)
+
+
 def rods(lines, radius, color_a, color_b, stripe):
     """Thin straight rods, striped along their length; lines: (offset in metres, tilt in degrees)."""
     def shade(a, b):
@@ -196,9 +244,12 @@ def rods(lines, radius, color_a, color_b, stripe):
 
 def twigs(segments, bark):
     """Branches of linear colour bark, lighter on their upper left: rows (a0, b0, a1, b1, radius at 0, radius at 1)."""
+    rows = np.float32(segments)
+
     def shade(a, b):
         exists, tone = np.full(a.shape, False), np.zeros(a.shape, np.float32)
-        for a0, b0, a1, b1, r0, r1 in np.float32(segments):
+        longest = np.abs(rows[:, 2:4] - rows[:, :2]).max() + 2 * rows[:, 4:].max()
+        for a0, b0, a1, b1, r0, r1 in rows_within(rows, a, b, longest):
             da, db, widest = a1 - a0, b1 - b0, max(r0, r1)
             near = (np.abs(2 * a - a0 - a1) <= abs(da) + 2 * widest) & (np.abs(2 * b - b0 - b1) <= abs(db) + 2 * widest)
             right, down = a[near] - a0, b[near] - b0
@@ -209,7 +260,7 @@ def twigs(segments, bark):
             tone[near] = np.where(here, 1 - 0.4 * (right + down) / radius + rings, tone[near])
             exists[near] |= here
         return tone[..., None] * np.float32(bark), exists
-    return shade
+    return in_blocks(shade)
 
 
 def fence(columns, rows, mesh, bar, color_a, color_b):
