@@ -13,18 +13,18 @@
 
 namespace all_in_focus {
 
-/// Pinhole camera without distortion, of square pixels, its centre in the middle of the image.
-/// horizontal_fov: rad; where the camera does not tell it (0), that of a Kinect.
+/// Pinhole camera with square pixels and without distortion, centred on the image. Its focal length follows
+/// from mode.horizontal_fov, or from the Kinect's where the camera does not report one (0).
 sensor_msgs::CameraInfo cameraInfoOf(KinectStream stream, const KinectMode& mode);
 
-/// The camera_info of one stream: as calibrated, else from the field of view, with one warning.
+/// The camera_info of one stream: the calibration, or an estimate from the field of view with one warning.
 class KinectCalibration {
  public:
-  /// nh: where the service set_camera_info is offered, and the images are published.
+  /// nh: namespace of the images and of the service set_camera_info.
   KinectCalibration(KinectStream stream, const ros::NodeHandle& nh, const KinectStreamParameters& parameters,
                     NodeMonitor& monitor);
 
-  /// All but the header.
+  /// The camera_info, without its header.
   sensor_msgs::CameraInfoPtr cameraInfo(const KinectMode& mode);
 
  private:

@@ -10,8 +10,8 @@
 namespace all_in_focus {
 namespace {
 
-constexpr std::size_t kWindow = 31;  // offsets, one second
-constexpr double kJump = 1.0;  // s; a larger change of the offset is another time base, not a late frame
+constexpr std::size_t kWindow = 31;  // offsets kept; one second at 30 Hz
+constexpr double kJump = 1.0;  // s; an offset that changes by more means another time base, not a late frame
 const ros::Duration kHostJump(0.5);
 const ros::Duration kTick(0, 1000);
 

@@ -9,17 +9,16 @@
 
 namespace all_in_focus {
 
-/// Stamps in the host's time that keep the even pace of the camera's clock: device time plus the median of
-/// the last offsets between both. Arrival alone jitters with USB and load; the median ignores frames that
-/// came late.
+/// Converts the camera's clock to host time: device time plus the median of the last offsets between the two
+/// clocks. Arrival times alone jitter with USB and load. The median ignores frames that arrive late.
 class KinectClock {
  public:
-  /// rate: device seconds in a host second, other than 1 for recordings. At 0 there is no relation, and
+  /// rate: device seconds per host second; other than 1 for recordings only. 0: the clocks are unrelated, and
   /// stamps are arrival times.
   explicit KinectClock(double rate = 1.0) : rate_(rate) {}
 
-  /// Never after the arrival, never at or before the last stamp. A clock that was set back on either side
-  /// starts afresh.
+  /// Stamps are never later than the arrival, and always later than the last stamp. If either clock is set
+  /// back, the offsets are measured anew.
   ros::Time stamp(std::uint64_t device_us, const ros::Time& arrival);
 
  private:

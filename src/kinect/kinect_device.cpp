@@ -5,17 +5,143 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cctype>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <set>
+#include <sstream>
 #include <stdexcept>
 #include <thread>
 #include <vector>
 
+#include "kinect_recording.hpp"
+
 namespace all_in_focus {
 namespace {
 
+using Clock = std::chrono::steady_clock;
+
 constexpr int kWidth = 640, kHeight = 480, kFps = 30;
-constexpr std::chrono::milliseconds kCatchUp{100};
-constexpr int kMissingEndMs = 2000;  // from a disk images come at once
+constexpr std::chrono::milliseconds kCatchUp{100};  // delay after which playback stops catching up
+constexpr int kMissingEndMs = 2000;                 // a recording that is silent for longer has no end mark
+// OpenNI2 is restarted after this time even if /sys, which may be missing, shows no new USB device.
+constexpr std::chrono::minutes kStartAnyway{5};
+
+/// Why the last call failed, in OpenNI2's own words: its indented lines as one.
+std::string openNiReason() {
+  std::istringstream lines(openni::OpenNI::getExtendedError());
+  std::string text;
+  for (std::string line; std::getline(lines >> std::ws, line);) text += (text.empty() ? "" : "; ") + line;
+  return text.empty() ? "OpenNI2 gives no reason" : text;
+}
+
+/// "URI" (name, vendor)
+std::string describe(const openni::DeviceInfo& info) {
+  std::ostringstream text;
+  text << '"' << info.getUri() << '"';
+  const std::string name = info.getName(), vendor = info.getVendor();
+  if (!name.empty()) text << " (" << name << (vendor.empty() ? "" : ", ") << vendor << ")";
+  return text.str();
+}
+
+/// All USB devices with their kernel numbers, which are new each time a device is plugged in.
+std::string pluggedIn() {
+  namespace fs = std::filesystem;
+  std::set<std::string> devices;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator("/sys/bus/usb/devices", error)) {
+    std::ifstream file(entry.path() / "devnum");
+    std::string number;
+    if (file >> number) devices.insert(entry.path().filename().string() + "=" + number);
+  }
+  std::string text;
+  for (const std::string& device : devices) text += device + " ";
+  return text;
+}
+
+/// The state of OpenNI2, which is one for the whole process.
+struct Session {
+  std::mutex mutex;  // guards all below
+  int keepers = 0, uses = 0;
+  bool running = false;
+  bool opened = false;  // a device was opened since the start
+  std::string plugged_in;
+  Clock::time_point started;
+
+  static Session& get() {
+    static Session session;
+    return session;
+  }
+
+  bool isOutdated() const {
+    return opened || Clock::now() - started > kStartAnyway || pluggedIn() != plugged_in;
+  }
+  void start() {
+    plugged_in = pluggedIn();
+    if (openni::OpenNI::initialize() != openni::STATUS_OK) {
+      const std::string text = openNiReason();
+      openni::OpenNI::shutdown();
+      throw std::runtime_error("OpenNI2 does not start: " + text);
+    }
+    running = true;
+    opened = false;
+    started = Clock::now();
+  }
+  void stop() {
+    if (running) openni::OpenNI::shutdown();
+    running = false;
+  }
+};
+
+std::string describeFound(const openni::Array<openni::DeviceInfo>& devices) {
+  if (devices.getSize() == 0) {
+    return "no camera was found: is it plugged in and powered, may this user open it (udev), and is its "
+           "OpenNI2 driver installed (a Kinect needs libfreenect's, see docs/kinect.md)?";
+  }
+  std::ostringstream text;
+  text << "found";
+  for (int i = 0; i < devices.getSize(); ++i) {
+    text << (i ? ", " : " ") << "#" << i + 1 << " " << describe(devices[i]);
+  }
+  return text.str();
+}
+
+/// n of "#n", 0 for anything else.
+int numberOf(const std::string& device) {
+  const bool is_number =
+      device.size() > 1 && device.size() < 5 && device[0] == '#' &&
+      std::all_of(device.begin() + 1, device.end(), [](unsigned char c) { return std::isdigit(c); });
+  return is_number ? std::stoi(device.substr(1)) : 0;
+}
+
+void openFile(const std::string& path, openni::Device& opened) {
+  requireRecording(path);
+  if (opened.open(path.c_str()) != openni::STATUS_OK) {
+    throw std::runtime_error("cannot open \"" + path + "\" (" + openNiReason() +
+                             "): it is damaged, or recorded by something else than OpenNI; record it again");
+  }
+}
+
+/// device: see KinectDevice. Throws std::runtime_error with a list of what was found.
+void openDevice(const std::string& device, openni::Device& opened) {
+  if (isFileName(device)) return openFile(device, opened);
+  openni::Array<openni::DeviceInfo> found;
+  openni::OpenNI::enumerateDevices(&found);
+  const int number = numberOf(device);
+  if (number > found.getSize() || (device.empty() && found.getSize() == 0)) {
+    throw std::runtime_error((device.empty() ? "" : "there is no camera " + device + "; ") +
+                             describeFound(found));
+  }
+  const char* uri = number > 0       ? found[number - 1].getUri()
+                    : device.empty() ? openni::ANY_DEVICE
+                                     : device.c_str();
+  if (opened.open(uri) != openni::STATUS_OK) {
+    throw std::runtime_error("cannot open " + (device.empty() ? "the first camera" : '"' + device + '"') +
+                             " (" + openNiReason() + "); " + describeFound(found));
+  }
+}
 
 openni::SensorType sensorOf(KinectStream stream) {
   switch (stream) {
@@ -28,7 +154,7 @@ openni::SensorType sensorOf(KinectStream stream) {
   }
 }
 
-/// Best first.
+/// Pixel formats, the best one first.
 std::vector<openni::PixelFormat> formatsOf(KinectStream stream) {
   switch (stream) {
     case KinectStream::kIr:
@@ -42,7 +168,39 @@ std::vector<openni::PixelFormat> formatsOf(KinectStream stream) {
 
 }  // namespace
 
-/// Called from threads of the drivers: only takes notes.
+OpenNiKeeper::OpenNiKeeper() {
+  Session& session = Session::get();
+  std::lock_guard<std::mutex> lock(session.mutex);
+  ++session.keepers;
+}
+
+OpenNiKeeper::~OpenNiKeeper() {
+  Session& session = Session::get();
+  std::lock_guard<std::mutex> lock(session.mutex);
+  if (--session.keepers == 0) session.stop();
+}
+
+OpenNiUse::OpenNiUse() {
+  Session& session = Session::get();
+  std::lock_guard<std::mutex> lock(session.mutex);
+  if (session.uses == 0 && session.running && session.isOutdated()) session.stop();
+  if (!session.running) session.start();
+  ++session.uses;
+}
+
+OpenNiUse::~OpenNiUse() {
+  Session& session = Session::get();
+  std::lock_guard<std::mutex> lock(session.mutex);
+  --session.uses;
+}
+
+void OpenNiUse::deviceWasOpened() {
+  Session& session = Session::get();
+  std::lock_guard<std::mutex> lock(session.mutex);
+  session.opened = true;
+}
+
+/// Listeners that the drivers call from their own threads: they only set flags.
 class KinectDevice::Events : public openni::OpenNI::DeviceDisconnectedListener,
                              public openni::OpenNI::DeviceStateChangedListener {
  public:
@@ -82,8 +240,9 @@ KinectDevice::~KinectDevice() {
   device_.close();
 }
 
-// OpenNI2's own pace loses images: it keeps only the last, and plays the first of a new round at once after
-// it. So the player gives images when it is asked (-1), and next() keeps the pace.
+// When OpenNI2 keeps the pace of a recording, it loses images: it holds only the newest one, and plays the
+// first image of a new round immediately after the last one. With speed -1 it delivers an image for each
+// request, and next() keeps the pace.
 void KinectDevice::setPlayback() {
   openni::PlaybackControl& control = *device_.getPlaybackControl();
   if (control.setSpeed(-1.0F) != openni::STATUS_OK ||
@@ -102,7 +261,7 @@ void KinectDevice::start(KinectStream stream) {
   }
   try {
     chooseMode(stream);
-    // Only now: libfreenect's driver knows registration as a property of the created depth stream.
+    // Not earlier: in libfreenect's driver, registration is a property of the created depth stream.
     if (stream == KinectStream::kDepth && !isFile() &&
         device_.getImageRegistrationMode() != openni::IMAGE_REGISTRATION_OFF &&
         device_.setImageRegistrationMode(openni::IMAGE_REGISTRATION_OFF) != openni::STATUS_OK) {
@@ -123,7 +282,7 @@ void KinectDevice::start(KinectStream stream) {
   silent_ms_ = 0;
 }
 
-// A recording has the mode it was recorded with.
+// Only cameras have a choice: a recording keeps the mode in which it was recorded.
 void KinectDevice::chooseMode(KinectStream stream) {
   Slot& slot = this->slot(stream);
   if (!isFile()) {
@@ -157,7 +316,7 @@ void KinectDevice::stop(KinectStream stream) {
     current_.release();
   }
   slot.stream.stop();
-  slot.stream.destroy();  // some drivers let USB run until then
+  slot.stream.destroy();  // until then some drivers keep the USB transfer running
 }
 
 bool KinectDevice::next(KinectFrame& frame, int timeout_ms) {
@@ -191,8 +350,8 @@ bool KinectDevice::receive(int timeout_ms) {
     if (slot(stream).running) streams[indexOf(stream)] = &slot(stream).stream;
   }
   int ready = -1;
-  // Waiting asks the player for an image, once each time it wakes up. What is left of the last wait's wake-up
-  // call would make it two images, of which one is lost; waiting for nothing takes it away.
+  // Each wake-up during a wait requests one image from the player. A wake-up left over from the wait before
+  // would request a second image, and one of the two would be lost. This empty wait consumes it.
   openni::VideoStream* nothing = nullptr;
   if (isFile()) openni::OpenNI::waitForAnyStream(&nothing, 1, &ready, 0);
   if (openni::OpenNI::waitForAnyStream(streams.data(), streams.size(), &ready, timeout_ms) !=
@@ -211,9 +370,9 @@ KinectDevice::Clock::time_point KinectDevice::dueTime() const {
   const std::uint64_t us = current_.getTimestamp();
   const int fps = std::max(1, slot(current_stream_).mode.fps);
   const double pause_us =
-      us >= last_us_ ? static_cast<double>(us - last_us_) : 1e6 / fps;  // else a new round
+      us >= last_us_ ? static_cast<double>(us - last_us_) : 1e6 / fps;  // earlier stamp: a new round
   const auto pause = std::chrono::microseconds(std::llround(std::min(pause_us / rate(), 1e9)));
-  // After a break, or far too slow a computer, there is nothing to catch up.
+  // Small delays are caught up. After a break, or on a computer that is too slow, playback goes on from now.
   return std::max(due_ + pause, now - kCatchUp);
 }
 

@@ -11,23 +11,46 @@
 #include <string>
 
 #include "kinect_frame.hpp"
-#include "kinect_openni.hpp"
 
 namespace all_in_focus {
 
-/// How a recording is played; of no effect on a camera.
-struct KinectPlayback {
-  double rate = 1.0;  ///< times the recorded pace; 0: as fast as the images are taken, without loss
-  bool repeat = true;
-  bool single_step = false;  ///< without any pace, whatever the rate
+/// Keeps OpenNI2 running. It starts with the first attempt to open a camera, and stops when the last of these
+/// objects in the process is destroyed.
+class OpenNiKeeper {
+ public:
+  OpenNiKeeper();
+  ~OpenNiKeeper();
+  OpenNiKeeper(const OpenNiKeeper&) = delete;
+  OpenNiKeeper& operator=(const OpenNiKeeper&) = delete;
 };
 
-/// A depth camera or a recording through OpenNI2. All methods of one object belong to one thread. They throw
-/// std::runtime_error with one line for people.
+/// Hold one while a device is open or being opened. Drivers such as libfreenect's search for cameras only
+/// when OpenNI2 starts, and forget a camera that was closed. So OpenNI2 is restarted when nobody holds a use,
+/// and a camera was closed or a USB device was plugged in or out. It is not restarted at every attempt,
+/// because each start leaks 0.1 MB.
+class OpenNiUse {
+ public:
+  OpenNiUse();  ///< Throws std::runtime_error.
+  ~OpenNiUse();
+  OpenNiUse(const OpenNiUse&) = delete;
+  OpenNiUse& operator=(const OpenNiUse&) = delete;
+
+  void deviceWasOpened();
+};
+
+/// How a recording is played. It has no effect on a camera.
+struct KinectPlayback {
+  double rate = 1.0;  ///< factor on the recorded pace; 0: as fast as next() is called; no image is lost
+  bool repeat = true;
+  bool single_step = false;  ///< ignore the rate: there is no pace
+};
+
+/// A depth camera or a recording through OpenNI2. Call all methods of one object from one thread. They throw
+/// std::runtime_error with a message of one line.
 class KinectDevice {
  public:
-  /// device: an URI as OpenNI2 knows it, the name of an .oni file, "#n" (the n-th that is found, from 1), or
-  /// "" (the first). Throws with a list of what was found.
+  /// device: a URI of OpenNI2, the path of an .oni file, "#n" (the n-th device found, from 1), or "" (the
+  /// first). The message of the exception lists the devices that were found.
   KinectDevice(const std::string& device, const KinectPlayback& playback);
   ~KinectDevice();
   KinectDevice(const KinectDevice&) = delete;
@@ -35,21 +58,21 @@ class KinectDevice {
 
   const std::string& description() const { return description_; }
   bool isFile() const { return device_.isFile(); }
-  /// Device seconds in a host second; 0: images have no pace.
+  /// Device seconds per host second; 0: images have no pace.
   double rate() const { return !isFile() ? 1.0 : playback_.single_step ? 0.0 : playback_.rate; }
 
-  /// Starts a stream: 640x480 at 30 Hz where the camera offers it, unmirrored, not registered by the
-  /// hardware, uncropped.
+  /// Starts a stream with 640x480 pixels at 30 Hz if the camera offers it, without mirroring, hardware
+  /// registration or cropping.
   void start(KinectStream stream);
   void stop(KinectStream stream);
   bool isRunning(KinectStream stream) const { return slot(stream).running; }
 
-  /// The next image of the running streams, oldest first; it is valid until the next call. False after
-  /// timeout_ms without one. Of a recording none is lost, however slow the caller is.
+  /// The next image of the running streams, oldest first; it is valid until the next call. False if none came
+  /// within timeout_ms. A recording loses no image, however slow the caller is.
   bool next(KinectFrame& frame, int timeout_ms);
 
   bool isUnplugged() const;
-  /// A recording of which no more images will come: it does not repeat, or was cut short and lacks its end.
+  /// Whether a recording will deliver no more images: it does not repeat, or its end is missing.
   bool hasEnded() const;
 
  private:
@@ -77,11 +100,11 @@ class KinectDevice {
   openni::VideoFrameRef current_;
   KinectStream current_stream_ = KinectStream::kDepth;
 
-  // Of a recording: an image waits for its time.
+  // Playback of a recording: the current image waits until it is due.
   bool waiting_ = false;
   Clock::time_point due_;
-  std::uint64_t last_us_ = 0;  // of the image before
-  int silent_ms_ = 0;          // waited for an image since the last
+  std::uint64_t last_us_ = 0;  // stamp of the image before
+  int silent_ms_ = 0;          // time without an image
 };
 
 }  // namespace all_in_focus

@@ -19,15 +19,15 @@ constexpr std::size_t indexOf(KinectStream stream) {
 }
 const char* toString(KinectStream stream);  ///< "depth", "IR", "colour"
 
-/// What a stream was set to.
+/// The settings of a stream.
 struct KinectMode {
   int width = 0, height = 0;  // pixels
   int fps = 0;
-  double horizontal_fov = 0;  // rad; 0: the camera does not tell
-  bool mirrored = false;      // it cannot be switched off (recordings)
+  double horizontal_fov = 0;  // rad; 0: the camera does not report it
+  bool mirrored = false;      // mirroring cannot be switched off (recordings)
 };
 
-/// An image as OpenNI2 delivers it; does not own its pixels.
+/// An image as OpenNI2 delivers it. It does not own its pixels.
 struct KinectFrame {
   KinectStream stream = KinectStream::kDepth;
   KinectMode mode;
@@ -40,9 +40,9 @@ struct KinectFrame {
   std::size_t bytes = 0;  // at data
 };
 
-/// Copies a frame into a message, never mirrored, without gaps between rows: depth as 16UC1 mm with the
-/// invalid_values set to 0, IR and colour as mono16, mono8 or rgb8. Throws std::invalid_argument with
-/// one line for people when the frame is not what the stream was set to, or lacks pixels.
+/// Copies a frame into a message without padding, and undoes mirroring. Depth becomes 16UC1 in mm with the
+/// invalid_values set to 0; IR and colour become mono16, mono8 or rgb8. Throws std::invalid_argument with a
+/// message of one line if the frame does not fit the settings of its stream, or lacks pixels.
 sensor_msgs::ImagePtr toImage(const KinectFrame& frame, const std_msgs::Header& header,
                               const std::vector<int>& invalid_values);
 

@@ -25,7 +25,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int kPollMs = 50;  // longest wait for an image, and delay with which listeners are noticed
+constexpr int kPollMs = 50;  // longest wait for an image; new subscribers are noticed within this time
 constexpr std::chrono::seconds kRepeatError{30};
 constexpr std::chrono::seconds kStepPatience{5};
 
@@ -35,10 +35,10 @@ Clock::duration seconds(double s) {
 
 }  // namespace
 
-/// Publishes what a Kinect, another OpenNI2 camera or an .oni file gives.
+/// Publishes the images of a Kinect, another OpenNI2 camera or an .oni file.
 ///
-/// One thread does all that concerns the camera: open, start, wait, publish, close, and open again when it
-/// fails.
+/// One thread does everything with the camera: it opens it, starts streams, waits for images, publishes them,
+/// closes it, and opens it again after an error.
 class KinectOpenni2Nodelet : public nodelet::Nodelet {
  public:
   ~KinectOpenni2Nodelet() override;
@@ -58,7 +58,7 @@ class KinectOpenni2Nodelet : public nodelet::Nodelet {
   void finishStep(bool success, const std::string& message);
   void finishRecording();
   void checkSilence();
-  void complain(const std::string& text);
+  void reportError(const std::string& text);
   bool isClosing();
   bool isStepWanted();
   void pause(Clock::duration duration);
@@ -66,15 +66,15 @@ class KinectOpenni2Nodelet : public nodelet::Nodelet {
   KinectParameters parameters_;
   std::unique_ptr<NodeMonitor> monitor_;
 
-  // Of the thread.
+  // Used by the thread only.
   OpenNiKeeper openni_;
   std::unique_ptr<KinectDevice> device_;
-  std::array<Clock::time_point, 3> start_again_{};  // after a stream that did not start
-  std::array<bool, 3> stepped_{};                   // has had its image in this step
+  std::array<Clock::time_point, 3> start_again_{};  // next attempt after a failed start
+  std::array<bool, 3> stepped_{};                   // the stream has published its image in this step
   bool ended_ = false;
-  int silences_ = 0;  // since the last image
-  std::string complaint_;
-  Clock::time_point complained_at_;
+  int silences_ = 0;  // reopenings since the last image
+  std::string last_error_;
+  Clock::time_point last_error_at_;
 
   std::condition_variable changed_;
   std::mutex mutex_;  // guards the next four
@@ -82,7 +82,7 @@ class KinectOpenni2Nodelet : public nodelet::Nodelet {
   Step step_ = Step::kNone;
   std_srvs::Trigger::Response step_response_;
 
-  // Last, so that they end first: they call what stands above.
+  // Declared last, so that they are destroyed first: they call the members above.
   std::array<std::unique_ptr<KinectOutput>, 3> outputs_;
   ros::ServiceServer step_server_;
   std::thread thread_;
@@ -122,7 +122,7 @@ bool KinectOpenni2Nodelet::onStep(std_srvs::Trigger::Request&, std_srvs::Trigger
   if (!parameters_.playback.single_step) {
     response.message = "start the node with _single_step:=true and an .oni file as _device";
   } else if (step_ != Step::kNone) {
-    response.message = "the last step is still under way";
+    response.message = "the last step has not finished yet";
   } else {
     step_ = Step::kWanted;
     changed_.notify_all();
@@ -141,7 +141,7 @@ void KinectOpenni2Nodelet::run() {
       open();
       serve();
     } catch (const std::exception& e) {
-      complain(e.what());
+      reportError(e.what());
       finishStep(false, e.what());
       device_.reset();
       monitor_->setValue("device", "none");
@@ -158,13 +158,13 @@ void KinectOpenni2Nodelet::open() {
     monitor_->warn("single_step has no effect on a camera");
   }
   ended_ = false;
-  complaint_.clear();
+  last_error_.clear();
   start_again_ = {};
   monitor_->setValue("device", device_->description());
   ROS_INFO_STREAM(getName() << ": opened " << device_->description());
 }
 
-// Returns when the device is to be opened again, at once.
+// Returns when the device shall be opened again without a pause.
 void KinectOpenni2Nodelet::serve() {
   const bool stepping = device_->isFile() && parameters_.playback.single_step;
   while (!isClosing()) {
@@ -172,13 +172,13 @@ void KinectOpenni2Nodelet::serve() {
       throw std::runtime_error(device_->description() + " was unplugged: waiting for it");
     const bool running = chooseStreams();
     if (ended_ && !running) {
-      finishStep(false, "the recording is at its end; it starts again when all listeners have left");
+      finishStep(false, "the recording is at its end; it starts again when all subscribers have left");
       if (std::none_of(outputs_.begin(), outputs_.end(), [](auto& output) { return output->isWanted(); })) {
         device_.reset();
         return;
       }
     } else if (!running) {
-      finishStep(false, "nobody listens to an image that the recording has");
+      finishStep(false, "nobody subscribes to a stream that the recording has");
     }
     if (!running || (stepping && !isStepWanted())) {
       pause(std::chrono::milliseconds(kPollMs));
@@ -189,7 +189,7 @@ void KinectOpenni2Nodelet::serve() {
   }
 }
 
-/// Streams run while somebody listens. True if one does.
+/// Starts the streams that somebody subscribes to, stops the others. True if one runs.
 bool KinectOpenni2Nodelet::chooseStreams() {
   bool wanted = false, running = false;
   for (const auto& output : outputs_) {
@@ -202,7 +202,7 @@ bool KinectOpenni2Nodelet::chooseStreams() {
         output->begin(device_->rate());
       } catch (const std::runtime_error& e) {
         start_again_[indexOf(stream)] = Clock::now() + seconds(parameters_.reconnect_period);
-        complain(e.what());
+        reportError(e.what());
       }
     }
     running = running || device_->isRunning(stream);
@@ -211,15 +211,15 @@ bool KinectOpenni2Nodelet::chooseStreams() {
   return running;
 }
 
-// A Kinect has one USB pipe for IR and colour.
+// A Kinect delivers either IR or colour: both use the same USB pipe.
 bool KinectOpenni2Nodelet::mayStart(const KinectOutput& output) {
   const auto stream = output.stream();
   if (Clock::now() < start_again_[indexOf(stream)]) return false;
   if (stream == KinectStream::kDepth || device_->isFile()) return true;
   const KinectStream other = stream == KinectStream::kIr ? KinectStream::kColor : KinectStream::kIr;
   if (!device_->isRunning(other)) return true;
-  complain("the camera gives either IR or colour: " + output.topic() + " waits until nobody listens to " +
-           outputs_[indexOf(other)]->topic());
+  reportError("the camera gives either IR or colour: " + output.topic() +
+              " waits until nobody subscribes to " + outputs_[indexOf(other)]->topic());
   return false;
 }
 
@@ -256,7 +256,7 @@ void KinectOpenni2Nodelet::finishRecording() {
   monitor_->setValue("device", device_->description() + ", at its end");
 }
 
-// Opening again costs memory for ever (see OpenNiUse): a camera that stays silent is tried ever more rarely.
+// Each reopening leaks memory (see OpenNiUse), so a camera that stays silent is reopened ever more rarely.
 void KinectOpenni2Nodelet::checkSilence() {
   if (device_->isFile() || parameters_.silence_timeout <= 0) return;
   const double limit = parameters_.silence_timeout * (1 << std::min(silences_, 6));
@@ -269,12 +269,12 @@ void KinectOpenni2Nodelet::checkSilence() {
   }
 }
 
-// Attempts go on for hours: the same reason is told now and then.
-void KinectOpenni2Nodelet::complain(const std::string& text) {
+// Attempts may go on for hours, so an unchanged error is repeated only now and then.
+void KinectOpenni2Nodelet::reportError(const std::string& text) {
   const auto now = Clock::now();
-  if (text == complaint_ && now - complained_at_ < kRepeatError) return;
-  complaint_ = text;
-  complained_at_ = now;
+  if (text == last_error_ && now - last_error_at_ < kRepeatError) return;
+  last_error_ = text;
+  last_error_at_ = now;
   monitor_->error(text);
 }
 

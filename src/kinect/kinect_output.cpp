@@ -10,14 +10,14 @@ namespace all_in_focus {
 namespace {
 
 constexpr std::chrono::seconds kReportPeriod{1};
-constexpr int kMaxGap = 1000;  // images; more is another count, not a loss
+constexpr int kMaxGap = 1000;  // images; a larger gap means that the camera counts anew, not a loss
 
 const char* topicOf(KinectStream stream) {
   switch (stream) {
     case KinectStream::kIr:
       return "ir";
     case KinectStream::kColor:
-      return "kinect_rgb";  // rgb belongs to the camera that sweeps its focus
+      return "kinect_rgb";  // rgb is the camera that sweeps its focus
     default:
       return "depth";
   }
@@ -78,7 +78,7 @@ void KinectOutput::publish(const KinectFrame& frame) {
   report(frame.mode);
 }
 
-// Simulated time is exact, and has nothing to do with the camera's clock.
+// Simulated time is exact, and unrelated to the camera's clock.
 ros::Time KinectOutput::stampOf(const KinectFrame& frame) {
   const ros::Time arrival = ros::Time::now();
   if (ros::Time::isSimTime()) return arrival;

@@ -17,13 +17,13 @@
 
 namespace all_in_focus {
 
-/// One stream of the camera as it appears in ROS: images, camera_info, stamps, counts. All methods but the
-/// constructor belong to one thread.
+/// Publishes one stream of the camera: images and camera_info, with stamps and statistics. Call all methods
+/// but the constructor from one thread.
 class KinectOutput {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// on_connect: called whenever listeners come or go, from any thread.
+  /// on_connect: called from any thread whenever subscribers come or go.
   KinectOutput(KinectStream stream, const ros::NodeHandle& nh, const KinectParameters& parameters,
                NodeMonitor& monitor, const std::function<void()>& on_connect);
 
@@ -31,10 +31,9 @@ class KinectOutput {
   const std::string& topic() const { return topic_; }
   bool isWanted() const { return publisher_.getNumSubscribers() > 0; }
 
-  /// The stream was started (again): its clock may have changed meanwhile. rate: of a recording, see
-  /// KinectClock.
+  /// Call when the stream was started: its clock may have changed. rate: see KinectClock.
   void begin(double rate);
-  /// Since begin() or the last image, good or bad.
+  /// Time since begin() or the last image, good or bad.
   Clock::duration silence() const { return Clock::now() - last_arrival_; }
   void publish(const KinectFrame& frame);
 

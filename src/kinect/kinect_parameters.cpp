@@ -24,7 +24,7 @@ void readNumber(const ros::NodeHandle& nh, const char* name, double least, doubl
   monitor.error(text.str());
 }
 
-// camera_info_manager takes URLs only.
+// camera_info_manager accepts only URLs.
 std::string toUrl(const std::string& file_or_url) {
   return !file_or_url.empty() && file_or_url[0] == '/' ? "file://" + file_or_url : file_or_url;
 }

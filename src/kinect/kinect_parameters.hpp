@@ -12,25 +12,25 @@
 
 namespace all_in_focus {
 
-/// Of one topic.
+/// Parameters of one stream.
 struct KinectStreamParameters {
-  std::string name;      ///< of the camera, as it stands in its calibration file
+  std::string name;      ///< camera name in the calibration file
   std::string frame_id;  ///< optical frame
-  std::string info_url;  ///< of its calibration; empty: ~/.ros/camera_info/NAME.yaml
+  std::string info_url;  ///< URL of the calibration; empty: ~/.ros/camera_info/NAME.yaml
 };
 
 struct KinectParameters {
-  std::string device;  ///< URI, .oni file, "#n" or "" (the first)
+  std::string device;  ///< see KinectDevice
   KinectPlayback playback;
-  std::vector<int> invalid_values{0, 2047};  ///< mm that mean unknown
-  double time_offset = 0.0;           ///< s, added to the stamps: minus the delay from exposure to arrival
-  double reconnect_period = 1.0;      ///< s between attempts
-  double silence_timeout = 5.0;       ///< s without an image until a camera is opened again; 0: never
+  std::vector<int> invalid_values{0, 2047};  ///< depths in mm that mean "unknown"
+  double time_offset = 0.0;           ///< s, added to the stamps; minus the delay from exposure to arrival
+  double reconnect_period = 1.0;      ///< s between attempts to open the camera
+  double silence_timeout = 5.0;       ///< s without an image after which the camera is reopened; 0: never
   int queue_size = 5;                 ///< images that wait for a slow subscriber
-  KinectStreamParameters streams[3];  ///< by KinectStream
+  KinectStreamParameters streams[3];  ///< indexed by KinectStream
 };
 
-/// Reads the private parameters; says through the monitor what is impossible, and takes the default instead.
+/// Reads the private parameters. An impossible value is reported to the monitor, and replaced by the default.
 KinectParameters readKinectParameters(const ros::NodeHandle& private_nh, NodeMonitor& monitor);
 
 }  // namespace all_in_focus

@@ -19,8 +19,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint32_t kMaxNodes = 256;           // streams; a recorder counts them from 1
-constexpr std::uint32_t kMaxFieldBytes = 1 << 20;  // of a record; tables of a PrimeSense have 20 kB
+constexpr std::uint32_t kMaxNodes = 256;           // streams; recorders number them from 1
+constexpr std::uint32_t kMaxFieldBytes = 1 << 20;  // in a record; the tables of a PrimeSense take 20 kB
 
 // An .oni file, all of it little-endian: magic "NI10", version (1, 1, 2, 4 bytes), end time (8), last node
 // (4); then records: magic "NIR\0", type, node, bytes of header and fields, bytes of payload (4 each),
@@ -42,7 +42,7 @@ struct Damage : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// Bytes that are taken one after the other.
+/// Reads values from a buffer one after the other.
 class Bytes {
  public:
   explicit Bytes(std::vector<char> bytes) : bytes_(std::move(bytes)) {}
@@ -62,7 +62,7 @@ class Bytes {
     std::memcpy(&value, skip(sizeof value), sizeof value);
     return value;
   }
-  /// The player uses its characters as indices of a table.
+  /// Checks and skips a name: the player uses its characters as indices into a table.
   void skipName() {
     const std::string name = take(number<std::uint32_t>());
     const auto is_plain = [](char c) { return c >= ' ' && c <= '~'; };
@@ -81,11 +81,11 @@ class Recording {
 
   void check() {
     std::string magic(4, '\0');
-    if (!file_.read(&magic[0], 4) || magic != "NI10") throw Damage("it is no .oni recording");
+    if (!file_.read(&magic[0], 4) || magic != "NI10") throw Damage("it is not an .oni recording");
     Bytes header = read(20);
-    // 1.0.0.4 is the oldest that OpenNI2 plays, 1.0.1.0 the newest that there is.
+    // OpenNI2 plays versions from 1.0.0.4; 1.0.1.0 is the newest.
     const auto version = header.number<std::uint16_t>(), maintenance = header.number<std::uint16_t>();
-    if (version != 1 || maintenance > 1) throw Damage("its version is none that OpenNI2 plays");
+    if (version != 1 || maintenance > 1) throw Damage("OpenNI2 does not play its version");
     is_old_ = maintenance == 0;
     header.skip(12);  // build, end time
     last_node_ = header.number<std::uint32_t>();
@@ -104,7 +104,7 @@ class Recording {
 
   std::uint32_t headerBytes() const { return is_old_ ? 24 : 28; }
 
-  /// False: it is the last before images come.
+  /// False when the first image is reached.
   bool checkRecord() {
     Bytes header = read(headerBytes());
     if (header.take(4) != std::string("NIR\0", 4)) throw Damage("a record does not begin where it should");
@@ -116,7 +116,7 @@ class Recording {
     if (type == kEnd) throw Damage("it holds no images");
     if (type == kNewData) return false;
     checkFields(type, read(bytes - headerBytes()));
-    if (type == kSeekTable) file_.seekg(payload, std::ios::cur);  // of a recording without images
+    if (type == kSeekTable) file_.seekg(payload, std::ios::cur);  // only in a recording without images
     return true;
   }
 
@@ -164,7 +164,7 @@ bool isFileName(const std::string& device) {
 }
 
 void requireRecording(const std::string& path) {
-  // A relative name may mean another folder than its author thought.
+  // A relative name may refer to another folder than the user thinks: name the folder.
   const std::string where = path[0] == '/' ? "" : " in " + fs::current_path().string();
   const std::string cannot = "cannot open \"" + path + "\"" + where + " (parameter device): ";
   const auto fail = [&](const std::string& why) { throw std::runtime_error(cannot + why); };

@@ -109,7 +109,7 @@ class RecordingTest(KinectTest):
     def test_files_that_cannot_be_played_until_one_can(self):
         whole = NOISE.read_bytes()
         broken = {'it is empty': b'',
-                  'it is no .oni recording': b'Some text.',
+                  'it is not an .oni recording': b'Some text.',
                   'it is cut short: it has 100000 bytes of at least ': whole[:100000],
                   'a name has impossible characters (byte 98)': whole[:140] + b'\xff' + whole[141:]}
         for reason, content in broken.items():

@@ -110,9 +110,9 @@ TEST_F(RecordingTest, WhatIsNoReadableFile) {
 
 TEST_F(RecordingTest, OtherFilesAndDamagedOnes) {
   expectRefused("", "it is empty");
-  expectRefused("not\n", "it is no .oni recording");
-  expectRefused("Some text that was given the name of a recording.\n", "it is no .oni recording");
-  expectRefused(fileHeader(1, 2) + added(0) + kImage, "its version is none that OpenNI2 plays");
+  expectRefused("not\n", "it is not an .oni recording");
+  expectRefused("Some text that was given the name of a recording.\n", "it is not an .oni recording");
+  expectRefused(fileHeader(1, 2) + added(0) + kImage, "OpenNI2 does not play its version");
   expectRefused(fileHeader(3997697) + added(0) + kImage, "it claims to have 3997697 streams");
   for (std::size_t bytes : {4, 23, 24, 60, 150})
     expectRefused(kWhole.substr(0, bytes), "it ends before its first image");
