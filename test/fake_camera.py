@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A camera that behaves as the makers' real ones do through libgphoto2, without one."""
+"""A fake camera that behaves as those of each maker do through libgphoto2."""
 import time
 
 import cv2
@@ -20,7 +20,7 @@ MODELS = {"Canon EOS": "Canon EOS 80D", "Nikon": "Nikon DSC D750", "Sony": "Sony
 
 
 def picture_of(lens, size=SIZE):
-    """What a picture at this lens position shows: its grey level is the position, times 255 / LENS."""
+    """The picture at this lens position: its grey level is the position, times 255 / LENS."""
     return np.full((size[1], size[0], 3), round(255 * lens / LENS), np.uint8)
 
 
@@ -29,10 +29,10 @@ def lens_of(picture):
 
 
 class FakeCamera(Camera):
-    """make: a key of MODELS. All calls take `latency` seconds; a released picture comes after `exposure` seconds.
+    """make: a key of MODELS. All calls take `latency` seconds; a picture arrives `exposure` seconds after the release.
 
-    Provoke: busy (that many calls from now on are refused as busy), unplug(), plug(), open_errors (codes that the next
-    calls of open() end with), fail (code, calls: the call with this number from now on fails).
+    To provoke errors: busy (the next so many calls are refused as busy), unplug(), plug(), open_errors (the error codes
+    of the next calls of open()), fail (code, n: the n-th call from now on fails).
     """
 
     def __init__(self, make="Canon EOS", lens=400, latency=0.0, exposure=0.01, raw=False):
@@ -66,7 +66,7 @@ class FakeCamera(Camera):
         if self.make == "Fuji":
             yield Widget("focuspos", float(self.lens), low=0.0, high=float(LENS))
 
-    # --- what happens to cameras
+    # --- what a test can do to the camera
 
     def unplug(self):
         self._plugged = self._open = False
@@ -104,15 +104,15 @@ class FakeCamera(Camera):
         self._open = False
 
     def get_config(self, name):
-        self._call("reading '%s'" % name)
+        self._call(f"reading '{name}'")
         if name not in self.widgets:
-            raise CameraError(ERROR, "reading '%s'" % name)
+            raise CameraError(ERROR, f"reading '{name}'")
         widget = self.widgets[name]
         value = float(self.lens) if name == "focuspos" else widget.value
         return Widget(name, value, list(widget.choices), widget.low, widget.high, widget.read_only)
 
     def set_config(self, name, value):
-        doing = "setting '%s' to %s" % (name, value)
+        doing = f"setting '{name}' to {value}"
         self._call(doing)
         widget = self.widgets.get(name)
         if widget is None:
@@ -155,7 +155,7 @@ class FakeCamera(Camera):
         picture = cv2.imencode(".jpg", picture_of(self.lens), [cv2.IMWRITE_JPEG_QUALITY, 100])[1].tobytes()
         at = time.monotonic() + self.exposure
         for suffix, content in ([("CR2", b"raw")] if self.raw else []) + [("JPG", picture)]:
-            path = "/store_00010001/DCIM/100FAKE/IMG_%04d.%s" % (self._shots, suffix)
+            path = f"/store_00010001/DCIM/100FAKE/IMG_{self._shots:04d}.{suffix}"
             self.files[path] = content
             self._pending.append((at, path))
         if self.make == "Nikon":
@@ -176,12 +176,12 @@ class FakeCamera(Camera):
         return cv2.imencode(".jpg", picture_of(self.lens, (24, 16)))[1].tobytes()
 
     def download(self, path):
-        self._call("downloading %s" % path)
+        self._call(f"downloading {path}")
         if path not in self.files:
-            raise CameraError(FILE_NOT_FOUND, "downloading %s" % path)
+            raise CameraError(FILE_NOT_FOUND, f"downloading {path}")
         return self.files[path]
 
     def delete(self, path):
-        self._call("deleting %s" % path)
+        self._call(f"deleting {path}")
         self.deleted.append(path)
         del self.files[path]

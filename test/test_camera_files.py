@@ -21,7 +21,7 @@ def disk(tmp_path):
     """libgphoto2's "Directory Browse" camera, opened, and the folder with its pictures."""
     folder = tmp_path / "card" / "DCIM" / "100CANON"
     folder.mkdir(parents=True)
-    camera = gphoto.GphotoCamera("disk:%s" % (tmp_path / "card"), "Directory Browse")
+    camera = gphoto.GphotoCamera(f"disk:{tmp_path / 'card'}", "Directory Browse")
     assert camera.open() == "Directory Browse"
     yield camera, folder
     camera.close()
@@ -77,7 +77,7 @@ def test_a_model_is_looked_for_among_those_plugged_in():
 @pytest.mark.parametrize("port, model", [("usb:", "stack"), ("nowhere", "")])
 def test_names_that_libgphoto2_does_not_know(port, model):
     """A folder that is not absolute looks like a model to robot.launch."""
-    with pytest.raises(CameraError, match="^(model 'stack'|port 'nowhere'): libgphoto2 knows none of this name: see"):
+    with pytest.raises(CameraError, match="^(model 'stack'|port 'nowhere'): libgphoto2 does not know this name: see"):
         gphoto.GphotoCamera(port, model).open()
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Brackets: frames, settings that hold, the way back, and what happens when the camera does not do as it should."""
+"""Brackets: frames, fixed settings, restoring, and errors of the camera."""
 import itertools
 import math
 
@@ -47,41 +47,41 @@ def test_a_bracket(make, frames):
     assert [shot.position for shot in shots] == [-1, 0, 1]
     assert all(math.isnan(shot.distance) for shot in shots)
     assert [shot.stamp for shot in shots] == sorted({shot.stamp for shot in shots})
-    # Fixed while it lasts, with the exposure as it was metered; as before afterwards.
+    # Fixed during the bracket, with the exposure as it was metered; restored afterwards.
     for held in seen:
         assert held["iso"] == "400" and held["whitebalance"] == "Daylight" and held["shutterspeed"] == "1/60"
         assert held.get("autoexposuremode", held.get("expprogram")) in ("Manual", "M")
     assert settings(camera) == before and camera.lens == 400
 
 
-def test_wishes_for_white_balance_and_iso():
+def test_white_balance_and_iso_from_the_parameters():
     camera, seen = FakeCamera(), []
     connected(camera, white_balance="Tungsten", iso="100").shoot(lambda shot: seen.append(settings(camera)))
     assert {(held["whitebalance"], held["iso"]) for held in seen} == {("Tungsten", "100")}
 
 
-def test_what_cannot_be_held_is_told():
+def test_a_setting_that_cannot_be_fixed_is_named():
     camera = FakeCamera()
     camera.widgets["autoexposuremode"].read_only = True  # it has a dial
     camera.widgets["whitebalance"].choices.remove("Daylight")
     camera.widgets["whitebalance"].choices.remove("Tungsten")
-    remarks = connected(camera).shoot(lambda shot: None)
-    assert len(remarks) == 2
-    assert "'autoexposuremode' is 'AV'" in remarks[0] and "'whitebalance' is 'Auto'" in remarks[1]
+    warnings = connected(camera).shoot(lambda shot: None)
+    assert len(warnings) == 2
+    assert "'autoexposuremode' is 'AV'" in warnings[0] and "'whitebalance' is 'Auto'" in warnings[1]
 
 
-def test_an_exposure_that_is_not_told_is_left_alone():
-    """Some Canons say 'auto' for what they have metered."""
+def test_an_exposure_that_the_camera_does_not_report_is_left_alone():
+    """Some Canons report 'auto' instead of the metered value."""
     camera, modes = FakeCamera(), []
     camera.widgets["shutterspeed"].value = "auto"
-    remarks = connected(camera).shoot(lambda shot: modes.append(camera.widgets["autoexposuremode"].value))
-    assert modes == ["AV"] * 3 and len(remarks) == 1
-    assert "does not tell the 'shutterspeed' that it has metered: set it to manual yourself" in remarks[0]
+    warnings = connected(camera).shoot(lambda shot: modes.append(camera.widgets["autoexposuremode"].value))
+    assert modes == ["AV"] * 3 and len(warnings) == 1
+    assert "does not tell the 'shutterspeed' that it has metered: set it to manual yourself" in warnings[0]
 
 
 @pytest.mark.parametrize("frames", ["still", "preview"])
 def test_the_stamp_is_taken_at_the_release(frames):
-    """With the lens where it is to be, and before the picture is taken."""
+    """After the lens has moved, and just before the picture is taken."""
     camera, shots, calls = FakeCamera(), [], []
     for name in ("set_config", "capture", "capture_preview", "download"):
         def call(*arguments, name=name, was=getattr(camera, name)):
@@ -99,14 +99,14 @@ def test_the_stamp_is_taken_at_the_release(frames):
 
 @pytest.mark.parametrize("code, data, words", [(None, b"junk", "it is not a picture"), (NO_SPACE, None, "card is full"),
                                                (None, ENDLESS_PICTURE, "it is not a picture"),
-                                               (CORRUPTED, None, "sent what cannot be read")])
+                                               (CORRUPTED, None, "sent data that cannot be read")])
 def test_a_picture_that_does_not_come_ends_the_bracket(code, data, words):
     camera, shots = FakeCamera(), []
     session, before = connected(camera), settings(camera)
 
     def download(path):
         if code:
-            raise CameraError(code, "downloading %s" % path)
+            raise CameraError(code, f"downloading {path}")
         return data
     camera.download = download
     with pytest.raises(CameraError, match=words):
@@ -148,8 +148,8 @@ def test_a_picture_that_comes_too_late_is_not_taken_for_the_next(idle):
 @pytest.mark.parametrize("make, lens, frames", [("Nikon", LENS - 150, 2), ("Fuji", LENS - 25, 3)])
 def test_the_bracket_ends_at_the_focus_limit(make, lens, frames):
     camera, shots = FakeCamera(make, lens=lens), []
-    remarks = connected(camera, count=5).shoot(shots.append)
-    assert remarks == ["the focus is at its far limit after %d of 5 frames" % frames]
+    warnings = connected(camera, count=5).shoot(shots.append)
+    assert warnings == [f"the focus is at its far limit after {frames} of 5 frames"]
     assert [shot.last for shot in shots] == [False] * (frames - 1) + [True]
     assert shots[-1].count == frames
     assert abs(camera.lens - lens) <= 50 and settings(camera)["iso"] == "Auto"
@@ -179,7 +179,7 @@ def test_latency_only_takes_longer():
 
 
 @pytest.mark.parametrize("again", ["check", "shoot"])
-def test_what_a_camera_that_stays_busy_keeps_from_the_way_back_is_put_right_later(again):
+def test_what_a_busy_camera_does_not_restore_is_restored_later(again):
     camera, shots = FakeCamera(), []
     session, before = connected(camera, patience_s=0.1), settings(camera)
 
@@ -200,7 +200,7 @@ def test_what_a_camera_that_stays_busy_keeps_from_the_way_back_is_put_right_late
 
 @pytest.mark.parametrize("call", range(1, 60, 3))
 def test_after_any_error_everything_is_as_before(call):
-    """Whichever call of a bracket fails, the settings are back, and the lens within a step of the start."""
+    """Whichever call of a bracket fails: the settings are restored, and the lens is within a step of its start."""
     camera = FakeCamera("Nikon")
     session, before = connected(camera), settings(camera)
     camera.fail = (CAMERA_ERROR, call)
@@ -209,11 +209,11 @@ def test_after_any_error_everything_is_as_before(call):
     except CameraError:
         pass
     camera.fail = None  # the bracket may have had fewer calls
-    session.check()  # the way back may be what failed
+    session.check()  # the call that failed may have been one of those that restore
     assert settings(camera) == before and abs(camera.lens - 400) <= 100
 
 
-def test_an_interrupted_bracket_is_closed_and_put_right_when_the_camera_is_back():
+def test_after_an_interrupted_bracket_the_camera_is_restored_when_it_is_back():
     camera, shots = FakeCamera("Fuji"), []
     session, before = connected(camera), settings(camera)
 
@@ -284,8 +284,8 @@ def test_calibrated_steps_have_distances():
 def test_a_plan_is_shot_exactly():
     camera, shots = FakeCamera("Nikon", lens=700), []
     session = connected(camera, table=TABLE, home="near", step_size=10)
-    remarks = session.shoot_planned([0.3, 0.8, 2.0, math.inf], shots.append)
-    assert remarks == ["0.30 m lies beyond the focus table: focused at its end"]
+    warnings = session.shoot_planned([0.3, 0.8, 2.0, math.inf], shots.append)
+    assert warnings == ["0.30 m lies beyond the focus table: focused at its end"]
     assert [shot.position for shot in shots] == [0, 38, 75, 100]
     assert [shot.distance for shot in shots] == pytest.approx([0.5, 0.8, 2.0, math.inf], rel=0.01)
     assert [(shot.index, shot.count) for shot in shots] == [(0, 4), (1, 4), (2, 4), (3, 4)]

@@ -1,17 +1,15 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Driving the focus of each maker's camera, and what distance a step is."""
+"""Driving the focus of each maker's camera, and the focus distance of a step."""
 import math
 import re
 from pathlib import Path
 
 import pytest
 
-from all_in_focus.camera.focus_drive import FocusDrive, FocusLimit
-from all_in_focus.camera.focus_scale import FocusScale, ScaleError
-from all_in_focus.camera.interface import BUSY, CAMERA_ERROR, CameraError
+from all_in_focus.camera.focus_drive import FocusDrive, FocusLimit, FocusScale, ScaleError
+from all_in_focus.camera.interface import BUSY, CAMERA_ERROR, CameraError, RetryingCamera
 from all_in_focus.camera.makers import MAKERS, maker_of
-from all_in_focus.camera.patience import PatientCamera
 from fake_camera import LENS, MODELS, FakeCamera
 
 # Motor positions of one step of the size that the table takes by default.
@@ -39,7 +37,7 @@ def test_equal_canon_steps_have_a_none_between():
     drive.move_to(2)
     assert camera.log[1:] == [("manualfocusdrive", "Far 2"), ("manualfocusdrive", "None")] * 2
     assert camera.lens == 500
-    # The rule is the fake's as well as the camera's.
+    # The fake obeys the same rule as the camera: the second of two equal choices does nothing.
     camera.set_config("manualfocusdrive", "Far 2")
     camera.set_config("manualfocusdrive", "Far 2")
     assert camera.lens == 550
@@ -47,7 +45,7 @@ def test_equal_canon_steps_have_a_none_between():
 
 @pytest.mark.parametrize("make, size", [("Canon EOS", 4), ("Panasonic", 3), ("Sony", 8)])
 def test_a_size_that_the_maker_does_not_have(make, size):
-    with pytest.raises(CameraError, match="step_size %d: .*take 1 to %d" % (size, size - 1)):
+    with pytest.raises(CameraError, match=f"step_size {size}: .*take 1 to {size - 1}"):
         drive_of(make, size=size)
 
 
@@ -63,7 +61,7 @@ def test_the_limit_is_told_and_the_count_stays_right(make, reached):
 
 
 def test_a_position_as_text():
-    """Properties that libgphoto2 has no name for are texts."""
+    """libgphoto2 gives properties that it has no name for as texts."""
     camera = FakeCamera("Fuji")
     camera.open()
     camera.widgets["d171"] = camera.widgets.pop("focuspos")
@@ -111,27 +109,27 @@ def test_every_model_has_its_row():
 def test_the_table_of_makers_is_the_one_in_the_documentation():
     text = (Path(__file__).resolve().parent.parent / "docs" / "dslr.md").read_text()
     for maker in MAKERS:
-        cells = [cell.strip() for cell in re.search(r"^\| %s \|.*$" % maker.name, text, re.M)[0].strip("|").split("|")]
+        cells = [cell.strip() for cell in re.search(rf"^\| {maker.name} \|.*$", text, re.M)[0].strip("|").split("|")]
         assert re.findall("`(.*?)`", cells[1]) == list(maker.widgets)
-        assert cells[3:5] == ["%d to %d, %d" % (maker.sizes + (maker.typical,)), "%g s" % maker.settle_s]
+        assert cells[3:5] == [f"{maker.sizes[0]} to {maker.sizes[1]}, {maker.typical}", f"{maker.settle_s:g} s"]
         assert (cells[5] == "on", cells[6] == "yes") == (maker.live_view, maker.tells_limit)
         assert re.findall("`(.*?)`", cells[7]) == [name for name, _ in maker.holds]
 
 
-def test_busy_is_asked_again_other_errors_are_not():
+def test_busy_is_retried_other_errors_are_not():
     camera = FakeCamera()
-    patient = PatientCamera(camera, patience=2)
-    patient.open()
+    retrying = RetryingCamera(camera, patience=2)
+    retrying.open()
     camera.busy = 4
-    patient.set_config("iso", "200")
+    retrying.set_config("iso", "200")
     assert (camera.busy, camera.log) == (0, [("iso", "200")])
     camera.fail = (CAMERA_ERROR, 1)
     with pytest.raises(CameraError) as failure:
-        patient.set_config("iso", "100")
+        retrying.set_config("iso", "100")
     assert failure.value.code == CAMERA_ERROR and len(camera.log) == 1
     camera.busy = 10 ** 6
-    with pytest.raises(CameraError, match="busy: it still writes") as failure:
-        PatientCamera(camera, patience=0.2).capture()
+    with pytest.raises(CameraError, match="busy: it is still writing") as failure:
+        RetryingCamera(camera, patience=0.2).capture()
     assert failure.value.code == BUSY and not failure.value.lost
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the tests of the camera nodes share: nodes as programs of their own, and listeners to their three topics."""
+"""Shared by the tests of the camera nodes: starts nodes as processes, and listens to their three topics."""
 import os
 import subprocess
 import sys
@@ -23,10 +23,10 @@ TOPICS = {"rgb/image": Image, "rgb/camera_info": CameraInfo, "rgb/focus": FocusF
 
 
 class NodeProcess:
-    """A node that runs; what it says is in `lines`."""
+    """A running node; its output is in `lines`."""
 
     def __init__(self, path, namespace, **parameters):
-        arguments = ["_%s:=%s" % item for item in parameters.items()]
+        arguments = [f"_{name}:={value}" for name, value in parameters.items()]
         self.lines = []
         environment = dict(os.environ, PYTHONUNBUFFERED="1", ROSCONSOLE_FORMAT="${message}")
         self._process = subprocess.Popen([sys.executable, path, "__ns:=" + namespace] + arguments, env=environment,
@@ -49,7 +49,7 @@ class NodeProcess:
 
 
 class CameraTest(unittest.TestCase):
-    """Ends its nodes; each test has a namespace and a folder of its own."""
+    """Stops its nodes at the end; each test has its own namespace and folder."""
 
     def setUp(self):
         self.namespace = "/" + self.id().split(".")[-1]
@@ -83,7 +83,7 @@ class CameraTest(unittest.TestCase):
         self.heard = {name: self.listen(name, kind) for name, kind in TOPICS.items()}
 
     def of_frames(self, name):
-        """What was heard on a topic, but for the calibration that goes out before the first frame."""
+        """Messages of a topic without the camera_info that is published before the first frame."""
         messages = list(self.heard[name].messages)
         if name == "rgb/camera_info" and messages and self.heard["rgb/focus"].messages:
             first = self.heard["rgb/focus"].messages[0].header.stamp

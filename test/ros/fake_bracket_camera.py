@@ -3,7 +3,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """focus_bracket_camera with a fake camera: ~make, ~lens, ~claimed (times it cannot be opened at first).
 
-~provoke (std_msgs/String) takes "unplug", "plug", "busy N" and "fail CODE N": the Nth call from then on fails.
+The topic ~provoke (std_msgs/String) takes "unplug", "plug", "busy N" and "fail CODE N" (the Nth call from then on
+fails).
 """
 import os
 import sys

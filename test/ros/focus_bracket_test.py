@@ -37,7 +37,7 @@ class FocusBracketTest(CameraTest):
         return rospy.ServiceProxy(name, Trigger)()
 
     def succeed(self, service="bracket"):
-        """The answer; the camera may be looked for at this moment."""
+        """The answer of the first successful call: at first the node may still be looking for the camera."""
         answers = []
 
         def done():
@@ -78,11 +78,11 @@ class FocusBracketTest(CameraTest):
         self.addCleanup(diagnostics.close)
 
         def shot():
-            """Brackets so far, as the next diagnostics of a camera that is ready tell: a second after the last ones."""
+            """Number of brackets in the next diagnostics of a ready camera, which come once a second."""
             name = self.namespace[1:] + "/focus_bracket_camera"
             return int(diagnostics.wait(name, lambda status: status.level == 0).values[0].value)
         self.fake(rate=20.0, count=1)
-        self.listen("rgb/camera_info", CameraInfo)  # is no reason to wear the shutter
+        self.listen("rgb/camera_info", CameraInfo)  # a subscriber of camera_info alone starts no bracket
         self.assertEqual([shot(), shot()], [0, 0])
         self.listen_to_all()
         self.assertEqual(places(self.frames(2)), [(0, 0, 1, True), (1, 0, 1, True)])
@@ -106,7 +106,7 @@ class FocusBracketTest(CameraTest):
         self.assertEqual(len([line for line in node.lines if "no camera found" in line]), 1)  # once, not at every try
 
     def assert_breaks_off(self, words):
-        """Brackets, until one breaks off with these words."""
+        """Shoot brackets until one breaks off with these words."""
         answers = []
 
         def failed():
@@ -119,8 +119,8 @@ class FocusBracketTest(CameraTest):
     def test_errors_in_mid_bracket_are_told_and_leave_nothing_behind(self):
         node = self.fake(count=3, patience=0.2)
         self.succeed()
-        for provoked, words in (("fail %d 30" % IO_WRITE, "the connection to the camera broke"),
-                                ("fail %d 30" % NO_SPACE, "the memory card is full"),
+        for provoked, words in ((f"fail {IO_WRITE} 30", "the connection to the camera broke"),
+                                (f"fail {NO_SPACE} 30", "the memory card is full"),
                                 ("busy 100000", "the camera is busy")):
             self.provoke.say(String(provoked))
             self.assert_breaks_off(words)
@@ -156,11 +156,11 @@ class FocusBracketTest(CameraTest):
         self.assertEqual([status.level, status.hardware_id], [0, "Nikon DSC D750"])
 
     def test_the_plan_of_the_segmenter(self):
-        """Depth in, exactly the frames out that make it sharp."""
+        """The segmenter plans from a depth image, and exactly the planned frames are taken."""
         node = self.fake(make="Nikon", step_size=1, focus_table=TABLE)
         self.listen_to_all()
         self.assertTrue(node.said("ready"))
-        self.assertIn("no plan has come on %s yet" % self.topic("segmentation/focus_plan"),
+        self.assertIn(f"no plan has come on {self.topic('segmentation/focus_plan')} yet",
                       self.call("bracket_planned").message)
         Talker("/planner/depth_registered/image", Image).say(image_message(two_planes(), 1000))
         self.assertEqual(self.succeed("bracket_planned").message, "2 frames")
@@ -172,7 +172,7 @@ class FocusBracketTest(CameraTest):
     def test_planned_brackets_at_a_rate(self):
         node = self.fake(make="Nikon", step_size=10, focus_table=TABLE.replace("1000", "100"), rate=20.0, plan=True)
         self.listen_to_all()
-        self.assertTrue(node.said("no plan has come on %s yet" % self.topic("segmentation/focus_plan")))
+        self.assertTrue(node.said(f"no plan has come on {self.topic('segmentation/focus_plan')} yet"))
         Talker(self.topic("segmentation/focus_plan"), FocusPlan).say(FocusPlan(focus_distance=[0.6, 2.0]))
         frames = self.frames(4)
         self.assertEqual(places(frames), [(bracket, index, 2, index == 1) for bracket in (0, 1) for index in (0, 1)])

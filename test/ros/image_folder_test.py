@@ -14,7 +14,7 @@ import rostest
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
-from all_in_focus.camera.folder_node import MOST_UNDER_WAY
+from all_in_focus.camera.folder_node import MAX_UNPROCESSED
 from camera_testing import HERE, SCRIPTS, CameraTest, places
 from depth_testing import Talker, pixels_of, wait_until
 
@@ -57,7 +57,7 @@ class ImageFolderTest(CameraTest):
         self.assertAlmostEqual(stamps[-1] - stamps[0], 5 / 20, delta=0.15)
 
     def test_frames_wait_for_what_is_said_to_come_first_then_for_the_fusion(self):
-        stack = write_stack(self.folder / "stack", ["%02d.png" % index for index in range(MOST_UNDER_WAY + 2)])
+        stack = write_stack(self.folder / "stack", [f"{index:02d}.png" for index in range(MAX_UNPROCESSED + 2)])
         self.start(NODE, stack=stack, rate=100.0, wait_for="segmentation/processed", wait_timeout=60.0)
         processed = Talker(self.topic("all_in_focus/processed"), Header)
         regions = Talker(self.topic("segmentation/processed"), Header)
@@ -65,13 +65,13 @@ class ImageFolderTest(CameraTest):
         time.sleep(0.5)
         self.assertFalse(self.heard["rgb/image"].messages)
         regions.say(Header())
-        frames = self.frames(MOST_UNDER_WAY)
+        frames = self.frames(MAX_UNPROCESSED)
         time.sleep(0.5)
-        self.assertEqual(len(self.heard["rgb/image"].messages), MOST_UNDER_WAY)
+        self.assertEqual(len(self.heard["rgb/image"].messages), MAX_UNPROCESSED)
         processed.say(frames[0][0].header)
-        self.frames(MOST_UNDER_WAY + 1)
+        self.frames(MAX_UNPROCESSED + 1)
         # A fusion that does not answer is not waited for.
-        self.assertTrue(wait_until(lambda: len(self.heard["rgb/image"].messages) == MOST_UNDER_WAY + 2, 30))
+        self.assertTrue(wait_until(lambda: len(self.heard["rgb/image"].messages) == MAX_UNPROCESSED + 2, 30))
 
     def test_a_watched_folder(self):
         write_stack(self.folder / "in", ["old.png"])

@@ -21,7 +21,7 @@ CHECK_PERIOD = 1.0  # s
 
 
 def read_config():
-    """Config from the node's private parameters."""
+    """Config from the private parameters of the node."""
     table = rospy.get_param("~focus_table", [])
     default = Config()
     settle = parameters.number("settle", -1)
@@ -41,10 +41,10 @@ def read_config():
         white_balance=parameters.text("white_balance"),
         iso=parameters.text("iso"))
     if config.maker and maker_of(config.maker) is None:
-        raise parameters.ParameterError("~maker: '%s' is not one of %s"
-                                        % (config.maker, ", ".join(maker.name for maker in MAKERS)))
+        names = ", ".join(maker.name for maker in MAKERS)
+        raise parameters.ParameterError(f"~maker: '{config.maker}' is not one of {names}")
     if config.step == 0 and config.count > 1:
-        raise parameters.ParameterError("~step: 0 would take the same picture %d times" % config.count)
+        raise parameters.ParameterError(f"~step: 0 would take the same picture {config.count} times")
     return config
 
 
@@ -57,15 +57,15 @@ class FocusBracketCamera:
         self._planned = parameters.flag("plan", False)
         self._reconnect = parameters.number("reconnect", 2.0, 0.05)
         if self._planned and self._session.scale is None:
-            raise parameters.ParameterError("~plan: needs a ~focus_table, which says where the steps focus")
+            raise parameters.ParameterError("~plan: needs a ~focus_table, which gives the focus distance of each step")
         self._frames = FramePublisher(parameters.text("rig"), parameters.whole("width", 0, 0),
                                       parameters.text("frame_id"))
         self._frames.announce()
-        self._lock = threading.Lock()  # the camera does one thing at a time
+        self._lock = threading.Lock()  # guards the camera, which does one thing at a time
         self._plan = None
         self._bracket_id = 0
-        self._well = False  # as the last look has found
-        self._level, self._words = DiagnosticStatus.WARN, "looking for the camera"
+        self._healthy = False  # result of the last check
+        self._level, self._status = DiagnosticStatus.WARN, "looking for the camera"
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=1)
         if self._session.scale:
             rospy.Subscriber("segmentation/focus_plan", FocusPlan, self._on_plan, queue_size=1)
@@ -73,17 +73,17 @@ class FocusBracketCamera:
         rospy.Service("~bracket_planned", Trigger, lambda _: self._answer(True))
 
     def run(self):
-        """Until the node is to end: brackets at the rate, looking after the connection between them."""
+        """Until shutdown: shoot brackets at the rate, and check the connection between them."""
         next_bracket, next_check = time.monotonic(), 0.0
         while not rospy.is_shutdown():
             now = time.monotonic()
             if now >= next_check:
                 with self._lock:
-                    self._look_after()
+                    self._check()
                     self._diagnose()
                 next_check = time.monotonic() + (CHECK_PERIOD if self._session.connected else self._reconnect)
-            # At a rate only while somebody wants the pictures: every one wears the shutter.
-            if self._rate and self._session.connected and now >= next_bracket and self._frames.listened():
+            # At a rate only while somebody subscribes to the pictures: each of them wears the shutter.
+            if self._rate and self._session.connected and now >= next_bracket and self._frames.has_listeners():
                 next_bracket = max(next_bracket + 1 / self._rate, now)
                 with self._lock:
                     self._shoot(self._planned)
@@ -94,36 +94,36 @@ class FocusBracketCamera:
     def _on_plan(self, plan):
         self._plan = plan
 
-    def _say(self, words, level=DiagnosticStatus.WARN):
-        """One line, once until it changes; also what the diagnostics say."""
-        if words != self._words:
-            (rospy.logwarn if level else rospy.loginfo)("%s", words)
-        self._level, self._words = level, words
+    def _report(self, text, level=DiagnosticStatus.WARN):
+        """Log a line, once until it changes, and make it the status in the diagnostics."""
+        if text != self._status:
+            (rospy.logwarn if level else rospy.loginfo)("%s", text)
+        self._level, self._status = level, text
 
     def _diagnose(self):
-        status = DiagnosticStatus(self._level, rospy.get_name().lstrip("/") + ": camera", self._words,
+        status = DiagnosticStatus(self._level, rospy.get_name().lstrip("/") + ": camera", self._status,
                                   self._session.model, [KeyValue("brackets", str(self._bracket_id))])
         message = DiagnosticArray(status=[status])
         message.header.stamp = rospy.Time.now()
         self._diagnostics.publish(message)
 
-    def _look_after(self):
+    def _check(self):
         try:
             if self._session.connected:
                 self._session.check()
             else:
-                self._well = False
+                self._healthy = False
                 self._session.connect()
-            if not self._well:
-                self._say_ready()
-            self._well = True
+            if not self._healthy:
+                self._report_ready()
+            self._healthy = True
         except CameraError as error:
-            self._well = False
-            again = "" if self._session.connected else "; trying again every %g s" % self._reconnect
-            self._say(str(error) + again, DiagnosticStatus.ERROR if again else DiagnosticStatus.WARN)
+            self._healthy = False
+            again = "" if self._session.connected else f"; trying again every {self._reconnect:g} s"
+            self._report(str(error) + again, DiagnosticStatus.ERROR if again else DiagnosticStatus.WARN)
 
-    def _say_ready(self):
-        self._say("ready: " + self._session.description, DiagnosticStatus.OK)
+    def _report_ready(self):
+        self._report("ready: " + self._session.description, DiagnosticStatus.OK)
 
     def _answer(self, planned):
         if not self._lock.acquire(blocking=False):
@@ -134,53 +134,48 @@ class FocusBracketCamera:
             self._lock.release()
 
     def _shoot(self, planned):
-        """(success, a line for people)"""
+        """(success, message)"""
         count = [0]
 
         def publish(shot):
             if rospy.is_shutdown():
-                raise rospy.ROSInterruptException("the node ends")
+                raise rospy.ROSInterruptException("shutdown")
             count[0] += 1
             self._frames.publish(shot.image, shot.stamp, self._bracket_id, shot.index, shot.count, shot.last,
                                  shot.distance)
 
         try:
             if not self._session.connected:
-                return False, self._words
+                return False, self._status
             if planned:
                 missing = self._why_no_plan()
                 if missing:
-                    self._say(missing)
+                    self._report(missing)
                     return False, missing
-                remarks = self._session.shoot_planned(self._plan.focus_distance, publish)
+                warnings = self._session.shoot_planned(self._plan.focus_distance, publish)
             else:
-                remarks = self._session.shoot(publish)
+                warnings = self._session.shoot(publish)
         except (CameraError, FocusLimit, rospy.ROSException) as error:
-            self._say("bracket %d broke off after %d frames: %s" % (self._bracket_id, count[0], error))
-            return False, self._words
+            self._report(f"bracket {self._bracket_id} broke off after {count[0]} frames: {error}")
+            return False, self._status
         finally:
             if count[0]:
                 self._bracket_id += 1
-        self._say_ready()
-        for remark in remarks:
-            rospy.logwarn("%s", remark)
-        return True, "; ".join(["%d frames" % count[0]] + remarks)
+        self._report_ready()
+        for warning in warnings:
+            rospy.logwarn("%s", warning)
+        return True, "; ".join([f"{count[0]} frames"] + warnings)
 
     def _why_no_plan(self):
         if self._session.scale is None:
-            return "no ~focus_table: it is not known where the steps focus"
+            return "no ~focus_table: the focus distances of the steps are unknown"
         if self._plan is None:
-            return "no plan has come on %s yet" % rospy.resolve_name("segmentation/focus_plan")
+            return f"no plan has come on {rospy.resolve_name('segmentation/focus_plan')} yet"
         return "" if self._plan.focus_distance else "the plan is empty: no region has a depth"
 
 
 def run(camera_at):
     """camera_at(port, model) -> Camera. Returns the exit code."""
-    rospy.init_node("focus_bracket_camera")
-    try:
-        node = FocusBracketCamera(camera_at(parameters.text("port"), parameters.text("model")))
-    except (ValueError, OSError) as error:
-        rospy.logfatal("%s", error)
-        return 2
-    node.run()
-    return 0
+    def shoot():
+        FocusBracketCamera(camera_at(parameters.text("port"), parameters.text("model"))).run()
+    return parameters.run_node("focus_bracket_camera", shoot)

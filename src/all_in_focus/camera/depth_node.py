@@ -1,17 +1,16 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node depth_file_camera: one depth image on depth/image_raw and depth/camera_info, again and again."""
-import os
+"""Node depth_file_camera: publishes one depth image on depth/image_raw and depth/camera_info, again and again."""
+from pathlib import Path
 
 import cv_bridge
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.camera import parameters
-from all_in_focus.camera.file_node import run_node
 from all_in_focus.files.rig import load_camera
+from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.files.stack import StackError, read_depth
 
 
@@ -19,18 +18,18 @@ class DepthFileCamera:
     """path: 16-bit image, mm; rig: folder with its depth.yaml."""
 
     def __init__(self, path, rig, frame_id):
-        depth, self._camera = read_depth(path), load_camera(os.path.join(rig, "depth.yaml"))
+        depth, self._camera = read_depth(path), load_camera(str(Path(rig) / "depth.yaml"))
         height, width = depth.shape
         if (self._camera.width, self._camera.height) != (width, height):
-            raise StackError("%s: %dx%d pixels, but depth.yaml says %dx%d"
-                             % (path, width, height, self._camera.width, self._camera.height))
+            raise StackError(f"{path}: {width}x{height} pixels, but depth.yaml says "
+                             f"{self._camera.width}x{self._camera.height}")
         self._message = cv_bridge.CvBridge().cv2_to_imgmsg(depth, "16UC1")
         self._frame_id = frame_id
         self._image_publisher = rospy.Publisher("depth/image_raw", Image, queue_size=1)
         self._info_publisher = rospy.Publisher("depth/camera_info", CameraInfo, queue_size=1)
 
     def publish(self, stamp):
-        """Only if somebody listens."""
+        """Publish the image and its camera_info, if somebody subscribes to either."""
         if not (self._image_publisher.get_num_connections() or self._info_publisher.get_num_connections()):
             return
         self._message.header = Header(stamp=stamp, frame_id=self._frame_id)
@@ -42,7 +41,7 @@ def _publish():
     paths = {name: parameters.text(name) for name in ("depth", "rig")}
     for name, path in paths.items():
         if not path:
-            raise parameters.ParameterError("~%s is missing" % name)
+            raise parameters.ParameterError(f"~{name} is missing")
     rate = rospy.Rate(parameters.number("rate", 5.0, 0.1))
     camera = DepthFileCamera(paths["depth"], paths["rig"], parameters.text("frame_id", "depth_optical_frame"))
     while not rospy.is_shutdown():
@@ -52,4 +51,4 @@ def _publish():
 
 def run():
     """Returns the exit code."""
-    return run_node("depth_file_camera", _publish)
+    return parameters.run_node("depth_file_camera", _publish)

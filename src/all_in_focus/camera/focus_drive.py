@@ -1,35 +1,39 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Moves the focus by whole steps and keeps count of where it is."""
+"""Moves the focus by whole steps, keeps count of the position, and converts steps to focus distances."""
 import math
 import time
+
+import numpy as np
 
 from all_in_focus.camera.interface import BAD_PARAMETERS, CAMERA_ERROR, CameraError
 from all_in_focus.camera.makers import CHOICES, POSITION
 
-READ_BACK = 5.0  # s for a focus position to be reached
-TO_STOP = 30  # moves of the greatest size, at most, to drive against a stop
+READ_BACK = 5.0  # s that the lens may take to reach an absolute position
+TO_STOP = 30  # moves of the greatest size that are enough to reach the end of any lens's range
+SMALL = 1e-9  # 1/m; below this a focus distance counts as infinite
 
 
 class FocusLimit(Exception):
-    """The focus is at the end of its range; the text says which."""
+    """The focus is at the end of its range; the message says which end."""
 
     def __init__(self, far):
-        super().__init__("the focus is at its %s limit" % ("far" if far else "near"))
+        super().__init__(f"the focus is at its {'far' if far else 'near'} limit")
 
 
 class FocusDrive:
     """Focus of one camera. position: in steps, + is far, 0 = where the focus was when the drive was made.
 
-    size: of a step, in the maker's unit. Cameras that do not tell their limit go on being counted when they stand at
-    it: start far enough from it.
+    size: of one step, in the maker's unit; 0 = typical of the maker. A camera that does not report its limit goes on
+    counting although its lens has stopped: start far enough from the limit.
     """
 
     def __init__(self, camera, maker, size=0, settle_s=None):
         self.maker, self.size = maker, size or maker.typical
-        if not maker.sizes[0] <= self.size <= maker.sizes[1]:
-            raise CameraError(BAD_PARAMETERS, "step_size %d" % self.size, "%s cameras take %d to %d"
-                              % ((maker.name,) + maker.sizes))
+        smallest, greatest = maker.sizes
+        if not smallest <= self.size <= greatest:
+            raise CameraError(BAD_PARAMETERS, f"step_size {self.size}",
+                              f"{maker.name} cameras take {smallest} to {greatest}")
         self.position = 0
         self._camera = camera
         self._settle = maker.settle_s if settle_s is None else settle_s
@@ -46,18 +50,19 @@ class FocusDrive:
                 continue
             if not widget.read_only:
                 return widget
-        raise CameraError(BAD_PARAMETERS, "looking for the focus drive", "no widget %s: is the lens in the mode in "
-                          "which the camera can move it?" % " or ".join(self.maker.widgets))
+        raise CameraError(BAD_PARAMETERS, "looking for the focus drive",
+                          f"no widget {' or '.join(self.maker.widgets)}: is the lens in the mode in which the camera "
+                          "can move it?")
 
     def _absolute(self, value):
-        """A position as the widget gives it; texts are numbers too."""
+        """The value of the widget as a number; some cameras give it as a text."""
         try:
             return float(value)
         except (TypeError, ValueError):
-            raise CameraError(BAD_PARAMETERS, "reading the focus position", "'%s' is not a position" % value)
+            raise CameraError(BAD_PARAMETERS, "reading the focus position", f"'{value}' is not a position")
 
     def move_to(self, position):
-        """Drive there; raises FocusLimit at the end of the range, and the position is what was reached."""
+        """Drive to this position. Raises FocusLimit at the end of the range; `position` is then the one reached."""
         steps = position - self.position
         if steps == 0:
             return
@@ -70,13 +75,15 @@ class FocusDrive:
             self.position += 1 if steps > 0 else -1
 
     def wake(self):
-        """Live view on, where the drive needs it: taking a picture may have ended it."""
+        """Switch live view on where the drive needs it: taking a picture may have ended it."""
         if self.maker.live_view and self._camera.get_config("viewfinder").value != 1:
             self._camera.set_config("viewfinder", 1)
 
     def go_to_stop(self, far=False):
-        """Drive against the end of the range with the greatest steps, and count from there. Cameras that do not tell
-        their limit get TO_STOP of them."""
+        """Drive to the end of the range with the greatest steps, and count from there.
+
+        A camera that does not report its limit gets TO_STOP steps.
+        """
         self.wake()
         if self.maker.rule == POSITION:
             self._zero = self._absolute(self._widget.high if far else self._widget.low)
@@ -90,11 +97,11 @@ class FocusDrive:
         self.position = 0
 
     def _command(self, far, size):
-        """One relative move, finished when this returns."""
+        """Make one relative move and wait until the lens is at rest."""
         name = self._widget.name
         try:
             if self.maker.rule == CHOICES:
-                self._camera.set_config(name, "%s %d" % ("Far" if far else "Near", size))
+                self._camera.set_config(name, f"{'Far' if far else 'Near'} {size}")
                 self._camera.set_config(name, "None")
             else:
                 self._camera.set_config(name, size if far else -size)
@@ -105,7 +112,7 @@ class FocusDrive:
         time.sleep(self._settle)
 
     def _go(self, position):
-        """An absolute move, as far as the range allows: to a whole step, so that the way back is whole steps too."""
+        """Make an absolute move, as far as the range allows: to a whole step, so that the way back is whole steps."""
         low, high, reachable = self._widget.low, self._widget.high, position
         if low is not None:
             reachable = max(reachable, math.ceil((low - self._zero) / self.size))
@@ -116,13 +123,56 @@ class FocusDrive:
             raise FocusLimit(position > reachable)
 
     def _drive(self, position):
-        """To an absolute position, waiting until it is reached."""
+        """Set the absolute position and wait until the lens reports it."""
         wanted = round(self._zero + position * self.size)
         self._camera.set_config(self._widget.name, wanted)
         end = time.monotonic() + READ_BACK
         while abs(self._absolute(self._camera.get_config(self._widget.name).value) - wanted) > 0.5:
             if time.monotonic() > end:
-                raise CameraError(CAMERA_ERROR, "driving the focus to %g" % wanted, "it does not get there")
+                raise CameraError(CAMERA_ERROR, f"driving the focus to {wanted:g}", "the lens does not get there")
             time.sleep(0.05)
         self.position = position
         time.sleep(self._settle)
+
+
+class ScaleError(ValueError):
+    """A focus table that cannot be right; the message is one line."""
+
+
+class FocusScale:
+    """Focus distance at each step, from a table of steps and distances (mm, .inf allowed) measured at a few steps.
+
+    Between the entries the inverse distance (dioptres) is interpolated: equal steps of a lens change it by nearly equal
+    amounts. Beyond the table the distance is unknown, NaN.
+    """
+
+    def __init__(self, table):
+        """table: [{step: 0, mm: 500}, {step: 12, mm: .inf}, ...], two entries or more; the distances must grow with the
+        steps throughout, or fall throughout. Raises ScaleError."""
+        try:
+            rows = sorted((int(row["step"]), float(row["mm"])) for row in table)
+        except (KeyError, TypeError, ValueError):
+            raise ScaleError("focus_table: expected [{step: 0, mm: 500}, {step: 12, mm: .inf}, ...]")
+        if len(rows) < 2 or not all(mm > 0 for _, mm in rows):
+            raise ScaleError("focus_table: expected two steps or more with positive distances")
+        self._steps = np.array([step for step, _ in rows])
+        self._dioptres = np.array([1000 / mm for _, mm in rows])  # 1 / m
+        rises = np.diff(self._dioptres)
+        if not ((rises > 0).all() or (rises < 0).all()) or not (np.diff(self._steps) > 0).all():
+            raise ScaleError("focus_table: steps must differ, and the distances must grow or fall throughout")
+
+    def distance(self, step):
+        """Focus distance in m at a step."""
+        if not self._steps[0] <= step <= self._steps[-1]:
+            return math.nan
+        dioptre = float(np.interp(step, self._steps, self._dioptres))
+        return 1 / dioptre if dioptre > SMALL else math.inf
+
+    def step(self, distance):
+        """The whole step whose dioptres are nearest to those of a distance in m; beyond the table, its last entry."""
+        order = np.argsort(self._dioptres)
+        return int(round(float(np.interp(1 / distance, self._dioptres[order], self._steps[order]))))
+
+    def reaches(self, distance):
+        """Whether a distance in m lies within the table."""
+        return self._dioptres.min() - SMALL <= 1 / distance <= self._dioptres.max() + SMALL

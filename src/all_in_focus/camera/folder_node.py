@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node image_folder_camera: pictures of a folder or a video as if a camera had just taken them."""
+"""Node image_folder_camera: publishes the pictures of a folder or a video as if a camera had just taken them."""
 import math
 import threading
 import time
@@ -9,51 +9,50 @@ import rospy
 from std_msgs.msg import Header
 
 from all_in_focus.camera import parameters
-from all_in_focus.camera.file_node import run_node
 from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
 from all_in_focus.camera.frame_publisher import FramePublisher
 from all_in_focus.files.stack import Stack, StackError, focus_entries
 
 POLL_PERIOD = 0.1  # s
-MOST_UNDER_WAY = 8  # frames that the fusion has not dealt with
-ANSWER_TIMEOUT = 5.0  # s
+MAX_UNPROCESSED = 8  # published frames that the fusion has not acknowledged yet
+ACKNOWLEDGE_TIMEOUT = 5.0  # s
 
 
 def _poll_until(condition, end=math.inf):
-    """Until it holds, it is `end` (monotonic, s), or the node is to end."""
+    """Wait until the condition holds, the monotonic clock shows `end` (s), or the node shuts down."""
     while not condition() and time.monotonic() < end and not rospy.is_shutdown():
         time.sleep(POLL_PERIOD)
 
 
-class Pace:
-    """Holds frames back while the fusion is behind: it drops what waits too long, and large pictures fill memory."""
+class FlowControl:
+    """Delays frames while the fusion is behind: it would drop frames that wait too long, and large ones fill memory."""
 
     def __init__(self):
-        self._under_way = []  # stamps, oldest first
-        self._answered = 0.0
+        self._unprocessed = []  # stamps, oldest first
+        self._acknowledged_at = 0.0
         self._subscriber = rospy.Subscriber("all_in_focus/processed", Header, self._on_processed)
 
     def _on_processed(self, header):
-        self._answered = time.monotonic()
-        self._under_way = [stamp for stamp in self._under_way if stamp > header.stamp]
+        self._acknowledged_at = time.monotonic()
+        self._unprocessed = [stamp for stamp in self._unprocessed if stamp > header.stamp]
 
     def wait(self, fusion_listens):
-        """Before the next frame; not for a fusion that does not answer."""
+        """Call before each frame. Gives up on a fusion that acknowledges nothing for ACKNOWLEDGE_TIMEOUT seconds."""
         if not fusion_listens:
-            self._under_way = []
-        self._answered = time.monotonic()
-        while len(self._under_way) >= MOST_UNDER_WAY and self._subscriber.get_num_connections() \
+            self._unprocessed = []
+        self._acknowledged_at = time.monotonic()
+        while len(self._unprocessed) >= MAX_UNPROCESSED and self._subscriber.get_num_connections() \
                 and not rospy.is_shutdown():
-            if time.monotonic() - self._answered > ANSWER_TIMEOUT:
-                self._under_way = []
+            if time.monotonic() - self._acknowledged_at > ACKNOWLEDGE_TIMEOUT:
+                self._unprocessed = []
             time.sleep(0.01)
 
-    def went(self, stamp):
-        self._under_way.append(stamp)
+    def published(self, stamp):
+        self._unprocessed.append(stamp)
 
 
 class Player:
-    """Plays a stack, once or for ever, at a rate."""
+    """Plays a stack at a rate, once or in a loop."""
 
     def __init__(self, path, focus):
         self._stack = Stack(path, focus or None)
@@ -65,50 +64,50 @@ class Player:
         self._wait_timeout = parameters.number("wait_timeout", 10.0, 0)
 
     def run(self, frames):
-        count, bracket_id, pace = len(self._stack), 0, Pace()
+        count, bracket_id, flow = len(self._stack), 0, FlowControl()
         frames.announce(next(iter(self._stack)).shape[1::-1])
-        _poll_until(frames.listened)
+        _poll_until(frames.has_listeners)
         if self._wait_for:
             self._wait(frames)
         due = time.monotonic()
         while not rospy.is_shutdown():
             for index, image in enumerate(self._stack):
                 time.sleep(max(0, due - time.monotonic()))
-                pace.wait(frames.listened_to_all())
+                flow.wait(frames.has_all_listeners())
                 if rospy.is_shutdown():
                     return
                 stamp = rospy.Time.now()
-                pace.went(stamp)
+                flow.published(stamp)
                 frames.publish(image, stamp, bracket_id, index, count, index + 1 == count,
                                self._stack.distances[index])
                 due = max(due + self._period, time.monotonic())
             bracket_id += 1
             if not self._loop:
                 rospy.loginfo("all %d frames are out", count)
-                rospy.spin()  # slow listeners still fetch theirs
+                rospy.spin()  # stay: slow subscribers are still fetching frames
 
     def _wait(self, frames):
-        """For a message on ~wait_for that came while the fusion listened: it has seen what this says is there."""
+        """Wait until the fusion listens, then for a message on ~wait_for: the fusion has received what it announces."""
         came = threading.Event()
         end = time.monotonic() + self._wait_timeout if self._wait_timeout else math.inf
-        _poll_until(frames.listened_to_all, end)
+        _poll_until(frames.has_all_listeners, end)
         subscriber = rospy.Subscriber(self._wait_for, rospy.AnyMsg, lambda _: came.set())
         _poll_until(came.is_set, end)
         subscriber.unregister()
         if not came.is_set() and not rospy.is_shutdown():
-            rospy.logwarn("nothing came on %s for %g s: the pictures go out without",
+            rospy.logwarn("nothing came on %s for %g s: the pictures are published without waiting any longer",
                           rospy.resolve_name(self._wait_for), self._wait_timeout)
 
 
 class Watcher:
-    """Publishes what comes into a folder."""
+    """Publishes the pictures that arrive in a folder."""
 
     def __init__(self, path, focus):
         self._distances = dict(focus_entries(focus)) if focus else {}
         self._watch = FolderWatch(path, rospy.Time.now)
         self._brackets = BracketGrouper(parameters.whole("bracket_size", 0, 0),
                                         parameters.number("bracket_gap", 2.0, 0))
-        self._path, self._complaint = path, ""
+        self._path, self._last_error = path, ""
 
     def run(self, frames):
         frames.announce()
@@ -122,14 +121,14 @@ class Watcher:
             time.sleep(POLL_PERIOD)
 
     def _poll(self):
-        """New pictures; the folder may come and go (a memory card, a network share)."""
+        """New pictures. The folder may disappear and come back (a memory card, a network share)."""
         try:
-            arrivals, complaint = self._watch.poll(), ""
-        except StackError as error:
-            arrivals, complaint = [], str(error)
-        if complaint and complaint != self._complaint:
-            rospy.logwarn("%s; waiting for it", complaint)
-        self._complaint = complaint
+            arrivals, error = self._watch.poll(), ""
+        except StackError as failure:
+            arrivals, error = [], str(failure)
+        if error and error != self._last_error:
+            rospy.logwarn("%s; waiting for it", error)
+        self._last_error = error
         while self._watch.warnings:
             rospy.logwarn("%s", self._watch.warnings.pop(0))
         return arrivals
@@ -150,4 +149,4 @@ def _publish():
 
 def run():
     """Returns the exit code."""
-    return run_node("image_folder_camera", _publish)
+    return parameters.run_node("image_folder_camera", _publish)

@@ -1,47 +1,47 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures that come into a folder one by one, and the focus brackets that they make."""
+"""Finds pictures that arrive in a folder one by one, and groups them into focus brackets."""
 import contextlib
-import os
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 from all_in_focus.files.stack import StackError, is_image_name, read_image
 
 
 @dataclass
 class Arrival:
-    """A picture: BGR; name: of its file; stamp: when it was first seen."""
+    """A picture: BGR; name: of its file; stamp: when the file was first seen."""
     image: object
     name: str
     stamp: object
 
 
 class FolderWatch:
-    """New and overwritten pictures of a folder; what lay there before does not count.
+    """New and overwritten pictures of a folder. Files that are there at the beginning are not reported.
 
-    clock: gives the stamps. A file is read when it no longer grows and is complete; one that stays damaged for
-    `patience` seconds is given up, with a line in `warnings`.
+    clock: gives the stamps. A file is read when it has stopped growing and is complete. One that stays damaged for
+    `patience` seconds is left out, with a line in `warnings`.
     """
 
     def __init__(self, folder, clock, patience=5.0):
-        self._folder, self._clock, self._patience = folder, clock, patience
-        self._done = self._states()  # name -> state that is dealt with
+        self._folder, self._clock, self._patience = Path(folder), clock, patience
+        self._done = self._states()  # name -> state of the file when it was reported or left out
         self._coming = {}  # name -> state, stamp, time of the last change
         self.warnings = []
 
     def _states(self):
-        """Size and time of every picture. Raises StackError if the folder is not there."""
+        """Name -> (size, time of change) of every picture. Raises StackError if the folder is not there."""
         states = {}
         try:
-            names = os.listdir(self._folder)
+            paths = list(self._folder.iterdir())
         except OSError as error:
-            raise StackError("%s: %s" % (self._folder, error.strerror))
-        for name in names:
-            if is_image_name(name):
-                with contextlib.suppress(OSError):  # gone since it was listed
-                    status = os.stat(os.path.join(self._folder, name))
-                    states[name] = (status.st_size, status.st_mtime_ns)
+            raise StackError(f"{self._folder}: {error.strerror}")
+        for path in paths:
+            if is_image_name(path.name):
+                with contextlib.suppress(OSError):  # deleted since it was listed
+                    status = path.stat()
+                    states[path.name] = (status.st_size, status.st_mtime_ns)
         return states
 
     def poll(self):
@@ -61,13 +61,12 @@ class FolderWatch:
         return sorted(arrived, key=lambda arrival: arrival.stamp)
 
     def _read(self, name, state, stamp, changed_at):
-        path = os.path.join(self._folder, name)
         try:
-            image = read_image(path)
+            image = read_image(str(self._folder / name))
         except StackError as error:
             if time.monotonic() - changed_at < self._patience:
                 return None
-            self.warnings.append("%s; left out" % error)
+            self.warnings.append(f"{error}; left out")
             image = None
         self._done[name] = state
         del self._coming[name]
@@ -75,8 +74,11 @@ class FolderWatch:
 
 
 class BracketGrouper:
-    """Says which frame of which bracket an arrival is. Brackets have `size` frames; size 0: they end when nothing has
-    come for `gap` seconds. Then the newest frame is held back until it is known whether it is the last."""
+    """Numbers the arrivals by bracket and index.
+
+    A bracket has `size` frames. With size 0 it ends when nothing has arrived for `gap` seconds; then the newest frame is
+    held back until it is known whether it is the last one.
+    """
 
     def __init__(self, size=0, gap=2.0):
         self._size, self._gap = size, gap
@@ -84,15 +86,15 @@ class BracketGrouper:
         self._held, self._held_since = None, 0.0
 
     def add(self, frame):
-        """[(frame, bracket_id, index, count, last), ...] that can go out; count 0 = not known yet."""
+        """[(frame, bracket_id, index, count, last), ...] that can be published; count 0 = not known yet."""
         if self._size:
-            return [self._out(frame, self._size, self._index + 1 == self._size)]
+            return [self._numbered(frame, self._size, self._index + 1 == self._size)]
         ready = self._release(False)
         self._held, self._held_since = frame, time.monotonic()
         return ready
 
     def tick(self):
-        """The same when nothing has come."""
+        """As add(), to be called when nothing has arrived: the frame that was held back, once the gap is over."""
         if self._held is None or time.monotonic() - self._held_since < self._gap:
             return []
         return self._release(True)
@@ -101,11 +103,11 @@ class BracketGrouper:
         if self._held is None:
             return []
         frame, self._held = self._held, None
-        return [self._out(frame, self._index + 1 if last else 0, last)]
+        return [self._numbered(frame, self._index + 1 if last else 0, last)]
 
-    def _out(self, frame, count, last):
-        out = (frame, self._bracket_id, self._index, count, last)
+    def _numbered(self, frame, count, last):
+        numbered = (frame, self._bracket_id, self._index, count, last)
         self._index += 1
         if last:
             self._bracket_id, self._index = self._bracket_id + 1, 0
-        return out
+        return numbered

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Publishes the frames of a focus bracket: image, camera_info and focus, all with one stamp."""
+"""Publishes the frames of a focus bracket: image, camera_info and focus, all with the same stamp."""
 import time
 
 import cv2
@@ -10,13 +10,13 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
+from all_in_focus.files.rig import Camera, load_rig
 from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.msg import FocusFrame
-from all_in_focus.files.rig import Camera, load_rig
 
-QUEUE = 30  # frames that may wait for a slow listener
-GRACE = 1.0  # s
-SAME_SHAPE = 0.01  # difference of aspect ratios that is rounding
+QUEUE = 30  # frames that may wait for a slow subscriber
+GRACE = 1.0  # s for a subscriber of the images to connect to the other topics, too
+SAME_SHAPE = 0.01  # aspect ratios that differ by less are equal up to rounding
 
 
 class FramePublisher:
@@ -28,16 +28,16 @@ class FramePublisher:
         self._frame_id = frame_id or (rig.parent_frame if rig else "rgb_optical_frame")
         self._width = width
         self._bridge = cv_bridge.CvBridge()
-        self._info = None  # for the size of the last picture
+        self._info = None  # rig.Camera for the size of the last picture
         self._listened_since = None
         self._image_publisher = rospy.Publisher("rgb/image", Image, queue_size=QUEUE)
         self._info_publisher = rospy.Publisher("rgb/camera_info", CameraInfo, queue_size=QUEUE, latch=True)
         self._focus_publisher = rospy.Publisher("rgb/focus", FocusFrame, queue_size=QUEUE)
 
     def announce(self, size=None):
-        """Publish the calibration before the first frame: depth can be registered then, and the focus be planned.
+        """Publish the calibration before the first frame: registering depth and planning the focus need it.
 
-        size: (width, height) of the pictures to come; None: that of the calibration, as far as it is known now.
+        size: (width, height) of the pictures to come; None: take the size of the calibration.
         """
         if self._calibration is None:
             return
@@ -45,18 +45,18 @@ class FramePublisher:
         if camera.K[0, 0]:
             self._info_publisher.publish(camera_info(camera, Header(stamp=rospy.Time.now(), frame_id=self._frame_id)))
 
-    def listened_to_all(self):
-        """Whether images, camera_info and focus all have a listener: the fusion is there."""
+    def has_all_listeners(self):
+        """Whether image, camera_info and focus all have a subscriber, as they have when the fusion runs."""
         publishers = (self._image_publisher, self._info_publisher, self._focus_publisher)
         return all(publisher.get_num_connections() for publisher in publishers)
 
-    def listened(self):
-        """Whether somebody listens to the images; who wants the other topics as well has a moment to connect."""
+    def has_listeners(self):
+        """Whether somebody subscribes to the images, and has had time to connect to the other topics, too."""
         if self._image_publisher.get_num_connections() == 0:
             self._listened_since = None
             return False
         self._listened_since = self._listened_since or time.monotonic()
-        return self.listened_to_all() or time.monotonic() > self._listened_since + GRACE
+        return self.has_all_listeners() or time.monotonic() > self._listened_since + GRACE
 
     def publish(self, image, stamp, bracket_id, index, count, last, distance):
         """image: BGR, 8 bit; the rest: see FocusFrame.msg."""
@@ -69,7 +69,7 @@ class FramePublisher:
         self._image_publisher.publish(self._bridge.cv2_to_imgmsg(np.ascontiguousarray(image), "bgr8", header))
 
     def _published(self, size):
-        """(width, height) at which pictures of this size go out."""
+        """(width, height) with which pictures of this size are published."""
         width, height = size
         return (self._width, max(1, round(height * self._width / width))) if self._width else size
 
@@ -79,7 +79,7 @@ class FramePublisher:
         return self._info
 
     def _fitted(self, width, height):
-        """The calibration for pictures of this size; without one all zeros, as REP 104 says."""
+        """The calibration for pictures of this size; K is all zeros, as REP 104 asks, where there is none."""
         camera = self._calibration
         if camera and (camera.width, camera.height) == (width, height):
             return camera
@@ -87,7 +87,7 @@ class FramePublisher:
         if camera is None:
             rospy.logwarn("no calibration (parameter ~rig): rgb/camera_info is empty")
             return uncalibrated
-        sizes = "pictures have %dx%d pixels, the calibration has %dx%d" % (width, height, camera.width, camera.height)
+        sizes = f"pictures have {width}x{height} pixels, the calibration has {camera.width}x{camera.height}"
         if abs(camera.width * height / (camera.height * width) - 1) > SAME_SHAPE:
             rospy.logwarn("%s: another shape, rgb/camera_info is empty", sizes)
             return uncalibrated
@@ -96,7 +96,7 @@ class FramePublisher:
 
 
 def _scaled(camera, width, height):
-    """The same view on more or fewer pixels; a pixel's centre is at whole coordinates."""
+    """The same view on another number of pixels; the centre of a pixel has whole coordinates."""
     x, y = width / camera.width, height / camera.height
     scale = np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
     return Camera(camera.name, width, height, scale @ camera.K, camera.D, camera.distortion_model, camera.R,

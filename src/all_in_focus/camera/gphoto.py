@@ -13,28 +13,30 @@ _CHOICES = (gp.GP_WIDGET_RADIO, gp.GP_WIDGET_MENU)
 
 
 class GphotoCamera(Camera):
-    """The camera at a port, such as usb:001,004 or disk:/folder, or the first one found; model: as libgphoto2 names it,
-    needed for ports that cannot be asked."""
+    """The camera at a port (usb:001,004 or disk:/folder), or the first one found.
+
+    model: as libgphoto2 names it; needed for ports that cannot be asked for it.
+    """
 
     def __init__(self, port="", model=""):
         self._port, self._model = port, model
         self._camera = None
-        self._captured = []  # paths that capture() itself has learnt
-        self._said = []  # by the driver, during the current call
+        self._captured = []  # paths that capture() itself has returned
+        self._driver_messages = []  # during the current call
         self._context = gp.Context()
         self._callback = self._context.set_error_func(self._note, None)
 
     def _note(self, _context, text, *_data):
-        self._said.append(text.decode(errors="replace") if isinstance(text, bytes) else text)
+        self._driver_messages.append(text.decode(errors="replace") if isinstance(text, bytes) else text)
 
     @contextlib.contextmanager
     def _errors(self, doing):
-        """Errors of libgphoto2 as CameraError."""
-        del self._said[:]
+        """Turns errors of libgphoto2 into CameraError."""
+        del self._driver_messages[:]
         try:
             yield
         except gp.GPhoto2Error as error:
-            raise CameraError(error.code, doing, "; ".join(self._said) or error.string)
+            raise CameraError(error.code, doing, "; ".join(self._driver_messages) or error.string)
 
     def _opened(self):
         if self._camera is None:
@@ -51,24 +53,28 @@ class GphotoCamera(Camera):
             return camera.get_abilities().model
 
     def _choose(self, camera):
-        """Tell it what it is, and where."""
+        """Set model and port of `camera`, as far as they are given."""
         models, ports, port = gp.CameraAbilitiesList(), gp.PortInfoList(), self._port
         models.load(self._context)
         ports.load()
         if self._model:
-            camera.set_abilities(models[_number_of("model", self._model, models.lookup_model)])
+            camera.set_abilities(models[_look_up("model", self._model, models.lookup_model)])
             if not port or port.startswith("usb:"):
                 port = self._port_among(_detected(models, ports, self._context))
         if port:
-            camera.set_port_info(ports[_number_of("port", port, ports.lookup_path)])
+            camera.set_port_info(ports[_look_up("port", port, ports.lookup_path)])
 
     def _port_among(self, found):
-        """libgphoto2 itself looks for cameras only where no model is given. found: (model, port) of each."""
+        """The port of the camera that was asked for: libgphoto2 itself searches only where no model is given.
+
+        found: (model, port) of each camera that is plugged in.
+        """
         for model, port in found:
             if port == self._port or (not self._port and model == self._model):
                 return port
-        raise CameraError(MODEL_NOT_FOUND, "opening the camera", "'%s'%s is not among those found: %s" % (
-            self._model, self._port and " at " + self._port, ", ".join("'%s' at %s" % one for one in found) or "none"))
+        wanted = f"'{self._model}'" + (f" at {self._port}" if self._port else "")
+        names = ", ".join(f"'{model}' at {port}" for model, port in found) or "none"
+        raise CameraError(MODEL_NOT_FOUND, "opening the camera", f"{wanted} is not among those found: {names}")
 
     def close(self):
         camera, self._camera = self._camera, None
@@ -79,7 +85,7 @@ class GphotoCamera(Camera):
 
     def get_config(self, name):
         camera = self._opened()
-        with self._errors("reading '%s'" % name):
+        with self._errors(f"reading '{name}'"):
             widget = camera.get_single_config(name, self._context)
             kind = widget.get_type()
             low, high = widget.get_range()[:2] if kind == gp.GP_WIDGET_RANGE else (None, None)
@@ -88,12 +94,13 @@ class GphotoCamera(Camera):
 
     def set_config(self, name, value):
         camera = self._opened()
-        with self._errors("setting '%s' to %s" % (name, value)):
+        doing = f"setting '{name}' to {value}"
+        with self._errors(doing):
             widget = camera.get_single_config(name, self._context)
             try:
                 widget.set_value(_typed(widget.get_type(), value))
             except (TypeError, ValueError):
-                raise CameraError(BAD_PARAMETERS, "setting '%s' to %s" % (name, value))
+                raise CameraError(BAD_PARAMETERS, doing)
             camera.set_single_config(name, widget, self._context)
 
     def capture(self):
@@ -122,21 +129,21 @@ class GphotoCamera(Camera):
 
     def download(self, path):
         camera = self._opened()
-        with self._errors("downloading %s" % path):
+        with self._errors(f"downloading {path}"):
             return _content(camera.file_get(*posixpath.split(path), gp.GP_FILE_TYPE_NORMAL, self._context))
 
     def delete(self, path):
         camera = self._opened()
-        with self._errors("deleting %s" % path):
+        with self._errors(f"deleting {path}"):
             camera.file_delete(*posixpath.split(path), self._context)
 
 
-def _number_of(what, name, look_up):
-    """Of a name in one of libgphoto2's lists: a wrong one does not mean that the camera is off."""
+def _look_up(what, name, look_up):
+    """Index of a name in one of libgphoto2's lists. An unknown name does not mean that the camera is off."""
     try:
         return look_up(name)
     except gp.GPhoto2Error:
-        raise CameraError(UNKNOWN_PORT, "%s '%s'" % (what, name))
+        raise CameraError(UNKNOWN_PORT, f"{what} '{name}'")
 
 
 def _detected(models, ports, context):
@@ -150,7 +157,7 @@ def _content(file):
 
 
 def _typed(kind, value):
-    """As the widget wants it."""
+    """The value in the type that a widget of this kind takes."""
     if kind == gp.GP_WIDGET_RANGE:
         return float(value)
     return int(value) if kind == gp.GP_WIDGET_TOGGLE else str(value)

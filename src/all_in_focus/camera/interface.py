@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What is asked of a camera: the calls of libgphoto2 that a focus bracket needs, and its errors in plain words."""
+"""The interface to a camera: the calls of libgphoto2 that a focus bracket needs, its errors explained, and retries."""
 import re
+import time
 from dataclasses import dataclass, field
 from typing import Optional
 
@@ -15,48 +16,50 @@ NOT_THERE = {MODEL_NOT_FOUND, USB_FIND}
 CLAIMED = {USB_CLAIM, IO_LOCK}
 BROKEN = {IO, TIMEOUT, IO_INIT, IO_READ, IO_WRITE, OS_FAILURE}
 
+FIRST_PAUSE, LONGEST_PAUSE = 0.05, 0.5  # s, between retries
+
 _EXPLANATIONS = {
     **dict.fromkeys(NOT_THERE, "no camera found: switch it on and check the USB cable"),
     **dict.fromkeys(CLAIMED, "the camera is claimed by another program, mostly the desktop's volume monitor (gvfs): "
                              "run 'gio mount -s gphoto2' or stop gvfs-gphoto2-volume-monitor"),
     **dict.fromkeys(BROKEN, "the connection to the camera broke: it is off, asleep or unplugged"),
-    UNKNOWN_PORT: "libgphoto2 knows none of this name: see 'gphoto2 --auto-detect'",
-    BUSY: "the camera is busy: it still writes, or somebody uses its menu or buttons",
-    CAMERA_ERROR: "the camera could not do it",
-    CORRUPTED: "the camera sent what cannot be read",
+    UNKNOWN_PORT: "libgphoto2 does not know this name: see 'gphoto2 --auto-detect'",
+    BUSY: "the camera is busy: it is still writing, or somebody uses its menu or buttons",
+    CAMERA_ERROR: "the camera reported an error",
+    CORRUPTED: "the camera sent data that cannot be read",
     NO_SPACE: "the memory card is full",
     NOT_SUPPORTED: "the camera does not support this",
 }
 
 
 class CameraError(Exception):
-    """code: of libgphoto2; detail: what the driver said besides, "" if nothing. The text is one line for people."""
+    """code: result code of libgphoto2; doing: what was tried; detail: the driver's own message. str() is one line."""
 
     def __init__(self, code, doing="", detail=""):
         self.code, self.detail = code, " ".join(detail.split())
         reason = _EXPLANATIONS.get(code, "the camera refused")
-        text = "%s (libgphoto2: %d%s)" % (reason, code, ", " + self.detail if self.detail else "")
-        super().__init__("%s: %s" % (doing, text) if doing else text)
+        text = f"{reason} (libgphoto2: {code}{', ' + self.detail if self.detail else ''})"
+        super().__init__(f"{doing}: {text}" if doing else text)
 
     @property
     def busy(self):
-        """Worth another try in a moment."""
+        """The same call may succeed in a moment."""
         return self.code == BUSY
 
     @property
     def lost(self):
-        """The camera has to be opened again."""
+        """The connection is gone: the camera has to be opened again."""
         return self.code in NOT_THERE | CLAIMED | BROKEN
 
     @property
     def at_limit(self):
-        """A focus drive ended at its stop."""
+        """The focus drive has reached the end of its range."""
         return self.code == CAMERA_ERROR and re.search("limit|step end", self.detail, re.I) is not None
 
 
 @dataclass
 class Widget:
-    """One setting. value: text, or a number where the widget is a range or a toggle."""
+    """One setting. value: a text, or a number where the widget is a range or a toggle."""
     name: str
     value: object
     choices: list = field(default_factory=list)
@@ -66,13 +69,14 @@ class Widget:
 
 
 class Camera:
-    """The narrow interface; every call but close() may raise CameraError. A path is the full name on the camera.
+    """The calls that a driver has to provide. All but close() may raise CameraError. A path is the full name of a file
+    on the camera.
 
     open() -> name of the model; close()
-    get_config(name) -> Widget; a widget that does not exist raises BAD_PARAMETERS or ERROR
+    get_config(name) -> Widget; raises BAD_PARAMETERS or ERROR if there is no such widget
     set_config(name, value)
-    capture(): releases the shutter and returns at once; the picture arrives by wait_for_event()
-    wait_for_event(seconds) -> path of the new file, None if the event is another or none came
+    capture(): releases the shutter and returns at once; wait_for_event() delivers the picture
+    wait_for_event(seconds) -> path of a new file; None if another event came, or none
     capture_preview() -> bytes of a JPEG picture
     download(path) -> bytes; delete(path)
     """
@@ -103,3 +107,48 @@ class Camera:
 
     def delete(self, path):
         raise NotImplementedError
+
+
+class RetryingCamera(Camera):
+    """Forwards every call to `camera` and repeats it for up to `patience` seconds while the camera is busy."""
+
+    def __init__(self, camera, patience=5.0):
+        self._camera, self._patience = camera, patience
+
+    def _retry(self, call, *arguments):
+        end, pause = time.monotonic() + self._patience, FIRST_PAUSE
+        while True:
+            try:
+                return call(*arguments)
+            except CameraError as error:
+                if not error.busy or time.monotonic() + pause > end:
+                    raise
+            time.sleep(pause)
+            pause = min(2 * pause, LONGEST_PAUSE)
+
+    def open(self):
+        return self._retry(self._camera.open)
+
+    def close(self):
+        self._camera.close()
+
+    def get_config(self, name):
+        return self._retry(self._camera.get_config, name)
+
+    def set_config(self, name, value):
+        self._retry(self._camera.set_config, name, value)
+
+    def capture(self):
+        self._retry(self._camera.capture)
+
+    def wait_for_event(self, seconds):
+        return self._retry(self._camera.wait_for_event, seconds)
+
+    def capture_preview(self):
+        return self._retry(self._camera.capture_preview)
+
+    def download(self, path):
+        return self._retry(self._camera.download, path)
+
+    def delete(self, path):
+        self._retry(self._camera.delete, path)

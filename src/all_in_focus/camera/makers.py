@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How the makers' cameras are focused and kept still: the names of their widgets in libgphoto2, steps, settling."""
+"""How each maker's cameras are focused, and which settings must not change in a bracket, as libgphoto2 names them."""
 from dataclasses import dataclass
 
 CHOICES, RANGE, POSITION = "choices", "range", "position"
@@ -13,13 +13,15 @@ OFF = ("Off", "off")
 class Maker:
     """One row of the table.
 
-    words: any of them in the manufacturer's or the model's name. widgets: the focus drive, the first that is there.
-    rule: CHOICES: 'Near N' and 'Far N', N = size of a step; the same choice twice is taken only with 'None' between.
-          RANGE: a signed number of motor steps, + is far. POSITION: where the focus is, absolute.
-    sizes: smallest and greatest size of a step; typical: the default.
-    settle_s: how long the lens takes to come to rest. live_view: the drive works only while live view runs.
-    tells_limit: an error says that the end of the focus range is reached; else the lens just stays.
-    holds: settings that hold during a bracket: widget -> values, the first that the camera has is taken.
+    words: the row is for cameras with one of them in the name of model or manufacturer.
+    widgets: the focus drive; the first one that the camera has is used.
+    rule: CHOICES: 'Near N' and 'Far N', N = step size; the camera obeys the same choice again only after 'None'.
+          RANGE: a signed number of motor steps, + is far. POSITION: the absolute focus position.
+    sizes: smallest and greatest step size; typical: the default.
+    settle_s: how long the lens takes to come to rest.
+    live_view: the drive works only while live view runs.
+    tells_limit: an error reports the end of the focus range; otherwise the lens just stops.
+    holds: settings that are fixed during a bracket: widget -> values, of which the first that the camera has is set.
     """
     name: str
     words: tuple
@@ -50,6 +52,6 @@ MAKERS = (
 
 
 def maker_of(*texts):
-    """The row for a camera by its names (model, manufacturer), None if there is none."""
+    """The row for a camera by its names (model, manufacturer); None if there is none."""
     text = " ".join(texts).lower()
     return next((maker for maker in MAKERS if any(word in text for word in maker.words)), None)

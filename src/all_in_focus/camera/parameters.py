@@ -1,42 +1,58 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Private parameters of a node, checked; errors are one line that names the parameter."""
+"""Private parameters of a node, checked, and how a node ends that was given wrong ones."""
 import math
 
 import rospy
 
 
 class ParameterError(ValueError):
-    """A parameter that is missing or impossible."""
+    """A parameter that is missing or impossible; the message is one line that names it."""
 
 
 def text(name, default="", among=()):
     value = str(rospy.get_param("~" + name, default))
     if among and value not in among:
-        raise ParameterError("~%s: '%s' is not one of %s" % (name, value, ", ".join(among)))
+        raise ParameterError(f"~{name}: '{value}' is not one of {', '.join(among)}")
     return value
 
 
 def number(name, default, low=-math.inf):
     value = rospy.get_param("~" + name, default)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value < math.inf:
-        raise ParameterError("~%s: expected a number%s, not '%s'" % (name, _at_least(low), value))
+        raise ParameterError(f"~{name}: expected a number{_at_least(low)}, not '{value}'")
     return value
 
 
 def whole(name, default, low=-math.inf):
     value = number(name, default, low)
     if value != int(value):
-        raise ParameterError("~%s: expected a whole number%s, not '%s'" % (name, _at_least(low), value))
+        raise ParameterError(f"~{name}: expected a whole number{_at_least(low)}, not '{value}'")
     return int(value)
 
 
 def flag(name, default):
     value = rospy.get_param("~" + name, default)
     if not isinstance(value, bool):
-        raise ParameterError("~%s: expected true or false, not '%s'" % (name, value))
+        raise ParameterError(f"~{name}: expected true or false, not '{value}'")
     return value
 
 
 def _at_least(low):
-    return "" if low == -math.inf else " of at least %g" % low
+    return "" if low == -math.inf else f" of at least {low:g}"
+
+
+def run_node(name, body):
+    """Run body() as a node until shutdown. Wrong parameters and unreadable files end it with one line on the log.
+
+    Returns the exit code.
+    """
+    rospy.init_node(name)
+    try:
+        body()
+    except rospy.ROSException:  # shutdown
+        pass
+    except (ValueError, OSError) as error:
+        rospy.logfatal("%s", error)
+        return 2
+    return 0

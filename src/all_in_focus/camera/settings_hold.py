@@ -1,34 +1,34 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Exposure, white balance and autofocus hold still during a bracket, and are as before afterwards."""
+"""Fixes exposure, white balance and autofocus during a bracket, and restores them afterwards."""
 from all_in_focus.camera.interface import CameraError
 
 MODES = ("autoexposuremode", "expprogram")
-# Read before the exposure mode changes and kept in it: what the camera has metered.
+# The values that the camera has metered: read before the exposure mode changes, and set again in the new mode.
 EXPOSURE = ("shutterspeed", "shutterspeed2", "aperture", "f-number")
-# Taken where the camera would choose by itself; the first that it has.
+# Where the camera would choose by itself, the first of these that it has is set.
 WHITE_BALANCE = ("Daylight", "Sunny", "Direct sunlight", "Sunlight", "Fluorescent", "Tungsten")
 ISO = ("400", "200", "800", "100")
 
 
 class SettingsHold:
-    """hold() and release(); what cannot be held is in `warnings`, one line each."""
+    """hold() fixes the settings, release() restores them. `warnings` names what could not be fixed, one line each."""
 
     def __init__(self, camera, maker, white_balance="", iso=""):
         self._camera = camera
         self._holds = dict(maker.holds)
         self._fixed = {"whitebalance": (white_balance,) if white_balance else WHITE_BALANCE,
                        "iso": (str(iso),) if iso else ISO}
-        self._changed = []  # name, value before; in order
+        self._changed = []  # (name, value before), in the order of the changes
         self.warnings = []
 
     def hold(self):
         """Raises CameraError only if the camera is lost."""
         self.warnings, metered = [], [(name, self._read(name)) for name in EXPOSURE]
-        secret = [name for name, widget in metered if widget is not None and _is_automatic(widget.value)]
+        untold = [name for name, widget in metered if widget is not None and _is_automatic(widget.value)]
         for name, values in self._holds.items():
-            if secret and name in MODES:
-                self._warn_of_secret(name, values, secret[0])
+            if untold and name in MODES:
+                self._warn_of_untold_exposure(name, values, untold[0])
                 continue
             self._take(name, values, "the exposure or the focus may change within the bracket")
         for name, values in self._fixed.items():
@@ -41,8 +41,8 @@ class SettingsHold:
                 self._set(name, before.value, now.value)
 
     def release(self):
-        """As before, the last change first. Goes on after an error, raises the first one at the end, and takes up what
-        has failed when it is called again."""
+        """Restores the settings, the last change first. After an error it goes on with the others, and raises the first
+        error at the end; the next call tries again what has failed."""
         failed, first = [], None
         for name, value in reversed(self._changed):
             try:
@@ -55,7 +55,7 @@ class SettingsHold:
             raise first
 
     def _read(self, name):
-        """The widget, None if the camera has none of this name."""
+        """The widget; None if the camera has none of this name."""
         try:
             return self._camera.get_config(name)
         except CameraError as error:
@@ -63,12 +63,12 @@ class SettingsHold:
                 raise
             return None
 
-    def _warn_of_secret(self, name, values, secret):
-        """Manual mode without the metered values would be any exposure."""
+    def _warn_of_untold_exposure(self, name, values, untold):
+        """Manual mode is left alone: without the metered values the pictures could have any exposure."""
         widget = self._read(name)
         if widget is not None and str(widget.value) not in values:
-            self.warnings.append("'%s' is '%s' and the camera does not tell the '%s' that it has metered: set it to manual "
-                                 "yourself, the exposure may change within the bracket" % (name, widget.value, secret))
+            self.warnings.append(f"'{name}' is '{widget.value}' and the camera does not tell the '{untold}' that it "
+                                 "has metered: set it to manual yourself, the exposure may change within the bracket")
 
     def _take(self, name, values, consequence):
         widget = self._read(name)
@@ -76,8 +76,8 @@ class SettingsHold:
             return
         wanted = next((value for value in values if value in widget.choices), None)
         if wanted is None or widget.read_only or not self._set(name, wanted, widget.value):
-            self.warnings.append("'%s' is '%s' and cannot be set to %s from here: set it on the camera, %s"
-                                 % (name, widget.value, wanted or " or ".join(values), consequence))
+            self.warnings.append(f"'{name}' is '{widget.value}' and cannot be set to {wanted or ' or '.join(values)} "
+                                 f"from here: set it on the camera, {consequence}")
 
     def _set(self, name, value, before):
         try:
