@@ -7,20 +7,25 @@
 #include <stdexcept>
 #include <string>
 
-#include "segmentation/border_edges.hpp"
+#include "segmentation/adjacency_edges.hpp"
 #include "segmentation/pixel_graph.hpp"
-#include "segmentation/pixel_grouping.hpp"
+#include "segmentation/quasi_flat_zones.hpp"
 #include "segmentation/region_statistics.hpp"
 #include "segmentation/tile_set.hpp"
 
 namespace all_in_focus::core {
 namespace {
 
-// Only speed depends on these shares of the lightest edges. Up to the first they are merged without an order:
-// with more than about two fifths of the edges of an image in noise, groups grow over whole surfaces and
-// break the rule. Up to the second they are merged in order before all others. Up to the third they are
-// merged without an order where regions did not meet in the image before.
-constexpr double kUnorderedShare = 0.36, kFirstShare = 0.6, kCalmShare = 0.97;
+// Shares of the lightest edges of an image. Only speed depends on them, not labels.
+//
+// Up to the first share edges make quasi-flat zones everywhere. With more than about two fifths of the edges
+// of a noisy image, zones grow over whole surfaces, break the rule and must be found again.
+constexpr double kContestedShare = 0.36;
+// An image is noisy if the weight changes up to this share. Without noise the first share has nearly all
+// edges already, and contested tiles are not worth their time.
+constexpr double kNoiseShare = 0.6;
+// Up to this share edges of a noisy image make zones outside the contested tiles.
+constexpr double kCalmShare = 0.97;
 
 }  // namespace
 
@@ -29,122 +34,115 @@ bool operator==(const SegmentationConfig& a, const SegmentationConfig& b) {
          a.merge_against_rule == b.merge_against_rule;
 }
 
+// How an image is segmented, in the terms of docs/algorithms.md:
+//
+//   depth -> PixelGraph       weights of the edges between neighbours
+//         -> QuasiFlatZones   zones of pixels that are joined whatever the order: the nodes
+//         -> AdjacencyEdges   edges between zones, sorted
+//         -> merge            Kruskal's loop with the DoF rule: regions
+//         -> RegionStatistics areas, medians, the label image
 struct DofSegmentation::Work {
   PixelGraph graph;
-  PixelGrouping grouping;
-  BorderEdges borders;
+  QuasiFlatZones zones;
+  AdjacencyEdges edges;
   RegionStatistics statistics;
-  TileSet contested;  // where regions refused each other over light edges in the last image, and beside it
-  TileSet tiles;
-  std::vector<RegionNode> nodes;                // of the labels 1..node_count
-  std::vector<RegionNode> trees;                // of the forest of nodes, 1..tree_count
-  std::vector<RegionNode> joined;               // of the forest of trees
-  std::vector<std::uint8_t> flags, tree_flags;  // of nodes, of trees
+  TileSet contested;  // where regions refused each other over light edges in the last image, dilated
+  TileSet refused_tiles;
+  std::vector<RegionNode> nodes;    // zones 1..node_count; parent: the region 1..region_count, in the end
+  std::vector<RegionNode> regions;  // 1..region_count
+  std::vector<RegionNode> merged;   // regions after small ones have been merged
+  std::vector<std::uint8_t> refused, region_refused;  // by node, by region: refused over a light edge
   std::vector<int> areas;
-  int node_count = 0, tree_count = 0;
+  int node_count = 0, region_count = 0;
 
-  // Outside the contested tiles all edges up to `high` are merged at once. This gives the regions of
-  // Kruskal's order if none with a pixel there is refused over an edge up to `high`. For then each region
-  // holds all along what it would hold in order, and perhaps more; so whatever is merged here would be merged
-  // in order: it is smaller there, and fits, too. And a merge that is refused here would be refused in order,
-  // as both regions are the same there by then: over a heavier edge than `high`, because all that was merged
-  // before its time has had its time; over a lighter one, because both lie in the tiles and consist of groups
-  // by one weight, which only heavier edges leave. Otherwise the scene has changed: all is done again, in
-  // order.
-  void merge(const DofRule& rule) {
-    const cv::Size size(graph.cols(), graph.rows());
-    contested.resize(size);
-    tiles.resize(size);
-    const int low = std::max(0, graph.weightQuantile(kUnorderedShare));
-    const int first = std::max(low, graph.weightQuantile(kFirstShare));
-    const int high = first > low ? graph.weightQuantile(kCalmShare) : low;
-    while (!mergeFrom(rule, low, first, high)) contested.addAll();
+  RegionMap regionMap() const { return {graph, nodes.data(), node_count, regions.data(), region_count}; }
+
+  // In noise, zones by a limit that fits everywhere are small, and most time would go into sorting the edges
+  // between them. Order matters only where regions refuse each other, though, and from image to image that is
+  // in nearly the same tiles. So zones are found with the limit `high` outside the contested tiles of the
+  // last image, and with `low` in them.
+  //
+  // The labels are those of Kruskal's order if no region that reaches outside the tiles is refused over a
+  // light edge, one up to `high`. Compare, edge by edge, with Kruskal's loop over all edges:
+  // * Zones only merge early what it merges in the end. So our regions contain its regions at any time, and
+  // what
+  //   we merge fits the rule there, too, being smaller.
+  // * What we refuse over a heavier edge it refuses: by then both have merged all light edges, and the
+  // regions
+  //   are the same.
+  // * What we refuse over a light edge it refuses: both regions lie in the tiles, where zones are by `low`
+  // and
+  //   the edges that leave them are heavier, so nothing was merged early there.
+  // If such a region does reach outside, the scene has changed: the image is segmented again with `low`.
+  void segment(const DofRule& rule) {
+    contested.resize({graph.cols(), graph.rows()});
+    const int low = std::max(0, graph.weightQuantile(kContestedShare));
+    const bool noisy = graph.weightQuantile(kNoiseShare) > low;
+    const int high = noisy ? graph.weightQuantile(kCalmShare) : low;
+    while (!segment(rule, low, high)) contested.addAll();
   }
 
-  bool mergeFrom(const DofRule& rule, int low, int first, int high) {
-    node_count = grouping.compute(graph, rule, low, high, contested, nodes);
-    const auto ignore = [](int, int) {};
-    if (first > low && !contested.empty()) {
-      // Only for speed. What lies elsewhere is not refused over such edges, whenever they come.
-      mergeInOrder(rule, borders.sorted(graph, first, &contested), ignore);
-      contract();
-    }
-    flags.assign(node_count + 1, 0);
-    const BorderEdges::Range edges = borders.sorted(graph, 65535);
-    const BorderEdges::Edge* const heavy = borders.heavierThan(high);
-    mergeInOrder(rule, {edges.first, heavy}, [this](int a, int b) { flags[a] = flags[b] = 1; });
-    mergeInOrder(rule, {heavy, edges.last}, ignore);
-    countTrees();
-    return high == low || learnContested();
+  // False if a region outside the contested tiles is refused over a light edge.
+  bool segment(const DofRule& rule, int low, int high) {
+    node_count = zones.find(graph, rule, low, high, contested, nodes);
+    edges.find(graph);
+    refused.assign(node_count + 1, 0);
+    const AdjacencyEdges::Edge* const heavy = edges.heavierThan(high);
+    mergeAlong(edges.begin(), heavy, rule, [this](int a, int b) { refused[a] = refused[b] = 1; });
+    mergeAlong(heavy, edges.end(), rule, [](int, int) {});
+    regions.resize(std::max(regions.size(), nodes.size() + 1));
+    regions[0] = {0, 0, 0};
+    region_count = relabelSets(nodes.data(), node_count, regions.data());
+    return high == low || findContested();
   }
 
-  // Kruskal's loop. refused(a, b): what to do about two roots that do not fit together.
-  template <typename Refused>
-  void mergeInOrder(const DofRule& rule, const BorderEdges::Range& edges, const Refused& refused) {
+  // Kruskal's loop. onRefusal(a, b): called with the roots of two regions that do not fit together.
+  template <typename OnRefusal>
+  void mergeAlong(const AdjacencyEdges::Edge* begin, const AdjacencyEdges::Edge* end, const DofRule& rule,
+                  const OnRefusal& onRefusal) {
     RegionNode* const node = nodes.data();
-    for (const BorderEdges::Edge& edge : edges) {
-      const int a = findRoot(node, edge.a), b = findRoot(node, edge.b);
+    for (const AdjacencyEdges::Edge* edge = begin; edge != end; ++edge) {
+      const int a = findRoot(node, edge->a), b = findRoot(node, edge->b);
       if (a == b) continue;
       if (rule.fits(std::min(node[a].min, node[b].min), std::max(node[a].max, node[b].max))) {
-        uniteRoots(node, a, b);
+        mergeRoots(node, a, b);
       } else {
-        refused(a, b);
+        onRefusal(a, b);
       }
     }
   }
 
-  // The trees of flagged nodes refused each other. False if one has a pixel outside the tiles known.
-  bool learnContested() {
-    tree_flags.assign(tree_count + 1, 0);
-    for (int i = 1; i <= node_count; ++i) tree_flags[nodes[i].parent] |= flags[i];
-    if (std::find(tree_flags.begin(), tree_flags.end(), 1) == tree_flags.end()) {
-      contested.clear();
-      return true;
-    }
-    for (int i = 1; i <= node_count; ++i) flags[i] = tree_flags[nodes[i].parent];
-    tiles.assign(graph, flags.data());
-    const bool known = contested.contains(tiles);
-    std::swap(contested, tiles);
-    contested.widen();  // for what moves until the next image
+  // The tiles of refused regions become the contested ones. False if one of them was not contested before.
+  bool findContested() {
+    region_refused.assign(region_count + 1, 0);
+    for (int i = 1; i <= node_count; ++i) region_refused[nodes[i].parent] |= refused[i];
+    for (int i = 1; i <= node_count; ++i) refused[i] = region_refused[nodes[i].parent];
+    refused_tiles.resize({graph.cols(), graph.rows()});
+    refused_tiles.assign(graph, refused.data());
+    const bool known = contested.contains(refused_tiles);
+    std::swap(contested, refused_tiles);
+    contested.dilate();  // for what moves until the next image
     return known;
   }
 
-  // As printed: along the same edge order, whatever the rule says.
+  // As printed in the paper: along the same edges, whatever the rule says.
   void mergeSmallRegions(int min_size) {
     areas = statistics.areas();
-    const auto small = [&](int region) { return areas[region] < min_size; };
-    for (int i = 1; i <= node_count; ++i) flags[i] = small(nodes[i].parent);
-    tiles.assign(graph, flags.data());
-    tiles.widen();  // an edge belongs to its first pixel
-    for (const BorderEdges::Edge& edge : borders.sorted(graph, 65535, &tiles)) {
-      const int a = findRoot(trees.data(), nodes[edge.a].parent),
-                b = findRoot(trees.data(), nodes[edge.b].parent);
-      if (a == b || (!small(a) && !small(b))) continue;
-      uniteRoots(trees.data(), a, b);
+    const auto is_small = [&](int region) { return areas[region] < min_size; };
+    for (const AdjacencyEdges::Edge& edge : edges) {
+      const int a = findRoot(regions.data(), nodes[edge.a].parent),
+                b = findRoot(regions.data(), nodes[edge.b].parent);
+      if (a == b || (!is_small(a) && !is_small(b))) continue;
+      mergeRoots(regions.data(), a, b);
       areas[std::min(a, b)] += areas[std::max(a, b)];
     }
-    if (joined.size() < trees.size()) joined.resize(trees.size());
-    tree_count = numberTrees(trees.data(), tree_count, joined.data());
-    for (int i = 1; i <= node_count; ++i) nodes[i].parent = trees[nodes[i].parent].parent;
-    std::swap(trees, joined);
-    statistics.join(regionMap(), joined.data());
+    merged.resize(std::max(merged.size(), regions.size()));
+    merged[0] = {0, 0, 0};
+    region_count = relabelSets(regions.data(), region_count, merged.data());
+    for (int i = 1; i <= node_count; ++i) nodes[i].parent = regions[nodes[i].parent].parent;
+    std::swap(regions, merged);
+    statistics.merge(regionMap(), merged.data());
   }
-
-  void countTrees() {
-    if (trees.size() < nodes.size() + 1) trees.resize(nodes.size() + 1);
-    trees[0] = {0, 0, 0};
-    tree_count = numberTrees(nodes.data(), node_count, trees.data());
-  }
-
-  // Trees become nodes.
-  void contract() {
-    countTrees();
-    graph.relabel(nodes.data());
-    std::swap(nodes, trees);
-    node_count = tree_count;
-  }
-
-  RegionMap regionMap() const { return {graph, nodes.data(), node_count, trees.data(), tree_count}; }
 };
 
 DofSegmentation::DofSegmentation(const SegmentationConfig& config)
@@ -172,7 +170,7 @@ void DofSegmentation::compute(const cv::Mat& depth, Segmentation& result) {
         cv::format("segmentation: the focal length, %g mm, is not smaller than the nearest depth, %d mm",
                    config_.optics.focal_length_mm, work.graph.nearest()));
   }
-  work.merge(rule_);
+  work.segment(rule_);
   work.statistics.measure(work.regionMap());
   const std::vector<int>& areas = work.statistics.areas();
   if (config_.merge_against_rule && areas.size() > 1 &&

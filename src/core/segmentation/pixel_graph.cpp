@@ -12,19 +12,20 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kLeastRows = 32;  // of a strip
+constexpr int kMinStripRows = 32;
 
 struct DepthRange {
   int nearest = 65536, farthest = 0;
 };
 
-// Unknown depth wraps round: it is never the nearest.
+// Extends the range by a row of depth. Unknown depth less one wraps round to 65535, which is never the
+// nearest.
 ALL_IN_FOCUS_SIMD
-void widen(const std::uint16_t* depth, int n, int& nearest, int& farthest) {
+void extendRange(const std::uint16_t* depth, int n, int& nearest, int& farthest) {
   std::uint16_t min = 65535, max = 0;
   for (int x = 0; x < n; ++x) {
-    const std::uint16_t below = depth[x] - 1;
-    min = below < min ? below : min;
+    const std::uint16_t less_one = depth[x] - 1;
+    min = less_one < min ? less_one : min;
     max = depth[x] > max ? depth[x] : max;
   }
   nearest = std::min(nearest, min + 1);
@@ -40,7 +41,7 @@ WeightRow PixelGraph::weightRow(int y) const {
 
 void PixelGraph::reset(const cv::Mat& depth) {
   depth_ = depth;
-  strips_ = RowStrips({0, rows()}, stripCount(rows(), kLeastRows));
+  strips_ = RowStrips({0, rows()}, stripCount(rows(), kMinStripRows));
   const std::size_t padded = static_cast<std::size_t>(rows() + 1) * stride();
   weights_.resize(4 * padded);
   labels_.resize(padded);
@@ -49,7 +50,7 @@ void PixelGraph::reset(const cv::Mat& depth) {
   strips_.forEach([&](const cv::Range& rows, int strip) {
     DepthRange range;
     for (int y = rows.start; y < rows.end; ++y) {
-      widen(depthRow(y), cols(), range.nearest, range.farthest);
+      extendRange(depthRow(y), cols(), range.nearest, range.farthest);
       weighRow(y);
       labelRow(y)[cols()] = 0;
     }
@@ -68,6 +69,7 @@ void PixelGraph::reset(const cv::Mat& depth) {
 void PixelGraph::weighRow(int y) {
   std::uint8_t* const ab = &weights_[static_cast<std::size_t>(y) * 4 * stride()];
   std::uint8_t *const ac = ab + stride(), *const ad = ac + stride(), *const bc = ad + stride();
+  // The last pixel has no neighbour to the right, and the column of unknown depth no edges at all.
   for (std::uint8_t* const weights : {ab, ac, ad, bc}) weights[cols() - 1] = weights[cols()] = kHeavy;
   const std::uint16_t* const row = depthRow(y);
   weighEdges(row, row + 1, cols() - 1, ab);
@@ -97,13 +99,6 @@ int PixelGraph::weightQuantile(double share) const {
   for (int up_to = count[0]; weight < kHeavy && up_to <= share * edges; up_to += count[++weight]) {
   }
   return weight - 1;
-}
-
-void PixelGraph::relabel(const RegionNode* nodes) {
-  strips_.forEach([&](const cv::Range& rows, int) {
-    std::int32_t* const end = labelRow(rows.end);
-    for (std::int32_t* label = labelRow(rows.start); label != end; ++label) *label = nodes[*label].parent;
-  });
 }
 
 }  // namespace all_in_focus::core

@@ -7,17 +7,20 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "segmentation/neighbour_rows.hpp"
-#include "segmentation/region_forest.hpp"
+#include "segmentation/edge_rows.hpp"
 #include "util/row_strips.hpp"
 
 namespace all_in_focus::core {
 
-/// Graph of the 8 neighbours of a depth image, and a label per pixel. A column of unknown depth at the right
-/// and a row of it below spare the loops their special cases.
+/// A depth image as a graph: pixels are nodes, each joined to its 8 neighbours by edges whose weight is the
+/// difference of their depths. Holds a label per pixel as well.
+///
+/// Rows have one column more than the image, and there is one row more below it, both of unknown depth and of
+/// label 0: loops over blocks of 2 x 2 pixels need no special case at the border.
 class PixelGraph {
  public:
-  /// CV_16UC1 mm, 0 = unknown; used, not copied, until the next call.
+  /// Weighs all edges. depth: CV_16UC1 mm, 0 = unknown; it is used, not copied, until the next call. Labels
+  /// are undefined until they are written.
   void reset(const cv::Mat& depth);
 
   int rows() const { return depth_.rows; }
@@ -26,19 +29,16 @@ class PixelGraph {
   const RowStrips& strips() const { return strips_; }
 
   int nearest() const { return nearest_; }    ///< smallest known depth, mm; 65536 if there is none
-  int farthest() const { return farthest_; }  ///< greatest depth, mm
+  int farthest() const { return farthest_; }  ///< greatest depth, mm; 0 if none is known
 
   const std::uint16_t* depthRow(int y) const { return depth_.ptr<std::uint16_t>(y); }
-  WeightRow weightRow(int y) const;  ///< up to row rows(), the one of unknown depth
-  std::int32_t* labelRow(int y) { return &labels_[static_cast<std::size_t>(y) * stride()]; }
+  WeightRow weightRow(int y) const;                                                           ///< 0..rows()
+  std::int32_t* labelRow(int y) { return &labels_[static_cast<std::size_t>(y) * stride()]; }  ///< 0..rows()
   const std::int32_t* labelRow(int y) const { return &labels_[static_cast<std::size_t>(y) * stride()]; }
 
-  /// The greatest weight, up to 254, that at most `share` of the edges do not exceed, judged by a sample of
-  /// them; -1 if even weight 0 is more frequent.
+  /// The greatest weight, up to 254 mm, such that at most this share (0..1) of the edges is no heavier,
+  /// judged by the vertical edges of about 32 rows; -1 if even weight 0 is more frequent.
   int weightQuantile(double share) const;
-
-  /// Every label becomes its node's parent.
-  void relabel(const RegionNode* nodes);
 
  private:
   void weighRow(int y);
@@ -46,7 +46,7 @@ class PixelGraph {
   cv::Mat depth_;
   RowStrips strips_;
   int nearest_ = 0, farthest_ = 0;
-  std::vector<std::uint8_t> weights_;  // of each row: ab, ac, ad, bc
+  std::vector<std::uint8_t> weights_;  // by row: ab, ac, ad, bc of all its blocks
   std::vector<std::int32_t> labels_;
 };
 

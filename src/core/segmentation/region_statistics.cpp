@@ -10,89 +10,88 @@
 namespace all_in_focus::core {
 
 void RegionStatistics::measure(const RegionMap& map) {
-  if (layOut(map)) {
+  if (layOutHistograms(map)) {
     countDepths(map);
-    sumUp(map);
+    readHistograms(map);
   } else {
     sortDepths(map);
   }
 }
 
-void RegionStatistics::join(const RegionMap& map, const RegionNode* before) {
-  std::swap(begin_, begin_before_);
+void RegionStatistics::merge(const RegionMap& map, const RegionNode* before) {
+  std::swap(histogram_begin_, begin_before_);
   std::swap(min_, min_before_);
-  std::swap(counts_[0], counts_before_);
-  const bool were_counted = counted_;
-  if (!layOut(map) || !were_counted) return measure(map);
-  std::vector<int>& counts = counts_[0];
-  counts.assign(2 * static_cast<std::size_t>(begin_[map.count + 1]), 0);
+  std::swap(histograms_[0], histograms_before_);
+  const bool had_histograms = have_histograms_;
+  if (!layOutHistograms(map) || !had_histograms) return measure(map);
+  std::vector<int>& counts = histograms_[0];
+  counts.assign(histogram_begin_[map.count + 1], 0);
   for (std::size_t i = 1; i + 1 < begin_before_.size(); ++i) {
-    const int region = before[i].parent, first = begin_[region] - min_[region] + min_before_[i];
-    const auto from = counts_before_.begin() + 2 * begin_before_[i];
-    const auto to = counts.begin() + 2 * first;
-    std::transform(from, from + 2 * (begin_before_[i + 1] - begin_before_[i]), to, to, std::plus<int>());
+    const int region = before[i].parent, first = histogram_begin_[region] - min_[region] + min_before_[i];
+    const auto begin = histograms_before_.begin() + begin_before_[i];
+    const auto end = histograms_before_.begin() + begin_before_[i + 1];
+    std::transform(begin, end, counts.begin() + first, counts.begin() + first, std::plus<int>());
   }
-  sumUp(map);
+  readHistograms(map);
 }
 
-// Room for a count of each depth of each region. False for many regions of many depths each, as far away as
-// nothing is out of focus.
-bool RegionStatistics::layOut(const RegionMap& map) {
+// Lays out a histogram for each region, with a bin for each mm of its depth range. False if they would be
+// much larger than the image, as with many regions of many depths each where depth of field is wide.
+bool RegionStatistics::layOutHistograms(const RegionMap& map) {
   areas_.assign(map.count + 1, 0);
   medians_.resize(map.count + 1);
-  begin_.resize(map.count + 2);
+  histogram_begin_.resize(map.count + 2);
   min_.resize(map.count + 1);
-  std::int64_t total = 1;  // the first is for unknown depth
+  std::int64_t total = 1;  // bin 0 is for unknown depth
   const std::int64_t most = 65536 + static_cast<std::int64_t>(map.graph.rows()) * map.graph.cols();
   for (int i = 1; i <= map.count && total <= most; ++i) {
-    begin_[i] = static_cast<int>(total);
+    histogram_begin_[i] = static_cast<int>(total);
     min_[i] = map.regions[i].min;
     total += map.depths(i);
   }
-  begin_[map.count + 1] = static_cast<int>(total);
-  counted_ = total <= most;
-  counts_.resize(map.graph.strips().count());
-  return counted_;
+  histogram_begin_[map.count + 1] = static_cast<int>(total);
+  have_histograms_ = total <= most;
+  histograms_.resize(map.graph.strips().count());
+  return have_histograms_;
 }
 
-// Pixels of each region by depth.
+// Fills the histograms, one set for each strip of rows, and adds them up in the first.
 void RegionStatistics::countDepths(const RegionMap& map) {
   of_node_.resize(map.node_count + 1);
   of_node_[0] = 0;
   for (int i = 1; i <= map.node_count; ++i) {
     const int region = map.nodes[i].parent;
-    of_node_[i] = begin_[region] - min_[region];
+    of_node_[i] = histogram_begin_[region] - min_[region];
   }
   map.graph.strips().forEach([&](const cv::Range& rows, int strip) {
-    // Two counts, for neighbours: the same one twice in a row would have to wait for itself.
-    counts_[strip].assign(2 * static_cast<std::size_t>(begin_[map.count + 1]), 0);
-    int* const counts = counts_[strip].data();
+    histograms_[strip].assign(histogram_begin_[map.count + 1], 0);
+    int* const counts = histograms_[strip].data();
     const int cols = map.graph.cols();
     const int* const of_node = of_node_.data();
     for (int y = rows.start; y < rows.end; ++y) {
       const std::int32_t* const labels = map.graph.labelRow(y);
       const std::uint16_t* const depth = map.graph.depthRow(y);
-      for (int x = 0; x < cols; ++x) ++counts[2 * (of_node[labels[x]] + depth[x]) + (x & 1)];
+      for (int x = 0; x < cols; ++x) ++counts[of_node[labels[x]] + depth[x]];
     }
   });
-  std::vector<int>& counts = counts_[0];
-  for (std::size_t strip = 1; strip < counts_.size(); ++strip)
-    std::transform(counts.begin(), counts.end(), counts_[strip].begin(), counts.begin(), std::plus<int>());
+  std::vector<int>& counts = histograms_[0];
+  for (std::size_t strip = 1; strip < histograms_.size(); ++strip)
+    std::transform(counts.begin(), counts.end(), histograms_[strip].begin(), counts.begin(),
+                   std::plus<int>());
 }
 
-// Areas and medians from counts.
-void RegionStatistics::sumUp(const RegionMap& map) {
+// Reads areas and medians from the histograms.
+void RegionStatistics::readHistograms(const RegionMap& map) {
   for (int i = 1; i <= map.count; ++i) {
-    const int* const begin = &counts_[0][2 * begin_[i]];
-    areas_[i] = std::accumulate(begin, begin + 2 * map.depths(i), 0);
-    const int* depth = begin;
-    for (int left = (areas_[i] + 1) / 2 - depth[0] - depth[1]; left > 0; left -= depth[0] + depth[1])
-      depth += 2;
-    medians_[i] = min_[i] + static_cast<int>(depth - begin) / 2;
+    const int* const histogram = &histograms_[0][histogram_begin_[i]];
+    areas_[i] = std::accumulate(histogram, histogram + map.depths(i), 0);
+    int bin = 0;
+    for (int left = (areas_[i] + 1) / 2 - histogram[0]; left > 0; left -= histogram[bin]) ++bin;
+    medians_[i] = min_[i] + bin;
   }
 }
 
-// Depths of each region.
+// Finds areas and medians without histograms, from the sorted depths of each region.
 void RegionStatistics::sortDepths(const RegionMap& map) {
   const auto forEachPixel = [&](const auto& use) {
     for (int y = 0; y < map.graph.rows(); ++y) {
@@ -101,14 +100,14 @@ void RegionStatistics::sortDepths(const RegionMap& map) {
     }
   };
   forEachPixel([&](int region, int) { ++areas_[region]; });
-  begin_.assign(map.count + 2, 0);
-  for (int i = 0; i <= map.count; ++i) begin_[i + 1] = begin_[i] + areas_[i];
-  counts_.resize(1);
-  std::vector<int>& depths = counts_[0];
-  depths.resize(begin_[map.count + 1]);
-  forEachPixel([&](int region, int depth) { depths[begin_[region]++] = depth; });
+  histogram_begin_.assign(map.count + 2, 0);
+  for (int i = 0; i <= map.count; ++i) histogram_begin_[i + 1] = histogram_begin_[i] + areas_[i];
+  histograms_.resize(1);
+  std::vector<int>& depths = histograms_[0];
+  depths.resize(histogram_begin_[map.count + 1]);
+  forEachPixel([&](int region, int depth) { depths[histogram_begin_[region]++] = depth; });
   for (int i = 1; i <= map.count; ++i) {
-    const auto end = depths.begin() + begin_[i], begin = end - areas_[i];
+    const auto end = depths.begin() + histogram_begin_[i], begin = end - areas_[i];
     const auto median = begin + (areas_[i] - 1) / 2;
     std::nth_element(begin, median, end);
     medians_[i] = *median;

@@ -7,11 +7,13 @@
 
 #include "all_in_focus/dof_segmentation.hpp"
 #include "segmentation/pixel_graph.hpp"
+#include "segmentation/region_node.hpp"
 
 namespace all_in_focus::core {
 
-/// Which region each pixel of the graph belongs to: its label is a node, whose parent is the number of a
-/// region, 0 for unknown depth. Regions 1..count are in the order of their first pixels.
+/// Which region each pixel of the graph belongs to: its label is a node 1..node_count, whose parent is a
+/// region 1..count. Regions are in the order of their first pixels. Label, node and region 0 stand for
+/// unknown depth.
 struct RegionMap {
   const PixelGraph& graph;
   const RegionNode* nodes;
@@ -19,33 +21,37 @@ struct RegionMap {
   const RegionNode* regions;
   int count;
 
-  int depths(int region) const { return regions[region].max - regions[region].min + 1; }
+  int depths(int region) const { return regions[region].max - regions[region].min + 1; }  ///< in its range
 };
 
-/// Areas and medians, labels from near to far, and the label image.
+/// Areas and medians of regions, from histograms of their depths, and the label image.
 class RegionStatistics {
  public:
+  /// Measures areas and medians.
   void measure(const RegionMap& map);
 
-  /// As measure(), when some of the regions measured last were joined: before[i].parent is the region that
-  /// the former region i is in now.
-  void join(const RegionMap& map, const RegionNode* before);
+  /// The same, after regions of the last measure() have been merged: adds up their histograms, which is
+  /// quicker than a pass over the image. before[i].parent is the region that the former region i is in now.
+  void merge(const RegionMap& map, const RegionNode* before);
 
-  const std::vector<int>& areas() const { return areas_; }  ///< pixels of regions 1..count
+  const std::vector<int>& areas() const { return areas_; }  ///< pixels by region, from 1 on
 
-  /// Of what has been measured.
+  /// Writes what has been measured, with labels from near to far.
   void describe(const RegionMap& map, const DofRule& rule, Segmentation& result);
 
  private:
-  bool layOut(const RegionMap& map);
+  bool layOutHistograms(const RegionMap& map);
   void countDepths(const RegionMap& map);
-  void sumUp(const RegionMap& map);
+  void readHistograms(const RegionMap& map);
   void sortDepths(const RegionMap& map);
 
-  std::vector<int> areas_, medians_, begin_, min_, of_node_, order_, labels_;
-  std::vector<int> begin_before_, min_before_, counts_before_;
-  bool counted_ = false;
-  std::vector<std::vector<int>> counts_;  ///< by strip
+  std::vector<int> areas_, medians_;        ///< by region
+  std::vector<int> histogram_begin_, min_;  ///< by region: first bin, and the depth it stands for, mm
+  std::vector<std::vector<int>>
+      histograms_;  ///< by strip of rows: the histograms of all regions, one after another
+  bool have_histograms_ = false;
+  std::vector<int> begin_before_, min_before_, histograms_before_;
+  std::vector<int> of_node_, order_, labels_;
 };
 
 }  // namespace all_in_focus::core

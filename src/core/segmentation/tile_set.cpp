@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <functional>
-#include <iterator>
 
 namespace all_in_focus::core {
 
@@ -35,7 +34,7 @@ void TileSet::assign(const PixelGraph& graph, const std::uint8_t* flags) {
   });
 }
 
-void TileSet::widen() {
+void TileSet::dilate() {
   above_.assign(cols_, 0);
   for (int y = 0; y < rows_; ++y) {
     std::uint8_t* const tiles = row(y);
@@ -57,24 +56,14 @@ void TileSet::widen() {
   }
 }
 
-void TileSet::add(const TileSet& others) {
-  std::transform(tiles_.begin(), tiles_.end(), others.tiles_.begin(), tiles_.begin(),
+void TileSet::add(const TileSet& other) {
+  std::transform(tiles_.begin(), tiles_.end(), other.tiles_.begin(), tiles_.begin(),
                  std::bit_or<std::uint8_t>());
 }
 
 bool TileSet::contains(const TileSet& other) const {
   return std::equal(tiles_.begin(), tiles_.end(), other.tiles_.begin(),
                     [](std::uint8_t mine, std::uint8_t its) { return mine >= its; });
-}
-
-cv::Range TileSet::cols(int y) const {
-  const std::uint8_t *const begin = row(y / kSide), *const end = begin + cols_;
-  const auto is_in = [](std::uint8_t tile) { return tile != 0; };
-  const auto first = std::find_if(begin, end, is_in);
-  if (first == end) return {0, 0};
-  const auto last = std::find_if(std::make_reverse_iterator(end), std::make_reverse_iterator(first), is_in);
-  return {static_cast<int>(first - begin) * kSide,
-          std::min(image_.width, static_cast<int>(last.base() - begin) * kSide)};
 }
 
 }  // namespace all_in_focus::core

@@ -11,31 +11,27 @@
 
 namespace all_in_focus::core {
 
-/// Some tiles of an image.
+/// A mask of an image at an eighth of its resolution: which tiles of 8 x 8 pixels belong to a set.
 class TileSet {
  public:
   static constexpr int kSide = 8;  ///< pixels
 
-  /// Holds all tiles when the image has another size than before.
+  /// If the image has another size than before, the set then holds all its tiles.
   void resize(const cv::Size& image);
 
   void clear() { std::fill(tiles_.begin(), tiles_.end(), 0); }
   void addAll() { std::fill(tiles_.begin(), tiles_.end(), 1); }
-  void add(const TileSet& others);
+  void add(const TileSet& other);
 
-  /// Holds the tiles of pixels whose labels have a flag, 0 or 1, and no others.
+  /// Becomes the tiles that hold a pixel whose label is flagged. flags: 0 or 1 by label.
   void assign(const PixelGraph& graph, const std::uint8_t* flags);
 
-  /// Adds the neighbours of all its tiles.
-  void widen();
+  /// Adds the eight neighbours of each of its tiles.
+  void dilate();
 
-  bool empty() const { return std::find(tiles_.begin(), tiles_.end(), 1) == tiles_.end(); }
   bool contains(const TileSet& other) const;
 
-  /// Columns from its first tile in the row of pixels y to its last one.
-  cv::Range cols(int y) const;
-
-  /// visit(cols) for its tiles in the row of pixels y.
+  /// Calls visit(columns) for each of its tiles in row y of the image.
   template <typename Visit>
   void forEachIn(int y, const Visit& visit) const {
     const std::uint8_t* const tiles = row(y / kSide);
@@ -49,7 +45,7 @@ class TileSet {
   const std::uint8_t* row(int y) const { return &tiles_[static_cast<std::size_t>(y) * cols_]; }
 
   cv::Size image_;
-  int rows_ = 0, cols_ = 0;          // tiles
+  int rows_ = 0, cols_ = 0;          // in tiles
   std::vector<std::uint8_t> tiles_;  // 0 or 1
   std::vector<std::uint8_t> above_;
 };

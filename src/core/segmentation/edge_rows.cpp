@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include "segmentation/neighbour_rows.hpp"
+#include "segmentation/edge_rows.hpp"
 
 #include <cstring>
 
@@ -10,28 +10,28 @@
 namespace all_in_focus::core {
 namespace {
 
-using Mask = std::uint8_t;  // 0 or 255: what a vector comparison gives
+using Mask = std::uint8_t;  // 0 or 255, as vector comparisons give
 
 inline Mask mask(bool value) {
   return value ? 255 : 0;
 }
 
-struct BorderEdge {
+struct BlockEdge {
   std::uint8_t weight;
-  Mask same;      // whether its ends have one label
-  Mask drop = 0;  // whether an earlier edge makes it useless
+  Mask same;      // its ends have the same label
+  Mask drop = 0;  // it comes after another edge between the same two labels
 };
 
-// Of two edges between the same two labels, `first` being the earlier one at equal weights, the later is
-// dropped.
-inline void dropLater(Mask same_labels, BorderEdge& first, BorderEdge& second) {
+// If the two edges join the same two labels, drops the later one in Kruskal's order. `first` comes first in
+// raster order.
+inline void dropLater(Mask same_labels, BlockEdge& first, BlockEdge& second) {
   const Mask in_order = mask(first.weight <= second.weight);
   second.drop |= same_labels & in_order;
   first.drop |= same_labels & ~in_order;
 }
 
-// A triangle's edges in raster order: where one joins equal labels, the other two join the same pair.
-inline void dropInTriangle(BorderEdge& p, BorderEdge& q, BorderEdge& r) {
+// The edges of a triangle in raster order. If one joins equal labels, the other two join the same two labels.
+inline void dropInTriangle(BlockEdge& p, BlockEdge& q, BlockEdge& r) {
   dropLater(p.same, q, r);
   dropLater(q.same, p, r);
   dropLater(r.same, p, q);
@@ -58,7 +58,7 @@ void findLinks(const WeightRow& row, const std::uint8_t* ab_below, const std::ui
                ad = mask(ad_row[x] <= limit[x]), bc = mask(bc_row[x] <= limit[x + 1]),
                bd = mask(ac_row[x + 1] <= limit[x + 1]), cd = mask(ab_below[x] <= limit_below[x]);
     blocks[x] = (ab & kEast) | (ac & kSouth) | (ad & ~(ab & bd) & ~(ac & cd) & kSouthEast) |
-                (bc & ~(ab & ac) & ~(bd & cd) & kSouthWest) | (~(ab & ac & cd) & kAdmitsBd);
+                (bc & ~(ab & ac) & ~(bd & cd) & kSouthWest) | (~(ab & ac & cd) & kKeepsBd);
   }
 }
 
@@ -72,11 +72,11 @@ void findSame(const std::int32_t* row, const std::int32_t* below, int n, std::ui
 }
 
 ALL_IN_FOCUS_SIMD
-void findBorders(const WeightRow& row, const std::uint8_t* ab_below, const std::uint8_t* same,
-                 const std::uint8_t* same_below, std::uint8_t limit, int n, BlockRow* blocks) {
+void findAdjacencies(const WeightRow& row, const std::uint8_t* ab_below, const std::uint8_t* same,
+                     const std::uint8_t* same_below, int n, BlockRow* blocks) {
   const std::uint8_t *ab_row = row.ab, *ac_row = row.ac, *ad_row = row.ad, *bc_row = row.bc;
   for (int x = 0; x < n; ++x) {
-    BorderEdge ab{ab_row[x], mask((same[x] & kEast) != 0)}, ac{ac_row[x], mask((same[x] & kSouth) != 0)},
+    BlockEdge ab{ab_row[x], mask((same[x] & kEast) != 0)}, ac{ac_row[x], mask((same[x] & kSouth) != 0)},
         ad{ad_row[x], mask((same[x] & kSouthEast) != 0)}, bc{bc_row[x], mask((same[x] & kSouthWest) != 0)},
         bd{ac_row[x + 1], mask((same[x + 1] & kSouth) != 0)},
         cd{ab_below[x], mask((same_below[x] & kEast) != 0)};
@@ -84,15 +84,13 @@ void findBorders(const WeightRow& row, const std::uint8_t* ab_below, const std::
     dropInTriangle(ab, ad, bd);
     dropInTriangle(ac, ad, cd);
     dropInTriangle(bc, bd, cd);
-    // Heavy edges cannot be compared: they stay.
-    const auto dropped = [](const BorderEdge& edge) -> Mask {
+    // A byte does not tell which of two heavy edges is lighter: both stay.
+    const auto dropped = [](const BlockEdge& edge) -> Mask {
       return edge.drop & mask(edge.weight != kHeavy);
     };
-    const auto wanted = [&](const BorderEdge& edge) -> Mask {
-      return mask(edge.weight <= limit) & ~edge.same & ~dropped(edge);
-    };
-    blocks[x] = (wanted(ab) & kEast) | (wanted(ac) & kSouth) | (wanted(ad) & kSouthEast) |
-                (wanted(bc) & kSouthWest) | (~dropped(bd) & kAdmitsBd) | (~dropped(cd) & kAdmitsCd);
+    const auto kept = [&](const BlockEdge& edge) -> Mask { return ~edge.same & ~dropped(edge); };
+    blocks[x] = (kept(ab) & kEast) | (kept(ac) & kSouth) | (kept(ad) & kSouthEast) | (kept(bc) & kSouthWest) |
+                (~dropped(bd) & kKeepsBd) | (~dropped(cd) & kKeepsCd);
   }
 }
 
@@ -135,7 +133,7 @@ int listBits(const std::uint8_t* bits, int n, std::uint32_t* list) {
     std::memcpy(&left, bits + x, 8);
     if (left == 0) continue;
     std::uint32_t* const end = next + __builtin_popcountll(left);
-    // By fours, past the end if need be: how many there are cannot be guessed.
+    // By fours, past the end if need be: a loop over the exact number would often mispredict its end.
     do {
       for (int i = 0; i < 4; ++i) {
         *next++ = 8 * x + __builtin_ctzll(left | std::uint64_t{1} << 63);
