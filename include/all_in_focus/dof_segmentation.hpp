@@ -7,6 +7,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "all_in_focus/focus_plan.hpp"
 #include "all_in_focus/optics.hpp"
 
 namespace all_in_focus::core {
@@ -21,6 +22,7 @@ struct Segment {
   bool fits = false;  ///< the DoF rule holds
 };
 
+/// How regions are cut.
 struct SegmentationConfig {
   Optics optics;
   DofSpan span = DofSpan::kPaper;
@@ -31,6 +33,7 @@ struct SegmentationConfig {
 
 bool operator==(const SegmentationConfig& a, const SegmentationConfig& b);
 
+/// A label image and what is known of its regions.
 struct Segmentation {
   cv::Mat labels;  ///< CV_32SC1, 0 = depth unknown, 1..segments.size()
   std::vector<Segment> segments;
@@ -64,5 +67,8 @@ class DofSegmentation {
   DofRule rule_;
   std::unique_ptr<Work> work_;  ///< buffers, memory of the last image
 };
+
+/// The fewest exposures that make every region sharp all over (focus_plan.hpp).
+std::vector<PlannedFocus> planFocus(const Optics& optics, const std::vector<Segment>& segments);
 
 }  // namespace all_in_focus::core

@@ -4,7 +4,6 @@
 
 #include <vector>
 
-#include "all_in_focus/dof_segmentation.hpp"
 #include "all_in_focus/optics.hpp"
 
 namespace all_in_focus::core {
@@ -27,8 +26,5 @@ struct PlannedFocus {
 /// of field gets several. Throws std::invalid_argument on impossible optics, and on ranges that are empty or
 /// do not lie beyond the focal length.
 std::vector<PlannedFocus> planFocus(const Optics& optics, std::vector<DepthRange> ranges);
-
-/// The same for the regions of a label image.
-std::vector<PlannedFocus> planFocus(const Optics& optics, const std::vector<Segment>& segments);
 
 }  // namespace all_in_focus::core

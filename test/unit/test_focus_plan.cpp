@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "all_in_focus/dof_segmentation.hpp"
 #include "all_in_focus/focus_plan.hpp"
 
 using namespace all_in_focus::core;

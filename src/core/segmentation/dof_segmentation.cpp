@@ -180,4 +180,13 @@ void DofSegmentation::compute(const cv::Mat& depth, Segmentation& result) {
   work.statistics.describe(work.regionMap(), rule_, result);
 }
 
+std::vector<PlannedFocus> planFocus(const Optics& optics, const std::vector<Segment>& segments) {
+  std::vector<DepthRange> ranges;
+  ranges.reserve(segments.size());
+  for (const Segment& segment : segments) {
+    ranges.push_back({static_cast<double>(segment.min_mm), static_cast<double>(segment.max_mm)});
+  }
+  return planFocus(optics, std::move(ranges));
+}
+
 }  // namespace all_in_focus::core
