@@ -31,6 +31,26 @@ ROOMS = {
     'benchmark': ['files', 'imaging', 'command_line', 'metrics', 'baselines', 'simulation', 'bag', 'replay'],
 }
 
+# The rooms of C++ below src/: which others each may use besides itself. No circle: each names only rooms above it.
+# Seen from outside, `core` is the public headers.
+CPP_ROOMS = {
+    'core/util': [],
+    'core/optics': ['core/util'],
+    'core/registration': ['core/util'],
+    'core/segmentation': ['core/util', 'core/optics'],
+    'core/alignment': ['core/util', 'core/optics'],
+    'core/fusion': ['core/util', 'core/optics', 'core/registration', 'core/alignment'],
+    'core/restoration': ['core/util', 'core/optics', 'core/registration', 'core/alignment', 'core/fusion'],
+    'core': ['core/util', 'core/optics', 'core/registration', 'core/segmentation', 'core/alignment', 'core/fusion',
+             'core/restoration'],
+    'ros': ['core'],
+    'nodelets': ['core', 'ros'],
+    'nodelets/fusion': ['core', 'ros'],
+    'kinect': ['ros'],
+    'nodes': [],
+    'tools': ['core'],
+}
+
 # Type, name = literal; another config's member in its place is not compared, it cannot differ.
 LITERAL_DEFAULT = r'\w[\w:]*\s+%s\s*=\s*([-\w.:"]+)\s*[;,)]'
 
@@ -91,6 +111,63 @@ def test_python_rooms_use_only_those_above_them():
         for path in files:
             wrong = set(python_imports(path)) - {room, *allowed}
             assert not wrong, f'{path.relative_to(ROOT)} uses {", ".join(sorted(wrong))}'
+
+
+def cpp_rooms():
+    """{file: room} of the C++ files of src/ and include/. A public header belongs to the room of its source file."""
+    rooms = {path: str(path.parent.relative_to(ROOT / 'src')) for path in (ROOT / 'src').rglob('*.[ch]pp')}
+    of_source = {path.stem: room for path, room in rooms.items() if path.suffix == '.cpp' and room.startswith('core')}
+    rooms.update({path: of_source.get(path.stem, 'core') for path in (ROOT / 'include').rglob('*.hpp')})
+    return rooms
+
+
+def included(path, rooms):
+    """Files of ours that a file includes: with quotes, below include/, beside it, or by their path from a folder of src/."""
+    for name in re.findall(r'^\s*#\s*include\s*"([^"]+)"', path.read_text(), re.M):
+        candidates = [ROOT / 'include' / name, path.parent / name]
+        candidates += [ROOT / 'src' / folder / name for folder in ('core', 'ros', 'nodelets', 'nodelets/fusion', 'kinect', 'tools')]
+        found = [candidate.resolve() for candidate in candidates if candidate.resolve() in rooms]
+        assert found, f'{path.relative_to(ROOT)}: where is "{name}"?'
+        yield found[0]
+
+
+def test_cpp_rooms_use_only_those_above_them():
+    rooms = cpp_rooms()
+    assert set(rooms.values()) <= set(CPP_ROOMS), 'a room that is not in CPP_ROOMS'
+    order = list(CPP_ROOMS)
+    for room, allowed in CPP_ROOMS.items():
+        assert all(order.index(name) < order.index(room) for name in allowed), f'{room}: a circle'
+    wrong = set()
+    for path, room in rooms.items():
+        for header in included(path, rooms):
+            used = rooms[header]
+            if not room.startswith('core') and used.startswith('core'):
+                used = 'core' if (ROOT / 'include') in header.parents else f'private header {header.name} of {used}'
+            if used not in (room, *CPP_ROOMS[room]):
+                wrong.add(f'{path.relative_to(ROOT)} uses {used} ({header.name})')
+    assert not wrong
+
+
+def test_tools_know_no_ros_and_only_kinect_knows_openni():
+    ros = re.compile(r'<(ros|nodelet|image_transport|cv_bridge|dynamic_reconfigure|tf2_ros|\w+_msgs|\w+_srvs|all_in_focus)/')
+    for path, room in cpp_rooms().items():
+        text = path.read_text()
+        assert not (room == 'tools' and ros.search(text)), path
+        assert room == 'kinect' or not re.search(r'<(OpenNI|Oni)\w*\.h>', text), path
+
+
+def documented_rooms(heading):
+    """{room: [rooms it may use]} of the table in docs/architecture.md whose first column is called so."""
+    text = (ROOT / 'docs/architecture.md').read_text()
+    table = re.search(r'^\| %s \|.*\n\|[-| ]+\|\n((?:\|.*\n)+)' % heading, text, re.M)[1]
+    rows = [row.strip('|').split('|') for row in table.splitlines()]
+    return {cells[0].strip().strip('`'): re.findall(r'`([^`]+)`', cells[2]) for cells in rows}
+
+
+def test_the_map_in_the_documentation_is_true():
+    assert documented_rooms('C\\+\\+ room') == {f'src/{room}/': uses for room, uses in CPP_ROOMS.items()}
+    python = {re.sub(r'^src/all_in_focus/|/$|\.py$', '', room): uses for room, uses in documented_rooms('Python room').items()}
+    assert python == ROOMS
 
 
 def test_every_source_names_author_and_licence():
