@@ -70,6 +70,7 @@ struct RegionChoice {
   double confidence = 0;  ///< mean over the region, 0..1
 };
 
+/// What one bracket gives.
 struct FusionResult {
   cv::Mat image;         ///< CV_8UC3
   cv::Mat source_index;  ///< CV_16UC1, the frame that a pixel was taken from, or mostly; kNoFrame = none

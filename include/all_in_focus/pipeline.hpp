@@ -63,6 +63,7 @@ struct PipelineInput {
   static constexpr int kAutoReference = -1;  ///< the middle one, N / 2
 };
 
+/// What one run gives.
 struct PipelineResult {
   cv::Mat registered, filled;  ///< empty when there was no depth
   Segmentation segmentation;   ///< no segments when labels were given; no labels when nothing was known
