@@ -207,7 +207,7 @@ def same(one, other):
 
 @pytest.mark.parametrize('file, name, default', cfg_defaults())
 def test_defaults_agree(file, name, default):
-    """cfg, core, launch, config, README."""
+    """cfg, core, launch, config, docs/reference.md."""
     default = float(default) if type(default) is int else default
     for path in sorted((ROOT / 'include').rglob('*.hpp')):
         member = CORE_NAMES.get(name, name)
@@ -223,9 +223,10 @@ def test_defaults_agree(file, name, default):
     for path in sorted((ROOT / 'config').glob('*.yaml')):
         for text in re.findall(r'^\s*%s:\s*([^\s#]+)' % name, path.read_text(), re.M):
             assert same(value(text), default), f'{path.name}: {name}: {text}'
-    for path in ROOT.glob('README*'):
-        for row in re.findall(r'^\|\s*`%s`\s*\|(.*)\|\s*$' % name, path.read_text(), re.M):
-            assert any(same(value(cell), default) for cell in row.split('|')), f'{path.name}: {name} |{row}|'
+    rows = re.findall(r'^\|\s*`%s`\s*\|(.*)\|\s*$' % name, (ROOT / 'docs/reference.md').read_text(), re.M)
+    assert rows, f'docs/reference.md: no row for {name}'
+    for row in rows:
+        assert any(same(value(cell), default) for cell in row.split('|')), f'docs/reference.md: {name} |{row}|'
 
 
 def test_optics_and_region_size_have_their_default_in_the_core():
