@@ -1,0 +1,37 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The scripts that build, test and check."""
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import run_pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def test_a_hanging_test_is_ended_and_named(tmp_path):
+    hanging = tmp_path / 'test_hanging.py'
+    hanging.write_text('import time\n\n\ndef test_hangs():\n    time.sleep(10000)\n')
+    results = tmp_path / 'results.xml'
+    assert run_pytest.main(results, hanging, limit_s=5) == 1
+    failure = ET.parse(str(results)).find('.//failure')
+    assert 'timed out after 5 s' in failure.get('message')
+
+
+def test_results_of_tests_that_end_are_those_of_pytest(tmp_path):
+    passing = tmp_path / 'test_passing.py'
+    passing.write_text('def test_passes():\n    pass\n\n\ndef test_fails():\n    assert False\n')
+    results = tmp_path / 'results.xml'
+    assert run_pytest.main(results, passing) == 1
+    assert [len(case.findall('failure')) for case in ET.parse(str(results)).iter('testcase')] == [0, 1]
+
+
+def test_lint_names_what_it_finds(tmp_path):
+    lint = [sys.executable, str(ROOT / 'scripts/lint')]
+    results = tmp_path / 'lint.xml'
+    run = subprocess.run([*lint, '--junitxml', str(results), 'python_3_8'], capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout
+    assert [case.get('name') for case in ET.parse(str(results)).iter('testcase')] == ['python_3_8']
+    assert subprocess.run([*lint, 'no_such_check'], capture_output=True).returncode == 2
