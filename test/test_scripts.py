@@ -1,10 +1,13 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The scripts that build, test and check."""
+import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
+
+import pytest
 
 import run_pytest
 
@@ -35,3 +38,22 @@ def test_lint_names_what_it_finds(tmp_path):
     assert run.returncode == 0, run.stdout
     assert [case.get('name') for case in ET.parse(str(results)).iter('testcase')] == ['python_3_8']
     assert subprocess.run([*lint, 'no_such_check'], capture_output=True).returncode == 2
+
+
+def test_the_installation_can_be_moved(tmp_path):
+    installed = ROOT / 'build/.install'
+    if not (installed / 'setup.bash').exists():
+        pytest.skip('nothing is installed in build/.install')
+    moved = tmp_path / 'moved'
+    shutil.copytree(str(installed), str(moved), symlinks=True)
+    commands = f'''unset CMAKE_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH ROS_PACKAGE_PATH
+. {moved}/setup.bash
+rospack find all_in_focus
+rosrun all_in_focus fuse_stack --help
+rosrun all_in_focus make_scene --help
+python3 -c 'import all_in_focus; print(all_in_focus.__file__)'
+'''
+    run = subprocess.run(['bash', '-ec', commands], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    lines = run.stdout.splitlines()
+    assert lines[0].startswith(str(moved)) and lines[-1].startswith(str(moved))
