@@ -5,12 +5,12 @@ import io
 import os
 import signal
 import sys
-import types
 from contextlib import redirect_stderr, redirect_stdout
 
 import cv2
 import genpy
 import numpy as np
+import pytest
 import rosbag
 from cv_bridge import CvBridge
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
@@ -21,8 +21,7 @@ from file_helpers import SCRIPTS
 
 from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.imaging import linear_to_srgb
-from all_in_focus.msg import FocusFrame
-from all_in_focus.msg import Optics as OpticsMessage
+from all_in_focus.msg import FocusFrame, Optics as OpticsMessage
 from all_in_focus.files.rig import Camera
 
 SIZE = (64, 48)
@@ -79,20 +78,17 @@ def copied(message):
 def call(script, *arguments):
     """(exit code, stdout, stderr) of a script of the repository, run in this process: starting Python takes longer."""
     path = os.path.join(SCRIPTS, script)
-    module = types.ModuleType("called")
-    out, err, code = io.StringIO(), io.StringIO(), 0
-    old_arguments, old_handler = sys.argv, signal.getsignal(signal.SIGTERM)
+    out, err = io.StringIO(), io.StringIO()
+    old_arguments, old_handler = sys.argv, signal.getsignal(signal.SIGINT)
     sys.argv = [path, *map(str, arguments)]
     try:
-        with open(path, encoding="utf-8") as file, redirect_stdout(out), redirect_stderr(err):
-            exec(compile(file.read(), path, "exec"), vars(module))
-            code = module.main()
-    except SystemExit as stop:
-        code = stop.code
+        with open(path, encoding="utf-8") as file, redirect_stdout(out), redirect_stderr(err), \
+                pytest.raises(SystemExit) as stop:
+            exec(compile(file.read(), path, "exec"), {"__name__": "__main__"})
     finally:
         sys.argv = old_arguments
-        signal.signal(signal.SIGTERM, old_handler)
-    return code, out.getvalue(), err.getvalue()
+        signal.signal(signal.SIGINT, old_handler)  # early_exit.py has set its own
+    return stop.value.code or 0, out.getvalue(), err.getvalue()
 
 
 def write(path, messages, compression="none"):

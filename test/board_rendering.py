@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from all_in_focus.calibration.pairs import Pair
+from all_in_focus.calibration.board import Pair
 from all_in_focus.calibration.rig_fit import map_points
 from all_in_focus.files.rig import Camera, Rig, rotation_matrix
 
@@ -62,7 +62,7 @@ def seen_pairs(rig, poses, noise=0.05, seed=0):
         points = project(camera, corner_points(pose))
         return points + rng.normal(0, noise, points.shape)
 
-    return [Pair("%02d" % number, seen(rig.depth, pose), seen(rig.color, in_color_camera(rig, pose)))
+    return [Pair(f"{number:02d}", seen(rig.depth, pose), seen(rig.color, in_color_camera(rig, pose)))
             for number, pose in enumerate(poses)]
 
 
@@ -129,7 +129,7 @@ def write_views(folder, rig, poses, moved=(), **how):
         ir = render(camera_rays[0], pose, 40, 110, 60, blur=1.1, noise=2, seed=number, scale=8, **how)
         shifted = (pose[0], pose[1] + [0.02 * (number in moved), 0, 0])
         color = render(camera_rays[1], in_color_camera(rig, shifted), blur=0.8, noise=3, seed=1000 + number, **how)
-        cv2.imwrite(str(folder / "depth" / ("%02d.png" % number)), ir)
-        cv2.imwrite(str(folder / "color" / ("%02d.jpg" % number)), cv2.cvtColor(color, cv2.COLOR_GRAY2BGR),
+        cv2.imwrite(str(folder / "depth" / (f"{number:02d}.png")), ir)
+        cv2.imwrite(str(folder / "color" / (f"{number:02d}.jpg")), cv2.cvtColor(color, cv2.COLOR_GRAY2BGR),
                     [cv2.IMWRITE_JPEG_QUALITY, 97])
     return folder

@@ -35,8 +35,8 @@ class Scene:
 
     def check_equality(self, name, bag, evaluate_options, fuse_options, **files):
         """Returns the report."""
-        report = check_equality(evaluate(self.folder / (name + "_bag"), bag, *evaluate_options),
-                                fuse(self.folder / (name + "_files"), *self.files(**files), *fuse_options))
+        report = check_equality(evaluate(self.folder / (f"{name}_bag"), bag, *evaluate_options),
+                                fuse(self.folder / (f"{name}_files"), *self.files(**files), *fuse_options))
         assert report["has_labels"] and len(report["segments"]) > 4 and len(report["segment_table"]) > 4
         assert report["frames_used"] + report["frames_rejected"] == FRAMES
         return report
@@ -56,9 +56,9 @@ def test_nodes_give_the_pixels_of_fuse_stack(scene, mode):
 
 @pytest.mark.parametrize("mode", ["paper", "refined"])
 def test_nodes_give_the_pixels_of_fuse_stack_without_focus_and_with_another_lens(scene, mode):
-    bag = scene.make_bag("no_focus_%s.bag" % mode, "--no-focus")
+    bag = scene.make_bag(f"no_focus_{mode}.bag", "--no-focus")
     options = ["--optics", "35,8,0.03", "--mode", mode]
-    report = scene.check_equality("lens_" + mode, bag, [*options, "--bracket-size", FRAMES], options, focus=False)
+    report = scene.check_equality(f"lens_{mode}", bag, [*options, "--bracket-size", FRAMES], options, focus=False)
     assert any("no focus distances" in note for note in report["notes"]) == (mode == "refined")
 
 
@@ -71,7 +71,7 @@ def test_both_leave_out_frames_that_do_not_fit(scene):
     bag = scene.make_bag("misfits.bag", stack="misfits")
     report = scene.check_equality("misfits", bag, [], [], stack="misfits")
     assert report["frames_rejected"] == 2
-    assert [note.split(":")[0] for note in report["notes"]][:2] == ["frame 1 rejected", "frame %d rejected" % (FRAMES - 2)]
+    assert [note.split(":")[0] for note in report["notes"]][:2] == ["frame 1 rejected", f"frame {FRAMES - 2} rejected"]
 
 
 # --- what cannot be evaluated -----------------------------------------------------------------------------------------
@@ -143,7 +143,7 @@ def no_focal_length(topic, message):
 
 @pytest.mark.parametrize("change", [unknown_depth, small_depth, no_focal_length])
 def test_depth_that_fuse_stack_would_refuse(scene, change):
-    check_refusal(scene, rewritten(scene, change.__name__ + ".bag", change), "")
+    check_refusal(scene, rewritten(scene, f"{change.__name__}.bag", change), "")
 
 
 def test_make_bag_refuses_what_fuse_stack_refuses(scene, tmp_path):

@@ -14,6 +14,7 @@ from tool_helpers import check_equality, evaluate, fuse, read, run, snapshot, su
 
 from all_in_focus.bag.export import millimetres
 from all_in_focus.bag.writer import write_bag
+from all_in_focus.files.output_folder import MARK, read_mark
 from all_in_focus.files.rig import Camera, Optics, Rig, load_rig, save_rig
 from all_in_focus.files.stack import Stack, load_focus, read_depth
 
@@ -33,9 +34,9 @@ class Files:
         save_rig(str(folder / "rig"), rig, QUATERNION)
         (folder / "stack").mkdir()
         for index, frame in enumerate(frames()):
-            cv2.imwrite(str(folder / "stack" / ("%03d.png" % index)), frame)
+            cv2.imwrite(str(folder / "stack" / (f"{index:03d}.png")), frame)
         cv2.imwrite(str(folder / "depth.png"), depth_image())
-        entries = [{"file": "%03d.png" % index, "focus_mm": mm} for index, mm in enumerate(FOCUS_MM)]
+        entries = [{"file": f"{index:03d}.png", "focus_mm": mm} for index, mm in enumerate(FOCUS_MM)]
         (folder / "focus.yaml").write_text(yaml.safe_dump({"frames": entries}))
         stack = Stack(str(folder / "stack"), str(folder / "focus.yaml"))
         write_bag(str(folder / "x.bag"), depth_image(), str(folder / "rig"), stack)
@@ -64,7 +65,8 @@ def refused(complaint, *arguments):
 
 
 def parts(folder):
-    return sorted(path.name for path in folder.iterdir())
+    """Names in a folder, without the mark that says who wrote it."""
+    return sorted(path.name for path in folder.iterdir() if path.name != MARK)
 
 
 def stack_of(folder):
@@ -114,13 +116,15 @@ def test_brackets(tmp_path):
         depth_image() + np.uint16(next(number)), "16UC1", message.header))(messages)
     bag = write(tmp_path / "x.bag", messages)
     commands, _ = export(bag, tmp_path / "all", "--bracket", "all")
-    assert parts(tmp_path / "all") == ["bracket_%04d" % number for number in range(3)]
+    assert parts(tmp_path / "all") == [f"bracket_{number:04d}" for number in range(3)]
     for number, command in enumerate(commands):
-        assert "bracket_%04d/stack" % number in command
-        depth = read(tmp_path / "all" / ("bracket_%04d" % number) / "depth.png")
+        assert f"bracket_{number:04d}/stack" in command
+        depth = read(tmp_path / "all" / (f"bracket_{number:04d}") / "depth.png")
         assert np.array_equal(depth, depth_image() + number)
     export(bag, tmp_path / "one", "--bracket", 2)
-    assert snapshot(tmp_path / "one") == snapshot(tmp_path / "all" / "bracket_0002")
+    one = snapshot(tmp_path / "one")
+    assert one.pop(MARK) and one == snapshot(tmp_path / "all" / "bracket_0002")
+    assert read_mark(tmp_path / "all")["program"] == "bag_to_stack"
     refused("there is no bracket 3: it has 3, counted from 0", bag, "--output", tmp_path / "two", "--bracket", 3)
 
 
@@ -130,7 +134,7 @@ def test_frames_are_those_of_their_bracket(tmp_path):
     (command,), warnings = export(bag, tmp_path / "out", "--bracket", 1)
     assert all(np.array_equal(*pair) for pair in zip(stack_of(tmp_path / "out"), frames()))
     assert "--reference 0" in command and "--focus" not in command
-    assert warnings == ["bag_to_stack: warning: %s: no focus distances are known: no focus.yaml" % (tmp_path / "out")]
+    assert warnings == [f"bag_to_stack: warning: {tmp_path / 'out'}: no focus distances are known: no focus.yaml"]
     export(bag, tmp_path / "two", "--bracket-size", 2, "--bracket", "all")
     assert len(parts(tmp_path / "two")) == 4 and len(stack_of(tmp_path / "two" / "bracket_0003")) == 2
 
@@ -198,7 +202,7 @@ def test_folders_that_are_there(tmp_path):
     refused("is not empty", bag, "--output", tmp_path / "empty")
     refused("is no folder", bag, "--output", bag)
     refused("No such file", bag, "--output", tmp_path / "none" / "out")
-    refused("no work of bag_to_stack", bag, "--output", tmp_path, "--force")
+    refused("was not written by bag_to_stack", bag, "--output", tmp_path, "--force")
     assert snapshot(tmp_path) == before
     export(bag, tmp_path / "empty", "--bracket", "all", "--force")
     assert parts(tmp_path / "empty") == ["bracket_0000", "bracket_0001"] and parts(tmp_path) == ["empty", "x.bag"]

@@ -47,7 +47,7 @@ def messages(bag_path, topic):
 @pytest.fixture
 def bag(tmp_path, rig, depth):
     frames = pictures(5)
-    names = ["%d.png" % i for i in range(5)]
+    names = [f"{i}.png" for i in range(5)]
     focus = focus_file(tmp_path, "frames: [{file: 1.png, focus_mm: 1500}]")
     path = str(tmp_path / "x.bag")
     write_bag(path, depth, rig, Stack(write_stack(tmp_path / "stack", names, frames), focus), rate=20.0)

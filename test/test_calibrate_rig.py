@@ -25,7 +25,7 @@ def views(tmp_path_factory):
     """20 good pairs, one with a board that was moved between the pictures, one that the depth camera does not see."""
     folder = tmp_path_factory.mktemp("views") / "boards"
     write_views(folder, true_rig(), board_poses(true_rig(), 22), moved=(MOVED,))
-    cv2.imwrite(str(folder / "depth" / ("%02d.png" % HIDDEN)), np.full((480, 640), 400, np.uint16))
+    cv2.imwrite(str(folder / "depth" / (f"{HIDDEN:02d}.png")), np.full((480, 640), 400, np.uint16))
     return folder
 
 
@@ -79,7 +79,7 @@ def test_bad_views_are_named_and_left_out(calibrated):
     assert "was the board moved between the two pictures?" in remarks[MOVED]
     assert remarks[HIDDEN] == "no board in the depth picture"
     assert sum(bool(remark) for remark in remarks.values()) == 2
-    assert [line.split()[0] for line in printed if "left out" in line] == ["%02d" % MOVED]
+    assert [line.split()[0] for line in printed if "left out" in line] == [f"{MOVED:02d}"]
     assert any("20 of 22 pairs" in line for line in printed)
 
 
@@ -118,7 +118,7 @@ def test_known_cameras_stay_as_they_are_and_force_replaces(views, tmp_path, caps
     (rig / "optics.yaml").write_text("focal_length_mm: 35\naperture: 2\ncircle_of_confusion_mm: 0.02\n")
     (rig / "notes.txt").write_text("mine")
     for name in ("depth", "color"):
-        save_camera(str(tmp_path / (name + ".yaml")), getattr(truth, name))
+        save_camera(str(tmp_path / (f"{name}.yaml")), getattr(truth, name))
     known = ["--depth-info", str(tmp_path / "depth.yaml"), "--color-info", str(tmp_path / "color.yaml"), "--force",
              "--ir-offset", "-1.5,2"]
     assert main(arguments(few, rig) + known) == 0
@@ -136,10 +136,10 @@ def test_pictures_that_cannot_be_read_are_named_and_left_out(views, tmp_path, ca
     (some / "color" / "05.jpg").write_bytes(ENDLESS_PICTURE)
     assert main(arguments(some, tmp_path / "rig")) == 0
     told = capsys.readouterr()
-    wrong = {"02": "%s: truncated or damaged" % (some / "depth" / "02.png"),
-             "05": "%s: not a readable image" % (some / "color" / "05.jpg")}
+    wrong = {"02": f"{some / 'depth' / '02.png'}: truncated or damaged",
+             "05": f"{some / 'color' / '05.jpg'}: not a readable image"}
     for complaint in wrong.values():
-        assert "calibrate_rig: warning: %s: left out\n" % complaint in told.err and complaint in told.out
+        assert f"calibrate_rig: warning: {complaint}: left out\n" in told.err and complaint in told.out
     record = yaml.safe_load((tmp_path / "rig" / "calibration.yaml").read_text())
     assert {pair["pair"]: pair["remark"] for pair in record["pairs"] if pair["pair"] in wrong} == wrong
 
@@ -147,7 +147,7 @@ def test_pictures_that_cannot_be_read_are_named_and_left_out(views, tmp_path, ca
 def test_too_few_pictures_that_can_be_read(views, tmp_path, capsys):
     few = subset(views, tmp_path / "few", 5)
     for name in ("00", "04"):
-        (few / "depth" / (name + ".png")).write_bytes(b"")
+        (few / "depth" / (f"{name}.png")).write_bytes(b"")
     with pytest.raises(SystemExit):
         main(arguments(few, tmp_path / "rig"))
     said = capsys.readouterr().err.splitlines()
@@ -156,7 +156,7 @@ def test_too_few_pictures_that_can_be_read(views, tmp_path, capsys):
     for path in (few / "color").iterdir():
         cut(path, 0.1)
     assert refused(capsys, arguments(few, tmp_path / "rig")) == (
-        "calibrate_rig: %s: none of the 5 pictures can be read" % (few / "color"))
+        f"calibrate_rig: {few / 'color'}: none of the 5 pictures can be read")
     assert not (tmp_path / "rig").exists()
 
 
@@ -187,7 +187,7 @@ def test_pictures_of_different_sizes(tmp_path, capsys):
     for camera in ("depth", "color"):
         (tmp_path / camera).mkdir()
         for number in (0, 1):
-            cv2.imwrite(str(tmp_path / camera / ("%d.png" % number)), np.full((120, 160 + number), 100, np.uint8))
+            cv2.imwrite(str(tmp_path / camera / (f"{number}.png")), np.full((120, 160 + number), 100, np.uint8))
     assert "1.png: 161x120 pixels, but the depth camera's pictures before it have 160x120" in refused(
         capsys, arguments(tmp_path, tmp_path / "rig"))
 
@@ -196,7 +196,7 @@ def test_names_without_a_counterpart(tmp_path, capsys):
     for camera, names in (("depth", "ab"), ("color", "c")):
         (tmp_path / camera).mkdir()
         for name in names:
-            cv2.imwrite(str(tmp_path / camera / (name + ".png")), np.full((120, 160), 100, np.uint8))
+            cv2.imwrite(str(tmp_path / camera / (f"{name}.png")), np.full((120, 160), 100, np.uint8))
     argv = arguments(tmp_path, tmp_path / "rig")
     assert "has a counterpart of the same name" in refused(capsys, argv)
     (tmp_path / "color" / "a.png").write_bytes((tmp_path / "depth" / "a.png").read_bytes())
@@ -229,7 +229,7 @@ def test_a_folder_that_cannot_be_written_is_told_before_the_work(tmp_path, capsy
     (tmp_path / "file").write_text("")
     said = refused(capsys, ["calibrate_rig", *source.split(), "--board", "8x6", "--square", "45", "--output",
                             str(tmp_path / "file" / "rig")])
-    assert said.startswith("calibrate_rig: %s: cannot be written, " % (tmp_path / "file" / "rig"))
+    assert said.startswith(f"calibrate_rig: {tmp_path / 'file' / 'rig'}: cannot be written, ")
 
 
 def test_the_script():

@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from all_in_focus.calibration import CalibrationError, advice
-from all_in_focus.calibration.arguments import depth_size
-from all_in_focus.calibration.board import Board, find_corners
-from all_in_focus.calibration.camera_fit import fit_camera
-from all_in_focus.calibration.coverage import Coverage, measure, moved
-from all_in_focus.calibration.live_view import LiveView
-from all_in_focus.calibration.pairs import Pair
-from all_in_focus.calibration.rig_fit import fit_rig
+from all_in_focus.calibration import CalibrationError
+from all_in_focus.calibration.command import depth_size
+from all_in_focus.calibration.board import Board, Pair, find_corners
+from all_in_focus.calibration.fit_report import view_warnings
+from all_in_focus.calibration.rig_fit import fit_camera, fit_rig
+from all_in_focus.calibration.live_view import Coverage, LiveView, measure, moved
 from all_in_focus.calibration.rig_folder import build_rig, refuse_read_only
 from all_in_focus.files.rig import Camera, rotation_matrix
 
@@ -142,7 +140,7 @@ def test_refining_both_cameras_together_is_worth_it():
         assert together.jointly and not apart.jointly
         for name, fit in (("together", together), ("apart", apart)):
             errors.setdefault(name, []).append(np.sqrt(np.mean(mapping_error(rig_of(fit), truth) ** 2)))
-        told = together.spread[2]
+        told = together.deviations[2]
         assert errors["together"][-1] / 4 < told < 4 * errors["together"][-1]
     assert np.mean(errors["together"]) < 0.6 * np.mean(errors["apart"])
 
@@ -151,7 +149,7 @@ def warnings_of(poses):
     truth = true_rig()
     corners = {pair.name: pair.depth for pair in seen_pairs(truth, poses)}
     fit = fit_camera("depth", BOARD, corners, SIZES[0])
-    return "\n".join(advice.warnings("depth", fit, corners, SIZES[0], False))
+    return "\n".join(view_warnings("depth", fit, corners, SIZES[0], False))
 
 
 def test_boards_that_are_tilted_alike_or_leave_a_side_empty():
@@ -223,7 +221,7 @@ def test_where_nothing_can_be_written(tmp_path, place):
     (tmp_path / "gone").symlink_to(tmp_path / "nowhere")
     refuse_read_only(str(tmp_path / "new" / "rig"))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "gone"]
-    with pytest.raises(CalibrationError, match="%s: cannot be written, " % (tmp_path / place)):
+    with pytest.raises(CalibrationError, match=f"{tmp_path / place}: cannot be written, "):
         refuse_read_only(str(tmp_path / place))
 
 

@@ -15,7 +15,7 @@ from tool_helpers import rosrun, snapshot, succeeded
 
 from all_in_focus.bag import check as bag_check
 from all_in_focus.bag.brackets import Rules
-from all_in_focus.bag.file import BagError, BagFile, Topics
+from all_in_focus.bag.bag_file import BagError, BagFile, Topics
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of cv_bridge
 CHECKS = ["file", "topics", "depth image", "colour image", "depth camera", "colour camera", "transform", "stamps",
@@ -147,7 +147,7 @@ ERRORS = {
 }
 
 WARNINGS = {
-    "bayer": (changed("/rgb/image", bayer), "colour image", "bayer_rggb8 is interpolated in the plainest way"),
+    "bayer": (changed("/rgb/image", bayer), "colour image", "bayer_rggb8 is interpolated by the simplest method"),
     "one bad frame": (changed("/rgb/image", lambda message, number: number == 2 and setattr(message, "encoding", "x")),
                       "colour image", "1 of 4 images, the first at 0.200 s: .*bgr8"),
     "sizes": (changed("/rgb/image", lambda message, number: number == 1 and setattr(message, "height", 24)),
@@ -200,7 +200,7 @@ def test_a_good_bag(tmp_path):
     assert [(finding.check, finding.level) for finding in report.findings] == [(check, "ok") for check in CHECKS]
     assert report.brackets == [{"bracket_id": number, "frames": 4, "depth": True} for number in range(2)]
     done = succeeded(run_script("check_bag", path, "--json", tmp_path / "r.json"))
-    assert done.stdout.splitlines() == [*report.lines(), path + ": can be fused"] and done.stderr == ""
+    assert done.stdout.splitlines() == [*report.lines(), f"{path}: can be fused"] and done.stderr == ""
     assert json.loads((tmp_path / "r.json").read_text()) == report.plain()
 
 

@@ -145,7 +145,7 @@ def test_wrong_input_ends_in_one_line(tmp_path, change, words):
     given = {"rig": "rig", "depth": "depth.png", "color": "color.png", "output": "o.png", **change}
     live = ["--live"] if given.pop("live", False) else []
     before = sorted(tmp_path.iterdir())
-    options = [word for key, name in given.items() for word in ("--" + key, tmp_path / name)]
+    options = [word for key, name in given.items() for word in (f"--{key}", tmp_path / name)]
     result = run_script("check_rig", *live, *options)
     assert result.returncode == 2 and words in result.stderr and len(result.stderr.splitlines()) == 1
     assert sorted(tmp_path.iterdir()) == before

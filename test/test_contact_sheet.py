@@ -15,7 +15,7 @@ def test_contact_sheet(tmp_path):
     cv2.imwrite(str(tmp_path / "labels.png"), labels)
     sheet = tmp_path / "sheet.png"
     done = run_script("contact_sheet", "--output", sheet, "--columns", 2, "--width", 60, tmp_path / "a.png",
-                      "%s:seven regions" % (tmp_path / "labels.png"), tmp_path / "a.png")
+                      f"{tmp_path / 'labels.png'}:seven regions", tmp_path / "a.png")
     assert done.returncode == 0, done.stderr
     image = cv2.imread(str(sheet))
     assert image.shape == (2 * (30 + 24) + 18, 2 * 66 + 6, 3)

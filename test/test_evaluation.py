@@ -14,13 +14,11 @@ import pytest
 from std_msgs.msg import Header
 
 from all_in_focus.bag import contents as bag_contents
-from all_in_focus.replay import player as bag_player
-from all_in_focus.replay import launch as evaluation_launch
-from all_in_focus.files import result_files
-from all_in_focus.replay import run_status
+from all_in_focus.replay import graph as evaluation_graph, player as bag_player, results, run_status
 from all_in_focus.msg import FusionReport, Optics, Segment, SegmentArray, SegmentChoice
-from all_in_focus.files.result_files import ResultError, ResultFolder, encode_labels, encode_png
-from all_in_focus.replay.result_saver import BracketCollector
+from all_in_focus.files.output_file import encode_png
+from all_in_focus.files.output_folder import MARK
+from all_in_focus.replay.results import BracketCollector, ResultError, ResultFolder, encode_labels
 from file_helpers import run_script
 
 
@@ -40,13 +38,13 @@ def segments_message():
 
 
 def test_report_mirrors_the_message():
-    plain = result_files.report_dict(report_message(), segments_message())
+    plain = results.report_dict(report_message(), segments_message())
     assert plain["version"] == 1 and plain["header"] == {"stamp": 7.5, "frame_id": "color_frame"}
     assert set(plain) == set(FusionReport.__slots__) | {"version", "dof_rule", "unknown_area", "segment_table"}
     assert plain["label_stamp"] == 5.0 and plain["optics"]["aperture"] == 4.0
     assert plain["segments"][0] == {"label": 1, "frame": 2, "score": None, "margin": 0.5, "confidence": 0.25}
     assert set(plain["segment_table"][0]) == set(Segment.__slots__) and plain["segment_table"][0]["max_dof"] is None
-    assert result_files.report_dict(report_message(has_labels=False))["label_stamp"] is None
+    assert results.report_dict(report_message(has_labels=False))["label_stamp"] is None
     json.dumps(plain, allow_nan=False)
 
 
@@ -83,7 +81,8 @@ def test_bracket_is_saved_when_complete(tmp_path, report_first):
     assert not collector.waiting and not (tmp_path / "out" / "bracket_0000").exists()
     collector.finish()
     folder.commit()
-    assert sorted(os.listdir(str(tmp_path / "out"))) == ["bracket_0000"]
+    folder.discard()
+    assert sorted(os.listdir(str(tmp_path / "out"))) == [MARK, "bracket_0000"]
     assert sorted(os.listdir(str(tmp_path / "out" / "bracket_0000"))) == [
         "confidence.png", "fused.png", "labels.png", "registered.png", "report.json", "source_index.png", "weights.png"]
     report = json.loads((tmp_path / "out" / "bracket_0000" / "report.json").read_text())
@@ -100,7 +99,8 @@ def test_two_brackets_may_share_a_label_image(tmp_path):
     feed(collector, genpy.Time(9, 500000000), names=PICTURES)
     collector.add_report(report_message(stamp=9))
     folder.commit()
-    assert sorted(os.listdir(str(tmp_path))) == ["bracket_0000", "bracket_0001"]
+    folder.discard()
+    assert sorted(os.listdir(str(tmp_path))) == [MARK, "bracket_0000", "bracket_0001"]
 
 
 def test_bracket_without_labels_or_without_result(tmp_path):
@@ -110,44 +110,64 @@ def test_bracket_without_labels_or_without_result(tmp_path):
     collector.add_report(report_message(stamp=8, has_labels=False))
     feed(collector, genpy.Time(8, 500000000), names=[name for name in PICTURES if name != "registered"])
     folder.commit()
+    folder.discard()
     assert os.listdir(str(tmp_path / "bracket_0000")) == ["report.json"]
     assert len(os.listdir(str(tmp_path / "bracket_0001"))) == 5
 
 
 def test_missing_output_and_too_many_regions_are_reported(tmp_path):
-    collector = BracketCollector(ResultFolder(str(tmp_path)))
+    folder = ResultFolder(str(tmp_path / "one"))
+    collector = BracketCollector(folder)
     collector.add_report(report_message())
     feed(collector, names=PICTURES)
     collector.finish()
     assert collector.brackets[0]["missing"] == ["segmentation/labels", "segmentation/segments"]
+    folder.discard()
 
-    collector = BracketCollector(ResultFolder(str(tmp_path)))
+    folder = ResultFolder(str(tmp_path / "two"))
+    collector = BracketCollector(folder)
     collector.add("labels", genpy.Time(5), ResultError("70000 regions"))
     collector.add("segments", genpy.Time(5), segments_message())
     collector.add_report(report_message())
     with pytest.raises(ResultError, match="70000"):
         feed(collector, names=PICTURES)
+    folder.discard()
+    assert not os.listdir(str(tmp_path))
 
 
 def test_old_results_stay_until_the_new_are_complete(tmp_path):
+    out = tmp_path / "out"
+    folder = ResultFolder(str(out))
     for index in range(3):
-        (tmp_path / ("bracket_%04d" % index)).mkdir()
-        (tmp_path / ("bracket_%04d" % index) / "old").write_text("x")
-    (tmp_path / "mine").mkdir()
-    folder = ResultFolder(str(tmp_path))
+        folder.save(index, {"old": PNG}, {})
+    folder.commit()
+    folder.discard()
+    (out / "mine").mkdir()
+    folder = ResultFolder(str(out))
     folder.save(0, {"fused": PNG}, {})
     folder.discard()
-    assert sorted(os.listdir(str(tmp_path))) == ["bracket_0000", "bracket_0001", "bracket_0002", "mine"]
-    assert (tmp_path / "bracket_0000" / "old").exists()
-    folder = ResultFolder(str(tmp_path))
+    assert sorted(os.listdir(str(out))) == [MARK, "bracket_0000", "bracket_0001", "bracket_0002", "mine"]
+    assert (out / "bracket_0000" / "old.png").exists()
+    folder = ResultFolder(str(out))
     folder.save(0, {"fused": PNG}, {})
     folder.save(1, {"fused": PNG}, {})
     folder.commit()
-    assert sorted(os.listdir(str(tmp_path))) == ["bracket_0000", "bracket_0001", "mine"]
-    assert sorted(os.listdir(str(tmp_path / "bracket_0001"))) == ["fused.png", "report.json"]
+    folder.discard()
+    assert sorted(os.listdir(str(out))) == [MARK, "bracket_0000", "bracket_0001", "mine"]
+    assert sorted(os.listdir(str(out / "bracket_0001"))) == ["fused.png", "report.json"]
     new = tmp_path / "new"
     ResultFolder(str(new)).discard()
-    assert not new.exists()
+    assert not new.exists() and os.listdir(str(tmp_path)) == ["out"]
+
+
+@pytest.mark.parametrize("name", ["bracket_0000", "bracket_12345"])
+def test_brackets_of_others_are_not_touched(tmp_path, name):
+    """Such as those of bag_to_stack --bracket all, or of a user."""
+    (tmp_path / "out" / name).mkdir(parents=True)
+    (tmp_path / "out" / name / "mine.png").write_bytes(PNG)
+    with pytest.raises(FileExistsError, match="was not written by evaluate_bag"):
+        ResultFolder(str(tmp_path / "out"))
+    assert (tmp_path / "out" / name / "mine.png").exists() and os.listdir(str(tmp_path)) == ["out"]
 
 
 # ---- status, exit codes, flow
@@ -182,7 +202,7 @@ def test_status_file(tmp_path):
 def test_final_status():
     good, running = run_status.RunStatus(0, "fine"), run_status.RunStatus()
     stopped = run_status.RunStatus(2, "stopped from outside")
-    final = evaluation_launch.final_status
+    final = evaluation_graph.final_status
     assert final(good, None, "SomeError: harmless") is good
     assert final(stopped, None, None) is stopped
     assert final(stopped, None, "REQUIRED process [manager-1] has died").reason.endswith("[manager-1] has died")
@@ -191,24 +211,24 @@ def test_final_status():
 
 
 def test_environment_puts_the_system_first():
-    child = evaluation_launch.child_environment({"PATH": "/home/me/.pyenv/shims", "ROS_IP": "1.2.3.4"}, 12345, "/log")
+    child = evaluation_graph.child_environment({"PATH": "/home/me/.pyenv/shims", "ROS_IP": "1.2.3.4"}, 12345, "/log")
     assert child["PATH"].startswith("/usr/bin:/bin:") and "ROS_IP" not in child
     assert child["ROS_MASTER_URI"].endswith(":12345") and child["ROS_HOSTNAME"] == "localhost"
 
 
 def test_everything_started_is_ended():
-    environment = evaluation_launch.child_environment(os.environ, 1, "/tmp")
-    run_id = environment[evaluation_launch.RUN_VARIABLE]
+    environment = evaluation_graph.child_environment(os.environ, 1, "/tmp")
+    run_id = environment[evaluation_graph.RUN_VARIABLE]
     # The grandchild leaves the process group and ignores the first signals.
     script = "import os, signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN); " \
              "signal.signal(signal.SIGTERM, signal.SIG_IGN); os.fork() or os.setsid(); time.sleep(60)"
     process = subprocess.Popen([sys.executable, "-c", script], env=environment)
-    while len(evaluation_launch._processes_of(run_id)) < 2:
+    while len(evaluation_graph._processes_of(run_id)) < 2:
         time.sleep(0.01)
     time.sleep(0.2)
     process.kill()
-    evaluation_launch.end_run(process, run_id)
-    assert not evaluation_launch._processes_of(run_id)
+    evaluation_graph.end_run(process, run_id)
+    assert not evaluation_graph._processes_of(run_id)
 
 
 def test_evaluate_bag_refuses_bad_input_in_one_line(tmp_path):

@@ -20,6 +20,7 @@ ROOMS = {
     'files': [],
     'imaging': ['files'],
     'command_line': ['files'],
+    'early_exit': [],
     'metrics': ['files', 'imaging'],
     'baselines': ['files', 'imaging'],
     'simulation': ['files', 'imaging'],

@@ -56,7 +56,7 @@ def scene(tmp_path_factory):
 def test_a_missing_folder_is_told_with_the_file_as_it_was_given(scene, tmp_path, name, options):
     output = str(tmp_path / "none" / "o.png")
     done = run_script(name, *options.format(scene.folder).split(), "--output", output)
-    assert done.returncode == 2 and done.stderr.splitlines()[-1] == "%s: %s: No such file or directory" % (name, output)
+    assert done.returncode == 2 and done.stderr.splitlines()[-1] == f"{name}: {output}: No such file or directory"
     assert not list(tmp_path.iterdir())
 
 
@@ -65,9 +65,9 @@ def test_so_it_is_for_a_folder(scene, tmp_path):
     done = run_script("make_bag", *scene.with_depth, "--stack", scene.stack, "--output", bag)
     assert done.returncode == 0, done.stderr
     done = run_script("bag_to_stack", bag, "--output", output)
-    assert done.returncode == 2 and done.stderr == "bag_to_stack: %s: No such file or directory\n" % output
+    assert done.returncode == 2 and done.stderr == f"bag_to_stack: {output}: No such file or directory\n"
     (tmp_path / "file").write_text("")
     output = tmp_path / "file" / "scene"
     done = run_script("make_scene", "--scene", "planes", "--output", output)
-    assert done.returncode == 2 and done.stderr.endswith("make_scene: %s: Not a directory\n" % output)
+    assert done.returncode == 2 and done.stderr.endswith(f"make_scene: {output}: Not a directory\n")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

@@ -62,7 +62,7 @@ def test_each_part_comes_from_where_it_is_sharp(fused):
     mode, folder = fused
     report = read_report(folder / "report.json")
     assert [report["mode"], report["frames_used"]] == [mode, 540]
-    source, labels, depth = (read(folder / (name + ".png")) for name in ("source_index", "labels", "registered"))
+    source, labels, depth = (read(folder / (f"{name}.png")) for name in ("source_index", "labels", "registered"))
     wall = labels == np.bincount(labels.ravel()).argmax()
     assert np.median(depth[wall]) > 2500
     panel = (depth > 0) & (depth < 1040)  # its left part: it stands askew
@@ -73,7 +73,7 @@ def test_each_part_comes_from_where_it_is_sharp(fused):
             part = part & is_textured(frame)
             assert part.mean() > 0.05
         quartiles = np.percentile(source[part], (25, 50, 75))
-        print("%s: frame %d expected, quartiles %s" % (mode, sharpest, quartiles))
+        print(f"{mode}: frame {sharpest} expected, quartiles {quartiles}")
         assert np.abs(quartiles - sharpest).max() <= 10
 
 
@@ -96,7 +96,7 @@ def test_depth_edges_lie_on_edges_of_the_picture(fused):
     panel = (depth > 0) & (depth < PANEL_END)
     right = edge_distances(gray[300:460], panel[300:460])
     top = edge_distances(gray[::-1, 180:500].T, panel[::-1, 180:500].T)
-    print("%s: right edge of the panel %+.1f px, top %+.1f px (medians)" % (mode, np.median(right), np.median(top)))
+    print(f"{mode}: right edge of the panel {np.median(right):+.1f} px, top {np.median(top):+.1f} px (medians)")
     for distances in (right, top):
         assert len(distances) >= 160 and np.median(np.abs(distances)) <= 4
     shifted = edge_distances(gray[300:460], np.roll(panel, 8, axis=1)[300:460])
@@ -109,8 +109,8 @@ def test_regions(fused):
     report = read_report(folder / "report.json")
     labels, depth = read(folder / "labels.png"), read(folder / "registered.png")
     table = report["segment_table"]
-    print("%s: %d regions, the largest %s pixels, %d pixels unknown"
-          % (mode, len(table), sorted((row["area"] for row in table), reverse=True)[:7], report["unknown_area"]))
+    print(f"{mode}: {len(table)} regions, the largest {sorted((row['area'] for row in table), reverse=True)[:7]} "
+          f"pixels, {report['unknown_area']} pixels unknown")
     assert sum(row["area"] for row in table) + report["unknown_area"] == labels.size
     assert (labels == 0).sum() == report["unknown_area"] == (depth == 0).sum()
     for row in table:
@@ -130,7 +130,7 @@ def test_three_planned_frames_show_all_that_the_sweep_does(tmp_path, fused):
     assert [round(one["focus_distance"], 3) for one in plan] == [0.982, 1.254, 2.761]
     depth = read(folder / "registered.png") / 1000
     sharp = [(depth > one["near_limit"] - 1e-6) & (depth < one["far_limit"] + 1e-6) for one in plan]
-    print("%s: %s" % (mode, ", ".join("%.0f %%" % (100 * one.sum() / (depth > 0).sum()) for one in sharp)))
+    print("%s: %s" % (mode, ", ".join(f"{100 * one.sum() / (depth > 0).sum():.0f} %" for one in sharp)))
     assert np.array_equal(np.any(sharp, axis=0), depth > 0)
 
 

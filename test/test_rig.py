@@ -55,7 +55,7 @@ def test_rig_errors_name_file_and_key(tmp_path, name, old, new, message):
     (tmp_path / name).write_text(text.replace(old, new))
     with pytest.raises(RigError) as error:
         load_rig(tmp_path)
-    assert "%s: %s" % (name, message) in str(error.value) and "\n" not in str(error.value)
+    assert f"{name}: {message}" in str(error.value) and "\n" not in str(error.value)
 
 
 def test_rig_without_file(tmp_path):

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from all_in_focus.rviz import config as rviz_config
+from all_in_focus.rviz import screenshots as rviz_config
 from all_in_focus.bag.writer import write_bag
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack
@@ -89,5 +89,5 @@ def test_topics_of_a_configuration(tmp_path):
     other = str(tmp_path / "b.rviz")
     rviz_config.write_with_frame(str(path), "color", other)
     for name in (str(path), other):
-        assert rviz_config.topics(name) == ["a/image", "a/depth", "a/camera_info"]
+        assert rviz_config.config_topics(name) == ["a/image", "a/depth", "a/camera_info"]
     assert "Fixed Frame: color" in open(other).read()

@@ -338,6 +338,7 @@ def test_program_writes_a_complete_scene_and_repeats_itself(tmp_path):
     assert sorted(os.listdir(str(tmp_path))) == ["a", "b", "c"]
     files = sorted(os.path.relpath(os.path.join(folder, name), str(tmp_path / "a"))
                    for folder, _, names in os.walk(str(tmp_path / "a")) for name in names)
+    files.remove(".all_in_focus")  # names the run
     assert files == ["depth.png", "focus.yaml", "rig/color.yaml", "rig/depth.yaml", "rig/extrinsics.yaml",
                      "rig/optics.yaml", "scene.json", "stack/000.png", "stack/001.png", "stack/002.png", "truth.png",
                      "truth_depth.png"]
@@ -407,5 +408,5 @@ def test_bad_arguments(tmp_path, arguments, reason):
 def test_never_overwrites_what_it_did_not_make(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     result = make_scene("--scene", "planes", "--output", tmp_path)
-    assert result.returncode == 2 and "is not a scene made before" in result.stderr
+    assert result.returncode == 2 and "was not written by make_scene" in result.stderr
     assert os.listdir(str(tmp_path)) == ["notes.txt"]

@@ -93,7 +93,7 @@ def test_table_of_a_rough_scene(tmp_path, mode):
         assert all(row["fits"] for row in table)
     for row in table:
         region = (labels == row["label"]).astype(np.uint8)
-        assert cv2.connectedComponents(region, connectivity=8)[0] == 2, "label %d is in pieces" % row["label"]
+        assert cv2.connectedComponents(region, connectivity=8)[0] == 2, f"label {row['label']} is in pieces"
         if mode == "paper" and row["area"] < 10:
             around = cv2.dilate(region, np.ones((3, 3))) > region
             assert not labels[around].any(), "only what touches nothing stays small"

@@ -42,9 +42,9 @@ def test_alpha_gray_and_16_bit_are_read_as_8_bit_color(tmp_path):
 
 @pytest.mark.parametrize("ending", [".png", ".jpg"])
 def test_truncated_image_is_refused(tmp_path, ending):
-    folder = write_stack(tmp_path / "stack", ["0" + ending, "1" + ending])
-    cut(os.path.join(folder, "1" + ending))
-    with pytest.raises(StackError, match="1%s: truncated" % ending):
+    folder = write_stack(tmp_path / "stack", [f"0{ending}", f"1{ending}"])
+    cut(os.path.join(folder, f"1{ending}"))
+    with pytest.raises(StackError, match=f"1{ending}: truncated"):
         list(Stack(folder))
 
 

@@ -193,7 +193,7 @@ def test_report_mirrors_the_messages(planes):
         "version", "dof_rule", "unknown_area", "segment_table"}
     assert set(report["optics"]) == set(Optics.__slots__)
     assert report["version"] == 1 and report["label_stamp"] is None and report["bracket_id"] == 0
-    assert [report["frames_" + what] for what in ("seen", "used", "rejected", "missing")] == [3, 3, 0, 0]
+    assert [report[f"frames_{what}"] for what in ("seen", "used", "rejected", "missing")] == [3, 3, 0, 0]
     assert len(report["timing_names"]) == len(report["timing_ms"]) and min(report["timing_ms"]) >= 0
     dilated = cv2.dilate(planes.depth, np.ones((3, 3)))
     for row, depth in zip(report["segment_table"], (NEAR, FAR)):
@@ -242,7 +242,7 @@ def test_other_endings(planes):
 def test_help_and_timings(planes):
     for name in ("fuse_stack", "segment_depth"):
         shown = succeeded(run([tool(name), "--help"])).stdout
-        assert shown.startswith(name + ": ") and "--output" in shown
+        assert shown.startswith(f"{name}: ") and "--output" in shown
     done = succeeded(fuse_stack("--stack", planes.stack, "--output", planes.output("o.png"), "--timings"))
     assert done.stdout.count("\n") == 1 and "for 3 frames" in done.stdout
 
@@ -254,7 +254,7 @@ def test_memory_does_not_grow_with_the_stack(tmp_path):
         folder = tmp_path / str(count)
         folder.mkdir()
         for index in range(count):
-            write(folder / ("%03d.png" % index), np.roll(picture, index, axis=1))
+            write(folder / (f"{index:03d}.png"), np.roll(picture, index, axis=1))
         peaks.append(peak_mb("--stack", folder, "--output", tmp_path / "o.png"))
     assert peaks[1] - peaks[0] < 15, peaks
 

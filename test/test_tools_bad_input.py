@@ -175,9 +175,9 @@ def test_rig_file_is_missing_or_no_yaml(planes, name):
     path = planes.rig / name
     for text in ("[1, 2", "just words", "", "\x00\x01", "a: b: c"):
         path.write_text(text)
-        planes.refused(name + ": ", *planes.with_depth)
+        planes.refused(f"{name}: ", *planes.with_depth)
     path.unlink()
-    planes.refused(name + ": no such file", *planes.with_depth)
+    planes.refused(f"{name}: no such file", *planes.with_depth)
 
 
 @pytest.mark.parametrize("name, key", [
@@ -186,9 +186,9 @@ def test_rig_file_is_missing_or_no_yaml(planes, name):
     ("optics.yaml", ["focal_length_mm"]), ("optics.yaml", ["aperture"]), ("optics.yaml", ["circle_of_confusion_mm"])])
 def test_rig_key_is_missing_or_of_another_kind(planes, name, key):
     change(planes.rig / name, key, {"no": "number"})
-    planes.refused(name + ": key '%s'" % key[-1] if key != ["camera_matrix"] else name, *planes.with_depth)
+    planes.refused(f"{name}: key '{key[-1]}'" if key != ["camera_matrix"] else name, *planes.with_depth)
     change(planes.rig / name, key, None)
-    planes.refused(name + ": key '%s' is missing" % key[-1], *planes.with_depth)
+    planes.refused(f"{name}: key '{key[-1]}' is missing", *planes.with_depth)
 
 
 @pytest.mark.parametrize("name, key, value, complaint", [

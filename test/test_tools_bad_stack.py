@@ -59,7 +59,7 @@ def test_images_of_changing_size(planes):
 
 def test_folder_without_images(planes):
     for path in planes.stack.iterdir():
-        path.rename(str(path) + ".txt")
+        path.rename(f"{path!s}.txt")
     planes.refused("holds no image")
     (planes.stack / "folder.png").mkdir()
     planes.refused("holds no image")
@@ -137,7 +137,7 @@ def test_output_folder_is_missing(planes, option):
     paths[option] = ""
     arguments = [part for pair in paths.items() for part in pair]
     done = fuse_stack("--stack", planes.stack, *planes.with_depth, *arguments)
-    expect_refusal(done, "fuse_stack", option + " is empty")
+    expect_refusal(done, "fuse_stack", f"{option} is empty")
     assert snapshot(planes.folder) == before
 
 
@@ -151,10 +151,10 @@ def test_output_ending(planes, name):
 def test_16_bit_outputs_need_a_format_that_holds_them(planes, ending):
     """OpenCV would write 8 bits without a word."""
     for option in IMAGE_OPTIONS[:3]:
-        planes.refused("16-bit values do not fit", *planes.with_depth, option, planes.output("x." + ending))
+        planes.refused("16-bit values do not fit", *planes.with_depth, option, planes.output(f"x.{ending}"))
     before = snapshot(planes.folder)
     expect_refusal(segment_depth("--depth", planes.depth_file, "--optics", "24,4,0.019", "--output",
-                                 planes.output("x." + ending)), "segment_depth", "16-bit values do not fit")
+                                 planes.output(f"x.{ending}")), "segment_depth", "16-bit values do not fit")
     assert snapshot(planes.folder) == before
 
 

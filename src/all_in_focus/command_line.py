@@ -1,11 +1,17 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the command line tools share: one-line errors and checked arguments."""
+"""What the programs share: checked arguments, errors of one line, exit codes, and how signals end them."""
 import argparse
 import math
+import os
+import signal
 import sys
+from pathlib import Path
 
+from all_in_focus.files.errors import one_line
 from all_in_focus.files.rig import Optics
+
+BAD_INPUT = 2  # exit code
 
 
 class Parser(argparse.ArgumentParser):
@@ -13,30 +19,76 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message):
         """message: text, or an exception."""
-        if isinstance(message, OSError) and message.filename:
-            message = "%s: %s" % (message.filename, message.strerror)
-        self.exit(2, "%s: %s\n" % (self.prog, " ".join(str(message).split())))
+        self.exit(BAD_INPUT, f"{self.prog}: {one_line(message)}\n")
 
     def warn(self, message):
-        print("%s: warning: %s" % (self.prog, message), file=sys.stderr)
+        print(f"{self.prog}: warning: {message}", file=sys.stderr)
+
+
+def run(main, *errors):
+    """Runs a program and exits: the last line of every script.
+
+    main: returns the exit code, None is 0. ValueError, OSError and `errors` that leave it are told in one line, exit
+    code 2. SIGINT, SIGTERM and SIGHUP end it as exceptions do, so that it cleans up; exit code 128 + signal.
+    """
+    def end(number, _):
+        raise SystemExit(128 + number)
+
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    for number in before:
+        if before[number] != signal.SIG_IGN:
+            signal.signal(number, end)
+    try:
+        code = main()
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader of the output, such as head, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        code = 128 + signal.SIGPIPE
+    except KeyboardInterrupt:  # of a library that has set its own handler
+        code = 128 + signal.SIGINT
+    except (ValueError, OSError, MemoryError, *errors) as error:
+        print(f"{Path(sys.argv[0]).name}: {one_line(error)}", file=sys.stderr)
+        code = BAD_INPUT
+    finally:
+        for number in before:
+            signal.signal(number, before[number])
+    sys.exit(code)
 
 
 def positive(text):
     """argparse type: a positive number."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = _number(text)
     if not 0 < value < math.inf:
-        raise argparse.ArgumentTypeError("'%s': expected a positive number" % text)
+        raise argparse.ArgumentTypeError(f"'{text}': expected a positive number")
     return value
+
+
+def not_negative(text):
+    """argparse type: a positive number or 0."""
+    value = _number(text)
+    if not 0 <= value < math.inf:
+        raise argparse.ArgumentTypeError(f"'{text}': expected a positive number, or 0")
+    return value
+
+
+def _number(text):
+    """NaN where the text is no number."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def count(text):
     """argparse type: a positive whole number."""
-    if not text.isdigit() or int(text) == 0:
-        raise argparse.ArgumentTypeError("'%s': expected a positive whole number" % text)
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"'{text}': expected a positive whole number")
     return int(text)
+
+
+def count_or_zero(text):
+    """argparse type: a positive whole number or 0."""
+    return 0 if text == "0" else count(text)
 
 
 def optics(text):

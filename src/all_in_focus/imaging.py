@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Small image operations that several rooms share: sRGB, filling of holes, pictures that people can see, contact sheets.
+"""Image operations that several rooms share: gray values, sRGB, filling of holes, contact sheets.
 
 Depth maps are H x W, 0 = unknown.
 """
@@ -21,8 +21,8 @@ def to_gray(image):
     """H x W uint8 of H x W (as it is) or H x W x 3 (BGR) uint8; ValueError for anything else."""
     image = np.asarray(image)
     if image.dtype != np.uint8 or not (image.ndim == 2 or image.ndim == 3 and image.shape[2] == 3):
-        raise ValueError("expected an 8-bit image with one or three channels, not %s of shape %s"
-                         % (image.dtype, image.shape))
+        raise ValueError(f"expected an 8-bit image with one or three channels, not {image.dtype} of shape "
+                         f"{image.shape}")
     return image if image.ndim == 2 else np.floor(image @ np.array(GRAY_OF_BGR) + 0.5).astype(np.uint8)
 
 

@@ -15,7 +15,7 @@ from dynamic_reconfigure.msg import Config, ConfigDescription
 from sensor_msgs.msg import CameraInfo, Image
 from visualization_msgs.msg import Marker, MarkerArray
 
-from all_in_focus.rviz import config as rviz_config
+from all_in_focus.rviz import screenshots as rviz_config
 from all_in_focus.msg import SegmentArray
 import depth_testing
 from depth_testing import FAR_MM, NEAR_MM, GraphTest, image_message, pixels_of, subscribers_of, wait_until
@@ -174,7 +174,7 @@ class CaptionTest(GraphTest):
 
 class RvizFileTest(GraphTest):
     def test_somebody_publishes_what_the_displays_want(self):
-        topics = rviz_config.topics(RVIZ_FILE)
+        topics = rviz_config.config_topics(RVIZ_FILE)
         self.assertGreaterEqual(set(topics), {'all_in_focus/image', 'all_in_focus/weights_color', 'all_in_focus/depth',
                                               'segmentation/image_color', 'segmentation/markers'})
         missing = lambda: {'/rig/' + t for t in topics} - {name for name, _ in rospy.get_published_topics('/rig')}

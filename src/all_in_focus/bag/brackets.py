@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Which frames of a bag make up which bracket, and which depth image each gets: as the fusion node decides it."""
+"""Assigns the frames of a bag to brackets and a depth image to each bracket, as the fusion node does."""
 import math
 from dataclasses import dataclass, field
 from typing import List, Optional
@@ -8,14 +8,16 @@ from typing import List, Optional
 from all_in_focus.bag.scan import NS, Head
 
 MAX_FRAMES = 65535
-JITTER_NS = NS // 10  # that stamps may go back while time does not
-WINDOW = 8            # frames that evaluate_bag's player has under way: a bracket sees depth that is recorded before
-                      # so many of its frames
+JITTER_NS = NS // 10  # stamps that go back by less are no time jump
+# Unacknowledged frames of evaluate_bag's player: depth recorded within so many frames after the first frame of a
+# bracket still counts for it.
+WINDOW = 8
 
 
 @dataclass
 class Rules:
-    """size: frames in a bracket, 0 = unknown, gap: s that end one (both where there is no focus topic); max_age: s."""
+    """size: frames in a bracket, 0 = unknown; gap: s that end a bracket, 0 = never; both only where there is no
+    focus topic. max_age: of the depth image, s."""
     size: int = 0
     gap: float = 1.0
     max_age: float = 1.0
@@ -23,7 +25,7 @@ class Rules:
 
 @dataclass
 class Frame:
-    """index: in its bracket; focus: the FocusFrame, or None."""
+    """index: in its bracket; focus: its FocusFrame, or None."""
     head: Head
     index: int
     focus: Optional[object] = None
@@ -36,8 +38,8 @@ class Frame:
 
 @dataclass
 class Bracket:
-    """number: of the message, or counted; announced: frames that it should have, 0 = unknown; depth: the newest depth
-    image at or before its first frame, None where there is none that is not too old."""
+    """number: bracket_id of its messages, or counted; announced: how many frames it should have, 0 = unknown; depth:
+    the newest depth image at or before its first frame, None where none is young enough."""
     number: int
     announced: int = 0
     frames: List[Frame] = field(default_factory=list)
@@ -45,15 +47,15 @@ class Bracket:
 
     @property
     def missing(self):
-        """Indices that were announced and never came."""
+        """Indices that were announced and are not there."""
         present = {frame.index for frame in self.frames}
         return [index for index in range(max(self.announced, max(present) + 1)) if index not in present]
 
 
 @dataclass
 class Brackets:
-    """found: in order; unpaired: heads of frames without a focus message of the same stamp, stray: focus messages
-    without a frame; refused: frames of brackets whose beginning is not there, or that come twice."""
+    """found: in order; unpaired: heads of frames without a focus message of the same stamp; stray: focus messages
+    without a frame; refused: frames of brackets whose beginning is missing, and frames that come twice."""
     found: List[Bracket]
     unpaired: List[Head]
     stray: List[object]
@@ -84,7 +86,8 @@ def newest_before(heads, stamp, max_age):
 
 
 def _pair(scan):
-    """((head, FocusFrame) of equal stamps, in the order in which they are complete; heads and messages left over)."""
+    """(pairs of head and FocusFrame of equal stamps, in the order of their completion; heads left over; messages left
+    over)."""
     waiting_heads, waiting_focus, pairs = {}, {}, []
     for item in sorted([*scan.rgb, *scan.focus], key=lambda item: item.order):
         is_head = isinstance(item, Head)
@@ -100,18 +103,18 @@ def _pair(scan):
 
 
 def _by_focus(pairs):
-    """src/nodelets/fusion/bracket_assembler.cpp for frames with focus messages."""
+    """Brackets of frames with focus messages: does what src/nodelets/fusion/bracket_assembler.cpp does."""
     brackets, refused, is_open, skipped = [], [], False, None
     for head, focus in pairs:
         same = bool(brackets) and focus.bracket_id == brackets[-1].number
-        unseen = not brackets and skipped is None  # it had begun before the recording
+        unseen = not brackets and skipped is None  # the bracket began before the recording
         late = same and (not is_open or focus.index <= brackets[-1].frames[-1].index)
         if focus.index >= MAX_FRAMES or focus.index and (unseen or focus.bracket_id == skipped or late):
             skipped = focus.bracket_id if unseen else skipped
             refused.append(head)
             continue
         skipped = None
-        # The same number from the beginning again is another bracket.
+        # The same number starting at index 0 again is another bracket.
         if not is_open or not same or focus.index == 0:
             brackets.append(Bracket(focus.bracket_id))
         bracket = brackets[-1]

@@ -1,21 +1,21 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A bag as input of the nodes: is everything there, and the messages in order under the names of the graph."""
+"""A bag as input of the nodes: checks that everything is there, and reads the messages in order."""
 from sensor_msgs.msg import CompressedImage
 from tf2_msgs.msg import TFMessage
 
-from all_in_focus.bag.file import REQUIRED, TYPES, BagError, BagFile, Topics, absolute
-from all_in_focus.bag.images import BRIDGE, ImageError, bgr
+from all_in_focus.bag.bag_file import REQUIRED, TYPES, BagError, BagFile, Topics, absolute
+from all_in_focus.bag.image_messages import ImageError, bgr, to_message
 
 __all__ = ["TYPES", "BagContents", "BagError", "Topics"]
 
 
 class BagContents:
-    """An opened bag that holds everything the nodes need.
+    """An opened bag that has everything the nodes need.
 
     start: time of the first message; counts: messages by kind; optics: the first Optics message or None;
     depth_info, rgb_info: the first ones; static_transforms: all of /tf_static in one message.
-    problems: one line for each message that messages() had to leave out.
+    problems: one line for each message that messages() left out.
     """
 
     def __init__(self, path, topics=None):
@@ -37,7 +37,7 @@ class BagContents:
         self._file.close()
 
     def messages(self):
-        """Yield (kind, message, time) in recorded order; kinds are those of Topics, and "tf". Colour is decoded."""
+        """Yields (kind, message, time) in recorded order; kinds are those of Topics, and "tf". Colour is decoded."""
         kinds = {name: kind for kind, name in self._topics.items()}
         kinds["/tf"] = "tf"
         for name, message, time in self._file.read(list(kinds)):
@@ -50,44 +50,44 @@ class BagContents:
     def _check_topics(self):
         for kind in self._file.missing():
             others = ", ".join(self._file.alternatives(kind))
-            raise BagError("%s: no %s: nothing on %s%s" % (self.path, REQUIRED[kind], self._topics[kind],
-                                                           " (there are %s)" % others if others else ""))
+            raise BagError(f"{self.path}: no {REQUIRED[kind]}: nothing on {self._topics[kind]}"
+                           + (f" (there are {others})" if others else ""))
         for _, problem in self._file.wrong_types():
-            raise BagError("%s: %s" % (self.path, problem))
+            raise BagError(f"{self.path}: {problem}")
 
     def _collect_static_transforms(self):
-        """A latched topic keeps one message only, and each publisher had its own: all go into one."""
+        """All static transforms in one message: a latched topic repeats only the last message of each publisher."""
         by_child = {}
         for _, message, _ in self._file.read(["/tf_static"]):
             by_child.update((transform.child_frame_id, transform) for transform in message.transforms)
         return TFMessage(list(by_child.values()))
 
     def _check_transforms(self):
-        """Raise BagError unless tf connects both cameras."""
+        """BagError unless tf connects both cameras."""
         depth_frame = self._file.first(self._topics["depth"])[0].header.frame_id.lstrip("/")
         rgb_frame = self.rgb_info.header.frame_id.lstrip("/")
         tree = _Frames(self.static_transforms.transforms)
         if tree.connected(depth_frame, rgb_frame):
             return
         if not self._file.has_topic("/tf") and not self._file.has_topic("/tf_static"):
-            raise BagError("%s: no transform: nothing on /tf_static or /tf" % self.path)
+            raise BagError(f"{self.path}: no transform: nothing on /tf_static or /tf")
         for _, message, _ in self._file.read(["/tf"]):
             tree.add(message.transforms)
             if tree.connected(depth_frame, rgb_frame):
                 return
-        raise BagError("%s: no transform connects depth frame '%s' with colour frame '%s'"
-                       % (self.path, depth_frame, rgb_frame))
+        raise BagError(f"{self.path}: no transform connects depth frame '{depth_frame}' with colour frame "
+                       f"'{rgb_frame}'")
 
     def _decoded(self, message, name):
         try:
-            return BRIDGE.cv2_to_imgmsg(bgr(message), "bgr8", message.header)
+            return to_message(bgr(message), "bgr8", message.header)
         except ImageError as error:
-            self.problems.append("%s: image of %.6f: %s" % (name, message.header.stamp.to_sec(), error))
+            self.problems.append(f"{name}: image of {message.header.stamp.to_sec():.6f}: {error}")
             return None
 
 
 class _Frames:
-    """Which frames hang together: sets merged by their transforms."""
+    """Disjoint sets of frames, merged by transforms."""
 
     def __init__(self, transforms):
         self._root = {}

@@ -1,35 +1,32 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Brackets of a bag as files that fuse_stack takes: stack/000.png ..., focus.yaml, depth.png, rig/."""
+"""Exports brackets of a bag to files that fuse_stack reads: stack/000.png ..., focus.yaml, depth.png, rig/."""
 import errno
-import os
-import re
 import shlex
-import shutil
 import sys
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import List, Optional
 
-import cv2
 import numpy as np
 import yaml
 from tqdm import tqdm
 
 from all_in_focus.bag.brackets import Rules, assemble
-from all_in_focus.bag.file import BagError
-from all_in_focus.bag.images import ImageError, bgr, check_color, depth_mm
-from all_in_focus.bag.rig import RigProblem, camera_at, color_frame, depth_problem, optics_at, pose
+from all_in_focus.bag.bag_file import BagError
+from all_in_focus.bag.image_messages import ImageError, bgr, check_color, depth_mm
+from all_in_focus.bag.recorded_rig import RecordedRigError, camera_at, color_frame, depth_problem, optics_at, pose
 from all_in_focus.bag.scan import fetch, scan
-from all_in_focus.files.output_file import named
+from all_in_focus.files.output_file import encode_png
+from all_in_focus.files.output_folder import whole_folder
 from all_in_focus.files.rig import Optics, Rig, save_rig
 
 DEFAULT_OPTICS = "24,4,0.019"  # of the segmenter
-OWN = re.compile(r"stack|rig|focus\.yaml|depth\.png|fused\.png|bracket_\d{4,}")
 
 
 @dataclass
 class Options:
-    """invalid_values: mm that mean unknown; optics: instead of those in the bag."""
+    """invalid_values: mm that mean unknown; optics: to use instead of those in the bag."""
     rules: Rules = field(default_factory=Rules)
     invalid_values: tuple = (0,)
     optics: Optional[Optics] = None
@@ -37,98 +34,66 @@ class Options:
 
 @dataclass
 class Exported:
-    """folder: of a bracket; command: list, what fuses it; remarks: what is missing and why, one line each."""
-    folder: str
+    """folder: of a bracket; command: the words of the command that fuses it; warnings: what is missing and why."""
+    folder: Path
     command: List[str]
-    remarks: List[str]
+    warnings: List[str]
 
 
 def export(bag, output, which, options, force=False):
-    """Write bracket number `which` of a BagFile into `output`; all brackets into output/bracket_0000 and so on if it is
-    None. Returns a list of Exported. On any error nothing is left behind and what was there stays.
+    """Writes bracket number `which` of a BagFile into `output`; None: all brackets, into output/bracket_0000 and so on.
 
-    force: replace an earlier export. BagError, OSError.
+    Returns a list of Exported. On any error nothing is left behind and what was there stays. force: whether to replace
+    an earlier export. Raises BagError, OSError.
     """
-    _check_output(output, force)
+    if Path(output).is_dir() and any(Path(output).iterdir()) and not force:
+        raise FileExistsError(errno.EEXIST, "is not empty: choose another folder; --force replaces an earlier export",
+                              str(output))
     if not bag.has("rgb"):
-        raise BagError("%s: no colour image: nothing on %s" % (bag.path, bag.topics["rgb"]))
+        raise BagError(f"{bag.path}: no colour image: nothing on {bag.topics['rgb']}")
     found = scan(bag)
     brackets = assemble(found, options.rules, [head for head in found.depth if not depth_problem(found, head)]).found
     if not brackets:
-        raise BagError("%s: no colour image belongs to a bracket: see check_bag" % bag.path)
+        raise BagError(f"{bag.path}: no colour image belongs to a bracket: see check_bag")
     if which is not None and which >= len(brackets):
-        raise BagError("%s: there is no bracket %d: it has %d, counted from 0" % (bag.path, which, len(brackets)))
-    chosen = {"bracket_%04d" % number: bracket for number, bracket in enumerate(brackets)}
+        raise BagError(f"{bag.path}: there is no bracket {which}: it has {len(brackets)}, counted from 0")
+    chosen = {f"bracket_{number:04d}": bracket for number, bracket in enumerate(brackets)}
     if which is not None:
         chosen = {"": brackets[which]}
 
-    folder, name = os.path.split(os.path.abspath(output))
-    working = os.path.join(folder, ".%s.%d" % (name, os.getpid()))
-    try:
-        exported = []
-        with named(output, working), tqdm(total=sum(len(bracket.frames) for bracket in chosen.values()), unit="frame",
-                                          disable=not sys.stderr.isatty()) as bar:
-            os.mkdir(working)
-            for part, bracket in chosen.items():
-                writer = _Writer(bag, found, bracket, options, os.path.join(working, part))
-                exported.append(writer.write(os.path.join(output, part) if part else output, bar))
-            _put_in_place(working, output)
-    finally:
-        shutil.rmtree(working, ignore_errors=True)
+    exported = []
+    with whole_folder(output, "bag_to_stack", results=["fused.png"]) as working, \
+            tqdm(total=sum(len(bracket.frames) for bracket in chosen.values()), unit="frame",
+                 disable=not sys.stderr.isatty()) as bar:
+        for part, bracket in chosen.items():
+            writer = _BracketWriter(bag, found, bracket, options, working / part)
+            exported.append(writer.write(Path(output) / part, bar))
     return exported
 
 
-def _check_output(output, force):
-    if not os.path.lexists(output):
-        return
-    if not os.path.isdir(output) or os.path.islink(output):
-        raise NotADirectoryError(errno.ENOTDIR, "is no folder", output)
-    names = sorted(os.listdir(output))
-    if names and not force:
-        raise FileExistsError(errno.EEXIST, "is not empty: choose another folder; --force replaces an earlier export",
-                              output)
-    for name in names:
-        if not OWN.fullmatch(name):
-            raise FileExistsError(errno.EEXIST, "is no work of bag_to_stack, not even --force replaces its folder",
-                                  os.path.join(output, name))
-
-
-def _put_in_place(working, output):
-    old = working + ".old"
-    if os.path.isdir(output):
-        os.rename(output, old)
-    try:
-        os.rename(working, output)
-    except OSError:
-        if os.path.isdir(old):
-            os.rename(old, output)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
-
-
-class _Writer:
-    """One bracket into one folder."""
+class _BracketWriter:
+    """Writes one bracket into one folder, a Path."""
 
     def __init__(self, bag, found, bracket, options, folder):
         self._bag, self._scan, self._bracket, self._options, self._folder = bag, found, bracket, options, folder
-        self._digits = max(3, len(str(bracket.frames[-1].index)))  # frames go in the order of their names
-        self._remarks = []
+        self._digits = max(3, len(str(bracket.frames[-1].index)))  # names sort like the frames
+        self._warnings = []
 
     def write(self, target, bar):
-        """target: where the folder will be."""
-        os.makedirs(os.path.join(self._folder, "stack"))
+        """target: the place of the folder in the end, a Path."""
+        (self._folder / "stack").mkdir(parents=True)
         written = self._write_frames(bar)
-        parts = ["rosrun", "all_in_focus", "fuse_stack", "--stack", os.path.join(target, "stack")]
+        parts = ["rosrun", "all_in_focus", "fuse_stack", "--stack", str(target / "stack")]
         if self._write_depth_and_rig():
-            parts += ["--depth", os.path.join(target, "depth.png"), "--rig", os.path.join(target, "rig")]
-            if not os.path.exists(os.path.join(self._folder, "rig", "optics.yaml")):
+            parts += ["--depth", str(target / "depth.png"), "--rig", str(target / "rig")]
+            if not (self._folder / "rig" / "optics.yaml").exists():
                 parts += ["--optics", DEFAULT_OPTICS]
         if self._write_focus(written):
-            parts += ["--focus", os.path.join(target, "focus.yaml")]
+            parts += ["--focus", str(target / "focus.yaml")]
         position = self._reference(written)
         if position != len(written) // 2:
             parts += ["--reference", str(position)]
-        return Exported(target, parts + ["--output", os.path.join(target, "fused.png")], self._remarks)
+        return Exported(target, parts + ["--output", str(target / "fused.png")], self._warnings)
 
     def _write_frames(self, bar):
         """Returns the Frames that could be written."""
@@ -140,25 +105,25 @@ class _Writer:
                 picture = bgr(fetch(self._bag, "rgb", frame.head))
                 size = size or picture.shape
                 if picture.shape != size:
-                    raise ImageError("it is %dx%d, the first is %dx%d" % (*picture.shape[1::-1], *size[1::-1]))
+                    raise ImageError(f"it is {picture.shape[1]}x{picture.shape[0]}, the first is {size[1]}x{size[0]}")
             except ImageError as error:
-                self._remarks.append("frame %d left out: %s" % (frame.index, error))
+                self._warnings.append(f"frame {frame.index} left out: {error}")
                 continue
-            self._write_png(os.path.join("stack", self._name(frame)), picture)
+            self._write_png(f"stack/{self._name(frame)}", picture)
             written.append(frame)
         if not written:
-            raise BagError("%s: %s" % (self._bag.path, self._remarks[0]))
+            raise BagError(f"{self._bag.path}: {self._warnings[0]}")
         missing = self._bracket.missing
         if missing:
-            self._remarks.append("the bag lacks %d of %d frames, the first is %d"
-                                 % (len(missing), len(missing) + len(self._bracket.frames), missing[0]))
+            self._warnings.append(f"the bag lacks {len(missing)} of {len(missing) + len(self._bracket.frames)} "
+                                  f"frames, the first is {missing[0]}")
         return written
 
     def _write_depth_and_rig(self):
-        """Whether fuse_stack has what it needs to use the depth."""
+        """Returns whether fuse_stack gets all that it needs to use the depth."""
         head = self._bracket.depth
         if head is None:
-            self._remarks.append("no depth: %s" % self._no_depth())
+            self._warnings.append(f"no depth: {self._no_depth()}")
             return False
         self._write_png("depth.png", depth_mm(fetch(self._bag, "depth", head), self._options.invalid_values))
         order = self._bracket.frames[0].head.order
@@ -166,58 +131,57 @@ class _Writer:
             cameras = camera_at(self._scan, "depth", head.order), camera_at(self._scan, "rgb", head.order)
             parent = color_frame(self._scan, head.order)
             found = pose(self._scan, head.frame_id, parent, head.order)
-        except RigProblem as error:
-            self._remarks.append("no rig, so depth.png is of no use: %s" % error)
+        except RecordedRigError as error:
+            self._warnings.append(f"no rig, so depth.png is of no use: {error}")
             return False
         optics = self._options.optics or optics_at(self._scan, order)
         if optics is None:
-            self._remarks.append("the bag does not say what the lens was: the nodes take %s (f,F,coc); --optics"
-                                 % DEFAULT_OPTICS)
+            self._warnings.append(f"the bag does not say what the lens was: the nodes take {DEFAULT_OPTICS} "
+                                  "(f,F,coc); --optics")
         rig = Rig(*cameras, found.R, found.t, optics, parent.lstrip("/"), head.frame_id.lstrip("/"))
-        save_rig(os.path.join(self._folder, "rig"), rig, found.quaternion)
+        save_rig(self._folder / "rig", rig, found.quaternion)
         return True
 
     def _no_depth(self):
         if not self._scan.depth:
-            return "nothing on %s" % self._bag.topics["depth"]
+            return f"nothing on {self._bag.topics['depth']}"
         problem = depth_problem(self._scan, self._scan.depth[0])
-        return problem or "none is at or before the first frame and not older than %g s" % self._options.rules.max_age
+        return problem or f"none is at or before the first frame and not older than {self._options.rules.max_age:g} s"
 
     def _write_focus(self, written):
-        """Whether distances are known."""
+        """Returns whether any focus distance is known."""
         entries = [{"file": self._name(frame), "focus_mm": millimetres(frame.distance)}
                    for frame in written if frame.distance > 0]
         impossible = sum(frame.distance <= 0 for frame in written)
         if impossible:
-            self._remarks.append("%d focus distances are not positive: they count as unknown" % impossible)
+            self._warnings.append(f"{impossible} focus distances are not positive: they count as unknown")
         if not entries:
-            self._remarks.append("no focus distances are known: no focus.yaml")
+            self._warnings.append("no focus distances are known: no focus.yaml")
             return False
-        with open(os.path.join(self._folder, "focus.yaml"), "w", encoding="utf-8") as file:
+        with open(self._folder / "focus.yaml", "w", encoding="utf-8") as file:
             file.write("frames:\n")
-            file.writelines("- %s" % yaml.safe_dump(entry, default_flow_style=True, width=1000) for entry in entries)
+            file.writelines(f"- {yaml.safe_dump(entry, default_flow_style=True, width=1000)}" for entry in entries)
         return True
 
     def _reference(self, written):
-        """Position of the frame whose geometry the nodes keep: the first where they cannot know the length."""
+        """Position of the nodes' reference frame: the middle one, or the first where the length is unknown."""
         wanted = self._bracket.announced // 2 or self._bracket.frames[0].index
         return int(np.argmin([abs(frame.index - wanted) for frame in written]))
 
     def _name(self, frame):
-        return "%0*d.png" % (self._digits, frame.index)
+        return f"{frame.index:0{self._digits}d}.png"
 
     def _write_png(self, name, image):
-        if not cv2.imwrite(os.path.join(self._folder, name), image):
-            raise OSError(errno.EIO, "cannot be written", os.path.join(self._folder, name))
+        (self._folder / name).write_bytes(encode_png(image))
 
 
 def millimetres(distance):
-    """Number of mm that is `distance` (m) again when divided by 1000, a short one if there is one."""
+    """Number of mm that gives exactly `distance` (m) when divided by 1000; the shortest such number."""
     mm = distance * 1000
     candidates = (round(mm, 6) if np.isfinite(mm) else mm, mm, np.nextafter(mm, 0), np.nextafter(mm, np.inf))
     return float(next((value for value in candidates if value / 1000 == distance), mm))
 
 
 def shell(command):
-    """A command line to copy."""
+    """The words of a command as one line for a shell."""
     return " ".join(shlex.quote(part) for part in command)

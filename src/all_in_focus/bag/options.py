@@ -1,28 +1,29 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Command line options of all programs that read bags."""
+"""Command line options of the programs that read bags."""
 import argparse
 
 import yaml
 
 from all_in_focus.bag.brackets import Rules
-from all_in_focus.bag.file import Topics
-from all_in_focus.command_line import optics, positive
+from all_in_focus.bag.bag_file import Topics
+from all_in_focus.command_line import count_or_zero, not_negative, optics, positive
 
 
 def add_topics(parser):
-    """Names in the bag: --depth-topic and so on."""
+    """Options for the names of the topics in the bag: --depth-topic and so on."""
     group = parser.add_argument_group("topics in the bag")
     for kind, name in vars(Topics()).items():
-        group.add_argument(option_of(kind), default=name, metavar="NAME", help="default " + name)
+        group.add_argument(option_of(kind), default=name, metavar="NAME", help=f"default {name}")
 
 
 def add_nodes(parser):
-    """What the nodes are told where the bag does not say it, as for evaluate_bag."""
+    """Options that replace what the bag does not say, with the names of evaluate_bag's."""
     parser.add_argument("--optics", type=optics, metavar="f,F,coc", help="default: what the bag says")
-    fusion = parser.add_argument_group("brackets, where the bag does not say what they are")
-    fusion.add_argument("--bracket-size", type=int, metavar="N", help="frames in a bracket")
-    fusion.add_argument("--bracket-gap", type=positive, metavar="S", help="a longer gap ends a bracket; default 1")
+    fusion = parser.add_argument_group("brackets, where the bag has no focus messages")
+    fusion.add_argument("--bracket-size", type=count_or_zero, metavar="N", help="frames in a bracket; 0: by gaps")
+    fusion.add_argument("--bracket-gap", type=not_negative, metavar="S",
+                        help="a longer gap ends a bracket, 0: none does; default 1")
     fusion.add_argument("--label-max-age", type=positive, metavar="S", help="oldest depth to use; default 1")
     parser.add_argument("--invalid-values", type=_list_of_mm, metavar="[MM,...]",
                         help="depths that mean unknown; default [0], as in the files; [0,2047] for raw Kinect streams")
@@ -30,11 +31,11 @@ def add_nodes(parser):
 
 def option_of(kind):
     """--depth-info-topic of depth_info."""
-    return "--%s-topic" % kind.replace("_", "-")
+    return f"--{kind.replace('_', '-')}-topic"
 
 
 def topics(args):
-    return Topics(**{kind: getattr(args, kind + "_topic") for kind in vars(Topics())})
+    return Topics(**{kind: getattr(args, f"{kind}_topic") for kind in vars(Topics())})
 
 
 def rules(args):
@@ -49,11 +50,11 @@ def invalid_values(args):
 
 
 def _list_of_mm(text):
-    """argparse type: a YAML list of whole numbers, as text: that is how launch files take it."""
+    """argparse type: a YAML list of whole numbers, as text, which is what launch files take."""
     try:
         values = yaml.safe_load(text)
     except yaml.YAMLError:
         values = None
     if not isinstance(values, list) or not all(type(value) is int for value in values):
-        raise argparse.ArgumentTypeError("'%s': expected a list of whole numbers, such as [0,2047]" % text)
+        raise argparse.ArgumentTypeError(f"'{text}': expected a list of whole numbers, such as [0,2047]")
     return text

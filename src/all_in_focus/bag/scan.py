@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""One pass over a bag: the head of every image, everything small whole. Pixels are fetched afterwards, one by one."""
+"""One pass over a bag that keeps the head of each image and all small messages. Pixels are fetched later."""
 import struct
 import sys
 import zlib
@@ -12,17 +12,17 @@ from sensor_msgs.msg import Image
 from tf2_msgs.msg import TFMessage
 from tqdm import tqdm
 
-from all_in_focus.bag.file import TYPES, BagError, absolute
+from all_in_focus.bag.bag_file import TYPES, BagError, absolute
 
 NS = 10 ** 9  # in a second
-SMALL = {**TYPES, "tf": TFMessage, "tf_static": TFMessage}  # rosbag makes classes of its own, which tf2 does not know
+SMALL = {**TYPES, "tf": TFMessage, "tf_static": TFMessage}  # tf2 does not accept the classes that rosbag generates
 
 
 class Head(NamedTuple):
     """An image without its pixels. Times in ns.
 
-    order: position among the messages scanned; nth: among those of its topic that were recorded at the same time.
-    size: (width, height), and the rest, None where the image is compressed; checksum: of the pixels.
+    order: position among the messages scanned; nth: position among those of its topic recorded at the same time; size:
+    (width, height), None where the image is compressed; checksum: of the pixels.
     """
     order: int
     recorded: int
@@ -38,7 +38,7 @@ class Head(NamedTuple):
 
 
 class Small(NamedTuple):
-    """A message that is kept whole; recorded: ns."""
+    """A message that is kept; recorded: ns."""
     order: int
     recorded: int
     message: object
@@ -46,9 +46,9 @@ class Small(NamedTuple):
 
 @dataclass
 class Scan:
-    """What is in a bag, in recorded order. infos: only those that differ from the one before. tf: of both topics.
+    """Content of a bag in recorded order. Of camera infos only those that differ from the one before.
 
-    unreadable: (kind, recorded) of messages that are no such message; start: the first recorded, ns.
+    unreadable: (kind, recorded) of messages that cannot be deserialised; start: time of the first message, ns.
     """
     depth: List[Head] = field(default_factory=list)
     rgb: List[Head] = field(default_factory=list)
@@ -64,7 +64,7 @@ class Scan:
 
 
 def scan(bag, checksums=False):
-    """Scan of a BagFile; topics of a wrong type are left out. checksums: whether those of colour are wanted."""
+    """Scan of a BagFile; topics of a wrong type are left out. checksums: whether to compute those of colour images."""
     wrong = {kind for kind, _ in bag.wrong_types()}
     kinds = {name: kind for kind, name in bag.topics.items() if kind not in wrong}
     kinds.update({"/tf": "tf", "/tf_static": "tf_static"})
@@ -87,7 +87,7 @@ def scan(bag, checksums=False):
             if kind.endswith("_info"):
                 if infos.get(kind) == data[12:]:
                     continue
-                infos[kind] = data[12:]  # after sequence number and stamp
+                infos[kind] = data[12:]  # without sequence number and stamp
             getattr(found, kind).append(Small(order, recorded, SMALL[kind]().deserialize(data)))
         except (struct.error, UnicodeError, genpy.DeserializationError):
             found.unreadable.append((kind, recorded))
@@ -95,7 +95,7 @@ def scan(bag, checksums=False):
 
 
 def _head(data, message_type, checksum):
-    """Everything of a Head from the stamp on."""
+    """The fields of a Head from `stamp` on."""
     _, seconds, nanoseconds, length = struct.unpack_from("<4I", data, 0)
     at = 16 + length
     stamp, frame_id = seconds * NS + nanoseconds, data[16:at].decode()
@@ -119,11 +119,10 @@ def fetch(bag, kind, head):
     for nth, (_, message, _) in enumerate(bag.read([bag.topics[kind]], start_time=time, end_time=time)):
         if nth == head.nth:
             return message
-    raise BagError("%s: the image of %.6f on %s cannot be read again"
-                   % (bag.path, head.recorded / NS, bag.topics[kind]))
+    raise BagError(f"{bag.path}: the image of {head.recorded / NS:.6f} on {bag.topics[kind]} cannot be read again")
 
 
 def newest(messages, order):
-    """The last of Smalls, or of Heads, that was recorded at or before `order`, else the first; None of none."""
+    """The last message (Small or Head) recorded at or before `order`, else the first; None where there are none."""
     before = [message for message in messages if message.order <= order]
     return before[-1] if before else messages[0] if messages else None

@@ -1,21 +1,21 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writes a depth image and a focus stack into a bag, as a robot would have recorded them."""
+"""Writes a depth image and a focus stack into a bag, as if a robot had recorded them."""
 import errno
-import os
 import sys
+from pathlib import Path
 
-import cv_bridge
 import genpy
 import rosbag
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from tqdm import tqdm
 
-from all_in_focus.msg import FocusFrame, Optics
+from all_in_focus.bag.image_messages import to_message
 from all_in_focus.files.output_file import whole_file
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.rig_messages import camera_info, static_transform
+from all_in_focus.msg import FocusFrame, Optics
 
 START_NS = 1000 * 10 ** 9  # stamp of the first frame, ns; the same in every bag, so that bags can be compared
 
@@ -25,15 +25,15 @@ def stamp_of(index, rate):
     return genpy.Time(nsecs=START_NS + round(index * 1e9 / rate))
 
 
-class _Writer:
-    """A bag that records messages at their stamps."""
+class _BagWriter:
+    """A bag that records messages at the time of their stamps."""
 
     def __init__(self, bag):
         self.bag = bag
 
     def write(self, topic, message, stamp, latched=False):
         header = None
-        if latched:  # rosbag keeps it in the connection and latches the topic again when it plays
+        if latched:  # rosbag stores the header with the connection and latches the topic when it plays the bag
             header = {"topic": topic, "type": message._type, "md5sum": message._md5sum, "latching": "1",
                       "message_definition": message._full_text, "callerid": "/make_bag"}
         self.bag.write(topic, message, stamp, connection_header=header)
@@ -41,16 +41,15 @@ class _Writer:
 
 def _fill(writer, depth, rig_folder, stack, rate, with_focus):
     rig = load_rig(rig_folder)
-    bridge = cv_bridge.CvBridge()
     start = stamp_of(0, rate)
     writer.write("/tf_static", TFMessage([static_transform(rig_folder, start)]), start, latched=True)
     if rig.optics is not None:
         writer.write("/rgb/optics", Optics(**vars(rig.optics)), start, latched=True)
 
-    # Equal times are played in the order in which topics were first written: the depth image before the colour images.
+    # Messages of equal time are played in the order in which their topics were first written: depth before colour.
     header = Header(stamp=start, frame_id=rig.child_frame)
     writer.write("/depth/camera_info", camera_info(rig.depth, header), start)
-    writer.write("/depth/image_raw", bridge.cv2_to_imgmsg(depth, "16UC1", header), start)
+    writer.write("/depth/image_raw", to_message(depth, "16UC1", header), start)
 
     for index, frame in enumerate(tqdm(stack, unit="frame", disable=not sys.stderr.isatty())):
         stamp = stamp_of(index, rate)
@@ -60,16 +59,16 @@ def _fill(writer, depth, rig_folder, stack, rate, with_focus):
             writer.write("/rgb/focus", FocusFrame(header=header, bracket_id=0, index=index, count=len(stack),
                                                   last=index + 1 == len(stack),
                                                   focus_distance=stack.distances[index]), stamp)
-        writer.write("/rgb/image", bridge.cv2_to_imgmsg(frame, "bgr8", header), stamp)
+        writer.write("/rgb/image", to_message(frame, "bgr8", header), stamp)
 
 
 def write_bag(output, depth, rig_folder, stack, rate=30.0, with_focus=True):
-    """Write the bag; on any error nothing is left behind and an older bag stays.
+    """Writes the bag; on any error nothing is left behind and an older bag stays.
 
     depth: 16-bit image in mm; rig_folder: see rig.py; stack: a Stack; rate: colour frames per second;
-    with_focus: whether FocusFrame messages say which frame of the bracket an image is.
+    with_focus: whether to write FocusFrame messages.
     """
-    if os.path.isdir(output):
-        raise IsADirectoryError(errno.EISDIR, "is a folder", output)
-    with whole_file(output) as working, rosbag.Bag(working, "w", compression=rosbag.Compression.LZ4) as bag:
-        _fill(_Writer(bag), depth, rig_folder, stack, rate, with_focus)
+    if Path(output).is_dir():
+        raise IsADirectoryError(errno.EISDIR, "is a folder", str(output))
+    with whole_file(output) as working, rosbag.Bag(str(working), "w", compression=rosbag.Compression.LZ4) as bag:
+        _fill(_BagWriter(bag), depth, rig_folder, stack, rate, with_focus)

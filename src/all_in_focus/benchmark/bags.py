@@ -11,7 +11,7 @@ import shutil
 import cv2
 
 from all_in_focus.bag.contents import BagContents, Topics
-from all_in_focus.bag.images import bgr
+from all_in_focus.bag.image_messages import bgr
 from all_in_focus.benchmark import programs
 from all_in_focus.benchmark.methods import OWN, TIMEOUT_S
 from all_in_focus.benchmark.scenes import Scene, digest

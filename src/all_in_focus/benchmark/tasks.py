@@ -12,7 +12,7 @@ from all_in_focus import metrics
 from all_in_focus.benchmark import methods, programs
 from all_in_focus.benchmark.settings import TRUTH_MEASURES
 from all_in_focus.metrics.truth import Truth, psnr, ssim
-from all_in_focus.files.result_files import encode_png
+from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.stack import read_depth, read_image
 
 

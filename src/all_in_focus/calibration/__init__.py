@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""From pictures of a chessboard to a rig folder (calibrate_rig), and whether a rig fits a scene (check_rig)."""
+"""calibrate_rig: a rig folder from pictures of a chessboard. check_rig: does a rig fit a scene?"""
 
 
 class CalibrationError(ValueError):
-    """What keeps a calibration from being made; the message is one line and says what to do."""
+    """A calibration is not possible; the message is one line and says what to do."""

@@ -1,16 +1,22 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A chessboard, and its inner corners in a picture."""
+"""A chessboard, its inner corners in a picture, and pairs of pictures of it by two cameras."""
 import re
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Optional
 
 import cv2
 import numpy as np
 
-MAX_SIDE = 1200  # pixels: the board is looked for in a picture of this size, its corners are then refined in the whole
-MAGNIFIED_SIDE = 800  # a picture up to this size is also looked at magnified
-MAX_WINDOW = 11  # pixels: half the window in which a corner is refined; in a larger one curved lines count
-MAX_BEND = 0.15  # of a square: farther from a flat board's corners lies none, whatever the lens
+from all_in_focus.calibration import CalibrationError
+from all_in_focus.files.stack import StackError, is_image_name, read_image
+
+CAMERAS = ("depth", "color")
+MAX_SIDE = 1200  # pixels: larger pictures are searched at this size; corners are then refined at the full size
+MAGNIFIED_SIDE = 800  # pixels: pictures up to this size are also searched at twice their size
+MAX_WINDOW = 11  # pixels: half the window in which a corner is refined; in larger ones the bend of lines disturbs
+MAX_BEND = 0.15  # of a square: corners of a flat board deviate less from a grid, whatever the lens
 
 
 @dataclass(frozen=True)
@@ -22,15 +28,15 @@ class Board:
 
     @classmethod
     def parse(cls, text, square_mm):
-        """From '8x6' and mm; the larger number counts the columns."""
+        """From '8x6' and mm; the larger number is that of the columns."""
         match = re.fullmatch(r"(\d+)x(\d+)", text.lower())
         sides = sorted(int(side) for side in match.groups()) if match else (0, 0)
         if sides[0] < 3:
-            raise ValueError("'%s': expected the number of inner corners, as in 8x6; at least 3 each way" % text)
+            raise ValueError(f"'{text}': expected the number of inner corners, as in 8x6; at least 3 each way")
         return cls(sides[1], sides[0], square_mm / 1000)
 
     def __str__(self):
-        return "%dx%d" % (self.columns, self.rows)
+        return f"{self.columns}x{self.rows}"
 
     @property
     def points(self):
@@ -39,19 +45,19 @@ class Board:
         return np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3).astype(np.float32) * np.float32(self.square)
 
     def orders(self, corners):
-        """The corners (N x 2) in every order that the board, which looks alike from two or four sides, may have."""
+        """The corners (N x 2) in every possible order: the board looks alike from two or four sides."""
         grid = corners.reshape(self.rows, self.columns, 2)
-        turns = range(4) if self.rows == self.columns else (0, 2)
-        return [np.rot90(grid, turn).reshape(-1, 2) for turn in turns]
+        quarters = range(4) if self.rows == self.columns else (0, 2)
+        return [np.rot90(grid, quarter).reshape(-1, 2) for quarter in quarters]
 
     def outline(self, corners):
-        """The four outer ones of the corners, 4 x 2, around the board."""
+        """The outermost four of the corners, 4 x 2, around the board."""
         grid = corners.reshape(self.rows, self.columns, 2)
         return np.array([grid[0, 0], grid[0, -1], grid[-1, -1], grid[-1, 0]])
 
 
 def gray(image):
-    """Brightness 0 to 255, float32, of an 8- or 16-bit picture; 16 bits (infrared) are stretched to what is in use."""
+    """Brightness 0 to 255, float32, of an 8- or 16-bit picture; 16 bits (infrared) are stretched to their range."""
     if image.ndim == 3:
         image = image[..., 0] if image.shape[2] == 1 else cv2.cvtColor(image[..., :3], cv2.COLOR_BGR2GRAY)
     if image.dtype == np.uint8:
@@ -67,7 +73,7 @@ def _stretched(image):
 def find_corners(image, board, thorough=True):
     """Inner corners, N x 2 in pixels (centre of the first pixel: 0, 0), row by row; None where the board is not seen.
 
-    thorough: what is not found quickly is looked for again, with more patience.
+    thorough: whether to try slower searches where the quick one finds nothing.
     """
     brightness = gray(image)
     side = max(brightness.shape)
@@ -82,8 +88,8 @@ def find_corners(image, board, thorough=True):
 
 
 def _searches(base, side):
-    """(scale, flags), the quickest first. Small squares want magnifying; evening out the brightness of the whole
-    picture helps a board in the shade, but lets noise rise beside a small one."""
+    """(scale, flags), the quickest first. Small squares are found in a magnified picture. Equalising the brightness
+    finds a board in the shade, but amplifies noise around a small one, so it comes later."""
     yield base, 0
     if side <= MAGNIFIED_SIDE:
         yield 2, 0
@@ -92,7 +98,7 @@ def _searches(base, side):
 
 
 def _scaled(brightness, scale):
-    """8 bit, stretched to the range in use."""
+    """Picture at another scale, 8 bit, stretched to the range in use."""
     if scale != 1:
         way = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
         brightness = cv2.resize(brightness, None, fx=scale, fy=scale, interpolation=way)
@@ -100,16 +106,16 @@ def _scaled(brightness, scale):
 
 
 def _not_mirrored(corners, board):
-    """Rows that go right and columns that go down are right-handed, from whatever side the board is looked at."""
+    """Corners in an order that is not mirrored: rows to the right and columns down make a right-handed grid."""
     grid = corners.reshape(board.rows, board.columns, 2)
     (ax, ay), (bx, by) = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     return (grid if ax * by - ay * bx > 0 else grid[:, ::-1]).reshape(-1, 2)
 
 
 def _refined(brightness, corners, board, scale):
-    """Corners to a fraction of a pixel, where the picture has them; None where they do not make a flat board.
+    """Corners refined in the full picture; None where they do not lie on a flat board.
 
-    Those of findChessboardCornersSB are up to a pixel off on tilted boards.
+    findChessboardCornersSB is up to a pixel off on tilted boards.
     """
     grid = corners.reshape(board.rows, board.columns, 2)
     square = min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1))
@@ -122,3 +128,81 @@ def _refined(brightness, corners, board, scale):
         return None
     bend = cv2.perspectiveTransform(board.points[None, :, :2], flat)[0] - refined
     return refined if np.linalg.norm(bend, axis=1).max() < max(1, MAX_BEND * square) else None
+
+
+@dataclass
+class Pair:
+    """Corners of the board (N x 2, pixels) in the two pictures of one moment; None where it is not seen.
+
+    unreadable: a line where a picture cannot be read.
+    """
+    name: str
+    depth: Optional[np.ndarray]
+    color: Optional[np.ndarray]
+    unreadable: str = ""
+
+
+class PairFolders:
+    """Two folders of pictures; files of the same name, apart from the suffix, are a pair. warnings: one line each."""
+
+    def __init__(self, depth_folder, color_folder):
+        self._folders = (depth_folder, color_folder)
+        files = [_images(folder) for folder in self._folders]
+        self.names = sorted(set(files[0]) & set(files[1]))
+        if not self.names:
+            raise CalibrationError(f"no picture of {self._folders[0]} has a counterpart of the same name in "
+                                   f"{self._folders[1]}")
+        self.warnings = [f"{folder}: no picture in {other} is named like "
+                         f"{', '.join(sorted(set(own) - set(others)))}: left out"
+                         for folder, own, other, others in ((self._folders[0], files[0], self._folders[1], files[1]),
+                                                            (self._folders[1], files[1], self._folders[0], files[0]))
+                         if set(own) - set(others)]
+        self._files = files
+        self.sizes = [None, None]  # (width, height) of the cameras' pictures
+        self._first = [None, None]  # name of the first picture that can be read
+
+    def pairs(self, board):
+        """Yields one Pair after the other. CalibrationError where no picture of a camera can be read."""
+        for name in self.names:
+            corners, complaints = [None, None], []
+            for camera in (0, 1):
+                try:
+                    corners[camera] = find_corners(self._read(camera, name), board)
+                except StackError as error:
+                    complaints.append(str(error))
+            yield Pair(name, *corners, "; ".join(complaints))
+        for folder, first in zip(self._folders, self._first):
+            if first is None:
+                raise CalibrationError(f"{folder}: none of the {len(self.names)} pictures can be read")
+
+    def first_picture(self, camera):
+        """The first picture that can be read; call after pairs()."""
+        return self._read(camera, self._first[camera])
+
+    def _read(self, camera, name):
+        path = Path(self._folders[camera]) / self._files[camera][name]
+        image = read_image(path, cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+        size = image.shape[1::-1]
+        self._first[camera] = self._first[camera] or name
+        self.sizes[camera] = self.sizes[camera] or size
+        if size != self.sizes[camera]:
+            width, height = self.sizes[camera]
+            raise CalibrationError(f"{path}: {size[0]}x{size[1]} pixels, but the {CAMERAS[camera]} camera's pictures "
+                                   f"before it have {width}x{height}")
+        return image
+
+
+def _images(folder):
+    """File names by stem."""
+    try:
+        names = sorted(path.name for path in Path(folder).iterdir() if is_image_name(path.name))
+    except OSError as error:
+        raise CalibrationError(f"{folder}: {error.strerror}")
+    if not names:
+        raise CalibrationError(f"{folder}: holds no images")
+    by_stem = {}
+    for name in names:
+        other = by_stem.setdefault(Path(name).stem, name)
+        if other != name:
+            raise CalibrationError(f"{folder}: {other} and {name} differ in their ending only: remove one")
+    return by_stem

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""calibrate_rig --live: takes pairs of pictures from two topics until there are enough, then calibrates and ends."""
+"""calibrate_rig --live: takes pairs of pictures from two topics until there are enough, calibrates and ends."""
 import threading
 import time
 
@@ -17,12 +17,12 @@ TOPICS = ("ir/image", "rgb/image")
 SIXTEEN_BIT = ("mono16", "16UC1")
 SLOP = 0.2  # s between the two pictures; the board is held still
 SILENCE = 5.0  # s
-MORE = 5  # pairs, after which a calibration that failed is tried again
-GRACE = 1.0  # s for answers that are on their way
+MORE = 5  # pairs to wait before a calibration that failed is tried again
+GRACE = 1.0  # s for the answer of ~finish to be sent
 
 
 class LiveNode:
-    """calibrate: pairs and sizes -> lines, CalibrationError if that is not possible."""
+    """calibrate: function of pairs and sizes that returns lines, or raises CalibrationError."""
 
     def __init__(self, view, calibrate):
         self._view, self._calibrate = view, calibrate
@@ -44,12 +44,12 @@ class LiveNode:
 
     def _pair(self, *messages):
         with self._arrived:
-            self._latest = messages  # who searches slower than pictures come leaves some out
+            self._latest = messages  # the newest pair only: pairs that come during a search are skipped
             self._last_pair = time.monotonic()
             self._arrived.notify()
 
     def run(self):
-        """Until the rig is written, or the node is to end; whether it is written."""
+        """Runs until the rig is written or the node is shut down; returns whether it is written."""
         while not rospy.is_shutdown() and not self._done:
             with self._arrived:
                 if self._latest is None:
@@ -71,14 +71,14 @@ class LiveNode:
             return [self._bridge.imgmsg_to_cv2(message, "passthrough" if message.encoding in SIXTEEN_BIT else "bgr8")
                     for message in messages]
         except cv_bridge.CvBridgeError as error:
-            rospy.logwarn_throttle(10, "a picture cannot be used: %s" % error)
+            rospy.logwarn_throttle(10, f"a picture cannot be used: {error}")
             return None
 
     def _look(self, images):
         try:
             if self._view.add(images):
                 rospy.loginfo("%s", "; ".join(self._view.status()))
-        except OSError as error:  # the pair itself counts
+        except OSError as error:  # the pair counts all the same
             rospy.logwarn("%s", error)
         if self._view.enough and len(self._view.pairs) >= self._next_try:
             try:
@@ -111,11 +111,11 @@ class LiveNode:
         now = time.monotonic()
         for index, topic in enumerate(TOPICS):
             if now - self._last_heard[index] > SILENCE:
-                rospy.logwarn_throttle(30, "nothing comes on %s: is its camera on, is the topic remapped?"
-                                       % rospy.resolve_name(topic))
+                rospy.logwarn_throttle(30, f"nothing comes on {rospy.resolve_name(topic)}: is its camera on, is the "
+                                           "topic remapped?")
                 return
         if now - self._last_pair > SILENCE:
-            rospy.logwarn_throttle(30, "both cameras' pictures come, but their stamps are more than %g s apart" % SLOP)
+            rospy.logwarn_throttle(30, f"both cameras' pictures come, but their stamps are more than {SLOP:g} s apart")
 
 
 def run(arguments, calibrate):

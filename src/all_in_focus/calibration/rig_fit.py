@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Both cameras and their relative pose from pairs of views, bad views left out and named."""
+"""Fits both cameras and their relative pose to pairs of views of a board; names bad views and leaves them out.
+
+First each camera alone (fit_camera), then the relative pose on which most views agree (agree), then all together.
+"""
 from dataclasses import dataclass, field
 from typing import Dict, List, Tuple
 
@@ -8,22 +11,148 @@ import cv2
 import numpy as np
 
 from all_in_focus.calibration import CalibrationError
-from all_in_focus.calibration.camera_fit import CameraFit, distortion_flags, fit_camera, known_camera, limit
-from all_in_focus.calibration.consensus import OTHERWISE, agree
 
-MIN_PAIRS = 5
-CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-7)
-GROUPS = 8  # of views, each of which is left out once to see how much the result depends on it
-DEPTHS = (0.8, 1.5, 4.0)  # m: where the mapping is judged
+MIN_VIEWS = MIN_PAIRS = 5
+CAMERA_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-8)
+RIG_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-7)
+TERMS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+GROUPS = 8  # of views; each is left out once to see how much the result depends on it
+DEPTHS = (0.8, 1.5, 4.0)  # m: where the mapping is evaluated
+ROBUST_COST_CAP = 0.04  # of the picture's width: larger distances from the common pose all cost the same
 MOVED = "the cameras' relative pose is another: was the board moved between the two pictures?"
+
+
+@dataclass
+class CameraFit:
+    """K 3x3, D 5. errors: RMS in pixels by view; left_out: reason by view; deviations: standard deviations by term."""
+    K: np.ndarray
+    D: np.ndarray
+    errors: Dict[str, float]
+    left_out: Dict[str, str]
+    deviations: Dict[str, float]
+    tilts: Dict[str, np.ndarray]  # normal of the board, in the camera
+
+    @property
+    def rms(self):
+        return float(np.sqrt(np.mean(np.square(list(self.errors.values())))))
+
+
+def limit(errors):
+    """Error (pixels) above which a view is an outlier among the others; never below a quarter of a pixel."""
+    errors = np.asarray(list(errors))
+    middle = np.median(errors)
+    return max(0.25, 3 * middle, middle + 6 * 1.4826 * np.median(np.abs(errors - middle)))
+
+
+def distortion_flags(radial):
+    """Flags of cv2.calibrateCamera for 0 to 3 radial terms."""
+    flags = (cv2.CALIB_FIX_K1, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K3)
+    return sum(flags[radial:]) + (cv2.CALIB_ZERO_TANGENT_DIST if radial == 0 else 0)
+
+
+def fit_camera(name, board, corners, size, radial=2):
+    """CameraFit. corners: N x 2 by view; size: (width, height); radial: terms of the distortion."""
+    left_out = {}
+    while True:
+        kept = [view for view in corners if view not in left_out]
+        if len(kept) < MIN_VIEWS:
+            raise CalibrationError(f"the {name} camera: {len(kept)} usable views of the board, at least {MIN_VIEWS} "
+                                   "are needed, 20 are good")
+        try:
+            _, K, D, rotations, _, deviations, _, errors = cv2.calibrateCameraExtended(
+                [board.points] * len(kept), [corners[view].astype(np.float32) for view in kept], size, None, None,
+                flags=distortion_flags(radial), criteria=CAMERA_CRITERIA)
+        except cv2.error:
+            raise CalibrationError(f"the {name} camera: its views do not determine a calibration: tilt the "
+                                   "board differently in each")
+        errors = dict(zip(kept, errors.ravel().tolist()))
+        worst = max(errors, key=errors.get)
+        if errors[worst] <= limit(errors.values()):
+            return CameraFit(K, D.ravel()[:5], errors, left_out, dict(zip(TERMS, deviations.ravel().tolist())),
+                             {view: cv2.Rodrigues(rotation)[0][:, 2] for view, rotation in zip(kept, rotations)})
+        # One at a time: a very bad view increases the errors of the others.
+        left_out[worst] = f"{errors[worst]:.2f} px in the {name} picture, far above the others"
+
+
+def known_camera(name, board, corners, camera):
+    """CameraFit of a camera (files.rig.Camera) whose intrinsics stay as they are."""
+    errors, tilts = {}, {}
+    for view, points in corners.items():
+        pose = board_pose(board, points, camera.K, camera.D)
+        seen = cv2.projectPoints(board.points, *pose, camera.K, camera.D)[0].reshape(-1, 2)
+        errors[view] = float(np.sqrt(np.mean(np.sum((seen - points) ** 2, axis=1))))
+        tilts[view] = cv2.Rodrigues(pose[0])[0][:, 2]
+    bound = limit(errors.values()) if errors else 0
+    left_out = {view: f"{error:.2f} px in the {name} picture, far above the others"
+                for view, error in errors.items() if error > bound}
+    errors = {view: error for view, error in errors.items() if view not in left_out}
+    return CameraFit(camera.K, camera.D, errors, left_out, {}, tilts)
+
+
+def board_pose(board, corners, K, D):
+    """Rotation vector and position (m) of the board."""
+    on_board, seen = board.points.astype(np.float64), corners.astype(np.float64)
+    _, rotation, position = cv2.solvePnP(on_board, seen, K, D, flags=cv2.SOLVEPNP_IPPE)
+    return cv2.solvePnPRefineLM(on_board, seen, K, D, rotation, position)
+
+
+def _pose_matrix(rotation, position):
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(rotation)[0], np.ravel(position)
+    return pose
+
+
+def _orders(board, pair):
+    """Orders of the corners in the colour picture; the first assumes that both cameras are the same way up."""
+    along = pair.depth[board.columns - 1] - pair.depth[0]
+    return sorted(board.orders(pair.color), key=lambda corners: -np.dot(corners[board.columns - 1] - corners[0], along))
+
+
+def agree(board, pairs, depth, color, width):
+    """Finds the pose of one camera in the other on which most views agree.
+
+    A board looks alike from two sides, a square one from four, so a single picture does not tell which corner is the
+    first. The cameras do not move on the rig, and a wrong choice gives another relative pose in each view: the pose
+    that most views share is the right one. Returns two dicts by view: the colour picture's corners in the order of the
+    depth picture's, and the distance in pixels from the common pose.
+
+    pairs: Pair with both corners; depth, color: CameraFit; width: of the colour picture.
+    """
+    poses = [_pose_matrix(*board_pose(board, pair.depth, depth.K, depth.D)) for pair in pairs]
+    orders = [_orders(board, pair) for pair in pairs]
+    flat = np.array([[cv2.undistortPoints(order.astype(np.float64).reshape(-1, 1, 2), color.K, color.D)[:, 0]
+                      for order in view] for view in orders])  # views x orders x corners x 2
+    points = np.concatenate([board.points, np.ones((len(board.points), 1))], axis=1)
+    in_depth = np.array([pose @ points.T for pose in poses])  # views x 4 x corners
+    focal = (color.K[0, 0] + color.K[1, 1]) / 2
+
+    def errors(candidate):
+        """RMS distance in pixels, views x orders."""
+        seen = candidate[:3] @ in_depth
+        with np.errstate(divide="ignore", invalid="ignore"):
+            seen = np.moveaxis(seen[:, :2] / seen[:, 2:], 1, 2)
+        off = np.sqrt(np.mean(np.sum((seen[:, None] - flat) ** 2, axis=3), axis=2)) * focal
+        return np.where(np.isfinite(off), off, np.inf)
+
+    best, best_cost = None, np.inf
+    for order in range(len(orders[0])):
+        for view, pose in enumerate(poses):
+            candidate = _pose_matrix(*board_pose(board, orders[view][order], color.K, color.D)) @ np.linalg.inv(pose)
+            off = errors(candidate)
+            cost = np.minimum(off.min(axis=1), ROBUST_COST_CAP * width).sum()
+            if cost < best_cost * (1 - 1e-6):
+                best, best_cost = off, cost
+    chosen = best.argmin(axis=1)
+    return ({pair.name: view[order] for pair, view, order in zip(pairs, orders, chosen)},
+            {pair.name: float(off[order]) for pair, off, order in zip(pairs, best, chosen)})
 
 
 @dataclass
 class RigFit:
     """X_color = R X_depth + t (m). errors: pixels RMS of each camera by pair; left_out: pair -> reason.
 
-    spread: standard deviations of t (m, 3), of the turn (rad) and of where a depth pixel lies in the colour picture
-    (pixels, RMS over the picture and DEPTHS).
+    deviations: standard deviations of t (m, 3), of the rotation (rad) and of the place of a depth pixel in the colour
+    picture (pixels, RMS over the picture and DEPTHS). missing: pair -> which picture does not show the board, and why.
     """
     depth: CameraFit
     color: CameraFit
@@ -32,8 +161,8 @@ class RigFit:
     errors: Dict[str, Tuple[float, float]]
     left_out: Dict[str, str]
     jointly: bool
-    spread: tuple = (None, None, None)
-    missing: Dict[str, str] = field(default_factory=dict)  # pair -> which picture does not show the board, and why
+    deviations: tuple = (None, None, None)
+    missing: Dict[str, str] = field(default_factory=dict)
 
     @property
     def rms(self):
@@ -48,31 +177,31 @@ def fit_rig(board, pairs: List, sizes, known=(None, None), radial=2):
     both = [pair for pair in pairs if pair.depth is not None and pair.color is not None
             and not any(pair.name in fit.left_out for fit in fits)]
     if len(both) < MIN_PAIRS:
-        raise CalibrationError("%d usable pairs show the board to both cameras, at least %d are needed, 20 are good"
-                               % (len(both), MIN_PAIRS))
+        raise CalibrationError(f"{len(both)} usable pairs show the board to both cameras, at least {MIN_PAIRS} are "
+                               "needed, 20 are good")
     order, off = agree(board, both, *fits, sizes[1][0])
     left_out = _disagreeing(off, sizes[1][0])
-    # Refined together, both cameras' intrinsics fit each other: where tried, a depth pixel then maps three times more
-    # precisely than with each camera's own. With few pairs among many single views they would lose.
+    # Refined together, the intrinsics of both cameras fit each other: in the tests a depth pixel is then mapped more
+    # precisely than with each camera's own. With few pairs among many single views the single views know more.
     jointly = known == (None, None) and all(2 * len(both) >= len(fit.errors) for fit in fits)
     solver = _Solver(board, {pair.name: (pair.depth, order[pair.name]) for pair in both}, fits, sizes[0],
                      distortion_flags(radial) if jointly else None)
     while True:
         kept = [pair.name for pair in both if pair.name not in left_out]
         if 2 * len(kept) < len(both) or len(kept) < MIN_PAIRS:
-            raise CalibrationError("the cameras' relative pose differs from pair to pair (only %d of %d agree): were "
-                                   "the cameras or the board moved, or is one camera's picture mirrored?"
-                                   % (len(kept), len(both)))
+            raise CalibrationError(f"the cameras' relative pose differs from pair to pair (only {len(kept)} of "
+                                   f"{len(both)} agree): were the cameras or the board moved, or is one camera's "
+                                   "picture mirrored?")
         solution = solver.solve(kept)
         total = {name: float(np.hypot(*error)) for name, error in solution.errors.items()}
         worst = max(total, key=total.get)
         if total[worst] <= limit(total.values()):
             break
-        left_out[worst] = "%.2f px in the pair, far above the others: %s" % (total[worst], MOVED)
+        left_out[worst] = f"{total[worst]:.2f} px in the pair, far above the others: {MOVED}"
     for fit, K, D in zip(fits, solution.K, solution.D):
         fit.K, fit.D = K, D
     return RigFit(*fits, solution.R, solution.t, solution.errors, left_out, jointly,
-                  _spread(solver, kept, solution, sizes), missing)
+                  _deviations(solver, kept, solution, sizes), missing)
 
 
 def _missing(pairs):
@@ -87,15 +216,15 @@ def _fit(name, board, pairs, size, camera, radial):
     if camera is None:
         return fit_camera(name, board, corners, size, radial)
     if (camera.width, camera.height) != tuple(size):
-        raise CalibrationError("the %s camera's known calibration is for %dx%d pixels, its pictures have %dx%d"
-                               % (name, camera.width, camera.height, *size))
+        raise CalibrationError(f"the {name} camera's known calibration is for {camera.width}x{camera.height} "
+                               f"pixels, its pictures have {size[0]}x{size[1]}")
     return known_camera(name, board, corners, camera)
 
 
 def _disagreeing(off, width):
-    """Left out at first sight: the poses of single views are not precise, so only what is grossly off."""
-    bound = min(max(0.01 * width, 6 * float(np.median(list(off.values())))), OTHERWISE * width)
-    return {name: "%.0f px beside where the others put it: %s" % (pixels, MOVED)
+    """Views to leave out before the fit. The poses of single views are not precise, so only gross outliers count."""
+    bound = min(max(0.01 * width, 6 * float(np.median(list(off.values())))), ROBUST_COST_CAP * width)
+    return {name: f"{pixels:.0f} px from where the other pairs put it: {MOVED}"
             for name, pixels in off.items() if pixels > bound}
 
 
@@ -123,9 +252,9 @@ class _Solver:
                    for camera in (0, 1)]
         start = [array.copy() for fit in self._fits for array in (fit.K, fit.D)]
         result = cv2.stereoCalibrateExtended([self._board.points] * len(names), *corners, *start, self._size,
-                                             np.eye(3), np.zeros((3, 1)), flags=self._flags, criteria=CRITERIA)
+                                             np.eye(3), np.zeros((3, 1)), flags=self._flags, criteria=RIG_CRITERIA)
         _, K1, D1, K2, D2, R, t = result[:7]
-        # Of the tuple's end only the last is the same in all versions of OpenCV.
+        # Versions of OpenCV differ in what they return between these and the last.
         errors = {name: tuple(map(float, error)) for name, error in zip(names, result[-1])}
         K, D = [K1, K2], [np.ravel(D1), np.ravel(D2)]
         if self._fixed:
@@ -134,7 +263,7 @@ class _Solver:
 
 
 def map_points(K, D, R, t, size):
-    """Where depth pixels, a grid at DEPTHS, lie in the colour picture, N x 2; K, D: of both cameras."""
+    """Places in the colour picture (N x 2) of a grid of depth pixels at DEPTHS; K, D: of both cameras."""
     u, v = np.meshgrid(np.linspace(0.05, 0.95, 7) * size[0], np.linspace(0.05, 0.95, 5) * size[1])
     rays = cv2.undistortPoints(np.stack([u, v], axis=-1).reshape(-1, 1, 2), K[0], D[0])[:, 0]
     rays = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
@@ -142,16 +271,16 @@ def map_points(K, D, R, t, size):
     return cv2.projectPoints(points, cv2.Rodrigues(R)[0], t, K[1], D[1])[0][:, 0]
 
 
-def _spread(solver, names, whole, sizes):
-    """Standard deviations by the jackknife: what changes when one group of views after the other is left out."""
+def _deviations(solver, names, whole, sizes):
+    """Standard deviations by the jackknife: leaves out one group of views after the other and looks what changes."""
     groups = min(GROUPS, len(names))
     found, seen = [], map_points(whole.K, whole.D, whole.R, whole.t, sizes[0])
     inside = ((seen >= 0) & (seen < sizes[1])).all(axis=1)
     for group in range(groups):
         part = solver.solve([name for number, name in enumerate(names) if number % groups != group])
-        turn = cv2.Rodrigues(part.R @ whole.R.T)[0].ravel()
+        rotation = cv2.Rodrigues(part.R @ whole.R.T)[0].ravel()
         mapped = map_points(part.K, part.D, part.R, part.t, sizes[0])[inside]
-        found.append(np.concatenate([part.t, turn, mapped.ravel()]))
+        found.append(np.concatenate([part.t, rotation, mapped.ravel()]))
     deviations = np.std(found, axis=0) * np.sqrt(groups - 1)
     mapping = float(np.sqrt(np.mean(deviations[6:] ** 2) * 2)) if inside.any() else None
     return deviations[:3], float(np.linalg.norm(deviations[3:6])), mapping

@@ -1,40 +1,46 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The rig folder: all of its files or none."""
-import os
-import shutil
+"""Writes the rig folder of a calibration: all of its files or none."""
 import tempfile
+from pathlib import Path
 
 import cv2
 import numpy as np
 
 from all_in_focus.calibration import CalibrationError
-from all_in_focus.files.output_file import named
+from all_in_focus.files.output_folder import read_mark, whole_folder
 from all_in_focus.files.rig import Camera, Rig, load_rig, save_rig
 
 FILES = ("depth.yaml", "color.yaml", "extrinsics.yaml", "optics.yaml", "calibration.yaml")
 
 
 def refuse_existing(folder, force):
-    """CalibrationError where the folder cannot be made, or holds a rig that is not to be replaced."""
-    if os.path.exists(folder) and not os.path.isdir(folder):
-        raise CalibrationError("%s: exists and is no folder" % folder)
-    existing = [name for name in FILES if os.path.exists(os.path.join(folder, name))]
+    """CalibrationError where the folder is no folder, or holds a rig that must not be replaced: without `force`, or one
+    that calibrate_rig did not write."""
+    folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise CalibrationError(f"{folder}: exists and is no folder")
+    existing = [name for name in FILES if (folder / name).exists()]
     if existing and not force:
-        raise CalibrationError("%s: holds a rig already (%s): name another folder, or say --force"
-                               % (folder, ", ".join(existing)))
+        raise CalibrationError(f"{folder}: holds a rig already ({', '.join(existing)}): name another folder, or say "
+                               "--force")
+    mark = read_mark(folder)
+    foreign = sorted(set(existing) - {"optics.yaml"} - set(mark["files"] if mark else ()))
+    if foreign:
+        raise CalibrationError(f"{folder / foreign[0]}: was not written by calibrate_rig: name another folder, or "
+                               "remove it")
 
 
 def refuse_read_only(folder):
-    """CalibrationError where nothing can be written, tried out: before somebody has stood there with the board."""
-    whole = os.path.abspath(folder)
-    for place in (whole, os.path.dirname(whole)):  # the parent holds the files until all are there
-        while not os.path.lexists(place):
-            place = os.path.dirname(place)
+    """CalibrationError where nothing can be written. Tried before the work: nobody has to take the views twice."""
+    whole = Path(folder).absolute()
+    for place in (whole, whole.parent):  # the parent gets the staging folder
+        while not place.exists() and not place.is_symlink():
+            place = place.parent
         try:
             tempfile.TemporaryDirectory(dir=place).cleanup()
         except OSError as error:
-            raise CalibrationError("%s: cannot be written, %s: %s" % (folder, place, error.strerror))
+            raise CalibrationError(f"{folder}: cannot be written, {place}: {error.strerror}")
 
 
 def build_rig(fit, names, sizes, offset=(0.0, 0.0), optics=None):
@@ -46,30 +52,17 @@ def build_rig(fit, names, sizes, offset=(0.0, 0.0), optics=None):
 
 
 def _camera(name, size, K, D):
-    # P as camera_calibration gives it: the rectified picture, without empty edges.
+    # P as camera_calibration computes it: the rectified picture without empty borders.
     rectified, _ = cv2.getOptimalNewCameraMatrix(K, D, size, 0)
     return Camera(name, size[0], size[1], K, D, "plumb_bob" if len(D) <= 5 else "rational_polynomial",
                   P=np.hstack([rectified, np.zeros((3, 1))]))
 
 
 def write_rig(folder, rig, record, force=False):
-    """Write rig and calibration.yaml (text). Other files of an existing folder stay; so does its optics.yaml if the rig
-    has none."""
+    """Writes the rig and calibration.yaml (text). Files that calibrate_rig did not write stay, such as an optics.yaml
+    where `rig` has no lens; one that would have to be replaced is an error."""
     refuse_existing(folder, force)
-    folder = os.path.abspath(folder)
-    os.makedirs(os.path.dirname(folder), exist_ok=True)
-    working = os.path.join(os.path.dirname(folder), ".%d.%s" % (os.getpid(), os.path.basename(folder)))
-    try:
-        with named(folder, working):
-            os.mkdir(working)
-            save_rig(working, rig)
-            with open(os.path.join(working, "calibration.yaml"), "w", encoding="utf-8") as out:
-                out.write(record)
-            load_rig(working)  # what cannot be read is not put in anybody's place
-            if os.path.isdir(folder):
-                for name in os.listdir(working):
-                    os.replace(os.path.join(working, name), os.path.join(folder, name))
-            else:
-                os.rename(working, folder)
-    finally:
-        shutil.rmtree(working, ignore_errors=True)
+    with whole_folder(folder, "calibrate_rig", may_keep=lambda name: True, parents=True) as working:
+        save_rig(working, rig)
+        (working / "calibration.yaml").write_text(record, encoding="utf-8")
+        load_rig(working)  # checks that it can be read before it replaces anything

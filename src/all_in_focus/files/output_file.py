@@ -1,15 +1,18 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Files and folders that are written beside their place and put there when they are whole."""
+"""Writes files that are complete or not there: beside their place first, then renamed in one step."""
 import contextlib
+import json
 import os
+from pathlib import Path
 
 import cv2
 
 
 @contextlib.contextmanager
 def named(path, working):
-    """Errors at the working file or folder are told as of `path`: people know no other."""
+    """Re-raises OSErrors of the temporary file or folder `working` with the user's path instead."""
+    path, working = str(path), str(working)
     try:
         yield
     except OSError as error:
@@ -21,23 +24,41 @@ def named(path, working):
 
 @contextlib.contextmanager
 def whole_file(path):
-    """Path to write to. What is there takes the place of `path` in one step; on an error nothing is left behind."""
-    folder, name = os.path.split(path)
-    working = os.path.join(folder, ".%d.%s" % (os.getpid(), name))  # keeps the ending, which may say the format
+    """Yields the Path to write to. It replaces `path` at the end, in one step; on an error nothing is left behind."""
+    path = Path(path)
+    working = path.with_name(f".{os.getpid()}.{path.name}")  # keeps the suffix, which may choose the format
     try:
         with named(path, working):
             yield working
             os.replace(working, path)
     finally:
-        if os.path.exists(working):
-            os.remove(working)
+        if working.exists():
+            working.unlink()
 
 
 def write_picture(path, image):
-    """A whole picture file of the format that its ending says, PNG without one. ValueError for other endings."""
+    """Writes an image file in the format of its suffix, PNG without one. ValueError for other suffixes."""
     try:
-        data = cv2.imencode(os.path.splitext(path)[1] or ".png", image)[1].tobytes()
+        data = cv2.imencode(Path(path).suffix or ".png", image)[1].tobytes()
     except cv2.error:
-        raise ValueError("%s: no image format has this ending: use .png" % path)
-    with whole_file(path) as working, open(working, "wb") as file:
-        file.write(data)
+        raise ValueError(f"{path}: no image format has this ending: use .png") from None
+    with whole_file(path) as working:
+        working.write_bytes(data)
+
+
+def write_json(path, data):
+    """Writes a JSON file; ValueError for NaN and infinity, which JSON does not know."""
+    text = json.dumps(data, indent=2, allow_nan=False) + "\n"
+    with whole_file(path) as working:
+        working.write_text(text, encoding="utf-8")
+
+
+def encode_png(image):
+    """PNG file as bytes; colour images are BGR. ValueError where the type of the image does not fit PNG."""
+    try:
+        good, data = cv2.imencode(".png", image)
+    except cv2.error:
+        good = False
+    if not good:
+        raise ValueError(f"an image of type {image.dtype} cannot be written as PNG")
+    return data.tobytes()

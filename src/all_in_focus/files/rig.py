@@ -6,8 +6,8 @@ The cameras are camera_info files as camera_calibration writes them; extrinsics.
 in the colour camera's optical frame, X_color = R X_depth + t (metres); optics.yaml holds the lens of the colour camera.
 """
 import math
-import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Optional
 
 import cv2
@@ -16,6 +16,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from all_in_focus.files import yaml_file
+from all_in_focus.files.output_file import whole_file
 
 DISTORTION_LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,)}
 
@@ -68,7 +69,7 @@ class Optics:
         except ValueError:
             values = []
         if len(values) != 3 or not all(math.isfinite(v) and v > 0 for v in values):
-            raise ValueError("optics '%s': expected three positive numbers f,F,coc" % text)
+            raise ValueError(f"optics '{text}': expected three positive numbers f,F,coc")
         return cls(*values)
 
 
@@ -85,8 +86,8 @@ class Rig:
 
     def __post_init__(self):
         self.R, self.t = np.array(self.R, float), np.array(self.t, float)
-        self.parent_frame = self.parent_frame or self.color.name + "_optical_frame"
-        self.child_frame = self.child_frame or self.depth.name + "_optical_frame"
+        self.parent_frame = self.parent_frame or f"{self.color.name}_optical_frame"
+        self.child_frame = self.child_frame or f"{self.depth.name}_optical_frame"
 
     @property
     def quaternion(self):
@@ -96,16 +97,16 @@ class Rig:
 
 
 class _Reader:
-    """One YAML file, read key by key with errors that name file and key."""
+    """One YAML file, read key by key; errors name file and key."""
 
     def __init__(self, path):
         self.path = path
         self.data = yaml_file.read(path, RigError)
         if not isinstance(self.data, dict):
-            raise RigError("%s: expected keys and values" % path)
+            raise RigError(f"{path}: expected keys and values")
 
     def fail(self, key, reason):
-        raise RigError("%s: %s: %s" % (self.path, key, reason))
+        raise RigError(f"{self.path}: {key}: {reason}")
 
     def value(self, key, default=None):
         node = self.data
@@ -116,7 +117,10 @@ class _Reader:
         return node
 
     def text(self, key, default=None):
+        """A name. One that looks like a number, such as a serial number, is returned as it is written in the file."""
         value = self.value(key, default)
+        if type(value) in (int, float, bool):
+            value = yaml_file.read(self.path, RigError, yaml.BaseLoader)[key]
         return value if isinstance(value, str) and value else self.fail(key, "expected a name")
 
     def number(self, key):
@@ -141,13 +145,13 @@ class _Reader:
         if shape is None:
             return values if values.ndim == 1 else self.fail(key, "expected a list of numbers")
         if values.size != int(np.prod(shape)) or values.ndim > 1:
-            self.fail(key, "expected %s" % ("a number" if shape == () else "%d numbers" % np.prod(shape)))
+            self.fail(key, "expected a number" if shape == () else f"expected {np.prod(shape)} numbers")
         return values.reshape(shape)
 
     def matrix(self, key, shape, default=None):
         if default is not None and key not in self.data:
             return default
-        return self.array(key + ".data", shape)
+        return self.array(f"{key}.data", shape)
 
 
 def load_camera(path):
@@ -159,9 +163,12 @@ def load_camera(path):
     model = file.text("distortion_model", "plumb_bob")
     D = file.array("distortion_coefficients.data", None) if "distortion_coefficients" in file.data else np.zeros(5)
     if model not in DISTORTION_LENGTHS:
-        file.fail("distortion_model", "'%s' is not one of %s" % (model, ", ".join(sorted(DISTORTION_LENGTHS))))
+        file.fail("distortion_model", f"'{model}' is not one of {', '.join(sorted(DISTORTION_LENGTHS))}")
+    most = max(DISTORTION_LENGTHS[model])
+    if len(D) > most and not D[most:].any():  # many drivers write eight numbers whatever the model
+        D = D[:most]
     if len(D) not in DISTORTION_LENGTHS[model]:
-        file.fail("distortion_coefficients.data", "%d numbers do not fit the model %s" % (len(D), model))
+        file.fail("distortion_coefficients.data", f"{len(D)} numbers do not fit the model {model}")
     return Camera(file.text("camera_name", "camera"), file.size("image_width"), file.size("image_height"), K, D, model,
                   file.matrix("rectification_matrix", (3, 3), np.eye(3)),
                   file.matrix("projection_matrix", (3, 4), np.hstack([K, np.zeros((3, 1))])))
@@ -175,17 +182,14 @@ def load_optics(path):
 
 def load_rig(folder):
     """Rig from its folder; `optics` is None where optics.yaml does not exist. Raises RigError."""
-    path = os.path.join(folder, "extrinsics.yaml")
-    depth = load_camera(os.path.join(folder, "depth.yaml"))
-    color = load_camera(os.path.join(folder, "color.yaml"))
-    file = _Reader(path)
+    folder = Path(folder)
+    depth, color = load_camera(folder / "depth.yaml"), load_camera(folder / "color.yaml")
+    file, optics = _Reader(folder / "extrinsics.yaml"), folder / "optics.yaml"
     quaternion = file.array("rotation", (4,))
     if abs(np.linalg.norm(quaternion) - 1) > 1e-3:
         file.fail("rotation", "expected a unit quaternion x, y, z, w")
-    optics = os.path.join(folder, "optics.yaml")
     return Rig(depth, color, rotation_matrix(Rotation.from_quat(quaternion)), file.array("translation", (3,)),
-               load_optics(optics) if os.path.exists(optics) else None,
-               file.text("parent_frame"), file.text("child_frame"))
+               load_optics(optics) if optics.exists() else None, file.text("parent_frame"), file.text("child_frame"))
 
 
 def _flow(values):
@@ -193,35 +197,43 @@ def _flow(values):
     return yaml.safe_dump([float(v) for v in np.ravel(values)], default_flow_style=True, width=10 ** 6).strip()
 
 
+def _entry(key, value):
+    """One line of YAML; a name that looks like a number is quoted."""
+    return yaml.safe_dump({key: value}, width=10 ** 6, allow_unicode=True)
+
+
 def _matrix(key, values, rows):
-    return "%s:\n  rows: %d\n  cols: %d\n  data: %s\n" % (key, rows, np.size(values) // rows, _flow(values))
+    return f"{key}:\n  rows: {rows}\n  cols: {np.size(values) // rows}\n  data: {_flow(values)}\n"
 
 
 def save_camera(path, camera):
-    """Write a camera_info YAML file."""
-    with open(path, "w", encoding="utf-8") as out:
-        out.write("image_width: %d\nimage_height: %d\ncamera_name: %s\n" % (camera.width, camera.height, camera.name))
-        out.write(_matrix("camera_matrix", camera.K, 3))
-        out.write("distortion_model: %s\n" % camera.distortion_model)
-        out.write(_matrix("distortion_coefficients", camera.D, 1))
-        out.write(_matrix("rectification_matrix", camera.R, 3))
-        out.write(_matrix("projection_matrix", camera.P, 3))
+    """Writes a camera_info YAML file."""
+    with whole_file(path) as working:
+        working.write_text(
+            f"image_width: {camera.width}\nimage_height: {camera.height}\n{_entry('camera_name', camera.name)}"
+            f"{_matrix('camera_matrix', camera.K, 3)}{_entry('distortion_model', camera.distortion_model)}"
+            f"{_matrix('distortion_coefficients', camera.D, 1)}{_matrix('rectification_matrix', camera.R, 3)}"
+            f"{_matrix('projection_matrix', camera.P, 3)}", encoding="utf-8")
 
 
 def save_rig(folder, rig, quaternion=None):
-    """Write the rig into `folder`, which is made if needed. quaternion: x, y, z, w to write to the last bit in place of
-    that of rig.R."""
-    os.makedirs(folder, exist_ok=True)
-    save_camera(os.path.join(folder, "depth.yaml"), rig.depth)
-    save_camera(os.path.join(folder, "color.yaml"), rig.color)
-    with open(os.path.join(folder, "extrinsics.yaml"), "w", encoding="utf-8") as out:
-        out.write("# Pose of the depth camera in the colour camera's optical frame: "
-                  "X_color = R * X_depth + t (metres).\n")
-        out.write("parent_frame: %s\nchild_frame: %s\n" % (rig.parent_frame, rig.child_frame))
-        out.write("translation: %s\nrotation: %s  # quaternion x, y, z, w\n"
-                  % (_flow(rig.t), _flow(rig.quaternion if quaternion is None else quaternion)))
+    """Writes the rig into `folder`, which is made if needed.
+
+    quaternion: x, y, z, w, written to the last bit instead of that of rig.R.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    save_camera(folder / "depth.yaml", rig.depth)
+    save_camera(folder / "color.yaml", rig.color)
+    with whole_file(folder / "extrinsics.yaml") as working:
+        working.write_text(
+            "# Pose of the depth camera in the colour camera's optical frame: X_color = R * X_depth + t (metres).\n"
+            f"{_entry('parent_frame', rig.parent_frame)}{_entry('child_frame', rig.child_frame)}"
+            f"translation: {_flow(rig.t)}\n"
+            f"rotation: {_flow(rig.quaternion if quaternion is None else quaternion)}  # quaternion x, y, z, w\n",
+            encoding="utf-8")
     if rig.optics is not None:
-        with open(os.path.join(folder, "optics.yaml"), "w", encoding="utf-8") as out:
-            out.write("# Lens of the colour camera\n")
-            for key in ("focal_length_mm", "aperture", "circle_of_confusion_mm"):
-                out.write("%s: %s\n" % (key, _flow([getattr(rig.optics, key)])[1:-1]))
+        with whole_file(folder / "optics.yaml") as working:
+            working.write_text("# Lens of the colour camera\n"
+                               + "".join(f"{key}: {float(value)!r}\n" for key, value in vars(rig.optics).items()),
+                               encoding="utf-8")

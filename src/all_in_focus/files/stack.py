@@ -1,16 +1,19 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """A focus stack on disk: a folder of images in name order, or a video; with the focus distances, if known."""
+import io
 import math
 import os
 import re
-import zlib
+import struct
 
 import cv2
 import numpy as np
+from PIL import Image, UnidentifiedImageError
 
 from all_in_focus.files import yaml_file
 
+Image.MAX_IMAGE_PIXELS = None  # OpenCV has a limit of its own
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".webp")
 
 
@@ -19,18 +22,17 @@ class StackError(ValueError):
 
 
 class Stack:
-    """Frames of one focus bracket, read one at a time: memory does not grow with their number.
+    """Frames of one focus bracket, read one at a time, so that memory does not grow with their number.
 
-    len(stack): frames; iterating: BGR images, 8 bit, all of one size; may be done repeatedly.
-    names: file names, None for a video. distances: focus distances in m, NaN = unknown.
-    warnings: one line each, for the caller to show.
+    len(stack): number of frames. Iterating gives BGR images, 8 bit, all of one size, each time from the beginning.
+    names: file names, None for a video; distances: focus distances in m, NaN = unknown; warnings: lines to show.
     """
 
     def __init__(self, path, focus=None):
         self.path = path
         self.warnings = []
         if not os.path.exists(path):
-            raise StackError("%s: no such folder or video" % path)
+            raise StackError(f"{path}: no such folder or video")
         self.names = self._list() if os.path.isdir(path) else None
         self._count = len(self.names) if self.names is not None else self._count_video()
         self.distances = load_focus(focus, self.names, self._count) if focus else [math.nan] * self._count
@@ -44,26 +46,26 @@ class Stack:
             if size is None:
                 size = frame.shape
             elif frame.shape != size:
-                raise StackError("%s: %dx%d pixels, but the first frame has %dx%d"
-                                 % (name, frame.shape[1], frame.shape[0], size[1], size[0]))
+                raise StackError(f"{name}: {frame.shape[1]}x{frame.shape[0]} pixels, but the first frame has "
+                                 f"{size[1]}x{size[0]}")
             yield frame
 
     def _list(self):
         names = sorted(name for name in os.listdir(self.path)
                        if is_image_name(name) and os.path.isfile(os.path.join(self.path, name)))
         if not names:
-            raise StackError("%s: holds no images" % self.path)
+            raise StackError(f"{self.path}: holds no images")
         for first, second in zip(names, names[1:]):
             if _natural(first) > _natural(second):
-                self.warnings.append("%s: frames go in plain name order, %s comes before %s: pad the numbers with zeros"
-                                     % (self.path, first, second))
+                self.warnings.append(f"{self.path}: frames go in plain name order, {first} comes before {second}: "
+                                     "pad the numbers with zeros")
                 break
         return names
 
     def _count_video(self):
-        """Number of frames, by decoding: the number in the header is an estimate."""
+        """Number of frames, by decoding them: the number in the header is an estimate."""
         if self.path.lower().endswith(IMAGE_SUFFIXES):
-            raise StackError("%s: is a single image; give its folder or a video" % self.path)
+            raise StackError(f"{self.path}: is a single image; give its folder or a video")
         _check_riff(self.path)
         video = self._open_video()
         announced = video.get(cv2.CAP_PROP_FRAME_COUNT)
@@ -71,16 +73,16 @@ class Stack:
         while video.grab():
             found += 1
         if found == 0:
-            raise StackError("%s: holds no readable frame" % self.path)
-        # Headers are commonly off by one; more is missing only in files that were cut off.
+            raise StackError(f"{self.path}: holds no readable frame")
+        # Headers are commonly off by one; more frames are missing only in truncated files.
         if math.isfinite(announced) and announced - found > max(1, 0.01 * announced):
-            raise StackError("%s: truncated: %d of %d frames can be read" % (self.path, found, announced))
+            raise StackError(f"{self.path}: truncated: {found} of {announced:.0f} frames can be read")
         return found
 
     def _open_video(self):
         video = cv2.VideoCapture(self.path, cv2.CAP_FFMPEG)
         if not video.isOpened():
-            raise StackError("%s: not a readable video" % self.path)
+            raise StackError(f"{self.path}: not a readable video")
         return video
 
     def _frames(self):
@@ -90,11 +92,11 @@ class Stack:
                 yield path, read_image(path)
             return
         video = self._open_video()
-        for index in range(self._count):  # in sequence: seeking by frame number is not reliable
+        for index in range(self._count):  # one after the other: seeking by frame number is not reliable
             good, frame = video.read()
             if not good:
-                raise StackError("%s: frame %d cannot be read" % (self.path, index))
-            yield "%s: frame %d" % (self.path, index), frame
+                raise StackError(f"{self.path}: frame {index} cannot be read")
+            yield f"{self.path}: frame {index}", frame
 
 
 def is_image_name(name):
@@ -108,25 +110,25 @@ def _natural(name):
 
 
 def read_image(path, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
-    """Image as OpenCV gives it; BGR, 8 bit by default. Raises StackError, also on cut-off files, which OpenCV pads."""
+    """Image as OpenCV decodes it; BGR, 8 bit by default. StackError, also for truncated files, which OpenCV pads."""
     try:
         with open(path, "rb") as file:
             data = file.read()
     except OSError as error:
-        raise StackError("%s: %s" % (path, error.strerror))
+        raise StackError(f"{path}: {error.strerror}")
     if not _is_complete(data):
-        raise StackError("%s: truncated or damaged" % path)
+        raise StackError(f"{path}: truncated or damaged")
     image = decode_image(data, flags)
     if image is None:
-        raise StackError("%s: not a readable image" % path)
+        raise StackError(f"{path}: not a readable image")
     return image
 
 
 def decode_image(data, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
-    """Image as OpenCV gives it, None where the bytes are none."""
+    """Image as OpenCV decodes it; None where the bytes are no image."""
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
-    except cv2.error:  # a header that tells an impossible size
+    except cv2.error:  # the header announces an impossible size
         return None
 
 
@@ -134,53 +136,33 @@ def read_depth(path):
     """Depth image in mm (16 bit, one channel), 0 = unknown."""
     image = read_image(path, cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint16 or image.ndim != 2:
-        raise StackError("%s: expected a 16-bit image with one channel (depth in mm)" % path)
+        raise StackError(f"{path}: expected a 16-bit image with one channel (depth in mm)")
     return image
 
 
 def _is_complete(data):
-    if data.startswith(b"\x89PNG\r\n\x1a\n"):
-        return _png_is_complete(data)
-    if data.startswith(b"\xff\xd8"):
-        return _jpeg_is_complete(data)
+    """Whether a PNG or JPEG file is whole and undamaged; other bytes count as complete, OpenCV judges them."""
+    try:
+        with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
+            if image.format == "PNG":
+                image.verify()  # the checksums
+            else:
+                image.draft(image.mode, (1, 1))  # decodes at an eighth of the size: quick, but reads all of the data
+                image.load()
+    except UnidentifiedImageError:
+        return not data.startswith((b"\x89PNG", b"\xff\xd8"))
+    except (OSError, SyntaxError, ValueError, EOFError, struct.error):
+        return False
     return True
 
 
-def _png_is_complete(data):
-    """Whether the chunks up to IEND are there and what the image needs of them is undamaged."""
-    at = 8
-    while at + 12 <= len(data):
-        length = int.from_bytes(data[at:at + 4], "big")
-        name, end = data[at + 4:at + 8], at + 8 + length
-        critical = name[:1].isupper()
-        if critical and zlib.crc32(data[at + 4:end]) != int.from_bytes(data[end:end + 4], "big"):
-            return False
-        if name == b"IEND":
-            return True
-        at = end + 4
-    return False
-
-
-def _jpeg_is_complete(data):
-    """Whether the end marker follows the image data; segments before it (thumbnails) have end markers of their own."""
-    at = 2
-    while at + 4 <= len(data) and data[at] == 0xFF:
-        if data[at + 1] == 0xFF:  # padding
-            at += 1
-        elif data[at + 1] == 0xDA:  # image data begins
-            return data.find(b"\xff\xd9", at) >= 0
-        else:
-            at += 2 + int.from_bytes(data[at + 2:at + 4], "big")
-    return False
-
-
 def _check_riff(path):
-    """An AVI says how long it is: a cut-off copy is shorter."""
+    """Raises StackError where an AVI file is shorter than its header says."""
     with open(path, "rb") as file:
         head = file.read(12)
     if head[:4] == b"RIFF" and int.from_bytes(head[4:8], "little") + 8 > os.path.getsize(path):
-        raise StackError("%s: truncated: %d bytes of %d"
-                         % (path, os.path.getsize(path), int.from_bytes(head[4:8], "little") + 8))
+        raise StackError(f"{path}: truncated: {os.path.getsize(path)} bytes of "
+                         f"{int.from_bytes(head[4:8], 'little') + 8}")
 
 
 def focus_entries(path):
@@ -188,12 +170,12 @@ def focus_entries(path):
     data = yaml_file.read(path, StackError)
     entries = data.get("frames") if isinstance(data, dict) else None
     if not isinstance(entries, list):
-        raise StackError("%s: expected frames: [{file: 00.png, focus_mm: 855.0}, ...]" % path)
+        raise StackError(f"{path}: expected frames: [{{file: 00.png, focus_mm: 855.0}}, ...]")
     found = []
     for number, entry in enumerate(entries):
-        where = "%s: entry %d" % (path, number)
+        where = f"{path}: entry {number}"
         if not isinstance(entry, dict):
-            raise StackError("%s: expected {file: NAME, focus_mm: NUMBER}" % where)
+            raise StackError(f"{where}: expected {{file: NAME, focus_mm: NUMBER}}")
         found.append((entry.get("file"), _metres(entry.get("focus_mm"), where)))
     return found
 
@@ -201,21 +183,21 @@ def focus_entries(path):
 def load_focus(path, names, frames):
     """Focus distances of a stack in m, NaN = unknown; see focus_entries().
 
-    names: file names of the stack, None for a video: its entries go in frame order and name no file.
+    names: file names of the stack, None for a video: its entries are in frame order and name no file.
     """
     entries = focus_entries(path)
     if names is None and len(entries) > frames:
-        raise StackError("%s: %d entries for %d frames" % (path, len(entries), frames))
+        raise StackError(f"{path}: {len(entries)} entries for {frames} frames")
     distances = [math.nan] * frames
     listed = set()
     for number, (name, distance) in enumerate(entries):
         index = number
         if names is not None:
-            where = "%s: entry %d" % (path, number)
+            where = f"{path}: entry {number}"
             if name not in names:
-                raise StackError("%s: no frame is named '%s'" % (where, name))
+                raise StackError(f"{where}: no frame is named '{name}'")
             if name in listed:
-                raise StackError("%s: '%s' is listed twice" % (where, name))
+                raise StackError(f"{where}: '{name}' is listed twice")
             listed.add(name)
             index = names.index(name)
         distances[index] = distance
@@ -226,5 +208,5 @@ def _metres(value, where):
     if value is None:
         return math.nan
     if type(value) not in (int, float) or value <= 0:
-        raise StackError("%s: focus_mm: expected a positive number, not '%s'" % (where, value))
+        raise StackError(f"{where}: focus_mm: expected a positive number, not '{value}'")
     return value / 1000.0

@@ -1,15 +1,16 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""YAML files, with errors for people."""
+"""Reads YAML files; its errors name the file in one line."""
+from pathlib import Path
+
 import yaml
 
 
-def read(path, failure):
-    """What a YAML file holds; where it cannot be read, an exception of the type `failure` whose one line names it."""
+def read(path, failure, loader=yaml.SafeLoader):
+    """Content of a YAML file. Raises an exception of the type `failure` where the file cannot be read."""
     try:
-        with open(path, encoding="utf-8") as file:
-            return yaml.safe_load(file)
+        return yaml.load(Path(path).read_text(encoding="utf-8"), Loader=loader)
     except OSError as error:
-        raise failure("%s: %s" % (path, error.strerror))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise failure("%s: not valid YAML: %s" % (path, " ".join(str(error).split())))
+        raise failure(f"{path}: {error.strerror}")
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
+        raise failure(f"{path}: not valid YAML: {' '.join(str(error).split())}")

@@ -1,17 +1,17 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""One evaluation run, inside the graph: play a bag, collect the results, save them, say how it went."""
-import os
+"""One evaluation run inside the graph: plays a bag, collects and saves the results, reports the outcome."""
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import rospy
 
 from all_in_focus.bag.contents import BagContents, BagError, Topics
-from all_in_focus.replay.player import BagPlayer, Limits, PlayError
-from all_in_focus.files.result_files import ResultError, ResultFolder
-from all_in_focus.replay.result_saver import ResultSaver
+from all_in_focus.files.errors import one_line
 from all_in_focus.files.rig import Optics
+from all_in_focus.replay.player import BagPlayer, Limits, PlayError
+from all_in_focus.replay.results import ResultError, ResultFolder, ResultSaver
 from all_in_focus.replay.run_status import BAD_INPUT, OK, RunStatus, conclude
 
 STATUS_PERIOD = 0.5  # s
@@ -19,7 +19,7 @@ STATUS_PERIOD = 0.5  # s
 
 @dataclass
 class Settings:
-    """bag, output: paths; status: file to report to, or empty; optics: f,F,coc, or empty: what the bag says."""
+    """bag, output: paths; status: file for the RunStatus, or empty; optics: f,F,coc, or empty: that of the bag."""
     bag: str
     output: str
     status: str = ""
@@ -31,12 +31,12 @@ class Settings:
     def from_parameters(cls):
         """Private parameters of this node; paths are relative to ~working_directory."""
         def text(name, default=""):
-            return str(rospy.get_param("~" + name, default))
+            return str(rospy.get_param(f"~{name}", default))
 
         def path(name):
-            return os.path.join(text("working_directory"), text(name)) if text(name) else ""
+            return str(Path(text("working_directory"), text(name))) if text(name) else ""
 
-        topics = Topics(**{kind: text(kind + "_topic", default) or default for kind, default in vars(Topics()).items()})
+        topics = Topics(**{kind: text(f"{kind}_topic", default) or default for kind, default in vars(Topics()).items()})
         limits = Limits(connect=float(rospy.get_param("~timeout", Limits.connect)),
                         acknowledge=float(rospy.get_param("~acknowledge_timeout", Limits.acknowledge)))
         return cls(path("bag"), path("output"), path("status"), text("optics"), topics, limits)
@@ -58,14 +58,14 @@ class _Reporter:
 
 
 def run(settings):
-    """Returns the final RunStatus, which is in the status file too."""
+    """Returns the final RunStatus, which is also written to the status file."""
     reporter = _Reporter(settings.status)
     try:
         status = _run(settings, reporter)
     except (BagError, PlayError, ResultError) as error:
         status = RunStatus(BAD_INPUT, str(error))
     except OSError as error:
-        status = RunStatus(BAD_INPUT, "%s: %s" % (error.filename, error.strerror))
+        status = RunStatus(BAD_INPUT, one_line(error, settings.output))
     status.done, status.total = reporter.status.done, reporter.status.total
     status.write(settings.status)
     return status
@@ -86,7 +86,7 @@ def _run(settings, reporter):
         saver = ResultSaver(folder)
         player = BagPlayer(contents, settings.limits, reporter)
         _play(contents, player, saver, optics)
-        problems = ["%s (%d times)" % (text, times) if times > 1 else text for text, times in player.problems.items()]
+        problems = [f"{text} ({times} times)" if times > 1 else text for text, times in player.problems.items()]
         status = conclude(saver.finish(), saver.complaints() + problems + contents.problems)
         if status.code == OK:
             folder.commit()

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Plays a bag to the nodes as fast as they work, never faster: every input waits for its acknowledgement.
+"""Plays a bag to the nodes as fast as they work: every input waits for its acknowledgement.
 
-All waiting is in wall time. Node time is that of the bag, and never passes a colour image that is still under way: the
-fusion ends brackets at gaps in time.
+All waiting is in wall time. Node time is that of the bag. It never passes a colour image that is not acknowledged yet,
+because the fusion ends brackets at gaps in time.
 """
 import re
 import threading
@@ -30,8 +30,8 @@ NODES = {"depth": "depth_preprocess", "depth_registered": "depth_preprocess", "s
 LENS = ("focal_length_mm", "aperture", "circle_of_confusion_mm")
 POLL = 0.002  # s
 CLOCK_PERIOD = 0.1  # s
-SETTLE = 0.5  # s, for connections among the nodes, which cannot be seen from here
-MAX_SILENCES = 3  # acknowledgements that fail to come one after the other before giving up
+SETTLE = 0.5  # s, for the connections between the nodes, which cannot be observed from here
+MAX_SILENCES = 3  # missing acknowledgements in a row before giving up
 
 
 class PlayError(RuntimeError):
@@ -48,7 +48,7 @@ class Limits:
 
 
 class Acknowledgements:
-    """Stamps (ns) of inputs sent and not yet reported back. Thread-safe."""
+    """Stamps (ns) of inputs that were sent and not yet acknowledged. Thread-safe."""
 
     def __init__(self):
         self._lock = threading.Lock()
@@ -62,27 +62,27 @@ class Acknowledgements:
     def came(self, stamp):
         with self._lock:
             self.received += 1
-            self._under_way -= Counter({stamp: 1})  # unexpected stamps change nothing
+            self._under_way -= Counter({stamp: 1})  # an unexpected stamp changes nothing
 
     def under_way(self):
         with self._lock:
             return sum(self._under_way.values())
 
     def first(self):
-        """First stamp under way (ns), or None."""
+        """Smallest stamp (ns) that is not acknowledged, or None."""
         with self._lock:
             return min(self._under_way, default=None)
 
     def give_up(self):
-        """Forget everything under way."""
+        """Waits no longer for anything sent so far."""
         with self._lock:
             self._under_way.clear()
 
 
 class BagPlayer:
-    """contents: BagContents; limits: Limits; heartbeat: called often, with the number of messages played.
+    """Plays BagContents within Limits. heartbeat: called often, with the number of messages played.
 
-    problems: what went wrong without ending the run, text -> how often.
+    problems: errors that did not end the run, text -> how often.
     """
 
     def __init__(self, contents, limits, heartbeat=lambda done: None):
@@ -103,7 +103,7 @@ class BagPlayer:
                 topic, Header, lambda header, waiting=waiting: waiting.came(header.stamp.to_nsec()))
 
     def connect(self, outputs):
-        """Wait until every node listens and every output is connected; give out what is latched.
+        """Waits until every node listens and every output is connected; publishes what is latched.
 
         outputs: subscribers by topic.
         """
@@ -118,31 +118,31 @@ class BagPlayer:
 
         if not self._wait(lambda: not loose_ends(), self._limits.connect):
             topic, complaint, _ = loose_ends()[0]
-            raise PlayError("%s %s for %g s: did the node %s start?"
-                            % (complaint, rospy.resolve_name(topic), self._limits.connect, NODES[topic.split("/")[0]]))
+            raise PlayError(f"{complaint} {rospy.resolve_name(topic)} for {self._limits.connect:g} s: did the node "
+                            f"{NODES[topic.split('/')[0]]} start?")
         self._wait(lambda: False, SETTLE)
 
     def set_optics(self, optics):
-        """Give the lens to the segmenter. optics: has focal_length_mm, aperture, circle_of_confusion_mm."""
+        """Sets the lens of the segmenter. optics: has focal_length_mm, aperture, circle_of_confusion_mm."""
         wanted = {name: getattr(optics, name) for name in LENS}
         try:
             client = dynamic_reconfigure.client.Client("segmenter", timeout=self._limits.connect)
             if client.get_parameter_descriptions(timeout=self._limits.connect) is None:
-                raise PlayError("the segmenter does not say what its parameters are")
+                raise PlayError("the segmenter does not publish its parameters")
             taken = client.update_configuration(wanted)
             client.close()
         except (rospy.ROSException, rospy.ServiceException) as error:
-            raise PlayError("the segmenter does not take the optics: %s" % error)
+            raise PlayError(f"the segmenter refuses the optics: {error}")
         for name in LENS:
             if taken[name] != getattr(optics, name):
-                self.problems["segmenter: %s = %g is impossible, it uses %g"
-                              % (name, getattr(optics, name), taken[name])] += 1
+                text = f"segmenter: {name} = {getattr(optics, name):g} is impossible, it uses {taken[name]:g}"
+                self.problems[text] += 1
 
     def play(self, follow_optics=True, check=lambda: None):
-        """Send every message of the bag.
+        """Publishes every message of the bag.
 
-        follow_optics: whether lens changes in the bag go to the segmenter.
-        check: called before each message, may raise.
+        follow_optics: whether to pass on lens changes in the bag to the segmenter; check: called before each message,
+        may raise.
         """
         optics = self._contents.optics
         for kind, message, stamp in self._contents.messages():
@@ -163,11 +163,12 @@ class BagPlayer:
         self._wait_for_color(1)
 
     def end_bracket(self, enough):
-        """End the open bracket. enough: called with the number of brackets published, says whether all have come."""
+        """Ends the open bracket and waits for its results. enough: called with the number of brackets published;
+        returns whether all of them have come."""
         answer = self._call_finish()
         number = re.match(r"\s*(\d+)", answer.message)
         if not number:
-            raise PlayError("fusion/finish answers '%s', not how many brackets were published" % answer.message)
+            raise PlayError(f"fusion/finish answers '{answer.message}', not how many brackets were published")
         self._wait(lambda: enough(int(number.group(1))), self._limits.connect)
 
     def _call_finish(self):
@@ -178,28 +179,28 @@ class BagPlayer:
                 rospy.wait_for_service("fusion/finish", self._limits.connect)
                 answers.append(rospy.ServiceProxy("fusion/finish", Trigger)())
             except (rospy.ROSException, rospy.ServiceException) as error:
-                answers.append(PlayError("fusion/finish: %s" % error))
+                answers.append(PlayError(f"fusion/finish: {error}"))
 
-        # A service call takes no time limit: it gets a thread that can be left behind.
+        # A service call has no time-out: it gets a thread that can be abandoned.
         threading.Thread(target=call, daemon=True).start()
         if not self._wait(lambda: bool(answers), self._limits.connect):
-            raise PlayError("fusion/finish does not answer within %g s" % self._limits.connect)
+            raise PlayError(f"fusion/finish does not answer within {self._limits.connect:g} s")
         if isinstance(answers[0], PlayError):
             raise answers[0]
         return answers[0]
 
     def _send_depth(self, message):
-        """Returns when the label image is out: no colour image may overtake it."""
+        """Returns when the label image is published, so that no colour image overtakes it."""
         registered, segmented = self._acknowledged["registration"], self._acknowledged["segmentation"]
         for waiting in (registered, segmented):
             waiting.give_up()
             waiting.sent(message.header.stamp.to_nsec())
         self._publishers["depth"].publish(message)
         if not self._wait(lambda: not (registered.under_way() and segmented.under_way()), self._limits.acknowledge):
-            self._silence("depth_preprocess did not acknowledge a depth image within %g s" % self._limits.acknowledge)
+            self._silence(f"depth_preprocess did not acknowledge a depth image within {self._limits.acknowledge:g} s")
             return
         self._silences = 0
-        # When everything is refused, only the first few images are worth the full wait.
+        # After three refusals in a row a short wait suffices.
         patience = self._limits.follow_up * (0.1 if self._refusals >= 3 else 1)
         if self._wait(lambda: not segmented.under_way(), patience):
             self._refusals = 0
@@ -213,7 +214,7 @@ class BagPlayer:
         self._publishers["rgb"].publish(message)
 
     def _wait_for_color(self, limit):
-        """Until fewer than `limit` colour images are under way."""
+        """Waits until fewer than `limit` colour images are unacknowledged."""
         fused = self._acknowledged["fusion"]
         while fused.under_way() >= limit:
             before = fused.received
@@ -223,7 +224,7 @@ class BagPlayer:
                 rospy.logwarn("%d colour images are not acknowledged, the first of stamp %.6f",
                               fused.under_way(), (fused.first() or 0) / 1e9)
                 fused.give_up()
-                text = "fusion did not acknowledge colour images within %g s" % self._limits.acknowledge
+                text = f"fusion did not acknowledge colour images within {self._limits.acknowledge:g} s"
                 if "focus" in self._publishers:
                     text += " (is there a focus message for each, of the same stamp?)"
                 self._silence(text)
@@ -232,10 +233,10 @@ class BagPlayer:
         self.problems[text] += 1
         self._silences += 1
         if self._silences >= MAX_SILENCES:
-            raise PlayError("%s, %d times in a row" % (text, self._silences))
+            raise PlayError(f"{text}, {self._silences} times in a row")
 
     def _wait(self, condition, limit):
-        """Whether the condition came true within `limit` seconds of wall time."""
+        """Whether the condition becomes true within `limit` seconds of wall time."""
         deadline = time.monotonic() + limit
         while not condition():
             if time.monotonic() > deadline:
@@ -253,7 +254,7 @@ class BagPlayer:
 
 
 class _NodeTime:
-    """Publishes /clock; never goes back."""
+    """Publishes /clock, which never goes back."""
 
     def __init__(self, start):
         self._publisher = rospy.Publisher("/clock", Clock, queue_size=10)
@@ -261,7 +262,7 @@ class _NodeTime:
         self._published = 0.0  # wall time
 
     def reach(self, stamp):
-        """Called often: also publishes the time again now and then, for nodes that have just started."""
+        """Call often: repeats the time now and then for nodes that have just started."""
         if stamp > self._now or time.monotonic() - self._published > CLOCK_PERIOD:
             self._now = max(self._now, stamp)
             self._publisher.publish(Clock(self._now))

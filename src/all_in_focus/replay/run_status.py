@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How an evaluation run stands: a small file that the player writes and evaluate_bag watches."""
+"""State of an evaluation run: a small file that the player writes and evaluate_bag watches."""
 import json
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import List, Optional
 
-from all_in_focus.files.output_file import whole_file
+from all_in_focus.files.output_file import write_json
 
 OK, BAD_INPUT = 0, 2  # exit codes
 
@@ -21,43 +22,41 @@ class RunStatus:
     total: int = 0
 
     def write(self, path):
-        """Replace the file in one step: whoever reads it never sees half of it."""
+        """Replaces the file in one step, so that nobody reads half of it."""
         if not path:
             return
-        with whole_file(path) as working, open(working, "w", encoding="utf-8") as file:
-            json.dump(asdict(self), file, indent=2)
+        write_json(path, asdict(self))
 
     @classmethod
     def read(cls, path):
         """None while there is no file."""
         try:
-            with open(path, encoding="utf-8") as file:
-                return cls(**json.load(file))
+            return cls(**json.loads(Path(path).read_text(encoding="utf-8")))
         except FileNotFoundError:
             return None
 
 
 def conclude(brackets, warnings):
-    """Final status. brackets: dicts with folder, bracket_id, frames_used, regions (number of those that depth gave),
-    missing (outputs that never came), notes. warnings: what the nodes and the player had to say, worst first."""
+    """Final status. brackets: dicts with folder, bracket_id, frames_used, regions (number of those from depth), missing
+    (outputs that never came), notes. warnings: of the nodes and the player, worst first."""
     why = ": " + warnings[0] if warnings else ""
     fused = [bracket for bracket in brackets if bracket["frames_used"] > 0]
     incomplete = [bracket for bracket in fused if bracket["missing"]]
     if incomplete:
-        code, reason = BAD_INPUT, "%s: %s never came" % (incomplete[0]["folder"], ", ".join(incomplete[0]["missing"]))
+        code, reason = BAD_INPUT, f"{incomplete[0]['folder']}: {', '.join(incomplete[0]['missing'])} never came"
     elif fused and not any(bracket["regions"] for bracket in fused):
-        # Depth was there, or the bag would have been refused: sharpness alone is not what was asked for.
-        code, reason = BAD_INPUT, "no region came of the bag's depth%s" % why
+        # A bag without depth is refused before: fusing by sharpness alone was not asked for.
+        code, reason = BAD_INPUT, f"no region came of the bag's depth{why}"
     elif fused:
         unfused = len(brackets) - len(fused)
-        code, reason = OK, "%s fused" % _count(len(fused), "bracket")
+        code, reason = OK, f"{_count(len(fused), 'bracket')} fused"
         if unfused:
-            reason += ", %d could not be" % unfused
+            reason += f", {unfused} could not be"
     else:
         notes = [note for bracket in brackets for note in bracket["notes"]]
-        code, reason = BAD_INPUT, "no bracket was fused%s" % (": " + notes[0] if notes else why)
+        code, reason = BAD_INPUT, "no bracket was fused" + (f": {notes[0]}" if notes else why)
     return RunStatus(code, reason, list(brackets), list(warnings))
 
 
 def _count(number, noun):
-    return "%d %s%s" % (number, noun, "" if number == 1 else "s")
+    return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A screen that needs no display, and pictures of it."""
+"""A virtual screen (Xvfb) and pictures of it."""
 import os
 import select
 import shutil
@@ -17,24 +17,25 @@ UNCHANGED = 0.002  # share of pixels that may differ: rviz shows its frame rate
 
 
 class ScreenError(RuntimeError):
-    """There is no screen, or nothing on it; the message is one line."""
+    """No screen could be started, or it does not show what it should; the message is one line."""
 
 
 def check_programs(*programs):
-    """Raise ScreenError that names the packages of those missing."""
+    """ScreenError that names the packages of the missing programs."""
     missing = [program for program in programs if shutil.which(program) is None]
     if missing:
-        raise ScreenError("%s missing: install %s (scripts/build --with-rviz does)"
-                          % (" and ".join(missing), " ".join(PACKAGES.get(program, program) for program in missing)))
+        raise ScreenError(f"{' and '.join(missing)} missing: install "
+                          f"{' '.join(PACKAGES.get(program, program) for program in missing)} (scripts/build "
+                          "--with-rviz does)")
 
 
 class VirtualScreen:
-    """Xvfb on a display number of its own; OpenGL is drawn in software there."""
+    """Xvfb on a free display number; it renders OpenGL in software."""
 
     def __init__(self, width=1600, height=1000):
         check_programs("Xvfb", "import")
         reader, writer = os.pipe()
-        command = ["Xvfb", "-displayfd", str(writer), "-screen", "0", "%dx%dx24" % (width, height), "-nolisten", "tcp"]
+        command = ["Xvfb", "-displayfd", str(writer), "-screen", "0", f"{width}x{height}x24", "-nolisten", "tcp"]
         self._process = subprocess.Popen(command, pass_fds=[writer], stdin=subprocess.DEVNULL,
                                          stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         os.close(writer)
@@ -44,7 +45,7 @@ class VirtualScreen:
         if not number:
             self.close()
             raise ScreenError("Xvfb did not start")
-        self.display = ":" + number
+        self.display = f":{number}"
 
     def close(self):
         self._process.terminate()
@@ -56,16 +57,16 @@ class VirtualScreen:
                               stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         image = cv2.imdecode(np.frombuffer(shot.stdout, np.uint8), cv2.IMREAD_COLOR) if shot.stdout else None
         if image is None:
-            raise ScreenError("no picture of the screen: " + " ".join(shot.stderr.decode(errors="replace").split()))
+            raise ScreenError(f"no picture of the screen: {' '.join(shot.stderr.decode(errors='replace').split())}")
         return image
 
     def settled_picture(self, accept, timeout):
-        """The first of three equal pictures in a row that `accept` takes. Raises ScreenError after `timeout` s."""
+        """Waits for three equal pictures in a row that `accept` accepts. Raises ScreenError after `timeout` s."""
         end = time.monotonic() + timeout
         last, equal = self.picture(), 1
         while not (equal >= 3 and accept(last)):
             if time.monotonic() > end:
-                raise ScreenError("the screen does not show what it should after %g s" % timeout)
+                raise ScreenError(f"the screen does not show what it should after {timeout:g} s")
             time.sleep(PERIOD)
             new = self.picture()
             equal = equal + 1 if changed_share(last, new) < UNCHANGED else 1

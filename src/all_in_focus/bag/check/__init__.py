@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Can a bag be fused, and if not, why not: before anyone blames the method."""
+"""Checks whether a bag can be fused, and says why not."""
 from all_in_focus.bag.check.checker import check
-from all_in_focus.bag.check.findings import Finding, Report
+from all_in_focus.bag.check.findings import BagReport, Finding
 
-__all__ = ["Finding", "Report", "check"]
+__all__ = ["BagReport", "Finding", "check"]

@@ -1,41 +1,46 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Is each camera calibrated, for these images, as what the nodes take it for?"""
+"""Are the cameras calibrated for these images, where do they stand, and how much of the picture gets a depth?"""
+import cv2
 import numpy as np
 
-from all_in_focus.bag.rig import RigProblem, camera_of
+from all_in_focus.bag.check.findings import share_text
+from all_in_focus.bag.recorded_rig import RecordedRigError, camera_of, color_frame, is_possible, pose, transforms
 
 FIELD_OF_VIEW = (3, 150)  # degrees; beyond is a mistake
+FAR_APART = 2.0         # m between the cameras; more are probably mm
+ROTATED = 60            # degrees; more are probably frames with other axes
+LITTLE_OVERLAP = 0.3
+SAMPLES_PER_CELL = 4.0  # depth pixels in a cell of the picture where depth is known
 
 
 def check_camera(check, bag, scan, kind, heads):
-    """heads: of the images that the nodes take. Returns the Camera, or None. kind: "depth" or "rgb"."""
-    name = bag.topics[kind + "_info"]
-    infos = getattr(scan, kind + "_info")
+    """heads: of the images that the nodes accept. Returns the Camera, or None. kind: "depth" or "rgb"."""
+    name = bag.topics[f"{kind}_info"]
+    infos = getattr(scan, f"{kind}_info")
     if not infos:
-        check.error("%s: no message can be read" % name)
+        check.error(f"{name}: no message can be read")
         return None
     info = infos[0].message
     try:
         camera = camera_of(info, kind)
-    except RigProblem as error:
-        check.error("%s: %s" % (name, error))
+    except RecordedRigError as error:
+        check.error(f"{name}: {error}")
         return None
     _check_size(check, bag, kind, camera, heads)
     _check_frames(check, bag, kind, info, heads)
     if len(infos) > 1:
-        check.warning("%s changes %d times: the nodes take the newest (a zoom? then each bracket has its own)"
-                      % (name, len(infos) - 1))
+        check.warning(f"{name} changes {len(infos) - 1} times: the nodes take the newest (a zoom? then each bracket "
+                      "has its own)")
     _check_rectification(check, bag, kind, info, camera)
     field = np.degrees(2 * np.arctan(camera.width / 2 / camera.K[0, 0]))
     inside = 0 <= camera.K[0, 2] < camera.width and 0 <= camera.K[1, 2] < camera.height
     if not inside or not FIELD_OF_VIEW[0] < field < FIELD_OF_VIEW[1]:
-        check.warning("%s: horizontal field of view %.3g degrees, principal point %.1f, %.1f of %dx%d: was the "
-                      "calibration made for these images?"
-                      % (name, field, camera.K[0, 2], camera.K[1, 2], camera.width, camera.height))
-    check.ok("%dx%d, fx %.1f, field of view %.1f degrees, %s"
-             % (camera.width, camera.height, camera.K[0, 0], field,
-                "distortion known" if camera.D.any() else "no distortion"))
+        check.warning(f"{name}: horizontal field of view {field:.3g} degrees, principal point {camera.K[0, 2]:.1f}, "
+                      f"{camera.K[1, 2]:.1f} of {camera.width}x{camera.height}: was the calibration made for these "
+                      "images?")
+    check.ok(f"{camera.width}x{camera.height}, fx {camera.K[0, 0]:.1f}, field of view {field:.1f} degrees, "
+             f"{'distortion known' if camera.D.any() else 'no distortion'}")
     return camera
 
 
@@ -44,44 +49,118 @@ def _check_size(check, bag, kind, camera, heads):
     others = sorted({head.size for head in heads if head.size and head.size != size})
     if not others:
         return
-    text = ("%s is for %dx%d, the images have %s: use the calibration of this resolution"
-            % (bag.topics[kind + "_info"], *size, ", ".join("%dx%d" % other for other in others)))
+    found = ", ".join(f"{width}x{height}" for width, height in others)
+    text = (f"{bag.topics[f'{kind}_info']} is for {size[0]}x{size[1]}, the images have {found}: use the calibration of "
+            "this resolution")
     fitting = [head for head in heads if head.size
                and (head.size == size if kind == "depth" else _alike(head.size, size))]
     level = check.warning if fitting else check.error
     if kind == "depth":
-        level(text + "; such depth is refused")
+        level(f"{text}; such depth is refused")
     elif all(_alike(other, size) for other in others):
-        level(text + "; until then labels are scaled")
+        level(f"{text}; until then labels are scaled")
     else:
-        level(text + "; frames of another shape are refused")
+        level(f"{text}; frames of another shape are refused")
 
 
 def _alike(one, other):
-    """Sides in the same proportion, as far as the fusion minds."""
+    """Whether two sizes have the same aspect ratio, within the tolerance of the fusion."""
     return abs(one[0] * other[1] / (one[1] * other[0]) - 1) <= 0.01
 
 
 def _check_frames(check, bag, kind, info, heads):
-    name, frame = bag.topics[kind + "_info"], info.header.frame_id
+    name, frame = bag.topics[f"{kind}_info"], info.header.frame_id
     frames = sorted({head.frame_id for head in heads})
     decisive = frames if kind == "depth" else [frame]
     if "" in decisive:
         level = check.warning if any(decisive) else check.error
-        level("%s: frame_id is empty: set it in the camera's driver"
-              % bag.topics["depth" if kind == "depth" else "rgb_info"])
+        level(f"{bag.topics['depth' if kind == 'depth' else 'rgb_info']}: frame_id is empty: set it in the camera's "
+              "driver")
     elif len(frames) > 1 or frames and frames[0].lstrip("/") != frame.lstrip("/"):
-        check.warning("%s says frame '%s', the images '%s': the nodes go by '%s'"
-                      % (name, frame, "', '".join(frames), decisive[0]))
+        found = "', '".join(frames)
+        check.warning(f"{name} says frame '{frame}', the images '{found}': the nodes go by '{decisive[0]}'")
 
 
 def _check_rectification(check, bag, kind, info, camera):
-    """The nodes take images as the sensor gives them, with K and D."""
-    image, name = bag.topics[kind], bag.topics[kind + "_info"]
+    """Warns of rectified images: the nodes expect images of the sensor, and apply K and D."""
+    image, name = bag.topics[kind], bag.topics[f"{kind}_info"]
     P = np.array(info.P, float).reshape(3, 4)[:, :3]
     if "rect" in image.rsplit("/", 1)[-1] and camera.D.any():
-        check.warning("%s seems to be rectified, but %s has distortion, which would be applied again: take the raw "
-                      "images, or publish D = 0 and K = P" % (image, name))
+        check.warning(f"{image} seems to be rectified, but {name} has distortion, which would be applied again: "
+                      "take the raw images, or publish D = 0 and K = P")
     elif not camera.D.any() and P[0, 0] > 0 and not np.allclose(P, np.array(info.K).reshape(3, 3), rtol=0.01, atol=1):
-        check.warning("%s has no distortion, but P (fx %.1f) is not K (fx %.1f), as of rectified images: the nodes use "
-                      "K and D" % (name, P[0, 0], info.K[0]))
+        check.warning(f"{name} has no distortion, but P (fx {P[0, 0]:.1f}) is not K (fx {info.K[0]:.1f}), as of "
+                      "rectified images: the nodes use K and D")
+
+
+def check_transform(check, bag, scan, depth_head):
+    """Returns the Pose of the depth camera in the colour camera's frame, or None."""
+    child, parent = depth_head.frame_id, color_frame(scan, depth_head.order)
+    for transform in transforms(scan):
+        if not is_possible(transform):
+            check.warning(f"the transform from {transform.child_frame_id} to {transform.header.frame_id} is "
+                          "impossible (rotation no unit quaternion, or not finite) and refused: correct who "
+                          "publishes it")
+            break
+    try:
+        found = pose(scan, child, parent, depth_head.order)
+    except RecordedRigError as error:
+        if not scan.tf and not scan.tf_static:
+            check.error("nothing on /tf_static or /tf: record them too; rig_publisher publishes what a rig folder says")
+        else:
+            check.error(f"no transform connects depth frame '{child}' with colour frame '{parent}': record "
+                        f"/tf_static too, or publish it by rig_publisher (tf2: {error})")
+        return None
+    distance, angle = np.linalg.norm(found.t), np.degrees(np.linalg.norm(cv2.Rodrigues(found.R)[0]))
+    where = f"the depth camera stands {distance:.4g} m from the colour camera, rotated by {angle:.3g} degrees"
+    if child.strip("/") == parent.strip("/"):
+        check.ok(f"both cameras have the frame '{parent}'")
+        return found
+    if found.late:
+        check.warning("the transform is recorded after the first depth image, which has to wait for it: start who "
+                      "publishes it before the recording")
+    if distance > FAR_APART:
+        check.warning(f"{where}: are these mm?")
+    elif angle > ROTATED:
+        check.warning(f"{where}: is it between the optical frames (Z forward, Y down)?")
+    elif distance == 0 and angle == 0:
+        check.warning("both cameras stand at one place: was the rig calibrated?")
+    check.ok(where)
+    return found
+
+
+def check_overlap(check, depth, cameras, found):
+    """depth: H x W mm; cameras: of depth and colour; found: Pose."""
+    share = overlap(depth, *cameras, found)
+    if share == 0:
+        check.error("no depth falls into the colour picture: check the transform and both calibrations")
+    elif share < LITTLE_OVERLAP:
+        check.warning(f"only {share_text(share)} of the colour picture gets a depth: check the transform and both "
+                      "calibrations, and whether the sensor sees the scene")
+    check.ok(f"{share_text(share)} of the colour picture gets a depth")
+
+
+def overlap(depth, depth_camera, color_camera, found):
+    """Share of the colour picture, in cells of a few pixels, that gets a known depth (H x W, mm)."""
+    v, u = np.nonzero(depth)
+    if not len(u):
+        return 0.0
+    rays = cv2.undistortPoints(np.stack([u, v], 1).astype(float)[:, None], depth_camera.K, depth_camera.D)[:, 0]
+    z = depth[v, u] / 1000.0
+    points = np.column_stack([rays * z[:, None], z]).dot(found.R.T) + found.t
+    points = points[points[:, 2] > 0]
+    if not len(points):
+        return 0.0
+    ideal = points[:, :2] / points[:, 2:]
+    # The distortion polynomial would map points far outside into the picture.
+    corners = np.array([[-0.1, -0.1], [1.1, 1.1]]) * [color_camera.width, color_camera.height]
+    low, high = (corners - color_camera.K[:2, 2]) / color_camera.K[[0, 1], [0, 1]]
+    points = points[((ideal > low) & (ideal < high)).all(axis=1)]
+    if not len(points):
+        return 0.0
+    pixels = cv2.projectPoints(points, np.zeros(3), np.zeros(3), color_camera.K, color_camera.D)[0][:, 0]
+    cell = max(1.0, np.sqrt(SAMPLES_PER_CELL) * color_camera.K[0, 0] / depth_camera.K[0, 0])
+    cols, rows = int(np.ceil(color_camera.width / cell)), int(np.ceil(color_camera.height / cell))
+    x, y = np.floor((pixels + 0.5) / cell).astype(int).T
+    inside = (x >= 0) & (x < cols) & (y >= 0) & (y < rows)
+    return len(np.unique(y[inside] * cols + x[inside])) / (cols * rows)

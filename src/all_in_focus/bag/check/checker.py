@@ -4,25 +4,21 @@
 import numpy as np
 
 from all_in_focus.bag.brackets import assemble
-from all_in_focus.bag.check.brackets import check_brackets
-from all_in_focus.bag.check.cameras import check_camera
-from all_in_focus.bag.check.depth_values import check_depth_values
-from all_in_focus.bag.check.findings import Check, Report
-from all_in_focus.bag.check.focus_steps import check_focus_steps, check_optics
-from all_in_focus.bag.check.geometry import check_overlap, check_transform
-from all_in_focus.bag.check.images import check_images
-from all_in_focus.bag.check.pictures import BRACKETS, FRAMES, Sample, check_exposure, check_focus_change, sample
-from all_in_focus.bag.check.timing import TITLES, check_depth_in_time, check_stamps
-from all_in_focus.bag.check.topics import check_file, check_topics
-from all_in_focus.bag.images import depth_mm
-from all_in_focus.bag.rig import color_frame, depth_problem, optics_at
+from all_in_focus.bag.check.sweeps import check_brackets, check_focus_steps, check_optics
+from all_in_focus.bag.check.cameras import check_camera, check_overlap, check_transform
+from all_in_focus.bag.check.pixels import (BRACKETS, FRAMES, Sample, check_depth_values, check_exposure,
+                                           check_focus_change, check_images, sample)
+from all_in_focus.bag.check.findings import BagReport, Check
+from all_in_focus.bag.check.recording import TITLES, check_depth_in_time, check_file, check_stamps, check_topics
+from all_in_focus.bag.image_messages import depth_mm
+from all_in_focus.bag.recorded_rig import color_frame, depth_problem, optics_at
 from all_in_focus.bag.scan import fetch, scan
 
 DEPTH_SAMPLES = 3
 
 
 def check(bag, rules, invalid_values=(0,), optics=None):
-    """Report on a BagFile. rules: of brackets; invalid_values: mm that mean unknown; optics: instead of the bag's.
+    """BagReport of a BagFile. rules: of brackets; invalid_values: mm that mean unknown; optics: instead of the bag's.
 
     Raises BagError where it cannot be read to its end.
     """
@@ -32,7 +28,7 @@ def check(bag, rules, invalid_values=(0,), optics=None):
 class _Checker:
     def __init__(self, bag, rules, invalid_values, optics):
         self._bag, self._rules, self._invalid_values, self._given_optics = bag, rules, invalid_values, optics
-        self._report = Report(bag.path)
+        self._report = BagReport(bag.path)
         self._scan = scan(bag, checksums=True)
 
     def run(self):
@@ -41,10 +37,10 @@ class _Checker:
         good, cameras, pose = {"depth": [], "rgb": []}, {"depth": None, "rgb": None}, None
         for kind, title in TITLES.items():
             if self._scan_has(kind):
-                good[kind] = check_images(self._check(title + " image"), self._bag, self._scan, kind)
+                good[kind] = check_images(self._check(f"{title} image"), self._bag, self._scan, kind)
         for kind, title in TITLES.items():
-            if self._scan_has(kind + "_info"):
-                cameras[kind] = check_camera(self._check(title + " camera"), self._bag, self._scan, kind, good[kind])
+            if self._scan_has(f"{kind}_info"):
+                cameras[kind] = check_camera(self._check(f"{title} camera"), self._bag, self._scan, kind, good[kind])
         depth = self._scan.depth
         if depth and depth[0].frame_id and color_frame(self._scan, depth[0].order):
             pose = check_transform(self._check("transform"), self._bag, self._scan, depth[0])
@@ -98,7 +94,7 @@ class _Checker:
         return images
 
     def _check_pictures(self, brackets, images, fit):
-        """fit: order of the frames that the nodes take."""
+        """fit: `order` of the frames that the nodes accept."""
         known = np.concatenate([image[image > 0] for image in images]) if images else np.zeros(0)
         optics = optics_at(self._scan, self._scan.depth[0].order if self._scan.depth else 0)
         check_optics(self._check("optics"), self._bag, self._scan, optics, self._given_optics,

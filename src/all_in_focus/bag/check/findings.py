@@ -16,8 +16,8 @@ class Finding:
 
 
 @dataclass
-class Report:
-    """All findings in the order in which a person would repair them. skipped: checks that make no sense before.
+class BagReport:
+    """All findings in the order in which a person would repair them. skipped: checks that need these repairs first.
 
     brackets: dicts with number, frames and depth (whether it has one).
     """
@@ -31,7 +31,7 @@ class Report:
         return not any(finding.level == ERROR for finding in self.findings)
 
     def failed(self, *checks):
-        """Whether one of these has an error, or was skipped."""
+        """Whether one of these checks found an error or was skipped."""
         return any(finding.check in checks and finding.level == ERROR for finding in self.findings) \
             or any(check in checks for check in self.skipped)
 
@@ -39,21 +39,21 @@ class Report:
         errors, warnings = (sum(finding.level == level for finding in self.findings) for level in (ERROR, WARNING))
         text = "can be fused" if self.fusable else "cannot be fused as it should be"
         counts = [counted(number, noun) for number, noun in ((errors, "error"), (warnings, "warning")) if number]
-        text = "%s: %s%s" % (self.bag, text, ": " + ", ".join(counts) if counts else "")
+        text = f"{self.bag}: {text}" + (f": {', '.join(counts)}" if counts else "")
         return text + ("; not looked at before that is repaired: " + ", ".join(self.skipped) if self.skipped else "")
 
     def lines(self):
         width = max(len(finding.check) for finding in self.findings)
-        return ["%-7s  %-*s  %s" % (finding.level, width, finding.check, finding.text) for finding in self.findings]
+        return [f"{finding.level:<7}  {finding.check:<{width}}  {finding.text}" for finding in self.findings]
 
     def plain(self):
-        """As JSON knows it."""
+        """The report as plain dicts and lists."""
         return {"version": 1, "bag": self.bag, "fusable": self.fusable, "skipped": self.skipped,
                 "checks": [vars(finding) for finding in self.findings], "brackets": self.brackets}
 
 
 class Check:
-    """Collects the findings of one check; ends with one line that says ok where there was nothing to find."""
+    """Collects the findings of one check; ends with one line "ok" where it found nothing."""
 
     def __init__(self, report, name):
         self._report, self._name = report, name
@@ -66,7 +66,7 @@ class Check:
         self._add(WARNING, text)
 
     def ok(self, text):
-        """Nothing if there was something to find."""
+        """Adds a line "ok", unless the check has found something."""
         if self.clean:
             self._report.findings.append(Finding(self._name, OK, text))
 
@@ -76,7 +76,7 @@ class Check:
 
 
 class PerBracket:
-    """Warnings of a check about single brackets: what many have in common is told once."""
+    """Warnings of a check about single brackets; the same warning about many brackets becomes one line."""
 
     MOST = 3  # lines
 
@@ -88,20 +88,20 @@ class PerBracket:
 
     def tell(self):
         for text, numbers in list(self._numbers.items())[:self.MOST]:
-            where = "bracket %d" % numbers[0]
+            where = f"bracket {numbers[0]}"
             if len(numbers) > 1:
                 where = "all brackets" if len(numbers) == self._brackets else \
-                    "%d of %d brackets, the first is %d" % (len(numbers), self._brackets, numbers[0])
-            self._check.warning("%s%s" % (where + ": " if self._brackets > 1 else "", text))
+                    f"{len(numbers)} of {self._brackets} brackets, the first is {numbers[0]}"
+            self._check.warning(f"{where}: {text}" if self._brackets > 1 else text)
         more = len(self._numbers) - self.MOST
         if more > 0:
-            self._check.warning("%s like these in other brackets" % counted(more, "more warning"))
+            self._check.warning(f"{counted(more, 'more warning')} like these in other brackets")
 
 
 def counted(number, noun):
-    return "%d %s%s" % (number, noun, "" if number == 1 else "s")
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def share_text(share):
     """0.02 -> 2 %."""
-    return "%.2g %%" % (100 * share) if share < 0.995 else "%.4g %%" % (100 * share)
+    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.4g} %"

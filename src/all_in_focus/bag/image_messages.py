@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pixels of messages as the nodes take them, and what they refuse: src/ros/conversions.cpp, in Python."""
+"""Pixels of messages, converted and checked as src/ros/conversions.cpp does it for the nodes."""
 import sys
 
 import cv2
@@ -8,7 +8,7 @@ import cv_bridge
 import numpy as np
 from sensor_msgs.msg import CompressedImage, Image
 
-from all_in_focus.bag.file import one_line
+from all_in_focus.files.errors import one_line
 
 MILLIMETRES = ("16UC1", "mono16")
 METRES = "32FC1"
@@ -20,14 +20,14 @@ class ImageError(ValueError):
 
 
 def check_depth(head):
-    """ImageError where depth_preprocess would refuse the image of a Head for what it is."""
+    """ImageError where depth_preprocess would refuse the image of a Head for its encoding or layout."""
     if head.encoding not in (*MILLIMETRES, METRES):
-        raise ImageError("depth has encoding \"%s\": publish 16UC1 (mm) or 32FC1 (m), or take another topic"
-                         % head.encoding)
+        raise ImageError(f"depth has encoding \"{head.encoding}\": publish 16UC1 (mm) or 32FC1 (m), or take another "
+                         "topic")
     value_bytes = 4 if head.encoding == METRES else 2
     _check_layout(head, value_bytes)
     if head.step % value_bytes:
-        raise ImageError("step is %d bytes, which are no whole pixels: check its publisher" % head.step)
+        raise ImageError(f"step is {head.step} bytes, not a whole number of pixels: check its publisher")
     if head.big_endian != (sys.byteorder == "big"):
         raise ImageError("the image is not in the byte order of this computer: publish it in host byte order")
 
@@ -39,24 +39,31 @@ def check_color(head):
     try:
         _check_layout(head, _pixel_bytes(head.encoding))
     except cv_bridge.CvBridgeError as error:
-        raise ImageError("%s: publish bgr8 or rgb8" % one_line(error))
+        raise ImageError(f"{one_line(error)}: publish bgr8 or rgb8")
 
 
 def _check_layout(head, pixel_bytes):
     width, height = head.size
     if width == 0 or height == 0:
-        raise ImageError("the image is empty (%dx%d): check its publisher" % head.size)
+        raise ImageError(f"the image is empty ({head.size[0]}x{head.size[1]}): check its publisher")
     if head.step < width * pixel_bytes:
-        raise ImageError("step is %d bytes, but a row of %d %s pixels has %d: check its publisher"
-                         % (head.step, width, head.encoding, width * pixel_bytes))
+        raise ImageError(f"step is {head.step} bytes, but a row of {width} {head.encoding} pixels has "
+                         f"{width * pixel_bytes}: check its publisher")
     if head.bytes < head.step * height:
-        raise ImageError("data holds %d bytes, but %dx%d %s with step %d needs %d: check its publisher"
-                         % (head.bytes, width, height, head.encoding, head.step, head.step * height))
+        raise ImageError(f"data holds {head.bytes} bytes, but {width}x{height} {head.encoding} with step "
+                         f"{head.step} needs {head.step * height}: check its publisher")
 
 
 def _pixel_bytes(encoding):
     dtype, channels = BRIDGE.encoding_to_dtype_with_channels(encoding)
     return np.dtype(dtype).itemsize * channels
+
+
+def to_message(image, encoding, header):
+    """Image message. cv_bridge before 1.16 has no argument for the header."""
+    message = BRIDGE.cv2_to_imgmsg(image, encoding)
+    message.header = header
+    return message
 
 
 def depth_as_sent(message):
@@ -76,22 +83,22 @@ def depth_mm(message, invalid_values=(0,)):
 
 
 def bgr(message):
-    """BGR picture, 8 bit, of an Image or CompressedImage, as the fusion node sees it. ImageError."""
+    """BGR picture, 8 bit, of an Image or CompressedImage, as the fusion node converts it. ImageError."""
     try:
         if message._type == CompressedImage._type:
             picture = BRIDGE.compressed_imgmsg_to_cv2(message, "bgr8")
-            if picture is None:  # cv2.imdecode says no more
-                raise ImageError("its %d bytes cannot be decoded" % len(message.data))
+            if picture is None:  # cv2.imdecode gives no reason
+                raise ImageError(f"its {len(message.data)} bytes cannot be decoded")
             return picture
         return BRIDGE.imgmsg_to_cv2(_without_padding(message), "bgr8")
     except ImageError:
         raise
     except (cv2.error, cv_bridge.CvBridgeError, ValueError, TypeError, AttributeError) as error:
-        raise ImageError("%s: publish bgr8 or rgb8" % one_line(error))
+        raise ImageError(f"{one_line(error)}: publish bgr8 or rgb8")
 
 
 def _without_padding(message):
-    """The Python of cv_bridge takes rows to lie side by side, whatever their step is; its C++ does not."""
+    """The image with contiguous rows: the Python side of cv_bridge ignores `step`, its C++ side does not."""
     row = message.width * _pixel_bytes(message.encoding)
     if message.step == row:
         return message
@@ -100,6 +107,6 @@ def _without_padding(message):
 
 
 def _rows(message):
-    """Bytes, H x step."""
+    """The bytes of an image, H x step."""
     data = np.frombuffer(message.data, np.uint8)[:message.step * message.height]
     return data.reshape(message.height, message.step)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The rig that a bag was recorded with: cameras from CameraInfo, the pose from tf, as the nodes take them."""
+"""The rig of a bag, as the nodes see it: cameras from CameraInfo, the pose from tf."""
 import math
 from typing import NamedTuple
 
@@ -9,42 +9,42 @@ import numpy as np
 import tf2_py
 from scipy.spatial.transform import Rotation
 
-from all_in_focus.bag.file import one_line
-from all_in_focus.bag.images import ImageError, check_depth
+from all_in_focus.bag.image_messages import ImageError, check_depth
 from all_in_focus.bag.scan import newest
+from all_in_focus.files.errors import one_line
 from all_in_focus.files.rig import DISTORTION_LENGTHS, Camera, Optics, rotation_matrix
 
 MAX_SIZE = 32767  # pixels
 FOREVER = genpy.Duration(10 ** 8)
 
 
-class RigProblem(ValueError):
+class RecordedRigError(ValueError):
     """A calibration or pose that the nodes refuse; the message says why and what to do."""
 
 
 def camera_of(info, name):
-    """Camera of the images on the wire: binning and region of interest are applied. RigProblem."""
+    """Camera of the images as sent: with binning and region of interest applied. RecordedRigError."""
     if not (0 < info.width <= MAX_SIZE and 0 < info.height <= MAX_SIZE):
-        raise RigProblem("image size is %dx%d: calibrate the camera" % (info.width, info.height))
+        raise RecordedRigError(f"image size is {info.width}x{info.height}: calibrate the camera")
     K = np.array(info.K, float).reshape(3, 3)
     if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0):
-        raise RigProblem("the camera is not calibrated (fx = %g, fy = %g): calibrate it, or give its driver a "
-                         "calibration file" % (K[0, 0], K[1, 1]))
+        raise RecordedRigError(f"the camera is not calibrated (fx = {K[0, 0]:g}, fy = {K[1, 1]:g}): calibrate it, or "
+                               "give its driver a calibration file")
     model = info.distortion_model or "plumb_bob"
     if model not in DISTORTION_LENGTHS:
-        raise RigProblem("distortion model \"%s\" is not supported: use plumb_bob or rational_polynomial" % model)
+        raise RecordedRigError(f"distortion model \"{model}\" is not supported: use plumb_bob or rational_polynomial")
     most = max(DISTORTION_LENGTHS[model])
     D = np.array(info.D if info.distortion_model else [], float)
     if D[most:].any() or not np.isfinite(D).all():
-        raise RigProblem("%s has %d distortion coefficients, all finite, not %s: calibrate again"
-                         % (model, most, len(D) if np.isfinite(D).all() else "these"))
+        raise RecordedRigError(f"{model} has {most} distortion coefficients, all finite, not "
+                               f"{len(D) if np.isfinite(D).all() else 'these'}: calibrate again")
     D = np.pad(D[:most], (0, max(0, most - len(D))), "constant")
 
     roi, bins = info.roi, np.maximum(1, [info.binning_x, info.binning_y])
     size = np.array([roi.width, roi.height] if roi.width and roi.height else [info.width, info.height]) // bins
     cut = bins.max() > 1 or bool(roi.x_offset or roi.y_offset)
     offset = np.array([roi.x_offset, roi.y_offset])
-    K[:2, 2] = (K[:2, 2] - offset + 0.5) / bins - 0.5  # a binned pixel's centre lies half a bin inside
+    K[:2, 2] = (K[:2, 2] - offset + 0.5) / bins - 0.5  # the centre of a binned pixel lies half a bin inside
     K[0, 0], K[1, 1] = K[0, 0] / bins[0], K[1, 1] / bins[1]
     R, P = np.array(info.R, float).reshape(3, 3), np.array(info.P, float).reshape(3, 4)
     if cut or not P.any():
@@ -59,8 +59,8 @@ def optics_of(message):
 
 
 class Pose(NamedTuple):
-    """X_parent = R X_child + t (3x3, metres); quaternion: x, y, z, w as they are in the bag; late: recorded only after
-    it was needed."""
+    """X_parent = R X_child + t (3x3, metres); quaternion: x, y, z, w as in the bag; late: whether it was recorded only
+    after it was needed."""
     R: np.ndarray
     t: np.ndarray
     quaternion: list
@@ -68,7 +68,8 @@ class Pose(NamedTuple):
 
 
 def pose(scan, child, parent, order):
-    """Pose by the newest transforms recorded up to `order`, else by the first that connect both frames. RigProblem."""
+    """Pose from the newest transforms recorded up to `order`, else from the first ones that connect both frames.
+    RecordedRigError where none do."""
     if child.strip("/") == parent.strip("/"):
         return Pose(np.eye(3), np.zeros(3), [0.0, 0.0, 0.0, 1.0], False)
     buffer = tf2_py.BufferCore(FOREVER)
@@ -86,43 +87,43 @@ def pose(scan, child, parent, order):
             buffer.set_transform(transform, "bag")
     found, problem = _lookup(buffer, child, parent) if found is None else (found, None)
     if found is None:
-        raise RigProblem(problem)
+        raise RecordedRigError(problem)
     q, t = found.transform.rotation, found.transform.translation
     quaternion = [q.x, q.y, q.z, q.w]
     return Pose(rotation_matrix(Rotation.from_quat(quaternion)), np.array([t.x, t.y, t.z]), quaternion, late)
 
 
 def camera_at(scan, kind, order):
-    """Camera of "depth" or "rgb" at that time of a Scan. RigProblem."""
-    small = newest(getattr(scan, kind + "_info"), order)
+    """Camera of kind "depth" or "rgb" at the time `order` of a Scan. RecordedRigError."""
+    small = newest(getattr(scan, f"{kind}_info"), order)
     if small is None:
-        raise RigProblem("there is no camera info")
+        raise RecordedRigError("there is no camera info")
     return camera_of(small.message, {"rgb": "color"}.get(kind, kind))
 
 
 def color_frame(scan, order):
-    """Frame id of the colour camera: that of its camera info."""
+    """Frame id of the colour camera, from its camera info."""
     small = newest(scan.rgb_info, order)
     return small.message.header.frame_id if small else ""
 
 
 def depth_problem(scan, head):
-    """Why depth_preprocess would refuse a depth image of a Scan, or None; transforms aside."""
+    """Why depth_preprocess would refuse a depth image of a Scan, or None; transforms are not considered."""
     try:
         if not head.frame_id:
             raise ImageError("frame_id is empty: set it in the camera's driver")
         check_depth(head)
         camera = camera_at(scan, "depth", head.order)
         if head.size != (camera.width, camera.height):
-            raise ImageError("depth is %dx%d, but its camera info is for %dx%d: use the calibration of this resolution"
-                             % (*head.size, camera.width, camera.height))
-    except (ImageError, RigProblem) as error:
+            raise ImageError(f"depth is {head.size[0]}x{head.size[1]}, but its camera info is for "
+                             f"{camera.width}x{camera.height}: use the calibration of this resolution")
+    except (ImageError, RecordedRigError) as error:
         return str(error)
     return None
 
 
 def optics_at(scan, order):
-    """Optics at that time of a Scan, or None where they are unknown or impossible."""
+    """Optics at the time `order` of a Scan, or None where they are unknown or impossible."""
     small = newest(scan.optics, order)
     return optics_of(small.message) if small else None
 
@@ -133,21 +134,21 @@ def transforms(scan):
 
 
 def is_possible(transform):
-    """Whether the rotation is one, and all numbers are finite."""
+    """Whether the rotation is a unit quaternion and all numbers are finite."""
     q, t = transform.transform.rotation, transform.transform.translation
     values = np.array([q.x, q.y, q.z, q.w, t.x, t.y, t.z])
     return bool(np.isfinite(values).all()) and abs(np.linalg.norm(values[:4]) - 1) < 1e-3
 
 
 def _good(message):
-    # tf2 refuses the others too, and prints what it thinks of them.
+    # tf2 refuses the others too, and prints a message for each.
     return [transform for transform in message.transforms if is_possible(transform)
             and transform.header.frame_id and transform.child_frame_id
             and transform.header.frame_id.strip("/") != transform.child_frame_id.strip("/")]
 
 
 def _lookup(buffer, child, parent):
-    """(TransformStamped or None, why not)."""
+    """(TransformStamped or None, the reason for None)."""
     try:
         return buffer.lookup_transform_core(parent.lstrip("/"), child.lstrip("/"), genpy.Time()), None
     except tf2_py.TransformException as error:

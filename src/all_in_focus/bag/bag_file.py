@@ -1,24 +1,25 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A bag on disk: opened, its topics found by what they hold, its messages read, with errors of one line."""
-import os
+"""Opens a bag, finds its topics by their types and reads its messages; its errors are one line."""
 import struct
 from dataclasses import dataclass
+from pathlib import Path
 
 import genpy
 import rosbag
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from all_in_focus.files.errors import one_line
 from all_in_focus.msg import FocusFrame, Optics
 
 
 class BagError(ValueError):
-    """A bag that cannot be used; the message is one line and says what is missing."""
+    """A bag that cannot be used; the message is one line and says why."""
 
 
 @dataclass
 class Topics:
-    """Names in the bag, by what they hold."""
+    """Names of the topics in the bag, by kind."""
     depth: str = "/depth/image_raw"
     depth_info: str = "/depth/camera_info"
     rgb: str = "/rgb/image"
@@ -31,7 +32,7 @@ TYPES = {"depth": Image, "depth_info": CameraInfo, "rgb": Image, "rgb_info": Cam
          "optics": Optics}
 REQUIRED = {"depth": "depth image", "depth_info": "camera info of the depth camera", "rgb": "colour image",
             "rgb_info": "camera info of the colour camera"}
-# What rosbag throws at damaged files, from its own errors down to those of its decompressors.
+# What rosbag raises for damaged files; some of it comes from its decompressors.
 DAMAGE = (rosbag.ROSBagException, genpy.DeserializationError, struct.error, RuntimeError, EOFError, ValueError,
           KeyError, IndexError, UnicodeError, MemoryError)
 
@@ -39,8 +40,8 @@ DAMAGE = (rosbag.ROSBagException, genpy.DeserializationError, struct.error, Runt
 class BagFile:
     """An opened bag.
 
-    topics: names by kind (the fields of Topics), absolute; colour is that of /compressed where there is no other.
-    found: of each topic of the bag, by absolute name, what rosbag says of it: msg_type, message_count.
+    topics: absolute names by kind (the fields of Topics); for colour the /compressed topic where there is no other.
+    found: msg_type and message_count of each topic of the bag, by absolute name.
     """
 
     def __init__(self, path, topics=None):
@@ -50,7 +51,7 @@ class BagFile:
         info = self._bag.get_type_and_topic_info()
         self.found = {absolute(name): topic for name, topic in info.topics.items()}
         self._md5sums = info.msg_types
-        compressed = self.topics["rgb"] + "/compressed"
+        compressed = f"{self.topics['rgb']}/compressed"
         if self.topics["rgb"] not in self.found and compressed in self.found:
             self.topics["rgb"] = compressed
 
@@ -69,32 +70,32 @@ class BagFile:
         try:
             yield from self._bag.read_messages(topics=[*names, *(name[1:] for name in names)], **options)
         except (OSError, *DAMAGE) as error:
-            raise BagError("%s: damaged or unreadable: %s" % (self.path, one_line(error)))
+            raise BagError(f"{self.path}: damaged or unreadable: {one_line(error)}")
 
     def first(self, name):
         """(message, time) of a topic that has() one."""
         for _, message, time in self.read([name]):
             return message, time
-        raise BagError("%s: no message on %s can be read" % (self.path, name))
+        raise BagError(f"{self.path}: no message on {name} can be read")
 
     def missing(self):
-        """Kinds that the nodes need and that the bag does not have."""
+        """Kinds that the nodes need and the bag lacks."""
         return [kind for kind in REQUIRED if not self.has(kind)]
 
     def wrong_types(self):
-        """Yield (kind, one line) for topics that hold something else."""
+        """Yields (kind, one line) for topics of another type."""
         for kind, expected in TYPES.items():
             name = self.topics[kind]
             found = self.found.get(name)
             if found is None or kind == "rgb" and found.msg_type == CompressedImage._type:
                 continue
             if found.msg_type != expected._type:
-                yield kind, "%s holds %s, not %s" % (name, found.msg_type, expected._type)
+                yield kind, f"{name} holds {found.msg_type}, not {expected._type}"
             elif self._md5sums.get(expected._type) != expected._md5sum:
-                yield kind, "%s: %s was recorded in another version of that message" % (name, expected._type)
+                yield kind, f"{name}: {expected._type} was recorded in another version of that message"
 
     def alternatives(self, kind):
-        """Names of topics with messages of the type that this kind needs."""
+        """Names of topics that have messages of the type that this kind needs."""
         types = (TYPES[kind]._type,) + ((CompressedImage._type,) if TYPES[kind] is Image else ())
         return sorted(name for name, info in self.found.items() if info.msg_type in types and info.message_count > 0)
 
@@ -110,23 +111,19 @@ class BagFile:
 
     def _open(self):
         try:
-            if os.path.isdir(self.path):
-                raise BagError("%s: is a folder, not a bag" % self.path)
+            if Path(self.path).is_dir():
+                raise BagError(f"{self.path}: is a folder, not a bag")
             return rosbag.Bag(self.path)
         except rosbag.ROSBagUnindexedException:
-            raise BagError("%s: has no index (recording or copy cut off?): try rosbag reindex" % self.path)
+            raise BagError(f"{self.path}: has no index (recording or copy cut off?): try rosbag reindex")
         except OSError as error:
-            raise BagError("%s: %s" % (self.path, error.strerror or error))
+            raise BagError(f"{self.path}: {error.strerror or error}")
         except BagError:
             raise
         except DAMAGE as error:
-            raise BagError("%s: not a bag: %s" % (self.path, one_line(error)))
+            raise BagError(f"{self.path}: not a bag: {one_line(error)}")
 
 
 def absolute(name):
-    """Recorders write names with and without the slash."""
-    return "/" + name.strip("/")
-
-
-def one_line(error):
-    return " ".join(str(error).split()) or type(error).__name__
+    """A topic's name with its slash: recorders write names with and without it."""
+    return f"/{name.strip('/')}"

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs evaluate.launch on a master of its own and always comes back: roslaunch alone passes on no exit code, and waits
-for ever when a program is missing."""
+"""Runs evaluate.launch on a master of its own, with a time-out and an exit code.
+
+roslaunch alone returns no exit code, and waits for ever where a program is missing.
+"""
 import os
 import re
 import shutil
@@ -18,28 +20,28 @@ import rospkg
 from roslib.packages import find_node
 from tqdm import tqdm
 
-from all_in_focus.files.result_files import ResultFolder
+from all_in_focus.files.output_folder import remove_leftovers
 from all_in_focus.replay.run_status import BAD_INPUT, RunStatus
 
-RUN_VARIABLE = "ALL_IN_FOCUS_RUN"  # in the environment of everything that a run starts
-GRACE = 5.0  # s for an orderly end
-# Lines of roslaunch and of nodes that tell why a run fails, most telling first.
+RUN_VARIABLE = "ALL_IN_FOCUS_RUN"  # in the environment of every process of a run
+GRACE = 5.0  # s for an orderly shutdown
+# Lines of roslaunch and of nodes that say why a run fails, the most specific first.
 HINTS = (re.compile(r"cannot launch node of type \[.*"), re.compile(r"Failed to load nodelet.*"),
          re.compile(r"RLException: .*"), re.compile(r"Invalid .* tag.*"),
          re.compile(r"REQUIRED process \[(?!evaluation_player).* has died.*"),
          re.compile(r"\w+(?:Error|Exception): .*"))
-HOPELESS = HINTS[:2]  # no use waiting after these
+HOPELESS = HINTS[:2]  # after these the run cannot succeed
 
 
-class LaunchError(RuntimeError):
+class GraphError(RuntimeError):
     """The graph cannot be started; the message is one line."""
 
 
 def child_environment(environment, port, log_folder):
-    """Environment for roslaunch: the distribution's Python first, a master that nobody else uses."""
+    """Environment for roslaunch: the distribution's Python first, and a master of its own."""
     child = {name: value for name, value in environment.items()
              if name not in ("ROS_IP", "ROS_NAMESPACE", "PYTHONHOME", "ROSCONSOLE_FORMAT")}
-    child.update(PATH="/usr/bin:/bin:" + environment.get("PATH", ""), ROS_MASTER_URI="http://localhost:%d" % port,
+    child.update(PATH=f"/usr/bin:/bin:{environment.get('PATH', '')}", ROS_MASTER_URI=f"http://localhost:{port}",
                  ROS_HOSTNAME="localhost", ROS_LOG_DIR=log_folder, PYTHONUNBUFFERED="1")
     child[RUN_VARIABLE] = uuid.uuid4().hex
     return child
@@ -52,26 +54,26 @@ def free_port():
 
 
 def check_install():
-    """Raise LaunchError that names what is missing; returns the path of evaluate.launch."""
+    """Path of evaluate.launch; GraphError that names what is missing."""
     remedy = "build the package, and source its build/.install/setup.bash"
     try:
         launch_file = os.path.join(rospkg.RosPack().get_path("all_in_focus"), "launch", "evaluate.launch")
         for package, program in (("nodelet", "nodelet"), ("all_in_focus", "evaluation_player")):
             if not find_node(package, program):
-                raise LaunchError("program %s of package %s is missing: %s" % (program, package, remedy))
+                raise GraphError(f"program {program} of package {package} is missing: {remedy}")
     except rospkg.ResourceNotFound as error:
-        raise LaunchError("package %s is missing: %s" % (str(error).splitlines()[0], remedy))
+        raise GraphError(f"package {str(error).splitlines()[0]} is missing: {remedy}")
     if not os.path.isfile(launch_file):
-        raise LaunchError("%s is missing: %s" % (launch_file, remedy))
+        raise GraphError(f"{launch_file} is missing: {remedy}")
     library = "liball_in_focus_nodelets.so"
     prefixes = [prefix for prefix in os.environ.get("CMAKE_PREFIX_PATH", "").split(":") if prefix]
     if not any(os.path.exists(os.path.join(prefix, "lib", library)) for prefix in prefixes):
-        raise LaunchError("%s is missing: %s" % (library, remedy))
+        raise GraphError(f"{library} is missing: {remedy}")
     return launch_file
 
 
 class _Output(threading.Thread):
-    """Reads what the graph prints; remembers the most telling line."""
+    """Reads what the graph prints and remembers the most specific line that says why it fails."""
 
     def __init__(self, stream, verbose):
         super().__init__(daemon=True)
@@ -95,7 +97,7 @@ class _Output(threading.Thread):
 
 
 def run(arguments, output, timeout, verbose=False):
-    """Run evaluate.launch. arguments: its args by name; timeout: s without progress. Returns the final RunStatus."""
+    """Runs evaluate.launch. arguments: its args by name; timeout: s without progress. Returns the final RunStatus."""
     launch_file = check_install()
     with tempfile.TemporaryDirectory(prefix="evaluate_bag.") as scratch:
         port = free_port()
@@ -103,9 +105,9 @@ def run(arguments, output, timeout, verbose=False):
         status_file = os.path.join(scratch, "status.json")
         roslaunch = shutil.which("roslaunch", path=environment["PATH"])
         if roslaunch is None:
-            raise LaunchError("program roslaunch is missing: install ros-core")
-        command = [roslaunch, "-p", str(port), launch_file, "status:=" + status_file]
-        command += ["%s:=%s" % pair for pair in arguments.items()]
+            raise GraphError("program roslaunch is missing: install ros-core")
+        command = [roslaunch, "-p", str(port), launch_file, f"status:={status_file}"]
+        command += [f"{pair[0]}:={pair[1]}" for pair in arguments.items()]
         process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                                    stderr=subprocess.STDOUT, text=True, errors="replace", start_new_session=True)
         printed = _Output(process.stdout, verbose)
@@ -115,28 +117,28 @@ def run(arguments, output, timeout, verbose=False):
             end_run(process, environment[RUN_VARIABLE])
         printed.join(1.0)
         status = final_status(RunStatus.read(status_file), stopped_because, printed.hint())
-    if status.code != 0 and os.path.isdir(output):
-        ResultFolder(output).discard()  # what a killed player has left
+    if status.code != 0:
+        remove_leftovers(output)  # of a killed player
     return status
 
 
 def final_status(status, stopped_because, hint):
-    """status: the player's last, or None; stopped_because: why the watchdog ended the run, or None."""
+    """RunStatus of an ended run. status: the player's last, or None; stopped_because: of the watchdog, or None."""
     ended = status is not None and status.code is not None
     if ended and not stopped_because and not (hint and "from outside" in status.reason):
         return status
     reason = stopped_because or "the run ended before the bag was played"
-    return RunStatus(BAD_INPUT, reason + (": " + hint if hint and hint not in reason else ""))
+    return RunStatus(BAD_INPUT, reason + (f": {hint}" if hint and hint not in reason else ""))
 
 
 def _watch(process, status_file, printed, timeout):
-    """Returns when the run is over: None, or why it must be stopped."""
+    """Returns when the run is over: None, or the reason to stop it."""
     last, changed = None, time.monotonic()
     with tqdm(unit="message", disable=not sys.stderr.isatty()) as bar:
         while process.poll() is None:
             status = RunStatus.read(status_file)
             if status is not None and status.code is not None:
-                return None  # roslaunch may take its time to end
+                return None  # not waiting for roslaunch to end
             if status is not None:
                 bar.total = status.total
                 bar.update(status.done - bar.n)
@@ -146,13 +148,13 @@ def _watch(process, status_file, printed, timeout):
             if printed.hint(HOPELESS):
                 return printed.hint(HOPELESS)
             if time.monotonic() - changed > timeout:
-                return "no progress for %g s" % timeout
+                return f"no progress for {timeout:g} s"
             time.sleep(0.1)
     return None
 
 
 def end_run(process, run_id):
-    """End roslaunch and everything that it has started: its children have process groups of their own."""
+    """Ends roslaunch and every process of the run; its children have process groups of their own."""
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
         try:
@@ -175,11 +177,11 @@ def end_run(process, run_id):
 
 def _processes_of(run_id):
     """Processes that have the run's mark in their environment."""
-    mark = ("%s=%s" % (RUN_VARIABLE, run_id)).encode()
+    mark = f"{RUN_VARIABLE}={run_id}".encode()
     found = []
     for entry in os.listdir("/proc"):
         try:
-            with open("/proc/%s/environ" % entry, "rb") as file:
+            with open(f"/proc/{entry}/environ", "rb") as file:
                 if entry.isdigit() and mark in file.read().split(b"\0"):
                     found.append(int(entry))
         except OSError:

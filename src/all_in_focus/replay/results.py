@@ -1,31 +1,107 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Collects the outputs of the fusion and saves them bracket by bracket."""
+"""The outputs of the nodes, collected bracket by bracket and saved.
+
+On disk: bracket_0000/{fused,labels,registered,source_index,confidence,weights}.png and report.json.
+"""
 import functools
+import math
 import re
 import threading
 from collections import OrderedDict
 
 import cv_bridge
+import genpy
+import numpy as np
 import rospy
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import Image
 
+from all_in_focus.files.errors import one_line
+from all_in_focus.files.output_file import encode_png, named, write_json
+from all_in_focus.files.output_folder import OutputFolder
 from all_in_focus.msg import FusionReport, SegmentArray
-from all_in_focus.files.result_files import ResultError, encode_labels, encode_png, report_dict
 
-# file name: topic, encoding to save (images are saved as OpenCV has them: BGR)
+REPORT_VERSION = 1
+MAX_LABEL = 65535
+# file name: topic, encoding to save (OpenCV writes BGR)
 IMAGES = {"fused": ("all_in_focus/image", "bgr8"), "registered": ("all_in_focus/depth", "passthrough"),
           "source_index": ("all_in_focus/source_index", "passthrough"),
           "confidence": ("all_in_focus/confidence", "passthrough"), "weights": ("all_in_focus/weights_color", "bgr8")}
 LABELS, SEGMENTS, REPORT = "segmentation/labels", "segmentation/segments", "all_in_focus/report"
 NODES = ("depth_preprocess", "segmenter", "fusion")
 MAX_COMPLAINTS = 20
-KEPT = 2000  # label images, compressed, that no report has asked for yet
+KEPT = 2000  # label images (compressed) to keep until a report asks for them
+
+
+class ResultError(ValueError):
+    """A result that cannot be written; the message is one line."""
+
+
+def to_plain(value):
+    """A ROS message, or a field of one, for JSON: times in seconds, NaN and infinity as null."""
+    if isinstance(value, genpy.Message):
+        return {name: to_plain(getattr(value, name)) for name in value.__slots__}
+    if isinstance(value, genpy.rostime.TVal):
+        return value.to_sec()
+    if isinstance(value, (list, tuple)):
+        return [to_plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
+
+
+def report_dict(report, segment_array=None):
+    """FusionReport under its own field names; with the SegmentArray of its label image, the table of the regions."""
+    plain = {"version": REPORT_VERSION}
+    plain.update(to_plain(report))
+    del plain["header"]["seq"]  # a counter of the publisher
+    if not report.has_labels:
+        plain["label_stamp"] = None
+    if segment_array is not None:
+        plain["dof_rule"] = segment_array.dof_rule
+        plain["unknown_area"] = segment_array.unknown_area
+        plain["segment_table"] = to_plain(segment_array.segments)
+    return plain
+
+
+def encode_labels(labels):
+    """16-bit PNG, as bytes, of an image of labels >= 0. Raises ResultError above 65535 regions."""
+    greatest = int(labels.max()) if labels.size else 0
+    if greatest > MAX_LABEL:
+        raise ResultError(f"{greatest} regions do not fit a 16-bit PNG ({MAX_LABEL} at most): smooth the depth or "
+                          "use wider optics")
+    return encode_png(labels.astype(np.uint16))
+
+
+class ResultFolder:
+    """The brackets of one run. commit() puts them in the place of an earlier run's; discard() must follow.
+
+    Brackets that evaluate_bag did not write are an OSError; other things of the user in the folder stay there.
+    """
+
+    def __init__(self, path):
+        self._folder = OutputFolder(path, "evaluate_bag", parents=True,
+                                    may_keep=lambda name: not re.fullmatch(r"bracket_\d{4,}", name))
+        self.commit, self.discard = self._folder.commit, self._folder.discard
+
+    @staticmethod
+    def name(number):
+        """Folder of a bracket; brackets are counted from 0 in the order of their reports."""
+        return f"bracket_{number:04d}"
+
+    def save(self, number, files, report):
+        """Writes one bracket. files: PNG bytes by name, without suffix; report: plain dictionary."""
+        folder = self._folder.working / self.name(number)
+        with named(self._folder.path, self._folder.working):
+            folder.mkdir()
+            for name, data in files.items():
+                (folder / f"{name}.png").write_bytes(data)
+            write_json(folder / "report.json", report)
 
 
 class BracketCollector:
-    """Puts together what belongs together. Not thread-safe; without ROS.
+    """Assembles the outputs of each bracket. Not thread-safe; needs no ROS master.
 
     All outputs of a result have the stamp of its report; labels and segments that of report.label_stamp. Outputs may
     come before the report or after. Brackets are numbered in the order of their reports.
@@ -38,7 +114,7 @@ class BracketCollector:
         self.brackets = []  # dicts, see run_status.conclude()
 
     def add(self, name, stamp, data):
-        """data: PNG as bytes, a SegmentArray, or a ResultError to raise if a bracket wants this part."""
+        """data: PNG as bytes, a SegmentArray, or a ResultError to raise if a bracket needs this part."""
         parts = self._parts[name]
         parts[stamp.to_nsec()] = data
         while len(parts) > KEPT:
@@ -48,24 +124,24 @@ class BracketCollector:
     def add_report(self, report):
         number = len(self.brackets)
         self.brackets.append({"folder": self._folder.name(number), "bracket_id": report.bracket_id,
-                              "frames_used": report.frames_used,
-                              "regions": sum(choice.label > 0 for choice in report.segments), "missing": [], "notes": list(report.notes)})
+                              "frames_used": report.frames_used, "missing": [], "notes": list(report.notes),
+                              "regions": sum(choice.label > 0 for choice in report.segments)})
         self._pending[number] = report
         self._save_complete()
 
     @property
     def waiting(self):
-        """Whether a report waits for its images."""
+        """Whether a report still lacks some of its images."""
         return bool(self._pending)
 
     def finish(self):
-        """Nothing more will come: write down what is missing."""
+        """Call when nothing more will come: notes what is missing."""
         for number, report in self._pending.items():
             self.brackets[number]["missing"] = self._missing(report)
 
     @staticmethod
     def _wanted(report):
-        """Stamps in ns of all parts of a bracket by name."""
+        """Stamp (ns) of each part of a bracket, by name."""
         if report.frames_used == 0:
             return {}
         result, label = report.header.stamp.to_nsec(), report.label_stamp.to_nsec()
@@ -75,7 +151,7 @@ class BracketCollector:
         return wanted
 
     def _missing(self, report):
-        return [IMAGES[name][0] if name in IMAGES else "segmentation/" + name
+        return [IMAGES[name][0] if name in IMAGES else f"segmentation/{name}"
                 for name, stamp in self._wanted(report).items() if stamp not in self._parts[name]]
 
     def _save_complete(self):
@@ -91,7 +167,7 @@ class BracketCollector:
             self._forget(wanted)
 
     def _forget(self, wanted):
-        """Later brackets use the same label image or later ones."""
+        """Drops what no later bracket can use: they have the same label image or later ones."""
         for name, stamp in wanted.items():
             parts = self._parts[name]
             for key in [key for key in parts if key < stamp or key == stamp and name in IMAGES]:
@@ -99,13 +175,13 @@ class BracketCollector:
 
 
 class ResultSaver:
-    """Subscribes the outputs and feeds a BracketCollector."""
+    """Subscribes to the outputs and passes them to a BracketCollector."""
 
     def __init__(self, folder):
         self._lock = threading.Lock()
         self._collector = BracketCollector(folder)
         self._bridge = cv_bridge.CvBridge()
-        self.error = None  # the first one, one line
+        self.error = None  # the first error, one line
         self.subscribers = {topic: rospy.Subscriber(topic, Image, functools.partial(self._on_image, name, encoding))
                             for name, (topic, encoding) in {**IMAGES, "labels": (LABELS, "passthrough")}.items()}
         self.subscribers[SEGMENTS] = rospy.Subscriber(SEGMENTS, SegmentArray, self._on_segments)
@@ -114,12 +190,12 @@ class ResultSaver:
         self._log = rospy.Subscriber("/rosout", Log, self._on_log)
 
     def progress(self):
-        """(reports so far, whether one of them waits for its images)."""
+        """(number of reports so far, whether one of them still lacks images)."""
         with self._lock:
             return len(self._collector.brackets), self._collector.waiting
 
     def finish(self):
-        """What became of every bracket, see run_status.conclude()."""
+        """The brackets, as run_status.conclude() takes them."""
         for subscriber in self.subscribers.values():
             subscriber.unregister()
         with self._lock:
@@ -133,10 +209,11 @@ class ResultSaver:
 
     def _on_log(self, message):
         # Nodelets log "/name: text" under their manager's name.
-        nodelet = re.match(r"\S*/(%s): " % "|".join(NODES), message.msg)
+        nodelet = re.match(rf"\S*/({'|'.join(NODES)}): ", message.msg)
         if message.level >= Log.WARN and nodelet and len(self._complaints) < MAX_COMPLAINTS:
             with self._lock:
-                self._complaints.setdefault(" ".join(message.msg[message.msg.index(nodelet[1]):].split()), message.level)
+                text = " ".join(message.msg[message.msg.index(nodelet[1]):].split())
+                self._complaints.setdefault(text, message.level)
 
     def _on_image(self, name, encoding, message):
         try:
@@ -144,8 +221,8 @@ class ResultSaver:
             data = encode_labels(image) if name == "labels" else encode_png(image)
         except ResultError as error:
             data = error
-        except cv_bridge.CvBridgeError as error:
-            data = ResultError("%s: %s" % (name, " ".join(str(error).split())))
+        except (cv_bridge.CvBridgeError, ValueError) as error:
+            data = ResultError(f"{name}: {one_line(error)}")
         self._collect(self._collector.add, name, message.header.stamp, data)
 
     def _on_segments(self, message):
@@ -161,4 +238,4 @@ class ResultSaver:
             except ResultError as error:
                 self.error = self.error or str(error)
             except OSError as error:
-                self.error = self.error or "%s: %s" % (error.filename, error.strerror)
+                self.error = self.error or one_line(error)

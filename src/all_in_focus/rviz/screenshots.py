@@ -3,6 +3,7 @@
 """Pictures of rviz and image_view with the results of a bag: a master, the nodes and screens of their own."""
 import contextlib
 import os
+import posixpath
 import subprocess
 import tempfile
 import time
@@ -12,12 +13,52 @@ from xml.sax.saxutils import quoteattr
 import rosgraph
 import rospkg
 import rospy
+import yaml
 from roslib.packages import find_node
 
-from all_in_focus.rviz import config as rviz_config
+from all_in_focus.replay.graph import RUN_VARIABLE, child_environment, end_run, free_port
 from all_in_focus.replay.player import BagPlayer, Limits, PlayError
-from all_in_focus.replay.launch import RUN_VARIABLE, child_environment, end_run, free_port
 from all_in_focus.rviz.virtual_screen import ScreenError, VirtualScreen, changed_share, check_programs
+
+TOPIC_KEYS = ("Image Topic", "Color Image Topic", "Depth Map Topic", "Marker Topic", "Topic")
+
+
+def _read(path):
+    """Raises OSError, ValueError (one line)."""
+    with open(path, encoding="utf-8") as file:
+        try:
+            config = yaml.safe_load(file)
+            config["Visualization Manager"]["Displays"], config["Visualization Manager"]["Global Options"]
+            return config
+        except (yaml.YAMLError, KeyError, TypeError) as error:
+            raise ValueError(f"{path}: not an rviz configuration ({' '.join(str(error).split())})") from error
+
+
+def displays(path):
+    """Descriptions of the enabled displays of an .rviz file. Raises OSError, ValueError (one line)."""
+    return [display for display in _read(path)["Visualization Manager"]["Displays"] if display.get("Enabled", True)]
+
+
+def write_with_frame(path, frame, output):
+    """Copies an .rviz file with another fixed frame: DepthCloud ignores rviz -f and uses that of the file."""
+    config = _read(path)
+    config["Visualization Manager"]["Global Options"]["Fixed Frame"] = frame
+    with open(output, "w", encoding="utf-8") as file:
+        yaml.safe_dump(config, file)
+
+
+def topics_of(display):
+    """Topics that a display subscribes to; for a depth image also the camera_info beside it."""
+    names = [display[key] for key in TOPIC_KEYS if isinstance(display.get(key), str) and display[key]]
+    if display.get("Depth Map Topic"):
+        names.append(posixpath.join(posixpath.dirname(display["Depth Map Topic"]), "camera_info"))
+    return names
+
+
+def config_topics(path):
+    """Topics that the displays of an .rviz file subscribe to, in order. Raises like displays()."""
+    return list(dict.fromkeys(name for display in displays(path) for name in topics_of(display)))
+
 
 LABELS = "segmentation/labels"
 REPORT = "all_in_focus/report"
@@ -40,7 +81,7 @@ IMAGE_VIEW = """<node pkg="image_view" type="image_view" name="labels_view">
 
 
 class RvizDied(ScreenError):
-    """rviz crashed. It does, now and then, under load: DepthCloud touches Qt from a thread of its own."""
+    """rviz crashed. Under load it does so now and then: DepthCloud uses Qt from a thread of its own."""
 
 
 def default_config():
@@ -48,7 +89,7 @@ def default_config():
 
 
 def has_image_view():
-    """Debian has the program in one package, and what makes it a ROS package in another."""
+    """Whether image_view can be found; Debian has the program and its package.xml in two packages."""
     try:
         return bool(find_node("image_view", "image_view"))
     except rospkg.ResourceNotFound:
@@ -56,7 +97,7 @@ def has_image_view():
 
 
 class Graph:
-    """roslaunch with rviz and the nodes, and this process as a node beside them."""
+    """roslaunch with rviz and the nodes; this process is a node of the same graph."""
 
     def __init__(self, launch, folder, timeout):
         self._timeout = timeout
@@ -73,34 +114,34 @@ class Graph:
         self._process.stdin.close()
 
     def wait(self, condition, what):
-        """Until the condition holds; raises ScreenError that says what was waited for."""
+        """Waits until the condition holds; ScreenError that says what was waited for."""
         end = time.monotonic() + self._timeout
         while not condition():
             self.check()
             if time.monotonic() > end:
-                raise ScreenError("%s: not within %g s" % (what, self._timeout))
+                raise ScreenError(f"{what}: not within {self._timeout:g} s")
             time.sleep(0.1)
 
     def check(self):
-        """Raises RvizDied, or ScreenError when the launch has ended otherwise."""
+        """Raises RvizDied, or ScreenError where the launch has ended for another reason."""
         if self._process.poll() is None:
             return
         error = self._last_error()
-        raise (RvizDied if "rviz" in error and "died" in error else ScreenError)("roslaunch ended: " + error)
+        raise (RvizDied if "rviz" in error and "died" in error else ScreenError)(f"roslaunch ended: {error}")
 
     def _last_error(self):
         with open(self.log, encoding="utf-8", errors="replace") as log:
             lines = [line.strip() for line in log]
         died = [line for line in lines if "REQUIRED process" in line and "died" in line]
         errors = [line for line in lines if "rror" in line or "FATAL" in line]
-        return (died or errors or ["it does not say why"])[-1].lstrip("\x1b[31m=")
+        return (died or errors or ["no reason given"])[-1].lstrip("\x1b[31m=")
 
     def close(self):
         end_run(self._process, self._run)
 
 
 def hears(node, topics):
-    """Whether the node is connected with a publisher of each topic."""
+    """Whether the node is connected to a publisher of each topic."""
     try:
         uri = rosgraph.Master("/rviz_pictures").lookupNode(node)
         with xmlrpc.client.ServerProxy(uri) as proxy:
@@ -111,12 +152,12 @@ def hears(node, topics):
 
 
 def take_pictures(contents, config, mode="refined", optics=None, timeout=60.0):
-    """Play a bag to the nodes and to rviz. Returns BGR pictures: "rviz", and "labels" if image_view is installed.
+    """Plays a bag to the nodes and to rviz. Returns BGR pictures: "rviz", and "labels" if image_view is installed.
 
     contents: BagContents; config: an .rviz file; optics: of the lens, None: what the bag says; timeout: s for each
     step. Raises ScreenError, PlayError.
     """
-    wanted = ["/" + topic.lstrip("/") for topic in rviz_config.topics(config)]
+    wanted = [f"/{topic.lstrip('/')}" for topic in config_topics(config)]
     check_programs("Xvfb", "import", "rviz")
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="rviz_screenshots."))
@@ -126,8 +167,8 @@ def take_pictures(contents, config, mode="refined", optics=None, timeout=60.0):
             screens["labels"] = VirtualScreen(1600, 640)
         view = IMAGE_VIEW.format(display=quoteattr(screens["labels"].display)) if "labels" in screens else ""
         own_config = os.path.join(folder, "own.rviz")
-        rviz_config.write_with_frame(config, contents.rgb_info.header.frame_id.lstrip("/"), own_config)
-        launch = LAUNCH.format(mode=quoteattr(mode), rviz_args=quoteattr("-d " + own_config),
+        write_with_frame(config, contents.rgb_info.header.frame_id.lstrip("/"), own_config)
+        launch = LAUNCH.format(mode=quoteattr(mode), rviz_args=quoteattr(f"-d {own_config}"),
                                rviz_display=quoteattr(screens["rviz"].display), image_view=view)
         graph = Graph(launch, folder, timeout)
         stack.callback(graph.close)
@@ -137,16 +178,16 @@ def take_pictures(contents, config, mode="refined", optics=None, timeout=60.0):
         stack.callback(rospy.signal_shutdown, "done")
         seen = {}
         outputs = {topic: rospy.Subscriber(topic, rospy.AnyMsg, lambda _, topic=topic: seen.update({topic: True}))
-                   for topic in [*wanted, "/" + LABELS, "/" + REPORT]}
-        graph.wait(lambda: hears("/rviz", wanted), "rviz to listen to " + ", ".join(wanted))
+                   for topic in [*wanted, f"/{LABELS}", f"/{REPORT}"]}
+        graph.wait(lambda: hears("/rviz", wanted), f"rviz to listen to {', '.join(wanted)}")
         if view:
-            graph.wait(lambda: hears("/labels_view", ["/" + LABELS]), "image_view to listen to /" + LABELS)
+            graph.wait(lambda: hears("/labels_view", [f"/{LABELS}"]), f"image_view to listen to /{LABELS}")
 
         player = BagPlayer(contents, Limits(connect=timeout), heartbeat=lambda done: graph.check())
         try:
             before = _play(player, contents, optics, outputs, seen, screens)
         except PlayError:
-            graph.check()  # the reason for it
+            graph.check()  # raises the reason for it
             raise
         graph.wait(lambda: len(seen) == len(outputs), "every display to get its message")
         return {name: _settled(screen, before[name], CHANGED[name], graph, timeout) for name, screen in screens.items()}
@@ -159,8 +200,8 @@ def _play(player, contents, optics, outputs, seen, screens):
         player.set_optics(optics or contents.optics)
     before = {name: screen.picture() for name, screen in screens.items()}
     player.play(follow_optics=optics is None)
-    player.end_bracket(lambda number: "/" + REPORT in seen)
-    if "/" + REPORT not in seen:
+    player.end_bracket(lambda number: f"/{REPORT}" in seen)
+    if f"/{REPORT}" not in seen:
         raise PlayError("no result came: does the bag have a whole bracket?")
     return before
 

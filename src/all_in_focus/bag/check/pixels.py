@@ -1,0 +1,228 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Do the nodes accept the images, are depths plausible, does the exposure stay, and does the focus move?"""
+from collections import Counter
+
+import cv2
+import numpy as np
+
+from all_in_focus.bag.check.findings import PerBracket, counted, share_text
+from all_in_focus.bag.image_messages import METRES, ImageError, bgr, check_color, check_depth, depth_as_sent
+from all_in_focus.bag.scan import NS, fetch
+from all_in_focus.imaging import srgb_to_linear
+
+NEAR_MM, FAR_MM = 150, 20000  # medians beyond are mistakes
+MOSTLY_UNKNOWN = 0.7
+NO_READING = 2047             # of a raw Kinect stream: no measurement
+NOTICEABLE = 0.01             # share of pixels
+BRACKETS, FRAMES = 3, 30      # at most so many brackets are sampled, so many frames of them together
+BLOCKS = (8, 6)               # of a picture; blur preserves the mean light of a block
+DARK, BRIGHT = 0.005, 0.75    # linear light between which a block's mean counts
+EXPOSURE_STEP = 0.05          # relative change of light that gets a warning
+SAME_SHARPNESS = 0.05         # relative change of the sharpest blocks' sharpness that noise can cause
+WIDTH = 640                   # pixels to which larger pictures are reduced
+
+
+def check_images(check, bag, scan, kind):
+    """Returns the heads of the images that the nodes accept. kind: "depth" or "rgb"."""
+    heads, name = getattr(scan, kind), bag.topics[kind]
+    problems = _problems(bag, scan, kind)
+    good = [head for head in heads if head.order not in problems]
+    broken = [time for which, time in scan.unreadable if which == kind]
+    if broken:
+        check.warning(f"{name}: {counted(len(broken), 'message')} cannot be read, the first recorded at "
+                      f"{(broken[0] - scan.start) / NS:.3f} s")
+    for text, number in Counter(problems.values()).most_common(3):
+        if not good:
+            check.error(f"{name}: {text}")
+        else:
+            first = next(head for head in heads if problems.get(head.order) == text)
+            check.warning(f"{name}: {number} of {len(heads)} images, the first at "
+                          f"{(first.recorded - scan.start) / NS:.3f} s: {text}")
+    if not heads:
+        check.error(f"{name}: no image can be read")
+    sizes = Counter(head.size for head in good)
+    if len(sizes) > 1:
+        counts = ", ".join(f"{size[0]}x{size[1]}: {number}" for size, number in sizes.most_common())
+        check.warning(f"{name}: sizes differ ({counts}): what is not like the first of a bracket is left out")
+    encodings = sorted({head.encoding for head in good})
+    for encoding in encodings:
+        if encoding.startswith("bayer_"):
+            check.warning(f"{name}: {encoding} is interpolated by the simplest method: record the output of "
+                          "image_proc's debayer instead")
+    if good:
+        size = f"{good[0].size[0]}x{good[0].size[1]} " if good[0].size else ""
+        check.ok(f"{counted(len(heads), 'image')}, {size}{', '.join(encodings)}")
+    return good
+
+
+def _problems(bag, scan, kind):
+    """Why the nodes refuse an image, by its order in the bag."""
+    problems = {}
+    conversions = {}  # problem or None by encoding; tried once each, since reading all pixels would take long
+    for head in getattr(scan, kind):
+        try:
+            if kind == "depth":
+                check_depth(head)
+                continue
+            check_color(head)
+            if head.encoding not in conversions:
+                conversions[head.encoding] = _conversion(bag, head)
+            if conversions[head.encoding]:
+                problems[head.order] = conversions[head.encoding]
+        except ImageError as error:
+            problems[head.order] = str(error)
+    return problems
+
+
+def _conversion(bag, head):
+    try:
+        bgr(fetch(bag, "rgb", head))
+    except ImageError as error:
+        return f"encoding {head.encoding}: {error}"
+    return None
+
+
+def check_depth_values(check, name, messages, images):
+    """name: topic; images: H x W mm, 0 = unknown, of the same messages."""
+    encoding = messages[0].encoding
+    values = np.concatenate([image.ravel() for image in images])
+    known = values[values > 0]
+    sent = np.concatenate([depth_as_sent(message).ravel() for message in messages])
+    sent = sent[np.isfinite(sent) & (sent > 0)]
+    unit = _wrong_unit(encoding, sent)
+    if unit:
+        check.error(f"{name}: {unit}") if not len(known) else check.warning(f"{name}: {unit}")
+    elif not len(known):
+        check.error(f"{name}: not one pixel has a depth: is something too near, or the sensor covered?")
+    if not len(known):
+        return
+    unknown = 1 - len(known) / len(values)
+    near, middle, far = np.percentile(known, [2, 50, 98]) / 1000
+    if unknown > MOSTLY_UNKNOWN:
+        check.warning(f"{name}: {share_text(unknown)} of the pixels have no depth: too near, too far, too dark or "
+                      "in sunlight?")
+    no_reading = (values == NO_READING).mean()
+    if encoding != METRES and no_reading > NOTICEABLE:
+        check.warning(f"{name}: {share_text(no_reading)} of the pixels are exactly {NO_READING} mm, what a raw "
+                      f"Kinect stream gives for nothing: --invalid-values [0,{NO_READING}]")
+    if not unit and not NEAR_MM <= middle * 1000 <= FAR_MM:
+        check.warning(f"{name}: half of the depths are {'below' if middle < 1 else 'above'} {middle:.3g} m: is the "
+                      "unit right (16UC1: mm, 32FC1: m)?")
+    check.ok(f"{near:.2f} to {far:.2f} m, half of them below {middle:.2f} m; {share_text(unknown)} unknown")
+
+
+def _wrong_unit(encoding, sent):
+    """Detects mm where the encoding means metres, and the reverse; empty where the unit is plausible."""
+    if not len(sent):
+        return ""
+    middle = np.median(sent)
+    if encoding == METRES and middle >= 100:
+        return f"half of the values are above {middle:.4g}: mm, but 32FC1 means m: divide by 1000, or send 16UC1"
+    if encoding != METRES and middle <= 20:
+        return (f"half of the values are {middle} or less: m, but {encoding} means mm: multiply by 1000, or send "
+                "32FC1")
+    return ""
+
+
+def sample(items, most):
+    """At most `most` items, evenly spaced, with the first and the last."""
+    if len(items) <= most:
+        return list(items)
+    return [items[index] for index in np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))]
+
+
+class Sample:
+    """Measurements of some frames of one bracket, read one at a time.
+
+    light: frames x blocks, mean linear light; sharpness: frames x blocks, mean of the squared Laplacian; problem: of
+    the first frame that cannot be read, or None.
+    """
+
+    def __init__(self, bag, number, bracket, most):
+        self.number, self.light, self.sharpness, self.frames, self.problem = number, [], [], [], None
+        size = None
+        for frame in sample(bracket.frames, most):
+            try:
+                picture = bgr(fetch(bag, "rgb", frame.head))
+            except ImageError as error:
+                self.problem = self.problem or f"frame {frame.index}: {error}"
+                continue
+            size = size or picture.shape
+            if picture.shape != size:
+                continue
+            if picture.shape[1] > WIDTH:
+                picture = cv2.resize(picture, (WIDTH, round(picture.shape[0] * WIDTH / picture.shape[1])),
+                                     interpolation=cv2.INTER_AREA)
+            gray = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+            self.light.append(_blocks(srgb_to_linear(gray)))
+            # Smoothed against noise, whose sharpness does not depend on the focus.
+            edges = cv2.Laplacian(cv2.GaussianBlur(gray.astype(np.float32), (0, 0), 1), cv2.CV_32F)
+            self.sharpness.append(_blocks(edges * edges))
+            self.frames.append(frame)
+
+
+def check_exposure(check, brackets, samples):
+    worst, complaints = 0.0, PerBracket(check, brackets)
+    for one in samples:
+        if one.problem:
+            complaints.warning(one.number, one.problem)
+        if len(one.frames) < 2:
+            continue
+        gains = relative_light(np.array(one.light))
+        if gains is None:
+            complaints.warning(one.number, "too dark or too bright to compare: correct the exposure")
+            continue
+        change = gains.max() / gains.min() - 1
+        worst = max(worst, change)
+        if change > EXPOSURE_STEP:
+            odd = int(np.abs(np.log(gains)).argmax())
+            complaints.warning(one.number, f"the light changes by {share_text(change)}, most in frame "
+                                           f"{one.frames[odd].index} ({100 * (gains[odd] - 1):+.0f} %): fix "
+                                           "exposure, ISO and white balance in the camera")
+    complaints.tell()
+    check.ok(f"the light of {counted(sum(len(one.frames) for one in samples), 'frame')} in "
+             f"{counted(len(samples), 'bracket')} changes by at most {share_text(worst)}")
+
+
+def relative_light(light):
+    """Gain of each frame against the median frame; None where no block is well exposed in all frames.
+
+    light: frames x blocks.
+    """
+    good = (light > DARK).all(axis=0) & (light < BRIGHT).all(axis=0)
+    if not good.any():
+        return None
+    ratio = light[:, good] / np.median(light[:, good], axis=0)
+    return np.median(ratio, axis=1)
+
+
+def check_focus_change(check, brackets, samples):
+    complaints = PerBracket(check, len(brackets))
+    for number, bracket in enumerate(brackets):
+        same = sum(a.head.checksum == b.head.checksum for a, b in zip(bracket.frames, bracket.frames[1:]))
+        if same:
+            complaints.warning(number, f"{same} times a frame is the one before to the last bit: did the camera "
+                                       "take a new picture?")
+    for one in samples:
+        if len(one.frames) < 2:
+            continue
+        change = focus_change(np.array(one.sharpness))
+        if change < SAME_SHARPNESS:
+            complaints.warning(one.number, "all frames are equally sharp: does the focus move? (lens switched to "
+                               "manual, step size, focus limit)")
+    complaints.tell()
+    check.ok("sharpness changes from frame to frame")
+
+
+def focus_change(sharpness):
+    """Relative change of the sharpness of textured blocks, 0: none. sharpness: frames x blocks."""
+    best = sharpness.max(axis=0)
+    textured = best >= np.percentile(best, 75)  # the others are mostly noise
+    if not best[textured].any():
+        return 0.0
+    return float(np.median(1 - np.sqrt(sharpness[:, textured].min(axis=0) / best[textured])))
+
+
+def _blocks(image):
+    return cv2.resize(image, BLOCKS, interpolation=cv2.INTER_AREA).ravel()

@@ -1,0 +1,182 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Is everything recorded that the nodes need, under these names, with stamps that fit each other?"""
+import os
+import re
+
+import numpy as np
+
+from all_in_focus.bag.check.findings import counted
+from all_in_focus.bag.bag_file import REQUIRED, BagError
+from all_in_focus.bag.image_messages import METRES, MILLIMETRES
+from all_in_focus.bag.options import option_of
+from all_in_focus.bag.scan import NS
+
+DEPTH = (*MILLIMETRES, METRES)
+TRANSPORTS = ("compressedDepth", "compressed", "theora")  # that cannot be read here (compressed can, for colour)
+CLOCKS_APART = 5.0  # s between the delays of depth and colour; a DSLR takes a second or two to deliver a picture
+OLD = 60.0          # s; older depth is of another scene
+ODD_DELAY = 60.0    # s between stamp and recording that get a warning
+TITLES = {"depth": "depth", "rgb": "colour"}
+
+
+def check_file(check, bag):
+    start, end = bag.span()
+    compression = "" if bag.compression() == "none" else ", " + bag.compression()
+    check.ok(f"{os.path.getsize(bag.path) / 1e6:.1f} MB{compression}, {end - start:.1f} s")
+
+
+def check_topics(check, bag, scan):
+    for kind in bag.missing():
+        check.error(f"no {REQUIRED[kind]}: {'; '.join(_where(bag, kind))}")
+    for kind, problem in bag.wrong_types():
+        remedy = suggestion(bag, kind)
+        if "another version" in problem:
+            remedy = "record it again, or rosbag fix"
+        check.error(problem + (": " + remedy if remedy else ""))
+    broken = [kind for kind, _ in scan.unreadable if kind not in ("depth", "rgb")]  # images: see check_images()
+    for kind in sorted(set(broken)):
+        check.warning(f"{bag.topics.get(kind, '/' + kind)}: {counted(broken.count(kind), 'message')} cannot be read")
+    names = [bag.topics[kind] for kind in REQUIRED]
+    counts = ", ".join(f"{name} {bag.found[name].message_count}" if bag.has_topic(name) else name for name in names)
+    check.ok(counts + (" (compressed colour: decoded frame by frame)" if names[2].endswith("/compressed") else ""))
+
+
+def _where(bag, kind):
+    """Parts of a line: what is missing, and which topic may be meant."""
+    name = bag.topics[kind]
+    yield f"nothing on {name}"
+    for ending in TRANSPORTS:
+        if bag.has_topic(f"{name}/{ending}"):
+            yield (f"{name}/{ending} cannot be read: rosrun image_transport republish {ending} in:={name} raw "
+                   f"out:={name}, and record that")
+    other = suggestion(bag, kind)
+    if other:
+        yield other
+
+
+def suggestion(bag, kind):
+    """The topic that may be meant where the expected one is missing, with the option for it; empty if there is none."""
+    names = _candidates(bag, kind)
+    if not names:
+        return ""
+    if len(names) == 1:
+        return f"{names[0]} has that type: {option_of(kind)} {names[0]}"
+    return (f"{counted(len(names), 'topic')} of that type ({', '.join(names[:5])}): such as {option_of(kind)} "
+            f"{names[0]}")
+
+
+def _candidates(bag, kind):
+    """Topics that may be meant, the likeliest first, without those of other kinds."""
+    taken = {name for other, name in bag.topics.items() if other != kind and bag.has(other)}
+    names = [name for name in bag.alternatives(kind) if name not in taken]
+    if kind in ("depth", "rgb"):
+        names = [name for name in names if _is_depth(bag, name) == (kind == "depth")]
+    if kind == "rgb":  # the option takes the name without the transport
+        names = [re.sub("/compressed$", "", name) for name in names if not name.endswith("/compressedDepth")]
+    image = bag.topics["depth" if kind.startswith("depth") else "rgb"]
+    likely = _words(image if kind.endswith("_info") else bag.topics[kind])
+    return sorted(dict.fromkeys(names), key=lambda name: (-len(likely & _words(name)), name))
+
+
+def _is_depth(bag, name):
+    try:
+        message = bag.first(name)[0]
+    except BagError:
+        return False
+    return getattr(message, "encoding", "") in DEPTH
+
+
+def _words(name):
+    return set(name.strip("/").replace("_", "/").split("/"))
+
+
+def check_stamps(check, bag, scan, all_without_depth):
+    """all_without_depth: whether no bracket finds its depth; wrong stamps are then errors."""
+    complain = check.error if all_without_depth else check.warning
+    rates = []
+    for kind, title in TITLES.items():
+        heads, name = getattr(scan, kind), bag.topics[kind]
+        stamps = np.array([head.stamp for head in heads], np.int64)
+        zero = int((stamps == 0).sum())
+        if zero:
+            # With equal stamps the nodes keep only the last frame.
+            level = check.error if kind == "rgb" and zero == len(stamps) else complain
+            level(f"{name}: {zero} of {len(stamps)} stamps are zero: set them in the camera's driver")
+            continue
+        steps = np.diff(stamps)
+        back = np.flatnonzero(steps < 0)
+        if len(back):
+            check.warning(f"{name}: stamps go back {counted(len(back), 'time')}, by up to {-steps.min() / NS:.3f} "
+                          f"s, first after {stamps[back[0]] / NS:.6f}: images out of order, a restarted driver, or "
+                          "two recordings in one bag")
+        if kind == "rgb" and (steps == 0).any():
+            check.warning(f"{name}: {counted(int((steps == 0).sum()), 'image has the stamp')} of the image before: "
+                          "set them in the camera's driver")
+        if len(steps) and steps.max() > 0:
+            rates.append(f"{title} at {NS / np.median(steps[steps > 0]):.3g} Hz")
+    delays = {kind: _delay(getattr(scan, kind)) for kind in TITLES}
+    delays = {kind: delay for kind, delay in delays.items() if delay is not None}
+    _check_clocks(check, complain, delays)
+    told = [f"{TITLES[kind]} recorded {delay:.3f} s after its stamp" for kind, delay in delays.items()]
+    check.ok(", ".join(rates + told))
+
+
+def _delay(heads):
+    """Median time from stamp to recording, s; None where there are no stamps."""
+    delays = [head.recorded - head.stamp for head in heads if head.stamp]
+    return float(np.median(delays)) / NS if delays else None
+
+
+def _check_clocks(check, complain, delays):
+    ahead = delays["rgb"] - delays["depth"] if len(delays) == 2 else 0  # s by which colour seems older
+    longest = max(delays.values(), key=abs, default=0)
+    if abs(ahead) > CLOCKS_APART:
+        complain(f"colour is stamped {duration(abs(ahead))} {'earlier' if ahead > 0 else 'later'} than depth, going "
+                 "by when both were recorded: the clocks of two machines differ: synchronise them (chrony), or "
+                 "correct the stamps")
+    elif abs(longest) > ODD_DELAY:
+        check.warning(f"images were recorded {duration(abs(longest))} {'after' if longest > 0 else 'before'} their "
+                      "stamps: from another bag that was played, or by a machine whose clock is wrong; with tf that "
+                      "moves this matters live")
+
+
+def check_depth_in_time(check, brackets, usable, rules):
+    """usable: heads of depth images that the nodes do not refuse, one at least."""
+    without = [(number, bracket) for number, bracket in enumerate(brackets) if bracket.depth is None]
+    if without:
+        number, bracket = without[0]
+        everywhere = len(without) == len(brackets)
+        where = f"bracket {number}"
+        if len(brackets) > 1:
+            share = "all" if everywhere else f"{len(without)} of {len(brackets)}"
+            where = f"{share} brackets, such as {where}"
+        (check.error if everywhere else check.warning)(
+            f"{where}: no depth image at or before the first frame and not older than {rules.max_age:g} s "
+            f"({_nearest(bracket, usable)}): fused by sharpness alone")
+        return
+    ages = [(bracket.frames[0].head.stamp - bracket.depth.stamp) / NS for bracket in brackets]
+    check.ok(f"every bracket has depth, at most {max(ages):.3f} s older than its first frame")
+
+
+def _nearest(bracket, usable):
+    first = bracket.frames[0].head
+    gaps = np.array([(first.stamp - head.stamp) / NS for head in usable])
+    before = gaps[gaps >= 0]
+    if not len(before):
+        return f"the first depth comes {duration(-gaps.max())} too late: start the depth camera first"
+    age = before.min()
+    if age == 0:
+        return "the one that belongs to it is recorded too long after its frames"
+    return f"the newest before it is {duration(age)} old" + (": --label-max-age allows more" if age < OLD else "")
+
+
+def duration(seconds):
+    """0.5 -> 0.5 s, 3612 -> 1 h 0 min 12 s."""
+    if seconds < 120:
+        return f"{seconds:.4g} s"
+    days, rest = divmod(int(seconds + 0.5), 86400)
+    parts = [(days, "d"), (rest // 3600, "h"), (rest // 60 % 60, "min"), (rest % 60, "s")]
+    while parts[0][0] == 0:
+        parts.pop(0)
+    return " ".join(f"{part[0]} {part[1]}" for part in parts[:3])

@@ -1,0 +1,158 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What are the brackets, do their focus messages agree, and is every depth of the scene sharp in some frame?"""
+import numpy as np
+
+from all_in_focus.bag.check.findings import PerBracket, counted, share_text
+from all_in_focus.bag.check.recording import suggestion
+from all_in_focus.bag.scan import NS
+
+NOTICEABLE = 0.02  # share of the known depths
+
+
+def check_brackets(check, bag, scan, assembled, rules):
+    brackets = assembled.found
+    if not brackets:
+        if scan.focus and len(assembled.unpaired) == len(scan.rgb):
+            check.error(f"no colour image has a message of the same stamp on {bag.topics['focus']}: stamp them "
+                        "alike, or leave them out (--focus-topic /none)")
+        else:
+            check.error("no bracket has its beginning (index 0) in the bag: start the recording before the bracket")
+        return
+    if scan.focus:
+        _check_focus_messages(check, bag, scan, assembled)
+    else:
+        other = suggestion(bag, "focus")
+        if other:
+            check.warning(f"nothing on {bag.topics['focus']}; {other}")
+    single = [number for number, bracket in enumerate(brackets) if len(bracket.frames) == 1]
+    if single:
+        remedy = "" if scan.focus else (": --bracket-gap or --bracket-size says where one ends (these ended by gaps "
+                                        f"longer than {rules.gap:g} s)")
+        which = "all brackets are" if len(single) == len(brackets) else counted(len(single), "bracket")
+        check.warning(f"{which} of one frame only, the first is bracket {single[0]}{remedy}")
+    frames = [len(bracket.frames) for bracket in brackets]
+    told = str(frames[0]) if min(frames) == max(frames) else f"{min(frames)} to {max(frames)}"
+    kind = "by focus messages" if scan.focus else f"{rules.size} frames each" if rules.size \
+        else f"ended by gaps longer than {rules.gap:g} s" if rules.gap else "ended by nothing"
+    check.ok(f"{counted(len(brackets), 'bracket')} of {told} frames, {kind}")
+
+
+def _check_focus_messages(check, bag, scan, assembled):
+    name = bag.topics["focus"]
+    if assembled.unpaired:
+        check.warning(f"{len(assembled.unpaired)} of {len(scan.rgb)} colour images have no message of the same "
+                      f"stamp on {name} and are left out, the first of stamp {assembled.unpaired[0].stamp / NS:.6f}")
+    if assembled.stray:
+        check.warning(f"{len(assembled.stray)} of {len(scan.focus)} messages on {name} have no image of the same "
+                      f"stamp, the first of stamp {assembled.stray[0].header.stamp.to_sec():.6f}")
+    if assembled.refused:
+        check.warning(f"{counted(len(assembled.refused), 'image')} left out: come twice, too late, or their bracket "
+                      f"began before the recording; the first of stamp {assembled.refused[0].stamp / NS:.6f}")
+    per_bracket = PerBracket(check, len(assembled.found))
+    for number, bracket in enumerate(assembled.found):
+        for text in _inconsistent(bracket):
+            per_bracket.warning(number, text)
+    per_bracket.tell()
+
+
+def _inconsistent(bracket):
+    """Contradictions among the FocusFrames of one bracket."""
+    missing = bracket.missing
+    if missing:
+        yield (f"{len(missing)} of {len(missing) + len(bracket.frames)} frames are missing, the first is {missing[0]}")
+    counts = sorted({frame.focus.count for frame in bracket.frames})
+    if len(counts) > 1:
+        yield f"count is {' and '.join(map(str, counts[:3]))}"
+    early = [frame.index for frame in bracket.frames[:-1] if frame.focus.last]
+    if early:
+        yield f"frame {early[0]} says last, others follow"
+    if not missing and not bracket.frames[-1].focus.last and not bracket.announced:
+        yield "no frame says last and count is 0: it ends only when the next begins"
+
+
+def check_focus_steps(check, brackets, optics, depth):
+    """optics: Optics or None; depth: known depths of the scene (mm), as a sample, or empty."""
+    told, complaints = [], PerBracket(check, len(brackets))
+    for number, bracket in enumerate(brackets):
+        distances = np.array([frame.distance for frame in bracket.frames], float) * 1000
+        known = distances[~np.isnan(distances)]
+        for text in _problems(distances, known, optics, depth):
+            complaints.warning(number, text)
+        if len(known):
+            told.append((known.min(), known.max()))
+    complaints.tell()
+    if not told:
+        check.warning("no focus distances are known: depth and optics have no say in mode refined, sharpness decides "
+                      "alone (a table of steps gives them: see docs/dslr.md)")
+        return
+    near, far = min(low for low, _ in told), max(high for _, high in told)
+    check.ok(f"focused from {near / 1000:.4g} to {far / 1000:.4g} m{'' if optics else '; the lens is not known'}")
+
+
+def _problems(distances, known, optics, depth):
+    """One line for each problem of one bracket. distances: of all frames, known: those that are not NaN, mm."""
+    if not len(known):
+        return
+    least = optics.focal_length_mm if optics else 0
+    if (known <= least).any():
+        yield (f"{counted(int((known <= least).sum()), 'focus distance')} not beyond the focal length count as "
+               f"unknown, such as {known.min() / 1000:.4g} m")
+        known = known[known > least]
+    elif len(known) < len(distances):
+        yield f"{len(known)} of {len(distances)} focus distances are known"
+    if len(known) > 1:
+        yield from _order(known)
+    if len(known) and optics:
+        yield from _gaps(known, optics, depth)
+
+
+def _order(known):
+    steps = np.diff(1 / known)
+    if not steps.any():
+        yield f"all frames say the same focus distance, {known[0] / 1000:.4g} m: does the driver step the focus?"
+    elif (steps == 0).any():
+        yield f"{(steps == 0).sum()} times a frame has the focus distance of the one before"
+    elif (steps > 0).any() and (steps < 0).any():
+        yield "the focus goes to and fro, not in one sweep: gear backlash makes its distances less certain"
+
+
+def _gaps(known, optics, depth):
+    """Ranges where no frame is sharp. Each frame is sharp within 1/H to either side, in dioptres (1/mm)."""
+    f = optics.focal_length_mm
+    reach = optics.aperture * optics.circle_of_confusion_mm / (f * f)
+    at = np.sort(1 / known)[::-1]  # near to far
+    gaps = [(1 / (a - reach), 1 / (b + reach)) for a, b in zip(at, at[1:]) if a - reach > b + reach]
+    if len(depth):
+        low, high = np.percentile(depth, [1, 99])
+        if 1 / low > at[0] + reach:
+            gaps.insert(0, (low, 1 / (at[0] + reach)))
+        if 1 / high < at[-1] - reach:
+            gaps.append((1 / (at[-1] - reach), high))
+    for begin, end in sorted(gaps, key=lambda gap: 1 / gap[1] - 1 / gap[0])[:2]:
+        inside = float(((depth >= begin) & (depth <= end)).mean()) if len(depth) else None
+        if inside is not None and inside < NOTICEABLE:
+            continue
+        lying = "" if inside is None else f", where {share_text(inside)} of the known depths lie"
+        yield (f"nothing is sharp between {begin / 1000:.3g} and {end / 1000:.3g} m{lying}: focus there too "
+               "(segmentation/focus_plan says where)")
+
+
+def check_optics(check, bag, scan, optics, given, nearest):
+    """optics: of the bag or None; given: at the command line; nearest: known depth in mm, or None."""
+    if scan.optics and optics is None and not given:
+        message = scan.optics[0].message
+        check.warning(f"{bag.topics['optics']}: impossible (f = {message.focal_length_mm:g}, F = "
+                      f"{message.aperture:g}, circle of confusion {message.circle_of_confusion_mm:g}): the nodes "
+                      "keep their default of 24, 4, 0.019; give --optics f,F,coc")
+    elif optics is None and not given:
+        reason = "; ".join(filter(None, [f"nothing on {bag.topics['optics']}", suggestion(bag, "optics")]))
+        check.warning(f"{reason}: the nodes take their default, f = 24 mm, F = 4, circle of confusion 0.019 mm: give "
+                      "--optics f,F,coc, or optics.yaml to make_bag")
+    lens = given or optics
+    if lens and nearest is not None and nearest <= lens.focal_length_mm:
+        check.error(f"the focal length of {lens.focal_length_mm:g} mm is not below the nearest depth, {nearest:g} "
+                    "mm: is one of them in another unit?")
+    if lens:
+        check.ok(f"f = {lens.focal_length_mm:g} mm, F = {lens.aperture:g}, circle of confusion "
+                 f"{lens.circle_of_confusion_mm:g} mm{', as given' if given else ''}")

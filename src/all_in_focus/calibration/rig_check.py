@@ -1,0 +1,243 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Does a rig place the jumps of a depth image on the edges of the colour picture? For check_rig.
+
+contours_by_rig() finds the jumps, fit_edges() compares them with the picture, overlay() draws both.
+"""
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from all_in_focus.imaging import fill_from_farther
+
+JUMP = 0.06  # least step in depth, of the nearer depth
+STEADY = 3  # a jump is so many times steeper than the surface on either side
+BORDER = 4  # pixels
+HIDDEN = 0.96  # of a point's depth: anything nearer occludes the point
+CELL = 6  # pixels of the colour picture, for the test of occlusion
+NEAR_COLOR, FAR_COLOR = (0, 140, 255), (255, 120, 40)  # BGR: orange, blue
+DIM = 0.75  # brightness of the picture under the overlay
+LINE = 24  # pixels
+WIDTH = 1000  # pixels: wider pictures are compared at this width
+REACH = 12  # pixels there: shifts that are tried, in each direction
+SMOOTH = 1.2  # pixels: standard deviation, of the picture and of the scores
+SURROUNDINGS = 41  # pixels: side of the window to which an edge's gradient is compared
+BLOCK = 40  # pixels: borders within a block are one observation
+DRAWS = 300  # of the bootstrap
+ENOUGH = 10  # blocks, at least
+SURE = 1.5  # pixels there: greatest standard deviation of a shift that counts as known
+AWAY, FALL = 4, 0.2  # a peak falls by this share of its height at this distance in pixels
+SMALL = 1.5  # pixels there: a Kinect's own edges are no more precise
+
+
+@dataclass
+class Contours:
+    """Borders of near objects in the colour picture, pixels. at: N x 2; normal: N x 2, towards the farther side; far:
+    M x 2, where the farther side begins."""
+    at: np.ndarray
+    normal: np.ndarray
+    far: np.ndarray
+
+
+def _jumps(filled, measured, axis):
+    """(near, far): row and column of the pixels on both sides of each jump along an axis, N x 2."""
+    step = np.diff(filled, axis=axis)
+    size = np.abs(step)
+    one, other = (np.delete(filled, index, axis=axis) for index in (-1, 0))
+    lower = np.minimum(one, other)
+    before, after = np.roll(size, 1, axis), np.roll(size, -1, axis)
+    found = (lower > 0) & (size > JUMP * lower) & (size > STEADY * np.minimum(before, after))
+    first = np.argwhere(found)
+    second = first + (np.arange(2) == axis)
+    forward = (step[found] > 0)[:, None]  # the second pixel is the farther one
+    near, far = np.where(forward, first, second), np.where(forward, second, first)
+    inside = ((near >= BORDER) & (near < np.array(filled.shape) - BORDER)).all(axis=1) & measured[tuple(near.T)]
+    return near[inside], far[inside]
+
+
+def depth_jumps(depth):
+    """Jumps of a depth image (uint16 mm, 0 = unknown): borders (x, y) between two pixels, N x 2; unit normals towards
+    the farther side; depths (mm) of the nearer and of the farther side."""
+    calm = np.where(depth > 0, cv2.medianBlur(depth, 5), 0)
+    # A shadow of the projector lies on the background: the jump is at its nearer side.
+    filled = fill_from_farther(calm).astype(np.float64)
+    sides = [_jumps(filled, calm > 0, axis) for axis in (0, 1)]
+    near, far = (np.concatenate(pixels) for pixels in zip(*sides))
+    return ((near + far)[:, ::-1] / 2, (far - near)[:, ::-1].astype(float), filled[tuple(near.T)], filled[tuple(far.T)])
+
+
+def _project(rig, at, z):
+    """Depth pixels with depth (mm) in the colour picture: (N x 2, pixels; depth in the colour camera, m)."""
+    if len(at) == 0:
+        return np.zeros((0, 2)), np.zeros(0)
+    depth, color = rig.depth, rig.color
+    rays = cv2.undistortPoints(np.asarray(at, float).reshape(-1, 1, 2), depth.K, depth.D)[:, 0]
+    points = np.column_stack([rays, np.ones(len(rays))]) * (np.asarray(z, float) / 1000)[:, None]
+    return (cv2.projectPoints(points, cv2.Rodrigues(rig.R)[0], rig.t, color.K, color.D)[0][:, 0],
+            (points @ rig.R.T + rig.t)[:, 2])
+
+
+def contours_by_rig(depth, rig):
+    """Contours of an image of the depth camera, those that the colour camera sees."""
+    border, normal, near, far = depth_jumps(depth)
+    nearest = _nearest(depth, rig)
+    at, z = _project(rig, border, near)
+    beside, _ = _project(rig, border + normal, near)
+    direction = beside - at
+    shown = _shown(at, z, nearest, rig.color)
+    behind, behind_z = _project(rig, border + normal / 2, far)
+    return Contours(at[shown], (direction / np.linalg.norm(direction, axis=1, keepdims=True))[shown],
+                    behind[_shown(behind, behind_z, nearest, rig.color)])
+
+
+def contours_of_registered(depth):
+    """Contours of a depth image that is registered to the colour picture already."""
+    border, normal, _, _ = depth_jumps(depth)
+    return Contours(border, normal, border + normal)
+
+
+def _cells(at, camera):
+    """(index of the cell, whether it is in the picture) of pixels N x 2."""
+    inside = ((at >= 0) & (at <= [camera.width - 1, camera.height - 1])).all(axis=1)
+    column, row = (np.where(inside[:, None], at, 0) / CELL).astype(int).T
+    return row * (camera.width // CELL + 1) + column, inside
+
+
+def _nearest(depth, rig):
+    """Least depth (m) in each cell of the colour picture."""
+    rows, columns = np.nonzero(depth)
+    at, z = _project(rig, np.stack([columns, rows], axis=1), depth[rows, columns])
+    cell, inside = _cells(at, rig.color)
+    nearest = np.full((rig.color.width // CELL + 1) * (rig.color.height // CELL + 1), np.inf)
+    np.minimum.at(nearest, cell[inside], z[inside])
+    return nearest
+
+
+def _shown(at, z, nearest, camera):
+    cell, inside = _cells(at, camera)
+    return inside & (z > 0) & (nearest[cell] > HIDDEN * z)
+
+
+@dataclass
+class EdgeFit:
+    """Agreement (0..1) without a shift, at the best shift, and by chance; the best shift (x, y) and its standard
+    deviation, pixels."""
+    agreement: float
+    best: float
+    chance: float
+    shift: np.ndarray
+    deviation: np.ndarray
+    borders: int
+    sure: np.ndarray  # whether x and y of the shift are known
+    clear: bool  # the best shift stands out of all others
+    shifted: bool  # and it is not zero
+
+    def lines(self):
+        """The result in two lines."""
+        numbers = (f"edges agree {self.agreement:.2f} as they are, {self.best:.2f} at best, {self.chance:.2f} by "
+                   f"chance ({self.borders} border pixels)")
+        shift = (f"({self.shift[0]:+.1f}, {self.shift[1]:+.1f}) px +- ({self.deviation[0]:.1f}, "
+                 f"{self.deviation[1]:.1f})")
+        if not self.clear:
+            return [numbers, "cannot tell whether it fits: too few depth edges are edges of the picture"]
+        if not self.sure.any():
+            return [numbers, f"cannot tell whether a shift would fit better: found {shift}"]
+        reasons = ("x, too few upright edges", "y, too few level edges")
+        note = "".join(f"; unsure in {reason}" for reason, sure in zip(reasons, self.sure) if not sure)
+        if self.shifted:
+            return [numbers, f"edges fit best when shifted by {shift}{note}"]
+        return [numbers, f"fits: no shift is clearly better, best {shift}{note}"]
+
+
+def _edges(image):
+    """Gradient (x, y) of a picture, H x W each, length at most 1: relative to the gradients around it."""
+    gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float32)
+    gray = cv2.GaussianBlur(gray, (0, 0), SMOOTH)
+    x, y = cv2.Sobel(gray, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(gray, cv2.CV_32F, 0, 1, scale=1 / 8)
+    strength = x * x + y * y
+    around = cv2.blur(strength, (SURROUNDINGS, SURROUNDINGS)) + 1.0
+    weight = 1 / np.sqrt(strength + 2 * around)
+    return x * weight, y * weight
+
+
+def _scores(edges, at, normal):
+    """Agreement of each border pixel at each shift, N x shifts x shifts (y, x); 0 outside the picture."""
+    padded = [cv2.copyMakeBorder(edge, REACH, REACH, REACH, REACH, cv2.BORDER_CONSTANT) for edge in edges]
+    column, row = np.rint(at).astype(int).T
+    found = np.empty((len(at), 2 * REACH + 1, 2 * REACH + 1), np.float32)
+    for i in range(2 * REACH + 1):
+        for j in range(2 * REACH + 1):
+            across = padded[0][row + i, column + j] * normal[:, 0] + padded[1][row + i, column + j] * normal[:, 1]
+            found[:, i, j] = across * across
+    return found
+
+
+def _peak(score):
+    """(x, y) of the maximum of a score over the shifts, with subpixel precision."""
+    row, column = np.unravel_index(np.argmax(score), score.shape)
+    return np.array([column + _vertex(score[row], column), row + _vertex(score[:, column], row)]) - REACH
+
+
+def _vertex(values, at):
+    if not 0 < at < len(values) - 1:
+        return 0.0
+    low, high = values[at] - values[at - 1], values[at] - values[at + 1]
+    return 0.5 * (low - high) / (low + high) if low + high > 0 else 0.0
+
+
+def _distinct(score, shift):
+    """Whether the score falls off on both sides of its peak, in x and y. Along straight edges it does not."""
+    place = np.arange(score.shape[0]) - REACH
+    height = score.max() - np.median(score)
+    away = [np.abs(place - middle) >= AWAY for middle in shift]
+    return np.array([score.max() - score.max(axis=axis)[far].max() > FALL * height for axis, far in zip((0, 1), away)])
+
+
+def fit_edges(image, contours, seed=0):
+    """EdgeFit of Contours on a BGR picture of 8 bit."""
+    scale = min(1.0, WIDTH / image.shape[1])
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else image
+    at = np.clip((contours.at + 0.5) * scale - 0.5, 0, np.array(small.shape[1::-1]) - 1)
+    blocks, members = np.unique((at // BLOCK).astype(int), axis=0, return_inverse=True)
+    nothing = np.zeros(2)
+    if len(blocks) < ENOUGH:
+        return EdgeFit(0, 0, 0, nothing, nothing, len(at), np.zeros(2, bool), False, False)
+    scores = _scores(_edges(small), at, contours.normal)
+    sums = np.array([np.bincount(members.ravel(), column, len(blocks)) for column in scores.reshape(len(at), -1).T])
+    counts = np.bincount(members.ravel(), minlength=len(blocks))
+
+    def score(weights):
+        values = ((sums @ weights) / (counts @ weights)).reshape(scores.shape[1:]).astype(np.float32)
+        return cv2.GaussianBlur(values, (0, 0), SMOOTH)
+
+    whole = score(np.ones(len(blocks)))
+    # Bootstrap: how far the peak varies when the blocks are drawn again from these, with replacement.
+    rng = np.random.default_rng(seed)
+    draws = rng.multinomial(len(blocks), np.full(len(blocks), 1 / len(blocks)), DRAWS)
+    peaks = np.array([_peak(score(draw)) for draw in draws])
+    shift, deviation = _peak(whole), peaks.std(axis=0)
+    sure = (deviation < SURE) & _distinct(whole, shift)
+    clear = bool(whole.max() > whole.mean() + 3 * np.median(np.abs(whole - np.median(whole))))
+    shifted = bool((sure & (np.abs(shift) > np.maximum(SMALL, 2 * deviation))).any())
+    return EdgeFit(float(whole[REACH, REACH]), float(whole.max()), float(np.median(whole)), shift / scale,
+                   deviation / scale, len(at), sure, clear, shifted)
+
+
+def overlay(image, contours, lines):
+    """BGR picture with the borders of near objects in orange, the begin of the far side in blue, and lines of text."""
+    shown = (image * DIM).astype(np.uint8)
+    radius = max(0, round(image.shape[1] / 1000))
+    for points, color in ((contours.far, FAR_COLOR), (contours.at, NEAR_COLOR)):
+        for x, y in np.rint(points).astype(int):
+            cv2.circle(shown, (int(x), int(y)), radius, color, -1)
+    size = max(1.0, image.shape[1] / 1000)
+    step = round(LINE * size)
+    legend = ["orange: border of what is near; blue: where the far side begins"] + lines
+    text = np.zeros((step * len(legend) + 8, image.shape[1], 3), np.uint8)
+    for number, line in enumerate(legend):
+        width = cv2.getTextSize(line, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * size, 1)[0][0]
+        fitted = 0.5 * size * min(1, (image.shape[1] - 12) / max(1, width))
+        cv2.putText(text, line, (6, step * (number + 1) - 6), cv2.FONT_HERSHEY_SIMPLEX, fitted, (230, 230, 230),
+                    max(1, round(size)), cv2.LINE_AA)
+    return np.vstack([shown, text])

@@ -1,0 +1,10 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Exceptions as one line for people."""
+
+
+def one_line(error, path=None):
+    """The message of an exception as one line. OSErrors name their file; `path` where they do not know it."""
+    if isinstance(error, OSError) and error.strerror and (error.filename or path):
+        return f"{error.filename or path}: {error.strerror}"
+    return " ".join(str(error).split()) or type(error).__name__

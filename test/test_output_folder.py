@@ -1,0 +1,194 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Output folders are complete or not there, and nobody else's files are touched."""
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from tool_helpers import snapshot
+
+from all_in_focus.files import output_folder
+from all_in_focus.files.output_folder import MARK, OutputFolder, read_mark, remove_leftovers, whole_folder
+
+PROGRAM = "a_program"
+
+
+def write(path, text="new", program=PROGRAM, **options):
+    with whole_folder(path, program, **options) as working:
+        (working / "sub").mkdir()
+        (working / "sub" / "a.txt").write_text(text)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def refused(complaint, path, **options):
+    before = snapshot(path.parent)
+    with pytest.raises(OSError, match=complaint) as error:
+        write(path, **options)
+    assert str(error.value.filename).startswith(str(path)) and error.value.filename2 is None
+    assert snapshot(path.parent) == before
+
+
+def test_a_folder_appears_whole_with_a_mark(tmp_path):
+    out = tmp_path / "out"
+    with whole_folder(out, PROGRAM) as working:
+        (working / "a.txt").write_text("1")
+        assert not out.exists()
+    mark = read_mark(out)
+    assert mark["program"] == PROGRAM and mark["run"] and mark["files"] == ["a.txt"]
+    assert names(out) == [MARK, "a.txt"] and names(tmp_path) == ["out"]
+
+
+def test_a_later_run_replaces_all_of_an_earlier_one(tmp_path):
+    out = tmp_path / "out"
+    with whole_folder(out, PROGRAM) as working:
+        (working / "old.txt").write_text("1")
+    os.chmod(out, 0o750)
+    write(out)
+    assert names(out) == [MARK, "sub"] and names(tmp_path) == ["out"] and out.stat().st_mode & 0o777 == 0o750
+
+
+def test_after_an_error_everything_is_as_before(tmp_path):
+    out = tmp_path / "out"
+    for _ in range(2):
+        before = snapshot(tmp_path)
+        with pytest.raises(ZeroDivisionError), whole_folder(out, PROGRAM) as working:
+            (working / "half").write_text("")
+            1 / 0
+        assert snapshot(tmp_path) == before
+        write(out)
+
+
+@pytest.mark.parametrize("name", ["mine.txt", "sub/mine.txt", "sub"])
+def test_what_others_have_written_is_refused(tmp_path, name):
+    out = tmp_path / "out"
+    if name != "sub":
+        write(out)
+    (out / name).parent.mkdir(exist_ok=True)
+    (out / name).write_text("mine")
+    refused("was not written by a_program", out)
+
+
+def test_a_folder_of_another_program_is_refused(tmp_path):
+    write(tmp_path / "out", program="other")
+    refused("was written by other: choose another folder", tmp_path / "out", may_keep=lambda name: True)
+
+
+def test_a_mark_that_cannot_be_read_owns_nothing(tmp_path):
+    write(tmp_path / "out")
+    (tmp_path / "out" / MARK).write_text("{}")
+    refused("was not written by a_program", tmp_path / "out")
+
+
+def test_what_may_stay_stays(tmp_path):
+    out = tmp_path / "out"
+    (out / "mine").mkdir(parents=True)
+    (out / "mine" / "notes").write_text("x")
+    (out / "link").symlink_to("mine")
+    for text in ("1", "2"):
+        write(out, text, may_keep=lambda name: name in ("mine", "link"))
+    assert names(out) == [MARK, "link", "mine", "sub"] and (out / "mine" / "notes").read_text() == "x"
+    assert (out / "link").is_symlink() and (out / "sub" / "a.txt").read_text() == "2" and names(tmp_path) == ["out"]
+    (out / "sub" / "mine.txt").write_text("y")
+    refused("sub/mine.txt", out, may_keep=lambda name: True)
+
+
+def test_what_may_stay_does_not_give_way_to_new_entries(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "sub").write_text("mine")
+    refused("was not written by", tmp_path / "out", may_keep=lambda name: True)
+
+
+def test_results_made_by_advice_are_removed(tmp_path):
+    out = tmp_path / "out"
+    write(out, results=["fused.png"])
+    (out / "fused.png").write_text("")
+    (out / "sub" / "fused.png").write_text("")
+    write(out, results=["fused.png"])
+    assert snapshot(out).keys() == {MARK, "sub", "sub/a.txt"}
+
+
+def test_symlinks_are_refused_not_followed(tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "out").symlink_to("there")
+    refused("is a symbolic link", tmp_path / "out")
+    (tmp_path / "out").unlink()
+    (tmp_path / "there" / "a.txt").write_text("mine")
+    write(tmp_path / "out")
+    os.rename(tmp_path / "out" / "sub", tmp_path / "sub")
+    (tmp_path / "out" / "sub").symlink_to(tmp_path / "there")
+    refused("sub: ?.*|symbolic link", tmp_path / "out")
+    assert (tmp_path / "there" / "a.txt").read_text() == "mine"
+
+
+def test_a_file_or_a_missing_parent(tmp_path):
+    (tmp_path / "file").write_text("")
+    refused("is no folder", tmp_path / "file")
+    with pytest.raises(FileNotFoundError) as error:
+        write(tmp_path / "none" / "out")
+    assert error.value.filename == str(tmp_path / "none" / "out") and names(tmp_path) == ["file"]
+    write(tmp_path / "none" / "out", parents=True)
+    assert names(tmp_path / "none") == ["out"]
+
+
+def test_the_current_folder_is_refused(tmp_path, monkeypatch):
+    (tmp_path / "out").mkdir()
+    monkeypatch.chdir(tmp_path / "out")
+    refused("is the current folder", tmp_path / "out")
+
+
+def test_two_runs_do_not_meet(tmp_path):
+    out = tmp_path / "out"
+    first = OutputFolder(out, PROGRAM)
+    with pytest.raises(BlockingIOError, match="another run is writing there"):
+        OutputFolder(out, PROGRAM)
+    remove_leftovers(out)  # does nothing while a run is at work
+    (first.working / "a.txt").write_text("")
+    first.commit()
+    first.discard()
+    write(out)
+    assert names(tmp_path) == ["out"]
+
+
+KILLED = """
+import os, signal, sys
+from all_in_focus.files.output_folder import OutputFolder
+folder = OutputFolder(sys.argv[1], "a_program", may_keep=lambda name: True)
+(folder.working / "half.txt").write_text("")
+if sys.argv[2] == "late":
+    type(folder.working).rename = lambda *_: os.kill(os.getpid(), signal.SIGKILL)  # after the exchange
+    folder.commit()
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.parametrize("when", ["early", "late"])
+def test_what_a_killed_run_leaves_is_cleaned_up_by_the_next(tmp_path, when):
+    out = tmp_path / "out"
+    write(out)
+    (out / "mine").write_text("x")
+    done = subprocess.run([sys.executable, "-c", KILLED, str(out), when], check=False)
+    assert done.returncode == -signal.SIGKILL and len(names(tmp_path)) == 3
+    (tmp_path / ".out.0123456789ab.incomplete").mkdir()  # of somebody else: it has no mark, but is not empty
+    (tmp_path / ".out.0123456789ab.incomplete" / "mine2").write_text("y")
+    remove_leftovers(out)
+    assert (out / "mine").read_text() == "x"
+    assert read_mark(out)["files"] == (["sub/a.txt"] if when == "early" else ["half.txt"])
+    write(out, may_keep=lambda name: True)
+    kept = sorted(path.read_text() for path in tmp_path.rglob("mine*"))
+    assert kept == ["x", "y"] and not list(tmp_path.glob(".out.lock"))
+
+
+def test_file_systems_without_an_exchange(tmp_path, monkeypatch):
+    class NoExchange:
+        def __init__(self, *_, **__):
+            pass
+
+    monkeypatch.setattr(output_folder.ctypes, "CDLL", NoExchange)
+    write(tmp_path / "out", "1")
+    write(tmp_path / "out", "2")
+    assert (tmp_path / "out" / "sub" / "a.txt").read_text() == "2" and names(tmp_path) == ["out"]
