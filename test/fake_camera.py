@@ -6,8 +6,8 @@ import time
 import cv2
 import numpy as np
 
-from all_in_focus.camera.interface import (BAD_PARAMETERS, BUSY, CAMERA_ERROR, ERROR, FILE_NOT_FOUND, IO_WRITE,
-                                           MODEL_NOT_FOUND, Camera, CameraError, Widget)
+from all_in_focus.camera.interface import (BAD_PARAMETERS, BUSY, CAMERA_ERROR, ERROR, FILE_ADDED, FILE_NOT_FOUND,
+                                           IO_WRITE, MODEL_NOT_FOUND, OTHER, Camera, CameraError, Event, Widget)
 
 SIZE = (48, 32)  # width, height of a picture
 LENS = 1000  # motor positions from the near limit, 0, to the far limit
@@ -30,13 +30,17 @@ def lens_of(picture):
 
 class FakeCamera(Camera):
     """make: a key of MODELS. All calls take `latency` seconds; a picture arrives `exposure` seconds after the release.
+    cards: number of memory cards, each of which gets a copy; the second one `second_card` seconds after the first.
 
     To provoke errors: busy (the next so many calls are refused as busy), unplug(), plug(), open_errors (the error codes
     of the next calls of open()), fail (code, n: the n-th call from now on fails).
     """
 
-    def __init__(self, make="Canon EOS", lens=400, latency=0.0, exposure=0.01, raw=False):
+    def __init__(self, make="Canon EOS", lens=400, latency=0.0, exposure=0.01, raw=False, cards=1, second_card=0.0):
         self.make, self.lens, self.latency, self.exposure, self.raw = make, lens, latency, exposure, raw
+        self.cards, self.second_card = cards, second_card
+        self.texture = None  # see picture()
+        self.refuses = []  # (name, value): settings that are refused
         self.busy, self.open_errors, self.fail = 0, [], None
         self.log = []  # (name, value) of every set_config
         self.files, self.deleted = {}, []
@@ -73,6 +77,23 @@ class FakeCamera(Camera):
 
     def plug(self):
         self._plugged = True
+
+    def press(self, lens):
+        """Somebody presses the shutter, with the lens at this position."""
+        was, self.lens = self.lens, lens
+        self._release()
+        self.lens = was
+
+    def picture(self):
+        """What the camera sees: the grey level of the lens position or, with `texture`, a random pattern: "moves" is
+        sharpest at the near limit, "stands still" is always the same."""
+        if self.texture is None:
+            return picture_of(self.lens)
+        picture = np.random.default_rng(0).integers(60, 200, (240, 360)).astype(np.uint8)
+        picture = cv2.GaussianBlur(picture, (0, 0), 1 + (self.lens / 50 if self.texture == "moves" else 8))
+        picture = cv2.normalize(picture.astype(np.float32), None, 60, 200, cv2.NORM_MINMAX)
+        noise = np.random.default_rng().normal(0, 3, picture.shape)
+        return cv2.cvtColor(np.clip(picture + noise, 0, 255).astype(np.uint8), cv2.COLOR_GRAY2BGR)
 
     def _call(self, doing):
         time.sleep(self.latency)
@@ -118,7 +139,7 @@ class FakeCamera(Camera):
         if widget is None:
             raise CameraError(ERROR, doing)
         outside = widget.low is not None and not widget.low <= value <= widget.high
-        if widget.read_only or outside or (widget.choices and value not in widget.choices):
+        if (name, value) in self.refuses or widget.read_only or outside or (widget.choices and value not in widget.choices):
             raise CameraError(BAD_PARAMETERS, doing)
         self.log.append((name, value))
         if name in ("manualfocusdrive", "manualfocus", "focuspos"):
@@ -151,15 +172,21 @@ class FakeCamera(Camera):
 
     def capture(self):
         self._call("releasing the shutter")
-        self._shots += 1
-        picture = cv2.imencode(".jpg", picture_of(self.lens), [cv2.IMWRITE_JPEG_QUALITY, 100])[1].tobytes()
-        at = time.monotonic() + self.exposure
-        for suffix, content in ([("CR2", b"raw")] if self.raw else []) + [("JPG", picture)]:
-            path = f"/store_00010001/DCIM/100FAKE/IMG_{self._shots:04d}.{suffix}"
-            self.files[path] = content
-            self._pending.append((at, path))
+        self._release()
         if self.make == "Nikon":
             self.widgets["viewfinder"].value = 0  # the mirror has moved
+
+    def _release(self):
+        self._shots += 1
+        picture = cv2.imencode(".jpg", self.picture(), [cv2.IMWRITE_JPEG_QUALITY, 100])[1].tobytes()
+        at = time.monotonic() + self.exposure
+        for card in range(self.cards):
+            for suffix, content in ([("CR2", b"raw")] if self.raw else []) + [("JPG", picture)]:
+                path = f"/store_0001000{card + 1}/DCIM/100FAKE/IMG_{self._shots:04d}.{suffix}"
+                self.files[path] = content
+                self._pending += [(at + card * self.second_card, event)
+                                  for event in (Event(OTHER), Event(FILE_ADDED, path))]
+        self._pending.sort(key=lambda item: item[0])
 
     def wait_for_event(self, seconds):
         self._call("waiting for the camera")

@@ -33,6 +33,7 @@ def test_defaults_are_those_of_the_config(given):
     ("count", 2.5, "~count: expected a whole number of at least 1, not '2.5'"),
     ("count", "many", "~count: expected a number of at least 1, not 'many'"),
     ("count", True, "~count: expected a number"),
+    ("drive", "ring", "~drive: 'ring' is not one of motor, none"),
     ("step", 0, "~step: 0 would take the same picture 9 times"),
     ("frames", "film", "~frames: 'film' is not one of still, preview"),
     ("maker", "Leica", "~maker: 'Leica' is not one of Canon EOS, Nikon"),
@@ -45,6 +46,14 @@ def test_impossible_parameters_are_named(given, name, value, words):
     with pytest.raises(parameters.ParameterError) as failure:
         read_config()
     assert str(failure.value).startswith(words)
+
+
+def test_a_ring_turned_by_hand_has_no_focus_distances(given):
+    given.update(drive="none", step=0)
+    assert read_config().drive == "none"
+    given["focus_table"] = [{"step": 0, "mm": 500}]
+    with pytest.raises(parameters.ParameterError, match="~drive: none works without ~focus_table and ~home"):
+        read_config()
 
 
 def test_a_calibration_for_another_size_sees_the_same():

@@ -7,8 +7,8 @@ import math
 import pytest
 
 from all_in_focus.camera.focus_drive import FocusLimit
-from all_in_focus.camera.interface import (BUSY, CAMERA_ERROR, CORRUPTED, IO_WRITE, MODEL_NOT_FOUND, NO_SPACE, USB_CLAIM,
-                                           CameraError)
+from all_in_focus.camera.interface import (BUSY, CAMERA_ERROR, CORRUPTED, FILE_ADDED, IO_WRITE, MODEL_NOT_FOUND,
+                                           NO_SPACE, USB_CLAIM, CameraError, Event)
 from all_in_focus.camera.session import Config, Session
 from fake_camera import LENS, MODELS, FakeCamera, lens_of
 from file_helpers import ENDLESS_PICTURE
@@ -25,6 +25,12 @@ def connected(camera, **config):
     return session
 
 
+def shot_with_warnings(session, publish):
+    """The warnings of a bracket."""
+    session.shoot(publish)
+    return session.take_warnings()
+
+
 def settings(camera):
     return {name: camera.widgets[name].value for name in SETTINGS if name in camera.widgets}
 
@@ -39,7 +45,8 @@ def test_a_bracket(make, frames):
         shots.append(shot)
         seen.append(settings(camera))
     before = settings(camera)
-    assert session.shoot(publish) == []
+    session.shoot(publish)
+    assert session.take_warnings() == []
     step = {"Sony": 30, "Nikon": 100}.get(make, 10)
     for shot, expected in zip(shots, (400 - step, 400, 400 + step)):
         assert abs(lens_of(shot.image) - expected) < 4
@@ -65,7 +72,7 @@ def test_a_setting_that_cannot_be_fixed_is_named():
     camera.widgets["autoexposuremode"].read_only = True  # it has a dial
     camera.widgets["whitebalance"].choices.remove("Daylight")
     camera.widgets["whitebalance"].choices.remove("Tungsten")
-    warnings = connected(camera).shoot(lambda shot: None)
+    warnings = shot_with_warnings(connected(camera), lambda shot: None)
     assert len(warnings) == 2
     assert "'autoexposuremode' is 'AV'" in warnings[0] and "'whitebalance' is 'Auto'" in warnings[1]
 
@@ -74,7 +81,8 @@ def test_an_exposure_that_the_camera_does_not_report_is_left_alone():
     """Some Canons report 'auto' instead of the metered value."""
     camera, modes = FakeCamera(), []
     camera.widgets["shutterspeed"].value = "auto"
-    warnings = connected(camera).shoot(lambda shot: modes.append(camera.widgets["autoexposuremode"].value))
+    warnings = shot_with_warnings(connected(camera),
+                                  lambda shot: modes.append(camera.widgets["autoexposuremode"].value))
     assert modes == ["AV"] * 3 and len(warnings) == 1
     assert "does not tell the 'shutterspeed' that it has metered: set it to manual yourself" in warnings[0]
 
@@ -124,7 +132,7 @@ def test_raw_files_beside_the_pictures_are_left_alone():
 
 def test_raw_alone_is_explained():
     camera = FakeCamera()
-    camera.capture = lambda: camera._pending.append((0, "/card/IMG_1.NEF"))
+    camera.capture = lambda: camera._pending.append((0, Event(FILE_ADDED, "/card/IMG_1.NEF")))
     with pytest.raises(CameraError, match="only IMG_1.NEF: let the camera write JPEG"):
         connected(camera).shoot(lambda shot: None)
     assert camera.lens == 400 and settings(camera)["iso"] == "Auto"
@@ -138,7 +146,7 @@ def test_a_picture_that_comes_too_late_is_not_taken_for_the_next(idle):
         session.shoot(shots.append)
     assert not shots and session.connected and settings(camera) == before and camera.lens == 400
     camera.exposure, camera.lens = 0, 700
-    camera._pending = [(0, path) for _, path in camera._pending]
+    camera._pending = [(0, event) for _, event in camera._pending]
     if idle:
         session.check()
     session.shoot(shots.append)
@@ -148,7 +156,7 @@ def test_a_picture_that_comes_too_late_is_not_taken_for_the_next(idle):
 @pytest.mark.parametrize("make, lens, frames", [("Nikon", LENS - 150, 2), ("Fuji", LENS - 25, 3)])
 def test_the_bracket_ends_at_the_focus_limit(make, lens, frames):
     camera, shots = FakeCamera(make, lens=lens), []
-    warnings = connected(camera, count=5).shoot(shots.append)
+    warnings = shot_with_warnings(connected(camera, count=5), shots.append)
     assert warnings == [f"the focus is at its far limit after {frames} of 5 frames"]
     assert [shot.last for shot in shots] == [False] * (frames - 1) + [True]
     assert shots[-1].count == frames
@@ -168,7 +176,7 @@ def test_a_busy_camera_only_takes_longer():
     def publish(shot):
         shots.append(shot)
         camera.busy = 3
-    assert connected(camera, patience_s=3).shoot(publish) == []
+    assert shot_with_warnings(connected(camera, patience_s=3), publish) == []
     assert len(shots) == 3 and camera.lens == 400
 
 
@@ -193,7 +201,7 @@ def test_what_a_busy_camera_does_not_restore_is_restored_later(again):
     if again == "check":
         session.check()
     else:
-        assert session.shoot(shots.append) == []
+        assert shot_with_warnings(session, shots.append) == []
         assert [shot.position for shot in shots[-3:]] == [0, 1, 2]
     assert settings(camera) == before and camera.lens == 400
 
@@ -229,7 +237,7 @@ def test_after_an_interrupted_bracket_the_camera_is_restored_when_it_is_back():
     camera.plug()
     session.connect()
     assert session.connected and settings(camera) == before and camera.lens == 400
-    assert session.shoot(shots.append) == [] and len(shots) == 4
+    assert shot_with_warnings(session, shots.append) == [] and len(shots) == 4
 
 
 def test_a_frame_is_the_last_if_the_camera_is_lost_on_the_way_to_the_next():
@@ -284,10 +292,149 @@ def test_calibrated_steps_have_distances():
 def test_a_plan_is_shot_exactly():
     camera, shots = FakeCamera("Nikon", lens=700), []
     session = connected(camera, table=TABLE, home="near", step_size=10)
-    warnings = session.shoot_planned([0.3, 0.8, 2.0, math.inf], shots.append)
-    assert warnings == ["0.30 m lies beyond the focus table: focused at its end"]
+    session.shoot_planned([0.3, 0.8, 2.0, math.inf], shots.append)
+    assert session.take_warnings() == ["0.30 m lies beyond the focus table: focused at its end"]
     assert [shot.position for shot in shots] == [0, 38, 75, 100]
     assert [shot.distance for shot in shots] == pytest.approx([0.5, 0.8, 2.0, math.inf], rel=0.01)
     assert [(shot.index, shot.count) for shot in shots] == [(0, 4), (1, 4), (2, 4), (3, 4)]
     for shot in shots:
         assert abs(lens_of(shot.image) - 10 * shot.position) < 4
+
+
+def lenses(shots):
+    return [round(lens_of(shot.image), -1) for shot in shots]
+
+
+@pytest.mark.parametrize("between_frames", [False, True])
+def test_a_hand_pressed_shutter_does_not_shift_the_bracket(between_frames):
+    camera, shots = FakeCamera(), []
+    session = connected(camera)
+
+    def publish(shot):
+        shots.append(shot)
+        if between_frames and len(shots) == 1:
+            camera.press(902)
+    if not between_frames:
+        camera.press(902)
+    warnings = shot_with_warnings(session, publish)
+    assert lenses(shots) == [400, 410, 420]
+    name = "IMG_0002.JPG" if between_frames else "IMG_0001.JPG"
+    assert warnings == [f"left out {name}: taken by hand, or too late for its frame"]
+
+
+def test_pictures_taken_by_hand_between_brackets_are_told_once():
+    camera, shots = FakeCamera(), []
+    session = connected(camera)
+    for lens in (100, 200, 300, 500):
+        camera.press(lens)
+    camera._pending = [(0, event) for _, event in camera._pending]
+    session.check()
+    assert session.take_warnings() == ["left out IMG_0001.JPG, IMG_0002.JPG, IMG_0003.JPG and 1 more: taken by hand, or "
+                                       "too late for its frame"]
+    assert shot_with_warnings(session, shots.append) == [] and lenses(shots) == [400, 410, 420]
+
+
+@pytest.mark.parametrize("delay", [0, 0.015, 0.06])
+def test_a_second_card_does_not_shift_the_bracket(delay):
+    """Its copy may be reported together with the picture, or only after the next release."""
+    camera, shots = FakeCamera(exposure=0.03, raw=True, cards=2, second_card=delay), []
+    session = connected(camera, count=4)
+    warnings = shot_with_warnings(session, shots.append)
+    assert lenses(shots) == [400, 410, 420, 430]
+    line, = warnings
+    assert line.startswith("left out IMG_0001.JPG, ") and line.endswith(": a copy of a frame on another card")
+
+
+def test_the_same_name_again_is_a_new_picture():
+    """A camera may reuse the number of a picture that was deleted from the card."""
+    camera, shots = FakeCamera(), []
+    release = camera.capture
+
+    def same_number():
+        camera._shots = 0
+        release()
+    camera.capture = same_number
+    assert shot_with_warnings(connected(camera, keep_files=False), shots.append) == []
+    assert lenses(shots) == [400, 410, 420]
+
+
+def test_a_setting_that_cannot_be_set_back_is_told_once():
+    camera, shots = FakeCamera(), []
+    session = connected(camera)
+    camera.refuses.append(("iso", "Auto"))
+    line, = shot_with_warnings(session, shots.append)
+    assert line.startswith("'iso' was 'Auto' and cannot be set back: set it on the camera (setting 'iso' to Auto: ")
+    session.check()
+    assert shot_with_warnings(session, shots.append) == []
+    assert len(shots) == 6 and settings(camera)["whitebalance"] == "Auto" and camera.lens == 400
+
+
+def test_a_setting_whose_choices_depend_on_the_mode_is_set_back():
+    """ISO 'Auto' is refused in manual mode, which is left last."""
+    camera = FakeCamera()
+    session, before, set_config = connected(camera), settings(camera), camera.set_config
+
+    def by_mode(name, value):
+        if (name, value) == ("iso", "Auto") and camera.widgets["autoexposuremode"].value == "Manual":
+            raise CameraError(CAMERA_ERROR, "setting 'iso' to Auto")
+        set_config(name, value)
+    camera.set_config = by_mode
+    assert shot_with_warnings(session, lambda shot: None) == [] and settings(camera) == before
+
+
+def test_a_lens_that_does_not_go_back_is_told_once():
+    camera, shots = FakeCamera("Nikon"), []
+    session = connected(camera)
+    camera.refuses.append(("manualfocusdrive", -100))
+    line, = shot_with_warnings(session, shots.append)
+    assert line.startswith("the focus is not back at its start position: setting 'manualfocusdrive' to -100: ")
+    session.check()
+    assert session.take_warnings() == [] and settings(camera)["iso"] == "Auto"
+
+
+@pytest.mark.parametrize("make, remedy", [("Nikon", "check the AF/MF switch"), ("none", "turn the focus ring further")])
+def test_a_focus_that_did_not_move_is_told(make, remedy):
+    camera, shots = FakeCamera(make), []
+    camera.texture = "stands still"
+    session = connected(camera, drive="none" if make == "none" else "motor")
+    line, = shot_with_warnings(session, shots.append)
+    assert line.startswith("the focus did not move: the sharpness changed by ") and remedy in line and len(shots) == 3
+
+
+@pytest.mark.parametrize("frames", [2, 5])
+def test_a_focus_that_moves_is_no_warning(frames):
+    camera = FakeCamera("Nikon")
+    camera.texture = "moves"
+    assert shot_with_warnings(connected(camera, count=frames, step_size=150), lambda shot: None) == []
+
+
+def test_a_ring_that_is_turned_by_hand():
+    """The settings hold as with a motor; the camera of any maker will do."""
+    camera, shots, held = FakeCamera("none"), [], []
+    session = connected(camera, drive="none", step=5, first=7)
+    before = settings(camera)
+
+    def publish(shot):
+        shots.append(shot)
+        held.append(settings(camera))
+        camera.lens += 50  # a person turns the ring
+    for _ in range(2):
+        assert shot_with_warnings(session, publish) == []
+    assert lenses(shots) == [400, 450, 500, 550, 600, 650]
+    assert [(shot.index, shot.count, shot.last) for shot in shots[:3]] == [(0, 3, False), (1, 3, False), (2, 3, True)]
+    assert all(math.isnan(shot.distance) for shot in shots)
+    assert {(now["iso"], now["expprogram"]) for now in held} == {("400", "M")} and settings(camera) == before
+
+
+def test_a_frame_is_told_at_its_release_and_corrected_if_it_becomes_the_last():
+    camera, told = FakeCamera("Nikon", lens=LENS - 150), []
+    download = camera.download
+
+    def downloaded(path):
+        told.append("download")
+        return download(path)
+    camera.download = downloaded
+    connected(camera, count=5).shoot(lambda shot: told.append(("image", shot.stamp, shot.count, shot.last)),
+                                     lambda shot: told.append(("release", shot.stamp, shot.count, shot.last)))
+    assert told == [("release", 0, 5, False), "download", ("image", 0, 5, False),
+                    ("release", 1, 5, False), "download", ("image", 1, 2, True)]

@@ -133,6 +133,14 @@ def test_busy_is_retried_other_errors_are_not():
     assert failure.value.code == BUSY and not failure.value.lost
 
 
+def test_the_moment_of_the_release_is_that_of_the_last_attempt():
+    camera, attempts = FakeCamera(), []
+    camera.open()
+    camera.busy = 2
+    RetryingCamera(camera).capture(lambda: attempts.append(camera.busy))
+    assert attempts == [2, 1, 0]
+
+
 TABLE = [{"step": 0, "mm": 500}, {"step": 10, "mm": 1000}, {"step": 20, "mm": math.inf}]
 
 

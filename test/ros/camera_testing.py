@@ -83,12 +83,11 @@ class CameraTest(unittest.TestCase):
         self.heard = {name: self.listen(name, kind) for name, kind in TOPICS.items()}
 
     def of_frames(self, name):
-        """Messages of a topic without the camera_info that is published before the first frame."""
-        messages = list(self.heard[name].messages)
-        if name == "rgb/camera_info" and messages and self.heard["rgb/focus"].messages:
-            first = self.heard["rgb/focus"].messages[0].header.stamp
-            messages = [message for message in messages if message.header.stamp >= first]
-        return messages
+        """The newest message of a topic for each image: camera_info is also published before the first frame, and focus
+        may be corrected before the image comes."""
+        newest = {message.header.stamp: message for message in list(self.heard[name].messages)}
+        images = [image.header.stamp for image in list(self.heard["rgb/image"].messages)]
+        return [newest[stamp] for stamp in images if stamp in newest]
 
     def frames(self, count, timeout=10):
         """The first `count` frames, as (image, camera_info, focus) of one stamp and frame_id each."""

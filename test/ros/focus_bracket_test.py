@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 
 from all_in_focus.camera.interface import IO_WRITE, NO_SPACE
 from all_in_focus.msg import FocusPlan
-from camera_testing import HERE, SCRIPTS, CameraTest, places
+from camera_testing import HERE, SCRIPTS, TOPICS, CameraTest, places
 from depth_testing import FAR_MM, NEAR_MM, Diagnostics, Talker, image_message, two_planes, wait_until
 
 LENS = 1000  # motor positions of the fake
@@ -63,6 +63,40 @@ class FocusBracketTest(CameraTest):
         self.assertEqual(stamps, sorted(set(stamps)))
         self.assertIn("no ~focus_table", self.call("bracket_planned").message)
         self.assertLess(abs((rospy.Time.now() - stamps[-1]).to_sec()), 10)
+
+    def test_the_focus_frame_comes_at_the_shutter_and_the_image_later(self):
+        """So that the fusion can keep the regions of that moment. Both have the stamp of the shutter."""
+        self.fake(count=2, exposure=1.0)
+        self.listen_to_all()
+        arrivals = {"rgb/focus": {}, "rgb/image": {}}  # stamp -> time of arrival, s
+        for name, times in arrivals.items():
+            note = lambda message, times=times: times.setdefault(message.header.stamp, rospy.get_time())
+            self.addCleanup(rospy.Subscriber(self.topic(name), TOPICS[name], note).unregister)
+        self.succeed()
+        self.assertTrue(wait_until(lambda: len(arrivals["rgb/image"]) == 2))
+        self.assertEqual(list(arrivals["rgb/focus"]), list(arrivals["rgb/image"]))
+        for stamp, arrival in arrivals["rgb/image"].items():
+            self.assertGreater(arrival - arrivals["rgb/focus"][stamp], 0.7)
+            self.assertLess(abs(arrivals["rgb/focus"][stamp] - stamp.to_sec()), 0.5)
+
+    def test_a_focus_ring_that_is_turned_by_hand(self):
+        node = self.fake(make="none", drive="none", count=3)
+        self.listen_to_all()
+        self.assertTrue(node.said("ready: Pentax K-1, focused by hand"))
+        self.assertEqual(self.succeed().message, "3 frames")
+        frames = self.frames(3)
+        self.assertEqual(places(frames), [(0, index, 3, index == 2) for index in range(3)])
+        self.assertTrue(all(math.isnan(focus.focus_distance) for _, _, focus in frames))
+
+    def test_pictures_taken_by_hand_are_left_out(self):
+        node = self.fake(count=3)
+        self.listen_to_all()
+        self.assertTrue(node.said("ready"))
+        self.provoke.say(String("press 902"))
+        self.assertTrue(node.said("left out IMG_0001.JPG: taken by hand"))
+        self.succeed()
+        for (image, _, _), lens in zip(self.frames(3), (400, 410, 420)):
+            self.assertLess(abs(lens_of(image) - lens), 4)
 
     def test_live_view_at_a_rate(self):
         self.fake(frames="preview", rate=10.0, count=2)
@@ -150,7 +184,7 @@ class FocusBracketTest(CameraTest):
         node = self.fake(make="Nikon", lens=850, count=5)
         self.listen_to_all()
         self.assertIn("the focus is at its far limit after 2 of 5 frames", self.succeed().message)
-        self.assertEqual(places(self.frames(2)), [(0, 0, 5, False), (0, 1, 2, True)])
+        self.assertTrue(wait_until(lambda: places(self.frames(2)) == [(0, 0, 5, False), (0, 1, 2, True)]))
         self.assertTrue(node.said("far limit"))
         status = Diagnostics().wait(self.namespace[1:] + "/focus_bracket_camera", lambda s: s.values[0].value == "1")
         self.assertEqual([status.level, status.hardware_id], [0, "Nikon DSC D750"])

@@ -9,78 +9,133 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from all_in_focus.camera.focus_check import FocusCheck
 from all_in_focus.camera.focus_drive import FocusLimit
-from all_in_focus.camera.interface import CAMERA_ERROR, CORRUPTED, CameraError
+from all_in_focus.camera.interface import CAMERA_ERROR, CORRUPTED, FILE_ADDED, CameraError
 from all_in_focus.files.stack import IMAGE_SUFFIXES, decode_image
 
 STILL, PREVIEW = "still", "preview"
 STALE_PREVIEWS = 1  # live view frames that may have been exposed before the lens came to rest
+QUEUE_EMPTY = 0.02  # s without an event after which the camera's queue counts as empty
+LATE_COPIES = 20  # frames after which a copy still counts as one; later a camera may have started a new folder
+LONGEST_DRAIN = 2.0  # s, for cameras that report events all the time
 
 
 @dataclass
 class Shot:
-    """One frame of a bracket. image: BGR; stamp: time of the release; position: in steps; index, count and last: see
-    FocusFrame.msg; distance: in m, NaN = unknown."""
-    image: np.ndarray
+    """One frame of a bracket. stamp: time of the release; position: in steps; index, count and last: see FocusFrame.msg;
+    distance: in m, NaN = unknown; image: BGR, None until it is downloaded."""
     stamp: object
     position: int
     index: int
     count: int
     last: bool
     distance: float
+    image: np.ndarray = None
 
 
 class Photographer:
-    """Takes single pictures with an open camera. clock: gives the stamps."""
+    """Takes single pictures with an open camera. clock: gives the stamps.
+
+    A picture belongs to a shot by the order of the camera's events: it is the first new one after the release. Pictures
+    that are reported before the release were taken by hand or came late. A picture with the name of a frame in another
+    folder is its copy on a second card. Both are left out, and told by take_warnings().
+    """
 
     def __init__(self, camera, clock, frames=STILL, timeout=10.0, keep_files=True):
         if frames not in (STILL, PREVIEW):
             raise ValueError(f"frames: '{frames}' is neither {STILL} nor {PREVIEW}")
         self._camera, self._clock, self._frames = camera, clock, frames
         self._timeout, self._keep = timeout, keep_files
-        self.owed = False  # a picture timed out; if it arrives after all, it must not be taken for the next one
+        self._paths = {}  # name -> path of the last frames
+        self._extras, self._copies = [], []  # names of pictures that are left out
+        self._owed = False  # a picture timed out; if it arrives after all, it must not be taken for the next one
 
-    def take(self):
-        """(image, stamp)"""
+    def take(self, on_release):
+        """The picture. on_release(stamp) is called as soon as the shutter is released (live view: just before the frame
+        is requested)."""
         if self._frames == PREVIEW:
             for _ in range(STALE_PREVIEWS):
                 self._camera.capture_preview()
-            stamp = self._clock()
-            return _decoded(self._camera.capture_preview(), "live view"), stamp
-        if self.owed:
-            with contextlib.suppress(CameraError):
-                self._await_picture()
-            self.owed = False
-        stamp = self._clock()
-        self._camera.capture()
+            on_release(self._clock())
+            return _decoded(self._camera.capture_preview(), "live view")
+        self._await_owed()
+        self.drain()
+        stamps = []
+        self._camera.capture(lambda: stamps.append(self._clock()))
+        on_release(stamps[-1])
         path = self._await_picture()
+        self._paths[posixpath.basename(path)] = path
+        if len(self._paths) > LATE_COPIES:
+            del self._paths[next(iter(self._paths))]
         image = _decoded(self._camera.download(path), path)
         if not self._keep:
             self._camera.delete(path)
-        return image, stamp
+        return image
 
-    def idle(self):
-        """Handle an event between brackets; this also keeps the camera awake."""
-        path = self._camera.wait_for_event(0.01)
-        self.owed = self.owed and not _is_picture(path)
+    def drain(self):
+        """Read the events that the camera has in its queue. Between brackets this also keeps the camera awake."""
+        end = time.monotonic() + LONGEST_DRAIN
+        while time.monotonic() < end:
+            event = self._camera.wait_for_event(QUEUE_EMPTY)
+            if event is None:
+                return
+            if _is_picture(event):
+                self._leave_out(event.path)
+
+    def reset(self):
+        """The camera was opened anew: it reports no pictures from before, and may have another card."""
+        self._owed = False
+        self._paths.clear()
+
+    def take_warnings(self):
+        """Lines about the pictures that were left out since the last call."""
+        lines = []
+        if self._extras:
+            lines.append(f"left out {_listed(self._extras)}: taken by hand, or too late for its frame")
+        if self._copies:
+            lines.append(f"left out {_listed(self._copies)}: a copy of a frame on another card")
+        self._extras, self._copies = [], []
+        return lines
+
+    def _await_owed(self):
+        if self._owed:
+            with contextlib.suppress(CameraError):
+                self._leave_out(self._await_picture())
+            self._owed = False
 
     def _await_picture(self):
-        """Path of the first new file that can be read; raw files beside it stay on the card."""
+        """Path of the next new picture; raw files beside it stay on the card."""
         end, others = time.monotonic() + self._timeout, []
         while time.monotonic() < end:
-            path = self._camera.wait_for_event(0.5)
-            if path is None:
-                continue
-            if _is_picture(path):
-                return path
-            others.append(posixpath.basename(path))
-        self.owed = not others
+            event = self._camera.wait_for_event(0.5)
+            if _is_picture(event):
+                if not self._is_copy(event.path):
+                    return event.path
+                self._leave_out(event.path)
+            elif event is not None and event.kind == FILE_ADDED:
+                others.append(posixpath.basename(event.path))
+        self._owed = not others
         hint = f"only {', '.join(others)}: let the camera write JPEG" if others else "is a card in the camera?"
         raise CameraError(CAMERA_ERROR, "waiting for the picture", f"none came in {self._timeout:g} s, {hint}")
 
+    def _is_copy(self, path):
+        return self._paths.get(posixpath.basename(path), path) != path
 
-def _is_picture(path):
-    return path is not None and path.lower().endswith(IMAGE_SUFFIXES)
+    def _leave_out(self, path):
+        if self._is_copy(path):
+            self._copies.append(posixpath.basename(path))
+        else:
+            self._extras.append(posixpath.basename(path))
+            self._owed = False
+
+
+def _is_picture(event):
+    return event is not None and event.kind == FILE_ADDED and event.path.lower().endswith(IMAGE_SUFFIXES)
+
+
+def _listed(names):
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
 def _decoded(data, name):
@@ -91,51 +146,69 @@ def _decoded(data, name):
 
 
 class Bracketer:
-    """drive: FocusDrive; hold: SettingsHold; photographer: Photographer; scale: FocusScale, or None if the focus
-    distances are unknown."""
+    """drive: FocusDrive or RingDrive; hold: SettingsHold; photographer: Photographer; scale: FocusScale, or None if the
+    focus distances are unknown. All methods append their warnings, one line each, to the list `warnings`."""
 
     def __init__(self, drive, hold, photographer, scale=None):
         self.drive, self.hold, self.photographer, self.scale = drive, hold, photographer, scale
         self._start = None  # focus position before the bracket
 
-    def shoot(self, positions, publish):
-        """Take a frame at each position (in steps, in this order) and give it to publish(Shot). Returns warnings.
+    def shoot(self, positions, publish, on_release, warnings):
+        """Take a frame at each position (in steps, in this order).
+
+        on_release(Shot): at the release, before the picture is downloaded; publish(Shot): with the picture. Between the
+        two, count and last change if the bracket has to end with this frame.
 
         At the end of the focus range the bracket ends early, with a warning; it raises FocusLimit if not even the first
-        frame can be reached. Focus and settings are restored afterwards, also after an error. If the camera was lost,
-        call restore() when it is back.
+        frame can be reached. Focus and settings are restored afterwards, also after an error. If restoring fails because
+        the camera is busy or lost, call restore() later.
         """
-        warnings = []
         self._start = self.drive.position
         try:
-            self.hold.hold()
-            warnings += self.hold.warnings
-            self._sweep(list(positions), publish, warnings)
+            self.hold.hold(warnings)
+            self._sweep(list(positions), publish, on_release, warnings)
         except BaseException:
             with contextlib.suppress(CameraError):  # report the first error, not this one
                 self.restore(warnings)
             raise
         self.restore(warnings)
-        return warnings
 
     def restore(self, warnings):
-        """Focus and settings as before the last bracket."""
+        """Restore focus and settings as before the last bracket. Raises CameraError if the camera is busy or lost; then
+        the next call goes on. What the camera refuses otherwise is given up with a warning."""
         try:
             if self._start is not None:
-                self.drive.move_to(self._start)
-        except FocusLimit as limit:
-            warnings.append(f"{limit}: the start position is not reached")
+                self._return_to_start(warnings)
+            self._start = None
         finally:
-            self.hold.release()
-        self._start = None
+            self.hold.release(warnings)
 
-    def _sweep(self, positions, publish, warnings):
+    def _return_to_start(self, warnings):
+        for last_try in (False, True):
+            try:
+                return self.drive.move_to(self._start)
+            except FocusLimit as limit:
+                return warnings.append(f"{limit}: the start position is not reached")
+            except CameraError as error:
+                if error.busy or error.lost:
+                    raise
+                if last_try:
+                    warnings.append(f"the focus is not back at its start position: {error}")
+
+    def _sweep(self, positions, publish, on_release, warnings):
         self.drive.move_to(positions[0])
+        count, focus = len(positions), FocusCheck()
         for index in range(len(positions)):
             self.drive.wake()
-            position = self.drive.position
-            image, stamp = self.photographer.take()
-            failure, count = None, len(positions)
+            distance = self.scale.distance(self.drive.position) if self.scale else math.nan
+            shot = Shot(None, self.drive.position, index, count, index + 1 == count, distance)
+
+            def released(stamp, shot=shot):
+                shot.stamp = stamp
+                on_release(shot)
+            shot.image = self.photographer.take(released)
+            focus.add(shot.image)
+            failure = None
             if index + 1 < count:
                 # Move on before this frame is published: if the next position cannot be reached, this frame is the
                 # last one and has to say so.
@@ -146,12 +219,15 @@ class Bracketer:
                     count = index + 1
                 except CameraError as error:
                     failure, count = error, index + 1
-            distance = self.scale.distance(position) if self.scale else math.nan
-            publish(Shot(image, stamp, position, index, count, index + 1 == count, distance))
+            shot.count, shot.last = count, index + 1 == count
+            publish(shot)
             if failure:
                 raise failure
-            if index + 1 == count:
-                return
+            if shot.last:
+                break
+        if focus.stood_still:
+            warnings.append(f"the focus did not move: the sharpness changed by {100 * focus.change:.0f} % at most over "
+                            f"{count} frames; {self.drive.REMEDY}")
 
 
 def planned_positions(distances, scale):

@@ -14,10 +14,11 @@ from all_in_focus.camera.focus_drive import FocusLimit
 from all_in_focus.camera.frame_publisher import FramePublisher
 from all_in_focus.camera.interface import CameraError
 from all_in_focus.camera.makers import MAKERS, maker_of
-from all_in_focus.camera.session import CURRENT, FAR, NEAR, Config, Session
+from all_in_focus.camera.session import CURRENT, FAR, MOTOR, NEAR, NONE, Config, Session
 from all_in_focus.msg import FocusPlan
 
 CHECK_PERIOD = 1.0  # s
+LONGEST_CHECK = 0.5  # s; a request waits for a check of the camera, but not for a bracket
 
 
 def read_config():
@@ -26,6 +27,7 @@ def read_config():
     default = Config()
     settle = parameters.number("settle", -1)
     config = Config(
+        drive=parameters.text("drive", default.drive, (MOTOR, NONE)),
         maker=parameters.text("maker"),
         frames=parameters.text("frames", STILL, (STILL, PREVIEW)),
         count=parameters.whole("count", default.count, 1),
@@ -43,7 +45,9 @@ def read_config():
     if config.maker and maker_of(config.maker) is None:
         names = ", ".join(maker.name for maker in MAKERS)
         raise parameters.ParameterError(f"~maker: '{config.maker}' is not one of {names}")
-    if config.step == 0 and config.count > 1:
+    if config.drive == NONE and (table or config.home != CURRENT):
+        raise parameters.ParameterError(f"~drive: {NONE} works without ~focus_table and ~home: focus is set by hand")
+    if config.drive == MOTOR and config.step == 0 and config.count > 1:
         raise parameters.ParameterError(f"~step: 0 would take the same picture {config.count} times")
     return config
 
@@ -65,6 +69,7 @@ class FocusBracketCamera:
         self._plan = None
         self._bracket_id = 0
         self._healthy = False  # result of the last check
+        self._last_warnings = []
         self._level, self._status = DiagnosticStatus.WARN, "looking for the camera"
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=1)
         if self._session.scale:
@@ -117,6 +122,7 @@ class FocusBracketCamera:
             if not self._healthy:
                 self._report_ready()
             self._healthy = True
+            self._warn(self._session.take_warnings())
         except CameraError as error:
             self._healthy = False
             again = "" if self._session.connected else f"; trying again every {self._reconnect:g} s"
@@ -126,7 +132,7 @@ class FocusBracketCamera:
         self._report("ready: " + self._session.description, DiagnosticStatus.OK)
 
     def _answer(self, planned):
-        if not self._lock.acquire(blocking=False):
+        if not self._lock.acquire(timeout=LONGEST_CHECK):
             return TriggerResponse(False, "the camera is shooting or being looked for: ask again in a moment")
         try:
             return TriggerResponse(*self._shoot(planned))
@@ -135,14 +141,20 @@ class FocusBracketCamera:
 
     def _shoot(self, planned):
         """(success, message)"""
-        count = [0]
+        released, published = [], []
 
-        def publish(shot):
+        def focus_of(shot):
             if rospy.is_shutdown():
                 raise rospy.ROSInterruptException("shutdown")
-            count[0] += 1
-            self._frames.publish(shot.image, shot.stamp, self._bracket_id, shot.index, shot.count, shot.last,
-                                 shot.distance)
+            return shot.stamp, self._bracket_id, shot.index, shot.count, shot.last, shot.distance
+
+        def on_release(shot):
+            self._frames.publish_focus(*focus_of(shot))
+            released.append(shot.index)
+
+        def publish(shot):
+            self._frames.publish(shot.image, *focus_of(shot))
+            published.append(shot.index)
 
         try:
             if not self._session.connected:
@@ -152,19 +164,26 @@ class FocusBracketCamera:
                 if missing:
                     self._report(missing)
                     return False, missing
-                warnings = self._session.shoot_planned(self._plan.focus_distance, publish)
+                self._session.shoot_planned(self._plan.focus_distance, publish, on_release)
             else:
-                warnings = self._session.shoot(publish)
+                self._session.shoot(publish, on_release)
         except (CameraError, FocusLimit, rospy.ROSException) as error:
-            self._report(f"bracket {self._bracket_id} broke off after {count[0]} frames: {error}")
+            self._report(f"bracket {self._bracket_id} broke off after {len(published)} frames: {error}")
             return False, self._status
         finally:
-            if count[0]:
+            warnings = self._session.take_warnings()
+            self._warn(warnings)
+            if released:  # this id is taken, whether or not the picture came
                 self._bracket_id += 1
         self._report_ready()
+        return True, "; ".join([f"{len(published)} frames"] + warnings)
+
+    def _warn(self, warnings):
+        """Log what was not logged for the bracket before."""
         for warning in warnings:
-            rospy.logwarn("%s", warning)
-        return True, "; ".join([f"{count[0]} frames"] + warnings)
+            if warning not in self._last_warnings:
+                rospy.logwarn("%s", warning)
+        self._last_warnings = warnings or self._last_warnings
 
     def _why_no_plan(self):
         if self._session.scale is None:

@@ -27,6 +27,7 @@ class FocusDrive:
     size: of one step, in the maker's unit; 0 = typical of the maker. A camera that does not report its limit goes on
     counting although its lens has stopped: start far enough from the limit.
     """
+    REMEDY = "check the AF/MF switch of the lens (docs/dslr.md: makers), or take larger steps"
 
     def __init__(self, camera, maker, size=0, settle_s=None):
         self.maker, self.size = maker, size or maker.typical
@@ -133,6 +134,29 @@ class FocusDrive:
             time.sleep(0.05)
         self.position = position
         time.sleep(self._settle)
+
+
+class RingDrive:
+    """Takes the place of FocusDrive where a person turns the focus ring. position: number of the frame.
+
+    pause_s: time to turn the ring, before each frame but the first.
+    """
+    REMEDY = "turn the focus ring further between the frames"
+
+    def __init__(self, pause_s):
+        self.position = 0
+        self._pause = pause_s
+
+    def move_to(self, position):
+        if position > self.position:
+            time.sleep(self._pause)
+        self.position = position
+
+    def wake(self):
+        pass
+
+    def go_to_stop(self, far=False):
+        pass
 
 
 class ScaleError(ValueError):

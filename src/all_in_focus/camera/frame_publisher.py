@@ -15,6 +15,7 @@ from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.msg import FocusFrame
 
 QUEUE = 30  # frames that may wait for a slow subscriber
+CORRECTION = 0.1  # s by which a corrected FocusFrame precedes its image: topics do not keep their order
 GRACE = 1.0  # s for a subscriber of the images to connect to the other topics, too
 SAME_SHAPE = 0.01  # aspect ratios that differ by less are equal up to rounding
 
@@ -29,6 +30,7 @@ class FramePublisher:
         self._width = width
         self._bridge = cv_bridge.CvBridge()
         self._info = None  # rig.Camera for the size of the last picture
+        self._sent = None  # stamp, bracket_id, index, count and last of the FocusFrame that was published last
         self._listened_since = None
         self._image_publisher = rospy.Publisher("rgb/image", Image, queue_size=QUEUE)
         self._info_publisher = rospy.Publisher("rgb/camera_info", CameraInfo, queue_size=QUEUE, latch=True)
@@ -58,14 +60,25 @@ class FramePublisher:
         self._listened_since = self._listened_since or time.monotonic()
         return self.has_all_listeners() or time.monotonic() > self._listened_since + GRACE
 
+    def publish_focus(self, stamp, bracket_id, index, count, last, distance):
+        """Publish the FocusFrame at the release: the fusion keeps the regions and the depth of this moment until the
+        image follows. A second one with the same stamp, before the image, replaces the first."""
+        if self._sent != (stamp, bracket_id, index, count, last):
+            header = Header(stamp=stamp, frame_id=self._frame_id)
+            self._focus_publisher.publish(FocusFrame(header, bracket_id, index, count, last, distance))
+            self._sent = (stamp, bracket_id, index, count, last)
+
     def publish(self, image, stamp, bracket_id, index, count, last, distance):
-        """image: BGR, 8 bit; the rest: see FocusFrame.msg."""
+        """image: BGR, 8 bit; the rest: see FocusFrame.msg. The FocusFrame goes first, unless it is out already."""
+        if self._sent and self._sent[0] == stamp and self._sent != (stamp, bracket_id, index, count, last):
+            self.publish_focus(stamp, bracket_id, index, count, last, distance)
+            time.sleep(CORRECTION)
         size = self._published(image.shape[1::-1])
         if size != image.shape[1::-1]:
             image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         header = Header(stamp=stamp, frame_id=self._frame_id)
+        self.publish_focus(stamp, bracket_id, index, count, last, distance)
         self._info_publisher.publish(camera_info(self._camera_of(*size), header))
-        self._focus_publisher.publish(FocusFrame(header, bracket_id, index, count, last, distance))
         self._image_publisher.publish(self._bridge.cv2_to_imgmsg(np.ascontiguousarray(image), "bgr8", header))
 
     def _published(self, size):

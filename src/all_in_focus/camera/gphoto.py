@@ -6,8 +6,8 @@ import posixpath
 
 import gphoto2 as gp
 
-from all_in_focus.camera.interface import (BAD_PARAMETERS, IO, MODEL_NOT_FOUND, NOT_SUPPORTED, UNKNOWN_PORT, Camera,
-                                           CameraError, Widget)
+from all_in_focus.camera.interface import (BAD_PARAMETERS, FILE_ADDED, IO, MODEL_NOT_FOUND, NOT_SUPPORTED, OTHER,
+                                           UNKNOWN_PORT, Camera, CameraError, Event, Widget)
 
 _CHOICES = (gp.GP_WIDGET_RADIO, gp.GP_WIDGET_MENU)
 
@@ -116,11 +116,13 @@ class GphotoCamera(Camera):
 
     def wait_for_event(self, seconds):
         if self._captured:
-            return self._captured.pop(0)
+            return Event(FILE_ADDED, self._captured.pop(0))
         camera = self._opened()
         with self._errors("waiting for the camera"):
             kind, data = camera.wait_for_event(max(1, round(1000 * seconds)), self._context)
-        return posixpath.join(data.folder, data.name) if kind == gp.GP_EVENT_FILE_ADDED else None
+        if kind == gp.GP_EVENT_FILE_ADDED:
+            return Event(FILE_ADDED, posixpath.join(data.folder, data.name))
+        return None if kind == gp.GP_EVENT_TIMEOUT else Event(OTHER)
 
     def capture_preview(self):
         camera = self._opened()

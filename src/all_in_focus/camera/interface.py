@@ -68,6 +68,16 @@ class Widget:
     read_only: bool = False
 
 
+FILE_ADDED, OTHER = "file added", "other"
+
+
+@dataclass
+class Event:
+    """What a camera reports. kind: FILE_ADDED with the path of the new file, or OTHER."""
+    kind: str
+    path: str = ""
+
+
 class Camera:
     """The calls that a driver has to provide. All but close() may raise CameraError. A path is the full name of a file
     on the camera.
@@ -76,7 +86,7 @@ class Camera:
     get_config(name) -> Widget; raises BAD_PARAMETERS or ERROR if there is no such widget
     set_config(name, value)
     capture(): releases the shutter and returns at once; wait_for_event() delivers the picture
-    wait_for_event(seconds) -> path of a new file; None if another event came, or none
+    wait_for_event(seconds) -> the next Event in the camera's order; None if none came in this time
     capture_preview() -> bytes of a JPEG picture
     download(path) -> bytes; delete(path)
     """
@@ -138,8 +148,13 @@ class RetryingCamera(Camera):
     def set_config(self, name, value):
         self._retry(self._camera.set_config, name, value)
 
-    def capture(self):
-        self._retry(self._camera.capture)
+    def capture(self, before_attempt=None):
+        """before_attempt: called before each attempt; the last call is the one just before the shutter."""
+        def attempt():
+            if before_attempt:
+                before_attempt()
+            self._camera.capture()
+        self._retry(attempt)
 
     def wait_for_event(self, seconds):
         return self._retry(self._camera.wait_for_event, seconds)

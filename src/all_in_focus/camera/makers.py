@@ -50,6 +50,9 @@ MAKERS = (
           (("expprogram", ("M",) + MANUAL),)),
 )
 
+# For cameras that are in no row of the table: those of these settings that they have.
+ALL_HOLDS = tuple({name: values for maker in MAKERS for name, values in maker.holds}.items())
+
 
 def maker_of(*texts):
     """The row for a camera by its names (model, manufacturer); None if there is none."""

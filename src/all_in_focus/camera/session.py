@@ -5,12 +5,14 @@ import contextlib
 from dataclasses import dataclass
 
 from all_in_focus.camera.bracket import STILL, Bracketer, Photographer, planned_positions
-from all_in_focus.camera.focus_drive import FocusDrive, FocusScale
+from all_in_focus.camera.focus_drive import FocusDrive, FocusScale, RingDrive
 from all_in_focus.camera.interface import NOT_SUPPORTED, CameraError, RetryingCamera
-from all_in_focus.camera.makers import MAKERS, maker_of
+from all_in_focus.camera.makers import ALL_HOLDS, MAKERS, maker_of
 from all_in_focus.camera.settings_hold import SettingsHold
 
 CURRENT, NEAR, FAR = "current", "near", "far"
+MOTOR, NONE = "motor", "none"
+RING_PAUSE = 1.0  # s, default time to turn the focus ring between two frames
 
 
 @dataclass
@@ -18,7 +20,8 @@ class Config:
     """maker: name of a row of the table, "" = by the camera's own name; count, step, first: frames of a bracket, steps
     between them (+ is far), steps from the start position to the first; step_size: 0 = typical of the maker; settle_s:
     None = typical of the maker; home: where position 0 is, the focus at the start or a stop; table: of FocusScale,
-    empty = not calibrated."""
+    empty = not calibrated; drive: MOTOR, or NONE where a person turns the focus ring for settle_s between the frames."""
+    drive: str = MOTOR
     maker: str = ""
     frames: str = STILL
     count: int = 9
@@ -37,7 +40,7 @@ class Config:
 
 class Session:
     """clock: gives the stamps of the frames. All calls but close() may raise CameraError. One that loses the camera
-    sets `connected` to false."""
+    sets `connected` to false. After each call take_warnings() returns its warnings."""
 
     def __init__(self, camera, config, clock):
         self.config = config
@@ -47,7 +50,8 @@ class Session:
         self._camera = RetryingCamera(camera, config.patience_s)
         self._photographer = Photographer(self._camera, clock, config.frames, config.timeout_s,
                                           keep_files=config.keep_files)
-        self._bracketer = None
+        self._maker, self._bracketer = None, None
+        self._warnings = []
 
     @contextlib.contextmanager
     def _watching(self):
@@ -63,19 +67,22 @@ class Session:
         """Open the camera, and restore what an interrupted bracket has left changed."""
         try:
             self.model = self._camera.open()
-            self._photographer.owed = False
+            self._photographer.reset()
             maker = self._maker_of(self.model)
-            if self._bracketer is None or self._bracketer.drive.maker is not maker:
-                self._bracketer = self._bracketer_for(maker)
+            if self._bracketer is None or self._maker is not maker:
+                self._maker, self._bracketer = maker, self._bracketer_for(maker)
             if self.config.home != CURRENT:
                 self._bracketer.drive.go_to_stop(self.config.home == FAR)
-            self._bracketer.restore([])
+            self._bracketer.restore(self._warnings)
         except Exception:
             self.close()
             raise
         self.connected = True
-        limit = "" if maker.tells_limit else " (which do not report their focus limit)"
-        self.description = f"{self.model}, focused as {maker.name} cameras are{limit}"
+        if self.config.drive == NONE:
+            self.description = f"{self.model}, focused by hand"
+        else:
+            limit = "" if maker.tells_limit else " (which do not report their focus limit)"
+            self.description = f"{self.model}, focused as {maker.name} cameras are{limit}"
 
     def _maker_of(self, model):
         names = [self.config.maker or model]
@@ -83,42 +90,55 @@ class Session:
             with contextlib.suppress(CameraError):
                 names.append(str(self._camera.get_config("manufacturer").value))
         maker = maker_of(*names)
-        if maker is None:
+        if maker is None and self.config.drive != NONE:
             makers = ", ".join(maker.name for maker in MAKERS)
             raise CameraError(NOT_SUPPORTED, f"'{model}'", "its focus cannot be driven from here, only that of "
-                              f"{makers}: use image_folder_camera")
+                              f"{makers}: use image_folder_camera, or ~drive:=none and turn the focus ring by hand")
         return maker
 
     def _bracketer_for(self, maker):
-        drive = FocusDrive(self._camera, maker, self.config.step_size, self.config.settle_s)
-        hold = SettingsHold(self._camera, maker, self.config.white_balance, self.config.iso)
+        if self.config.drive == NONE:
+            drive = RingDrive(RING_PAUSE if self.config.settle_s is None else self.config.settle_s)
+        else:
+            drive = FocusDrive(self._camera, maker, self.config.step_size, self.config.settle_s)
+        hold = SettingsHold(self._camera, maker.holds if maker else ALL_HOLDS, self.config.white_balance, self.config.iso)
         return Bracketer(drive, hold, self._photographer, self.scale)
 
-    def shoot(self, publish):
+    def shoot(self, publish, on_release=lambda shot: None):
         """A bracket of equal steps; see Bracketer.shoot()."""
         self._restore()
-        start = self._bracketer.drive.position + self.config.first
-        positions = [start + index * self.config.step for index in range(self.config.count)]
-        with self._watching():
-            return self._bracketer.shoot(positions, publish)
+        config = self.config
+        first, step = (0, 1) if config.drive == NONE else (config.first, config.step)
+        start = self._bracketer.drive.position + first
+        self._shoot([start + index * step for index in range(config.count)], publish, on_release)
 
-    def shoot_planned(self, distances, publish):
+    def shoot_planned(self, distances, publish, on_release=lambda shot: None):
         """A bracket at these distances (m), from near to far or from far to near; needs a table."""
         positions, warnings = planned_positions(distances, self.scale)
+        self._warnings += warnings
         self._restore()
+        self._shoot(positions, publish, on_release)
+
+    def _shoot(self, positions, publish, on_release):
         with self._watching():
-            return warnings + self._bracketer.shoot(positions, publish)
+            self._bracketer.shoot(positions, publish, on_release, self._warnings)
 
     def check(self):
         """Raises CameraError if the camera is no longer there."""
         with self._watching():
-            self._photographer.idle()
+            self._photographer.drain()
         self._restore()
 
     def _restore(self):
         """Restore what the last bracket could not, because the camera was busy, for example."""
         with self._watching():
-            self._bracketer.restore([])
+            self._bracketer.restore(self._warnings)
+
+    def take_warnings(self):
+        """Warnings since the last call, one line each."""
+        warnings = self._warnings + self._photographer.take_warnings()
+        self._warnings.clear()
+        return warnings
 
     def close(self):
         self.connected = False

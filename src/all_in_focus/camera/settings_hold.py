@@ -12,45 +12,59 @@ ISO = ("400", "200", "800", "100")
 
 
 class SettingsHold:
-    """hold() fixes the settings, release() restores them. `warnings` names what could not be fixed, one line each."""
+    """hold() fixes the settings, release() restores them. Both append to the list `warnings` what the camera refuses, one
+    line each.
 
-    def __init__(self, camera, maker, white_balance="", iso=""):
+    holds: settings besides white balance, ISO and exposure; see Maker.holds.
+    """
+
+    def __init__(self, camera, holds, white_balance="", iso=""):
         self._camera = camera
-        self._holds = dict(maker.holds)
+        self._holds = dict(holds)
         self._fixed = {"whitebalance": (white_balance,) if white_balance else WHITE_BALANCE,
                        "iso": (str(iso),) if iso else ISO}
         self._changed = []  # (name, value before), in the order of the changes
-        self.warnings = []
 
-    def hold(self):
+    def hold(self, warnings):
         """Raises CameraError only if the camera is lost."""
-        self.warnings, metered = [], [(name, self._read(name)) for name in EXPOSURE]
+        metered = [(name, self._read(name)) for name in EXPOSURE]
         untold = [name for name, widget in metered if widget is not None and _is_automatic(widget.value)]
         for name, values in self._holds.items():
             if untold and name in MODES:
-                self._warn_of_untold_exposure(name, values, untold[0])
+                self._warn_of_untold_exposure(name, values, untold[0], warnings)
                 continue
-            self._take(name, values, "the exposure or the focus may change within the bracket")
+            self._take(name, values, "the exposure or the focus may change within the bracket", warnings)
         for name, values in self._fixed.items():
             widget = self._read(name)
             if widget is not None and _is_automatic(widget.value):
-                self._take(name, values, "it may change within the bracket")
+                self._take(name, values, "it may change within the bracket", warnings)
         for name, before in metered:
             now = self._read(name)
             if before is not None and now is not None and now.value != before.value and before.value in now.choices:
                 self._set(name, before.value, now.value)
 
-    def release(self):
-        """Restores the settings, the last change first. After an error it goes on with the others, and raises the first
-        error at the end; the next call tries again what has failed."""
-        failed, first = [], None
-        for name, value in reversed(self._changed):
-            try:
-                self._camera.set_config(name, value)
-            except CameraError as error:
-                failed.insert(0, (name, value))
-                first = first or error
-        self._changed = failed
+    def release(self, warnings):
+        """Restores the settings, the last change first.
+
+        A setting that the camera refuses is tried again after the others, because its choices may depend on them (ISO
+        'Auto' on the exposure mode), and then given up with a warning. If the camera is busy or lost, it goes on with the
+        other settings and raises the first such error at the end; the next call tries those settings again.
+        """
+        first, later, refused = None, [], self._changed
+        for last_try in (False, True):
+            pending, refused = refused, []
+            for name, value in reversed(pending):
+                try:
+                    self._camera.set_config(name, value)
+                except CameraError as error:
+                    if error.busy or error.lost:
+                        later.insert(0, (name, value))
+                        first = first or error
+                    elif last_try:
+                        warnings.append(f"'{name}' was '{value}' and cannot be set back: set it on the camera ({error})")
+                    else:
+                        refused.insert(0, (name, value))
+        self._changed = later
         if first:
             raise first
 
@@ -63,21 +77,21 @@ class SettingsHold:
                 raise
             return None
 
-    def _warn_of_untold_exposure(self, name, values, untold):
+    def _warn_of_untold_exposure(self, name, values, untold, warnings):
         """Manual mode is left alone: without the metered values the pictures could have any exposure."""
         widget = self._read(name)
         if widget is not None and str(widget.value) not in values:
-            self.warnings.append(f"'{name}' is '{widget.value}' and the camera does not tell the '{untold}' that it "
-                                 "has metered: set it to manual yourself, the exposure may change within the bracket")
+            warnings.append(f"'{name}' is '{widget.value}' and the camera does not tell the '{untold}' that it has "
+                            "metered: set it to manual yourself, the exposure may change within the bracket")
 
-    def _take(self, name, values, consequence):
+    def _take(self, name, values, consequence, warnings):
         widget = self._read(name)
         if widget is None or str(widget.value) in values:
             return
         wanted = next((value for value in values if value in widget.choices), None)
         if wanted is None or widget.read_only or not self._set(name, wanted, widget.value):
-            self.warnings.append(f"'{name}' is '{widget.value}' and cannot be set to {wanted or ' or '.join(values)} "
-                                 f"from here: set it on the camera, {consequence}")
+            warnings.append(f"'{name}' is '{widget.value}' and cannot be set to {wanted or ' or '.join(values)} from "
+                            f"here: set it on the camera, {consequence}")
 
     def _set(self, name, value, before):
         try:
