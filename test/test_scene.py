@@ -201,7 +201,7 @@ def test_vignetting_darkens_the_corners():
     near = lens.vignette(camera, 0.3, 50.0, 500.0, 1000.0)
     assert near[0, 0] == pytest.approx(1 - 0.3 * ((50000 / 950) / (25000 / 450)) ** 2), "the sensor is farther away"
     frame, = lens.render_bracket(scene_of(flat([0.5] * 3, 1000.0)), OPTICS, [1000.0], lens.Disturbance(vignetting=0.3))
-    assert srgb_to_linear(frame)[..., 0] == pytest.approx(0.5 * gain, abs=0.005)
+    assert imaging.srgb_to_linear(frame)[..., 0] == pytest.approx(0.5 * gain, abs=0.005)
 
 
 @pytest.mark.parametrize("name", ["planes", "motorcycle"])
