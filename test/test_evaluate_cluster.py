@@ -1,19 +1,25 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Tasks on other processes give the results of one process, also when a worker is killed in the middle."""
+import http.client
 import re
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
+import urllib.request
 
 import pytest
 from evaluate_helpers import METHODS, environment, evaluate, make_scene, results, start
 
+from all_in_focus.benchmark.engine import engine
+
 LOST_WORKER = r"evaluate: warning: Dask worker tcp://\S+ is lost; its tasks go to others"
 
 distributed = pytest.importorskip("distributed", reason="NOT TESTED ON A CLUSTER: python3-distributed is not installed")
+psutil = pytest.importorskip("psutil")  # comes with it
 
 
 @pytest.fixture(scope="module")
@@ -123,3 +129,39 @@ def test_jobs_on_this_machine(scenes, alone, tmp_path):
     code, out, err = evaluate(*scenes, "--methods", METHODS, "--output", tmp_path / "out", "--jobs", 2)
     assert (code, err) == (0, "") and "2 tasks ran side by side" in out
     expect_same(tmp_path / "out", alone)
+
+
+def listening():
+    """Addresses at which this process and its children wait for connections."""
+    own = psutil.Process()
+    return {connection.laddr.ip for process in [own, *own.children(recursive=True)]
+            for connection in process.connections("inet") if connection.status == psutil.CONN_LISTEN}
+
+
+def pages():
+    """What Dask's workers and scheduler show to a browser, by port."""
+    own, found = psutil.Process(), {}
+    for process in [own, *own.children(recursive=True)]:
+        for connection in process.connections("inet4"):
+            if connection.status == psutil.CONN_LISTEN:
+                for path in ("/status", "/workers"):
+                    try:
+                        address = "http://127.0.0.1:%d%s" % (connection.laddr.port, path)
+                        found[address] = urllib.request.urlopen(address, timeout=5).read()
+                    except (OSError, http.client.HTTPException):
+                        pass  # not found, or no web server
+    return found
+
+
+def test_workers_of_this_machine_are_nobody_elses(tmp_path, monkeypatch):
+    """Dask asks for no password: whoever reaches a worker runs what he likes on it."""
+    before = listening()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with engine(2, "") as workers:
+        assert workers.at_a_time == 2
+        assert dict(workers.run({1: (max, (2, 3))})) == {1: 3}
+        assert listening() - before == {"127.0.0.1"}
+        folder, = tmp_path.iterdir()
+        assert folder.stat().st_mode & 0o077 == 0 and list(folder.iterdir())
+        assert not [address for address, text in pages().items() if b"bokeh" in text.lower() or b"Worker" in text]
+    assert list(tmp_path.iterdir()) == []

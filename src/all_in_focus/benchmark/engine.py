@@ -6,8 +6,9 @@ An engine has run(calls), calls: key -> (function, arguments): it yields (key, r
 the function raises, or a lost worker, comes as result {"error": one line}. EngineError ends everything.
 """
 import logging
+import tempfile
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 POLL_S = 0.1
 PATIENCE_S = 60.0  # without any worker, before it is given up
@@ -34,20 +35,40 @@ def engine(jobs, scheduler, patience=PATIENCE_S, say=lambda line: None):
     for name in list(logging.root.manager.loggerDict):  # what they tell of lost connections is told here, in one line
         if name.partition(".")[0] in ("distributed", "asyncio", "tornado"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
-    cluster = None
-    if not scheduler:
-        cluster = distributed.LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=None,
-                                           memory_limit=None, silence_logs=logging.CRITICAL)
+    with ExitStack() as opened:
+        cluster = None if scheduler else opened.enter_context(_local_cluster(distributed, jobs))
+        yield opened.enter_context(_workers(distributed, cluster, scheduler, patience, say))
+
+
+@contextmanager
+def _local_cluster(distributed, jobs):
+    """Workers on this machine that nobody else can reach or look at: Dask itself asks for no password."""
+    loopback = "127.0.0.1:0"
+    with tempfile.TemporaryDirectory(prefix="evaluate.") as folder:
+        cluster = distributed.LocalCluster(n_workers=0, threads_per_worker=1, host="127.0.0.1", memory_limit=None,
+                                           dashboard_address=loopback, worker_dashboard_address=loopback,
+                                           scheduler_kwargs={"dashboard": False}, local_directory=folder,
+                                           silence_logs=logging.CRITICAL)
+        try:
+            cluster.new_spec["options"]["dashboard"] = False
+            cluster.scale(jobs)
+            yield cluster
+        finally:
+            cluster.close(timeout=ANSWER_S)
+
+
+@contextmanager
+def _workers(distributed, cluster, scheduler, patience, say):
     try:
         client = distributed.Client(cluster or scheduler, timeout=ANSWER_S)
     except (OSError, ValueError, TimeoutError) as error:
         raise EngineError("%s: no Dask scheduler answers: %s" % (scheduler, " ".join(str(error).split())))
     try:
+        if cluster:
+            client.wait_for_workers(len(cluster.worker_spec))
         yield OnWorkers(client, patience, say)
     finally:
         client.close(timeout=ANSWER_S)
-        if cluster:
-            cluster.close(timeout=ANSWER_S)
 
 
 def _failure(error):
