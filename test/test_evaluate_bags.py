@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Bags as scenes of evaluate: brackets through the real nodes, their frames for the other methods."""
 import os
+import subprocess
+import sys
 
 import cv2
 import cv_bridge
@@ -11,7 +13,8 @@ import rosbag
 from evaluate_helpers import evaluate, make_scene, results
 from tool_helpers import read, rosrun, succeeded
 
-from all_in_focus.benchmark import bags
+from all_in_focus.benchmark import bags, methods, programs, settings
+from all_in_focus.benchmark.scenes import Scene
 from all_in_focus.files.stack import Stack
 
 METHODS = "paper,refined,laplacian"
@@ -52,9 +55,10 @@ def test_what_the_nodes_refuse_stops_no_other_scene(scene, bag, tmp_path):
     assert code == 1 and err.splitlines()[0].startswith("evaluate: warning: planes refined: evaluate_bag: ")
 
 
-@pytest.mark.parametrize("has_focus", [True, False])
-def test_frames_go_to_their_brackets(bag, tmp_path, has_focus):
-    """A bag twice over: two brackets of their own numbers, or of three frames each in the order of the bag."""
+@pytest.mark.parametrize("ids", [(7, 6), (7, 7), None])
+def test_frames_go_to_their_brackets(bag, tmp_path, ids):
+    """A bag twice over: two brackets of their own numbers, of the same number (a camera node that was started again,
+    joined bags), or without focus messages."""
     frames, bridge = [], cv_bridge.CvBridge()
     with rosbag.Bag(str(bag)) as old, rosbag.Bag(str(tmp_path / "two.bag"), "w") as new:
         for turn in range(2):
@@ -62,18 +66,90 @@ def test_frames_go_to_their_brackets(bag, tmp_path, has_focus):
                 if hasattr(message, "header"):
                     message.header.stamp.secs += 100 * turn
                 if topic == "/rgb/focus":
-                    message.bracket_id = 7 - turn
+                    message.bracket_id = ids[turn] if ids else 0
                 if topic == "/rgb/image":
                     frames.append(bridge.imgmsg_to_cv2(message, "bgr8"))
                 time.secs += 100 * turn
-                if topic != "/rgb/focus" or has_focus:
+                if topic != "/rgb/focus" or ids:
                     new.write(topic, message, time)
     for number in range(2):
         folder = tmp_path / "results" / ("bracket_%04d" % number)
         folder.mkdir(parents=True)
-        bracket_id = 7 - number if has_focus else number
+        bracket_id = ids[number] if ids else number
         (folder / "report.json").write_text('{"bracket_id": %d, "frames_seen": 3}' % bracket_id)
-    bags.export(str(tmp_path / "two.bag"), bags.topics({}), str(tmp_path / "results"), str(tmp_path / "stacks"))
+    bags.export(str(tmp_path / "two.bag"), bags.topics({}), str(tmp_path / "results"), str(tmp_path / "stacks"),
+                {})
     exported = [frame for number in range(2) for frame in Stack(str(tmp_path / "stacks" / ("bracket_%04d" % number)))]
     assert len(exported) == len(frames) == 6 and all(np.array_equal(*pair) for pair in zip(exported, frames))
     assert cv2.imread(str(tmp_path / "stacks" / "bracket_0001" / "003.png")) is None
+
+
+def test_a_bracket_of_which_nothing_was_made_shifts_no_other(bag, tmp_path):
+    """Three brackets of one number; the nodes reported the second, which alone has two frames, and the third."""
+    with rosbag.Bag(str(bag)) as old, rosbag.Bag(str(tmp_path / "three.bag"), "w") as new:
+        for turn in range(3):
+            for topic, message, time in old.read_messages():
+                if hasattr(message, "header"):
+                    message.header.stamp.secs += 100 * turn
+                if topic == "/rgb/focus":
+                    message.bracket_id, message.count = 1, 2 if turn == 1 else 3
+                    message.last = message.index + 1 == message.count
+                    if message.index >= message.count:
+                        continue
+                time.secs += 100 * turn
+                new.write(topic, message, time)
+    for number, frames in enumerate((2, 3)):
+        folder = tmp_path / "results" / ("bracket_%04d" % number)
+        folder.mkdir(parents=True)
+        (folder / "report.json").write_text('{"bracket_id": 1, "frames_seen": %d}' % frames)
+    bags.export(str(tmp_path / "three.bag"), bags.topics({}), str(tmp_path / "results"), str(tmp_path / "stacks"), {})
+    assert [len(Stack(str(tmp_path / "stacks" / ("bracket_%04d" % number)))) for number in range(2)] == [2, 3]
+
+
+def test_results_of_a_bag_depend_on_the_nodes(tmp_path, monkeypatch):
+    files, played = Scene("a", "a", digest="x"), Scene("b", "b.bag", digest="x", of_bag=True)
+
+    def marks(**changed):
+        versions = {"code": "1", "fuse_stack": "2", "nodes": "3", **changed}
+        return [methods.fingerprint("refined", scene, versions) for scene in (files, played)]
+
+    assert marks(nodes="4") == [marks()[0], marks(nodes="4")[1]] and marks(nodes="4")[1] != marks()[1]
+    assert marks(fuse_stack="4")[1] == marks()[1] and marks(fuse_stack="4")[0] != marks()[0]
+
+    monkeypatch.setattr(programs, "prefix", lambda: str(tmp_path))
+    (tmp_path / "lib" / "all_in_focus").mkdir(parents=True)
+    for name in ("all_in_focus/evaluate_bag", "all_in_focus/fuse_stack", "liball_in_focus_core.so"):
+        (tmp_path / "lib" / name).write_text("1")
+    digests = []
+    for text in "12":
+        (tmp_path / "lib" / "liball_in_focus_nodelets.so").write_text(text)
+        digests.append((programs.nodes_digest(), programs.fusion_digest()))
+    assert digests[0][0] != digests[1][0] and digests[0][1] == digests[1][1]
+
+
+def test_a_program_that_takes_too_long_may_clean_up(tmp_path):
+    program = tmp_path / "slow"
+    program.write_text("#!/bin/sh\ntrap 'echo ended > %s; exit 1' TERM\nwhile :; do sleep 0.1; done\n"
+                       % (tmp_path / "said"))
+    program.chmod(0o755)
+    with pytest.raises(RuntimeError, match="^slow: not done after 0.5 s, given up$"):
+        programs.run([str(program)], 0.5)
+    assert (tmp_path / "said").read_text() == "ended\n"
+
+
+def test_an_interrupted_run_ends_its_program(tmp_path):
+    program = tmp_path / "slow"
+    program.write_text("#!/bin/sh\ntrap 'echo ended > %s; exit 1' TERM\nkill -TERM $PPID\nwhile :; do sleep 0.1; done\n"
+                       % (tmp_path / "said"))
+    program.chmod(0o755)
+    script = ("import signal, sys; from all_in_focus.benchmark import programs; "
+              "signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number)); programs.run(sys.argv[1:])")
+    assert subprocess.run([sys.executable, "-c", script, str(program)], timeout=60).returncode == 128 + 15
+    assert (tmp_path / "said").read_text() == "ended\n"
+
+
+def test_lists_of_methods_keep_the_commas_of_a_method():
+    assert methods.split("paper,refined:-alignment,exposure,gf+ecc,all") == [
+        "paper", "refined:-alignment,exposure", "gf+ecc", "all"]
+    assert settings.from_dict({"methods": "refined:-alignment,exposure,dwt"}, "/").methods == [
+        "refined:-alignment,exposure", "dwt"]

@@ -7,13 +7,17 @@ OUTPUT/bags/NAME/: MODE/bracket_0000/ as evaluate_bag writes it, stacks/bracket_
 import json
 import os
 import shutil
+from contextlib import closing
 
 import cv2
 
+from all_in_focus.bag.bag_file import BagFile
+from all_in_focus.bag.brackets import Rules, assemble
 from all_in_focus.bag.contents import BagContents, Topics
 from all_in_focus.bag.image_messages import bgr
+from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.benchmark import programs
-from all_in_focus.benchmark.methods import OWN, TIMEOUT_S
+from all_in_focus.benchmark.methods import OWN
 from all_in_focus.benchmark.scenes import Scene, digest
 from all_in_focus.files.stack import read_image
 
@@ -59,57 +63,46 @@ def prepare(scene, modes, options, folder, mark):
     for mode in modes or OWN[:1]:  # without any, still to learn what the brackets are
         try:
             programs.run([programs.find("evaluate_bag"), "--bag", scene.path, "--output", os.path.join(folder, mode),
-                          "--mode", mode, *arguments], TIMEOUT_S)
+                          "--mode", mode, *arguments])  # it gives up by itself where nothing goes on
         except (RuntimeError, OSError) as error:
             failed[mode] = str(error)
     worked = [mode for mode in modes or OWN[:1] if mode not in failed]
     if worked:
-        export(scene.path, topics(options), os.path.join(folder, worked[0]), os.path.join(folder, "stacks"))
+        export(scene.path, topics(options), os.path.join(folder, worked[0]), os.path.join(folder, "stacks"), options)
     with open(path, "w", encoding="utf-8") as file:
         json.dump({"mark": mark, "failed": failed}, file)
     return {"failed": failed}
 
 
-def export(bag, names, results, folder):
+def export(bag, names, results, folder, options):
     """Write the frames of each bracket to folder/bracket_0000/000.png and so on.
 
-    results: folder with the reports of a run, which say how many frames each bracket had; frames of a bag with focus
-    messages go by their bracket_id, all others in the order of the bag.
+    results: folder with the reports of a run, which say what brackets there were; which frames belong to them is told
+    as the nodes tell it. options: of evaluate_bag, by name.
     """
     reports = [_report(os.path.join(results, name)) for name in sorted(os.listdir(results))]
-    contents = BagContents(bag, names)
-    try:
-        brackets = {message.header.stamp: message.bracket_id for kind, message, _ in contents.messages()
-                    if kind == "focus"}
-        places = _Places(reports, bool(brackets))
-        for kind, message, _ in contents.messages():
-            place = places.of(brackets.get(message.header.stamp)) if kind == "rgb" else None
-            if place is not None:
-                target = os.path.join(folder, "bracket_%04d" % place[0])
-                os.makedirs(target, exist_ok=True)
-                cv2.imwrite(os.path.join(target, "%03d.png" % place[1]), bgr(message))
-    finally:
-        contents.close()
+    rules = Rules(int(options.get("bracket-size", 0)), float(options.get("bracket-gap", 1.0)))
+    with closing(BagFile(bag, names)) as file:
+        found = assemble(scan(file), rules, []).found
+        for number, bracket in _of_reports(reports, found):
+            target = os.path.join(folder, f"bracket_{number:04d}")
+            os.makedirs(target)
+            for place, frame in enumerate(bracket.frames):
+                cv2.imwrite(os.path.join(target, f"{place:03d}.png"), bgr(fetch(file, "rgb", frame.head)))
 
 
-class _Places:
-    """Where the frames go, one after the other."""
-
-    def __init__(self, reports, has_focus):
-        self._ids = {report["bracket_id"]: number for number, report in enumerate(reports)} if has_focus else None
-        self._room = [report["frames_seen"] for report in reports]
-        self._count = [0] * len(reports)
-
-    def of(self, bracket_id):
-        """(bracket, frame), both from 0; None for a frame of no bracket."""
-        if self._ids is not None:
-            number = self._ids.get(bracket_id)
-        else:
-            number = next((n for n, room in enumerate(self._room) if self._count[n] < room), None)
-        if number is None:
-            return None
-        self._count[number] += 1
-        return number, self._count[number] - 1
+def _of_reports(reports, found):
+    """(number of a report, its bracket): both are in the order of the bag, but of some brackets nothing was made, and
+    joined bags have the same bracket_id several times."""
+    rest = list(found)
+    has_focus = any(bracket.frames[0].focus for bracket in found)
+    for number, report in enumerate(reports):
+        same = [at for at, bracket in enumerate(rest) if not has_focus or bracket.number == report["bracket_id"]]
+        alike = [at for at in same if len(rest[at].frames) == report["frames_seen"]]
+        if same:
+            at = (alike or same)[0]
+            yield number, rest[at]
+            del rest[:at + 1]
 
 
 def _report(folder):

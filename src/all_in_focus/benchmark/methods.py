@@ -40,6 +40,13 @@ class Produced:
     notes: List[str] = field(default_factory=list)
 
 
+    def winners(self):
+        """H x W, number of the frame with the most weight, 65535 = none; None where the method does not tell."""
+        if self.weights is not None and np.issubdtype(self.weights.dtype, np.floating):
+            return np.uint16(self.weights > 0.5)
+        return self.weights
+
+
 def available():
     """What `all` stands for: this package's modes and every baseline, enfuse where it is installed."""
     return list(OWN) + [name for name in BASELINES if name != "enfuse" or shutil.which("enfuse")]
@@ -71,13 +78,25 @@ def find(name):
                      % (name, ", ".join(OWN + tuple(BASELINES)), len(BASELINES)))
 
 
-def fingerprint(name, scene, code, fusion):
-    """What a result depends on; code, fusion: see programs."""
+def split(text):
+    """Names of a list a,b,refined:-c,d: after a minus sign commas go on until the next name of a method."""
+    names = []
+    for part in text.split(","):
+        if names and ":-" in names[-1] and re.fullmatch("[a-z][a-z_-]*", part) and part not in (*OWN, *BASELINES, "all"):
+            names[-1] += "," + part
+        else:
+            names.append(part)
+    return names
+
+
+def fingerprint(name, scene, versions):
+    """What a result depends on; versions: see programs."""
     parts = [scene.digest, scene.optics, name]
     if name.startswith("given:"):
         path = scene.given.get(name.partition(":")[2])
         parts.append(digest([path]) if path else "")
-    return " ".join(parts + [code] + [fusion] * (name.partition(":")[0] in OWN))
+    program = [versions["nodes" if scene.of_bag else "fuse_stack"]] * (name.partition(":")[0] in OWN)
+    return " ".join([*parts, versions["code"], *program])
 
 
 def _baseline(name, aligned, scene, folder):

@@ -27,15 +27,20 @@ def page(run, tables, store):
                    for of, noun in ((run.scenes, "scene"), (tables.methods, "method")))
     parts = ["<h1>Fusion of %s by %s</h1>" % counts, _failures(run)]
     parts.append("<h2>Scores and ranks</h2>")
-    parts.append(_standings(tables, tables.metrics,
-                            "By the metrics %s. The best of N methods has score N in each row of the table of values, "
-                            "equal ones have the mean; a failed method has none. These metrics reward copying: see the "
-                            "truth, where it is known." % ", ".join(run.settings.metrics)))
+    if tables.metrics:
+        parts.append(_standings(tables, tables.metrics,
+                                "By the metrics %s. The best of N methods has score N in each row of the table of "
+                                "values, equal ones have the mean; a failed method has none. These metrics reward "
+                                "copying: see the truth, where it is known." % ", ".join(run.settings.metrics)))
     if tables.truth:
         parts.append(_standings(tables, tables.truth,
                                 "By the known all-in-focus truth: PSNR, SSIM, PSNR within 8 px of depth edges."))
     parts.append("<h2>Values</h2>")
     parts.append(_values(tables, tables.metrics, "Value and (score) of each metric; higher is better."))
+    parts.append(_values(tables, tables.contrast,
+                         "Without any truth: share of the contrast that some frame shows which the result keeps (mean "
+                         "over all scales, and the least; higher is better), and roughness of the map of winners, the "
+                         "share of neighbours from different frames (lower is better)."))
     if tables.truth:
         parts.append(_values(tables, tables.truth,
                              "Against the truth: PSNR in dB, SSIM, PSNR within 8 px of depth edges."))
@@ -72,7 +77,8 @@ def _number(text, value, best=False, more=""):
 
 
 def _kind(rows):
-    return "truth" if rows and rows[0].measure in t.TRUTH_MEASURES else "metrics"
+    measure = rows[0].measure if rows else ""
+    return "truth" if measure in t.TRUTH_MEASURES else "contrast" if measure in t.CONTRAST_MEASURES else "metrics"
 
 
 def _standings(tables, rows, caption):

@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The package's own programs, and which versions of what are at work."""
+import glob
 import hashlib
 import os
 import platform
@@ -16,6 +17,7 @@ from all_in_focus import baselines, metrics
 from all_in_focus.metrics import truth as quality
 from all_in_focus.files import stack
 
+GRACE_S = 30.0  # for a program to end what it has started
 LIBRARIES = ("numpy", "scipy", "skimage", "cv2", "distributed")
 
 
@@ -40,13 +42,33 @@ def find(name):
 
 
 def run(command, timeout=None):
-    """Run a program of this package; RuntimeError with its last line where it fails."""
+    """Run a program of this package; RuntimeError with its last line where it fails, or after `timeout` seconds.
+
+    Whoever is interrupted ends the program as a person would, by SIGTERM: evaluate_bag then ends the nodes it started.
+    """
     libraries = os.pathsep.join([os.path.join(prefix(), "lib"), os.environ.get("LD_LIBRARY_PATH", "")])
-    result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
-                            errors="replace", timeout=timeout, env=dict(os.environ, LD_LIBRARY_PATH=libraries))
-    if result.returncode:
-        said = (result.stderr or result.stdout).strip().splitlines()
-        raise RuntimeError(said[-1] if said else "%s: exit code %d" % (os.path.basename(command[0]), result.returncode))
+    name = os.path.basename(command[0])
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
+                          errors="replace", env=dict(os.environ, LD_LIBRARY_PATH=libraries)) as process:
+        try:
+            out, err = process.communicate(timeout=timeout)
+        except subprocess.TimeoutExpired:
+            raise RuntimeError(f"{name}: not done after {timeout:g} s, given up")
+        finally:
+            if process.poll() is None:
+                _end(process)
+    if process.returncode:
+        said = (err or out).strip().splitlines()
+        raise RuntimeError(said[-1] if said else f"{name}: exit code {process.returncode}")
+
+
+def _end(process):
+    """SIGTERM, and SIGKILL for a process that does not heed it."""
+    process.terminate()
+    try:
+        process.communicate(timeout=GRACE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
 
 
 def code_digest():
@@ -61,8 +83,19 @@ def code_digest():
 
 def fusion_digest():
     """Of fuse_stack and the library with the method."""
-    library = os.path.join(prefix(), "lib", "liball_in_focus_core.so")
-    return _digest([find("fuse_stack")] + [library] * os.path.exists(library))
+    return _digest([find("fuse_stack"), *_libraries("core")])
+
+
+def nodes_digest():
+    """Of what makes images of bags: the nodes' libraries, how they are started and how bags are played to them."""
+    folder = os.path.dirname(os.path.abspath(all_in_focus.__file__))
+    played = [os.path.join(above, name) for part in ("replay", "bag") for above, _, names in
+              os.walk(os.path.join(folder, part)) for name in names if name.endswith(".py")]
+    return _digest(sorted(played) + [find("evaluate_bag"), *_libraries("*")])
+
+
+def _libraries(name):
+    return sorted(glob.glob(os.path.join(glob.escape(prefix()), "lib", f"liball_in_focus_{name}.so")))
 
 
 def _digest(paths):
@@ -83,7 +116,7 @@ def versions():
             pass
     if shutil.which("enfuse"):
         found["enfuse"] = _first_line(["enfuse", "--version"])
-    found.update(code=code_digest(), fuse_stack=fusion_digest(), machine=platform.node(), system=platform.platform(),
+    found.update(code=code_digest(), fuse_stack=fusion_digest(), nodes=nodes_digest(), machine=platform.node(), system=platform.platform(),
                  processor="%d x %s" % (os.cpu_count(), _processor()))
     return found
 

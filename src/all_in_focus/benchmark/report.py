@@ -67,12 +67,13 @@ def _csv(lines):
 def results_csv(run):
     """A line for each scene and method: values to the last bit, empty where there are none."""
     found = {name for of in run.results.values() for result in of.values() for name in result.get("values", {})}
-    names = run.settings.metrics + [name for name in t.TRUTH_MEASURES if name in found]
+    metrics = [name for name in run.settings.metrics if name not in t.CONTRAST_MEASURES]
+    names = metrics + [name for name in t.TRUTH_MEASURES if name in found] + list(t.CONTRAST_MEASURES)
     lines = [["scene", "method"] + names + ["seconds", "wall_seconds", "host", "error"]]
     for scene, of in run.results.items():
         for method in run.methods:
             result = of[method]
-            values = [result.get("values", {}).get(name) for name in names]
+            values = [{**result.get("values", {}), **result.get("contrast", {})}.get(name) for name in names]
             values += [result.get("seconds"), result.get("wall_seconds")]
             lines.append([scene, method] + ["" if value is None else repr(value) for value in values]
                          + [result.get("host", ""), result.get("error", "")])
@@ -96,7 +97,8 @@ def _plain(value):
 
 def as_json(run, tables):
     def shown(result):
-        return {key: {name: _plain(number) for name, number in value.items()} if key == "values" else _plain(value)
+        return {key: {name: _plain(number) for name, number in value.items()}
+                if key in ("values", "contrast") else _plain(value)
                 for key, value in result.items() if key != "fingerprint"}
 
     results = {scene: {method: shown(result) for method, result in of.items()} for scene, of in run.results.items()}
@@ -104,7 +106,7 @@ def as_json(run, tables):
                    "standings": {name: {"times": {t.score(score): times for score, times in sorted(it.times.items())},
                                         "total": it.total, "rank": it.rank}
                                  for name, it in tables.standings(rows).items()}}
-              for by, rows in (("metrics", tables.metrics), ("truth", tables.truth))}
+              for by, rows in (("metrics", tables.metrics), ("contrast", tables.contrast), ("truth", tables.truth))}
     content = {"version": VERSION, "scenes": {scene.name: scene.path for scene in run.scenes}, "methods": run.methods,
                "metrics": run.settings.metrics, "results": results, "scores": scores, "timing": run.timing_note,
                "failures": run.failures, "versions": run.versions}

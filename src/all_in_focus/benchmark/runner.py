@@ -77,12 +77,12 @@ def evaluate(settings, fresh=False, say=None):
 
     with engine(settings.jobs, settings.scheduler, say=tell) as workers:
         run.at_a_time = workers.at_a_time
-        run.scenes = _with_brackets(found, names, settings, workers, run.versions["fuse_stack"], fail)
+        run.scenes = _with_brackets(found, names, settings, workers, run.versions["nodes"], fail)
         _run_tasks(run, store, workers, fresh, fail)
     return run, store
 
 
-def _with_brackets(found, names, settings, workers, fusion, fail):
+def _with_brackets(found, names, settings, workers, nodes, fail):
     """The scenes, each bag replaced by its brackets."""
     recorded = [scene for scene in found if scene.is_bag]
     if not recorded:
@@ -91,7 +91,7 @@ def _with_brackets(found, names, settings, workers, fusion, fail):
     modes = [name for name in names if name in methods.OWN]
     folders = {scene.name: os.path.join(settings.output, "bags", scene.name) for scene in recorded}
     calls = {scene.name: (bags.prepare, (scene, modes, settings.bag, folders[scene.name],
-                                         bags.fingerprint(scene, modes, settings.bag, fusion))) for scene in recorded}
+                                         bags.fingerprint(scene, modes, settings.bag, nodes))) for scene in recorded}
     for name, result in progress(workers.run(calls), total=len(calls), desc="bags", unit="bag"):
         for mode, reason in result.get("failed", {}).items():
             fail("%s %s: %s" % (name, mode, reason))
@@ -106,8 +106,8 @@ def _with_brackets(found, names, settings, workers, fusion, fail):
 def _run_tasks(run, store, workers, fresh, fail):
     """Every method on every scene, unless its result is there already."""
     by_name = {scene.name: scene for scene in run.scenes}
-    code, fusion = run.versions["code"], run.versions["fuse_stack"]
-    marks = {(scene, method): methods.fingerprint(method, by_name[scene], code, fusion)
+    code = run.versions["code"]
+    marks = {(scene, method): methods.fingerprint(method, by_name[scene], run.versions)
              for scene in by_name for method in run.methods}
     done = {key: None if fresh else store.load(*key, mark, run.settings.metrics) for key, mark in marks.items()}
     calls = {key: (tasks.run, (by_name[key[0]], key[1], run.settings.metrics, code))

@@ -73,10 +73,10 @@ def _known(scene, shown, windows):
 
 
 def _caption(scene, method, tables):
-    """The first metric, and what the truth says."""
-    rows = [row for row in tables.metrics + tables.truth if row.scene == scene.name]
+    """The first metric, the contrast that is kept, and what the truth says."""
+    rows = [row for row in tables.metrics + tables.contrast + tables.truth if row.scene == scene.name]
     told = {row.measure: t.number(row.measure, row.values[method]) for row in rows
-            if row.measure in ("PSNR", "PSNR_edges", rows[0].measure)}
+            if row.measure in ("PSNR", "PSNR_edges", "kept_contrast", rows[0].measure)}
     return ", ".join("%s %s" % item for item in told.items())
 
 

@@ -114,8 +114,9 @@ def find(entry):
 
 
 def _name_of(path):
+    """A name for the folder of results: what no such name may hold becomes a line."""
     name = os.path.basename(os.path.abspath(path))
-    return name[:-len(".bag")] if name.endswith(".bag") else name
+    return re.sub(r"[^\w.+-]+", "_", name[:-len(".bag")] if name.endswith(".bag") else name)
 
 
 def _scene(name, entry):

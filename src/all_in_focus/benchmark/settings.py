@@ -3,12 +3,14 @@
 """What is to be evaluated: from a YAML file, from arguments, or both; arguments win."""
 import os
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from typing import Dict, List
 
 import yaml
 
+from all_in_focus.benchmark import methods
 from all_in_focus.files import yaml_file
-from all_in_focus.metrics import METRICS
+from all_in_focus.metrics import CONTRAST_MEASURES, METRICS
 
 # With a truth; the last one only where its depth is known too.
 TRUTH_MEASURES = ("PSNR", "SSIM", "PSNR_edges")
@@ -23,7 +25,8 @@ class SettingsError(ValueError):
 
 @dataclass
 class Settings:
-    """scenes: mappings with SCENE_KEYS, at least path; methods: names, see methods.find; metrics: names of METRICS;
+    """scenes: mappings with SCENE_KEYS, at least path; methods: names, see methods.find; metrics: names of METRICS (those of CONTRAST_MEASURES are
+    always measured, and may be named too);
     bag: options of evaluate_bag by name; scheduler: address of a running Dask scheduler, or empty: `jobs` processes of
     this machine (1: this process)."""
     scenes: List[Dict[str, str]] = field(default_factory=list)
@@ -57,7 +60,8 @@ def from_dict(data, folder):
     settings = Settings(**data)
     for key in ("scenes", "methods", "metrics"):
         if isinstance(getattr(settings, key), str):
-            setattr(settings, key, getattr(settings, key).split(","))
+            split = methods.split if key == "methods" else partial(str.split, sep=",")
+            setattr(settings, key, split(getattr(settings, key)))
         if not isinstance(getattr(settings, key), list):
             raise SettingsError("%s: expected a list" % key)
     settings.scenes = [scene_entry(entry, folder) for entry in settings.scenes]
@@ -87,8 +91,8 @@ def check(settings):
     if not settings.output:
         raise SettingsError("--output is needed: the folder for the results")
     for name in settings.metrics:
-        if name not in METRICS:
-            raise SettingsError("no metric is named '%s'; there are %s" % (name, ", ".join(METRICS)))
+        if name not in (*METRICS, *CONTRAST_MEASURES):
+            raise SettingsError(f"no metric is named '{name}'; there are {', '.join((*METRICS, *CONTRAST_MEASURES))}")
     if not settings.metrics or not settings.methods:
         raise SettingsError("at least one method and one metric are needed")
     if len(set(settings.metrics)) < len(settings.metrics):

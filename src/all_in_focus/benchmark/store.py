@@ -25,7 +25,7 @@ class Store:
         try:
             with open(self.path(scene, method, RESULT), encoding="utf-8") as file:
                 result = json.load(file)
-            same = result["fingerprint"] == fingerprint and set(metric_names) <= set(result["values"])
+            same = result["fingerprint"] == fingerprint and set(metric_names) <= {*result["values"], *result["contrast"]}
             return result if same and os.path.exists(self.path(scene, method, "fused.png")) else None
         except (OSError, ValueError, KeyError, TypeError):
             return None

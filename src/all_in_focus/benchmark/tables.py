@@ -7,7 +7,9 @@ from typing import Dict, List, Optional
 
 from all_in_focus.benchmark.scores import scores, standings
 from all_in_focus.benchmark.settings import TRUTH_MEASURES
+from all_in_focus.metrics import CONTRAST_MEASURES
 
+LESS_IS_BETTER = {"roughness"}
 FORMS = {"PSNR": "%.2f", "SSIM": "%.4f", "PSNR_edges": "%.2f"}
 
 
@@ -22,10 +24,11 @@ class Row:
 
 @dataclass
 class Tables:
-    """methods, in order; metrics and truth: rows of T3 by the metrics and by the truth; seconds: scene -> method ->
-    seconds or None."""
+    """methods, in order; metrics, contrast and truth: rows of T3 by the metrics of the paper, by the contrast that is
+    kept, and by the truth; seconds: scene -> method -> seconds or None."""
     methods: List[str]
     metrics: List[Row]
+    contrast: List[Row]
     truth: List[Row]
     seconds: Dict[str, Dict[str, Optional[float]]]
 
@@ -42,17 +45,19 @@ class Tables:
 
 def build(results, methods, metric_names):
     """Tables of results: scene -> method -> what Store has, {"error": ...} where it failed."""
-    def rows(names):
+    def rows(names, kind="values"):
         found = []
         for scene, of in results.items():
             for name in names:
-                values = {method: of[method].get("values", {}).get(name) for method in methods}
+                values = {method: of[method].get(kind, {}).get(name) for method in methods}
                 if any(value is not None for value in values.values()):
-                    found.append(Row(scene, name, values, scores(values)))
+                    sign = -1 if name in LESS_IS_BETTER else 1
+                    signed = {method: value if value is None else sign * value for method, value in values.items()}
+                    found.append(Row(scene, name, values, scores(signed)))
         return found
 
     seconds = {scene: {method: of[method].get("seconds") for method in methods} for scene, of in results.items()}
-    return Tables(methods, rows(metric_names), rows(TRUTH_MEASURES), seconds)
+    return Tables(methods, rows(metric_names), rows(CONTRAST_MEASURES, "contrast"), rows(TRUTH_MEASURES), seconds)
 
 
 def number(measure, value):

@@ -11,6 +11,7 @@ import numpy as np
 from all_in_focus import metrics
 from all_in_focus.benchmark import methods, programs
 from all_in_focus.benchmark.settings import TRUTH_MEASURES
+from all_in_focus.metrics.kept_contrast import kept_contrast, roughness
 from all_in_focus.metrics.truth import Truth, psnr, ssim
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.stack import read_depth, read_image
@@ -27,7 +28,7 @@ def one_line(error):
 
 
 def run(scene, method, metric_names, code):
-    """Plain dictionary: values, seconds, wall_seconds, host, notes, files (PNG bytes by name); or just error, host.
+    """Plain dictionary: values, contrast, seconds, wall_seconds, host, notes, files (PNG bytes by name); or just error, host.
 
     code: programs.code_digest() of whoever asks: results of another version of the package are of no use to it.
     """
@@ -39,20 +40,28 @@ def run(scene, method, metric_names, code):
         with tempfile.TemporaryDirectory(prefix="evaluate.") as folder:
             produced = methods.find(method)(scene, folder)
         wall = time.perf_counter() - begin
-        return {"values": measure(scene, produced.fused, metric_names), "seconds": produced.seconds,
+        frames = list(scene.frames())
+        return {"values": measure(scene, frames, produced.fused, metric_names),
+                "contrast": measure_contrast(frames, produced), "seconds": produced.seconds,
                 "wall_seconds": wall, "host": host, "notes": produced.notes, "files": pictures(produced)}
     except Exception as error:  # whatever a method does wrong, the others go on
         return {"error": one_line(error), "host": host}
 
 
-def measure(scene, fused, metric_names):
+def measure_contrast(frames, produced):
+    """Name -> value of CONTRAST_MEASURES; roughness is None where the method does not tell who won."""
+    shares, winners = kept_contrast(frames, produced.fused), produced.winners()
+    return {"kept_contrast": float(np.mean(shares)), "kept_contrast_least": min(shares),
+            "roughness": None if winners is None else roughness(winners)}
+
+
+def measure(scene, frames, fused, metric_names):
     """Name -> value of the metrics, and with a truth of TRUTH_MEASURES. ValueError where sizes differ."""
-    frames = list(scene.frames())
     if fused.shape[:2] != frames[0].shape[:2]:
         raise ValueError("the fused image has %dx%d pixels, the frames have %dx%d"
                          % (fused.shape[1::-1] + frames[0].shape[1::-1]))
     grays, gray = [metrics.to_gray(frame) for frame in frames], metrics.to_gray(fused)
-    values = {name: float(metrics.METRICS[name](grays, gray)) for name in metric_names}
+    values = {name: float(metrics.METRICS[name](grays, gray)) for name in metric_names if name in metrics.METRICS}
     if "truth" not in scene.beside:
         return values
     colour = fused if fused.ndim == 3 else cv2.cvtColor(fused, cv2.COLOR_GRAY2BGR)

@@ -16,9 +16,12 @@ from all_in_focus.metrics.information import q_mi, q_ncie
 from all_in_focus.metrics.phase import q_p
 from all_in_focus.metrics.structure import q_y
 
+# Of kept_contrast.py: what no truth and no pair of sources is needed for.
+CONTRAST_MEASURES = ("kept_contrast", "kept_contrast_least", "roughness")
+
 METRICS = {"Q_MI": q_mi, "Q_NCIE": q_ncie, "Q_G": q_g, "Q_P": q_p, "Q_Y": q_y, "Q_CB": q_cb}
 
-__all__ = ["METRICS", "evaluate", "q_cb", "q_g", "q_mi", "q_ncie", "q_p", "q_y", "to_gray"]
+__all__ = ["CONTRAST_MEASURES", "METRICS", "evaluate", "q_cb", "q_g", "q_mi", "q_ncie", "q_p", "q_y", "to_gray"]
 
 
 def evaluate(sources, fused):
