@@ -227,3 +227,29 @@ def test_program_of_the_built_space(scenes, tmp_path):
     """Through rosrun; worker processes start the program anew."""
     done = succeeded(rosrun("evaluate", scenes / "pair", "--methods", "paper,laplacian", "--jobs", "2", "--output", tmp_path))
     assert done.stderr == "" and len(rows(tmp_path)) == 2
+
+
+def test_any_folder_of_photos(tmp_path):
+    """Names as people give them; without a truth the contrast that is kept tells which method is better."""
+    folder = tmp_path / "My photos (1)"
+    folder.mkdir()
+    texture = cv2.GaussianBlur(np.random.default_rng(0).normal(128, 60, (150, 200, 3)), (0, 0), 1)
+    for number, left in enumerate((True, False)):
+        blurred = cv2.GaussianBlur(texture, (0, 0), 5)
+        blurred[:, slice(0, 100) if left else slice(100, 200)] = texture[:, slice(0, 100) if left else slice(100, 200)]
+        cv2.imwrite(str(folder / f"IMG_{number}.JPG"), np.clip(blurred, 0, 255), [cv2.IMWRITE_JPEG_QUALITY, 95])
+    cv2.imwrite(str(folder / "fused_mean.png"), np.clip((texture + blurred) / 2, 0, 255))
+    code, out, err = evaluate(folder, "--methods", "laplacian,dwt,given:mean", "--metrics", "kept_contrast", "--output",
+                              tmp_path / "out")
+    assert (code, err) == (0, "")
+    found = results(tmp_path / "out")["results"]["My_photos_1_"]
+    assert all(of["values"] == {} for of in found.values())
+    kept = {name: of["contrast"]["kept_contrast"] for name, of in found.items()}
+    assert kept["laplacian"] > 0.97 and kept["given:mean"] < 0.9
+    assert all(of["contrast"]["kept_contrast_least"] <= of["contrast"]["kept_contrast"] for of in found.values())
+    assert 0 < found["laplacian"]["contrast"]["roughness"] < 0.05 and found["dwt"]["contrast"]["roughness"] is None
+    table = Page(tmp_path / "out" / "report.html").tables["values-contrast"]
+    assert [line[1][0] for line in table[1:]] == ["kept_contrast", "kept_contrast_least", "roughness"]
+    assert [float(exact) for _, exact in table[1][2:]] == list(kept.values())
+    assert float(rows(tmp_path / "out")[0]["kept_contrast"]) == kept["laplacian"]
+    assert "kept_contrast" in out

@@ -13,6 +13,7 @@ import pytest
 from file_helpers import run_script
 from skimage.metrics import structural_similarity
 
+from all_in_focus.metrics.kept_contrast import kept_contrast, roughness
 from all_in_focus.metrics.truth import near_depth_edges, psnr, ssim
 
 BENCH = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "bench")
@@ -73,6 +74,66 @@ def test_near_depth_edges():
     near = near_depth_edges(depth, 0.1)
     assert near[:, 22:39].all() and not near[:, :22].any() and not near[:, 39:].any()
     assert not near_depth_edges(depth, 0.6).any()
+
+
+def two_frames(size=(256, 320)):
+    """(near, far, all in focus): texture of every scale, of which each frame shows one half blurred, and a flat corner."""
+    random, sharp = np.random.default_rng(0), np.zeros(size)
+    for sigma in (0.7, 2, 6, 18):
+        texture = cv2.GaussianBlur(random.normal(size=size), (0, 0), sigma)
+        sharp += 20 * texture / texture.std()
+    sharp = np.clip(128 + sharp, 0, 255)
+    sharp[:64, :128] = 128
+    left = np.arange(size[1]) < size[1] // 2
+    blurred = cv2.GaussianBlur(sharp, (0, 0), 4)
+    return [np.uint8(image) for image in (np.where(left, sharp, blurred), np.where(left, blurred, sharp), sharp)]
+
+
+def test_kept_contrast_of_known_images():
+    near, far, sharp = two_frames()
+    assert len(kept_contrast([near, far], sharp)) == 4  # until the short side is below 24 pixels
+    assert min(kept_contrast([near, far], sharp)) > 0.98
+    assert kept_contrast([near], near) == pytest.approx([1] * 4)
+    one = kept_contrast([near, far], near)
+    assert 0.4 < one[0] < 0.6 and one == sorted(one), "half of what is fine is lost, less of what is coarse"
+    mean = kept_contrast([near, far], np.uint8((np.float32(near) + far) / 2))
+    assert mean[0] == pytest.approx(0.5, abs=0.05) and one[3] < 1 and mean[3] < 1
+    boosted = np.clip(128 + 1.5 * (np.float64(sharp) - 128), 0, 255).astype(np.uint8)
+    assert max(kept_contrast([near, far], boosted)) <= 1, "halos count for nothing"
+    colour = [np.dstack([image] * 3) for image in (near, far, sharp)]
+    assert kept_contrast(colour[:2], colour[2]) == pytest.approx(kept_contrast([near, far], sharp))
+
+
+def test_kept_contrast_is_not_of_noise():
+    """A mean of many frames has less noise: that is no contrast lost."""
+    _, _, sharp = two_frames()
+    random = np.random.default_rng(1)
+    frames = [np.uint8(np.clip(sharp + random.normal(0, 5, sharp.shape), 0, 255)) for _ in range(8)]
+    assert min(kept_contrast(frames, np.uint8(np.mean(frames, axis=0)))) > 0.93
+
+
+def test_kept_contrast_follows_the_scale():
+    near, far, sharp = (image.repeat(4, axis=0).repeat(4, axis=1) for image in two_frames())
+    small, large = kept_contrast(two_frames()[:2], two_frames()[0]), kept_contrast([near, far], near)
+    assert len(large) == 6 and large[2:5] == pytest.approx(small[:3], abs=0.1)
+
+
+def test_kept_contrast_of_nothing():
+    flat = np.full((70, 90), 7, np.uint8)
+    assert np.isnan(kept_contrast([flat], flat)).all()
+    with pytest.raises(ValueError, match="differ in size: 90x70 and 90x30"):
+        kept_contrast([flat], flat[:30])
+    with pytest.raises(ValueError, match="at least one frame"):
+        kept_contrast([], flat)
+
+
+def test_roughness_of_known_maps():
+    rows, columns = np.indices((40, 60))
+    assert roughness(np.uint16(columns >= 30)) == 40 / (40 * 59 + 39 * 60)
+    assert roughness(np.uint16((rows + columns) % 2)) == 1 and roughness(np.uint16(0 * rows)) == 0
+    unknown = np.where(columns < 30, 65535, rows % 2).astype(np.uint16)
+    assert roughness(unknown) == 39 * 30 / (40 * 29 + 39 * 30)
+    assert np.isnan(roughness(np.full((4, 4), 65535, np.uint16)))
 
 
 # --- methods ----------------------------------------------------------------------------------------------------------
