@@ -39,7 +39,6 @@ class Produced:
     seconds: Optional[float] = None
     notes: List[str] = field(default_factory=list)
 
-
     def winners(self):
         """H x W, number of the frame with the most weight, 65535 = none; None where the method does not tell."""
         if self.weights is not None and np.issubdtype(self.weights.dtype, np.floating):

@@ -116,8 +116,8 @@ def versions():
             pass
     if shutil.which("enfuse"):
         found["enfuse"] = _first_line(["enfuse", "--version"])
-    found.update(code=code_digest(), fuse_stack=fusion_digest(), nodes=nodes_digest(), machine=platform.node(), system=platform.platform(),
-                 processor="%d x %s" % (os.cpu_count(), _processor()))
+    found.update(code=code_digest(), fuse_stack=fusion_digest(), nodes=nodes_digest(), machine=platform.node(),
+                 system=platform.platform(), processor="%d x %s" % (os.cpu_count(), _processor()))
     return found
 
 
