@@ -126,7 +126,8 @@ def included(path, rooms):
     """Files of ours that a file includes: with quotes, below include/, beside it, or by their path from a folder of src/."""
     for name in re.findall(r'^\s*#\s*include\s*"([^"]+)"', path.read_text(), re.M):
         candidates = [ROOT / 'include' / name, path.parent / name]
-        candidates += [ROOT / 'src' / folder / name for folder in ('core', 'ros', 'nodelets', 'nodelets/fusion', 'kinect', 'tools')]
+        candidates += [ROOT / 'src' / folder / name
+                       for folder in ('core', 'ros', 'nodelets', 'nodelets/fusion', 'kinect', 'tools')]
         found = [candidate.resolve() for candidate in candidates if candidate.resolve() in rooms]
         assert found, f'{path.relative_to(ROOT)}: where is "{name}"?'
         yield found[0]

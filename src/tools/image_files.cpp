@@ -112,7 +112,7 @@ cv::Mat readColor(const std::string& path) {
 }
 
 cv::Mat readDepth(const std::string& path) {
-  const cv::Mat depth = decode(path, cv::IMREAD_UNCHANGED);
+  cv::Mat depth = decode(path, cv::IMREAD_UNCHANGED);
   if (depth.type() != CV_16UC1) fail(path, "depth must be a 16-bit image of one channel, in mm");
   if (cv::countNonZero(depth) == 0) fail(path, "depth is unknown (0) at every pixel");
   return depth;

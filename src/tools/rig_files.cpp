@@ -43,7 +43,7 @@ T get(const YAML::Node& node, const std::string& key, const std::string& path) {
 
 std::vector<double> numbers(const YAML::Node& node, const std::string& key, std::size_t least,
                             const std::string& path) {
-  const auto values = get<std::vector<double>>(node, key, path);
+  auto values = get<std::vector<double>>(node, key, path);
   if (values.size() < least) fail(path, "key '" + key + "' needs " + std::to_string(least) + " numbers");
   return values;
 }

@@ -109,7 +109,7 @@ std::string BracketFusion::add(const cv::Mat& frame, int index, double focus_mm)
   if (by_region_) {
     regions_->add(frame, gray_, index);
   } else {
-    const std::string misfit = refined_->add(frame, gray_, index, focus_mm);
+    std::string misfit = refined_->add(frame, gray_, index, focus_mm);
     if (!misfit.empty()) return misfit;
   }
   focus_mm_.push_back(focus_mm);
