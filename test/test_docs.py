@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from all_in_focus.files.rig import Optics, load_rig
+from tool_helpers import run, tool
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
@@ -84,11 +85,20 @@ def test_programs_and_launch_files_exist(page):
             assert named <= args, f'{name_of(page)}: {launch} has no {named - args}'
 
 
+@pytest.mark.parametrize('program', ['fuse_stack', 'segment_depth'])
+def test_the_reference_names_every_option(program):
+    text = run([tool(program), '--help']).stdout
+    options = set(re.findall(r'^ +--([a-z-]+)', text, re.M)) - {'help'}
+    page = (ROOT / 'docs/reference.md').read_text()
+    synopsis = re.search(r'^%s .*?(?=^\w)' % program, page, re.M | re.S)[0]
+    assert set(re.findall(r'--([a-z-]+)', synopsis)) == options
+
+
 def literals():
     """Text of the sources with adjacent string literals joined, so that a message can be found that spans lines."""
     files = [*(ROOT / 'src').rglob('*.[ch]pp'), *(ROOT / 'src').rglob('*.py')]
     text = '\n'.join(path.read_text() for path in files)
-    return re.sub(r'(["\'])\s*\n?\s*[fr]?\1', '', text).replace('\\"', '"')
+    return re.sub(r'(["\'])\s*\n?\s*[fr]?\1', '', text).replace('\\"', '"').replace('{{', '{').replace('}}', '}')
 
 
 def test_the_messages_of_troubleshooting_are_those_of_the_code():
