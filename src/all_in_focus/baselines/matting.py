@@ -6,8 +6,11 @@ Morphological top-hats tell where one image is clearly sharper; from these pixel
 others. The matting here is that of He, Sun, Tang, "Fast matting using large kernel matting Laplacian matrices", CVPR
 2010: large windows make the conjugate gradients converge, in large flat regions too.
 """
+from inspect import signature
+
 import cv2
 import numpy as np
+from scipy.sparse.linalg import LinearOperator, cg
 from skimage.morphology import remove_small_objects
 
 from all_in_focus.baselines.common import grays_of, one_after_the_other
@@ -19,6 +22,7 @@ WINDOW_RADIUS, EPS = 6, 1e-4  # of the matting, pixels; for colours 0..1
 GUESS_SIGMA = 20             # pixels
 SMALL = 200                  # pixels; larger images begin with what is found at half their size
 ITERATIONS, TOLERANCE = 100, 1e-3
+RELATIVE = "rtol" if "rtol" in signature(cg).parameters else "tol"  # before SciPy 1.12
 
 
 def focus(gray):
@@ -79,24 +83,36 @@ def matte(image, front, back):
         return np.full(front.shape, 0.5)
     known = front | back
     result = np.where(known, np.float32(front), guess(image, front, back))
-    laplacian = MattingLaplacian(np.float32(image) / 255)
-    # Conjugate gradients over the unknown pixels, preconditioned by the number of windows around each.
-    residual = np.where(known, 0, -laplacian(result))
-    direction = scaled = residual / laplacian.count
-    size = (residual * scaled).sum()
-    for _ in range(ITERATIONS):
-        if size == 0:
-            break
-        change = np.where(known, 0, laplacian(direction))
-        step = size / (direction * change).sum()
-        result += step * direction
-        residual -= step * change
-        if np.abs(step * direction).max() < TOLERANCE:
-            break
-        scaled = residual / laplacian.count
-        size, before = (residual * scaled).sum(), size
-        direction = scaled + size / before * direction
+    if not known.all():
+        result[~known] += correction(MattingLaplacian(np.float32(image) / 255), result, ~known)
     return np.clip(result, 0, 1)
+
+
+def correction(laplacian, result, unknown):
+    """What to add to the unknown pixels (H x W bool) of a matte, so that the Laplacian of the whole is 0 there.
+
+    Conjugate gradients, preconditioned by the number of windows around each pixel; they end when no pixel changes by
+    TOLERANCE any more.
+    """
+    count, found = laplacian.count[unknown], np.zeros(np.count_nonzero(unknown), np.float32)
+
+    def apply(values):
+        image = np.zeros_like(result)
+        image[unknown] = values
+        return laplacian(image)[unknown]
+
+    def watch(values):
+        change = np.abs(values - found).max()
+        found[:] = values
+        if change < TOLERANCE:
+            raise StopIteration
+
+    matrix, inverse = (LinearOperator((found.size,) * 2, of, dtype=result.dtype) for of in (apply, lambda v: v / count))
+    try:
+        cg(matrix, -laplacian(result)[unknown], M=inverse, maxiter=ITERATIONS, callback=watch, atol=0, **{RELATIVE: 0})
+    except StopIteration:
+        pass
+    return found
 
 
 def _share(fused, image):

@@ -26,8 +26,8 @@ class SettingsError(ValueError):
 @dataclass
 class Settings:
     """scenes: mappings with SCENE_KEYS, at least path; methods: names, see methods.find; metrics: names of METRICS
-    (those of CONTRAST_MEASURES are always measured, and may be named too); bag: options of evaluate_bag by name; scheduler: address of a running Dask scheduler, or empty: `jobs` processes of
-    this machine (1: this process)."""
+    (those of CONTRAST_MEASURES are always measured, and may be named too); bag: options of evaluate_bag by name;
+    scheduler: address of a running Dask scheduler, or empty: `jobs` processes of this machine (1: this process)."""
     scenes: List[Dict[str, str]] = field(default_factory=list)
     methods: List[str] = field(default_factory=lambda: ["all"])
     metrics: List[str] = field(default_factory=lambda: list(METRICS))
