@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from all_in_focus.benchmark.scores import scores, standings
+from all_in_focus.benchmark.tables import scores, standings
 
 METHODS = ("DWT", "NSCT", "IM", "GF", "NSCT-PCNN", "DSIFT", "DCNN", "Ours")
 

@@ -1,11 +1,35 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The report as one HTML page that needs nothing but itself."""
-from html import escape
+from typing import NamedTuple, Optional
 
-from all_in_focus.benchmark import scene_section, tables as t
+import cv2
+import jinja2
+import numpy as np
 
-STYLE = """
+from all_in_focus.benchmark import pictures
+from all_in_focus.benchmark import tables as t
+from all_in_focus.files.stack import read_depth, read_image
+from all_in_focus.imaging import picture
+
+SHOWN_FRAMES = 4  # of a long sweep: the first, the last and some between
+
+TEMPLATE = """
+{%- macro table(it) -%}
+<p class="caption">{{ it.caption }}</p><div class="wide"><table id="{{ it.name }}"><thead><tr>
+{%- for text in it.heading %}<th>{{ text }}</th>{% endfor %}</tr></thead><tbody>
+{% for kind, cells in it.lines -%}
+<tr class="{{ kind }}">
+{%- for cell in cells -%}
+<td{% if cell.best %} class="best"{% endif %}
+{%- if cell.value is not none %} data-value="{{ cell.value | exact }}" title="{{ cell.value | exact }}"{% endif %}>
+{{- cell.text }}{% if cell.more %} <small>({{ cell.more }})</small>{% endif %}</td>
+{%- endfor %}</tr>
+{% endfor %}</tbody></table></div>
+{%- endmacro -%}
+
+<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>Evaluation of image fusion</title><style>
 body { font: 15px/1.45 system-ui, sans-serif; color: #222; margin: 2em auto; max-width: 1500px; padding: 0 1em; }
 h1, h2, h3 { line-height: 1.2; } h2 { margin-top: 2em; border-bottom: 1px solid #bbb; } h3 { margin-bottom: .3em; }
 table { border-collapse: collapse; margin: .6em 0; font-variant-numeric: tabular-nums; }
@@ -18,103 +42,184 @@ tr.group td { border-top: 1px solid #bbb; } td.best { font-weight: bold; } small
 img { display: block; max-width: 100%; image-rendering: auto; } img.map, img.crop { image-rendering: pixelated; }
 figure { width: 330px; } figure.crop { width: 192px; } img { width: 100%; }
 .failed { color: #a00; } pre { background: #f4f4f4; padding: .8em; overflow-x: auto; }
+</style></head><body>
+<h1>Fusion of {{ scenes | length | counted("scene") }} by {{ tables.methods | length | counted("method") }}</h1>
+{% if run.failures %}<h2>What failed</h2><ul class="failed">
+{%- for line in run.failures %}<li>{{ line }}</li>{% endfor %}</ul>{% endif %}
+<h2>Scores and ranks</h2>
+{% for it in standings %}{{ table(it) }}{% endfor %}
+<h2>Values</h2>
+{% for it in values %}{{ table(it) }}{% endfor %}
+<h2>Seconds</h2>{{ table(seconds) }}
+{% for scene in scenes %}
+<h2>{{ scene.name }}</h2><p><small>{{ scene.path }}, {{ scene.frames }} frames</small></p>
+{% for title, figures in scene.rows if figures -%}
+<h3>{{ title }}</h3><div class="pictures">
+{%- for it in figures %}<figure class="{{ it.kind }}"><img class="{{ it.kind }}" alt="{{ it.title }}" src="{{ it.source }}">
+<figcaption>{{ it.title }}{% if it.caption %}<br><small>{{ it.caption }}</small>{% endif %}</figcaption></figure>
+{% endfor %}</div>
+{% endfor %}
+{%- if scene.remarks %}<h3>Remarks</h3><ul>{% for line in scene.remarks %}<li>{{ line }}</li>{% endfor %}</ul>{% endif %}
+{% endfor %}
+<h2>Configuration and versions</h2>
+<div class="text">{{ table(versions) }}</div><p>The same settings as <code>configuration.yaml</code>, beside this page:</p>
+<pre id="configuration">{{ run.settings.as_yaml() }}</pre>
+</body></html>
 """
+
+
+class Cell(NamedTuple):
+    """Of a table: its text, the exact value, is it the best of its row, what stands behind it."""
+    text: str
+    value: Optional[float] = None
+    best: bool = False
+    more: str = ""
+
+
+class Table(NamedTuple):
+    """lines: (class of the row, its Cells)."""
+    name: str
+    caption: str
+    heading: list
+    lines: list
+
+
+class Figure(NamedTuple):
+    """source: address of the picture; kind: class of the figure, map and crop without loss."""
+    title: str
+    source: str
+    kind: str = ""
+    caption: str = ""
 
 
 def page(run, tables, store):
     """HTML text. run: see report.Run; tables: tables.Tables; store: where the pictures are."""
-    counts = tuple("%d %s%s" % (len(of), noun, "" if len(of) == 1 else "s")
-                   for of, noun in ((run.scenes, "scene"), (tables.methods, "method")))
-    parts = ["<h1>Fusion of %s by %s</h1>" % counts, _failures(run)]
-    parts.append("<h2>Scores and ranks</h2>")
-    if tables.metrics:
-        parts.append(_standings(tables, tables.metrics,
-                                "By the metrics %s. The best of N methods has score N in each row of the table of "
-                                "values, equal ones have the mean; a failed method has none. These metrics reward "
-                                "copying: see the truth, where it is known." % ", ".join(run.settings.metrics)))
-    if tables.truth:
-        parts.append(_standings(tables, tables.truth,
-                                "By the known all-in-focus truth: PSNR, SSIM, PSNR within 8 px of depth edges."))
-    parts.append("<h2>Values</h2>")
-    parts.append(_values(tables, tables.metrics, "Value and (score) of each metric; higher is better."))
-    parts.append(_values(tables, tables.contrast,
-                         "Without any truth: share of the contrast that some frame shows which the result keeps (mean "
-                         "over all scales, and the least; higher is better), and roughness of the map of winners, the "
-                         "share of neighbours from different frames (lower is better)."))
-    if tables.truth:
-        parts.append(_values(tables, tables.truth,
-                             "Against the truth: PSNR in dB, SSIM, PSNR within 8 px of depth edges."))
-    parts.append("<h2>Seconds</h2>" + _seconds(run, tables))
-    parts += [scene_section.section(run, scene, tables, store) for scene in run.scenes]
-    parts.append("<h2>Configuration and versions</h2>" + _versions(run))
-    return ("<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Evaluation of image fusion</title>"
-            "<style>%s</style></head><body>\n%s\n</body></html>\n" % (STYLE, "\n".join(parts)))
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    environment.filters.update(exact=repr, counted=lambda n, noun: f"{n} {noun}{'' if n == 1 else 's'}")
+    return environment.from_string(TEMPLATE).render(
+        run=run, tables=tables, standings=_standings(run, tables), values=_values(tables), seconds=_seconds(run, tables),
+        scenes=[_scene(run, scene, tables, store) for scene in run.scenes],
+        versions=Table("versions", "Measured with", ["what", "version"],
+                       [("", [Cell(name), Cell(value)]) for name, value in run.versions.items()]))
 
 
-def _failures(run):
-    if not run.failures:
-        return ""
-    lines = "".join("<li>%s</li>" % escape(line) for line in run.failures)
-    return "<h2>What failed</h2><ul class=\"failed\">%s</ul>" % lines
+def _standings(run, tables):
+    captions = {"metrics": f"By the metrics {', '.join(run.settings.metrics)}. The best of N methods has score N in each row "
+                           "of the table of values, equal ones have the mean; a failed method has none. These metrics "
+                           "reward copying: see the truth, where it is known.",
+                "truth": "By the known all-in-focus truth: PSNR, SSIM, PSNR within 8 px of depth edges."}
+    found = []
+    for kind, caption in captions.items():
+        if getattr(tables, kind):
+            heading, *lines = t.standing_cells(tables, getattr(tables, kind))
+            found.append(Table("scores-" + kind, caption, heading,
+                               [("", [Cell(name), *(Cell(text, float(text)) for text in cells)]) for name, *cells in lines]))
+    return found
 
 
-def _table(name, caption, heading, lines):
-    """heading: texts; lines: (class of the row, cells as HTML)."""
-    head = "".join("<th>%s</th>" % escape(text) for text in heading)
-    body = "".join("<tr class=\"%s\">%s</tr>\n" % (kind, "".join(cells)) for kind, cells in lines)
-    return ("<p class=\"caption\">%s</p><div class=\"wide\"><table id=\"%s\"><thead><tr>%s</tr></thead><tbody>\n%s"
-            "</tbody></table></div>" % (escape(caption), name, head, body))
+def _values(tables):
+    captions = {"metrics": "Value and (score) of each metric; higher is better.",
+                "contrast": "Without any truth: share of the contrast that some frame shows which the result keeps (mean over "
+                            "all scales, and the least; higher is better), and roughness of the map of winners, the share "
+                            "of neighbours from different frames (lower is better).",
+                "truth": "Against the truth: PSNR in dB, SSIM, PSNR within 8 px of depth edges."}
+    return [Table("values-" + kind, caption, ["scene", "measure", *tables.methods],
+                  _value_lines(getattr(tables, kind), tables.methods))
+            for kind, caption in captions.items() if getattr(tables, kind)]
 
 
-def _text(text):
-    return "<td>%s</td>" % escape(text)
-
-
-def _number(text, value, best=False, more=""):
-    """A cell that keeps the whole value beside the rounded one."""
-    exact = " data-value=\"%r\" title=\"%r\"" % (value, value) if value is not None else ""
-    return "<td%s%s>%s%s</td>" % (" class=\"best\"" * best, exact, escape(text), more)
-
-
-def _kind(rows):
-    measure = rows[0].measure if rows else ""
-    return "truth" if measure in t.TRUTH_MEASURES else "contrast" if measure in t.CONTRAST_MEASURES else "metrics"
-
-
-def _standings(tables, rows, caption):
-    heading, *lines = t.standing_cells(tables, rows)
-    return _table("scores-" + _kind(rows), caption, heading,
-                  [("", [_text(line[0])] + [_number(cell, float(cell)) for cell in line[1:]]) for line in lines])
-
-
-def _values(tables, rows, caption):
+def _value_lines(rows, methods):
     lines, scene = [], None
     for row in rows:
         best = max((score for score in row.scores.values() if score is not None), default=None)
-        cells = [_text(row.scene if row.scene != scene else ""), _text(row.measure)]
-        for name in tables.methods:
+        cells = [Cell(row.scene if row.scene != scene else ""), Cell(row.measure)]
+        for name in methods:
             value, score = row.values[name], row.scores[name]
-            more = " <small>(%s)</small>" % t.score(score) if score is not None else ""
-            cells.append(_number(t.number(row.measure, value), value, score is not None and score == best, more))
+            cells.append(Cell(t.number(row.measure, value), value, score is not None and score == best,
+                              t.score(score) if score is not None else ""))
         lines.append(("" if row.scene == scene else "group", cells))
         scene = row.scene
-    return _table("values-" + _kind(rows), caption, ["scene", "measure"] + tables.methods, lines)
+    return lines
 
 
 def _seconds(run, tables):
     def cells(title, times):
         least = min((value for value in times if value is not None), default=None)
-        return [_text(title)] + [_number(t.number("seconds", value), value, value is not None and value == least)
-                                 for value in times]
+        return [Cell(title)] + [Cell(t.number("seconds", value), value, value is not None and value == least)
+                                for value in times]
 
     lines = [("", cells(scene, list(of.values()))) for scene, of in tables.seconds.items()]
     lines.append(("group", cells("mean", [tables.mean_seconds(name) for name in tables.methods])))
-    return _table("seconds", "From frames in memory to the fused image, once. " + run.timing_note,
-                  ["scene"] + tables.methods, lines)
+    return Table("seconds", "From frames in memory to the fused image, once. " + run.timing_note,
+                 ["scene", *tables.methods], lines)
 
 
-def _versions(run):
-    rows = [("", [_text(name), _text(value)]) for name, value in run.versions.items()]
-    table = _table("versions", "Measured with", ["what", "version"], rows)
-    return ("<div class=\"text\">%s</div><p>The same settings as <code>configuration.yaml</code>, beside this page:</p>"
-            "<pre id=\"configuration\">%s</pre>" % (table, escape(run.settings.as_yaml())))
+# --- one scene --------------------------------------------------------------------------------------------------------
+
+def _scene(run, scene, tables, store):
+    """What the template shows of a scene: sources, results, weight maps, label maps, crops, remarks."""
+    results = run.results[scene.name]
+    worked = [name for name in tables.methods if "error" not in results[name]]
+    fused = {name: read_image(store.picture(scene.name, name, "fused")) for name in worked}
+    windows = pictures.differences(list(fused.values()))
+    titles = scene.names()
+    wanted = {round(i * (len(titles) - 1) / (SHOWN_FRAMES - 1)) for i in range(SHOWN_FRAMES)}
+    shown = {titles[n]: frame for n, frame in enumerate(scene.frames()) if n in wanted}
+    maps = {name: pictures.read_weights(store, scene.name, name, len(titles)) for name in worked}
+    legend = ("black: first frame, white: second" if len(titles) == 2 else
+              "a colour for each frame, from violet for the first to dark red for the last")
+    silent = [name for name, image in maps.items() if image is None]
+    rows = [("Sources and what is known", _known(scene, shown, windows)),
+            ("Results", [_figure(name, image, caption=_caption(scene, name, tables)) for name, image in fused.items()]),
+            (f"Weight maps ({legend}){'; none told by ' + ', '.join(silent) if silent else ''}",
+             [_figure(name, image, "map") for name, image in maps.items() if image is not None]),
+            ("Label maps", _labels(scene, worked, store)), *_crops(scene, shown, fused, windows)]
+    return {"name": scene.name, "path": scene.path, "frames": len(titles), "rows": rows,
+            "remarks": [f"{name}: {note}" for name in worked for note in results[name].get("notes", [])]}
+
+
+def _figure(title, image, kind="", caption=""):
+    small = {"": pictures.small, "map": pictures.small_map, "crop": lambda it: it}[kind](image)
+    return Figure(title, pictures.inline(small, bool(kind)), kind, caption)
+
+
+def _known(scene, shown, windows):
+    known = dict(shown)
+    if "truth" in scene.beside:
+        known["truth"] = read_image(scene.beside["truth"])
+    *plain, last = known
+    return [*(_figure(title, known[title]) for title in plain),
+            _figure(last, pictures.marked(known[last], windows), caption="with the crops below"),
+            *(_figure(key.replace("_", " "), picture(read_depth(scene.beside[key])), "map")
+              for key in ("depth", "registered_depth") if key in scene.beside)]
+
+
+def _caption(scene, method, tables):
+    """The first metric, the contrast that is kept, and what the truth says."""
+    rows = [row for row in tables.metrics + tables.contrast + tables.truth if row.scene == scene.name]
+    told = {row.measure: t.number(row.measure, row.values[method]) for row in rows
+            if row.measure in ("PSNR", "PSNR_edges", "kept_contrast", rows[0].measure)}
+    return ", ".join(f"{name} {value}" for name, value in told.items())
+
+
+def _labels(scene, worked, store):
+    figures = []
+    if "label" in scene.beside:
+        figures.append(_figure("given", pictures.read_labels(scene.beside["label"]), "map"))
+        if not {"depth", "registered_depth"} & set(scene.beside):
+            return figures  # the own methods have used just that
+    for name in worked:
+        path = store.picture(scene.name, name, "labels")
+        if path:
+            regions = np.count_nonzero(np.unique(read_image(path, cv2.IMREAD_UNCHANGED)))
+            figures.append(_figure(name, pictures.read_labels(path), "map", f"regions: {regions}"))
+    return figures
+
+
+def _crops(scene, shown, fused, windows):
+    beside = dict(shown) if len(shown) == 2 else {}
+    if "truth" in scene.beside:
+        beside["truth"] = read_image(scene.beside["truth"])
+    for number, (x, y, side) in enumerate(windows, 1):
+        yield (f"Where the methods differ most, {number}: {side} x {side} pixels at ({x}, {y})",
+               [_figure(name, pictures.crop(image, (x, y, side)), "crop") for name, image in {**beside, **fused}.items()])
