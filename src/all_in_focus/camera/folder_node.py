@@ -95,7 +95,7 @@ class Player:
         _poll_until(came.is_set, end)
         subscriber.unregister()
         if not came.is_set() and not rospy.is_shutdown():
-            rospy.logwarn("nothing came on %s for %g s: the pictures are published without waiting any longer",
+            rospy.logwarn("nothing came on %s for %g s: the pictures are published without waiting longer",
                           rospy.resolve_name(self._wait_for), self._wait_timeout)
 
 
