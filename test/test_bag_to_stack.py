@@ -137,6 +137,10 @@ def test_frames_are_those_of_their_bracket(tmp_path):
     assert warnings == [f"bag_to_stack: warning: {tmp_path / 'out'}: no focus distances are known: no focus.yaml"]
     export(bag, tmp_path / "two", "--bracket-size", 2, "--bracket", "all")
     assert len(parts(tmp_path / "two")) == 4 and len(stack_of(tmp_path / "two" / "bracket_0003")) == 2
+    export(bag, tmp_path / "never", "--bracket-gap", 0, "--bracket-size", 0, "--bracket", "all")
+    assert len(stack_of(tmp_path / "never" / "bracket_0000")) == 8 and parts(tmp_path / "never") == ["bracket_0000"]
+    for option, value in (("--bracket-size", -1), ("--bracket-size", 2.5), ("--bracket-gap", -1), ("--bracket-gap", "x")):
+        refused(f"argument {option}: '{value}': expected", bag, "--output", tmp_path / "none", option, value)
 
 
 @pytest.mark.parametrize("damage, remark, left, option", [

@@ -3,6 +3,9 @@
 """Bags: what make_bag writes, what the player finds in one."""
 import math
 import os
+import resource
+import subprocess
+import sys
 
 import cv2
 import numpy as np
@@ -16,7 +19,7 @@ from all_in_focus.bag.contents import BagContents, BagError, Topics
 from all_in_focus.bag.writer import stamp_of, write_bag
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack
-from file_helpers import SIZE, cut, focus_file, pictures, run_script, write_stack
+from file_helpers import SCRIPTS, SIZE, cut, focus_file, pictures, run_script, write_stack
 
 ROTATION = [0.0, 0.0, 0.6, 0.8]
 
@@ -122,6 +125,21 @@ def test_make_bag_command(tmp_path, rig, depth):
         assert len(done.stderr.strip().splitlines()) == 1
     assert (tmp_path / "x.bag").read_bytes() == before
     assert not [name for name in os.listdir(str(tmp_path)) if name.startswith(".")]
+
+
+def test_make_bag_on_a_full_disk(tmp_path, rig, depth):
+    """One line that names the bag, although the rig, having no lens, would get a warning."""
+    cv2.imwrite(str(tmp_path / "depth.png"), depth)
+    folder = write_stack(tmp_path / "stack", [f"{index:02d}.png" for index in range(20)])
+    os.remove(os.path.join(rig, "optics.yaml"))
+    before = sorted(os.listdir(str(tmp_path)))
+    path = os.path.join(SCRIPTS, "make_bag")
+    done = subprocess.run([sys.executable, path, "--depth", str(tmp_path / "depth.png"), "--rig", rig, "--stack",
+                           folder, "--output", str(tmp_path / "x.bag")], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                          universal_newlines=True,
+                          preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000)))
+    assert (done.returncode, done.stderr) == (2, f"make_bag: {tmp_path / 'x.bag'}: File too large\n")
+    assert sorted(os.listdir(str(tmp_path))) == before
 
 
 def test_contents_of_a_good_bag(bag):

@@ -12,10 +12,11 @@ import yaml
 
 from all_in_focus.calibration.command import main
 from all_in_focus.benchmark import programs
-from all_in_focus.files.rig import load_rig, save_camera
+from all_in_focus.files.rig import load_rig, save_camera, save_rig
 
 from board_rendering import board_poses, mapping_error, true_rig, write_views
 from file_helpers import ENDLESS_PICTURE, cut, run_script
+from tool_helpers import snapshot
 
 MOVED, HIDDEN = 7, 11
 
@@ -110,6 +111,18 @@ def test_an_existing_rig_stays(calibrated, views, capsys):
     assert "holds a rig already" in refused(capsys, arguments(views, calibrated[0]))
     assert (calibrated[0] / "depth.yaml").read_bytes() == before
     assert sorted(path.name for path in calibrated[0].parent.iterdir()) == ["rig"]
+
+
+def test_force_does_not_replace_a_rig_of_others(views, tmp_path, capsys):
+    few, rig = subset(views, tmp_path / "few", 6), tmp_path / "rig"
+    save_rig(str(rig), true_rig())
+    before = snapshot(rig)
+    assert "was not written by calibrate_rig" in refused(capsys, [*arguments(few, rig), "--force"])
+    assert snapshot(rig) == before
+    shutil.rmtree(str(rig))
+    for more in ([], ["--force"]):
+        assert main([*arguments(few, rig), *more]) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["few", "rig"]
 
 
 def test_known_cameras_stay_as_they_are_and_force_replaces(views, tmp_path, capsys):
@@ -212,6 +225,7 @@ def test_names_without_a_counterpart(tmp_path, capsys):
     (["--board", "8"], "argument --board: '8': expected the number of inner corners"),
     (["--board", "8x2"], "at least 3 each way"),
     (["--square", "-1"], "expected a positive number"),
+    (["--square", "1e9"], "of mm, from 1 to 1000"),
     (["--live"], "give --depth-camera and --color-camera, or --live"),
     (["--ir-offset", "3"], "expected X,Y in pixels"),
     (["--depth-info", "none.yaml"], "none.yaml: No such file"),

@@ -87,8 +87,8 @@ def test_bracket_is_saved_when_complete(tmp_path, report_first):
         "confidence.png", "fused.png", "labels.png", "registered.png", "report.json", "source_index.png", "weights.png"]
     report = json.loads((tmp_path / "out" / "bracket_0000" / "report.json").read_text())
     assert report["bracket_id"] == 4 and report["segment_table"][0]["area"] == 9
-    assert collector.brackets == [{"folder": "bracket_0000", "bracket_id": 4, "frames_used": 3, "regions": 1, "missing": [],
-                                   "notes": []}]
+    assert collector.brackets == [{"folder": "bracket_0000", "bracket_id": 4, "frames_used": 3, "regions": 1,
+                                   "missing": [], "notes": []}]
 
 
 def test_two_brackets_may_share_a_label_image(tmp_path):

@@ -130,7 +130,7 @@ def test_three_planned_frames_show_all_that_the_sweep_does(tmp_path, fused):
     assert [round(one["focus_distance"], 3) for one in plan] == [0.982, 1.254, 2.761]
     depth = read(folder / "registered.png") / 1000
     sharp = [(depth > one["near_limit"] - 1e-6) & (depth < one["far_limit"] + 1e-6) for one in plan]
-    print("%s: %s" % (mode, ", ".join(f"{100 * one.sum() / (depth > 0).sum():.0f} %" for one in sharp)))
+    print(f"{mode}:", ", ".join(f"{100 * one.sum() / (depth > 0).sum():.0f} %" for one in sharp))
     assert np.array_equal(np.any(sharp, axis=0), depth > 0)
 
 
@@ -151,7 +151,7 @@ def test_memory_does_not_grow_with_the_sweep(tmp_path, depth):
     known = INPUT[:4] if depth else []
     stacks = (tmp_path / "short.avi", VIDEO)
     peaks = [peak_mb("--stack", stack, *known, "--output", tmp_path / "o.png") for stack in stacks]
-    print("peak memory: %.0f MB for 20 frames, %.0f MB for 540" % tuple(peaks))
+    print(f"peak memory: {peaks[0]:.0f} MB for 20 frames, {peaks[1]:.0f} MB for 540")
     assert peaks[1] - peaks[0] < 60
 
 

@@ -58,6 +58,43 @@ def test_rig_errors_name_file_and_key(tmp_path, name, old, new, message):
     assert f"{name}: {message}" in str(error.value) and "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("written, name", [("14050028", "14050028"), ("0123", "0123"), ("1e5", "1e5"), ("on", "on"),
+                                           ("'7'", "7"), ("my camera", "my camera")])
+def test_names_that_look_like_numbers(tmp_path, written, name):
+    """camera_calibration writes serial numbers unquoted."""
+    save_rig(tmp_path, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), OPTICS))
+    text = (tmp_path / "color.yaml").read_text()
+    (tmp_path / "color.yaml").write_text(text.replace("camera_name: dslr", f"camera_name: {written}"))
+    rig = load_rig(tmp_path)
+    assert rig.color.name == name
+    save_rig(tmp_path / "again", rig)
+    assert yaml.safe_load((tmp_path / "again" / "color.yaml").read_text())["camera_name"] == name
+    assert load_rig(tmp_path / "again").color.name == name
+
+
+@pytest.mark.parametrize("written", ["", "~", "[1, 2]", "{a: b}"])
+def test_names_that_are_none(tmp_path, written):
+    save_rig(tmp_path, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), OPTICS))
+    text = (tmp_path / "color.yaml").read_text()
+    (tmp_path / "color.yaml").write_text(text.replace("camera_name: dslr", f"camera_name: {written}"))
+    with pytest.raises(RigError, match="camera_name: (expected a name|missing)"):
+        load_rig(tmp_path)
+
+
+def test_distortion_of_eight_zeros(tmp_path):
+    """Many drivers write eight numbers whatever the model."""
+    save_rig(tmp_path, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), OPTICS))
+    text = (tmp_path / "color.yaml").read_text()
+    for last, good in (("0.0", True), ("0.1", False)):
+        eight = f"cols: 8\n  data: [0, 0, 0, 0, 0, 0, 0, {last}]"
+        (tmp_path / "color.yaml").write_text(text.replace("cols: 5\n  data: [0.0, 0.0, 0.0, 0.0, 0.0]", eight))
+        if good:
+            assert not load_rig(tmp_path).color.D.any()
+        else:
+            with pytest.raises(RigError, match="8 numbers do not fit the model plumb_bob"):
+                load_rig(tmp_path)
+
+
 def test_rig_without_file(tmp_path):
     with pytest.raises(RigError, match="depth.yaml: No such file"):
         load_rig(tmp_path)

@@ -3,13 +3,14 @@
 """Focus stacks: order, completeness, focus distances."""
 import math
 import os
+import zlib
 
 import cv2
 import numpy as np
 import pytest
 
 from all_in_focus.files.stack import Stack, StackError, read_depth, read_image
-from file_helpers import SIZE, cut, focus_file, pictures, write_stack, write_video
+from file_helpers import SIZE, cut, focus_file, pictures, run_script, write_stack, write_video
 
 
 def test_folder_goes_in_name_order_and_skips_what_is_no_image(tmp_path):
@@ -68,6 +69,19 @@ def test_damaged_png_and_jpeg_with_thumbnail(tmp_path):
         else:
             with pytest.raises(StackError, match="truncated"):
                 read_image(path)
+
+
+def test_libraries_print_nothing_beside_our_errors(tmp_path):
+    """An undamaged file, as its checksums go, whose compressed data make no sense."""
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), pictures(1)[0])
+    data = path.read_bytes()
+    at = data.index(b"IDAT")
+    length = int.from_bytes(data[at - 4:at], "big")
+    chunk = b"IDAT" + b"nonsense" * (length // 8) + b"x" * (length % 8)
+    path.write_bytes(data[:at] + chunk + zlib.crc32(chunk).to_bytes(4, "big") + data[at + 8 + length:])
+    done = run_script("contact_sheet", "--output", tmp_path / "sheet.png", path)
+    assert (done.returncode, done.stderr) == (2, f"contact_sheet: {path}: not a readable image\n")
 
 
 def test_bad_stacks_are_named(tmp_path):

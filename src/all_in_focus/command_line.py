@@ -37,14 +37,14 @@ def run(main, *errors):
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     for number in before:
         if before[number] != signal.SIG_IGN:
-            signal.signal(number, end)
+            signal.signal(number, signal.default_int_handler if number == signal.SIGINT else end)
     try:
         code = main()
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of the output, such as head, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         code = 128 + signal.SIGPIPE
-    except KeyboardInterrupt:  # of a library that has set its own handler
+    except KeyboardInterrupt:
         code = 128 + signal.SIGINT
     except (ValueError, OSError, MemoryError, *errors) as error:
         print(f"{Path(sys.argv[0]).name}: {one_line(error)}", file=sys.stderr)

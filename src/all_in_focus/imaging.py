@@ -4,7 +4,7 @@
 
 Depth maps are H x W, 0 = unknown.
 """
-import os
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -52,8 +52,8 @@ def fill_from_farther(depth):
 def split_title(text):
     """(path, title) of IMAGE or IMAGE:TITLE; without a title it is the file's name."""
     path, colon, title = text.rpartition(":")
-    if not colon or os.path.exists(text):
-        return text, os.path.basename(text)
+    if not colon or Path(text).exists():
+        return text, Path(text).name
     return path, title
 
 
@@ -107,4 +107,4 @@ def contact_sheet(images, titles, columns, width):
 
 def read_picture(path):
     """Picture of an image file; StackError where it cannot be read. A source index is known by its file name."""
-    return picture(read_image(path, cv2.IMREAD_UNCHANGED), "source_index" not in os.path.basename(path))
+    return picture(read_image(path, cv2.IMREAD_UNCHANGED), "source_index" not in Path(path).name)

@@ -158,7 +158,7 @@ class _BracketWriter:
         if not entries:
             self._warnings.append("no focus distances are known: no focus.yaml")
             return False
-        with open(self._folder / "focus.yaml", "w", encoding="utf-8") as file:
+        with (self._folder / "focus.yaml").open("w", encoding="utf-8") as file:
             file.write("frames:\n")
             file.writelines(f"- {yaml.safe_dump(entry, default_flow_style=True, width=1000)}" for entry in entries)
         return True

@@ -4,7 +4,7 @@
 
 A view is worth taking when it differs from those taken before, as ROS's camera_calibration judges it, in either camera.
 """
-import os
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -119,10 +119,10 @@ class LiveView:
         self.pairs, self.sizes = [], None
         if pictures:
             for camera in CAMERAS:
-                folder = os.path.join(pictures, camera)
-                os.makedirs(folder, exist_ok=True)
+                folder = Path(pictures) / camera
+                folder.mkdir(parents=True, exist_ok=True)
                 refuse_read_only(folder)
-                if os.listdir(folder):
+                if any(folder.iterdir()):
                     raise CalibrationError(f"{pictures}: holds pictures already: name another folder")
 
     @property
@@ -167,7 +167,7 @@ class LiveView:
             taken.append(outline)
         if self._pictures:
             for camera, image in zip(CAMERAS, images):
-                write_picture(os.path.join(self._pictures, camera, f"{name}.png"), image)
+                write_picture(Path(self._pictures) / camera / f"{name}.png", image)
 
     def status(self):
         """Two lines: the progress, and what to do next."""

@@ -4,8 +4,8 @@
 
 A run writes into a staging folder of its own beside the output. At the end the two change places in one step of the
 file system, and the former output is removed. A mark inside (MARK, a JSON file) names the program, the run and the
-files that it wrote: only those are ever removed. Other files in an output folder either stay there or make the program refuse
-the folder. A lock beside the output keeps two runs apart; the kernel frees it when a run dies.
+files that it wrote: only those are ever removed. Other files in an output folder either stay there or make the program
+refuse the folder. A lock beside the output keeps two runs apart; the kernel frees it when a run dies.
 """
 import contextlib
 import ctypes

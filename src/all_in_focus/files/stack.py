@@ -1,11 +1,15 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """A focus stack on disk: a folder of images in name order, or a video; with the focus distances, if known."""
+import contextlib
 import io
 import math
 import os
 import re
 import struct
+import sys
+import threading
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -29,11 +33,11 @@ class Stack:
     """
 
     def __init__(self, path, focus=None):
-        self.path = path
+        self.path = Path(path)
         self.warnings = []
-        if not os.path.exists(path):
+        if not self.path.exists():
             raise StackError(f"{path}: no such folder or video")
-        self.names = self._list() if os.path.isdir(path) else None
+        self.names = self._list() if self.path.is_dir() else None
         self._count = len(self.names) if self.names is not None else self._count_video()
         self.distances = load_focus(focus, self.names, self._count) if focus else [math.nan] * self._count
 
@@ -51,8 +55,7 @@ class Stack:
             yield frame
 
     def _list(self):
-        names = sorted(name for name in os.listdir(self.path)
-                       if is_image_name(name) and os.path.isfile(os.path.join(self.path, name)))
+        names = sorted(path.name for path in self.path.iterdir() if is_image_name(path.name) and path.is_file())
         if not names:
             raise StackError(f"{self.path}: holds no images")
         for first, second in zip(names, names[1:]):
@@ -64,7 +67,7 @@ class Stack:
 
     def _count_video(self):
         """Number of frames, by decoding them: the number in the header is an estimate."""
-        if self.path.lower().endswith(IMAGE_SUFFIXES):
+        if self.path.suffix.lower() in IMAGE_SUFFIXES:
             raise StackError(f"{self.path}: is a single image; give its folder or a video")
         _check_riff(self.path)
         video = self._open_video()
@@ -80,7 +83,7 @@ class Stack:
         return found
 
     def _open_video(self):
-        video = cv2.VideoCapture(self.path, cv2.CAP_FFMPEG)
+        video = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG)
         if not video.isOpened():
             raise StackError(f"{self.path}: not a readable video")
         return video
@@ -88,7 +91,7 @@ class Stack:
     def _frames(self):
         if self.names is not None:
             for name in self.names:
-                path = os.path.join(self.path, name)
+                path = self.path / name
                 yield path, read_image(path)
             return
         video = self._open_video()
@@ -112,8 +115,7 @@ def _natural(name):
 def read_image(path, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
     """Image as OpenCV decodes it; BGR, 8 bit by default. StackError, also for truncated files, which OpenCV pads."""
     try:
-        with open(path, "rb") as file:
-            data = file.read()
+        data = Path(path).read_bytes()
     except OSError as error:
         raise StackError(f"{path}: {error.strerror}")
     if not _is_complete(data):
@@ -127,9 +129,27 @@ def read_image(path, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
 def decode_image(data, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
     """Image as OpenCV decodes it; None where the bytes are no image."""
     try:
-        return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+        with _silent_libraries():
+            return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error:  # the header announces an impossible size
         return None
+
+
+@contextlib.contextmanager
+def _silent_libraries():
+    """Discards what libpng and libjpeg print to stderr beside our errors; not where other threads may write there."""
+    if threading.active_count() > 1:
+        yield
+        return
+    sys.stderr.flush()
+    saved, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(nowhere)
 
 
 def read_depth(path):
@@ -158,11 +178,11 @@ def _is_complete(data):
 
 def _check_riff(path):
     """Raises StackError where an AVI file is shorter than its header says."""
-    with open(path, "rb") as file:
+    with path.open("rb") as file:
         head = file.read(12)
-    if head[:4] == b"RIFF" and int.from_bytes(head[4:8], "little") + 8 > os.path.getsize(path):
-        raise StackError(f"{path}: truncated: {os.path.getsize(path)} bytes of "
-                         f"{int.from_bytes(head[4:8], 'little') + 8}")
+    announced, size = int.from_bytes(head[4:8], "little") + 8, path.stat().st_size
+    if head[:4] == b"RIFF" and announced > size:
+        raise StackError(f"{path}: truncated: {size} bytes of {announced}")
 
 
 def focus_entries(path):

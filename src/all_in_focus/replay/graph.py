@@ -15,6 +15,7 @@ import tempfile
 import threading
 import time
 import uuid
+from pathlib import Path
 
 import rospkg
 from roslib.packages import find_node
@@ -57,17 +58,17 @@ def check_install():
     """Path of evaluate.launch; GraphError that names what is missing."""
     remedy = "build the package, and source its build/.install/setup.bash"
     try:
-        launch_file = os.path.join(rospkg.RosPack().get_path("all_in_focus"), "launch", "evaluate.launch")
+        launch_file = Path(rospkg.RosPack().get_path("all_in_focus")) / "launch" / "evaluate.launch"
         for package, program in (("nodelet", "nodelet"), ("all_in_focus", "evaluation_player")):
             if not find_node(package, program):
                 raise GraphError(f"program {program} of package {package} is missing: {remedy}")
     except rospkg.ResourceNotFound as error:
         raise GraphError(f"package {str(error).splitlines()[0]} is missing: {remedy}")
-    if not os.path.isfile(launch_file):
+    if not launch_file.is_file():
         raise GraphError(f"{launch_file} is missing: {remedy}")
     library = "liball_in_focus_nodelets.so"
     prefixes = [prefix for prefix in os.environ.get("CMAKE_PREFIX_PATH", "").split(":") if prefix]
-    if not any(os.path.exists(os.path.join(prefix, "lib", library)) for prefix in prefixes):
+    if not any((Path(prefix) / "lib" / library).exists() for prefix in prefixes):
         raise GraphError(f"{library} is missing: {remedy}")
     return launch_file
 
@@ -101,8 +102,8 @@ def run(arguments, output, timeout, verbose=False):
     launch_file = check_install()
     with tempfile.TemporaryDirectory(prefix="evaluate_bag.") as scratch:
         port = free_port()
-        environment = child_environment(os.environ, port, os.path.join(scratch, "log"))
-        status_file = os.path.join(scratch, "status.json")
+        environment = child_environment(os.environ, port, str(Path(scratch) / "log"))
+        status_file = Path(scratch) / "status.json"
         roslaunch = shutil.which("roslaunch", path=environment["PATH"])
         if roslaunch is None:
             raise GraphError("program roslaunch is missing: install ros-core")
@@ -142,7 +143,7 @@ def _watch(process, status_file, printed, timeout):
             if status is not None:
                 bar.total = status.total
                 bar.update(status.done - bar.n)
-            stamp = os.stat(status_file).st_mtime_ns if status is not None else None
+            stamp = status_file.stat().st_mtime_ns if status is not None else None
             if stamp != last:
                 last, changed = stamp, time.monotonic()
             if printed.hint(HOPELESS):
@@ -179,11 +180,10 @@ def _processes_of(run_id):
     """Processes that have the run's mark in their environment."""
     mark = f"{RUN_VARIABLE}={run_id}".encode()
     found = []
-    for entry in os.listdir("/proc"):
+    for folder in Path("/proc").glob("[0-9]*"):
         try:
-            with open(f"/proc/{entry}/environ", "rb") as file:
-                if entry.isdigit() and mark in file.read().split(b"\0"):
-                    found.append(int(entry))
+            if mark in (folder / "environ").read_bytes().split(b"\0"):
+                found.append(int(folder.name))
         except OSError:
             pass  # gone, or of another user
     return found

@@ -8,6 +8,7 @@ import subprocess
 import tempfile
 import time
 import xmlrpc.client
+from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import rosgraph
@@ -25,7 +26,7 @@ TOPIC_KEYS = ("Image Topic", "Color Image Topic", "Depth Map Topic", "Marker Top
 
 def _read(path):
     """Raises OSError, ValueError (one line)."""
-    with open(path, encoding="utf-8") as file:
+    with Path(path).open(encoding="utf-8") as file:
         try:
             config = yaml.safe_load(file)
             config["Visualization Manager"]["Displays"], config["Visualization Manager"]["Global Options"]
@@ -43,8 +44,7 @@ def write_with_frame(path, frame, output):
     """Copies an .rviz file with another fixed frame: DepthCloud ignores rviz -f and uses that of the file."""
     config = _read(path)
     config["Visualization Manager"]["Global Options"]["Fixed Frame"] = frame
-    with open(output, "w", encoding="utf-8") as file:
-        yaml.safe_dump(config, file)
+    Path(output).write_text(yaml.safe_dump(config), encoding="utf-8")
 
 
 def topics_of(display):
@@ -85,7 +85,7 @@ class RvizDied(ScreenError):
 
 
 def default_config():
-    return os.path.join(rospkg.RosPack().get_path("all_in_focus"), "rviz", "all_in_focus.rviz")
+    return Path(rospkg.RosPack().get_path("all_in_focus")) / "rviz" / "all_in_focus.rviz"
 
 
 def has_image_view():
@@ -102,11 +102,11 @@ class Graph:
     def __init__(self, launch, folder, timeout):
         self._timeout = timeout
         port = free_port()
-        environment = child_environment(os.environ, port, os.path.join(folder, "log"))
+        environment = child_environment(os.environ, port, str(Path(folder) / "log"))
         self._run = environment[RUN_VARIABLE]
         os.environ.update(ROS_MASTER_URI=environment["ROS_MASTER_URI"], ROS_HOSTNAME="localhost")
-        self.log = os.path.join(folder, "roslaunch.log")
-        with open(self.log, "w", encoding="utf-8") as log:
+        self.log = Path(folder) / "roslaunch.log"
+        with self.log.open("w", encoding="utf-8") as log:
             self._process = subprocess.Popen(["roslaunch", "-p", str(port), "-"], env=environment, text=True,
                                              stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
                                              start_new_session=True)
@@ -130,7 +130,7 @@ class Graph:
         raise (RvizDied if "rviz" in error and "died" in error else ScreenError)(f"roslaunch ended: {error}")
 
     def _last_error(self):
-        with open(self.log, encoding="utf-8", errors="replace") as log:
+        with self.log.open(encoding="utf-8", errors="replace") as log:
             lines = [line.strip() for line in log]
         died = [line for line in lines if "REQUIRED process" in line and "died" in line]
         errors = [line for line in lines if "rror" in line or "FATAL" in line]
@@ -166,7 +166,7 @@ def take_pictures(contents, config, mode="refined", optics=None, timeout=60.0):
         if has_image_view():
             screens["labels"] = VirtualScreen(1600, 640)
         view = IMAGE_VIEW.format(display=quoteattr(screens["labels"].display)) if "labels" in screens else ""
-        own_config = os.path.join(folder, "own.rviz")
+        own_config = Path(folder) / "own.rviz"
         write_with_frame(config, contents.rgb_info.header.frame_id.lstrip("/"), own_config)
         launch = LAUNCH.format(mode=quoteattr(mode), rviz_args=quoteattr(f"-d {own_config}"),
                                rviz_display=quoteattr(screens["rviz"].display), image_view=view)

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Is everything recorded that the nodes need, under these names, with stamps that fit each other?"""
-import os
 import re
+from pathlib import Path
 
 import numpy as np
 
@@ -23,7 +23,7 @@ TITLES = {"depth": "depth", "rgb": "colour"}
 def check_file(check, bag):
     start, end = bag.span()
     compression = "" if bag.compression() == "none" else ", " + bag.compression()
-    check.ok(f"{os.path.getsize(bag.path) / 1e6:.1f} MB{compression}, {end - start:.1f} s")
+    check.ok(f"{Path(bag.path).stat().st_size / 1e6:.1f} MB{compression}, {end - start:.1f} s")
 
 
 def check_topics(check, bag, scan):

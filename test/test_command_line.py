@@ -1,0 +1,127 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What all programs have in common: how signals end them, errors of one line, exit codes."""
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from file_helpers import SCRIPTS
+from tool_helpers import TwoPlanes, run, succeeded
+
+PROGRAMS = sorted(path.name for path in Path(SCRIPTS).iterdir()
+                  if path.is_file() and path.read_bytes().startswith(b"#!/usr/bin/python3")
+                  and "\nfrom all_in_focus" in path.read_text())
+INTERRUPTED_IMPORT = """
+import os, signal, sys
+
+class Finder:
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if name == "cv2":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Finder)
+"""
+ENDING = """
+import os, sys, time
+from all_in_focus.command_line import run
+from all_in_focus.files.output_folder import whole_folder
+
+def main():
+    with whole_folder(sys.argv[1], "test"):
+        print("at work", flush=True)
+        time.sleep(60)
+
+run(main)
+"""
+
+
+def program(code, *arguments, **options):
+    return subprocess.Popen([sys.executable, "-c", code, *map(str, arguments)], stdout=subprocess.PIPE,
+                            stderr=subprocess.PIPE, universal_newlines=True, **options)
+
+
+def test_every_program_begins_and_ends_alike():
+    assert len(PROGRAMS) > 15
+    for name in PROGRAMS:
+        lines = Path(SCRIPTS, name).read_text().splitlines()
+        imports = [line for line in lines if line.startswith(("import ", "from "))]
+        assert imports[0] == "import all_in_focus.early_exit  # noqa: F401", name
+        assert lines[-2] == 'if __name__ == "__main__":' and lines[-1].startswith("    run("), name
+
+
+@pytest.mark.parametrize("name", ["make_bag", "check_bag", "calibrate_rig", "evaluate_bag", "make_scene", "evaluate"])
+def test_an_interrupt_during_the_imports_is_silent(tmp_path, name):
+    (tmp_path / "sitecustomize.py").write_text(INTERRUPTED_IMPORT)
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    done = run([sys.executable, os.path.join(SCRIPTS, name), "--help"], env=dict(os.environ, PYTHONPATH=path))
+    assert done.returncode == -signal.SIGINT and done.stderr == done.stdout == ""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_end_a_program_with_their_code_and_nothing_left(tmp_path, number):
+    with program(ENDING, tmp_path / "out") as process:
+        assert process.stdout.readline() == "at work\n" and len(list(tmp_path.iterdir())) == 2
+        process.send_signal(number)
+        assert process.stderr.read() == "" and process.wait(20) == 128 + number
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name, options", [
+    ("make_scene", ["--scene", "planes", "--output", "{0}/s", "--frames", "900"]),
+    ("make_bag", ["--depth", "{1}/depth.png", "--rig", "{1}/rig", "--stack", "{1}/many", "--output", "{0}/x.bag"])])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_program_at_work_leaves_nothing(tmp_path, name, options, number):
+    planes = TwoPlanes(tmp_path / "planes")
+    (planes.folder / "many").mkdir()
+    for index in range(3000):
+        os.link(str(planes.stack / "00.png"), str(planes.folder / "many" / f"{index:04d}.png"))
+    (tmp_path / "out").mkdir()
+    command = [word.format(tmp_path / "out", planes.folder) for word in options]
+    with subprocess.Popen([sys.executable, os.path.join(SCRIPTS, name), *command], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, universal_newlines=True) as process:
+        while not list((tmp_path / "out").iterdir()) and process.poll() is None:
+            time.sleep(0.01)
+        process.send_signal(number)
+        assert process.stderr.read() == "" and process.wait(60) == 128 + number
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_an_interrupt_that_the_parent_ignores_stays_ignored():
+    code = "import all_in_focus.early_exit, os, signal\nfrom all_in_focus.command_line import run\n" \
+           "run(lambda: os.kill(os.getpid(), signal.SIGINT))"
+    with program(code, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN)) as process:
+        assert process.wait(60) == 0
+
+
+@pytest.mark.parametrize("error, said", [
+    ("ValueError('two\\nlines')", "two lines"),
+    ("OSError(28, 'No space left on device')", "[Errno 28] No space left on device"),
+    ("FileNotFoundError(2, 'No such file', 'x')", "x: No such file"), ("MemoryError()", "MemoryError"),
+    ("KeyError('a mistake of ours')", None)])
+def test_errors_are_one_line_unless_they_are_mistakes_of_ours(error, said):
+    code = f"import sys\nsys.argv[0] = '/x/name'\nfrom all_in_focus.command_line import run\n" \
+           f"def main():\n    raise {error}\nrun(main)"
+    with program(code) as process:
+        out, err = process.communicate(timeout=60)
+    if said:
+        assert (process.returncode, out, err) == (2, "", f"name: {said}\n")
+    else:
+        assert process.returncode == 1 and "Traceback" in err
+
+
+def test_a_reader_that_has_seen_enough():
+    code = "from all_in_focus.command_line import run\nrun(lambda: print('x' * 10000000))"
+    with program(code) as process:
+        process.stdout.read(10)
+        process.stdout.close()
+        assert process.stderr.read() == "" and process.wait(60) == 128 + signal.SIGPIPE
+
+
+def test_help_of_every_program():
+    for name in ("check_bag", "bag_to_stack", "make_scene"):
+        assert succeeded(run([sys.executable, os.path.join(SCRIPTS, name), "--help"])).stdout.startswith("usage: ")
