@@ -9,6 +9,7 @@ is not installed is said so. Needs a sourced setup.bash and bench_steps (see doc
 """
 import argparse
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -21,13 +22,13 @@ from tqdm import tqdm
 
 import compare_registration
 import graph_source
-import methods
 import steps
 from all_in_focus.baselines import enfuse
+from all_in_focus.benchmark.methods import peer_command
+from all_in_focus.benchmark.programs import run
 from all_in_focus.command_line import Parser, count
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import read_depth
-from quality import peer_of
 from suite import MAKE_SCENE
 
 TASKS = ("registration", "segmentation", "fusion")
@@ -42,7 +43,7 @@ def parse_arguments():
     parser.add_argument("--depth", help="depth image of its depth camera; default: that of the scene")
     parser.add_argument("--tasks", default=",".join(TASKS), metavar="A,B", help="default %(default)s")
     parser.add_argument("--repetitions", type=count, default=5, metavar="N", help="default %(default)s")
-    parser.add_argument("--peer", type=peer_of, action="append", default=[], metavar="NAME=COMMAND",
+    parser.add_argument("--peer", type=peer_command, action="append", default=[], metavar="NAME=COMMAND",
                         help="one more fusion; in COMMAND {stack} {focus} {rig} {depth} {output} are replaced")
     parser.add_argument("--bench-steps", default=steps.BENCH_STEPS, metavar="PATH")
     parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
@@ -112,8 +113,8 @@ def compare_segmentation(args):
         frame, filled = os.path.join(folder, "stack", "0.png"), os.path.join(folder, "filled.png")
         os.mkdir(os.path.dirname(frame))
         cv2.imwrite(frame, np.zeros((*size[::-1], 3), np.uint8))
-        methods.run([args.fuse_stack, "--stack", os.path.dirname(frame), "--rig", args.rig, "--depth", args.depth, "--output",
-                     os.path.join(folder, "fused.png"), "--save-registered", filled], filled)
+        run([args.fuse_stack, "--stack", os.path.dirname(frame), "--rig", args.rig, "--depth", args.depth, "--output",
+             os.path.join(folder, "fused.png"), "--save-registered", filled])
         depth = read_depth(filled)
     noisy = graph_source.with_noise(depth, NOISE_MM, np.random.default_rng(0))
     cv2.setNumThreads(1)
@@ -128,30 +129,38 @@ def compare_segmentation(args):
 
 # --- fusion -----------------------------------------------------------------------------------------------------------
 
-def own_fusion(args, mode, variant=""):
-    output = os.path.join(args.folder, "own.png")
-    return lambda: elapsed_ms(methods.fuse_stack, args.fuse_stack, mode, variant, args.scene, output)
+def inputs(scene):
+    """What of a scene a program may see: path by name."""
+    return {name: os.path.join(scene, file) for name, file in
+            (("stack", "stack"), ("focus", "focus.yaml"), ("rig", "rig"), ("depth", "depth.png"))}
+
+
+def own_fusion(args, mode, *options):
+    given = [part for name, path in inputs(args.scene).items() for part in ("--" + name, path)]
+    command = [args.fuse_stack, *given, "--mode", mode, "--output", os.path.join(args.folder, "own.png"), *options]
+    return lambda: elapsed_ms(run, command)
 
 
 def enfuse_fusion(args):
     program = shutil.which("enfuse")
-    stack = methods.inputs(args.scene)["stack"]
+    stack = inputs(args.scene)["stack"]
     output = os.path.join(args.folder, "enfuse.png")
     command = [program, *enfuse.OPTIONS, "--output=" + output, *(os.path.join(stack, name) for name in sorted(os.listdir(stack)))]
-    return program and (lambda: elapsed_ms(methods.run, command, output))
+    return program and (lambda: elapsed_ms(run, command))
 
 
 def peer_fusion(args, name, command):
-    output = os.path.join(args.folder, "peer.png")
-    return lambda: elapsed_ms(methods.peer, command, args.scene, output)
+    paths = {**inputs(args.scene), "output": os.path.join(args.folder, name + ".png")}
+    parts = [part.format(**paths) for part in shlex.split(command)]
+    return lambda: elapsed_ms(run, parts)
 
 
 def compare_fusion(args):
     programs = {"fuse_stack (refined)": own_fusion(args, "refined"),
-                "fuse_stack (refined, not aligned)": own_fusion(args, "refined", "-alignment"),
+                "fuse_stack (refined, not aligned)": own_fusion(args, "refined", "--without", "alignment"),
                 "fuse_stack (paper)": own_fusion(args, "paper"), "enfuse": enfuse_fusion(args)}
     programs.update({name: peer_fusion(args, name, command) for name, command in args.peer})
-    title = "fusion of %d frames, files to file, ms" % len(os.listdir(methods.inputs(args.scene)["stack"]))
+    title = "fusion of %d frames, files to file, ms" % len(os.listdir(inputs(args.scene)["stack"]))
     yield from rows(title, in_turn(programs, args.repetitions, title), "fuse_stack (refined)")
 
 
@@ -175,8 +184,8 @@ def main():
                 args.scene = os.path.join(args.folder, "scene")
                 subprocess.run([sys.executable, MAKE_SCENE, "--scene", "planes", "--size", "640x480", "--output", args.scene],
                                check=True, stdout=subprocess.DEVNULL)
-            inputs = methods.inputs(args.scene)
-            args.rig, args.depth = args.rig or inputs["rig"], args.depth or inputs["depth"]
+            known = inputs(args.scene)
+            args.rig, args.depth = args.rig or known["rig"], args.depth or known["depth"]
             compared = [row for task in args.tasks for row in compare[task](args)]
         print("Medians of %d runs, in turn.\n" % args.repetitions)
         print(steps.table(["task", "program", "median", "times ours"], compared, left=2))

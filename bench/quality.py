@@ -1,12 +1,16 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fuse scenes of known truth by several methods and print how near each comes to it, as Markdown tables.
+"""Fuse scenes by several methods and print, as Markdown tables, how near each comes to the truth; where none is known, or with
+--contrast, how much contrast of the sharpest frames each keeps.
 
 Needs a sourced setup.bash. Methods: single, oracle, true-depth (bounds that know the truth); dwt, nsct, im, gf, gf-same,
-nsct-pcnn, dsift, dcnn, laplacian, enfuse and each with +ecc (frames aligned first); paper and refined (fuse_stack),
-refined:-alignment,gain (without these steps), refined:no-depth, refined:optics+20 (focal length 20 % too long),
-refined:shift5 (depth 5 pixels to the right).
+nsct-pcnn, dsift, dcnn, laplacian, enfuse and each with +ecc (frames aligned first); paper, refined and restored (fuse_stack),
+refined:-alignment,exposure (without these steps), refined:no-depth, refined:optics+20 (focal length 20 % too long),
+refined:shift5 (depth 5 pixels to the right); whatever --peer names, such as
+
+  --peer 'focus-stack=sh -c "focus-stack --output={output} {stack}/*"'
+  --peer 'learned=python3 fuse_folder.py {stack} {output}'
 """
 import argparse
 import json
@@ -14,29 +18,26 @@ import math
 import os
 import subprocess
 import sys
+import tempfile
 import time
 
 import cv2
+import numpy as np
 from tqdm import tqdm
 
-import methods
 import steps
 import suite
+from all_in_focus.benchmark import methods, scenes, tasks
 from all_in_focus.command_line import Parser
-from all_in_focus.metrics.truth import Truth, psnr, ssim
-from all_in_focus.files.stack import Stack, read_image
+from all_in_focus.files.stack import read_image
+from all_in_focus.metrics.kept_contrast import kept_contrast
 
-MEASURES = {"psnr": ("PSNR, dB", "%.2f"), "ssim": ("SSIM", "%.4f"),
-            "psnr_edges": ("PSNR within 8 px of depth edges, dB", "%.2f"),
-            "seconds_per_frame": ("Time per frame, s", "%.3f")}
-
-
-def peer_of(text):
-    """argparse type: NAME=COMMAND."""
-    name, equals, command = text.partition("=")
-    if not (name and equals and "{output}" in command) or "," in name:
-        raise argparse.ArgumentTypeError("'%s': expected NAME=COMMAND with {output} in it" % text)
-    return name, command
+TRUTH = {"psnr": ("PSNR, dB", "%.2f"), "ssim": ("SSIM", "%.4f"),
+         "psnr_edges": ("PSNR within 8 px of depth edges, dB", "%.2f")}
+CONTRAST = {"kept_contrast": ("Contrast kept, mean of the bands", "%.3f"),
+            "kept_contrast_least": ("Contrast kept, least band", "%.3f")}
+SECONDS = {"seconds_per_frame": ("Time per frame, s", "%.3f")}
+MEASURES = {**TRUTH, **CONTRAST, **SECONDS}
 
 
 def suites_of(text):
@@ -49,14 +50,15 @@ def suites_of(text):
 
 def parse_arguments():
     parser = Parser(prog="quality.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="folders that make_scene wrote")
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="folders that make_scene wrote, or of photos")
     parser.add_argument("--generate", metavar="DIR", help="take scenes of bench/suite.py, made in DIR where missing")
     parser.add_argument("--suite", type=suites_of, default=["small"], metavar="A,B",
                         help=f"which of its suites: {', '.join(suite.SUITES)}; default small")
     parser.add_argument("--methods", default="single,oracle,true-depth,gf,gf+ecc,laplacian,laplacian+ecc,paper,refined",
                         metavar="A,B", help="default %(default)s")
-    parser.add_argument("--peer", type=peer_of, action="append", default=[], metavar="NAME=COMMAND",
+    parser.add_argument("--peer", type=methods.peer_command, action="append", default=[], metavar="NAME=COMMAND",
                         help="one more method; in COMMAND {stack} {focus} {rig} {depth} {output} are replaced")
+    parser.add_argument("--contrast", action="store_true", help="measure the contrast that is kept where a truth is known, too")
     parser.add_argument("--output", required=True, metavar="DIR", help="for DIR/SCENE/METHOD.png")
     parser.add_argument("--keep", action="store_true", help="take results that are there already")
     parser.add_argument("--time", action="store_true", help="print a table of times too")
@@ -65,43 +67,54 @@ def parse_arguments():
     args = parser.parse_args()
     peers = dict(args.peer)
     try:
-        args.methods = {name: methods.find(name, args.fuse_stack, peers)
+        args.methods = {name: methods.find(name, peers, args.fuse_stack)
                         for name in methods.split(args.methods) + list(peers)}
     except ValueError as error:
         parser.error(error)
     return parser, args
 
 
-def measure(method, scene, truth, output, keep):
-    """Figures of one method on one scene; None: no depth edges there, or no time, as the result was there already."""
+def find_scenes(paths):
+    """Scene by name; ValueError for a folder that is none, or two of the same name."""
+    found = {os.path.basename(os.path.abspath(path)): path for path in paths}
+    if len(found) < len(paths):
+        raise ValueError("two scenes have the same name")
+    return {name: scenes.find({"path": path, "name": name})[0] for name, path in found.items()}
+
+
+def measure(method, scene, truth, output, args):
+    """Figures of one method on one scene; None: no truth or no depth edges, or no time, as the result was there already."""
     seconds = None
-    if not (keep and os.path.exists(output)):
-        if os.path.exists(output):
-            os.remove(output)
-        begin = time.monotonic()
-        method(scene, output)
-        seconds = (time.monotonic() - begin) / len(Stack(os.path.join(scene, "stack")))
-    image = truth.compared(read_image(output))
-    return {"psnr": psnr(image, truth.image), "ssim": ssim(image, truth.image),
-            "psnr_edges": psnr(image, truth.image, truth.edges) if truth.edges.any() else None,
-            "seconds_per_frame": seconds}
+    if not (args.keep and os.path.exists(output)):
+        with tempfile.TemporaryDirectory() as folder:
+            begin = time.monotonic()
+            fused = method(scene, folder).fused
+            seconds = (time.monotonic() - begin) / len(scene.names())
+        cv2.imwrite(output, fused)
+    image, figures = read_image(output), dict.fromkeys(MEASURES)
+    figures["seconds_per_frame"] = seconds
+    figures.update((name.lower(), value) for name, value in tasks.measure_truth(truth, image).items())
+    if args.contrast or truth is None:
+        shares = kept_contrast(scene.frames(), image)
+        figures.update(kept_contrast=float(np.mean(shares)), kept_contrast_least=min(shares))
+    return figures
 
 
-def measure_all(args, scenes):
+def measure_all(args, found):
     """scene name -> method name -> figures, None where a method failed."""
     figures = {}
-    with tqdm(total=len(scenes) * len(args.methods), unit="result", disable=not sys.stderr.isatty()) as bar:
-        for name, scene in scenes.items():
+    with tqdm(total=len(found) * len(args.methods), unit="result", disable=not sys.stderr.isatty()) as bar:
+        for name, scene in found.items():
             os.makedirs(os.path.join(args.output, name), exist_ok=True)
-            truth, figures[name] = Truth.load(scene), {}
+            truth, figures[name] = tasks.truth_of(scene), {}
             for title, method in args.methods.items():
-                bar.set_description("%s %s" % (name, title))
+                bar.set_description(f"{name} {title}")
                 try:
                     output = os.path.join(args.output, name, title + ".png")
-                    figures[name][title] = measure(method, scene, truth, output, args.keep)
-                except (ValueError, RuntimeError, OSError, cv2.error, subprocess.TimeoutExpired) as error:
+                    figures[name][title] = measure(method, scene, truth, output, args)
+                except (ValueError, RuntimeError, OSError, KeyError, cv2.error) as error:
                     figures[name][title] = None
-                    bar.write("%s %s: %s" % (name, title, " ".join(str(error).split())), file=sys.stderr)
+                    bar.write(f"{name} {title}: {' '.join(str(error).split())}", file=sys.stderr)
                 bar.update()
     return figures
 
@@ -122,8 +135,8 @@ def table(figures, key):
 
     rows = [[name] + [cell(of[method] and of[method][key]) for method in columns] for name, of in figures.items()]
     means = [mean(figures, method, key) for method in columns]
-    rows.append(["mean (of scenes)"] + ["%s (%d)" % (cell(value), count) for value, count in means])
-    return "%s\n\n%s" % (title, steps.table(["scene"] + columns, rows))
+    rows.append(["mean (of scenes)"] + [f"{cell(value)} ({count})" for value, count in means])
+    return f"{title}\n\n{steps.table(['scene'] + columns, rows)}"
 
 
 def main():
@@ -132,11 +145,12 @@ def main():
         paths = args.scenes + (suite.generate(args.generate, args.suite) if args.generate else [])
         if not paths:
             parser.error("give scene folders or --generate DIR")
-        scenes = {os.path.basename(os.path.abspath(path)): path for path in paths}
-        if len(scenes) < len(paths):
-            parser.error("two scenes have the same name")
-        figures = measure_all(args, scenes)
-        print("\n".join(table(figures, key) for key in MEASURES if args.time or key != "seconds_per_frame"), end="")
+        found = find_scenes(paths)
+        figures = measure_all(args, found)
+        known = ["truth" in scene.beside for scene in found.values()]
+        shown = {**(TRUTH if any(known) else {}), **(CONTRAST if args.contrast or not all(known) else {}),
+                 **(SECONDS if args.time else {})}
+        print("\n".join(table(figures, key) for key in shown), end="")
         if args.json:
             means = {method: {key: mean(figures, method, key) for key in MEASURES} for method in args.methods}
             with open(args.json, "w", encoding="utf-8") as file:

@@ -13,12 +13,13 @@ import pytest
 from file_helpers import run_script
 from skimage.metrics import structural_similarity
 
+from all_in_focus.benchmark import methods, scenes as scenes_on_disk
+from all_in_focus.files.stack import read_image
 from all_in_focus.metrics.kept_contrast import kept_contrast, roughness
 from all_in_focus.metrics.truth import near_depth_edges, psnr, ssim
 
 BENCH = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "bench")
 sys.path.insert(0, BENCH)
-import methods  # noqa: E402
 import quality  # noqa: E402
 import suite  # noqa: E402
 
@@ -49,6 +50,11 @@ def scenes(tmp_path_factory):
                             breathing, "--optics", "50,1.8,0.03", "--output", folder / name)
         assert (result.returncode, result.stderr) == (0, "")
     return folder
+
+
+def scene_at(path):
+    scene, = scenes_on_disk.find({"path": str(path)})
+    return scene
 
 
 # --- measures ---------------------------------------------------------------------------------------------------------
@@ -142,16 +148,16 @@ def test_lists_of_methods():
     assert methods.split("paper,refined:-alignment,gain,gf+ecc,refined:no-depth,oracle") == [
         "paper", "refined:-alignment,gain", "gf+ecc", "refined:no-depth", "oracle"]
     for name in ("single", "gf+ecc", "refined:optics+20", "refined:shift5", "paper:no-depth", "mine"):
-        assert callable(methods.find(name, "fuse_stack", {"mine": "true"}))
+        assert callable(methods.find(name, {"mine": "true"}, "fuse_stack"))
     for name in ("median", "single+ecc", "refined:", "refined:optics", "gf:no-depth", ""):
         with pytest.raises(ValueError, match="no method is named '%s'" % name.replace("+", r"\+")):
-            methods.find(name, "fuse_stack", {})
+            methods.find(name, {}, "fuse_stack")
 
 
 def test_bounds_know_the_truth(scenes):
     for scene in ("still", "breathing"):
-        truth = methods.truth_of(str(scenes / scene))
-        values = {name: psnr(make(str(scenes / scene)), truth) for name, make in methods.BOUNDS.items()}
+        truth = read_image(scenes / scene / "truth.png")
+        values = {name: psnr(make(scene_at(scenes / scene)).fused, truth) for name, make in methods.BOUNDS.items()}
         assert values["single"] < values["oracle"] and values["single"] + 1 < values["true-depth"]
 
 
@@ -162,11 +168,7 @@ def test_bounds_know_the_truth(scenes):
     ("optics-20", ["--optics 40,1.8,0.03"]),
 ])
 def test_variants_of_fuse_stack(scenes, tmp_path, variant, expected):
-    program, output = tmp_path / "fuse_stack", tmp_path / "out.png"
-    program.write_text("#!/bin/sh\necho \"$@\" > %s\n" % output)
-    program.chmod(0o755)
-    methods.fuse_stack(str(program), "refined", variant, str(scenes / "still"), str(output))
-    said = output.read_text()
+    said = " ".join(methods.fuse_stack_command("refined", variant, "fuse_stack", scene_at(scenes / "still"), str(tmp_path)))
     assert all(option in said for option in expected)
     assert ("--depth" in said) == ("--rig" in said) == (variant != "no-depth")
 
@@ -222,10 +224,26 @@ def test_program_compares_and_keeps(scenes, tmp_path):
     assert figures["scenes"]["still"]["copy"]["seconds_per_frame"] > 0
 
     kept = tmp_path / "out" / "still" / "copy.png"
-    cv2.imwrite(str(kept), methods.truth_of(str(scenes / "still")))
+    cv2.imwrite(str(kept), read_image(scenes / "still" / "truth.png"))
     again = tables(compare(*arguments, "--keep", "--time").stdout)
     assert again["PSNR, dB"]["still"]["copy"] == "inf" and again["Time per frame, s"]["still"]["copy"] == "-"
     assert tables(compare(*arguments).stdout)["PSNR, dB"]["still"]["copy"] == psnrs["still"]["copy"]
+
+
+def test_program_measures_photos_without_a_truth(tmp_path):
+    """A folder of photos and another program: what either keeps of the contrast."""
+    (tmp_path / "photos").mkdir()
+    near, far, sharp = two_frames()
+    for name, image in (("a.jpg", near), ("b.jpg", far)):
+        cv2.imwrite(str(tmp_path / "photos" / name), image, [cv2.IMWRITE_JPEG_QUALITY, 98])
+    result = compare(tmp_path / "photos", "--methods", "laplacian,single", "--peer", "first=cp {stack}/a.jpg {output}",
+                     "--output", tmp_path / "out")
+    assert result.returncode == 0
+    assert result.stderr.splitlines() == [f"photos single: {tmp_path / 'photos'}: no truth is known, which single needs"]
+    found = tables(result.stdout)
+    assert list(found) == ["Contrast kept, mean of the bands", "Contrast kept, least band"]
+    kept = found["Contrast kept, mean of the bands"]["photos"]
+    assert float(kept["laplacian"]) > 0.97 and 0.4 < float(kept["first"]) < 0.9 and kept["single"] == "-"
 
 
 @pytest.mark.parametrize("arguments, reason", [

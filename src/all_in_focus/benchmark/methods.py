@@ -1,17 +1,26 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Methods by name: paper and refined (this package; through the nodes where the scene is a bag), every baseline, each
-baseline with +ecc (frames aligned first), and given:NAME (an image fused_NAME.png that lies beside the sources).
+"""Methods by name:
+
+paper, refined, restored   this package (through the nodes where the scene is a bag); refined:-alignment,exposure: without
+                           those steps; refined:no-depth; refined:optics+20: focal length 20 % too long; refined:shift5:
+                           depth 5 pixels to the right
+the names of BASELINES     each with +ecc, too: frames aligned first
+given:NAME                 an image fused_NAME.png that lies beside the sources
+single, oracle, true-depth bounds that know the truth
 
 A method is run(scene, folder) -> Produced; folder: an empty one to work in. Whatever it raises is its failure.
 """
+import argparse
 import json
 import os
 import re
+import shlex
 import shutil
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import List, Optional
 
 import cv2
@@ -21,9 +30,14 @@ from all_in_focus.baselines import BASELINES
 from all_in_focus.baselines.alignment import align
 from all_in_focus.benchmark import programs
 from all_in_focus.benchmark.scenes import digest
-from all_in_focus.files.stack import read_image
+from all_in_focus.files.rig import Optics, load_rig
+from all_in_focus.files.stack import read_depth, read_image
+from all_in_focus.metrics.truth import psnr
+from all_in_focus.simulation import lens
 
 OWN = ("paper", "refined")
+MODES = (*OWN, "restored")
+VARIANTS = re.compile(r"-[a-z][a-z_-]*(,[a-z_-]+)*|no-depth|optics[+-][0-9]{1,2}|shift[0-9]{1,3}")
 TIMEOUT_S = 3600.0
 PICTURES = ("source_index", "labels")
 
@@ -63,25 +77,33 @@ def expand(names, scenes):
     return expanded
 
 
-def find(name):
-    """The method of a name; ValueError if there is none."""
-    mode, colon, without = str(name).partition(":")
+def find(name, peers={}, program=None):
+    """The method of a name; ValueError if there is none.
+
+    peers: more names -> command lines (see `peer_command`); program: path of fuse_stack, None: that of this package.
+    """
+    kind, colon, variant = str(name).partition(":")
     plain = name[:-len("+ecc")] if name.endswith("+ecc") else name
-    if mode in OWN and (not colon or re.fullmatch(r"-[a-z][a-z-]*(,[a-z-]+)*", without)):
-        return partial(_own, mode, without[1:])
+    if name in peers:
+        return partial(_peer, peers[name])
+    if kind in MODES and (not colon or VARIANTS.fullmatch(variant)):
+        return partial(_own, kind, variant, program)
     if plain in BASELINES:
         return partial(_baseline, plain, plain != name)
-    if mode == "given" and re.fullmatch(r"[\w.-]+", without):
-        return partial(_given, without)
-    raise ValueError("no method is named '%s'; there are %s, each of the last %d with +ecc, and given:NAME"
-                     % (name, ", ".join(OWN + tuple(BASELINES)), len(BASELINES)))
+    if name in BOUNDS:
+        return partial(_bound, name)
+    if kind == "given" and re.fullmatch(r"[\w.-]+", variant):
+        return partial(_given, variant)
+    raise ValueError(f"no method is named '{name}'; there are {', '.join([*OWN, *BASELINES])}, each of the last "
+                     f"{len(BASELINES)} with +ecc, {', '.join(BOUNDS)}, and given:NAME")
 
 
 def split(text):
     """Names of a list a,b,refined:-c,d: after a minus sign commas go on until the next name of a method."""
     names = []
     for part in text.split(","):
-        if names and ":-" in names[-1] and re.fullmatch("[a-z][a-z_-]*", part) and part not in (*OWN, *BASELINES, "all"):
+        is_step = re.fullmatch("[a-z][a-z_-]*", part) and part not in {*MODES, *BASELINES, *BOUNDS, "all"}
+        if names and ":-" in names[-1] and is_step:
             names[-1] += "," + part
         else:
             names.append(part)
@@ -94,7 +116,7 @@ def fingerprint(name, scene, versions):
     if name.startswith("given:"):
         path = scene.given.get(name.partition(":")[2])
         parts.append(digest([path]) if path else "")
-    program = [versions["nodes" if scene.of_bag else "fuse_stack"]] * (name.partition(":")[0] in OWN)
+    program = [versions["nodes" if scene.of_bag else "fuse_stack"]] * (name.partition(":")[0] in MODES)
     return " ".join([*parts, versions["code"], *program])
 
 
@@ -122,21 +144,68 @@ def _given(name, scene, folder):
     return Produced(read_image(scene.given[name]))
 
 
-def _own(mode, without, scene, folder):
+def peer_command(text):
+    """argparse type: (name, command line) of NAME=COMMAND; {stack} {focus} {rig} {depth} {output} in it are replaced."""
+    name, equals, command = text.partition("=")
+    if not (name and equals and "{output}" in command) or "," in name:
+        raise argparse.ArgumentTypeError(f"'{text}': expected NAME=COMMAND with {{output}} in it")
+    return name, command
+
+
+def _peer(command, scene, folder):
+    """Somebody else's program, such as focus-stack or a learned method; without a file for a name, it gets ''."""
+    output = os.path.join(folder, "fused.png")
+    paths = {"stack": _stack(scene, folder), "output": output,
+             **{key: scene.beside.get(key, "") for key in ("focus", "rig", "depth")}}
+    parts = [part.format(**paths) for part in shlex.split(command)]
+    begin = time.perf_counter()
+    programs.run(parts, TIMEOUT_S)
+    if not os.path.exists(output):
+        raise RuntimeError(f"{os.path.basename(parts[0])}: has not written {{output}}")
+    return Produced(read_image(output), seconds=time.perf_counter() - begin)
+
+
+def _own(mode, variant, program, scene, folder):
     if scene.of_bag:
-        if without:
+        if variant:
             raise ValueError("steps are left out on files only, not in bags")
         if mode not in scene.nodes:
             raise ValueError("the nodes have made nothing of this bracket")
         return _read_own(scene.nodes[mode], "the fusion node alone", ("fusion",))
-    stack = scene.stack or _linked(scene.sources, os.path.join(folder, "stack"))
-    command = [programs.find("fuse_stack"), "--mode", mode, "--stack", stack, *_known(scene),
+    programs.run(fuse_stack_command(mode, variant, program or programs.find("fuse_stack"), scene, folder), TIMEOUT_S)
+    return _read_own(folder)
+
+
+def fuse_stack_command(mode, variant, program, scene, folder):
+    """Command line of fuse_stack for a scene, which writes fused.png, report.json and more into a folder."""
+    extra = []
+    if variant.startswith("-"):
+        extra = ["--without", variant[1:]]
+    elif variant == "no-depth":
+        beside = {key: path for key, path in scene.beside.items() if key not in ("depth", "registered_depth", "label", "rig")}
+        scene = replace(scene, beside=beside, optics="")
+    elif variant.startswith("optics"):
+        known = scene.lens()
+        longer = known.focal_length_mm * (1 + float(variant[len("optics"):]) / 100)
+        scene = replace(scene, optics=f"{longer:.9g},{known.aperture:.9g},{known.circle_of_confusion_mm:.9g}")
+    elif variant.startswith("shift"):
+        moved = os.path.join(folder, "shifted_depth.png")
+        shifted(scene.beside["depth"], int(variant[len("shift"):]), moved)
+        scene = replace(scene, beside={**scene.beside, "depth": moved})
+    command = [program, "--mode", mode, "--stack", _stack(scene, folder), *_known(scene),
                "--output", os.path.join(folder, "fused.png"), "--report", os.path.join(folder, "report.json")]
     has_labels = {"depth", "registered_depth", "label"} & set(scene.beside)
     for name in PICTURES if has_labels else PICTURES[:1]:
         command += ["--save-" + name.replace("_", "-"), os.path.join(folder, name + ".png")]
-    programs.run(command + ["--without", without] * bool(without), TIMEOUT_S)
-    return _read_own(folder)
+    return command + extra
+
+
+def shifted(path, columns, output):
+    """Write a depth image moved to the right; what comes in from the left is unknown."""
+    depth = read_depth(path)
+    moved = np.zeros_like(depth)
+    moved[:, columns:] = depth[:, :depth.shape[1] - columns]
+    cv2.imwrite(output, moved)
 
 
 def _known(scene):
@@ -154,12 +223,64 @@ def _known(scene):
     return arguments
 
 
-def _linked(sources, folder):
-    """A folder that holds just these pictures, under their own names."""
-    os.mkdir(folder)
-    for path in sources:
-        os.symlink(os.path.abspath(path), os.path.join(folder, os.path.basename(path)))
-    return folder
+def _stack(scene, folder):
+    """Folder or video of the frames; where a folder holds other pictures too, one that links just these."""
+    if scene.stack:
+        return scene.stack
+    linked = os.path.join(folder, "stack")
+    os.mkdir(linked)
+    for path in scene.sources:
+        os.symlink(os.path.abspath(path), os.path.join(linked, os.path.basename(path)))
+    return linked
+
+
+# --- bounds: they know the truth --------------------------------------------------------------------------------------
+
+def _bound(name, scene, folder):
+    if "truth" not in scene.beside:
+        raise ValueError(f"{scene.path}: no truth is known, which {name} needs")
+    return BOUNDS[name](scene)
+
+
+def single(scene):
+    """The best frame as it is."""
+    truth = read_image(scene.beside["truth"])
+    return Produced(max(scene.frames(), key=lambda frame: psnr(frame, truth)))
+
+
+def oracle(scene):
+    """Every pixel from the frame whose colour is nearest to the truth there."""
+    truth, fused = read_image(scene.beside["truth"]).astype(np.int32), None
+    for number, frame in enumerate(scene.frames()):
+        error = ((frame - truth) ** 2).sum(axis=2)
+        if fused is None:
+            fused, best, index = frame, error, np.zeros(error.shape, np.uint16)
+            continue
+        better = error < best
+        fused[better], best[better], index[better] = frame[better], error[better], number
+    return Produced(fused, index)
+
+
+def true_depth(scene):
+    """Every pixel from the frame focused nearest, in dioptres, to the true depth; true motion is undone."""
+    made = json.loads(Path(scene.path, "scene.json").read_text(encoding="utf-8"))
+    camera, depth = load_rig(scene.beside["rig"]).color, read_depth(scene.beside["truth_depth"])
+    focus, enlarge = np.array(made["focus_mm"]), made.get("enlarge", 1)
+    index = np.argmin([np.abs(1 / s - 1 / np.maximum(depth, 1)) for s in focus], axis=0)
+    roll, right, down = (made.get("sag", {}).get(key, 0) for key in ("roll_degrees", "right_px", "down_px"))
+    motions = lens.frame_motions(camera, Optics(**made["optics"]), focus, made["breathing"],
+                                 lens.Sag(roll, right * enlarge, down * enlarge))
+    fused = np.zeros(depth.shape + (3,), np.uint8)
+    for number, (frame, matrix) in enumerate(zip(scene.frames(), motions)):
+        still = lens.warp(np.float32(frame), cv2.invertAffineTransform(matrix))
+        fused[index == number] = np.uint8(np.clip(np.rint(still), 0, 255))[index == number]
+    return Produced(fused, index.astype(np.uint16))
+
+
+BOUNDS = {"single": single, "oracle": oracle, "true-depth": true_depth}
+
+
+# --- results ----------------------------------------------------------------------------------------------------------
 
 
 def _read_own(folder, remark="", steps=None):

@@ -11,6 +11,7 @@ from typing import Dict, List
 import cv2
 
 from all_in_focus.metrics.images import MIN_SIZE
+from all_in_focus.metrics.truth import enlargement
 from all_in_focus.files.rig import Optics, load_rig
 from all_in_focus.files.stack import IMAGE_SUFFIXES, Stack, StackError, load_focus, read_depth, read_image
 
@@ -32,7 +33,8 @@ class Scene:
     """A bracket. stack: folder or video of its frames; sources: its frames, where a folder holds other pictures too.
 
     beside: paths by the keys of BESIDE; optics: f,F,coc, or empty; given: results of others, path by name; digest: of
-    all its files. of_bag: a bracket of a bag; nodes: folder with what the nodes have made of it, by mode.
+    all its files. of_bag: a bracket of a bag; enlarge: see metrics.truth.enlargement; nodes: folder with what the nodes
+    have made of it, by mode.
     """
     name: str
     path: str
@@ -43,6 +45,7 @@ class Scene:
     given: Dict[str, str] = field(default_factory=dict)
     digest: str = ""
     of_bag: bool = False
+    enlarge: int = 1
     nodes: Dict[str, str] = field(default_factory=dict)
 
     @property
@@ -130,7 +133,7 @@ def _scene(name, entry):
         beside["rig"] = folder
     given = {os.path.basename(path)[len(GIVEN):-len(".png")]: path
              for path in sorted(glob.glob(os.path.join(glob.escape(folder), GIVEN + "*.png")))}
-    return Scene(name, folder, stack, sources, beside, entry.get("optics", ""), given)
+    return Scene(name, folder, stack, sources, beside, entry.get("optics", ""), given, enlarge=enlargement(folder))
 
 
 def _beside(entry, known, folder):

@@ -62,16 +62,28 @@ def measure(scene, frames, fused, metric_names):
                          % (fused.shape[1::-1] + frames[0].shape[1::-1]))
     grays, gray = [metrics.to_gray(frame) for frame in frames], metrics.to_gray(fused)
     values = {name: float(metrics.METRICS[name](grays, gray)) for name in metric_names if name in metrics.METRICS}
+    return {**values, **measure_truth(truth_of(scene), fused)}
+
+
+def truth_of(scene):
+    """Truth of a scene; None where none is known. Where its depth or the optics are not, no pixel is near an edge."""
     if "truth" not in scene.beside:
-        return values
-    colour = fused if fused.ndim == 3 else cv2.cvtColor(fused, cv2.COLOR_GRAY2BGR)
-    truth = read_image(scene.beside["truth"])
-    values.update(zip(TRUTH_MEASURES, (psnr(colour, truth), ssim(colour, truth))))
-    optics = scene.lens()
+        return None
+    image = read_image(scene.beside["truth"])
+    optics, depth = scene.lens(), np.zeros(image.shape[:2], np.uint16)
     if "truth_depth" in scene.beside and optics:
-        edges = Truth.of(truth, read_depth(scene.beside["truth_depth"]), optics).edges
-        if edges.any():
-            values["PSNR_edges"] = psnr(colour, truth, edges)
+        depth = read_depth(scene.beside["truth_depth"])
+    return Truth.of(image, depth, optics, scene.enlarge)
+
+
+def measure_truth(truth, fused):
+    """Name -> value of TRUTH_MEASURES; nothing without a truth, no PSNR_edges where there are no edges."""
+    if truth is None:
+        return {}
+    colour = truth.compared(fused if fused.ndim == 3 else cv2.cvtColor(fused, cv2.COLOR_GRAY2BGR))
+    values = dict(zip(TRUTH_MEASURES, (psnr(colour, truth.image), ssim(colour, truth.image))))
+    if truth.edges.any():
+        values["PSNR_edges"] = psnr(colour, truth.image, truth.edges)
     return values
 
 

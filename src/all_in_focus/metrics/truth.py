@@ -27,15 +27,17 @@ class Truth:
     @classmethod
     def load(cls, scene):
         """ValueError where a file is missing or damaged. Of an enlarged scene the truth is that of the small one."""
-        scene, made = Path(scene), Path(scene, "scene.json")
-        enlarge = json.loads(made.read_text(encoding="utf-8")).get("enlarge", 1) if made.exists() else 1
-        image, depth = (centres(picture, enlarge)
-                        for picture in (read_image(scene / "truth.png"), read_depth(scene / "truth_depth.png")))
-        return cls.of(image, depth, load_rig(scene / "rig").optics, enlarge)
+        scene = Path(scene)
+        return cls.of(read_image(scene / "truth.png"), read_depth(scene / "truth_depth.png"),
+                      load_rig(scene / "rig").optics, enlargement(scene))
 
     @classmethod
     def of(cls, image, depth_mm, optics, enlarge=1):
-        """image: as above; depth_mm: H x W, its depth, 0 = unknown; optics: rig.Optics of the lens."""
+        """image: H x W x 3, depth_mm: H x W, 0 = unknown, both as large as the frames; optics: rig.Optics of the lens, None
+        only where no depth is known."""
+        image, depth_mm = centres(image, enlarge), centres(depth_mm, enlarge)
+        if not depth_mm.any():
+            return cls(image, np.zeros(depth_mm.shape, bool), enlarge)
         # Half the span of one depth of field, 1/H, is a jump that blurs visibly.
         step = 500 * optics.aperture * optics.circle_of_confusion_mm / optics.focal_length_mm ** 2
         return cls(image, near_depth_edges(depth_mm, step), enlarge)
@@ -43,6 +45,14 @@ class Truth:
     def compared(self, fused):
         """What of a fused image (BGR) is compared with the truth: the middle pixel of each enlarged one."""
         return centres(fused, self.enlarge)
+
+
+def enlargement(scene):
+    """How many equal pixels, each way, the frames of a scene folder have for one pixel of what was rendered."""
+    try:
+        return int(json.loads(Path(scene, "scene.json").read_text(encoding="utf-8"))["enlarge"])
+    except (OSError, ValueError, KeyError, TypeError):  # not made by make_scene
+        return 1
 
 
 def centres(image, factor):
