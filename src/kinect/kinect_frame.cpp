@@ -98,7 +98,7 @@ sensor_msgs::ImagePtr toImage(const KinectFrame& frame, const std_msgs::Header& 
   const Layout layout = layoutOf(frame.format, frame.stream);
   requireWhole(frame, CV_ELEM_SIZE(layout.cv_type));
 
-  const auto image = boost::make_shared<sensor_msgs::Image>();
+  auto image = boost::make_shared<sensor_msgs::Image>();
   image->header = header;
   image->encoding = layout.encoding;
   image->width = frame.width;
