@@ -1,0 +1,171 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The three nodes under stress: all_in_focus.launch on a master of its own, good brackets, and what they must give."""
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import xmlrpc.client
+from pathlib import Path
+
+import numpy as np
+import rosgraph
+import rospy
+from cv_bridge import CvBridge
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
+
+from all_in_focus.files.rig import load_rig
+from all_in_focus.files.rig_messages import camera_info
+from all_in_focus.files.stack import focus_entries
+from all_in_focus.msg import FocusFrame, FusionReport
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+from file_helpers import run_script  # noqa: E402
+from tool_helpers import fuse_stack, read, succeeded  # noqa: E402
+
+FRAMES = 5
+NODES = ("/all_in_focus_manager", "/depth_preprocess", "/segmenter", "/fusion", "/rig_publisher")
+
+
+def wait_until(condition, seconds):
+    """The first true value of condition(), or its last one."""
+    end = time.monotonic() + seconds
+    while True:
+        value = condition()
+        if value or time.monotonic() > end:
+            return value
+        time.sleep(0.02)
+
+
+class Scene:
+    """A scene on disk, and the pixels that fuse_stack makes of it."""
+
+    def __init__(self, folder):
+        self.folder, self.rig = folder, folder / "rig"
+        if not folder.exists():
+            succeeded(run_script("make_scene", "--scene", "planes", "--size", "160x120", "--frames", FRAMES, "--output",
+                                 folder))
+        self.files = ["--stack", folder / "stack", "--focus", folder / "focus.yaml", "--depth", folder / "depth.png",
+                      "--rig", self.rig]
+        succeeded(fuse_stack(*self.files, "--output", folder.parent / "fused.png"))
+        self.fused = read(folder.parent / "fused.png")
+        self.frames = [read(path) for path in sorted((folder / "stack").iterdir())]
+        self.distances = [distance for _, distance in focus_entries(str(folder / "focus.yaml"))]
+        self.depth = read(folder / "depth.png")
+
+
+class Graph:
+    """all_in_focus.launch with the rig of a scene. What it prints is in `lines`."""
+
+    def __init__(self, scene, log):
+        self.scene, self.lines = scene, []
+        rospy.set_param("/depth_preprocess/invalid_values", [0])  # as in fuse_stack: 2047 mm is a distance
+        self._log = open(log, "w", encoding="utf-8")
+        self._launch = subprocess.Popen(["roslaunch", "all_in_focus", "all_in_focus.launch", f"rig:={scene.rig}"],
+                                        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+                                        errors="replace", start_new_session=True)
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        rig, self._bridge = load_rig(str(scene.rig)), CvBridge()
+        self._rig, self._bracket_id = rig, int(time.time()) % 10 ** 6 * 1000
+        self._publishers = {topic: rospy.Publisher(topic, kind, queue_size=50) for topic, kind in (
+            ("/depth/image_raw", Image), ("/depth/camera_info", CameraInfo), ("/rgb/image", Image),
+            ("/rgb/camera_info", CameraInfo), ("/rgb/focus", FocusFrame))}
+        self._images, self._reports, self._segmented = {}, [], set()
+        self._subscribers = [
+            rospy.Subscriber("/all_in_focus/image", Image, self._on_image, buff_size=2 ** 22),
+            rospy.Subscriber("/all_in_focus/report", FusionReport, self._reports.append),
+            rospy.Subscriber("/segmentation/processed", Header, lambda header: self._segmented.add(header.stamp))]
+
+    def _read(self):
+        for line in self._launch.stdout:
+            self._log.write(line)
+            self.lines.append(line.rstrip())
+            del self.lines[:-1000]
+
+    def _on_image(self, image):
+        self._images[image.header.stamp] = image
+        while len(self._images) > 20:
+            del self._images[next(iter(self._images))]
+
+    def connected(self, seconds=60):
+        """Whether all nodes listen to their inputs within this time."""
+        return wait_until(lambda: all(publisher.get_num_connections() for publisher in self._publishers.values()), seconds)
+
+    def good_bracket(self, seconds=8.0):
+        """Sends a depth image and a bracket. Returns "" if the result has the pixels of fuse_stack, else what is wrong."""
+        stamp = rospy.Time.now()
+        depth_header = Header(stamp=stamp, frame_id=self._rig.child_frame)
+        rgb_header = Header(stamp=stamp, frame_id=self._rig.parent_frame)
+        send = {topic: publisher.publish for topic, publisher in self._publishers.items()}
+        send["/rgb/camera_info"](camera_info(self._rig.color, rgb_header))
+        send["/depth/camera_info"](camera_info(self._rig.depth, depth_header))
+        time.sleep(0.05)
+        send["/depth/image_raw"](self._bridge.cv2_to_imgmsg(self.scene.depth, "16UC1", depth_header))
+        if not wait_until(lambda: stamp in self._segmented, seconds / 2):
+            return "the depth image is not segmented"
+        self._bracket_id += 1
+        before = len(self._reports)
+        for index, frame in enumerate(self.scene.frames):
+            header = Header(stamp=stamp + rospy.Duration(0.001 * index), frame_id=self._rig.parent_frame)
+            send["/rgb/camera_info"](camera_info(self._rig.color, header))
+            send["/rgb/focus"](FocusFrame(header, self._bracket_id, index, FRAMES, index + 1 == FRAMES,
+                                          self.scene.distances[index]))
+            send["/rgb/image"](self._bridge.cv2_to_imgmsg(frame, "bgr8", header))
+            time.sleep(0.01)
+
+        def report():
+            return next((one for one in self._reports[before:] if one.header.stamp in self._images
+                         and stamp <= one.header.stamp <= header.stamp), None)
+        found = wait_until(report, seconds / 2)
+        if found is None:
+            return "no result came"
+        image = self._images[found.header.stamp]
+        if not np.array_equal(self._bridge.imgmsg_to_cv2(image, "bgr8"), self.scene.fused):
+            return f"other pixels than those of fuse_stack ({found.mode}, {found.frames_seen} frames: {found.notes})"
+        return ""
+
+    def good_within(self, seconds):
+        """(seconds until a bracket was right, "") or (None, what was wrong with the last one)."""
+        begin, wrong = time.monotonic(), "no bracket was sent"
+        while time.monotonic() - begin < seconds:
+            wrong = self.good_bracket(max(1.0, min(8.0, begin + seconds - time.monotonic())))
+            if not wrong:
+                return time.monotonic() - begin, ""
+        return None, wrong
+
+    def pids(self):
+        """Process of each node, by the node's own answer; those that do not answer are missing."""
+        found = {}
+        for node in NODES:
+            try:
+                uri = rosgraph.Master("/stress").lookupNode(node)
+                found[node] = xmlrpc.client.ServerProxy(uri).getPid("/stress")[2]
+            except (rosgraph.MasterException, OSError, xmlrpc.client.Error):
+                pass
+        return found
+
+    def deaths(self):
+        """What roslaunch tells of processes that ended."""
+        return [line for line in self.lines if "has died" in line]
+
+    def resident_mb(self):
+        """Memory of the nodelet manager, MB."""
+        status = Path(f"/proc/{self.pids()['/all_in_focus_manager']}/status").read_text()
+        return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1]) / 1024
+
+    def close(self):
+        for one in [*self._subscribers, *self._publishers.values()]:
+            one.unregister()
+        if self._launch.poll() is None:
+            self._launch.send_signal(signal.SIGINT)
+        try:
+            self._launch.wait(30)
+        except subprocess.TimeoutExpired:
+            os.killpg(self._launch.pid, signal.SIGKILL)
+            self._launch.wait()
+        self._reader.join(5)
+        self._log.close()
