@@ -18,7 +18,7 @@
 #include "command_line.hpp"
 #include "fusion/defocus_prediction.hpp"
 #include "fusion/refined_fusion.hpp"
-#include "fusion/sharpness_rows.hpp"
+#include "fusion/sharpness_pyramid.hpp"
 #include "image_files.hpp"
 #include "rig_files.hpp"
 #include "stack_reader.hpp"
@@ -138,6 +138,17 @@ cv::Mat enlarge(const std::vector<cv::Mat>& images, const cv::Rect& place) {
   return picture;
 }
 
+// Of every pixel, at the finest scale or over all of them.
+cv::Mat sharpnessOf(const cv::Mat& gray, bool scales) {
+  SharpnessPyramid pyramid;
+  SharpnessPyramid::Rows rows;
+  pyramid.begin(gray, {0, 1, scales});
+  pyramid.begin(rows);
+  cv::Mat sharpness(gray.size(), CV_32FC1);
+  for (int y = 0; y < gray.rows; ++y) std::copy_n(pyramid.row(y, rows), gray.cols, sharpness.ptr<float>(y));
+  return sharpness;
+}
+
 void drawAll(const po::variables_map& values) {
   const std::string folder = textOption(values, "scene"), output = textOption(values, "output");
   StackReader stack(folder + "/stack");
@@ -172,13 +183,10 @@ void drawAll(const po::variables_map& values) {
   save("frame", scene.frames[kShown]);
 
   const BracketScene bracket = bracketScene(scene, result);
-  cv::Mat sharpness, squared_error;
   const cv::Mat gray = grayOf(scene.frames[kShown]);
-  SharpnessRows rows;
-  rows.begin(gray);
-  sharpness.create(gray.size(), CV_32FC1);
-  for (int y = 0; y < gray.rows; ++y) std::copy_n(rows.small(y), gray.cols, sharpness.ptr<float>(y));
-  save("sharpness", colored(decades(sharpness), 0, 2));
+  save("sharpness", colored(decades(sharpnessOf(gray, false)), 0, 2));
+  save("sharpness_scales", colored(decades(sharpnessOf(gray, true)), 0, 7));
+  cv::Mat squared_error;
   DefocusPrediction prediction;
   prediction.begin(bracket.depth, bracket.measured, scene.truth.size(), bracket.optics,
                    bracket.optics.focal_length_mm / bracket.camera->fx);

@@ -46,7 +46,7 @@ struct RefinedConfig {
   bool exposure = true;    ///< and to its exposure
   bool prediction = true;  ///< depth and optics have a say (DefocusPrediction)
   DefocusConfig defocus;
-  bool around = true;  ///< sharpness is looked for in a large window as well
+  bool scales = true;  ///< sharpness is looked for at every scale; false: at that of pixels alone
   bool noise = true;   ///< weights know the noise
   bool soft = true;    ///< weighted mean; false: the heaviest frame is copied
 };

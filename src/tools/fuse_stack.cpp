@@ -74,7 +74,7 @@ RefinedConfig parseWithout(const std::string& names) {
                                                     {"prediction", &config.prediction},
                                                     {"edge-error", &config.defocus.edge_uncertainty},
                                                     {"hole-doubt", &config.defocus.hole_doubt},
-                                                    {"around", &config.around},
+                                                    {"scales", &config.scales},
                                                     {"noise", &config.noise},
                                                     {"soft", &config.soft}};
   std::istringstream list(names);
@@ -239,7 +239,7 @@ int main(int argc, char** argv) {
       ("mode", text()->default_value("refined"), "paper or refined")                                     //
       ("without", text(),
        "ingredients of mode refined to leave out: alignment, exposure, prediction, edge-error, hole-doubt, "
-       "around, noise, soft")  //
+       "scales, noise, soft")  //
       ("reference", text()->default_value("auto"),
        "frame whose geometry and exposure the result keeps; auto: the middle one")                        //
       ("save-registered", text(), "depth seen from the colour camera, holes filled, 16-bit PNG, mm")      //

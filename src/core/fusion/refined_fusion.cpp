@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numeric>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
@@ -16,19 +15,9 @@
 namespace all_in_focus::core {
 namespace {
 
-// Modified Laplacian, gray levels above the noise, that a frame which is sharp anywhere has in its sharpest
-// places.
-constexpr double kSharp = 4;
-constexpr double kLeastTrust = 1e-9;
-constexpr double kNoiseMargin = 1.25;  // frames differ in their noise, and places in a frame
-
-// Where nothing tells how blurred a frame is: 1 if it is sharp somewhere, next to nothing if nowhere. On bare
-// surfaces all frames agree but for the light that far too blurred ones spread over them: a halo round
-// everything bright. fourth: mean of sharpness^4, which lets the sharpest places speak; noise: mean sharpness
-// of nothing but noise.
-double trustIn(double fourth, double noise) {
-  const double above_noise = std::pow(std::max(fourth - std::pow(kNoiseMargin * noise, 4), 0.0), 0.25);
-  return std::max(kLeastTrust, std::pow(std::min(1.0, above_noise / (kSharp + noise)), 8));
+// By what a table of codes multiplies the contrast of middle gray.
+double contrastGain(const std::array<float, 256>& codes) {
+  return (codes[192] - codes[64]) / 128.0;
 }
 
 // The pixels of the reference that a frame shows.
@@ -81,7 +70,8 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   if (!config_.alignment || !alignment_.hasObserved(index)) observe(gray, index, focus_mm);
   if (reference_ < 0) {
     reference_ = index;
-    mean_.begin(size_, config_.noise ? noiseDeviation(gray) : 0, config_.soft);
+    noise_ = config_.noise ? noiseDeviation(gray) : 0;
+    mean_.begin(size_, noise_, config_.soft);
     exposure_.setReference(frame);
     addAligned(frame, gray, gainTable(1), cv::Rect({}, size_), index, focus_mm);
     return "";
@@ -108,14 +98,13 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
 void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& codes,
                                const cv::Rect& inside, int index, double focus_mm) {
   strips_.resize(stripCount(size_.height));
-  for (Strip& strip : strips_) strip.sharpness.begin(gray);
+  const bool predicted = predicts_ && !std::isnan(focus_mm);
+  sharpness_.begin(gray, {noise_, contrastGain(codes), config_.scales, !predicted});
+  for (Strip& strip : strips_) sharpness_.begin(strip.sharpness);
   if (predicts_) {
     prediction_.computeCoarse(focus_mm, squared_error_);
     for (Strip& strip : strips_) strip.squared_error.begin(squared_error_.size(), size_);
   }
-  const bool predicted = predicts_ && !std::isnan(focus_mm);
-  const double trust = predicted ? 1 : trustIn(meanFourthPower(), mean_.sharpnessOfNoise());
-
   mean_.beginFrame(index, codes);
   const RowStrips strips({inside.y, inside.br().y}, static_cast<int>(strips_.size()));
   strips.forEach([&](const cv::Range& rows, int i) {
@@ -125,30 +114,11 @@ void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const 
     Strip& strip = strips_[i];
     for (int y = rows.start; y < rows.end; ++y) {
       EvidenceRow evidence;
-      if (config_.around) evidence.sharpness_around = strip.sharpness.around(y);
-      evidence.sharpness = strip.sharpness.small(y);
+      evidence.sharpness = sharpness_.row(y, strip.sharpness);
       if (predicts_) evidence.squared_error = strip.squared_error.row(y, predictedError);
-      evidence.trust = trust;
       mean_.addRow(y, {inside.x, inside.br().x}, frame.ptr<std::uint8_t>(y), evidence);
     }
   });
-}
-
-// Of the frame's sharpness, reduced to a quarter.
-double RefinedFusion::meanFourthPower() {
-  const cv::Size size = strips_[0].sharpness.reducedSize();
-  fourth_powers_.resize(size.height);
-  RowStrips({0, size.height}, static_cast<int>(strips_.size())).forEach([&](const cv::Range& rows, int i) {
-    std::vector<float>& row = strips_[i].row;
-    row.resize(size.width);
-    for (int y = rows.start; y < rows.end; ++y) {
-      strips_[i].sharpness.reduced(y, row.data());
-      fourth_powers_[y] = 0;
-      for (const float s : row) fourth_powers_[y] += s * s * s * s;
-    }
-  });
-  const double sum = std::accumulate(fourth_powers_.begin(), fourth_powers_.end(), 0.0);
-  return sum / size.area();
 }
 
 }  // namespace all_in_focus::core

@@ -11,7 +11,7 @@
 #include "all_in_focus/bracket_fusion.hpp"
 #include "fusion/defocus_prediction.hpp"
 #include "fusion/exposure_matching.hpp"
-#include "fusion/sharpness_rows.hpp"
+#include "fusion/sharpness_pyramid.hpp"
 #include "fusion/weighted_mean.hpp"
 #include "util/image_rows.hpp"
 
@@ -43,12 +43,10 @@ class RefinedFusion {
  private:
   void addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& codes,
                   const cv::Rect& inside, int index, double focus_mm);
-  double meanFourthPower();
 
   struct Strip {  ///< of the frame being added; each thread works at one
-    SharpnessRows sharpness;
+    SharpnessPyramid::Rows sharpness;
     UpsampledRows squared_error;
-    std::vector<float> row;
   };
 
   RefinedConfig config_;
@@ -56,15 +54,16 @@ class RefinedFusion {
   cv::Point2d center_;
   double focal_length_mm_ = 0;  // 0 = unknown
   bool predicts_ = false;
+  double noise_ = 0;    // standard deviation in the reference, gray levels
   int reference_ = -1;  // index; -1: none yet
   BracketAlignment alignment_;
   ReferenceWarp warp_;
   ExposureMatching exposure_;
+  SharpnessPyramid sharpness_;
   DefocusPrediction prediction_;
   WeightedMean mean_;
   cv::Mat aligned_, aligned_gray_, squared_error_;
   std::vector<Strip> strips_;
-  std::vector<double> fourth_powers_;
 };
 
 }  // namespace all_in_focus::core

@@ -15,15 +15,15 @@
 namespace all_in_focus::core {
 namespace {
 
-// Mean modified Laplacian of white noise of deviation 1: two second differences of deviation sqrt(6), each
-// with mean absolute value sqrt(2 / pi).
-const double kSharpnessOfNoise = 2 * std::sqrt(6) * std::sqrt(2 / CV_PI);
-
 // Rounding to 8 bits is noise as well; below it nothing can be told.
 constexpr double kRounding = 1;
 
 // A gain from a frame below this share of the error's own noise is not worth the loss of a frame to average.
 constexpr double kNoiseVariances = 4;
+
+// Less sharp than this share of the sharpest frame is all the same: its eighth power, 1e-24, times any
+// expected error must stay a normal number.
+constexpr float kLeastShare = 1e-3f;
 
 // Makes weights divisors where there is none, and disappears in all others.
 constexpr float kNoWeight = std::numeric_limits<float>::min();
@@ -32,20 +32,18 @@ constexpr int kSpan = 512;  // pixels worked on at a time: what they need stays 
 
 // What follows works on a span of one row, n <= kSpan pixels.
 
-// trust (sharpness + floor)^6
-ALL_IN_FOCUS_SIMD void weighSharpness(const float* sharpness, float floor, float trust, int n,
+// weight: sharpness^8 in units of the sharpest frame's, this one included; keep: what remains of older sums
+// in these units.
+ALL_IN_FOCUS_SIMD void weighSharpness(const float* sharpness, int n, float* sharpest, float* keep,
                                       float* weight) {
   for (int i = 0; i < n; ++i) {
-    const float s = sharpness[i] + floor, cube = s * s * s;
-    weight[i] = trust * (cube * cube);
-  }
-}
-
-// times (sharpness + floor)^2
-ALL_IN_FOCUS_SIMD void weighSharpnessAround(const float* sharpness, float floor, int n, float* weight) {
-  for (int i = 0; i < n; ++i) {
-    const float s = sharpness[i] + floor;
-    weight[i] *= s * s;
+    const float less = std::min(sharpness[i], sharpest[i]), more = std::max(sharpness[i], sharpest[i]);
+    const float share = std::max(less / more, kLeastShare);
+    const float square = share * share, fourth = square * square, eighth = fourth * fourth;
+    const bool sharper = sharpness[i] > sharpest[i];
+    keep[i] = sharper ? eighth : 1;
+    weight[i] = sharper ? 1 : eighth;
+    sharpest[i] = more;
   }
 }
 
@@ -66,12 +64,17 @@ ALL_IN_FOCUS_SIMD void threeTimes(const float* weight, int n, float* weights) {
   for (int i = 0; i < n; ++i) weights[3 * i] = weights[3 * i + 1] = weights[3 * i + 2] = weight[i];
 }
 
-ALL_IN_FOCUS_SIMD void addProducts(const float* weights, const float* values, int n, float* sum) {
-  for (int i = 0; i < n; ++i) sum[i] += weights[i] * values[i];
+ALL_IN_FOCUS_SIMD void addProducts(const float* keep, const float* weights, const float* values, int n,
+                                   float* sum) {
+  for (int i = 0; i < n; ++i) sum[i] = keep[i] * sum[i] + weights[i] * values[i];
 }
 
-ALL_IN_FOCUS_SIMD void addWeights(const float* weight, int n, float* sum) {
-  for (int i = 0; i < n; ++i) sum[i] += weight[i];
+ALL_IN_FOCUS_SIMD void addWeights(const float* keep, const float* weight, int n, float* sum) {
+  for (int i = 0; i < n; ++i) sum[i] = keep[i] * sum[i] + weight[i];
+}
+
+ALL_IN_FOCUS_SIMD void scale(const float* factor, int n, float* values) {
+  for (int i = 0; i < n; ++i) values[i] *= factor[i];
 }
 
 void copyHeavier(const float* weight, const float* most, const float* values, int n, float* chosen) {
@@ -115,11 +118,11 @@ bool areTheirOwnValues(const std::array<float, 256>& codes) {
 void WeightedMean::begin(const cv::Size& size, double noise, bool soft) {
   soft_ = soft;
   frames_ = 0;
-  sharpness_of_noise_ = kSharpnessOfNoise * noise;
-  sharpness_floor_ = static_cast<float>(kRounding + sharpness_of_noise_);
   error_floor_ = static_cast<float>(kRounding + kNoiseVariances * noise * noise);
   colors_.create(size, CV_32FC3);
   colors_.setTo(0);
+  sharpest_.create(size, CV_32FC1);
+  sharpest_.setTo(0);
   weights_.create(size, CV_32FC1);
   weights_.setTo(0);
   most_.create(size, CV_32FC1);
@@ -139,37 +142,33 @@ void WeightedMean::addRow(int y, const cv::Range& columns, const std::uint8_t* p
                           const EvidenceRow& evidence) {
   for (int x = columns.start; x < columns.end; x += kSpan) {
     const int n = std::min(kSpan, columns.end - x);
-    std::array<float, kSpan> weight;
+    std::array<float, kSpan> keep, weight;
     std::array<float, 3 * kSpan> values;
-    weigh(evidence, x, n, weight.data());
+    weighSharpness(evidence.sharpness + x, n, sharpest_.ptr<float>(y) + x, keep.data(), weight.data());
+    if (evidence.squared_error) weighError(evidence.squared_error + x, error_floor_, n, weight.data());
     if (plain_) {
       toFloat(pixels + 3 * x, 3 * n, values.data());
     } else {
       decode(pixels + 3 * x, codes_, 3 * n, values.data());
     }
-    accumulate(weight.data(), values.data(), {x, y}, n);
+    accumulate(keep.data(), weight.data(), values.data(), {x, y}, n);
   }
 }
 
-void WeightedMean::weigh(const EvidenceRow& evidence, int x, int n, float* weight) const {
-  weighSharpness(evidence.sharpness + x, sharpness_floor_, static_cast<float>(evidence.trust), n, weight);
-  if (evidence.sharpness_around) {
-    weighSharpnessAround(evidence.sharpness_around + x, sharpness_floor_, n, weight);
-  }
-  if (evidence.squared_error) weighError(evidence.squared_error + x, error_floor_, n, weight);
-}
-
-void WeightedMean::accumulate(const float* weight, const float* values, const cv::Point& at, int n) {
+void WeightedMean::accumulate(const float* keep, const float* weight, const float* values,
+                              const cv::Point& at, int n) {
   float* color = colors_.ptr<float>(at.y) + 3 * at.x;
   float* most = most_.ptr<float>(at.y) + at.x;
+  scale(keep, n, most);
   if (soft_) {
-    std::array<float, 3 * kSpan> weights;
+    std::array<float, 3 * kSpan> keeps, weights;
+    threeTimes(keep, n, keeps.data());
     threeTimes(weight, n, weights.data());
-    addProducts(weights.data(), values, 3 * n, color);
+    addProducts(keeps.data(), weights.data(), values, 3 * n, color);
   } else {
     copyHeavier(weight, most, values, n, color);
   }
-  addWeights(weight, n, weights_.ptr<float>(at.y) + at.x);
+  addWeights(keep, weight, n, weights_.ptr<float>(at.y) + at.x);
   keepHeavier(weight, index_, n, most, source_index_.ptr<std::uint16_t>(at.y) + at.x);
 }
 

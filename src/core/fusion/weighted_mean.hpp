@@ -8,22 +8,20 @@
 
 namespace all_in_focus::core {
 
-/// What speaks for a row of a frame, pixel by pixel, gray levels; null says nothing.
+/// What speaks for a row of a frame, pixel by pixel.
 struct EvidenceRow {
-  const float* sharpness = nullptr;  ///< modified Laplacian in a small window; never null
-  const float* sharpness_around =
-      nullptr;                           ///< and in a large one: decides where the small one holds no texture
-  const float* squared_error = nullptr;  ///< that depth and optics predict
-  double trust = 1;                      ///< in the frame as a whole; > 0
+  const float* sharpness = nullptr;  ///< over all scales (SharpnessPyramid), > 0; never null
+  const float* squared_error =
+      nullptr;  ///< that depth and optics predict, gray levels squared; null: nothing
 };
 
 /// Running weighted mean of frames, pixel by pixel, and which of them weighed most. Keeps one sum per pixel,
 /// however many frames there are.
 ///
 /// A frame weighs
-///   trust (sharpness + noise)^6 (sharpness around + noise)^2 / (predicted squared error + noise variance):
-/// the inverse of the variance that is expected of it, times a softmax, the powers, of what is seen. As
-/// powers of such numbers cannot overflow (sharpness <= 1020), the sum needs no running maximum.
+///   sharpness^8 / (predicted squared error + noise variance):
+/// the inverse of the variance that is expected of it, times a softmax, the power, of what is seen. As such
+/// powers overflow, sums are kept in units of the greatest sharpness so far.
 class WeightedMean {
  public:
   /// noise: standard deviation of the frames' noise in gray levels, >= 0. soft: false = the frame that weighs
@@ -37,25 +35,21 @@ class WeightedMean {
   /// threads may add other rows at the same time.
   void addRow(int y, const cv::Range& columns, const std::uint8_t* pixels, const EvidenceRow& evidence);
 
-  /// Mean modified Laplacian of the noise alone.
-  double sharpnessOfNoise() const { return sharpness_of_noise_; }
-
   cv::Mat image() const;  ///< CV_8UC3
   const cv::Mat& sourceIndex() const { return source_index_; }
   cv::Mat confidence() const;  ///< CV_8UC1: 255 (1 - mean weight / largest), scaled so that 255 = no rival
 
  private:
-  void weigh(const EvidenceRow& evidence, int x, int n, float* weight) const;
-  void accumulate(const float* weight, const float* values, const cv::Point& at, int n);
+  void accumulate(const float* keep, const float* weight, const float* values, const cv::Point& at, int n);
 
   bool soft_ = true;
   int frames_ = 0;
-  double sharpness_of_noise_ = 0;
-  float sharpness_floor_ = 1, error_floor_ = 1;
+  float error_floor_ = 1;
   std::uint16_t index_ = 0;  // of the frame being added
   std::array<float, 256> codes_;
   bool plain_ = true;  // codes are their own values
   cv::Mat colors_;     // CV_32FC3: sums of weight times color (hard: that of the heaviest frame)
+  cv::Mat sharpest_;   // CV_32FC1: greatest sharpness; a weight of 1 is its eighth power
   cv::Mat weights_;    // CV_32FC1: sums
   cv::Mat most_;       // CV_32FC1: greatest weight
   cv::Mat source_index_;

@@ -1,0 +1,69 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "util/image_rows.hpp"
+
+namespace all_in_focus::core {
+
+/// How sharp a frame is at every scale, pixel by pixel:
+///   product over the levels l of a Gaussian pyramid of  contrast s_l + n_l,
+/// s_l the modified Laplacian |I_xx| + |I_yy| (Nayar and Nakagawa 1994) of level l in a Gaussian window, each
+/// level enlarged to the size of the one below it; n_l = 1 + 10 0.4^l noise, so that frames which differ by
+/// noise alone are about as sharp. Fine texture speaks at the finest level, and a place that is flat there at
+/// the coarser ones, which reach farther.
+///
+/// With `trust` the product is multiplied by min(1, m / (4 + noise)), m the fourth root of the mean of s_1^4,
+/// less that of the noise: on bare surfaces far from all texture, where no scale tells frames apart, those
+/// that are sharp nowhere hardly count. They would spread the light of blurred things there.
+///
+/// Level 0 is never held as a whole; all others together take a third of the pixels of one frame.
+class SharpnessPyramid {
+ public:
+  /// The noise of a frame, and what makes its contrast that of the reference.
+  struct Gauge {
+    double noise = 0;     ///< standard deviation of the frame's noise, gray levels, >= 0
+    double contrast = 1;  ///< factor, > 0
+    bool scales = true;   ///< false: level 0 alone, for comparison
+    bool trust = false;   ///< take a frame that is sharp nowhere for hardly sharp everywhere
+  };
+
+  /// What a thread that reads rows keeps from one to the next. Reusable.
+  class Rows {
+    friend class SharpnessPyramid;
+    GaussianRows window_;
+    std::vector<float> coarser_, out_;
+  };
+
+  /// gray: CV_8UC1, not empty, else std::invalid_argument; must outlive the rows.
+  void begin(const cv::Mat& gray, const Gauge& gauge);
+
+  /// To be called before the first row of a frame.
+  void begin(Rows& rows) const;
+
+  /// Row y of the product, > 0; valid until the next call with the same `rows`. Quickest top down. Products
+  /// stay below 1e38 for frames of up to a gigapixel.
+  const float* row(int y, Rows& rows) const;
+
+ private:
+  struct Level {
+    cv::Mat image;    ///< CV_16UC1, 256 times the gray level
+    cv::Mat product;  ///< CV_32FC1, of this level and all coarser ones
+    float floor = 0;  ///< n_l
+  };
+
+  void computeProduct(size_t level);
+  double trust(double noise) const;
+
+  cv::Mat gray_;
+  float contrast_ = 1, trust_ = 1;
+  size_t count_ = 0;           ///< of levels
+  std::vector<Level> levels_;  ///< maybe more, from a larger frame before; the image of level 0 is gray_
+  std::vector<Rows> strips_;
+  std::vector<double> fourth_powers_;  ///< by row of level 1: sums of s_1^4
+};
+
+}  // namespace all_in_focus::core

@@ -1,0 +1,140 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "fusion/sharpness_pyramid.hpp"
+
+using namespace all_in_focus::core;
+
+namespace {
+
+cv::Mat randomGray(const cv::Size& size) {
+  cv::Mat gray(size, CV_8UC1);
+  cv::RNG(size.area()).fill(gray, cv::RNG::UNIFORM, 0, 256);
+  return gray;
+}
+
+cv::Mat smoothedLaplacian(const cv::Mat& image, double sigma) {
+  cv::Mat along, across, smoothed;
+  const cv::Mat kernel = (cv::Mat_<float>(1, 3) << -1, 2, -1);
+  cv::filter2D(image, along, CV_32F, kernel, {-1, -1}, 0, cv::BORDER_REPLICATE);
+  cv::filter2D(image, across, CV_32F, kernel.t(), {-1, -1}, 0, cv::BORDER_REPLICATE);
+  cv::GaussianBlur(cv::abs(along) + cv::abs(across), smoothed, {11, 11}, sigma);
+  return smoothed;
+}
+
+// Pixel i of the coarser level lies on pixel 2 i.
+cv::Mat enlarged(const cv::Mat& coarser, const cv::Size& size) {
+  cv::Mat out(size, CV_32FC1);
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      const auto at = [&](int v, int u) {
+        return coarser.at<float>(std::min(v, coarser.rows - 1), std::min(u, coarser.cols - 1));
+      };
+      const int v = y / 2, u = x / 2, below = v + y % 2, right = u + x % 2;
+      out.at<float>(y, x) = (at(v, u) + at(v, right) + at(below, u) + at(below, right)) / 4;
+    }
+  }
+  return out;
+}
+
+// As the header says, image by image, in floats.
+cv::Mat naiveProduct(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge) {
+  std::vector<cv::Mat> levels(1);
+  gray.convertTo(levels[0], CV_32F);
+  while (gauge.scales && std::min(gray.cols, gray.rows) >> levels.size() >= 12) {
+    cv::Mat coarser;
+    cv::pyrDown(levels.back(), coarser);
+    levels.push_back(coarser);
+  }
+  cv::Mat product;
+  for (int l = static_cast<int>(levels.size()) - 1; l >= 0; --l) {
+    const double floor = 1 + 10 * gauge.noise * std::pow(0.4, l);
+    cv::Mat sharpness = gauge.contrast * smoothedLaplacian(levels[l], l == 0 ? 1.2 : 1.8) + floor;
+    product = product.empty() ? sharpness : sharpness.mul(enlarged(product, levels[l].size()));
+  }
+  return product;
+}
+
+cv::Mat product(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge, int first = 0, int step = 1) {
+  SharpnessPyramid pyramid;
+  SharpnessPyramid::Rows rows;
+  pyramid.begin(gray, gauge);
+  pyramid.begin(rows);
+  cv::Mat out(gray.size(), CV_32FC1, cv::Scalar(0));
+  for (int y = first; y < gray.rows; y += step) {
+    cv::Mat(1, gray.cols, CV_32FC1, const_cast<float*>(pyramid.row(y, rows))).copyTo(out.row(y));
+  }
+  return out;
+}
+
+double largestRatio(const cv::Mat& a, const cv::Mat& b) {
+  return cv::norm(a / b - 1, cv::NORM_INF);
+}
+
+const cv::Size kSizes[] = {{1, 1},   {1, 9},    {9, 1},    {3, 2},    {5, 7},    {25, 24},
+                           {64, 48}, {101, 67}, {741, 50}, {43, 242}, {640, 480}};
+
+TEST(SharpnessPyramid, IsTheProductOverAllLevels) {
+  for (const cv::Size& size : kSizes) {
+    cv::Mat gray = randomGray(size);
+    for (const double blur : {0.0, 4.0}) {
+      if (blur > 0) cv::GaussianBlur(gray, gray, {}, blur);
+      for (const SharpnessPyramid::Gauge& gauge :
+           {SharpnessPyramid::Gauge{0, 1, true}, {3, 1.4, true}, {3, 0.8, false}}) {
+        EXPECT_LT(largestRatio(product(gray, gauge), naiveProduct(gray, gauge)), 0.01) << size << blur;
+      }
+    }
+  }
+}
+
+TEST(SharpnessPyramid, IsTheSameWhereverOneBegins) {
+  const cv::Mat gray = randomGray({70, 90}), all = product(gray, {});
+  for (const int first : {1, 40, 89, 3}) {
+    const cv::Mat some = product(gray, {}, first, 7);
+    for (int y = first; y < gray.rows; y += 7) {
+      EXPECT_EQ(cv::norm(some.row(y), all.row(y), cv::NORM_INF), 0);
+    }
+  }
+}
+
+TEST(SharpnessPyramid, HoldsForHugeFramesOfTheGreatestContrast) {
+  cv::Mat gray(6000, 6000, CV_8UC1);
+  for (int y = 0; y < gray.rows; ++y) {
+    for (int x = 0; x < gray.cols; ++x) gray.at<uchar>(y, x) = (x ^ y) & 1 ? 255 : 0;
+  }
+  EXPECT_TRUE(cv::checkRange(product(gray, {50, 2, true}, 0, 500), true, nullptr, 0, 1e38));
+}
+
+TEST(SharpnessPyramid, SeesFromAfarThatAFlatPlaceBelongsToASharpFrame) {
+  // A bar on bare ground. Where its blur reaches the finest scale sees nothing in either frame.
+  cv::Mat sharp(480, 640, CV_8UC1, cv::Scalar(100)), blurred;
+  sharp(cv::Rect(200, 0, 60, 480)) = 200;
+  cv::blur(sharp, blurred, {41, 41});
+  const cv::Point flat(272, 240);
+  const SharpnessPyramid::Gauge all, finest{0, 1, false};
+  EXPECT_GT(product(sharp, all).at<float>(flat), 1.5f * product(blurred, all).at<float>(flat));
+  EXPECT_NEAR(product(sharp, finest).at<float>(flat), product(blurred, finest).at<float>(flat), 1);
+}
+
+TEST(SharpnessPyramid, HardlyTrustsAFrameThatIsSharpNowhere) {
+  cv::Mat sharp = randomGray({320, 240}), blurred;
+  cv::GaussianBlur(sharp, blurred, {}, 20);
+  const SharpnessPyramid::Gauge plain, trusting{0, 1, true, true};
+  EXPECT_EQ(cv::norm(product(sharp, trusting), product(sharp, plain), cv::NORM_INF), 0);
+  EXPECT_LT(cv::norm(product(blurred, trusting), cv::NORM_INF),
+            0.1 * cv::norm(product(blurred, plain), cv::NORM_INF));
+}
+
+TEST(SharpnessPyramid, RefusesWhatIsNotGray) {
+  SharpnessPyramid pyramid;
+  EXPECT_THROW(pyramid.begin(cv::Mat(), {}), std::invalid_argument);
+  EXPECT_THROW(pyramid.begin(cv::Mat(4, 4, CV_8UC3), {}), std::invalid_argument);
+}
+
+}  // namespace
