@@ -127,7 +127,7 @@ class RecordingTest(KinectTest):
     def test_step_by_step(self):
         step = rospy.ServiceProxy('/steps/kinect_openni2/step', Trigger)
         answer = step()
-        self.assertEqual((answer.success, answer.message[:15]), (False, 'nobody listens '))
+        self.assertEqual((answer.success, answer.message[:18]), (False, 'nobody subscribes '))
         depth = self.images('/steps/depth/image_raw')
         self.assertTrue(wait_until(lambda: 'idle' not in self.status('steps/kinect_openni2', '').message))
         time.sleep(0.3)
