@@ -211,7 +211,7 @@ def test_an_interrupted_run_says_so_and_keeps_what_it_has(scenes, tmp_path):
     run = start(scenes / "planes", scenes / "pair", "--methods", METHODS, "--output", tmp_path)
 
     def kept_results():
-        return [path for path in tmp_path.glob("results/*/*/result.json") if path.parent.suffix != ".partial"]
+        return [path for path in tmp_path.glob("results/*/*/result.json") if path.parent.suffix != ".incomplete"]
 
     while not kept_results():
         assert run.poll() is None
@@ -220,7 +220,7 @@ def test_an_interrupted_run_says_so_and_keeps_what_it_has(scenes, tmp_path):
     out, err = run.communicate(timeout=60)
     assert (run.returncode, out, err) == (130, "", "evaluate: interrupted; the same command goes on from here\n")
     kept = len(kept_results())
-    assert 0 < kept < 8 and not (tmp_path / "report.html").exists() and not list(tmp_path.rglob("*.partial"))
+    assert 0 < kept < 8 and not (tmp_path / "report.html").exists() and not list(tmp_path.rglob("*.incomplete"))
 
 
 def test_program_of_the_built_space(scenes, tmp_path):

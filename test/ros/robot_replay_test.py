@@ -2,6 +2,8 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """replay.launch: a folder, and a bag round after round, end in the pixels of fuse_stack."""
+import os
+
 import rospy
 import rostest
 
@@ -37,6 +39,24 @@ class ReplayTest(LaunchTest):
         for report in reports:
             self.assertTrue(whole(report), report)
         self.assert_same(results.wait(whole)[0], self.expected)
+
+    def test_names_are_relative_to_where_it_is_called(self):
+        self.addCleanup(os.chdir, os.getcwd())
+        self.addCleanup(os.environ.update, PWD=os.environ['PWD'])
+        os.chdir(str(self.folder))
+        os.environ['PWD'] = str(self.folder)  # as a shell does
+        results = self.results()
+        self.launch('all_in_focus', 'replay.launch', rviz='false', folder=self.scene.folder.name)
+        self.assert_same(self.result(results, whole)[0], self.expected)
+
+    def test_a_bag_that_cannot_be_played_ends_it(self):
+        (self.folder / 'text.bag').write_text('no bag')
+        self.addCleanup(lambda: rospy.delete_param('/use_sim_time'))
+        for bag, complaint in (('none.bag', 'none.bag: No such file or directory'), ('text.bag', 'not a bag')):
+            self.launch('all_in_focus', 'replay.launch', rviz='false', bag=self.folder / bag)
+            self.assert_said(complaint)
+            self.assertEqual(sum(complaint in line for line in self.launched.lines), 1, self.launched.lines)
+            self.launched.process.wait(30)
 
     def test_neither(self):
         self.launch('all_in_focus', 'replay.launch', rviz='false')

@@ -4,7 +4,8 @@
 an earlier one was interrupted."""
 import json
 import os
-import shutil
+
+from all_in_focus.files.output_folder import remove_folder, whole_folder
 
 RESULT = "result.json"  # written last; plain numbers, Python's JSON: NaN and Infinity are told
 
@@ -31,29 +32,20 @@ class Store:
             return None
 
     def save(self, scene, method, fingerprint, run, result):
-        """Write what tasks.run has returned, in place of an older one; run: name of this run. Returns what load would.
+        """Writes what tasks.run has returned, in place of an older one; run: name of this run. Returns what load would.
 
         Of a failure nothing is kept: the next run tries again.
         """
-        target = self.path(scene, method).rstrip("/")
-        working = "%s.%d.partial" % (target, os.getpid())
-        files = result.get("files", {})
+        target = self.path(scene, method)
         plain = {key: value for key, value in result.items() if key != "files"}
         plain.update(fingerprint=fingerprint, run=run)
-        shutil.rmtree(working, ignore_errors=True)
-        shutil.rmtree(target, ignore_errors=True)
         if "error" in result:
+            remove_folder(target, "evaluate")
             return plain
-        os.makedirs(working)
-        try:
-            for name, data in files.items():
-                with open(os.path.join(working, name + ".png"), "wb") as file:
-                    file.write(data)
-            with open(os.path.join(working, RESULT), "w", encoding="utf-8") as file:
-                json.dump(plain, file, indent=2)
-            os.rename(working, target)
-        finally:  # interrupted, or the disk is full
-            shutil.rmtree(working, ignore_errors=True)
+        with whole_folder(target, "evaluate", parents=True) as working:
+            for name, data in result.get("files", {}).items():
+                (working / f"{name}.png").write_bytes(data)
+            (working / RESULT).write_text(json.dumps(plain, indent=2), encoding="utf-8")
         return plain
 
     def picture(self, scene, method, name):

@@ -119,6 +119,17 @@ def whole_folder(path, program, **options):
         folder.discard()
 
 
+def remove_folder(path, program):
+    """Removes the output folder `path` of the program, if it is there. Raises OSError like OutputFolder."""
+    if os.path.lexists(path):
+        folder = OutputFolder(path, program)
+        try:
+            folder.commit()  # an empty folder
+            _remove(folder.path)
+        finally:
+            folder.discard()
+
+
 def read_mark(folder):
     """The mark of a folder as a dict with program, run and files; None where there is none that can be read."""
     try:
