@@ -14,7 +14,8 @@ from tool_helpers import expect_refusal
 
 from all_in_focus import metrics
 from all_in_focus.metrics import METRICS, evaluate
-from all_in_focus.metrics.images import stretched
+from all_in_focus.metrics import images as shared
+from all_in_focus.metrics.images import remembered, stretched
 from all_in_focus.metrics.phase_congruency import phase_congruency
 from all_in_focus.metrics.truth import psnr, ssim
 
@@ -205,3 +206,32 @@ def test_program_refuses(tmp_path, files):
                    "evaluate_fusion", "win_size")
     cut(files[5])
     expect_refusal(evaluate_fusion(*files), "evaluate_fusion", "truncated or damaged")
+
+
+# --- what is remembered of sources ------------------------------------------------------------------------------------
+
+def test_remembered_sources_change_no_value():
+    """Other fused images, the sources in another order, one pixel changed: each value is that of a first call."""
+    one, other, fused = (np.uint8(np.clip(image[:48, :64] + 10.0 * number, 0, 255))
+                         for number, image in enumerate((brick(), gravel(), brick()[100:])))
+    changed = one.copy()
+    changed[20, 30] ^= 64
+    calls = [([one, other], fused), ([one, other], other), ([other, one], fused), ([changed, other], fused)] * 2
+    again = [{name: metric(*call) for name, metric in METRICS.items()} for call in calls]
+    for call, values in zip(calls, again):
+        shared._remembered.clear()
+        assert {name: metric(*call) for name, metric in METRICS.items()} == values
+    assert again[0] != again[3]
+
+
+def test_memory_of_sources_is_bounded(monkeypatch):
+    calls = []
+    count = remembered(lambda image: calls.append(1) or (np.float64(image), [image]))
+    images = [np.full((10, 10), value, np.uint8) for value in range(5)]
+    monkeypatch.setattr(shared, "MEMORY_BYTES", 2000)
+    shared._remembered.clear()
+    for image in (images[0], images[0], images[1], images[0], images[2], images[0], images[1]):
+        assert np.array_equal(count(image)[0], image)
+    assert len(calls) == 4, "900 bytes each: the two latest are kept"
+    monkeypatch.setattr(shared, "MEMORY_BYTES", 500)
+    assert count(images[3])[1][0] is images[3] and not shared._remembered

@@ -3,7 +3,7 @@
 """Metric of perceived contrast: Q_CB."""
 import numpy as np
 
-from all_in_focus.metrics.images import ratio, stretched, windowed
+from all_in_focus.metrics.images import ratio, remembered, stretched, windowed
 
 EYE_WIDE, EYE_NARROW, EYE_NARROW_SHARE = 15.3870, 1.3456, 0.7622  # difference of Gaussians over the spatial frequency
 FREQUENCY_UNIT = 30                                              # pixels for one unit of it
@@ -31,6 +31,15 @@ def masked_contrast(gray, eye):
     return contrast ** 3 / (contrast ** 2 + MASKING)
 
 
+@remembered
+def _contrasts_and_shares(*sources):
+    """N x H x W each: contrast of the sources, and how much each counts."""
+    eye = sensitivity(sources[0].shape)
+    contrasts = np.array([masked_contrast(source, eye) for source in sources])
+    weights = contrasts ** 2
+    return contrasts, ratio(weights, np.broadcast_to(weights.sum(axis=0), weights.shape), 1 / len(sources))
+
+
 def q_cb(sources, fused):
     """Chen, Blum, "A new automated quality assessment algorithm for image fusion", Image and Vision Computing 27(10),
     2009. Arguments: see the package. Range 0..1.
@@ -38,10 +47,7 @@ def q_cb(sources, fused):
     Ratio of the contrast in each source and in the fused image, weighted by the squared contrast of the source; more
     sources: more terms in the weighted mean.
     """
-    eye = sensitivity(fused.shape)
-    target = masked_contrast(fused, eye)
-    contrasts = np.array([masked_contrast(source, eye) for source in sources])
+    contrasts, share = _contrasts_and_shares(*sources)
+    target = masked_contrast(fused, sensitivity(fused.shape))
     preserved = ratio(np.minimum(contrasts, target), np.maximum(contrasts, target), 1)
-    weights = contrasts ** 2
-    share = ratio(weights, np.broadcast_to(weights.sum(axis=0), weights.shape), 1 / len(sources))
     return float((share * preserved).sum(axis=0).mean())

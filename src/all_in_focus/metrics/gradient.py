@@ -4,6 +4,8 @@
 import cv2
 import numpy as np
 
+from all_in_focus.metrics.images import remembered
+
 FLOOR = 1e-5                             # stands for a gradient of zero
 STRENGTH_SLOPE, STRENGTH_MIDDLE = 10, 0.5
 ANGLE_SLOPE, ANGLE_MIDDLE = 20, 0.75
@@ -14,6 +16,9 @@ def gradient(gray):
     dx, dy = (cv2.Sobel(np.float64(gray), cv2.CV_64F, *order, borderType=cv2.BORDER_CONSTANT)
               for order in ((1, 0), (0, 1)))
     return np.sqrt(dx ** 2 + dy ** 2), np.arctan(dy / np.where(dx == 0, FLOOR, dx))
+
+
+_source_gradient = remembered(gradient)
 
 
 def sigmoid(values, slope, middle):
@@ -30,7 +35,7 @@ def q_g(sources, fused):
     magnitude, direction = gradient(fused)
     weighted, weights = 0.0, 0.0
     for source in sources:
-        source_magnitude, source_direction = gradient(source)
+        source_magnitude, source_direction = _source_gradient(source)
         weight = np.where(source_magnitude == 0, FLOOR, source_magnitude)
         floored = np.where(magnitude == 0, FLOOR, magnitude)
         strength = np.where(source_magnitude > magnitude, magnitude / weight, weight / floored)

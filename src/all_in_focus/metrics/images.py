@@ -1,10 +1,16 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """What the metrics share: stretching, windows."""
+import functools
+import hashlib
+import threading
+from collections import OrderedDict
+
 import cv2
 import numpy as np
 
 
+MEMORY_BYTES = 512 << 20                    # for what is known of sources
 MIN_SIZE = 7  # pixels, the window of Q_Y
 
 
@@ -30,3 +36,35 @@ def windowed(image, window):
 def ratio(part, whole, otherwise=0.0):
     """part / whole; `otherwise` where whole is 0."""
     return np.divide(part, whole, out=np.full(np.shape(whole), float(otherwise)), where=whole != 0)
+
+
+# --- what depends on the sources alone --------------------------------------------------------------------------------
+
+_remembered = OrderedDict()  # (function, digests of its images) -> (result, its bytes), the latest use last
+_lock = threading.Lock()
+
+
+def remembered(function):
+    """A function of images (H x W uint8) that keeps its latest results, up to MEMORY_BYTES over all functions: many fused
+    images are measured by the same sources. Nobody may change what it returns."""
+    @functools.wraps(function)
+    def ask(*images):
+        key = (function, *((image.shape, hashlib.sha1(np.ascontiguousarray(image)).digest()) for image in images))
+        with _lock:
+            if key in _remembered:
+                _remembered.move_to_end(key)
+                return _remembered[key][0]
+        result = function(*images)
+        with _lock:
+            _remembered[key] = (result, _bytes_of(result))
+            while sum(size for _, size in _remembered.values()) > MEMORY_BYTES:
+                _remembered.popitem(last=False)
+        return result
+    return ask
+
+
+def _bytes_of(value):
+    if isinstance(value, np.ndarray):
+        return value.nbytes
+    parts = value if isinstance(value, (list, tuple)) else getattr(value, "__dict__", {}).values()
+    return sum(map(_bytes_of, parts))

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from all_in_focus.metrics.images import gaussian, windowed
+from all_in_focus.metrics.images import gaussian, remembered, windowed
 from all_in_focus.metrics.phase_congruency import phase_congruency
 
 SIZE, SIGMA = 11, 1.5  # pixels, of the Gaussian window
@@ -38,20 +38,25 @@ def q_p(sources, fused):
     with that of the source, or of the strongest source, that correlates best, over the pixels that have features. More
     sources: more to choose from.
     """
-    with ThreadPoolExecutor() as pool:  # numpy lets go of the interpreter lock
-        *maps, of_fused = pool.map(phase_congruency, [*sources, fused])
-    maps = np.array(maps)
-    # Of equally strong sources the last.
-    strongest = len(sources) - 1 - maps[::-1, 0].argmax(axis=0)
-    maps = np.concatenate([maps, np.take_along_axis(maps, strongest[None, None], axis=0)])
-    masks = maps[:, 0] > FEATURE
+    masks, maps = _masks_and_maps(*sources)
     count = masks[-1].sum()
     if count == 0:
         return float("nan")
     product = 1.0
-    for kind, values in enumerate(of_fused):
+    for of_sources, values in zip(maps, phase_congruency(fused)):
         target = _Map(values)
-        best = np.max([mask * _Map(source[kind] * mask).correlation(target) for source, mask in zip(maps, masks)],
-                      axis=0)
+        best = np.max([mask * source.correlation(target) for source, mask in zip(of_sources, masks)], axis=0)
         product *= best.sum() / count
     return float(product)
+
+
+@remembered
+def _masks_and_maps(*sources):
+    """Of each source, and of the strongest source of each pixel: where there are features, and, by kind, the _Maps."""
+    with ThreadPoolExecutor() as pool:  # numpy lets go of the interpreter lock
+        maps = np.array(list(pool.map(phase_congruency, sources)))
+    # Of equally strong sources the last.
+    strongest = len(sources) - 1 - maps[::-1, 0].argmax(axis=0)
+    maps = np.concatenate([maps, np.take_along_axis(maps, strongest[None, None], axis=0)])
+    masks = maps[:, 0] > FEATURE
+    return masks, [[_Map(source[kind] * mask) for source, mask in zip(maps, masks)] for kind in range(maps.shape[1])]

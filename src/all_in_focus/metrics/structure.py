@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from all_in_focus.metrics.images import gaussian, ratio, windowed
+from all_in_focus.metrics.images import gaussian, ratio, remembered, windowed
 
 SIZE, SIGMA = 7, 1.5  # pixels, of the Gaussian window
 C = 2e-16             # of SSIM, twice; keeps 0 / 0 away
@@ -41,6 +41,16 @@ def local_mean(values):
     return inside(windowed(values, gaussian(SIZE, SIGMA)))
 
 
+@remembered
+def _of_sources(*sources):
+    """_Windows of each; and of each window: are they alike, how much does each count, are all of them 0."""
+    windows = [_Windows(source) for source in sources]
+    alike = np.min([one.similarity(other) for one, other in combinations(windows, 2)], axis=0) >= ALIKE
+    variances = np.array([window.variance for window in windows])
+    share = ratio(variances, np.broadcast_to(variances.sum(axis=0), variances.shape), 1 / len(sources))
+    return windows, alike, share, np.all([window.constant & (window.mean == 0) for window in windows], axis=0)
+
+
 def q_y(sources, fused):
     """Yang, Zhang, Wang, Li, "A novel similarity based quality metric for image fusion", Information Fusion 9(2), 2008.
     Arguments: see the package. Range -1..1.
@@ -51,11 +61,8 @@ def q_y(sources, fused):
     In constant windows variances are rounding noise far above the metric's constants; here they are exactly 0 there.
     Published values, which have the noise, differ by up to 5e-4.
     """
-    windows, target = [_Windows(source) for source in sources], _Windows(fused)
+    windows, alike, share, empty = _of_sources(*sources)
+    target = _Windows(fused)
     similar = np.array([window.similarity(target) for window in windows])
-    alike = np.min([one.similarity(other) for one, other in combinations(windows, 2)], axis=0) >= ALIKE
-    variances = np.array([window.variance for window in windows])
-    share = ratio(variances, np.broadcast_to(variances.sum(axis=0), variances.shape), 1 / len(sources))
     quality = np.where(alike, (share * similar).sum(axis=0), similar.max(axis=0))
-    empty = np.all([window.constant & (window.mean == 0) for window in windows], axis=0)
     return float(quality[~empty].mean()) if not empty.all() else float("nan")
