@@ -172,6 +172,12 @@ def test_the_map_in_the_documentation_is_true():
     assert python == ROOMS
 
 
+def test_no_two_python_modules_share_a_name():
+    """One name, one subject."""
+    names = [path.stem for path in (ROOT / 'src/all_in_focus').rglob('*.py') if path.stem != '__init__']
+    assert not {name for name in names if names.count(name) > 1}
+
+
 def test_every_source_names_author_and_licence():
     lines = ['SPDX-FileCopyrightText: all_in_focus contributors', 'SPDX-License-Identifier: BSD-3-Clause']
     without = [path for path in sources()
