@@ -3,6 +3,9 @@
 
 // The whole method on files: a focus bracket and what is known about depth in, the all-in-focus image out.
 
+#include <unistd.h>
+
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <map>
@@ -22,6 +25,12 @@ using namespace all_in_focus::core;
 namespace {
 
 constexpr int kAutoReference = PipelineInput::kAutoReference;
+
+// Memory for frames that mode refined reads twice: half a gigabyte holds those of twelve pictures of 20 MP.
+std::size_t keptFrameBytes() {
+  const auto memory = static_cast<std::size_t>(sysconf(_SC_PHYS_PAGES)) * sysconf(_SC_PAGESIZE);
+  return std::min<std::size_t>(512 << 20, memory / 8);
+}
 
 int parseReference(const std::string& text) {
   if (text == "auto") return kAutoReference;
@@ -166,6 +175,10 @@ void fuseStack(const po::variables_map& values) {
   input.refined = parseWithout(textOption(values, "without"));
   explainMissing(input, mode, context);
 
+  if (mode == Mode::kRefined) {
+    stack.keepFirst(input.reference == kAutoReference ? stack.count() / 2 + 1 : input.reference + 1,
+                    keptFrameBytes());
+  }
   NamedFrames frames(stack);
   input.frames = &frames;
   PipelineResult result;

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <mutex>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 #include <stdexcept>
@@ -24,17 +25,21 @@ namespace {
   throw std::invalid_argument(path + ": " + what);
 }
 
-/// While it lives, nothing reaches stderr: the codecs print there what they think of a file, and our one line
-/// would drown.
+/// While one lives, in any thread, nothing reaches stderr: the codecs print warnings there, which would bury
+/// our one line.
 class QuietStderr {
  public:
-  QuietStderr() : stderr_(dup(STDERR_FILENO)) {
+  QuietStderr() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (alive_++ > 0) return;
+    stderr_ = dup(STDERR_FILENO);
     const int nowhere = open("/dev/null", O_WRONLY);
     if (stderr_ >= 0 && nowhere >= 0) dup2(nowhere, STDERR_FILENO);
     if (nowhere >= 0) close(nowhere);
   }
   ~QuietStderr() {
-    if (stderr_ < 0) return;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (--alive_ > 0 || stderr_ < 0) return;
     dup2(stderr_, STDERR_FILENO);
     close(stderr_);
   }
@@ -42,7 +47,8 @@ class QuietStderr {
   QuietStderr& operator=(const QuietStderr&) = delete;
 
  private:
-  int stderr_;
+  static inline std::mutex mutex_;
+  static inline int alive_ = 0, stderr_ = -1;
 };
 
 bool startsWith(const std::string& data, const char* mark) {

@@ -62,6 +62,9 @@ StackReader::StackReader(const std::string& path) : path_(path) {
     std::sort(names_.begin(), names_.end());
     if (mixesNumberLengths(names_))
       warning_ = path + ": numbers of different length, read in name order (10 before 2)";
+    images_ = std::make_unique<ReadAhead>(
+        static_cast<int>(names_.size()),
+        [folder = fs::path(path), names = names_](int i) { return readColor((folder / names[i]).string()); });
     return;
   }
   if (!fs::is_regular_file(path)) fail(path, "no such folder or video");
@@ -82,7 +85,7 @@ void StackReader::open() {
 bool StackReader::next(cv::Mat& frame) {
   if (!names_.empty()) {
     if (read_ == static_cast<int>(names_.size())) return false;
-    frame = readColor((fs::path(path_) / names_[read_++]).string());
+    frame = images_->get(read_++);
     return true;
   }
   if (video_.read(frame) && !frame.empty()) {
@@ -96,6 +99,10 @@ bool StackReader::next(cv::Mat& frame) {
 void StackReader::rewind() {
   read_ = 0;
   if (names_.empty()) open();
+}
+
+void StackReader::keepFirst(int count, std::size_t bytes) {
+  if (images_) images_->keepFirst(count, bytes);
 }
 
 int StackReader::count() {

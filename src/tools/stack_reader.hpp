@@ -2,17 +2,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <memory>
 #include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
 #include <string>
 #include <vector>
 
 #include "all_in_focus/pipeline.hpp"
+#include "read_ahead.hpp"
 
 namespace all_in_focus {
 
 /// The frames of a focus bracket, one after the other: the images of a folder in name order, or a video.
-/// Videos are decoded in sequence: seeking lands on other frames, and the reported count is a guess.
+/// Images are decoded ahead, on threads of their own. Videos are decoded in sequence: seeking lands on other
+/// frames, and the reported count is a guess.
 class StackReader : public core::FrameSource {
  public:
   /// Throws std::invalid_argument when there is nothing to read.
@@ -21,8 +24,12 @@ class StackReader : public core::FrameSource {
   /// CV_8UC3. False at the end. Throws std::invalid_argument on a broken image or a video that is cut short.
   bool next(cv::Mat& frame) override;
 
-  /// To the first frame again: a video is opened anew.
+  /// Back to the first frame. A video is opened anew.
   void rewind() override;
+
+  /// The caller will read the first `count` frames, rewind and read them again. Images of a folder are then
+  /// kept, up to `bytes` of them in all, instead of being decoded twice.
+  void keepFirst(int count, std::size_t bytes);
 
   /// A video is decoded to its end, once, and rewound.
   int count() override;
@@ -42,6 +49,7 @@ class StackReader : public core::FrameSource {
 
   std::string path_;
   std::vector<std::string> names_;
+  std::unique_ptr<ReadAhead> images_;  // of names_
   std::string warning_;
   cv::VideoCapture video_;
   int read_ = 0;
