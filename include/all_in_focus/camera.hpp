@@ -10,42 +10,45 @@ namespace all_in_focus::core {
 /// Pinhole camera with the distortion of ROS' plumb_bob and rational_polynomial models.
 struct Camera {
   cv::Size size;                       ///< pixels
-  double fx = 0, fy = 0;               ///< pixels
-  double cx = 0, cy = 0;               ///< principal point, pixels; pixel centres are integers
+  double fx = 0;                       ///< focal length along x, pixels
+  double fy = 0;                       ///< focal length along y, pixels
+  double cx = 0;                       ///< principal point, pixels; centres of pixels are integers
+  double cy = 0;                       ///< principal point, pixels
   std::array<double, 8> distortion{};  ///< k1 k2 p1 p2 k3 k4 k5 k6, 0 = none
 
-  bool distorted() const;
+  bool distorted() const;  ///< true if a coefficient is not 0
 
-  /// Radius in the plane z = 1 up to which radial distortion is one-to-one: beyond, the polynomial folds the
-  /// world back into the picture. 10 (84 degrees off the axis) where it does not.
+  /// Greatest radius in the plane z = 1 up to which the radial distortion is one-to-one; 10 (84 degrees off
+  /// the axis) if it is beyond that. Farther out the polynomial maps points back into the picture, where they
+  /// do not belong.
   double reach() const;
 
-  /// Ideal to distorted coordinates in the plane z = 1.
+  /// Distorts a point of the plane z = 1.
   cv::Point2d distort(const cv::Point2d& ideal) const;
-  /// Distorted to ideal coordinates in the plane z = 1 (fixed-point iteration, to 1e-9 for usual lenses).
+  /// Inverse of distort(), by fixed-point iteration; exact to 1e-9 for usual lenses.
   cv::Point2d undistort(const cv::Point2d& distorted) const;
 };
 
-/// Throws std::invalid_argument that names camera and value unless size, fx and fy are positive and all is
-/// finite.
+/// Throws std::invalid_argument unless size, fx and fy are positive and all values are finite. The message
+/// begins with `name` and tells the value.
 void validate(const Camera& camera, const char* name);
 
 /// x_to = R x_from + t, t in mm.
 struct RigidTransform {
-  cv::Matx33d rotation = cv::Matx33d::eye();
-  cv::Vec3d translation_mm;
+  cv::Matx33d rotation = cv::Matx33d::eye();  ///< R
+  cv::Vec3d translation_mm;                   ///< t
 
-  /// From a quaternion (normalised here; throws std::invalid_argument if it is zero or not finite) and
-  /// metres.
+  /// From a quaternion, which need not be normalised, and a translation in metres. Throws
+  /// std::invalid_argument if the quaternion is zero or a number is not finite.
   static RigidTransform fromQuaternion(double x, double y, double z, double w,
                                        const cv::Vec3d& translation_m);
 };
 
 /// Depth and colour camera, rigidly mounted. Optical frames: X right, Y down, Z forward.
 struct Rig {
-  Camera depth;
-  Camera color;
-  RigidTransform depth_to_color;
+  Camera depth;                   ///< depth sensor
+  Camera color;                   ///< camera of the focus bracket
+  RigidTransform depth_to_color;  ///< pose of the depth camera in the colour camera's frame
 };
 
 bool operator==(const Camera& a, const Camera& b);

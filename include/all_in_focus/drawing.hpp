@@ -9,18 +9,20 @@
 
 namespace all_in_focus::core {
 
-/// Colours of the labels 0..count in drawLabels(), BGR.
+/// Colours of the labels 0..count in drawLabels(), BGR: from red (near) to blue (far), 0 black.
 std::vector<cv::Vec3b> labelColors(int count);
 
-/// Label image for people: hue from near (red) to far (blue) by label rank, neighbours told apart by
-/// brightness, 0 black. labels: CV_32SC1, values 0..count; picture: CV_8UC3, BGR.
+/// Draws a label image for people, in labelColors(); every other label is darker, so that neighbours differ.
+/// labels: CV_32SC1, values 0..count, else std::invalid_argument. picture: CV_8UC3, BGR.
 void drawLabels(const cv::Mat& labels, int count, cv::Mat& picture);
 
-/// Writes captions into a picture of their labels' size, white on a dark rim. picture: CV_8UC3.
+/// Writes captions into a picture of the labels' size, in white with a dark rim. picture: CV_8UC3, else
+/// std::invalid_argument.
 void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture);
 
-/// Which frame won where: hue by frame index (red first, violet last), brightness by confidence, kNoFrame
-/// black. source_index: CV_16UC1; confidence: CV_8UC1; frames: length of the bracket; picture: CV_8UC3, BGR.
+/// Draws which frame each pixel was taken from: hue by the frame's index (red first, violet last), brightness
+/// by confidence, kNoFrame black. source_index: CV_16UC1. confidence: CV_8UC1 of the same size. frames:
+/// length of the bracket. picture: CV_8UC3, BGR. Throws std::invalid_argument on other types or sizes.
 void drawWeights(const cv::Mat& source_index, const cv::Mat& confidence, int frames, cv::Mat& picture);
 
 }  // namespace all_in_focus::core

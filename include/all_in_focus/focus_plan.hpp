@@ -8,23 +8,22 @@
 
 namespace all_in_focus::core {
 
-/// Depths from..to, mm; 0 < min <= max, max may be infinite.
+/// A range of depths, 0 < min <= max.
 struct DepthRange {
-  double min_mm = 0;
-  double max_mm = 0;
+  double min_mm = 0;  ///< nearest, mm
+  double max_mm = 0;  ///< farthest, mm; may be infinite
 };
 
-/// One exposure: where the lens is focused and what is sharp then (equations 9 and 10), mm. `focus_mm` and
-/// `far_mm` may be infinite.
+/// One exposure, and what is sharp in it (equations 9 and 10).
 struct PlannedFocus {
-  double focus_mm = 0;
-  double near_mm = 0;
-  double far_mm = 0;
+  double focus_mm = 0;  ///< focus distance, mm; may be infinite
+  double near_mm = 0;   ///< nearest sharp depth, mm
+  double far_mm = 0;    ///< farthest sharp depth, mm; may be infinite
 };
 
-/// The fewest exposures with which every range is sharp all over, near to far. A range deeper than one depth
-/// of field gets several. Throws std::invalid_argument on impossible optics, and on ranges that are empty or
-/// do not lie beyond the focal length.
+/// The fewest exposures that show every depth of all ranges sharp, from near to far. A range deeper than one
+/// depth of field gets several. Throws std::invalid_argument if validate() refuses the optics, or a range is
+/// empty or does not lie beyond the focal length.
 std::vector<PlannedFocus> planFocus(const Optics& optics, std::vector<DepthRange> ranges);
 
 }  // namespace all_in_focus::core

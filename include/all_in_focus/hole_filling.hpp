@@ -8,20 +8,23 @@
 
 namespace all_in_focus::core {
 
-/// 3x3 maximum (equation 4), borders ignored. CV_16UC1 mm in and out, may be in place.
-/// As printed it also lets the farther surface eat one pixel of every nearer object.
+/// Maximum of the 3 x 3 neighbours inside the image (equation 4). depth, dilated: CV_16UC1 mm, 0 = unknown;
+/// may be the same image. As printed in the paper, this also widens far surfaces by a pixel at the cost of
+/// near ones. Throws std::invalid_argument on another type or an empty image.
 void dilateDepth(const cv::Mat& depth, cv::Mat& dilated);
 
-/// One step of anisotropic diffusion from two rows above (equations 5 to 8), in place, in row order, so that
-/// values just filled serve the rows below.
+/// Fills holes by one step of anisotropic diffusion from two rows above (equations 5 to 8), in place and row
+/// by row, so that rows below use what has just been filled. Tables are reused between calls: not
+/// thread-safe.
 class DiffusionFilling {
  public:
-  double lambda = 0.25;       ///< step, 0..0.25
+  double lambda = 0.25;       ///< step of equation 7, 0..0.25
   double conduction_mm = 25;  ///< K of equation 6
   int hole_below_mm = 10;     ///< every smaller depth is a hole
 
-  /// depth: CV_16UC1 mm. The first three rows have nothing above them and stay as they are; beyond the first
-  /// and the last column there is no gradient; a hole under a hole stays one.
+  /// depth: CV_16UC1 mm. The first three rows have no rows above them and stay as they are. Beyond the first
+  /// and the last column the gradient is 0. A hole stays one if the pixel two rows above is still a hole.
+  /// Throws std::invalid_argument on another type, an empty image or a conduction that is not positive.
   void fill(cv::Mat& depth);
 
  private:
@@ -33,11 +36,13 @@ class DiffusionFilling {
 };
 
 /// Fills each hole across its narrow side (row or column, whichever run of unknown pixels is shorter) from
-/// the farther of the two ends: what a near object hides belongs to what lies behind it. Where neither row
-/// nor column has two ends the sensor could not see at all, and depth stays unknown. Buffers are reused.
+/// the farther of the two ends, because a shadow of the sensor falls on what lies behind the near object.
+/// Where neither row nor column has two ends the sensor sees nothing at all, and depth stays unknown. Buffers
+/// are reused between calls: not thread-safe.
 class FarSideFilling {
  public:
-  /// depth and filled: CV_16UC1 mm, less than 65535 rows and columns; not the same image.
+  /// depth, filled: CV_16UC1 mm, 0 = unknown, fewer than 65535 rows and columns; not the same image. Throws
+  /// std::invalid_argument on another type or an empty image.
   void fill(const cv::Mat& depth, cv::Mat& filled);
 
  private:

@@ -10,27 +10,30 @@
 
 namespace all_in_focus::core {
 
-/// What is written on a region for people.
+/// The text on a region in a picture for people.
 struct RegionCaption {
-  int label = 0;
+  int label = 0;     ///< of the region
   int area = 0;      ///< of the region, pixels
-  int near_mm = 0;   ///< nearest depth
-  cv::Point anchor;  ///< pixel of the region, well within it
+  int near_mm = 0;   ///< nearest depth of the region, mm
+  cv::Point anchor;  ///< pixel inside the region, far from its border
   std::string text;  ///< label and depth range, "3: 0.92-1.05 m"
-  cv::Rect box;      ///< of the text in a picture of the labels' size: about the anchor, inside the picture
+  cv::Rect box;      ///< of the text, pixels: around the anchor, inside the picture
 };
 
-/// How captions are written in a picture: OpenCV's font and its scale, pixels of a line and of the dark rim.
+/// How captions are written.
 struct CaptionStyle {
-  int font = 0;
-  double scale = 0;
-  int line = 0, rim = 0;
+  int font = 0;      ///< cv::HersheyFonts
+  double scale = 0;  ///< of the font
+  int line = 0;      ///< thickness of the letters' lines, pixels
+  int rim = 0;       ///< width of the dark rim around them, pixels
 };
 
+/// The style for a picture of this size: letters of 4 % of its height, but legible.
 CaptionStyle captionStyle(const cv::Size& picture);
 
-/// Captions of the regions that cover at least caption_min_area percent of the picture, largest first. What
-/// would cover the caption of a larger region is left out. segmentation.labels: CV_32SC1.
+/// Captions of the regions that cover at least caption_min_area percent (0..100) of the picture, largest
+/// first. A caption that would overlap that of a larger region is left out. Throws std::invalid_argument
+/// unless segmentation.labels is CV_32SC1.
 std::vector<RegionCaption> captionRegions(const Segmentation& segmentation, double caption_min_area = 1.0);
 
 }  // namespace all_in_focus::core

@@ -14,7 +14,8 @@
 namespace all_in_focus::core {
 namespace {
 
-// `count` colours from red (0) to blue or violet (count - 1); `span` in OpenCV's half degrees of hue.
+// `count` colours, the first of hue 0 (red), the last of hue `span`, in OpenCV's unit of two degrees.
+// alternate: every other colour is darker.
 std::vector<cv::Vec3b> hues(int count, double span, bool alternate) {
   cv::Mat hsv(1, std::max(count, 1), CV_8UC3), bgr;
   for (int i = 0; i < hsv.cols; ++i) {
@@ -78,7 +79,7 @@ void drawWeights(const cv::Mat& source_index, const cv::Mat& confidence, int fra
         to[x] = cv::Vec3b(0, 0, 0);
         continue;
       }
-      // Half brightness at a draw: even an unsure choice shows which frame it was.
+      // Confidence 0 still has half the brightness, so that the hue can be seen.
       const cv::Vec3b& color = colors[std::min<int>(index[x], last)];
       const int gain = 128 + sure[x] / 2;
       for (int c = 0; c < 3; ++c) to[x][c] = static_cast<std::uint8_t>(color[c] * gain / 255);

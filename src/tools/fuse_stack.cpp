@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-// The whole method on files: a focus bracket and what is known about depth in, the all-in-focus image out.
+// The whole method on files: from a focus bracket and what is known about depth to the all-in-focus image.
 
 #include <unistd.h>
 
@@ -46,7 +46,8 @@ int parseReference(const std::string& text) {
   return reference;
 }
 
-// The stack, and whether an error came from reading it: such errors name the file already.
+// Passes the frames on, and remembers whether an error came from reading them: such errors name their file
+// already.
 class NamedFrames : public FrameSource {
  public:
   explicit NamedFrames(StackReader& stack) : stack_(stack) {}
@@ -75,7 +76,7 @@ class NamedFrames : public FrameSource {
   bool reading_ = false;
 };
 
-// Ingredients of mode refined to be left out, separated by commas.
+// Parses the ingredients of mode refined to leave out, separated by commas.
 RefinedConfig parseWithout(const std::string& names) {
   RefinedConfig config;
   const std::map<std::string, bool*> ingredients = {{"alignment", &config.alignment},
@@ -99,7 +100,7 @@ RefinedConfig parseWithout(const std::string& names) {
   return config;
 }
 
-// What mode refined could use and does not have.
+// Notes what mode refined could use and does not have.
 void explainMissing(const PipelineInput& input, Mode mode, ReportContext& context) {
   if (mode == Mode::kPaper) return;
   const bool has_depth = !input.depth.empty() || !input.registered_depth.empty();
@@ -115,7 +116,7 @@ void explainMissing(const PipelineInput& input, Mode mode, ReportContext& contex
   }
 }
 
-// What is known about depth: at most one of three, and what goes with it.
+// Reads what is known about depth, at most one of three inputs, and rig and optics.
 void readDepthInput(const po::variables_map& values, PipelineInput& input, ReportContext& context) {
   const std::string depth = textOption(values, "depth"), registered = textOption(values, "registered-depth"),
                     labels = textOption(values, "label-map"), rig = textOption(values, "rig");
@@ -146,7 +147,7 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
   if (!segments && labels.empty()) context.notes.push_back("no depth: fused by sharpness alone");
 }
 
-// A lens cannot be focused at or before its focal length.
+// Refuses focus distances up to the focal length: no lens can be focused there.
 void checkFocus(const std::string& path, const std::vector<double>& distances, const Optics& optics) {
   for (const double focus : distances) {
     if (focus <= optics.focal_length_mm) {
@@ -186,7 +187,7 @@ void fuseStack(const po::variables_map& values) {
     result = Pipeline(mode).run(input);
   } catch (const std::invalid_argument& e) {
     if (frames.reading()) throw;
-    // The core says what is wrong, this says in which file.
+    // The core tells what is wrong. Add the file that it is about.
     const std::string depth = textOption(values, input.depth.empty() ? "registered-depth" : "depth");
     throw std::invalid_argument((stack.current().empty() ? depth : stack.current()) + ": " + e.what());
   }

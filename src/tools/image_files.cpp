@@ -59,8 +59,8 @@ bool isWholePng(const std::string& data) {
   return data.find("IEND", data.size() - std::min<std::size_t>(data.size(), 12)) != std::string::npos;
 }
 
-// The end mark must follow the image data: thumbnails before it have end marks of their own, and cameras
-// append data behind it.
+// Looks for the end mark behind the beginning of the image data: thumbnails before it have end marks of their
+// own, and cameras append data after it.
 bool isWholeJpeg(const std::string& data) {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(data[i]); };
   std::size_t at = 2;
@@ -114,7 +114,8 @@ std::string ending(const std::string& path) {
 }
 
 cv::Mat readColor(const std::string& path) {
-  return decode(path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);  // calibrated as the sensor lies
+  return decode(path, cv::IMREAD_COLOR |
+                          cv::IMREAD_IGNORE_ORIENTATION);  // not rotated: the calibration is of the sensor
 }
 
 cv::Mat readDepth(const std::string& path) {
@@ -133,7 +134,7 @@ cv::Mat readLabelMap(const std::string& path, int unknown) {
   image.convertTo(labels, CV_32S);
   if (unknown >= 0) {
     const cv::Mat is_unknown = labels == unknown;
-    if (unknown > 0) labels += 1;  // 0 is a region then
+    if (unknown > 0) labels += 1;  // value 0 is a region, and must not become unknown
     labels.setTo(0, is_unknown);
   }
   return labels;

@@ -12,16 +12,16 @@ namespace all_in_focus {
 
 using namespace core;
 
-/// Rig of a folder: depth.yaml and color.yaml as camera_calibration writes them, extrinsics.yaml (pose of the
-/// depth camera in the colour camera's optical frame: translation in m, rotation as quaternion x, y, z, w).
-/// Throws std::invalid_argument that names file and key.
+/// Reads the rig of a folder: depth.yaml and color.yaml as camera_calibration writes them, extrinsics.yaml
+/// with the pose of the depth camera in the colour camera's optical frame (translation in m, rotation as unit
+/// quaternion x, y, z, w). Throws std::invalid_argument that names file and key.
 Rig readRig(const std::string& folder);
 
-/// optics.yaml of the folder: focal_length_mm, aperture, circle_of_confusion_mm. Throws
-/// std::invalid_argument.
+/// Reads optics.yaml of the folder: focal_length_mm, aperture, circle_of_confusion_mm. Throws
+/// std::invalid_argument that names file and key.
 Optics readOptics(const std::string& folder);
 
-/// "f,F,coc" in mm. Throws std::invalid_argument.
+/// Parses "f,F,coc", f and coc in mm. Throws std::invalid_argument.
 Optics parseOptics(const std::string& text);
 
 /// Focus distances: `frames: [{file: 00.png, focus_mm: 855.0}, ...]`, .inf allowed. For a stack folder by

@@ -28,7 +28,7 @@ bool isImage(const fs::path& path) {
   return path.filename().string()[0] != '.' && endings.count(ending(path.string())) > 0;
 }
 
-// Name order puts 10.png before 2.png: right only when numbers are padded.
+// True if numbers at the end of the names have different lengths: name order then puts 10.png before 2.png.
 bool mixesNumberLengths(const std::vector<std::string>& names) {
   std::set<std::size_t> lengths;
   for (const std::string& name : names) {
@@ -40,7 +40,7 @@ bool mixesNumberLengths(const std::vector<std::string>& names) {
   return lengths.size() > 1;
 }
 
-// An AVI says in its head how long it is.
+// Refuses an AVI that is shorter than its header says.
 void requireWholeAvi(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   unsigned char head[12] = {};
@@ -68,7 +68,7 @@ StackReader::StackReader(const std::string& path) : path_(path) {
     return;
   }
   if (!fs::is_regular_file(path)) fail(path, "no such folder or video");
-  // OpenCV would take it, and those numbered after it, for a video.
+  // OpenCV would open it as a video, together with the images numbered after it.
   if (isImage(path)) fail(path, "a single image: give its folder, or a video");
   requireWholeAvi(path);
   open();
@@ -119,7 +119,7 @@ int StackReader::count() {
 
 void StackReader::requireWhole() const {
   if (read_ == 0) fail(path_, "the video holds no frame");
-  // One frame less than reported is usual.
+  // Containers often report one frame too many.
   const double reported = video_.get(cv::CAP_PROP_FRAME_COUNT);
   if (reported - read_ > std::max(1.0, 0.01 * reported)) {
     fail(path_, "video is cut short: " + std::to_string(read_) + " of " +

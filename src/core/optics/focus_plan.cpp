@@ -12,7 +12,8 @@
 namespace all_in_focus::core {
 namespace {
 
-// Of a span; so that a region that fits one depth of field is not split by the rounding of 1 / depth.
+// Relative tolerance of a span. Without it the rounding of 1 / depth could split a region that fits one depth
+// of field.
 constexpr double kRounding = 1e-9;
 
 void requireBeyondFocalLength(const Optics& optics, const DepthRange& range) {

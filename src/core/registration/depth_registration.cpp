@@ -14,8 +14,8 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kLeastRows = 16;           // of a band
-constexpr int kLeastPixels = 64 * 1024;  // of a part of an image that is worth a thread
+constexpr int kMinBandRows = 16;
+constexpr int kMinPixelsPerThread = 64 * 1024;
 
 ALL_IN_FOCUS_SIMD void fromZBuffer(const std::uint16_t* __restrict stored, int cols,
                                    std::uint16_t* __restrict row) {
@@ -37,7 +37,7 @@ DepthRegistration::DepthRegistration(const Rig& rig, Splat splat) : rig_(rig), s
   validate(rig.color, "colour");
   const Camera& in = rig.depth;
   const Camera& out = rig.color;
-  // With an undistorted colour camera its intrinsics belong to the fold too (equation 3).
+  // Without distortion the colour camera's intrinsics are part of the same product (equation 3).
   fold_intrinsics_ = !out.distorted();
   reach_ = static_cast<float>(out.reach());
   const cv::Matx33d K =
@@ -47,7 +47,7 @@ DepthRegistration::DepthRegistration(const Rig& rig, Splat splat) : rig_(rig), s
   translation_ = cv::Vec3f(Kt);
 
   const bool distorted = in.distorted();
-  // One column and one row more than pixels: differences to them give the footprint's sides.
+  // One column and one row more than the image: differences of rays give the sides of the last footprints.
   for (cv::Mat1f& component : ray_) component.create(in.size.height + 1, in.size.width + 1);
   cv::parallel_for_(cv::Range(0, in.size.height + 1), [&](const cv::Range& range) {
     for (int v = range.start; v < range.end; ++v) {
@@ -70,7 +70,7 @@ void DepthRegistration::compute(const cv::Mat& depth, cv::Mat& registered) {
         cv::format("registration: depth is %dx%d, but the depth camera is calibrated for %dx%d", depth.cols,
                    depth.rows, rig_.depth.size.width, rig_.depth.size.height));
   }
-  const int count = stripCount(depth.rows, kLeastRows);
+  const int count = stripCount(depth.rows, kMinBandRows);
   if (static_cast<int>(bands_.size()) < count) bands_.resize(count);
   RowStrips({0, depth.rows}, count).forEach([&](const cv::Range& rows, int i) {
     bands_[i].begin(rig_.color.size);
@@ -93,7 +93,7 @@ void DepthRegistration::compute(const cv::Mat& depth, cv::Mat& registered) {
           if (!reached) std::fill_n(row, registered.cols, 0);
         }
       },
-      static_cast<double>(registered.total()) / kLeastPixels);
+      static_cast<double>(registered.total()) / kMinPixelsPerThread);
 }
 
 void DepthRegistration::drawRows(const cv::Mat& depth, const cv::Range& rows, ZBuffer& nearest) const {

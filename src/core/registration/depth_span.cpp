@@ -11,12 +11,12 @@
 namespace all_in_focus::core {
 namespace {
 
-// floor(value + 0.5) limited to least..most, -1 or more; NaN becomes most.
+// floor(value + 0.5), clamped to least..most, where least >= -1; NaN gives most.
 inline std::int32_t nearestPixel(float value, float least, float most) {
   return static_cast<std::int32_t>(std::max(std::min(most, value), least) + 1.5f) - 1;
 }
 
-// Of a footprint, inside the image.
+// Bounding box of a footprint, clipped to the image.
 struct Box {
   Box(const Footprint& f, float w, const Frame& frame)
       : u0(nearestPixel(f.u - f.halfWidth() + 0.5f, frame.first, frame.cols)),
@@ -31,7 +31,7 @@ struct Box {
 }  // namespace
 
 ALL_IN_FOCUS_SIMD void project(const DepthSpan& from, ProjectedSpan& __restrict to) {
-  const DepthSpan span = from;  // its own copy: the compiler then knows that no store changes it
+  const DepthSpan span = from;  // a copy: so the compiler knows that no store changes it
   const float tx = span.translation[0], ty = span.translation[1], tz = span.translation[2];
   for (int i = 0; i < span.count; ++i) {
     const float z = span.depth[i];
@@ -45,7 +45,7 @@ ALL_IN_FOCUS_SIMD void project(const DepthSpan& from, ProjectedSpan& __restrict 
   }
 }
 
-// Camera::distort, for many.
+// Camera::distort for all points of a span.
 ALL_IN_FOCUS_SIMD void distort(const Camera& camera, float reach, int count, ProjectedSpan& __restrict span) {
   const auto [k1, k2, p1, p2, k3, k4, k5, k6] = camera.distortion;
   const double fx = camera.fx, fy = camera.fy, cx = camera.cx, cy = camera.cy;
@@ -92,7 +92,7 @@ ALL_IN_FOCUS_SIMD bool toQuads(const DepthSpan& from, const ProjectedSpan& __res
                                const Frame& frame, QuadSpan& __restrict to) {
   const DepthSpan span = from;
   const Frame image = frame;
-  std::int32_t sides = 0;  // of all boxes, less one
+  std::int32_t sides = 0;  // bits of all sides, each less one
   for (int i = 0; i < span.count; ++i) {
     const Footprint f(span, projected, i);
     const Box b(f, projected.w[i], image);
@@ -112,7 +112,7 @@ ALL_IN_FOCUS_SIMD bool toQuads(const DepthSpan& from, const ProjectedSpan& __res
 }
 
 ALL_IN_FOCUS_SIMD RowRange rowsOf(const std::int32_t* at, int count, int stride) {
-  std::uint32_t first = UINT32_MAX;  // as unsigned the negative ones, which are not drawn, are large
+  std::uint32_t first = UINT32_MAX;  // negative indices, which are not drawn, are large as unsigned numbers
   std::int32_t last = -1;
   for (int i = 0; i < count; ++i) {
     first = std::min(first, static_cast<std::uint32_t>(at[i]));

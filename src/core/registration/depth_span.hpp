@@ -10,30 +10,31 @@
 
 namespace all_in_focus::core {
 
-/// A stretch of a row of the depth camera. Rays: what one mm of depth adds to X', Y', Z'.
+/// Some consecutive pixels of a row of the depth camera. A ray is what one mm of depth adds to X', Y', Z'.
 struct DepthSpan {
-  static constexpr int kMost = 256;  ///< pixels; all arrays below stay in the first-level cache
+  static constexpr int kMost = 256;  ///< pixels; so all arrays below stay in the first-level cache
 
-  int count;
-  const std::uint16_t* depth;
-  const float* ray[3];
-  const float* ray_below[3];  ///< of the next row
-  float translation[3];
-  float fx, fy;  ///< what turns X'/Z' into colour pixels
+  int count;                   ///< pixels, up to kMost
+  const std::uint16_t* depth;  ///< mm, 0 = unknown
+  const float* ray[3];         ///< count + 1 rays
+  const float* ray_below[3];   ///< of the next row
+  float translation[3];        ///< mm
+  float fx, fy;                ///< from X'/Z' to colour pixels; 1 if rays include them
 };
 
-/// The same seen from the colour camera. w: depth along its axis, 0 = nothing to draw.
+/// The same pixels as seen from the colour camera.
 struct ProjectedSpan {
-  float u[DepthSpan::kMost], v[DepthSpan::kMost], w[DepthSpan::kMost];
-  float z[DepthSpan::kMost];  ///< depth along the depth camera's axis
+  float u[DepthSpan::kMost], v[DepthSpan::kMost];  ///< position, colour pixels
+  float w[DepthSpan::kMost];  ///< depth along the colour camera's axis, mm; 0 = do not draw
+  float z[DepthSpan::kMost];  ///< depth along the depth camera's axis, mm
 };
 
-/// A depth pixel at one depth is a parallelogram in the colour image, spanned by the derivatives of its
-/// position after u and v: d(nu / w) = (d nu - u' dw) / w.
+/// The area of the colour image that a depth pixel covers: a parallelogram spanned by the derivatives of its
+/// position (u', v') = (n_u, n_v) / w by u and v, where d(n / w) = (dn - u' dw) / w.
 struct Footprint {
   Footprint(const DepthSpan& from, const ProjectedSpan& to, int i) : u(to.u[i]), v(to.v[i]) {
     const float z = to.z[i], w = to.w[i], scale = z / w;
-    // Before distortion, whose own derivative is left out.
+    // The derivative of the colour camera's distortion is left out: a footprint is a few pixels.
     const float x = (from.ray[0][i] * z + from.translation[0]) / w;
     const float y = (from.ray[1][i] * z + from.translation[1]) / w;
     const float dw1 = from.ray[2][i + 1] - from.ray[2][i], dw2 = from.ray_below[2][i] - from.ray[2][i];
@@ -49,16 +50,16 @@ struct Footprint {
   float halfWidth() const { return kHalf * (std::abs(e1_u) + std::abs(e2_u)); }
   float halfHeight() const { return kHalf * (std::abs(e1_v) + std::abs(e2_v)); }
 
-  /// Whether it covers the centre of a pixel of the colour image. Along a row or a column the covered ones
-  /// are neighbours: both coordinates are monotonic, also after rounding.
+  /// True if it covers the centre of a pixel of the colour image. The covered pixels of a row or a column are
+  /// consecutive, because both coordinates are monotonic along them, even rounded.
   bool covers(int x, int y) const {
     const float dx = x - u, dy = y - v;
     const float along1 = (dx * e2_v - dy * e2_u) * to_a, along2 = (dy * e1_u - dx * e1_v) * to_a;
     return (std::abs(along1) <= kHalf) & (std::abs(along2) <= kHalf);
   }
 
-  /// A footprint reaches this far beyond half a depth pixel: neighbours at slightly other depths are moved
-  /// apart by parallax.
+  /// Half the side of a depth pixel, and a tenth more: parallax moves neighbours of slightly different depths
+  /// apart, which would leave gaps.
   static constexpr float kHalf = 0.5f + 0.1f;
 
   float u, v;                    ///< centre
@@ -66,7 +67,8 @@ struct Footprint {
   float area, to_a;
 };
 
-/// What is drawn into. Variables where constants would do: GCC makes one instruction of a limit only then.
+/// The image that is drawn into. `first` and `outside` are variables, not constants, because only then GCC
+/// compiles a clamp with them into one instruction.
 struct Frame {
   Frame(const cv::Size& size, int stride)
       : size(size),
@@ -78,39 +80,41 @@ struct Frame {
   float cols, rows, first = 0, outside = -1;
 };
 
-/// Rows of the colour image that a span reaches; none while top > bottom.
+/// Rows of the colour image that a span is drawn to: top..bottom; none if top > bottom.
 struct RowRange {
   int top, bottom;
 };
 
 /// The colour pixel nearest to each point.
 struct PointSpan {
-  std::int32_t at[DepthSpan::kMost];  ///< v * stride + u, or below 0: i - kMost, nothing to draw
-  std::uint16_t depth[DepthSpan::kMost];
+  std::int32_t at[DepthSpan::kMost];      ///< index v * stride + u; negative, i - kMost: do not draw
+  std::uint16_t depth[DepthSpan::kMost];  ///< mm, less one
 };
 
-/// Bounding boxes of footprints, inside the image; v1 < 0: nothing to draw.
+/// Bounding boxes of footprints, clipped to the image: columns u0..u1, rows v0..v1; v1 < 0: do not draw.
 struct BoxSpan {
   std::int32_t u0[DepthSpan::kMost], v0[DepthSpan::kMost], u1[DepthSpan::kMost], v1[DepthSpan::kMost];
 };
 
-/// Footprints in boxes of at most 2x2 pixels, as the depths of these less one; 0xFFFF where not covered.
+/// Footprints that cover at most 2 x 2 pixels: the depths of these pixels, mm, less one; 0xFFFF = not
+/// covered.
 struct QuadSpan {
-  std::int32_t at[DepthSpan::kMost];                               ///< of the first, as in PointSpan
-  std::uint32_t upper[DepthSpan::kMost], lower[DepthSpan::kMost];  ///< two neighbours each
+  std::int32_t at[DepthSpan::kMost];      ///< index of the upper left pixel, as in PointSpan
+  std::uint32_t upper[DepthSpan::kMost];  ///< two pixels of a row, the left one in the lower half
+  std::uint32_t lower[DepthSpan::kMost];  ///< the same, of the row below
 };
 
-/// Equations 2 and 3, without the distortion of the colour camera.
+/// Projects to the colour camera (equations 2 and 3), without its distortion.
 void project(const DepthSpan& from, ProjectedSpan& to);
-/// Ideal coordinates to pixels of the colour camera; what lies beyond its reach is dropped.
+/// Turns ideal coordinates into pixels of a distorted colour camera. Points beyond `reach` are not drawn.
 void distort(const Camera& camera, float reach, int count, ProjectedSpan& span);
 
 void toPoints(const ProjectedSpan& from, int count, const Frame& frame, PointSpan& to);
 void toBoxes(const DepthSpan& from, const ProjectedSpan& projected, const Frame& frame, BoxSpan& to);
-/// False when some box is larger than 2x2: the quads then are of no use.
+/// Returns false if a footprint covers more than 2 x 2 pixels; `to` is of no use then.
 bool toQuads(const DepthSpan& from, const ProjectedSpan& projected, const Frame& frame, QuadSpan& to);
 
-RowRange rowsOf(const std::int32_t* at, int count, int stride);  ///< of the pixels of points, quads
+RowRange rowsOf(const std::int32_t* at, int count, int stride);  ///< of points or quads
 RowRange rowsOf(const BoxSpan& boxes, int count);
 
 }  // namespace all_in_focus::core

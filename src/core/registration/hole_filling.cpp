@@ -22,12 +22,12 @@ void requireDepth(const cv::Mat& depth) {
   }
 }
 
-constexpr std::uint16_t kOpen = 0xFFFF;  // width of a hole that reaches the side
+constexpr std::uint16_t kOpen = 0xFFFF;  // width of a hole that reaches the left or right border
 
-// Into how many parts an image is worth cutting, one for a thread each.
-int parts(const cv::Mat& image) {
-  constexpr int kLeastPixels = 64 * 1024;
-  return std::max(1, std::min(cv::getNumThreads(), static_cast<int>(image.total()) / kLeastPixels));
+// Number of threads that an image is worth.
+int threadCount(const cv::Mat& image) {
+  constexpr int kMinPixelsPerThread = 64 * 1024;
+  return std::max(1, std::min(cv::getNumThreads(), static_cast<int>(image.total()) / kMinPixelsPerThread));
 }
 
 ALL_IN_FOCUS_SIMD void largestOfNine(const std::uint16_t* __restrict a, const std::uint16_t* __restrict b,
@@ -41,7 +41,7 @@ ALL_IN_FOCUS_SIMD void largestOfNine(const std::uint16_t* __restrict a, const st
   out[last] = larger(column(last), column(std::max(0, last - 1)));
 }
 
-// Bit i: whether depth[i] < limit; of at most 64 pixels.
+// Bit i is set if depth[i] < limit, for at most 64 pixels.
 std::uint64_t below(const std::uint16_t* depth, int count, std::uint16_t limit) {
   const cv::v_uint16x8 limits = cv::v_setall_u16(limit);
   std::uint64_t bits = 0;
@@ -77,10 +77,10 @@ void dilateDepth(const cv::Mat& depth, cv::Mat& dilated) {
           largestOfNine(row(i - 1), row(i), row(i + 1), from.cols, dilated.ptr<std::uint16_t>(i));
         }
       },
-      parts(from));
+      threadCount(from));
 }
 
-// C d (equations 5 and 6) for whole mm; from 8 K on it is below 1e-25 mm and 0 in the table.
+// Tabulates C d (equations 5 and 6) for whole mm. From 8 K on it is below 1e-25 mm, and taken for 0.
 void DiffusionFilling::tabulateFlows() {
   if (conduction_mm == tabulated_conduction_mm_) return;
   reach_ = static_cast<int>(std::min(65535.0, 8 * conduction_mm)) + 1;
@@ -130,17 +130,17 @@ void FarSideFilling::fill(const cv::Mat& depth, cv::Mat& filled) {
   requireDepth(depth);
   filled.create(depth.size(), CV_16UC1);
   width_.create(depth.size());
-  const int count = parts(depth);
+  const int count = threadCount(depth);
   bands_.resize(count);
   const RowStrips strips({0, depth.rows}, count);
   strips.forEach([&](const cv::Range& rows, int i) { fillBand(depth, rows, bands_[i], filled); });
-  // Holes that lie in several bands.
+  // Holes that reach across bands, column by column.
   for (int j = 0; count > 1 && j < depth.cols; ++j) {
     int begin = bands_[0].begin[j];
     for (int i = 1; i < count; ++i) {
       const bool goes_on = depth.at<std::uint16_t>(strips[i].start - 1, j) == 0;
       const int end = bands_[i].end[j];
-      if (goes_on && end == 0) continue;  // through all of the band
+      if (goes_on && end == 0) continue;  // the hole goes through the whole band
       if (goes_on && begin > 0) fillDown(depth, j, begin, end, filled);
       begin = bands_[i].begin[j];
     }
@@ -158,7 +158,7 @@ void FarSideFilling::fillBand(const cv::Mat& depth, const cv::Range& rows, Band&
   for (int i = rows.start; i < rows.end; ++i) {
     const auto* const row = depth.ptr<std::uint16_t>(i);
     std::copy_n(row, cols, filled.ptr<std::uint16_t>(i));
-    std::uint64_t carry = 0;  // whether the pixel before is a hole
+    std::uint64_t carry = 0;  // 1 if the pixel before this word is a hole
     int begin = 0;
     for (int word = 0; word < words; ++word) {
       const int first = 64 * word;
@@ -186,7 +186,7 @@ void FarSideFilling::fillBand(const cv::Mat& depth, const cv::Range& rows, Band&
   }
 }
 
-// The hole in columns begin to end - 1 of row i.
+// Fills the hole in columns begin..end-1 of row i.
 void FarSideFilling::fillAcross(const std::uint16_t* row, int cols, int begin, int end, int i,
                                 cv::Mat& filled) {
   const bool closed = begin > 0 && end < cols;
@@ -195,7 +195,7 @@ void FarSideFilling::fillAcross(const std::uint16_t* row, int cols, int begin, i
   std::fill_n(width_[i] + begin, end - begin, closed ? static_cast<std::uint16_t>(end - begin) : kOpen);
 }
 
-// The hole in rows begin to end - 1 of a column, where it is lower than wide.
+// Fills the hole in rows begin..end-1 of a column, at those pixels where it is wider than high.
 void FarSideFilling::fillDown(const cv::Mat& depth, int column, int begin, int end, cv::Mat& filled) {
   const std::uint16_t farther =
       std::max(depth.at<std::uint16_t>(begin - 1, column), depth.at<std::uint16_t>(end, column));

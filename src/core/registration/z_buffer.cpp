@@ -12,11 +12,11 @@ namespace {
 constexpr std::uint16_t kNone = 0xFFFF;
 constexpr int kLanes = 8;
 
-// Neighbours in a row mostly cover some of the same pixels. Drawn in strides of so many, no drawing has to
-// wait for the one before it to reach memory.
+// Footprints of neighbours mostly share pixels. Drawn one after the other, each would wait for the store of
+// the one before it, so every eighth is drawn in turn.
 constexpr int kApart = 8;
 
-// min(row, depth) on so many pixels; up to kLanes - 1 more are touched.
+// min(row, depth) for `count` pixels. Up to kLanes - 1 more are read and written back.
 inline void drawRow(std::uint16_t* row, int count, std::uint16_t depth) {
   static const std::uint16_t kKeep[2 * kLanes] = {0,     0,     0,     0,     0,     0,     0,     0,
                                                   kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone};
@@ -25,7 +25,7 @@ inline void drawRow(std::uint16_t* row, int count, std::uint16_t depth) {
   cv::v_store(row, cv::v_min(cv::v_load(row), depths | cv::v_load(kKeep + kLanes - count)));
 }
 
-// Footprint::covers for four neighbours of a row, those up to u1, and their drawing.
+// Draws four pixels of a row, u0 to at most u1, where the footprint covers them.
 class FourPixels {
  public:
   FourPixels(const Footprint& footprint, int u0, int u1) : f_(footprint) {
@@ -64,9 +64,9 @@ void ZBuffer::begin(const cv::Size& image) {
   top_ = bottom_ = 0;
 }
 
-void ZBuffer::reach(const RowRange& rows) {
+void ZBuffer::clearUpTo(const RowRange& rows) {
   if (rows.top > rows.bottom) return;
-  const int bottom = rows.bottom + 2;  // drawing touches the row below, too
+  const int bottom = rows.bottom + 2;  // drawing also writes to the row below
   if (top_ == bottom_) top_ = bottom_ = rows.top;
   if (rows.top < top_) std::fill(at(rows.top), at(top_), kNone);
   if (bottom > bottom_) std::fill(at(bottom_), at(bottom), kNone);
@@ -77,7 +77,7 @@ void ZBuffer::reach(const RowRange& rows) {
 void ZBuffer::drawPoints(const ProjectedSpan& projected, int count) {
   PointSpan points;
   toPoints(projected, count, frame_, points);
-  reach(rowsOf(points.at, count, frame_.stride));
+  clearUpTo(rowsOf(points.at, count, frame_.stride));
   for (int i = 0; i < count; ++i) {
     std::uint16_t& stored = origin_[points.at[i]];
     stored = std::min(stored, points.depth[i]);
@@ -95,7 +95,7 @@ void ZBuffer::drawFootprints(const DepthSpan& from, const ProjectedSpan& project
   }
   BoxSpan boxes;
   toBoxes(from, projected, frame_, boxes);
-  reach(rowsOf(boxes, from.count));
+  clearUpTo(rowsOf(boxes, from.count));
   small_ = true;
   for (int first = 0; first < kApart; ++first) {
     for (int i = first; i < from.count; i += kApart) {
@@ -108,7 +108,7 @@ void ZBuffer::drawFootprints(const DepthSpan& from, const ProjectedSpan& project
 }
 
 void ZBuffer::drawQuads(const QuadSpan& quads, int count) {
-  reach(rowsOf(quads.at, count, frame_.stride));
+  clearUpTo(rowsOf(quads.at, count, frame_.stride));
   for (int first = 0; first < kApart; ++first) {
     for (int i = first; i < count; i += kApart) {
       std::uint16_t* const upper = origin_ + quads.at[i];

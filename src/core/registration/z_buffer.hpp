@@ -9,32 +9,34 @@
 
 namespace all_in_focus::core {
 
-/// The nearest depth of every pixel, less one so that "none" (0xFFFF) is the farthest and drawing is a
-/// minimum: the order of drawing does not matter. Rows are cleared when they are first reached. Around the
-/// image lies what branch-free drawing touches without changing it: a row below, some columns at the right,
-/// and a stretch ahead where pixels go that are not drawn.
+/// The nearest depth of every pixel. Depths are stored less one, so that "none" (0xFFFF) is the farthest,
+/// drawing is a minimum, and the order of drawing does not matter. Rows are cleared when they are first drawn
+/// to.
+///
+/// The image has a margin that drawing without branches reads and writes back unchanged: a row below, some
+/// columns at the right, and kMost pixels before the first one, where pixels go that are not drawn.
 class ZBuffer {
  public:
-  /// Keeps its memory where the size stays. No row has been reached afterwards.
+  /// Clears the image. Keeps the memory if the size is the same as before.
   void begin(const cv::Size& image);
 
   void drawPoints(const ProjectedSpan& projected, int count);
   void drawFootprints(const DepthSpan& from, const ProjectedSpan& projected);
 
-  /// What was drawn into row y, or nullptr where nothing was.
+  /// Row y, depths in mm less one, 0xFFFF = none; nullptr if nothing was drawn to it.
   const std::uint16_t* row(int y) const { return y >= top_ && y < bottom_ ? at(y) : nullptr; }
 
  private:
   std::uint16_t* at(int y) const { return origin_ + static_cast<std::ptrdiff_t>(y) * frame_.stride; }
-  void reach(const RowRange& rows);
+  void clearUpTo(const RowRange& rows);
   void drawQuads(const QuadSpan& quads, int count);
   void drawBox(int u0, int v0, int u1, int v1, const Footprint& footprint, float w);
 
   Frame frame_{{}, 0};
   cv::Mat1w memory_;
   std::uint16_t* origin_ = nullptr;
-  int top_ = 0, bottom_ = 0;  ///< rows reached: from top to above bottom
-  bool small_ = true;         ///< the last footprints were at most 2x2 pixels
+  int top_ = 0, bottom_ = 0;  ///< rows top_..bottom_-1 have been cleared
+  bool small_ = true;         ///< the last footprints covered at most 2 x 2 pixels
 };
 
 }  // namespace all_in_focus::core

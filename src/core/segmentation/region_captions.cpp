@@ -13,10 +13,10 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kLetterHeight = 22;  // of OpenCV's font at scale 1, pixels
-constexpr double kTextHeight = 0.04;  // of the picture's height
-constexpr double kLeastScale = 0.35;  // smaller letters are not legible
-constexpr float kWellWithin = 0.8f;   // of the greatest distance from the border that the region has
+constexpr double kLetterHeight = 22;  // pixels, of OpenCV's font at scale 1
+constexpr double kTextHeight = 0.04;  // share of the picture's height
+constexpr double kMinScale = 0.35;    // smaller letters are not legible
+constexpr float kMinDistance = 0.8f;  // share of the greatest distance from the region's border
 
 std::string captionText(const Segment& segment) {
   char text[64];
@@ -25,8 +25,8 @@ std::string captionText(const Segment& segment) {
   return text;
 }
 
-// Distance of each pixel from the border of its region, all regions in one go. The picture's edge is a
-// border, too: nobody reads what sticks out.
+// Distance of each pixel from the border of its region, for all regions in one pass. The edge of the picture
+// counts as a border, so that captions stay away from it.
 cv::Mat borderDistance(const cv::Mat& labels) {
   cv::Mat inside(labels.size(), CV_8UC1, cv::Scalar(0)), distance;
   for (int y = 1; y + 1 < labels.rows; ++y) {
@@ -42,12 +42,13 @@ cv::Mat borderDistance(const cv::Mat& labels) {
 
 struct Region {
   double pixels = 0, sum_x = 0, sum_y = 0;
-  float width = 0;  // greatest distance from the border
+  float max_distance = 0;  // from the border
   double nearest = std::numeric_limits<double>::infinity();
   cv::Point anchor;
 };
 
-// The centroid of a bent region lies outside of it, so the pixel nearest to it among those well within.
+// The anchor is the pixel nearest to the centroid among those far from the border: the centroid itself lies
+// outside of a bent region.
 std::vector<Region> anchorRegions(const cv::Mat& labels, int count) {
   std::vector<Region> regions(count + 1);
   const cv::Mat distance = borderDistance(labels);
@@ -59,7 +60,7 @@ std::vector<Region> anchorRegions(const cv::Mat& labels, int count) {
       region.pixels += 1;
       region.sum_x += x;
       region.sum_y += y;
-      region.width = std::max(region.width, from_border[x]);
+      region.max_distance = std::max(region.max_distance, from_border[x]);
     }
   }
   for (int y = 0; y < labels.rows; ++y) {
@@ -67,7 +68,7 @@ std::vector<Region> anchorRegions(const cv::Mat& labels, int count) {
     const auto* from_border = distance.ptr<float>(y);
     for (int x = 0; x < labels.cols; ++x) {
       Region& region = regions[label[x]];
-      if (from_border[x] < kWellWithin * region.width) continue;
+      if (from_border[x] < kMinDistance * region.max_distance) continue;
       const double dx = x - region.sum_x / region.pixels, dy = y - region.sum_y / region.pixels;
       if (dx * dx + dy * dy >= region.nearest) continue;
       region.nearest = dx * dx + dy * dy;
@@ -77,7 +78,7 @@ std::vector<Region> anchorRegions(const cv::Mat& labels, int count) {
   return regions;
 }
 
-// Moved into the picture where it would stick out.
+// The box of a text around `middle`, moved so that it lies inside the picture.
 cv::Rect textBox(const std::string& text, const cv::Point& middle, const cv::Size& picture) {
   const CaptionStyle style = captionStyle(picture);
   int below = 0;
@@ -87,7 +88,7 @@ cv::Rect textBox(const std::string& text, const cv::Point& middle, const cv::Siz
           std::max(style.rim, std::min(middle.y - size.height / 2, bottom)), size.width, size.height};
 }
 
-bool isCovered(const cv::Rect& box, const std::vector<RegionCaption>& captions) {
+bool overlaps(const cv::Rect& box, const std::vector<RegionCaption>& captions) {
   const int gap = box.height;
   const cv::Rect around(box.x - gap, box.y - gap, box.width + 2 * gap, box.height + 2 * gap);
   return std::any_of(captions.begin(), captions.end(),
@@ -99,7 +100,7 @@ bool isCovered(const cv::Rect& box, const std::vector<RegionCaption>& captions) 
 CaptionStyle captionStyle(const cv::Size& picture) {
   CaptionStyle style;
   style.font = cv::FONT_HERSHEY_SIMPLEX;
-  style.scale = std::max(kLeastScale, kTextHeight * picture.height / kLetterHeight);
+  style.scale = std::max(kMinScale, kTextHeight * picture.height / kLetterHeight);
   style.line = std::max(1, cvRound(1.5 * style.scale));
   style.rim = style.line + 1;
   return style;
@@ -119,7 +120,7 @@ std::vector<RegionCaption> captionRegions(const Segmentation& segmentation, doub
     const cv::Point anchor = regions.at(segment.label).anchor;
     const std::string text = captionText(segment);
     const cv::Rect box = textBox(text, anchor, labels.size());
-    if (isCovered(box, captions)) continue;
+    if (overlaps(box, captions)) continue;
     captions.push_back({segment.label, segment.area, segment.min_mm, anchor, text, box});
   }
   return captions;

@@ -7,13 +7,13 @@
 
 namespace all_in_focus::core {
 
-/// Into how many strips to cut an image: one for each thread, as a strip may cost some rows of its
-/// neighbours, and none of fewer rows than least_rows.
-inline int stripCount(int rows, int least_rows = 64) {
-  return std::clamp(rows / least_rows, 1, std::max(cv::getNumThreads(), 1));
+/// Number of strips to divide an image into: one for each thread, but none with fewer than min_rows rows. No
+/// more, because a strip may have to compute some rows of its neighbours again.
+inline int stripCount(int rows, int min_rows = 64) {
+  return std::clamp(rows / min_rows, 1, std::max(cv::getNumThreads(), 1));
 }
 
-/// Rows of an image, shared out among the threads.
+/// The rows of an image, divided evenly into strips, one for each thread.
 class RowStrips {
  public:
   RowStrips() = default;
@@ -23,7 +23,7 @@ class RowStrips {
   cv::Range operator[](int strip) const { return {begin(strip), begin(strip + 1)}; }
 
   template <typename Work>
-  void forEach(const Work& work) const {  ///< work(rows, strip), at the same time
+  void forEach(const Work& work) const {  ///< calls work(rows, strip) for all strips, in parallel
     if (count_ == 1) return work(rows_, 0);
     cv::parallel_for_(
         cv::Range(0, count_),
