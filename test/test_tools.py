@@ -172,7 +172,7 @@ def test_video_with_focus_gives_what_its_decoded_frames_give(planes):
 def test_stack_with_focus_by_name(planes):
     plain = fuse_all(planes, *planes.with_depth)
     focus = planes.folder / "focus.yaml"
-    focus.write_text("frames: [{file: 02.png, focus_mm: 3000.0}, {file: 01.png, focus_mm: 1000.0}, "
+    focus.write_text("frames: [{file: 02.png, focus_mm: 3000.0}, {file: stack/01.png, focus_mm: 1000.0}, "
                      "{file: 00.png, focus_mm: null}]\n")
     assert np.array_equal(fuse_all(planes, *planes.with_depth, "--focus", focus)["fused"], plain["fused"])
 

@@ -11,7 +11,8 @@ import pytest
 import yaml
 
 from file_helpers import cut
-from tool_helpers import SIZE, TwoPlanes, expect_refusal, fuse_stack, segment_depth, snapshot, texture, write
+from tool_helpers import (SIZE, TwoPlanes, expect_refusal, fuse_stack, read_report, segment_depth, snapshot, succeeded,
+                          texture, write)
 
 
 @pytest.fixture
@@ -205,6 +206,8 @@ def test_rig_key_is_missing_or_of_another_kind(planes, name, key):
     ("depth.yaml", ["camera_matrix", "data"], [60.0] * 8, "needs 9 numbers"),
     ("extrinsics.yaml", ["rotation"], [0, 0, 0, 0], "quaternion"),
     ("extrinsics.yaml", ["rotation"], [0, 0, 1], "4 numbers"),
+    ("extrinsics.yaml", ["rotation"], [1, 0, 0, 0, 1, 0, 0, 0, 1], "x, y, z, w, not 9 numbers"),
+    ("extrinsics.yaml", ["translation"], [52, 0, 0], "depth.png: no depth falls into the colour picture"),
     ("extrinsics.yaml", ["rotation"], [0, 0, 0, float("nan")], "quaternion"),
     ("extrinsics.yaml", ["translation"], [0, 0, float("nan")], "translation"),
     ("extrinsics.yaml", ["translation"], [0, "near", 0], "wrong type"),
@@ -214,3 +217,42 @@ def test_rig_key_is_missing_or_of_another_kind(planes, name, key):
 def test_rig_values(planes, name, key, value, complaint):
     change(planes.rig / name, key, value)
     planes.refused(complaint, *planes.with_depth)
+
+
+# --- possible, and most likely a mistake ------------------------------------------------------------------------------
+
+def warnings_of(planes, *arguments):
+    """What fuse_stack warns of, as on stderr; the report notes the same."""
+    report = planes.output("report.json")
+    done = succeeded(fuse_stack("--stack", planes.stack, "--output", planes.output("new.png"), "--report", report,
+                                *arguments))
+    start = "fuse_stack: warning: "
+    said = [line[len(start):] for line in done.stderr.splitlines() if line.startswith(start)]
+    assert [note for note in read_report(report)["notes"] if note in said] == said
+    return said
+
+
+def test_a_good_rig_gives_no_warning(planes):
+    assert warnings_of(planes, *planes.with_depth) == []
+
+
+@pytest.mark.parametrize("key, value, warning", [
+    ("translation", [0, 0, -2.5], "the depth camera stands 2.5 m from the colour camera, rotated by 0 degrees: are "
+                                  "these mm?"),
+    ("rotation", [0, 0, 1, 0], "rotated by 180 degrees: is it between the optical frames (Z forward, Y down)"),
+    ("translation", [1.5, 0, 0], "% of the colour picture gets a depth: check the transform and both calibrations")])
+def test_pose_that_is_most_likely_a_mistake(planes, key, value, warning):
+    change(planes.rig / "extrinsics.yaml", [key], value)
+    said = warnings_of(planes, *planes.with_depth)
+    assert len(said) == 1 and warning in said[0], said
+
+
+def test_circle_of_confusion_in_another_unit(planes):
+    said = warnings_of(planes, *planes.with_depth, "--optics", "24,4,2")
+    assert len(said) == 1 and said[0].startswith("the circle of confusion, 2 mm, is over a fiftieth of the sensor")
+
+
+def test_depth_in_metres(planes):
+    write(planes.depth_file, (planes.depth // 1000).astype(np.uint16))
+    said = warnings_of(planes, *planes.with_depth, "--optics", "0.5,4,0.001")
+    assert len(said) == 1 and said[0].startswith("half of the depths are 1 or less: m"), said

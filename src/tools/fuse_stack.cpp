@@ -15,6 +15,7 @@
 #include "command_line.hpp"
 #include "image_files.hpp"
 #include "report_json.hpp"
+#include "rig_checks.hpp"
 #include "rig_files.hpp"
 #include "stack_reader.hpp"
 
@@ -26,10 +27,15 @@ namespace {
 
 constexpr int kAutoReference = PipelineInput::kAutoReference;
 
-// Memory for frames that mode refined reads twice: half a gigabyte holds those of twelve pictures of 20 MP.
-std::size_t keptFrameBytes() {
+// Mode refined reads the frames up to the reference twice. The first few of them are kept instead of being
+// decoded again: all of a dozen pictures of 20 MP, and never more, so that memory does not grow with the
+// stack.
+void keepFrames(StackReader& stack, int reference) {
+  constexpr int kMaxFrames = 8;
+  constexpr std::size_t kMaxBytes = 512 << 20;
   const auto memory = static_cast<std::size_t>(sysconf(_SC_PHYS_PAGES)) * sysconf(_SC_PAGESIZE);
-  return std::min<std::size_t>(512 << 20, memory / 8);
+  const int read_twice = (reference == kAutoReference ? stack.count() / 2 : reference) + 1;
+  stack.keepFirst(std::min(read_twice, kMaxFrames), std::min(kMaxBytes, memory / 8));
 }
 
 int parseReference(const std::string& text) {
@@ -147,6 +153,18 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
   if (!segments && labels.empty()) context.notes.push_back("no depth: fused by sharpness alone");
 }
 
+// Warns at once of what is most likely a mistake in rig or depth: fusing may take minutes.
+std::vector<std::string> warnOfRig(const po::variables_map& values, const PipelineInput& input) {
+  std::vector<std::string> warnings;
+  try {
+    warnings = checkRig(input);
+  } catch (const std::invalid_argument& e) {
+    throw std::invalid_argument(textOption(values, "depth") + ": " + e.what());
+  }
+  for (const std::string& warning : warnings) std::cerr << "fuse_stack: warning: " << warning << '\n';
+  return warnings;
+}
+
 // Refuses focus distances up to the focal length: no lens can be focused there.
 void checkFocus(const std::string& path, const std::vector<double>& distances, const Optics& optics) {
   for (const double focus : distances) {
@@ -176,10 +194,8 @@ void fuseStack(const po::variables_map& values) {
   input.refined = parseWithout(textOption(values, "without"));
   explainMissing(input, mode, context);
 
-  if (mode == Mode::kRefined) {
-    stack.keepFirst(input.reference == kAutoReference ? stack.count() / 2 + 1 : input.reference + 1,
-                    keptFrameBytes());
-  }
+  const std::vector<std::string> warnings = warnOfRig(values, input);
+  if (mode == Mode::kRefined) keepFrames(stack, input.reference);
   NamedFrames frames(stack);
   input.frames = &frames;
   PipelineResult result;
@@ -198,6 +214,7 @@ void fuseStack(const po::variables_map& values) {
   for (const auto* lines : {&result.misfits, &result.fusion.notes}) {
     context.notes.insert(context.notes.end(), lines->begin(), lines->end());
   }
+  context.notes.insert(context.notes.begin(), warnings.begin(), warnings.end());
   context.mode = name(result.fused_by);
   if (!input.labels.empty() && values["unknown-label"].as<int>() >= 0) {
     result.segmentation.unknown_area =
@@ -219,13 +236,16 @@ void fuseStack(const po::variables_map& values) {
        "label image: give --depth, --registered-depth or --label-map");
   save("save-source-index", result.fusion.source_index, "source index");
   save("save-confidence", result.fusion.confidence, "confidence");
-  cv::Mat weights;
-  drawWeights(result.fusion.source_index, result.fusion.confidence, result.frames, weights);
-  save("save-weights", weights, "weights");
+  if (values.count("save-weights")) {
+    cv::Mat weights;
+    drawWeights(result.fusion.source_index, result.fusion.confidence, result.frames, weights);
+    save("save-weights", weights, "weights");
+  }
   if (values.count("report")) outputs.addText(textOption(values, "report"), fusionReport(result, context));
   outputs.commit();
 
-  for (const std::string& note : context.notes) std::cerr << "fuse_stack: note: " << note << '\n';
+  for (std::size_t i = warnings.size(); i < context.notes.size(); ++i)
+    std::cerr << "fuse_stack: note: " << context.notes[i] << '\n';
   if (values.count("timings")) {
     std::cout << "depth " << result.depth_ms << " ms, segmentation " << result.segmentation_ms
               << " ms, fusion " << result.fusion_ms << " ms for " << result.frames << " frames ("

@@ -85,6 +85,10 @@ Rig readRig(const std::string& folder) {
   const YAML::Node pose = load(path);
   const auto t = numbers(pose, "translation", 3, path);
   const auto q = numbers(pose, "rotation", 4, path);
+  if (q.size() != 4) {
+    fail(path,
+         "rotation: expected a unit quaternion x, y, z, w, not " + std::to_string(q.size()) + " numbers");
+  }
   if (!(std::abs(std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]) - 1) <= 1e-3)) {
     fail(path, "rotation: expected a unit quaternion x, y, z, w");
   }
@@ -134,7 +138,8 @@ std::vector<double> readFocus(const std::string& path, const std::vector<std::st
       fail(path, cv::format("focus_mm must be positive, not %g", focus));
     in_order.push_back(focus);
     if (names.empty()) continue;
-    const auto name = get<std::string>(frame, "file", path);
+    // With or without the folder: stack/00.png is 00.png of the stack.
+    const auto name = std::filesystem::path(get<std::string>(frame, "file", path)).filename().string();
     if (!by_name.emplace(name, focus).second) fail(path, "'" + name + "' is listed twice");
   }
   if (names.empty()) return in_order;

@@ -24,9 +24,10 @@ Optics readOptics(const std::string& folder);
 /// Parses "f,F,coc", f and coc in mm. Throws std::invalid_argument.
 Optics parseOptics(const std::string& text);
 
-/// Focus distances: `frames: [{file: 00.png, focus_mm: 855.0}, ...]`, .inf allowed. For a stack folder by
-/// file name; for a video (names empty) in frame order. Frames that are not listed are NaN = unknown. Throws
-/// std::invalid_argument.
+/// Reads focus distances in mm: `frames: [{file: 00.png, focus_mm: 855.0}, ...]`, .inf allowed. For a stack
+/// folder they are found by file name (`stack/00.png` is the same file); for a video (names empty) they are
+/// in frame order. Frames that are not listed are NaN = unknown. Throws std::invalid_argument that names the
+/// file.
 std::vector<double> readFocus(const std::string& path, const std::vector<std::string>& names);
 
 }  // namespace all_in_focus
