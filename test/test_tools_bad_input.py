@@ -50,7 +50,7 @@ def test_missing_options_of_segment_depth(arguments, complaint):
 
 @pytest.mark.parametrize("arguments, complaint", [
     (["--sharp"], "unrecognised option '--sharp'"), (["--refer", "1"], "unrecognised option"), (["-x"], "-x"),
-    (["spare"], "positional"), (["--mode", "best"], "neither paper nor refined"),
+    (["spare"], "positional"), (["--mode", "best"], "none of paper, refined, restored"),
     (["--dof-rule", "half"], "neither paper nor full"), (["--mode", "paper", "--mode", "paper"], "more than once"),
     (["--reference", "3"], "frames 0 to 2"), (["--reference", "-1"], "neither auto nor an index"),
     (["--reference", "1x"], "neither auto nor an index"), (["--reference", "9" * 30], "neither auto nor an index"),
@@ -86,7 +86,7 @@ def test_optics(planes, optics, complaint):
 def test_negative_region_size(planes):
     refused_depth(planes, "min_region_size is negative", planes.depth_file, "--min-region-size", "-1")
     refused_depth(planes, "min-region-size", planes.depth_file, "--min-region-size", "x")
-    refused_depth(planes, "neither paper nor refined", planes.depth_file, "--mode", "best")
+    refused_depth(planes, "none of paper, refined, restored", planes.depth_file, "--mode", "best")
 
 
 # --- depth and label maps ---------------------------------------------------------------------------------------------

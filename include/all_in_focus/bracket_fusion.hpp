@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <limits>
 #include <memory>
 #include <opencv2/core.hpp>
@@ -19,6 +20,7 @@ constexpr int kNoFrame = 65535;  ///< source index of a pixel that no frame has 
 enum class Mode {
   kPaper,    ///< Liu et al. 2019 as printed, for comparison
   kRefined,  ///< ours
+  kRestored,  ///< refined, then the blur beside occlusions taken off (BracketRestoration)
 };
 
 /// What is known of a scene before the first frame of its bracket. Everything may be missing.
@@ -56,9 +58,10 @@ enum class FusedBy {
   kRegions,    ///< one frame a region (RegionFusion, mode paper with labels)
   kPixels,     ///< pixel by pixel, by sharpness, depth and optics (RefinedFusion)
   kSharpness,  ///< pixel by pixel, by sharpness alone
+  kRestored,   ///< as kPixels or kSharpness, then corrected beside depth edges (BracketRestoration)
 };
 
-/// As FusionReport names it: paper, refined, sharpness.
+/// As FusionReport names it: paper, refined, sharpness, restored.
 const char* name(FusedBy fused_by);
 
 /// Which frame a region was taken from.
@@ -77,6 +80,15 @@ struct FusionResult {
   cv::Mat confidence;    ///< CV_8UC1, margin of the choice, 0..255
   std::vector<RegionChoice> regions;  ///< by label; empty without labels
   std::vector<std::string> notes;     ///< what a user should know: regions that no frame reaches
+};
+
+/// A frame as mode refined adds it: in the geometry of the reference.
+struct AlignedFrame {
+  cv::Mat image;     ///< CV_8UC3; its pixels are valid only during the call that hands it over
+  cv::Rect seen;     ///< pixels that the frame has seen; the others continue its border
+  double gain = 1;   ///< in linear light (sRGB), to the exposure of the reference
+  int index = 0;
+  double focus_mm = 0;  ///< NaN = unknown, may be infinite
 };
 
 class RefinedFusion;
@@ -106,6 +118,10 @@ class BracketFusion {
   /// bracket is as before). index: 0..65534, names the frame in the result. focus_mm: NaN = unknown, may be
   /// infinite. Returns why the frame does not fit the others and was left out, or "".
   std::string add(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
+
+  /// Who else wants the aligned frames, from the next add() on, until it is replaced; called within add(),
+  /// the reference first. Mode paper aligns none.
+  void handAlignedFramesTo(std::function<void(const AlignedFrame&)> taker);
 
   int frames() const { return static_cast<int>(focus_mm_.size()); }  ///< used since begin()
   FusedBy fusedBy() const;

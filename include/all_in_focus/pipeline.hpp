@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <string>
@@ -11,6 +12,7 @@
 #include "all_in_focus/depth_registration.hpp"
 #include "all_in_focus/dof_segmentation.hpp"
 #include "all_in_focus/hole_filling.hpp"
+#include "all_in_focus/restoration.hpp"
 
 namespace all_in_focus::core {
 
@@ -59,6 +61,7 @@ struct PipelineInput {
   std::vector<double> focus_mm;    ///< of each frame, NaN = unknown; empty: of none
   int reference = kAutoReference;  ///< frame whose geometry and exposure mode refined keeps
   RefinedConfig refined;
+  BracketRestoration::Progress progress;  ///< of the restoration; false = stop: the result is refined
 
   static constexpr int kAutoReference = -1;  ///< the middle one, N / 2
 };
@@ -68,11 +71,15 @@ struct PipelineResult {
   cv::Mat registered, filled;  ///< empty when there was no depth
   Segmentation segmentation;   ///< no segments when labels were given; no labels when nothing was known
   FusionResult fusion;
+  cv::Mat restored_depth;  ///< CV_16UC1 mm, from the bracket (RestorationResult); empty unless restored
+  double blur_scale = std::numeric_limits<double>::quiet_NaN();  ///< as in RestorationResult; NaN = unknown
   FusedBy fused_by = FusedBy::kSharpness;
   int frames = 0;                    ///< in the bracket
   int reference = 0;                 ///< index of the reference frame
   std::vector<std::string> misfits;  ///< frames left out, a line each: "frame 3 rejected: why"
-  double depth_ms = 0, segmentation_ms = 0, fusion_ms = 0;  ///< fusion_ms: all frames, without reading them
+  double depth_ms = 0, segmentation_ms = 0;
+  double fusion_ms = 0;       ///< all frames, without reading them
+  double restoration_ms = 0;
 };
 
 /// The whole method, from a depth map and a focus bracket to the all-in-focus image. Buffers, and what
@@ -90,6 +97,7 @@ class Pipeline {
   std::unique_ptr<DepthPreprocessing> preprocessing_;
   std::unique_ptr<DofSegmentation> segmentation_;
   BracketFusion fusion_;
+  BracketRestoration restoration_;
 };
 
 }  // namespace all_in_focus::core

@@ -4,6 +4,8 @@
 #include "all_in_focus/pipeline.hpp"
 
 #include <chrono>
+#include <functional>
+#include <optional>
 #include <stdexcept>
 
 namespace all_in_focus::core {
@@ -64,6 +66,25 @@ void fuseFrames(const PipelineInput& input, Mode mode, BracketFusion& fusion, Pi
   if (result.reference >= result.frames) refuseReference(result.reference, result.frames);
 }
 
+// Corrects a result of mode refined, or says why it cannot.
+void restore(const BracketRestoration& restoration, const BracketRestoration::Progress& progress,
+             PipelineResult& result) {
+  if (!restoration.missing().empty()) {
+    result.fusion.notes.push_back("not restored: " + restoration.missing());
+    return;
+  }
+  const std::optional<RestorationResult> restored = restoration.restore(result.fusion.image, progress);
+  if (!restored) {
+    result.fusion.notes.push_back("not restored: stopped");
+    return;
+  }
+  result.fusion.image = restored->image;
+  result.restored_depth = restored->depth;
+  result.blur_scale = restored->blur_scale;
+  result.fusion.notes.insert(result.fusion.notes.end(), restored->notes.begin(), restored->notes.end());
+  result.fused_by = FusedBy::kRestored;
+}
+
 }  // namespace
 
 DepthPreprocessing::DepthPreprocessing(const Rig& rig, Mode mode)
@@ -116,12 +137,22 @@ PipelineResult Pipeline::run(const PipelineInput& input) {
   if (!input.depth.empty()) scene.measured = result.registered;
   scene.optics = input.optics;
   if (input.has_rig) scene.camera = input.rig.color;
+  const bool restores = mode_ == Mode::kRestored;
   fusion_.begin(scene, mode_, input.refined);
+  if (restores) restoration_.begin(scene);
+  fusion_.handAlignedFramesTo(restores ? [this](const AlignedFrame& frame) { restoration_.add(frame); }
+                                       : std::function<void(const AlignedFrame&)>());
   fuseFrames(input, mode_, fusion_, result);
   result.fused_by = fusion_.fusedBy();
   watch.lap();
   result.fusion = fusion_.result();
   result.fusion_ms += watch.lap();
+
+  // 4. Mode restored: the correction that makes the result explain the frames beside occlusions.
+  if (restores) {
+    restore(restoration_, input.progress, result);
+    result.restoration_ms = watch.lap();
+  }
   return result;
 }
 

@@ -54,7 +54,8 @@ std::string textOption(const po::variables_map& values, const char* name) {
 Mode parseMode(const std::string& text) {
   if (text == "paper") return Mode::kPaper;
   if (text == "refined") return Mode::kRefined;
-  throw std::invalid_argument("mode '" + text + "' is neither paper nor refined");
+  if (text == "restored") return Mode::kRestored;
+  throw std::invalid_argument("mode '" + text + "' is none of paper, refined, restored");
 }
 
 DofSpan parseDofRule(const std::string& text) {

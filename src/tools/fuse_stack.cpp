@@ -230,6 +230,7 @@ void fuseStack(const po::variables_map& values) {
     outputs.addImage(path, image);
   };
   save("save-registered", result.filled, "depth: give --depth or --registered-depth");
+  save("save-depth", result.restored_depth, "depth from the bracket: only --mode restored estimates it");
   const bool wants_labels = !textOption(values, "save-labels").empty();
   save("save-labels",
        wants_labels && !result.segmentation.labels.empty() ? labels16(result.segmentation.labels) : cv::Mat(),
@@ -249,7 +250,9 @@ void fuseStack(const po::variables_map& values) {
   if (values.count("timings")) {
     std::cout << "depth " << result.depth_ms << " ms, segmentation " << result.segmentation_ms
               << " ms, fusion " << result.fusion_ms << " ms for " << result.frames << " frames ("
-              << result.fusion_ms / result.frames << " ms each)\n";
+              << result.fusion_ms / result.frames << " ms each)";
+    if (mode == Mode::kRestored) std::cout << ", restoration " << result.restoration_ms << " ms";
+    std::cout << '\n';
   }
 }
 
@@ -270,13 +273,14 @@ int main(int argc, char** argv) {
       ("optics", text(), "f,F,coc in mm, as in 24,4,0.019 (default: optics.yaml of the rig folder)")     //
       ("dof-rule", text()->default_value("paper"), "dioptre span of a region: paper = 1/H, full = 2/H")  //
       ("focus", text(), "YAML: focus distance of each frame")                                            //
-      ("mode", text()->default_value("refined"), "paper or refined")                                     //
+      ("mode", text()->default_value("refined"), "paper, refined or restored")                           //
       ("without", text(),
        "ingredients of mode refined to leave out: alignment, exposure, prediction, edge-error, hole-doubt, "
        "scales, noise, soft")  //
       ("reference", text()->default_value("auto"),
        "frame whose geometry and exposure the result keeps; auto: the middle one")                        //
       ("save-registered", text(), "depth seen from the colour camera, holes filled, 16-bit PNG, mm")      //
+      ("save-depth", text(), "depth estimated from the bracket by mode restored, 16-bit PNG, mm")         //
       ("save-labels", text(), "label image, 16-bit PNG")                                                  //
       ("save-source-index", text(), "frame that each pixel was taken from, 16-bit PNG, 65535 = none")     //
       ("save-weights", text(), "picture of which frame won where: hue = frame, brightness = confidence")  //

@@ -3,6 +3,7 @@
 
 #include "report_json.hpp"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "all_in_focus/focus_plan.hpp"
@@ -62,6 +63,12 @@ std::string fusionReport(const PipelineResult& result, const ReportContext& cont
                         {"margin", choice.margin},
                         {"confidence", choice.confidence}});
   }
+  Json timing_names = {"depth", "segmentation", "fusion"};
+  Json timing_ms = {result.depth_ms, result.segmentation_ms, result.fusion_ms};
+  if (result.fused_by == FusedBy::kRestored) {
+    timing_names.push_back("restoration");
+    timing_ms.push_back(result.restoration_ms);
+  }
   const Json report = {{"version", kReportVersion},
                        {"bracket_id", 0},
                        {"mode", context.mode},
@@ -75,8 +82,9 @@ std::string fusionReport(const PipelineResult& result, const ReportContext& cont
                        {"optics", context.has_optics ? opticsJson(context.optics) : Json()},
                        {"segments", segments},
                        {"notes", context.notes},
-                       {"timing_names", {"depth", "segmentation", "fusion"}},
-                       {"timing_ms", {result.depth_ms, result.segmentation_ms, result.fusion_ms}},
+                       {"blur_scale", std::isnan(result.blur_scale) ? Json() : Json(result.blur_scale)},
+                       {"timing_names", timing_names},
+                       {"timing_ms", timing_ms},
                        {"dof_rule", context.dof_rule},
                        {"unknown_area", result.segmentation.unknown_area},
                        {"segment_table", tableJson(result.segmentation, context.optics)}};

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
+#include <utility>
 
 #include "fusion/refined_fusion.hpp"
 #include "fusion/region_fusion.hpp"
@@ -39,6 +40,8 @@ const char* name(FusedBy fused_by) {
       return "paper";
     case FusedBy::kPixels:
       return "refined";
+    case FusedBy::kRestored:
+      return "restored";
     default:
       return "sharpness";
   }
@@ -114,6 +117,10 @@ std::string BracketFusion::add(const cv::Mat& frame, int index, double focus_mm)
   }
   focus_mm_.push_back(focus_mm);
   return "";
+}
+
+void BracketFusion::handAlignedFramesTo(std::function<void(const AlignedFrame&)> taker) {
+  refined_->handAlignedFramesTo(std::move(taker));
 }
 
 FusedBy BracketFusion::fusedBy() const {

@@ -73,6 +73,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     noise_ = config_.noise ? noiseDeviation(gray) : 0;
     mean_.begin(size_, noise_, config_.soft);
     exposure_.setReference(frame);
+    if (taker_) taker_({frame, cv::Rect({}, size_), 1, index, focus_mm});
     addAligned(frame, gray, gainTable(1), cv::Rect({}, size_), index, focus_mm);
     return "";
   }
@@ -90,6 +91,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   }
   const cv::Mat& in_place = placement.isIdentity() ? frame : aligned_;
   const double gain = config_.exposure ? exposure_.gain(in_place) : 1;
+  if (taker_) taker_({in_place, inside, gain, index, focus_mm});
   addAligned(in_place, placement.isIdentity() ? gray : aligned_gray_, gainTable(gain), inside, index,
              focus_mm);
   return "";

@@ -3,8 +3,10 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <opencv2/core.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "alignment/bracket_alignment.hpp"
@@ -36,6 +38,9 @@ class RefinedFusion {
   /// not fit the others, which leaves it out, or "".
   std::string add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm);
 
+  /// See BracketFusion.
+  void handAlignedFramesTo(std::function<void(const AlignedFrame&)> taker) { taker_ = std::move(taker); }
+
   cv::Mat image() const { return mean_.image(); }
   const cv::Mat& sourceIndex() const { return mean_.sourceIndex(); }
   cv::Mat confidence() const { return mean_.confidence(); }
@@ -62,6 +67,7 @@ class RefinedFusion {
   SharpnessPyramid sharpness_;
   DefocusPrediction prediction_;
   WeightedMean mean_;
+  std::function<void(const AlignedFrame&)> taker_;
   cv::Mat aligned_, aligned_gray_, squared_error_;
   std::vector<Strip> strips_;
 };

@@ -1,0 +1,70 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "all_in_focus/bracket_fusion.hpp"
+
+namespace all_in_focus::core {
+
+struct RestorationResult {
+  cv::Mat image;  ///< CV_8UC3: the fused picture, corrected beside depth edges
+  cv::Mat depth;  ///< CV_16UC1 mm, known everywhere: estimated from the bracket, measured depth being a prior
+  double blur_scale = 0;  ///< measured blur / blur that the optics predict; NaN = unknown
+  std::vector<std::string> notes;  ///< what a user should know: optics that the pictures contradict
+};
+
+/// Mode restored: takes off what the blur of near objects left on the surfaces behind them.
+///
+/// Beside an occlusion no frame is right: in the frame that is focused on the far surface the near object's
+/// blur lies over it. But all frames of a bracket show one sharp picture through one lens. The depth map that
+/// explains the frames best is found first, then the correction of the fused picture that explains them
+/// better. See docs/algorithms.md.
+///
+/// Holds at most kMostFrames frames of at most kWidestPx columns, however long the bracket and however large
+/// its frames. Not thread-safe.
+class BracketRestoration {
+ public:
+  static constexpr int kMostFrames = 12;
+  static constexpr int kWidestPx = 736;  ///< larger pictures are corrected on a reduced copy
+
+  /// Told how much of the work is done, 0..1; false = stop.
+  using Progress = std::function<bool(double done)>;
+
+  /// Starts a bracket. The scene's images are shared, not copied. Throws std::invalid_argument on impossible
+  /// optics or an impossible camera.
+  void begin(const BracketScene& scene);
+
+  /// Holds a frame, reduced; of too many, those spread most evenly in dioptres over the scene are kept. A
+  /// frame whose focus distance is unknown is passed over.
+  void add(const AlignedFrame& frame);
+
+  /// Why there is nothing to restore by, in words for a user; "" = restore() will work.
+  std::string missing() const;
+
+  /// fused: CV_8UC3 of the frames' size, the result of mode refined. Empty when progress said stop. Throws
+  /// std::logic_error when something is missing, std::invalid_argument on another size or type.
+  std::optional<RestorationResult> restore(const cv::Mat& fused, const Progress& progress = {}) const;
+
+ private:
+  struct HeldFrame {
+    cv::Mat image;  ///< CV_8UC3, reduced
+    cv::Rect seen;
+    double gain = 1;
+    double closeness = 0;  ///< 1 / focus distance, 1/mm
+  };
+  void dropOne();
+
+  BracketScene scene_;
+  cv::Size size_;          // of the frames; empty before the first
+  cv::Size working_size_;  // of those held
+  bool focus_unknown_ = false;
+  std::vector<HeldFrame> held_;  // by closeness
+};
+
+}  // namespace all_in_focus::core

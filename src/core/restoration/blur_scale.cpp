@@ -1,0 +1,74 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "restoration/blur_scale.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+namespace all_in_focus::core {
+namespace {
+
+constexpr double kFirst = 0.6, kStep = 0.05;
+constexpr int kScales = 21;  // 0.6..1.6
+constexpr float kClearPx = 5;
+constexpr int kGrid = 3;           // every third row and column is enough
+constexpr int kLeastSamples = 200;
+constexpr float kMostError = 100;  // squared gray levels
+constexpr float kNearlySharpPx = 2;
+
+// Squared error of a channel, gray levels, cut.
+float squaredError(const cv::Vec3s& a, const cv::Vec3s& b) {
+  int sum = 0;
+  for (int c = 0; c < 3; ++c) sum += (a[c] - b[c]) * (a[c] - b[c]);
+  return std::min(static_cast<float>(sum) / (3 * kCodeScale * kCodeScale), kMostError);
+}
+
+// Place of the minimum to a fraction of a step.
+double lowest(const std::array<double, kScales>& errors) {
+  const int i = static_cast<int>(std::min_element(errors.begin(), errors.end()) - errors.begin());
+  if (i == 0 || i == kScales - 1) return i;
+  const double curvature = errors[i - 1] - 2 * errors[i] + errors[i + 1];
+  return curvature > 0 ? i + (errors[i - 1] - errors[i + 1]) / (2 * curvature) : i;
+}
+
+}  // namespace
+
+cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket) {
+  cv::Mat1b doubt = jumps(bracket.measured, bracket.gap(kJumpPx)) | (bracket.measured == 0);
+  cv::Mat1f distance;
+  cv::distanceTransform(255 - doubt, distance, cv::DIST_L2, 3);
+  return distance;
+}
+
+BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures& pictures) {
+  const cv::Mat1f clear = distanceFromDoubt(bracket);
+  std::array<double, kScales> errors{};
+  double misfit = 0;
+  int samples = 0, sharp = 0;
+  for (int y = kGrid / 2; y < clear.rows; y += kGrid) {
+    for (int x = kGrid / 2; x < clear.cols; x += kGrid) {
+      if (clear(y, x) <= kClearPx) continue;
+      ++samples;
+      for (const ObservedFrame& frame : bracket.frames) {
+        if (!frame.seen.contains({x, y})) continue;
+        const float radius = frame.blur.radius(bracket.measured(y, x));
+        const cv::Vec3s& seen = frame.codes(y, x);
+        for (int i = 0; i < kScales; ++i) {
+          const float scaled = static_cast<float>(kFirst + i * kStep) * radius;
+          errors[i] += squaredError(pictures.at(scaled)(y, x), seen);
+        }
+        if (radius >= kNearlySharpPx) continue;
+        misfit += squaredError(pictures.at(radius)(y, x), seen);
+        ++sharp;
+      }
+    }
+  }
+  if (samples < kLeastSamples || sharp == 0) return {std::numeric_limits<double>::quiet_NaN(), 0};
+  return {kFirst + kStep * lowest(errors), misfit / sharp};
+}
+
+}  // namespace all_in_focus::core

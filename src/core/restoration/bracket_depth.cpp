@@ -1,0 +1,208 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "restoration/bracket_depth.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "restoration/blur_scale.hpp"
+#include "restoration/semi_global_matching.hpp"
+#include "util/row_strips.hpp"
+#include "util/simd.hpp"
+
+namespace all_in_focus::core {
+namespace {
+
+constexpr int kMostLevels = 48;
+constexpr double kLevelPx = 0.22;  // of blur, between levels
+constexpr int kMostFrames = 10;
+constexpr float kMostCost = 12;     // of a frame: what it shows may be hidden from the others
+constexpr double kVariance = 1;     // gray levels squared: of the fused picture
+constexpr double kModelError = 0.36;  // and of the lens model, by squared radius
+constexpr double kSmallStep = 1.5, kJump = 6;
+constexpr double kCostScale = 24;  // of costs as integers
+constexpr int kWindow = 4;         // measured depth counts from that many pixels away
+constexpr float kNearWeight = 1.5f, kMeasuredWeight = 0.5f, kFilledWeight = 0.3f;
+constexpr float kAgreePx = 0.25f, kDifferPx = 0.75f;  // of blur
+constexpr float kTakePx = 0.45f;   // of blur: measured depth is the more exact if it is that near
+constexpr float kClearPx = 6;
+
+// Levels of closeness.
+struct Levels {
+  float least = 0, step = 1;
+  int count = 1;
+
+  float closeness(double level) const { return least + static_cast<float>(level) * step; }
+  int nearest(float closeness) const {
+    return std::clamp(static_cast<int>((closeness - least) / step + 0.5f), 0, count - 1);
+  }
+};
+
+Levels makeLevels(const ObservedBracket& bracket, const ClosenessRange& range) {
+  const float span = range.largest - range.least, gap = bracket.gap(kLevelPx);
+  const int count = std::clamp(static_cast<int>(std::ceil(span / gap)) + 1, 2, kMostLevels);
+  return {range.least, std::max(span / (count - 1), gap), count};
+}
+
+// costs[x] += least of the most and the squared difference of two rows of codes times a factor.
+ALL_IN_FOCUS_SIMD void addCosts(const short* a, const short* b, float factor, float most, int n, float* costs) {
+  for (int x = 0; x < n; ++x) {
+    const int d0 = a[3 * x] - b[3 * x], d1 = a[3 * x + 1] - b[3 * x + 1], d2 = a[3 * x + 2] - b[3 * x + 2];
+    costs[x] += std::min(most, static_cast<float>(d0 * d0 + d1 * d1 + d2 * d2) * factor);
+  }
+}
+
+// Frames spread evenly over those there are.
+std::vector<const ObservedFrame*> compared(const ObservedBracket& bracket) {
+  const int there = static_cast<int>(bracket.frames.size()), taken = std::min(there, kMostFrames);
+  std::vector<const ObservedFrame*> frames;
+  for (int i = 0; i < taken; ++i)
+    frames.push_back(&bracket.frames[taken == 1 ? 0 : (2 * i * (there - 1) + taken - 1) / (2 * (taken - 1))]);
+  return frames;
+}
+
+// What measured depth says against each level.
+class MeasuredPrior {
+ public:
+  MeasuredPrior(const ObservedBracket& bracket, const Levels& levels)
+      : bracket_(bracket), levels_(levels), against_(levels.count) {
+    const float px = levels.step * static_cast<float>(bracket.px_mm);
+    for (int i = 0; i < levels.count; ++i)
+      against_[i] = std::clamp((i * px - kAgreePx) / (kDifferPx - kAgreePx), 0.0f, 1.0f);
+    reach_ = static_cast<int>(std::find(against_.begin(), against_.end(), 1.0f) - against_.begin());
+  }
+
+  // Adds to the costs of row y; costs(level)[x].
+  void addTo(int y, cv::Mat1f& costs) {
+    const int cols = costs.cols, count = levels_.count;
+    windowOf(y);
+    for (int x = 0; x < cols; ++x) {
+      const float density = static_cast<float>(seen_[x]) / ((2 * kWindow + 1) * (2 * kWindow + 1));
+      const float filled = bracket_.filled(y, x), own = bracket_.measured(y, x);
+      if (density == 0 && filled == 0) continue;
+      const int filled_level = levels_.nearest(filled), own_level = levels_.nearest(own);
+      distances(present_[x]);
+      for (int l = 0; l < count; ++l) {
+        float cost = 0;
+        if (density > 0) cost += kNearWeight * density * against_[distance_[l]];
+        if (own > 0) cost += kMeasuredWeight * against_[std::abs(l - own_level)];
+        if (filled > 0) cost += kFilledWeight * against_[std::abs(l - filled_level)];
+        costs(l, x) += cost;
+      }
+    }
+  }
+
+ private:
+  // Levels present (a bit each), and how many pixels were measured, in the window about each pixel of row y.
+  void windowOf(int y) {
+    const int cols = bracket_.measured.cols, rows = bracket_.measured.rows;
+    column_.assign(cols, 0);
+    column_seen_.assign(cols, 0);
+    for (int v = std::max(0, y - kWindow); v <= std::min(rows - 1, y + kWindow); ++v) {
+      for (int x = 0; x < cols; ++x) {
+        const float measured = bracket_.measured(v, x);
+        if (measured <= 0) continue;
+        column_[x] |= std::uint64_t{1} << levels_.nearest(measured);
+        ++column_seen_[x];
+      }
+    }
+    present_.assign(cols, 0);
+    seen_.assign(cols, 0);
+    for (int x = 0; x < cols; ++x) {
+      for (int u = std::max(0, x - kWindow); u <= std::min(cols - 1, x + kWindow); ++u) {
+        present_[x] |= column_[u];
+        seen_[x] += column_seen_[u];
+      }
+    }
+  }
+
+  // Levels to the nearest one present, at most reach_.
+  void distances(std::uint64_t present) {
+    for (int l = 0; l < levels_.count; ++l) distance_[l] = present >> l & 1 ? 0 : reach_;
+    for (int l = 1; l < levels_.count; ++l) distance_[l] = std::min(distance_[l], distance_[l - 1] + 1);
+    for (int l = levels_.count - 2; l >= 0; --l) distance_[l] = std::min(distance_[l], distance_[l + 1] + 1);
+  }
+
+  const ObservedBracket& bracket_;
+  Levels levels_;
+  std::vector<float> against_;  // by distance in levels, 0..1
+  int reach_ = 0;
+  std::array<int, kMostLevels> distance_{};
+  std::vector<std::uint64_t> column_, present_;
+  std::vector<int> column_seen_, seen_;
+};
+
+CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictures, const Levels& levels) {
+  const cv::Size size = bracket.fused.size();
+  const std::vector<const ObservedFrame*> frames = compared(bracket);
+  CostVolume volume(size, levels.count);
+  cv::parallel_for_(
+      {0, size.height},
+      [&](const cv::Range& rows) {
+        cv::Mat1f costs(levels.count, size.width);
+        MeasuredPrior prior(bracket, levels);
+        for (int y = rows.start; y < rows.end; ++y) {
+          costs = 0;
+          for (const ObservedFrame* frame : frames) {
+            if (y < frame->seen.y || y >= frame->seen.br().y) continue;
+            for (int l = 0; l < levels.count; ++l) {
+              const float radius = frame->blur.radius(levels.closeness(l));
+              const double variance =
+                  2 * bracket.noise_variance + kVariance + kModelError * radius * radius;
+              addCosts(pictures.at(radius).ptr<short>(y) + 3 * frame->seen.x,
+                       frame->codes.ptr<short>(y) + 3 * frame->seen.x,
+                       static_cast<float>(1 / (3 * variance * kCodeScale * kCodeScale)), kMostCost,
+                       frame->seen.width, costs.ptr<float>(l) + frame->seen.x);
+            }
+          }
+          if (!bracket.measured.empty()) prior.addTo(y, costs);
+          for (int x = 0; x < size.width; ++x) {
+            std::int16_t* to = volume.at(y, x);
+            for (int l = 0; l < levels.count; ++l)
+              to[l] = static_cast<std::int16_t>(kCostScale * costs(l, x) + 0.5f);
+          }
+        }
+      },
+      stripCount(size.height));
+  return volume;
+}
+
+// Level of least cost, to a fraction.
+double lowest(const std::int16_t* costs, int count) {
+  const int i = static_cast<int>(std::min_element(costs, costs + count) - costs);
+  if (i == 0 || i == count - 1) return i;
+  const double curvature = costs[i - 1] - 2.0 * costs[i] + costs[i + 1];
+  return curvature > 0 ? i + (costs[i - 1] - costs[i + 1]) / (2 * curvature) : i;
+}
+
+}  // namespace
+
+cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures& pictures,
+                           const ClosenessRange& range) {
+  const Levels levels = makeLevels(bracket, range);
+  const CostVolume volume =
+      aggregateAlongPaths(costsOf(bracket, pictures, levels), bracket.fused,
+                          static_cast<int>(kSmallStep * kCostScale), static_cast<int>(kJump * kCostScale));
+  cv::Mat1f closeness(volume.size);
+  for (int y = 0; y < closeness.rows; ++y) {
+    for (int x = 0; x < closeness.cols; ++x)
+      closeness(y, x) = levels.closeness(lowest(volume.at(y, x), levels.count));
+  }
+  if (bracket.measured.empty()) return closeness;
+  const cv::Mat1f clear = distanceFromDoubt(bracket);
+  for (int y = 0; y < closeness.rows; ++y) {
+    for (int x = 0; x < closeness.cols; ++x) {
+      const float measured = bracket.measured(y, x);
+      if (measured > 0 && (clear(y, x) > kClearPx ||
+                           std::abs(measured - closeness(y, x)) < bracket.gap(kTakePx)))
+        closeness(y, x) = measured;
+    }
+  }
+  return closeness;
+}
+
+}  // namespace all_in_focus::core

@@ -1,0 +1,264 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "all_in_focus/restoration.hpp"
+#include "fusion/noise_estimation.hpp"
+#include "restoration/blur_scale.hpp"
+#include "restoration/blurred_pictures.hpp"
+#include "restoration/bracket_depth.hpp"
+#include "restoration/contours.hpp"
+#include "restoration/image_formation.hpp"
+#include "restoration/inversion.hpp"
+#include "restoration/observed_bracket.hpp"
+
+namespace all_in_focus::core {
+namespace {
+
+constexpr double kUnusualLow = 0.85, kUnusualHigh = 1.06;  // blur scales that call for a correction
+constexpr double kUsualScale = 0.94;  // the fused picture is not quite sharp itself
+constexpr double kLeastCorrection = 0.7, kLargestCorrection = 1.3;
+constexpr double kRangeMarginPx = 0.5;  // of blur, beyond the depth that was measured
+constexpr double kRangeShare = 0.005;   // of measured pixels that may lie beyond, at each end
+constexpr int kLeastFrames = 2;
+
+cv::Size workingSize(const cv::Size& size) {
+  if (size.width <= BracketRestoration::kWidestPx) return size;
+  const double scale = static_cast<double>(BracketRestoration::kWidestPx) / size.width;
+  return {BracketRestoration::kWidestPx, std::max(1, static_cast<int>(std::lround(size.height * scale)))};
+}
+
+cv::Mat reduced(const cv::Mat& image, const cv::Size& size) {
+  if (image.size() == size) return image.clone();
+  cv::Mat small;
+  cv::resize(image, small, size, 0, 0, cv::INTER_AREA);
+  return small;
+}
+
+cv::Rect reduced(const cv::Rect& seen, const cv::Size& from, const cv::Size& to) {
+  if (from == to) return seen;
+  const double x = static_cast<double>(to.width) / from.width, y = static_cast<double>(to.height) / from.height;
+  const cv::Point first(static_cast<int>(std::ceil(seen.x * x)), static_cast<int>(std::ceil(seen.y * y)));
+  const cv::Point last(static_cast<int>(seen.br().x * x), static_cast<int>(seen.br().y * y));
+  return cv::Rect(first, last) & cv::Rect({}, to);
+}
+
+// Depth in mm, any size -> closeness, 1/mm, 0 = unknown.
+cv::Mat1f closenessOf(const cv::Mat& depth, const cv::Size& size) {
+  cv::Mat scaled = depth;
+  if (depth.size() != size) cv::resize(depth, scaled, size, 0, 0, cv::INTER_NEAREST);
+  cv::Mat1f closeness(size);
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      const int mm = scaled.at<std::uint16_t>(y, x);
+      closeness(y, x) = mm > 0 ? 1.0f / static_cast<float>(mm) : 0;
+    }
+  }
+  return closeness;
+}
+
+cv::Mat depthOf(const cv::Mat1f& closeness, const cv::Size& size) {
+  cv::Mat1w depth(closeness.size());
+  for (int y = 0; y < depth.rows; ++y) {
+    for (int x = 0; x < depth.cols; ++x) {
+      const float mm = 1 / std::max(closeness(y, x), 1e-9f);
+      depth(y, x) = static_cast<std::uint16_t>(std::clamp(mm + 0.5f, 1.0f, 65535.0f));
+    }
+  }
+  if (depth.size() != size) cv::resize(depth, depth, size, 0, 0, cv::INTER_NEAREST);
+  return depth;
+}
+
+// What the depth sensor saw, or, without one, what the lens was focused on.
+ClosenessRange rangeOf(const ObservedBracket& bracket) {
+  std::vector<float> there;
+  for (const float closeness : bracket.filled) {
+    if (closeness > 0) there.push_back(closeness);
+  }
+  ClosenessRange range;
+  if (there.empty()) {
+    range = {static_cast<float>(bracket.frames.front().blur.closeness),
+             static_cast<float>(bracket.frames.back().blur.closeness)};
+  } else {
+    const size_t beyond = static_cast<size_t>(kRangeShare * static_cast<double>(there.size()));
+    std::nth_element(there.begin(), there.begin() + beyond, there.end());
+    range.least = there[beyond];
+    std::nth_element(there.begin(), there.end() - 1 - beyond, there.end());
+    range.largest = there[there.size() - 1 - beyond];
+  }
+  const float margin = bracket.gap(kRangeMarginPx);
+  return {std::max(0.0f, range.least - margin), range.largest + margin};
+}
+
+// What lies beyond a range is as near as its end.
+void cut(const ClosenessRange& range, cv::Mat1f& closeness) {
+  for (float& value : closeness) {
+    if (value > 0) value = std::clamp(value, range.least, range.largest);
+  }
+}
+
+double largestRadius(const ObservedBracket& bracket, const ClosenessRange& range) {
+  float largest = 0;
+  for (const ObservedFrame& frame : bracket.frames)
+    largest = std::max({largest, frame.blur.radius(range.least), frame.blur.radius(range.largest)});
+  return largest;
+}
+
+// Of a channel, in the frame that shows least texture beside it.
+double noiseVariance(const std::vector<cv::Mat>& frames) {
+  double deviation = std::numeric_limits<double>::infinity();
+  cv::Mat green;
+  for (const cv::Mat& frame : frames) {
+    cv::extractChannel(frame, green, 1);
+    deviation = std::min(deviation, noiseDeviation(green));
+  }
+  return deviation * deviation;
+}
+
+void addTo(cv::Mat& image, const cv::Mat3f& correction) {
+  cv::Mat3f enlarged = correction;
+  if (correction.size() != image.size()) cv::resize(correction, enlarged, image.size(), 0, 0, cv::INTER_LINEAR);
+  cv::add(image, enlarged, image, cv::noArray(), CV_8U);
+}
+
+}  // namespace
+
+void BracketRestoration::begin(const BracketScene& scene) {
+  validate(scene.optics);
+  if (scene.camera) validate(*scene.camera, "colour camera");
+  scene_ = scene;
+  size_ = working_size_ = {};
+  focus_unknown_ = false;
+  held_.clear();
+}
+
+void BracketRestoration::add(const AlignedFrame& frame) {
+  size_ = frame.image.size();
+  working_size_ = workingSize(size_);
+  if (std::isnan(frame.focus_mm)) {
+    focus_unknown_ = true;
+    return;
+  }
+  HeldFrame held;
+  held.image = reduced(frame.image, working_size_);
+  held.seen = reduced(frame.seen, size_, working_size_);
+  held.gain = frame.gain;
+  held.closeness = 1 / frame.focus_mm;
+  const auto place = std::upper_bound(held_.begin(), held_.end(), held, [](const HeldFrame& a, const HeldFrame& b) {
+    return a.closeness < b.closeness;
+  });
+  held_.insert(place, held);
+  if (held_.size() > kMostFrames) dropOne();
+}
+
+// The frame nearest to its neighbours.
+void BracketRestoration::dropOne() {
+  size_t dropped = 1;
+  for (size_t i = 2; i + 1 < held_.size(); ++i) {
+    const auto gap = [&](size_t k) { return held_[k + 1].closeness - held_[k - 1].closeness; };
+    if (gap(i) < gap(dropped)) dropped = i;
+  }
+  held_.erase(held_.begin() + static_cast<std::ptrdiff_t>(dropped));
+}
+
+std::string BracketRestoration::missing() const {
+  if (!scene_.camera) return "the pixel pitch is unknown, which the colour camera's calibration would tell";
+  if (held_.size() < kLeastFrames)
+    return focus_unknown_ ? "the focus distances are unknown" : "it takes two frames at different distances";
+  if (held_.front().closeness == held_.back().closeness) return "all frames are focused at the same distance";
+  return "";
+}
+
+std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused, const Progress& progress) const {
+  if (!missing().empty()) throw std::logic_error("restoration: " + missing());
+  if (fused.type() != CV_8UC3 || fused.size() != size_)
+    throw std::invalid_argument("restoration: the fused picture must be CV_8UC3 and of the frames' size");
+  const auto proceed = [&](double done) { return !progress || progress(done); };
+  const auto part = [&](double from, double to) {
+    return [&proceed, from, to](double done) { return proceed(from + done * (to - from)); };
+  };
+  if (!proceed(0)) return std::nullopt;
+
+  // 1. All pictures in one size and one exposure.
+  ObservedBracket bracket;
+  bracket.fused = reduced(fused, working_size_);
+  bracket.light = linearLight(bracket.fused);
+  const double scale = static_cast<double>(size_.width) / scene_.camera->size.width;
+  const double calibrated =
+      scene_.pixel_pitch_mm > 0 ? scene_.pixel_pitch_mm : scene_.optics.focal_length_mm / scene_.camera->fx;
+  const double pitch = calibrated / scale * size_.width / working_size_.width;
+  const double f = scene_.optics.focal_length_mm;
+  std::vector<cv::Mat> images;
+  for (const HeldFrame& held : held_) {
+    ObservedFrame frame;
+    equalize(held.image, held.gain, bracket.light, frame.codes);
+    frame.seen = held.seen;
+    frame.blur = {held.closeness, f * f / (2 * scene_.optics.aperture * pitch) / (1 - f * held.closeness)};
+    bracket.px_mm = std::max(bracket.px_mm, frame.blur.px_mm);
+    bracket.frames.push_back(frame);
+    images.push_back(held.image);
+  }
+  bracket.noise_variance = noiseVariance(images);
+  const bool has_depth = !scene_.depth.empty();
+  if (has_depth) {
+    bracket.filled = closenessOf(scene_.depth, working_size_);
+    bracket.measured =
+        scene_.measured.empty() ? bracket.filled.clone() : closenessOf(scene_.measured, working_size_);
+  }
+  ClosenessRange range = rangeOf(bracket);
+  if (has_depth) {
+    cut(range, bracket.filled);
+    cut(range, bracket.measured);
+  }
+  if (!proceed(0.05)) return std::nullopt;
+
+  // 2. The fused picture at every amount of blur; whether the optics predict the right one, and how well.
+  RestorationResult result;
+  const BlurredPictures pictures(bracket.light, 1.6 * largestRadius(bracket, range));
+  if (!proceed(0.2)) return std::nullopt;
+  const BlurScale found = has_depth ? measureBlurScale(bracket, pictures)
+                                    : BlurScale{std::numeric_limits<double>::quiet_NaN(), 0};
+  result.blur_scale = found.scale;
+  if (found.scale < kUnusualLow || found.scale > kUnusualHigh) {
+    const double correction = std::clamp(found.scale / kUsualScale, kLeastCorrection, kLargestCorrection);
+    for (ObservedFrame& frame : bracket.frames) frame.blur.px_mm *= correction;
+    bracket.px_mm *= correction;
+    result.notes.push_back(
+        cv::format("the frames are blurred %.2f times as much as the optics say: check focal length, aperture, "
+                   "focus distances and calibration",
+                   result.blur_scale));
+  }
+  bracket.noise_variance = std::max(bracket.noise_variance, found.misfit - 1);
+
+  // 3. The depth map that explains the frames.
+  cv::Mat1f closeness = depthFromBracket(bracket, pictures, range);
+  if (!proceed(0.4)) return std::nullopt;
+
+  // 4. Its contours, to the pixel.
+  std::vector<ImageFormation> formation;
+  formation.reserve(bracket.frames.size());
+  for (const ObservedFrame& frame : bracket.frames)
+    formation.emplace_back(closeness, frame.blur, bracket.gap(kJumpPx));
+  bool stopped = false;
+  moveContours(bracket, formation, closeness, [&](double done) {
+    stopped = !proceed(0.4 + 0.3 * done);
+    return !stopped;
+  });
+  if (stopped) return std::nullopt;
+
+  // 5. The sharp picture that explains them better than the fused one.
+  const std::optional<cv::Mat3f> z = correction(bracket, formation, closeness, part(0.7, 1));
+  if (!z) return std::nullopt;
+  result.image = fused.clone();
+  addTo(result.image, *z);
+  result.depth = depthOf(closeness, size_);
+  proceed(1);
+  return result;
+}
+
+}  // namespace all_in_focus::core

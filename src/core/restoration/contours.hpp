@@ -1,0 +1,21 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "restoration/image_formation.hpp"
+#include "restoration/observed_bracket.hpp"
+
+namespace all_in_focus::core {
+
+/// Moves the jumps of a depth map to where they explain the frames: pixels beside a jump take a neighbour's
+/// closeness if the two frames that should be sharpest there are then predicted better, and the jump lies at
+/// a colour edge. closeness: in place, shared by `formation` (one for each frame). proceed: called now and
+/// then; false = stop.
+void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation, cv::Mat1f& closeness,
+                  const std::function<bool(double)>& proceed);
+
+}  // namespace all_in_focus::core

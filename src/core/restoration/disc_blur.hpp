@@ -1,0 +1,50 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <vector>
+
+namespace all_in_focus::core {
+
+/// How far a frame is out of focus: radius of the blur disc, px, of a point at closeness w = 1 / depth, 1/mm.
+struct FrameBlur {
+  double closeness = 0;  ///< of the focus distance
+  double px_mm = 0;      ///< radius per closeness: f^2 / (2 F pitch) u / (u - f)
+
+  float radius(float w) const {
+    return static_cast<float>(px_mm) * std::abs(w - static_cast<float>(closeness));
+  }
+};
+
+/// Which share of a disc falls on each pixel, by radius and offset from its centre.
+class DiscKernels {
+ public:
+  static constexpr int kStepsPerPx = 8;       ///< radii are rounded to eighths
+  static constexpr int kLargestPx = 16;       ///< larger radii count as this one
+  static constexpr int kSide = kLargestPx + 2;  ///< offsets 0..kLargestPx + 1
+  static const DiscKernels& get();
+
+  static int index(float radius) {
+    return std::min(static_cast<int>(radius * kStepsPerPx + 0.5f), kLargestPx * kStepsPerPx);
+  }
+
+  /// Shares by kSide |dy| + |dx|.
+  const float* shares(int index) const { return &shares_[static_cast<size_t>(index) * kSide * kSide]; }
+
+  /// Offsets beyond which there is no share.
+  int reach(int index) const { return reach_[index]; }
+
+ private:
+  DiscKernels();
+  std::vector<float> shares_;
+  std::vector<int> reach_;
+};
+
+/// Convolution with a disc, exact to the radius' fraction of a pixel; the picture is mirrored at its border.
+/// image: CV_32FC3; out is not image. radius <= DiscKernels::kLargestPx.
+void blurByDisc(const cv::Mat& image, float radius, cv::Mat& out);
+
+}  // namespace all_in_focus::core

@@ -1,0 +1,42 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "restoration/light.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace all_in_focus::core {
+namespace {
+
+constexpr double kLinearLight = 0.0031308;  // up to there the curve is a straight line
+constexpr double kLinearSlope = 12.92;
+
+double codeOf(double light) {
+  return 255 * (light <= kLinearLight ? kLinearSlope * light : 1.055 * std::pow(light, 1 / 2.4) - 0.055);
+}
+
+double lightOf(double code) {
+  const double v = code / 255;
+  return v <= kLinearSlope * kLinearLight ? v / kLinearSlope : std::pow((v + 0.055) / 1.055, 2.4);
+}
+
+}  // namespace
+
+LightCurve::LightCurve() {
+  for (int code = 0; code < 256; ++code) {
+    const double light = lightOf(code);
+    light_[code] = static_cast<float>(light);
+    slope_[code] = static_cast<float>(
+        255 * (light <= kLinearLight ? kLinearSlope : 1.055 / 2.4 * std::pow(light, 1 / 2.4 - 1)));
+  }
+  for (int i = 0; i <= kSteps + 1; ++i)
+    code_[i] = static_cast<float>(codeOf(std::min(1.0, static_cast<double>(i) / kSteps)));
+}
+
+const LightCurve& LightCurve::get() {
+  static const LightCurve curve;
+  return curve;
+}
+
+}  // namespace all_in_focus::core

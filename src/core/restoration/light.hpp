@@ -1,0 +1,34 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+
+namespace all_in_focus::core {
+
+/// sRGB: 8-bit codes (0..255, fractions allowed) and the linear light (0..1) that they stand for.
+class LightCurve {
+ public:
+  static const LightCurve& get();
+
+  float light(int code) const { return light_[code]; }
+
+  /// light: 0..1 (clipped).
+  float code(float light) const {
+    const float place = light <= 0 ? 0 : light >= 1 ? kSteps : light * kSteps;
+    const int i = static_cast<int>(place);
+    return code_[i] + (place - static_cast<float>(i)) * (code_[i + 1] - code_[i]);
+  }
+
+  /// d code / d light at a code.
+  float slope(float code) const { return slope_[static_cast<int>(code + 0.5f)]; }
+
+ private:
+  LightCurve();
+
+  static constexpr int kSteps = 4096;
+  std::array<float, 256> light_, slope_;
+  std::array<float, kSteps + 2> code_;
+};
+
+}  // namespace all_in_focus::core

@@ -1,0 +1,79 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "restoration/observed_bracket.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "restoration/light.hpp"
+
+namespace all_in_focus::core {
+namespace {
+
+constexpr int kReduction = 8;          // of the pictures whose exposure is compared
+constexpr double kExposureSigma = 20;  // px
+constexpr float kLeastRatio = 0.8f, kLargestRatio = 1.25f;
+constexpr float kDark = 1e-3f;  // light; keeps ratios of black tame
+
+cv::Mat3f wideMean(const cv::Mat3f& light) {
+  cv::Mat3f small;
+  cv::resize(light, small,
+             {std::max(1, light.cols / kReduction), std::max(1, light.rows / kReduction)}, 0, 0, cv::INTER_AREA);
+  cv::GaussianBlur(small, small, {}, kExposureSigma / kReduction, 0, cv::BORDER_REFLECT_101);
+  return small;
+}
+
+}  // namespace
+
+cv::Mat1b jumps(const cv::Mat1f& closeness, float gap) {
+  cv::Mat1b found = cv::Mat1b::zeros(closeness.size());
+  for (int y = 0; y < closeness.rows; ++y) {
+    for (int x = 0; x < closeness.cols; ++x) {
+      const float here = closeness(y, x);
+      if (x > 0 && std::abs(here - closeness(y, x - 1)) > gap) found(y, x) = found(y, x - 1) = 255;
+      if (y > 0 && std::abs(here - closeness(y - 1, x)) > gap) found(y, x) = found(y - 1, x) = 255;
+    }
+  }
+  return found;
+}
+
+void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, cv::Mat3s& codes) {
+  const LightCurve& curve = LightCurve::get();
+  cv::Mat3f own = linearLight(frame);
+  own *= gain;
+  cv::Mat3f ratio = wideMean(own), wanted = wideMean(light);
+  for (int y = 0; y < ratio.rows; ++y) {
+    for (int x = 0; x < ratio.cols; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        float& r = ratio(y, x)[c];
+        r = std::clamp((wanted(y, x)[c] + kDark) / (r + kDark), kLeastRatio, kLargestRatio);
+      }
+    }
+  }
+  cv::resize(ratio, ratio, own.size(), 0, 0, cv::INTER_LINEAR);
+  codes.create(own.size());
+  cv::parallel_for_({0, own.rows}, [&](const cv::Range& rows) {
+    for (int y = rows.start; y < rows.end; ++y) {
+      const float* from = own.ptr<float>(y);
+      const float* times = ratio.ptr<float>(y);
+      short* to = codes.ptr<short>(y);
+      for (int i = 0; i < 3 * own.cols; ++i)
+        to[i] = static_cast<short>(kCodeScale * curve.code(from[i] * times[i]) + 0.5f);
+    }
+  });
+}
+
+cv::Mat3f linearLight(const cv::Mat& picture) {
+  const LightCurve& curve = LightCurve::get();
+  cv::Mat3f light(picture.size());
+  for (int y = 0; y < picture.rows; ++y) {
+    const std::uint8_t* from = picture.ptr<std::uint8_t>(y);
+    float* to = light.ptr<float>(y);
+    for (int i = 0; i < 3 * picture.cols; ++i) to[i] = curve.light(from[i]);
+  }
+  return light;
+}
+
+}  // namespace all_in_focus::core

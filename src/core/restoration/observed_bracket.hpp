@@ -1,0 +1,49 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "restoration/disc_blur.hpp"
+
+namespace all_in_focus::core {
+
+/// A frame of a bracket as restoration compares it with what it predicts.
+struct ObservedFrame {
+  cv::Mat3s codes;  ///< 8-bit codes times kCodeScale, with the exposure of the fused picture
+  cv::Rect seen;    ///< other pixels say nothing
+  FrameBlur blur;
+};
+
+constexpr int kCodeScale = 16;
+
+/// A bracket, the picture it was fused to, and what is known of its depth; all of one size, one geometry and
+/// one exposure.
+struct ObservedBracket {
+  cv::Mat3b fused;
+  cv::Mat3f light;  ///< linear light of it, 0..1
+  std::vector<ObservedFrame> frames;  ///< by closeness of focus, far first
+  double noise_variance = 0;          ///< gray levels squared, of a channel
+  cv::Mat1f measured;  ///< closeness (1 / depth, 1/mm) that a sensor measured, 0 = unknown; may be empty
+  cv::Mat1f filled;    ///< the same with filled holes
+  double px_mm = 0;    ///< the largest of the frames' FrameBlur::px_mm
+
+  /// Difference in closeness that changes the blur by so many pixels of radius.
+  float gap(double px) const { return static_cast<float>(px / px_mm); }
+};
+
+constexpr double kJumpPx = 0.35;  ///< neighbours that differ by more do not lie on one surface
+
+/// CV_8UC1, 255 at both pixels of every pair of neighbours whose closeness differs by more than a gap.
+cv::Mat1b jumps(const cv::Mat1f& closeness, float gap);
+
+/// Brings a frame to the local exposure of the fused picture, which vignetting and flickering light change:
+/// light times the ratio of the wide means of both, 0.8..1.25. frame: CV_8UC3; gain: in linear light.
+void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, cv::Mat3s& codes);
+
+/// Linear light of 8-bit codes.
+cv::Mat3f linearLight(const cv::Mat& picture);
+
+}  // namespace all_in_focus::core
