@@ -18,8 +18,8 @@ namespace all_in_focus::core {
 constexpr int kNoFrame = 65535;  ///< source index of a pixel that no frame has won
 
 enum class Mode {
-  kPaper,    ///< Liu et al. 2019 as printed, for comparison
-  kRefined,  ///< ours
+  kPaper,     ///< Liu et al. 2019 as printed, for comparison
+  kRefined,   ///< ours
   kRestored,  ///< refined, then the blur beside occlusions taken off (BracketRestoration)
 };
 
@@ -84,9 +84,9 @@ struct FusionResult {
 
 /// A frame as mode refined adds it: in the geometry of the reference.
 struct AlignedFrame {
-  cv::Mat image;     ///< CV_8UC3; its pixels are valid only during the call that hands it over
-  cv::Rect seen;     ///< pixels that the frame has seen; the others continue its border
-  double gain = 1;   ///< in linear light (sRGB), to the exposure of the reference
+  cv::Mat image;    ///< CV_8UC3; its pixels are valid only during the call that hands it over
+  cv::Rect seen;    ///< pixels that the frame has seen; the others continue its border
+  double gain = 1;  ///< in linear light (sRGB), to the exposure of the reference
   int index = 0;
   double focus_mm = 0;  ///< NaN = unknown, may be infinite
 };

@@ -3,7 +3,6 @@
 
 #include "report_json.hpp"
 
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "all_in_focus/focus_plan.hpp"
@@ -82,7 +81,7 @@ std::string fusionReport(const PipelineResult& result, const ReportContext& cont
                        {"optics", context.has_optics ? opticsJson(context.optics) : Json()},
                        {"segments", segments},
                        {"notes", context.notes},
-                       {"blur_scale", std::isnan(result.blur_scale) ? Json() : Json(result.blur_scale)},
+                       {"blur_scale", result.blur_scale},
                        {"timing_names", timing_names},
                        {"timing_ms", timing_ms},
                        {"dof_rule", context.dof_rule},

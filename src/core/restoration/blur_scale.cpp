@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <opencv2/imgproc.hpp>
 
 namespace all_in_focus::core {
@@ -15,7 +14,7 @@ namespace {
 constexpr double kFirst = 0.6, kStep = 0.05;
 constexpr int kScales = 21;  // 0.6..1.6
 constexpr float kClearPx = 5;
-constexpr int kGrid = 3;           // every third row and column is enough
+constexpr int kGrid = 3;  // every third row and column is enough
 constexpr int kLeastSamples = 200;
 constexpr float kMostError = 100;  // squared gray levels
 constexpr float kNearlySharpPx = 2;
@@ -67,7 +66,7 @@ BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures
       }
     }
   }
-  if (samples < kLeastSamples || sharp == 0) return {std::numeric_limits<double>::quiet_NaN(), 0};
+  if (samples < kLeastSamples || sharp == 0) return {};
   return {kFirst + kStep * lowest(errors), misfit / sharp};
 }
 

@@ -20,15 +20,15 @@ namespace {
 constexpr int kMostLevels = 48;
 constexpr double kLevelPx = 0.22;  // of blur, between levels
 constexpr int kMostFrames = 10;
-constexpr float kMostCost = 12;     // of a frame: what it shows may be hidden from the others
-constexpr double kVariance = 1;     // gray levels squared: of the fused picture
+constexpr float kMostCost = 12;       // of a frame: what it shows may be hidden from the others
+constexpr double kVariance = 1;       // gray levels squared: of the fused picture
 constexpr double kModelError = 0.36;  // and of the lens model, by squared radius
 constexpr double kSmallStep = 1.5, kJump = 6;
 constexpr double kCostScale = 24;  // of costs as integers
 constexpr int kWindow = 4;         // measured depth counts from that many pixels away
 constexpr float kNearWeight = 1.5f, kMeasuredWeight = 0.5f, kFilledWeight = 0.3f;
 constexpr float kAgreePx = 0.25f, kDifferPx = 0.75f;  // of blur
-constexpr float kTakePx = 0.45f;   // of blur: measured depth is the more exact if it is that near
+constexpr float kTakePx = 0.45f;  // of blur: measured depth is the more exact if it is that near
 constexpr float kClearPx = 6;
 
 // Levels of closeness.
@@ -49,7 +49,8 @@ Levels makeLevels(const ObservedBracket& bracket, const ClosenessRange& range) {
 }
 
 // costs[x] += least of the most and the squared difference of two rows of codes times a factor.
-ALL_IN_FOCUS_SIMD void addCosts(const short* a, const short* b, float factor, float most, int n, float* costs) {
+ALL_IN_FOCUS_SIMD void addCosts(const short* a, const short* b, float factor, float most, int n,
+                                float* costs) {
   for (int x = 0; x < n; ++x) {
     const int d0 = a[3 * x] - b[3 * x], d1 = a[3 * x + 1] - b[3 * x + 1], d2 = a[3 * x + 2] - b[3 * x + 2];
     costs[x] += std::min(most, static_cast<float>(d0 * d0 + d1 * d1 + d2 * d2) * factor);
@@ -73,7 +74,8 @@ class MeasuredPrior {
     const float px = levels.step * static_cast<float>(bracket.px_mm);
     for (int i = 0; i < levels.count; ++i)
       against_[i] = std::clamp((i * px - kAgreePx) / (kDifferPx - kAgreePx), 0.0f, 1.0f);
-    reach_ = static_cast<int>(std::find(against_.begin(), against_.end(), 1.0f) - against_.begin());
+    const auto clear = std::find(against_.begin(), against_.end(), 1.0f);
+    reach_ = std::min(static_cast<int>(clear - against_.begin()), levels.count - 1);
   }
 
   // Adds to the costs of row y; costs(level)[x].
@@ -151,8 +153,7 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
             if (y < frame->seen.y || y >= frame->seen.br().y) continue;
             for (int l = 0; l < levels.count; ++l) {
               const float radius = frame->blur.radius(levels.closeness(l));
-              const double variance =
-                  2 * bracket.noise_variance + kVariance + kModelError * radius * radius;
+              const double variance = 2 * bracket.noise_variance + kVariance + kModelError * radius * radius;
               addCosts(pictures.at(radius).ptr<short>(y) + 3 * frame->seen.x,
                        frame->codes.ptr<short>(y) + 3 * frame->seen.x,
                        static_cast<float>(1 / (3 * variance * kCodeScale * kCodeScale)), kMostCost,
@@ -197,8 +198,8 @@ cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures
   for (int y = 0; y < closeness.rows; ++y) {
     for (int x = 0; x < closeness.cols; ++x) {
       const float measured = bracket.measured(y, x);
-      if (measured > 0 && (clear(y, x) > kClearPx ||
-                           std::abs(measured - closeness(y, x)) < bracket.gap(kTakePx)))
+      if (measured > 0 &&
+          (clear(y, x) > kClearPx || std::abs(measured - closeness(y, x)) < bracket.gap(kTakePx)))
         closeness(y, x) = measured;
     }
   }

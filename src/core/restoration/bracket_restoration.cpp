@@ -21,7 +21,7 @@ namespace all_in_focus::core {
 namespace {
 
 constexpr double kUnusualLow = 0.85, kUnusualHigh = 1.06;  // blur scales that call for a correction
-constexpr double kUsualScale = 0.94;  // the fused picture is not quite sharp itself
+constexpr double kUsualScale = 0.94;                       // the fused picture is not quite sharp itself
 constexpr double kLeastCorrection = 0.7, kLargestCorrection = 1.3;
 constexpr double kRangeMarginPx = 0.5;  // of blur, beyond the depth that was measured
 constexpr double kRangeShare = 0.005;   // of measured pixels that may lie beyond, at each end
@@ -42,7 +42,8 @@ cv::Mat reduced(const cv::Mat& image, const cv::Size& size) {
 
 cv::Rect reduced(const cv::Rect& seen, const cv::Size& from, const cv::Size& to) {
   if (from == to) return seen;
-  const double x = static_cast<double>(to.width) / from.width, y = static_cast<double>(to.height) / from.height;
+  const double x = static_cast<double>(to.width) / from.width,
+               y = static_cast<double>(to.height) / from.height;
   const cv::Point first(static_cast<int>(std::ceil(seen.x * x)), static_cast<int>(std::ceil(seen.y * y)));
   const cv::Point last(static_cast<int>(seen.br().x * x), static_cast<int>(seen.br().y * y));
   return cv::Rect(first, last) & cv::Rect({}, to);
@@ -122,7 +123,8 @@ double noiseVariance(const std::vector<cv::Mat>& frames) {
 
 void addTo(cv::Mat& image, const cv::Mat3f& correction) {
   cv::Mat3f enlarged = correction;
-  if (correction.size() != image.size()) cv::resize(correction, enlarged, image.size(), 0, 0, cv::INTER_LINEAR);
+  if (correction.size() != image.size())
+    cv::resize(correction, enlarged, image.size(), 0, 0, cv::INTER_LINEAR);
   cv::add(image, enlarged, image, cv::noArray(), CV_8U);
 }
 
@@ -149,9 +151,9 @@ void BracketRestoration::add(const AlignedFrame& frame) {
   held.seen = reduced(frame.seen, size_, working_size_);
   held.gain = frame.gain;
   held.closeness = 1 / frame.focus_mm;
-  const auto place = std::upper_bound(held_.begin(), held_.end(), held, [](const HeldFrame& a, const HeldFrame& b) {
-    return a.closeness < b.closeness;
-  });
+  const auto place =
+      std::upper_bound(held_.begin(), held_.end(), held,
+                       [](const HeldFrame& a, const HeldFrame& b) { return a.closeness < b.closeness; });
   held_.insert(place, held);
   if (held_.size() > kMostFrames) dropOne();
 }
@@ -174,7 +176,8 @@ std::string BracketRestoration::missing() const {
   return "";
 }
 
-std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused, const Progress& progress) const {
+std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused,
+                                                             const Progress& progress) const {
   if (!missing().empty()) throw std::logic_error("restoration: " + missing());
   if (fused.type() != CV_8UC3 || fused.size() != size_)
     throw std::invalid_argument("restoration: the fused picture must be CV_8UC3 and of the frames' size");
@@ -221,17 +224,16 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   RestorationResult result;
   const BlurredPictures pictures(bracket.light, 1.6 * largestRadius(bracket, range));
   if (!proceed(0.2)) return std::nullopt;
-  const BlurScale found = has_depth ? measureBlurScale(bracket, pictures)
-                                    : BlurScale{std::numeric_limits<double>::quiet_NaN(), 0};
+  const BlurScale found = has_depth ? measureBlurScale(bracket, pictures) : BlurScale();
   result.blur_scale = found.scale;
-  if (found.scale < kUnusualLow || found.scale > kUnusualHigh) {
+  if (found.scale > 0 && (found.scale < kUnusualLow || found.scale > kUnusualHigh)) {
     const double correction = std::clamp(found.scale / kUsualScale, kLeastCorrection, kLargestCorrection);
     for (ObservedFrame& frame : bracket.frames) frame.blur.px_mm *= correction;
     bracket.px_mm *= correction;
-    result.notes.push_back(
-        cv::format("the frames are blurred %.2f times as much as the optics say: check focal length, aperture, "
-                   "focus distances and calibration",
-                   result.blur_scale));
+    result.notes.push_back(cv::format(
+        "the frames are blurred %.2f times as much as the optics say: check focal length, aperture, "
+        "focus distances and calibration",
+        result.blur_scale));
   }
   bracket.noise_variance = std::max(bracket.noise_variance, found.misfit - 1);
 

@@ -15,14 +15,14 @@ namespace all_in_focus::core {
 namespace {
 
 constexpr int kSweeps = 8;
-constexpr int kReachPx = 4;          // how far a contour may move
-constexpr int kStirPx = 2;           // a change is felt that far away
-constexpr float kSharpPx = 3;        // radius of frames that tell
-constexpr float kMostCost = 30;      // of a frame
+constexpr int kReachPx = 4;      // how far a contour may move
+constexpr int kStirPx = 2;       // a change is felt that far away
+constexpr float kSharpPx = 3;    // radius of frames that tell
+constexpr float kMostCost = 30;  // of a frame
 constexpr float kJumpWeight = 2;
-constexpr float kColorStep = 288;    // squared gray levels, of jumps that cost little
+constexpr float kColorStep = 288;  // squared gray levels, of jumps that cost little
 constexpr float kLeastJump = 0.05f;
-constexpr float kExplained = 1;      // mean cost, 3 x 3, of what needs no better depth
+constexpr float kExplained = 1;  // mean cost, 3 x 3, of what needs no better depth
 
 const std::array<cv::Point, 4> kNeighbours = {cv::Point(-1, 0), {1, 0}, {0, -1}, {0, 1}};
 
@@ -136,7 +136,8 @@ class Contours {
     for (const int k : frames) {
       formation_[k].partsOf(p, closeness, parts);
       cv::Vec3f light;
-      for (const ImageFormation::Part& part : parts) light += part.share * bracket_.light(p.y + part.dy, p.x + part.dx);
+      for (const ImageFormation::Part& part : parts)
+        light += part.share * bracket_.light(p.y + part.dy, p.x + part.dx);
       const cv::Vec3s& seen = bracket_.frames[k].codes(p);
       float squared = 0;
       for (int c = 0; c < 3; ++c) {
@@ -169,15 +170,16 @@ class Contours {
 
 }  // namespace
 
-void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation, cv::Mat1f& closeness,
-                  const std::function<bool(double)>& proceed) {
+void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
+                  cv::Mat1f& closeness, const std::function<bool(double)>& proceed) {
   Contours contours(bracket, formation, closeness);
   for (int i = 0; i < kSweeps; ++i) {
     if (!proceed(static_cast<double>(i) / kSweeps)) return;
     if (contours.sweep(0) + contours.sweep(1) == 0) break;
-    if (i % 2 == 1) cv::parallel_for_({0, static_cast<int>(formation.size())}, [&](const cv::Range& range) {
-      for (int k = range.start; k < range.end; ++k) formation[k].update();
-    });
+    if (i % 2 == 1)
+      cv::parallel_for_({0, static_cast<int>(formation.size())}, [&](const cv::Range& range) {
+        for (int k = range.start; k < range.end; ++k) formation[k].update();
+      });
   }
 }
 

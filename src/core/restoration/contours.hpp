@@ -15,7 +15,7 @@ namespace all_in_focus::core {
 /// closeness if the two frames that should be sharpest there are then predicted better, and the jump lies at
 /// a colour edge. closeness: in place, shared by `formation` (one for each frame). proceed: called now and
 /// then; false = stop.
-void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation, cv::Mat1f& closeness,
-                  const std::function<bool(double)>& proceed);
+void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
+                  cv::Mat1f& closeness, const std::function<bool(double)>& proceed);
 
 }  // namespace all_in_focus::core

@@ -11,7 +11,7 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kSamples = 16;          // along each axis of a pixel that the rim of a disc crosses
+constexpr int kSamples = 16;            // along each axis of a pixel that the rim of a disc crosses
 constexpr float kSmallKernelPx = 2.6f;  // up to there plain convolution is quicker
 
 // Share of pixel (dx, dy) that a disc of this radius about (0, 0) covers.
@@ -31,8 +31,8 @@ double coverage(double radius, int dx, int dy) {
   return inside / static_cast<double>(kSamples * kSamples);
 }
 
-// out[i] += share (sum of the pixels within half of pixel i), from the row's running sums: ends of half pixels
-// count in part.
+// out[i] += share (sum of the pixels within half of pixel i), from the row's running sums: ends of half
+// pixels count in part.
 ALL_IN_FOCUS_SIMD void addChord(const float* left, const float* right, float fraction, int n, float* out) {
   constexpr int kNext = 3;  // channels
   for (int i = 0; i < n; ++i) {
@@ -73,8 +73,8 @@ void blurByChords(const cv::Mat& image, double radius, cv::Mat& out) {
     std::vector<std::vector<float>> sums(kept);
     const auto summed = [&](int y) -> std::vector<float>& { return sums[(y + kept * 2) % kept]; };
     const auto compute = [&](int y) {
-      sumRow(image.ptr<cv::Vec3f>(cv::borderInterpolate(y, image.rows, cv::BORDER_REFLECT_101)), image.cols, pad,
-             summed(y));
+      sumRow(image.ptr<cv::Vec3f>(cv::borderInterpolate(y, image.rows, cv::BORDER_REFLECT_101)), image.cols,
+             pad, summed(y));
     };
     for (int y = rows.start - reach; y < rows.start + reach; ++y) compute(y);
     for (int y = rows.start; y < rows.end; ++y) {
@@ -86,7 +86,8 @@ void blurByChords(const cv::Mat& image, double radius, cv::Mat& out) {
         const double end = half[std::abs(dy)] + 0.5;
         const int whole = static_cast<int>(end);
         const float* middle = summed(y + dy).data() + 3 * static_cast<size_t>(pad);
-        addChord(middle + 3 * (1 - whole), middle + 3 * whole, static_cast<float>(end - whole), 3 * image.cols, to);
+        addChord(middle + 3 * (1 - whole), middle + 3 * whole, static_cast<float>(end - whole),
+                 3 * image.cols, to);
       }
       const float scale = static_cast<float>(1 / area);
       for (int i = 0; i < 3 * image.cols; ++i) to[i] *= scale;

@@ -22,8 +22,8 @@ struct FrameBlur {
 /// Which share of a disc falls on each pixel, by radius and offset from its centre.
 class DiscKernels {
  public:
-  static constexpr int kStepsPerPx = 8;       ///< radii are rounded to eighths
-  static constexpr int kLargestPx = 16;       ///< larger radii count as this one
+  static constexpr int kStepsPerPx = 8;         ///< radii are rounded to eighths
+  static constexpr int kLargestPx = 16;         ///< larger radii count as this one
   static constexpr int kSide = kLargestPx + 2;  ///< offsets 0..kLargestPx + 1
   static const DiscKernels& get();
 

@@ -12,12 +12,14 @@ namespace all_in_focus::core {
 namespace {
 
 constexpr std::array<int, 11> kReaches = {0, 1, 2, 3, 4, 5, 7, 9, 11, 14, DiscKernels::kLargestPx + 1};
-constexpr float kWhole = 0.98f;  // shares that sum up to it lack nothing
-constexpr int kMovedPx = 2;      // jumps may move by that before reaches are found anew
-constexpr int kNearby = 5;       // px
+constexpr float kWhole = 0.98f;   // shares that sum up to it lack nothing
+constexpr int kMovedPx = 2;       // jumps may move by that before reaches are found anew
+constexpr int kNearby = 5;        // px
 constexpr float kNearest = 0.3f;  // weight of a pixel d away: 1 / (d^4 + this)
 
-int mirrored(int i, int size) { return cv::borderInterpolate(i, size, cv::BORDER_REFLECT_101); }
+int mirrored(int i, int size) {
+  return cv::borderInterpolate(i, size, cv::BORDER_REFLECT_101);
+}
 
 }  // namespace
 
@@ -64,7 +66,8 @@ void ImageFormation::partsOf(const cv::Point& p, float own, std::vector<Part>& p
   const DiscKernels& kernels = DiscKernels::get();
   const int own_index = DiscKernels::index(blur_.radius(own));
   const int half = std::max<int>(reach_(p), kernels.reach(own_index));
-  const bool inside = p.x >= half && p.y >= half && p.x + half < closeness_.cols && p.y + half < closeness_.rows;
+  const bool inside =
+      p.x >= half && p.y >= half && p.x + half < closeness_.cols && p.y + half < closeness_.rows;
   std::array<float, kLayers> sums;
   std::uint64_t present = 0;
   thread_local std::vector<std::uint8_t> layers;
@@ -118,7 +121,8 @@ void ImageFormation::partsOf(const cv::Point& p, float own, std::vector<Part>& p
 
 // The share that no disc provides belongs to what is hidden: if something nearby covers p's own surface, to
 // that surface; else to what lies behind p.
-void ImageFormation::fillUp(const cv::Point& p, int own_layer, float missing, std::vector<Part>& parts) const {
+void ImageFormation::fillUp(const cv::Point& p, int own_layer, float missing,
+                            std::vector<Part>& parts) const {
   const int left = std::max(-kNearby, -p.x), right = std::min(kNearby, closeness_.cols - 1 - p.x);
   const int top = std::max(-kNearby, -p.y), bottom = std::min(kNearby, closeness_.rows - 1 - p.y);
   std::array<std::uint8_t, (2 * kNearby + 1) * (2 * kNearby + 1)> layers;

@@ -49,7 +49,7 @@ class ImageFormation {
   FrameBlur blur_;
   float least_ = 0, per_layer_ = 0;
   cv::Mat1b index_, layer_;  // by pixel: disc kernel and layer
-  cv::Mat1b reach_;  // how far away, px, pixels may lie that light up this one
+  cv::Mat1b reach_;          // how far away, px, pixels may lie that light up this one
 };
 
 }  // namespace all_in_focus::core

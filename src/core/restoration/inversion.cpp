@@ -19,8 +19,8 @@ constexpr double kBandJumpPx = 0.75;  // of blur; smaller jumps leave little to 
 constexpr int kBandPx = 5;            // about them
 constexpr double kBandSigma = 1.5;
 constexpr int kSolvedPx = kBandPx + 4;
-constexpr float kSharpPx = 2.5f;      // radius of frames that tell
-constexpr int kFarthestPart = 4;      // px; parts farther away count as known
+constexpr float kSharpPx = 2.5f;                             // radius of frames that tell
+constexpr int kFarthestPart = 4;                             // px; parts farther away count as known
 constexpr double kModelVariance = 0.49, kModelError = 0.09;  // gray levels squared; by squared radius
 constexpr double kPriorShare = 0.49, kLeastVariance = 0.1;
 constexpr float kSmoothness = 0.1f;
@@ -39,9 +39,9 @@ cv::Mat1b neighbourhood(const cv::Mat1b& mask, int reach) {
 // One pixel of one frame.
 struct Row {
   std::int16_t x, y;
-  float weight;        // omega
-  cv::Vec3f residual;  // of the fused picture, gray levels
-  cv::Vec3f slope;     // d code / d light
+  float weight;                // omega
+  cv::Vec3f residual;          // of the fused picture, gray levels
+  cv::Vec3f slope;             // d code / d light
   std::uint32_t first, count;  // its parts
 };
 
@@ -58,7 +58,8 @@ struct Strip {
 
 class Equations {
  public:
-  Equations(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation, const cv::Mat1b& solved)
+  Equations(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
+            const cv::Mat1b& solved)
       : bracket_(bracket), solved_(solved), strips_({0, solved.rows}, std::max(1, solved.rows / kStripRows)) {
     equations_.resize(strips_.count());
     strips_.forEach([&](const cv::Range& rows, int i) { build(formation, rows, equations_[i]); });
@@ -90,8 +91,9 @@ class Equations {
   // out = A^T omega values(row, parts), by pixel.
   template <typename Values>
   void transposed(const Values& values, cv::Mat3f& out) const {
-    spread<cv::Vec3f>([&](const Row& row, const Part* parts) { return (row.weight * values(row, parts)).mul(row.slope); },
-                      [](float share) { return share; }, out);
+    spread<cv::Vec3f>(
+        [&](const Row& row, const Part* parts) { return (row.weight * values(row, parts)).mul(row.slope); },
+        [](float share) { return share; }, out);
     out = out.mul(slopes_);
   }
 
@@ -163,7 +165,8 @@ class Equations {
     out.setTo(cv::Scalar());
     for (int i = 0; i < strips_.count(); ++i) {
       const cv::Range rows = strips_[i];
-      const int top = std::max(0, rows.start - kFarthestPart), bottom = std::min(out.rows, rows.end + kFarthestPart);
+      const int top = std::max(0, rows.start - kFarthestPart),
+                bottom = std::min(out.rows, rows.end + kFarthestPart);
       out.rowRange(top, bottom) +=
           sums[i].rowRange(top - rows.start + kFarthestPart, bottom - rows.start + kFarthestPart);
     }
@@ -176,9 +179,13 @@ class Equations {
   cv::Mat3f slopes_;  // d light / d code of the fused picture
 };
 
-cv::Vec3f squared(const cv::Vec3f& v) { return v.mul(v); }
+cv::Vec3f squared(const cv::Vec3f& v) {
+  return v.mul(v);
+}
 
-float mean(const cv::Vec3f& v) { return (v[0] + v[1] + v[2]) / 3; }
+float mean(const cv::Vec3f& v) {
+  return (v[0] + v[1] + v[2]) / 3;
+}
 
 // Squared residuals of the frames by pixel, mean over channels, weighted by omega, smoothed; and the weights.
 struct Residuals {
@@ -191,7 +198,8 @@ Residuals residuals(const Equations& equations, const cv::Mat3f& light, double n
   for (cv::Mat1f* image : {&found.sum, &found.weight, &found.noise})
     *image = cv::Mat1f::zeros(equations.solved().size());
   equations.forEach([&](const Row& row, const Part* parts) {
-    const cv::Vec3f left = light.empty() ? row.residual : row.residual - Equations::predicted(row, parts, light);
+    const cv::Vec3f left =
+        light.empty() ? row.residual : row.residual - Equations::predicted(row, parts, light);
     found.sum(row.y, row.x) += row.weight * mean(squared(left));
     found.weight(row.y, row.x) += row.weight;
     found.noise(row.y, row.x) += row.weight * static_cast<float>(noise_variance);
@@ -278,7 +286,8 @@ std::optional<cv::Mat3f> solve(const Equations& equations, const cv::Mat1f& prio
     const cv::Vec3d next = dot(residual, steepest);
     const cv::Vec3d turn = ratio(next, energy);
     for (int y = 0; y < z.rows; ++y) {
-      for (int x = 0; x < z.cols; ++x) direction(y, x) = steepest(y, x) + cv::Vec3f(turn).mul(direction(y, x));
+      for (int x = 0; x < z.cols; ++x)
+        direction(y, x) = steepest(y, x) + cv::Vec3f(turn).mul(direction(y, x));
     }
     energy = next;
   }
@@ -312,7 +321,8 @@ void limit(const ObservedBracket& bracket, cv::Mat3f& z) {
 void gate(const Residuals& before, const Residuals& after, cv::Mat3f& z) {
   for (int y = 0; y < z.rows; ++y) {
     for (int x = 0; x < z.cols; ++x) {
-      const float excess = std::max(before.sum(y, x) - before.noise(y, x), 1e-3f * before.weight(y, x) + 1e-9f);
+      const float excess =
+          std::max(before.sum(y, x) - before.noise(y, x), 1e-3f * before.weight(y, x) + 1e-9f);
       const float share = (before.sum(y, x) - after.sum(y, x)) / excess;
       z(y, x) *= std::clamp((share - kGateFrom) / (kGateTo - kGateFrom), 0.0f, 1.0f);
     }
@@ -321,8 +331,9 @@ void gate(const Residuals& before, const Residuals& after, cv::Mat3f& z) {
 
 }  // namespace
 
-std::optional<cv::Mat3f> correction(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
-                                    const cv::Mat1f& closeness, const std::function<bool(double)>& proceed) {
+std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
+                                    const std::vector<ImageFormation>& formation, const cv::Mat1f& closeness,
+                                    const std::function<bool(double)>& proceed) {
   const cv::Mat1b edges = jumps(closeness, bracket.gap(kBandJumpPx));
   if (cv::countNonZero(edges) == 0) return cv::Mat3f(cv::Mat3f::zeros(closeness.size()));
   const Equations equations(bracket, formation, neighbourhood(edges, kSolvedPx));

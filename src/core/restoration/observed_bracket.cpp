@@ -19,8 +19,8 @@ constexpr float kDark = 1e-3f;  // light; keeps ratios of black tame
 
 cv::Mat3f wideMean(const cv::Mat3f& light) {
   cv::Mat3f small;
-  cv::resize(light, small,
-             {std::max(1, light.cols / kReduction), std::max(1, light.rows / kReduction)}, 0, 0, cv::INTER_AREA);
+  cv::resize(light, small, {std::max(1, light.cols / kReduction), std::max(1, light.rows / kReduction)}, 0, 0,
+             cv::INTER_AREA);
   cv::GaussianBlur(small, small, {}, kExposureSigma / kReduction, 0, cv::BORDER_REFLECT_101);
   return small;
 }

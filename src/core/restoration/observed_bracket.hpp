@@ -23,7 +23,7 @@ constexpr int kCodeScale = 16;
 /// one exposure.
 struct ObservedBracket {
   cv::Mat3b fused;
-  cv::Mat3f light;  ///< linear light of it, 0..1
+  cv::Mat3f light;                    ///< linear light of it, 0..1
   std::vector<ObservedFrame> frames;  ///< by closeness of focus, far first
   double noise_variance = 0;          ///< gray levels squared, of a channel
   cv::Mat1f measured;  ///< closeness (1 / depth, 1/mm) that a sensor measured, 0 = unknown; may be empty

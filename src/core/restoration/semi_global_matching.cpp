@@ -58,8 +58,9 @@ ALL_IN_FOCUS_SIMD void walkRow(const std::int16_t* costs, PathRow& before, int s
                                bool backwards, std::int16_t* sums) {
   for (int i = 0; i < cols; ++i) {
     const int x = backwards ? cols - 1 - i : i;
-    path.least(x) = step(costs + static_cast<size_t>(x) * levels, before.at(x + shift), before.least(x + shift),
-                         small_step, jump[x], levels, path.at(x), sums + static_cast<size_t>(x) * levels);
+    path.least(x) =
+        step(costs + static_cast<size_t>(x) * levels, before.at(x + shift), before.least(x + shift),
+             small_step, jump[x], levels, path.at(x), sums + static_cast<size_t>(x) * levels);
   }
 }
 
@@ -110,8 +111,8 @@ void walk(const CostVolume& costs, const cv::Mat3b& picture, const JumpCosts& ju
             costs.levels, up, sum);
     for (int k = 0; k < 3; ++k) {
       jumps.row(picture, y, shifts[k], back, jump.data());
-      walkRow(costs.at(y, 0), above[k], shifts[k], path[k], jump.data(), static_cast<std::int16_t>(small_step),
-              cols, costs.levels, false, sum);
+      walkRow(costs.at(y, 0), above[k], shifts[k], path[k], jump.data(),
+              static_cast<std::int16_t>(small_step), cols, costs.levels, false, sum);
     }
     std::swap(above, path);
   }
@@ -121,7 +122,8 @@ void walk(const CostVolume& costs, const cv::Mat3b& picture, const JumpCosts& ju
 
 CostVolume aggregateAlongPaths(const CostVolume& costs, const cv::Mat3b& picture, int small_step, int jump) {
   const JumpCosts jumps(jump);
-  std::array<CostVolume, 2> sums = {CostVolume(costs.size, costs.levels), CostVolume(costs.size, costs.levels)};
+  std::array<CostVolume, 2> sums = {CostVolume(costs.size, costs.levels),
+                                    CostVolume(costs.size, costs.levels)};
   cv::parallel_for_({0, 2}, [&](const cv::Range& halves) {
     for (int i = halves.start; i < halves.end; ++i) {
       sums[i].costs = 0;

@@ -1,0 +1,330 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "all_in_focus/restoration.hpp"
+#include "restoration/disc_blur.hpp"
+#include "restoration/image_formation.hpp"
+#include "restoration/light.hpp"
+#include "restoration/semi_global_matching.hpp"
+
+using namespace all_in_focus::core;
+
+namespace {
+
+constexpr int kNearMm = 1000, kFarMm = 1500;
+constexpr double kFocalLength = 50, kAperture = 2.8, kPixels = 1000;  // mm, F, fx
+const cv::Size kSize(200, 150);
+const cv::Rect kCard(60, 40, 80, 70);  // the near one
+const std::vector<double> kSweep = {1000, 1090, 1200, 1330, 1500};
+
+cv::Mat3f texture(int seed, const cv::Size& size) {
+  cv::Mat3f light(size);
+  cv::RNG(seed).fill(light, cv::RNG::UNIFORM, cv::Scalar::all(0), cv::Scalar::all(1));
+  cv::GaussianBlur(light, light, {}, 1.0);
+  cv::Mat3f wide;
+  cv::GaussianBlur(light, wide, {}, 4);
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      for (int c = 0; c < 3; ++c)
+        light(y, x)[c] = std::clamp(light(y, x)[c] + 3 * (wide(y, x)[c] - 0.5f), 0.05f, 0.95f);
+    }
+  }
+  return light;
+}
+
+cv::Mat toCodes(const cv::Mat3f& light) {
+  cv::Mat codes(light.size(), CV_8UC3);
+  for (int y = 0; y < codes.rows; ++y) {
+    for (int i = 0; i < 3 * codes.cols; ++i)
+      codes.ptr<std::uint8_t>(y)[i] =
+          static_cast<std::uint8_t>(LightCurve::get().code(light.ptr<float>(y)[i]) + 0.5f);
+  }
+  return codes;
+}
+
+// A textured card before a textured wall, and what a lens makes of it: the wall is blurred, then the card
+// with the rim that its blur makes translucent is laid over it.
+struct CardBeforeWall {
+  explicit CardBeforeWall(const cv::Size& size = kSize, const cv::Rect& card = kCard) : card_at(card) {
+    wall = texture(1, size);
+    front = texture(2, size);
+    scene.optics = {kFocalLength, kAperture, 0.03};
+    scene.camera = Camera{size, kPixels, kPixels, (size.width - 1) / 2.0, (size.height - 1) / 2.0, {}};
+    scene.depth = cv::Mat(size, CV_16UC1, cv::Scalar(kFarMm));
+    scene.depth(card) = kNearMm;
+    truth = frame(0);
+  }
+
+  // focus_mm: 0 = everything is sharp
+  cv::Mat frame(double focus_mm) const {
+    cv::Mat3f mask = cv::Mat3f::zeros(wall.size());
+    mask(card_at).setTo(cv::Scalar::all(1));
+    const auto radius = [&](double depth) {
+      const double pitch = kFocalLength / kPixels;
+      return focus_mm > 0 ? static_cast<float>(blurCircle(scene.optics, depth, focus_mm) / 2 / pitch) : 0;
+    };
+    cv::Mat covered, near_light, far_light;
+    blurByDisc(mask, radius(kNearMm), covered);
+    blurByDisc(front.mul(mask), radius(kNearMm), near_light);
+    blurByDisc(wall, radius(kFarMm), far_light);
+    return toCodes(cv::Mat3f(near_light + far_light.mul(cv::Scalar::all(1) - covered)));
+  }
+
+  // The best frame of each surface: what fusion can give without restoration.
+  cv::Mat fused() const {
+    cv::Mat image = frame(kFarMm);
+    frame(kNearMm)(card_at).copyTo(image(card_at));
+    return image;
+  }
+
+  void addTo(BracketRestoration& restoration) const {
+    for (size_t i = 0; i < kSweep.size(); ++i) {
+      restoration.add({frame(kSweep[i]), cv::Rect({}, wall.size()), 1, static_cast<int>(i), kSweep[i]});
+    }
+  }
+
+  cv::Rect card_at;
+  cv::Mat3f wall, front;
+  cv::Mat truth;
+  BracketScene scene;
+};
+
+double meanSquare(const cv::Mat& a, const cv::Mat& b) {
+  return cv::norm(a, b, cv::NORM_L2SQR) / (3.0 * static_cast<double>(a.total()));
+}
+
+double decibels(const cv::Mat& image, const cv::Mat& truth) {
+  return 10 * std::log10(255 * 255 / meanSquare(image, truth));
+}
+
+RestorationResult restored(const CardBeforeWall& card, const BracketScene& scene) {
+  BracketRestoration restoration;
+  restoration.begin(scene);
+  card.addTo(restoration);
+  return *restoration.restore(card.fused());
+}
+
+// Share of pixels whose depth is wrong by more than 1 px of blur.
+double shareWrong(const cv::Mat& depth, const cv::Mat& truth) {
+  const double px_mm = kFocalLength * kFocalLength / kAperture / (kFocalLength / kPixels);
+  int wrong = 0;
+  for (int y = 0; y < depth.rows; ++y) {
+    for (int x = 0; x < depth.cols; ++x)
+      wrong +=
+          std::abs(1.0 / depth.at<std::uint16_t>(y, x) - 1.0 / truth.at<std::uint16_t>(y, x)) * px_mm > 1;
+  }
+  return static_cast<double>(wrong) / static_cast<double>(depth.total());
+}
+
+TEST(Restoration, TakesTheBlurOffTheWallBesideTheCard) {
+  const CardBeforeWall card;
+  const RestorationResult result = restored(card, card.scene);
+  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth) + 1);
+  EXPECT_TRUE(result.notes.empty());
+  EXPECT_NEAR(result.blur_scale, 1, 0.1);
+}
+
+TEST(Restoration, LeavesWhatIsFarFromDepthEdgesAlone) {
+  const CardBeforeWall card;
+  const cv::Mat image = restored(card, card.scene).image, fused = card.fused();
+  for (const cv::Rect& calm : {cv::Rect(0, 0, kSize.width, 15), cv::Rect(85, 65, 30, 20)})
+    EXPECT_EQ(cv::norm(image(calm), fused(calm), cv::NORM_INF), 0) << calm;
+}
+
+TEST(Restoration, FindsDepthFromTheBracketAlone) {
+  const CardBeforeWall card;
+  BracketScene scene = card.scene;
+  scene.depth = cv::Mat();
+  const RestorationResult result = restored(card, scene);
+  EXPECT_LT(shareWrong(result.depth, card.scene.depth), 0.05);
+  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth) + 0.5);
+  EXPECT_EQ(result.blur_scale, 0);
+}
+
+TEST(Restoration, MeasuredHolesAndFrayedEdgesAreMended) {
+  const CardBeforeWall card;
+  BracketScene scene = card.scene;
+  scene.depth = card.scene.depth.clone();
+  cv::RNG random(5);
+  for (int y = kCard.y - 3; y < kCard.br().y + 3; y += 3) {  // the card frayed by up to 4 px
+    const int left = kCard.x + random.uniform(-4, 5), right = kCard.br().x + random.uniform(-4, 5);
+    scene.depth(cv::Rect(kCard.x - 5, y, kCard.width + 10, 3)) = kFarMm;
+    scene.depth(cv::Rect(left, y, right - left, 3)) = kNearMm;
+  }
+  scene.measured = scene.depth.clone();
+  scene.measured(cv::Rect(20, 100, 40, 30)) = 0;  // a hole, filled from the wrong side
+  scene.depth(cv::Rect(20, 100, 40, 30)) = kNearMm;
+  const RestorationResult result = restored(card, scene);
+  EXPECT_EQ(cv::countNonZero(result.depth == 0), 0);
+  EXPECT_LT(shareWrong(result.depth, card.scene.depth), 0.4 * shareWrong(scene.depth, card.scene.depth));
+}
+
+TEST(Restoration, WrongOpticsAreSaidAndMadeUpFor) {
+  const CardBeforeWall card;
+  BracketScene scene = card.scene;
+  scene.optics.aperture *= 0.8;  // predicts 1.25 times the blur
+  const RestorationResult result = restored(card, scene);
+  ASSERT_EQ(result.notes.size(), 1u);
+  EXPECT_NE(result.notes[0].find("check focal length, aperture"), std::string::npos);
+  EXPECT_NEAR(result.blur_scale, 0.8, 0.08);
+  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth) + 0.5);
+}
+
+TEST(Restoration, OnOneSurfaceNothingChanges) {
+  CardBeforeWall card(kSize, {0, 0, 200, 150});
+  EXPECT_EQ(cv::norm(restored(card, card.scene).image, card.fused(), cv::NORM_INF), 0);
+}
+
+TEST(Restoration, LargePicturesAreCorrectedOnAReducedCopy) {
+  const cv::Size large(2 * BracketRestoration::kWidestPx, 200);
+  const CardBeforeWall card(large, {400, 60, 500, 80});
+  BracketScene scene = card.scene;
+  const RestorationResult result = restored(card, scene);
+  EXPECT_EQ(result.image.size(), large);
+  EXPECT_EQ(result.depth.size(), large);
+  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth));
+}
+
+TEST(Restoration, SaysWhatIsMissing) {
+  const CardBeforeWall card;
+  BracketRestoration restoration;
+  BracketScene scene = card.scene;
+  scene.camera.reset();
+  restoration.begin(scene);
+  card.addTo(restoration);
+  EXPECT_NE(restoration.missing().find("pixel pitch"), std::string::npos);
+  EXPECT_THROW(restoration.restore(card.fused()), std::logic_error);
+
+  restoration.begin(card.scene);
+  restoration.add({card.fused(), cv::Rect({}, kSize), 1, 0, std::numeric_limits<double>::quiet_NaN()});
+  EXPECT_NE(restoration.missing().find("focus distances"), std::string::npos);
+
+  restoration.begin(card.scene);
+  restoration.add({card.fused(), cv::Rect({}, kSize), 1, 0, kNearMm});
+  EXPECT_NE(restoration.missing().find("two frames"), std::string::npos);
+  restoration.add({card.fused(), cv::Rect({}, kSize), 1, 1, kNearMm});
+  EXPECT_NE(restoration.missing().find("same distance"), std::string::npos);
+  restoration.add({card.fused(), cv::Rect({}, kSize), 1, 2, std::numeric_limits<double>::infinity()});
+  EXPECT_EQ(restoration.missing(), "");
+  EXPECT_THROW(restoration.restore(cv::Mat(kSize, CV_8UC1, cv::Scalar(0))), std::invalid_argument);
+}
+
+TEST(Restoration, ProgressGrowsAndCanStop) {
+  const CardBeforeWall card;
+  BracketRestoration restoration;
+  restoration.begin(card.scene);
+  card.addTo(restoration);
+  std::vector<double> told;
+  ASSERT_TRUE(restoration.restore(card.fused(), [&](double done) {
+    told.push_back(done);
+    return true;
+  }));
+  EXPECT_GE(told.size(), 8u);
+  EXPECT_TRUE(std::is_sorted(told.begin(), told.end()));
+  EXPECT_EQ(told.front(), 0);
+  EXPECT_EQ(told.back(), 1);
+  for (size_t i = 0; i + 1 < told.size(); ++i) {
+    size_t calls = 0;
+    EXPECT_FALSE(restoration.restore(card.fused(), [&](double) { return calls++ < i; }))
+        << "stopped at call " << i;
+    EXPECT_EQ(calls, i + 1);
+  }
+}
+
+TEST(Restoration, TheResultDoesNotDependOnTheNumberOfThreads) {
+  const CardBeforeWall card;
+  const int threads = cv::getNumThreads();
+  std::vector<RestorationResult> results;
+  for (const int n : {1, 4}) {
+    cv::setNumThreads(n);
+    results.push_back(restored(card, card.scene));
+  }
+  cv::setNumThreads(threads);
+  EXPECT_EQ(cv::norm(results[0].image, results[1].image, cv::NORM_INF), 0);
+  EXPECT_EQ(cv::norm(results[0].depth, results[1].depth, cv::NORM_INF), 0);
+}
+
+TEST(Restoration, LongSweepsAreThinnedOut) {
+  const CardBeforeWall card;
+  BracketRestoration restoration;
+  restoration.begin(card.scene);
+  constexpr int kFrames = 40;
+  for (int i = 0; i < kFrames; ++i) {
+    const double focus = 1 / (1.0 / kFarMm + (1.0 / kNearMm - 1.0 / kFarMm) * i / (kFrames - 1));
+    restoration.add({card.frame(focus), cv::Rect({}, kSize), 1, i, focus});
+  }
+  const RestorationResult result = *restoration.restore(card.fused());
+  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth) + 1);
+}
+
+TEST(DiscBlur, WideDiscsAreSummedByChordsAsTheyAreByKernels) {
+  const cv::Mat3f light = texture(3, {90, 70});
+  for (const float radius : {2.75f, 4.0f, 7.5f, 12.25f}) {
+    cv::Mat blurred, expected;
+    blurByDisc(light, radius, blurred);
+    const int index = DiscKernels::index(radius), reach = DiscKernels::get().reach(index);
+    cv::Mat1f kernel(2 * reach + 1, 2 * reach + 1);
+    for (int y = 0; y < kernel.rows; ++y) {
+      for (int x = 0; x < kernel.cols; ++x)
+        kernel(y, x) =
+            DiscKernels::get().shares(index)[DiscKernels::kSide * std::abs(y - reach) + std::abs(x - reach)];
+    }
+    EXPECT_NEAR(cv::sum(kernel)[0], 1, 1e-5);
+    cv::filter2D(light, expected, -1, kernel, {-1, -1}, 0, cv::BORDER_REFLECT_101);
+    EXPECT_LT(cv::norm(blurred, expected, cv::NORM_INF), 0.01) << radius;
+    EXPECT_LT(meanSquare(blurred, expected), 1e-6) << radius;
+  }
+}
+
+TEST(ImageFormation, NearPixelsComeFirstAndSharesSumUpToOne) {
+  cv::Mat1f closeness(40, 40, 1.0f / kFarMm);
+  closeness.colRange(20, 40) = 1.0f / kNearMm;
+  const FrameBlur far_is_sharp = {1.0 / kFarMm, 9000};  // the near half has a radius of 3 px
+  const ImageFormation formation(closeness, far_is_sharp, 1e-5f);
+  std::vector<ImageFormation::Part> parts;
+  for (const int x : {3, 16, 18, 19, 20, 22, 36}) {
+    formation.partsOf({x, 20}, closeness(20, x), parts);
+    float sum = 0, near_share = 0;
+    for (const ImageFormation::Part& part : parts) {
+      sum += part.share;
+      if (x + part.dx >= 20) near_share += part.share;
+    }
+    EXPECT_NEAR(sum, 1, 1e-4) << x;
+    const bool beside = x >= 18 && x <= 20;  // there the near half's light lies over the sharp wall
+    EXPECT_GE(near_share, beside ? 0.1f : 0.0f) << x;
+    EXPECT_LE(near_share, x == 3 ? 0.0f : x < 20 ? 0.5f : 1.001f) << x;
+    EXPECT_GE(near_share, x == 36 ? 0.999f : 0.0f) << x;
+  }
+}
+
+TEST(SemiGlobalMatching, KeepsAStepAndMendsSinglePixels) {
+  constexpr int kLevels = 8;
+  CostVolume costs({30, 20}, kLevels);
+  cv::Mat3b picture(20, 30);
+  for (int y = 0; y < 20; ++y) {
+    for (int x = 0; x < 30; ++x) {
+      const bool wrong = x % 7 == 3 && y % 5 == 2;
+      const int level = wrong ? 7 : x < 15 ? 1 : 5;
+      picture(y, x) = cv::Vec3b::all(x < 15 ? 50 : 150);
+      for (int l = 0; l < kLevels; ++l)
+        costs.at(y, x)[l] = static_cast<std::int16_t>(20 * std::abs(l - level));
+    }
+  }
+  const CostVolume sums = aggregateAlongPaths(costs, picture, 30, 120);
+  for (int y = 0; y < 20; ++y) {
+    for (int x = 0; x < 30; ++x) {
+      const std::int16_t* at = sums.at(y, x);
+      EXPECT_EQ(std::min_element(at, at + kLevels) - at, x < 15 ? 1 : 5) << x << " " << y;
+    }
+  }
+}
+
+}  // namespace
