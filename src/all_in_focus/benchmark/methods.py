@@ -35,7 +35,7 @@ from all_in_focus.files.stack import read_depth, read_image
 from all_in_focus.metrics.truth import psnr
 from all_in_focus.simulation import lens
 
-OWN = ("paper", "refined")
+OWN = ("paper", "refined", "restored")
 MODES = (*OWN, "restored")
 VARIANTS = re.compile(r"-[a-z][a-z_-]*(,[a-z_-]+)*|no-depth|optics[+-][0-9]{1,2}|shift[0-9]{1,3}")
 TIMEOUT_S = 3600.0
