@@ -7,35 +7,38 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "alignment/frame_motion.hpp"
+#include "alignment/similarity_transform.hpp"
 
 /// Frames of a focus bracket of an endless texture, which is known at every point: a sum of plane waves. So
-/// scale and shift of a frame are exact, without any resampling.
+/// scale, roll and shift of a frame are exact, without any resampling.
 namespace bracket_drawing {
 
-using all_in_focus::core::Motion;
+using all_in_focus::core::SimilarityTransform;
 
 const cv::Size kSize(320, 240);
 const cv::Point2d kCenter(158.3, 123.6);  ///< of the magnification, not of the picture
 
 /// Gray picture of the texture `seed`, moved from the reference, its halves blurred by sigma px, CV_8UC1.
-inline cv::Mat frame(const Motion& motion, double left_sigma = 0, double right_sigma = 0, int seed = 1) {
+inline cv::Mat frame(const SimilarityTransform& motion, double left_sigma = 0, double right_sigma = 0,
+                     int seed = 1) {
   using Waves = std::vector<std::complex<float>>;
   cv::RNG random(seed);
   cv::Mat light(kSize, CV_32FC1, cv::Scalar(120));
   for (int i = 0; i < 100; ++i) {  // of the same contrast in every octave, as in natural pictures
     const double frequency = std::exp(random.uniform(std::log(0.02), std::log(1.5)));  // rad/px
     const double angle = random.uniform(0.0, CV_PI), phase = random.uniform(0.0, 2 * CV_PI);
+    const double at_center = frequency * (std::cos(angle) * kCenter.x + std::sin(angle) * kCenter.y);
     const auto along = [&](int length, double k, double center, double shift, std::complex<double> factor) {
       Waves waves(length);
       for (int u = 0; u < length; ++u) {
-        waves[u] = factor * std::polar(1.0, k * (center + (u - shift - center) / motion.scale));
+        waves[u] = factor * std::polar(1.0, k * (u - shift - center) / motion.scale);
       }
       return waves;
     };
-    const Waves columns =
-        along(kSize.width, frequency * std::cos(angle), kCenter.x, motion.shift.x, std::polar(5.0, phase));
-    const Waves rows = along(kSize.height, frequency * std::sin(angle), kCenter.y, motion.shift.y, 1.0);
+    const double rolled = angle + motion.angle;
+    const Waves columns = along(kSize.width, frequency * std::cos(rolled), kCenter.x, motion.shift.x,
+                                std::polar(5.0, phase + at_center));
+    const Waves rows = along(kSize.height, frequency * std::sin(rolled), kCenter.y, motion.shift.y, 1.0);
     for (int y = 0; y < kSize.height; ++y) {
       auto* row = light.ptr<float>(y);
       for (int x = 0; x < kSize.width; ++x) {
@@ -55,7 +58,7 @@ inline cv::Mat frame(const Motion& motion, double left_sigma = 0, double right_s
 }
 
 /// Frame k of n: sharp on the left first, on the right last.
-inline cv::Mat refocused(const Motion& motion, int k, int n, double widest_sigma = 3) {
+inline cv::Mat refocused(const SimilarityTransform& motion, int k, int n, double widest_sigma = 3) {
   const double t = n > 1 ? static_cast<double>(k) / (n - 1) : 0.5;
   return frame(motion, widest_sigma * t, widest_sigma * (1 - t));
 }

@@ -35,8 +35,8 @@ double breathingScale(double b, int k, int reference, int n) {
 }
 
 // Pixels by which a placement is off anywhere in the picture.
-double error(const Placement& placement, const Motion& truth) {
-  return largestDisplacement(chain(inverse(truth), placement), kSize, kCenter);
+double error(const Placement& placement, const SimilarityTransform& truth) {
+  return largestDisplacement(compose(inverse(truth), placement), kSize, kCenter);
 }
 
 BracketAlignment begun(double focal_length_mm = kFocal) {
@@ -50,13 +50,15 @@ TEST(PairAlignment, FindsTheMotionUnderOppositeChangesOfBlur) {
   key.build(frame({}, 0.5, 4));
   PairAlignment alignment;
   alignment.setKey(key, kCenter);
-  for (const Motion& truth :
-       {Motion{}, Motion{1.004, {0.2, -0.1}}, Motion{0.99, {1.5, 2.5}}, Motion{1.03, {-4, 3}}}) {
+  for (const SimilarityTransform& truth :
+       {SimilarityTransform{}, SimilarityTransform{1.004, {0.2, -0.1}}, SimilarityTransform{0.99, {1.5, 2.5}},
+        SimilarityTransform{1.03, {-4, 3}}, SimilarityTransform{1, {}, 0.01},
+        SimilarityTransform{0.995, {2, -1}, -0.02}}) {
     other.build(frame(truth, 4, 0.5));
     const PairMeasurement found = alignment.measure(other, {});
     EXPECT_TRUE(found.converged);
     EXPECT_GT(found.correlation, 0.95);
-    EXPECT_LT(largestDisplacement(chain(inverse(truth), found.motion), kSize, kCenter), 0.1) << truth.scale;
+    EXPECT_LT(largestDisplacement(compose(inverse(truth), found.motion), kSize, kCenter), 0.1) << truth.scale;
   }
 }
 
@@ -75,7 +77,7 @@ TEST(PairAlignment, HasNoBiasTowardsWholePixels) {
 TEST(FocusBreathing, FollowsTheThinLens) {
   const double f = 50, b = 0.7;
   const auto v = [&](double s) { return 1 / (1 / f - 1 / s); };
-  const auto x = [&](double s) { return FocusBreathing::extension(s, f); };
+  const auto x = [&](double s) { return FocusBreathing::magnification(s, f); };
   EXPECT_NEAR(x(800), v(800) / f - 1, 1e-12);
   EXPECT_EQ(x(kInfinity), 0);
   FocusBreathing breathing;
@@ -90,9 +92,9 @@ TEST(FocusBreathing, FollowsTheThinLens) {
 
 TEST(FocusBreathing, UnknownOrImpossibleFocus) {
   for (const double s : {kUnknown, 50.0, 0.0, -3.0})
-    EXPECT_TRUE(std::isnan(FocusBreathing::extension(s, 50))) << s;
+    EXPECT_TRUE(std::isnan(FocusBreathing::magnification(s, 50))) << s;
   for (const double f : {kUnknown, kInfinity, 0.0, -1.0})
-    EXPECT_TRUE(std::isnan(FocusBreathing::extension(900, f))) << f;
+    EXPECT_TRUE(std::isnan(FocusBreathing::magnification(900, f))) << f;
 }
 
 TEST(FocusBreathing, IsNotBelievedWhereItDoesNotExplain) {
@@ -159,7 +161,7 @@ TEST(BracketAlignment, MeasuresWhereFocusIsUnknownOrWrong) {
 
 TEST(BracketAlignment, FollowsAMovingCamera) {
   constexpr int n = 6;
-  std::vector<Motion> truth(n);
+  std::vector<SimilarityTransform> truth(n);
   cv::RNG random(4);
   for (int k = 1; k < n; ++k) {
     truth[k].scale = breathingScale(1, k, 0, n);
@@ -170,13 +172,28 @@ TEST(BracketAlignment, FollowsAMovingCamera) {
     alignment.observe(refocused(truth[k], k, n), k, focusDistance(k, n));
     EXPECT_LT(error(alignment.placement(k, 0), truth[k]), 0.15) << k;  // as far as known by then
   }
-  EXPECT_LT(error(alignment.placement(1, 4), chain(inverse(truth[4]), truth[1])), 0.15);
+  EXPECT_LT(error(alignment.placement(1, 4), compose(inverse(truth[4]), truth[1])), 0.15);
+}
+
+TEST(BracketAlignment, FollowsASaggingHead) {
+  constexpr int n = 6;
+  for (const double focal : {kFocal, kUnknown}) {
+    BracketAlignment alignment = begun(focal);
+    std::vector<SimilarityTransform> truth(n);
+    for (int k = 0; k < n; ++k) {
+      truth[k] = {breathingScale(0.5, k, 0, n), {0.4 * k, 1.1 * k}, 0.002 * k};
+      alignment.observe(refocused(truth[k], k, n), k, focusDistance(k, n));
+    }
+    for (int k = 0; k < n; ++k) {
+      EXPECT_LT(error(alignment.placement(k, 3), compose(inverse(truth[3]), truth[k])), 0.15) << k;
+    }
+  }
 }
 
 TEST(BracketAlignment, DoesNotDrift) {
   constexpr int n = 60;
   BracketAlignment alignment = begun(kUnknown);
-  Motion truth;
+  SimilarityTransform truth;
   for (int k = 0; k < n; ++k) {
     truth = {1 + 0.05 * k / n, {0.05 * k, 0}};
     cv::Mat gray = refocused(truth, k, n);

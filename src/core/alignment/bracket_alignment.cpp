@@ -18,7 +18,7 @@ constexpr double kModelError = 0.05;  // px by which a lens may depart from the 
 constexpr double kSignificance = 3;   // standard deviations
 constexpr double kRounding = 0.01;    // px; nothing is measured better
 
-double variance(const cv::Matx33d& covariance) {
+double variance(const cv::Matx44d& covariance) {
   return cv::trace(covariance);
 }
 
@@ -45,7 +45,7 @@ void BracketAlignment::observe(const cv::Mat& gray, int index, double focus_mm) 
   current_.pyramid.build(gray);
   current_.frame = {};
   current_.frame.index = index;
-  current_.frame.extension = FocusBreathing::extension(focus_mm, focal_length_mm_);
+  current_.frame.magnification = FocusBreathing::magnification(focus_mm, focal_length_mm_);
 
   PairMeasurement found;
   if (observations_.empty()) {
@@ -70,13 +70,13 @@ void BracketAlignment::observe(const cv::Mat& gray, int index, double focus_mm) 
   std::swap(last_, current_);
 }
 
-PairMeasurement BracketAlignment::measureFrom(const View& view, const Motion& guess) {
+PairMeasurement BracketAlignment::measureFrom(const View& view, const SimilarityTransform& guess) {
   other_alignment_.setKey(view.pyramid, center_);
   return other_alignment_.measure(current_.pyramid, guess);
 }
 
 PairMeasurement BracketAlignment::measureFromKey() {
-  const Motion guess = chain(inverse(key_.motion), last_.frame.motion);
+  const SimilarityTransform guess = compose(inverse(key_.motion), last_.frame.motion);
   const PairMeasurement direct = key_alignment_.measure(current_.pyramid, guess);
   const bool far =
       !direct.converged || largestDisplacement(direct.motion, size_, center_) > kFarFromKey * radius_;
@@ -97,7 +97,7 @@ void BracketAlignment::makeKey(const View& view) {
   std::swap(key_alignment_, other_alignment_);
   key_ = view.frame;
   key_.key_covariance += key_.covariance;
-  key_.covariance = cv::Matx33d::zeros();
+  key_.covariance = cv::Matx44d::zeros();
   observations_[key_.index] = key_;
 }
 
@@ -112,10 +112,10 @@ void BracketAlignment::place(const PairMeasurement& measurement) {
     frame.covariance = last_.frame.covariance;
     return;
   }
-  frame.motion = chain(key_.motion, measurement.motion);
+  frame.motion = compose(key_.motion, measurement.motion);
   frame.key_covariance = key_.key_covariance;
   frame.covariance = measurement.covariance;
-  breathing_.add(key_.extension, frame.extension, measurement.motion.scale,
+  breathing_.add(key_.magnification, frame.magnification, measurement.motion.scale,
                  std::sqrt(measurement.covariance(0, 0) + kModelError * kModelError) / radius_);
 }
 
@@ -128,31 +128,41 @@ Placement BracketAlignment::placement(int index, int reference) const {
   result.correlation = to.correlation;
   if (index == reference || !result.fits) return result;
 
-  const Motion measured = chain(inverse(from.motion), to.motion);
-  const cv::Matx33d between_keys = to.key_covariance - from.key_covariance;
-  const cv::Matx33d covariance = to.covariance + from.covariance +
-                                 between_keys * (variance(between_keys) < 0 ? -1.0 : 1.0) +
-                                 kRounding * kRounding * cv::Matx33d::eye();
+  const SimilarityTransform measured = compose(inverse(from.motion), to.motion);
+  const cv::Matx44d between_keys = to.key_covariance - from.key_covariance;
+  cv::Matx44d covariance = to.covariance + from.covariance +
+                           between_keys * (variance(between_keys) < 0 ? -1.0 : 1.0) +
+                           kRounding * kRounding * cv::Matx44d::eye();
 
-  const double magnified = radius_ * (measured.scale - 1);
-  const bool significant = magnified * magnified > kSignificance * kSignificance * covariance(0, 0);
-  result.scale = breathing_.scale(from.extension, to.extension).value_or(significant ? measured.scale : 1);
-
-  // Shift and its covariance, given that scale.
-  const cv::Vec2d slope = cv::Vec2d(covariance(1, 0), covariance(2, 0)) / covariance(0, 0);
-  const cv::Vec2d shift =
-      cv::Vec2d(measured.shift.x, measured.shift.y) + slope * (radius_ * (result.scale - measured.scale));
-  const cv::Matx22d shift_covariance =
-      covariance.get_minor<2, 2>(1, 1) - covariance(0, 0) * slope * slope.t();
+  // What is measured, in pixels. Fixing one number moves the others as far as they were measured together.
+  cv::Vec4d found(radius_ * (measured.scale - 1), radius_ * measured.angle, measured.shift.x,
+                  measured.shift.y);
+  const auto significant = [&](int i) {
+    return found[i] * found[i] > kSignificance * kSignificance * covariance(i, i);
+  };
+  const auto fix = [&](int i, double value) {
+    cv::Vec4d slope;
+    for (int k = 0; k < 4; ++k) slope[k] = covariance(k, i) / covariance(i, i);
+    found += slope * (value - found[i]);
+    covariance -= covariance(i, i) * slope * slope.t();
+  };
+  const double free_scale = significant(0) ? measured.scale : 1;
+  result.scale = breathing_.scale(from.magnification, to.magnification).value_or(free_scale);
+  fix(0, radius_ * (result.scale - 1));
+  fix(1, significant(1) ? found[1] : 0);
+  result.angle = found[1] / radius_;
+  const cv::Vec2d shift(found[2], found[3]);
+  const cv::Matx22d shift_covariance = covariance.get_minor<2, 2>(2, 2);
   const double deviations = std::sqrt(shift.dot(shift_covariance.inv() * shift));
   if (deviations > kSignificance) result.shift = cv::Point2d(shift[0], shift[1]);
 
-  if (largestDisplacement(result, size_, center_) < kNoticeable) static_cast<Motion&>(result) = {};
+  if (largestDisplacement(result, size_, center_) < kNoticeable)
+    static_cast<SimilarityTransform&>(result) = {};
   return result;
 }
 
 std::optional<double> BracketAlignment::breathing(int reference) const {
-  return breathing_.b(observations_.at(reference).extension);
+  return breathing_.b(observations_.at(reference).magnification);
 }
 
 }  // namespace all_in_focus::core

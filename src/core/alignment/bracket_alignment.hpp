@@ -7,13 +7,13 @@
 #include <optional>
 
 #include "alignment/focus_breathing.hpp"
-#include "alignment/frame_motion.hpp"
 #include "alignment/pair_alignment.hpp"
+#include "alignment/similarity_transform.hpp"
 
 namespace all_in_focus::core {
 
 /// Where a frame lies: its motion from the reference frame to it.
-struct Placement : Motion {
+struct Placement : SimilarityTransform {
   bool fits = true;        ///< false: it shows something else than the reference; no motion then
   bool measured = true;    ///< false: it could not be aligned and moves like the frame before it
   double correlation = 1;  ///< of its coarse local contrast with an earlier frame's
@@ -22,7 +22,7 @@ struct Placement : Motion {
 /// Aligns the frames of a focus bracket as they come. Memory does not grow but for some numbers per frame.
 ///
 /// Every frame is measured against a key frame, so that errors add up only where the key changes: to the
-/// frame before, when the way over that one has become the more certain. The magnification is that of
+/// frame before, when the way over that one has become the more certain. The scale is that of
 /// FocusBreathing where focus distances are known and explain what is measured, else as measured.
 class BracketAlignment {
  public:
@@ -48,11 +48,11 @@ class BracketAlignment {
  private:
   struct Observation {
     int index = 0;
-    double extension = 0;        ///< NaN: unknown
+    double magnification = 0;    ///< of the lens; NaN: unknown
     int scene = 0;               ///< the same for frames that fit each other
-    Motion motion;               ///< from the first frame of the scene
-    cv::Matx33d key_covariance;  ///< of the key frame's motion, px^2, as in PairMeasurement
-    cv::Matx33d covariance;      ///< of the motion from there
+    SimilarityTransform motion;  ///< from the first frame of the scene
+    cv::Matx44d key_covariance;  ///< of the key frame's motion, px^2, as in PairMeasurement
+    cv::Matx44d covariance;      ///< of the motion from there
     bool measured = true;
     double correlation = 1;
   };
@@ -61,7 +61,7 @@ class BracketAlignment {
     Observation frame;
   };
 
-  PairMeasurement measureFrom(const View& view, const Motion& guess);
+  PairMeasurement measureFrom(const View& view, const SimilarityTransform& guess);
   PairMeasurement measureFromKey();
   void makeKey(const View& view);
   void place(const PairMeasurement& measurement);

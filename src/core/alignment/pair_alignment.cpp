@@ -22,32 +22,23 @@ constexpr double kLargestStep = 0.03;    // px of a level: not converged
 constexpr double kLargestMotion = 0.05;  // of the radius, or of the width
 constexpr double kSharedEdges = 4;       // neighbouring tiles err alike: so many count as one
 
-// Cubic B-spline at a position between the pixels first + 1 and first + 2: weights of four pixels.
-struct SplineTaps {
-  int first;
-  std::array<float, 4> weight;
-};
-
-SplineTaps splineTaps(double position, int length) {
-  const int whole = std::clamp(static_cast<int>(std::floor(position)), 1, length - 3);
-  const auto f = static_cast<float>(std::clamp(position - whole, 0.0, 1.0)), g = 1 - f;
-  return {whole - 1,
-          {g * g * g / 6, (4 - 3 * f * f * (2 - f)) / 6, (4 - 3 * g * g * (2 - g)) / 6, f * f * f / 6}};
+// Four pixels make a cubic B-spline at a fraction of the way from the second to the third.
+inline float spline(float a, float b, float c, float d, float f) {
+  const float g = 1 - f;
+  return (g * g * g * a + (4 - 3 * f * f * (2 - f)) * b + (4 - 3 * g * g * (2 - g)) * c + f * f * f * d) / 6;
 }
 
-ALL_IN_FOCUS_SIMD void combineAcross(const std::array<const float*, 4>& rows, const std::array<float, 4>& w,
-                                     int n, float* __restrict out) {
+using TapRows = std::array<const float*, 4>;
+
+// Values begin .. end - 1.
+ALL_IN_FOCUS_SIMD void combineAcross(const TapRows& rows, const float* fraction, int begin, int end,
+                                     float* __restrict out) {
   const float *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3];
-  for (int i = 0; i < n; ++i) out[i] = w[0] * a[i] + w[1] * b[i] + w[2] * c[i] + w[3] * d[i];
+  for (int i = begin; i < end; ++i) out[i] = spline(a[i], b[i], c[i], d[i], fraction[i]);
 }
 
-// Every value has weights of its own: w[i], w[stride + i], ...
-ALL_IN_FOCUS_SIMD void combineAlong(const float* from, const float* w, size_t stride, int n,
-                                    float* __restrict out) {
-  for (int i = 0; i < n; ++i) {
-    out[i] = w[i] * from[i] + w[stride + i] * from[i + 1] + w[2 * stride + i] * from[i + 2] +
-             w[3 * stride + i] * from[i + 3];
-  }
+ALL_IN_FOCUS_SIMD void combineAlong(const float* from, const float* fraction, int n, float* __restrict out) {
+  for (int i = 0; i < n; ++i) out[i] = spline(from[i], from[i + 1], from[i + 2], from[i + 3], fraction[i]);
 }
 
 // Sums in eight lanes, which compilers turn into vectors.
@@ -67,10 +58,11 @@ void subtract(float factor, const std::array<float, N>& b, std::array<float, N>&
 }
 
 // Normalised correlation of the contrast of two frames; of two frames without any, 1. aligned: buffer.
-double correlation(const cv::Mat& key, const cv::Mat& frame, const Motion& motion, const cv::Point2d& center,
-                   cv::Mat& aligned) {
-  const cv::Point2d offset = center - motion.scale * center + motion.shift;
-  const cv::Matx23d to_frame(motion.scale, 0, offset.x, 0, motion.scale, offset.y);
+double correlation(const cv::Mat& key, const cv::Mat& frame, const SimilarityTransform& motion,
+                   const cv::Point2d& center, cv::Mat& aligned) {
+  const cv::Point2d origin = motion.apply({}, center), x = motion.apply({1, 0}, center) - origin,
+                    y = motion.apply({0, 1}, center) - origin;
+  const cv::Matx23d to_frame(x.x, y.x, origin.x, x.y, y.y, origin.y);
   cv::warpAffine(frame, aligned, to_frame, key.size(), cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
                  cv::BORDER_REPLICATE);
   const double floor = kContrastFloor * kContrastFloor * static_cast<double>(key.total());
@@ -125,8 +117,9 @@ ALL_IN_FOCUS_SIMD void PairAlignment::fill(const Level& level, const cv::Mat& im
       tile.nuisance[2][i] =
           value[u] - 2 * value[u + 1] + value[u + 2] + (bend[u] + 4 * bend[u + 1] + bend[u + 2]) / 6;
       tile.jacobian[0][i] = gx * (x + x_step * static_cast<float>(u)) + gy * y;
-      tile.jacobian[1][i] = gx;
-      tile.jacobian[2][i] = gy;
+      tile.jacobian[1][i] = gy * (x + x_step * static_cast<float>(u)) - gx * y;
+      tile.jacobian[2][i] = gx;
+      tile.jacobian[3][i] = gy;
     }
   }
   for (int n = 1; n < 3; ++n) {
@@ -136,7 +129,7 @@ ALL_IN_FOCUS_SIMD void PairAlignment::fill(const Level& level, const cv::Mat& im
     const float factor = norm > 1e-2f ? 1 / norm : 0;  // rounding is all there is in a flat tile
     for (float& value : vector) value *= factor;
   }
-  for (int a = 0; a < 3; ++a) {
+  for (int a = 0; a < 4; ++a) {
     for (const Pixels& nuisance : tile.nuisance) {
       subtract(dot(tile.jacobian[a], nuisance), nuisance, tile.jacobian[a]);
     }
@@ -146,55 +139,79 @@ ALL_IN_FOCUS_SIMD void PairAlignment::fill(const Level& level, const cv::Mat& im
   }
 }
 
-// Taps of the columns origin, origin + 1, ... in a level, and runs of columns with neighbouring taps.
-void PairAlignment::Columns::prepare(const Axis& axis, int origin, int width) {
-  runs.clear();
-  weights.resize(4 * static_cast<size_t>(width));
-  for (int i = 0; i < width; ++i) {
-    const SplineTaps taps = splineTaps(axis(origin + i), axis.length);
-    appendToRuns(runs, i, taps.first);
-    for (size_t k = 0; k < 4; ++k) weights[k * width + i] = taps.weight[k];
+PairAlignment::Shears::Shears(const cv::Vec4d& motion, const Level& level, const cv::Size& size)
+    : picture(size) {
+  const double scale = 1 + motion[0] / level.radius, angle = motion[1] / level.radius;
+  const double cosine = std::cos(angle), sine = std::sin(angle);
+  const cv::Point2d c = level.center, d(motion[2], motion[3]);
+  u_x = scale * cosine;
+  u_y = -scale * sine;
+  u0 = c.x + d.x - u_x * c.x - u_y * c.y;
+  v_u = sine / cosine;
+  v_y = scale / cosine;
+  v0 = c.y + d.y - v_u * (c.x + d.x) - v_y * c.y;
+}
+
+bool PairAlignment::Shears::cover(const cv::Rect& tile) const {
+  for (const int x : {tile.x, tile.br().x - 1}) {
+    for (const int y : {tile.y, tile.br().y - 1}) {
+      const double u = u0 + u_x * x + u_y * y, v = v0 + v_u * u + v_y * y;
+      if (u < 1 || u > picture.width - 2 || v < 1 || v > picture.height - 2) return false;
+    }
+  }
+  return true;
+}
+
+// Taps at begin, begin + step, ... of pixels 0..length-1; length >= 4.
+void PairAlignment::Taps::prepare(double begin, double step, int count, int length) {
+  first.resize(count);
+  fraction.resize(count);
+  for (int i = 0; i < count; ++i) {
+    const double inside = std::clamp(begin + step * i, 1.0, length - 2.0);
+    const int whole = std::min(static_cast<int>(inside), length - 3);
+    first[i] = whole - 1;
+    fraction[i] = static_cast<float>(inside - whole);
   }
 }
 
-// out[i] = spline of the picture at the i-th column.
-void PairAlignment::sampleRow(const cv::Mat& image, double y, int width, float* out) {
-  const SplineTaps taps = splineTaps(y, image.rows);
-  std::array<const float*, 4> rows;
-  for (int k = 0; k < 4; ++k) rows[k] = image.ptr<float>(taps.first + k);
+// out[i] = spline of the picture where pixel at + (i, 0) lies in it.
+void PairAlignment::sampleRow(const cv::Mat& image, const Shears& shears, const cv::Point& at, int width,
+                              float* out) {
+  across_.prepare(shears.v0 + shears.v_y * at.y, shears.v_u, image.cols, image.rows);
   row_.resize(image.cols);
-  combineAcross(rows, taps.weight, image.cols, row_.data());
-  for (const TapRun& run : columns_.runs) {
-    combineAlong(row_.data() + run.begin + run.offset, columns_.weights.data() + run.begin, width,
-                 run.end - run.begin, out + run.begin);
+  for (int u = 0, end = 0; u < image.cols; u = end) {
+    for (end = u + 1; end < image.cols && across_.first[end] == across_.first[u];) ++end;
+    TapRows rows;
+    for (int k = 0; k < 4; ++k) rows[k] = image.ptr<float>(across_.first[u] + k);
+    combineAcross(rows, across_.fraction.data(), u, end, row_.data());
+  }
+  along_.prepare(shears.u0 + shears.u_y * at.y + shears.u_x * at.x, shears.u_x, width, image.cols);
+  for (int i = 0, end = 0; i < width; i = end) {
+    for (end = i + 1; end < width && along_.first[end] - end == along_.first[i] - i;) ++end;
+    combineAlong(row_.data() + along_.first[i], along_.fraction.data() + i, end - i, out + i);
   }
 }
 
 PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat& image,
-                                              const cv::Vec3d& guess) {
+                                              const cv::Vec4d& guess) {
   const int width = level.grid.width * kTile;
   band_.resize(static_cast<size_t>(width) * kTile);
   // Where the pictures say nothing the guess stays, give or take the largest motion.
-  const cv::Matx33d prior = cv::Matx33d::eye() * (1 / std::pow(kLargestMotion * level.radius, 2));
+  const cv::Matx44d prior = cv::Matx44d::eye() * (1 / std::pow(kLargestMotion * level.radius, 2));
 
-  Estimate estimate{guess, cv::Matx33d::zeros(), 0};
+  Estimate estimate{guess, cv::Matx44d::zeros(), 0};
   for (int iteration = 0; iteration < kIterations; ++iteration) {
-    const double scale = 1 + estimate.motion[0] / level.radius;
-    const Axis x{scale, level.center.x, estimate.motion[1], image.cols};
-    const Axis y{scale, level.center.y, estimate.motion[2], image.rows};
-    columns_.prepare(x, level.origin.x, width);
-
-    cv::Matx33d information = prior, scatter = prior;
-    cv::Vec3d gradient;
+    const Shears shears(estimate.motion, level, image.size());
+    cv::Matx44d information = prior, scatter = prior;
+    cv::Vec4d gradient;
     for (int j = 0; j < level.grid.height; ++j) {
       const int top = level.origin.y + j * kTile;
-      if (!y.covers(top, top + kTile - 1)) continue;
       for (int v = 0; v < kTile; ++v) {
-        sampleRow(image, y(top + v), width, band_.data() + v * width);
+        sampleRow(image, shears, {level.origin.x, top + v}, width, band_.data() + v * width);
       }
       for (int k = 0; k < level.grid.width; ++k) {
         const int left = level.origin.x + k * kTile;
-        if (!x.covers(left, left + kTile - 1)) continue;
+        if (!shears.cover({left, top, kTile, kTile})) continue;
         const Tile& tile = level.tiles[j * level.grid.width + k];
         Pixels residual;
         for (int v = 0; v < kTile; ++v) {
@@ -206,15 +223,15 @@ PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat&
         for (const Pixels& nuisance : tile.nuisance) unexplained -= std::pow(dot(residual, nuisance), 2);
         const double variance = std::max(unexplained, 0.0) / (kTile * kTile - 3);  // three nuisances
         const double weight = 1 / (variance + kResidualFloor * kResidualFloor);
-        cv::Vec3d pull;
-        for (int a = 0; a < 3; ++a) pull[a] = weight * dot(tile.jacobian[a], residual);
+        cv::Vec4d pull;
+        for (int a = 0; a < 4; ++a) pull[a] = weight * dot(tile.jacobian[a], residual);
         information += weight * tile.information;
         gradient += pull;
         scatter += kSharedEdges * pull * pull.t();
       }
     }
-    const cv::Matx33d inverse = information.inv(cv::DECOMP_CHOLESKY);
-    const cv::Vec3d step = inverse * gradient;
+    const cv::Matx44d inverse = information.inv(cv::DECOMP_CHOLESKY);
+    const cv::Vec4d step = inverse * gradient;
     estimate.motion -= step;
     // Uncertain as far as the tiles disagree: A^-1 sum(g g^T) A^-1, the "sandwich" estimate.
     estimate.covariance = inverse * scatter * inverse;
@@ -224,30 +241,31 @@ PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat&
   return estimate;
 }
 
-PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const Motion& guess) {
+PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const SimilarityTransform& guess) {
   const double radius = levels_[0].radius * levels_[0].reduction;
   const double width = levels_[0].size.width * levels_[0].reduction;
   PairMeasurement result;
   result.motion = guess;
-  cv::Vec3d motion((guess.scale - 1) * radius, guess.shift.x, guess.shift.y);
+  cv::Vec4d motion((guess.scale - 1) * radius, guess.angle * radius, guess.shift.x, guess.shift.y);
   for (int i = frame.levels() - 1; i >= 0; --i) {
     const double reduction = levels_[i].reduction;
     const Estimate estimate = refine(levels_[i], frame.level(i), motion / reduction);
-    const cv::Vec3d refined = estimate.motion * reduction;
-    const cv::Matx33d covariance = estimate.covariance * (reduction * reduction);
-    if (estimate.step > kLargestStep || std::abs(refined[0]) > kLargestMotion * radius ||
-        std::hypot(refined[1], refined[2]) > kLargestMotion * width) {
+    const cv::Vec4d refined = estimate.motion * reduction;
+    const cv::Matx44d covariance = estimate.covariance * (reduction * reduction);
+    if (estimate.step > kLargestStep || std::hypot(refined[0], refined[1]) > kLargestMotion * radius ||
+        std::hypot(refined[2], refined[3]) > kLargestMotion * width) {
       continue;
     }
     motion = refined;
     // Mostly the finest level; where all is blurred, what is fine is noise and traces of compression.
     if (!result.converged || cv::trace(covariance) < cv::trace(result.covariance)) {
-      result.motion = {1 + motion[0] / radius, {motion[1], motion[2]}};
+      result.motion = {1 + motion[0] / radius, {motion[2], motion[3]}, motion[1] / radius};
       result.covariance = covariance;
       result.converged = true;
     }
   }
-  const Motion coarse{result.motion.scale, result.motion.shift * (1 / levels_.back().reduction)};
+  SimilarityTransform coarse = result.motion;
+  coarse.shift *= 1 / levels_.back().reduction;
   result.correlation = correlation(contrast_, frame.contrast(), coarse, levels_.back().center, aligned_);
   return result;
 }

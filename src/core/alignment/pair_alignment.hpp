@@ -6,19 +6,21 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "alignment/frame_motion.hpp"
 #include "alignment/image_pyramid.hpp"
+#include "alignment/similarity_transform.hpp"
 
 namespace all_in_focus::core {
 
 struct PairMeasurement {
-  Motion motion;           ///< from the key frame to the frame
-  cv::Matx33d covariance;  ///< px^2, of magnification (at half a diagonal from the centre) and shift x, y
+  SimilarityTransform motion;  ///< from the key frame to the frame
+  /// px^2, of magnification and roll (both at half a diagonal from the centre) and shift x, y
+  cv::Matx44d covariance;
   bool converged = false;  ///< otherwise the motion is the guess
   double correlation = 0;  ///< of the local contrast of both frames, once aligned
 };
 
-/// Magnification and shift between two frames that are focused differently, to a few hundredths of a pixel.
+/// Magnification, roll and shift between two frames that are focused differently, to a few hundredths of a
+/// pixel.
 ///
 /// Gauss-Newton, coarse to fine, on I_b(T(p)) - I_a(p); a is the key frame. With the focus the blur changes
 /// too, in one sense for near and in the other for far parts, and the light may. So each tile of 8 x 8 pixels
@@ -34,7 +36,7 @@ class PairAlignment {
   void setKey(const ImagePyramid& key, const cv::Point2d& center);
 
   /// frame: of the key's size.
-  PairMeasurement measure(const ImagePyramid& frame, const Motion& guess);
+  PairMeasurement measure(const ImagePyramid& frame, const SimilarityTransform& guess);
 
  private:
   static constexpr int kTile = 8;
@@ -43,8 +45,8 @@ class PairAlignment {
   struct Tile {
     Pixels image;                    ///< I_a
     std::array<Pixels, 3> nuisance;  ///< offset, gain, blur; orthonormal
-    std::array<Pixels, 3> jacobian;  ///< J, orthogonal to the nuisances
-    cv::Matx33d information;         ///< J^T J
+    std::array<Pixels, 4> jacobian;  ///< J, orthogonal to the nuisances
+    cv::Matx44d information;         ///< J^T J
   };
   struct Level {
     cv::Size size, grid;  ///< pixels; tiles
@@ -54,32 +56,35 @@ class PairAlignment {
     std::vector<Tile> tiles;
   };
   struct Estimate {
-    cv::Vec3d motion;  ///< magnification at the radius, shift x, y; pixels of the level
-    cv::Matx33d covariance;
+    cv::Vec4d motion;  ///< magnification and roll at the radius, shift x, y; pixels of the level
+    cv::Matx44d covariance;
     double step = 0;  ///< the last one
   };
 
-  struct Axis {  ///< one axis of a motion in a level: u' = center + scale (u - center) + shift
-    double scale, center, shift;
-    int length;  ///< of the picture that is read
+  /// A motion in a level, as two shears (see ReferenceWarp): row y of the result is read across the rows of
+  /// the picture first, at v(u, y), and along the row that this gives then, at u(x, y).
+  struct Shears {
+    Shears(const cv::Vec4d& motion, const Level& level, const cv::Size& picture);
+    bool cover(const cv::Rect& tile) const;  ///< whether the picture has all its pixels and their neighbours
 
-    double operator()(int u) const { return center + scale * (u - center) + shift; }
-    bool covers(int first, int last) const { return (*this)(first) >= 1 && (*this)(last) <= length - 2; }
+    cv::Size picture;
+    double u0, u_x, u_y;  ///< u = u0 + u_x x + u_y y
+    double v0, v_u, v_y;  ///< v = v0 + v_u u + v_y y
   };
-  struct Columns {
-    std::vector<TapRun> runs;
-    std::vector<float> weights;  ///< by tap, column
-    void prepare(const Axis& axis, int origin, int width);
+  struct Taps {  ///< of a row of positions
+    std::vector<int> first;
+    std::vector<float> fraction;
+    void prepare(double begin, double step, int count, int length);
   };
 
   static void fill(const Level& level, const cv::Mat& image, const cv::Point& corner, Tile& tile);
-  Estimate refine(const Level& level, const cv::Mat& image, const cv::Vec3d& guess);
-  void sampleRow(const cv::Mat& image, double y, int width, float* out);
+  Estimate refine(const Level& level, const cv::Mat& image, const cv::Vec4d& guess);
+  void sampleRow(const cv::Mat& image, const Shears& shears, const cv::Point& at, int width, float* out);
 
   std::vector<Level> levels_;
   cv::Mat contrast_;
 
-  Columns columns_;
+  Taps across_, along_;
   std::vector<float> row_, band_;  ///< of the frame: one row; a row of tiles
   cv::Mat aligned_;
 };

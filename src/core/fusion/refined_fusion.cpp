@@ -20,14 +20,17 @@ double contrastGain(const std::array<float, 256>& codes) {
   return (codes[192] - codes[64]) / 128.0;
 }
 
-// The pixels of the reference that a frame shows.
-cv::Rect seenBy(const Motion& motion, const cv::Size& size, const cv::Point2d& center) {
-  const Motion back = inverse(motion);
-  const cv::Point2d first = center + back.scale * (cv::Point2d() - center) + back.shift;
-  const cv::Point2d last =
-      center + back.scale * (cv::Point2d(size.width - 1, size.height - 1) - center) + back.shift;
-  const cv::Point from(static_cast<int>(std::ceil(first.x)), static_cast<int>(std::ceil(first.y)));
-  const cv::Point to(static_cast<int>(std::floor(last.x)) + 1, static_cast<int>(std::floor(last.y)) + 1);
+// A rectangle of the reference all of whose pixels a frame shows.
+cv::Rect seenBy(const SimilarityTransform& motion, const cv::Size& size, const cv::Point2d& center) {
+  const SimilarityTransform back = inverse(motion);
+  const int right = size.width - 1, bottom = size.height - 1;
+  const cv::Point2d nw = back.apply({0, 0}, center), ne = back.apply(cv::Point(right, 0), center),
+                    sw = back.apply(cv::Point(0, bottom), center),
+                    se = back.apply(cv::Point(right, bottom), center);
+  const cv::Point from(static_cast<int>(std::ceil(std::max(nw.x, sw.x))),
+                       static_cast<int>(std::ceil(std::max(nw.y, ne.y))));
+  const cv::Point to(static_cast<int>(std::floor(std::min(ne.x, se.x))) + 1,
+                     static_cast<int>(std::floor(std::min(sw.y, se.y))) + 1);
   return cv::Rect(from, to) & cv::Rect({}, size);
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "alignment/bracket_alignment.hpp"
+#include "alignment/reference_warp.hpp"
 #include "all_in_focus/bracket_fusion.hpp"
 #include "fusion/defocus_prediction.hpp"
 #include "fusion/exposure_matching.hpp"

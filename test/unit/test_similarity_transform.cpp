@@ -5,7 +5,7 @@
 
 #include <stdexcept>
 
-#include "alignment/frame_motion.hpp"
+#include "alignment/reference_warp.hpp"
 #include "bracket_drawing.hpp"
 
 using namespace all_in_focus::core;
@@ -20,20 +20,21 @@ cv::Mat color(const cv::Mat& gray) {
   return bgr;
 }
 
-TEST(Motion, ChainsAndInverts) {
-  const Motion a{1.02, {3, -4}}, b{0.97, {-1, 0.5}},
-      there_and_back = chain(chain(a, b), inverse(chain(a, b)));
+TEST(SimilarityTransform, ComposesAndInverts) {
+  const SimilarityTransform a{1.02, {3, -4}, 0.1}, b{0.97, {-1, 0.5}, -0.3},
+      there_and_back = compose(compose(a, b), inverse(compose(a, b)));
   EXPECT_NEAR(there_and_back.scale, 1, 1e-12);
+  EXPECT_NEAR(there_and_back.angle, 0, 1e-12);
   EXPECT_NEAR(cv::norm(there_and_back.shift), 0, 1e-12);
   const cv::Point2d p(7, 5), c(2, 1);
-  const auto apply = [&](const Motion& m, const cv::Point2d& q) { return c + m.scale * (q - c) + m.shift; };
-  EXPECT_NEAR(cv::norm(apply(chain(a, b), p) - apply(b, apply(a, p))), 0, 1e-12);
+  EXPECT_NEAR(cv::norm(compose(a, b).apply(p, c) - b.apply(a.apply(p, c), c)), 0, 1e-12);
 }
 
-TEST(Motion, MovesTheFarthestCornerMost) {
+TEST(SimilarityTransform, MovesTheFarthestCornerMost) {
   EXPECT_EQ(largestDisplacement({}, {11, 11}, {5, 5}), 0);
   EXPECT_DOUBLE_EQ(largestDisplacement({1, {3, 4}}, {11, 11}, {5, 5}), 5);
   EXPECT_NEAR(largestDisplacement({1.01, {0, 0}}, {101, 101}, {100, 100}), std::sqrt(2.0), 1e-12);
+  EXPECT_NEAR(largestDisplacement({1, {}, 0.01}, {101, 101}, {0, 0}), std::sqrt(2.0), 1e-4);
 }
 
 TEST(WarpToReference, NoMotionCopies) {
@@ -54,7 +55,9 @@ TEST(WarpToReference, WholePixelsAreExactAndTheBorderGoesOn) {
 }
 
 TEST(WarpToReference, BringsAFrameBack) {
-  for (const Motion& motion : {Motion{1.03, {2.4, -1.7}}, Motion{0.98, {-0.3, 0.5}}, Motion{1, {0.5, 0.5}}}) {
+  for (const SimilarityTransform& motion :
+       {SimilarityTransform{1.03, {2.4, -1.7}}, SimilarityTransform{0.98, {-0.3, 0.5}},
+        SimilarityTransform{1, {0.5, 0.5}}}) {
     cv::Mat out;
     ReferenceWarp().compute(color(bracket_drawing::frame(motion)), motion, kCenter, out);
     const cv::Rect inside(12, 12, kSize.width - 24, kSize.height - 24);
@@ -62,10 +65,23 @@ TEST(WarpToReference, BringsAFrameBack) {
   }
 }
 
+TEST(WarpToReference, BringsARolledFrameBack) {
+  for (const SimilarityTransform& motion :
+       {SimilarityTransform{1, {}, 0.01}, SimilarityTransform{1.02, {1.4, -2.7}, -0.03},
+        SimilarityTransform{0.99, {0.5, 0.25}, 0.002}}) {
+    cv::Mat out;
+    ReferenceWarp().compute(color(bracket_drawing::frame(motion)), motion, kCenter, out);
+    const cv::Rect inside(16, 16, kSize.width - 32, kSize.height - 32);
+    EXPECT_GT(cv::PSNR(out(inside), color(bracket_drawing::frame({}))(inside)), 49) << motion.angle;
+  }
+}
+
 TEST(WarpToReference, SmallPicturesAndFarMotions) {
   for (const cv::Size size : {cv::Size(1, 1), cv::Size(2, 7), cv::Size(9, 3)}) {
     const cv::Mat plain(size, CV_8UC3, cv::Scalar(7, 80, 255));
-    for (const Motion& motion : {Motion{1.05, {0.4, 0.2}}, Motion{0.1, {900, -900}}, Motion{9, {-900, 0}}}) {
+    for (const SimilarityTransform& motion :
+         {SimilarityTransform{1.05, {0.4, 0.2}}, SimilarityTransform{0.1, {900, -900}},
+          SimilarityTransform{9, {-900, 0}}, SimilarityTransform{1, {1, 2}, 0.5}}) {
       cv::Mat out;
       ReferenceWarp().compute(plain, motion, {1, 1}, out);
       EXPECT_EQ(cv::norm(plain, out, cv::NORM_INF), 0);

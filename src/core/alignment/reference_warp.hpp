@@ -1,0 +1,53 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "alignment/similarity_transform.hpp"
+#include "util/image_rows.hpp"
+
+namespace all_in_focus::core {
+
+/// Brings frames into the geometry of the reference: out(p) = frame(p') by a Lanczos kernel of six taps,
+/// along the rows first and then across them. What a frame does not show is continued from its border.
+///
+/// A roll is two shears: along row v of the frame, x of the output is read at
+///   u = cx + (scale / cos) (x - cx) - tan (v - cy - dy) + dx,
+/// and across these rows, y is read at
+///   v = cy + scale (sin (x - cx) + cos (y - cy)) + dy.
+/// Without a roll u is the same in all rows and v in all columns (Catmull and Smith 1980).
+class ReferenceWarp {
+ public:
+  static constexpr int kTaps = 6;
+
+  /// frame: CV_8UC3, else std::invalid_argument; not shared with out. transform: from the reference to the
+  /// frame; its angle less than a radian, or the picture is too coarse.
+  void compute(const cv::Mat& frame, const SimilarityTransform& transform, const cv::Point2d& center,
+               cv::Mat& out);
+
+ private:
+  /// Six taps at each of a row of positions that are equally far apart.
+  struct Taps {
+    std::vector<int> first;               ///< pixel of the first tap
+    std::vector<float> fraction, single;  ///< of the position, behind the third tap; buffer
+    std::vector<float> weights;           ///< by tap, position, channel
+
+    /// Positions begin, begin + step, ..., where pixels 0..length-1 are. channels: 1 or 3.
+    void prepare(double begin, double step, int count, int length, int channels);
+  };
+  struct Strip {
+    LineBuffer along;  ///< rows of the frame that have been warped along x
+    std::vector<float> padded;
+    Taps sheared, across;  ///< of a transform that rolls: of a row of the frame; of the output
+  };
+
+  void computeStrip(const cv::Mat& frame, const SimilarityTransform& transform, const cv::Point2d& center,
+                    const cv::Range& rows, Strip& strip, cv::Mat& out) const;
+
+  Taps columns_, rows_;  ///< of a transform that does not roll
+  std::vector<Strip> strips_;
+};
+
+}  // namespace all_in_focus::core

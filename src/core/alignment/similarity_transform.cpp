@@ -1,0 +1,45 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "alignment/similarity_transform.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace all_in_focus::core {
+namespace {
+
+cv::Point2d rotate(const cv::Point2d& p, double angle) {
+  const double cosine = std::cos(angle), sine = std::sin(angle);
+  return {cosine * p.x - sine * p.y, sine * p.x + cosine * p.y};
+}
+
+}  // namespace
+
+cv::Point2d SimilarityTransform::apply(const cv::Point2d& p, const cv::Point2d& center) const {
+  return center + scale * rotate(p - center, angle) + shift;
+}
+
+SimilarityTransform compose(const SimilarityTransform& first, const SimilarityTransform& second) {
+  return {second.scale * first.scale, second.scale * rotate(first.shift, second.angle) + second.shift,
+          first.angle + second.angle};
+}
+
+SimilarityTransform inverse(const SimilarityTransform& transform) {
+  return {1 / transform.scale, rotate(transform.shift, -transform.angle) * (-1 / transform.scale),
+          -transform.angle};
+}
+
+double largestDisplacement(const SimilarityTransform& transform, const cv::Size& size,
+                           const cv::Point2d& center) {
+  double largest = 0;
+  for (const double x : {0, size.width - 1}) {
+    for (const double y : {0, size.height - 1}) {
+      const cv::Point2d corner(x, y);
+      largest = std::max(largest, cv::norm(transform.apply(corner, center) - corner));
+    }
+  }
+  return largest;
+}
+
+}  // namespace all_in_focus::core

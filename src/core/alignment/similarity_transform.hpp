@@ -1,0 +1,32 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <opencv2/core.hpp>
+
+namespace all_in_focus::core {
+
+/// Where a point p of one frame of a bracket lies in another:
+///   p' = center + scale R(angle) (p - center) + shift, pixels.
+/// Refocusing changes the magnification, a knock shifts the picture, and a tripod head that sags rolls it.
+struct SimilarityTransform {
+  double scale = 1;
+  cv::Point2d shift;
+  double angle = 0;  ///< radians, from x towards y
+
+  bool isIdentity() const { return scale == 1 && shift == cv::Point2d() && angle == 0; }
+
+  /// Where p lies.
+  cv::Point2d apply(const cv::Point2d& p, const cv::Point2d& center) const;
+};
+
+/// First `first`, then `second`, both about the same centre.
+SimilarityTransform compose(const SimilarityTransform& first, const SimilarityTransform& second);
+
+SimilarityTransform inverse(const SimilarityTransform& transform);
+
+/// How far the transform moves any point of a picture at most, pixels.
+double largestDisplacement(const SimilarityTransform& transform, const cv::Size& size,
+                           const cv::Point2d& center);
+
+}  // namespace all_in_focus::core
