@@ -84,7 +84,7 @@ def elapsed_ms(function, *arguments):
 
 def own_segmentation(args, step, size):
     """Milliseconds, inside one process whose buffers are warm."""
-    name = "segment/%s" % step
+    name = f"segment/{step}"
     figures = steps.run(args.bench_steps, "%s/width:%d/height:%d/threads:1/" % (name, *size), 1, (args.rig, args.depth), 0.05)
     if not figures:
         raise RuntimeError("bench_steps does not know the size %dx%d" % size)
@@ -119,7 +119,7 @@ def compare_segmentation(args):
     noisy = graph_source.with_noise(depth, NOISE_MM, np.random.default_rng(0))
     cv2.setNumThreads(1)
     for step, image, title in (("kinect", depth, "segmentation, ms"),
-                               ("noisy", noisy, "segmentation, %d mm noise, ms" % NOISE_MM)):
+                               ("noisy", noisy, f"segmentation, {NOISE_MM} mm noise, ms")):
         programs = {"%s (%s)" % ("segment_depth", mode): lambda mode=mode: own_segmentation(args, mode + "_" + step, size)
                     for mode in ("refined", "paper")}
         programs["OpenCV GraphSegmentation"] = opencv_segmentation(image)
@@ -187,7 +187,7 @@ def main():
             known = inputs(args.scene)
             args.rig, args.depth = args.rig or known["rig"], args.depth or known["depth"]
             compared = [row for task in args.tasks for row in compare[task](args)]
-        print("Medians of %d runs, in turn.\n" % args.repetitions)
+        print(f"Medians of {args.repetitions} runs, in turn.\n")
         print(steps.table(["task", "program", "median", "times ours"], compared, left=2))
     except (ValueError, RuntimeError, OSError, subprocess.SubprocessError, cv2.error) as error:
         parser.error(error)

@@ -49,7 +49,7 @@ class Runner:
 
     def run(self, nodelet, topic, remappings, parameters):
         for name, value in parameters.items():
-            rospy.set_param("/%s/%s" % (NODE, name), value)
+            rospy.set_param(f"/{NODE}/{name}", value)
         process = self.ros.start([ros_run.program("nodelet", "nodelet"), "standalone", nodelet, "__name:=" + NODE, *remappings])
         latencies = []
         subscriber = rospy.Subscriber(topic, rospy.AnyMsg, lambda m: latencies.append(age_ms(m)), queue_size=FRAMES)
@@ -59,7 +59,7 @@ class Runner:
             before = ros_run.cpu_seconds(process.pid)
             said = source.stdout.readline()
             if not said or json.loads(said)["sent"] != FRAMES:
-                raise RuntimeError("%s: the cameras could not be played" % nodelet)
+                raise RuntimeError(f"{nodelet}: the cameras could not be played")
             time.sleep(0.3)
             cpu = ros_run.cpu_seconds(process.pid) - before
             source.wait(60)
@@ -67,7 +67,7 @@ class Runner:
             subscriber.unregister()
             self.ros.stop(process)
         if len(latencies) < FRAMES // 2:
-            raise RuntimeError("%s: %d results for %d images" % (nodelet, len(latencies), FRAMES))
+            raise RuntimeError(f"{nodelet}: {len(latencies)} results for {FRAMES} images")
         return 1000 * cpu / len(latencies), float(np.median(latencies))
 
 

@@ -37,7 +37,7 @@ def size_of(text):
     """argparse type: WxH."""
     match = re.fullmatch(r"(\d{2,4})x(\d{2,4})", text)
     if not match:
-        raise argparse.ArgumentTypeError("'%s': expected WIDTHxHEIGHT" % text)
+        raise argparse.ArgumentTypeError(f"'{text}': expected WIDTHxHEIGHT")
     return int(match[1]), int(match[2])
 
 
@@ -57,7 +57,7 @@ def check(args):
     """ValueError or OSError where there is no such rig or depth image."""
     load_rig(args.rig)
     if not os.path.isfile(args.depth):
-        raise ValueError("%s: no such depth image" % args.depth)
+        raise ValueError(f"{args.depth}: no such depth image")
 
 
 def scale(camera, size):

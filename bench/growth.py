@@ -52,7 +52,7 @@ def make_stack(scene, frames, folder):
         focus.write("frames:\n")
         for i in range(frames):
             taken = i * len(names) // frames
-            os.symlink(os.path.join(scene, "stack", names[taken]), os.path.join(folder, "stack", "%04d.png" % i))
+            os.symlink(os.path.join(scene, "stack", names[taken]), os.path.join(folder, "stack", f"{i:04d}.png"))
             focus.write("  - {file: %04d.png, focus_mm: %s}\n" % (i, distances[taken]))
 
 
@@ -62,7 +62,7 @@ def run_measured(command):
                             stderr=subprocess.PIPE, universal_newlines=True, errors="replace")
     *said, peak = result.stderr.splitlines()
     if result.returncode:
-        raise RuntimeError(said[-1] if said else "%s fails" % command[0])
+        raise RuntimeError(said[-1] if said else f"{command[0]} fails")
     return result.stdout, int(peak) / 1024
 
 

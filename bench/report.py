@@ -45,7 +45,7 @@ def run(program, *options):
     result = subprocess.run([sys.executable, os.path.join(os.path.dirname(os.path.abspath(__file__)), program),
                              *map(str, options)], stdout=subprocess.PIPE, universal_newlines=True)
     if result.returncode:
-        raise RuntimeError("%s fails" % program)
+        raise RuntimeError(f"{program} fails")
     return result.stdout.strip()
 
 
@@ -58,7 +58,7 @@ def measure_steps(args):
 def measure_growth(args):
     run("growth.py", "--output", args.figure, "--repetitions", args.repetitions, "--bench-steps", args.bench_steps)
     where = os.path.dirname(os.path.abspath(args.write)) if args.write else os.getcwd()
-    return "![Time against pixels, time and memory against frames](%s)" % os.path.relpath(args.figure, where)
+    return f"![Time against pixels, time and memory against frames]({os.path.relpath(args.figure, where)})"
 
 
 def measure_comparison(args):
@@ -77,10 +77,10 @@ PARTS = {"steps": measure_steps, "growth": measure_growth, "comparison": measure
 def write_between_marks(path, part, text):
     with open(path, encoding="utf-8") as file:
         before = file.read()
-    after, found = re.subn("(<!-- %s -->\n).*?(<!-- /%s -->)" % (part, part), lambda m: m[1] + text.strip() + "\n" + m[2], before,
+    after, found = re.subn(f"(<!-- {part} -->\n).*?(<!-- /{part} -->)", lambda m: m[1] + text.strip() + "\n" + m[2], before,
                            flags=re.DOTALL)
     if found != 1:
-        raise ValueError("%s: has no <!-- %s --> and <!-- /%s -->" % (path, part, part))
+        raise ValueError(f"{path}: has no <!-- {part} --> and <!-- /{part} -->")
     with open(path, "w", encoding="utf-8") as file:
         file.write(after)
 

@@ -20,7 +20,7 @@ class Ros:
     def __enter__(self):
         with socket.create_server(("127.0.0.1", 0)) as server:
             port = server.getsockname()[1]
-        os.environ.update(ROS_MASTER_URI="http://localhost:%d" % port, ROS_HOSTNAME="localhost")
+        os.environ.update(ROS_MASTER_URI=f"http://localhost:{port}", ROS_HOSTNAME="localhost")
         self.started = []
         self.start(["roscore", "-p", str(port)])
         deadline = time.monotonic() + PATIENCE_S
@@ -33,7 +33,7 @@ class Ros:
 
     def start(self, command):
         if shutil.which(command[0]) is None:
-            raise RuntimeError("%s is not installed, or setup.bash is not sourced" % command[0])
+            raise RuntimeError(f"{command[0]} is not installed, or setup.bash is not sourced")
         process = subprocess.Popen(command, **QUIET)
         self.started.append(process)
         return process
@@ -56,12 +56,12 @@ def program(package, name):
     """Path of a package's executable. RuntimeError where there is none."""
     found = roslib.packages.find_node(package, name)
     if not found:
-        raise RuntimeError("%s/%s is not installed, or setup.bash is not sourced" % (package, name))
+        raise RuntimeError(f"{package}/{name} is not installed, or setup.bash is not sourced")
     return found[0]
 
 
 def cpu_seconds(pid):
     """User and system time of a process so far, all its threads together."""
-    with open("/proc/%d/stat" % pid, encoding="ascii") as file:
+    with open(f"/proc/{pid}/stat", encoding="ascii") as file:
         fields = file.read().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -39,8 +39,8 @@ def run(program=BENCH_STEPS, only=".", repetitions=5, sample=(), min_time=0.1):
     with tempfile.TemporaryDirectory() as folder:
         output = os.path.join(folder, "steps.json")
         # Repetitions in turn, so that whatever else the machine does meets all alike.
-        command = [program, "--benchmark_filter=" + only, "--benchmark_repetitions=%d" % repetitions,
-                   "--benchmark_enable_random_interleaving=true", "--benchmark_min_time=%g" % min_time,
+        command = [program, "--benchmark_filter=" + only, f"--benchmark_repetitions={repetitions}",
+                   "--benchmark_enable_random_interleaving=true", f"--benchmark_min_time={min_time:g}",
                    "--benchmark_out=" + output, "--benchmark_out_format=json", *sample]
         result = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, universal_newlines=True,
                                 timeout=TIMEOUT_S)
@@ -66,14 +66,14 @@ def number(value):
     """Two digits, as text."""
     if value == 0:
         return "0"
-    return "%.2g" % value if value < 10 else "%d" % round(value, 2 - len(str(int(value))))
+    return f"{value:.2g}" if value < 10 else f"{round(value, 2 - len(str(int(value)))):.0f}"
 
 
 def times_table(figures, sizes):
     """Markdown: ms with one thread and with two, and copies, of each step at each of the sizes."""
     head = ["step"]
     for width, height in sizes:
-        head += ["%dx%d, ms" % (width, height), "2 threads", "copies"]
+        head += [f"{width}x{height}, ms", "2 threads", "copies"]
 
     def row(step):
         for width, height in sizes:
@@ -90,7 +90,7 @@ def allocations_table(figures, width, height):
             entry = figures.get((step, width, height, threads))
             yield from (number(round(entry["allocations"], 1)), size(entry["allocated_bytes"])) if entry else ("-",) * 2
 
-    return table(["step at %dx%d" % (width, height), "allocations", "bytes", "2 threads", "bytes"],
+    return table([f"step at {width}x{height}", "allocations", "bytes", "2 threads", "bytes"],
                  [[TITLES[step], *row(step)] for step in TITLES if has(figures, step)])
 
 
@@ -102,9 +102,9 @@ def size(number_of_bytes):
     """In B, kB or MB."""
     for unit in ("B", "kB"):
         if number_of_bytes < 1000:
-            return "%d %s" % (round(number_of_bytes), unit)
+            return f"{round(number_of_bytes)} {unit}"
         number_of_bytes /= 1000
-    return "%s MB" % number(number_of_bytes)
+    return f"{number(number_of_bytes)} MB"
 
 
 def table(head, rows, left=1):

@@ -15,7 +15,7 @@ import yaml
 from all_in_focus import imaging
 from all_in_focus.simulation import depth_sensor as kinect
 from all_in_focus.simulation import lens
-from all_in_focus.simulation.layered_scene import Scene, add_grain, kinect_beside
+from all_in_focus.simulation.layered_scene import LayeredScene, add_grain, kinect_beside
 from all_in_focus.simulation.photograph import peel_layers
 from all_in_focus.files.rig import Camera, Optics, load_rig
 from all_in_focus.metrics.truth import Truth
@@ -40,7 +40,7 @@ def flat(color, depth, alpha=None, size=(80, 120)):
 def scene_of(*layers, fx=800.0):
     height, width = layers[0].alpha.shape
     camera = Camera.pinhole("dslr", width, height, fx, fx, width / 2, height / 2)
-    return Scene("test", kinect_beside(camera, OPTICS), (0, 0), list(layers))
+    return LayeredScene("test", kinect_beside(camera, OPTICS), (0, 0), list(layers))
 
 
 def noise_picture(size=(80, 120)):

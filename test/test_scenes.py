@@ -11,7 +11,7 @@ from file_helpers import run_script
 
 from all_in_focus.simulation import depth_sensor as kinect
 from all_in_focus.simulation import lens
-from all_in_focus.simulation.layered_scene import Scene
+from all_in_focus.simulation.layered_scene import LayeredScene
 from all_in_focus.simulation.photograph import measured
 from all_in_focus.files.rig import Camera, Optics
 from all_in_focus.simulation.presets import SCENES
@@ -99,7 +99,7 @@ def test_measured_scene_restores_the_picture():
     depth[40:80, 60:100] = 1000
     depth[:, 120:130], depth[5] = 0, 0
     scene = measured(image, depth, None, (160, 120), OPTICS, 0)
-    assert isinstance(scene, Scene) and np.array_equal(lens.expose(scene.truth()), image)
+    assert isinstance(scene, LayeredScene) and np.array_equal(lens.expose(scene.truth()), image)
     assert (scene.truth_depth()[depth > 0] == depth[depth > 0]).all() and scene.truth_depth().min() == 1000
     assert scene.rig.color.K[0, 0] == pytest.approx(160 * 50 / 36)
     assert measured(image, depth, 300.0, (80, 60), OPTICS, 0).rig.color.K[0, 0] == pytest.approx(150)

@@ -55,7 +55,7 @@ def fuse(images):
     """See all_in_focus.baselines; the weights are 0 or 1. N images compete for every block at once."""
     grays = grays_of(images)
     if min(grays[0].shape) < BLOCK:
-        raise ValueError("dsift needs images of at least %dx%d pixels" % (BLOCK, BLOCK))
+        raise ValueError(f"dsift needs images of at least {BLOCK}x{BLOCK} pixels")
     winner = np.argmax([block_sums(activity(gray), BLOCK) for gray in grays], axis=0)
     index = np.argmax([spatial_frequency(gray, FREQUENCY_BLOCK) for gray in grays], axis=0)
     for number in range(len(images)):

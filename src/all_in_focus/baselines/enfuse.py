@@ -17,13 +17,13 @@ def fuse(images):
     if program is None:
         raise RuntimeError("enfuse is not installed")
     with tempfile.TemporaryDirectory() as folder:
-        paths = [os.path.join(folder, "%04d.png" % number) for number in range(len(images))]
+        paths = [os.path.join(folder, f"{number:04d}.png") for number in range(len(images))]
         for path, image in zip(paths, images):
             cv2.imwrite(path, image)
         output = os.path.join(folder, "fused.png")
         result = subprocess.run([program, *OPTIONS, "--output=" + output, *paths], stdout=subprocess.PIPE,
                                 stderr=subprocess.STDOUT, universal_newlines=True, errors="replace")
         if result.returncode:
-            said = result.stdout.strip().splitlines() or ["exit code %d" % result.returncode]
+            said = result.stdout.strip().splitlines() or [f"exit code {result.returncode}"]
             raise RuntimeError("enfuse: " + said[-1])
         return cv2.imread(output), None

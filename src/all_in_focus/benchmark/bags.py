@@ -119,7 +119,7 @@ def brackets(scene, modes, options, folder):
         nodes = {mode: os.path.join(folder, mode, name) for mode in modes
                  if os.path.exists(os.path.join(folder, mode, name, "fused.png"))}
         stack = os.path.join(stacks, name)
-        title = scene.name if len(names) == 1 else "%s/%s" % (scene.name, name)
+        title = scene.name if len(names) == 1 else f"{scene.name}/{name}"
         frames = [os.path.join(stack, frame) for frame in sorted(os.listdir(stack))]
         frames += scene.beside.values()
         found.append(Scene(title, stack, stack, beside=scene.beside, of_bag=True, nodes=nodes,

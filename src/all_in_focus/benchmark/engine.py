@@ -133,7 +133,7 @@ class OnWorkers:
             return  # whose workers those were, nobody knows
         workers = self._workers()
         for address in sorted(set(self._known) - set(workers)):
-            self._say("Dask worker %s is lost; its tasks go to others" % address)
+            self._say(f"Dask worker {address} is lost; its tasks go to others")
         self._known = workers
 
     def _workers(self):
@@ -147,4 +147,4 @@ class OnWorkers:
         if self._client.status == "running" and self._workers():
             self._last_seen = now
         elif now - self._last_seen > self._patience:
-            raise EngineError("no Dask worker for %g s" % self._patience if self._client.status == "running" else LOST)
+            raise EngineError(f"no Dask worker for {self._patience:g} s" if self._client.status == "running" else LOST)

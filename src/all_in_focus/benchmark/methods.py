@@ -73,7 +73,7 @@ def expand(names, scenes):
     for name in expanded:
         find(name)
         if expanded.count(name) > 1:
-            raise ValueError("method '%s' is named twice" % name)
+            raise ValueError(f"method '{name}' is named twice")
     return expanded
 
 
@@ -140,7 +140,7 @@ def _checked_weights(weights, shape, frames):
 
 def _given(name, scene, folder):
     if name not in scene.given:
-        raise ValueError("%s: holds no fused_%s.png" % (scene.path, name))
+        raise ValueError(f"{scene.path}: holds no fused_{name}.png")
     return Produced(read_image(scene.given[name]))
 
 

@@ -93,7 +93,7 @@ class Figure(NamedTuple):
 
 
 def page(run, tables, store):
-    """HTML text. run: see report.Run; tables: tables.Tables; store: where the pictures are."""
+    """HTML text. run: see output_files.Run; tables: tables.Tables; store: where the pictures are."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters.update(exact=repr, counted=lambda n, noun: f"{n} {noun}{'' if n == 1 else 's'}")
     return environment.from_string(TEMPLATE).render(

@@ -32,9 +32,9 @@ def inline(image, lossless=False):
     """data: address of an image, PNG or JPEG."""
     good, data = cv2.imencode(".png" if lossless else ".jpg", image, [] if lossless else [cv2.IMWRITE_JPEG_QUALITY, 88])
     if not good:
-        raise ValueError("an image of type %s and shape %s cannot be shown" % (image.dtype, image.shape))
+        raise ValueError(f"an image of type {image.dtype} and shape {image.shape} cannot be shown")
     kind = "png" if lossless else "jpeg"
-    return "data:image/%s;base64,%s" % (kind, base64.b64encode(data.tobytes()).decode())
+    return f"data:image/{kind};base64,{base64.b64encode(data.tobytes()).decode()}"
 
 
 def weight_picture(index, frames):

@@ -37,7 +37,7 @@ def find(name):
     except rospkg.ResourceNotFound:
         found = []
     if not found:
-        raise RuntimeError("program %s is missing: build the package, and source its build/.install/setup.bash" % name)
+        raise RuntimeError(f"program {name} is missing: build the package, and source its build/.install/setup.bash")
     return found[0]
 
 
@@ -117,7 +117,7 @@ def versions():
     if shutil.which("enfuse"):
         found["enfuse"] = _first_line(["enfuse", "--version"])
     found.update(code=code_digest(), fuse_stack=fusion_digest(), nodes=nodes_digest(), machine=platform.node(),
-                 system=platform.platform(), processor="%d x %s" % (os.cpu_count(), _processor()))
+                 system=platform.platform(), processor=f"{os.cpu_count()} x {_processor()}")
     return found
 
 

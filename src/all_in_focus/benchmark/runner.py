@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 from all_in_focus.benchmark import methods, programs, scenes, tasks
 from all_in_focus.benchmark.engine import engine
-from all_in_focus.benchmark.report import Run
+from all_in_focus.benchmark.output_files import Run
 from all_in_focus.benchmark.settings import SettingsError
 from all_in_focus.benchmark.store import Store
 
@@ -35,7 +35,7 @@ def find_scenes(settings):
         except ValueError as error:
             wrong.append(str(error))
     names = [scene.name for scene in found]
-    wrong += ["two scenes are named %s: give one of them a name" % name for name in sorted(set(names))
+    wrong += [f"two scenes are named {name}: give one of them a name" for name in sorted(set(names))
               if names.count(name) > 1]
     for scene in progress(found, desc="check", unit="scene"):
         try:
@@ -45,7 +45,7 @@ def find_scenes(settings):
             else:
                 scenes.check(scene)
         except OSError as error:
-            wrong.append("%s: %s" % (error.filename or scene.path, error.strerror))
+            wrong.append(f"{error.filename or scene.path}: {error.strerror}")
         except ValueError as error:
             wrong.append(str(error))
     if wrong:
@@ -54,7 +54,7 @@ def find_scenes(settings):
 
 
 def evaluate(settings, fresh=False, say=None):
-    """Run (see report.Run) and Store of checked settings. say(line): told of every failure and every lost worker;
+    """Run (see output_files.Run) and Store of checked settings. say(line): told of every failure and every lost worker;
     fresh: results of earlier runs do not count. Raises BadInput, SettingsError, engine.EngineError."""
     say = say or (lambda line: None)
     found = find_scenes(settings)
@@ -94,7 +94,7 @@ def _with_brackets(found, names, settings, workers, nodes, fail):
                                          bags.fingerprint(scene, modes, settings.bag, nodes))) for scene in recorded}
     for name, result in progress(workers.run(calls), total=len(calls), desc="bags", unit="bag"):
         for mode, reason in result.get("failed", {}).items():
-            fail("%s %s: %s" % (name, mode, reason))
+            fail(f"{name} {mode}: {reason}")
         if "error" in result:
             fail("%s: %s" % (name, result["error"]))
     replaced = []

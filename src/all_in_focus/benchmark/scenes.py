@@ -71,7 +71,7 @@ class Scene:
         if self.sources:
             return [os.path.basename(path) for path in self.sources]
         stack = Stack(self.stack)
-        return stack.names or ["frame %d" % number for number in range(len(stack))]
+        return stack.names or [f"frame {number}" for number in range(len(stack))]
 
     def lens(self):
         """Optics: those that are given, else the rig's; None where neither is known."""
@@ -95,10 +95,10 @@ def find(entry):
     """Scenes of an entry of the settings: a folder that is one or holds several, a video, a bag. SceneError."""
     path = entry["path"]
     if not os.path.exists(path):
-        raise SceneError("%s: no such scene" % path)
+        raise SceneError(f"{path}: no such scene")
     name = entry.get("name") or _name_of(path)
     if not re.fullmatch(r"[\w.+-]+(/[\w.+-]+)*", name) or any(part.strip(".") == "" for part in name.split("/")):
-        raise SceneError("%s: '%s' is no name for a folder of results: give name" % (path, name))
+        raise SceneError(f"{path}: '{name}' is no name for a folder of results: give name")
     if os.path.isfile(path) and path.endswith(".bag"):
         wrong = set(entry) - {"path", "name", "truth"}
         if wrong:
@@ -110,9 +110,9 @@ def find(entry):
     below = [_scene(_name_of(folder), {"path": folder}) for folder in sorted(glob.glob(os.path.join(path, "*", "")))]
     below = [scene for scene in below if scene is not None]
     if not below:
-        raise SceneError("%s: holds no stack/, no source_* pictures, no video and no images" % path)
+        raise SceneError(f"{path}: holds no stack/, no source_* pictures, no video and no images")
     if len(entry) > 1:
-        raise SceneError("%s: holds several scenes: name one of them to say more about it" % path)
+        raise SceneError(f"{path}: holds several scenes: name one of them to say more about it")
     return below
 
 
@@ -154,7 +154,7 @@ def _frames(entry, folder):
         if path and os.path.exists(path):
             return path, []
         if path and path == entry.get("stack"):
-            raise SceneError("%s: no such stack" % path)
+            raise SceneError(f"{path}: no such stack")
     names = sorted(os.listdir(folder))
     images = [name for name in names if name.lower().endswith(IMAGE_SUFFIXES) and not name.startswith((".", GIVEN))]
     videos = [name for name in names if name.lower().endswith(VIDEO_SUFFIXES)]
@@ -172,24 +172,24 @@ def check(scene):
     for image in scene.frames():
         size, count = image.shape, count + 1
     if count < 2:
-        raise SceneError("%s: at least two frames are needed, not %d" % (scene.path, count))
+        raise SceneError(f"{scene.path}: at least two frames are needed, not {count}")
     if min(size[:2]) < MIN_SIZE:
-        raise SceneError("%s: frames of %dx%d pixels are too small" % (scene.path, size[1], size[0]))
+        raise SceneError(f"{scene.path}: frames of {size[1]}x{size[0]} pixels are too small")
     beside = scene.beside
     for key, path in beside.items():
         if key in ("depth", "registered_depth", "truth_depth"):
             read_depth(path)
         if key in ("truth", "truth_depth") and read_image(path, cv2.IMREAD_UNCHANGED).shape[:2] != size[:2]:
-            raise SceneError("%s: not of the size of the frames, %dx%d" % (path, size[1], size[0]))
+            raise SceneError(f"{path}: not of the size of the frames, {size[1]}x{size[0]}")
         if key == "label" and read_image(path, cv2.IMREAD_UNCHANGED).ndim != 2:
-            raise SceneError("%s: expected a label map with one channel" % path)
+            raise SceneError(f"{path}: expected a label map with one channel")
     rig = load_rig(beside["rig"]) if "rig" in beside else None
     if scene.optics:
         Optics.parse(scene.optics)
     if "depth" in beside and rig is None:
         raise SceneError("%s: needs a rig, the calibration that registers it" % beside["depth"])
     if {"depth", "registered_depth"} & set(beside) and not (scene.optics or rig and rig.optics):
-        raise SceneError("%s: depth without optics: give optics f,F,coc" % scene.path)
+        raise SceneError(f"{scene.path}: depth without optics: give optics f,F,coc")
     if "focus" in beside:
         names = Stack(scene.stack).names if scene.stack else [os.path.basename(path) for path in scene.sources]
         load_focus(beside["focus"], names, count)

@@ -72,7 +72,7 @@ def cells(found, count):
     largest = set(sorted(range(len(found)), key=lambda n: -found[n].area)[:count])
     lines = [HEADING]
     for number, it in enumerate(region for n, region in enumerate(found) if n in largest):
-        dof = "infinite" if np.isinf(it.max_dof_mm) else "%.0f" % it.max_dof_mm
+        dof = "infinite" if np.isinf(it.max_dof_mm) else f"{it.max_dof_mm:.0f}"
         lines.append([str(number + 1), str(it.area), str(it.min_mm), str(it.max_mm), str(it.diff_mm), dof,
                       "yes" if it.fits else "no"])
     return lines

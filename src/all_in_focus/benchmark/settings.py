@@ -46,7 +46,7 @@ def load(path):
     try:
         return from_dict(data, os.path.dirname(os.path.abspath(path)))
     except SettingsError as error:
-        raise SettingsError("%s: %s" % (path, error))
+        raise SettingsError(f"{path}: {error}")
 
 
 def from_dict(data, folder):
@@ -62,7 +62,7 @@ def from_dict(data, folder):
             split = methods.split if key == "methods" else partial(str.split, sep=",")
             setattr(settings, key, split(getattr(settings, key)))
         if not isinstance(getattr(settings, key), list):
-            raise SettingsError("%s: expected a list" % key)
+            raise SettingsError(f"{key}: expected a list")
     settings.scenes = [scene_entry(entry, folder) for entry in settings.scenes]
     if not isinstance(settings.bag, dict):
         raise SettingsError("bag: expected options of evaluate_bag")
@@ -75,7 +75,7 @@ def scene_entry(entry, folder):
     """A scene as a mapping with absolute paths; entry: path or mapping."""
     entry = {"path": entry} if isinstance(entry, str) else entry
     if not isinstance(entry, dict) or "path" not in entry:
-        raise SettingsError("scenes: expected a path, or a mapping with path, not '%s'" % (entry,))
+        raise SettingsError(f"scenes: expected a path, or a mapping with path, not '{entry}'")
     unknown = sorted(set(entry) - set(SCENE_KEYS), key=str)
     if unknown:
         raise SettingsError("scenes: %s: no such key; there are %s" % (unknown[0], ", ".join(SCENE_KEYS)))
@@ -97,12 +97,12 @@ def check(settings):
     if len(set(settings.metrics)) < len(settings.metrics):
         raise SettingsError("a metric is named twice")
     if type(settings.jobs) is not int or settings.jobs < 1:
-        raise SettingsError("jobs: expected a positive whole number, not '%s'" % (settings.jobs,))
+        raise SettingsError(f"jobs: expected a positive whole number, not '{settings.jobs}'")
     if settings.scheduler and settings.jobs > 1:
         raise SettingsError("give --jobs or --scheduler: a scheduler has workers of its own")
 
 
 def _text(value, key):
     if not isinstance(value, str) or not value:
-        raise SettingsError("%s: expected text, not '%s'" % (key, value))
+        raise SettingsError(f"{key}: expected text, not '{value}'")
     return value

@@ -100,7 +100,7 @@ def number(measure, value):
 
 def score(value):
     """A score, or a rank: halves only where they are."""
-    return "-" if value is None else "%g" % round(value, 2)
+    return "-" if value is None else f"{round(value, 2):g}"
 
 
 def score_columns(found, count):

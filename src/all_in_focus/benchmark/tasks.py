@@ -20,11 +20,11 @@ from all_in_focus.files.stack import read_depth, read_image
 def one_line(error):
     """An exception for people; its type only where the message alone would tell nothing."""
     if isinstance(error, OSError) and error.strerror:
-        return "%s: %s" % (error.filename, error.strerror) if error.filename else error.strerror
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     text = " ".join(str(error).split())
     if text and (isinstance(error, ValueError) or type(error) is RuntimeError):  # its subclasses are told by type
         return text
-    return ("%s: %s" % (type(error).__name__, text)).rstrip(": ")
+    return (f"{type(error).__name__}: {text}").rstrip(": ")
 
 
 def run(scene, method, metric_names, code):
@@ -35,7 +35,7 @@ def run(scene, method, metric_names, code):
     host = platform.node()
     try:
         if programs.code_digest() != code:
-            raise RuntimeError("%s has another version of the package" % host)
+            raise RuntimeError(f"{host} has another version of the package")
         begin = time.perf_counter()
         with tempfile.TemporaryDirectory(prefix="evaluate.") as folder:
             produced = methods.find(method)(scene, folder)

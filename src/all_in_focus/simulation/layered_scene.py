@@ -17,7 +17,7 @@ PATCH_SIGMA_PX = 40
 
 
 @dataclass
-class Scene:
+class LayeredScene:
     """Layers back to front on a canvas that exceeds the colour picture by margin = (columns, rows) on each side.
 
     seen_by_depth: the same surfaces for the depth camera, which sees more of them, but less finely than a large colour
@@ -27,7 +27,7 @@ class Scene:
     rig: Rig
     margin: Tuple[int, int]
     layers: List[Layer]
-    seen_by_depth: Optional["Scene"] = None
+    seen_by_depth: Optional["LayeredScene"] = None
 
     def frame_window(self, pad):
         """The colour picture on the canvas, widened by pad pixels where the canvas allows (two slices)."""

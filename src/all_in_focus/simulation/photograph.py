@@ -7,7 +7,7 @@ import skimage.data
 
 from all_in_focus.imaging import fill_from_farther, srgb_to_linear
 from all_in_focus.simulation.depth_sensor import KinectModel
-from all_in_focus.simulation.layered_scene import Scene, canvas_margin, kinect_beside
+from all_in_focus.simulation.layered_scene import LayeredScene, canvas_margin, kinect_beside
 from all_in_focus.simulation.lens import Layer, blur_circle_px
 from all_in_focus.files.rig import Camera
 
@@ -65,7 +65,7 @@ def photograph(name, image, depth, focal_px, center, size, optics):
     layers = int(np.clip(np.ceil(widest / BLUR_PER_LAYER_PX), 4, 24))
     # A little more than a share, so that the nearest pixel falls into the last layer; flat depth is one layer.
     step = max(1 / near - 1 / far, 1e-9) / layers * 1.0001
-    return Scene(name, rig, margin, peel_layers(srgb_to_linear(image), depth, step, widest + 2))
+    return LayeredScene(name, rig, margin, peel_layers(srgb_to_linear(image), depth, step, widest + 2))
 
 
 def motorcycle(size, optics, _seed):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The scenes of make_scene: functions (size, optics, seed) -> Scene, listed in SCENES with their defaults.
+"""The scenes of make_scene: functions (size, optics, seed) -> LayeredScene, listed in SCENES with their defaults.
 
 Pictures on surfaces are those that scikit-image ships; none is downloaded. Lengths of built surfaces are in metres in
 the colour camera's frame (X right, Y down, Z forward), layers go back to front.
@@ -12,7 +12,7 @@ import numpy as np
 import skimage.data
 from scipy.ndimage import gaussian_filter
 
-from all_in_focus.simulation.layered_scene import Scene, canvas_margin, kinect_beside
+from all_in_focus.simulation.layered_scene import LayeredScene, canvas_margin, kinect_beside
 from all_in_focus.simulation.photograph import motorcycle
 from all_in_focus.files.rig import Camera, Optics
 from all_in_focus.simulation.surfaces import (Ball, Plane, disc, fence, leaves, lit, marked, picture, plain, rods,
@@ -35,7 +35,7 @@ def _built(name, size, optics, near_mm, surfaces):
     if finer > 1:
         seen_by_depth = _built(name, (size[0] // finer, size[1] // finer), optics, near_mm, surfaces)
         margin = tuple(min(side, size[0] // 16) for side in margin)  # that much blur and motion come in from outside
-    return Scene(name, rig, margin, [surface.layer(color, margin) for surface in surfaces], seen_by_depth)
+    return LayeredScene(name, rig, margin, [surface.layer(color, margin) for surface in surfaces], seen_by_depth)
 
 
 def _speckle(seed):
@@ -222,7 +222,7 @@ def clutter(size, optics, seed):
                 nearest[shown] = layer.depth[shown]
                 layers.append(layer)
                 break
-    return Scene("clutter", rig, margin, layers)
+    return LayeredScene("clutter", rig, margin, layers)
 
 
 @dataclass

@@ -40,7 +40,7 @@ class Run:
         if len(hosts) > 1:
             notes.append("Not one machine: compare with care.")
         if self.at_a_time > 1:
-            notes.append("%d tasks ran side by side: times are longer than of one alone." % self.at_a_time)
+            notes.append(f"{self.at_a_time} tasks ran side by side: times are longer than of one alone.")
         if any(result["run"] != self.name for result in good):
             notes.append("Some are of an earlier run.")
         return " ".join(notes)
