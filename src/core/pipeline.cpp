@@ -8,6 +8,8 @@
 #include <optional>
 #include <stdexcept>
 
+#include "all_in_focus/frame_order.hpp"
+
 namespace all_in_focus::core {
 namespace {
 
@@ -32,36 +34,60 @@ class Stopwatch {
                                reference, frames - 1));
 }
 
-// Adds all frames: in their order, but in mode refined the reference first.
+// Reads frames by index from a source that only goes forward: a frame that has been read already costs a
+// rewind.
+class FrameReader {
+ public:
+  explicit FrameReader(FrameSource& source) : source_(source) {}
+
+  /// False: the source ends before that frame.
+  bool read(int index) {
+    if (index < next_ - 1) {
+      source_.rewind();
+      next_ = 0;
+    }
+    for (; next_ <= index; ++next_) {
+      if (!source_.next(frame_)) return false;
+    }
+    return true;
+  }
+  const cv::Mat& frame() const { return frame_; }
+
+ private:
+  FrameSource& source_;
+  cv::Mat frame_;
+  int next_ = 0;  // index that source_.next() gives
+};
+
+// Fuses all frames in the order of FrameOrder.
 void fuseFrames(const PipelineInput& input, Mode mode, BracketFusion& fusion, PipelineResult& result) {
-  FrameSource& source = *input.frames;
   const auto focus = [&](int index) {
     return index < static_cast<int>(input.focus_mm.size()) ? input.focus_mm[index]
                                                            : BracketFusion::kUnknownFocus;
   };
   const bool middle = input.reference == PipelineInput::kAutoReference;
-  const int first = mode == Mode::kPaper ? 0 : middle ? source.count() / 2 : input.reference;
+  const int first = mode == Mode::kPaper ? 0 : middle ? input.frames->count() / 2 : input.reference;
+  FrameReader reader(*input.frames);
+  FrameOrder order(mode, first);
   Stopwatch watch;
-  cv::Mat frame;
-  for (int i = 0; i < first; ++i) {
-    if (!source.next(frame)) refuseReference(first, i);
-    watch.lap();
-    fusion.observe(frame, i, focus(i));
-    result.fusion_ms += watch.lap();
+  for (result.frames = 0; reader.read(result.frames); ++result.frames) {
+    order.arrived(result.frames);
+    if (order.isHolding()) {
+      watch.lap();
+      fusion.observe(reader.frame(), result.frames, focus(result.frames));
+      result.fusion_ms += watch.lap();
+    }
+    while (const std::optional<int> index = order.next()) {
+      reader.read(*index);
+      watch.lap();
+      const std::string misfit = fusion.add(reader.frame(), *index, focus(*index));
+      result.fusion_ms += watch.lap();
+      order.done(*index, misfit.empty());
+      if (!misfit.empty())
+        result.misfits.push_back("frame " + std::to_string(*index) + " rejected: " + misfit);
+    }
   }
-  const auto add = [&](int index) {
-    watch.lap();
-    const std::string misfit = fusion.add(frame, index, focus(index));
-    result.fusion_ms += watch.lap();
-    if (!misfit.empty()) result.misfits.push_back("frame " + std::to_string(index) + " rejected: " + misfit);
-  };
-  if (!source.next(frame)) refuseReference(first, first);
-  add(first);
-  if (first > 0) source.rewind();
-  result.frames = first > 0 ? 0 : 1;
-  for (; source.next(frame); ++result.frames) {
-    if (result.frames != first) add(result.frames);
-  }
+  if (order.isHolding() || result.frames == 0) refuseReference(first, result.frames);
   result.reference = middle ? result.frames / 2 : input.reference;
   if (result.reference >= result.frames) refuseReference(result.reference, result.frames);
 }
