@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import yaml
 
-from all_in_focus.files.rig import Camera, Optics, RigError, load_rig, save_rig
+from all_in_focus.files.rig import Camera, Optics, RigError, distortion_of, load_rig, save_rig
 from all_in_focus.simulation.presets import kinect_beside
 
 OPTICS = Optics(50.0, 2.0, 0.03)
@@ -47,6 +47,8 @@ def test_rig_files_are_camera_info_files(tmp_path):
     ("extrinsics.yaml", "rotation: [", "rotation: [7.0, ", "rotation: expected 4 numbers"),
     ("extrinsics.yaml", "translation: [-0.03", "translation: [.nan", "translation: must be finite"),
     ("optics.yaml", "aperture: 2.0", "aperture: 0.0", "aperture: must be positive"),
+    ("optics.yaml", "aperture: 2.0", "aperture: 1e-200", "aperture must be 0.1 to 1000, not 1e-200"),
+    ("optics.yaml", "aperture: 2.0", "aperture: .inf", "aperture: must be finite"),
 ])
 def test_rig_errors_name_file_and_key(tmp_path, name, old, new, message):
     save_rig(tmp_path, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), OPTICS))
@@ -91,10 +93,31 @@ def test_distortion_of_eight_zeros(tmp_path):
         if good:
             assert not load_rig(tmp_path).color.D.any()
         else:
-            with pytest.raises(RigError, match="8 numbers do not fit the model plumb_bob"):
+            with pytest.raises(RigError, match="plumb_bob has 5 distortion coefficients, not 8"):
                 load_rig(tmp_path)
 
 
 def test_rig_without_file(tmp_path):
     with pytest.raises(RigError, match="depth.yaml: No such file"):
         load_rig(tmp_path)
+
+
+@pytest.mark.parametrize("model, coefficients, wanted", [
+    ("plumb_bob", [0.0] * 8, [0.0] * 5),  # as many drivers publish
+    ("plumb_bob", [0.1, 0.2, 0.3, 0.4], [0.1, 0.2, 0.3, 0.4, 0.0]),
+    ("rational_polynomial", [0.1] * 5, [0.1] * 5 + [0.0] * 3),
+    ("rational_polynomial", [0.1] * 8 + [0.0] * 6, [0.1] * 8),
+])
+def test_distortion_may_be_padded_with_zeros(model, coefficients, wanted):
+    assert distortion_of(model, coefficients).tolist() == wanted
+
+
+@pytest.mark.parametrize("model, coefficients, message", [
+    ("plumb_bob", [0.0] * 7 + [1e-9], "plumb_bob has 5 distortion coefficients, not 8"),
+    ("plumb_bob", [0.0] * 9, "not 9"),
+    ("rational_polynomial", [float("nan")] * 8, "all finite"),
+    ("equidistant", [0.0] * 4, '"equidistant" is not supported'),
+])
+def test_distortion_of_another_model_is_refused(model, coefficients, message):
+    with pytest.raises(ValueError, match=message):
+        distortion_of(model, coefficients)

@@ -212,7 +212,8 @@ def test_rig_key_is_missing_or_of_another_kind(planes, name, key):
     ("extrinsics.yaml", ["translation"], [0, 0, float("nan")], "translation"),
     ("extrinsics.yaml", ["translation"], [0, "near", 0], "wrong type"),
     ("optics.yaml", ["focal_length_mm"], 0.0, "focal length"), ("optics.yaml", ["aperture"], float("nan"), "aperture"),
-    ("optics.yaml", ["circle_of_confusion_mm"], -0.019, "circle of confusion"),
+    ("optics.yaml", ["circle_of_confusion_mm"], -0.019, "circle of confusion"), ("optics.yaml", ["aperture"], 1e-200, "aperture"),
+    ("optics.yaml", ["circle_of_confusion_mm"], 1e-200, "circle of confusion"),
     ("optics.yaml", ["focal_length_mm"], 1000.0, "not smaller than the nearest depth")])
 def test_rig_values(planes, name, key, value, complaint):
     change(planes.rig / name, key, value)

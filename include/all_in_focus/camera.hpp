@@ -4,6 +4,8 @@
 
 #include <array>
 #include <opencv2/core.hpp>
+#include <string>
+#include <vector>
 
 namespace all_in_focus::core {
 
@@ -28,6 +30,12 @@ struct Camera {
   /// Inverse of distort(), by fixed-point iteration; exact to 1e-9 for usual lenses.
   cv::Point2d undistort(const cv::Point2d& distorted) const;
 };
+
+/// The coefficients of ROS' distortion models plumb_bob (up to 5), rational_polynomial (up to 8) and ""
+/// (none), as Camera has them. Their number has to be one that OpenCV knows (0, 4, 5, 8, 12, 14); drivers pad
+/// with zeros. Throws std::invalid_argument for other models and numbers, and where a coefficient beyond the
+/// model is not 0.
+std::array<double, 8> distortionOf(const std::string& model, const std::vector<double>& coefficients);
 
 /// Throws std::invalid_argument unless size, fx and fy are positive and all values are finite. The message
 /// begins with `name` and tells the value.

@@ -21,7 +21,18 @@ inline bool operator!=(const Optics& a, const Optics& b) {
   return !(a == b);
 }
 
-/// Throws std::invalid_argument that names the member unless all three are finite and positive.
+/// A range of possible values, both ends included.
+struct OpticsRange {
+  double min, max;
+  bool contains(double value) const { return value >= min && value <= max; }  ///< false for NaN
+};
+
+// What a lens can have.
+constexpr OpticsRange kFocalLengthRange{0.1, 10000};      ///< mm
+constexpr OpticsRange kApertureRange{0.1, 1000};          ///< f-number
+constexpr OpticsRange kCircleOfConfusionRange{1e-6, 10};  ///< mm
+
+/// Throws std::invalid_argument that names the member unless all three are what a lens can have.
 void validate(const Optics& optics);
 
 /// Hyperfocal distance H = f^2 / (F CoC), mm. Focused at H or beyond, everything behind the focus distance is

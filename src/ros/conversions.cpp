@@ -4,7 +4,6 @@
 #include "conversions.hpp"
 
 #include <cv_bridge/cv_bridge.h>
-#include <sensor_msgs/distortion_models.h>
 #include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
@@ -19,6 +18,7 @@ namespace enc = sensor_msgs::image_encodings;
 
 constexpr double kMmPerM = 1000.0;
 constexpr unsigned kMaxSize = 32767;  // pixels, width or height of a camera
+constexpr std::uint64_t kMaxPixels = 100000000;
 constexpr std::uint16_t kEndiannessProbe = 1;
 
 [[noreturn]] void fail(const std::string& topic, const std::string& what) {
@@ -158,6 +158,24 @@ Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {
   if (info.width == 0 || info.height == 0 || info.width > kMaxSize || info.height > kMaxSize) {
     fail(topic, "image size is " + sizeText(info.width, info.height) + ": calibrate the camera");
   }
+  if (std::uint64_t{info.width} * info.height > kMaxPixels) {
+    fail(topic, "image size is " + sizeText(info.width, info.height) +
+                    ", more than 100 megapixels: check width and height");
+  }
+  const sensor_msgs::RegionOfInterest& roi = info.roi;
+  if (std::uint64_t{roi.x_offset} + roi.width > info.width ||
+      std::uint64_t{roi.y_offset} + roi.height > info.height) {
+    fail(topic, "the region of interest (" + sizeText(roi.width, roi.height) + " at " +
+                    std::to_string(roi.x_offset) + ", " + std::to_string(roi.y_offset) +
+                    ") is not inside the image of " + sizeText(info.width, info.height));
+  }
+  const bool is_whole = roi.width == 0 || roi.height == 0;
+  const unsigned width = is_whole ? info.width : roi.width, height = is_whole ? info.height : roi.height;
+  const unsigned bin_x = std::max(1u, info.binning_x), bin_y = std::max(1u, info.binning_y);
+  if (bin_x > width || bin_y > height) {
+    fail(topic, "binning of " + sizeText(bin_x, bin_y) + " leaves an image of " +
+                    sizeText(width / bin_x, height / bin_y));
+  }
   if (!(info.K[0] > 0 && info.K[4] > 0)) {
     fail(topic, "the camera is not calibrated (fx = " + std::to_string(info.K[0]) + ", fy = " +
                     std::to_string(info.K[4]) + "): calibrate it, or give its driver a calibration file");
@@ -165,36 +183,19 @@ Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {
   Camera camera;
   camera.fx = info.K[0], camera.fy = info.K[4], camera.cx = info.K[2], camera.cy = info.K[5];
 
-  const std::string& model = info.distortion_model;
-  const std::size_t most = model == sensor_msgs::distortion_models::PLUMB_BOB             ? 5
-                           : model == sensor_msgs::distortion_models::RATIONAL_POLYNOMIAL ? 8
-                                                                                          : 0;
-  if (most == 0 && !model.empty()) {
-    fail(topic, "distortion model \"" + model + "\" is not supported: use plumb_bob or rational_polynomial");
-  }
-  // Some drivers pad with zeros (thin prism and tilt of OpenCV's longer models).
-  for (std::size_t i = 0; i < info.D.size() && most > 0; ++i) {
-    if (i < most) {
-      camera.distortion[i] = info.D[i];
-    } else if (info.D[i] != 0) {
-      fail(topic, model + " has " + std::to_string(most) + " distortion coefficients, not " +
-                      std::to_string(info.D.size()) +
-                      ": calibrate again with plumb_bob or rational_polynomial");
-    }
+  try {
+    camera.distortion = distortionOf(info.distortion_model, info.D);
+  } catch (const std::invalid_argument& e) {
+    fail(topic, e.what());
   }
 
   // K is that of the full sensor; the images hold its region of interest, binned.
-  const sensor_msgs::RegionOfInterest& roi = info.roi;
-  const bool whole = roi.width == 0 || roi.height == 0;
-  const double width = whole ? info.width : roi.width;
-  const double height = whole ? info.height : roi.height;
-  const double bin_x = std::max(1u, info.binning_x), bin_y = std::max(1u, info.binning_y);
   camera.size = cv::Size(static_cast<int>(width / bin_x), static_cast<int>(height / bin_y));
   camera.fx /= bin_x;
   camera.fy /= bin_y;
   // Pixel centres are integers, so a binned pixel's centre lies half a bin inside.
-  camera.cx = (camera.cx - roi.x_offset + 0.5) / bin_x - 0.5;
-  camera.cy = (camera.cy - roi.y_offset + 0.5) / bin_y - 0.5;
+  camera.cx = (camera.cx - static_cast<double>(roi.x_offset) + 0.5) / bin_x - 0.5;
+  camera.cy = (camera.cy - static_cast<double>(roi.y_offset) + 0.5) / bin_y - 0.5;
   try {
     validate(camera, "");
   } catch (const std::invalid_argument& e) {

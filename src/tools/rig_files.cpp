@@ -56,15 +56,13 @@ Camera readCamera(const std::string& path) {
   camera.fx = k[0], camera.cx = k[2], camera.fy = k[4], camera.cy = k[5];
   const auto model =
       node["distortion_model"] ? get<std::string>(node, "distortion_model", path) : "plumb_bob";
-  if (model != "plumb_bob" && model != "rational_polynomial") {
-    fail(path, "distortion_model '" + model + "' is not supported (plumb_bob or rational_polynomial)");
-  }
   if (node["distortion_coefficients"]) {
-    const auto d = numbers(node["distortion_coefficients"], "data", 0, path);
-    const bool fits = model == "plumb_bob" ? d.empty() || d.size() == 4 || d.size() == 5 : d.size() == 8;
-    if (!fits)
-      fail(path, std::to_string(d.size()) + " distortion_coefficients do not fit the model " + model);
-    std::copy(d.begin(), d.end(), camera.distortion.begin());
+    const auto coefficients = numbers(node["distortion_coefficients"], "data", 0, path);
+    try {
+      camera.distortion = distortionOf(model, coefficients);
+    } catch (const std::invalid_argument& e) {
+      fail(path, std::string("distortion_coefficients: ") + e.what());
+    }
   }
   try {
     validate(camera, "this");

@@ -80,7 +80,8 @@ class SegmenterTest(GraphTest):
 
     def test_impossible_optics_are_repaired_and_shown(self):
         self.client.update_configuration({'aperture': 5.6})
-        for wrong in ({'aperture': 0.0}, {'focal_length_mm': -1.0}, {'circle_of_confusion_mm': float('nan')},
+        for wrong in ({'aperture': 0.0}, {'aperture': 1e-200}, {'aperture': 1001.0}, {'focal_length_mm': -1.0},
+                      {'circle_of_confusion_mm': float('nan')}, {'circle_of_confusion_mm': 1e-200},
                       {'min_region_size': -1}, {'dof_rule': 'none'}):
             shown = self.client.update_configuration(wrong)
             for name, good in dict(DEFAULTS, aperture=5.6).items():

@@ -182,6 +182,9 @@ TEST(Camera, DistortionModels) {
   EXPECT_FALSE(toCamera(info, "/topic").distorted());
   info.distortion_model.clear();
   EXPECT_FALSE(toCamera(info, "/topic").distorted());
+  info.distortion_model = "plumb_bob";
+  info.D.assign(8, 0.0);  // as many drivers publish
+  EXPECT_FALSE(toCamera(info, "/topic").distorted());
   info.distortion_model = "equidistant";
   expectRefused([&] { toCamera(info, "/topic"); }, "\"equidistant\"");
 }
@@ -202,6 +205,10 @@ TEST(Camera, ImpossibleCalibrationsAreRefused) {
   refused([](auto& info) { info.width = 0; }, "0x480");
   refused([](auto& info) { info.height = 4000000000u; }, "640x4000000000");
   refused([](auto& info) { info.binning_x = 1000; }, "0x480");
+  refused([](auto& info) { info.width = info.height = 20000; }, "100 megapixels");
+  refused([](auto& info) { info.roi.width = info.roi.height = 46000; }, "region of interest (46000x46000");
+  refused([](auto& info) { info.roi.width = 10, info.roi.x_offset = 4294967295u; }, "region of interest");
+  refused([](auto& info) { info.binning_y = 4294967295u; }, "640x0");
 }
 
 TEST(Camera, BinningAndRegionOfInterestAreApplied) {

@@ -73,6 +73,15 @@ TEST_F(Files, ReadsARig) {
   EXPECT_EQ(readOptics(folder_.string()), Optics());
 }
 
+TEST_F(Files, DistortionMayBePaddedWithZeros) {
+  writeRig();
+  write(
+      "depth.yaml",
+      "image_width: 640\nimage_height: 480\ncamera_matrix: {data: [500.0, 0, 320, 0, 510.0, 240, 0, 0, 1]}\n"
+      "distortion_model: plumb_bob\ndistortion_coefficients: {data: [0, 0, 0, 0, 0, 0, 0, 0]}\n");
+  EXPECT_FALSE(readRig(folder_.string()).depth.distorted());
+}
+
 TEST_F(Files, RigErrorsNameFileAndKey) {
   expectError([] { readRig("/nowhere"); }, "/nowhere: no such rig folder");
   writeRig();

@@ -78,6 +78,13 @@ bool canCover(const std::vector<Steps>& ranges, int span, int count, int begin, 
   return false;
 }
 
+// The thinnest depth of field that a lens can have: the plan would have 1e9 exposures.
+TEST(FocusPlan, AnExtremeLensHasNoPlan) {
+  const Optics optics{kFocalLengthRange.max, kApertureRange.min, kCircleOfConfusionRange.min};
+  EXPECT_THROW(planFocus(optics, std::vector<DepthRange>{{11000, 60000}}), std::invalid_argument);
+  EXPECT_THROW(planFocus({24, 1e-200, 1e-200}, std::vector<DepthRange>{{500, 3000}}), std::invalid_argument);
+}
+
 TEST(FocusPlan, IsOptimal) {
   // Spans of whole steps and ranges between whole steps: an optimal cover at whole steps is one of all
   // covers, because any exposure can be moved towards the far end until it begins at the near end of

@@ -90,7 +90,7 @@ TEST(Optics, DioptricMiddleBlursBothEndsEqually) {
 }
 
 TEST(Optics, ImpossibleValuesAreNamed) {
-  for (const double bad : {0.0, -1.0, kInfinity, std::nan("")}) {
+  for (const double bad : {0.0, -1.0, kInfinity, std::nan(""), 1e-200, 1e200}) {
     EXPECT_THROW(validate({bad, 4, 0.019}), std::invalid_argument);
     EXPECT_THROW(validate({24, bad, 0.019}), std::invalid_argument);
     EXPECT_THROW(validate({24, 4, bad}), std::invalid_argument);

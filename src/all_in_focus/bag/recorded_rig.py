@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The rig of a bag, as the nodes see it: cameras from CameraInfo, the pose from tf."""
-import math
 from typing import NamedTuple
 
 import genpy
@@ -12,9 +11,10 @@ from scipy.spatial.transform import Rotation
 from all_in_focus.bag.image_messages import ImageError, check_depth
 from all_in_focus.bag.scan import newest
 from all_in_focus.files.errors import one_line
-from all_in_focus.files.rig import DISTORTION_LENGTHS, Camera, Optics, rotation_matrix
+from all_in_focus.files.rig import Camera, Optics, distortion_of, rotation_matrix
 
 MAX_SIZE = 32767  # pixels
+MAX_PIXELS = 100_000_000
 FOREVER = genpy.Duration(10 ** 8)
 
 
@@ -26,22 +26,26 @@ def camera_of(info, name):
     """Camera of the images as sent: with binning and region of interest applied. RecordedRigError."""
     if not (0 < info.width <= MAX_SIZE and 0 < info.height <= MAX_SIZE):
         raise RecordedRigError(f"image size is {info.width}x{info.height}: calibrate the camera")
+    if info.width * info.height > MAX_PIXELS:
+        raise RecordedRigError(f"image size is {info.width}x{info.height}, more than 100 megapixels: "
+                               "check width and height")
     K = np.array(info.K, float).reshape(3, 3)
     if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0):
         raise RecordedRigError(f"the camera is not calibrated (fx = {K[0, 0]:g}, fy = {K[1, 1]:g}): calibrate it, or "
                                "give its driver a calibration file")
     model = info.distortion_model or "plumb_bob"
-    if model not in DISTORTION_LENGTHS:
-        raise RecordedRigError(f"distortion model \"{model}\" is not supported: use plumb_bob or rational_polynomial")
-    most = max(DISTORTION_LENGTHS[model])
-    D = np.array(info.D if info.distortion_model else [], float)
-    if D[most:].any() or not np.isfinite(D).all():
-        raise RecordedRigError(f"{model} has {most} distortion coefficients, all finite, not "
-                               f"{len(D) if np.isfinite(D).all() else 'these'}: calibrate again")
-    D = np.pad(D[:most], (0, max(0, most - len(D))), "constant")
+    try:
+        D = distortion_of(model, info.D if info.distortion_model else [])
+    except ValueError as error:
+        raise RecordedRigError(str(error)) from error
 
     roi, bins = info.roi, np.maximum(1, [info.binning_x, info.binning_y])
+    if roi.x_offset + roi.width > info.width or roi.y_offset + roi.height > info.height:
+        raise RecordedRigError(f"the region of interest ({roi.width}x{roi.height} at {roi.x_offset}, {roi.y_offset}) "
+                               f"is not inside the image of {info.width}x{info.height}")
     size = np.array([roi.width, roi.height] if roi.width and roi.height else [info.width, info.height]) // bins
+    if not size.all():
+        raise RecordedRigError(f"binning of {bins[0]}x{bins[1]} leaves an image of {size[0]}x{size[1]}")
     cut = bins.max() > 1 or bool(roi.x_offset or roi.y_offset)
     offset = np.array([roi.x_offset, roi.y_offset])
     K[:2, 2] = (K[:2, 2] - offset + 0.5) / bins - 0.5  # the centre of a binned pixel lies half a bin inside
@@ -54,8 +58,12 @@ def camera_of(info, name):
 
 def optics_of(message):
     """Optics of a message, or None where they are impossible."""
-    values = [message.focal_length_mm, message.aperture, message.circle_of_confusion_mm]
-    return Optics(*values) if all(math.isfinite(value) and value > 0 for value in values) else None
+    optics = Optics(message.focal_length_mm, message.aperture, message.circle_of_confusion_mm)
+    try:
+        optics.validate("")
+    except ValueError:
+        return None
+    return optics
 
 
 class Pose(NamedTuple):

@@ -5,7 +5,6 @@
 The cameras are camera_info files as camera_calibration writes them; extrinsics.yaml holds the pose of the depth camera
 in the colour camera's optical frame, X_color = R X_depth + t (metres); optics.yaml holds the lens of the colour camera.
 """
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Optional
@@ -18,12 +17,27 @@ from scipy.spatial.transform import Rotation
 from all_in_focus.files import yaml_file
 from all_in_focus.files.output_file import whole_file
 
-DISTORTION_LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,)}
+DISTORTION_COEFFICIENTS = {"plumb_bob": 5, "rational_polynomial": 8}
+KNOWN_TO_OPENCV = (0, 4, 5, 8, 12, 14)
+# What a lens can have, as in include/all_in_focus/optics.hpp.
+OPTICS_RANGES = {"focal_length_mm": (0.1, 10000.0), "aperture": (0.1, 1000.0), "circle_of_confusion_mm": (1e-6, 10.0)}
 
 
 def rotation_matrix(rotation):
     """3x3 matrix of a scipy Rotation (as_matrix, which scipy before 1.4 does not have)."""
     return rotation.apply(np.eye(3)).T
+
+
+def distortion_of(model, coefficients):
+    """The coefficients of ROS' models plumb_bob (5) and rational_polynomial (8); drivers pad with zeros. ValueError."""
+    if model not in DISTORTION_COEFFICIENTS:
+        raise ValueError(f'distortion model "{model}" is not supported: use plumb_bob or rational_polynomial')
+    most, D = DISTORTION_COEFFICIENTS[model], np.array(coefficients, float)
+    if not np.isfinite(D).all():
+        raise ValueError(f"{model} has {most} distortion coefficients, all finite, not these: calibrate again")
+    if len(D) not in KNOWN_TO_OPENCV or D[most:].any():
+        raise ValueError(f"{model} has {most} distortion coefficients, not {len(D)}: calibrate again")
+    return np.pad(D[:most], (0, max(0, most - len(D))), "constant")
 
 
 class RigError(ValueError):
@@ -68,9 +82,17 @@ class Optics:
             values = [float(part) for part in text.split(",")]
         except ValueError:
             values = []
-        if len(values) != 3 or not all(math.isfinite(v) and v > 0 for v in values):
+        if len(values) != 3 or not all(value > 0 for value in values):
             raise ValueError(f"optics '{text}': expected three positive numbers f,F,coc")
-        return cls(*values)
+        optics = cls(*values)
+        optics.validate(f"optics '{text}'")
+        return optics
+
+    def validate(self, where):
+        """Raises ValueError, which begins with `where`, unless a lens can have these values."""
+        for name, (least, most) in OPTICS_RANGES.items():
+            if not least <= getattr(self, name) <= most:
+                raise ValueError(f"{where}: {name} must be {least:g} to {most:g}, not {getattr(self, name):g}")
 
 
 @dataclass
@@ -162,13 +184,12 @@ def load_camera(path):
         file.fail("camera_matrix.data", "focal lengths must be positive")
     model = file.text("distortion_model", "plumb_bob")
     D = file.array("distortion_coefficients.data", None) if "distortion_coefficients" in file.data else np.zeros(5)
-    if model not in DISTORTION_LENGTHS:
-        file.fail("distortion_model", f"'{model}' is not one of {', '.join(sorted(DISTORTION_LENGTHS))}")
-    most = max(DISTORTION_LENGTHS[model])
-    if len(D) > most and not D[most:].any():  # many drivers write eight numbers whatever the model
-        D = D[:most]
-    if len(D) not in DISTORTION_LENGTHS[model]:
-        file.fail("distortion_coefficients.data", f"{len(D)} numbers do not fit the model {model}")
+    if model not in DISTORTION_COEFFICIENTS:
+        file.fail("distortion_model", f"'{model}' is not one of {', '.join(sorted(DISTORTION_COEFFICIENTS))}")
+    try:
+        D = distortion_of(model, D)
+    except ValueError as error:
+        file.fail("distortion_coefficients.data", str(error))
     return Camera(file.text("camera_name", "camera"), file.size("image_width"), file.size("image_height"), K, D, model,
                   file.matrix("rectification_matrix", (3, 3), np.eye(3)),
                   file.matrix("projection_matrix", (3, 4), np.hstack([K, np.zeros((3, 1))])))
@@ -177,7 +198,12 @@ def load_camera(path):
 def load_optics(path):
     """Optics from optics.yaml."""
     file = _Reader(path)
-    return Optics(file.positive("focal_length_mm"), file.positive("aperture"), file.positive("circle_of_confusion_mm"))
+    optics = Optics(file.positive("focal_length_mm"), file.positive("aperture"), file.positive("circle_of_confusion_mm"))
+    try:
+        optics.validate(path)
+    except ValueError as error:
+        raise RigError(str(error)) from error
+    return optics
 
 
 def load_rig(folder):

@@ -15,6 +15,8 @@ namespace {
 // Relative tolerance of a span. Without it the rounding of 1 / depth could split a region that fits one depth
 // of field.
 constexpr double kRounding = 1e-9;
+// Nobody takes so many; with an extreme lens the loop below would go on for hours.
+constexpr std::size_t kMaxExposures = 10000;
 
 void requireBeyondFocalLength(const Optics& optics, const DepthRange& range) {
   if (range.min_mm > optics.focal_length_mm && range.min_mm <= range.max_mm) return;
@@ -53,6 +55,11 @@ std::vector<PlannedFocus> planFocus(const Optics& optics, std::vector<DepthRange
   for (std::size_t i = 0;;) {
     while (i < ranges.size() && 1 / ranges[i].max_mm >= sharp_to) ++i;
     if (i == ranges.size()) return plan;
+    if (plan.size() == kMaxExposures) {
+      throw std::invalid_argument(cv::format(
+          "focus plan: more than %zu exposures: check the optics, their depth of field is too thin",
+          kMaxExposures));
+    }
     const double near = std::min(1 / ranges[i].min_mm, sharp_to);
     // Of the span that begins there only what holds depths is needed. The lens is focused on the middle of
     // that: nothing is blurred more than it must be, and no focus lies beyond the depths.

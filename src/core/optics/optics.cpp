@@ -12,10 +12,10 @@
 namespace all_in_focus::core {
 namespace {
 
-void requirePositive(double value, const char* what) {
-  if (!(std::isfinite(value) && value > 0)) {
-    throw std::invalid_argument(cv::format("optics: %s must be positive and finite, not %g", what, value));
-  }
+void require(double value, const OpticsRange& range, const char* what) {
+  if (range.contains(value)) return;
+  throw std::invalid_argument(
+      cv::format("optics: %s must be %g to %g, not %g", what, range.min, range.max, value));
 }
 
 // F CoC u^2: the numerator of equations 9 and 10.
@@ -31,9 +31,9 @@ bool operator==(const Optics& a, const Optics& b) {
 }
 
 void validate(const Optics& optics) {
-  requirePositive(optics.focal_length_mm, "focal length");
-  requirePositive(optics.aperture, "aperture");
-  requirePositive(optics.circle_of_confusion_mm, "circle of confusion");
+  require(optics.focal_length_mm, kFocalLengthRange, "focal length (mm)");
+  require(optics.aperture, kApertureRange, "aperture (f-number)");
+  require(optics.circle_of_confusion_mm, kCircleOfConfusionRange, "circle of confusion (mm)");
 }
 
 double hyperfocalDistance(const Optics& optics) {

@@ -53,6 +53,29 @@ cv::Point2d Camera::undistort(const cv::Point2d& distorted) const {
   return ideal;
 }
 
+std::array<double, 8> distortionOf(const std::string& model, const std::vector<double>& coefficients) {
+  std::array<double, 8> distortion{};
+  if (model.empty()) return distortion;
+  const bool is_rational = model == "rational_polynomial";
+  if (!is_rational && model != "plumb_bob") {
+    throw std::invalid_argument("distortion model \"" + model +
+                                "\" is not supported: use plumb_bob or rational_polynomial");
+  }
+  const std::size_t most = is_rational ? 8 : 5, count = coefficients.size();
+  const auto known = {0, 4, 5, 8, 12, 14};
+  const bool is_known = std::find(known.begin(), known.end(), static_cast<int>(count)) != known.end();
+  const std::size_t used = std::min(most, count);
+  const bool is_padded = std::all_of(coefficients.begin() + static_cast<std::ptrdiff_t>(used),
+                                     coefficients.end(), [](double k) { return k == 0; });
+  if (!is_known || !is_padded) {
+    throw std::invalid_argument(model + " has " + std::to_string(most) + " distortion coefficients, not " +
+                                std::to_string(count) +
+                                ": calibrate again with plumb_bob or rational_polynomial");
+  }
+  std::copy_n(coefficients.begin(), used, distortion.begin());
+  return distortion;
+}
+
 void validate(const Camera& camera, const char* name) {
   const auto fail = [&](const std::string& what) {
     throw std::invalid_argument(std::string(name) + " camera: " + what);
