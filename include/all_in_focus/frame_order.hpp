@@ -21,7 +21,7 @@ namespace all_in_focus::core {
 class FrameOrder {
  public:
   /// reference: index of the reference frame, >= 0.
-  explicit FrameOrder(Mode mode = Mode::kRefined, int reference = 0);
+  FrameOrder(Mode mode, int reference);
 
   /// A frame is here; call in ascending order of index. `last`: no frame follows it.
   void arrived(int index, bool last = false);

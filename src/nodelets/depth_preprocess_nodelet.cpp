@@ -7,20 +7,22 @@
 #include <nodelet/nodelet.h>
 #include <sensor_msgs/image_encodings.h>
 #include <tf2_ros/buffer.h>
-#include <tf2_ros/transform_listener.h>
 
 #include <algorithm>
-#include <boost/bind/bind.hpp>
 #include <boost/make_shared.hpp>
-#include <deque>
+#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <pluginlib/class_list_macros.hpp>
 
 #include "all_in_focus/pipeline.hpp"
+#include "callback_guard.hpp"
 #include "conversions.hpp"
-#include "counted_subscription.hpp"
+#include "image_queue.hpp"
 #include "node_monitor.hpp"
+#include "time_jumps.hpp"
+#include "transform_listener.hpp"
+#include "waiting_list.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -33,8 +35,8 @@ constexpr const char* kProcessedTopic = "depth_registered/processed";
 
 /// Registers depth images to the colour camera and fills their holes.
 ///
-/// All callbacks run one after the other on the nodelet's own queue, but depth images arrive on another
-/// thread, and connecting may meet onInit().
+/// All callbacks run one after the other on the nodelet's own queue, except that connect() may be called
+/// while onInit() runs.
 class DepthPreprocessNodelet : public nodelet::Nodelet {
  public:
   ~DepthPreprocessNodelet() override;
@@ -56,43 +58,43 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   bool isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason);
   Rig currentRig() const;
   void process(const sensor_msgs::ImageConstPtr& depth);
-  void publish(const std_msgs::Header& header, const DepthImage& depth);
+  void registerAndPublish(const std_msgs::Header& header, const DepthImage& depth);
 
   std::unique_ptr<NodeMonitor> monitor_;
+  std::unique_ptr<CallbackGuard> guard_;
+  std::unique_ptr<TimeJumps> time_jumps_;
   int depth_input_ = 0, depth_info_input_ = 0, rgb_info_input_ = 0;
   std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
-  std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
+  std::unique_ptr<TransformListener> tf_listener_;
   Config config_ = Config::__getDefault__();
   std::vector<int> invalid_values_{0, 2047};
   int queue_size_ = 5;
-  bool closing_ = false;
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
   image_transport::Publisher registered_publisher_, filled_publisher_;
   ros::Publisher info_publisher_;
-  std::deque<sensor_msgs::ImageConstPtr> waiting_;  // for camera infos and transform, oldest first
-  ros::WallTime waiting_since_;                     // zero: nothing had to wait lately
+  // For camera infos and transform.
+  std::unique_ptr<WaitingList<sensor_msgs::ImageConstPtr>> waiting_;
+  ros::WallTime waiting_since_;  // zero: nothing had to wait lately
   sensor_msgs::CameraInfoConstPtr depth_info_, rgb_info_;
   geometry_msgs::Transform transform_;
   std::unique_ptr<DepthPreprocessing> preprocessing_;  // of the current rig and mode
   std::string preprocessing_mode_;
 
-  // Last, so that they end first: they call what stands above.
   std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
-  std::unique_ptr<CountedSubscription> depth_subscription_;
+  std::unique_ptr<ImageQueue> depth_queue_;
   ros::Subscriber depth_info_subscriber_, rgb_info_subscriber_;
   ros::WallTimer retry_timer_;
 };
 
-// The publishers, which end later, call connect() as their listeners go.
 DepthPreprocessNodelet::~DepthPreprocessNodelet() {
-  std::lock_guard<std::mutex> lock(connect_mutex_);
-  closing_ = true;
-  if (depth_subscription_ && *depth_subscription_) unsubscribe();
+  if (guard_) guard_->close();
 }
 
 void DepthPreprocessNodelet::onInit() {
   monitor_ =
       std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), kProcessedTopic);
+  guard_ = std::make_unique<CallbackGuard>(*monitor_);
+  time_jumps_ = std::make_unique<TimeJumps>([this](int input) { monitor_->timeWentBack(input); });
   depth_input_ = monitor_->addInput("depth/image_raw", Expect::kStream, "start the depth camera's driver");
   depth_info_input_ =
       monitor_->addInput("depth/camera_info", Expect::kOnce, "start the depth camera's driver");
@@ -100,13 +102,14 @@ void DepthPreprocessNodelet::onInit() {
   readParameters();
 
   tf_buffer_ = std::make_unique<tf2_ros::Buffer>();
-  tf_listener_ = std::make_unique<tf2_ros::TransformListener>(*tf_buffer_, getNodeHandle());
+  tf_listener_ = std::make_unique<TransformListener>(getNodeHandle(), *tf_buffer_, *guard_);
   reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(getPrivateNodeHandle());
   reconfigure_server_->setCallback(
-      boost::bind(&DepthPreprocessNodelet::reconfigure, this, boost::placeholders::_1));
-  depth_subscription_ = std::make_unique<CountedSubscription>(
-      getSTCallbackQueue(), queue_size_, *monitor_,
-      [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
+      guard_->wrap(getName(), [this](Config& config, std::uint32_t /*level*/) { reconfigure(config); }));
+  waiting_ = std::make_unique<WaitingList<sensor_msgs::ImageConstPtr>>(queue_size_);
+  depth_queue_ =
+      std::make_unique<ImageQueue>(getSTCallbackQueue(), queue_size_, *monitor_, *guard_, depth_input_,
+                                   [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
   monitor_->start();
 }
@@ -122,9 +125,9 @@ void DepthPreprocessNodelet::readParameters() {
 void DepthPreprocessNodelet::advertise() {
   ros::NodeHandle& nh = getNodeHandle();
   image_transport::ImageTransport transport(nh);
-  const image_transport::SubscriberStatusCallback image_connect =
-      boost::bind(&DepthPreprocessNodelet::connect, this);
-  const ros::SubscriberStatusCallback info_connect = boost::bind(&DepthPreprocessNodelet::connect, this);
+  const auto on_connect = guard_->wrap(getName(), [this](const auto& /*subscriber*/) { connect(); });
+  const image_transport::SubscriberStatusCallback image_connect = on_connect;
+  const ros::SubscriberStatusCallback info_connect = on_connect;
 
   std::lock_guard<std::mutex> lock(connect_mutex_);
   registered_publisher_ = transport.advertise("depth_registered/image_raw", 1, image_connect, image_connect);
@@ -150,47 +153,51 @@ void DepthPreprocessNodelet::reconfigure(Config& config) {
 // Works only while somebody listens.
 void DepthPreprocessNodelet::connect() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
-  if (closing_) return;
   const bool wanted = registered_publisher_.getNumSubscribers() > 0 ||
                       filled_publisher_.getNumSubscribers() > 0 || info_publisher_.getNumSubscribers() > 0;
-  if (wanted && !*depth_subscription_) subscribe();
-  if (!wanted && *depth_subscription_) unsubscribe();
+  if (wanted && !*depth_queue_) subscribe();
+  if (!wanted && *depth_queue_) unsubscribe();
 }
 
 void DepthPreprocessNodelet::subscribe() {
   ros::NodeHandle& nh = getNodeHandle();
-  depth_info_subscriber_ = nh.subscribe<sensor_msgs::CameraInfo>(
-      "depth/camera_info", queue_size_,
-      [this](const sensor_msgs::CameraInfoConstPtr& info) { onInfo(depth_info_input_, depth_info_, info); });
-  rgb_info_subscriber_ = nh.subscribe<sensor_msgs::CameraInfo>(
-      "rgb/camera_info", queue_size_,
-      [this](const sensor_msgs::CameraInfoConstPtr& info) { onInfo(rgb_info_input_, rgb_info_, info); });
-  depth_subscription_->subscribe(getMTNodeHandle(), getPrivateNodeHandle(), "depth/image_raw");
-  retry_timer_ = nh.createWallTimer(ros::WallDuration(kRetryPeriod),
-                                    [this](const ros::WallTimerEvent&) { processWaiting(); });
+  const auto subscribe = [&](const char* topic, int input, sensor_msgs::CameraInfoConstPtr& slot) {
+    return nh.subscribe<sensor_msgs::CameraInfo>(
+        topic, queue_size_,
+        guard_->input<sensor_msgs::CameraInfo>(
+            input, [this, input, &slot](const auto& info) { onInfo(input, slot, info); }));
+  };
+  depth_info_subscriber_ = subscribe("depth/camera_info", depth_info_input_, depth_info_);
+  rgb_info_subscriber_ = subscribe("rgb/camera_info", rgb_info_input_, rgb_info_);
+  depth_queue_->subscribe(getMTNodeHandle(), getPrivateNodeHandle(), "depth/image_raw");
+  retry_timer_ =
+      nh.createWallTimer(ros::WallDuration(kRetryPeriod),
+                         guard_->wrap(getName(), [this](const ros::WallTimerEvent&) { processWaiting(); }));
   monitor_->setSubscribed(true);
 }
 
 void DepthPreprocessNodelet::unsubscribe() {
   retry_timer_.stop();
-  depth_subscription_->shutdown();
+  depth_queue_->shutdown();
   depth_info_subscriber_.shutdown();
   rgb_info_subscriber_.shutdown();
-  waiting_.clear();
+  waiting_->clear();
+  waiting_since_ = ros::WallTime();
   depth_info_ = rgb_info_ = nullptr;  // may be out of date when the next listener comes
   monitor_->setSubscribed(false);
 }
 
 void DepthPreprocessNodelet::onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot,
                                     const sensor_msgs::CameraInfoConstPtr& info) {
-  if (monitor_->inputArrived(input, info->header.stamp)) giveUpWaiting(waiting_.size());
+  if (time_jumps_->arrived(input, info->header.stamp).jumped) giveUpWaiting(waiting_->size());
   slot = info;
   processWaiting();
 }
 
 void DepthPreprocessNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  if (monitor_->inputArrived(depth_input_, depth->header.stamp)) giveUpWaiting(waiting_.size());
-  waiting_.push_back(depth);
+  if (time_jumps_->arrived(depth_input_, depth->header.stamp).jumped) giveUpWaiting(waiting_->size());
+  for (const auto& dropped : waiting_->push(depth, depth->data.size()))
+    monitor_->consumed(dropped->header, Outcome::kUnmatched);
   processWaiting();
 }
 
@@ -198,14 +205,13 @@ void DepthPreprocessNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
 // it waits.
 void DepthPreprocessNodelet::processWaiting() {
   std::string missing;
-  for (std::size_t ready = 0; ready < waiting_.size();) {
-    if (isSomethingMissing(*waiting_[ready], missing)) {
+  for (std::size_t ready = 0; ready < waiting_->size();) {
+    if (isSomethingMissing(*(*waiting_)[ready], missing)) {
       ++ready;
       continue;
     }
     giveUpWaiting(ready);  // results come in the order of stamps
-    const sensor_msgs::ImageConstPtr depth = waiting_.front();
-    waiting_.pop_front();
+    const sensor_msgs::ImageConstPtr depth = waiting_->pop();
     waiting_since_ = ros::WallTime();
     ready = 0;
     try {
@@ -214,19 +220,14 @@ void DepthPreprocessNodelet::processWaiting() {
       monitor_->consumed(depth->header, Outcome::kInvalid, e.what());
     }
   }
-  const auto most = static_cast<std::size_t>(queue_size_);
-  if (waiting_.size() > most) giveUpWaiting(waiting_.size() - most);
-  if (waiting_.empty()) return;
+  if (waiting_->empty()) return;
   const ros::WallTime now = ros::WallTime::now();
   if (waiting_since_.isZero()) waiting_since_ = now;
   if ((now - waiting_since_).toSec() > kPatience) monitor_->error(missing);
 }
 
 void DepthPreprocessNodelet::giveUpWaiting(std::size_t oldest) {
-  for (; oldest > 0; --oldest) {
-    monitor_->consumed(waiting_.front()->header, Outcome::kUnmatched);
-    waiting_.pop_front();
-  }
+  for (; oldest > 0; --oldest) monitor_->consumed(waiting_->pop()->header, Outcome::kUnmatched);
 }
 
 // True while something that may still come is missing; else transform_ is that of this image. What is broken
@@ -266,10 +267,11 @@ void DepthPreprocessNodelet::process(const sensor_msgs::ImageConstPtr& message) 
     preprocessing_ = std::make_unique<DepthPreprocessing>(rig, toMode(config_.mode));
     preprocessing_mode_ = config_.mode;
   }
-  publish(message->header, depth);
+  registerAndPublish(message->header, depth);
 }
 
-void DepthPreprocessNodelet::publish(const std_msgs::Header& depth_header, const DepthImage& depth) {
+void DepthPreprocessNodelet::registerAndPublish(const std_msgs::Header& depth_header,
+                                                const DepthImage& depth) {
   std_msgs::Header header = depth_header;
   header.frame_id = rgb_info_->header.frame_id;
   const cv::Size size = preprocessing_->rig().color.size;

@@ -51,7 +51,8 @@ visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& c
 
 }  // namespace
 
-SegmentMarkers::SegmentMarkers(ros::NodeHandle& nh, NodeMonitor& monitor) : nh_(nh), monitor_(monitor) {
+SegmentMarkers::SegmentMarkers(ros::NodeHandle& nh, NodeMonitor& monitor, const CallbackGuard& guard)
+    : nh_(nh), monitor_(monitor), guard_(guard) {
   info_input_ = monitor_.addInput(kInfoTopic, Expect::kOptional, "start depth_preprocess");
 }
 
@@ -60,11 +61,12 @@ void SegmentMarkers::advertise(const ros::SubscriberStatusCallback& connect) {
   monitor_.addOutput(kMarkersTopic);
 }
 
-// Shuts down without mutex_: that waits for onInfo(), which wants it.
-void SegmentMarkers::listen(bool wake) {
-  const bool want = wake && wanted();
+void SegmentMarkers::listen(bool awake) {
+  const bool want = awake && wanted();
   if (want && !info_subscriber_) {
-    info_subscriber_ = nh_.subscribe(kInfoTopic, 1, &SegmentMarkers::onInfo, this);
+    info_subscriber_ = nh_.subscribe<sensor_msgs::CameraInfo>(
+        kInfoTopic, 1,
+        guard_.input<sensor_msgs::CameraInfo>(info_input_, [this](const auto& info) { onInfo(info); }));
   } else if (!want && info_subscriber_) {
     info_subscriber_.shutdown();
     info_subscriber_ = {};
@@ -86,7 +88,6 @@ void SegmentMarkers::publish(const CaptionSet& captions) {
 }
 
 void SegmentMarkers::onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
-  monitor_.inputArrived(info_input_, info->header.stamp);
   std::lock_guard<std::mutex> lock(mutex_);
   try {
     camera_ = std::make_unique<Camera>(toCamera(*info, monitor_.resolved(info_input_)));

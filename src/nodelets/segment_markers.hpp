@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "all_in_focus/region_captions.hpp"
+#include "callback_guard.hpp"
 #include "conversions.hpp"
 #include "node_monitor.hpp"
 
@@ -32,13 +33,13 @@ struct CaptionSet {
 class SegmentMarkers {
  public:
   /// In onInit(), before monitor.start().
-  SegmentMarkers(ros::NodeHandle& nh, NodeMonitor& monitor);
+  SegmentMarkers(ros::NodeHandle& nh, NodeMonitor& monitor, const CallbackGuard& guard);
   /// connect: called as listeners come and go.
   void advertise(const ros::SubscriberStatusCallback& connect);
 
   bool wanted() const { return publisher_.getNumSubscribers() > 0; }
-  /// Starts or stops listening to the camera, as wanted; `wake` false: stops. For one thread at a time.
-  void listen(bool wake);
+  /// Starts or stops listening to the camera, as wanted; `awake` false: stops. For one thread at a time.
+  void listen(bool awake);
 
   /// Publishes them, or keeps them until the camera is known: its message may come after the image.
   void publish(const CaptionSet& captions);
@@ -49,6 +50,7 @@ class SegmentMarkers {
 
   ros::NodeHandle nh_;
   NodeMonitor& monitor_;
+  const CallbackGuard& guard_;
   int info_input_ = 0;
   ros::Publisher publisher_;
 
@@ -56,7 +58,7 @@ class SegmentMarkers {
   std::unique_ptr<Camera> camera_;
   std::unique_ptr<CaptionSet> waiting_;  // the newest, for the camera
 
-  ros::Subscriber info_subscriber_;  // last: calls onInfo()
+  ros::Subscriber info_subscriber_;
 };
 
 }  // namespace all_in_focus

@@ -8,7 +8,7 @@
 #include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
-#include <boost/bind/bind.hpp>
+#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <opencv2/imgproc.hpp>
@@ -19,11 +19,13 @@
 #include "all_in_focus/drawing.hpp"
 #include "all_in_focus/focus_plan.hpp"
 #include "all_in_focus/pipeline.hpp"
+#include "callback_guard.hpp"
 #include "config_repair.hpp"
 #include "conversions.hpp"
-#include "counted_subscription.hpp"
+#include "image_queue.hpp"
 #include "node_monitor.hpp"
 #include "segment_markers.hpp"
+#include "time_jumps.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -34,8 +36,8 @@ constexpr const char* kProcessedTopic = "segmentation/processed";
 
 /// Cuts registered depth images into regions that fit into the depth of field.
 ///
-/// All callbacks run one after the other on the nodelet's own queue, but depth images arrive on another
-/// thread, and connecting may meet onInit().
+/// All callbacks run one after the other on the nodelet's own queue, except that connect() may be called
+/// while onInit() runs.
 class SegmenterNodelet : public nodelet::Nodelet {
  public:
   ~SegmenterNodelet() override;
@@ -55,12 +57,13 @@ class SegmenterNodelet : public nodelet::Nodelet {
   void publishPicture(const CaptionSet& captions);
 
   std::unique_ptr<NodeMonitor> monitor_;
+  std::unique_ptr<CallbackGuard> guard_;
+  std::unique_ptr<TimeJumps> time_jumps_;
   int depth_input_ = 0;
   Config config_ = Config::__getDefault__();  // always possible
   Mode mode_ = Mode::kRefined;
   int queue_size_ = 5;
 
-  bool closing_ = false;
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
   ros::Publisher labels_publisher_;  // no image_transport: lossy plug-ins would destroy labels
   ros::Publisher segments_publisher_, plan_publisher_;
@@ -70,31 +73,28 @@ class SegmenterNodelet : public nodelet::Nodelet {
   std::unique_ptr<DofSegmentation> segmentation_;  // empty: the configuration has changed
   Segmentation result_;
 
-  // Last, so that they end first: they call what stands above.
   std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
-  std::unique_ptr<CountedSubscription> depth_subscription_;
+  std::unique_ptr<ImageQueue> depth_queue_;
 };
 
-// The publishers, which end later, call connect() as their listeners go.
 SegmenterNodelet::~SegmenterNodelet() {
-  std::lock_guard<std::mutex> lock(connect_mutex_);
-  closing_ = true;
-  if (depth_subscription_) depth_subscription_->shutdown();
-  if (markers_) markers_->listen(false);
+  if (guard_) guard_->close();
 }
 
 void SegmenterNodelet::onInit() {
   monitor_ =
       std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), kProcessedTopic);
+  guard_ = std::make_unique<CallbackGuard>(*monitor_);
+  time_jumps_ = std::make_unique<TimeJumps>([this](int input) { monitor_->timeWentBack(input); });
   depth_input_ = monitor_->addInput("depth_registered/image", Expect::kStream, "start depth_preprocess");
-  markers_ = std::make_unique<SegmentMarkers>(getNodeHandle(), *monitor_);
+  markers_ = std::make_unique<SegmentMarkers>(getNodeHandle(), *monitor_, *guard_);
   readParameters();
   reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(getPrivateNodeHandle());
   reconfigure_server_->setCallback(
-      boost::bind(&SegmenterNodelet::reconfigure, this, boost::placeholders::_1));
-  depth_subscription_ = std::make_unique<CountedSubscription>(
-      getSTCallbackQueue(), queue_size_, *monitor_,
-      [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
+      guard_->wrap(getName(), [this](Config& config, std::uint32_t /*level*/) { reconfigure(config); }));
+  depth_queue_ =
+      std::make_unique<ImageQueue>(getSTCallbackQueue(), queue_size_, *monitor_, *guard_, depth_input_,
+                                   [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
   monitor_->start();
 }
@@ -113,9 +113,9 @@ void SegmenterNodelet::readParameters() {
 void SegmenterNodelet::advertise() {
   ros::NodeHandle& nh = getNodeHandle();
   image_transport::ImageTransport transport(nh);
-  const ros::SubscriberStatusCallback connect = boost::bind(&SegmenterNodelet::connect, this);
-  const image_transport::SubscriberStatusCallback picture_connect =
-      boost::bind(&SegmenterNodelet::connect, this);
+  const auto on_connect = guard_->wrap(getName(), [this](const auto& /*subscriber*/) { this->connect(); });
+  const ros::SubscriberStatusCallback connect = on_connect;
+  const image_transport::SubscriberStatusCallback picture_connect = on_connect;
 
   std::lock_guard<std::mutex> lock(connect_mutex_);
   labels_publisher_ = nh.advertise<sensor_msgs::Image>("segmentation/labels", 1, connect, connect);
@@ -132,12 +132,13 @@ void SegmenterNodelet::advertise() {
 // What stands in `config` on return is shown to the user.
 void SegmenterNodelet::reconfigure(Config& config) {
   ConfigRepair repair;
-  const auto check_positive = [&repair](double& value, double good, const char* name) {
-    repair.check(value, good, repair.isPositive(value), name);
+  const auto check = [&repair](double& value, double good, const core::OpticsRange& range, const char* name) {
+    repair.check(value, good, range.contains(value), name);
   };
-  check_positive(config.focal_length_mm, config_.focal_length_mm, "focal_length_mm");
-  check_positive(config.aperture, config_.aperture, "aperture");
-  check_positive(config.circle_of_confusion_mm, config_.circle_of_confusion_mm, "circle_of_confusion_mm");
+  check(config.focal_length_mm, config_.focal_length_mm, core::kFocalLengthRange, "focal_length_mm");
+  check(config.aperture, config_.aperture, core::kApertureRange, "aperture");
+  check(config.circle_of_confusion_mm, config_.circle_of_confusion_mm, core::kCircleOfConfusionRange,
+        "circle_of_confusion_mm");
   repair.check(config.dof_rule, config_.dof_rule, config.dof_rule == "paper" || config.dof_rule == "full",
                "dof_rule");
   repair.check(config.min_region_size, config_.min_region_size, config.min_region_size >= 0,
@@ -158,23 +159,22 @@ void SegmenterNodelet::reconfigure(Config& config) {
 // Works only while somebody listens.
 void SegmenterNodelet::connect() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
-  if (closing_) return;
   const bool wanted = labels_publisher_.getNumSubscribers() > 0 ||
                       segments_publisher_.getNumSubscribers() > 0 ||
                       plan_publisher_.getNumSubscribers() > 0 || picture_publisher_.getNumSubscribers() > 0 ||
                       markers_->wanted();
   markers_->listen(wanted);
-  if (wanted && !*depth_subscription_) {
-    depth_subscription_->subscribe(getMTNodeHandle(), getPrivateNodeHandle(), "depth_registered/image");
+  if (wanted && !*depth_queue_) {
+    depth_queue_->subscribe(getMTNodeHandle(), getPrivateNodeHandle(), "depth_registered/image");
     monitor_->setSubscribed(true);
-  } else if (!wanted && *depth_subscription_) {
-    depth_subscription_->shutdown();
+  } else if (!wanted && *depth_queue_) {
+    depth_queue_->shutdown();
     monitor_->setSubscribed(false);
   }
 }
 
 void SegmenterNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  monitor_->inputArrived(depth_input_, depth->header.stamp);  // nothing is cached: time may jump
+  time_jumps_->arrived(depth_input_, depth->header.stamp);  // only shown: nothing is cached
   try {
     process(depth);
   } catch (const std::exception& e) {
@@ -211,9 +211,13 @@ void SegmenterNodelet::process(const sensor_msgs::ImageConstPtr& message) {
 void SegmenterNodelet::publishPlan(const std_msgs::Header& header) {
   if (plan_publisher_.getNumSubscribers() == 0) return;
   const core::Optics& optics = segmentation_->config().optics;
-  const FocusPlanPtr plan = toMessage(planFocus(optics, result_.segments), optics, result_.segments.size());
-  plan->header = header;
-  plan_publisher_.publish(plan);
+  try {
+    const FocusPlanPtr plan = toMessage(planFocus(optics, result_.segments), optics, result_.segments.size());
+    plan->header = header;
+    plan_publisher_.publish(plan);
+  } catch (const std::invalid_argument& e) {
+    monitor_->warn(e.what());  // labels are good without it
+  }
 }
 
 // The outputs with captions, which cost more than the labels do.

@@ -7,6 +7,8 @@
 #include <cctype>
 #include <sstream>
 
+#include "time_jumps.hpp"
+
 namespace all_in_focus {
 namespace {
 
@@ -16,7 +18,6 @@ constexpr std::chrono::seconds kSilence{5};
 constexpr std::chrono::seconds kSilenceThrottle{30};
 constexpr std::chrono::seconds kLogThrottle{1};
 constexpr std::chrono::seconds kRateWindow{10};
-constexpr double kJumpTolerance = 0.1;  // s
 
 const char* keyOf(Outcome outcome) {
   switch (outcome) {
@@ -75,7 +76,7 @@ NodeMonitor::~NodeMonitor() {
 
 int NodeMonitor::addInput(const std::string& topic, Expect expect, const std::string& remedy) {
   std::lock_guard<std::mutex> lock(mutex_);
-  inputs_.push_back({nh_.resolveName(topic), expect, remedy, 0, false, {}, {}});
+  inputs_.push_back({nh_.resolveName(topic), expect, remedy, 0, false, {}});
   return static_cast<int>(inputs_.size()) - 1;
 }
 
@@ -108,33 +109,23 @@ void NodeMonitor::setSubscribed(bool subscribed) {
   if (!subscribed) current_ = {};
 }
 
-bool NodeMonitor::inputArrived(int input, const ros::Time& stamp) {
+void NodeMonitor::inputArrived(int input) {
   std::lock_guard<std::mutex> lock(mutex_);
   Input& in = inputs_.at(input);
   ++in.arrived;
   in.since_subscribed = true;
   in.last_arrival = Clock::now();
-  return timeWentBack(in, stamp);
 }
 
-bool NodeMonitor::timeWentBack(Input& input, const ros::Time& stamp) {
-  const ros::Time now = ros::Time::now();
-  const ros::Duration tolerance(kJumpTolerance);
-  bool clock_back = now + tolerance < last_now_;
-  const bool stamp_back = !stamp.isZero() && stamp + tolerance < input.last_stamp;
-  last_now_ = now;
-  // A jump shows on the clock and on every input, in any order, and counts once: later signs of it would
-  // empty what came after it.
-  if (clock_back && clock_lags_) clock_back = clock_lags_ = false;
-  if (clock_back || stamp_back) {
-    for (Input& in : inputs_) in.last_stamp = ros::Time();
-    clock_lags_ = !clock_back && ros::Time::isSimTime();
-    ++resets_;
-    ROS_INFO_STREAM(name_ << ": time went back (" << input.topic << "), starting afresh");
-  }
-  const bool from_before = ros::Time::isSimTime() && now + tolerance < stamp;
-  if (!stamp.isZero() && !from_before) input.last_stamp = std::max(input.last_stamp, stamp);
-  return clock_back || stamp_back;
+void NodeMonitor::setExpect(int input, Expect expect) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  inputs_.at(input).expect = expect;
+}
+
+void NodeMonitor::timeWentBack(int input) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  ++time_jumps_;
+  ROS_INFO_STREAM(name_ << ": time went back (" << inputs_.at(input).topic << "), starting afresh");
 }
 
 void NodeMonitor::consumed(const std_msgs::Header& header, Outcome outcome, const std::string& reason) {
@@ -144,7 +135,7 @@ void NodeMonitor::consumed(const std_msgs::Header& header, Outcome outcome, cons
     std::lock_guard<std::mutex> lock(mutex_);
     processed_at_.push_back(Clock::now());
     delay_known_ = !header.stamp.isZero() && !now.isZero();
-    if (delay_known_) delay_ms_ = (now - header.stamp).toSec() * 1e3;
+    if (delay_known_) delay_ms_ = secondsBetween(header.stamp, now) * 1e3;
     current_ = {};
   }
   if (!reason.empty()) outcome == Outcome::kInvalid ? error(reason) : warn(reason);
@@ -270,7 +261,7 @@ void NodeMonitor::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
                               : processed_at_.size() / std::max(1.0, seconds(now - processed_at_.front())));
   status.add("delay [ms]", delay_known_ ? std::to_string(delay_ms_) : "unknown");
   status.add("last error", last_error_);
-  status.add("backward time jumps", resets_);
+  status.add("backward time jumps", time_jumps_);
   for (const Input& input : inputs_) {
     std::string text = std::to_string(input.arrived) + " messages";
     if (input.arrived > 0) text += ", last " + formatSeconds(seconds(now - input.last_arrival)) + " ago";

@@ -32,10 +32,10 @@ enum class Outcome {
 };
 
 /// What people see of a node besides its results: resolved topics at start, counters, rate and delay on
-/// /diagnostics, named and throttled errors, a warning for silent inputs. Also notices when time jumps back.
+/// /diagnostics, named and throttled errors, a warning for silent inputs.
 ///
 /// In onInit(): addInput(), addOutput(), start(). On lazy subscription: setSubscribed(). First in every input
-/// callback: inputArrived(), and empty all caches if it says so. When done with an input: consumed().
+/// callback: inputArrived() (CallbackGuard does it). When done with an input: consumed().
 ///
 /// All methods are thread-safe; add inputs and outputs before start().
 class NodeMonitor {
@@ -58,12 +58,14 @@ class NodeMonitor {
   /// Lazy subscription: silence counts only while subscribed. Ends errors and warnings when it becomes false.
   void setSubscribed(bool subscribed);
 
-  /// Call first in every input callback. True once per backward jump of ros::Time::now() or of this input's
-  /// stamps (by more than 0.1 s, so that a jittery driver does no harm): the node has to empty its caches
-  /// before it goes on.
-  bool inputArrived(int input, const ros::Time& stamp);
+  void inputArrived(int input);
+  /// Changes how long an input may be silent.
+  void setExpect(int input, Expect expect);
 
-  /// One input is done with: counts it, and publishes its header on the processed topic. A reason is logged
+  /// Counts a backward jump of time that showed on an input.
+  void timeWentBack(int input);
+
+  /// Acknowledges an input: counts it, and publishes its header on the processed topic. A reason is logged
   /// and reported like error() for kInvalid, like warn() otherwise.
   void consumed(const std_msgs::Header& header, Outcome outcome, const std::string& reason = {});
   /// One input is kept for later: its sender need not wait, but consumed() is still to come.
@@ -83,6 +85,7 @@ class NodeMonitor {
   void setValue(const std::string& key, const std::string& value);
 
   std::string resolved(int input) const;
+  const std::string& name() const { return name_; }
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -94,14 +97,12 @@ class NodeMonitor {
     std::uint64_t arrived;
     bool since_subscribed;  // arrived since the last subscription
     Clock::time_point last_arrival;
-    ros::Time last_stamp;
   };
   struct Condition {
     unsigned char level = 0;
     std::string text = "ok";
   };
 
-  bool timeWentBack(Input& input, const ros::Time& stamp);
   void raise(unsigned char level, const std::string& text);
   bool throttled(const std::string& text);
   bool silent(const Input& input, Clock::time_point now) const;
@@ -123,9 +124,7 @@ class NodeMonitor {
   std::map<std::string, Clock::time_point> logged_;
   bool subscribed_ = false;
   Clock::time_point subscribed_at_, silence_warned_at_;
-  ros::Time last_now_;
-  bool clock_lags_ = false;  // a jump was seen on stamps, /clock is still to follow
-  std::uint64_t resets_ = 0;
+  std::uint64_t time_jumps_ = 0;
   std::deque<Clock::time_point> processed_at_;  // of the last ten seconds
   double delay_ms_ = 0;
   bool delay_known_ = false;

@@ -7,14 +7,18 @@ import itertools
 import numpy as np
 import rospy
 import rostest
+from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
 
 from all_in_focus.msg import SegmentArray
 from depth_testing import HEIGHT, WIDTH, GraphTest, camera_info, image_message, pixels_of, two_planes, wait_until
 
 OK, WARN, ERROR = 0, 1, 2
 STAMPS = itertools.count(1000)
+LAST_STAMP = rospy.Time(4294967295, 950000000)
 
 
 def changed(message, **fields):
@@ -59,6 +63,17 @@ class SegmenterTest(GraphTest):
             status = self.diagnostics.wait('alone/segmenter', lambda s: s.level == ERROR and wrong in s.message)
             self.assertIn('/alone/depth_registered/image', status.message)
             self.assertIsNone(self.labels.at(message.header.stamp.to_sec(), timeout=0))
+        self.assert_good_depth_is_processed()
+
+    def test_an_impossible_stamp_ends_no_node(self):
+        info = self.talk('/alone/depth_registered/camera_info', CameraInfo)
+        self.listen('/alone/segmentation/markers', MarkerArray)
+        for talker, message, topic in ((self.depth, image_message(two_planes(), 0), 'image'),
+                                       (info, camera_info(0, 'color'), 'camera_info')):
+            message.header.stamp = LAST_STAMP
+            talker.say(message)
+            self.diagnostics.wait('alone/segmenter', lambda s: s.level == ERROR and 'is impossible' in s.message
+                                  and '/alone/depth_registered/' + topic in s.message)
         self.assert_good_depth_is_processed()
 
     def test_no_depth_at_all(self):
@@ -117,6 +132,36 @@ class DepthPreprocessTest(GraphTest):
         self.raw = self.listen('/chain/depth_registered/image_raw', Image)
         self.assert_error("~image_transport: 'nonsense' is not installed here, only", 'raw: using raw')
         self.assertEqual(rospy.get_param('/' + self.NODE + '/image_transport'), 'raw')
+        self.assert_good_depth_is_processed()
+
+    def test_an_impossible_stamp_ends_no_node(self):
+        for talker, message, topic in ((self.depth, image_message(two_planes(), 0), '/chain/depth/image_raw'),
+                                       (self.infos['depth'], camera_info(0, 'depth'), '/chain/depth/camera_info'),
+                                       (self.infos['rgb'], camera_info(0, 'color'), '/chain/rgb/camera_info')):
+            message.header.stamp = LAST_STAMP
+            talker.say(message)
+            self.assert_error(topic, 'stamp 4294967295 s 950000000 ns is impossible')
+        self.assert_good_depth_is_processed()
+
+    def test_an_impossible_stamp_of_a_transform_ends_no_node(self):
+        transform = TransformStamped(child_frame_id='somewhere')
+        transform.header.frame_id, transform.header.stamp = 'color', LAST_STAMP
+        transform.transform.rotation.w = 1.0
+        talker = self.talk('/tf', TFMessage)
+        for stamp in (LAST_STAMP, rospy.Time(1)):
+            transform.header.stamp = stamp
+            talker.say(TFMessage([transform]))
+        self.assert_error('/tf', 'is impossible')
+        self.assert_good_depth_is_processed()
+
+    def test_sizes_that_no_sensor_has_are_refused(self):
+        huge = camera_info(0, 'color')
+        huge.width = huge.height = 20000
+        outside = camera_info(0, 'color')
+        outside.roi.width = outside.roi.height = 46000
+        for info, words in ((huge, '100 megapixels'), (outside, 'region of interest')):
+            self.send(rgb=info)
+            self.assert_error('/chain/rgb/camera_info', words)
         self.assert_good_depth_is_processed()
 
     def test_uncalibrated_cameras_are_named(self):

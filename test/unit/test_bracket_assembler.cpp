@@ -2,13 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 
 #include <gtest/gtest.h>
-#include <std_msgs/Header.h>
 
-#include <boost/make_shared.hpp>
 #include <string>
 
 #include "bracket_assembler.hpp"
-#include "stamp_pairing.hpp"
 
 using namespace all_in_focus;
 
@@ -147,68 +144,6 @@ TEST(BracketAssembler, FocusMessagesThatAppearBeginABracket) {
   feed(a, at(0));
   EXPECT_EQ(feed(a, focus(3, 0)), ")(0");
   EXPECT_FALSE(a.gapElapsed(1000));  // a focus bracket takes its time
-}
-
-struct A {
-  std_msgs::Header header;
-};
-struct B {
-  std_msgs::Header header;
-};
-using PtrA = boost::shared_ptr<A>;
-using PtrB = boost::shared_ptr<B>;
-
-template <typename T>
-boost::shared_ptr<T> stamped(double stamp) {
-  auto message = boost::make_shared<T>();
-  message->header.stamp = ros::Time(stamp);
-  return message;
-}
-
-TEST(StampPairing, PairsEqualStampsAndTellsWhatIsLeftOver) {
-  StampPairing<PtrA, PtrB> pairing(10);
-  StampPairing<PtrA, PtrB>::Pair pair;
-  std::vector<StampPairing<PtrA, PtrB>::Pair> unmatched;
-  EXPECT_FALSE(pairing.add(stamped<A>(1), pair, unmatched));
-  EXPECT_FALSE(pairing.add(stamped<A>(2), pair, unmatched));
-  EXPECT_TRUE(pairing.add(stamped<B>(2), pair, unmatched));
-  EXPECT_EQ(pair.first->header.stamp, ros::Time(2));
-  ASSERT_EQ(unmatched.size(), 1u);
-  EXPECT_EQ(unmatched[0].first->header.stamp, ros::Time(1));
-}
-
-TEST(StampPairing, SurvivesTimeThatJumpsBack) {
-  StampPairing<PtrA, PtrB> pairing(3);
-  StampPairing<PtrA, PtrB>::Pair pair;
-  std::vector<StampPairing<PtrA, PtrB>::Pair> unmatched;
-  for (int i = 100; i < 103; ++i) pairing.add(stamped<A>(i), pair, unmatched);
-  pairing.forgetAfter(ros::Time(10));
-  EXPECT_FALSE(pairing.add(stamped<B>(10), pair, unmatched));
-  pairing.forgetAfter(ros::Time(10));  // the other topic tells of the same jump
-  EXPECT_TRUE(pairing.add(stamped<A>(10), pair, unmatched));
-  EXPECT_TRUE(unmatched.empty());
-}
-
-TEST(StampPairing, APairOfBeforeAJumpTakesNothingNewAway) {
-  StampPairing<PtrA, PtrB> pairing(10);
-  StampPairing<PtrA, PtrB>::Pair pair;
-  std::vector<StampPairing<PtrA, PtrB>::Pair> unmatched;
-  pairing.add(stamped<A>(99), pair, unmatched);  // its partner is lost
-  pairing.add(stamped<A>(100), pair, unmatched);
-  pairing.add(stamped<A>(1), pair, unmatched);
-  EXPECT_TRUE(pairing.add(stamped<B>(100), pair, unmatched));  // was still under way
-  ASSERT_EQ(unmatched.size(), 1u);
-  EXPECT_EQ(unmatched[0].first->header.stamp, ros::Time(99));
-  EXPECT_TRUE(pairing.add(stamped<B>(1), pair, unmatched));
-  EXPECT_EQ(unmatched.size(), 1u);
-}
-
-TEST(StampPairing, KeepsNoMoreThanItsLimit) {
-  StampPairing<PtrA, PtrB> pairing(2);
-  StampPairing<PtrA, PtrB>::Pair pair;
-  std::vector<StampPairing<PtrA, PtrB>::Pair> unmatched;
-  for (int i = 1; i <= 5; ++i) pairing.add(stamped<A>(i), pair, unmatched);
-  EXPECT_EQ(unmatched.size(), 3u);
 }
 
 }  // namespace

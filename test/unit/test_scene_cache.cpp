@@ -12,10 +12,10 @@
 #include <thread>
 #include <vector>
 
-#include "bracket_scene.hpp"
-#include "image_limit.hpp"
+#include "open_bracket.hpp"
 #include "scene_cache.hpp"
 #include "stopwatch.hpp"
+#include "waiting_list.hpp"
 
 using namespace all_in_focus;
 
@@ -226,4 +226,95 @@ TEST(ImageLimit, BoundsNumberAndBytes) {
   image.data.resize(100 << 20);
   EXPECT_EQ(imageLimit(64, image), 4u);
   EXPECT_EQ(imageLimit(0, image), 0u);
+}
+
+TEST(WaitingList, DropsTheOldestBeyondNumberOrBytes) {
+  using Items = std::vector<int>;
+  WaitingList<int> list(3);
+  for (const int item : {1, 2, 3}) EXPECT_TRUE(list.push(item, 1).empty());
+  EXPECT_EQ(list.push(4, 1), (Items{1}));
+  WaitingList<int> large(64);
+  for (const int item : {1, 2, 3, 4}) EXPECT_TRUE(large.push(item, kMaxWaitingBytes / 2).empty());
+  EXPECT_EQ(large.push(5, kMaxWaitingBytes / 2), (Items{1}));
+  EXPECT_EQ(large.pop(), 2);
+  EXPECT_EQ(large.size(), 3u);
+}
+
+TEST_F(SceneCacheTest, WhatAnAnnouncedFrameNeedsStaysWhateverComesLater) {
+  cache_.pin(ros::Time(10.51));
+  for (int i = 0; i <= 3000; ++i) {  // 100 s of a Kinect
+    const double stamp = 10 + i / 30.0;
+    cache_.addDepth(image(stamp));
+    cache_.addMeasured(image(stamp));
+    cache_.addLabels(labels(stamp));
+  }
+  const SceneMessages scene = cache_.await(ros::Time(10.51), 1, 0, true);
+  ASSERT_TRUE(scene.labels.labels && scene.depth && scene.measured);
+  EXPECT_EQ(scene.labels.labels->header.stamp, ros::Time(10 + 15 / 30.0));
+  EXPECT_EQ(scene.depth->header.stamp, scene.labels.labels->header.stamp);
+  EXPECT_EQ(scene.measured->header.stamp, scene.labels.labels->header.stamp);
+}
+
+TEST_F(SceneCacheTest, FramesThatNobodyAnnouncedMayBeLate) {
+  for (int i = 0; i <= 1800; ++i) {  // 60 s of a Kinect
+    const double stamp = 10 + i / 30.0;
+    cache_.addDepth(image(stamp));
+    cache_.addMeasured(image(stamp));
+    cache_.addLabels(labels(stamp));
+  }
+  for (const double late : {0.1, 1.5, 3.0, 5.0, 20.0}) {
+    const ros::Time frame(70.01 - late);
+    cache_.frameArrived(frame);
+    const SceneMessages scene = cache_.await(frame, 1, 0, true);
+    ASSERT_TRUE(scene.labels.labels && scene.depth && scene.measured) << late << " s: " << scene.no_labels;
+    if (late < 0.5) {
+      EXPECT_GT(scene.labels.labels->header.stamp, frame - ros::Duration(0.04));
+    }
+  }
+}
+
+TEST_F(SceneCacheTest, TheCacheIsBoundedByBytes) {
+  const int height = 1242, width = 4416;  // 22 MB of labels
+  for (int i = 0; i < 40; ++i) {
+    LabelSet set = labels(10 + i);
+    const auto large = boost::make_shared<sensor_msgs::Image>(*set.labels);
+    large->data.resize(static_cast<std::size_t>(width) * height * 4);
+    set.labels = large;
+    cache_.addLabels(set);
+  }
+  int kept = 0;
+  for (int i = 0; i < 40; ++i)
+    kept += cache_.await(ros::Time(10 + i), 0.5, 0, false).labels.labels != nullptr;
+  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / (std::size_t{width} * height * 4)));
+  EXPECT_GE(kept, 4);
+}
+
+TEST_F(SceneCacheTest, SilenceIsWaitedForOnce) {
+  cache_.expect(kAll);
+  const Stopwatch watch;
+  cache_.await(ros::Time(10), 1, 0.5, true);
+  EXPECT_GE(watch.milliseconds(), 499);
+  for (int i = 1; i < 20; ++i) cache_.await(ros::Time(10 + i), 1, kFarTooLong, true);
+  EXPECT_LT(watch.milliseconds(), 10000);
+  cache_.addLabels(labels(50));  // it speaks again
+  auto scene =
+      std::async(std::launch::async, [&] { return cache_.await(ros::Time(50.5), 1, kFarTooLong, false); });
+  EXPECT_FALSE(isReady(scene, 500));
+  cache_.addLabels(labels(51));
+  EXPECT_EQ(scene.get().labels.labels->header.stamp, ros::Time(50));
+}
+
+TEST_F(SceneCacheTest, SaysWhyThereAreNoLabels) {
+  const auto why = [this](double stamp) { return cache_.await(ros::Time(stamp), 1, 0, false).no_labels; };
+  const auto contains = [](const std::string& text, const std::string& part) {
+    return text.find(part) != std::string::npos ? testing::AssertionSuccess()
+                                                : testing::AssertionFailure() << text;
+  };
+  EXPECT_TRUE(contains(why(10), "is the segmenter running?"));
+  cache_.addLabels(labels(10));
+  EXPECT_TRUE(contains(why(13.5), "3.5 s older"));
+  EXPECT_TRUE(contains(why(8), "2.0 s newer"));
+  EXPECT_EQ(why(10.5), "");
+  for (int i = 0; i < 6000; ++i) cache_.addLabels(labels(10 + i / 30.0));
+  EXPECT_TRUE(contains(why(20), "no longer in memory"));
 }

@@ -71,6 +71,9 @@ BracketAssembler::Step BracketAssembler::add(const FrameInfo& frame) {
   next_ = index + 1;
   last_stamp_s_ = frame.stamp_s;
   step.index = static_cast<int>(index);
+  step.bracket_id = id_;
+  step.length = static_cast<int>(count_);
+  step.missing = missing_;
   step.last = (frame.has_focus && frame.last) || next_ == kMaxFrames || (count_ > 0 && next_ >= count_);
   return step;
 }

@@ -32,6 +32,9 @@ class BracketAssembler {
     bool use = false;    ///< false: it belongs to no bracket, `reason` says why
     int index = 0;       ///< its place in the bracket
     bool last = false;   ///< the bracket ends with it: close() is due
+    std::uint32_t bracket_id = 0;
+    int length = 0;   ///< of the bracket, as BracketAssembler::length()
+    int missing = 0;  ///< frames of the bracket that did not come before this one
     std::string reason;
   };
 
@@ -56,8 +59,6 @@ class BracketAssembler {
   std::uint32_t bracketId() const { return id_; }
   /// Frames the bracket will have, where that is known in advance, else 0.
   int length() const { return static_cast<int>(count_); }
-  /// Frames of the bracket so far, the missing ones included.
-  int seen() const { return static_cast<int>(next_); }
   /// Frames of the bracket announced so far (all of them, once it is complete) that did not come.
   int missing() const { return missing_; }
 

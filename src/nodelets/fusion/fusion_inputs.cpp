@@ -8,25 +8,32 @@
 #include <algorithm>
 #include <vector>
 
-#include "await_publishers.hpp"
-#include "transport_choice.hpp"
+#include "transports.hpp"
 
 namespace all_in_focus {
 namespace {
 
 namespace enc = sensor_msgs::image_encodings;
 
-constexpr std::size_t kPairsWaiting = 64;
+constexpr std::size_t kFramesWaiting =
+    1024;  // stamps: a camera may send the pictures of a sweep after its end
+constexpr std::size_t kLabelsWaiting = 64;
+constexpr std::uint32_t kEndless = 0;  // callbacks hand over at once; what waits is bounded and counted there
+
+bool isPublished(const ros::Subscriber& subscriber) {
+  return subscriber && subscriber.getNumPublishers() > 0;
+}
 
 }  // namespace
 
 FusionInputs::FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, NodeMonitor& monitor,
-                           SceneCache& scenes, FusionWorker& worker)
+                           const CallbackGuard& guard, SceneCache& scenes, FrameQueue& frames)
     : nh_(nh),
       private_nh_(private_nh),
       monitor_(monitor),
+      guard_(guard),
       scenes_(scenes),
-      worker_(worker),
+      frames_(frames),
       image_input_(monitor.addInput("rgb/image", Expect::kStream, "start the colour camera's driver")),
       focus_input_(monitor.addInput("rgb/focus", Expect::kOptional, "")),
       info_input_(monitor.addInput("rgb/camera_info", Expect::kOnce, "start the colour camera's driver")),
@@ -34,22 +41,40 @@ FusionInputs::FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& pri
       segments_input_(monitor.addInput("segmentation/segments", Expect::kOnce, "start the segmenter")),
       depth_input_(monitor.addInput("depth_registered/image", Expect::kOnce, "start depth_preprocess")),
       measured_input_(monitor.addInput("depth_registered/image_raw", Expect::kOptional, "")),
-      transport_(nh),
-      frame_pairing_(kPairsWaiting),
-      label_pairing_(kPairsWaiting) {}
+      time_jumps_([this](int input) { monitor_.timeWentBack(input); }),
+      frame_matcher_(
+          kFramesWaiting,
+          [this](const auto& image, const auto& focus) {
+            frames_.add({image, focus});
+          },
+          [this](const auto& image, const auto&) { onUnmatchedFrame(image); }),
+      label_matcher_(
+          kLabelsWaiting, [this](const auto& labels, const auto& segments) { onLabelSet(labels, segments); },
+          [this](const auto&, const auto&) { monitor_.count(Outcome::kUnmatched); }),
+      transport_(nh) {}
 
-void FusionInputs::subscribe(int queue_size) {
-  queue_size_ = queue_size;
+template <typename Message>
+ros::Subscriber FusionInputs::subscribeTo(
+    const char* topic, int input, void (FusionInputs::*callback)(const boost::shared_ptr<const Message>&)) {
+  return nh_.subscribe<Message>(
+      topic, kEndless,
+      guard_.input<Message>(input, [this, callback](const auto& message) { (this->*callback)(message); }));
+}
+
+void FusionInputs::subscribe() {
   const image_transport::TransportHints hints = chosenTransport(nh_, private_nh_, monitor_);
   // Depth and labels go by plain ROS: lossy transports would destroy them. They are there before colour
   // comes.
   updateMeasured();
-  depth_subscriber_ = nh_.subscribe("depth_registered/image", queue_size, &FusionInputs::onDepth, this);
-  labels_subscriber_ = nh_.subscribe("segmentation/labels", queue_size, &FusionInputs::onLabels, this);
-  segments_subscriber_ = nh_.subscribe("segmentation/segments", queue_size, &FusionInputs::onSegments, this);
-  info_subscriber_ = nh_.subscribe("rgb/camera_info", 5, &FusionInputs::onInfo, this);
-  focus_subscriber_ = nh_.subscribe("rgb/focus", queue_size, &FusionInputs::onFocus, this);
-  image_subscriber_ = transport_.subscribe("rgb/image", queue_size, &FusionInputs::onImage, this, hints);
+  depth_subscriber_ = subscribeTo("depth_registered/image", depth_input_, &FusionInputs::onDepth);
+  labels_subscriber_ = subscribeTo("segmentation/labels", labels_input_, &FusionInputs::onLabels);
+  segments_subscriber_ = subscribeTo("segmentation/segments", segments_input_, &FusionInputs::onSegments);
+  info_subscriber_ = subscribeTo("rgb/camera_info", info_input_, &FusionInputs::onInfo);
+  focus_subscriber_ = subscribeTo("rgb/focus", focus_input_, &FusionInputs::onFocus);
+  image_subscriber_ = transport_.subscribe(
+      "rgb/image", kEndless,
+      guard_.input<sensor_msgs::Image>(image_input_, [this](const auto& image) { onImage(image); }),
+      ros::VoidPtr(), hints);
   monitor_.setSubscribed(true);
 }
 
@@ -59,12 +84,14 @@ void FusionInputs::unsubscribe() {
   for (ros::Subscriber* s : {&depth_subscriber_, &measured_subscriber_, &labels_subscriber_,
                              &segments_subscriber_, &info_subscriber_, &focus_subscriber_}) {
     s->shutdown();
+    *s = {};
   }
-  measured_subscriber_ = {};
-  frame_pairing_.clear();
-  label_pairing_.clear();
+  frame_matcher_.clear();
+  label_matcher_.clear();
   focus_seen_ = awaited_ = false;
-  worker_.stopListening();
+  announced_bracket_.reset();
+  monitor_.setExpect(image_input_, Expect::kStream);
+  frames_.abandon();
   scenes_.clear();
   monitor_.setSubscribed(false);
 }
@@ -77,23 +104,27 @@ void FusionInputs::needMeasured(bool needed) {
 void FusionInputs::updateMeasured() {
   if (needs_measured_ && !measured_subscriber_) {
     measured_subscriber_ =
-        nh_.subscribe("depth_registered/image_raw", queue_size_, &FusionInputs::onMeasured, this);
+        subscribeTo("depth_registered/image_raw", measured_input_, &FusionInputs::onMeasured);
   } else if (!needs_measured_ && measured_subscriber_) {
     measured_subscriber_.shutdown();
     measured_subscriber_ = {};
   }
 }
 
-// A jump back shows on any input first, and again where an old message was still under way. Frames that came
-// before may be new already, so only frames end the open bracket. The message itself may have been under way
-// when /clock jumped.
-void FusionInputs::arrived(int input, const ros::Time& stamp, bool is_frame) {
-  if (!monitor_.inputArrived(input, stamp)) return;
-  const ros::Time now = std::min(stamp, ros::Time::now());
-  if (is_frame) frame_pairing_.forgetAfter(now);
-  label_pairing_.forgetAfter(now);
-  scenes_.forgetAfter(now);
-  if (is_frame) worker_.restart();
+// False: the message was sent before time jumped back, and is not to be used. A jump seen on any input
+// empties all matching and the cache; but frames may be new already when it shows on another input, so only
+// frames end the open bracket.
+bool FusionInputs::noticeJump(int input, const ros::Time& stamp, bool is_frame) {
+  const TimeJumps::Arrival arrival = time_jumps_.arrived(input, stamp);
+  if (arrival.jumped) {
+    const ros::Time now = std::min(stamp, ros::Time::now());
+    frame_matcher_.forgetAfter(now);
+    label_matcher_.forgetAfter(now);
+    scenes_.forgetAfter(now);
+    if (is_frame) frames_.restart();
+  }
+  if (arrival.leftover) monitor_.count(Outcome::kUnmatched);
+  return !arrival.leftover;
 }
 
 void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
@@ -105,81 +136,70 @@ void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
     awaitPublishers(others);
   }
   awaited_ = true;
-  arrived(image_input_, image->header.stamp, /*is_frame=*/true);
-  const auto published = [](const ros::Subscriber& s) { return s && s.getNumPublishers() > 0; };
-  scenes_.expect({published(labels_subscriber_), published(depth_subscriber_),
-                  published(measured_subscriber_), published(info_subscriber_)});
-  // Once rgb/focus is there, it says what a bracket is.
-  if (focus_seen_ || published(focus_subscriber_)) {
-    pairFrame(image);
+  if (!noticeJump(image_input_, image->header.stamp, /*is_frame=*/true)) {
+    monitor_.kept(image->header);
+    return;
+  }
+  scenes_.expect({isPublished(labels_subscriber_), isPublished(depth_subscriber_),
+                  isPublished(measured_subscriber_), isPublished(info_subscriber_)});
+  // Once rgb/focus is there, it says what a bracket is, and the camera may be silent between brackets.
+  if (focus_seen_ || isPublished(focus_subscriber_)) {
+    monitor_.setExpect(image_input_, Expect::kOnce);
+    frame_matcher_.add(image);
   } else {
-    worker_.addFrame({image, nullptr});
+    frames_.add({image, nullptr});
   }
 }
 
+// Sent at the shutter: the image may come much later.
 void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
-  arrived(focus_input_, focus->header.stamp, /*is_frame=*/true);
+  if (!noticeJump(focus_input_, focus->header.stamp, /*is_frame=*/true)) return;
   focus_seen_ = true;
-  pairFrame(focus);
+  monitor_.setExpect(image_input_, Expect::kOnce);
+  if (focus->index == 0 || announced_bracket_ != focus->bracket_id) scenes_.pin(focus->header.stamp);
+  announced_bracket_ = focus->bracket_id;
+  frame_matcher_.add(focus);
+}
+
+void FusionInputs::onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image) {
+  if (image) {
+    monitor_.consumed(image->header, Outcome::kUnmatched,
+                      "colour frame without a rgb/focus message of the same stamp");
+  } else {
+    monitor_.count(Outcome::kUnmatched);
+  }
 }
 
 void FusionInputs::onLabels(const sensor_msgs::ImageConstPtr& labels) {
-  arrived(labels_input_, labels->header.stamp);
-  pairLabels(labels);
+  if (noticeJump(labels_input_, labels->header.stamp)) label_matcher_.add(labels);
 }
 
 void FusionInputs::onSegments(const SegmentArrayConstPtr& segments) {
-  arrived(segments_input_, segments->header.stamp);
-  pairLabels(segments);
+  if (noticeJump(segments_input_, segments->header.stamp)) label_matcher_.add(segments);
+}
+
+void FusionInputs::onLabelSet(const sensor_msgs::ImageConstPtr& labels,
+                              const SegmentArrayConstPtr& segments) {
+  if (labels->encoding != enc::TYPE_32SC1 ||
+      labels->data.size() < std::size_t{labels->step} * labels->height || labels->data.empty()) {
+    monitor_.count(Outcome::kInvalid);
+    monitor_.error(monitor_.resolved(labels_input_) + ": labels must be 32SC1 and not empty, not " +
+                   labels->encoding);
+    return;
+  }
+  scenes_.addLabels({labels, segments});
 }
 
 void FusionInputs::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  arrived(depth_input_, depth->header.stamp);
-  scenes_.addDepth(depth);
+  if (noticeJump(depth_input_, depth->header.stamp)) scenes_.addDepth(depth);
 }
 
 void FusionInputs::onMeasured(const sensor_msgs::ImageConstPtr& measured) {
-  arrived(measured_input_, measured->header.stamp);
-  scenes_.addMeasured(measured);
+  if (noticeJump(measured_input_, measured->header.stamp)) scenes_.addMeasured(measured);
 }
 
 void FusionInputs::onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
-  arrived(info_input_, info->header.stamp);
-  scenes_.setCamera(info);
-}
-
-template <typename Message>
-void FusionInputs::pairFrame(const Message& message) {
-  FramePairing::Pair pair;
-  std::vector<FramePairing::Pair> unmatched;
-  const bool complete = frame_pairing_.add(message, pair, unmatched);
-  for (const auto& [image, focus] : unmatched) {
-    if (image) {
-      monitor_.consumed(image->header, Outcome::kUnmatched,
-                        "colour frame without a rgb/focus message of the same stamp");
-    } else {
-      monitor_.count(Outcome::kUnmatched);
-    }
-  }
-  if (complete) worker_.addFrame({pair.first, pair.second});
-}
-
-template <typename Message>
-void FusionInputs::pairLabels(const Message& message) {
-  LabelPairing::Pair pair;
-  std::vector<LabelPairing::Pair> unmatched;
-  const bool complete = label_pairing_.add(message, pair, unmatched);
-  monitor_.count(Outcome::kUnmatched, unmatched.size());
-  if (!complete) return;
-  const sensor_msgs::Image& labels = *pair.first;
-  if (labels.encoding != enc::TYPE_32SC1 || labels.data.size() < std::size_t{labels.step} * labels.height ||
-      labels.data.empty()) {
-    monitor_.count(Outcome::kInvalid);
-    monitor_.error(monitor_.resolved(labels_input_) + ": labels must be 32SC1 and not empty, not " +
-                   labels.encoding);
-    return;
-  }
-  scenes_.addLabels({pair.first, pair.second});
+  if (noticeJump(info_input_, info->header.stamp)) scenes_.setCamera(info);
 }
 
 }  // namespace all_in_focus

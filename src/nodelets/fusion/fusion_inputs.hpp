@@ -9,26 +9,28 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
-#include <cstddef>
+#include <optional>
 
-#include "fusion_worker.hpp"
+#include "callback_guard.hpp"
+#include "frame_queue.hpp"
 #include "node_monitor.hpp"
 #include "scene_cache.hpp"
-#include "stamp_pairing.hpp"
+#include "stamp_matcher.hpp"
+#include "time_jumps.hpp"
 
 namespace all_in_focus {
 
-/// What the fusion listens to. Pairs frames with what rgb/focus says of them, and label images with the table
-/// of their regions; frames go to the worker, all else to the scene cache.
+/// What the fusion listens to. Matches frames with what rgb/focus says of them, and label images with the
+/// table of their regions; frames go to the queue, all else to the scene cache.
 ///
 /// Callbacks run on the queue of nh, one after the other; the methods are to be called there, too, or before.
 class FusionInputs {
  public:
   /// Adds the inputs to the monitor, subscribes nothing.
   FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, NodeMonitor& monitor,
-               SceneCache& scenes, FusionWorker& worker);
+               const CallbackGuard& guard, SceneCache& scenes, FrameQueue& frames);
 
-  void subscribe(int queue_size);
+  void subscribe();
   void unsubscribe();
   bool subscribed() const { return static_cast<bool>(image_subscriber_); }
 
@@ -36,11 +38,11 @@ class FusionInputs {
   void needMeasured(bool needed);
 
  private:
-  using FramePairing = StampPairing<sensor_msgs::ImageConstPtr, FocusFrameConstPtr>;
-  using LabelPairing = StampPairing<sensor_msgs::ImageConstPtr, SegmentArrayConstPtr>;
-
+  template <typename Message>
+  ros::Subscriber subscribeTo(const char* topic, int input,
+                              void (FusionInputs::*callback)(const boost::shared_ptr<const Message>&));
   void updateMeasured();
-  void arrived(int input, const ros::Time& stamp, bool is_frame = false);
+  bool noticeJump(int input, const ros::Time& stamp, bool is_frame = false);
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFocus(const FocusFrameConstPtr& focus);
   void onLabels(const sensor_msgs::ImageConstPtr& labels);
@@ -48,27 +50,27 @@ class FusionInputs {
   void onDepth(const sensor_msgs::ImageConstPtr& depth);
   void onMeasured(const sensor_msgs::ImageConstPtr& measured);
   void onInfo(const sensor_msgs::CameraInfoConstPtr& info);
-  template <typename Message>
-  void pairFrame(const Message& message);
-  template <typename Message>
-  void pairLabels(const Message& message);
+  void onLabelSet(const sensor_msgs::ImageConstPtr& labels, const SegmentArrayConstPtr& segments);
+  void onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image);
 
   ros::NodeHandle nh_, private_nh_;
   NodeMonitor& monitor_;
+  const CallbackGuard& guard_;
   SceneCache& scenes_;
-  FusionWorker& worker_;
+  FrameQueue& frames_;
   const int image_input_, focus_input_, info_input_, labels_input_, segments_input_, depth_input_,
       measured_input_;
+  TimeJumps time_jumps_;
+  StampMatcher<sensor_msgs::Image, FocusFrame> frame_matcher_;
+  StampMatcher<sensor_msgs::Image, SegmentArray> label_matcher_;
 
-  int queue_size_ = 1;
   bool needs_measured_ = false;
+  bool focus_seen_ = false, awaited_ = false;       // since the subscription
+  std::optional<std::uint32_t> announced_bracket_;  // the last one of rgb/focus
   image_transport::ImageTransport transport_;
   image_transport::Subscriber image_subscriber_;
   ros::Subscriber focus_subscriber_, info_subscriber_, labels_subscriber_, segments_subscriber_,
       depth_subscriber_, measured_subscriber_;
-  FramePairing frame_pairing_;
-  LabelPairing label_pairing_;
-  bool focus_seen_ = false, awaited_ = false;  // since the subscription
 };
 
 }  // namespace all_in_focus

@@ -4,17 +4,22 @@
 #include <all_in_focus/FusionConfig.h>
 #include <dynamic_reconfigure/server.h>
 #include <nodelet/nodelet.h>
+#include <ros/callback_queue.h>
+#include <ros/spinner.h>
 #include <std_srvs/Trigger.h>
 
 #include <algorithm>
-#include <boost/bind/bind.hpp>
+#include <chrono>
+#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <pluginlib/class_list_macros.hpp>
 #include <string>
 
+#include "callback_guard.hpp"
 #include "config_repair.hpp"
 #include "conversions.hpp"
+#include "frame_queue.hpp"
 #include "fusion_inputs.hpp"
 #include "fusion_outputs.hpp"
 #include "fusion_worker.hpp"
@@ -25,13 +30,14 @@ namespace all_in_focus {
 namespace {
 
 constexpr const char* kProcessedTopic = "all_in_focus/processed";
+constexpr std::chrono::seconds kFinishPatience(60);
 
 }  // namespace
 
-/// Fuses focus brackets into all-in-focus images.
+/// Fuses focus brackets into all-in-focus images: inputs -> queue -> worker -> outputs.
 ///
-/// Callbacks run one after the other on the nodelet's own queue and only hand over to the worker. ~finish
-/// waits for the worker and so runs on the multi-threaded queue.
+/// Callbacks run one after the other on the nodelet's own queue and only hand over. ~finish waits for the
+/// worker, so it has a thread of its own.
 class FusionNodelet : public nodelet::Nodelet {
  public:
   ~FusionNodelet() override;
@@ -44,47 +50,54 @@ class FusionNodelet : public nodelet::Nodelet {
   void connect();
   bool finish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
 
-  // First, so that they end last: publishers call connect() as their listeners go.
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
-  bool closing_ = false;
-
   std::unique_ptr<NodeMonitor> monitor_;
+  std::unique_ptr<CallbackGuard> guard_;
   FusionOutputs outputs_;
   SceneCache scenes_;
-  std::unique_ptr<FusionWorker> worker_;
+  std::unique_ptr<FrameQueue> frames_;
   std::unique_ptr<FusionInputs> inputs_;
+  std::unique_ptr<FusionWorker> worker_;
   std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
+  ros::CallbackQueue finish_queue_;
   ros::ServiceServer finish_server_;
+  std::unique_ptr<ros::AsyncSpinner> finish_spinner_;
   Config config_ = Config::__getDefault__();  // always possible
   int queue_size_ = 60;
 };
 
-// First what calls the worker, which waits for calls under way, then the worker, then what it publishes with.
+// Stopping the queue answers ~finish, which may wait for it. After that no callback runs that needs the
+// worker.
 FusionNodelet::~FusionNodelet() {
+  if (frames_) frames_->stop();
   finish_server_.shutdown();
-  reconfigure_server_.reset();
-  {
-    std::lock_guard<std::mutex> lock(connect_mutex_);
-    closing_ = true;
-    if (inputs_ && inputs_->subscribed()) inputs_->unsubscribe();
-  }
+  finish_spinner_.reset();
+  if (guard_) guard_->close();
   worker_.reset();
 }
 
 void FusionNodelet::onInit() {
   monitor_ =
       std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), kProcessedTopic);
+  guard_ = std::make_unique<CallbackGuard>(*monitor_);
   ros::NodeHandle& private_nh = getPrivateNodeHandle();
   queue_size_ = std::max(1, private_nh.param("queue_size", queue_size_));
+  frames_ = std::make_unique<FrameQueue>(*monitor_, scenes_);
+  inputs_ =
+      std::make_unique<FusionInputs>(getNodeHandle(), private_nh, *monitor_, *guard_, scenes_, *frames_);
   worker_ = std::make_unique<FusionWorker>(
-      *monitor_, scenes_, [this](const FusedBracket& bracket) { outputs_.publish(bracket); });
-  inputs_ = std::make_unique<FusionInputs>(getNodeHandle(), private_nh, *monitor_, scenes_, *worker_);
+      *monitor_, *frames_, scenes_, [this](const FusedBracket& bracket) { outputs_.publish(bracket); });
   reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(private_nh);
-  reconfigure_server_->setCallback(boost::bind(&FusionNodelet::reconfigure, this, boost::placeholders::_1));
-  finish_server_ = getMTPrivateNodeHandle().advertiseService("finish", &FusionNodelet::finish, this);
+  reconfigure_server_->setCallback(
+      guard_->wrap(getName(), [this](Config& config, std::uint32_t /*level*/) { reconfigure(config); }));
+  ros::NodeHandle finish_nh(private_nh);
+  finish_nh.setCallbackQueue(&finish_queue_);
+  finish_server_ = finish_nh.advertiseService("finish", &FusionNodelet::finish, this);
+  finish_spinner_ = std::make_unique<ros::AsyncSpinner>(1, &finish_queue_);
+  finish_spinner_->start();
   {
     std::lock_guard<std::mutex> lock(connect_mutex_);
-    outputs_.advertise(getNodeHandle(), *monitor_, [this] { connect(); });
+    outputs_.advertise(getNodeHandle(), *monitor_, guard_->wrap(getName(), [this] { connect(); }));
   }
   monitor_->start();
 }
@@ -115,29 +128,29 @@ void FusionNodelet::reconfigure(Config& config) {
   settings.reference = config.reference;
   settings.max_held_frames = config.max_held_frames;
   settings.sliding = config.bracket_mode == "sliding";
-  settings.bracket = {config.bracket_size, config.bracket_gap};
   settings.label_max_age_s = config.label_max_age;
   settings.label_timeout_s = config.label_timeout;
-  settings.max_queued_frames = queue_size_;
+  frames_->configure({config.bracket_size, config.bracket_gap}, queue_size_);
   worker_->configure(settings);
   std::lock_guard<std::mutex> lock(connect_mutex_);
-  inputs_->needMeasured(settings.mode == Mode::kRefined);
+  inputs_->needMeasured(settings.mode != Mode::kPaper);
 }
 
 // Works only while somebody listens.
 void FusionNodelet::connect() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
-  if (closing_) return;
   const bool is_wanted = outputs_.wanted();
   if (is_wanted && !inputs_->subscribed()) {
-    inputs_->subscribe(queue_size_);
+    inputs_->subscribe();
   } else if (!is_wanted && inputs_->subscribed()) {
     inputs_->unsubscribe();
   }
 }
 
 bool FusionNodelet::finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  const int published = worker_->finish();
+  std::future<int> finished = frames_->finish();
+  const bool in_time = finished.wait_for(kFinishPatience) == std::future_status::ready;
+  const int published = in_time ? finished.get() : -1;
   response.success = published >= 0;
   response.message =
       published >= 0 ? std::to_string(published) + " brackets published" : "the fusion did not end in time";

@@ -16,8 +16,7 @@ namespace all_in_focus {
 /// What the fusion publishes, all of one result with one header and latched.
 class FusionOutputs {
  public:
-  /// connect is called whenever a subscriber comes or goes, maybe before this returns: hold the mutex it
-  /// takes.
+  /// connect: called whenever a subscriber comes or goes, maybe before this returns: hold the mutex it takes.
   void advertise(ros::NodeHandle& nh, NodeMonitor& monitor, const std::function<void()>& connect);
   /// Somebody listens.
   bool wanted() const;

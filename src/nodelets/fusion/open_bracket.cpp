@@ -12,12 +12,44 @@
 #include <stdexcept>
 
 #include "stopwatch.hpp"
+#include "waiting_list.hpp"
 
 namespace all_in_focus {
 namespace {
 
 constexpr std::size_t kMaxNotes = 20;  // of one report, before those of the result
 constexpr double kMmPerM = 1000;
+constexpr const char* kDepthTopic = "depth_registered/image";
+constexpr const char* kMeasuredTopic = "depth_registered/image_raw";
+constexpr const char* kCameraTopic = "rgb/camera_info";
+constexpr const char* kNoSay = ": depth and optics have no say in the fusion";
+
+std::string missing(const char* topic) {
+  return std::string("no ") + topic + " in time";
+}
+
+void takeDepth(const SceneMessages& messages, SharedScene& shared) {
+  if (!messages.depth) throw std::invalid_argument(missing(kDepthTopic));
+  shared.depth = toDepth(messages.depth, {}, kDepthTopic);
+  shared.scene.depth = shared.depth.mm;
+}
+
+void takeMeasured(const SceneMessages& messages, SharedScene& shared) {
+  if (!messages.measured) throw std::invalid_argument(missing(kMeasuredTopic));
+  shared.measured = toDepth(messages.measured, {}, kMeasuredTopic);
+  if (shared.measured.mm.size() != shared.depth.mm.size())
+    throw std::invalid_argument(std::string(kMeasuredTopic) + " is not of the size of " + kDepthTopic);
+  shared.scene.measured = shared.measured.mm;
+}
+
+void takeCamera(const SceneMessages& messages, SharedScene& shared) {
+  shared.scene.optics = toOptics(messages.labels.segments->optics);
+  if (!messages.camera) throw std::invalid_argument(missing(kCameraTopic));
+  const Camera camera = toCamera(*messages.camera, kCameraTopic);
+  // The sensor does not change with the lens: a zoom leaves its pixels as they are.
+  shared.scene.pixel_pitch_mm = messages.focal_length_mm / camera.fx;
+  shared.scene.camera = camera;
+}
 
 // The image without a copy where it is bgr8 already.
 cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image) {
@@ -30,28 +62,74 @@ cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image) {
 
 }  // namespace
 
-std::vector<std::string> OpenBracket::begin(const std_msgs::Header& first_frame, std::uint32_t bracket_id,
-                                            Mode mode, int reference, const SceneMessages& messages) {
-  mode_ = mode;
-  wanted_reference_ = reference;
-  waiting_.clear();
-  holding_ = mode == Mode::kRefined;
-  report_ = FusionReport();
-  report_.header = first_frame;
-  report_.bracket_id = bracket_id;
-  focus_known_ = focus_refused_ = false;
-  fusion_ms_ = label_wait_ms_ = 0;
+SharedScene toScene(const SceneMessages& messages, Mode mode) {
+  SharedScene shared;
+  if (!messages.labels.labels) return shared;
+  shared.labels = cv_bridge::toCvShare(messages.labels.labels, sensor_msgs::image_encodings::TYPE_32SC1);
+  shared.scene.labels = shared.labels->image;
+  if (mode == Mode::kPaper) return shared;
 
+  const auto attempt = [&](auto take, const char* consequence) {
+    try {
+      take(messages, shared);
+      return true;
+    } catch (const std::exception& e) {
+      shared.remarks.push_back(e.what() + std::string(consequence));
+      return false;
+    }
+  };
+  if (attempt(takeDepth, kNoSay)) attempt(takeMeasured, ": filled depth counts as measured");
+  attempt(takeCamera, kNoSay);
+  return shared;
+}
+
+OpenBracket::OpenBracket(const FusionTask& first, const FusionSettings& settings, BracketFusion& fusion)
+    : settings_(settings),
+      fusion_(fusion),
+      depth_stamp_(first.header.stamp),
+      reference_(plannedReference(first)),
+      order_(settings.mode, reference_) {
+  report_.header = first.header;
+  report_.bracket_id = first.step.bracket_id;
+  report_.mode = name(FusedBy::kSharpness);
+}
+
+// Notes where it is another one than wanted.
+int OpenBracket::plannedReference(const FusionTask& first) {
+  const int length = first.step.length, first_index = first.step.index;
+  int reference = settings_.reference >= 0 ? settings_.reference : length / 2;
+  if (length > 0) reference = std::min(reference, length - 1);
+  if (settings_.mode == Mode::kPaper || reference <= first_index) return reference;
+
+  const std::string instead = ": the first frame is the reference, not frame " + std::to_string(reference);
+  const auto held = static_cast<std::size_t>(reference - first_index);
+  const std::size_t most = imageLimit(settings_.max_held_frames, first.bytes);
+  if (settings_.sliding) {
+    note("bracket_mode sliding" + instead);
+  } else if (held > most) {
+    note("at most " + std::to_string(most) + " frames are held (max_held_frames, memory)" + instead);
+  } else {
+    return reference;
+  }
+  return first_index;
+}
+
+std::vector<std::string> OpenBracket::setScene(const SceneMessages& messages, double waited_ms) {
+  has_scene_ = true;
+  scene_wait_ms_ = waited_ms;
+  depth_ = messages.depth;
+  if (messages.labels.labels) depth_stamp_ = messages.labels.labels->header.stamp;
   std::string trouble;
-  if (!messages.labels.labels)
-    trouble = "no label image in time for the bracket: fused by sharpness alone (is the segmenter running?)";
+  if (!messages.labels.labels) {
+    trouble = "no label image in time for the bracket: fused by sharpness alone: " + messages.no_labels;
+  }
   try {
-    scene_ = toScene(messages, mode);
-    fusion_.begin(scene_.scene, mode);
+    scene_ = toScene(messages, settings_.mode);
+    fusion_.begin(scene_.scene, settings_.mode);
   } catch (const std::exception& e) {
     trouble = std::string("label image refused, fused by sharpness alone: ") + e.what();
     scene_ = {};
-    fusion_.begin({}, mode);
+    fusion_.begin({}, settings_.mode);
   }
   report_.has_labels = trouble.empty();
   if (report_.has_labels) {
@@ -60,70 +138,87 @@ std::vector<std::string> OpenBracket::begin(const std_msgs::Header& first_frame,
   } else {
     scene_.remarks = {trouble};
   }
-  report_.notes = scene_.remarks;
+  report_.notes.insert(report_.notes.begin(), scene_.remarks.begin(), scene_.remarks.end());
   return scene_.remarks;
 }
 
-std::string OpenBracket::arrived(const BracketFrame& frame, int index, bool last) {
+FrameFates OpenBracket::add(const FusionTask& task, const Interrupted& interrupted) {
+  const int index = task.step.index;
+  length_ = std::max({length_, task.step.length, index + 1});
+  missing_ = task.step.missing;
+  if (!task.frame.image) {
+    ++dropped_;
+    return {};
+  }
   ++report_.frames_seen;
-  const Frame arrived{index, frame.image, focusOf(frame, index)};
-  if (last || index >= wanted_reference_) holding_ = false;
-  if (holding_) {
+  const Frame frame{task.frame.image, focusOf(task.frame, index)};
+  order_.arrived(index, task.step.last);
+  waiting_[index] = frame;
+  FrameFates fates;
+  if (order_.isHolding()) {
     try {
       const cv_bridge::CvImageConstPtr bgr = toBgr(frame.image);
       const Stopwatch watch;
-      fusion_.observe(bgr->image, index, arrived.focus_mm);
+      fusion_.observe(bgr->image, index, frame.focus_mm);
       fusion_ms_ += watch.milliseconds();
+      return {{frame.image->header, FrameFate::Kind::kHeld, ""}};
     } catch (const std::exception& e) {
-      return reject(index, e.what());
+      order_.done(index, false);
+      waiting_.erase(index);
+      return {{frame.image->header, FrameFate::Kind::kRejected, reject(index, e.what())}};
     }
   }
-  waiting_.push_back(arrived);
-  return "";
+  return fuseReady(interrupted);
 }
 
-bool OpenBracket::fuseNext(FusedFrame& fused) {
-  if (waiting_.empty() || holding_) return false;
-  auto next = waiting_.begin();
-  if (mode_ == Mode::kRefined && report_.frames_used == 0) {
-    next = std::min_element(waiting_.begin(), waiting_.end(), [this](const Frame& a, const Frame& b) {
-      return nearerToReference(a.index, b.index);
-    });
+FrameFates OpenBracket::close(int missing, const Interrupted& interrupted) {
+  missing_ = missing;
+  order_.close();
+  return fuseReady(interrupted);
+}
+
+FrameFates OpenBracket::fuseReady(const Interrupted& interrupted) {
+  FrameFates fates;
+  while (const std::optional<int> index = order_.next()) {
+    if (interrupted()) break;
+    const Frame frame = waiting_.at(*index);
+    waiting_.erase(*index);
+    const std::string rejection = fuse(*index, frame);
+    order_.done(*index, rejection.empty());
+    const auto kind = rejection.empty() ? FrameFate::Kind::kUsed : FrameFate::Kind::kRejected;
+    fates.push_back({frame.image->header, kind, rejection});
   }
-  const Frame frame = *next;
-  waiting_.erase(next);
-  fused = {frame.index, frame.image, ""};
+  return fates;
+}
+
+// Returns why the frame was rejected, or "".
+std::string OpenBracket::fuse(int index, const Frame& frame) {
   try {
     const cv_bridge::CvImageConstPtr bgr = toBgr(frame.image);
     const Stopwatch watch;
-    const std::string misfit = fusion_.add(bgr->image, frame.index, frame.focus_mm);
+    const std::string rejection = fusion_.add(bgr->image, index, frame.focus_mm);
     fusion_ms_ += watch.milliseconds();
-    if (misfit.empty()) {
-      used(frame);
-    } else {
-      fused.trouble = "frame " + std::to_string(frame.index) + ": " + reject(frame.index, misfit);
-    }
+    if (!rejection.empty()) return "frame " + std::to_string(index) + ": " + reject(index, rejection);
+    used(index, frame);
+    return "";
   } catch (const std::exception& e) {
-    fused.trouble = reject(frame.index, e.what());
+    return reject(index, e.what());
   }
-  return true;
 }
 
 // Mode paper keeps no geometry: there the nearest of all frames gives its stamp.
-void OpenBracket::used(const Frame& frame) {
+void OpenBracket::used(int index, const Frame& frame) {
+  const auto distance = [this](int to) { return std::abs(to - reference_); };
   const bool is_first = report_.frames_used++ == 0;
+  const bool is_paper = settings_.mode == Mode::kPaper;
   const int reference = static_cast<int>(report_.reference);
-  if (!is_first && (mode_ == Mode::kRefined || !nearerToReference(frame.index, reference))) return;
-  report_.reference = static_cast<std::uint32_t>(frame.index);
+  if (!is_first && !(is_paper && distance(index) < distance(reference))) return;
+  report_.reference = static_cast<std::uint32_t>(index);
   report_.header = frame.image->header;
-  if (mode_ == Mode::kRefined && frame.index != wanted_reference_) {
-    note("the reference, frame " + std::to_string(wanted_reference_) + ", cannot be had: frame " +
-         std::to_string(frame.index) + " stands in");
+  if (!is_paper && index != reference_) {
+    note("the reference, frame " + std::to_string(reference_) + ", cannot be had: frame " +
+         std::to_string(index) + " stands in");
   }
-}
-
-bool OpenBracket::nearerToReference(int index, int than) const {
-  return std::abs(index - wanted_reference_) < std::abs(than - wanted_reference_);
 }
 
 // NaN where it is unknown or impossible.
@@ -134,7 +229,7 @@ double OpenBracket::focusOf(const BracketFrame& frame, int index) {
     focus_known_ = true;
     return focus_mm;
   }
-  if (mode_ == Mode::kRefined && !focus_refused_) {
+  if (settings_.mode != Mode::kPaper && !focus_refused_) {
     focus_refused_ = true;
     note(cv::format("frame %d: a lens of %g mm cannot be focused at %g m: such focus distances are unknown",
                     index, scene_.scene.optics.focal_length_mm, frame.focus->focus_distance));
@@ -152,16 +247,18 @@ void OpenBracket::note(const std::string& text) {
   if (report_.notes.size() < kMaxNotes) report_.notes.push_back(text);
 }
 
-FusedBracket OpenBracket::fused(int missing) {
+FusedBracket OpenBracket::fused(bool complete) const {
   const Stopwatch watch;
   FusedBracket bracket;
   if (report_.frames_used > 0) bracket.result = fusion_.result();
-  fusion_ms_ += watch.milliseconds();
+  const double result_ms = watch.milliseconds();
+  bracket.frames = length_;
+  bracket.depth = depth_;
 
   bracket.report = boost::make_shared<FusionReport>(report_);
   FusionReport& report = *bracket.report;
-  report.mode = name(fusion_.fusedBy());
-  report.frames_missing = static_cast<std::uint32_t>(missing);
+  if (has_scene_) report.mode = name(fusion_.fusedBy());
+  report.frames_missing = static_cast<std::uint32_t>(missing_ + dropped_);
   for (const RegionChoice& choice : bracket.result.regions) {
     SegmentChoice message;
     message.label = static_cast<std::uint32_t>(choice.label);
@@ -176,8 +273,17 @@ FusedBracket OpenBracket::fused(int missing) {
                         "no focus distances: depth and optics have no say in the fusion");
   }
   report.notes.insert(report.notes.end(), bracket.result.notes.begin(), bracket.result.notes.end());
+  if (report_.frames_used == 0) bracket.warnings.push_back("no frame could be used: nothing to publish");
+  if (report_.frames_used == 1 && complete)
+    bracket.warnings.push_back("only one frame: the result is that frame");
+  if (missing_ > 0) bracket.warnings.push_back(std::to_string(missing_) + " frames never came");
+  if (dropped_ > 0) {
+    bracket.warnings.push_back(std::to_string(dropped_) +
+                               " frames were dropped: the fusion could not keep up");
+  }
+  report.notes.insert(report.notes.end(), bracket.warnings.begin(), bracket.warnings.end());
   report.timing_names = {"label_wait", "fusion"};
-  report.timing_ms = {label_wait_ms_, fusion_ms_};
+  report.timing_ms = {scene_wait_ms_, fusion_ms_ + result_ms};
   return bracket;
 }
 

@@ -2,92 +2,118 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <all_in_focus/FocusFrame.h>
-#include <sensor_msgs/Image.h>
+#include <all_in_focus/FusionReport.h>
+#include <cv_bridge/cv_bridge.h>
 
-#include <cstdint>
-#include <deque>
+#include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
-#include "bracket_scene.hpp"
+#include "all_in_focus/bracket_fusion.hpp"
+#include "all_in_focus/frame_order.hpp"
+#include "conversions.hpp"
+#include "frame_queue.hpp"
+#include "scene_cache.hpp"
 
 namespace all_in_focus {
 
-/// A colour frame with what rgb/focus said of it, if anything.
-struct BracketFrame {
-  sensor_msgs::ImageConstPtr image;
-  FocusFrameConstPtr focus;
+struct FusionSettings {
+  Mode mode = Mode::kRefined;
+  int reference = -1;  ///< index, or -1: the middle one where the length is known in advance, else the first
+  bool sliding = false;
+  int max_held_frames = 64;
+  double label_max_age_s = 1.0;
+  double label_timeout_s = 2.0;
 };
+
+/// What the messages say of a scene, as the core takes it.
+struct SharedScene {
+  BracketScene scene;
+  std::vector<std::string> remarks;  ///< what is missing or refused and what that means, a line each
+
+  // The scene reads the messages' own memory.
+  cv_bridge::CvImageConstPtr labels;
+  DepthImage depth, measured;
+};
+
+/// The scene for a mode: paper takes the labels alone, and without labels nothing is taken. Depth or camera
+/// that are missing or broken are left out. Throws on broken labels.
+SharedScene toScene(const SceneMessages& messages, Mode mode);
 
 /// One all-in-focus image and its story. `result.image` is empty when no frame of the bracket could be used.
 struct FusedBracket {
   FusionResult result;
   FusionReportPtr report;
+  std::vector<std::string> warnings;       ///< notes of the report that say what was lost
   int frames = 0;                          ///< length of the bracket, as far as known
   sensor_msgs::ImageConstPtr depth;        ///< registered depth that the labels were cut from, may be empty
   sensor_msgs::CameraInfoConstPtr camera;  ///< may be empty
 };
 
 /// What became of a frame.
-struct FusedFrame {
-  int index = 0;
-  sensor_msgs::ImageConstPtr image;
-  std::string trouble;  ///< why it was left out, or ""
+struct FrameFate {
+  enum class Kind { kHeld, kUsed, kRejected };
+  std_msgs::Header header;
+  Kind kind;
+  std::string reason;  ///< kRejected: why
 };
+using FrameFates = std::vector<FrameFate>;
 
-/// The bracket being fused: BracketFusion, the frames that wait for their reference, and the report that
-/// grows with it. For one thread.
-///
-/// Mode refined fuses the reference first, then what came before it: until it is there, frames are observed
-/// and held. Files are fused in the same order (see Pipeline), so both give the same pixels.
+/// The bracket being fused: its scene, its frames in the order of FrameOrder, and the report that grows with
+/// it. For one thread.
 class OpenBracket {
  public:
-  /// reference: index of the frame whose stamp the result is to carry, and in mode refined geometry and
-  /// exposure; when it is lost, the nearest one stands in. Returns lines to warn of: what is missing of the
-  /// scene; without usable labels sharpness decides.
-  std::vector<std::string> begin(const std_msgs::Header& first_frame, std::uint32_t bracket_id, Mode mode,
-                                 int reference, const SceneMessages& messages);
+  using Interrupted = std::function<bool()>;  ///< true: nobody wants the rest
 
-  /// The next frame; last: of the bracket. Returns why it is refused at once, or "".
-  std::string arrived(const BracketFrame& frame, int index, bool last);
-  /// Frames wait for the reference.
-  bool holding() const { return holding_; }
-  /// The reference will not come any more.
-  void stopHolding() { holding_ = false; }
-  /// Fuses one of the frames whose turn it is; false: there is none.
-  bool fuseNext(FusedFrame& fused);
-  /// Lets go of the frames that wait.
-  void forgetFrames() { waiting_.clear(); }
+  /// first: the task that the bracket begins with. fusion: begun anew for this bracket; its buffers live on.
+  OpenBracket(const FusionTask& first, const FusionSettings& settings, BracketFusion& fusion);
 
-  /// A line of the report.
-  void note(const std::string& text);
-  void setLabelWait(double ms) { label_wait_ms_ = ms; }
+  const FusionSettings& settings() const { return settings_; }
 
-  /// The result so far. missing: frames that never came.
-  FusedBracket fused(int missing);
+  bool hasScene() const { return has_scene_; }
+  /// Once, before the first frame. waited_ms: for the scene. Returns lines to warn of: what is missing;
+  /// without usable labels sharpness decides.
+  std::vector<std::string> setScene(const SceneMessages& messages, double waited_ms);
+
+  /// The next frame; without an image: it was dropped. Fuses all frames whose turn has come.
+  FrameFates add(const FusionTask& task, const Interrupted& interrupted);
+  /// No frame follows: fuses those that waited for the reference. missing: frames of the bracket that never
+  /// came.
+  FrameFates close(int missing, const Interrupted& interrupted);
+
+  /// The result so far. complete: no frame follows.
+  FusedBracket fused(bool complete) const;
+  /// Stamp of the depth image that belongs to the result.
+  ros::Time depthStamp() const { return depth_stamp_; }
 
  private:
   struct Frame {
-    int index;
     sensor_msgs::ImageConstPtr image;
     double focus_mm;
   };
 
+  int plannedReference(const FusionTask& first);
   double focusOf(const BracketFrame& frame, int index);
+  FrameFates fuseReady(const Interrupted& interrupted);
+  std::string fuse(int index, const Frame& frame);
+  void used(int index, const Frame& frame);
   std::string reject(int index, const std::string& reason);
-  void used(const Frame& frame);
-  bool nearerToReference(int index, int than) const;
+  void note(const std::string& text);
 
-  Mode mode_ = Mode::kRefined;
-  int wanted_reference_ = 0;
-  SharedScene scene_;
-  BracketFusion fusion_;
-  std::deque<Frame> waiting_;  // by index
-  bool holding_ = false;
+  const FusionSettings settings_;
+  BracketFusion& fusion_;
   FusionReport report_;
+  bool has_scene_ = false;
+  SharedScene scene_;
+  sensor_msgs::ImageConstPtr depth_;
+  ros::Time depth_stamp_;
+  int reference_;  // wanted
+  FrameOrder order_;
+  std::map<int, Frame> waiting_;  // by index
+  int length_ = 0, dropped_ = 0, missing_ = 0;
   bool focus_known_ = false, focus_refused_ = false;
-  double fusion_ms_ = 0, label_wait_ms_ = 0;
+  double fusion_ms_ = 0, scene_wait_ms_ = 0;
 };
 
 }  // namespace all_in_focus

@@ -5,59 +5,40 @@
 
 #include <algorithm>
 #include <chrono>
+#include <iterator>
+#include <limits>
+#include <opencv2/core.hpp>
 
 #include "config_repair.hpp"
-#include "image_limit.hpp"
+#include "time_jumps.hpp"
+#include "waiting_list.hpp"
 
 namespace all_in_focus {
 namespace {
 
-constexpr std::size_t kMaxCached = 64;  // images of a kind: two seconds of a Kinect
+constexpr std::size_t kMaxCached = 64;  // stamps
 constexpr double kClockTolerance = 1;   // s that a stamp may be ahead of the clock
-
-template <typename Value>
-void insert(std::map<ros::Time, Value>& cache, const Value& value, const sensor_msgs::Image& image) {
-  cache[image.header.stamp] = value;
-  for (const std::size_t most = imageLimit(kMaxCached, image); cache.size() > most;)
-    cache.erase(cache.begin());
-}
-
-template <typename Value>
-void eraseAfter(std::map<ros::Time, Value>& cache, const ros::Time& now) {
-  cache.erase(cache.upper_bound(now), cache.end());
-}
-
-template <typename Value>
-Value at(const std::map<ros::Time, Value>& cache, const ros::Time& stamp) {
-  const auto found = cache.find(stamp);
-  return found == cache.end() ? Value() : found->second;
-}
-
-// Whether nothing can come any more that is newer, but not newer than `stamp`: once something at or after it
-// has come, unless that is left from before /clock jumped back.
-template <typename Value>
-bool isDecided(const std::map<ros::Time, Value>& cache, const ros::Time& stamp) {
-  const auto next = cache.lower_bound(stamp);
-  const ros::Time latest = std::max(stamp, ros::Time::now()) + ros::Duration(kClockTolerance);
-  return next != cache.end() && next->first < latest;
-}
-
-LabelSet newestOf(const std::map<ros::Time, LabelSet>& cache, const ros::Time& stamp, double max_age_s) {
-  auto found = cache.upper_bound(stamp);
-  if (found == cache.begin()) return {};
-  --found;
-  return (stamp - found->first).toSec() <= max_age_s ? found->second : LabelSet();
-}
+constexpr double kAssumedLatency = 30;  // s that frames may be late, before the first one came
+constexpr double kLeastLatency = 5;     // s, afterwards
+constexpr double kLatencyMargin = 1.25;
+constexpr double kSilentTimeout = 0.1;  // s of waiting for a topic that was waited for in vain
 
 }  // namespace
 
 void SceneCache::addLabels(const LabelSet& set) {
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    insert(labels_, set, *set.labels);
+    const ros::Time stamp = set.labels->header.stamp;
+    entries_[stamp].labels = set;
+    any_labels_ = true;
+    silent_.labels = false;
     const double focal_length_mm = set.segments->optics.focal_length_mm;
     if (focal_length_mm_ == 0 && ConfigRepair::isPositive(focal_length_mm))
       focal_length_mm_ = focal_length_mm;
+    // Labels come in the order of stamps: older depth images will get none.
+    for (auto it = entries_.begin(); it->first < stamp;)
+      it = it->second.labels.labels ? std::next(it) : entries_.erase(it);
+    makeRoom(imageLimit(kMaxCached, *set.labels));
   }
   changed_.notify_all();
 }
@@ -65,7 +46,9 @@ void SceneCache::addLabels(const LabelSet& set) {
 void SceneCache::addDepth(const sensor_msgs::ImageConstPtr& depth) {
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    insert(depths_, depth, *depth);
+    entries_[depth->header.stamp].depth = depth;
+    silent_.depth = false;
+    makeRoom(imageLimit(kMaxCached, *depth));
   }
   changed_.notify_all();
 }
@@ -73,7 +56,9 @@ void SceneCache::addDepth(const sensor_msgs::ImageConstPtr& depth) {
 void SceneCache::addMeasured(const sensor_msgs::ImageConstPtr& measured) {
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    insert(measured_, measured, *measured);
+    entries_[measured->header.stamp].measured = measured;
+    silent_.measured = false;
+    makeRoom(imageLimit(kMaxCached, *measured));
   }
   changed_.notify_all();
 }
@@ -82,8 +67,14 @@ void SceneCache::setCamera(const sensor_msgs::CameraInfoConstPtr& camera) {
   {
     std::lock_guard<std::mutex> lock(mutex_);
     camera_ = camera;
+    silent_.camera = false;
   }
   changed_.notify_all();
+}
+
+void SceneCache::setMaxAge(double max_age_s) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  max_age_s_ = max_age_s;
 }
 
 void SceneCache::expect(const SceneTopics& published) {
@@ -94,21 +85,93 @@ void SceneCache::expect(const SceneTopics& published) {
   changed_.notify_all();
 }
 
+void SceneCache::pin(const ros::Time& first_frame) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  pinned_.insert(first_frame);
+  if (pinned_.size() > kMaxCached) pinned_.erase(pinned_.begin());
+}
+
+void SceneCache::frameArrived(const ros::Time& stamp) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (entries_.empty()) return;
+  longest_latency_s_ = std::max(longest_latency_s_, secondsBetween(stamp, entries_.rbegin()->first));
+}
+
+void SceneCache::makeRoom(std::size_t most) {
+  while (entries_.size() > most) drop(mostDispensable(most));
+}
+
+SceneCache::Entries::const_iterator SceneCache::mostDispensable(std::size_t most) const {
+  std::set<ros::Time>
+      needed;  // by the first pins, which are awaited first; the others must not fill the cache
+  for (const ros::Time& frame : pinned_) {
+    if (needed.size() >= most / 2) break;
+    const auto labels = labelsFor(frame);
+    if (labels != entries_.end()) needed.insert(labels->first);
+  }
+  const double latency =
+      longest_latency_s_ > 0 ? std::max(kLeastLatency, kLatencyMargin * longest_latency_s_) : kAssumedLatency;
+  const ros::Time newest = entries_.rbegin()->first;
+  const auto end = std::prev(entries_.end(), static_cast<std::ptrdiff_t>(std::max<std::size_t>(1, most / 4)));
+
+  auto found = entries_.end();
+  double smallest_gap = std::numeric_limits<double>::infinity();
+  for (auto it = entries_.begin(); it != end; ++it) {
+    if (!it->second.labels.labels || needed.count(it->first) > 0) continue;
+    if (secondsBetween(it->first, newest) > max_age_s_ + latency) return it;
+    if (it == entries_.begin()) continue;
+    const double gap = secondsBetween(std::prev(it)->first, std::next(it)->first);
+    if (gap < smallest_gap) {
+      smallest_gap = gap;
+      found = it;
+    }
+  }
+  return found != entries_.end() ? found : entries_.begin();
+}
+
+void SceneCache::drop(Entries::const_iterator entry) {
+  ros::Time& evicted = entry == entries_.begin() ? evicted_ : entries_.at(std::prev(entry)->first).evicted;
+  evicted = std::max(evicted, entry->second.evicted);
+  if (entry->second.labels.labels) evicted = std::max(evicted, entry->first);
+  entries_.erase(entry);
+}
+
+// The entry with the newest labels at or before the frame.
+SceneCache::Entries::const_iterator SceneCache::labelsFor(const ros::Time& frame) const {
+  for (auto it = entries_.upper_bound(frame); it != entries_.begin();) {
+    --it;
+    if (it->second.labels.labels) return it;
+  }
+  return entries_.end();
+}
+
+// Whether nothing can come any more that is newer, but not newer than `stamp`: once something at or after it
+// has come, unless that is left from before /clock jumped back.
+template <typename Has>
+bool SceneCache::isDecided(const ros::Time& stamp, const Has& has) const {
+  const ros::Time latest = std::max(stamp, ros::Time::now());
+  const auto next = std::find_if(entries_.lower_bound(stamp), entries_.end(),
+                                 [&](const auto& entry) { return has(entry.second); });
+  return next != entries_.end() && secondsBetween(latest, next->first) < kClockTolerance;
+}
+
 void SceneCache::forgetAfter(const ros::Time& now) {
   std::lock_guard<std::mutex> lock(mutex_);
-  eraseAfter(labels_, now);
-  eraseAfter(depths_, now);
-  eraseAfter(measured_, now);
+  entries_.erase(entries_.upper_bound(now), entries_.end());
+  pinned_.erase(pinned_.upper_bound(now), pinned_.end());
+  evicted_ = ros::Time();
+  for (auto& [stamp, entry] : entries_) entry.evicted = ros::Time();
 }
 
 void SceneCache::clear() {
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    labels_.clear();
-    depths_.clear();
-    measured_.clear();
+    entries_.clear();
+    pinned_.clear();
     camera_.reset();
-    expected_ = {};
+    expected_ = silent_ = {};
+    any_labels_ = false;
+    evicted_ = ros::Time();
   }
   changed_.notify_all();
 }
@@ -124,28 +187,72 @@ void SceneCache::close() {
 
 SceneMessages SceneCache::await(const ros::Time& first_frame, double max_age_s, double timeout_s,
                                 bool whole) {
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout_s);
+  const auto seconds = [](double s) {
+    return std::chrono::duration_cast<std::chrono::steady_clock::duration>(std::chrono::duration<double>(s));
+  };
+  const auto start = std::chrono::steady_clock::now();
   std::unique_lock<std::mutex> lock(mutex_);
-  changed_.wait_until(lock, deadline, [&] { return !expected_.labels || isDecided(labels_, first_frame); });
+  const auto wait = [&](bool SceneTopics::*topic, const auto& isThere) {
+    const double timeout = silent_.*topic ? std::min(timeout_s, kSilentTimeout) : timeout_s;
+    const bool there =
+        changed_.wait_until(lock, start + seconds(timeout), [&] { return !(expected_.*topic) || isThere(); });
+    if (!there) silent_.*topic = true;
+  };
+  wait(&SceneTopics::labels, [&] {
+    return isDecided(first_frame, [](const Entry& entry) { return entry.labels.labels != nullptr; });
+  });
+
   SceneMessages scene;
-  scene.labels = newestOf(labels_, first_frame, max_age_s);
-  const ros::Time stamp = scene.labels.labels ? scene.labels.labels->header.stamp : first_frame;
-  if (whole && scene.labels.labels) {
-    changed_.wait_until(lock, deadline, [&] {
-      return (!expected_.depth || isDecided(depths_, stamp)) &&
-             (!expected_.measured || isDecided(measured_, stamp)) && (!expected_.camera || camera_);
-    });
+  ros::Time stamp = first_frame;
+  const auto found = labelsFor(first_frame);
+  if (found != entries_.end() && secondsBetween(found->first, first_frame) <= max_age_s) {
+    scene.labels = found->second.labels;
+    stamp = found->first;
+  } else {
+    scene.no_labels = whyNoLabels(first_frame, max_age_s);
   }
-  scene.depth = at(depths_, stamp);
-  scene.measured = at(measured_, stamp);
+  if (whole && scene.labels.labels) {
+    wait(&SceneTopics::depth,
+         [&] { return isDecided(stamp, [](const Entry& entry) { return entry.depth != nullptr; }); });
+    wait(&SceneTopics::measured,
+         [&] { return isDecided(stamp, [](const Entry& entry) { return entry.measured != nullptr; }); });
+    wait(&SceneTopics::camera, [&] { return camera_ != nullptr; });
+  }
+  const auto entry = entries_.find(stamp);
+  if (entry != entries_.end()) {
+    scene.depth = entry->second.depth;
+    scene.measured = entry->second.measured;
+  }
   scene.camera = camera_;
   scene.focal_length_mm = focal_length_mm_;
+  pinned_.erase(pinned_.begin(), pinned_.upper_bound(first_frame));
   return scene;
+}
+
+std::string SceneCache::whyNoLabels(const ros::Time& frame, double max_age_s) const {
+  if (!expected_.labels && !any_labels_) return "nobody publishes them (is the segmenter running?)";
+  if (!any_labels_) return "none ever came (is the segmenter running?)";
+  const auto found = labelsFor(frame);
+  const ros::Time evicted = found == entries_.end() ? evicted_ : found->second.evicted;
+  if (!evicted.isZero() && secondsBetween(evicted, frame) <= max_age_s) {
+    return cv::format("those of its time are no longer in memory, the frame came %.1f s late",
+                      entries_.empty() ? 0.0 : secondsBetween(frame, entries_.rbegin()->first));
+  }
+  if (found != entries_.end()) {
+    return cv::format("the newest one before it is %.1f s older, more than label_max_age (%g s)",
+                      secondsBetween(found->first, frame), max_age_s);
+  }
+  for (const auto& [stamp, entry] : entries_) {
+    if (entry.labels.labels)
+      return cv::format("the oldest one is %.1f s newer than it", secondsBetween(frame, stamp));
+  }
+  return "none came since time went back";
 }
 
 sensor_msgs::ImageConstPtr SceneCache::depthAt(const ros::Time& stamp) const {
   std::lock_guard<std::mutex> lock(mutex_);
-  return at(depths_, stamp);
+  const auto found = entries_.find(stamp);
+  return found == entries_.end() ? nullptr : found->second.depth;
 }
 
 sensor_msgs::CameraInfoConstPtr SceneCache::camera() const {

@@ -9,6 +9,8 @@
 #include <condition_variable>
 #include <map>
 #include <mutex>
+#include <set>
+#include <string>
 
 namespace all_in_focus {
 
@@ -25,6 +27,7 @@ struct SceneMessages {
   sensor_msgs::ImageConstPtr measured;  ///< the same before its holes were filled
   sensor_msgs::CameraInfoConstPtr camera;
   double focal_length_mm = 0;  ///< that the camera was calibrated with; 0 = unknown
+  std::string no_labels;       ///< why there are no labels, for people
 };
 
 /// Topics of the scene that somebody publishes.
@@ -32,8 +35,13 @@ struct SceneTopics {
   bool labels = false, depth = false, measured = false, camera = false;
 };
 
-/// The last seconds of what is known of the scene, to be found by stamp. Images are bounded by number and by
-/// bytes. All methods are thread-safe.
+/// What is known of the scene, to be found by the stamp of a frame that may come much later: a camera sends a
+/// picture after download and its next move of focus, 20 s after the shutter at worst.
+///
+/// Labels, depth and measured depth of one stamp are kept and dropped together, bounded by number and by
+/// bytes. When that is reached, what a pinned frame needs stays, the newest images stay, and of the older
+/// ones those go whose neighbours are nearest in time: so the whole time that a frame may be late stays
+/// covered. All methods are thread-safe.
 class SceneCache {
  public:
   void addLabels(const LabelSet& set);
@@ -41,8 +49,15 @@ class SceneCache {
   void addMeasured(const sensor_msgs::ImageConstPtr& measured);
   void setCamera(const sensor_msgs::CameraInfoConstPtr& camera);
 
+  /// Age of the oldest labels that a frame may use, before its stamp.
+  void setMaxAge(double max_age_s);
   /// Only what somebody publishes is waited for.
   void expect(const SceneTopics& published);
+
+  /// A bracket begins at this stamp: its scene is kept, whatever comes later, until await() has returned it.
+  void pin(const ros::Time& first_frame);
+  /// A frame has arrived: tells how late frames are.
+  void frameArrived(const ros::Time& stamp);
 
   /// Time went back to `now`: what is newer is stale.
   void forgetAfter(const ros::Time& now);
@@ -53,22 +68,39 @@ class SceneCache {
 
   /// The scene of a bracket: the label image with the newest stamp at or before the first frame, not older
   /// than max_age_s, and what has the stamp of that. Waits up to timeout_s for the labels, and with `whole`
-  /// for all the rest too.
+  /// for all the rest too. A topic that was waited for in vain is not waited for again, but for a moment,
+  /// until something comes.
   SceneMessages await(const ros::Time& first_frame, double max_age_s, double timeout_s, bool whole);
 
   sensor_msgs::ImageConstPtr depthAt(const ros::Time& stamp) const;  ///< null: there is none
   sensor_msgs::CameraInfoConstPtr camera() const;                    ///< the newest one
 
  private:
-  using Images = std::map<ros::Time, sensor_msgs::ImageConstPtr>;
+  struct Entry {
+    LabelSet labels;
+    sensor_msgs::ImageConstPtr depth, measured;
+    ros::Time evicted;  // newest labels that were dropped between this and the next entry
+  };
+  using Entries = std::map<ros::Time, Entry>;
+
+  void makeRoom(std::size_t most);
+  Entries::const_iterator mostDispensable(std::size_t most) const;
+  void drop(Entries::const_iterator entry);
+  Entries::const_iterator labelsFor(const ros::Time& frame) const;
+  template <typename Has>
+  bool isDecided(const ros::Time& stamp, const Has& has) const;
+  std::string whyNoLabels(const ros::Time& frame, double max_age_s) const;
 
   mutable std::mutex mutex_;  // guards all below
   std::condition_variable changed_;
-  std::map<ros::Time, LabelSet> labels_;
-  Images depths_, measured_;
+  Entries entries_;
+  std::set<ros::Time> pinned_;  // stamps of frames
+  double max_age_s_ = 1, longest_latency_s_ = 0;
+  bool any_labels_ = false;
+  ros::Time evicted_;  // as in an entry, before the first one
   sensor_msgs::CameraInfoConstPtr camera_;
   double focal_length_mm_ = 0;  // of the first label image ever
-  SceneTopics expected_;
+  SceneTopics expected_, silent_;
   bool closed_ = false;
 };
 

@@ -1,0 +1,174 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "frame_queue.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include "time_jumps.hpp"
+#include "waiting_list.hpp"
+
+namespace all_in_focus {
+namespace {
+
+constexpr std::chrono::milliseconds kIdlePeriod(50);  // how often a gap in time is looked for
+
+FrameInfo frameInfo(const BracketFrame& frame) {
+  FrameInfo info;
+  info.stamp_s = frame.image->header.stamp.toSec();
+  if (frame.focus) {
+    info.has_focus = true;
+    info.bracket_id = frame.focus->bracket_id;
+    info.index = frame.focus->index;
+    info.count = frame.focus->count;
+    info.last = frame.focus->last;
+  }
+  return info;
+}
+
+}  // namespace
+
+void FrameQueue::configure(const BracketConfig& config, std::size_t most) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  assembler_.configure(config);
+  most_ = std::max<std::size_t>(most, 1);
+}
+
+void FrameQueue::add(const BracketFrame& frame) {
+  const FrameInfo info = frameInfo(frame);
+  FusionTask task;
+  task.frame = frame;
+  task.header = frame.image->header;
+  task.bytes = frame.image->data.size();
+  std::vector<sensor_msgs::ImageConstPtr> dropped;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    if (assembler_.endsBefore(info)) endBracket();
+    task.step = assembler_.add(info);
+    if (task.step.last) {
+      assembler_.close();
+      task.step.missing = assembler_.missing();
+    }
+    stamp_age_s_ = ros::Time::now().toSec() - info.stamp_s;
+    if (task.step.use) {
+      tasks_.push_back(task);
+      ++images_;
+      bytes_ += task.bytes;
+      while (images_ > most_ || (bytes_ > kMaxWaitingBytes && images_ > kFewestWaiting))
+        dropped.push_back(dropOldest());
+    }
+  }
+  scenes_.frameArrived(task.header.stamp);
+  if (task.step.begin) scenes_.pin(task.header.stamp);
+  changed_.notify_all();
+  if (!task.step.use) monitor_.consumed(task.header, Outcome::kUnmatched, task.step.reason);
+  for (const sensor_msgs::ImageConstPtr& image : dropped) {
+    monitor_.consumed(image->header, Outcome::kDropped,
+                      "fusion cannot keep up: oldest waiting colour frame dropped");
+  }
+}
+
+sensor_msgs::ImageConstPtr FrameQueue::dropOldest() {
+  FusionTask& oldest =
+      *std::find_if(tasks_.begin(), tasks_.end(), [](const FusionTask& task) { return task.frame.image; });
+  --images_;
+  bytes_ -= oldest.bytes;
+  return std::exchange(oldest.frame.image, nullptr);
+}
+
+void FrameQueue::endBracket() {
+  if (!assembler_.open()) return;
+  assembler_.close();
+  FusionTask task;
+  task.kind = FusionTask::Kind::kEnd;
+  task.missing = assembler_.missing();
+  tasks_.push_back(std::move(task));
+}
+
+void FrameQueue::restart() {
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    endBracket();
+    assembler_.restart();
+  }
+  changed_.notify_all();
+}
+
+void FrameQueue::abandon() {
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    const auto is_finish = [](const FusionTask& task) { return task.kind == FusionTask::Kind::kFinish; };
+    tasks_.erase(std::remove_if(tasks_.begin(), tasks_.end(), std::not_fn(is_finish)), tasks_.end());
+    FusionTask task;
+    task.kind = FusionTask::Kind::kAbandon;
+    tasks_.push_front(std::move(task));
+    images_ = bytes_ = 0;
+    assembler_.restart();
+    abandoned_ = true;
+  }
+  changed_.notify_all();
+}
+
+std::future<int> FrameQueue::finish() {
+  FusionTask task;
+  task.kind = FusionTask::Kind::kFinish;
+  task.finished = std::make_shared<std::promise<int>>();
+  std::future<int> finished = task.finished->get_future();
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    endBracket();
+    if (stopped_) {
+      task.finished->set_value(-1);
+    } else {
+      tasks_.push_back(std::move(task));
+    }
+  }
+  changed_.notify_all();
+  return finished;
+}
+
+void FrameQueue::stop() {
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    for (const FusionTask& task : tasks_) {
+      if (task.finished) task.finished->set_value(-1);
+    }
+    tasks_.clear();
+    stopped_ = true;
+  }
+  changed_.notify_all();
+}
+
+std::optional<FusionTask> FrameQueue::take() {
+  std::unique_lock<std::mutex> lock(mutex_);
+  changed_.wait_for(lock, kIdlePeriod, [this] { return stopped_ || !tasks_.empty(); });
+  if (tasks_.empty() && ros::Time::isValid() &&
+      assembler_.gapElapsed(ros::Time::now().toSec() - stamp_age_s_)) {
+    endBracket();
+  }
+  if (stopped_ || tasks_.empty()) return std::nullopt;
+  FusionTask task = std::move(tasks_.front());
+  tasks_.pop_front();
+  if (task.frame.image) {
+    --images_;
+    bytes_ -= task.bytes;
+  }
+  if (task.kind == FusionTask::Kind::kAbandon) abandoned_ = false;
+  return task;
+}
+
+bool FrameQueue::interrupted() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return stopped_ || abandoned_;
+}
+
+bool FrameQueue::stopped() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return stopped_;
+}
+
+}  // namespace all_in_focus

@@ -1,0 +1,88 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <all_in_focus/FocusFrame.h>
+#include <sensor_msgs/Image.h>
+
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <future>
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include "bracket_assembler.hpp"
+#include "node_monitor.hpp"
+#include "scene_cache.hpp"
+
+namespace all_in_focus {
+
+/// A colour frame with what rgb/focus said of it, if anything.
+struct BracketFrame {
+  sensor_msgs::ImageConstPtr image;
+  FocusFrameConstPtr focus;
+};
+
+/// What the worker is to do next.
+struct FusionTask {
+  enum class Kind {
+    kFrame,    ///< a frame of the open bracket; step.begin: of a new one, step.last: which it ends
+    kEnd,      ///< the open bracket has ended
+    kFinish,   ///< set `finished`
+    kAbandon,  ///< nobody wants the open bracket any more
+  };
+  Kind kind = Kind::kFrame;
+  BracketFrame frame;  ///< kFrame; without an image: it had to make room for newer ones
+  std_msgs::Header header;
+  std::size_t bytes = 0;  ///< of the image
+  BracketAssembler::Step step;
+  int missing = 0;  ///< kEnd: frames of the bracket that never came
+  std::shared_ptr<std::promise<int>> finished;
+};
+
+/// Colour frames on their way to the worker, as brackets: says where a bracket begins and ends while frames
+/// arrive. When too many wait, by number or by bytes, the oldest images are dropped; their frames stay, so
+/// that every bracket that began is reported. All methods are thread-safe and return at once, but take().
+class FrameQueue {
+ public:
+  /// scenes: is told what belongs to the brackets that begin.
+  FrameQueue(NodeMonitor& monitor, SceneCache& scenes) : monitor_(monitor), scenes_(scenes) {}
+
+  /// most: images that may wait.
+  void configure(const BracketConfig& config, std::size_t most);
+
+  void add(const BracketFrame& frame);
+  /// Time went back: ends the open bracket, the next one is the first.
+  void restart();
+  /// Drops all that waits, and the open bracket.
+  void abandon();
+  /// Ends the open bracket. The future is ready when all frames so far are fused: brackets published since
+  /// the start, or -1 after stop().
+  std::future<int> finish();
+  /// No task comes any more.
+  void stop();
+
+  /// The next task; none: nothing came for a while. Ends a bracket after its gap in time.
+  std::optional<FusionTask> take();
+  /// The task at hand is of no use any more.
+  bool interrupted() const;
+  bool stopped() const;
+
+ private:
+  void endBracket();
+  sensor_msgs::ImageConstPtr dropOldest();
+
+  NodeMonitor& monitor_;
+  SceneCache& scenes_;
+  mutable std::mutex mutex_;  // guards all below
+  std::condition_variable changed_;
+  BracketAssembler assembler_;
+  std::deque<FusionTask> tasks_;
+  std::size_t most_ = 60, images_ = 0, bytes_ = 0;
+  double stamp_age_s_ = 0;  // of the last frame when it arrived: stamps may be of another clock
+  bool abandoned_ = false, stopped_ = false;
+};
+
+}  // namespace all_in_focus

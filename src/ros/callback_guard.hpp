@@ -1,0 +1,100 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <boost/function.hpp>
+#include <boost/shared_ptr.hpp>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <stdexcept>
+#include <string>
+
+#include "node_monitor.hpp"
+#include "time_jumps.hpp"
+
+namespace all_in_focus {
+
+/// Stands around every callback of a nodelet:
+///   * Nothing that a callback throws leaves it, because that would end the nodelet manager with all nodelets
+///   in
+///     it. The exception is counted as an invalid input and reported with the topic.
+///   * After close() no callback runs. Shutting a subscriber, timer or publisher down does not promise that:
+///     ros::CallbackQueue::removeByID() does not wait for a callback under way.
+class CallbackGuard {
+ public:
+  explicit CallbackGuard(NodeMonitor& monitor) : state_(std::make_shared<State>(monitor)) {}
+  ~CallbackGuard() { close(); }
+  CallbackGuard(const CallbackGuard&) = delete;
+  CallbackGuard& operator=(const CallbackGuard&) = delete;
+
+  /// Guarded, a call of any arguments that returns nothing. place: begins the message of an error.
+  template <typename Function>
+  auto wrap(const std::string& place, Function function) const {
+    return [state = state_, place, function](auto&&... arguments) mutable {
+      state->run(place, [&] { function(arguments...); });
+    };
+  }
+
+  /// Guarded, the callback of a subscription. input: its number in the monitor, which counts the arrival.
+  /// Messages with an impossible stamp are refused.
+  template <typename Message, typename Function>
+  boost::function<void(const boost::shared_ptr<const Message>&)> input(int input, Function function) const {
+    return [state = state_, input, function](const boost::shared_ptr<const Message>& message) mutable {
+      state->run(input, [&] {
+        state->monitor.inputArrived(input);
+        requirePossible(message->header.stamp);
+        function(message);
+      });
+    };
+  }
+
+  /// Waits for callbacks under way. Not to be called by one of them.
+  void close() {
+    std::unique_lock<std::mutex> lock(state_->mutex);
+    state_->closed = true;
+    state_->ended.wait(lock, [this] { return state_->running == 0; });
+  }
+
+ private:
+  struct State {
+    explicit State(NodeMonitor& m) : monitor(m) {}
+
+    template <typename Call>
+    void run(const std::string& place, const Call& call) {
+      run([&] { return place; }, call);
+    }
+    template <typename Call>
+    void run(int input, const Call& call) {
+      run([&] { return monitor.resolved(input); }, call);
+    }
+
+    template <typename Place, typename Call>
+    void run(const Place& place, const Call& call) {
+      {
+        std::lock_guard<std::mutex> lock(mutex);
+        if (closed) return;
+        ++running;
+      }
+      try {
+        call();
+      } catch (const std::exception& e) {
+        monitor.count(Outcome::kInvalid);
+        monitor.error(place() + ": " + e.what());
+      }
+      std::lock_guard<std::mutex> lock(mutex);
+      --running;
+      ended.notify_all();
+    }
+
+    NodeMonitor& monitor;  // outlives close()
+    std::mutex mutex;
+    std::condition_variable ended;
+    int running = 0;
+    bool closed = false;
+  };
+
+  std::shared_ptr<State> state_;
+};
+
+}  // namespace all_in_focus

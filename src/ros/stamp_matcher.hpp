@@ -1,0 +1,134 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <message_filters/sync_policies/exact_time.h>
+#include <message_filters/synchronizer.h>
+
+#include <boost/function.hpp>
+#include <boost/make_shared.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "waiting_list.hpp"
+
+namespace all_in_focus {
+
+/// Matches messages of two topics by equal stamps, images of the first with what belongs to them of the
+/// second. message_filters' ExactTime does it, fed by hand: so it can be made anew when time jumps back,
+/// before the first message of the new time is added, and images that wait can be bounded by their bytes.
+template <typename First, typename Second>
+class StampMatcher {
+ public:
+  using FirstPtr = boost::shared_ptr<const First>;
+  using SecondPtr = boost::shared_ptr<const Second>;
+  using Callback = std::function<void(const FirstPtr&, const SecondPtr&)>;
+
+  /// most: stamps that may wait. matched: gets pairs. dropped: gets what will not be matched any more, one of
+  /// its arguments is null.
+  StampMatcher(std::size_t most, Callback matched, Callback dropped)
+      : most_(most), matched_(std::move(matched)), dropped_(std::move(dropped)) {
+    clear();
+  }
+  StampMatcher(const StampMatcher&) = delete;
+  StampMatcher& operator=(const StampMatcher&) = delete;
+
+  void add(const FirstPtr& message) {
+    std::size_t& bytes = image_bytes_[message->header.stamp];
+    bytes_ += message->data.size() - bytes;
+    bytes = message->data.size();
+    synchronizer_->template add<0>(message);
+    while (bytes_ > kMaxWaitingBytes && image_bytes_.size() > kFewestWaiting) dropOldest();
+  }
+  void add(const SecondPtr& message) { synchronizer_->template add<1>(message); }
+
+  /// Time went back to `now`: what is newer will not be matched.
+  void forgetAfter(const ros::Time& now) {
+    // A pair that is newer than everything makes the synchronizer drop all that waits.
+    std::vector<std::pair<FirstPtr, SecondPtr>> waiting;
+    drained_ = &waiting;
+    synchronizer_->template add<0>(stamped<First>(ros::TIME_MAX));
+    synchronizer_->template add<1>(stamped<Second>(ros::TIME_MAX));
+    drained_ = nullptr;
+    clear();
+    for (const auto& [first, second] : waiting) {
+      if ((first ? first->header.stamp : second->header.stamp) > now) {
+        dropped_(first, second);
+      } else if (first) {
+        add(first);
+      } else {
+        add(second);
+      }
+    }
+  }
+
+  void clear() {
+    synchronizer_ = std::make_unique<Synchronizer>(Policy(static_cast<std::uint32_t>(most_)));
+    synchronizer_->registerCallback(
+        Function([this](const FirstPtr& first, const SecondPtr& second, Null, Null, Null, Null, Null, Null,
+                        Null) { onMatch(first, second); }));
+    synchronizer_->registerDropCallback(
+        Function([this](const FirstPtr& first, const SecondPtr& second, Null, Null, Null, Null, Null, Null,
+                        Null) { onDrop(first, second); }));
+    image_bytes_.clear();
+    bytes_ = 0;
+  }
+
+ private:
+  using Policy = message_filters::sync_policies::ExactTime<First, Second>;
+  using Synchronizer = message_filters::Synchronizer<Policy>;
+  using Null = const boost::shared_ptr<message_filters::NullType const>&;
+  using Function =
+      boost::function<void(const FirstPtr&, const SecondPtr&, Null, Null, Null, Null, Null, Null, Null)>;
+
+  template <typename Message>
+  static boost::shared_ptr<const Message> stamped(const ros::Time& stamp) {
+    const auto message = boost::make_shared<Message>();
+    message->header.stamp = stamp;
+    return message;
+  }
+
+  void onMatch(const FirstPtr& first, const SecondPtr& second) {
+    if (drained_) return;
+    forget(first);
+    second == eviction_ ? dropped_(first, nullptr) : matched_(first, second);
+  }
+
+  void onDrop(const FirstPtr& first, const SecondPtr& second) {
+    if (drained_) {
+      drained_->emplace_back(first, second);
+    } else {
+      forget(first);
+      dropped_(first, second);
+    }
+  }
+
+  void forget(const FirstPtr& image) {
+    if (!image) return;
+    const auto found = image_bytes_.find(image->header.stamp);
+    if (found == image_bytes_.end()) return;
+    bytes_ -= found->second;
+    image_bytes_.erase(found);
+  }
+
+  // ExactTime is bounded by number alone; a partner that stands for none takes the oldest image out.
+  void dropOldest() {
+    eviction_ = stamped<Second>(image_bytes_.begin()->first);
+    synchronizer_->template add<1>(eviction_);
+  }
+
+  const std::size_t most_;
+  const Callback matched_, dropped_;
+  std::unique_ptr<Synchronizer> synchronizer_;
+  std::map<ros::Time, std::size_t> image_bytes_;  // of the images that wait
+  std::size_t bytes_ = 0;                         // their sum
+  SecondPtr eviction_;
+  std::vector<std::pair<FirstPtr, SecondPtr>>* drained_ = nullptr;  // set while all is taken out
+};
+
+}  // namespace all_in_focus

@@ -1,0 +1,119 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What happens on real rigs: impossible stamps, cameras that take seconds, silence."""
+import itertools
+
+import rospy
+import rostest
+
+from all_in_focus.msg import FocusFrame, SegmentArray
+from depth_testing import camera_info, image_message, two_planes, wait_until
+from fusion_testing import BRACKET_IDS, ERROR, PERIOD, WARN, FusionTest, colour_message, picture, regions
+from refined_testing import FRAMES, INDICES, MIDDLE, RefinedTest, pixels
+
+STAMPS = itertools.count(400000, 100)
+LAST_STAMP = rospy.Time(4294967295, 950000000)
+DEPTH_PERIOD = 1 / 32  # s, exact in binary
+
+
+class StampTest(RefinedTest):
+    def test_an_impossible_stamp_ends_no_node(self):
+        self.expect_scene()
+        good = {'rgb/image': colour_message(picture('both'), 0), 'rgb/focus': FocusFrame(),
+                'rgb/camera_info': camera_info(0, 'color'), 'segmentation/labels': image_message(regions(), 0, '32SC1', 'color'),
+                'segmentation/segments': SegmentArray(), 'depth_registered/image': image_message(two_planes(), 0),
+                'depth_registered/image_raw': image_message(two_planes(), 0)}
+        talkers = {'rgb/image': self.image, 'rgb/focus': self.focus, 'segmentation/labels': self.labels,
+                   'segmentation/segments': self.segments, **self.scene}
+        for name, message in good.items():
+            for stamp in (LAST_STAMP, rospy.Time(0)):
+                message.header.stamp = stamp
+                talkers[name].say(message)
+            self.assert_diagnosed(ERROR, self.topic(name), 'stamp 4294967295 s 950000000 ns is impossible')
+        stamp = next(STAMPS)
+        self.send_scene(stamp)
+        self.send(stamp)
+        self.assert_as_files(stamp, INDICES, MIDDLE)
+
+
+class JumpTest(FusionTest):
+    def test_frames_that_wait_for_their_focus_are_forgotten_when_another_input_shows_a_jump(self):
+        self.expect_labels()
+        stamp = next(STAMPS)
+        self.send_labels(stamp + 50)
+        for index in range(64):
+            self.send_frame(stamp + 50 + index * DEPTH_PERIOD, 'both')
+        rospy.sleep(0.5)
+        self.send_labels(stamp)  # shows the jump
+        rospy.sleep(0.2)
+        self.assert_fused(self.send_bracket(stamp))
+
+
+class LateFramesTest(RefinedTest):
+    """Frames are stamped at the shutter and come after download, while depth goes on."""
+
+    def send_depth(self, begin, end):
+        for step in range(int((end - begin) / DEPTH_PERIOD)):
+            stamp = begin + step * DEPTH_PERIOD
+            for name in self.scene:
+                self.send_part(name, stamp)
+            self.send_labels(stamp)
+            rospy.sleep(0.002)
+
+    def test_what_an_announced_bracket_needs_is_kept(self):
+        self.reconfigure(label_timeout=5.0)
+        self.expect_scene()
+        for late in (0.125, 1.5, 3, 5, 20):
+            stamp, bracket = next(STAMPS), next(BRACKET_IDS)
+            self.send_depth(stamp - 0.5, stamp + DEPTH_PERIOD)
+            for index, frame in enumerate(FRAMES):
+                focus = FocusFrame(bracket_id=bracket, index=index, count=len(FRAMES), focus_distance=frame[1])
+                focus.header.stamp, focus.header.frame_id = rospy.Time.from_sec(stamp + index * PERIOD), 'color'
+                self.focus.say(focus)
+            self.send_depth(stamp + DEPTH_PERIOD, stamp + late)
+            for index in INDICES:
+                self.image.say(colour_message(pixels(index), stamp + index * PERIOD))
+            report = self.assert_as_files(stamp, INDICES, MIDDLE)
+            self.assertEqual([report.label_stamp.to_sec(), list(report.notes)], [stamp, []])
+
+    def test_labels_that_are_too_old_are_told_of(self):
+        self.reconfigure(label_timeout=0.25)
+        self.expect_scene()
+        stamp = next(STAMPS)
+        self.send_depth(stamp - 3.5, stamp - 3.5 + 2 * DEPTH_PERIOD)
+        self.send(stamp)
+        report = self.report(stamp + MIDDLE * PERIOD)
+        self.assert_noted(report, 'sharpness alone', '3.5 s older', 'label_max_age (1 s)')
+
+
+class SilenceTest(FusionTest):
+    def test_every_bracket_is_reported_while_labels_are_silent(self):
+        self.reconfigure(label_timeout=2.0)
+        self.expect_labels()
+        stamp, first = next(STAMPS), next(BRACKET_IDS)
+        count = 40
+        for number in range(count):
+            self.send_bracket(stamp + number, bracket_id=first + number)
+            rospy.sleep(0.05)
+        next(itertools.islice(BRACKET_IDS, count, count), None)
+        reports = lambda: {r.bracket_id: r for r in self.outputs['report'].messages}
+        wanted = set(range(first, first + count))
+        self.assertTrue(wait_until(lambda: wanted <= set(reports())), wanted - set(reports()))
+        for report in (reports()[number] for number in wanted):
+            self.assertEqual(report.frames_seen + report.frames_missing, 3)
+            self.assert_noted(report, 'none ever came') if report.frames_used else self.assert_noted(report, 'dropped')
+        self.assert_next_bracket_is_good(stamp + count + 1)
+
+    def test_a_camera_that_shoots_on_request_may_be_silent_between_brackets(self):
+        self.assert_next_bracket_is_good(next(STAMPS))
+        seen = len(self.diagnostics.statuses)
+        rospy.sleep(7)
+        silent = [s.message for s in self.diagnostics.statuses[seen:]
+                  if s.name.startswith('focus/fusion:') and s.level == WARN and self.topic('rgb/image') in s.message]
+        self.assertEqual(silent, [])
+
+
+if __name__ == '__main__':
+    rospy.init_node('fusion_faults_test')
+    rostest.rosrun('all_in_focus', 'fusion_faults', '__main__')
