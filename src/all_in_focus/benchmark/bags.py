@@ -80,7 +80,8 @@ def export(bag, names, results, folder, options):
     results: folder with the reports of a run, which say what brackets there were; which frames belong to them is told
     as the nodes tell it. options: of evaluate_bag, by name.
     """
-    reports = [_report(os.path.join(results, name)) for name in sorted(os.listdir(results))]
+    reports = [_report(os.path.join(results, name)) for name in sorted(os.listdir(results))
+               if name.startswith("bracket_")]  # beside them lies the mark of evaluate_bag
     rules = Rules(int(options.get("bracket-size", 0)), float(options.get("bracket-gap", 1.0)))
     with closing(BagFile(bag, names)) as file:
         found = assemble(scan(file), rules, []).found
