@@ -33,7 +33,7 @@ def split(path):
     return prose, code
 
 
-@pytest.mark.parametrize('page', [page for page in PAGES if page.stem not in ('algorithms', 'decisions')], ids=name_of)
+@pytest.mark.parametrize('page', PAGES, ids=name_of)
 def test_lines_are_short(page):
     assert not [f'{name_of(page)}:{number}' for number, line in split(page)[0] if len(line) >= LINE_LENGTH]
 

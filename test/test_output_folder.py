@@ -11,7 +11,7 @@ from tool_helpers import snapshot
 
 from all_in_focus.files import output_folder
 from all_in_focus.files.output_folder import (MARK, OutputFolder, read_mark, remove_folder, remove_leftovers,
-                                               whole_folder)
+                                              whole_folder)
 
 PROGRAM = "a_program"
 
