@@ -16,6 +16,7 @@ constexpr double kCertain = 0.05;     // px; no better key frame is looked for
 constexpr double kFarFromKey = 0.03;  // magnification relative to the key frame
 constexpr double kModelError = 0.05;  // px by which a lens may depart from the model
 constexpr double kSignificance = 3;   // standard deviations
+constexpr double kNoticeableRoll = 0.1;  // px at the corners; a warp without a roll takes half as long
 constexpr double kRounding = 0.01;    // px; nothing is measured better
 
 double variance(const cv::Matx44d& covariance) {
@@ -149,7 +150,7 @@ Placement BracketAlignment::placement(int index, int reference) const {
   const double free_scale = significant(0) ? measured.scale : 1;
   result.scale = breathing_.scale(from.magnification, to.magnification).value_or(free_scale);
   fix(0, radius_ * (result.scale - 1));
-  fix(1, significant(1) ? found[1] : 0);
+  fix(1, significant(1) && std::abs(found[1]) > kNoticeableRoll ? found[1] : 0);
   result.angle = found[1] / radius_;
   const cv::Vec2d shift(found[2], found[3]);
   const cv::Matx22d shift_covariance = covariance.get_minor<2, 2>(2, 2);

@@ -25,7 +25,20 @@ constexpr double kSharedEdges = 4;       // neighbouring tiles err alike: so man
 // Four pixels make a cubic B-spline at a fraction of the way from the second to the third.
 inline float spline(float a, float b, float c, float d, float f) {
   const float g = 1 - f;
-  return (g * g * g * a + (4 - 3 * f * f * (2 - f)) * b + (4 - 3 * g * g * (2 - g)) * c + f * f * f * d) / 6;
+  constexpr float kSixth = 1.0f / 6;
+  return kSixth * (g * g * g * a + (4 - 3 * f * f * (2 - f)) * b + (4 - 3 * g * g * (2 - g)) * c + f * f * f * d);
+}
+
+// Floats are right to 1e-4 px in levels of this size.
+ALL_IN_FOCUS_SIMD void findTaps(float begin, float step, int n, int length, int* __restrict first,
+                                float* __restrict fraction) {
+  const auto last = static_cast<float>(length - 2);
+  for (int i = 0; i < n; ++i) {
+    const float inside = std::min(std::max(begin + step * static_cast<float>(i), 1.0f), last);
+    const int whole = std::min(static_cast<int>(inside), length - 3);
+    first[i] = whole - 1;
+    fraction[i] = inside - static_cast<float>(whole);
+  }
 }
 
 using TapRows = std::array<const float*, 4>;
@@ -166,12 +179,7 @@ bool PairAlignment::Shears::cover(const cv::Rect& tile) const {
 void PairAlignment::Taps::prepare(double begin, double step, int count, int length) {
   first.resize(count);
   fraction.resize(count);
-  for (int i = 0; i < count; ++i) {
-    const double inside = std::clamp(begin + step * i, 1.0, length - 2.0);
-    const int whole = std::min(static_cast<int>(inside), length - 3);
-    first[i] = whole - 1;
-    fraction[i] = static_cast<float>(inside - whole);
-  }
+  findTaps(static_cast<float>(begin), static_cast<float>(step), count, length, first.data(), fraction.data());
 }
 
 // out[i] = spline of the picture where pixel at + (i, 0) lies in it.
