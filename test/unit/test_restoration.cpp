@@ -288,7 +288,8 @@ TEST(ImageFormation, NearPixelsComeFirstAndSharesSumUpToOne) {
   cv::Mat1f closeness(40, 40, 1.0f / kFarMm);
   closeness.colRange(20, 40) = 1.0f / kNearMm;
   const FrameBlur far_is_sharp = {1.0 / kFarMm, 9000};  // the near half has a radius of 3 px
-  const ImageFormation formation(closeness, far_is_sharp, 1e-5f);
+  ImageFormation formation(closeness, far_is_sharp, 1e-5f);
+  formation.update();
   std::vector<ImageFormation::Part> parts;
   for (const int x : {3, 16, 18, 19, 20, 22, 36}) {
     formation.partsOf({x, 20}, closeness(20, x), parts);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
@@ -222,9 +223,10 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
 
   // 2. The fused picture at every amount of blur; whether the optics predict the right one, and how well.
   RestorationResult result;
-  const BlurredPictures pictures(bracket.light, 1.6 * largestRadius(bracket, range));
+  auto pictures =
+      std::make_unique<BlurredPictures>(bracket.light, kLargestCorrection * largestRadius(bracket, range));
   if (!proceed(0.2)) return std::nullopt;
-  const BlurScale found = has_depth ? measureBlurScale(bracket, pictures) : BlurScale();
+  const BlurScale found = has_depth ? measureBlurScale(bracket, *pictures) : BlurScale();
   result.blur_scale = found.scale;
   if (found.scale > 0 && (found.scale < kUnusualLow || found.scale > kUnusualHigh)) {
     const double correction = std::clamp(found.scale / kUsualScale, kLeastCorrection, kLargestCorrection);
@@ -238,7 +240,8 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   bracket.noise_variance = std::max(bracket.noise_variance, found.misfit - 1);
 
   // 3. The depth map that explains the frames.
-  cv::Mat1f closeness = depthFromBracket(bracket, pictures, range);
+  cv::Mat1f closeness = depthFromBracket(bracket, *pictures, range);
+  pictures.reset();  // by far the largest part of memory
   if (!proceed(0.4)) return std::nullopt;
 
   // 4. Its contours, to the pixel.
@@ -246,6 +249,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   formation.reserve(bracket.frames.size());
   for (const ObservedFrame& frame : bracket.frames)
     formation.emplace_back(closeness, frame.blur, bracket.gap(kJumpPx));
+  updateAll(formation);
   bool stopped = false;
   moveContours(bracket, formation, closeness, [&](double done) {
     stopped = !proceed(0.4 + 0.3 * done);

@@ -14,7 +14,7 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kSweeps = 8;
+constexpr int kSweeps = 8, kSweepsPerUpdate = 3;
 constexpr int kReachPx = 4;      // how far a contour may move
 constexpr int kStirPx = 2;       // a change is felt that far away
 constexpr float kSharpPx = 3;    // radius of frames that tell
@@ -176,11 +176,9 @@ void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& f
   for (int i = 0; i < kSweeps; ++i) {
     if (!proceed(static_cast<double>(i) / kSweeps)) return;
     if (contours.sweep(0) + contours.sweep(1) == 0) break;
-    if (i % 2 == 1)
-      cv::parallel_for_({0, static_cast<int>(formation.size())}, [&](const cv::Range& range) {
-        for (int k = range.start; k < range.end; ++k) formation[k].update();
-      });
+    if (i % kSweepsPerUpdate == kSweepsPerUpdate - 1) updateAll(formation);
   }
+  updateAll(formation);
 }
 
 }  // namespace all_in_focus::core

@@ -29,7 +29,12 @@ ImageFormation::ImageFormation(const cv::Mat1f& closeness, const FrameBlur& blur
   cv::minMaxLoc(closeness, &least, &largest);
   least_ = static_cast<float>(least);
   per_layer_ = 1 / std::max(layer_gap, static_cast<float>((largest - least) / (kLayers - 1)));
-  update();
+}
+
+void updateAll(std::vector<ImageFormation>& formation) {
+  cv::parallel_for_({0, static_cast<int>(formation.size())}, [&](const cv::Range& range) {
+    for (int k = range.start; k < range.end; ++k) formation[k].update();
+  });
 }
 
 void ImageFormation::update() {
@@ -45,13 +50,17 @@ void ImageFormation::update() {
     }
   }
   reach_ = cv::Mat1b::zeros(own.size());
-  cv::Mat wide;
+  nearest_ = layer_.clone();
+  cv::Mat wide, layers;
   for (size_t i = 1; i < kReaches.size(); ++i) {
     const cv::Mat as_wide = own > kReaches[i - 1];
     if (cv::countNonZero(as_wide) == 0) break;
     const int side = 2 * (kReaches[i] + kMovedPx) + 1;
-    cv::dilate(as_wide, wide, cv::getStructuringElement(cv::MORPH_RECT, {side, side}));
+    const cv::Mat square = cv::getStructuringElement(cv::MORPH_RECT, {side, side});
+    cv::dilate(as_wide, wide, square);
     reach_.setTo(kReaches[i], wide);
+    cv::dilate(layer_ & as_wide & (own <= kReaches[i]), layers, square);
+    cv::max(nearest_, layers, nearest_);
   }
 }
 
@@ -65,7 +74,23 @@ void ImageFormation::update(const std::vector<cv::Point>& changed) {
 void ImageFormation::partsOf(const cv::Point& p, float own, std::vector<Part>& parts) const {
   const DiscKernels& kernels = DiscKernels::get();
   const int own_index = DiscKernels::index(blur_.radius(own));
-  const int half = std::max<int>(reach_(p), kernels.reach(own_index));
+  const int own_layer = layer(own), own_reach = kernels.reach(own_index);
+  // Where nothing nearer comes into it the own disc is enough, if it is filled.
+  if (nearest_(p) <= own_layer + 1) {
+    if (own_reach == 0) {
+      parts.assign(1, {0, 0, 1});
+      return;
+    }
+    if (gather(p, own_index, own_layer, own_reach, parts) >= kWhole) return;
+  }
+  const float total = gather(p, own_index, own_layer, std::max<int>(reach_(p), own_reach), parts);
+  if (total < kWhole) fillUp(p, own_layer, 1 - total, parts);
+}
+
+// Parts no farther than `half` away; returns the sum of their shares, which is 1 if it is nearly 1.
+float ImageFormation::gather(const cv::Point& p, int own_index, int own_layer, int half,
+                             std::vector<Part>& parts) const {
+  const DiscKernels& kernels = DiscKernels::get();
   const bool inside =
       p.x >= half && p.y >= half && p.x + half < closeness_.cols && p.y + half < closeness_.rows;
   std::array<float, kLayers> sums;
@@ -84,7 +109,6 @@ void ImageFormation::partsOf(const cv::Point& p, float own, std::vector<Part>& p
     parts.push_back({static_cast<std::int16_t>(to_x), static_cast<std::int16_t>(to_y), share});
     layers.push_back(static_cast<std::uint8_t>(l));
   };
-  const int own_layer = layer(own);
   for (int dy = -half; dy <= half; ++dy) {
     const int to_y = inside ? dy : mirrored(p.y + dy, closeness_.rows) - p.y;
     const std::uint8_t* indices = index_[p.y + to_y] + p.x;
@@ -112,11 +136,10 @@ void ImageFormation::partsOf(const cv::Point& p, float own, std::vector<Part>& p
     if (share > 0) parts[kept++] = {parts[i].dx, parts[i].dy, share};
   }
   parts.resize(kept);
-  if (total < kWhole) {
-    fillUp(p, own_layer, 1 - total, parts);
-  } else if (total < 1) {
+  if (total >= kWhole) {
     for (Part& part : parts) part.share /= total;
   }
+  return total;
 }
 
 // The share that no disc provides belongs to what is hidden: if something nearby covers p's own surface, to

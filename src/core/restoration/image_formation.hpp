@@ -21,8 +21,9 @@ class ImageFormation {
     float share;
   };
 
-  /// closeness: shared, not copied; may change by what moves jumps by a pixel or two before update().
-  /// layer_gap: pixels whose closeness differs by less do not cover each other.
+  /// closeness: shared, not copied; may change by what moves jumps by a pixel or two before the next
+  /// update(). The first one must come before anything else. layer_gap: pixels whose closeness differs by
+  /// less do not cover each other.
   ImageFormation(const cv::Mat1f& closeness, const FrameBlur& blur, float layer_gap);
 
   /// Follows the closeness: all that is needed, or only what changed in a few pixels.
@@ -43,6 +44,7 @@ class ImageFormation {
   int layer(float closeness) const {
     return std::clamp(static_cast<int>((closeness - least_) * per_layer_), 0, kLayers - 1);
   }
+  float gather(const cv::Point& p, int own_index, int own_layer, int half, std::vector<Part>& parts) const;
   void fillUp(const cv::Point& p, int own_layer, float missing, std::vector<Part>& parts) const;
 
   cv::Mat1f closeness_;
@@ -50,6 +52,9 @@ class ImageFormation {
   float least_ = 0, per_layer_ = 0;
   cv::Mat1b index_, layer_;  // by pixel: disc kernel and layer
   cv::Mat1b reach_;          // how far away, px, pixels may lie that light up this one
+  cv::Mat1b nearest_;        // the nearest layer among them
 };
+
+void updateAll(std::vector<ImageFormation>& formation);
 
 }  // namespace all_in_focus::core

@@ -45,10 +45,12 @@ struct Row {
   std::uint32_t first, count;  // its parts
 };
 
+// Small, for there are millions.
 struct Part {
-  std::int16_t dx, dy;
-  float share;
+  std::int8_t dx, dy;
+  std::uint16_t share;  // times kWholeShare
 };
+constexpr float kWholeShare = 65535;
 
 // Rows of the equations of a strip of the picture.
 struct Strip {
@@ -84,8 +86,8 @@ class Equations {
   static cv::Vec3f predicted(const Row& row, const Part* parts, const cv::Mat3f& light) {
     cv::Vec3f sum;
     for (std::uint32_t i = 0; i < row.count; ++i)
-      sum += parts[i].share * light(row.y + parts[i].dy, row.x + parts[i].dx);
-    return sum.mul(row.slope);
+      sum += static_cast<float>(parts[i].share) * light(row.y + parts[i].dy, row.x + parts[i].dx);
+    return sum.mul(row.slope) * (1 / kWholeShare);
   }
 
   // out = A^T omega values(row, parts), by pixel.
@@ -131,7 +133,8 @@ class Equations {
             light += part.share * bracket_.light(y + part.dy, x + part.dx);
             if (std::max(std::abs(part.dx), std::abs(part.dy)) <= kFarthestPart &&
                 solved_(y + part.dy, x + part.dx))
-              strip.parts.push_back({part.dx, part.dy, part.share});
+              strip.parts.push_back({static_cast<std::int8_t>(part.dx), static_cast<std::int8_t>(part.dy),
+                                     static_cast<std::uint16_t>(part.share * kWholeShare + 0.5f)});
           }
           row.count = static_cast<std::uint32_t>(strip.parts.size()) - row.first;
           for (int c = 0; c < 3; ++c) {
@@ -157,7 +160,7 @@ class Equations {
         const Pixel here = value(row, parts);
         for (std::uint32_t k = 0; k < row.count; ++k) {
           sums[i](row.y + parts[k].dy - rows.start + kFarthestPart, row.x + parts[k].dx) +=
-              factor(parts[k].share) * here;
+              factor(static_cast<float>(parts[k].share) / kWholeShare) * here;
         }
       }
     });
