@@ -12,6 +12,7 @@
 
 namespace all_in_focus::core {
 
+/// What mode restored makes of a fused bracket.
 struct RestorationResult {
   cv::Mat image;  ///< CV_8UC3: the fused picture, corrected beside depth edges
   cv::Mat depth;  ///< CV_16UC1 mm, known everywhere: estimated from the bracket, measured depth being a prior

@@ -61,6 +61,7 @@ ALL_IN_FOCUS_SIMD void addCosts(const short* a, const short* b, float factor, fl
 std::vector<const ObservedFrame*> compared(const ObservedBracket& bracket) {
   const int there = static_cast<int>(bracket.frames.size()), taken = std::min(there, kMostFrames);
   std::vector<const ObservedFrame*> frames;
+  frames.reserve(taken);
   for (int i = 0; i < taken; ++i)
     frames.push_back(&bracket.frames[taken == 1 ? 0 : (2 * i * (there - 1) + taken - 1) / (2 * (taken - 1))]);
   return frames;
