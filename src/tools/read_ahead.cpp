@@ -43,7 +43,7 @@ cv::Mat ReadAhead::get(int i) {
   changed_.wait(lock, [&slot] { return slot.state == Slot::kDone; });
   wanted_ = i + 1;
   if (slot.error) std::rethrow_exception(slot.error);
-  const cv::Mat image = slot.image;
+  cv::Mat image = slot.image;
   const std::size_t bytes = image.total() * image.elemSize();
   if (!slot.kept && i < keep_count_ && bytes <= keep_bytes_) {
     slot.kept = true;

@@ -11,13 +11,13 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kSameScene = 0.8;    // correlation; frames far out of focus reach 0.9, other scenes 0.5
-constexpr double kCertain = 0.05;     // px; no better key frame is looked for
-constexpr double kFarFromKey = 0.03;  // magnification relative to the key frame
-constexpr double kModelError = 0.05;  // px by which a lens may depart from the model
-constexpr double kSignificance = 3;   // standard deviations
+constexpr double kSameScene = 0.8;       // correlation; frames far out of focus reach 0.9, other scenes 0.5
+constexpr double kCertain = 0.05;        // px; no better key frame is looked for
+constexpr double kFarFromKey = 0.03;     // magnification relative to the key frame
+constexpr double kModelError = 0.05;     // px by which a lens may depart from the model
+constexpr double kSignificance = 3;      // standard deviations
 constexpr double kNoticeableRoll = 0.1;  // px at the corners; a warp without a roll takes half as long
-constexpr double kRounding = 0.01;    // px; nothing is measured better
+constexpr double kRounding = 0.01;       // px; nothing is measured better
 
 double variance(const cv::Matx44d& covariance) {
   return cv::trace(covariance);

@@ -26,7 +26,8 @@ constexpr double kSharedEdges = 4;       // neighbouring tiles err alike: so man
 inline float spline(float a, float b, float c, float d, float f) {
   const float g = 1 - f;
   constexpr float kSixth = 1.0f / 6;
-  return kSixth * (g * g * g * a + (4 - 3 * f * f * (2 - f)) * b + (4 - 3 * g * g * (2 - g)) * c + f * f * f * d);
+  return kSixth *
+         (g * g * g * a + (4 - 3 * f * f * (2 - f)) * b + (4 - 3 * g * g * (2 - g)) * c + f * f * f * d);
 }
 
 // Floats are right to 1e-4 px in levels of this size.
