@@ -143,10 +143,11 @@ ERRORS = {
                      "no bracket has its beginning"),
     "no reading": (depth(np.zeros(SIZE[::-1])), "depth values", "not one pixel has a depth"),
     "mm in 32FC1": (depth(depth_image(), "32FC1"), "depth values", "above 1500: mm, but 32FC1 means m"),
-    "lens in metres": (setting("/rgb/optics", focal_length_mm=24000.0), "optics", "not below the nearest depth"),
+    "lens longer than the scene": (setting("/rgb/optics", focal_length_mm=2400.0), "optics", "not below the nearest depth"),
 }
 
 WARNINGS = {
+    "lens in micrometres": (setting("/rgb/optics", focal_length_mm=24000.0), "optics", "impossible .f = 24000"),
     "bayer": (changed("/rgb/image", bayer), "colour image", "bayer_rggb8 is interpolated by the simplest method"),
     "one bad frame": (changed("/rgb/image", lambda message, number: number == 2 and setattr(message, "encoding", "x")),
                       "colour image", "1 of 4 images, the first at 0.200 s: .*bgr8"),

@@ -29,7 +29,7 @@ def refused(*arguments):
 
 @pytest.mark.parametrize("arguments, complaint", [
     ([], "no scenes: give folders of pictures or bags"),
-    (["SCENE", "--methods", "gf,median"], "no method is named 'median'; there are paper, refined, dwt"),
+    (["SCENE", "--methods", "gf,median"], "no method is named 'median'; there are paper, refined, restored, dwt"),
     (["SCENE", "--methods", ""], "no method is named ''"),
     (["SCENE", "--methods", "gf,gf"], "method 'gf' is named twice"),
     (["SCENE", "--methods", "paper:alignment"], "no method is named 'paper:alignment'"),

@@ -74,7 +74,8 @@ def test_sources_of_depth_exclude_each_other(planes):
     ("-24,4,0.019", "focal length"), ("24,-4,0.019", "aperture"), ("24,4,-0.019", "circle of confusion"),
     ("nan,4,0.019", "--optics"), ("24,inf,0.019", "--optics"), ("24,4", "is not f,F,coc"), ("24,4,0.019,1", "f,F,coc"),
     ("24;4;0.019", "is not f,F,coc"), ("a,b,c", "is not f,F,coc"), ("24,4,0.019mm", "f,F,coc"), ("", "--optics"),
-    ("1000,4,0.019", "not smaller than the nearest depth"), ("1e300,4,0.019", "nearest depth")])
+    ("1000,4,0.019", "not smaller than the nearest depth"), ("9999,4,0.019", "nearest depth"),
+    ("1e300,4,0.019", "must be 0.1 to 10000")])
 def test_optics(planes, optics, complaint):
     planes.refused(complaint, *planes.with_depth, "--optics", optics)
     before = snapshot(planes.folder)
