@@ -47,7 +47,7 @@ def scene(tmp_path_factory):
     return Scene(tmp_path_factory.mktemp("equality"))
 
 
-@pytest.mark.parametrize("mode", ["paper", "refined"])
+@pytest.mark.parametrize("mode", ["paper", "refined", "restored"])
 def test_nodes_give_the_pixels_of_fuse_stack(scene, mode):
     report = scene.check_equality(mode, scene.bag, ["--mode", mode], ["--mode", mode])
     assert [report["mode"], report["frames_rejected"]] == [mode, 0]

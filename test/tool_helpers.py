@@ -156,6 +156,8 @@ def fuse(folder, *arguments):
     folder.mkdir()
     saved = [part for picture in PICTURES[1:]
              for part in (f"--save-{picture.replace('_', '-')}", folder / (f"{picture}.png"))]
+    if "restored" in arguments:
+        saved += ["--save-depth", folder / "depth_restored.png"]
     succeeded(fuse_stack(*arguments, *saved, "--output", folder / "fused.png", "--report", folder / "report.json"))
     return folder
 
@@ -169,9 +171,10 @@ def evaluate(folder, bag, *options):
 
 def check_equality(evaluated, fused):
     """Same pixels, same report but for what only one of them can know; returns the report."""
-    assert set(snapshot(evaluated)) == set(snapshot(fused)) == {"report.json", *(f"{name}.png" for name in PICTURES)}
+    pictures = PICTURES + ("depth_restored",) * (read_report(fused / "report.json")["mode"] == "restored")
+    assert set(snapshot(evaluated)) == set(snapshot(fused)) == {"report.json", *(f"{name}.png" for name in pictures)}
     different = {}
-    for name in PICTURES:
+    for name in pictures:
         one, other = read(evaluated / (f"{name}.png")), read(fused / (f"{name}.png"))
         assert (one.dtype, one.shape) == (other.dtype, other.shape), name
         if not np.array_equal(one, other):

@@ -230,11 +230,12 @@ core::Optics toOptics(const OpticsMsg& message) {
 Mode toMode(const std::string& mode) {
   if (mode == "paper") return Mode::kPaper;
   if (mode == "refined") return Mode::kRefined;
-  throw std::invalid_argument("mode \"" + mode + "\" does not exist: use paper or refined");
+  if (mode == "restored") return Mode::kRestored;
+  throw std::invalid_argument("mode \"" + mode + "\" does not exist: use paper, refined or restored");
 }
 
 const char* toString(Mode mode) {
-  return mode == Mode::kPaper ? "paper" : "refined";
+  return mode == Mode::kPaper ? "paper" : mode == Mode::kRefined ? "refined" : "restored";
 }
 
 DofSpan toDofSpan(const std::string& dof_rule) {

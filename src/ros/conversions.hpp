@@ -68,7 +68,7 @@ RigidTransform toRigidTransform(const geometry_msgs::Transform& transform);
 OpticsMsg toMessage(const core::Optics& optics);
 core::Optics toOptics(const OpticsMsg& message);
 
-Mode toMode(const std::string& mode);  ///< "paper" or "refined"
+Mode toMode(const std::string& mode);  ///< "paper", "refined" or "restored"
 const char* toString(Mode mode);
 
 DofSpan toDofSpan(const std::string& dof_rule);  ///< "paper" or "full"

@@ -195,7 +195,7 @@ void fuseStack(const po::variables_map& values) {
   explainMissing(input, mode, context);
 
   const std::vector<std::string> warnings = warnOfRig(values, input);
-  if (mode == Mode::kRefined) keepFrames(stack, input.reference);
+  if (mode != Mode::kPaper) keepFrames(stack, input.reference);
   NamedFrames frames(stack);
   input.frames = &frames;
   PipelineResult result;

@@ -24,32 +24,37 @@ INDICES = range(len(FRAMES))
 MIDDLE = len(FRAMES) // 2
 
 
-def pixels(index):
+def pixels(index, enlarged=1):
     sharp, _, brightness = FRAMES[index]
-    return (picture(sharp) * brightness).astype(np.uint8)
+    return (picture(sharp) * brightness).astype(np.uint8).repeat(enlarged, axis=0).repeat(enlarged, axis=1)
 
 
 def another_scene(stamp):
     return colour_message(np.random.default_rng(2).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8), stamp)
 
 
-def fused_by_files(indices, reference):
-    """What fuse_stack makes of some of the frames: {name of the output: pixels}; reference: one of the indices."""
+def fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True):
+    """What fuse_stack makes of some of the frames: {name of the output: pixels}; reference: one of the indices; enlarged: so
+    many pixels for one each way; focus: whether it is told the focus distances."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / 'stack').mkdir()
         for index in indices:
-            write(folder / 'stack' / ('%d.png' % index), pixels(index))
+            write(folder / 'stack' / ('%d.png' % index), pixels(index, enlarged))
         (folder / 'focus.yaml').write_text('frames:\n' + ''.join('- {file: %d.png, focus_mm: %r}\n' % (i, FRAMES[i][1] * 1000)
                                                                  for i in indices))
         camera = Camera.pinhole('color', WIDTH, HEIGHT, 50.0, 50.0, WIDTH / 2, HEIGHT / 2)
         optics = Optics(OPTICS.focal_length_mm, OPTICS.aperture, OPTICS.circle_of_confusion_mm)
         save_rig(str(folder / 'rig'), Rig(camera, camera, np.eye(3), [0.0, 0.0, 0.0], optics, 'color', 'depth'))
         files = {name: folder / (name + '.png') for name in ('image', 'source_index', 'confidence')}
+        arguments = ['--focus', folder / 'focus.yaml'] if focus else []
+        if mode == 'restored':
+            files['depth_restored'] = folder / 'depth_restored.png'
+            arguments += ['--save-depth', files['depth_restored']]
         succeeded(fuse_stack('--stack', folder / 'stack', '--registered-depth', write(folder / 'z.png', two_planes()), '--rig',
-                             folder / 'rig', '--focus', folder / 'focus.yaml', '--mode', 'refined', '--reference',
-                             list(indices).index(reference), '--output', files['image'], '--save-source-index',
-                             files['source_index'], '--save-confidence', files['confidence']))
+                             folder / 'rig', '--mode', mode, '--reference', list(indices).index(reference), '--output',
+                             files['image'], '--save-source-index', files['source_index'], '--save-confidence',
+                             files['confidence'], *arguments))
         results = {name: read(path) for name, path in files.items()}
     results['source_index'] = np.array(indices, np.uint16)[results['source_index']]
     return results

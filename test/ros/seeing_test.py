@@ -195,7 +195,8 @@ class DescriptionTest(GraphTest):
                    'Brackets': ['bracket_mode', 'bracket_size', 'bracket_gap'],
                    'Labels': ['label_max_age', 'label_timeout']},
     }
-    CHOICES = {'mode': ['paper', 'refined'], 'dof_rule': ['paper', 'full'], 'bracket_mode': ['bracket', 'sliding']}
+    MODES = {'depth_preprocess': ['paper', 'refined'], 'fusion': ['paper', 'refined', 'restored']}
+    CHOICES = {'dof_rule': ['paper', 'full'], 'bracket_mode': ['bracket', 'sliding']}
 
     def last(self, topic, kind):
         listener = self.listen(topic, kind)
@@ -219,9 +220,10 @@ class DescriptionTest(GraphTest):
                     self.assertLessEqual(least[parameter.name], default[parameter.name])
                     self.assertGreater(most[parameter.name], default[parameter.name])
                     self.assertLess(most[parameter.name], 1e6)  # sliders stay usable
-                if parameter.name in self.CHOICES:
+                wanted = self.MODES[node] if parameter.name == 'mode' else self.CHOICES.get(parameter.name)
+                if wanted:
                     choices = [c['value'] for c in ast.literal_eval(parameter.edit_method)['enum']]
-                    self.assertEqual(choices, self.CHOICES[parameter.name])
+                    self.assertEqual(choices, wanted)
                     self.assertIn(default[parameter.name], choices)
 
     def test_nodes_start_with_the_defaults_shown(self):

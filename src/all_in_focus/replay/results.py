@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The outputs of the nodes, collected bracket by bracket and saved.
 
-On disk: bracket_0000/{fused,labels,registered,source_index,confidence,weights}.png and report.json.
+On disk: bracket_0000/{fused,labels,registered,source_index,confidence,weights}.png and report.json; in mode restored
+depth_restored.png too.
 """
 import functools
 import math
@@ -26,6 +27,7 @@ REPORT_VERSION = 1
 MAX_LABEL = 65535
 # file name: topic, encoding to save (OpenCV writes BGR)
 IMAGES = {"fused": ("all_in_focus/image", "bgr8"), "registered": ("all_in_focus/depth", "passthrough"),
+          "depth_restored": ("all_in_focus/depth_restored", "passthrough"),
           "source_index": ("all_in_focus/source_index", "passthrough"),
           "confidence": ("all_in_focus/confidence", "passthrough"), "weights": ("all_in_focus/weights_color", "bgr8")}
 LABELS, SEGMENTS, REPORT = "segmentation/labels", "segmentation/segments", "all_in_focus/report"
@@ -146,6 +148,8 @@ class BracketCollector:
             return {}
         result, label = report.header.stamp.to_nsec(), report.label_stamp.to_nsec()
         wanted = dict.fromkeys(("fused", "source_index", "confidence", "weights"), result)
+        if report.mode == "restored":
+            wanted["depth_restored"] = result
         if report.has_labels:
             wanted.update(registered=result, labels=label, segments=label)
         return wanted

@@ -15,6 +15,7 @@
 #include <mutex>
 #include <pluginlib/class_list_macros.hpp>
 #include <string>
+#include <vector>
 
 #include "callback_guard.hpp"
 #include "config_repair.hpp"
@@ -64,6 +65,7 @@ class FusionNodelet : public nodelet::Nodelet {
   std::unique_ptr<ros::AsyncSpinner> finish_spinner_;
   Config config_ = Config::__getDefault__();  // always possible
   int queue_size_ = 60;
+  bool restore_every_ = false;
 };
 
 // Stopping the queue answers ~finish, which may wait for it. After that no callback runs that needs the
@@ -82,6 +84,7 @@ void FusionNodelet::onInit() {
   guard_ = std::make_unique<CallbackGuard>(*monitor_);
   ros::NodeHandle& private_nh = getPrivateNodeHandle();
   queue_size_ = std::max(1, private_nh.param("queue_size", queue_size_));
+  restore_every_ = private_nh.param("restore_every_bracket", restore_every_);
   frames_ = std::make_unique<FrameQueue>(*monitor_, scenes_);
   inputs_ =
       std::make_unique<FusionInputs>(getNodeHandle(), private_nh, *monitor_, *guard_, scenes_, *frames_);
@@ -105,14 +108,14 @@ void FusionNodelet::onInit() {
 // What stands in `config` on return is shown to the user.
 void FusionNodelet::reconfigure(Config& config) {
   ConfigRepair repair;
-  const auto is_one_of = [](const std::string& value, const char* one, const char* other) {
-    return value == one || value == other;
+  const auto is_one_of = [](const std::string& value, const std::vector<std::string>& choices) {
+    return std::find(choices.begin(), choices.end(), value) != choices.end();
   };
-  repair.check(config.mode, config_.mode, is_one_of(config.mode, "paper", "refined"), "mode");
+  repair.check(config.mode, config_.mode, is_one_of(config.mode, {"paper", "refined", "restored"}), "mode");
   repair.check(config.max_held_frames, config_.max_held_frames, config.max_held_frames >= 0,
                "max_held_frames");
   repair.check(config.bracket_mode, config_.bracket_mode,
-               is_one_of(config.bracket_mode, "bracket", "sliding"), "bracket_mode");
+               is_one_of(config.bracket_mode, {"bracket", "sliding"}), "bracket_mode");
   repair.check(config.bracket_size, config_.bracket_size, config.bracket_size >= 0, "bracket_size");
   repair.check(config.bracket_gap, config_.bracket_gap, repair.isNotNegative(config.bracket_gap),
                "bracket_gap");
@@ -130,6 +133,7 @@ void FusionNodelet::reconfigure(Config& config) {
   settings.sliding = config.bracket_mode == "sliding";
   settings.label_max_age_s = config.label_max_age;
   settings.label_timeout_s = config.label_timeout;
+  settings.restore_every = restore_every_;
   frames_->configure({config.bracket_size, config.bracket_gap}, queue_size_);
   worker_->configure(settings);
   std::lock_guard<std::mutex> lock(connect_mutex_);

@@ -43,6 +43,7 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeMonitor& monitor,
   image_ = advertise(sensor_msgs::Image(), "all_in_focus/image");
   weights_ = advertise(sensor_msgs::Image(), "all_in_focus/weights_color");
   depth_ = advertise(sensor_msgs::Image(), "all_in_focus/depth");
+  depth_restored_ = advertise(sensor_msgs::Image(), "all_in_focus/depth_restored");
   source_index_ = advertise(sensor_msgs::Image(), "all_in_focus/source_index");
   confidence_ = advertise(sensor_msgs::Image(), "all_in_focus/confidence");
   info_ = advertise(sensor_msgs::CameraInfo(), "all_in_focus/camera_info");
@@ -50,7 +51,8 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeMonitor& monitor,
 }
 
 bool FusionOutputs::wanted() const {
-  const auto outputs = {&image_, &weights_, &depth_, &source_index_, &confidence_, &info_, &report_};
+  const auto outputs = {&image_,        &weights_,    &depth_, &depth_restored_,
+                        &source_index_, &confidence_, &info_,  &report_};
   return std::any_of(outputs.begin(), outputs.end(),
                      [](const ros::Publisher* output) { return output->getNumSubscribers() > 0; });
 }
@@ -73,6 +75,8 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
     cv::cvtColor(weights, weights, cv::COLOR_BGR2RGB);
     weights_.publish(toImage(header, enc::RGB8, weights));
     publishDepth(header, bracket.depth, result.image.size());
+    if (!bracket.restored_depth.empty())
+      depth_restored_.publish(toImage(header, enc::TYPE_16UC1, bracket.restored_depth));
   }
   report_.publish(bracket.report);
 }

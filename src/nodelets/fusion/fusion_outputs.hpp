@@ -27,7 +27,7 @@ class FusionOutputs {
                     const cv::Size& size);
 
   NodeMonitor* monitor_ = nullptr;
-  ros::Publisher image_, weights_, depth_, source_index_, confidence_, info_, report_;
+  ros::Publisher image_, weights_, depth_, depth_restored_, source_index_, confidence_, info_, report_;
 };
 
 }  // namespace all_in_focus

@@ -12,9 +12,17 @@
 namespace all_in_focus {
 
 FusionWorker::FusionWorker(NodeMonitor& monitor, FrameQueue& queue, SceneCache& scenes, Publish publish)
-    : monitor_(monitor), queue_(queue), scenes_(scenes), publish_(std::move(publish)), thread_([this] {
-        run();
-      }) {}
+    : monitor_(monitor),
+      queue_(queue),
+      scenes_(scenes),
+      publish_(std::move(publish)),
+      restorer_(
+          monitor, [this] { return queue_.interrupted(); },
+          [this](const FusedBracket& bracket, const FrameFates& fates) {
+            publish_(bracket);
+            acknowledge(fates);
+          }),
+      thread_([this] { run(); }) {}
 
 FusionWorker::~FusionWorker() {
   queue_.stop();
@@ -33,13 +41,16 @@ void FusionWorker::run() {
     const std::optional<FusionTask> task = queue_.take();
     if (!task) continue;
     try {
+      const BracketRestorer::Pause pause(restorer_);
       handle(*task);
     } catch (const std::exception& e) {
       bracket_.reset();  // what it holds is uncertain
       monitor_.error(std::string("fusion: ") + e.what());
       if (task->frame.image) monitor_.consumed(task->header, Outcome::kInvalid, e.what());
     }
-    if (task->finished) task->finished->set_value(published_);
+    if (restoresEvery()) restorer_.wait();
+    if (task->finished)
+      restorer_.whenIdle([finished = task->finished, count = published_] { finished->set_value(count); });
   }
 }
 
@@ -50,7 +61,8 @@ void FusionWorker::handle(const FusionTask& task) {
     case FusionTask::Kind::kEnd:
       return endBracket(task.missing);
     case FusionTask::Kind::kAbandon:
-      return bracket_.reset();
+      bracket_.reset();
+      return restorer_.drop();
     case FusionTask::Kind::kFinish:
       return;
   }
@@ -68,7 +80,7 @@ void FusionWorker::handleFrame(const FusionTask& task) {
   if (task.step.last) {
     endBracket(task.step.missing);
   } else if (bracket_->settings().sliding && std::any_of(fates.begin(), fates.end(), is_used)) {
-    publish(/*complete=*/false);
+    publish_(fused(/*complete=*/false));
   }
   acknowledge(fates);  // last: who hears of a frame may rely on its result
 }
@@ -93,12 +105,18 @@ void FusionWorker::findScene(const ros::Time& first_frame) {
 void FusionWorker::endBracket(int missing) {
   if (!bracket_) return;
   const FrameFates fates = bracket_->close(missing, [this] { return queue_.interrupted(); });
-  if (!queue_.interrupted()) publish(/*complete=*/true);
+  restorer_.giveUp("the next bracket was fused first");
+  if (!queue_.interrupted()) {
+    const FusedBracket bracket = fused(/*complete=*/true);
+    bracket_.reset();
+    if (bracket.restoration) return restorer_.start(bracket, fates);
+    publish_(bracket);
+  }
   bracket_.reset();
   acknowledge(fates);
 }
 
-void FusionWorker::publish(bool complete) {
+FusedBracket FusionWorker::fused(bool complete) {
   FusedBracket bracket = bracket_->fused(complete);
   const std::string id = "bracket " + std::to_string(bracket.report->bracket_id) + ": ";
   if (complete) {
@@ -107,7 +125,12 @@ void FusionWorker::publish(bool complete) {
   }
   if (!bracket.depth) bracket.depth = scenes_.depthAt(bracket_->depthStamp());  // labels may be faster
   bracket.camera = scenes_.camera();
-  publish_(bracket);
+  return bracket;
+}
+
+bool FusionWorker::restoresEvery() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return settings_.restore_every;
 }
 
 void FusionWorker::acknowledge(const FrameFates& fates) {

@@ -7,6 +7,7 @@
 #include <mutex>
 #include <thread>
 
+#include "bracket_restorer.hpp"
 #include "frame_queue.hpp"
 #include "node_monitor.hpp"
 #include "open_bracket.hpp"
@@ -14,10 +15,12 @@
 
 namespace all_in_focus {
 
-/// Fuses what is in the queue, in a thread of its own, so that callbacks never wait.
+/// Fuses what is in the queue, in a thread of its own, so that callbacks never wait. In mode restored a
+/// bracket is published once it is restored; when the next one is fused first, as it was fused.
 class FusionWorker {
  public:
-  using Publish = std::function<void(const FusedBracket&)>;  ///< called from the worker's thread
+  /// Called from the worker's thread or from that of restoration, one result after the other.
+  using Publish = std::function<void(const FusedBracket&)>;
 
   FusionWorker(NodeMonitor& monitor, FrameQueue& queue, SceneCache& scenes, Publish publish);
   ~FusionWorker();  ///< stops the queue and closes the scene cache
@@ -31,7 +34,8 @@ class FusionWorker {
   void begin(const FusionTask& first);
   void findScene(const ros::Time& first_frame);
   void endBracket(int missing);
-  void publish(bool complete);
+  FusedBracket fused(bool complete);
+  bool restoresEvery();
   void acknowledge(const FrameFates& fates);
 
   NodeMonitor& monitor_;
@@ -44,8 +48,9 @@ class FusionWorker {
   // Of the worker's thread alone.
   BracketFusion fusion_;
   std::unique_ptr<OpenBracket> bracket_;
-  int published_ = 0;
+  int published_ = 0;  // or handed over to be
 
+  BracketRestorer restorer_;
   std::thread thread_;
 };
 

@@ -83,6 +83,22 @@ SharedScene toScene(const SceneMessages& messages, Mode mode) {
   return shared;
 }
 
+void FusedBracket::setRestored(const RestorationResult& restored, double took_ms) {
+  result.image = restored.image;
+  restored_depth = restored.depth;
+  report->mode = name(FusedBy::kRestored);
+  report->blur_scale = restored.blur_scale;
+  report->notes.insert(report->notes.end(), restored.notes.begin(), restored.notes.end());
+  report->timing_names.push_back("restoration");
+  report->timing_ms.push_back(took_ms);
+}
+
+// The scene shares the memory of messages, which must live as long.
+struct OpenBracket::Restoration {
+  SharedScene scene;
+  BracketRestoration restoration;
+};
+
 OpenBracket::OpenBracket(const FusionTask& first, const FusionSettings& settings, BracketFusion& fusion)
     : settings_(settings),
       fusion_(fusion),
@@ -92,6 +108,24 @@ OpenBracket::OpenBracket(const FusionTask& first, const FusionSettings& settings
   report_.header = first.header;
   report_.bracket_id = first.step.bracket_id;
   report_.mode = name(FusedBy::kSharpness);
+  if (settings.mode == Mode::kRestored && settings.sliding) {
+    note("not restored: bracket_mode sliding publishes what is refined");
+  } else if (settings.mode == Mode::kRestored) {
+    restoration_ = std::make_shared<Restoration>();
+    fusion_.handAlignedFramesTo(
+        [to = restoration_](const AlignedFrame& frame) { to->restoration.add(frame); });
+  }
+}
+
+OpenBracket::~OpenBracket() {
+  fusion_.handAlignedFramesTo({});
+}
+
+void OpenBracket::begin(const BracketScene& scene) {
+  fusion_.begin(scene, settings_.mode);
+  if (!restoration_) return;
+  restoration_->scene = scene_;
+  restoration_->restoration.begin(scene);
 }
 
 // Notes where it is another one than wanted.
@@ -125,11 +159,11 @@ std::vector<std::string> OpenBracket::setScene(const SceneMessages& messages, do
   }
   try {
     scene_ = toScene(messages, settings_.mode);
-    fusion_.begin(scene_.scene, settings_.mode);
+    begin(scene_.scene);
   } catch (const std::exception& e) {
     trouble = std::string("label image refused, fused by sharpness alone: ") + e.what();
     scene_ = {};
-    fusion_.begin({}, settings_.mode);
+    begin({});
   }
   report_.has_labels = trouble.empty();
   if (report_.has_labels) {
@@ -273,6 +307,14 @@ FusedBracket OpenBracket::fused(bool complete) const {
                         "no focus distances: depth and optics have no say in the fusion");
   }
   report.notes.insert(report.notes.end(), bracket.result.notes.begin(), bracket.result.notes.end());
+  if (restoration_ && report_.frames_used > 0) {
+    const std::string missing = restoration_->restoration.missing();
+    if (missing.empty()) {
+      bracket.restoration = {restoration_, &restoration_->restoration};
+    } else {
+      report.notes.push_back("not restored: " + missing);
+    }
+  }
   if (report_.frames_used == 0) bracket.warnings.push_back("no frame could be used: nothing to publish");
   if (report_.frames_used == 1 && complete)
     bracket.warnings.push_back("only one frame: the result is that frame");

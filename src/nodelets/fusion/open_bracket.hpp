@@ -7,11 +7,13 @@
 
 #include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "all_in_focus/bracket_fusion.hpp"
 #include "all_in_focus/frame_order.hpp"
+#include "all_in_focus/restoration.hpp"
 #include "conversions.hpp"
 #include "frame_queue.hpp"
 #include "scene_cache.hpp"
@@ -25,6 +27,7 @@ struct FusionSettings {
   int max_held_frames = 64;
   double label_max_age_s = 1.0;
   double label_timeout_s = 2.0;
+  bool restore_every = false;  ///< mode restored: the next bracket waits for it; false: it gives way
 };
 
 /// What the messages say of a scene, as the core takes it.
@@ -49,6 +52,11 @@ struct FusedBracket {
   int frames = 0;                          ///< length of the bracket, as far as known
   sensor_msgs::ImageConstPtr depth;        ///< registered depth that the labels were cut from, may be empty
   sensor_msgs::CameraInfoConstPtr camera;  ///< may be empty
+
+  /// Mode restored: what the picture, which is that of mode refined yet, can be corrected by. Null: it stays.
+  std::shared_ptr<const BracketRestoration> restoration;
+  cv::Mat restored_depth;  ///< CV_16UC1 mm, empty: not restored
+  void setRestored(const RestorationResult& restored, double took_ms);
 };
 
 /// What became of a frame.
@@ -68,6 +76,9 @@ class OpenBracket {
 
   /// first: the task that the bracket begins with. fusion: begun anew for this bracket; its buffers live on.
   OpenBracket(const FusionTask& first, const FusionSettings& settings, BracketFusion& fusion);
+  ~OpenBracket();
+  OpenBracket(const OpenBracket&) = delete;
+  OpenBracket& operator=(const OpenBracket&) = delete;
 
   const FusionSettings& settings() const { return settings_; }
 
@@ -93,7 +104,10 @@ class OpenBracket {
     double focus_mm;
   };
 
+  struct Restoration;
+
   int plannedReference(const FusionTask& first);
+  void begin(const BracketScene& scene);
   double focusOf(const BracketFrame& frame, int index);
   FrameFates fuseReady(const Interrupted& interrupted);
   std::string fuse(int index, const Frame& frame);
@@ -106,6 +120,7 @@ class OpenBracket {
   FusionReport report_;
   bool has_scene_ = false;
   SharedScene scene_;
+  std::shared_ptr<Restoration> restoration_;  // mode restored
   sensor_msgs::ImageConstPtr depth_;
   ros::Time depth_stamp_;
   int reference_;  // wanted

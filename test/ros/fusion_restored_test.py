@@ -1,0 +1,142 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Mode restored: a bracket is published once it is restored, and gives way to the next one. Pixels are those of fuse_stack."""
+import numpy as np
+import rospy
+import rostest
+from sensor_msgs.msg import Image
+
+from depth_testing import subscribers_of, values_of, wait_until
+from fusion_testing import BRACKET_IDS, PERIOD, WARN, array_of, colour_message
+from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest, fused_by_files, pixels
+
+ENLARGED = 12  # then restoration takes long enough for the next bracket to come first
+AT_REFERENCE = MIDDLE * PERIOD
+
+
+class RestoredTest(RefinedTest):
+    def setUp(self):
+        super().setUp()
+        self.outputs['depth_restored'] = self.listen(self.topic('all_in_focus/depth_restored'), Image)
+
+    def reconfigure(self, **config):
+        return super().reconfigure(**{'mode': 'restored', **config})
+
+    def assert_pixels(self, stamp, mode, **files):
+        for name, wanted in fused_by_files(INDICES, MIDDLE, mode, **files).items():
+            np.testing.assert_array_equal(array_of(self.outputs[name].at(stamp + AT_REFERENCE)), wanted, name)
+
+    def fuse_large(self, count):
+        """Sends that many large brackets as fast as it can; returns their stamps."""
+        if not self.scene:
+            self.expect_scene()
+        stamps = [next(STAMPS) for _ in range(count)]
+        for stamp in stamps:
+            self.send_scene(stamp)
+        large = {i: lambda stamp, frame=pixels(i, ENLARGED): colour_message(frame, stamp) for i in INDICES}
+        for stamp in stamps:
+            self.send(stamp, replaced=large)
+        return stamps
+
+    def reports(self, stamps):
+        return [self.report(stamp + AT_REFERENCE) for stamp in stamps]
+
+    def test_the_result_is_that_of_files(self):
+        stamp = self.fuse()
+        report = self.report(stamp + AT_REFERENCE)
+        self.assertEqual([report.mode, report.frames_used, report.reference], ['restored', len(FRAMES), MIDDLE], report.notes)
+        self.assertEqual(list(report.timing_names), ['label_wait', 'fusion', 'restoration'])
+        self.assertGreater(report.blur_scale, 0)
+        self.assert_pixels(stamp, 'restored')
+        depth, image = (self.outputs[name].at(stamp + AT_REFERENCE) for name in ('depth_restored', 'image'))
+        self.assertEqual([depth.encoding, depth.header.frame_id], ['16UC1', image.header.frame_id])
+        self.acknowledged(stamp + INDICES[-1] * PERIOD)
+
+    def test_the_next_bracket_goes_first(self):
+        """The older one is published as refined at that moment; each bracket once, in their order."""
+        for _ in range(5):
+            stamps = self.fuse_large(2)
+            older, newer = self.reports(stamps)
+            self.assertEqual(newer.mode, 'restored', newer.notes)
+            if older.mode == 'refined':
+                break
+        self.assertEqual(older.mode, 'refined', 'no bracket ever gave way')
+        self.assert_noted(older, 'not restored: the next bracket was fused first')
+        self.assert_diagnosed(WARN, 'not restored: the next bracket was fused first')
+        self.assertEqual(older.blur_scale, 0)
+        self.assert_pixels(stamps[0], 'refined', enlarged=ENLARGED)
+        self.assert_pixels(stamps[1], 'restored', enlarged=ENLARGED)
+        reported = [r.header.stamp.to_sec() for r in self.outputs['report'].messages]
+        self.assertEqual([s for s in reported if s - AT_REFERENCE in stamps], [s + AT_REFERENCE for s in stamps])
+        depths = [m.header.stamp.to_sec() for m in self.outputs['depth_restored'].messages]
+        self.assertEqual([s for s in depths if s - AT_REFERENCE in stamps], [stamps[1] + AT_REFERENCE])
+        for stamp in stamps:
+            for index in INDICES:
+                self.acknowledged(stamp + index * PERIOD)
+
+    def test_a_bracket_of_another_mode_goes_first_too(self):
+        for _ in range(5):
+            restored, = self.fuse_large(1)
+            self.acknowledged(restored + (len(FRAMES) - 2) * PERIOD)
+            self.reconfigure(mode='refined')
+            refined, = self.fuse_large(1)
+            older, newer = self.reports([restored, refined])
+            self.assertEqual([newer.mode, list(newer.notes)], ['refined', []])
+            self.reconfigure()
+            stamps = [r.header.stamp.to_sec() for r in self.outputs['report'].messages]
+            self.assertLess(stamps.index(restored + AT_REFERENCE), stamps.index(refined + AT_REFERENCE))
+
+    def test_finish_answers_when_it_is_restored(self):
+        stamp, = self.fuse_large(1)
+        self.acknowledged(stamp + PERIOD)
+        answer = self.finish()
+        self.assertTrue(answer.success, answer.message)
+        report = self.report(stamp + AT_REFERENCE)
+        self.assertEqual(report.mode, 'restored', report.notes)
+        self.assertIn('brackets published', answer.message)
+
+    def test_without_focus_distances_it_says_so_and_is_refined(self):
+        stamp = self.fuse(focus_distance=float('nan'))
+        report = self.report(stamp + AT_REFERENCE)
+        self.assertEqual(report.mode, 'refined')
+        self.assert_noted(report, 'not restored: the focus distances are unknown')
+        self.assert_pixels(stamp, 'refined', focus=False)
+        self.assertIsNone(self.outputs['depth_restored'].at(stamp + AT_REFERENCE, 0.2))
+
+    def test_without_optics_it_says_so_and_is_refined(self):
+        self.expect_scene('depth_registered/image', 'depth_registered/image_raw')
+        stamp = self.fuse()
+        report = self.report(stamp + AT_REFERENCE)
+        self.assertEqual(report.mode, 'refined')
+        self.assert_noted(report, 'not restored: the pixel pitch is unknown')
+
+    def test_sliding_is_refined_and_says_so(self):
+        self.reconfigure(bracket_mode='sliding')
+        bracket_id = next(BRACKET_IDS)
+        self.fuse(bracket_id=bracket_id)
+        reports = lambda: [r for r in self.outputs['report'].messages if r.bracket_id == bracket_id]
+        self.assertTrue(wait_until(lambda: len(reports()) == len(FRAMES)))
+        for report in reports():
+            self.assertEqual(report.mode, 'refined')
+            self.assert_noted(report, 'not restored: bracket_mode sliding')
+
+    def test_who_goes_away_meanwhile_breaks_nothing(self):
+        stamp, = self.fuse_large(1)
+        self.acknowledged(stamp + (len(FRAMES) - 2) * PERIOD)
+        for output in self.outputs.values():
+            output.close()
+        self.assertTrue(wait_until(lambda: not subscribers_of(self.topic('rgb/image'))))
+        state = lambda status: values_of(status).get('restoration') == 'idle'
+        self.diagnostics.wait('focus/fusion', state)
+        self.outputs = {name: self.listen(self.topic('all_in_focus/' + name), kind)
+                        for name, kind in (('image', Image), ('depth_restored', Image))}
+        self.scene = {}
+        self.expect_labels()
+        stamp = self.fuse()
+        self.assertIsNotNone(self.outputs['depth_restored'].at(stamp + AT_REFERENCE))
+
+
+if __name__ == '__main__':
+    rospy.init_node('fusion_restored_test')
+    rostest.rosrun('all_in_focus', 'fusion_restored', '__main__')
