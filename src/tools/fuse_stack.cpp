@@ -3,8 +3,6 @@
 
 // The whole method on files: from a focus bracket and what is known about depth to the all-in-focus image.
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <iostream>
@@ -26,17 +24,6 @@ using namespace all_in_focus::core;
 namespace {
 
 constexpr int kAutoReference = PipelineInput::kAutoReference;
-
-// Mode refined reads the frames up to the reference twice. The first few of them are kept instead of being
-// decoded again: all of a dozen pictures of 20 MP, and never more, so that memory does not grow with the
-// stack.
-void keepFrames(StackReader& stack, int reference) {
-  constexpr int kMaxFrames = 8;
-  constexpr std::size_t kMaxBytes = 512 << 20;
-  const auto memory = static_cast<std::size_t>(sysconf(_SC_PHYS_PAGES)) * sysconf(_SC_PAGESIZE);
-  const int read_twice = (reference == kAutoReference ? stack.count() / 2 : reference) + 1;
-  stack.keepFirst(std::min(read_twice, kMaxFrames), std::min(kMaxBytes, memory / 8));
-}
 
 int parseReference(const std::string& text) {
   if (text == "auto") return kAutoReference;
@@ -195,7 +182,6 @@ void fuseStack(const po::variables_map& values) {
   explainMissing(input, mode, context);
 
   const std::vector<std::string> warnings = warnOfRig(values, input);
-  if (mode != Mode::kPaper) keepFrames(stack, input.reference);
   NamedFrames frames(stack);
   input.frames = &frames;
   PipelineResult result;

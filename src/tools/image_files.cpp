@@ -10,7 +10,6 @@
 #include <cctype>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <mutex>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
@@ -76,12 +75,18 @@ bool isWholeJpeg(const std::string& data) {
   return false;
 }
 
-cv::Mat decode(const std::string& path, int flags) {
+std::string readFile(const std::string& path) {
   if (!fs::exists(path)) fail(path, "no such file");
   if (!fs::is_regular_file(path)) fail(path, "not a file");
-  std::ifstream file(path, std::ios::binary);
-  std::string data((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  if (!file && !file.eof()) fail(path, "cannot be read");
+  std::ifstream file(path, std::ios::binary | std::ios::ate);
+  const std::streamoff size = file ? static_cast<std::streamoff>(file.tellg()) : -1;
+  std::string data(size > 0 ? size : 0, '\0');
+  if (size < 0 || !file.seekg(0).read(data.data(), size)) fail(path, "cannot be read");
+  return data;
+}
+
+cv::Mat decode(const std::string& path, int flags) {
+  std::string data = readFile(path);
   if (startsWith(data, "\x89PNG\r\n\x1a\n") && !isWholePng(data))
     fail(path, "PNG is cut short: copy it again");
   if (startsWith(data, "\xff\xd8") && !isWholeJpeg(data)) fail(path, "JPEG is cut short: copy it again");

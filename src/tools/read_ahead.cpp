@@ -9,9 +9,13 @@
 namespace all_in_focus {
 namespace {
 
-// Images decoded before they are asked for: one for each thread. More would only take memory, as decoding is
-// not slower than fusing by more than a factor of two.
-constexpr int kThreads = 2, kAhead = kThreads;
+constexpr int kThreads = 2;
+
+// Images decoded while the caller works at one. Fusing one takes longer than decoding the next, unless it has
+// more than two cores.
+int ahead() {
+  return std::thread::hardware_concurrency() > 2 ? kThreads : 1;
+}
 
 }  // namespace
 
@@ -29,35 +33,25 @@ ReadAhead::~ReadAhead() {
   for (std::thread& thread : threads_) thread.join();
 }
 
-void ReadAhead::keepFirst(int count, std::size_t bytes) {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  keep_count_ = count;
-  keep_bytes_ = bytes;
-}
-
-cv::Mat ReadAhead::get(int i) {
+void ReadAhead::get(int i, cv::Mat& image) {
+  image.release();
   std::unique_lock<std::mutex> lock(mutex_);
   wanted_ = i;
+  awaited_ = true;
   changed_.notify_all();
   Slot& slot = slots_.at(i);
   changed_.wait(lock, [&slot] { return slot.state == Slot::kDone; });
   wanted_ = i + 1;
+  awaited_ = false;
   if (slot.error) std::rethrow_exception(slot.error);
-  cv::Mat image = slot.image;
-  const std::size_t bytes = image.total() * image.elemSize();
-  if (!slot.kept && i < keep_count_ && bytes <= keep_bytes_) {
-    slot.kept = true;
-    keep_bytes_ -= bytes;
-  } else {
-    slot.image = cv::Mat();
-    slot.state = Slot::kEmpty;
-  }
+  image = slot.image;
+  slot = Slot();
   changed_.notify_all();
-  return image;
 }
 
 int ReadAhead::nextToDecode() const {
-  const int end = std::min<int>(wanted_ + kAhead, static_cast<int>(slots_.size()));
+  const int last = wanted_ + (awaited_ ? kThreads : ahead());
+  const int end = std::min<int>(last, static_cast<int>(slots_.size()));
   for (int i = wanted_; i < end; ++i) {
     if (slots_[i].state == Slot::kEmpty) return i;
   }

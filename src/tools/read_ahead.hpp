@@ -21,16 +21,13 @@ class ReadAhead {
   ReadAhead(const ReadAhead&) = delete;
   ReadAhead& operator=(const ReadAhead&) = delete;
 
-  /// Keeps the first `count` images that get() returns for a second get(), up to `bytes` of them in all.
-  void keepFirst(int count, std::size_t bytes);
-
-  /// Waits for image i and returns it. The next images are decoded meanwhile. Throws what decode(i) threw.
-  cv::Mat get(int i);
+  /// Releases `image`, waits for image i and puts it there. The next images are decoded until the call after.
+  /// Throws what decode(i) threw.
+  void get(int i, cv::Mat& image);
 
  private:
   struct Slot {
     enum { kEmpty, kBusy, kDone } state = kEmpty;
-    bool kept = false;
     cv::Mat image;
     std::exception_ptr error;
   };
@@ -42,9 +39,8 @@ class ReadAhead {
   std::mutex mutex_;  // guards all that follows
   std::condition_variable changed_;
   std::vector<Slot> slots_;
-  int wanted_ = 0;  // image that comes next
-  int keep_count_ = 0;
-  std::size_t keep_bytes_ = 0;
+  int wanted_ = 0;        // image that comes next
+  bool awaited_ = false;  // the caller waits for it
   bool stopping_ = false;
   std::vector<std::thread> threads_;
 };

@@ -84,8 +84,11 @@ void StackReader::open() {
 
 bool StackReader::next(cv::Mat& frame) {
   if (!names_.empty()) {
-    if (read_ == static_cast<int>(names_.size())) return false;
-    frame = images_->get(read_++);
+    if (read_ == static_cast<int>(names_.size())) {
+      frame.release();  // what follows may need the memory
+      return false;
+    }
+    images_->get(read_++, frame);
     return true;
   }
   if (video_.read(frame) && !frame.empty()) {
@@ -99,10 +102,6 @@ bool StackReader::next(cv::Mat& frame) {
 void StackReader::rewind() {
   read_ = 0;
   if (names_.empty()) open();
-}
-
-void StackReader::keepFirst(int count, std::size_t bytes) {
-  if (images_) images_->keepFirst(count, bytes);
 }
 
 int StackReader::count() {

@@ -27,10 +27,6 @@ class StackReader : public core::FrameSource {
   /// Back to the first frame. A video is opened anew.
   void rewind() override;
 
-  /// The caller will read the first `count` frames, rewind and read them again. Images of a folder are then
-  /// kept, up to `bytes` of them in all, instead of being decoded twice.
-  void keepFirst(int count, std::size_t bytes);
-
   /// A video is decoded to its end, once, and rewound.
   int count() override;
 
