@@ -1,14 +1,21 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The method on files and through the real nodes, one scene: fuse_stack, and make_bag with evaluate_bag."""
+import contextlib
 import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import cv2
 import numpy as np
+import psutil
 import pytest
 import rosbag
 
-from file_helpers import cut
+from file_helpers import SCRIPTS, cut
 from tool_helpers import (check_equality, evaluate, expect_refusal, fuse, fuse_stack, read, rosrun, snapshot, succeeded,
                           texture, write)
 
@@ -72,6 +79,64 @@ def test_both_leave_out_frames_that_do_not_fit(scene):
     report = scene.check_equality("misfits", bag, [], [], stack="misfits")
     assert report["frames_rejected"] == 2
     assert [note.split(":")[0] for note in report["notes"]][:2] == ["frame 1 rejected", f"frame {FRAMES - 2} rejected"]
+
+
+# --- what ends a run --------------------------------------------------------------------------------------------------
+
+class Run:
+    """evaluate_bag at work, beside a master that is already there."""
+
+    def __init__(self, scene, folder):
+        self.output = folder / "out"
+        self.process = subprocess.Popen([sys.executable, Path(SCRIPTS) / "evaluate_bag", "--bag", scene.bag, "--output",
+                                         self.output], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.family = {}  # command line by process
+        self.manager = wait_until(lambda: self.find("evaluation_player") and self.find("__name:=manager"))
+
+    def find(self, words):
+        """The process below evaluate_bag whose command line has these words."""
+        for process in psutil.Process(self.process.pid).children(recursive=True):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                self.family[process] = " ".join(process.cmdline())
+        return next((process for process, command in self.family.items() if words in command), None)
+
+    def check_end(self, code, *words):
+        """Nothing stays: no process, no folder. One line has these words; none: nothing is printed."""
+        out, err = self.process.communicate(timeout=90)
+        assert (self.process.returncode, out) == (code, ""), err
+        assert len(err.splitlines()) == (1 if words else 0) and all(word in err for word in words), err
+        assert len(self.family) >= 7  # launcher, master, rosout, manager, three loaders, player
+        wait_until(lambda: not any(process.is_running() for process in self.family))
+        assert not self.output.parent.exists() or not list(self.output.parent.iterdir())
+
+
+def wait_until(condition):
+    end = time.monotonic() + 60
+    while time.monotonic() < end:
+        found = condition()
+        if found:
+            return found
+        time.sleep(0.05)
+    raise AssertionError("not within a minute")
+
+
+@pytest.fixture
+def running(scene, tmp_path):
+    run = Run(scene, tmp_path / "results")
+    yield run
+    run.process.kill()
+    run.process.communicate()
+
+
+def test_a_node_that_dies_is_told_in_one_line(running):
+    running.manager.kill()
+    running.check_end(2, "evaluate_bag: ", "manager was ended by SIGKILL")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_end_a_run_with_all_its_nodes(running, number):
+    running.process.send_signal(number)
+    running.check_end(128 + number)
 
 
 # --- what cannot be evaluated -----------------------------------------------------------------------------------------

@@ -3,9 +3,6 @@
 """Evaluation runs without a ROS master: results on disk, exit codes, ending what was started."""
 import json
 import os
-import subprocess
-import sys
-import time
 
 import cv2
 import genpy
@@ -205,30 +202,9 @@ def test_final_status():
     final = evaluation_graph.final_status
     assert final(good, None, "SomeError: harmless") is good
     assert final(stopped, None, None) is stopped
-    assert final(stopped, None, "REQUIRED process [manager-1] has died").reason.endswith("[manager-1] has died")
+    assert final(stopped, None, "manager was ended by SIGKILL").reason.endswith(": manager was ended by SIGKILL")
     assert final(None, None, None).code == 2 and "before the bag was played" in final(running, None, None).reason
-    assert final(running, "no progress for 9 s", "RLException: x").reason == "no progress for 9 s: RLException: x"
-
-
-def test_environment_puts_the_system_first():
-    child = evaluation_graph.child_environment({"PATH": "/home/me/.pyenv/shims", "ROS_IP": "1.2.3.4"}, 12345, "/log")
-    assert child["PATH"].startswith("/usr/bin:/bin:") and "ROS_IP" not in child
-    assert child["ROS_MASTER_URI"].endswith(":12345") and child["ROS_HOSTNAME"] == "localhost"
-
-
-def test_everything_started_is_ended():
-    environment = evaluation_graph.child_environment(os.environ, 1, "/tmp")
-    run_id = environment[evaluation_graph.RUN_VARIABLE]
-    # The grandchild leaves the process group and ignores the first signals.
-    script = "import os, signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN); " \
-             "signal.signal(signal.SIGTERM, signal.SIG_IGN); os.fork() or os.setsid(); time.sleep(60)"
-    process = subprocess.Popen([sys.executable, "-c", script], env=environment)
-    while len(evaluation_graph._processes_of(run_id)) < 2:
-        time.sleep(0.01)
-    time.sleep(0.2)
-    process.kill()
-    evaluation_graph.end_run(process, run_id)
-    assert not evaluation_graph._processes_of(run_id)
+    assert final(running, "no progress for 9 s", "fusion ended").reason == "no progress for 9 s: fusion ended"
 
 
 def test_evaluate_bag_refuses_bad_input_in_one_line(tmp_path):

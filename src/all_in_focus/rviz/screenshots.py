@@ -4,7 +4,6 @@
 import contextlib
 import os
 import posixpath
-import subprocess
 import tempfile
 import time
 import xmlrpc.client
@@ -17,7 +16,7 @@ import rospy
 import yaml
 from roslib.packages import find_node
 
-from all_in_focus.replay.graph import RUN_VARIABLE, child_environment, end_run, free_port
+from all_in_focus.replay.launch import Launch
 from all_in_focus.replay.player import BagPlayer, Limits, PlayError
 from all_in_focus.rviz.virtual_screen import ScreenError, VirtualScreen, changed_share, check_programs
 
@@ -97,21 +96,13 @@ def has_image_view():
 
 
 class Graph:
-    """roslaunch with rviz and the nodes; this process is a node of the same graph."""
+    """The nodes and rviz; this process is a node of the same graph."""
 
     def __init__(self, launch, folder, timeout):
         self._timeout = timeout
-        port = free_port()
-        environment = child_environment(os.environ, port, str(Path(folder) / "log"))
-        self._run = environment[RUN_VARIABLE]
-        os.environ.update(ROS_MASTER_URI=environment["ROS_MASTER_URI"], ROS_HOSTNAME="localhost")
-        self.log = Path(folder) / "roslaunch.log"
-        with self.log.open("w", encoding="utf-8") as log:
-            self._process = subprocess.Popen(["roslaunch", "-p", str(port), "-"], env=environment, text=True,
-                                             stdin=subprocess.PIPE, stdout=log, stderr=subprocess.STDOUT,
-                                             start_new_session=True)
-        self._process.stdin.write(launch)
-        self._process.stdin.close()
+        self._launch = Launch(Path(folder) / "log", texts=[launch])
+        os.environ.update(ROS_MASTER_URI=self._launch.master_uri, ROS_HOSTNAME="localhost")
+        self.close = self._launch.close
 
     def wait(self, condition, what):
         """Waits until the condition holds; ScreenError that says what was waited for."""
@@ -124,20 +115,9 @@ class Graph:
 
     def check(self):
         """Raises RvizDied, or ScreenError where the launch has ended for another reason."""
-        if self._process.poll() is None:
-            return
-        error = self._last_error()
-        raise (RvizDied if "rviz" in error and "died" in error else ScreenError)(f"roslaunch ended: {error}")
-
-    def _last_error(self):
-        with self.log.open(encoding="utf-8", errors="replace") as log:
-            lines = [line.strip() for line in log]
-        died = [line for line in lines if "REQUIRED process" in line and "died" in line]
-        errors = [line for line in lines if "rror" in line or "FATAL" in line]
-        return (died or errors or ["no reason given"])[-1].lstrip("\x1b[31m=")
-
-    def close(self):
-        end_run(self._process, self._run)
+        if self._launch.ended():
+            rviz_died = any(death.node == "rviz" for death in self._launch.deaths)
+            raise (RvizDied if rviz_died else ScreenError)(f"the nodes have ended: {self._launch.reason()}")
 
 
 def hears(node, topics):

@@ -1,0 +1,158 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Launches on a master of their own, as evaluate_bag and rviz_screenshots need them: how their end is told, and that no
+process stays behind. Real roslaunch, real masters."""
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import rosgraph
+
+from all_in_focus.replay.launch import Death, Launch, child_environment
+
+TIMEOUT = 60  # s
+
+
+def wait_until(condition):
+    end = time.monotonic() + TIMEOUT
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def is_alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+
+
+class Nodes:
+    """Launch XML with nodes whose program is Python code; each writes its pid to a file of its name."""
+
+    def __init__(self, folder):
+        self.folder, self.text = folder, ""
+
+    def add(self, name, code, attributes=""):
+        program = self.folder / f"{name}.py"
+        program.write_text(f"#!{sys.executable}\nimport os, signal, sys, time\n"
+                           f"open({str(self.folder / name)!r}, 'w').write(str(os.getpid()))\n{code}\n")
+        program.chmod(0o755)
+        # Any node serves: the prefix is run with its path as an argument.
+        self.text += f'<node pkg="rosout" type="rosout" name="{name}" launch-prefix="{program}" {attributes}/>'
+        return self
+
+    def launch(self, **options):
+        return Launch(self.folder / "log", texts=[f"<launch>{self.text}</launch>"], **options)
+
+    def pid(self, name):
+        path = self.folder / name
+        wait_until(lambda: path.exists() and path.read_text())
+        return int(path.read_text())
+
+
+@pytest.fixture
+def nodes(tmp_path):
+    return Nodes(tmp_path)
+
+
+FOREVER = "while True: time.sleep(0.1)"
+STUBBORN = "for s in (signal.SIGINT, signal.SIGTERM): signal.signal(s, signal.SIG_IGN)\n"
+
+
+def test_environment_puts_the_system_first():
+    child = child_environment({"PATH": "/home/me/.pyenv/shims", "ROS_IP": "1.2.3.4"}, 12345, "/log")
+    assert child["PATH"].startswith("/usr/bin:/bin:") and "ROS_IP" not in child
+    assert child["ROS_MASTER_URI"].endswith(":12345") and child["ROS_HOSTNAME"] == "localhost"
+
+
+def test_words_for_a_death():
+    assert str(Death("rig/fusion-12", -9)) == "rig/fusion was ended by SIGKILL"
+    assert str(Death("fusion-1", 3, "no such mode")) == "fusion ended with exit code 3: no such mode"
+    assert str(Death("master", 0, "bye")) == "master ended with exit code 0"
+
+
+def test_the_death_of_a_required_node_ends_the_others_and_is_told(nodes):
+    nodes.add("other", FOREVER).add("victim", FOREVER, 'required="true"')
+    with nodes.launch() as launch:
+        other = nodes.pid("other")
+        os.kill(nodes.pid("victim"), signal.SIGKILL)
+        wait_until(launch.ended)
+        assert [(death.node, death.code) for death in launch.deaths] == [("victim", -signal.SIGKILL)]
+        assert launch.reason() == "victim was ended by SIGKILL"
+        assert not is_alive(other)
+
+
+def test_the_exit_code_and_the_last_words_of_a_node_are_told(nodes):
+    """Also of one that dies before the others are started."""
+    nodes.add("short", "sys.exit('\x1b[31mno such lens\x1b[0m')", 'required="true"')
+    for number in range(5):
+        nodes.add(f"other_{number}", FOREVER)
+    with nodes.launch() as launch:
+        wait_until(launch.ended)
+        assert launch.reason() == "short ended with exit code 1: no such lens"
+
+
+def test_a_node_that_is_not_required_may_end(nodes):
+    nodes.add("short", "sys.exit(4)").add("other", FOREVER)
+    with nodes.launch() as launch:
+        wait_until(lambda: launch.deaths)
+        assert str(launch.deaths[0]) == "short ended with exit code 4"
+        time.sleep(1.0)
+        assert not launch.ended() and is_alive(nodes.pid("other"))
+
+
+@pytest.mark.parametrize("text, reason", [
+    ("<launch><arg name='bag'/><param name='a' value='$(arg bag)'/></launch>", "requires the 'bag' arg to be set"),
+    ("<launch><node", "Invalid roslaunch XML syntax"),
+    ("<launch><node pkg='rosout' type='none' name='lost'/></launch>", "node lost: Cannot locate node of type [none]"),
+    ("<launch><node pkg='no_such_package' type='x' name='lost'/></launch>", "node lost: no_such_package")])
+def test_what_cannot_be_launched_is_told_in_one_line(tmp_path, text, reason):
+    (tmp_path / "x.launch").write_text(text)
+    with Launch(tmp_path, [tmp_path / "x.launch"]) as launch:
+        wait_until(launch.ended)
+        assert reason in launch.reason() and "\n" not in launch.reason()
+        assert not launch.deaths
+
+
+def test_everything_started_is_ended(nodes):
+    """Also a node and its child that ignore the first signals, and the master."""
+    nodes.add("stubborn", f"{STUBBORN}os.fork() or open({str(nodes.folder / 'child')!r}, 'w').write(str(os.getpid()))\n"
+                          f"{FOREVER}")
+    with nodes.launch(grace=(1.0, 1.0)) as launch:
+        pids = [nodes.pid("stubborn"), nodes.pid("child")]
+        assert rosgraph.is_master_online(launch.master_uri)
+    wait_until(lambda: not any(map(is_alive, pids)))
+    assert not rosgraph.is_master_online(launch.master_uri)
+    assert launch.ended() and launch.reason() is None
+
+
+def test_nothing_stays_where_the_launcher_is_killed(nodes):
+    nodes.add("stubborn", STUBBORN + FOREVER)
+    with nodes.launch() as launch:
+        pid = nodes.pid("stubborn")
+        wait_until(lambda: any(name.startswith("stubborn") for name in launch._running))
+        launch._process.kill()
+        wait_until(launch.ended)
+    wait_until(lambda: not is_alive(pid))
+    assert not rosgraph.is_master_online(launch.master_uri)
+    assert launch.reason().startswith("the launcher was ended by SIGKILL")
+
+
+def test_nothing_stays_where_the_caller_is_killed(nodes):
+    nodes.add("node", FOREVER)
+    caller = subprocess.Popen([sys.executable, "-c", "import sys, time\n"
+                               "from all_in_focus.replay.launch import Launch\n"
+                               "launch = Launch(sys.argv[1], texts=[sys.argv[2]])\n"
+                               "print(launch.master_uri, flush=True)\ntime.sleep(600)",
+                               str(nodes.folder / "log"), f"<launch>{nodes.text}</launch>"],
+                              stdout=subprocess.PIPE, text=True)
+    master_uri, pid = caller.stdout.readline().strip(), nodes.pid("node")
+    caller.kill()
+    caller.communicate()
+    wait_until(lambda: not is_alive(pid) and not rosgraph.is_master_online(master_uri))
