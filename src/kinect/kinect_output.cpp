@@ -55,21 +55,23 @@ void KinectOutput::publish(const KinectFrame& frame) {
   countLost(frame);
   std_msgs::Header header;
   header.frame_id = of_stream_.frame_id;
+  try {
+    publishAs(header, frame);
+  } catch (const std::exception& e) {
+    monitor_.consumed(
+        header, Outcome::kInvalid,
+        std::string(toString(stream_)) + " image " + std::to_string(frame.index) + " refused: " + e.what());
+  }
+}
+
+void KinectOutput::publishAs(std_msgs::Header& header, const KinectFrame& frame) {
   header.stamp = stampOf(frame);
   if (header.stamp.isZero()) {
     monitor_.consumed(header, Outcome::kDropped,
                       "use_sim_time is set, but nobody publishes /clock: no images");
     return;
   }
-  sensor_msgs::ImagePtr image;
-  try {
-    image = toImage(frame, header, parameters_.invalid_values);
-  } catch (const std::invalid_argument& e) {
-    monitor_.consumed(
-        header, Outcome::kInvalid,
-        std::string(toString(stream_)) + " image " + std::to_string(frame.index) + " refused: " + e.what());
-    return;
-  }
+  const sensor_msgs::ImagePtr image = toImage(frame, header, parameters_.invalid_values);
   const sensor_msgs::CameraInfoPtr info = calibration_.cameraInfo(frame.mode);
   info->header = header;
   publisher_.publish(image, info);

@@ -38,6 +38,7 @@ class KinectOutput {
   void publish(const KinectFrame& frame);
 
  private:
+  void publishAs(std_msgs::Header& header, const KinectFrame& frame);
   ros::Time stampOf(const KinectFrame& frame);
   void countLost(const KinectFrame& frame);
   void report(const KinectMode& mode);

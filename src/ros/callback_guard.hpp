@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <xmlrpcpp/XmlRpcException.h>
+
 #include <boost/function.hpp>
 #include <boost/shared_ptr.hpp>
 #include <condition_variable>
@@ -16,9 +18,8 @@
 namespace all_in_focus {
 
 /// Stands around every callback of a nodelet:
-///   * Nothing that a callback throws leaves it, because that would end the nodelet manager with all nodelets
-///   in
-///     it. The exception is counted as an invalid input and reported with the topic.
+///   * Nothing that a callback throws leaves it, because that would end the nodelet manager and all in it.
+///     The exception is counted as an invalid input and reported with the topic.
 ///   * After close() no callback runs. Shutting a subscriber, timer or publisher down does not promise that:
 ///     ros::CallbackQueue::removeByID() does not wait for a callback under way.
 class CallbackGuard {
@@ -81,6 +82,9 @@ class CallbackGuard {
       } catch (const std::exception& e) {
         monitor.count(Outcome::kInvalid);
         monitor.error(place() + ": " + e.what());
+      } catch (const XmlRpc::XmlRpcException& e) {  // of parameters and the master; not a std::exception
+        monitor.count(Outcome::kInvalid);
+        monitor.error(place() + ": " + e.getMessage());
       }
       std::lock_guard<std::mutex> lock(mutex);
       --running;

@@ -3,6 +3,8 @@
 
 #include "node_monitor.hpp"
 
+#include <xmlrpcpp/XmlRpcException.h>
+
 #include <algorithm>
 #include <cctype>
 #include <sstream>
@@ -50,13 +52,17 @@ std::string oneLine(std::string text) {
   return text;
 }
 
-/// The topics that somebody publishes; false when the master does not answer.
+/// The topics that somebody publishes; false when the master does not answer as a master does.
 bool publishedTopics(std::vector<std::string>& topics) {
   XmlRpc::XmlRpcValue args, result, payload;
   args[0] = ros::this_node::getName();
   args[1] = std::string();
   if (!ros::master::execute("getPublishedTopics", args, result, payload, false)) return false;
-  for (int i = 0; i < payload.size(); ++i) topics.push_back(std::string(payload[i][0]));
+  try {
+    for (int i = 0; i < payload.size(); ++i) topics.push_back(std::string(payload[i][0]));
+  } catch (const XmlRpc::XmlRpcException&) {
+    return false;
+  }
   return true;
 }
 

@@ -33,10 +33,22 @@ class StartTest(KinectTest):
         self.assertEqual(depth[depth_pattern(index_of(depth)) == 2047].max(), 0)
         said = self.node.stop()
         for line in ('invalid_values is not a list of integers (mm): using [0, 2047]',
-                     'queue_size must be a number of at least 1: using 5', 'time_offset must be a number: using 0',
-                     'silence_timeout must be a number of at least 0: using 5'):
+                     'queue_size must be a number from 1 to 1000: using 5',
+                     'time_offset must be a number from -3600 to 3600: using 0',
+                     'silence_timeout must be a number from 0 to 3600: using 5'):
             self.assertIn(line, said)
         self.assertEqual(said.count('kinect_depth is not calibrated'), 1, said)
+
+    def test_numbers_that_no_clock_adds_and_no_camera_has(self):
+        plug('one')
+        images = self.start('_queue_size:=1e300', '_time_offset:=1e300', '_reconnect_period:=.nan', '_playback_rate:=1e-300')
+        images.wait(8)
+        said = self.node.stop()
+        for line in ('queue_size must be a number from 1 to 1000: using 5',
+                     'time_offset must be a number from -3600 to 3600: using 0',
+                     'reconnect_period must be a number from 0.1 to 3600: using 1',
+                     'playback_rate must be 0 or at least 0.001: using 1'):
+            self.assertIn(line, said)
 
     def test_camera_by_its_uri_among_others(self):
         plug('two')
