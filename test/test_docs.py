@@ -64,7 +64,7 @@ def test_the_index_names_every_page():
 def programs():
     tools = {path.stem for path in (ROOT / 'src/tools').glob('*.cpp') if 'int main' in path.read_text()}
     cmake = (ROOT / 'CMakeLists.txt').read_text()
-    nodes = set(re.search(r'foreach\(node ([\w ]+)\)', cmake)[1].split())
+    nodes = set(re.search(r'foreach\(node ([\w ]+)\)', cmake)[1].split()) | set(re.findall(r'src/nodes/(\w+)\.cpp\)', cmake))
     return tools | nodes | set(re.findall(r'^  scripts/(\w+)$', cmake, re.M))
 
 

@@ -105,17 +105,19 @@ class Results:
                              lambda image: self._images.setdefault(image.header.stamp, image), buff_size=2 ** 24),
             rospy.Subscriber(namespace + '/all_in_focus/report', FusionReport, self._reports.append)]
 
-    def wait(self, accept):
-        """(picture as BGR, report) of the first result whose report is accepted; None if it does not come."""
-        def found():
-            return next((report for report in list(self._reports)
-                         if report.header.stamp in self._images and accept(report)), None)
-        report = wait_until(found, TIMEOUT)
+    def find(self, accept):
+        """(picture as BGR, report) of the newest result whose report is accepted; None without one."""
+        report = next((report for report in reversed(self._reports)
+                       if report.header.stamp in self._images and accept(report)), None)
         if report is None:
             return None
         image = self._images[report.header.stamp]
         picture = array_of(image)
         return (picture if image.encoding == 'bgr8' else picture[..., ::-1]), report
+
+    def wait(self, accept):
+        """As find(), None if it does not come."""
+        return wait_until(lambda: self.find(accept), TIMEOUT)
 
     def close(self):
         for subscriber in self._subscribers:

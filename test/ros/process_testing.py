@@ -1,0 +1,27 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the tests that kill processes share."""
+import os
+import signal
+import xmlrpc.client
+
+import rosgraph
+
+# s from kill -9 until results are right again: the promise of docs/reliability.md. Without load it takes 1 to 4 s; the rest is
+# for a machine that has much else to do.
+RECOVERY = 10
+
+
+def pid_of(node):
+    """None while the node is not there."""
+    try:
+        return xmlrpc.client.ServerProxy(rosgraph.Master('/test').lookupNode(node)).getPid('/test')[2]
+    except (OSError, xmlrpc.client.Error, rosgraph.MasterException):
+        return None
+
+
+def kill(node):
+    """kill -9. Returns the process id that the node had."""
+    pid = pid_of(node)
+    os.kill(pid, signal.SIGKILL)
+    return pid
