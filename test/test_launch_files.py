@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+import roslaunch.config
 
 LAUNCH_FILES = sorted((Path(__file__).resolve().parent.parent / 'launch').glob('*.launch'))
 
@@ -27,3 +28,12 @@ def test_what_is_handed_on_has_one_default_and_one_meaning():
         texts = {(launches[stem][name].get('default'), launches[stem][name].get('doc'))
                  for stem in ('all_in_focus', 'robot', 'replay')}
         assert len(texts) == 1, texts
+
+
+@pytest.mark.parametrize('given, expected', [([], None), (['invalid_values:=[0]'], [0]),
+                                             (['invalid_values:=[0, 65535]'], [0, 65535])])
+def test_invalid_depths_are_chosen_by_an_arg(given, expected):
+    config = roslaunch.config.load_config_default([(str(LAUNCH_FILES[0].parent / 'all_in_focus.launch'), given)], None,
+                                                  verbose=False)
+    param = config.params.get('/depth_preprocess/invalid_values')
+    assert (param.value if param else None) == expected

@@ -62,9 +62,9 @@ class Graph:
 
     def __init__(self, scene, log):
         self.scene, self.lines = scene, []
-        rospy.set_param("/depth_preprocess/invalid_values", [0])  # as in fuse_stack: 2047 mm is a distance
         self._log = open(log, "w", encoding="utf-8")
-        self._launch = subprocess.Popen(["roslaunch", "all_in_focus", "all_in_focus.launch", f"rig:={scene.rig}"],
+        self._launch = subprocess.Popen(["roslaunch", "all_in_focus", "all_in_focus.launch", f"rig:={scene.rig}",
+                                         "invalid_values:=[0]"],  # as in fuse_stack: 2047 mm is a distance
                                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
                                         errors="replace", start_new_session=True)
         self._reader = threading.Thread(target=self._read, daemon=True)
