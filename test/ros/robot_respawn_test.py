@@ -10,7 +10,7 @@ import rostest
 from sensor_msgs.msg import Image
 
 from depth_testing import wait_until
-from process_testing import RECOVERY, kill, pid_of
+from process_testing import kill, pid_of, recovery
 from robot_testing import TIMEOUT, LaunchTest, Scene, whole
 
 PROCESSES = ('all_in_focus_manager', 'kinect_openni2', 'depth_preprocess', 'segmenter', 'fusion', 'image_folder_camera',
@@ -20,12 +20,12 @@ PROCESSES = ('all_in_focus_manager', 'kinect_openni2', 'depth_preprocess', 'segm
 class RobotRespawnTest(LaunchTest):
     def replaced_and(self, process, right):
         """Kills a process; right(): whether results are right that began after it was replaced."""
-        begun, killed = time.monotonic(), kill('/' + process)
-        self.assertTrue(wait_until(lambda: pid_of('/' + process) not in (None, killed), RECOVERY), process + ' stays dead')
-        left = begun + RECOVERY - time.monotonic()
+        limit, begun, killed = recovery(), time.monotonic(), kill('/' + process)
+        self.assertTrue(wait_until(lambda: pid_of('/' + process) not in (None, killed), limit), process + ' stays dead')
+        left = begun + limit - time.monotonic()
         self.assertTrue(wait_until(right(rospy.Time.now()), left),
-                        '%s was killed: no right result within %d s\n%s' % (process, RECOVERY, ''.join(self.launched.lines)))
-        rospy.loginfo('%s was killed: right again after %.1f s', process, time.monotonic() - begun)
+                        '%s was killed: no right result within %.0f s\n%s' % (process, limit, ''.join(self.launched.lines)))
+        rospy.loginfo('%s was killed: right again after %.1f of %.0f s', process, time.monotonic() - begun, limit)
 
     def test_with_recordings(self):
         scene = Scene(self.folder / 'scene')
@@ -42,7 +42,7 @@ class RobotRespawnTest(LaunchTest):
         for process in PROCESSES:
             self.replaced_and(process, right_since)
             time.sleep(3)  # a nodelet whose loader was killed is loaded anew by then
-            self.assertTrue(wait_until(right_since(rospy.Time.now()), RECOVERY), process)
+            self.assertTrue(wait_until(right_since(rospy.Time.now()), recovery()), process)
 
     def test_with_a_depth_image_and_without_a_dslr(self):
         """The node of the DSLR has no camera here: it only has to be there again."""
