@@ -12,6 +12,7 @@
 #include "all_in_focus/drawing.hpp"
 #include "command_line.hpp"
 #include "image_files.hpp"
+#include "output_files.hpp"
 #include "report_json.hpp"
 #include "rig_checks.hpp"
 #include "rig_files.hpp"

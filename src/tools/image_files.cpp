@@ -14,6 +14,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 #include <stdexcept>
+#include <vector>
 
 namespace fs = std::filesystem;
 
@@ -102,13 +103,6 @@ cv::Mat decode(const std::string& path, int flags) {
   return image;
 }
 
-void write(const std::string& temporary, const std::string& data, const std::string& path) {
-  std::ofstream file(temporary, std::ios::binary);
-  file << data;
-  file.close();  // a full disk may show only here
-  if (!file) fail(path, "cannot be written");
-}
-
 }  // namespace
 
 std::string ending(const std::string& path) {
@@ -158,30 +152,7 @@ cv::Mat labels16(const cv::Mat& labels) {
   return out;
 }
 
-OutputFiles::~OutputFiles() {
-  std::error_code ignored;
-  for (const auto& file : files_) fs::remove(file.first, ignored);
-}
-
-std::string OutputFiles::reserve(const std::string& path) {
-  const fs::path target(path);
-  if (target.filename().empty() || fs::is_directory(target)) fail(path, "is a folder, not a file to write");
-  if (target.has_parent_path() && !fs::is_directory(target.parent_path())) {
-    fail(path, "the folder " + target.parent_path().string() + " does not exist");
-  }
-  for (const auto& file : files_) {
-    if (fs::weakly_canonical(file.second) == fs::weakly_canonical(target)) {
-      fail(path, "two outputs are to go into this file");
-    }
-  }
-  const fs::path temporary =
-      target.parent_path() / ("." + target.filename().string() + "." + std::to_string(getpid()));
-  files_.emplace_back(temporary.string(), path);
-  return temporary.string();
-}
-
-void OutputFiles::addImage(const std::string& path, const cv::Mat& image) {
-  const std::string temporary = reserve(path);
+std::string encodeImage(const std::string& path, const cv::Mat& image) {
   static const std::set<std::string> wide = {".png", ".tif", ".tiff"};
   if (image.depth() == CV_16U && wide.count(ending(path)) == 0) {
     fail(path, "16-bit values do not fit this format (use .png)");
@@ -194,16 +165,7 @@ void OutputFiles::addImage(const std::string& path, const cv::Mat& image) {
     data.clear();
   }
   if (data.empty()) fail(path, "no image format has this ending (use .png)");
-  write(temporary, {data.begin(), data.end()}, path);
-}
-
-void OutputFiles::addText(const std::string& path, const std::string& text) {
-  write(reserve(path), text, path);
-}
-
-void OutputFiles::commit() {
-  for (const auto& [temporary, path] : files_) fs::rename(temporary, path);
-  files_.clear();
+  return {data.begin(), data.end()};
 }
 
 }  // namespace all_in_focus

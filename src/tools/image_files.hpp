@@ -4,8 +4,6 @@
 
 #include <opencv2/core.hpp>
 #include <string>
-#include <utility>
-#include <vector>
 
 namespace all_in_focus {
 
@@ -28,19 +26,8 @@ cv::Mat readLabelMap(const std::string& path, int unknown);
 /// Labels as CV_16UC1, for a 16-bit PNG. Throws std::invalid_argument if one exceeds 65535.
 cv::Mat labels16(const cv::Mat& labels);
 
-/// Output files that appear all together or not at all: each is written under a temporary name in its folder,
-/// and commit() renames them. Throws std::invalid_argument that names the file, also when the format of a
-/// 16-bit image has only 8 bits, which OpenCV would write without a warning.
-class OutputFiles {
- public:
-  ~OutputFiles();  ///< removes what was not committed
-  void addImage(const std::string& path, const cv::Mat& image);
-  void addText(const std::string& path, const std::string& text);
-  void commit();
-
- private:
-  std::string reserve(const std::string& path);
-  std::vector<std::pair<std::string, std::string>> files_;  ///< temporary name, final name
-};
+/// The image in the format of the path's ending. Throws std::invalid_argument that names the path if no
+/// format has it, or one with 8 bits for a 16-bit image, which OpenCV would write without a warning.
+std::string encodeImage(const std::string& path, const cv::Mat& image);
 
 }  // namespace all_in_focus

@@ -5,6 +5,7 @@
 
 #include "command_line.hpp"
 #include "image_files.hpp"
+#include "output_files.hpp"
 #include "report_json.hpp"
 #include "rig_files.hpp"
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -15,6 +16,7 @@
 #include <thread>
 
 #include "image_files.hpp"
+#include "output_files.hpp"
 #include "read_ahead.hpp"
 #include "report_json.hpp"
 #include "rig_files.hpp"
@@ -243,6 +245,44 @@ TEST_F(Files, OutputsAppearTogetherOrNotAtAll) {
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 2);
   OutputFiles outputs;
   expectError([&] { outputs.addImage(path("none/a.png"), cv::Mat(4, 4, CV_8UC3)); }, "does not exist");
+}
+
+TEST_F(Files, AnErrorWhileOutputsGetTheirNamesLeavesEveryFileAsItWas) {
+  const auto write = [](const std::string& path, const char* text) { std::ofstream(path) << text; };
+  const auto content = [](const std::string& path) {
+    std::ifstream file(path);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  write(path("old.json"), "old");
+  {
+    OutputFiles outputs;
+    outputs.addText(path("new.json"), "new");
+    outputs.addText(path("old.json"), "new");
+    outputs.addText(path("taken.json"), "new");
+    fs::create_directory(path("taken.json"));
+    expectError([&] { outputs.commit(); }, "taken.json: is a folder");
+  }
+  EXPECT_EQ(content(path("old.json")), "old");
+  EXPECT_FALSE(fs::exists(path("new.json")));
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 2);
+
+  OutputFiles outputs;
+  outputs.addText(path("old.json"), "new");
+  outputs.commit();
+  EXPECT_EQ(content(path("old.json")), "new");
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 2);
+}
+
+TEST_F(Files, ASignalLeavesNoTemporaryFile) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    const auto write_and_end = [&] {
+      OutputFiles outputs;
+      outputs.addText(path("a.json"), "{}");
+      raise(signal);
+    };
+    EXPECT_EXIT(write_and_end(), testing::KilledBySignal(signal), "");
+    EXPECT_TRUE(fs::is_empty(folder_));
+  }
 }
 
 TEST_F(Files, MoreRegionsThanSixteenBitsHoldAreRefused) {
