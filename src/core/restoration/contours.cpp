@@ -34,7 +34,9 @@ class Contours {
         closeness_(closeness),
         gap_(bracket.gap(kJumpPx)),
         cost_scale_(static_cast<float>(1 / (6 * (bracket.noise_variance + 1) * kCodeScale * kCodeScale))),
+        sharp_(ImageFormation::withMargin(bracket.light)),
         stirred_(closeness.size()) {
+    findJumpCosts();
     cv::dilate(jumps(closeness, gap_), within_,
                cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * kReachPx + 1, 2 * kReachPx + 1}));
     within_.copyTo(stirred_);
@@ -45,12 +47,11 @@ class Contours {
     const RowStrips strips({0, closeness_.rows}, std::max(1, closeness_.rows / 16));
     std::vector<std::vector<Move>> moves(strips.count());
     strips.forEach([&](const cv::Range& rows, int strip) {
-      std::vector<ImageFormation::Part> parts;
       for (int y = rows.start; y < rows.end; ++y) {
         for (int x = (y + parity) % 2; x < closeness_.cols; x += 2) {
           if (!stirred_(y, x)) continue;
           stirred_(y, x) = 0;
-          const float own = closeness_(y, x), best = bestOf({x, y}, parts);
+          const float own = closeness_(y, x), best = bestOf({x, y});
           if (best != own) moves[strip].push_back({{x, y}, best});
         }
       }
@@ -82,7 +83,7 @@ class Contours {
   }
 
   // The closeness of a pixel or of a neighbour, whichever explains the frames best.
-  float bestOf(const cv::Point& p, std::vector<ImageFormation::Part>& parts) const {
+  float bestOf(const cv::Point& p) const {
     float best = closeness_(p);
     std::array<float, 4> candidates;
     int count = 0;
@@ -96,18 +97,17 @@ class Contours {
     }
     for (int i = 0; i < count; ++i) {
       const float tried = candidates[i];
-      const std::vector<int> frames = telling(best, tried, p);
-      if (frames.empty()) continue;
-      const float before = cost(p, best, frames, parts);
-      if (before < kExplained) continue;
-      if (cost(p, tried, frames, parts) + jumpCost(p, tried) < before + jumpCost(p, best)) best = tried;
+      const std::array<float, 2> costs = costsOf(p, best, tried);
+      if (costs[0] < kExplained) continue;
+      if (costs[1] + jumpCost(p, tried) < costs[0] + jumpCost(p, best)) best = tried;
     }
     return best;
   }
 
-  // The two frames that are sharpest at either closeness.
-  std::vector<int> telling(float a, float b, const cv::Point& p) const {
-    std::vector<int> frames;
+  // The two frames that are sharpest at either closeness, those that are not too blurred; -1 = none.
+  std::array<int, 4> telling(float a, float b, const cv::Point& p) const {
+    std::array<int, 4> frames = {-1, -1, -1, -1};
+    size_t count = 0;
     for (const float closeness : {a, b}) {
       std::array<int, 2> sharpest = {-1, -1};
       for (int k = 0; k < static_cast<int>(bracket_.frames.size()); ++k) {
@@ -122,49 +122,70 @@ class Contours {
         }
       }
       for (const int k : sharpest) {
-        if (k >= 0 && std::find(frames.begin(), frames.end(), k) == frames.end()) frames.push_back(k);
+        if (k >= 0 && std::find(frames.begin(), frames.end(), k) == frames.end()) frames[count++] = k;
       }
     }
     return frames;
   }
 
-  // How badly a closeness explains the frames at a pixel.
-  float cost(const cv::Point& p, float closeness, const std::vector<int>& frames,
-             std::vector<ImageFormation::Part>& parts) const {
+  // How badly each of two closenesses explains the frames at a pixel.
+  std::array<float, 2> costsOf(const cv::Point& p, float now, float tried) const {
     const LightCurve& curve = LightCurve::get();
-    float sum = 0;
-    for (const int k : frames) {
-      formation_[k].partsOf(p, closeness, parts);
-      cv::Vec3f light;
-      for (const ImageFormation::Part& part : parts)
-        light += part.share * bracket_.light(p.y + part.dy, p.x + part.dx);
+    const float own[2] = {now, tried};
+    std::array<float, 2> sums = {0, 0};
+    for (const int k : telling(now, tried, p)) {
+      if (k < 0) break;
+      cv::Vec3f light[2];
+      formation_[k].predict(p, own, sharp_, light);
       const cv::Vec3s& seen = bracket_.frames[k].codes(p);
-      float squared = 0;
-      for (int c = 0; c < 3; ++c) {
-        const float difference = kCodeScale * curve.code(light[c]) - seen[c];
-        squared += difference * difference;
+      for (int i = 0; i < 2; ++i) {
+        float squared = 0;
+        for (int c = 0; c < 3; ++c) {
+          const float difference = kCodeScale * curve.code(light[i][c]) - seen[c];
+          squared += difference * difference;
+        }
+        sums[i] += std::min(kMostCost, squared * cost_scale_);
       }
-      sum += std::min(kMostCost, squared * cost_scale_);
     }
-    return sum;
+    return sums;
+  }
+
+  // Of a jump between a pixel and its right or lower neighbour: less at a colour edge.
+  void findJumpCosts() {
+    for (cv::Mat1f* costs : {&right_, &below_}) costs->create(closeness_.size());
+    for (int y = 0; y < closeness_.rows; ++y) {
+      for (int x = 0; x < closeness_.cols; ++x) {
+        const cv::Vec3b& here = bracket_.fused(y, x);
+        const auto cost = [&](const cv::Vec3b& other) {
+          float squared = 0;
+          for (int c = 0; c < 3; ++c)
+            squared += static_cast<float>((here[c] - other[c]) * (here[c] - other[c])) / 3;
+          return kJumpWeight * (std::exp(-squared / kColorStep) + kLeastJump);
+        };
+        if (x + 1 < closeness_.cols) right_(y, x) = cost(bracket_.fused(y, x + 1));
+        if (y + 1 < closeness_.rows) below_(y, x) = cost(bracket_.fused(y + 1, x));
+      }
+    }
   }
 
   float jumpCost(const cv::Point& p, float closeness) const {
     float sum = 0;
-    for (const cv::Point& step : kNeighbours) {
-      if (!inside(p + step) || std::abs(closeness_(p + step) - closeness) <= gap_) continue;
-      const cv::Vec3b &a = bracket_.fused(p), &b = bracket_.fused(p + step);
-      float squared = 0;
-      for (int c = 0; c < 3; ++c) squared += static_cast<float>((a[c] - b[c]) * (a[c] - b[c])) / 3;
-      sum += std::exp(-squared / kColorStep) + kLeastJump;
-    }
-    return kJumpWeight * sum;
+    const auto add = [&](const cv::Point& step, float cost) {
+      if (std::abs(closeness_(p + step) - closeness) > gap_) sum += cost;
+    };
+    if (p.x > 0) add({-1, 0}, right_(p.y, p.x - 1));
+    if (p.x + 1 < closeness_.cols) add({1, 0}, right_(p));
+    if (p.y > 0) add({0, -1}, below_(p.y - 1, p.x));
+    if (p.y + 1 < closeness_.rows) add({0, 1}, below_(p));
+    return sum;
   }
 
   const ObservedBracket& bracket_;
   std::vector<ImageFormation>& formation_;
   cv::Mat1f& closeness_;
   float gap_, cost_scale_;
+  cv::Mat4f sharp_;
+  cv::Mat1f right_, below_;     // cost of a jump to these neighbours
   cv::Mat1b within_, stirred_;  // within_: where contours may run
 };
 

@@ -101,6 +101,7 @@ DiscKernels::DiscKernels() {
   const int count = kLargestPx * kStepsPerPx + 1;
   shares_.resize(static_cast<size_t>(count) * kSide * kSide);
   reach_.resize(count);
+  least_.assign(static_cast<size_t>(4) * kSide * kSide, 255);
   for (int i = 0; i < count; ++i) {
     // A disc that lies within its own pixel is that pixel.
     const double radius = std::max(0.5, static_cast<double>(i) / kStepsPerPx);
@@ -115,6 +116,12 @@ DiscKernels::DiscKernels() {
       }
     }
     for (int k = 0; k < kSide * kSide; ++k) shares[k] /= static_cast<float>(sum);
+    for (int dy = 0; dy < kSide; ++dy) {
+      for (int dx = 1 - kSide; dx < kSide; ++dx) {
+        std::uint8_t& least = least_[4 * kSide * dy + kSide + dx];
+        if (shares[kSide * dy + std::abs(dx)] > 0 && least == 255) least = static_cast<std::uint8_t>(i);
+      }
+    }
   }
 }
 

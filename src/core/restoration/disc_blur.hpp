@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -34,6 +35,12 @@ class DiscKernels {
   /// Shares by kSide |dy| + |dx|.
   const float* shares(int index) const { return &shares_[static_cast<size_t>(index) * kSide * kSide]; }
 
+  /// Index of the smallest disc that has a share at (dx, dy), by dx, which may be negative; 255: none has. dy
+  /// >= 0. What follows the largest offset is 255, too, for kSide columns at least.
+  const std::uint8_t* leastIndices(int dy) const {
+    return &least_[static_cast<size_t>(dy) * 4 * kSide + kSide];
+  }
+
   /// Offsets beyond which there is no share.
   int reach(int index) const { return reach_[index]; }
 
@@ -41,6 +48,7 @@ class DiscKernels {
   DiscKernels();
   std::vector<float> shares_;
   std::vector<int> reach_;
+  std::vector<std::uint8_t> least_;
 };
 
 /// Convolution with a disc, exact to the radius' fraction of a pixel; the picture is mirrored at its border.

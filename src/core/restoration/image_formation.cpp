@@ -6,22 +6,63 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <opencv2/core/hal/intrin.hpp>
 #include <opencv2/imgproc.hpp>
 
 namespace all_in_focus::core {
 namespace {
 
 constexpr std::array<int, 11> kReaches = {0, 1, 2, 3, 4, 5, 7, 9, 11, 14, DiscKernels::kLargestPx + 1};
-constexpr float kWhole = 0.98f;   // shares that sum up to it lack nothing
-constexpr int kMovedPx = 2;       // jumps may move by that before reaches are found anew
-constexpr int kNearby = 5;        // px
-constexpr float kNearest = 0.3f;  // weight of a pixel d away: 1 / (d^4 + this)
+constexpr float kWhole = 0.98f;  // shares that sum up to it lack nothing
+constexpr int kMovedPx = 2;      // jumps may move by that before reaches are found anew
+constexpr int kNearby = 5, kNearbySide = 2 * kNearby + 1;  // px
+constexpr float kNearest = 0.3f;                           // weight of a pixel d away: 1 / (d^4 + this)
+constexpr int kBlock = cv::v_uint8x16::nlanes;             // columns looked at together
 
 int mirrored(int i, int size) {
   return cv::borderInterpolate(i, size, cv::BORDER_REFLECT_101);
 }
 
+// A place and its mirror images within a margin, 0 apart from the place itself where there is none.
+std::array<int, 3> images(int i, int size, int margin) {
+  const int before = -i, behind = 2 * (size - 1) - i;
+  return {i, before >= -margin ? before : i, behind < size + margin ? behind : i};
+}
+
+// Weights of hidden pixels by kNearbySide dy + dx.
+const std::array<float, kNearbySide * kNearbySide>& nearbyWeights() {
+  static const auto weights = [] {
+    std::array<float, kNearbySide * kNearbySide> table{};
+    for (int dy = -kNearby, i = 0; dy <= kNearby; ++dy) {
+      for (int dx = -kNearby; dx <= kNearby; ++dx, ++i) {
+        const float squared = static_cast<float>(dx * dx + dy * dy);
+        table[i] = 1 / (squared * squared + kNearest);
+      }
+    }
+    return table;
+  }();
+  return weights;
+}
+
 }  // namespace
+
+// A closeness that a pixel may have.
+struct ImageFormation::Candidate {
+  int index, layer, reach;
+};
+
+// Shares and light of what lights up a pixel, but that pixel itself, by layer.
+struct ImageFormation::Layers {
+  std::uint64_t present = 0;
+  std::array<std::array<float, 4>, kLayers> sums;  // light and, last, share; of layers present
+};
+
+// What is hidden at a pixel: what lies farther nearby.
+struct ImageFormation::Hidden {
+  std::array<int, kNearbySide * kNearbySide> at;  // kNearbySide dy + dx
+  int count = 0;
+  float sum = 0;  // of weights
+};
 
 ImageFormation::ImageFormation(const cv::Mat1f& closeness, const FrameBlur& blur, float layer_gap)
     : closeness_(closeness), blur_(blur) {
@@ -37,21 +78,35 @@ void updateAll(std::vector<ImageFormation>& formation) {
   });
 }
 
-void ImageFormation::update() {
-  const DiscKernels& kernels = DiscKernels::get();
-  cv::Mat1b own(closeness_.size());
-  index_.create(own.size());
-  layer_.create(own.size());
-  for (int y = 0; y < own.rows; ++y) {
-    for (int x = 0; x < own.cols; ++x) {
-      index_(y, x) = static_cast<std::uint8_t>(DiscKernels::index(blur_.radius(closeness_(y, x))));
-      layer_(y, x) = static_cast<std::uint8_t>(layer(closeness_(y, x)));
-      own(y, x) = static_cast<std::uint8_t>(kernels.reach(index_(y, x)));
+cv::Mat4f ImageFormation::withMargin(const cv::Mat3f& light) {
+  cv::Mat4f four(light.size());
+  for (int y = 0; y < light.rows; ++y) {
+    for (int x = 0; x < light.cols; ++x) {
+      const cv::Vec3f& here = light(y, x);
+      four(y, x) = {here[0], here[1], here[2], 1};  // what is summed up last is the share
     }
   }
-  reach_ = cv::Mat1b::zeros(own.size());
-  nearest_ = layer_.clone();
-  cv::Mat wide, layers;
+  cv::Mat4f wide;
+  cv::copyMakeBorder(four, wide, kMargin, kMargin, kMargin, kMargin, cv::BORDER_REFLECT_101);
+  return wide;
+}
+
+void ImageFormation::update() {
+  const DiscKernels& kernels = DiscKernels::get();
+  const cv::Size size = closeness_.size();
+  cv::Mat1b index(size), layers(size), own(size);
+  for (int y = 0; y < own.rows; ++y) {
+    for (int x = 0; x < own.cols; ++x) {
+      index(y, x) = static_cast<std::uint8_t>(DiscKernels::index(blur_.radius(closeness_(y, x))));
+      layers(y, x) = static_cast<std::uint8_t>(layer(closeness_(y, x)));
+      own(y, x) = static_cast<std::uint8_t>(kernels.reach(index(y, x)));
+    }
+  }
+  cv::copyMakeBorder(index, index_, kMargin, kMargin, kMargin, kMargin, cv::BORDER_REFLECT_101);
+  cv::copyMakeBorder(layers, layer_, kMargin, kMargin, kMargin, kMargin, cv::BORDER_REFLECT_101);
+  reach_ = cv::Mat1b::zeros(size);
+  nearest_ = layers.clone();
+  cv::Mat wide, nearest;
   for (size_t i = 1; i < kReaches.size(); ++i) {
     const cv::Mat as_wide = own > kReaches[i - 1];
     if (cv::countNonZero(as_wide) == 0) break;
@@ -59,122 +114,238 @@ void ImageFormation::update() {
     const cv::Mat square = cv::getStructuringElement(cv::MORPH_RECT, {side, side});
     cv::dilate(as_wide, wide, square);
     reach_.setTo(kReaches[i], wide);
-    cv::dilate(layer_ & as_wide & (own <= kReaches[i]), layers, square);
-    cv::max(nearest_, layers, nearest_);
+    cv::dilate(layers & as_wide & (own <= kReaches[i]), nearest, square);
+    cv::max(nearest_, nearest, nearest_);
   }
 }
 
 void ImageFormation::update(const std::vector<cv::Point>& changed) {
   for (const cv::Point& p : changed) {
-    index_(p) = static_cast<std::uint8_t>(DiscKernels::index(blur_.radius(closeness_(p))));
-    layer_(p) = static_cast<std::uint8_t>(layer(closeness_(p)));
+    const Candidate now = candidate(closeness_(p));
+    for (const int y : images(p.y, closeness_.rows, kMargin)) {
+      for (const int x : images(p.x, closeness_.cols, kMargin)) {
+        index_(y + kMargin, x + kMargin) = static_cast<std::uint8_t>(now.index);
+        layer_(y + kMargin, x + kMargin) = static_cast<std::uint8_t>(now.layer);
+      }
+    }
   }
 }
 
-void ImageFormation::partsOf(const cv::Point& p, float own, std::vector<Part>& parts) const {
+ImageFormation::Candidate ImageFormation::candidate(float closeness) const {
+  const int index = DiscKernels::index(blur_.radius(closeness));
+  return {index, layer(closeness), DiscKernels::get().reach(index)};
+}
+
+bool ImageFormation::isInside(const cv::Point& p, int half) const {
+  return p.x >= half && p.y >= half && p.x + half < closeness_.cols && p.y + half < closeness_.rows;
+}
+
+// Of a disc at p, with its mirror images at most `half` away.
+float ImageFormation::ownShare(const cv::Point& p, const Candidate& own, int half) const {
+  const float* shares = DiscKernels::get().shares(own.index);
+  float share = shares[0];
+  if (isInside(p, half)) return share;
+  const int reach = std::min(half, own.reach);
+  const auto ys = images(p.y, closeness_.rows, reach), xs = images(p.x, closeness_.cols, reach);
+  for (size_t i = 0; i < ys.size(); ++i) {
+    for (size_t j = 0; j < xs.size(); ++j) {
+      const int dy = std::abs(ys[i] - p.y), dx = std::abs(xs[j] - p.x);
+      const bool is_new = (i == 0 || dy > 0) && (j == 0 || dx > 0) && (dx > 0 || dy > 0);
+      if (is_new && dx <= reach && dy <= reach) share += shares[DiscKernels::kSide * dy + dx];
+    }
+  }
+  return share;
+}
+
+// visit(dx, dy, share, layer) of every pixel but p itself, at most `half` away, whose disc covers p.
+template <typename Visit>
+void ImageFormation::forEachThatLightsUp(const cv::Point& p, int half, const Visit& visit) const {
   const DiscKernels& kernels = DiscKernels::get();
-  const int own_index = DiscKernels::index(blur_.radius(own));
-  const int own_layer = layer(own), own_reach = kernels.reach(own_index);
+  const int count = 2 * half + 1;
+  const bool is_inside = isInside(p, half);
+  for (int dy = -half; dy <= half; ++dy) {
+    const int v = std::abs(dy), left = p.x - half + kMargin;
+    const std::uint8_t* indices = index_[p.y + dy + kMargin] + left;
+    const std::uint8_t* layers = layer_[p.y + dy + kMargin] + left;
+    const std::uint8_t* least = kernels.leastIndices(v) - half;
+    for (int i = 0; i < count; i += kBlock) {
+      unsigned bits = static_cast<unsigned>(cv::v_signmask(cv::v_load(indices + i) >= cv::v_load(least + i)));
+      if (count - i < kBlock) bits &= (1u << (count - i)) - 1;
+      if (dy == 0 && half - i >= 0 && half - i < kBlock) bits &= ~(1u << (half - i));
+      for (; bits != 0; bits &= bits - 1) {
+        const int at = i + __builtin_ctz(bits), dx = at - half;
+        if (!is_inside && mirrored(p.x + dx, closeness_.cols) == p.x &&
+            mirrored(p.y + dy, closeness_.rows) == p.y)
+          continue;
+        visit(dx, dy, kernels.shares(indices[at])[DiscKernels::kSide * v + std::abs(dx)], layers[at]);
+      }
+    }
+  }
+}
+
+// Nothing that may light up p is nearer than its own surface.
+bool ImageFormation::isOnTop(const cv::Point& p, const Candidate& own) const {
+  return nearest_(p) <= own.layer + 1;
+}
+
+void ImageFormation::partsOf(const cv::Point& p, float closeness, std::vector<Part>& parts) const {
+  const Candidate own = candidate(closeness);
   // Where nothing nearer comes into it the own disc is enough, if it is filled.
-  if (nearest_(p) <= own_layer + 1) {
-    if (own_reach == 0) {
+  if (isOnTop(p, own)) {
+    if (own.reach == 0) {
       parts.assign(1, {0, 0, 1});
       return;
     }
-    if (gather(p, own_index, own_layer, own_reach, parts) >= kWhole) return;
+    if (gather(p, own, own.reach, parts) >= kWhole) return;
   }
-  const float total = gather(p, own_index, own_layer, std::max<int>(reach_(p), own_reach), parts);
-  if (total < kWhole) fillUp(p, own_layer, 1 - total, parts);
+  const float total = gather(p, own, std::max<int>(reach_(p), own.reach), parts);
+  if (total >= kWhole) return;
+  const Hidden hidden = hiddenAt(p, own.layer);
+  if (hidden.count == 0) {
+    for (Part& part : parts) part.share /= total;
+  }
+  for (int i = 0; i < hidden.count; ++i) {
+    parts.push_back({static_cast<std::int16_t>(hidden.at[i] % kNearbySide - kNearby),
+                     static_cast<std::int16_t>(hidden.at[i] / kNearbySide - kNearby),
+                     nearbyWeights()[hidden.at[i]] * (1 - total) / hidden.sum});
+  }
 }
 
 // Parts no farther than `half` away; returns the sum of their shares, which is 1 if it is nearly 1.
-float ImageFormation::gather(const cv::Point& p, int own_index, int own_layer, int half,
+float ImageFormation::gather(const cv::Point& p, const Candidate& own, int half,
                              std::vector<Part>& parts) const {
-  const DiscKernels& kernels = DiscKernels::get();
-  const bool inside =
-      p.x >= half && p.y >= half && p.x + half < closeness_.cols && p.y + half < closeness_.rows;
   std::array<float, kLayers> sums;
   std::uint64_t present = 0;
   thread_local std::vector<std::uint8_t> layers;
   layers.clear();
   parts.clear();
-  const auto take = [&](int dx, int dy, int to_x, int to_y, int index, int l) {
-    const int u = std::abs(dx), v = std::abs(dy);
-    if (std::max(u, v) > kernels.reach(index)) return;
-    const float share = kernels.shares(index)[DiscKernels::kSide * v + u];
-    if (share <= 0) return;
+  const auto take = [&](int dx, int dy, float share, int l) {
     if (!(present >> l & 1)) sums[l] = 0;
     present |= std::uint64_t{1} << l;
     sums[l] += share;
-    parts.push_back({static_cast<std::int16_t>(to_x), static_cast<std::int16_t>(to_y), share});
+    parts.push_back({static_cast<std::int16_t>(dx), static_cast<std::int16_t>(dy), share});
     layers.push_back(static_cast<std::uint8_t>(l));
   };
-  for (int dy = -half; dy <= half; ++dy) {
-    const int to_y = inside ? dy : mirrored(p.y + dy, closeness_.rows) - p.y;
-    const std::uint8_t* indices = index_[p.y + to_y] + p.x;
-    const std::uint8_t* row = layer_[p.y + to_y] + p.x;
-    for (int dx = -half; dx <= half; ++dx) {
-      const int to_x = inside ? dx : mirrored(p.x + dx, closeness_.cols) - p.x;
-      if (to_x == 0 && to_y == 0) {
-        take(dx, dy, 0, 0, own_index, own_layer);
-      } else {
-        take(dx, dy, to_x, to_y, indices[to_x], row[to_x]);
-      }
-    }
-  }
+  take(0, 0, ownShare(p, own, half), own.layer);
+  forEachThatLightsUp(p, half, take);
   // Nearest layers first, until the pixel has all its light.
   std::array<float, kLayers> factors;
   float total = 0;
-  for (int l = kLayers - 1; l >= 0; --l) {
-    if (!(present >> l & 1)) continue;
+  for (; present != 0; present &= ~(std::uint64_t{1} << (63 - __builtin_clzll(present)))) {
+    const int l = 63 - __builtin_clzll(present);
     factors[l] = std::clamp((1 - total) / sums[l], 0.0f, 1.0f);
     total += factors[l] * sums[l];
   }
+  const float scale = total >= kWhole ? 1 / total : 1;
+  const bool inside = isInside(p, half);
   size_t kept = 0;
   for (size_t i = 0; i < parts.size(); ++i) {
-    const float share = parts[i].share * factors[layers[i]];
-    if (share > 0) parts[kept++] = {parts[i].dx, parts[i].dy, share};
+    Part part = parts[i];
+    part.share *= factors[layers[i]] * scale;
+    if (part.share <= 0) continue;
+    if (!inside) {
+      part.dx = static_cast<std::int16_t>(mirrored(p.x + part.dx, closeness_.cols) - p.x);
+      part.dy = static_cast<std::int16_t>(mirrored(p.y + part.dy, closeness_.rows) - p.y);
+    }
+    parts[kept++] = part;
   }
   parts.resize(kept);
-  if (total >= kWhole) {
-    for (Part& part : parts) part.share /= total;
-  }
   return total;
 }
 
 // The share that no disc provides belongs to what is hidden: if something nearby covers p's own surface, to
 // that surface; else to what lies behind p.
-void ImageFormation::fillUp(const cv::Point& p, int own_layer, float missing,
-                            std::vector<Part>& parts) const {
+ImageFormation::Hidden ImageFormation::hiddenAt(const cv::Point& p, int own_layer) const {
   const int left = std::max(-kNearby, -p.x), right = std::min(kNearby, closeness_.cols - 1 - p.x);
   const int top = std::max(-kNearby, -p.y), bottom = std::min(kNearby, closeness_.rows - 1 - p.y);
-  std::array<std::uint8_t, (2 * kNearby + 1) * (2 * kNearby + 1)> layers;
-  size_t i = 0;
+  const unsigned inside = ((2u << (right + kNearby)) - 1) & ~((1u << (left + kNearby)) - 1);
+  // bits(dy): of a row, which columns from -kNearby on are there and have a layer up to `most`.
+  const auto bits = [&](int dy, int most) {
+    const cv::v_uint8x16 row = cv::v_load(layer_[p.y + dy + kMargin] + p.x + kMargin - kNearby);
+    const auto limit = cv::v_setall_u8(static_cast<std::uint8_t>(std::max(0, most)));
+    return most < 0 ? 0 : static_cast<unsigned>(cv::v_signmask(row <= limit)) & inside;
+  };
+  constexpr unsigned kCentre = 1u << kNearby;
   bool covered = false;
-  for (int dy = top; dy <= bottom; ++dy) {
-    const std::uint8_t* row = layer_[p.y + dy] + p.x;
-    for (int dx = left; dx <= right; ++dx, ++i) {
-      layers[i] = dx == 0 && dy == 0 ? static_cast<std::uint8_t>(own_layer) : row[dx];
-      covered |= layers[i] > own_layer + 1;
-    }
-  }
+  for (int dy = top; dy <= bottom && !covered; ++dy)
+    covered = (bits(dy, own_layer + 1) | (dy == 0 ? kCentre : 0)) != inside;
   const int farther_than = covered ? own_layer + 2 : own_layer - 1;
-  const size_t first = parts.size();
-  float sum = 0;
-  i = 0;
+  Hidden hidden;
   for (int dy = top; dy <= bottom; ++dy) {
-    for (int dx = left; dx <= right; ++dx, ++i) {
-      if (layers[i] >= farther_than) continue;
-      const float squared = static_cast<float>(dx * dx + dy * dy);
-      const float weight = 1 / (squared * squared + kNearest);
-      parts.push_back({static_cast<std::int16_t>(dx), static_cast<std::int16_t>(dy), weight});
-      sum += weight;
+    unsigned found = bits(dy, farther_than - 1);
+    if (dy == 0) found = covered ? found | kCentre : found & ~kCentre;
+    for (; found != 0; found &= found - 1) {
+      const int at = kNearbySide * (dy + kNearby) + __builtin_ctz(found);
+      hidden.at[hidden.count++] = at;
+      hidden.sum += nearbyWeights()[at];
     }
   }
-  if (sum > 0) {
-    for (size_t k = first; k < parts.size(); ++k) parts[k].share *= missing / sum;
-  } else {
-    for (Part& part : parts) part.share /= 1 - missing;
+  return hidden;
+}
+
+void ImageFormation::collect(const cv::Point& p, int half, const cv::Mat4f& sharp, Layers& layers) const {
+  layers.present = 0;
+  const cv::Vec4f* centre = &sharp(p.y + kMargin, p.x + kMargin);
+  const auto stride = static_cast<std::ptrdiff_t>(sharp.step1() / 4);
+  forEachThatLightsUp(p, half, [&](int dx, int dy, float share, int l) {
+    float* sum = layers.sums[l].data();
+    const cv::v_float32x4 more = cv::v_load(centre[dy * stride + dx].val) * cv::v_setall_f32(share);
+    if (layers.present >> l & 1) {
+      cv::v_store(sum, cv::v_load(sum) + more);
+    } else {
+      layers.present |= std::uint64_t{1} << l;
+      cv::v_store(sum, more);
+    }
+  });
+}
+
+void ImageFormation::predict(const cv::Point& p, const float (&own)[2], const cv::Mat4f& sharp,
+                             cv::Vec3f (&light)[2]) const {
+  const Candidate candidates[2] = {candidate(own[0]), candidate(own[1])};
+  const cv::Vec4f& here = sharp(p.y + kMargin, p.x + kMargin);
+  // Light and share; as in gather().
+  const auto mixed = [&](const Candidate& one, const Layers& layers, int half) {
+    const float own_share = ownShare(p, one, half);
+    cv::Vec4f sum;
+    std::uint64_t left = layers.present | std::uint64_t{1} << one.layer;
+    for (; left != 0 && sum[3] < 1; left &= ~(std::uint64_t{1} << (63 - __builtin_clzll(left)))) {
+      const int l = 63 - __builtin_clzll(left);
+      cv::Vec4f of_layer;
+      if (layers.present >> l & 1) of_layer = cv::Vec4f(layers.sums[l].data());
+      if (l == one.layer) of_layer += own_share * here;
+      sum += std::min((1 - sum[3]) / of_layer[3], 1.0f) * of_layer;
+    }
+    return sum;
+  };
+  Layers near, all;
+  bool has_all = false;
+  const int half = std::max({static_cast<int>(reach_(p)), candidates[0].reach, candidates[1].reach});
+  for (int i = 0; i < 2; ++i) {
+    const Candidate& one = candidates[i];
+    cv::Vec4f sum;
+    if (isOnTop(p, one)) {
+      if (one.reach == 0) {
+        light[i] = {here[0], here[1], here[2]};
+        continue;
+      }
+      collect(p, one.reach, sharp, near);
+      sum = mixed(one, near, one.reach);
+    }
+    if (sum[3] < kWhole) {
+      if (!has_all) collect(p, half, sharp, all);
+      has_all = true;
+      sum = mixed(one, all, half);
+    }
+    if (sum[3] < kWhole) {
+      const Hidden hidden = hiddenAt(p, one.layer);
+      cv::Vec4f behind;
+      for (int k = 0; k < hidden.count; ++k) {
+        behind += nearbyWeights()[hidden.at[k]] * sharp(p.y + hidden.at[k] / kNearbySide - kNearby + kMargin,
+                                                        p.x + hidden.at[k] % kNearbySide - kNearby + kMargin);
+      }
+      if (hidden.count > 0) sum += (1 - sum[3]) / hidden.sum * behind;
+    }
+    light[i] = cv::Vec3f(sum[0], sum[1], sum[2]) / sum[3];
   }
 }
 

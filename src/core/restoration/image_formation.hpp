@@ -35,22 +35,43 @@ class ImageFormation {
   /// sharp picture, is taken from farther pixels nearby.
   void partsOf(const cv::Point& p, float own, std::vector<Part>& parts) const;
 
+  /// Light of the sharp picture as predict() reads it: a margin on all sides mirrors it.
+  static cv::Mat4f withMargin(const cv::Mat3f& light);
+
+  /// The light of pixel p as its parts add up, for each of two closenesses that it might have. sharp: see
+  /// withMargin().
+  void predict(const cv::Point& p, const float (&own)[2], const cv::Mat4f& sharp,
+               cv::Vec3f (&light)[2]) const;
+
   float closeness(const cv::Point& p) const { return closeness_(p); }
   float radius(const cv::Point& p) const { return blur_.radius(closeness_(p)); }
 
  private:
   static constexpr int kLayers = 64;
+  // Of all images that have a margin, px: no disc reaches farther, nor does a block of columns behind it.
+  static constexpr int kMargin = 2 * DiscKernels::kSide;
+
+  struct Candidate;
+  struct Layers;
+  struct Hidden;
 
   int layer(float closeness) const {
     return std::clamp(static_cast<int>((closeness - least_) * per_layer_), 0, kLayers - 1);
   }
-  float gather(const cv::Point& p, int own_index, int own_layer, int half, std::vector<Part>& parts) const;
-  void fillUp(const cv::Point& p, int own_layer, float missing, std::vector<Part>& parts) const;
+  Candidate candidate(float closeness) const;
+  bool isInside(const cv::Point& p, int half) const;
+  float ownShare(const cv::Point& p, const Candidate& own, int half) const;
+  template <typename Visit>
+  void forEachThatLightsUp(const cv::Point& p, int half, const Visit& visit) const;
+  float gather(const cv::Point& p, const Candidate& own, int half, std::vector<Part>& parts) const;
+  bool isOnTop(const cv::Point& p, const Candidate& own) const;
+  void collect(const cv::Point& p, int half, const cv::Mat4f& sharp, Layers& layers) const;
+  Hidden hiddenAt(const cv::Point& p, int own_layer) const;
 
   cv::Mat1f closeness_;
   FrameBlur blur_;
   float least_ = 0, per_layer_ = 0;
-  cv::Mat1b index_, layer_;  // by pixel: disc kernel and layer
+  cv::Mat1b index_, layer_;  // by pixel, with a margin: disc kernel and layer
   cv::Mat1b reach_;          // how far away, px, pixels may lie that light up this one
   cv::Mat1b nearest_;        // the nearest layer among them
 };

@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <opencv2/core/hal/intrin.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "restoration/light.hpp"
@@ -83,17 +85,22 @@ class Equations {
   }
 
   // A z of a row, gray levels. light: z in linear light.
-  static cv::Vec3f predicted(const Row& row, const Part* parts, const cv::Mat3f& light) {
-    cv::Vec3f sum;
+  static cv::Vec3f predicted(const Row& row, const Part* parts, const cv::Mat4f& light) {
+    const cv::Vec4f* here = &light(row.y, row.x);
+    const auto stride = static_cast<std::ptrdiff_t>(light.step1() / 4);
+    cv::v_float32x4 sum = cv::v_setzero_f32();
     for (std::uint32_t i = 0; i < row.count; ++i)
-      sum += static_cast<float>(parts[i].share) * light(row.y + parts[i].dy, row.x + parts[i].dx);
-    return sum.mul(row.slope) * (1 / kWholeShare);
+      sum += cv::v_load(here[parts[i].dy * stride + parts[i].dx].val) *
+             cv::v_setall_f32(static_cast<float>(parts[i].share));
+    cv::Vec4f light_sum;
+    cv::v_store(light_sum.val, sum);
+    return cv::Vec3f(light_sum.val).mul(row.slope) * (1 / kWholeShare);
   }
 
   // out = A^T omega values(row, parts), by pixel.
   template <typename Values>
   void transposed(const Values& values, cv::Mat3f& out) const {
-    spread<cv::Vec3f>(
+    spread(
         [&](const Row& row, const Part* parts) { return (row.weight * values(row, parts)).mul(row.slope); },
         [](float share) { return share; }, out);
     out = out.mul(slopes_);
@@ -102,12 +109,21 @@ class Equations {
   // Diagonal of A^T omega A.
   cv::Mat3f diagonal() const {
     cv::Mat3f out(solved_.size());
-    spread<cv::Vec3f>([&](const Row& row, const Part*) { return row.weight * row.slope.mul(row.slope); },
-                      [](float share) { return share * share; }, out);
+    spread([&](const Row& row, const Part*) { return row.weight * row.slope.mul(row.slope); },
+           [](float share) { return share * share; }, out);
     return out.mul(slopes_).mul(slopes_);
   }
 
-  cv::Mat3f toLight(const cv::Mat3f& z) const { return z.mul(slopes_); }
+  cv::Mat4f toLight(const cv::Mat3f& z) const {
+    cv::Mat4f light(z.size());
+    for (int y = 0; y < z.rows; ++y) {
+      for (int x = 0; x < z.cols; ++x) {
+        const cv::Vec3f here = z(y, x).mul(slopes_(y, x));
+        light(y, x) = {here[0], here[1], here[2], 0};
+      }
+    }
+    return light;
+  }
   const cv::Mat1b& solved() const { return solved_; }
 
  private:
@@ -146,21 +162,27 @@ class Equations {
         }
       }
     }
+    strip.parts.shrink_to_fit();
+    strip.rows.shrink_to_fit();
   }
 
   // out = sum over rows of factor(share) value(row): each strip into rows of its own, which are then added in
   // their order, so that the sum does not depend on the number of threads.
-  template <typename Pixel, typename Value, typename Factor>
+  template <typename Value, typename Factor>
   void spread(const Value& value, const Factor& factor, cv::Mat3f& out) const {
-    std::vector<cv::Mat3f> sums(strips_.count());
+    std::vector<cv::Mat4f> sums(strips_.count());
+    const std::ptrdiff_t stride = solved_.cols;
     strips_.forEach([&](const cv::Range& rows, int i) {
-      sums[i] = cv::Mat3f::zeros(rows.size() + 2 * kFarthestPart, solved_.cols);
+      sums[i] = cv::Mat4f::zeros(rows.size() + 2 * kFarthestPart, solved_.cols);
       for (const Row& row : equations_[i].rows) {
         const Part* parts = equations_[i].parts.data() + row.first;
-        const Pixel here = value(row, parts);
+        const cv::Vec3f wanted = value(row, parts);
+        const cv::v_float32x4 here(wanted[0], wanted[1], wanted[2], 0);
+        cv::Vec4f* to = &sums[i](row.y - rows.start + kFarthestPart, row.x);
         for (std::uint32_t k = 0; k < row.count; ++k) {
-          sums[i](row.y + parts[k].dy - rows.start + kFarthestPart, row.x + parts[k].dx) +=
-              factor(static_cast<float>(parts[k].share) / kWholeShare) * here;
+          float* sum = to[parts[k].dy * stride + parts[k].dx].val;
+          const float share = factor(static_cast<float>(parts[k].share) * (1 / kWholeShare));
+          cv::v_store(sum, cv::v_load(sum) + here * cv::v_setall_f32(share));
         }
       }
     });
@@ -170,8 +192,10 @@ class Equations {
       const cv::Range rows = strips_[i];
       const int top = std::max(0, rows.start - kFarthestPart),
                 bottom = std::min(out.rows, rows.end + kFarthestPart);
-      out.rowRange(top, bottom) +=
-          sums[i].rowRange(top - rows.start + kFarthestPart, bottom - rows.start + kFarthestPart);
+      for (int y = top; y < bottom; ++y) {
+        const cv::Vec4f* from = sums[i][y - rows.start + kFarthestPart];
+        for (int x = 0; x < out.cols; ++x) out(y, x) += cv::Vec3f(from[x].val);
+      }
     }
   }
 
@@ -196,7 +220,7 @@ struct Residuals {
 };
 
 // z: in light; empty = none.
-Residuals residuals(const Equations& equations, const cv::Mat3f& light, double noise_variance) {
+Residuals residuals(const Equations& equations, const cv::Mat4f& light, double noise_variance) {
   Residuals found;
   for (cv::Mat1f* image : {&found.sum, &found.weight, &found.noise})
     *image = cv::Mat1f::zeros(equations.solved().size());
@@ -227,7 +251,7 @@ cv::Mat1f priorOf(const Residuals& before, double noise_variance) {
 
 // (A^T omega A + 1 / s^2 + smoothness) z
 void apply(const Equations& equations, const cv::Mat1f& prior, const cv::Mat3f& z, cv::Mat3f& out) {
-  const cv::Mat3f light = equations.toLight(z);
+  const cv::Mat4f light = equations.toLight(z);
   equations.transposed(
       [&](const Row& row, const Part* parts) { return Equations::predicted(row, parts, light); }, out);
   const cv::Mat1b& solved = equations.solved();
