@@ -20,9 +20,13 @@ constexpr int kStirPx = 2;       // a change is felt that far away
 constexpr float kSharpPx = 3;    // radius of frames that tell
 constexpr float kMostCost = 30;  // of a frame
 constexpr float kJumpWeight = 2;
+constexpr float kSideways = 0.5f;  // share of jumps along a contour: where it moves they move with it
+// What the nearer of two depths must explain better: the fused picture has the near object's blur on the far
+// surface, which explains the frames as if the object were that much fatter.
+constexpr float kNearExcess = 2;
 constexpr float kColorStep = 288;  // squared gray levels, of jumps that cost little
 constexpr float kLeastJump = 0.05f;
-constexpr float kExplained = 1;  // mean cost, 3 x 3, of what needs no better depth
+constexpr float kExplained = 1;  // cost of what needs no nearer depth
 
 const std::array<cv::Point, 4> kNeighbours = {cv::Point(-1, 0), {1, 0}, {0, -1}, {0, 1}};
 
@@ -86,6 +90,7 @@ class Contours {
   float bestOf(const cv::Point& p) const {
     float best = closeness_(p);
     std::array<float, 4> candidates;
+    std::array<bool, 4> across_x;
     int count = 0;
     for (const cv::Point& step : kNeighbours) {
       if (!inside(p + step)) continue;
@@ -93,13 +98,17 @@ class Contours {
       if (std::abs(other - best) <= gap_) continue;
       const bool known = std::any_of(candidates.begin(), candidates.begin() + count,
                                      [&](float c) { return std::abs(c - other) < gap_ / 4; });
-      if (!known) candidates[count++] = other;
+      if (known) continue;
+      across_x[count] = step.y == 0;
+      candidates[count++] = other;
     }
     for (int i = 0; i < count; ++i) {
       const float tried = candidates[i];
       const std::array<float, 2> costs = costsOf(p, best, tried);
-      if (costs[0] < kExplained) continue;
-      if (costs[1] + jumpCost(p, tried) < costs[0] + jumpCost(p, best)) best = tried;
+      const bool is_farther = tried < best;
+      if (costs[0] < kExplained && !is_farther) continue;
+      const float now = costs[0] + jumpCost(p, best, across_x[i]) + (is_farther ? kNearExcess : -kNearExcess);
+      if (costs[1] + jumpCost(p, tried, across_x[i]) < now) best = tried;
     }
     return best;
   }
@@ -168,10 +177,12 @@ class Contours {
     }
   }
 
-  float jumpCost(const cv::Point& p, float closeness) const {
+  // across_x: the contour would move along x.
+  float jumpCost(const cv::Point& p, float closeness, bool across_x) const {
     float sum = 0;
     const auto add = [&](const cv::Point& step, float cost) {
-      if (std::abs(closeness_(p + step) - closeness) > gap_) sum += cost;
+      if (std::abs(closeness_(p + step) - closeness) > gap_)
+        sum += (step.y == 0) == across_x ? cost : kSideways * cost;
     };
     if (p.x > 0) add({-1, 0}, right_(p.y, p.x - 1));
     if (p.x + 1 < closeness_.cols) add({1, 0}, right_(p));

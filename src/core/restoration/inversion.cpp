@@ -20,7 +20,7 @@ namespace {
 constexpr double kBandJumpPx = 0.75;  // of blur; smaller jumps leave little to correct
 constexpr int kBandPx = 5;            // about them
 constexpr double kBandSigma = 1.5;
-constexpr int kSolvedPx = kBandPx + 4;
+constexpr int kSolvedPx = kBandPx + 2;
 constexpr float kSharpPx = 2.5f;                             // radius of frames that tell
 constexpr int kFarthestPart = 4;                             // px; parts farther away count as known
 constexpr double kModelVariance = 0.49, kModelError = 0.09;  // gray levels squared; by squared radius
@@ -29,7 +29,7 @@ constexpr float kSmoothness = 0.1f;
 constexpr double kResidualSigma = 2;  // px
 constexpr int kSteps = 3;             // of conjugate gradients
 constexpr float kSpreadMargin = 2;    // gray levels
-constexpr float kGateFrom = -0.2f, kGateTo = 0.2f;
+constexpr float kGateFrom = 0.1f, kGateTo = 0.5f;
 constexpr int kStripRows = 16;
 
 cv::Mat1b neighbourhood(const cv::Mat1b& mask, int reach) {
