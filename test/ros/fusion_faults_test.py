@@ -50,7 +50,7 @@ class JumpTest(FusionTest):
         self.assert_fused(self.send_bracket(stamp))
 
 
-class LateFramesTest(RefinedTest):
+class LateFrames(RefinedTest):
     """Frames are stamped at the shutter and come after download, while depth goes on."""
 
     def send_depth(self, begin, end):
@@ -61,6 +61,8 @@ class LateFramesTest(RefinedTest):
             self.send_labels(stamp)
             rospy.sleep(0.002)
 
+
+class AnnouncedLateFramesTest(LateFrames):
     def test_what_an_announced_bracket_needs_is_kept(self):
         self.reconfigure(label_timeout=5.0)
         self.expect_scene()
@@ -85,6 +87,22 @@ class LateFramesTest(RefinedTest):
         self.send(stamp)
         report = self.report(stamp + MIDDLE * PERIOD)
         self.assert_noted(report, 'sharpness alone', '3.5 s older', 'label_max_age (1 s)')
+
+
+class PlainLateFramesTest(LateFrames):
+    RIG = '/plain'
+
+    def test_without_focus_the_whole_time_that_frames_were_late_stays_covered(self):
+        self.reconfigure(label_timeout=5.0, bracket_size=len(FRAMES))
+        self.expect_scene()
+        for late in (20, 5, 3, 1.5, 0.125):
+            stamp = next(STAMPS)
+            self.send_depth(stamp - 0.5, stamp + late)
+            for index in INDICES:
+                self.image.say(colour_message(pixels(index), stamp + index * PERIOD))
+            report = self.assert_as_files(stamp, INDICES, MIDDLE, focus=False)
+            self.assertLessEqual(stamp - report.label_stamp.to_sec(), 1.0)  # label_max_age
+            self.assertFalse([note for note in report.notes if 'label' in note])
 
 
 class SilenceTest(FusionTest):

@@ -96,14 +96,14 @@ class RefinedTest(FusionTest):
             message = replaced[index](at) if index in (replaced or {}) else colour_message(pixels(index), at)
             self.send_frame(at, message, index=index, **{'focus_distance': FRAMES[index][1], **bracket, **focus})
 
-    def assert_as_files(self, stamp, indices, reference):
+    def assert_as_files(self, stamp, indices, reference, focus=True):
         """The result, of the bracket that began at `stamp`, is that of fuse_stack; returns the report."""
         report = self.report(stamp + reference * PERIOD)
         self.assertEqual([report.mode, report.has_labels, report.reference], ['refined', True, reference], report.notes)
         self.assertEqual(report.frames_used, len(indices))
         self.assertEqual([s.label for s in report.segments], [1, 2])
         self.assertTrue(all(0 <= value <= 1 for s in report.segments for value in (s.score, s.margin, s.confidence)))
-        wanted = fused_by_files(indices, reference)
+        wanted = fused_by_files(indices, reference, focus=focus)
         for name, wanted_pixels in wanted.items():
             np.testing.assert_array_equal(array_of(self.outputs[name].at(stamp + reference * PERIOD)), wanted_pixels, name)
         return report
