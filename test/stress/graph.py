@@ -97,29 +97,17 @@ class Graph:
 
     def good_bracket(self, seconds=8.0):
         """Sends a depth image and a bracket. Returns "" if the result has the pixels of fuse_stack, else what is wrong."""
+        before = len(self._reports)
         stamp = rospy.Time.now()
-        depth_header = Header(stamp=stamp, frame_id=self._rig.child_frame)
-        rgb_header = Header(stamp=stamp, frame_id=self._rig.parent_frame)
-        send = {topic: publisher.publish for topic, publisher in self._publishers.items()}
-        send["/rgb/camera_info"](camera_info(self._rig.color, rgb_header))
-        send["/depth/camera_info"](camera_info(self._rig.depth, depth_header))
-        time.sleep(0.05)
-        send["/depth/image_raw"](self._bridge.cv2_to_imgmsg(self.scene.depth, "16UC1", depth_header))
+        self._send_depth(stamp, lambda publisher, message: publisher.publish(message))
         if not wait_until(lambda: stamp in self._segmented, seconds / 2):
             return "the depth image is not segmented"
-        self._bracket_id += 1
-        before = len(self._reports)
-        for index, frame in enumerate(self.scene.frames):
-            header = Header(stamp=stamp + rospy.Duration(0.001 * index), frame_id=self._rig.parent_frame)
-            send["/rgb/camera_info"](camera_info(self._rig.color, header))
-            send["/rgb/focus"](FocusFrame(header, self._bracket_id, index, FRAMES, index + 1 == FRAMES,
-                                          self.scene.distances[index]))
-            send["/rgb/image"](self._bridge.cv2_to_imgmsg(frame, "bgr8", header))
-            time.sleep(0.01)
+        self._send_frames(stamp, lambda publisher, message: publisher.publish(message))
+        last = stamp + rospy.Duration(0.001 * (FRAMES - 1))
 
         def report():
             return next((one for one in self._reports[before:] if one.header.stamp in self._images
-                         and stamp <= one.header.stamp <= header.stamp), None)
+                         and stamp <= one.header.stamp <= last), None)
         found = wait_until(report, seconds / 2)
         if found is None:
             return "no result came"
@@ -127,6 +115,34 @@ class Graph:
         if not np.array_equal(self._bridge.imgmsg_to_cv2(image, "bgr8"), self.scene.fused):
             return f"other pixels than those of fuse_stack ({found.mode}, {found.frames_seen} frames: {found.notes})"
         return ""
+
+    def send_bracket(self, publish):
+        """Sends depth and a bracket by publish(publisher, message), which tells whether the message will arrive. Returns the id
+        of the bracket, and of how many of its frames both image and FocusFrame will."""
+        stamp = rospy.Time.now()
+        self._send_depth(stamp, publish)
+        time.sleep(0.1)
+        return self._send_frames(stamp, publish)
+
+    def _send_depth(self, stamp, publish):
+        depth, rgb = (Header(stamp=stamp, frame_id=frame) for frame in (self._rig.child_frame, self._rig.parent_frame))
+        publish(self._publishers["/rgb/camera_info"], camera_info(self._rig.color, rgb))
+        publish(self._publishers["/depth/camera_info"], camera_info(self._rig.depth, depth))
+        time.sleep(0.05)
+        publish(self._publishers["/depth/image_raw"], self._bridge.cv2_to_imgmsg(self.scene.depth, "16UC1", depth))
+
+    def _send_frames(self, stamp, publish):
+        self._bracket_id += 1
+        through = 0
+        for index, frame in enumerate(self.scene.frames):
+            header = Header(stamp=stamp + rospy.Duration(0.001 * index), frame_id=self._rig.parent_frame)
+            publish(self._publishers["/rgb/camera_info"], camera_info(self._rig.color, header))
+            focus = publish(self._publishers["/rgb/focus"], FocusFrame(
+                header, self._bracket_id, index, FRAMES, index + 1 == FRAMES, self.scene.distances[index]))
+            image = publish(self._publishers["/rgb/image"], self._bridge.cv2_to_imgmsg(frame, "bgr8", header))
+            through += bool(focus and image)
+            time.sleep(0.01)
+        return self._bracket_id, through
 
     def good_within(self, seconds):
         """(seconds until a bracket was right, "") or (None, what was wrong with the last one)."""

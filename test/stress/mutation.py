@@ -32,8 +32,8 @@ def _mutated(value, kind, rng):
         _mutate(value, rng)
         return value
     if kind in ("time", "duration"):
-        return type(value)(rng.choice((0, 1, value.secs, value.secs + rng.randint(-100, 100), 2 ** 31 - 1, 2 ** 32 - 1)
-                                      if kind == "time" else (0, value.secs)), rng.choice((0, 1, 950000000, 999999999)))
+        seconds = (0, 1, value.secs, max(0, value.secs + rng.randint(-100, 100)), 2 ** 31 - 1, 2 ** 32 - 1)
+        return type(value)(rng.choice(seconds if kind == "time" else (0, value.secs)), rng.choice((0, 1, 950000000, 999999999)))
     if kind == "bool":
         return not value
     if kind == "string":
