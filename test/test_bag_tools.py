@@ -142,6 +142,18 @@ def test_make_bag_on_a_full_disk(tmp_path, rig, depth):
     assert sorted(os.listdir(str(tmp_path))) == before
 
 
+def test_make_scene_on_a_full_disk(tmp_path):
+    """One line, without one of the PNG library's."""
+    command = [sys.executable, os.path.join(SCRIPTS, "make_scene"), "--scene", "planes", "--size", "160x120", "--frames", "2",
+               "--output", str(tmp_path / "scene")]
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
+                          preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)))
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"make_scene: {tmp_path / 'scene'}") and done.stderr.endswith(": File too large\n")
+    assert done.stderr.count("\n") == 1
+    assert os.listdir(str(tmp_path)) == []
+
+
 def test_contents_of_a_good_bag(bag):
     contents = BagContents(bag[0])
     assert contents.counts == {"depth": 1, "depth_info": 1, "rgb": 5, "rgb_info": 5, "focus": 5, "optics": 1}

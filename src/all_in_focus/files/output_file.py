@@ -11,13 +11,14 @@ import cv2
 
 @contextlib.contextmanager
 def named(path, working):
-    """Re-raises OSErrors of the temporary file or folder `working` with the user's path instead."""
+    """Re-raises OSErrors of the temporary file or folder `working` with the user's path instead, and those that name no file, as
+    of a full disk, with it."""
     path, working = str(path), str(working)
     try:
         yield
     except OSError as error:
-        place = str(error.filename)
-        if place != working and not place.startswith(os.path.join(working, "")):
+        place = working if error.filename is None else str(error.filename)
+        if error.errno is None or place != working and not place.startswith(os.path.join(working, "")):
             raise
         raise OSError(error.errno, error.strerror, path + place[len(working):]) from None
 
