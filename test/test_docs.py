@@ -115,3 +115,15 @@ def test_the_example_rig_is_complete():
     rig = load_rig(ROOT / 'config/example_rig')
     assert rig.optics == Optics(24, 4, 0.019)
     assert (rig.depth.width, rig.depth.height, rig.color.width, rig.color.height) == (640, 480, 1920, 1280)
+
+
+def test_the_tests_that_show_what_is_promised_exist():
+    text = (ROOT / 'docs/reliability.md').read_text()
+    files = {path.name: path for path in (ROOT / 'test').rglob('*') if path.is_file() and path.suffix != '.pyc'}
+    sources = ''.join(path.read_text() for path in files.values() if path.suffix in ('.py', '.cpp'))
+    named = re.findall(r'`(\w+\.(?:py|cpp|test))`', text)
+    assert len(named) > 20 and not set(named) - set(files)
+    for name in re.findall(r'`(test_\w+|[A-Z]\w+)(?:\.\.\.)?`', text):
+        assert name in sources, name
+    cases = set(re.findall(r'"(\w+)": \("\w+_cases"', (ROOT / 'test/stress/run').read_text()))
+    assert cases and set(re.findall(r'stress case `(\w+)`', text)) <= cases
