@@ -84,15 +84,16 @@ def find_scenes(paths):
 
 def measure(method, scene, truth, output, args):
     """Figures of one method on one scene; None: no truth or no depth edges, or no time, as the result was there already."""
-    seconds = None
+    seconds, depths = None, {}
     if not (args.keep and os.path.exists(output)):
         with tempfile.TemporaryDirectory() as folder:
             begin = time.monotonic()
-            fused = method(scene, folder).fused
+            produced = method(scene, folder)
             seconds = (time.monotonic() - begin) / len(scene.names())
-        cv2.imwrite(output, fused)
+        cv2.imwrite(output, produced.fused)
+        depths = tasks.measure_depths(scene, produced.depths)
     image, figures = read_image(output), dict.fromkeys(MEASURES)
-    figures["seconds_per_frame"] = seconds
+    figures["seconds_per_frame"], figures["depths"] = seconds, depths
     figures.update((name.lower(), value) for name, value in tasks.measure_truth(truth, image).items())
     if args.contrast or truth is None:
         shares = kept_contrast(scene.frames(), image)
@@ -139,6 +140,26 @@ def table(figures, key):
     return f"{title}\n\n{steps.table(['scene'] + columns, rows)}"
 
 
+def depth_table(figures):
+    """Markdown: rows scenes, columns the depth maps that this package's methods used or found; '' where there is none."""
+    titles = {"measured": "as measured", "registered": "holes filled", "depth": "restored"}
+    found = {name: {key: errors for figure in of.values() if figure for key, errors in figure["depths"].items()}
+             for name, of in figures.items()}
+    found = {name: of for name, of in found.items() if of}
+    if not found:
+        return ""
+    columns = [key for key in titles if any(key in of for of in found.values())]
+
+    def cells(of):
+        return ["%.2f / %.3f" % (100 * of[key][0], of[key][1]) if key in of else "-" for key in columns]
+
+    shared = {key: [of[key] for of in found.values() if key in of] for key in columns}
+    rows = [[name] + cells(of) for name, of in found.items()]
+    rows.append(["mean"] + cells({key: np.mean(errors, axis=0) for key, errors in shared.items()}))
+    return ("Depth: share wrong by more than 1 px of blur (holes too), % / RMSE without holes, 1/m\n\n"
+            + steps.table(["scene"] + [titles[key] for key in columns], rows) + "\n")
+
+
 def main():
     parser, args = parse_arguments()
     try:
@@ -150,7 +171,8 @@ def main():
         known = ["truth" in scene.beside for scene in found.values()]
         shown = {**(TRUTH if any(known) else {}), **(CONTRAST if args.contrast or not all(known) else {}),
                  **(SECONDS if args.time else {})}
-        print("\n".join(table(figures, key) for key in shown), end="")
+        tables = [table(figures, key) for key in shown] + [depth_table(figures)]
+        print("\n".join(filter(None, tables)), end="")
         if args.json:
             means = {method: {key: mean(figures, method, key) for key in MEASURES} for method in args.methods}
             with open(args.json, "w", encoding="utf-8") as file:

@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 from file_helpers import run_script
 from skimage.metrics import structural_similarity
+from tool_helpers import tool
 
 from all_in_focus.benchmark import methods, scenes as scenes_on_disk
+from all_in_focus.files.rig import Optics
 from all_in_focus.files.stack import read_image
 from all_in_focus.metrics.kept_contrast import kept_contrast, roughness
-from all_in_focus.metrics.truth import near_depth_edges, psnr, ssim
+from all_in_focus.metrics.truth import blur_per_closeness, depth_errors, near_depth_edges, psnr, ssim
 
 BENCH = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "bench")
 sys.path.insert(0, BENCH)
@@ -80,6 +82,22 @@ def test_near_depth_edges():
     near = near_depth_edges(depth, 0.1)
     assert near[:, 22:39].all() and not near[:, :22].any() and not near[:, 39:].any()
     assert not near_depth_edges(depth, 0.6).any()
+
+
+def test_depth_errors_of_known_maps():
+    truth = np.full((10, 20), 1000, np.uint16)
+    truth[:, 10:] = 2000
+    truth[0, 0] = 0
+    blur = blur_per_closeness(Optics(50, 2, 0.03), 2000, [1050, 4000])
+    assert blur == pytest.approx(50 ** 2 / (2 * 2 * 50 / 2000) * 1050 / 1000)  # f^2 / (2 F pitch) u / (u - f)
+    assert depth_errors(truth, truth, blur) == (0, 0)
+    depth = truth.copy()
+    depth[5] = 0  # holes
+    depth[:5, 10:] = 1 / (1 / 2000 + 1.1 / blur)  # too near by a little more than 1 px of blur
+    depth[6:, 10:] = 1 / (1 / 2000 + 0.9 / blur)
+    share, rmse = depth_errors(depth, truth, blur)
+    assert share == (20 + 50) / 199
+    assert rmse == pytest.approx(1000 / blur * np.sqrt((50 * 1.1 ** 2 + 40 * 0.9 ** 2) / 179), rel=0.01)
 
 
 def two_frames(size=(256, 320)):
@@ -228,6 +246,21 @@ def test_program_compares_and_keeps(scenes, tmp_path):
     again = tables(compare(*arguments, "--keep", "--time").stdout)
     assert again["PSNR, dB"]["still"]["copy"] == "inf" and again["Time per frame, s"]["still"]["copy"] == "-"
     assert tables(compare(*arguments).stdout)["PSNR, dB"]["still"]["copy"] == psnrs["still"]["copy"]
+
+
+def test_program_scores_depth(scenes, tmp_path):
+    """What the sensor measured, what was filled in, what mode restored found, beside each other."""
+    result = compare(scenes / "still", "--methods", "refined,restored", "--fuse-stack", tool("fuse_stack"), "--output",
+                     tmp_path / "out", "--json", tmp_path / "figures.json")
+    assert (result.returncode, result.stderr) == (0, "")
+    title, = [title for title in tables(result.stdout) if title.startswith("Depth")]
+    found = tables(result.stdout)[title]
+    assert list(found) == ["still", "mean"] and list(found["still"]) == ["as measured", "holes filled", "restored"]
+    figures = json.loads((tmp_path / "figures.json").read_text())["scenes"]["still"]
+    assert set(figures["refined"]["depths"]) == {"measured", "registered"}
+    for share, rmse in figures["restored"]["depths"].values():
+        assert 0 < share < 0.5 and 0 < rmse < 1
+    assert figures["restored"]["depths"]["measured"][0] > figures["restored"]["depths"]["registered"][0], "holes are wrong"
 
 
 def test_program_measures_photos_without_a_truth(tmp_path):

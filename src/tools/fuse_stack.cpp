@@ -217,6 +217,7 @@ void fuseStack(const po::variables_map& values) {
     outputs.addImage(path, image);
   };
   save("save-registered", result.filled, "depth: give --depth or --registered-depth");
+  save("save-measured", result.registered, "depth: give --depth or --registered-depth");
   save("save-depth", result.restored_depth, "depth from the bracket: only --mode restored estimates it");
   const bool wants_labels = !textOption(values, "save-labels").empty();
   save("save-labels",
@@ -267,6 +268,7 @@ int main(int argc, char** argv) {
       ("reference", text()->default_value("auto"),
        "frame whose geometry and exposure the result keeps; auto: the middle one")                        //
       ("save-registered", text(), "depth seen from the colour camera, holes filled, 16-bit PNG, mm")      //
+      ("save-measured", text(), "the same before its holes were filled, 16-bit PNG, mm")                  //
       ("save-depth", text(), "depth estimated from the bracket by mode restored, 16-bit PNG, mm")         //
       ("save-labels", text(), "label image, 16-bit PNG")                                                  //
       ("save-source-index", text(), "frame that each pixel was taken from, 16-bit PNG, 65535 = none")     //

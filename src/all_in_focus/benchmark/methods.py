@@ -21,7 +21,7 @@ import time
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import List, Optional
+from typing import Dict, List, Optional
 
 import cv2
 import numpy as np
@@ -40,18 +40,21 @@ MODES = (*OWN, "restored")
 VARIANTS = re.compile(r"-[a-z][a-z_-]*(,[a-z_-]+)*|no-depth|optics[+-][0-9]{1,2}|shift[0-9]{1,3}")
 TIMEOUT_S = 3600.0
 PICTURES = ("source_index", "labels")
+DEPTHS = ("measured", "registered", "depth")  # as fuse_stack --save-NAME saves them
 
 
 @dataclass
 class Produced:
     """fused: H x W x 3 uint8. weights: H x W, uint16: frame with the most weight, 65535 = none; or float: share of
     the second of two frames, W of equation 11. labels: H x W uint16. seconds: from frames in memory to the fused image.
+    depths: H x W uint16 mm, 0 = unknown, by DEPTHS: as measured, with filled holes, and what mode restored estimates.
     """
     fused: np.ndarray
     weights: Optional[np.ndarray] = None
     labels: Optional[np.ndarray] = None
     seconds: Optional[float] = None
     notes: List[str] = field(default_factory=list)
+    depths: Dict[str, np.ndarray] = field(default_factory=dict)
 
     def winners(self):
         """H x W, number of the frame with the most weight, 65535 = none; None where the method does not tell."""
@@ -195,7 +198,12 @@ def fuse_stack_command(mode, variant, program, scene, folder):
     command = [program, "--mode", mode, "--stack", _stack(scene, folder), *_known(scene),
                "--output", os.path.join(folder, "fused.png"), "--report", os.path.join(folder, "report.json")]
     has_labels = {"depth", "registered_depth", "label"} & set(scene.beside)
-    for name in PICTURES if has_labels else PICTURES[:1]:
+    saved = list(PICTURES if has_labels else PICTURES[:1])
+    if "rig" in scene.beside and "depth" in scene.beside:
+        saved += DEPTHS[:2]
+    if mode == "restored" and {"rig", "focus"} <= set(scene.beside):  # else it is refined
+        saved.append(DEPTHS[2])
+    for name in saved:
         command += ["--save-" + name.replace("_", "-"), os.path.join(folder, name + ".png")]
     return command + extra
 
@@ -288,8 +296,9 @@ def _read_own(folder, remark="", steps=None):
     with open(os.path.join(folder, "report.json"), encoding="utf-8") as file:
         report = json.load(file)
     images = {name: read_image(os.path.join(folder, name + ".png"), cv2.IMREAD_UNCHANGED)
-              for name in ("fused",) + PICTURES if os.path.exists(os.path.join(folder, name + ".png"))}
+              for name in ("fused",) + PICTURES + DEPTHS if os.path.exists(os.path.join(folder, name + ".png"))}
     times = dict(zip(report["timing_names"], report["timing_ms"]))
     return Produced(images["fused"], images.get("source_index"), images.get("labels"),
                     sum(ms for name, ms in times.items() if steps is None or name in steps) / 1000,
-                    report["notes"] + (["time: " + remark] if remark else []))
+                    report["notes"] + (["time: " + remark] if remark else []),
+                    {name: images[name] for name in DEPTHS if name in images})

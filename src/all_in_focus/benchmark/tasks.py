@@ -12,9 +12,10 @@ from all_in_focus import metrics
 from all_in_focus.benchmark import methods, programs
 from all_in_focus.benchmark.settings import TRUTH_MEASURES
 from all_in_focus.metrics.kept_contrast import kept_contrast, roughness
-from all_in_focus.metrics.truth import Truth, psnr, ssim
+from all_in_focus.metrics.truth import Truth, blur_per_closeness, depth_errors, psnr, ssim
 from all_in_focus.files.output_file import encode_png
-from all_in_focus.files.stack import read_depth, read_image
+from all_in_focus.files.rig import load_rig
+from all_in_focus.files.stack import load_focus, read_depth, read_image
 
 
 def one_line(error):
@@ -74,6 +75,16 @@ def truth_of(scene):
     if "truth_depth" in scene.beside and optics:
         depth = read_depth(scene.beside["truth_depth"])
     return Truth.of(image, depth, optics, scene.enlarge)
+
+
+def measure_depths(scene, depths):
+    """Name -> (share wrong, RMSE) of metrics.truth.depth_errors; nothing where truth, lens or focus distances are unknown."""
+    if not depths or not {"truth_depth", "rig", "focus"} <= set(scene.beside):
+        return {}
+    true = read_depth(scene.beside["truth_depth"])
+    focus = [1000 * distance for distance in load_focus(scene.beside["focus"], scene.names(), len(scene.names()))]
+    blur = blur_per_closeness(scene.lens(), load_rig(scene.beside["rig"]).color.K[0, 0], focus)
+    return {name: depth_errors(depth, true, blur) for name, depth in depths.items()}
 
 
 def measure_truth(truth, fused):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How near an image comes to a known all-in-focus truth."""
 import json
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,6 +72,30 @@ def near_depth_edges(depth_mm, step_dioptres):
     edge[:, 1:] |= np.abs(np.diff(dioptres, axis=1)) > step_dioptres
     edge[1:, :] |= np.abs(np.diff(dioptres, axis=0)) > step_dioptres
     return distance_transform_edt(~edge) <= EDGE_REACH_PX if edge.any() else edge
+
+
+def depth_errors(depth_mm, truth_mm, blur_px_mm):
+    """(share of the pixels whose blur the depth would predict wrong by more than 1 px of radius, a hole being wrong; root
+    mean square error of the others and of those in 1/m, without the holes).
+
+    depth_mm, truth_mm: H x W, 0 = unknown, which does not count in the truth; blur_px_mm: radius in px per difference in
+    1/depth in 1/mm, see blur_per_closeness().
+    """
+    known = truth_mm > 0
+    off = 1 / np.maximum(depth_mm[known], 1).astype(float) - 1 / truth_mm[known].astype(float)
+    there = depth_mm[known] > 0
+    wrong = ~there | (np.abs(off) * blur_px_mm > 1)
+    return float(wrong.mean()), float(1000 * np.sqrt(np.mean(off[there] ** 2))) if there.any() else math.nan
+
+
+def blur_per_closeness(optics, focal_px, focus_mm):
+    """Radius of the blur disc in px per difference in 1/depth in 1/mm, where it is greatest: f^2 / (2 F pitch) u / (u - f)
+    of the frame with the nearest focus.
+
+    optics: rig.Optics; focal_px: f of the colour camera's matrix, as large as the frames; focus_mm: of the frames.
+    """
+    f, nearest = optics.focal_length_mm, min(focus_mm)
+    return f * focal_px / (2 * optics.aperture) * nearest / (nearest - f)
 
 
 def psnr(image, truth, mask=None):
