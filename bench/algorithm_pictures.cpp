@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-// The pictures of docs/algorithms.md: what every step of mode refined makes of scene motorcycle.
+// The pictures of docs/algorithms.md: what every step of modes refined and restored makes of
+// scene motorcycle.
 //
 //   make_scene --scene motorcycle --optics 85,2,0.03 --output SCENE
 //   algorithm_pictures --scene SCENE --output docs/images/algorithms
@@ -30,7 +31,8 @@ using namespace all_in_focus::core;
 namespace {
 
 constexpr int kWidth = 320;
-constexpr int kShown = 3;  // frame whose evidence is shown
+constexpr int kShown = 3;           // frame whose evidence is shown
+constexpr int kCorrectionGain = 3;  // of the contrast of what mode restored corrects
 
 struct CloseUp {
   const char* name;
@@ -161,6 +163,8 @@ void drawAll(const po::variables_map& values) {
   const PipelineResult paper = Pipeline(Mode::kPaper).run(scene.input);
   stack.rewind();
   const PipelineResult result = Pipeline(Mode::kRefined).run(scene.input);
+  stack.rewind();
+  const PipelineResult restored = Pipeline(Mode::kRestored).run(scene.input);
 
   std::filesystem::create_directories(output);
   const auto save = [&](const char* name, const cv::Mat& picture, int interpolation = cv::INTER_AREA) {
@@ -198,8 +202,14 @@ void drawAll(const po::variables_map& values) {
   save("winners", picture, cv::INTER_NEAREST);
   save("confidence", colored(result.fusion.confidence, 128, 255));
   save("result", result.fusion.image);
+
+  save("depth_restored", drawDepth(restored.restored_depth, nearest, farthest), cv::INTER_NEAREST);
+  cv::Mat correction;
+  cv::subtract(restored.fusion.image, result.fusion.image, correction, cv::noArray(), CV_16S);
+  correction.convertTo(correction, CV_8U, kCorrectionGain, 128);
+  save("correction", correction);
   const std::vector<cv::Mat> compared = {bestSingleFrame(scene), paper.fusion.image, result.fusion.image,
-                                         scene.truth};
+                                         restored.fusion.image, scene.truth};
   for (const CloseUp& close_up : kCloseUps) {
     write(output + "/" + close_up.name + ".jpg", enlarge(compared, close_up.place));
   }
@@ -212,5 +222,5 @@ int main(int argc, char** argv) {
   options.add_options()("help", "this text")                                           //
       ("scene", po::value<std::string>()->required(), "folder that make_scene wrote")  //
       ("output", po::value<std::string>()->required(), "folder for the pictures");
-  return runTool(argc, argv, "a picture of every step of mode refined", options, drawAll);
+  return runTool(argc, argv, "a picture of every step of modes refined and restored", options, drawAll);
 }
