@@ -50,7 +50,7 @@ def parse_arguments():
     args = parser.parse_args()
     args.tasks = args.tasks.split(",")
     if not set(args.tasks) <= set(TASKS):
-        parser.error("--tasks: expected some of %s" % ",".join(TASKS))
+        parser.error(f"--tasks: expected some of {','.join(TASKS)}")
     if (args.rig is None) != (args.depth is None):
         parser.error("give --rig and --depth together")
     return parser, args
@@ -85,9 +85,10 @@ def elapsed_ms(function, *arguments):
 def own_segmentation(args, step, size):
     """Milliseconds, inside one process whose buffers are warm."""
     name = f"segment/{step}"
-    figures = steps.run(args.bench_steps, "%s/width:%d/height:%d/threads:1/" % (name, *size), 1, (args.rig, args.depth), 0.05)
+    figures = steps.run(args.bench_steps, f"{name}/width:{size[0]}/height:{size[1]}/threads:1/", 1, (args.rig, args.depth),
+                        0.05)
     if not figures:
-        raise RuntimeError("bench_steps does not know the size %dx%d" % size)
+        raise RuntimeError(f"bench_steps does not know the size {size[0]}x{size[1]}")
     return figures[(name, *size, 1)]["ms"]
 
 
@@ -120,7 +121,7 @@ def compare_segmentation(args):
     cv2.setNumThreads(1)
     for step, image, title in (("kinect", depth, "segmentation, ms"),
                                ("noisy", noisy, f"segmentation, {NOISE_MM} mm noise, ms")):
-        programs = {"%s (%s)" % ("segment_depth", mode): lambda mode=mode: own_segmentation(args, mode + "_" + step, size)
+        programs = {f"segment_depth ({mode})": lambda mode=mode: own_segmentation(args, mode + "_" + step, size)
                     for mode in ("refined", "paper")}
         programs["OpenCV GraphSegmentation"] = opencv_segmentation(image)
         programs["scikit-image felzenszwalb"] = skimage_segmentation(image)
@@ -160,7 +161,7 @@ def compare_fusion(args):
                 "fuse_stack (refined, not aligned)": own_fusion(args, "refined", "--without", "alignment"),
                 "fuse_stack (paper)": own_fusion(args, "paper"), "enfuse": enfuse_fusion(args)}
     programs.update({name: peer_fusion(args, name, command) for name, command in args.peer})
-    title = "fusion of %d frames, files to file, ms" % len(os.listdir(inputs(args.scene)["stack"]))
+    title = f"fusion of {len(os.listdir(inputs(args.scene)['stack']))} frames, files to file, ms"
     yield from rows(title, in_turn(programs, args.repetitions, title), "fuse_stack (refined)")
 
 

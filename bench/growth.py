@@ -27,7 +27,7 @@ MODES = ("paper", "refined")
 # In a small process of its own: the kernel counts the memory of the one that starts a program as the program's, too.
 PEAK_MEMORY = """import os, resource, sys
 status = os.spawnv(os.P_WAIT, sys.argv[1], sys.argv[1:])
-sys.stderr.write("\\n%d\\n" % resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+sys.stderr.write(f"\\n{resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss}\\n")
 sys.exit(status)"""
 
 
@@ -53,7 +53,7 @@ def make_stack(scene, frames, folder):
         for i in range(frames):
             taken = i * len(names) // frames
             os.symlink(os.path.join(scene, "stack", names[taken]), os.path.join(folder, "stack", f"{i:04d}.png"))
-            focus.write("  - {file: %04d.png, focus_mm: %s}\n" % (i, distances[taken]))
+            focus.write(f"  - {{file: {i:04d}.png, focus_mm: {distances[taken]}}}\n")
 
 
 def run_measured(command):

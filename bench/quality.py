@@ -32,11 +32,11 @@ from all_in_focus.command_line import Parser
 from all_in_focus.files.stack import read_image
 from all_in_focus.metrics.kept_contrast import kept_contrast
 
-TRUTH = {"psnr": ("PSNR, dB", "%.2f"), "ssim": ("SSIM", "%.4f"),
-         "psnr_edges": ("PSNR within 8 px of depth edges, dB", "%.2f")}
-CONTRAST = {"kept_contrast": ("Contrast kept, mean of the bands", "%.3f"),
-            "kept_contrast_least": ("Contrast kept, least band", "%.3f")}
-SECONDS = {"seconds_per_frame": ("Time per frame, s", "%.3f")}
+TRUTH = {"psnr": ("PSNR, dB", ".2f"), "ssim": ("SSIM", ".4f"),
+         "psnr_edges": ("PSNR within 8 px of depth edges, dB", ".2f")}
+CONTRAST = {"kept_contrast": ("Contrast kept, mean of the bands", ".3f"),
+            "kept_contrast_least": ("Contrast kept, least band", ".3f")}
+SECONDS = {"seconds_per_frame": ("Time per frame, s", ".3f")}
 MEASURES = {**TRUTH, **CONTRAST, **SECONDS}
 
 
@@ -132,7 +132,7 @@ def table(figures, key):
     columns = list(next(iter(figures.values())))
 
     def cell(value):
-        return "-" if value is None else form % value
+        return "-" if value is None else format(value, form)
 
     rows = [[name] + [cell(of[method] and of[method][key]) for method in columns] for name, of in figures.items()]
     means = [mean(figures, method, key) for method in columns]

@@ -36,7 +36,7 @@ def parse_arguments():
     args = parser.parse_args()
     args.parts = args.parts.split(",")
     if not set(args.parts) <= set(PARTS):
-        parser.error("--parts: expected some of %s" % ",".join(PARTS))
+        parser.error(f"--parts: expected some of {','.join(PARTS)}")
     return parser, args
 
 
@@ -50,7 +50,7 @@ def run(program, *options):
 
 
 def measure_steps(args):
-    only = "width:(%s)/" % "|".join(str(width) for width, _ in SIZES)
+    only = f"width:({'|'.join(str(width) for width, _ in SIZES)})/"
     figures = steps.run(args.bench_steps, only, args.repetitions, (args.rig, args.depth))
     return steps.times_table(figures, SIZES) + "\n" + steps.allocations_table(figures, *SIZES[0])
 

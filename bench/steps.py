@@ -109,6 +109,6 @@ def size(number_of_bytes):
 
 def table(head, rows, left=1):
     """Markdown; the first columns to the left, the others to the right."""
-    lines = ["| %s |" % " | ".join(row) for row in [head] + rows]
+    lines = [f"| {' | '.join(row)} |" for row in [head] + rows]
     lines.insert(1, "|---" * left + "|---:" * (len(head) - left) + "|")
     return "\n".join(lines) + "\n"

@@ -134,11 +134,11 @@ def test_published_result(name, pair):
     scene, sources = pair
     given = [np.dstack([metrics.to_gray(source)] * 3) for source in sources] if gray else sources
     fused = metrics.to_gray(BASELINES[name](given)[0])
-    expected = metrics.to_gray(cv2.imread(str(scene / ("fused_%s.png" % method))))
+    expected = metrics.to_gray(cv2.imread(str(scene / (f"fused_{method}.png"))))
     published = json.loads((scene / "metrics.json").read_text())[method]
     values = metrics.evaluate(sources, fused)
-    print("%s %s: %.2f dB to the published image, metrics (published):" % (scene.name, name, psnr(fused, expected)),
-          ", ".join("%s %.4f (%.4f)" % (key, values[key], published[key]) for key in published))
+    print(f"{scene.name} {name}: {psnr(fused, expected):.2f} dB to the published image, metrics (published):",
+          ", ".join(f"{key} {values[key]:.4f} ({published[key]:.4f})" for key in published))
     assert psnr(fused, expected) > decibels
     assert max(abs(values[key] - published[key]) for key in published) < distance
     if name == "dwt":
@@ -154,8 +154,8 @@ def test_network_reaches_the_published_metrics(pair):
     first = 0 if scene.name == "scene1" else len(metrics.METRICS)
     values = metrics.evaluate(sources, BASELINES["dcnn"](sources)[0])
     published = {name: float(line[column]) for name, line in zip(metrics.METRICS, lines[first:])}
-    print("%s dcnn: metrics (published):" % scene.name,
-          ", ".join("%s %.4f (%.4f)" % (key, values[key], published[key]) for key in published))
+    print(f"{scene.name} dcnn: metrics (published):",
+          ", ".join(f"{key} {values[key]:.4f} ({published[key]:.4f})" for key in published))
     assert max(abs(values[key] - published[key]) for key in published) < 0.01
 
 

@@ -28,7 +28,7 @@ def test_wrong_arguments_give_one_line(line, tmp_path):
 
 
 def entry(ms, threads, run_type="iteration"):
-    return {"name": "fuse/paper/width:640/height:480/threads:%d/manual_time" % threads, "run_type": run_type,
+    return {"name": f"fuse/paper/width:640/height:480/threads:{threads}/manual_time", "run_type": run_type,
             "real_time": ms, "copies": 10 * ms, "allocations": 0, "allocated_bytes": 1500, "touched_bytes": 1}
 
 

@@ -90,7 +90,7 @@ def test_the_reference_names_every_option(program):
     text = run([tool(program), '--help']).stdout
     options = set(re.findall(r'^ +--([a-z-]+)', text, re.M)) - {'help'}
     page = (ROOT / 'docs/reference.md').read_text()
-    synopsis = re.search(r'^%s .*?(?=^\w)' % program, page, re.M | re.S)[0]
+    synopsis = re.search(rf'^{program} .*?(?=^\w)', page, re.M | re.S)[0]
     assert set(re.findall(r'--([a-z-]+)', synopsis)) == options
 
 

@@ -42,7 +42,7 @@ def output(scenes, tmp_path_factory):
     folder = tmp_path_factory.mktemp("run") / "out"
     code, out, err = evaluate(scenes / "planes", scenes / "pair", "--methods", METHODS + ",given:*", "--output", folder)
     assert code == 1, err  # nobody's result lies beside the generated scene
-    missing = "planes given:other: %s: holds no fused_other.png" % (scenes / "planes")
+    missing = f"planes given:other: {scenes / 'planes'}: holds no fused_other.png"
     assert err.splitlines() == ["evaluate: warning: " + missing]
     assert "| paper " in out and out.splitlines()[-1] == str(folder / "report.html")
     return folder
@@ -50,7 +50,7 @@ def output(scenes, tmp_path_factory):
 
 def sources(scenes, name):
     return list(Stack(str(scenes / "planes" / "stack"))) if name == "planes" else [
-        read(scenes / "pair" / ("source_%s.png" % letter)) for letter in "ab"]
+        read(scenes / "pair" / (f"source_{letter}.png")) for letter in "ab"]
 
 
 def test_images_are_those_of_the_methods(scenes, output):
@@ -104,7 +104,7 @@ def page_values(tables, scene, column):
             if at == scene:
                 text, exact = line[column]
                 values[line[1][0]] = float(exact)
-                assert text.startswith("%.2f" % float(exact) if "PSNR" in line[1][0] else "%.4f" % float(exact))
+                assert text.startswith(f"{float(exact):.2f}" if "PSNR" in line[1][0] else f"{float(exact):.4f}")
     return values
 
 
@@ -184,9 +184,9 @@ def test_changed_input_is_fused_again(scenes, tmp_path):
 def test_edges_of_a_truth_that_lies_elsewhere(scenes, tmp_path):
     """The optics say which jumps in depth are edges; without them none is known."""
     planes = scenes / "planes"
-    truth = "truth: %s, truth_depth: %s" % (planes / "truth.png", planes / "truth_depth.png")
-    (tmp_path / "c.yaml").write_text("scenes:\n- {path: %s, name: with, optics: '50,1.8,0.03', %s}\n- {path: %s, name: "
-                                     "without, %s}\n" % ((scenes / "pair", truth) * 2))
+    truth = f"truth: {planes / 'truth.png'}, truth_depth: {planes / 'truth_depth.png'}"
+    (tmp_path / "c.yaml").write_text(f"scenes:\n- {{path: {scenes / 'pair'}, name: with, optics: '50,1.8,0.03', {truth}}}\n"
+                                     f"- {{path: {scenes / 'pair'}, name: without, {truth}}}\n")
     code, _, err = evaluate("--config", tmp_path / "c.yaml", "--methods", "laplacian", "--metrics", "Q_MI", "--output",
                             tmp_path / "out")
     found, known = results(tmp_path / "out")["results"], Truth.load(str(planes))

@@ -137,7 +137,7 @@ def test_weights_may_be_shares(tmp_path, monkeypatch, frames, shares, name, expe
     """Of the second of two frames, or of each frame."""
     shape = (8, 8 * len(expected[0]))
     wide = np.kron(np.array(shares), np.ones((8, 8)))
-    write_stack(tmp_path / "scene", ["source_%d.png" % number for number in range(frames)], pictures(frames, shape[::-1]))
+    write_stack(tmp_path / "scene", [f"source_{number}.png" for number in range(frames)], pictures(frames, shape[::-1]))
     monkeypatch.setitem(BASELINES, "soft", lambda images: (images[0], wide))
     wanted = settings.Settings([{"path": str(tmp_path / "scene")}], ["soft"], output=str(tmp_path / "out"))
     run, store = runner.evaluate(wanted)

@@ -34,8 +34,8 @@ def bag(scene):
 
 
 def test_a_bag_gives_what_its_files_give(scene, bag, tmp_path):
-    (tmp_path / "c.yaml").write_text("scenes: [{path: %s, name: played, truth: %s}, %s]\nmethods: [%s]\noutput: out\n"
-                                     % (bag, scene / "truth.png", scene, METHODS))
+    (tmp_path / "c.yaml").write_text(f"scenes: [{{path: {bag}, name: played, truth: {scene / 'truth.png'}}}, {scene}]\n"
+                                     f"methods: [{METHODS}]\noutput: out\n")
     code, out, err = evaluate("--config", tmp_path / "c.yaml")
     assert (code, err) == (0, "")
     for method in METHODS.split(","):
@@ -73,13 +73,13 @@ def test_frames_go_to_their_brackets(bag, tmp_path, ids):
                 if topic != "/rgb/focus" or ids:
                     new.write(topic, message, time)
     for number in range(2):
-        folder = tmp_path / "results" / ("bracket_%04d" % number)
+        folder = tmp_path / "results" / (f"bracket_{number:04d}")
         folder.mkdir(parents=True)
         bracket_id = ids[number] if ids else number
-        (folder / "report.json").write_text('{"bracket_id": %d, "frames_seen": 3}' % bracket_id)
+        (folder / "report.json").write_text(f'{{"bracket_id": {bracket_id}, "frames_seen": 3}}')
     bags.export(str(tmp_path / "two.bag"), bags.topics({}), str(tmp_path / "results"), str(tmp_path / "stacks"),
                 {})
-    exported = [frame for number in range(2) for frame in Stack(str(tmp_path / "stacks" / ("bracket_%04d" % number)))]
+    exported = [frame for number in range(2) for frame in Stack(str(tmp_path / "stacks" / (f"bracket_{number:04d}")))]
     assert len(exported) == len(frames) == 6 and all(np.array_equal(*pair) for pair in zip(exported, frames))
     assert cv2.imread(str(tmp_path / "stacks" / "bracket_0001" / "003.png")) is None
 
@@ -99,11 +99,11 @@ def test_a_bracket_of_which_nothing_was_made_shifts_no_other(bag, tmp_path):
                 time.secs += 100 * turn
                 new.write(topic, message, time)
     for number, frames in enumerate((2, 3)):
-        folder = tmp_path / "results" / ("bracket_%04d" % number)
+        folder = tmp_path / "results" / (f"bracket_{number:04d}")
         folder.mkdir(parents=True)
-        (folder / "report.json").write_text('{"bracket_id": 1, "frames_seen": %d}' % frames)
+        (folder / "report.json").write_text(f'{{"bracket_id": 1, "frames_seen": {frames}}}')
     bags.export(str(tmp_path / "three.bag"), bags.topics({}), str(tmp_path / "results"), str(tmp_path / "stacks"), {})
-    assert [len(Stack(str(tmp_path / "stacks" / ("bracket_%04d" % number)))) for number in range(2)] == [2, 3]
+    assert [len(Stack(str(tmp_path / "stacks" / (f"bracket_{number:04d}")))) for number in range(2)] == [2, 3]
 
 
 def test_results_of_a_bag_depend_on_the_nodes(tmp_path, monkeypatch):
@@ -129,8 +129,7 @@ def test_results_of_a_bag_depend_on_the_nodes(tmp_path, monkeypatch):
 
 def test_a_program_that_takes_too_long_may_clean_up(tmp_path):
     program = tmp_path / "slow"
-    program.write_text("#!/bin/sh\ntrap 'echo ended > %s; exit 1' TERM\nwhile :; do sleep 0.1; done\n"
-                       % (tmp_path / "said"))
+    program.write_text(f"#!/bin/sh\ntrap 'echo ended > {tmp_path / 'said'}; exit 1' TERM\nwhile :; do sleep 0.1; done\n")
     program.chmod(0o755)
     with pytest.raises(RuntimeError, match="^slow: not done after 0.5 s, given up$"):
         programs.run([str(program)], 0.5)
@@ -139,8 +138,8 @@ def test_a_program_that_takes_too_long_may_clean_up(tmp_path):
 
 def test_an_interrupted_run_ends_its_program(tmp_path):
     program = tmp_path / "slow"
-    program.write_text("#!/bin/sh\ntrap 'echo ended > %s; exit 1' TERM\nkill -TERM $PPID\nwhile :; do sleep 0.1; done\n"
-                       % (tmp_path / "said"))
+    program.write_text(f"#!/bin/sh\ntrap 'echo ended > {tmp_path / 'said'}; exit 1' TERM\nkill -TERM $PPID\n"
+                       "while :; do sleep 0.1; done\n")
     program.chmod(0o755)
     script = ("import signal, sys; from all_in_focus.benchmark import programs; "
               "signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number)); programs.run(sys.argv[1:])")

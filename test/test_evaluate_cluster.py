@@ -25,7 +25,7 @@ psutil = pytest.importorskip("psutil")  # comes with it
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scenes")
-    return [make_scene(folder / ("%s_%d" % (name, seed)), name, seed)
+    return [make_scene(folder / (f"{name}_{seed}"), name, seed)
             for name in ("planes", "clutter") for seed in (0, 1)]
 
 
@@ -44,14 +44,14 @@ class Cluster:
     def __init__(self, folder, workers):
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
-            self.address = "tcp://127.0.0.1:%d" % probe.getsockname()[1]
+            self.address = f"tcp://127.0.0.1:{probe.getsockname()[1]}"
         self._folder, self.processes = folder, []
         port = self.address.rpartition(":")[2]
         self._start("dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard")
         self.workers = [self.add_worker() for _ in range(workers)]
 
     def _start(self, program, *arguments):
-        log = open(str(self._folder / ("%s_%d.log" % (program, len(self.processes)))), "w")
+        log = open(str(self._folder / (f"{program}_{len(self.processes)}.log")), "w")
         self.processes.append(subprocess.Popen([sys.executable, "-m", "distributed.cli." + program, *arguments],
                                                stdout=log, stderr=log, env=environment(), cwd=str(self._folder)))
         return self.processes[-1]
@@ -100,7 +100,7 @@ def test_a_killed_worker_loses_nothing(scenes, alone, cluster, tmp_path):
     finally:
         run.kill()
     total = len(scenes) * len(METHODS.split(","))
-    print("%d of %d results were there when the worker was gone" % (done, total))
+    print(f"{done} of {total} results were there when the worker was gone")
     assert 0 < done < total
     assert run.returncode == 0 and "2 tasks ran side by side" in out
     assert re.fullmatch(LOST_WORKER + "\n", err), err
@@ -146,7 +146,7 @@ def pages():
             if connection.status == psutil.CONN_LISTEN:
                 for path in ("/status", "/workers"):
                     try:
-                        address = "http://127.0.0.1:%d%s" % (connection.laddr.port, path)
+                        address = f"http://127.0.0.1:{connection.laddr.port}{path}"
                         found[address] = urllib.request.urlopen(address, timeout=5).read()
                     except (OSError, http.client.HTTPException):
                         pass  # not found, or no web server

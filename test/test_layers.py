@@ -53,7 +53,10 @@ CPP_ROOMS = {
 }
 
 # Type, name = literal; another config's member in its place is not compared, it cannot differ.
-LITERAL_DEFAULT = r'\w[\w:]*\s+%s\s*=\s*([-\w.:"]+)\s*[;,)]'
+
+
+def literal_defaults(name, text):
+    return re.findall(rf'\w[\w:]*\s+{name}\s*=\s*([-\w.:"]+)\s*[;,)]', text)
 
 
 def files():
@@ -163,7 +166,7 @@ def test_tools_know_no_ros_and_only_kinect_knows_openni():
 def documented_rooms(heading):
     """{room: [rooms it may use]} of the table in docs/architecture.md whose first column is called so."""
     text = (ROOT / 'docs/architecture.md').read_text()
-    table = re.search(r'^\| %s \|.*\n\|[-| ]+\|\n((?:\|.*\n)+)' % heading, text, re.M)[1]
+    table = re.search(rf'^\| {heading} \|.*\n\|[-| ]+\|\n((?:\|.*\n)+)', text, re.M)[1]
     rows = [row.strip('|').split('|') for row in table.splitlines()]
     return {cells[0].strip().strip('`'): re.findall(r'`([^`]+)`', cells[2]) for cells in rows}
 
@@ -178,6 +181,21 @@ def test_no_two_python_modules_share_a_name():
     """One name, one subject."""
     names = [path.stem for path in (ROOT / 'src/all_in_focus').rglob('*.py') if path.stem != '__init__']
     assert not {name for name in names if names.count(name) > 1}
+
+
+def is_text(node):
+    """Whether an expression is a string by its looks: a literal, or literals joined by +."""
+    return (isinstance(node, ast.JoinedStr) or isinstance(node, ast.Constant) and isinstance(node.value, str)
+            or isinstance(node, ast.BinOp) and (is_text(node.left) or is_text(node.right)))
+
+
+def test_strings_are_formatted_as_f_strings():
+    """Not by %, which counts its values only when it runs."""
+    python = [path for path in sources() if path.suffix in {'.py', '.cfg'} or b'python' in path.read_bytes()[:40]]
+    assert len(python) > 150
+    wrong = [f'{path.relative_to(ROOT)}:{node.lineno}' for path in python for node in ast.walk(ast.parse(path.read_text()))
+             if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mod) and is_text(node.left)]
+    assert not wrong
 
 
 def test_every_source_names_author_and_licence():
@@ -223,7 +241,7 @@ def test_defaults_agree(file, name, default):
         member = CORE_NAMES.get(name, name)
         header = re.sub(r'^struct \w+Result \{.*?^\};', '', path.read_text(), flags=re.M | re.S)  # no parameters there
         constants = dict(re.findall(r'constexpr \w+ (k\w+) = ([^;]+);', header))
-        for text in re.findall(LITERAL_DEFAULT % member, header):
+        for text in literal_defaults(member, header):
             assert same(value(constants.get(text, text)), default), f'{path.name}: {member} = {text}'
     for path in sorted((ROOT / 'launch').glob('*.launch')):
         for arg in ET.parse(path).iter('arg'):
@@ -231,9 +249,9 @@ def test_defaults_agree(file, name, default):
             if arg.get('name') == name and text and '$(' not in text:  # empty: the node's own default
                 assert same(value(text), default), f'{path.name}: {name} default {text}'
     for path in sorted((ROOT / 'config').glob('*.yaml')):
-        for text in re.findall(r'^\s*%s:\s*([^\s#]+)' % name, path.read_text(), re.M):
+        for text in re.findall(rf'^\s*{name}:\s*([^\s#]+)', path.read_text(), re.M):
             assert same(value(text), default), f'{path.name}: {name}: {text}'
-    rows = re.findall(r'^\|\s*`%s`\s*\|(.*)\|\s*$' % name, (ROOT / 'docs/reference.md').read_text(), re.M)
+    rows = re.findall(rf'^\|\s*`{name}`\s*\|(.*)\|\s*$', (ROOT / 'docs/reference.md').read_text(), re.M)
     assert rows, f'docs/reference.md: no row for {name}'
     for row in rows:
         assert any(same(value(cell), default) for cell in row.split('|')), f'docs/reference.md: {name} |{row}|'
@@ -242,5 +260,5 @@ def test_defaults_agree(file, name, default):
 def test_optics_and_region_size_have_their_default_in_the_core():
     text = '\n'.join(path.read_text() for path in (ROOT / 'include').rglob('*.hpp'))
     parameters = {CORE_NAMES.get(name, name) for _, name, _ in cfg_defaults()}
-    members = {name for name in parameters if re.search(LITERAL_DEFAULT % name, text)}
+    members = {name for name in parameters if literal_defaults(name, text)}
     assert members >= {'focal_length_mm', 'aperture', 'circle_of_confusion_mm', 'span', 'min_region_size'}

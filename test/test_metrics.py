@@ -32,7 +32,7 @@ def published(scene, method):
         return {"source_A_only": a, "source_B_only": b}[method]
     if method == "recovered_label_recomposed":
         return np.where(cv2.imread(str(PAIRS / scene / "label_front.png")) == 255, a, b)
-    return cv2.imread(str(PAIRS / scene / ("fused_%s.png" % method)))
+    return cv2.imread(str(PAIRS / scene / (f"fused_{method}.png")))
 
 
 @needs_pairs
@@ -188,7 +188,7 @@ def test_program(files):
     expected = evaluate([a, b], fused)
     done = evaluate_fusion(*files)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.splitlines() == ["%-7s %8.4f" % item for item in expected.items()]
+    assert done.stdout.splitlines() == [f"{name:<7} {value:8.4f}" for name, value in expected.items()]
     done = evaluate_fusion(*files, "--json", "--reference", files[1])
     assert json.loads(done.stdout) == {**expected, "PSNR": psnr(fused, a), "SSIM": ssim(fused, a)}
     assert json.loads(evaluate_fusion(*files, "--json", "--reference", files[5]).stdout)["PSNR"] is None

@@ -168,7 +168,7 @@ def test_lists_of_methods():
     for name in ("single", "gf+ecc", "refined:optics+20", "refined:shift5", "paper:no-depth", "mine"):
         assert callable(methods.find(name, {"mine": "true"}, "fuse_stack"))
     for name in ("median", "single+ecc", "refined:", "refined:optics", "gf:no-depth", ""):
-        with pytest.raises(ValueError, match="no method is named '%s'" % name.replace("+", r"\+")):
+        with pytest.raises(ValueError, match=f"no method is named '{re.escape(name)}'"):
             methods.find(name, {}, "fuse_stack")
 
 
@@ -229,9 +229,9 @@ def test_program_compares_and_keeps(scenes, tmp_path):
                  "broken=false {output}", "--output", tmp_path / "out", "--json", tmp_path / "figures.json"]
     result = compare(*arguments)
     assert result.returncode == 0
-    assert result.stderr.splitlines() == ["%s broken: false: exit code 1" % scene for scene in ("still", "breathing")]
+    assert result.stderr.splitlines() == [f"{scene} broken: false: exit code 1" for scene in ("still", "breathing")]
     written = sorted(str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.png"))
-    assert written == ["%s/%s.png" % (scene, method) for scene in ("breathing", "still")
+    assert written == [f"{scene}/{method}.png" for scene in ("breathing", "still")
                        for method in ("copy", "laplacian+ecc", "single")]
     psnrs = tables(result.stdout)["PSNR, dB"]
     assert psnrs["still"]["broken"] == "-" and psnrs["mean (of scenes)"]["broken"] == "- (0)"

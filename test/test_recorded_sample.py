@@ -20,10 +20,14 @@ ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("ALL_IN_FOCUS_DATA", str(ROOT.parent / "shared" / "data")))
 SWEEP, PAIRS = DATA / "kinect_dslr_sweep", DATA / "fusion_pairs"
 VIDEO = SWEEP / "focus_sweep.avi"
-NOT_HERE = "RECORDED DATA NOT TESTED: no %s; set ALL_IN_FOCUS_DATA to the folder that holds it"
 
-needs_sweep = pytest.mark.skipif(not VIDEO.is_file(), reason=NOT_HERE % SWEEP)
-needs_pairs = pytest.mark.skipif(not PAIRS.is_dir(), reason=NOT_HERE % PAIRS)
+
+def needs(folder, there):
+    return pytest.mark.skipif(not there, reason=f"RECORDED DATA NOT TESTED: no {folder}; set ALL_IN_FOCUS_DATA to the folder "
+                                                "that holds it")
+
+
+needs_sweep, needs_pairs = needs(SWEEP, VIDEO.is_file()), needs(PAIRS, PAIRS.is_dir())
 
 INPUT = ["--depth", SWEEP / "depth_raw.png", "--rig", SWEEP, "--stack", VIDEO]
 PANEL_FRAME, WALL_FRAME = 369, 410  # sharpest

@@ -81,7 +81,7 @@ def train(pairs):
         optimizer.step()
         schedule.step()
         if step % 100 == 0:
-            bar.set_postfix(loss="%.4f" % loss.item())
+            bar.set_postfix(loss=f"{loss.item():.4f}")
     return network.eval()
 
 
@@ -110,8 +110,8 @@ def agrees(one, other, pairs):
         return True
     found = [scores(path, pairs) for path in (one, other)]
     difference, decisions = np.abs(found[0] - found[1]), (found[0] > 0.5) != (found[1] > 0.5)
-    print("scores differ by %.5f in the mean (at most %g), %.5f at the most; other decisions: %.5f (at most %g)"
-          % (difference.mean(), MEAN_TOLERANCE, difference.max(), decisions.mean(), DECISION_TOLERANCE))
+    print(f"scores differ by {difference.mean():.5f} in the mean (at most {MEAN_TOLERANCE:g}), {difference.max():.5f} at the "
+          f"most; other decisions: {decisions.mean():.5f} (at most {DECISION_TOLERANCE:g})")
     return difference.mean() <= MEAN_TOLERANCE and decisions.mean() <= DECISION_TOLERANCE
 
 
@@ -122,9 +122,9 @@ def main():
     parser.add_argument("--output", default=SHIPPED, metavar="FILE", help="default: the network in the sources")
     args = parser.parse_args()
     if args.check and not os.path.isfile(args.output):
-        parser.error("%s: there is no such file" % args.output)
+        parser.error(f"{args.output}: there is no such file")
     if not os.path.isdir(os.path.dirname(os.path.abspath(args.output))):
-        parser.error("%s: there is no such folder" % os.path.dirname(args.output))
+        parser.error(f"{os.path.dirname(args.output)}: there is no such folder")
     torch.set_num_threads(1)
     torch.use_deterministic_algorithms(True)
     cv2.setNumThreads(1)
@@ -133,8 +133,8 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "dcnn.onnx")
         export(network, path)
-        print("%d bytes, right on %.2f %% of pairs of images that it has not seen"
-              % (os.path.getsize(path), 100 * accuracy(path, held_out)))
+        print(f"{os.path.getsize(path)} bytes, right on {100 * accuracy(path, held_out):.2f} % of pairs of images that it has "
+              "not seen")
         if args.check:
             sys.exit(0 if agrees(path, args.output, held_out) else 1)
         shutil.copyfile(path, args.output)

@@ -135,7 +135,7 @@ class CalibrateRigTest(CameraTest):
         program = self.program("check_rig", "--live", "--timeout", 0.2, "--output", self.folder / "o.png")
         said, _ = program.communicate(timeout=PATIENCE)
         self.assertEqual(program.returncode, 2, said)
-        self.assertEqual(said, "check_rig: nothing came on %s for 0.2 s\n" % self.topic("depth_registered/image_raw"))
+        self.assertEqual(said, f"check_rig: nothing came on {self.topic('depth_registered/image_raw')} for 0.2 s\n")
 
 
 if __name__ == "__main__":

@@ -104,7 +104,7 @@ class DepthPreprocessTest(GraphTest):
     def setUp(self):
         super().setUp()
         self.depth = self.talk('/chain/depth/image_raw', Image)
-        self.infos = {name: self.talk('/chain/%s/camera_info' % name, CameraInfo) for name in ('depth', 'rgb')}
+        self.infos = {name: self.talk(f'/chain/{name}/camera_info', CameraInfo) for name in ('depth', 'rgb')}
         self.raw = self.listen('/chain/depth_registered/image_raw', Image)
         self.processed = self.listen('/chain/depth_registered/processed', Header)
 
@@ -168,7 +168,7 @@ class DepthPreprocessTest(GraphTest):
         for name, info in (('depth', camera_info(0, 'depth', 0.0)), ('rgb', camera_info(0, 'color', 0.0)),
                            ('rgb', camera_info(0, 'color', float('nan')))):
             stamp = self.send(**{name: info})
-            self.assert_error('/chain/%s/camera_info' % name, 'not calibrated')
+            self.assert_error(f'/chain/{name}/camera_info', 'not calibrated')
             self.assertIsNotNone(self.processed.at(stamp))
         self.assert_good_depth_is_processed()
 
@@ -199,7 +199,7 @@ class DepthPreprocessTest(GraphTest):
 
     def test_size_that_is_not_calibrated(self):
         self.send(np.ones((10, 20), np.uint16))
-        self.assert_error('20x10', '%dx%d' % (WIDTH, HEIGHT))
+        self.assert_error('20x10', f'{WIDTH}x{HEIGHT}')
         self.assert_good_depth_is_processed()
 
     def test_values_that_mean_nothing(self):

@@ -161,7 +161,7 @@ class ChainTest(GraphTest):
         self.rgb_info.say(camera_info(stamp, 'color'))
 
     def test_labels_come_out_of_raw_depth(self):
-        processed = [self.listen('/chain/%s/processed' % part, Header) for part in ('depth_registered', 'segmentation')]
+        processed = [self.listen(f'/chain/{part}/processed', Header) for part in ('depth_registered', 'segmentation')]
         listeners, stamp = self.listen_to_all(), next(STAMPS)
         self.send(stamp)
         results = {name: listener.at(stamp) for name, listener in listeners.items()}

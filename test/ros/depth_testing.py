@@ -103,7 +103,7 @@ class Diagnostics:
         matching = lambda: [s for s in self.statuses[seen:] if s.name.startswith(node + ':')]
         found = wait_until(lambda: next((s for s in matching() if accept(s)), None))
         if found is None:
-            raise AssertionError('%s said %s' % (node, {(s.level, s.message) for s in matching()}))
+            raise AssertionError(f'{node} said {sorted({(s.level, s.message) for s in matching()})}')
         return found
 
     def close(self):

@@ -53,7 +53,7 @@ class FocusBracketTest(FusionTest):
         report = self.assert_fused(stamp + 4 * PERIOD, near=1, far=4)  # the nearest to the middle one, 3
         self.assertEqual([report.frames_used, report.frames_missing, report.reference], [3, 4, 4])
         self.assert_noted(report, '4 frames never came')
-        self.assert_diagnosed(WARN, 'bracket %d' % bracket_id, '4 frames never came')
+        self.assert_diagnosed(WARN, f'bracket {bracket_id}', '4 frames never came')
 
     def test_frames_that_come_twice_or_late_are_refused(self):
         stamp, bracket = next(STAMPS), {'bracket_id': next(BRACKET_IDS), 'count': 5}
@@ -176,7 +176,7 @@ class PlainBracketTest(FusionTest):
         self.send((stamp, stamp + PERIOD), ('near', 'far'))
         self.acknowledged(stamp + PERIOD)
         answer = self.finish()
-        self.assertEqual([answer.success, answer.message], [True, '%d brackets published' % (before + 1)])
+        self.assertEqual([answer.success, answer.message], [True, f'{before + 1} brackets published'])
         self.assert_fused_by_sharpness(stamp, near=0, far=1)
         self.assertEqual(published(), before + 1)
 

@@ -40,7 +40,7 @@ class ReferenceTest(RefinedTest):
             report = self.assert_as_files(self.fuse(), INDICES, reference)
             self.assertEqual(len(report.notes), reference == 0)
             if reference == 0:
-                self.assert_noted(report, 'at most %d frames' % most, 'max_held_frames', 'the first frame is the reference')
+                self.assert_noted(report, f'at most {most} frames', 'max_held_frames', 'the first frame is the reference')
 
     def test_an_open_bracket_keeps_its_first_frame(self):
         stamp = self.fuse(count=0)
@@ -52,8 +52,8 @@ class ReferenceTest(RefinedTest):
             stamp = self.fuse(indices=came)
             self.finish()
             report = self.assert_as_files(stamp, came, reference)
-            self.assert_noted(report, 'frame 2, cannot be had', 'frame %d stands in' % reference)
-            self.assert_noted(report, '%d frames never came' % (len(FRAMES) - len(came)))
+            self.assert_noted(report, 'frame 2, cannot be had', f'frame {reference} stands in')
+            self.assert_noted(report, f'{len(FRAMES) - len(came)} frames never came')
 
     def test_a_new_bracket_ends_one_that_waits_for_its_reference(self):
         stamp = self.fuse(indices=[0, 1])
@@ -92,7 +92,7 @@ class ReferenceTest(RefinedTest):
         for misfit in (0, 1, 3, 4):  # before the reference and behind
             stamp = self.fuse(replaced={misfit: another_scene})
             report = self.assert_as_files(stamp, [i for i in INDICES if i != misfit], MIDDLE)
-            self.assert_noted(report, 'frame %d rejected: ' % misfit)
+            self.assert_noted(report, f'frame {misfit} rejected: ')
             self.assertEqual([report.frames_seen, report.frames_rejected], [5, 1])
             self.acknowledged(stamp + misfit * PERIOD)
         self.assert_diagnosed(ERROR, 'frame 4: ', 'another scene')

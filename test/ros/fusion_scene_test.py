@@ -23,8 +23,8 @@ class SceneTest(RefinedTest):
         parts = ['depth_registered/image', 'depth_registered/image_raw', 'rgb/camera_info']
         for part, consequence in (('rgb/camera_info', 'no say'), ('depth_registered/image_raw', 'counts as measured')):
             self.expect_scene(*[name for name in parts if name != part])
-            self.assert_fused_without(self.fuse(), 'no %s in time' % part, consequence)
-            self.assert_diagnosed(WARN, 'no %s in time' % part, consequence)
+            self.assert_fused_without(self.fuse(), f'no {part} in time', consequence)
+            self.assert_diagnosed(WARN, f'no {part} in time', consequence)
             for talker in self.scene.values():
                 talker.publisher.unregister()
                 self.talkers.remove(talker)

@@ -118,12 +118,12 @@ class FusionTest(GraphTest):
         return stamp + len(frames) // 2 * PERIOD
 
     def acknowledged(self, stamp):
-        self.assertIsNotNone(self.processed.at(stamp), 'frame %s was not acknowledged' % stamp)
+        self.assertIsNotNone(self.processed.at(stamp), f'frame {stamp} was not acknowledged')
 
     def report(self, stamp):
         report = self.outputs['report'].at(stamp)
-        self.assertIsNotNone(report, 'no report of %s, but of %s' % (
-            stamp, [r.header.stamp.to_sec() for r in self.outputs['report'].messages]))
+        others = [other.header.stamp.to_sec() for other in self.outputs['report'].messages]
+        self.assertIsNotNone(report, f'no report of {stamp}, but of {others}')
         return report
 
     def assert_noted(self, report, *words):

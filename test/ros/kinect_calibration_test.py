@@ -27,11 +27,11 @@ class CalibrationTest(KinectTest):
         super().tearDown()
 
     def start(self):
-        self.node = KinectNode('_device:=frames:one', '_depth_camera_info_url:=%s' % self.file,
+        self.node = KinectNode('_device:=frames:one', f'_depth_camera_info_url:={self.file}',
                                '_rgb_camera_info_url:=/dev/null/rgb.yaml')
 
     def set_info(self, camera, info):
-        name = '/own/%s/set_camera_info' % camera
+        name = f'/own/{camera}/set_camera_info'
         rospy.wait_for_service(name, 10)
         return rospy.ServiceProxy(name, SetCameraInfo)(info)
 

@@ -112,7 +112,7 @@ class ImagesTest(KinectTest):
         np.testing.assert_array_equal(pixels_of(message)[..., 1], Y % 256)
         depth.wait(2)
 
-    @unittest.skipUnless(SAMPLE.is_file(), 'RECORDED DEPTH NOT TESTED: no %s; set ALL_IN_FOCUS_DATA' % SAMPLE)
+    @unittest.skipUnless(SAMPLE.is_file(), f'RECORDED DEPTH NOT TESTED: no {SAMPLE}; set ALL_IN_FOCUS_DATA')
     def test_depth_of_a_real_kinect_pixel_for_pixel(self):
         truth = recorded_depth()
         self.assertGreater(np.count_nonzero(truth), truth.size // 2)

@@ -50,10 +50,10 @@ class RecordingTest(KinectTest):
         if not MIRRORED.exists():
             DEPTH.tofile(WORLD / 'noise.raw')
             # Whoever comes first also sees that a file which is not there yet is waited for.
-            self.status('steps/kinect_openni2', 'cannot open "%s" (parameter device): there is no such file' % NOISE)
+            self.status('steps/kinect_openni2', f'cannot open "{NOISE}" (parameter device): there is no such file')
             answer = rospy.ServiceProxy('/steps/kinect_openni2/step', Trigger)()
             self.assertEqual((answer.success, 'there is no such file' in answer.message), (False, True))
-            plug('noise', 'recorded=%s' % (WORLD / 'noise.raw'))
+            plug('noise', f'recorded={WORLD / "noise.raw"}')
             plug('pattern')
             record('noise', NOISE, False)
             record('pattern', MIRRORED, True)
@@ -114,7 +114,7 @@ class RecordingTest(KinectTest):
                   'a name has impossible characters (byte 98)': whole[:140] + b'\xff' + whole[141:]}
         for reason, content in broken.items():
             replace(DAMAGED, content)
-            self.status('damaged/kinect_openni2', 'cannot open "%s" (parameter device): %s' % (DAMAGED, reason))
+            self.status('damaged/kinect_openni2', f'cannot open "{DAMAGED}" (parameter device): {reason}')
         # As a recorder leaves it that is killed: no count of images, no index, no end.
         replace(DAMAGED, whole[:70] + b'\xff' * 4 + whole[74:90] + bytes(8) + whole[98:len(whole) // 4])
         depth = self.images('/damaged/depth/image_raw')

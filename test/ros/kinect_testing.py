@@ -71,7 +71,7 @@ class Images:
         """At least so many more messages, or an AssertionError."""
         begin = len(self.messages)
         if not wait_until(lambda: len(self.messages) >= begin + count, timeout):
-            raise AssertionError('%d of %d images came' % (len(self.messages) - begin, count))
+            raise AssertionError(f'{len(self.messages) - begin} of {count} images came')
         return self.messages[begin:]
 
     def stamps(self):

@@ -40,8 +40,8 @@ def fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True):
         folder = Path(name)
         (folder / 'stack').mkdir()
         for index in indices:
-            write(folder / 'stack' / ('%d.png' % index), pixels(index, enlarged))
-        (folder / 'focus.yaml').write_text('frames:\n' + ''.join('- {file: %d.png, focus_mm: %r}\n' % (i, FRAMES[i][1] * 1000)
+            write(folder / 'stack' / (f'{index}.png'), pixels(index, enlarged))
+        (folder / 'focus.yaml').write_text('frames:\n' + ''.join(f'- {{file: {i}.png, focus_mm: {FRAMES[i][1] * 1000!r}}}\n'
                                                                  for i in indices))
         camera = Camera.pinhole('color', WIDTH, HEIGHT, 50.0, 50.0, WIDTH / 2, HEIGHT / 2)
         optics = Optics(OPTICS.focal_length_mm, OPTICS.aperture, OPTICS.circle_of_confusion_mm)

@@ -30,7 +30,7 @@ class RespawnTest(GraphTest):
         transform.transform.rotation.w = 1.0
         self.transforms.publish(TFMessage([transform]))
         self.depth = rospy.Publisher('/rig/depth/image_raw', Image, queue_size=5)
-        self.infos = {name: rospy.Publisher('/rig/%s/camera_info' % name, CameraInfo, queue_size=5, latch=True)
+        self.infos = {name: rospy.Publisher(f'/rig/{name}/camera_info', CameraInfo, queue_size=5, latch=True)
                       for name in ('depth', 'rgb')}
         for name, frame in (('depth', 'depth'), ('rgb', 'color')):
             self.infos[name].publish(camera_info(1, frame))

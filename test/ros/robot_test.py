@@ -26,7 +26,7 @@ class RobotTest(LaunchTest):
         results = self.results()
         self.launch('all_in_focus', 'robot.launch', rviz='false', config=self.folder / 'own.yaml', aperture=4.0,
                     circle_of_confusion_mm=0.05, frame_rate=1.0, depth_timeout=1.0, **scene.arguments())
-        self.assert_said('cannot open "%s"' % scene.recording, '%s: no such folder or video' % scene.stack,
+        self.assert_said(f'cannot open "{scene.recording}"', f'{scene.stack}: no such folder or video',
                          'extrinsics.yaml: No such file or directory')
         for path in late[1:]:
             path.with_name(path.name + '.late').rename(path)
@@ -42,7 +42,7 @@ class RobotTest(LaunchTest):
 
     def test_rig_that_is_not_there(self):
         self.launch('all_in_focus', 'robot.launch', rviz='false', rig=self.folder / 'none')
-        self.assert_said('file does not exist [%s]' % (self.folder / 'none' / 'optics.yaml'))
+        self.assert_said(f'file does not exist [{self.folder / "none" / "optics.yaml"}]')
         self.assertEqual(self.launched.process.wait(60), 1)
 
 

@@ -51,7 +51,7 @@ class Scene:
         cameras, pixels = self.folder / 'cameras', self.folder / 'depth.raw'
         cameras.mkdir()
         read(self.depth).tofile(str(pixels))
-        (cameras / 'scene').write_text('recorded=%s' % pixels)
+        (cameras / 'scene').write_text(f'recorded={pixels}')
         environment = dict(os.environ, KINECT_TEST_DIR=str(cameras), LD_LIBRARY_PATH=str(WORLD))
         subprocess.run([str(WORLD / 'record_oni'), 'frames:scene', str(self.recording), str(RECORDED), '0'], check=True,
                        timeout=TIMEOUT, env=environment)
@@ -72,7 +72,7 @@ class Launch:
     """roslaunch, on the master of the test; what it and its nodes print is in `lines`."""
 
     def __init__(self, *files, **arguments):
-        command = ['roslaunch', *map(str, files), *('%s:=%s' % item for item in arguments.items())]
+        command = ['roslaunch', *map(str, files), *(f'{name}:={value}' for name, value in arguments.items())]
         environment = dict(os.environ, PATH='/usr/bin:/bin:' + os.environ['PATH'], PYTHONUNBUFFERED='1')
         self.lines = []
         self.process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
@@ -148,7 +148,7 @@ class LaunchTest(unittest.TestCase):
     def assert_said(self, *words):
         for some in words:
             self.assertIsNotNone(self.launched.said(some),
-                                 '%r is missing in\n%s' % (some, ''.join(self.launched.lines)))
+                                 f'{some!r} is missing in\n{"".join(self.launched.lines)}')
 
     def assert_same(self, picture, expected):
         np.testing.assert_array_equal(picture, expected)

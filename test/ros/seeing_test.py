@@ -99,7 +99,7 @@ class CaptionTest(GraphTest):
                 self.assertTrue((labels[y - 2:y + 3, x - 2:x + 3] == marker.id).all(), (marker.id, x, y))
                 segment = segments[marker.id - 1]
                 self.assertAlmostEqual(at.z, segment.depth_min, places=5)
-                self.assertEqual(marker.text, '%d: %.2f-%.2f m' % (marker.id, segment.depth_min, segment.depth_max))
+                self.assertEqual(marker.text, f'{marker.id}: {segment.depth_min:.2f}-{segment.depth_max:.2f} m')
                 self.assertEqual([marker.type, marker.pose.orientation.w], [Marker.TEXT_VIEW_FACING, 1])
                 self.assertGreater(marker.color.a, 0.5)
             near, far = sorted(markers, key=lambda m: m.id)
@@ -210,7 +210,7 @@ class DescriptionTest(GraphTest):
 
     def test_every_parameter_has_group_unit_and_range(self):
         for node, groups in self.GROUPS.items():
-            description = self.last('/rig/%s/parameter_descriptions' % node, ConfigDescription)
+            description = self.last(f'/rig/{node}/parameter_descriptions', ConfigDescription)
             shown = {group.name: group.parameters for group in description.groups if group.parameters}
             self.assertEqual({name: [p.name for p in parameters] for name, parameters in shown.items()}, groups, node)
             default, least, most = (self.values(part) for part in (description.dflt, description.min, description.max))
@@ -228,8 +228,8 @@ class DescriptionTest(GraphTest):
 
     def test_nodes_start_with_the_defaults_shown(self):
         for node in self.GROUPS:
-            default = self.last('/rig/%s/parameter_descriptions' % node, ConfigDescription).dflt
-            now = self.last('/rig/%s/parameter_updates' % node, Config)
+            default = self.last(f'/rig/{node}/parameter_descriptions', ConfigDescription).dflt
+            now = self.last(f'/rig/{node}/parameter_updates', Config)
             self.assertEqual(self.values(now), self.values(default), node)
 
 

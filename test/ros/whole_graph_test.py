@@ -54,7 +54,7 @@ class RigTest(FusionTest):
         self.depth.say(image_message(two_planes() if pixels is None else pixels, stamp, encoding, frame))
 
     def assert_node_said(self, node, level, *words):
-        said = lambda: [s for s in self.diagnostics.statuses if s.name.startswith('rig/%s:' % node)]
+        said = lambda: [s for s in self.diagnostics.statuses if s.name.startswith(f'rig/{node}:')]
         found = lambda: any(s.level == level and all(word in s.message for word in words) for s in said())
         self.assertTrue(wait_until(found), (node, words, {(s.level, s.message) for s in said()}))
 
@@ -141,7 +141,7 @@ class BadInputTest(RigTest):
         for name, frame in (('depth', 'depth'), ('rgb', 'color')):
             stamp = next(STAMPS)
             self.send_depth(stamp, **{name: camera_info(stamp, frame, 0.0)})
-            self.assert_node_said('depth_preprocess', ERROR, '/rig/%s/camera_info' % name, 'not calibrated')
+            self.assert_node_said('depth_preprocess', ERROR, f'/rig/{name}/camera_info', 'not calibrated')
             self.assert_fused_without_labels(stamp)
             self.assert_good_bracket_is_fused()
 

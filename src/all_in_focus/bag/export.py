@@ -20,6 +20,7 @@ from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import whole_folder
 from all_in_focus.files.rig import Optics, Rig, save_rig
+from all_in_focus.files.stack import size_text
 
 DEFAULT_OPTICS = "24,4,0.019"  # of the segmenter
 
@@ -105,7 +106,7 @@ class _BracketWriter:
                 picture = bgr(fetch(self._bag, "rgb", frame.head))
                 size = size or picture.shape
                 if picture.shape != size:
-                    raise ImageError(f"it is {picture.shape[1]}x{picture.shape[0]}, the first is {size[1]}x{size[0]}")
+                    raise ImageError(f"it is {size_text(picture)}, the first is {size[1]}x{size[0]}")
             except ImageError as error:
                 self._warnings.append(f"frame {frame.index} left out: {error}")
                 continue

@@ -30,8 +30,8 @@ def engine(jobs, scheduler, patience=PATIENCE_S, say=lambda line: None):
     try:
         import distributed
     except ImportError:
-        raise EngineError("%s needs Dask: install python3-distributed, or leave it out"
-                          % ("--scheduler" if scheduler else "--jobs"))
+        option = "--scheduler" if scheduler else "--jobs"
+        raise EngineError(f"{option} needs Dask: install python3-distributed, or leave it out")
     for name in list(logging.root.manager.loggerDict):  # what they tell of lost connections is told here, in one line
         if name.partition(".")[0] in ("distributed", "asyncio", "tornado"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -62,7 +62,7 @@ def _workers(distributed, cluster, scheduler, patience, say):
     try:
         client = distributed.Client(cluster or scheduler, timeout=ANSWER_S)
     except (OSError, ValueError, TimeoutError) as error:
-        raise EngineError("%s: no Dask scheduler answers: %s" % (scheduler, " ".join(str(error).split())))
+        raise EngineError(f"{scheduler}: no Dask scheduler answers: {' '.join(str(error).split())}")
     try:
         if cluster:
             client.wait_for_workers(len(cluster.worker_spec))
@@ -72,7 +72,7 @@ def _workers(distributed, cluster, scheduler, patience, say):
 
 
 def _failure(error):
-    return {"error": "%s: %s" % (type(error).__name__, " ".join(str(error).split()))}
+    return {"error": f"{type(error).__name__}: {' '.join(str(error).split())}"}
 
 
 class InProcess:

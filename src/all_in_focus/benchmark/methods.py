@@ -137,7 +137,7 @@ def _checked_weights(weights, shape, frames):
         return weights
     shares = np.asarray(weights)
     if shares.shape != (frames,) + shape:
-        raise ValueError("weights of shape %s for %d frames of %dx%d pixels" % (shares.shape, frames, *shape[::-1]))
+        raise ValueError(f"weights of shape {shares.shape} for {frames} frames of {shape[1]}x{shape[0]} pixels")
     return shares[1] / np.maximum(shares.sum(0), 1e-9) if frames == 2 else np.argmax(shares, 0).astype(np.uint16)
 
 

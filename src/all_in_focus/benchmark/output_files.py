@@ -36,7 +36,7 @@ class Run:
         """How far the times can be compared."""
         good = [result for of in self.results.values() for result in of.values() if "error" not in result]
         hosts = sorted({result["host"] for result in good})
-        notes = ["Measured on %s." % ", ".join(hosts)] if hosts else []
+        notes = [f"Measured on {', '.join(hosts)}."] if hosts else []
         if len(hosts) > 1:
             notes.append("Not one machine: compare with care.")
         if self.at_a_time > 1:

@@ -63,7 +63,7 @@ def evaluate(settings, fresh=False, say=None):
     except ValueError as error:
         raise SettingsError(error)
     os.makedirs(settings.output, exist_ok=True)
-    name = "%s %d" % (time.strftime("%Y-%m-%dT%H:%M:%S"), os.getpid())
+    name = f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {os.getpid()}"
     run = Run(settings, [], names, {}, [], programs.versions(), name)
     store = Store(settings.output)
 
@@ -96,7 +96,7 @@ def _with_brackets(found, names, settings, workers, nodes, fail):
         for mode, reason in result.get("failed", {}).items():
             fail(f"{name} {mode}: {reason}")
         if "error" in result:
-            fail("%s: %s" % (name, result["error"]))
+            fail(f"{name}: {result['error']}")
     replaced = []
     for scene in found:
         replaced += bags.brackets(scene, modes, settings.bag, folders[scene.name]) if scene.is_bag else [scene]
@@ -114,9 +114,9 @@ def _run_tasks(run, store, workers, fresh, fail):
              for key, result in done.items() if result is None}
     with progress(total=len(marks), initial=len(marks) - len(calls), unit="result") as bar:
         for key, result in workers.run(calls):
-            bar.set_description("%s %s" % key)
+            bar.set_description(" ".join(key))
             done[key] = store.save(*key, marks[key], run.name, result)
             if "error" in result:
-                fail("%s %s: %s" % (*key, result["error"]))
+                fail(f"{' '.join(key)}: {result['error']}")
             bar.update()
     run.results = {scene: {method: done[scene, method] for method in run.methods} for scene in by_name}

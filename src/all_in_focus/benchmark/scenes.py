@@ -13,7 +13,7 @@ import cv2
 from all_in_focus.metrics.images import MIN_SIZE
 from all_in_focus.metrics.truth import enlargement
 from all_in_focus.files.rig import Optics, load_rig
-from all_in_focus.files.stack import IMAGE_SUFFIXES, Stack, StackError, load_focus, read_depth, read_image
+from all_in_focus.files.stack import IMAGE_SUFFIXES, Stack, StackError, load_focus, read_depth, read_image, size_text
 
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mkv", ".mov")
 # Where a scene folder may hold what is known beside its frames; of several names the first that is there counts.
@@ -57,13 +57,12 @@ class Scene:
         if self.stack:
             yield from Stack(self.stack)
             return
-        size = None
+        first = None
         for path in self.sources:
             image = read_image(path)
-            size = size or image.shape
-            if image.shape != size:
-                raise StackError("%s: %dx%d pixels, but %s has %dx%d"
-                                 % ((path,) + image.shape[1::-1] + (self.sources[0],) + size[1::-1]))
+            first = image if first is None else first
+            if image.shape != first.shape:
+                raise StackError(f"{path}: {size_text(image)} pixels, but {self.sources[0]} has {size_text(first)}")
             yield image
 
     def names(self):
@@ -102,7 +101,7 @@ def find(entry):
     if os.path.isfile(path) and path.endswith(".bag"):
         wrong = set(entry) - {"path", "name", "truth"}
         if wrong:
-            raise SceneError("%s: a bag has its own %s" % (path, ", ".join(sorted(wrong))))
+            raise SceneError(f"{path}: a bag has its own {', '.join(sorted(wrong))}")
         return [Scene(name, path, beside=_beside(entry, {"truth": ()}, ""))]
     scene = _scene(name, entry)
     if scene is not None:
@@ -144,7 +143,7 @@ def _beside(entry, known, folder):
         if key in entry or found:
             beside[key] = entry.get(key) or found[0]
         if key in entry and not os.path.exists(entry[key]):
-            raise SceneError("%s: no such %s" % (entry[key], key.replace("_", " ")))
+            raise SceneError(f"{entry[key]}: no such {key.replace('_', ' ')}")
     return beside
 
 
@@ -187,7 +186,7 @@ def check(scene):
     if scene.optics:
         Optics.parse(scene.optics)
     if "depth" in beside and rig is None:
-        raise SceneError("%s: needs a rig, the calibration that registers it" % beside["depth"])
+        raise SceneError(f"{beside['depth']}: needs a rig, the calibration that registers it")
     if {"depth", "registered_depth"} & set(beside) and not (scene.optics or rig and rig.optics):
         raise SceneError(f"{scene.path}: depth without optics: give optics f,F,coc")
     if "focus" in beside:

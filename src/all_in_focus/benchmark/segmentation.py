@@ -81,5 +81,5 @@ def cells(found, count):
 def summary(found):
     """How many regions, and how many pixels, fit one depth of field."""
     total, fit = sum(it.area for it in found), sum(it.area for it in found if it.fits)
-    return "%d of %d regions fit one depth of field: %.1f %% of the known pixels" % (
-        sum(it.fits for it in found), len(found), 100 * fit / max(1, total))
+    return (f"{sum(it.fits for it in found)} of {len(found)} regions fit one depth of field: {100 * fit / max(1, total):.1f} % "
+            "of the known pixels")

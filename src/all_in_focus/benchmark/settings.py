@@ -55,7 +55,7 @@ def from_dict(data, folder):
         raise SettingsError("expected keys and values")
     unknown = sorted(set(data) - set(vars(Settings())), key=str)
     if unknown:
-        raise SettingsError("%s: no such key; there are %s" % (unknown[0], ", ".join(vars(Settings()))))
+        raise SettingsError(f"{unknown[0]}: no such key; there are {', '.join(vars(Settings()))}")
     settings = Settings(**data)
     for key in ("scenes", "methods", "metrics"):
         if isinstance(getattr(settings, key), str):
@@ -78,7 +78,7 @@ def scene_entry(entry, folder):
         raise SettingsError(f"scenes: expected a path, or a mapping with path, not '{entry}'")
     unknown = sorted(set(entry) - set(SCENE_KEYS), key=str)
     if unknown:
-        raise SettingsError("scenes: %s: no such key; there are %s" % (unknown[0], ", ".join(SCENE_KEYS)))
+        raise SettingsError(f"scenes: {unknown[0]}: no such key; there are {', '.join(SCENE_KEYS)}")
     return {key: os.path.abspath(os.path.join(folder, _text(value, "scenes: " + key))) if key in PATH_KEYS
             else _text(value, "scenes: " + key) for key, value in entry.items()}
 

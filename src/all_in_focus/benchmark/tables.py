@@ -13,7 +13,7 @@ from all_in_focus.benchmark.settings import TRUTH_MEASURES
 from all_in_focus.metrics import CONTRAST_MEASURES
 
 LESS_IS_BETTER = {"roughness"}
-FORMS = {"PSNR": "%.2f", "SSIM": "%.4f", "PSNR_edges": "%.2f"}
+DIGITS = {"PSNR": 2, "PSNR_edges": 2}  # behind the point; of others 4
 
 
 def scores(values):
@@ -95,7 +95,7 @@ def build(results, methods, metric_names):
 
 def number(measure, value):
     """A value as people read it."""
-    return "-" if value is None else FORMS.get(measure, "%.4f") % value
+    return "-" if value is None else f"{value:.{DIGITS.get(measure, 4)}f}"
 
 
 def score(value):
@@ -117,7 +117,7 @@ def value_cells(tables, rows):
     lines = [["scene", "measure"] + tables.methods]
     for row in rows:
         cells = [(number(row.measure, row.values[name]), score(row.scores[name])) for name in tables.methods]
-        lines.append([row.scene, row.measure] + ["-" if cell == ("-", "-") else "%s (%s)" % cell for cell in cells])
+        lines.append([row.scene, row.measure] + ["-" if cell == ("-", "-") else f"{cell[0]} ({cell[1]})" for cell in cells])
     return lines
 
 
@@ -142,6 +142,6 @@ def seconds_cells(tables):
 def markdown(lines):
     """Lists of text as a table that reads well as it is, too."""
     widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
-    text = ["| %s |" % " | ".join(cell.ljust(width) for cell, width in zip(line, widths)) for line in lines]
-    text.insert(1, "|%s|" % "|".join("-" * (width + 2) for width in widths))
+    text = [f"| {' | '.join(cell.ljust(width) for cell, width in zip(line, widths))} |" for line in lines]
+    text.insert(1, f"|{'|'.join('-' * (width + 2) for width in widths)}|")
     return "\n".join(text) + "\n"

@@ -15,7 +15,7 @@ from all_in_focus.metrics.kept_contrast import kept_contrast, roughness
 from all_in_focus.metrics.truth import Truth, blur_per_closeness, depth_errors, psnr, ssim
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.rig import load_rig
-from all_in_focus.files.stack import load_focus, read_depth, read_image
+from all_in_focus.files.stack import load_focus, read_depth, read_image, size_text
 
 
 def one_line(error):
@@ -59,8 +59,7 @@ def measure_contrast(frames, produced):
 def measure(scene, frames, fused, metric_names):
     """Name -> value of the metrics, and with a truth of TRUTH_MEASURES. ValueError where sizes differ."""
     if fused.shape[:2] != frames[0].shape[:2]:
-        raise ValueError("the fused image has %dx%d pixels, the frames have %dx%d"
-                         % (fused.shape[1::-1] + frames[0].shape[1::-1]))
+        raise ValueError(f"the fused image has {size_text(fused)} pixels, the frames have {size_text(frames[0])}")
     grays, gray = [metrics.to_gray(frame) for frame in frames], metrics.to_gray(fused)
     values = {name: float(metrics.METRICS[name](grays, gray)) for name in metric_names if name in metrics.METRICS}
     return {**values, **measure_truth(truth_of(scene), fused)}

@@ -50,8 +50,7 @@ class Stack:
             if size is None:
                 size = frame.shape
             elif frame.shape != size:
-                raise StackError(f"{name}: {frame.shape[1]}x{frame.shape[0]} pixels, but the first frame has "
-                                 f"{size[1]}x{size[0]}")
+                raise StackError(f"{name}: {size_text(frame)} pixels, but the first frame has {size[1]}x{size[0]}")
             yield frame
 
     def _list(self):
@@ -110,6 +109,11 @@ def is_image_name(name):
 def _natural(name):
     """Sort key that reads digits as numbers."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"([0-9]+)", name)]
+
+
+def size_text(image):
+    """Width and height for messages: 640x480."""
+    return f"{image.shape[1]}x{image.shape[0]}"
 
 
 def read_image(path, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):

@@ -10,8 +10,9 @@ were published; with more each metric is generalised as its docstring says, so t
 """
 from all_in_focus.metrics.contrast import q_cb
 from all_in_focus.metrics.gradient import q_g
+from all_in_focus.files.stack import size_text
 from all_in_focus.imaging import to_gray
-from all_in_focus.metrics.images import MIN_SIZE
+from all_in_focus.metrics.images import MIN_SIZE, check_same_size
 from all_in_focus.metrics.information import q_mi, q_ncie
 from all_in_focus.metrics.phase import q_p
 from all_in_focus.metrics.structure import q_y
@@ -30,9 +31,7 @@ def evaluate(sources, fused):
     if len(images) < 3:
         raise ValueError("at least two sources are needed")
     for image in images[:-1]:
-        if image.shape != images[-1].shape:
-            raise ValueError("images differ in size: %dx%d and %dx%d" % (image.shape[::-1] + images[-1].shape[::-1]))
+        check_same_size(image, images[-1])
     if min(images[-1].shape) < MIN_SIZE:
-        raise ValueError("images of %dx%d pixels are too small: at least %dx%d are needed"
-                         % (images[-1].shape[::-1] + (MIN_SIZE, MIN_SIZE)))
+        raise ValueError(f"images of {size_text(images[-1])} pixels are too small: at least {MIN_SIZE}x{MIN_SIZE} are needed")
     return {name: metric(images[:-1], images[-1]) for name, metric in METRICS.items()}

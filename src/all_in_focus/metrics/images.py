@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the metrics share: stretching, windows."""
+"""What the metrics share: checks, stretching, windows, a memory of what was computed from the sources."""
 import functools
 import hashlib
 import threading
@@ -9,9 +9,16 @@ from collections import OrderedDict
 import cv2
 import numpy as np
 
+from all_in_focus.files.stack import size_text
 
-MEMORY_BYTES = 512 << 20                    # for what is known of sources
+MEMORY_BYTES = 512 << 20  # for what is known of sources
 MIN_SIZE = 7  # pixels, the window of Q_Y
+
+
+def check_same_size(image, other):
+    """ValueError for images of different sizes."""
+    if image.shape[:2] != other.shape[:2]:
+        raise ValueError(f"images differ in size: {size_text(image)} and {size_text(other)}")
 
 
 def stretched(gray):

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from all_in_focus.imaging import NO_FRAME, to_gray
-from all_in_focus.metrics.images import remembered
+from all_in_focus.metrics.images import check_same_size, remembered
 
 TILE = 64          # pixels of the full picture
 BANDS = 6          # of the Laplacian pyramid; a tile of the last one is 2 x 2 pixels
@@ -42,8 +42,7 @@ def kept_contrast(frames, fused):
     """
     best = quietest = None
     for frame in frames:
-        if frame.shape[:2] != fused.shape[:2]:
-            raise ValueError("images differ in size: %dx%d and %dx%d" % (frame.shape[1::-1] + fused.shape[1::-1]))
+        check_same_size(frame, fused)
         energies = _frame_energies(to_gray(frame))
         best = energies if best is None else [np.maximum(*pair) for pair in zip(best, energies)]
         quietest = energies if quietest is None else [np.minimum(*pair) for pair in zip(quietest, energies)]

@@ -3,7 +3,6 @@
 """How near an image comes to a known all-in-focus truth."""
 import json
 import math
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import Stack, read_depth, read_image
+from all_in_focus.metrics.images import check_same_size
 
 EDGE_REACH_PX = 8  # how far from a depth edge a pixel still counts as near it
 
@@ -100,7 +100,7 @@ def blur_per_closeness(optics, focal_px, focus_mm):
 
 def psnr(image, truth, mask=None):
     """Peak signal to noise ratio in dB of 8-bit images (H x W x 3), over mask (H x W, bool) or everywhere."""
-    _check_sizes(image, truth)
+    check_same_size(image, truth)
     if mask is not None:
         image, truth = image[mask], truth[mask]
     if np.array_equal(image, truth):
@@ -110,30 +110,27 @@ def psnr(image, truth, mask=None):
 
 def ssim(image, truth):
     """Structural similarity (Wang et al. 2004: Gaussian window of sigma 1.5) of 8-bit images, mean of the channels."""
-    _check_sizes(image, truth)
+    check_same_size(image, truth)
     options = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False, "data_range": 255}
     return float(np.mean([structural_similarity(truth[..., channel], image[..., channel], **options)
                           for channel in range(3)]))
-
-
-def _check_sizes(image, truth):
-    if image.shape != truth.shape:
-        raise ValueError("images differ in size: %dx%d and %dx%d" % (image.shape[1::-1] + truth.shape[1::-1]))
 
 
 def psnr_table(scene, fused):
     """Lines of a table: PSNR of each frame of a scene folder (see make_scene), of the best of them, and of
     each fused image, over the whole image and near depth edges."""
     truth = Truth.load(scene)
-    stack = Stack(os.path.join(scene, "stack"))
+    stack = Stack(Path(scene) / "stack")
 
     def scores(image):
         return psnr(image, truth.image), psnr(image, truth.image, truth.edges)
 
-    row = "%-34s %8.2f %12.2f"
+    def row(name, of_all, near_edges):
+        return f"{name:<34} {of_all:8.2f} {near_edges:12.2f}"
+
     singles = [scores(frame) for frame in stack]
-    lines = ["%-34s %8s %12s" % ("PSNR against the truth, dB", "image", "depth edges")]
-    lines += [row % ((name,) + values) for name, values in zip(stack.names, singles)]
-    lines.append(row % (("best single frame",) + max(singles)))
-    lines += [row % ((os.path.join(*path.split(os.sep)[-2:]),) + scores(read_image(path))) for path in fused]
+    lines = [f"{'PSNR against the truth, dB':<34} {'image':>8} {'depth edges':>12}"]
+    lines += [row(name, *values) for name, values in zip(stack.names, singles)]
+    lines.append(row("best single frame", *max(singles)))
+    lines += [row("/".join(Path(path).parts[-2:]), *scores(read_image(path))) for path in fused]
     return lines

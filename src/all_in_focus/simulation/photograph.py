@@ -5,6 +5,7 @@ import cv2
 import numpy as np
 import skimage.data
 
+from all_in_focus.files.stack import size_text
 from all_in_focus.imaging import fill_from_farther, srgb_to_linear
 from all_in_focus.simulation.depth_sensor import KinectModel
 from all_in_focus.simulation.layered_scene import LayeredScene, canvas_margin, kinect_beside
@@ -83,7 +84,7 @@ def measured(image, depth, focal_px, size, optics, _seed):
     focal_px: None for that of the lens before a full-frame sensor. The principal point is the middle.
     """
     if image.shape[:2] != depth.shape:
-        raise ValueError("picture and depth differ in size: %dx%d and %dx%d" % (image.shape[1::-1] + depth.shape[::-1]))
+        raise ValueError(f"picture and depth differ in size: {size_text(image)} and {size_text(depth)}")
     if not depth.any():
         raise ValueError("the depth map is empty")
     height, width = depth.shape
