@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -110,12 +111,13 @@ def skimage_segmentation(depth):
 def compare_segmentation(args):
     camera = load_rig(args.rig).color
     size = (camera.width, camera.height)
-    with tempfile.TemporaryDirectory() as folder:
-        frame, filled = os.path.join(folder, "stack", "0.png"), os.path.join(folder, "filled.png")
-        os.mkdir(os.path.dirname(frame))
-        cv2.imwrite(frame, np.zeros((*size[::-1], 3), np.uint8))
-        run([args.fuse_stack, "--stack", os.path.dirname(frame), "--rig", args.rig, "--depth", args.depth, "--output",
-             os.path.join(folder, "fused.png"), "--save-registered", filled])
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        stack, filled = folder / "stack", folder / "filled.png"
+        stack.mkdir()
+        cv2.imwrite(str(stack / "0.png"), np.zeros((*size[::-1], 3), np.uint8))
+        run([args.fuse_stack, "--stack", stack, "--rig", args.rig, "--depth", args.depth, "--output", folder / "fused.png",
+             "--save-registered", filled])
         depth = read_depth(filled)
     noisy = graph_source.with_noise(depth, NOISE_MM, np.random.default_rng(0))
     cv2.setNumThreads(1)
@@ -132,26 +134,25 @@ def compare_segmentation(args):
 
 def inputs(scene):
     """What of a scene a program may see: path by name."""
-    return {name: os.path.join(scene, file) for name, file in
+    return {name: str(Path(scene) / file) for name, file in
             (("stack", "stack"), ("focus", "focus.yaml"), ("rig", "rig"), ("depth", "depth.png"))}
 
 
 def own_fusion(args, mode, *options):
     given = [part for name, path in inputs(args.scene).items() for part in ("--" + name, path)]
-    command = [args.fuse_stack, *given, "--mode", mode, "--output", os.path.join(args.folder, "own.png"), *options]
+    command = [args.fuse_stack, *given, "--mode", mode, "--output", f"{args.folder}/own.png", *options]
     return lambda: elapsed_ms(run, command)
 
 
 def enfuse_fusion(args):
     program = shutil.which("enfuse")
-    stack = inputs(args.scene)["stack"]
-    output = os.path.join(args.folder, "enfuse.png")
-    command = [program, *enfuse.OPTIONS, "--output=" + output, *(os.path.join(stack, name) for name in sorted(os.listdir(stack)))]
+    frames = sorted(Path(inputs(args.scene)["stack"]).iterdir())
+    command = [program, *enfuse.OPTIONS, f"--output={args.folder}/enfuse.png", *frames]
     return program and (lambda: elapsed_ms(run, command))
 
 
 def peer_fusion(args, name, command):
-    paths = {**inputs(args.scene), "output": os.path.join(args.folder, name + ".png")}
+    paths = {**inputs(args.scene), "output": f"{args.folder}/{name}.png"}
     parts = [part.format(**paths) for part in shlex.split(command)]
     return lambda: elapsed_ms(run, parts)
 
@@ -161,7 +162,7 @@ def compare_fusion(args):
                 "fuse_stack (refined, not aligned)": own_fusion(args, "refined", "--without", "alignment"),
                 "fuse_stack (paper)": own_fusion(args, "paper"), "enfuse": enfuse_fusion(args)}
     programs.update({name: peer_fusion(args, name, command) for name, command in args.peer})
-    title = f"fusion of {len(os.listdir(inputs(args.scene)['stack']))} frames, files to file, ms"
+    title = f"fusion of {len(list(Path(inputs(args.scene)['stack']).iterdir()))} frames, files to file, ms"
     yield from rows(title, in_turn(programs, args.repetitions, title), "fuse_stack (refined)")
 
 
@@ -182,7 +183,7 @@ def main():
     try:
         with tempfile.TemporaryDirectory() as args.folder:
             if args.scene is None:
-                args.scene = os.path.join(args.folder, "scene")
+                args.scene = f"{args.folder}/scene"
                 subprocess.run([sys.executable, MAKE_SCENE, "--scene", "planes", "--size", "640x480", "--output", args.scene],
                                check=True, stdout=subprocess.DEVNULL)
             known = inputs(args.scene)

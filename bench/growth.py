@@ -9,11 +9,11 @@ Needs a sourced setup.bash and bench_steps (see docs/performance.md).
 """
 import argparse
 import json
-import os
 import re
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
 from tqdm import tqdm
 
@@ -44,16 +44,15 @@ def parse_arguments():
 
 def make_stack(scene, frames, folder):
     """Folder of links to the frames of the scene's sweep, and the focus distances of them."""
-    names = sorted(os.listdir(os.path.join(scene, "stack")))
-    with open(os.path.join(scene, "focus.yaml"), encoding="utf-8") as file:
-        distances = re.findall(r"focus_mm: ([\w.]+)", file.read())
-    os.makedirs(os.path.join(folder, "stack"))
-    with open(os.path.join(folder, "focus.yaml"), "w", encoding="utf-8") as focus:
-        focus.write("frames:\n")
-        for i in range(frames):
-            taken = i * len(names) // frames
-            os.symlink(os.path.join(scene, "stack", names[taken]), os.path.join(folder, "stack", f"{i:04d}.png"))
-            focus.write(f"  - {{file: {i:04d}.png, focus_mm: {distances[taken]}}}\n")
+    pictures = sorted((scene / "stack").iterdir())
+    distances = re.findall(r"focus_mm: ([\w.]+)", (scene / "focus.yaml").read_text(encoding="utf-8"))
+    (folder / "stack").mkdir(parents=True)
+    entries = ["frames:\n"]
+    for i in range(frames):
+        taken = i * len(pictures) // frames
+        (folder / "stack" / f"{i:04d}.png").symlink_to(pictures[taken])
+        entries.append(f"  - {{file: {i:04d}.png, focus_mm: {distances[taken]}}}\n")
+    (folder / "focus.yaml").write_text("".join(entries), encoding="utf-8")
 
 
 def run_measured(command):
@@ -69,18 +68,18 @@ def run_measured(command):
 def measure_frames(program, repetitions, scene):
     """mode -> rows of number of frames, ms of fusion, peak memory in MB."""
     runs = {}
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as temporary:
+        scene, folder = Path(scene), Path(temporary)
         subprocess.run([sys.executable, MAKE_SCENE, "--scene", "planes", "--size", "640x480", "--frames", str(SWEEP),
                         "--output", scene], check=True, stdout=subprocess.DEVNULL)
         for frames in FRAMES:
-            make_stack(scene, frames, os.path.join(folder, str(frames)))
+            make_stack(scene, frames, folder / str(frames))
         todo = [(mode, frames) for _ in range(repetitions) for frames in FRAMES for mode in MODES]
         for mode, frames in tqdm(todo, unit="stack", disable=not sys.stderr.isatty()):
-            stack = os.path.join(folder, str(frames))
+            stack = folder / str(frames)
             text, memory = run_measured([
-                program, "--stack", os.path.join(stack, "stack"), "--focus", os.path.join(stack, "focus.yaml"), "--mode",
-                mode, "--rig", os.path.join(scene, "rig"), "--depth", os.path.join(scene, "depth.png"), "--timings",
-                "--output", os.path.join(folder, "fused.png")])
+                program, "--stack", stack / "stack", "--focus", stack / "focus.yaml", "--mode", mode, "--rig", scene / "rig",
+                "--depth", scene / "depth.png", "--timings", "--output", folder / "fused.png"])
             fusion_ms = float(re.search(r"fusion ([-+.e\d]+) ms", text)[1])
             runs.setdefault((mode, frames), []).append((fusion_ms, memory))
     return {mode: [[frames, *(min(column) for column in zip(*runs[mode, frames]))] for frames in FRAMES]
@@ -134,14 +133,12 @@ def main():
     try:
         plt = import_pyplot()
         if args.take:
-            with open(args.take, encoding="utf-8") as file:
-                figures = json.load(file)
+            figures = json.loads(Path(args.take).read_text(encoding="utf-8"))
         else:
             figures = measure(args)
         if args.json:
-            with open(args.json, "w", encoding="utf-8") as file:
-                json.dump(figures, file, indent=1)
-        os.makedirs(os.path.dirname(os.path.abspath(args.output)), exist_ok=True)
+            Path(args.json).write_text(json.dumps(figures, indent=1), encoding="utf-8")
+        Path(args.output).absolute().parent.mkdir(parents=True, exist_ok=True)
         draw(plt, figures, args.output)
     except (ImportError, ValueError, KeyError, RuntimeError, OSError, subprocess.SubprocessError) as error:
         parser.error(error)

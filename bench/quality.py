@@ -15,11 +15,11 @@ refined:shift5 (depth 5 pixels to the right); whatever --peer names, such as
 import argparse
 import json
 import math
-import os
 import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -76,7 +76,7 @@ def parse_arguments():
 
 def find_scenes(paths):
     """Scene by name; ValueError for a folder that is none, or two of the same name."""
-    found = {os.path.basename(os.path.abspath(path)): path for path in paths}
+    found = {Path(path).absolute().name: path for path in paths}
     if len(found) < len(paths):
         raise ValueError("two scenes have the same name")
     return {name: scenes.find({"path": path, "name": name})[0] for name, path in found.items()}
@@ -85,12 +85,12 @@ def find_scenes(paths):
 def measure(method, scene, truth, output, args):
     """Figures of one method on one scene; None: no truth or no depth edges, or no time, as the result was there already."""
     seconds, depths = None, {}
-    if not (args.keep and os.path.exists(output)):
+    if not (args.keep and output.exists()):
         with tempfile.TemporaryDirectory() as folder:
             begin = time.monotonic()
             produced = method(scene, folder)
             seconds = (time.monotonic() - begin) / len(scene.names())
-        cv2.imwrite(output, produced.fused)
+        cv2.imwrite(str(output), produced.fused)
         depths = tasks.measure_depths(scene, produced.depths)
     image, figures = read_image(output), dict.fromkeys(MEASURES)
     figures["seconds_per_frame"], figures["depths"] = seconds, depths
@@ -106,13 +106,13 @@ def measure_all(args, found):
     figures = {}
     with tqdm(total=len(found) * len(args.methods), unit="result", disable=not sys.stderr.isatty()) as bar:
         for name, scene in found.items():
-            os.makedirs(os.path.join(args.output, name), exist_ok=True)
+            folder = Path(args.output) / name
+            folder.mkdir(parents=True, exist_ok=True)
             truth, figures[name] = tasks.truth_of(scene), {}
             for title, method in args.methods.items():
                 bar.set_description(f"{name} {title}")
                 try:
-                    output = os.path.join(args.output, name, title + ".png")
-                    figures[name][title] = measure(method, scene, truth, output, args)
+                    figures[name][title] = measure(method, scene, truth, folder / f"{title}.png", args)
                 except (ValueError, RuntimeError, OSError, KeyError, cv2.error) as error:
                     figures[name][title] = None
                     bar.write(f"{name} {title}: {' '.join(str(error).split())}", file=sys.stderr)

@@ -12,6 +12,7 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import steps
 from all_in_focus.command_line import Parser, count
@@ -30,7 +31,7 @@ def parse_arguments():
     parser.add_argument("--parts", default=",".join(PARTS), metavar="A,B", help="default %(default)s")
     parser.add_argument("--repetitions", type=count, default=5, metavar="N", help="default %(default)s")
     parser.add_argument("--write", metavar="FILE", help="put each part between <!-- PART --> and <!-- /PART --> of that file")
-    parser.add_argument("--figure", default=os.path.join(steps.ROOT, "docs/images/performance/growth.png"), metavar="PNG",
+    parser.add_argument("--figure", default=str(steps.ROOT / "docs/images/performance/growth.png"), metavar="PNG",
                         help="default %(default)s")
     parser.add_argument("--bench-steps", default=steps.BENCH_STEPS, metavar="PATH")
     args = parser.parse_args()
@@ -42,7 +43,7 @@ def parse_arguments():
 
 def run(program, *options):
     """What another program of this folder prints. RuntimeError where it fails."""
-    result = subprocess.run([sys.executable, os.path.join(os.path.dirname(os.path.abspath(__file__)), program),
+    result = subprocess.run([sys.executable, str(Path(__file__).with_name(program)),
                              *map(str, options)], stdout=subprocess.PIPE, universal_newlines=True)
     if result.returncode:
         raise RuntimeError(f"{program} fails")
@@ -57,7 +58,7 @@ def measure_steps(args):
 
 def measure_growth(args):
     run("growth.py", "--output", args.figure, "--repetitions", args.repetitions, "--bench-steps", args.bench_steps)
-    where = os.path.dirname(os.path.abspath(args.write)) if args.write else os.getcwd()
+    where = Path(args.write).absolute().parent if args.write else Path.cwd()
     return f"![Time against pixels, time and memory against frames]({os.path.relpath(args.figure, where)})"
 
 

@@ -7,10 +7,11 @@ import re
 import statistics
 import subprocess
 import tempfile
+from pathlib import Path
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-BENCH_STEPS = os.path.join(ROOT, "build/devel/lib/all_in_focus/bench_steps")
-FUSE_STACK = os.path.join(ROOT, "build/.install/lib/all_in_focus/fuse_stack")
+ROOT = Path(__file__).absolute().parent.parent
+BENCH_STEPS = str(ROOT / "build/devel/lib/all_in_focus/bench_steps")
+FUSE_STACK = str(ROOT / "build/.install/lib/all_in_focus/fuse_stack")
 TIMEOUT_S = 3 * 3600
 
 TITLES = {

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The experiment suite: scenes with known truth that differ in kind, optics, length of the sweep and disturbance."""
-import os
 import subprocess
 import sys
+from pathlib import Path
 
 from tqdm import tqdm
 
-MAKE_SCENE = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "scripts", "make_scene")
+MAKE_SCENE = str(Path(__file__).absolute().parent.parent / "scripts" / "make_scene")
 
 # Options of make_scene; the widest blur circle, in pixels, beside each. All are 640x480 but clutter_large.
 SMALL = {
@@ -49,8 +49,8 @@ SUITES = {"small": SMALL, "large": LARGE, "enlarged": ENLARGED}
 def generate(folder, suites=("small",)):
     """Make the scenes of these suites that are not in `folder` yet; paths of all."""
     scenes = {name: options for suite in suites for name, options in SUITES[suite].items()}
-    paths = [os.path.join(folder, name) for name in scenes]
-    missing = [(path, options) for path, options in zip(paths, scenes.values()) if not os.path.exists(path)]
+    paths = [str(Path(folder) / name) for name in scenes]
+    missing = [(path, options) for path, options in zip(paths, scenes.values()) if not Path(path).exists()]
     for path, options in tqdm(missing, unit="scene", disable=not sys.stderr.isatty()):
         size = [] if "--size" in options else ["--size", "640x480"]
         subprocess.run([sys.executable, MAKE_SCENE, "--output", path] + options.split() + size, check=True)

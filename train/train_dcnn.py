@@ -7,10 +7,10 @@ Needs a sourced setup.bash and PyTorch (Debian: python3-torch), which nothing el
 """
 import argparse
 import filecmp
-import os
 import shutil
 import sys
 import tempfile
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -26,8 +26,7 @@ except ImportError:
 import patches
 from all_in_focus.command_line import Parser
 
-SHIPPED = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))),
-                       "src", "all_in_focus", "baselines", "dcnn.onnx")
+SHIPPED = Path(__file__).absolute().parent.parent / "src" / "all_in_focus" / "baselines" / "dcnn.onnx"
 SEED = 1
 PAIRS, HELD_OUT_PAIRS = 40000, 4000
 EPOCHS, BATCH, RATE = 6, 128, 2e-3
@@ -119,22 +118,22 @@ def main():
     parser = Parser(prog="train_dcnn.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true",
                         help="compare with --output, write nothing; exit code 1: they differ")
-    parser.add_argument("--output", default=SHIPPED, metavar="FILE", help="default: the network in the sources")
+    parser.add_argument("--output", type=Path, default=SHIPPED, metavar="FILE", help="default: the network in the sources")
     args = parser.parse_args()
-    if args.check and not os.path.isfile(args.output):
+    if args.check and not args.output.is_file():
         parser.error(f"{args.output}: there is no such file")
-    if not os.path.isdir(os.path.dirname(os.path.abspath(args.output))):
-        parser.error(f"{os.path.dirname(args.output)}: there is no such folder")
+    if not args.output.absolute().parent.is_dir():
+        parser.error(f"{args.output.parent}: there is no such folder")
     torch.set_num_threads(1)
     torch.use_deterministic_algorithms(True)
     cv2.setNumThreads(1)
     held_out = patches.pairs(patches.HELD_OUT, HELD_OUT_PAIRS, SEED + 1)
     network = train(patches.pairs(patches.TRAINING, PAIRS, SEED))
     with tempfile.TemporaryDirectory() as folder:
-        path = os.path.join(folder, "dcnn.onnx")
+        path = str(Path(folder) / "dcnn.onnx")
         export(network, path)
-        print(f"{os.path.getsize(path)} bytes, right on {100 * accuracy(path, held_out):.2f} % of pairs of images that it has "
-              "not seen")
+        print(f"{Path(path).stat().st_size} bytes, right on {100 * accuracy(path, held_out):.2f} % of pairs of images that it "
+              "has not seen")
         if args.check:
             sys.exit(0 if agrees(path, args.output, held_out) else 1)
         shutil.copyfile(path, args.output)

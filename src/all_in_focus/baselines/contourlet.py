@@ -30,9 +30,9 @@ def low_pass(frequency, step):
 
 def wedges(y, x, count):
     """Filters of `count` directions with sum 1; y, x: frequencies."""
-    turn = np.arctan2(y, x) / np.pi * count
+    sector = np.arctan2(y, x) / np.pi * count
     for k in range(count):
-        distance = np.abs((turn - k - 0.5 + count / 2) % count - count / 2)
+        distance = np.abs((sector - k - 0.5 + count / 2) % count - count / 2)
         yield np.cos(np.pi / 2 * smooth_step(2 * distance - 0.5)) ** 2
 
 

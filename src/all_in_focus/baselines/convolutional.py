@@ -7,7 +7,7 @@ A network with two branches of the same weights tells which of two patches is th
 of the patches that it lies in. That is rounded, cleaned of small regions and smoothed along the edges of the picture.
 The network is our own, much smaller than the paper's, and trained on other images: see train/train_dcnn.py.
 """
-import os
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ from skimage.morphology import remove_small_holes, remove_small_objects
 from all_in_focus.baselines.common import grays_of, one_after_the_other
 from all_in_focus.baselines.guided_filtering import guided_filter
 
-NETWORK = os.path.join(os.path.dirname(os.path.abspath(__file__)), "dcnn.onnx")
+NETWORK = str(Path(__file__).with_name("dcnn.onnx"))
 PATCH, STEP = 16, 2  # of the network, pixels
 SMALLEST = 1 / 100   # of the image; smaller regions go to what surrounds them
 RADIUS, EPS = 8, 0.1  # of the guided filter, pixels; for values 0..1

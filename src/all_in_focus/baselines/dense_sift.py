@@ -35,8 +35,8 @@ def activity(gray):
     total = sum(np.maximum(np.cos(angle - 2 * np.pi * k / DIRECTIONS), 0) ** SHARPNESS for k in range(DIRECTIONS))
     cell = SCALE / CELLS
     places = np.arange(SCALE) + 0.5
-    spread = sum(np.maximum(0, 1 - np.abs(places - (k + 0.5) * cell) / cell) for k in range(CELLS))
-    return cv2.sepFilter2D(magnitude * total, cv2.CV_64F, spread, spread, borderType=cv2.BORDER_CONSTANT)
+    tent = sum(np.maximum(0, 1 - np.abs(places - (k + 0.5) * cell) / cell) for k in range(CELLS))
+    return cv2.sepFilter2D(magnitude * total, cv2.CV_64F, tent, tent, borderType=cv2.BORDER_CONSTANT)
 
 
 def block_sums(image, size):

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The program enfuse (exposure and focus fusion in Laplacian pyramids), set to choose by contrast alone."""
-import os
 import shutil
 import subprocess
 import tempfile
+from pathlib import Path
 
 import cv2
 
@@ -17,10 +17,10 @@ def fuse(images):
     if program is None:
         raise RuntimeError("enfuse is not installed")
     with tempfile.TemporaryDirectory() as folder:
-        paths = [os.path.join(folder, f"{number:04d}.png") for number in range(len(images))]
+        paths = [str(Path(folder) / f"{number:04d}.png") for number in range(len(images))]
         for path, image in zip(paths, images):
             cv2.imwrite(path, image)
-        output = os.path.join(folder, "fused.png")
+        output = str(Path(folder) / "fused.png")
         result = subprocess.run([program, *OPTIONS, "--output=" + output, *paths], stdout=subprocess.PIPE,
                                 stderr=subprocess.STDOUT, universal_newlines=True, errors="replace")
         if result.returncode:

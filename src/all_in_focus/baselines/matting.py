@@ -38,7 +38,7 @@ def certain(sharper):
 
 
 class MattingLaplacian:
-    """The matrix that is 0 for what depends linearly on the colours in every window, as a function of H x W."""
+    """The matting Laplacian as a function of an H x W image: 0 for a matte that is linear in the colours of each window."""
 
     def __init__(self, image):
         """image: H x W x 3, 0..1."""

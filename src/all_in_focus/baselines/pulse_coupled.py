@@ -28,7 +28,7 @@ def stimulus_of(band):
 
 def firing_counts(stimulus):
     """How often each neuron fires; stimulus: H x W float32."""
-    # In place, by OpenCV: the time goes into memory traffic.
+    # In place, by OpenCV: memory traffic takes most of the time.
     link, threshold, fires, around, count = np.zeros((5,) + stimulus.shape, np.float32)
     linked = np.float32(LINKING) * stimulus
     for _ in range(STEPS):
@@ -48,5 +48,5 @@ def fuse(images):
     def choice(subbands, _):
         return np.argmax(list(pool.map(firing_counts, map(stimulus_of, subbands))), axis=0)
 
-    with ThreadPoolExecutor() as pool:  # OpenCV lets go of the interpreter lock
+    with ThreadPoolExecutor() as pool:  # OpenCV releases the interpreter lock
         return contourlet.fuse_by(images, choice), None

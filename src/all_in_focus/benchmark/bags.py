@@ -5,9 +5,9 @@
 OUTPUT/bags/NAME/: MODE/bracket_0000/ as evaluate_bag writes it, stacks/bracket_0000/000.png and so on, bag.json.
 """
 import json
-import os
 import shutil
 from contextlib import closing
+from pathlib import Path
 
 import cv2
 
@@ -46,55 +46,52 @@ def fingerprint(scene, modes, options, fusion):
 def prepare(scene, modes, options, folder, mark):
     """Play the bag in each mode and export its brackets into `folder`; mark: fingerprint, kept there.
 
-    Returns {"failed": mode -> one line}; what is there already with the same mark is not made again.
+    Returns {"failed": mode -> one line}. Does nothing where an earlier run with the same mark succeeded.
     """
-    path = os.path.join(folder, DONE)
+    folder = Path(folder)
     try:
-        with open(path, encoding="utf-8") as file:
-            done = json.load(file)
+        done = json.loads((folder / DONE).read_text(encoding="utf-8"))
         if done["mark"] == mark and not done["failed"]:
             return done
     except (OSError, ValueError, KeyError):
         pass
     shutil.rmtree(folder, ignore_errors=True)
-    os.makedirs(folder)
+    folder.mkdir(parents=True)
     failed = {}
     arguments = [part for name, value in options.items() for part in ("--" + name, value)]
-    for mode in modes or OWN[:1]:  # without any, still to learn what the brackets are
+    for mode in modes or OWN[:1]:  # without own methods, one run still tells the brackets
         try:
-            programs.run([programs.find("evaluate_bag"), "--bag", scene.path, "--output", os.path.join(folder, mode),
-                          "--mode", mode, *arguments])  # it gives up by itself where nothing goes on
+            programs.run([programs.find("evaluate_bag"), "--bag", scene.path, "--output", str(folder / mode),
+                          "--mode", mode, *arguments])  # without a time-out here: evaluate_bag has its own
         except (RuntimeError, OSError) as error:
             failed[mode] = str(error)
     worked = [mode for mode in modes or OWN[:1] if mode not in failed]
     if worked:
-        export(scene.path, topics(options), os.path.join(folder, worked[0]), os.path.join(folder, "stacks"), options)
-    with open(path, "w", encoding="utf-8") as file:
-        json.dump({"mark": mark, "failed": failed}, file)
+        export(scene.path, topics(options), folder / worked[0], folder / "stacks", options)
+    (folder / DONE).write_text(json.dumps({"mark": mark, "failed": failed}), encoding="utf-8")
     return {"failed": failed}
 
 
 def export(bag, names, results, folder, options):
     """Write the frames of each bracket to folder/bracket_0000/000.png and so on.
 
-    results: folder with the reports of a run, which say what brackets there were; which frames belong to them is told
-    as the nodes tell it. options: of evaluate_bag, by name.
+    results: folder with the reports of a run, one for each bracket. The frames of a bracket are found by the rules of
+    the fusion node. options: of evaluate_bag, by name.
     """
-    reports = [_report(os.path.join(results, name)) for name in sorted(os.listdir(results))
-               if name.startswith("bracket_")]  # beside them lies the mark of evaluate_bag
+    reports = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(Path(results).glob("bracket_*/report.json"))]
     rules = Rules(int(options.get("bracket-size", 0)), float(options.get("bracket-gap", 1.0)))
     with closing(BagFile(bag, names)) as file:
         found = assemble(scan(file), rules, []).found
         for number, bracket in _of_reports(reports, found):
-            target = os.path.join(folder, f"bracket_{number:04d}")
-            os.makedirs(target)
+            target = Path(folder) / f"bracket_{number:04d}"
+            target.mkdir(parents=True)
             for place, frame in enumerate(bracket.frames):
-                cv2.imwrite(os.path.join(target, f"{place:03d}.png"), bgr(fetch(file, "rgb", frame.head)))
+                cv2.imwrite(str(target / f"{place:03d}.png"), bgr(fetch(file, "rgb", frame.head)))
 
 
 def _of_reports(reports, found):
-    """(number of a report, its bracket): both are in the order of the bag, but of some brackets nothing was made, and
-    joined bags have the same bracket_id several times."""
+    """Yields (number of a report, its bracket). Both are in the order of the bag, but a bracket may have no report, and
+    bags that were joined have the same bracket_id several times."""
     rest = list(found)
     has_focus = any(bracket.frames[0].focus for bracket in found)
     for number, report in enumerate(reports):
@@ -106,23 +103,15 @@ def _of_reports(reports, found):
             del rest[:at + 1]
 
 
-def _report(folder):
-    with open(os.path.join(folder, "report.json"), encoding="utf-8") as file:
-        return json.load(file)
-
-
 def brackets(scene, modes, options, folder):
     """A scene for each bracket that prepare() has exported."""
-    stacks = os.path.join(folder, "stacks")
-    names = sorted(os.listdir(stacks)) if os.path.isdir(stacks) else []
-    found = []
-    for name in names:
-        nodes = {mode: os.path.join(folder, mode, name) for mode in modes
-                 if os.path.exists(os.path.join(folder, mode, name, "fused.png"))}
-        stack = os.path.join(stacks, name)
-        title = scene.name if len(names) == 1 else f"{scene.name}/{name}"
-        frames = [os.path.join(stack, frame) for frame in sorted(os.listdir(stack))]
-        frames += scene.beside.values()
-        found.append(Scene(title, stack, stack, beside=scene.beside, of_bag=True, nodes=nodes,
+    folder, found = Path(folder), []
+    stacks = sorted(folder.glob("stacks/*"))
+    for stack in stacks:
+        nodes = {mode: str(folder / mode / stack.name) for mode in modes
+                 if (folder / mode / stack.name / "fused.png").exists()}
+        title = scene.name if len(stacks) == 1 else f"{scene.name}/{stack.name}"
+        frames = [*sorted(stack.iterdir()), *scene.beside.values()]
+        found.append(Scene(title, str(stack), str(stack), beside=scene.beside, of_bag=True, nodes=nodes,
                            digest=" ".join([digest(frames), scene.digest, json.dumps(options, sort_keys=True)])))
     return found

@@ -22,8 +22,8 @@ class EngineError(RuntimeError):
 
 @contextmanager
 def engine(jobs, scheduler, patience=PATIENCE_S, say=lambda line: None):
-    """jobs: processes of this machine; scheduler: address such as tcp://host:8786, or empty; say(line): told of every
-    worker that is lost."""
+    """jobs: processes of this machine; scheduler: address such as tcp://host:8786, or empty; say(line): called for
+    every worker that is lost."""
     if jobs == 1 and not scheduler:
         yield InProcess()
         return
@@ -32,7 +32,7 @@ def engine(jobs, scheduler, patience=PATIENCE_S, say=lambda line: None):
     except ImportError:
         option = "--scheduler" if scheduler else "--jobs"
         raise EngineError(f"{option} needs Dask: install python3-distributed, or leave it out")
-    for name in list(logging.root.manager.loggerDict):  # what they tell of lost connections is told here, in one line
+    for name in list(logging.root.manager.loggerDict):  # lost connections are reported here, in one line
         if name.partition(".")[0] in ("distributed", "asyncio", "tornado"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as opened:
@@ -104,7 +104,7 @@ class OnWorkers:
                    for key, (function, arguments) in calls.items()}
         try:
             while waiting:
-                self._tell_lost()
+                self._report_lost()
                 done = [future for future in waiting if future.done()]
                 for future in done:
                     yield waiting.pop(future), self._result(future)
@@ -122,15 +122,15 @@ class OnWorkers:
             return future.result(timeout=self._patience)
         except KilledWorker:
             return {"error": "every worker that took this task was lost: see the workers' logs, memory first"}
-        except CancelledError:  # nobody cancels tasks but a client that has lost its scheduler
+        except CancelledError:  # only a client that has lost its scheduler cancels tasks
             raise EngineError(LOST)
         except Exception as error:
             self._check()
             return _failure(error)
 
-    def _tell_lost(self):
+    def _report_lost(self):
         if self._client.status != "running":
-            return  # whose workers those were, nobody knows
+            return  # the scheduler is gone, which _check reports
         workers = self._workers()
         for address in sorted(set(self._known) - set(workers)):
             self._say(f"Dask worker {address} is lost; its tasks go to others")

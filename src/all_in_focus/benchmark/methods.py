@@ -9,11 +9,11 @@ the names of BASELINES     each with +ecc, too: frames aligned first
 given:NAME                 an image fused_NAME.png that lies beside the sources
 single, oracle, true-depth bounds that know the truth
 
-A method is run(scene, folder) -> Produced; folder: an empty one to work in. Whatever it raises is its failure.
+A method is run(scene, folder) -> Produced; folder: an empty one to work in. An exception that it
+raises is reported as its failure.
 """
 import argparse
 import json
-import os
 import re
 import shlex
 import shutil
@@ -157,14 +157,14 @@ def peer_command(text):
 
 def _peer(command, scene, folder):
     """Somebody else's program, such as focus-stack or a learned method; without a file for a name, it gets ''."""
-    output = os.path.join(folder, "fused.png")
+    output = Path(folder) / "fused.png"
     paths = {"stack": _stack(scene, folder), "output": output,
              **{key: scene.beside.get(key, "") for key in ("focus", "rig", "depth")}}
     parts = [part.format(**paths) for part in shlex.split(command)]
     begin = time.perf_counter()
     programs.run(parts, TIMEOUT_S)
-    if not os.path.exists(output):
-        raise RuntimeError(f"{os.path.basename(parts[0])}: has not written {{output}}")
+    if not output.exists():
+        raise RuntimeError(f"{Path(parts[0]).name}: has not written {{output}}")
     return Produced(read_image(output), seconds=time.perf_counter() - begin)
 
 
@@ -181,7 +181,7 @@ def _own(mode, variant, program, scene, folder):
 
 def fuse_stack_command(mode, variant, program, scene, folder):
     """Command line of fuse_stack for a scene, which writes fused.png, report.json and more into a folder."""
-    extra = []
+    folder, extra = Path(folder), []
     if variant.startswith("-"):
         extra = ["--without", variant[1:]]
     elif variant == "no-depth":
@@ -192,11 +192,11 @@ def fuse_stack_command(mode, variant, program, scene, folder):
         longer = known.focal_length_mm * (1 + float(variant[len("optics"):]) / 100)
         scene = replace(scene, optics=f"{longer:.9g},{known.aperture:.9g},{known.circle_of_confusion_mm:.9g}")
     elif variant.startswith("shift"):
-        moved = os.path.join(folder, "shifted_depth.png")
+        moved = str(folder / "shifted_depth.png")
         shifted(scene.beside["depth"], int(variant[len("shift"):]), moved)
         scene = replace(scene, beside={**scene.beside, "depth": moved})
     command = [program, "--mode", mode, "--stack", _stack(scene, folder), *_known(scene),
-               "--output", os.path.join(folder, "fused.png"), "--report", os.path.join(folder, "report.json")]
+               "--output", str(folder / "fused.png"), "--report", str(folder / "report.json")]
     has_labels = {"depth", "registered_depth", "label"} & set(scene.beside)
     saved = list(PICTURES if has_labels else PICTURES[:1])
     if "rig" in scene.beside and "depth" in scene.beside:
@@ -204,12 +204,12 @@ def fuse_stack_command(mode, variant, program, scene, folder):
     if mode == "restored" and {"rig", "focus"} <= set(scene.beside):  # else it is refined
         saved.append(DEPTHS[2])
     for name in saved:
-        command += ["--save-" + name.replace("_", "-"), os.path.join(folder, name + ".png")]
+        command += ["--save-" + name.replace("_", "-"), str(folder / f"{name}.png")]
     return command + extra
 
 
 def shifted(path, columns, output):
-    """Write a depth image moved to the right; what comes in from the left is unknown."""
+    """Writes a depth image moved to the right; the columns that this leaves free on the left are unknown."""
     depth = read_depth(path)
     moved = np.zeros_like(depth)
     moved[:, columns:] = depth[:, :depth.shape[1] - columns]
@@ -235,11 +235,11 @@ def _stack(scene, folder):
     """Folder or video of the frames; where a folder holds other pictures too, one that links just these."""
     if scene.stack:
         return scene.stack
-    linked = os.path.join(folder, "stack")
-    os.mkdir(linked)
-    for path in scene.sources:
-        os.symlink(os.path.abspath(path), os.path.join(linked, os.path.basename(path)))
-    return linked
+    linked = Path(folder) / "stack"
+    linked.mkdir()
+    for path in map(Path, scene.sources):
+        (linked / path.name).symlink_to(path.absolute())
+    return str(linked)
 
 
 # --- bounds: they know the truth --------------------------------------------------------------------------------------
@@ -291,14 +291,13 @@ BOUNDS = {"single": single, "oracle": oracle, "true-depth": true_depth}
 # --- results ----------------------------------------------------------------------------------------------------------
 
 
-def _read_own(folder, remark="", steps=None):
-    """What fuse_stack or the nodes have written; steps: which of the report's times count."""
-    with open(os.path.join(folder, "report.json"), encoding="utf-8") as file:
-        report = json.load(file)
-    images = {name: read_image(os.path.join(folder, name + ".png"), cv2.IMREAD_UNCHANGED)
-              for name in ("fused",) + PICTURES + DEPTHS if os.path.exists(os.path.join(folder, name + ".png"))}
+def _read_own(folder, measured="", steps=None):
+    """Result of fuse_stack or of the nodes. steps: which of the report's times count; measured: a note about the time."""
+    report = json.loads(Path(folder, "report.json").read_text(encoding="utf-8"))
+    paths = {name: Path(folder, f"{name}.png") for name in ("fused", *PICTURES, *DEPTHS)}
+    images = {name: read_image(path, cv2.IMREAD_UNCHANGED) for name, path in paths.items() if path.exists()}
     times = dict(zip(report["timing_names"], report["timing_ms"]))
     return Produced(images["fused"], images.get("source_index"), images.get("labels"),
                     sum(ms for name, ms in times.items() if steps is None or name in steps) / 1000,
-                    report["notes"] + (["time: " + remark] if remark else []),
+                    report["notes"] + (["time: " + measured] if measured else []),
                     {name: images[name] for name in DEPTHS if name in images})

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What evaluate leaves behind: results.csv, scores.csv, results.json, report.html, configuration.yaml."""
+"""The output files of evaluate: results.csv, scores.csv, results.json, report.html, configuration.yaml."""
 import csv
 import io
 import json
@@ -21,7 +21,7 @@ VERSION = 1  # of results.json
 @dataclass
 class Run:
     """One evaluation. results: scene -> method -> what Store has, {"error": ...} where it failed; failures: one line
-    each; at_a_time: tasks that ran side by side; name: told apart from other runs."""
+    each; at_a_time: tasks that ran side by side; name: unique to this run."""
     settings: Settings
     scenes: List[Scene]
     methods: List[str]
@@ -91,7 +91,7 @@ def scores_csv(tables):
 
 
 def _plain(value):
-    """JSON knows no infinity and no NaN: null."""
+    """Replaces infinity and NaN by None, which becomes null: JSON has neither."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

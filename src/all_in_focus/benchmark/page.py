@@ -59,7 +59,7 @@ figure { width: 330px; } figure.crop { width: 192px; } img { width: 100%; }
 <figcaption>{{ it.title }}{% if it.caption %}<br><small>{{ it.caption }}</small>{% endif %}</figcaption></figure>
 {% endfor %}</div>
 {% endfor %}
-{%- if scene.remarks %}<h3>Remarks</h3><ul>{% for line in scene.remarks %}<li>{{ line }}</li>{% endfor %}</ul>{% endif %}
+{%- if scene.notes %}<h3>Notes</h3><ul>{% for line in scene.notes %}<li>{{ line }}</li>{% endfor %}</ul>{% endif %}
 {% endfor %}
 <h2>Configuration and versions</h2>
 <div class="text">{{ table(versions) }}</div><p>The same settings as <code>configuration.yaml</code>, beside this page:</p>
@@ -69,7 +69,7 @@ figure { width: 330px; } figure.crop { width: 192px; } img { width: 100%; }
 
 
 class Cell(NamedTuple):
-    """Of a table: its text, the exact value, is it the best of its row, what stands behind it."""
+    """Cell of a table: its text, the exact value, whether it is the best of its row, text behind it (the score)."""
     text: str
     value: Optional[float] = None
     best: bool = False
@@ -157,7 +157,7 @@ def _seconds(run, tables):
 # --- one scene --------------------------------------------------------------------------------------------------------
 
 def _scene(run, scene, tables, store):
-    """What the template shows of a scene: sources, results, weight maps, label maps, crops, remarks."""
+    """What the template shows of a scene: sources, results, weight maps, label maps, crops, notes."""
     results = run.results[scene.name]
     worked = [name for name in tables.methods if "error" not in results[name]]
     fused = {name: read_image(store.picture(scene.name, name, "fused")) for name in worked}
@@ -175,7 +175,7 @@ def _scene(run, scene, tables, store):
              [_figure(name, image, "map") for name, image in maps.items() if image is not None]),
             ("Label maps", _labels(scene, worked, store)), *_crops(scene, shown, fused, windows)]
     return {"name": scene.name, "path": scene.path, "frames": len(titles), "rows": rows,
-            "remarks": [f"{name}: {note}" for name in worked for note in results[name].get("notes", [])]}
+            "notes": [f"{name}: {note}" for name in worked for note in results[name].get("notes", [])]}
 
 
 def _figure(title, image, kind="", caption=""):
@@ -197,9 +197,9 @@ def _known(scene, shown, windows):
 def _caption(scene, method, tables):
     """The first metric, the contrast that is kept, and what the truth says."""
     rows = [row for row in tables.metrics + tables.contrast + tables.truth if row.scene == scene.name]
-    told = {row.measure: t.number(row.measure, row.values[method]) for row in rows
-            if row.measure in ("PSNR", "PSNR_edges", "kept_contrast", rows[0].measure)}
-    return ", ".join(f"{name} {value}" for name, value in told.items())
+    values = {row.measure: t.number(row.measure, row.values[method]) for row in rows
+              if row.measure in ("PSNR", "PSNR_edges", "kept_contrast", rows[0].measure)}
+    return ", ".join(f"{name} {value}" for name, value in values.items())
 
 
 def _labels(scene, worked, store):
@@ -207,7 +207,7 @@ def _labels(scene, worked, store):
     if "label" in scene.beside:
         figures.append(_figure("given", pictures.read_labels(scene.beside["label"]), "map"))
         if not {"depth", "registered_depth"} & set(scene.beside):
-            return figures  # the own methods have used just that
+            return figures  # the package's methods have used this label map
     for name in worked:
         path = store.picture(scene.name, name, "labels")
         if path:

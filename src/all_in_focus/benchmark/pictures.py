@@ -38,8 +38,8 @@ def inline(image, lossless=False):
 
 
 def weight_picture(index, frames):
-    """Which frame has the most weight: of two black is the first and white the second (W of equation 11), of more each
-    has a colour, the same for all methods. index: H x W uint16; NO_FRAME: undecided."""
+    """Picture of which frame has the most weight. Of two frames the first is black and the second white (W of equation
+    11); of more each has a colour, the same for all methods. index: H x W uint16; NO_FRAME: undecided."""
     if frames == 2:
         coloured = cv2.cvtColor(np.where(index == 1, 255, 0).astype(np.uint8), cv2.COLOR_GRAY2BGR)
     else:
@@ -71,10 +71,10 @@ def differences(fused):
     grays = np.stack([cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in fused]).astype(np.float32)
     height, width = grays.shape[1:]
     side = min(CROP, max(8, min(height, width) // 4), height, width)
-    spread = cv2.boxFilter(grays.std(axis=0), -1, (side, side), borderType=cv2.BORDER_CONSTANT)
-    inner = np.zeros_like(spread)  # by centres of windows that lie inside
+    deviation = cv2.boxFilter(grays.std(axis=0), -1, (side, side), borderType=cv2.BORDER_CONSTANT)
+    inner = np.zeros_like(deviation)  # by centres of windows that lie inside
     centres = (slice(side // 2, height - side + side // 2 + 1), slice(side // 2, width - side + side // 2 + 1))
-    inner[centres] = spread[centres]
+    inner[centres] = deviation[centres]
     windows = []
     for _ in range(CROPS):
         y, x = np.unravel_index(int(inner.argmax()), inner.shape)

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The package's own programs, and which versions of what are at work."""
-import glob
 import hashlib
 import os
 import platform
@@ -9,12 +8,12 @@ import shutil
 import subprocess
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import rospkg
 
 import all_in_focus
 from all_in_focus import baselines, metrics
-from all_in_focus.metrics import truth as quality
 from all_in_focus.files import stack
 
 GRACE_S = 30.0  # for a program to end what it has started
@@ -23,14 +22,14 @@ LIBRARIES = ("numpy", "scipy", "skimage", "cv2", "distributed")
 
 def prefix():
     """Where the package is installed, or its devel space: the package is imported from lib/python3/dist-packages."""
-    return os.path.abspath(os.path.join(os.path.dirname(all_in_focus.__file__), *[os.pardir] * 4))
+    return Path(all_in_focus.__file__).absolute().parents[4]
 
 
 def find(name):
     """Path of a program of this package; RuntimeError where there is none."""
-    path = os.path.join(prefix(), "lib", "all_in_focus", name)
-    if os.path.isfile(path):
-        return path
+    path = prefix() / "lib" / "all_in_focus" / name
+    if path.is_file():
+        return str(path)
     from roslib.packages import find_node  # the package is used from its sources: what the environment offers
     try:
         found = find_node("all_in_focus", name)
@@ -44,10 +43,11 @@ def find(name):
 def run(command, timeout=None):
     """Run a program of this package; RuntimeError with its last line where it fails, or after `timeout` seconds.
 
-    Whoever is interrupted ends the program as a person would, by SIGTERM: evaluate_bag then ends the nodes it started.
+    If an exception such as KeyboardInterrupt comes meanwhile, the program is ended by SIGTERM, so that evaluate_bag
+    ends its nodes.
     """
-    libraries = os.pathsep.join([os.path.join(prefix(), "lib"), os.environ.get("LD_LIBRARY_PATH", "")])
-    name = os.path.basename(command[0])
+    libraries = os.pathsep.join([str(prefix() / "lib"), os.environ.get("LD_LIBRARY_PATH", "")])
+    name = Path(command[0]).name
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
                           errors="replace", env=dict(os.environ, LD_LIBRARY_PATH=libraries)) as process:
         try:
@@ -63,7 +63,7 @@ def run(command, timeout=None):
 
 
 def _end(process):
-    """SIGTERM, and SIGKILL for a process that does not heed it."""
+    """SIGTERM, and SIGKILL for a process that ignores it."""
     process.terminate()
     try:
         process.communicate(timeout=GRACE_S)
@@ -72,42 +72,38 @@ def _end(process):
 
 
 def code_digest():
-    """Of the Python code that makes and measures images: the same wherever results may be put side by side."""
-    files = [metrics.__file__, baselines.__file__]
-    paths = [quality.__file__, stack.__file__, os.path.join(os.path.dirname(os.path.abspath(__file__)), "methods.py")]
-    for folder in (os.path.dirname(file) for file in files):
-        paths += [os.path.join(above, name) for above, _, names in os.walk(folder) for name in names
-                  if not name.endswith(".pyc")]
-    return _digest(sorted(paths, key=os.path.basename))
+    """Digest of the Python code that makes and measures images. Results may be compared where it is equal."""
+    folders = [Path(room.__file__).parent for room in (metrics, baselines)]
+    paths = [Path(stack.__file__), Path(__file__).with_name("methods.py")]
+    paths += [path for folder in folders for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]
+    return _digest(sorted(paths, key=lambda path: path.name))
 
 
 def fusion_digest():
-    """Of fuse_stack and the library with the method."""
+    """Digest of fuse_stack and of the library with the method."""
     return _digest([find("fuse_stack"), *_libraries("core")])
 
 
 def nodes_digest():
-    """Of what makes images of bags: the nodes' libraries, how they are started and how bags are played to them."""
-    folder = os.path.dirname(os.path.abspath(all_in_focus.__file__))
-    played = [os.path.join(above, name) for part in ("replay", "bag") for above, _, names in
-              os.walk(os.path.join(folder, part)) for name in names if name.endswith(".py")]
-    return _digest(sorted(played) + [find("evaluate_bag"), *_libraries("*")])
+    """Digest of what makes images of bags: the nodes' libraries, and the code that starts them and plays bags to them."""
+    folder = Path(all_in_focus.__file__).parent
+    played = [path for room in ("replay", "bag") for path in sorted((folder / room).rglob("*.py"))]
+    return _digest([*played, find("evaluate_bag"), *_libraries("*")])
 
 
 def _libraries(name):
-    return sorted(glob.glob(os.path.join(glob.escape(prefix()), "lib", f"liball_in_focus_{name}.so")))
+    return sorted((prefix() / "lib").glob(f"liball_in_focus_{name}.so"))
 
 
 def _digest(paths):
     total = hashlib.sha256()
     for path in paths:
-        with open(path, "rb") as file:
-            total.update(file.read())
+        total.update(Path(path).read_bytes())
     return total.hexdigest()[:16]
 
 
 def versions():
-    """Name -> version, of what results depend on."""
+    """Name -> version of everything that results depend on."""
     found = {"all_in_focus": _package_version(), "python": sys.version.split()[0]}
     for name in LIBRARIES:
         try:

@@ -27,7 +27,7 @@ def progress(items=None, **options):
 
 
 def find_scenes(settings):
-    """All scenes, looked at: BadInput with a line for each that cannot be used."""
+    """All scenes, checked. BadInput with a line for each that cannot be used."""
     found, wrong = [], []
     for entry in settings.scenes:
         try:
@@ -54,8 +54,8 @@ def find_scenes(settings):
 
 
 def evaluate(settings, fresh=False, say=None):
-    """Run (see output_files.Run) and Store of checked settings. say(line): told of every failure and every lost worker;
-    fresh: results of earlier runs do not count. Raises BadInput, SettingsError, engine.EngineError."""
+    """Run (see output_files.Run) and Store of checked settings. say(line): called for every failure and every lost
+    worker; fresh: ignore results of earlier runs. Raises BadInput, SettingsError, engine.EngineError."""
     say = say or (lambda line: None)
     found = find_scenes(settings)
     try:
@@ -67,15 +67,15 @@ def evaluate(settings, fresh=False, say=None):
     run = Run(settings, [], names, {}, [], programs.versions(), name)
     store = Store(settings.output)
 
-    def tell(line):
+    def print_line(line):
         with tqdm.external_write_mode(file=sys.stderr):
             say(line)
 
     def fail(line):
         run.failures.append(line)
-        tell(line)
+        print_line(line)
 
-    with engine(settings.jobs, settings.scheduler, say=tell) as workers:
+    with engine(settings.jobs, settings.scheduler, say=print_line) as workers:
         run.at_a_time = workers.at_a_time
         run.scenes = _with_brackets(found, names, settings, workers, run.versions["nodes"], fail)
         _run_tasks(run, store, workers, fresh, fail)

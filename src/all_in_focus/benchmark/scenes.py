@@ -20,7 +20,7 @@ VIDEO_SUFFIXES = (".avi", ".mp4", ".mkv", ".mov")
 BESIDE = {"label": ("label.png", "label_map.png", "label_front.png"), "depth": ("depth.png", "depth_raw.png"),
           "registered_depth": ("registered_depth.png",), "rig": ("rig",), "focus": ("focus.yaml",),
           "truth": ("truth.png",), "truth_depth": ("truth_depth.png",)}
-GIVEN = "fused_"  # fused_NAME.png: what somebody else's program has made of the scene
+GIVEN = "fused_"  # fused_NAME.png: what another program has made of the scene
 RIG_FILES = ("depth.yaml", "color.yaml", "extrinsics.yaml", "optics.yaml")
 
 
@@ -116,7 +116,7 @@ def find(entry):
 
 
 def _name_of(path):
-    """A name for the folder of results: what no such name may hold becomes a line."""
+    """A name for the folder of results: characters that it may not have become underscores."""
     name = os.path.basename(os.path.abspath(path))
     return re.sub(r"[^\w.+-]+", "_", name[:-len(".bag")] if name.endswith(".bag") else name)
 
@@ -166,7 +166,8 @@ def _frames(entry, folder):
 
 
 def check(scene):
-    """Read everything once: SceneError (or one of its siblings) for what is damaged or does not fit. Sets digest."""
+    """Reads everything once. SceneError, or another ValueError of one line, for what is damaged or does not
+    fit. Sets digest."""
     size, count = None, 0
     for image in scene.frames():
         size, count = image.shape, count + 1

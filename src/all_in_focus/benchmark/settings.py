@@ -84,7 +84,7 @@ def scene_entry(entry, folder):
 
 
 def check(settings):
-    """Raise SettingsError for what can be seen to be wrong without looking at files."""
+    """SettingsError for mistakes that can be found without reading files."""
     if not settings.scenes:
         raise SettingsError("no scenes: give folders of pictures or bags")
     if not settings.output:

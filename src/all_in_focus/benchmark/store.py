@@ -3,31 +3,30 @@
 """Results on disk, OUTPUT/results/SCENE/METHOD/: each is there as a whole or not at all, so that a run can go on where
 an earlier one was interrupted."""
 import json
-import os
+from pathlib import Path
 
 from all_in_focus.files.output_folder import remove_folder, whole_folder
 
-RESULT = "result.json"  # written last; plain numbers, Python's JSON: NaN and Infinity are told
+RESULT = "result.json"  # written last; Python's JSON, which has NaN and Infinity
 
 
 class Store:
     """The results folder of one output folder."""
 
     def __init__(self, output):
-        self.folder = os.path.join(output, "results")
-        os.makedirs(self.folder, exist_ok=True)
+        self.folder = Path(output) / "results"
+        self.folder.mkdir(parents=True, exist_ok=True)
 
     def path(self, scene, method, name=""):
         """Of a result's folder, or a file in it."""
-        return os.path.join(self.folder, scene, method, name)
+        return self.folder / scene / method / name
 
     def load(self, scene, method, fingerprint, metric_names):
         """A result of the same fingerprint that has these metrics, or None."""
         try:
-            with open(self.path(scene, method, RESULT), encoding="utf-8") as file:
-                result = json.load(file)
+            result = json.loads(self.path(scene, method, RESULT).read_text(encoding="utf-8"))
             same = result["fingerprint"] == fingerprint and set(metric_names) <= {*result["values"], *result["contrast"]}
-            return result if same and os.path.exists(self.path(scene, method, "fused.png")) else None
+            return result if same and self.path(scene, method, "fused.png").exists() else None
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
@@ -50,5 +49,5 @@ class Store:
 
     def picture(self, scene, method, name):
         """Path of a picture of a result, None if it has none."""
-        path = self.path(scene, method, name + ".png")
-        return path if os.path.exists(path) else None
+        path = self.path(scene, method, f"{name}.png")
+        return path if path.exists() else None

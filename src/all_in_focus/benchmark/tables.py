@@ -19,8 +19,8 @@ DIGITS = {"PSNR": 2, "PSNR_edges": 2}  # behind the point; of others 4
 def scores(values):
     """Name of a method -> score 1..N for N methods, the best has N; of equal values each has the mean of their scores.
 
-    values: name -> number, greater is better; None or NaN where there is none: no score then, and the others have
-    theirs as if it were the worst.
+    values: name -> number, greater is better; None or NaN where there is none. Such a method has no score; the
+    others have theirs as if it were the worst.
     """
     there = {name: value for name, value in values.items() if value is not None and not math.isnan(value)}
     missing = len(values) - len(there)
@@ -94,12 +94,12 @@ def build(results, methods, metric_names):
 
 
 def number(measure, value):
-    """A value as people read it."""
+    """A value, rounded for display."""
     return "-" if value is None else f"{value:.{DIGITS.get(measure, 4)}f}"
 
 
 def score(value):
-    """A score, or a rank: halves only where they are."""
+    """A score or a rank, with decimals only where it has any."""
     return "-" if value is None else f"{round(value, 2):g}"
 
 

@@ -19,11 +19,11 @@ from all_in_focus.files.stack import load_focus, read_depth, read_image, size_te
 
 
 def one_line(error):
-    """An exception for people; its type only where the message alone would tell nothing."""
+    """An exception as one line, with its type where the message alone does not explain it."""
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     text = " ".join(str(error).split())
-    if text and (isinstance(error, ValueError) or type(error) is RuntimeError):  # its subclasses are told by type
+    if text and (isinstance(error, ValueError) or type(error) is RuntimeError):  # of its subclasses the type is shown
         return text
     return (f"{type(error).__name__}: {text}").rstrip(": ")
 
@@ -31,7 +31,7 @@ def one_line(error):
 def run(scene, method, metric_names, code):
     """Plain dictionary: values, contrast, seconds, wall_seconds, host, notes, files (PNG bytes by name); or just error, host.
 
-    code: programs.code_digest() of whoever asks: results of another version of the package are of no use to it.
+    code: programs.code_digest() of the caller; a worker with another version of the package refuses.
     """
     host = platform.node()
     try:
@@ -45,7 +45,7 @@ def run(scene, method, metric_names, code):
         return {"values": measure(scene, frames, produced.fused, metric_names),
                 "contrast": measure_contrast(frames, produced), "seconds": produced.seconds,
                 "wall_seconds": wall, "host": host, "notes": produced.notes, "files": pictures(produced)}
-    except Exception as error:  # whatever a method does wrong, the others go on
+    except Exception as error:  # of any kind: the other methods must go on
         return {"error": one_line(error), "host": host}
 
 

@@ -6,7 +6,7 @@ of depth-assisted fusion used. They reward copying: an unfused source beats ever
 
 Each is metric(sources, fused) -> float. sources: list of at least two H x W uint8 gray images (see `to_gray`), fused:
 H x W uint8, at least 7 x 7. NaN where nothing in the images is measurable. With two sources the values are those that
-were published; with more each metric is generalised as its docstring says, so that two remain what they are.
+were published. The docstring of each metric says how it is generalised to more sources.
 """
 from all_in_focus.metrics.contrast import q_cb
 from all_in_focus.metrics.gradient import q_g
@@ -17,7 +17,7 @@ from all_in_focus.metrics.information import q_mi, q_ncie
 from all_in_focus.metrics.phase import q_p
 from all_in_focus.metrics.structure import q_y
 
-# Of kept_contrast.py: what no truth and no pair of sources is needed for.
+# Of kept_contrast.py; they need no truth.
 CONTRAST_MEASURES = ("kept_contrast", "kept_contrast_least", "roughness")
 
 METRICS = {"Q_MI": q_mi, "Q_NCIE": q_ncie, "Q_G": q_g, "Q_P": q_p, "Q_Y": q_y, "Q_CB": q_cb}

@@ -39,7 +39,7 @@ def q_g(sources, fused):
         weight = np.where(source_magnitude == 0, FLOOR, source_magnitude)
         floored = np.where(magnitude == 0, FLOOR, magnitude)
         strength = np.where(source_magnitude > magnitude, magnitude / weight, weight / floored)
-        magnitude = floored  # published values floor the fused gradient for good once it has been a divisor
+        magnitude = floored  # from then on for all sources: so it is in the published values
         angle = np.abs(np.abs(source_direction - direction) - np.pi / 2) * 2 / np.pi
         preserved = sigmoid(strength, STRENGTH_SLOPE, STRENGTH_MIDDLE) * sigmoid(angle, ANGLE_SLOPE, ANGLE_MIDDLE)
         weighted, weights = weighted + preserved * weight, weights + weight

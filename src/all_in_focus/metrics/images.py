@@ -11,7 +11,7 @@ import numpy as np
 
 from all_in_focus.files.stack import size_text
 
-MEMORY_BYTES = 512 << 20  # for what is known of sources
+MEMORY_BYTES = 512 << 20  # of cached results
 MIN_SIZE = 7  # pixels, the window of Q_Y
 
 
@@ -45,7 +45,7 @@ def ratio(part, whole, otherwise=0.0):
     return np.divide(part, whole, out=np.full(np.shape(whole), float(otherwise)), where=whole != 0)
 
 
-# --- what depends on the sources alone --------------------------------------------------------------------------------
+# --- a cache of results that depend on the sources alone --------------------------------------------------------------
 
 _remembered = OrderedDict()  # (function, digests of its images) -> (result, its bytes), the latest use last
 _lock = threading.Lock()
@@ -53,7 +53,7 @@ _lock = threading.Lock()
 
 def remembered(function):
     """A function of images (H x W uint8) that keeps its latest results, up to MEMORY_BYTES over all functions: many fused
-    images are measured by the same sources. Nobody may change what it returns."""
+    images are measured by the same sources. Callers must not change the arrays that it returns."""
     @functools.wraps(function)
     def ask(*images):
         key = (function, *((image.shape, hashlib.sha1(np.ascontiguousarray(image)).digest()) for image in images))

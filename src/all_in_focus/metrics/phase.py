@@ -52,8 +52,9 @@ def q_p(sources, fused):
 
 @remembered
 def _masks_and_maps(*sources):
-    """Of each source, and of the strongest source of each pixel: where there are features, and, by kind, the _Maps."""
-    with ThreadPoolExecutor() as pool:  # numpy lets go of the interpreter lock
+    """For each source, and for the image made of the strongest source at each pixel: a mask of the pixels with features,
+    and the _Maps by kind."""
+    with ThreadPoolExecutor() as pool:  # numpy releases the interpreter lock
         maps = np.array(list(pool.map(phase_congruency, sources)))
     # Of equally strong sources the last.
     strongest = len(sources) - 1 - maps[::-1, 0].argmax(axis=0)

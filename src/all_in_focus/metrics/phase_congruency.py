@@ -21,7 +21,7 @@ EPS = 1e-4
 def _low_pass(shape):
     rows, columns = ((np.arange(n) - n // 2) / n for n in shape)
     radius = np.sqrt(rows[:, None] ** 2 + columns ** 2)
-    # The published values have fftshift here and ifftshift elsewhere: it matters for odd sizes.
+    # As in the published values: fftshift here, ifftshift elsewhere. For odd sizes they differ.
     return np.fft.fftshift(1 / (1 + (radius / LOW_PASS) ** (2 * LOW_PASS_ORDER)))
 
 
@@ -41,7 +41,7 @@ def _filters(shape):
 
 
 class _Angular:
-    """The filters of one orientation but for their radial factor, and what white noise makes of them."""
+    """The angular factor of the filters of one orientation, and their response to white noise."""
 
     def __init__(self, theta, angle, finest, band):
         """theta: direction of each frequency; finest: radial filter of the finest scale; band: sum over all scales."""
@@ -54,14 +54,15 @@ class _Angular:
         self.even_power = ((band + np.roll(band[::-1, ::-1], (1, 1), axis=(0, 1))) ** 2).sum() / 4
 
     def noise_threshold(self, finest_amplitude):
-        """Energy that noise alone reaches, known from the finest scale, where most pixels show little else."""
+        """Energy that noise alone reaches, estimated from the finest scale, where most pixels show only noise."""
         noise = np.median(finest_amplitude ** 2) / np.log(2) / self.finest_power
         tau = np.sqrt(noise * self.even_power)
         return (tau * np.sqrt(np.pi / 2) + NOISE_SIGMAS * np.sqrt((2 - np.pi / 2) * tau ** 2)) / NOISE_REDUCTION
 
 
 def _energy(responses):
-    """Sum over the scales of the response along the mean phase less what is across it; responses: list of H x W."""
+    """Sum over the scales of each response's part along the mean phase, less the size of its part across it. responses:
+    complex, H x W for each scale."""
     total = sum(responses)
     conjugate = (total / (np.abs(total) + EPS)).conj()
     energy, along, across = np.zeros(total.shape), np.empty_like(total), np.empty(total.shape)

@@ -20,7 +20,7 @@ EDGE_REACH_PX = 8  # how far from a depth edge a pixel still counts as near it
 @dataclass
 class Truth:
     """What a scene folder (see make_scene) should be fused to; image: H x W x 3 uint8 (BGR), edges: H x W bool, the
-    pixels near depth edges; enlarge: how many equal pixels, each way, the frames have for one of these."""
+    pixels near depth edges; enlarge: the frames have a block of enlarge x enlarge equal pixels for one pixel of these."""
     image: np.ndarray
     edges: np.ndarray
     enlarge: int = 1
@@ -44,12 +44,12 @@ class Truth:
         return cls(image, near_depth_edges(depth_mm, step), enlarge)
 
     def compared(self, fused):
-        """What of a fused image (BGR) is compared with the truth: the middle pixel of each enlarged one."""
+        """The pixels of a fused image (BGR) that are compared with the truth: the middle one of each block."""
         return centres(fused, self.enlarge)
 
 
 def enlargement(scene):
-    """How many equal pixels, each way, the frames of a scene folder have for one pixel of what was rendered."""
+    """Factor by which make_scene enlarged the frames of a scene folder; 1 where it made none."""
     try:
         return int(json.loads(Path(scene, "scene.json").read_text(encoding="utf-8"))["enlarge"])
     except (OSError, ValueError, KeyError, TypeError):  # not made by make_scene

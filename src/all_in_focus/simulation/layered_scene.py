@@ -20,8 +20,8 @@ PATCH_SIGMA_PX = 40
 class LayeredScene:
     """Layers back to front on a canvas that exceeds the colour picture by margin = (columns, rows) on each side.
 
-    seen_by_depth: the same surfaces for the depth camera, which sees more of them, but less finely than a large colour
-    picture; None: this scene serves.
+    seen_by_depth: the same surfaces on a wider and coarser canvas, from which the depth image is made; None: this
+    scene is used.
     """
     name: str
     rig: Rig
@@ -39,7 +39,7 @@ class LayeredScene:
         return [layer.crop(*window) for layer in self.layers]
 
     def truth(self):
-        """The all-in-focus picture, linear light; a lamp is as bright as a picture can show it, 1."""
+        """The all-in-focus picture, linear light, cut at 1: lamps are brighter than a picture can show."""
         return np.minimum(composite(self._picture()), 1)
 
     def truth_depth(self):
@@ -48,14 +48,14 @@ class LayeredScene:
 
 
 def kinect_beside(color, optics):
-    """Rig of a Kinect next to the colour camera, turned a little."""
+    """Rig of a Kinect next to the colour camera, rotated by a few degrees."""
     depth = Camera.pinhole("kinect_depth", 640, 480, 583.9147, 586.7294, 310.0020, 251.6837)
     rotation = rotation_matrix(Rotation.from_euler("xyz", [-0.4, -0.9, 0.6], degrees=True))
     return Rig(depth, color, rotation, [-0.030, 0.045, 0.020], optics)
 
 
 def enlarged(camera, factor):
-    """Pinhole camera of pictures in which each pixel has become factor x factor."""
+    """Pinhole camera of pictures whose pixels were replaced by blocks of factor x factor pixels."""
     (fx, _, cx), (_, fy, cy), _ = camera.K
     return Camera.pinhole(camera.name, camera.width * factor, camera.height * factor, fx * factor, fy * factor,
                           (cx + 0.5) * factor - 0.5, (cy + 0.5) * factor - 0.5)
@@ -73,9 +73,10 @@ def canvas_margin(rig, near_mm):
 
 
 def add_grain(scene, deviation, seed):
-    """Give every layer texture down to a pixel: a standard deviation, as a share of the light, where it is strongest.
+    """Adds texture as fine as one pixel to every layer, which enlarged pictures on surfaces lack.
 
-    Large pictures of enlarged textures would have none. It comes in patches, so that smooth places stay.
+    deviation: standard deviation as a share of the light, where the texture is strongest. It comes in patches; between
+    them the surfaces stay smooth.
     """
     rng = np.random.default_rng([seed, 5])
     grain = sum(_seamless(rng, sigma) for sigma in GRAIN_SIGMAS_PX) / np.sqrt(len(GRAIN_SIGMAS_PX))
@@ -89,6 +90,6 @@ def add_grain(scene, deviation, seed):
 
 
 def _seamless(rng, sigma):
-    """Noise of standard deviation 1, smooth over sigma pixels, that continues beyond its border at the opposite one."""
+    """Periodic noise of standard deviation 1, smoothed over sigma pixels."""
     noise = gaussian_filter(np.float32(rng.normal(size=(GRAIN_TILE, GRAIN_TILE))), sigma, mode="wrap")
     return noise / noise.std()

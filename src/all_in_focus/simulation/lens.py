@@ -26,7 +26,7 @@ class Layer:
     """One surface of a scene, seen from the colour camera, on an H x W canvas.
 
     color: H x W x 3, linear light; alpha: H x W, 0..1, also where nearer layers hide it; depth: H x W, mm, finite
-    everywhere; weight: H x W, how far a pixel's colour is known (small: invented behind an occluder), 0 outside alpha.
+    everywhere; weight: H x W, confidence in a pixel's colour (small: invented behind an occluder), 0 outside alpha.
     """
     color: np.ndarray
     alpha: np.ndarray
@@ -147,14 +147,14 @@ def composite(layers, diameter_of=None):
 
 
 def _composite_tile(layers, diameter_of):
-    """What `composite` returns, in one piece."""
+    """The picture of `composite` for one tile."""
     shape = layers[0].alpha.shape
     light, covered = np.zeros(shape + (3,), np.float32), np.zeros(shape, np.float32)
     for layer in layers:
         if not layer.alpha.any():
             continue
         level = np.zeros(shape, np.int32) if diameter_of is None else blur_levels(diameter_of(layer.depth))
-        # As far as the layer spreads, and once more: coverage there is a share of what arrives from all around.
+        # Twice the radius of the widest disc: blur_layer divides by the weights that arrive, so it needs all that do.
         window = window_around(layer.alpha > 0, disc_kernel(int(level.max())).shape[0] // 2 * 2)
         color, coverage = blur_layer(layer.crop(*window), level[window])
         light[window] += coverage[..., None] * (color - light[window])
@@ -171,15 +171,15 @@ def visible_depth(layers):
 
 
 def motion(center, scale=1.0, roll=0.0, shift=(0.0, 0.0)):
-    """2x3 matrix from a still picture to one that is scaled and rolled (degrees, clockwise) about a pixel (x, y), then
-    shifted by (x, y) pixels."""
+    """Similarity transform (2x3) of a picture: scale and rotation (degrees, clockwise) about a pixel (x, y), then a shift
+    by (x, y) pixels."""
     c, s = scale * np.cos(np.radians(roll)), scale * np.sin(np.radians(roll))
     linear = np.array([[c, -s], [s, c]])
     return np.column_stack([linear, np.array(center) - linear @ center + shift])
 
 
 def warp(picture, matrix):
-    """Move a picture by the 2x3 matrix of `motion`, same size; as it is where the matrix is the identity."""
+    """Warps a picture by the matrix of `motion` to the same size; returns it unchanged for the identity."""
     if np.array_equal(matrix, np.eye(2, 3)):
         return picture
     moved = cv2.warpAffine(picture, matrix, picture.shape[1::-1], flags=cv2.INTER_LANCZOS4,
@@ -189,14 +189,14 @@ def warp(picture, matrix):
 
 @dataclass(frozen=True)
 class Sag:
-    """A tripod head that gives way: what happens, at an even pace, from the first frame of a bracket to the last."""
+    """A tripod head that gives way: total motion from the first frame of a bracket to the last, at a constant rate."""
     roll_degrees: float = 0.0
     right_px: float = 0.0
     down_px: float = 0.0
 
 
 def frame_motions(camera, optics, distances, breathing=0.0, sag=Sag()):
-    """How each frame of a bracket is moved against its reference frame N // 2: a 2x3 matrix for each distance."""
+    """Similarity transform (2x3) of each frame against the reference frame N // 2, one for each focus distance."""
     reference, last = len(distances) // 2, max(1, len(distances) - 1)
     for number, s in enumerate(distances):
         share = (number - reference) / last
@@ -208,7 +208,8 @@ def frame_motions(camera, optics, distances, breathing=0.0, sag=Sag()):
 def vignette(camera, corner_loss, f, s, s_reference):
     """Gain of each pixel (H x W): in the corners the reference frame loses a share corner_loss of the light.
 
-    The loss grows with the square of the angle to the axis, so the frames differ by the distance of the sensor.
+    The loss grows with the square of the angle to the axis. The angle of a corner depends on the image distance, so
+    frames differ.
     """
     x, y = np.arange(camera.width) - camera.K[0, 2], np.arange(camera.height) - camera.K[1, 2]
     corner = max(abs(x[0]), abs(x[-1])) ** 2 + max(abs(y[0]), abs(y[-1])) ** 2

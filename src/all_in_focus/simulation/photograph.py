@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scenes made of a sharp photograph and its depth map, cut into layers so that one can look behind what is near."""
+"""Scenes made of a sharp photograph and its depth map, cut into layers: blur then shows what lies behind near objects."""
 import cv2
 import numpy as np
 import skimage.data
@@ -23,8 +23,8 @@ def peel_layers(color, depth, step, reach):
     color: H x W x 3 linear; depth: H x W mm; step: thickness of a layer in 1/mm; reach: how many pixels each layer
     goes on, with the colour of its nearest known pixel, behind whatever is nearer.
     """
-    closeness = 1 / depth
-    slab = np.floor((closeness - closeness.min()) / step).astype(np.int32)
+    inverse_depth = 1 / depth
+    slab = np.floor((inverse_depth - inverse_depth.min()) / step).astype(np.int32)
     layers = []
     for value in np.unique(slab):
         own = slab == value
@@ -88,6 +88,6 @@ def measured(image, depth, focal_px, size, optics, _seed):
     if not depth.any():
         raise ValueError("the depth map is empty")
     height, width = depth.shape
-    filled = fill_from_farther(fill_from_farther(depth).T).T.astype(np.float32)  # rows, then those that were empty
+    filled = fill_from_farther(fill_from_farther(depth).T).T.astype(np.float32)  # rows; then columns, for rows without any depth
     focal_px = focal_px or width * optics.focal_length_mm / SENSOR_WIDTH_MM
     return photograph("picture", image, filled, focal_px, ((width - 1) / 2, (height - 1) / 2), size, optics)

@@ -227,7 +227,7 @@ def clutter(size, optics, seed):
 
 @dataclass
 class Preset:
-    """A scene and what it is rendered with unless asked otherwise."""
+    """A scene with its default optics, size and number of frames."""
     build: Callable
     size: Tuple[int, int]
     optics: Optics

@@ -23,7 +23,7 @@ AMBIENT = 0.4                    # share of the light that comes from everywhere
 
 
 class Surface:
-    """Something that rays meet once; a subclass says where in `meet`."""
+    """A surface that each ray meets at most once; a subclass says where in `meet`."""
 
     def meet(self, x, y):
         """Where rays (x, y, 1) meet the surface; x: columns, y: rows.
@@ -186,7 +186,7 @@ def shaded_under(shade, spots):
 
 
 def in_blocks(shade, size=128):
-    """The same shade, asked for blocks of pixels: one of many small things is quicker where few of them can lie."""
+    """The same shade, evaluated block by block: a shade of many small things then tests only those near the block."""
     def paint(a, b):
         color, exists = np.empty(a.shape + (3,), np.float32), np.empty(a.shape, bool)
         for row, col in product(*(range(0, count, size) for count in a.shape)):
@@ -197,7 +197,7 @@ def in_blocks(shade, size=128):
 
 
 def rows_within(rows, a, b, reach):
-    """The rows, each of which begins with a place (a, b), that lie within reach of a block of pixels."""
+    """Those rows whose place (a, b), their first two columns, lies within reach of a block of pixels."""
     return rows[(rows[:, 0] >= a.min() - reach) & (rows[:, 0] <= a.max() + reach)
                 & (rows[:, 1] >= b.min() - reach) & (rows[:, 1] <= b.max() + reach)]
 
