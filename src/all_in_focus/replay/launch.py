@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Launch files on a ROS master of their own, whose end is told as an object and leaves no process behind."""
+"""Launch files on a ROS master of their own, whose end is reported and leaves no process behind."""
 import json
 import os
 import re
@@ -92,7 +92,7 @@ class Launch:
             elif "error" in event:
                 self._error = event["error"]
             elif self._verbose:
-                print(event["said"], file=sys.stderr)
+                print(event["printed"], file=sys.stderr)
 
     def _read_printed(self):
         for line in self._process.stderr:

@@ -3,9 +3,9 @@
 """Process that runs roslaunch's library for a Launch (launch.py): it installs signal handlers, which a program of ours
 must not lose, and needs the main thread.
 
-stdin: one line, an Order as JSON. Its end, also by the death of the caller, shuts everything down.
+stdin: one line of JSON, see launch(). Its end, also by the death of the caller, shuts everything down.
 stdout: one JSON object a line: {"started": process, "pid": pid}, {"died": process, "code": exit code},
-{"error": why nothing can be launched}, {"said": line of roslaunch}. A process has a group of its own, whose id is pid.
+{"error": why nothing can be launched}, {"printed": line of roslaunch}. A process has a group of its own, whose id is pid.
 stderr: what the nodes print.
 """
 import json
@@ -31,35 +31,36 @@ class Events(ProcessListener):
     def __init__(self, stream):
         self._stream, self._lock = stream, threading.Lock()
 
-    def tell(self, **event):
+    def write(self, **event):
         with self._lock:
             try:
                 print(json.dumps(event), file=self._stream, flush=True)
-            except BrokenPipeError:  # the caller has died; the end of stdin tells so, too
+            except BrokenPipeError:  # the caller has died, so stdin has ended, too
                 pass
 
     def process_died(self, process_name, exit_code):
-        self.tell(died=process_name, code=exit_code)
+        self.write(died=process_name, code=exit_code)
 
 
-def tell_started(monitor, events, told):
-    """told: names of the processes that were told already."""
+def report_started(monitor, events, reported):
+    """reported: names of the processes that were reported already."""
     for process in list(monitor.procs):
-        if process.name not in told and process.pid > 0:
-            told.add(process.name)
-            events.tell(started=process.name, pid=process.pid)
+        if process.name not in reported and process.pid > 0:
+            reported.add(process.name)
+            events.write(started=process.name, pid=process.pid)
 
 
 def watch(monitor, events, stop):
-    """Tells of every process that starts, until stdin ends; then sets `stop`."""
-    told = set()
+    """Reports every process that starts, until stdin ends; then sets `stop`."""
+    reported = set()
     while not (select.select([sys.stdin], [], [], POLL)[0] and not sys.stdin.readline()):
-        tell_started(monitor, events, told)
+        report_started(monitor, events, reported)
     stop.set()
 
 
 def launch(order, events):
-    """Returns when a required process or all processes have died, or stdin has ended."""
+    """order: files, texts: launch files and launch XML; arguments: of the files; port: of the master; grace: s between
+    SIGINT, SIGTERM and SIGKILL. Returns when a required process or all processes have died, or stdin has ended."""
     files = [(file, order["arguments"]) for file in order["files"]]
     parent = ROSLaunchParent(str(uuid.uuid1()), files, port=order["port"], show_summary=False,
                              sigint_timeout=order["grace"][0], sigterm_timeout=order["grace"][1])
@@ -89,13 +90,13 @@ def main():
     for clear, add in ((roslaunch.core.clear_printlog_handlers, roslaunch.core.add_printlog_handler),
                        (roslaunch.core.clear_printerrlog_handlers, roslaunch.core.add_printerrlog_handler)):
         clear()
-        add(lambda text: events.tell(said=text))
+        add(lambda text: events.write(printed=text))
     try:
         launch(json.loads(sys.stdin.readline()), events)
     except roslaunch.core.RLException as error:
-        events.tell(error=" ".join(str(error).split()))
+        events.write(error=" ".join(str(error).split()))
     except Exception as error:  # of any kind: a wrong launch file makes the library raise many
-        events.tell(error=" ".join(f"{type(error).__name__}: {error}".split()))
+        events.write(error=" ".join(f"{type(error).__name__}: {error}".split()))
 
 
 if __name__ == "__main__":

@@ -86,7 +86,7 @@ class PerBracket:
     def warning(self, number, text):
         self._numbers.setdefault(text, []).append(number)
 
-    def tell(self):
+    def report(self):
         for text, numbers in list(self._numbers.items())[:self.MOST]:
             where = f"bracket {numbers[0]}"
             if len(numbers) > 1:

@@ -180,7 +180,7 @@ def check_exposure(check, brackets, samples):
             complaints.warning(one.number, f"the light changes by {share_text(change)}, most in frame "
                                            f"{one.frames[odd].index} ({100 * (gains[odd] - 1):+.0f} %): fix "
                                            "exposure, ISO and white balance in the camera")
-    complaints.tell()
+    complaints.report()
     check.ok(f"the light of {counted(sum(len(one.frames) for one in samples), 'frame')} in "
              f"{counted(len(samples), 'bracket')} changes by at most {share_text(worst)}")
 
@@ -211,7 +211,7 @@ def check_focus_change(check, brackets, samples):
         if change < SAME_SHARPNESS:
             complaints.warning(one.number, "all frames are equally sharp: does the focus move? (lens switched to "
                                "manual, step size, focus limit)")
-    complaints.tell()
+    complaints.report()
     check.ok("sharpness changes from frame to frame")
 
 

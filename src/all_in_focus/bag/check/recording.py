@@ -118,8 +118,8 @@ def check_stamps(check, bag, scan, all_without_depth):
     delays = {kind: _delay(getattr(scan, kind)) for kind in TITLES}
     delays = {kind: delay for kind, delay in delays.items() if delay is not None}
     _check_clocks(check, complain, delays)
-    told = [f"{TITLES[kind]} recorded {delay:.3f} s after its stamp" for kind, delay in delays.items()]
-    check.ok(", ".join(rates + told))
+    late = [f"{TITLES[kind]} recorded {delay:.3f} s after its stamp" for kind, delay in delays.items()]
+    check.ok(", ".join(rates + late))
 
 
 def _delay(heads):

@@ -32,10 +32,10 @@ def check_brackets(check, bag, scan, assembled, rules):
         which = "all brackets are" if len(single) == len(brackets) else counted(len(single), "bracket")
         check.warning(f"{which} of one frame only, the first is bracket {single[0]}{remedy}")
     frames = [len(bracket.frames) for bracket in brackets]
-    told = str(frames[0]) if min(frames) == max(frames) else f"{min(frames)} to {max(frames)}"
+    lengths = str(frames[0]) if min(frames) == max(frames) else f"{min(frames)} to {max(frames)}"
     kind = "by focus messages" if scan.focus else f"{rules.size} frames each" if rules.size \
         else f"ended by gaps longer than {rules.gap:g} s" if rules.gap else "ended by nothing"
-    check.ok(f"{counted(len(brackets), 'bracket')} of {told} frames, {kind}")
+    check.ok(f"{counted(len(brackets), 'bracket')} of {lengths} frames, {kind}")
 
 
 def _check_focus_messages(check, bag, scan, assembled):
@@ -53,7 +53,7 @@ def _check_focus_messages(check, bag, scan, assembled):
     for number, bracket in enumerate(assembled.found):
         for text in _inconsistent(bracket):
             per_bracket.warning(number, text)
-    per_bracket.tell()
+    per_bracket.report()
 
 
 def _inconsistent(bracket):
@@ -73,20 +73,20 @@ def _inconsistent(bracket):
 
 def check_focus_steps(check, brackets, optics, depth):
     """optics: Optics or None; depth: known depths of the scene (mm), as a sample, or empty."""
-    told, complaints = [], PerBracket(check, len(brackets))
+    ranges, complaints = [], PerBracket(check, len(brackets))
     for number, bracket in enumerate(brackets):
         distances = np.array([frame.distance for frame in bracket.frames], float) * 1000
         known = distances[~np.isnan(distances)]
         for text in _problems(distances, known, optics, depth):
             complaints.warning(number, text)
         if len(known):
-            told.append((known.min(), known.max()))
-    complaints.tell()
-    if not told:
+            ranges.append((known.min(), known.max()))
+    complaints.report()
+    if not ranges:
         check.warning("no focus distances are known: depth and optics have no say in mode refined, sharpness decides "
                       "alone (a table of steps gives them: see docs/dslr.md)")
         return
-    near, far = min(low for low, _ in told), max(high for _, high in told)
+    near, far = min(low for low, _ in ranges), max(high for _, high in ranges)
     check.ok(f"focused from {near / 1000:.4g} to {far / 1000:.4g} m{'' if optics else '; the lens is not known'}")
 
 
