@@ -151,7 +151,7 @@ def depth_table(figures):
     columns = [key for key in titles if any(key in of for of in found.values())]
 
     def cells(of):
-        return ["%.2f / %.3f" % (100 * of[key][0], of[key][1]) if key in of else "-" for key in columns]
+        return [f"{100 * of[key][0]:.2f} / {of[key][1]:.3f}" if key in of else "-" for key in columns]
 
     shared = {key: [of[key] for of in found.values() if key in of] for key in columns}
     rows = [[name] + cells(of) for name, of in found.items()]

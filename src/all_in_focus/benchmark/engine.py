@@ -10,6 +10,8 @@ import tempfile
 import time
 from contextlib import ExitStack, contextmanager
 
+from all_in_focus.files.errors import one_line_with_type
+
 POLL_S = 0.1
 PATIENCE_S = 60.0  # without any worker, before it is given up
 ANSWER_S = 10.0    # for a scheduler to answer
@@ -71,10 +73,6 @@ def _workers(distributed, cluster, scheduler, patience, say):
         client.close(timeout=ANSWER_S)
 
 
-def _failure(error):
-    return {"error": f"{type(error).__name__}: {' '.join(str(error).split())}"}
-
-
 class InProcess:
     """One task after the other."""
     at_a_time = 1
@@ -84,7 +82,7 @@ class InProcess:
             try:
                 yield key, function(*arguments)
             except Exception as error:
-                yield key, _failure(error)
+                yield key, {"error": one_line_with_type(error)}
 
 
 class OnWorkers:
@@ -126,7 +124,7 @@ class OnWorkers:
             raise EngineError(LOST)
         except Exception as error:
             self._check()
-            return _failure(error)
+            return {"error": one_line_with_type(error)}
 
     def _report_lost(self):
         if self._client.status != "running":

@@ -18,16 +18,6 @@ from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import load_focus, read_depth, read_image, size_text
 
 
-def one_line(error):
-    """An exception as one line, with its type where the message alone does not explain it."""
-    if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    text = " ".join(str(error).split())
-    if text and (isinstance(error, ValueError) or type(error) is RuntimeError):  # of its subclasses the type is shown
-        return text
-    return (f"{type(error).__name__}: {text}").rstrip(": ")
-
-
 def run(scene, method, metric_names, code):
     """Plain dictionary: values, contrast, seconds, wall_seconds, host, notes, files (PNG bytes by name); or just error, host.
 
@@ -46,7 +36,7 @@ def run(scene, method, metric_names, code):
                 "contrast": measure_contrast(frames, produced), "seconds": produced.seconds,
                 "wall_seconds": wall, "host": host, "notes": produced.notes, "files": pictures(produced)}
     except Exception as error:  # of any kind: the other methods must go on
-        return {"error": one_line(error), "host": host}
+        return {"error": one_line_with_type(error), "host": host}
 
 
 def measure_contrast(frames, produced):

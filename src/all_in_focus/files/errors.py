@@ -8,3 +8,10 @@ def one_line(error, path=None):
     if isinstance(error, OSError) and error.strerror and (error.filename or path):
         return f"{error.filename or path}: {error.strerror}"
     return " ".join(str(error).split()) or type(error).__name__
+
+
+def one_line_with_type(error):
+    """As one_line(), after the type of an exception whose message alone may explain nothing, such as a KeyError's."""
+    if isinstance(error, (OSError, ValueError)) or type(error) is RuntimeError or not str(error):
+        return one_line(error)
+    return f"{type(error).__name__}: {one_line(error)}"
