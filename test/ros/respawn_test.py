@@ -56,7 +56,7 @@ class RespawnTest(GraphTest):
         def works_again():
             return pid_of('/rig/' + process) not in (None, killed) and self.works()
         limit = recovery()
-        self.assertTrue(wait_until(works_again, limit), '%s was killed: no results within %.0f s' % (process, limit))
+        self.assertTrue(wait_until(works_again, limit), f'{process} was killed: no results within {limit:.0f} s')
         rospy.loginfo('%s was killed: right again after %.1f of %.0f s', process, time.monotonic() - begun, limit)
 
     def test_manager_is_killed_at_any_age(self):

@@ -24,7 +24,7 @@ class RobotRespawnTest(LaunchTest):
         self.assertTrue(wait_until(lambda: pid_of('/' + process) not in (None, killed), limit), process + ' stays dead')
         left = begun + limit - time.monotonic()
         self.assertTrue(wait_until(right(rospy.Time.now()), left),
-                        '%s was killed: no right result within %.0f s\n%s' % (process, limit, ''.join(self.launched.lines)))
+                        f'{process} was killed: no right result within {limit:.0f} s\n{"".join(self.launched.lines)}')
         rospy.loginfo('%s was killed: right again after %.1f of %.0f s', process, time.monotonic() - begun, limit)
 
     def test_with_recordings(self):
