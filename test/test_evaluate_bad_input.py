@@ -142,7 +142,7 @@ def test_weights_may_be_shares(tmp_path, monkeypatch, frames, shares, name, expe
     wanted = settings.Settings([{"path": str(tmp_path / "scene")}], ["soft"], output=str(tmp_path / "out"))
     run, store = runner.evaluate(wanted)
     assert not run.failures
-    assert np.array_equal(cv2.imread(store.picture("scene", "soft", name), -1), np.kron(expected, np.ones((8, 8))))
+    assert np.array_equal(cv2.imread(str(store.picture("scene", "soft", name)), -1), np.kron(expected, np.ones((8, 8))))
 
 
 def test_enfuse_that_is_not_installed(scene, tmp_path, monkeypatch):
