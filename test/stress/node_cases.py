@@ -203,7 +203,8 @@ def kill_processes(case, scene, seconds):
                 times.append((time.monotonic() - begin, node))
                 if wrong:
                     case.fail(f"{node} was killed: not right again within {limit:.0f} s: {wrong}")
-    case.summary = f"{rounds} rounds of {len(NODES)}, right again after %.1f s at most (%s)" % max(times, default=(0, "none"))
+    longest, node = max(times, default=(0, "none"))
+    case.summary = f"{rounds} rounds of {len(NODES)}, right again after {longest:.1f} s at most ({node})"
 
 
 # --- bags -------------------------------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from all_in_focus.benchmark import methods, programs
 from all_in_focus.benchmark.settings import TRUTH_MEASURES
 from all_in_focus.metrics.kept_contrast import kept_contrast, roughness
 from all_in_focus.metrics.truth import Truth, blur_per_closeness, depth_errors, psnr, ssim
+from all_in_focus.files.errors import one_line_with_type
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import load_focus, read_depth, read_image, size_text
