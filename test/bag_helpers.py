@@ -19,6 +19,7 @@ from tf2_msgs.msg import TFMessage
 
 from file_helpers import SCRIPTS
 
+from all_in_focus.bag.image_messages import to_message
 from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.imaging import linear_to_srgb
 from all_in_focus.msg import FocusFrame, Optics as OpticsMessage
@@ -57,14 +58,14 @@ def good_messages(brackets=1):
         begin = START + 10 * number
         header = Header(stamp=genpy.Time.from_sec(begin), frame_id="depth")
         messages += [["/depth/camera_info", camera_info(DEPTH_CAMERA, header), begin],
-                     ["/depth/image_raw", BRIDGE.cv2_to_imgmsg(depth_image(), "16UC1", header), begin]]
+                     ["/depth/image_raw", to_message(depth_image(), "16UC1", header), begin]]
         for index, picture in enumerate(frames()):
             when = begin + 0.1 * index
             header = Header(stamp=genpy.Time.from_sec(when), frame_id="color")
             focus = FocusFrame(header=header, bracket_id=number, index=index, count=len(DIOPTRES),
                                last=index + 1 == len(DIOPTRES), focus_distance=1 / DIOPTRES[index])
             messages += [["/rgb/camera_info", camera_info(COLOR_CAMERA, header), when], ["/rgb/focus", focus, when],
-                         ["/rgb/image", BRIDGE.cv2_to_imgmsg(picture, "bgr8", header), when]]
+                         ["/rgb/image", to_message(picture, "bgr8", header), when]]
     # As after reading: messages shared their headers.
     return [[topic, copied(message), when] for topic, message, when in messages]
 

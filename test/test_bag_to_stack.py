@@ -7,12 +7,13 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from bag_helpers import (BRIDGE, COLOR_CAMERA, DEPTH_CAMERA, DIOPTRES, SIZE, call, changed, compressed, depth_image,
+from bag_helpers import (COLOR_CAMERA, DEPTH_CAMERA, DIOPTRES, SIZE, call, changed, compressed, depth_image,
                          frames, good_messages, setting, without, write)
 from file_helpers import run_script
 from tool_helpers import check_equality, evaluate, fuse, read, run, snapshot, succeeded, tool
 
 from all_in_focus.bag.export import millimetres
+from all_in_focus.bag.image_messages import to_message
 from all_in_focus.bag.writer import write_bag
 from all_in_focus.files.output_folder import MARK, read_mark
 from all_in_focus.files.rig import Camera, Optics, Rig, load_rig, save_rig
@@ -112,7 +113,7 @@ def test_the_same_pixels(files, tmp_path):
 def test_brackets(tmp_path):
     messages = good_messages(brackets=3)
     number = iter(range(3))
-    changed("/depth/image_raw", lambda message, _: BRIDGE.cv2_to_imgmsg(
+    changed("/depth/image_raw", lambda message, _: to_message(
         depth_image() + np.uint16(next(number)), "16UC1", message.header))(messages)
     bag = write(tmp_path / "x.bag", messages)
     commands, _ = export(bag, tmp_path / "all", "--bracket", "all")
@@ -170,7 +171,7 @@ def test_pixels_as_the_nodes_get_them(tmp_path):
     metres[0, :7] = [np.nan, np.inf, -np.inf, -1, 0, 65.6, 2.0474]
     expected = np.floor(metres.astype(np.float32) * np.float32(1000) + np.float32(0.5))
     expected[0, :7] = 0
-    messages = changed("/depth/image_raw", lambda message, _: BRIDGE.cv2_to_imgmsg(metres, "32FC1", message.header))(
+    messages = changed("/depth/image_raw", lambda message, _: to_message(metres, "32FC1", message.header))(
         good_messages())
 
     def padded(message, number):

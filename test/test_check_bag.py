@@ -16,6 +16,7 @@ from tool_helpers import rosrun, snapshot, succeeded
 from all_in_focus.bag import check as bag_check
 from all_in_focus.bag.brackets import Rules
 from all_in_focus.bag.bag_file import BagError, BagFile, Topics
+from all_in_focus.bag.image_messages import to_message
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of cv_bridge
 CHECKS = ["file", "topics", "depth image", "colour image", "depth camera", "colour camera", "transform", "stamps",
@@ -32,8 +33,7 @@ def report_on(path, topics=None, **options):
 
 def depth(values, encoding="16UC1"):
     def change(message, _):
-        return BRIDGE.cv2_to_imgmsg(values.astype(np.float32 if encoding == "32FC1" else np.uint16), encoding,
-                                    message.header)
+        return to_message(values.astype(np.float32 if encoding == "32FC1" else np.uint16), encoding, message.header)
     return changed("/depth/image_raw", change)
 
 
@@ -69,7 +69,7 @@ def brighter(message, number):
 
 
 def bayer(message, _):
-    return BRIDGE.cv2_to_imgmsg(BRIDGE.imgmsg_to_cv2(message)[..., 0].copy(), "bayer_rggb8", message.header)
+    return to_message(BRIDGE.imgmsg_to_cv2(message)[..., 0].copy(), "bayer_rggb8", message.header)
 
 
 def noisy_copies(messages):

@@ -17,6 +17,7 @@ from cv_bridge import CvBridge
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
+from all_in_focus.bag.image_messages import to_message
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.files.stack import focus_entries
@@ -129,7 +130,7 @@ class Graph:
         publish(self._publishers["/rgb/camera_info"], camera_info(self._rig.color, rgb))
         publish(self._publishers["/depth/camera_info"], camera_info(self._rig.depth, depth))
         time.sleep(0.05)
-        publish(self._publishers["/depth/image_raw"], self._bridge.cv2_to_imgmsg(self.scene.depth, "16UC1", depth))
+        publish(self._publishers["/depth/image_raw"], to_message(self.scene.depth, "16UC1", depth))
 
     def _send_frames(self, stamp, publish):
         self._bracket_id += 1
@@ -139,7 +140,7 @@ class Graph:
             publish(self._publishers["/rgb/camera_info"], camera_info(self._rig.color, header))
             focus = publish(self._publishers["/rgb/focus"], FocusFrame(
                 header, self._bracket_id, index, FRAMES, index + 1 == FRAMES, self.scene.distances[index]))
-            image = publish(self._publishers["/rgb/image"], self._bridge.cv2_to_imgmsg(frame, "bgr8", header))
+            image = publish(self._publishers["/rgb/image"], to_message(frame, "bgr8", header))
             through += bool(focus and image)
             time.sleep(0.01)
         return self._bracket_id, through

@@ -79,7 +79,9 @@ class FramePublisher:
         header = Header(stamp=stamp, frame_id=self._frame_id)
         self.publish_focus(stamp, bracket_id, index, count, last, distance)
         self._info_publisher.publish(camera_info(self._camera_of(*size), header))
-        self._image_publisher.publish(self._bridge.cv2_to_imgmsg(np.ascontiguousarray(image), "bgr8", header))
+        message = self._bridge.cv2_to_imgmsg(np.ascontiguousarray(image), "bgr8")
+        message.header = header  # cv_bridge before 1.16 has no argument for it
+        self._image_publisher.publish(message)
 
     def _published(self, size):
         """(width, height) with which pictures of this size are published."""

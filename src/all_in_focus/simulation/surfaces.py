@@ -122,7 +122,7 @@ def picture(image, width, height):
 
     def shade(a, b):
         x, y = (a / width + 0.5) * image.shape[1] - 0.5, (b / height + 0.5) * image.shape[0] - 0.5
-        color = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        color = cv2.remap(image, np.float32(x), np.float32(y), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return color, within(a, b, width, height)
     return shade
 
