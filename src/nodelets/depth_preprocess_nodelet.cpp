@@ -16,6 +16,7 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include "all_in_focus/pipeline.hpp"
+#include "all_in_focus/rig_checks.hpp"
 #include "callback_guard.hpp"
 #include "conversions.hpp"
 #include "image_queue.hpp"
@@ -59,6 +60,7 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   Rig currentRig() const;
   void process(const sensor_msgs::ImageConstPtr& depth);
   void registerAndPublish(const std_msgs::Header& header, const DepthImage& depth);
+  void warnOfRig(const cv::Mat& depth, const cv::Mat& registered);
 
   std::unique_ptr<NodeMonitor> monitor_;
   std::unique_ptr<CallbackGuard> guard_;
@@ -279,21 +281,35 @@ void DepthPreprocessNodelet::registerAndPublish(const std_msgs::Header& depth_he
   OutgoingImage filled(header, sensor_msgs::image_encodings::TYPE_16UC1, size);
   preprocessing_->compute(depth.mm, registered.mat, filled.mat);
 
-  std::string remark;
-  if (cv::countNonZero(depth.mm) == 0) {
-    remark = monitor_->resolved(depth_input_) +
-             ": not one pixel has a depth: is something too near, or the sensor covered?";
-  } else if (cv::countNonZero(registered.mat) == 0) {
-    remark = "no depth falls into the colour image: check the transform and both calibrations";
-  }
-
   const auto info = boost::make_shared<sensor_msgs::CameraInfo>(*rgb_info_);
   info->header = header;
   info_publisher_.publish(info);
+  const cv::Mat registered_mm = registered.mat;
   const sensor_msgs::ImagePtr registered_message = registered.take();
   registered_publisher_.publish(registered_message);
   filled_publisher_.publish(config_.fill_holes ? filled.take() : registered_message);
-  monitor_->consumed(depth_header, Outcome::kProcessed, remark);
+  monitor_->consumed(depth_header, Outcome::kProcessed);
+  warnOfRig(depth.mm, registered_mm);
+}
+
+// What is most likely a mistake in the rig, in the words of fuse_stack and check_bag.
+void DepthPreprocessNodelet::warnOfRig(const cv::Mat& depth, const cv::Mat& registered) {
+  const std::string topic = monitor_->resolved(depth_input_) + ": ";
+  if (cv::countNonZero(depth) == 0) {
+    monitor_->warn(topic + "not one pixel has a depth: is something too near, or the sensor covered?");
+    return;
+  }
+  const auto warn = [&](const std::string& warning) {
+    if (!warning.empty()) monitor_->warn(topic + warning);
+  };
+  const Rig& rig = preprocessing_->rig();
+  warn(core::checkDepthUnit(depth));
+  warn(core::checkPose(rig.depth_to_color));
+  try {
+    warn(core::checkCoverage(registered, rig));
+  } catch (const std::invalid_argument& e) {
+    monitor_->error(topic + e.what());
+  }
 }
 
 }  // namespace all_in_focus

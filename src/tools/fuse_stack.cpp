@@ -10,11 +10,11 @@
 #include <sstream>
 
 #include "all_in_focus/drawing.hpp"
+#include "all_in_focus/rig_checks.hpp"
 #include "command_line.hpp"
 #include "image_files.hpp"
 #include "output_files.hpp"
 #include "report_json.hpp"
-#include "rig_checks.hpp"
 #include "rig_files.hpp"
 #include "stack_reader.hpp"
 
@@ -141,11 +141,37 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
   if (!segments && labels.empty()) context.notes.push_back("no depth: fused by sharpness alone");
 }
 
-// Warns at once of what is most likely a mistake in rig or depth: fusing may take minutes.
-std::vector<std::string> warnOfRig(const po::variables_map& values, const PipelineInput& input) {
+// What is possible, but most likely a mistake in rig or depth, a line each.
+std::vector<std::string> checkRigAndDepth(const PipelineInput& input, StackReader& stack) {
+  std::vector<std::string> warnings;
+  const auto add = [&warnings](const std::string& warning) {
+    if (!warning.empty()) warnings.push_back(warning);
+  };
+  const cv::Mat& depth = input.depth.empty() ? input.registered_depth : input.depth;
+  if (depth.empty()) return warnings;
+  add(checkDepthUnit(depth));
+  if (input.has_rig) add(checkCircleOfConfusion(input.optics, input.rig.color));
+  if (input.depth.empty()) {
+    add(checkMirroring(depth, cv::Mat(), stack.glance()));
+    return warnings;
+  }
+  add(checkPose(input.rig.depth_to_color));
+  DepthRegistration registration(input.rig);
+  cv::Mat registered, turned, mirrored;
+  registration.compute(depth, registered);
+  add(checkCoverage(registered, input.rig));
+  cv::flip(depth, turned, 1);
+  registration.compute(turned, mirrored);
+  add(checkMirroring(registered, mirrored, stack.glance()));
+  return warnings;
+}
+
+// Warns before the first frame is fused: that may take minutes.
+std::vector<std::string> warnOfRig(const po::variables_map& values, const PipelineInput& input,
+                                   StackReader& stack) {
   std::vector<std::string> warnings;
   try {
-    warnings = checkRig(input);
+    warnings = checkRigAndDepth(input, stack);
   } catch (const std::invalid_argument& e) {
     throw std::invalid_argument(textOption(values, "depth") + ": " + e.what());
   }
@@ -182,7 +208,7 @@ void fuseStack(const po::variables_map& values) {
   input.refined = parseWithout(textOption(values, "without"));
   explainMissing(input, mode, context);
 
-  const std::vector<std::string> warnings = warnOfRig(values, input);
+  const std::vector<std::string> warnings = warnOfRig(values, input, stack);
   NamedFrames frames(stack);
   input.frames = &frames;
   PipelineResult result;

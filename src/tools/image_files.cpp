@@ -117,6 +117,10 @@ cv::Mat readColor(const std::string& path) {
                           cv::IMREAD_IGNORE_ORIENTATION);  // not rotated: the calibration is of the sensor
 }
 
+cv::Mat readHalfColor(const std::string& path) {
+  return decode(path, cv::IMREAD_REDUCED_COLOR_2 | cv::IMREAD_IGNORE_ORIENTATION);
+}
+
 cv::Mat readDepth(const std::string& path) {
   cv::Mat depth = decode(path, cv::IMREAD_UNCHANGED);
   if (depth.type() != CV_16UC1) fail(path, "depth must be a 16-bit image of one channel, in mm");

@@ -14,6 +14,9 @@ std::string ending(const std::string& path);
 /// or cut short (OpenCV would decode the rest of a truncated PNG as black without an error).
 cv::Mat readColor(const std::string& path);
 
+/// The same at half the width and height, decoded faster where the format allows it.
+cv::Mat readHalfColor(const std::string& path);
+
 /// Depth map: 16-bit one-channel PNG, mm, 0 = unknown. Throws std::invalid_argument, also when no pixel is
 /// known.
 cv::Mat readDepth(const std::string& path);

@@ -116,6 +116,20 @@ int StackReader::count() {
   return count_;
 }
 
+cv::Mat StackReader::glance() {
+  cv::Mat frame;
+  try {
+    if (!names_.empty()) return readHalfColor((fs::path(path_) / names_[names_.size() / 2]).string());
+    const int middle = count() / 2;
+    for (int i = 0; i < middle; ++i) video_.grab();
+    video_.read(frame);
+    rewind();
+  } catch (const std::invalid_argument&) {
+    // Told when it is read in its turn.
+  }
+  return frame;
+}
+
 void StackReader::requireWhole() const {
   if (read_ == 0) fail(path_, "the video holds no frame");
   // Containers often report one frame too many.

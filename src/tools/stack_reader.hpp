@@ -30,6 +30,10 @@ class StackReader : public core::FrameSource {
   /// A video is decoded to its end, once, and rewound.
   int count() override;
 
+  /// A frame from the middle of the bracket, CV_8UC3, at half its width and height or more; empty where it
+  /// cannot be read. Goes back to the first frame.
+  cv::Mat glance();
+
   /// The file that the last frame came from.
   std::string current() const;
 

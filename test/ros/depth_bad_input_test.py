@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import rospy
 import rostest
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import TransformStamped, Vector3
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
@@ -216,6 +216,29 @@ class DepthPreprocessTest(GraphTest):
         self.assertFalse(pixels_of(self.raw.at(stamp)).any())
         self.diagnostics.wait(self.NODE, lambda s: s.level == WARN and 'not one pixel' in s.message)
         self.assert_good_depth_is_processed()
+
+    def test_a_rig_that_is_most_likely_a_mistake(self):
+        """In the words of fuse_stack and check_bag."""
+        column = two_planes()
+        column[:, 2:] = 0
+        cases = [(WARN, 'depth_mm', (0, 0, -2.5), two_planes(),
+                  'the depth camera stands 2.5 m from the colour camera, rotated by 0 degrees: are these mm?'),
+                 (WARN, 'depth', None, column,
+                  'only 3.1 % of the colour picture gets a depth: check the transform and both calibrations'),
+                 (WARN, 'depth', None, two_planes() // 1000, 'half of the depths are 1 or less: m, but a depth image means mm'),
+                 (ERROR, 'depth_aside', (50, 0, 0), two_planes(),
+                  'no depth falls into the colour picture: check the transform and both calibrations')]
+        talker = self.talk('/tf_static', TFMessage)
+        for level, frame, place, depth, words in cases:
+            if place is not None:
+                transform = TransformStamped(header=Header(frame_id='color'), child_frame_id=frame)
+                transform.transform.translation = Vector3(*place)
+                transform.transform.rotation.w = 1.0
+                talker.say(TFMessage([transform]))
+                rospy.sleep(0.2)
+            self.assertIsNotNone(self.raw.at(self.send(depth, frame=frame)), words)
+            self.diagnostics.wait(self.NODE, lambda s: s.level == level and '/chain/depth/image_raw: ' + words in s.message)
+            self.assert_good_depth_is_processed()
 
 
 if __name__ == '__main__':

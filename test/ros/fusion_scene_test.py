@@ -6,8 +6,9 @@ import numpy as np
 import rospy
 import rostest
 
-from depth_testing import camera_info, image_message, two_planes
-from fusion_testing import PERIOD, WARN
+from all_in_focus.msg import Optics, SegmentArray
+from depth_testing import HEIGHT, WIDTH, camera_info, image_message, two_planes
+from fusion_testing import PERIOD, WARN, colour_message, regions
 from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest
 
 
@@ -102,6 +103,39 @@ class SceneTest(RefinedTest):
             if words:
                 self.assert_noted(report, *words)
             self.assertEqual(any('no focus distances' in note for note in report.notes), bool(words))
+
+    def test_optics_and_depth_that_are_most_likely_a_mistake(self):
+        """In the words of fuse_stack. The camera's sensor is 30.7 mm wide."""
+        self.expect_scene()
+        stamp = next(STAMPS)
+        for name in self.scene:
+            self.send_part(name, stamp)
+        rospy.sleep(0.1)
+        message = image_message(regions(), stamp, '32SC1', 'color')
+        self.labels.say(message)
+        self.segments.say(SegmentArray(header=message.header, optics=Optics(24.0, 4.0, 2.0)))
+        self.send(stamp)
+        words = 'the circle of confusion, 2 mm, is over a fiftieth of the sensor, which is 30.7 mm wide'
+        self.assert_noted(self.report(stamp + MIDDLE * PERIOD), words)
+        self.assert_diagnosed(WARN, words)
+
+        boards = np.full((HEIGHT, WIDTH), 3000, np.uint16)
+        for number, (x, y, width, height) in enumerate([(4, 6, 9, 30), (19, 2, 6, 20), (30, 24, 11, 18)]):
+            boards[y:y + height, x:x + width] = 900 + 300 * number
+        light = np.repeat((boards // 20).astype(np.uint8)[..., None], 3, axis=2)
+        stamp = next(STAMPS)
+        for name in self.scene:
+            if name == 'rgb/camera_info':
+                self.send_part(name, stamp)
+            else:
+                self.scene[name].say(image_message(np.ascontiguousarray(boards[:, ::-1]), stamp, '16UC1', 'color'))
+        rospy.sleep(0.1)
+        self.send_labels(stamp)
+        self.send(stamp, replaced={index: lambda at: colour_message(light, at) for index in INDICES})
+        words = 'fit the picture better when it is mirrored: turn off mirroring'
+        self.assert_noted(self.report(stamp + MIDDLE * PERIOD), words)
+        self.assert_diagnosed(WARN, words)
+        self.assert_as_files(self.fuse(), INDICES, MIDDLE)
 
 
 if __name__ == '__main__':

@@ -7,9 +7,31 @@
 #include <string>
 #include <utility>
 
+#include "all_in_focus/rig_checks.hpp"
 #include "stopwatch.hpp"
 
 namespace all_in_focus {
+namespace {
+
+// What is most likely a mistake in optics or depth, a line each, in the words of fuse_stack.
+std::vector<std::string> checkRig(const FusedBracket& bracket) {
+  std::vector<std::string> warnings;
+  try {
+    const core::Optics optics = toOptics(bracket.report->optics);
+    if (bracket.report->has_labels && bracket.camera)
+      warnings.push_back(core::checkCircleOfConfusion(optics, toCamera(*bracket.camera, "rgb/camera_info")));
+    if (bracket.depth && !bracket.result.image.empty()) {
+      const DepthImage depth = toDepth(bracket.depth, {}, "depth_registered/image");
+      warnings.push_back(core::checkMirroring(depth.mm, cv::Mat(), bracket.result.image));
+    }
+  } catch (const std::invalid_argument&) {
+    // Told where it is used.
+  }
+  warnings.erase(std::remove(warnings.begin(), warnings.end(), std::string()), warnings.end());
+  return warnings;
+}
+
+}  // namespace
 
 FusionWorker::FusionWorker(NodeMonitor& monitor, FrameQueue& queue, SceneCache& scenes, Publish publish)
     : monitor_(monitor),
@@ -118,13 +140,17 @@ void FusionWorker::endBracket(int missing) {
 
 FusedBracket FusionWorker::fused(bool complete) {
   FusedBracket bracket = bracket_->fused(complete);
+  if (!bracket.depth) bracket.depth = scenes_.depthAt(bracket_->depthStamp());  // labels may be faster
+  bracket.camera = scenes_.camera();
   const std::string id = "bracket " + std::to_string(bracket.report->bracket_id) + ": ";
   if (complete) {
+    for (const std::string& warning : checkRig(bracket)) {
+      bracket.report->notes.push_back(warning);
+      bracket.warnings.push_back(warning);
+    }
     for (const std::string& warning : bracket.warnings) monitor_.warn(id + warning);
     ++published_;
   }
-  if (!bracket.depth) bracket.depth = scenes_.depthAt(bracket_->depthStamp());  // labels may be faster
-  bracket.camera = scenes_.camera();
   return bracket;
 }
 
