@@ -81,15 +81,6 @@ cv::Mat decades(const cv::Mat& values) {
   return logarithm / std::log(10);
 }
 
-// Near is bright, unknown is black. nearest, farthest: of the scale, mm.
-cv::Mat drawDepth(const cv::Mat& depth, double nearest, double farthest) {
-  cv::Mat millimetres;
-  depth.convertTo(millimetres, CV_32F);
-  cv::Mat picture = colored(1 / cv::max(millimetres, 1), 1 / farthest, 1 / nearest, cv::COLORMAP_VIRIDIS);
-  picture.setTo(cv::Scalar::all(0), depth == 0);
-  return picture;
-}
-
 cv::Mat grayOf(const cv::Mat& frame) {
   cv::Mat gray;
   cv::cvtColor(frame, gray, cv::COLOR_BGR2GRAY);
@@ -176,12 +167,16 @@ void drawAll(const po::variables_map& values) {
 
   double nearest, farthest;
   cv::minMaxLoc(result.filled, &nearest, &farthest, nullptr, nullptr, result.filled > 0);
-  save("depth_raw", drawDepth(scene.input.depth, nearest, farthest), cv::INTER_NEAREST);
-  save("depth_registered", drawDepth(result.registered, nearest, farthest), cv::INTER_NEAREST);
-  save("depth_filled", drawDepth(result.filled, nearest, farthest), cv::INTER_NEAREST);
   cv::Mat picture;
-  drawLabels(result.segmentation.labels, static_cast<int>(result.segmentation.segments.size()), picture);
-  save("regions", picture, cv::INTER_NEAREST);
+  const auto save_depth = [&](const char* name, const cv::Mat& depth) {
+    drawDepth(depth, nearest, farthest, picture);
+    save(name, picture, cv::INTER_AREA);
+  };
+  save_depth("depth_raw", scene.input.depth);
+  save_depth("depth_registered", result.registered);
+  save_depth("depth_filled", result.filled);
+  drawRegions(result.segmentation, picture);
+  save("regions", picture, cv::INTER_AREA);
   save("frame_near", scene.frames.front());
   save("frame_far", scene.frames.back());
   save("frame", scene.frames[kShown]);

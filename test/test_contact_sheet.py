@@ -27,6 +27,32 @@ def test_contact_sheet(tmp_path):
         assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and not (tmp_path / "no.png").exists()
 
 
+def test_near_is_red_and_depth_has_a_legend():
+    depth = np.full((300, 600), 1000, np.uint16)
+    depth[:, 200:400], depth[:, 400:] = 4000, 0
+    shown = imaging.picture(depth)
+    assert shown.shape[0] > 300 and shown.shape[1:] == (600, 3)
+    assert [shown[9, x].argmax() for x in (0, 300)] == [2, 0] and not shown[9, 500].any()  # BGR: red, blue, black
+    legend = shown[300:]
+    row = legend[legend.shape[0] // 4]
+    assert row[0].argmax() == 2 and row[-1].argmax() == 0
+    middle = imaging.depth_picture(np.array([[1000, 1600, 4000]], np.uint16))[0, 1]  # half way in dioptres
+    assert np.abs(row[300].astype(int) - middle).max() < 10
+    assert (legend[legend.shape[0] // 2:] < 128).any()  # metres
+
+
+def test_regions_have_a_legend_where_their_depth_is_known():
+    labels = np.repeat(np.arange(4, dtype=np.uint16)[None], 200, axis=0).repeat(100, axis=1)
+    shown = imaging.picture(labels)
+    assert shown.shape == (200, 400, 3) and not shown[0, 0].any()
+    assert [shown[0, x].argmax() for x in (100, 200, 300)] == [2, 1, 0]
+    table = [{"depth_min": m - 0.1, "depth_median": m, "depth_max": m + 0.1} for m in (1.0, 2.0, 4.0)]
+    with_legend = imaging.region_picture(labels, table)
+    assert np.array_equal(with_legend[:200], shown)
+    row = with_legend[200 + (with_legend.shape[0] - 200) // 4]
+    assert [tuple(row[0]), tuple(row[-1])] == [tuple(shown[0, 100]), tuple(shown[0, 300])]
+
+
 def test_source_index_shows_its_first_frame():
     index = np.array([[0, 5, imaging.NO_FRAME]], np.uint16)
     shown = imaging.picture(index, zero_is_unknown=False)

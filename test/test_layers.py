@@ -27,7 +27,7 @@ ROOMS = {
     'camera': ['files'],
     'calibration': ['files', 'imaging', 'command_line'],
     'bag': ['files', 'imaging', 'command_line'],
-    'replay': ['files', 'bag'],
+    'replay': ['files', 'imaging', 'bag'],
     'rviz': ['files', 'bag', 'replay'],
     'benchmark': ['files', 'imaging', 'command_line', 'metrics', 'baselines', 'simulation', 'bag', 'replay'],
 }

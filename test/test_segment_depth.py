@@ -154,6 +154,21 @@ def test_small_regions(tmp_path):
         assert segmented(tmp_path, depth, *options)[0].max() == regions, options
 
 
+def test_picture_of_the_regions(tmp_path):
+    """Near is red, unknown black; a legend with metres below."""
+    depth = np.full((480, 640), 1000, np.uint16)
+    depth[:, 320:], depth[:50] = 4000, 0
+    (tmp_path / "in").mkdir()
+    segmented(tmp_path / "in", depth, "--save-regions", tmp_path / "regions.png")
+    picture = read(tmp_path / "regions.png")
+    assert picture.shape[0] > 480 and picture.shape[1:] == (640, 3) and picture.dtype == np.uint8
+    assert not picture[10, 10].any() and [picture[470, x].argmax() for x in (5, 635)] == [2, 0]
+    legend = picture[480:]
+    assert [legend[legend.shape[0] // 4, x].argmax() for x in (0, 639)] == [2, 0]
+    assert (legend[legend.shape[0] // 2:] < 128).any()
+    segmented(tmp_path / "in", depth // 4000, "--save-regions", tmp_path / "one.png", optics="0.5,4,0.001")
+
+
 def test_two_runs_are_equal_to_the_byte(tmp_path):
     runs = []
     for _ in range(2):

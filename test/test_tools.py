@@ -111,6 +111,17 @@ def test_without_depth_sharpness_decides(planes, mode):
         assert np.array_equal(results["fused"], np.choose(results["source_index"][..., None], planes.frames))
 
 
+def test_picture_of_the_regions(planes):
+    outputs = {"--save-regions": "regions.png", "--save-labels": "labels.png"}
+    options = [part for option, name in outputs.items() for part in (option, planes.output(name))]
+    succeeded(fuse_stack("--stack", planes.stack, "--output", planes.output("fused.png"), *options, *planes.with_depth))
+    labels, picture = read(planes.output("labels.png")), read(planes.output("regions.png"))
+    assert picture.shape[0] > labels.shape[0] and picture.shape[1] == labels.shape[1]
+    near, far = np.argwhere(labels == 1)[-1], np.argwhere(labels == 2)[-1]  # a place that no caption covers
+    assert [picture[tuple(near)].argmax(), picture[tuple(far)].argmax()] == [2, 0]  # BGR: red, blue
+    planes.refused("--save-regions: there is no region with a depth", "--save-regions", planes.output("no.png"))
+
+
 LABEL_OUTPUTS = [option for option in OUTPUTS if option != "--save-registered"]
 
 

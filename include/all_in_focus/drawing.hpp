@@ -20,6 +20,16 @@ void drawLabels(const cv::Mat& labels, int count, cv::Mat& picture);
 /// std::invalid_argument.
 void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture);
 
+/// Draws a depth map for people: from red (nearest) to blue (farthest), evenly in dioptres, 0 black;
+/// below it a legend with metres.
+/// depth: CV_16UC1 mm, 0 = unknown, else std::invalid_argument. nearest_mm, farthest_mm: ends of the colours;
+/// 0: of this depth map. picture: CV_8UC3, BGR, higher than the depth map.
+void drawDepth(const cv::Mat& depth, double nearest_mm, double farthest_mm, cv::Mat& picture);
+
+/// The picture of regions for people: drawLabels(), captions, and below them a legend with metres.
+/// segmentation: labels and segments. picture: CV_8UC3, BGR, higher than the labels.
+void drawRegions(const Segmentation& segmentation, cv::Mat& picture);
+
 /// Draws which frame each pixel was taken from: hue by the frame's index (red first, violet last), brightness
 /// by confidence, kNoFrame black. source_index: CV_16UC1. confidence: CV_8UC1 of the same size. frames:
 /// length of the bracket. picture: CV_8UC3, BGR. Throws std::invalid_argument on other types or sizes.

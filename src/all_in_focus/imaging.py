@@ -15,6 +15,7 @@ GRAY_OF_BGR = (0.114021, 0.587043, 0.298936)  # as Matlab's rgb2gray; cvtColor's
 NO_FRAME = 65535  # in source_index images
 TITLE_HEIGHT, MARGIN = 24, 6  # pixels
 BACKGROUND, INK = 255, (40, 40, 40)
+FAR_HUE, LAST_FRAME_HUE = 120, 150  # blue, violet, in OpenCV's unit of two degrees; near and first are red
 
 
 def to_gray(image):
@@ -58,12 +59,16 @@ def split_title(text):
 
 
 def picture(image, zero_is_unknown=True):
-    """What people can see: BGR, 8 bit. 16-bit images (labels, source index, depth) are coloured over their range.
+    """What people can see: BGR, 8 bit. 16-bit images are coloured: depth and labels from red (near) to blue, with metres
+    below the depth; a source index from red (the first frame) to violet.
 
     zero_is_unknown: 0 is drawn black, as in labels and depth; in a source index it is the first frame.
     """
     if image.dtype == np.uint16 and image.ndim == 2:
-        return _coloured(image, (image != NO_FRAME) & (image >= (1 if zero_is_unknown else 0)))
+        if not zero_is_unknown:
+            known = image[image != NO_FRAME]
+            return index_picture(image, int(known.max()) + 1 if known.size else 1)
+        return region_picture(image) if _are_labels(image) else depth_picture(image)
     if image.dtype == np.uint16:
         image = (image >> 8).astype(np.uint8)
     if image.ndim == 2:
@@ -71,12 +76,77 @@ def picture(image, zero_is_unknown=True):
     return cv2.cvtColor(image, cv2.COLOR_BGRA2BGR) if image.shape[2] == 4 else image
 
 
-def _coloured(image, valid):
-    low, high = (image[valid].min(), image[valid].max()) if valid.any() else (0, 1)
-    scaled = (image.astype(np.float32) - low) * (255.0 / max(1, int(high) - int(low)))
-    colours = cv2.applyColorMap(np.clip(scaled, 0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
-    colours[~valid] = 0
-    return colours
+def _are_labels(image):
+    """Labels are numbered without a gap from 1 on; depths in mm are not."""
+    known = np.unique(image[image > 0])
+    return bool(known.size) and known[-1] == known.size
+
+
+def hues(count, last=FAR_HUE, alternate=False):
+    """count x 3 BGR, from red to the hue `last`, as src/core/drawing.cpp has them; alternate: every other is darker."""
+    hsv = np.full((1, max(count, 1), 3), (0, 220, 255), np.uint8)
+    hsv[0, :, 0] = np.rint(np.linspace(0, last, max(count, 1)))
+    if alternate:
+        hsv[0, 1::2, 2] = 180
+    return cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR)[0]
+
+
+def depth_picture(depth):
+    """Depth (H x W uint16 mm, 0 = unknown) as BGR, from red (nearest) to blue (farthest), evenly in dioptres, unknown
+    black; below it a legend with metres."""
+    known = depth[depth > 0]
+    if not known.size:
+        return np.zeros(depth.shape + (3,), np.uint8)
+    near, far = float(known.min()), float(known.max())
+    colours = hues(256)
+
+    def colour(millimetres):
+        share = (1 / near - 1 / np.maximum(millimetres, 1.0)) / max(1e-12, 1 / near - 1 / far)
+        return colours[np.rint(np.clip(share, 0, 1) * 255).astype(int)]
+    shown = colour(np.arange(65536))
+    shown[0] = 0
+    return np.vstack([shown[depth], _legend(depth.shape[1], near, far, colour)])
+
+
+def region_picture(labels, table=()):
+    """Labels (H x W, 0 = unknown, 1.. near to far) as BGR, from red (near) to blue; every other is darker.
+
+    table: of the regions, dicts with depth_min, depth_max, depth_median (m), as in report.json: for the legend below.
+    """
+    count = max(int(labels.max(initial=0)), len(table))
+    colours = np.vstack([np.zeros((1, 3), np.uint8), hues(count, alternate=True)])
+    if not table or any(not row[key] for row in table for key in ("depth_min", "depth_median", "depth_max")):
+        return colours[labels]
+    near, far = (1000 * end(row[key] for row in table) for end, key in ((min, "depth_min"), (max, "depth_max")))
+    medians = 1000 * np.array([row["depth_median"] for row in table])  # they ascend
+
+    def colour(millimetres):
+        return colours[1 + np.searchsorted((medians[1:] + medians[:-1]) / 2, millimetres)]
+    return np.vstack([colours[labels], _legend(labels.shape[1], near, far, colour)])
+
+
+def index_picture(index, frames):
+    """Which frame won (H x W uint16) as BGR, from red (the first of `frames`) to violet; NO_FRAME is black."""
+    shown = hues(frames, LAST_FRAME_HUE)[np.minimum(index, frames - 1)]
+    shown[index == NO_FRAME] = 0
+    return shown
+
+
+def _legend(width, near, far, colour):
+    """Strip of colours from near to far (mm), evenly in dioptres, with metres below; colour: of an array of mm."""
+    scale, line, bar = max(0.3, width / 1100), max(1, round(width / 900)), max(6, width // 40)
+    gap = max(2, bar // 4)
+
+    def size(text):
+        return cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, line)[0]
+    strip = np.full((bar + size("0")[1] + 3 * gap, width, 3), BACKGROUND, np.uint8)
+    strip[gap:gap + bar] = colour(1 / np.interp((np.arange(width) + 0.5) / width, [0, 1], [1 / near, 1 / far]))
+    ticks = 1 if near == far else min(5, max(2, width // (2 * size("8.88 m")[0])))
+    for share in np.linspace(0, 1, ticks):
+        text = f"{1 / (1 / near + share * (1 / far - 1 / near)) / 1000:.3g} m"
+        cv2.putText(strip, text, (round(share * (width - size(text)[0])), strip.shape[0] - gap), cv2.FONT_HERSHEY_SIMPLEX,
+                    scale, INK, line, cv2.LINE_AA)
+    return strip
 
 
 def _tile(image, title, width):

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <vector>
@@ -13,6 +14,8 @@
 
 namespace all_in_focus::core {
 namespace {
+
+constexpr double kFarHue = 120;  // blue; near is red
 
 // `count` colours, the first of hue 0 (red), the last of hue `span`, in OpenCV's unit of two degrees.
 // alternate: every other colour is darker.
@@ -28,10 +31,34 @@ std::vector<cv::Vec3b> hues(int count, double span, bool alternate) {
   return {bgr.begin<cv::Vec3b>(), bgr.end<cv::Vec3b>()};
 }
 
+// A strip of colours from near to far, evenly in dioptres, with metres below it. color: of a depth, mm.
+cv::Mat drawLegend(int width, double near_mm, double far_mm, const std::function<cv::Vec3b(double)>& color) {
+  constexpr int kMostTicks = 5;
+  const double scale = std::max(0.3, width / 1100.0);
+  const int line = std::max(1, cvRound(width / 900.0)), bar = std::max(6, width / 40),
+            gap = std::max(2, bar / 4);
+  const auto text_size = [&](const std::string& text) {
+    return cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, scale, line, nullptr);
+  };
+  cv::Mat legend(bar + text_size("0").height + 3 * gap, width, CV_8UC3, cv::Scalar::all(255));
+  const auto depth_at = [&](double share) { return 1 / (1 / near_mm + share * (1 / far_mm - 1 / near_mm)); };
+  for (int x = 0; x < width; ++x) legend(cv::Rect(x, gap, 1, bar)).setTo(color(depth_at((x + 0.5) / width)));
+  const int fitting = width / (2 * text_size("8.88 m").width);
+  const int ticks = near_mm == far_mm ? 1 : std::clamp(fitting, 2, kMostTicks);
+  for (int i = 0; i < ticks; ++i) {
+    const double share = ticks > 1 ? static_cast<double>(i) / (ticks - 1) : 0;
+    const std::string text = cv::format("%.3g m", depth_at(share) / 1000);
+    const int left = cvRound(share * (width - text_size(text).width));
+    cv::putText(legend, text, {left, legend.rows - gap}, cv::FONT_HERSHEY_SIMPLEX, scale, cv::Scalar::all(40),
+                line, cv::LINE_AA);
+  }
+  return legend;
+}
+
 }  // namespace
 
 std::vector<cv::Vec3b> labelColors(int count) {
-  std::vector<cv::Vec3b> colors = hues(count, 120, true);  // red to blue
+  std::vector<cv::Vec3b> colors = hues(count, kFarHue, true);
   colors.insert(colors.begin(), cv::Vec3b(0, 0, 0));
   return colors;
 }
@@ -60,6 +87,57 @@ void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture) 
     write(caption, 0, style.line + 2 * style.rim);
     write(caption, 255, style.line);
   }
+}
+
+void drawDepth(const cv::Mat& depth, double nearest_mm, double farthest_mm, cv::Mat& picture) {
+  if (depth.type() != CV_16UC1) throw std::invalid_argument("drawing: depth must be CV_16UC1");
+  const cv::Mat known = depth > 0;
+  double least = 0, most = 0;
+  if (cv::countNonZero(known) > 0) cv::minMaxLoc(depth, &least, &most, nullptr, nullptr, known);
+  const double near = nearest_mm > 0 ? nearest_mm : std::max(1.0, least);
+  const double far = std::max(near, farthest_mm > 0 ? farthest_mm : most);
+  constexpr int kColors = 256;
+  const std::vector<cv::Vec3b> colors = hues(kColors, kFarHue, false);
+  const double per_dioptre = near < far ? (kColors - 1) / (1 / near - 1 / far) : 0;
+  const auto color = [&](double mm) {
+    return colors[std::clamp(cvRound((1 / near - 1 / mm) * per_dioptre), 0, kColors - 1)];
+  };
+  std::vector<cv::Vec3b> of_depth(65536);
+  for (int mm = 1; mm < 65536; ++mm) of_depth[mm] = color(mm);
+  cv::Mat map(depth.size(), CV_8UC3);
+  for (int y = 0; y < depth.rows; ++y) {
+    const auto* from = depth.ptr<std::uint16_t>(y);
+    auto* to = map.ptr<cv::Vec3b>(y);
+    for (int x = 0; x < depth.cols; ++x) to[x] = of_depth[from[x]];
+  }
+  cv::vconcat(map, drawLegend(map.cols, near, far, color), picture);
+}
+
+void drawRegions(const Segmentation& segmentation, cv::Mat& picture) {
+  const std::vector<Segment>& segments = segmentation.segments;
+  cv::Mat regions;
+  drawLabels(segmentation.labels, static_cast<int>(segments.size()), regions);
+  drawCaptions(captionRegions(segmentation), regions);
+  if (segments.empty()) {
+    picture = regions;
+    return;
+  }
+  double near = segments.front().min_mm, far = segments.front().max_mm;
+  for (const Segment& segment : segments) {
+    near = std::min<double>(near, segment.min_mm);
+    far = std::max<double>(far, segment.max_mm);
+  }
+  const std::vector<cv::Vec3b> colors = labelColors(static_cast<int>(segments.size()));
+  const auto color = [&](double mm) {  // of the region with the nearest median; they ascend
+    const auto above =
+        std::lower_bound(segments.begin(), segments.end(), mm,
+                         [](const Segment& segment, double at) { return segment.median_mm < at; });
+    if (above == segments.begin()) return colors[1];
+    const auto below = above - 1;
+    const bool take_below = above == segments.end() || mm - below->median_mm < above->median_mm - mm;
+    return colors[(take_below ? below : above)->label];
+  };
+  cv::vconcat(regions, drawLegend(regions.cols, near, far, color), picture);
 }
 
 void drawWeights(const cv::Mat& source_index, const cv::Mat& confidence, int frames, cv::Mat& picture) {

@@ -249,6 +249,11 @@ void fuseStack(const po::variables_map& values) {
   save("save-labels",
        wants_labels && !result.segmentation.labels.empty() ? labels16(result.segmentation.labels) : cv::Mat(),
        "label image: give --depth, --registered-depth or --label-map");
+  if (values.count("save-regions")) {
+    cv::Mat regions;
+    if (!result.segmentation.segments.empty()) drawRegions(result.segmentation, regions);
+    save("save-regions", regions, "region with a depth: give --depth or --registered-depth");
+  }
   save("save-source-index", result.fusion.source_index, "source index");
   save("save-confidence", result.fusion.confidence, "confidence");
   if (values.count("save-weights")) {
@@ -292,15 +297,16 @@ int main(int argc, char** argv) {
        "ingredients of mode refined to leave out: alignment, exposure, prediction, edge-error, hole-doubt, "
        "scales, noise, soft")  //
       ("reference", text()->default_value("auto"),
-       "frame whose geometry and exposure the result keeps; auto: the middle one")                        //
-      ("save-registered", text(), "depth seen from the colour camera, holes filled, 16-bit PNG, mm")      //
-      ("save-measured", text(), "the same before its holes were filled, 16-bit PNG, mm")                  //
-      ("save-depth", text(), "depth estimated from the bracket by mode restored, 16-bit PNG, mm")         //
-      ("save-labels", text(), "label image, 16-bit PNG")                                                  //
-      ("save-source-index", text(), "frame that each pixel was taken from, 16-bit PNG, 65535 = none")     //
-      ("save-weights", text(), "picture of which frame won where: hue = frame, brightness = confidence")  //
-      ("save-confidence", text(), "how clear the choice was, 8-bit PNG, 255 = no rival")                  //
-      ("report", text(), "JSON report")                                                                   //
+       "frame whose geometry and exposure the result keeps; auto: the middle one")                          //
+      ("save-registered", text(), "depth seen from the colour camera, holes filled, 16-bit PNG, mm")        //
+      ("save-measured", text(), "the same before its holes were filled, 16-bit PNG, mm")                    //
+      ("save-depth", text(), "depth estimated from the bracket by mode restored, 16-bit PNG, mm")           //
+      ("save-labels", text(), "label image, 16-bit PNG")                                                    //
+      ("save-regions", text(), "picture of the regions for people: red is near; captions and legend in m")  //
+      ("save-source-index", text(), "frame that each pixel was taken from, 16-bit PNG, 65535 = none")       //
+      ("save-weights", text(), "picture of which frame won where: hue = frame, brightness = confidence")    //
+      ("save-confidence", text(), "how clear the choice was, 8-bit PNG, 255 = no rival")                    //
+      ("report", text(), "JSON report")                                                                     //
       ("timings", "print how long each step took");
   return runTool(argc, argv, "all-in-focus image of a focus bracket, assisted by depth", options, fuseStack);
 }

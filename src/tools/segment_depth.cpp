@@ -3,6 +3,7 @@
 
 // Cuts a registered depth map into regions that each fit inside one depth of field.
 
+#include "all_in_focus/drawing.hpp"
 #include "command_line.hpp"
 #include "image_files.hpp"
 #include "output_files.hpp"
@@ -25,6 +26,11 @@ void segmentDepth(const po::variables_map& values) {
 
   OutputFiles outputs;
   outputs.addImage(values["output"].as<std::string>(), labels16(result.labels));
+  if (values.count("save-regions")) {
+    cv::Mat regions;
+    drawRegions(result, regions);
+    outputs.addImage(textOption(values, "save-regions"), regions);
+  }
   if (values.count("report")) {
     outputs.addText(textOption(values, "report"), segmentationReport(result, optics, rule));
   }
@@ -39,8 +45,10 @@ int main(int argc, char** argv) {
       ("depth", po::value<std::string>()->required(), "registered depth, 16-bit PNG, mm, 0 = unknown")  //
       ("optics", po::value<std::string>()->required(), "f,F,coc in mm, as in 24,4,0.019")               //
       ("output", po::value<std::string>()->required(),
-       "label image, 16-bit PNG, 0 = unknown, 1.. near to far")               //
-      ("report", po::value<std::string>(), "JSON with the table of regions")  //
+       "label image, 16-bit PNG, 0 = unknown, 1.. near to far")  //
+      ("save-regions", po::value<std::string>(),
+       "picture of the regions for people: red is near; captions and legend in m")  //
+      ("report", po::value<std::string>(), "JSON with the table of regions")        //
       ("dof-rule", po::value<std::string>()->default_value("paper"),
        "dioptre span of a region: paper = 1/H, full = 2/H")  //
       ("mode", po::value<std::string>()->default_value("refined"),

@@ -46,12 +46,14 @@ DEPTHS = ("measured", "registered", "depth")  # as fuse_stack --save-NAME saves 
 @dataclass
 class Produced:
     """fused: H x W x 3 uint8. weights: H x W, uint16: frame with the most weight, 65535 = none; or float: share of
-    the second of two frames, W of equation 11. labels: H x W uint16. seconds: from frames in memory to the fused image.
+    the second of two frames, W of equation 11. labels: H x W uint16. table: of their regions, as in report.json.
+    seconds: from frames in memory to the fused image.
     depths: H x W uint16 mm, 0 = unknown, by DEPTHS: as measured, with filled holes, and what mode restored estimates.
     """
     fused: np.ndarray
     weights: Optional[np.ndarray] = None
     labels: Optional[np.ndarray] = None
+    table: List[dict] = field(default_factory=list)
     seconds: Optional[float] = None
     notes: List[str] = field(default_factory=list)
     depths: Dict[str, np.ndarray] = field(default_factory=dict)
@@ -297,7 +299,7 @@ def _read_own(folder, measured="", steps=None):
     paths = {name: Path(folder, f"{name}.png") for name in ("fused", *PICTURES, *DEPTHS)}
     images = {name: read_image(path, cv2.IMREAD_UNCHANGED) for name, path in paths.items() if path.exists()}
     times = dict(zip(report["timing_names"], report["timing_ms"]))
-    return Produced(images["fused"], images.get("source_index"), images.get("labels"),
+    return Produced(images["fused"], images.get("source_index"), images.get("labels"), report.get("segment_table", []),
                     sum(ms for name, ms in times.items() if steps is None or name in steps) / 1000,
                     report["notes"] + (["time: " + measured] if measured else []),
                     {name: images[name] for name in DEPTHS if name in images})

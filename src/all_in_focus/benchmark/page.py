@@ -211,8 +211,9 @@ def _labels(scene, worked, store):
     for name in worked:
         path = store.picture(scene.name, name, "labels")
         if path:
+            drawn = store.picture(scene.name, name, "regions")
             regions = np.count_nonzero(np.unique(read_image(path, cv2.IMREAD_UNCHANGED)))
-            figures.append(_figure(name, pictures.read_labels(path), "map", f"regions: {regions}"))
+            figures.append(_figure(name, read_image(drawn) if drawn else pictures.read_labels(path), "map", f"regions: {regions}"))
     return figures
 
 

@@ -6,13 +6,12 @@ import base64
 import cv2
 import numpy as np
 
-from all_in_focus.imaging import NO_FRAME, picture
+from all_in_focus.imaging import NO_FRAME, index_picture, picture
 from all_in_focus.files.stack import read_image
 
 WIDTH = 420          # of a small copy, pixels
 CROP, CROPS = 96, 3  # side of a crop in pixels, a quarter of a small image at most; how many
 UNDECIDED = (200, 80, 200)  # BGR of pixels that no frame has won: a colour that the others do not have
-MAX_COLOURS = 0.9    # of the colour map: its last tenth is nearly as dark as its first
 
 
 def small(image, interpolation=cv2.INTER_AREA):
@@ -43,8 +42,7 @@ def weight_picture(index, frames):
     if frames == 2:
         coloured = cv2.cvtColor(np.where(index == 1, 255, 0).astype(np.uint8), cv2.COLOR_GRAY2BGR)
     else:
-        scaled = 255 * (0.05 + MAX_COLOURS * np.minimum(index, frames - 1) / (frames - 1))
-        coloured = cv2.applyColorMap(scaled.astype(np.uint8), cv2.COLORMAP_TURBO)
+        coloured = index_picture(index, frames)
     coloured[index == NO_FRAME] = UNDECIDED
     return coloured
 

@@ -17,6 +17,7 @@ from all_in_focus.files.errors import one_line_with_type
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import load_focus, read_depth, read_image, size_text
+from all_in_focus.imaging import region_picture
 
 
 def run(scene, method, metric_names, code):
@@ -89,7 +90,8 @@ def measure_truth(truth, fused):
 
 
 def pictures(produced):
-    """PNG bytes by name: fused, source_index or weights (16 bit: 65535 = all of the second frame), labels."""
+    """PNG bytes by name: fused, source_index or weights (16 bit: 65535 = all of the second frame), labels,
+    and regions: labels for people."""
     files = {"fused": encode_png(produced.fused)}
     if produced.weights is not None:
         if np.issubdtype(produced.weights.dtype, np.floating):
@@ -98,4 +100,5 @@ def pictures(produced):
             files["source_index"] = encode_png(produced.weights.astype(np.uint16))
     if produced.labels is not None:
         files["labels"] = encode_png(produced.labels.astype(np.uint16))
+        files["regions"] = encode_png(region_picture(produced.labels, produced.table))
     return files

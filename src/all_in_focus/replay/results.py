@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The outputs of the nodes, collected bracket by bracket and saved.
 
-On disk: bracket_0000/{fused,labels,registered,source_index,confidence,weights}.png and report.json; in mode restored
-depth_restored.png too.
+On disk: bracket_0000/{fused,labels,regions,registered,source_index,confidence,weights}.png and report.json; in mode
+restored depth_restored.png too.
 """
 import functools
 import math
@@ -11,6 +11,7 @@ import re
 import threading
 from collections import OrderedDict
 
+import cv2
 import cv_bridge
 import genpy
 import numpy as np
@@ -21,6 +22,7 @@ from sensor_msgs.msg import Image
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.output_file import encode_png, named, write_json
 from all_in_focus.files.output_folder import OutputFolder
+from all_in_focus.imaging import region_picture
 from all_in_focus.msg import FusionReport, SegmentArray
 
 REPORT_VERSION = 1
@@ -167,6 +169,9 @@ class BracketCollector:
             for data in files.values():
                 if isinstance(data, ResultError):
                     raise data
+            if segments is not None:
+                labels = cv2.imdecode(np.frombuffer(files["labels"], np.uint8), cv2.IMREAD_UNCHANGED)
+                files["regions"] = encode_png(region_picture(labels, to_plain(segments.segments)))
             self._folder.save(number, files, report_dict(report, segments))
             self._forget(wanted)
 
