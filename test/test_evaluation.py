@@ -81,7 +81,8 @@ def test_bracket_is_saved_when_complete(tmp_path, report_first):
     folder.discard()
     assert sorted(os.listdir(str(tmp_path / "out"))) == [MARK, "bracket_0000"]
     assert sorted(os.listdir(str(tmp_path / "out" / "bracket_0000"))) == [
-        "confidence.png", "fused.png", "labels.png", "regions.png", "registered.png", "report.json", "source_index.png", "weights.png"]
+        "confidence.png", "fused.png", "labels.png", "regions.png", "registered.png", "report.json",
+        "source_index.png", "weights.png"]
     report = json.loads((tmp_path / "out" / "bracket_0000" / "report.json").read_text())
     assert report["bracket_id"] == 4 and report["segment_table"][0]["area"] == 9
     assert collector.brackets == [{"folder": "bracket_0000", "bracket_id": 4, "frames_used": 3, "regions": 1,

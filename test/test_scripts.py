@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+import yaml
 
 import run_pytest
 
@@ -57,3 +58,38 @@ python3 -c 'import all_in_focus; print(all_in_focus.__file__)'
     assert run.returncode == 0, run.stderr
     lines = run.stdout.splitlines()
     assert lines[0].startswith(str(moved)) and lines[-1].startswith(str(moved))
+
+
+# Keys of package.xml, as rosdep knows them: the Debian packages that hold the same.
+DEBIAN = {
+    "camera_info_manager": ["libcamera-info-manager-dev"], "catkin": ["catkin", "cmake", "build-essential"],
+    "cv_bridge": ["libcv-bridge-dev", "python3-cv-bridge"], "diagnostic_updater": ["libdiagnostic-updater-dev"],
+    "dynamic_reconfigure": ["libdynamic-reconfigure-config-init-mutex-dev", "python3-dynamic-reconfigure"],
+    "image_transport": ["libimage-transport-dev"], "libboost-program-options-dev": ["libboost-program-options-dev"],
+    "message_filters": ["libmessage-filters-dev", "python3-message-filters"], "message_runtime": [],
+    "message_generation": ["ros-message-generation"], "nlohmann-json-dev": ["nlohmann-json3-dev"],
+    "nodelet": ["libnodeletlib-dev", "libnodeletlib-tools"], "pluginlib": ["pluginlib-dev"], "rosbag": ["ros-core"],
+    "roscpp": ["libroscpp-dev"], "roslaunch": ["ros-core"], "rospy": ["python3-rospy"], "rviz": [],
+    "rostest": ["librostest-dev", "python3-rostest", "libgtest-dev"], "yaml-cpp": ["libyaml-cpp-dev"],
+    "tf2_ros": ["libtf2-ros-dev", "tf2-tools", "python3-tf2-ros"],
+    "diagnostic_msgs": ["ros-diagnostic-msgs", "python3-diagnostic-msgs"],
+    **{name: [f"lib{dashed}-dev", f"ros-{dashed}", f"python3-{dashed}"]
+       for name in ("geometry_msgs", "sensor_msgs", "std_msgs", "std_srvs", "visualization_msgs")
+       for dashed in [name.replace("_", "-")]}}
+
+
+def test_package_xml_names_all_that_is_installed():
+    """What rosdep installs is what scripts/build installs on Debian."""
+    package = ET.parse(ROOT / "package.xml").getroot()
+    keys = {element.text for element in package if element.tag.endswith("depend")}
+    groups, group = {}, None
+    for line in (ROOT / "scripts/packages.txt").read_text().splitlines():
+        if line.startswith("# ["):
+            group = line[3:-1]
+        elif line and not line.startswith("#"):
+            groups.setdefault(group, set()).add(line)
+    wanted = groups["build"] | groups["run"] | groups["tests"]
+    named = {name for key in keys for name in DEBIAN.get(key, [key])}
+    assert named == wanted, (wanted - named, named - wanted)
+    own = set(yaml.safe_load((ROOT / "rosdep.yaml").read_text()))
+    assert own <= keys

@@ -213,7 +213,8 @@ def _labels(scene, worked, store):
         if path:
             drawn = store.picture(scene.name, name, "regions")
             regions = np.count_nonzero(np.unique(read_image(path, cv2.IMREAD_UNCHANGED)))
-            figures.append(_figure(name, read_image(drawn) if drawn else pictures.read_labels(path), "map", f"regions: {regions}"))
+            shown = read_image(drawn) if drawn else pictures.read_labels(path)
+            figures.append(_figure(name, shown, "map", f"regions: {regions}"))
     return figures
 
 
