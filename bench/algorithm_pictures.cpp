@@ -198,7 +198,7 @@ void drawAll(const po::variables_map& values) {
   save("confidence", colored(result.fusion.confidence, 128, 255));
   save("result", result.fusion.image);
 
-  save("depth_restored", drawDepth(restored.restored_depth, nearest, farthest), cv::INTER_NEAREST);
+  save_depth("depth_restored", restored.restored_depth);
   cv::Mat correction;
   cv::subtract(restored.fusion.image, result.fusion.image, correction, cv::noArray(), CV_16S);
   correction.convertTo(correction, CV_8U, kCorrectionGain, 128);
