@@ -37,7 +37,7 @@ struct BracketScene {
 struct DefocusConfig {
   /// How far the edges of the registered depth lie from those of the picture: standard deviation in pixels of
   /// a picture 640 wide (a depth sensor's own resolution), more in wider ones.
-  double edge_error_px = 3.0;
+  double edge_error_px = 2.0;
   bool edge_uncertainty = true;  ///< take edges for that uncertain
   bool hole_doubt = true;        ///< trust filled depth less than measured
 };

@@ -210,4 +210,36 @@ TEST(DefocusPrediction, RefusesWhatItCannotUse) {
   }
 }
 
+TEST(DefocusPrediction, BareSurfacesErrLessThanTexturedOnes) {
+  DefocusPrediction prediction;
+  prediction.begin(uniform(2000), {}, kSize, kOptics, kPitch);
+  cv::Mat texture(30, 50, CV_32FC1, cv::Scalar(2)), error;
+  texture.colRange(0, 25) = 100;
+  prediction.addTexture(texture, 1.6);  // noise that explains all of the bare side
+  prediction.compute(1500, error);
+  expectEverywhere(error.colRange(0, 40), expected(2000, 1500));
+  expectEverywhere(error.colRange(60, 100), expected(2000, 1500) / 4);  // a Laplacian of 18, not 36
+  // What one frame has shown, later ones that are blurred do not take back.
+  prediction.addTexture(cv::Mat(30, 50, CV_32FC1, cv::Scalar(0)), 0);
+  cv::Mat later;
+  prediction.compute(1500, later);
+  EXPECT_EQ(cv::norm(error, later, cv::NORM_INF), 0);
+}
+
+TEST(DefocusPrediction, TextureIsLookedForAtTheScaleOfTheSensor) {
+  DefocusPrediction prediction;
+  for (const auto& [width, level] : {std::pair(100, 1), {640, 1}, {1300, 2}, {6000, 4}}) {
+    prediction.begin(uniform(2000), {}, {width, 60}, kOptics, kPitch);
+    EXPECT_EQ(prediction.textureLevel(), level) << width;
+  }
+}
+
+TEST(DefocusPrediction, TellsWhereDepthIsKnown) {
+  DefocusPrediction prediction;
+  prediction.begin(step(1000, 0, {640, 480}), {}, {640, 480}, kOptics, kPitch);
+  const cv::Mat known = prediction.known({320, 240});
+  EXPECT_EQ(cv::countNonZero(known.colRange(0, 150)), 150 * 240);
+  EXPECT_EQ(cv::countNonZero(known.colRange(180, 320)), 0);
+}
+
 }  // namespace

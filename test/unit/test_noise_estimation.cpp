@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <opencv2/imgproc.hpp>
+
 #include "fusion/noise_estimation.hpp"
 
 using namespace all_in_focus::core;
@@ -45,6 +47,64 @@ TEST(NoiseEstimation, SmallImagesHaveNone) {
     EXPECT_EQ(noiseDeviation(cv::Mat(size, CV_8UC1, cv::Scalar(7))), 0) << size;
   }
   EXPECT_NO_THROW(noiseDeviation(cv::Mat(3, 3, CV_8UC1, cv::Scalar(7))));
+}
+
+// Flat or, in its first columns, textured; noise of a deviation on it.
+cv::Mat noisyPicture(double deviation, int textured) {
+  cv::RNG random(1);
+  cv::Mat gray(480, 640, CV_8UC1);
+  for (int y = 0; y < gray.rows; ++y) {
+    for (int x = 0; x < gray.cols; ++x) {
+      const double value = x < textured ? random.uniform(30.0, 220.0) : 80 + 0.1 * x + 0.1 * y;
+      gray.at<std::uint8_t>(y, x) = cv::saturate_cast<std::uint8_t>(value + random.gaussian(deviation));
+    }
+  }
+  return gray;
+}
+
+TEST(NoiseSpectrum, FindsWhiteNoise) {
+  for (const double deviation : {2.0, 5.0, 10.0}) {
+    const NoiseSpectrum found = NoiseSpectrum::of(noisyPicture(deviation, 0));
+    EXPECT_NEAR(found.deviation(), deviation, 0.15 * deviation);
+    EXPECT_NEAR(found.sharpness(0), NoiseSpectrum::white(deviation).sharpness(0), 0.1 * found.sharpness(0));
+  }
+}
+
+TEST(NoiseSpectrum, TextureOnMostOfThePictureHardlyLiftsIt) {
+  for (const double deviation : {1.0, 3.0, 10.0}) {
+    const double plain = NoiseSpectrum::of(noisyPicture(deviation, 0)).sharpness(0);
+    EXPECT_LT(NoiseSpectrum::of(noisyPicture(deviation, 480)).sharpness(0), 1.4 * plain) << deviation;
+  }
+}
+
+TEST(NoiseSpectrum, FindsCorrelatedNoiseAtTheLevelOfItsCorrelation) {
+  cv::Mat large;
+  cv::resize(noisyPicture(5, 0), large, {}, 5, 5, cv::INTER_CUBIC);
+  const NoiseSpectrum found = NoiseSpectrum::of(large);
+  EXPECT_LT(found.sharpness(0), 2);
+  EXPECT_GT(found.sharpness(2), 4);
+  EXPECT_GT(found.deviation(), 2);
+}
+
+TEST(NoiseSpectrum, BlackAndWhiteHideNone) {
+  cv::Mat gray = noisyPicture(5, 0);
+  gray.colRange(0, 200) = 0;
+  gray.colRange(200, 400) = 255;
+  EXPECT_NEAR(NoiseSpectrum::of(gray).deviation(), 5, 1);
+}
+
+TEST(NoiseSpectrum, TheLeastOfTwoFramesIsTakenLevelByLevel) {
+  const NoiseSpectrum least = NoiseSpectrum::least(NoiseSpectrum({4, 3, 9}), NoiseSpectrum({2, 5, 8}));
+  EXPECT_EQ(least.sharpness(0), 2);
+  EXPECT_EQ(least.sharpness(1), 3);
+  EXPECT_EQ(least.sharpness(2), 8);
+  EXPECT_NEAR(least.sharpness(3), 3.2, 1e-9);
+  EXPECT_EQ(NoiseSpectrum().sharpness(3), 0);
+}
+
+TEST(NoiseSpectrum, SmallImagesHaveNone) {
+  EXPECT_EQ(NoiseSpectrum::of(cv::Mat(3, 3, CV_8UC1, cv::Scalar(7))).deviation(), 0);
+  EXPECT_EQ(NoiseSpectrum::of(cv::Mat(1, 1, CV_8UC1, cv::Scalar(7))).sharpness(0), 0);
 }
 
 }  // namespace

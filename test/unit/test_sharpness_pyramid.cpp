@@ -54,8 +54,8 @@ cv::Mat naiveProduct(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge) 
   }
   cv::Mat product;
   for (int l = static_cast<int>(levels.size()) - 1; l >= 0; --l) {
-    const double floor = 1 + 10 * gauge.noise * std::pow(0.4, l);
-    cv::Mat sharpness = gauge.contrast * smoothedLaplacian(levels[l], l == 0 ? 1.2 : 1.8) + floor;
+    const double floor = 1 + 4 * gauge.noise.sharpness(l);
+    cv::Mat sharpness = gauge.contrast * smoothedLaplacian(levels[l], l == 0 ? 0.85 : 1.4) + floor;
     product = product.empty() ? sharpness : sharpness.mul(enlarged(product, levels[l].size()));
   }
   return product;
@@ -81,12 +81,13 @@ const cv::Size kSizes[] = {{1, 1},   {1, 9},    {9, 1},    {3, 2},    {5, 7},   
                            {64, 48}, {101, 67}, {741, 50}, {43, 242}, {640, 480}};
 
 TEST(SharpnessPyramid, IsTheProductOverAllLevels) {
+  const NoiseSpectrum noise = NoiseSpectrum::white(3);
   for (const cv::Size& size : kSizes) {
     cv::Mat gray = randomGray(size);
     for (const double blur : {0.0, 4.0}) {
       if (blur > 0) cv::GaussianBlur(gray, gray, {}, blur);
       for (const SharpnessPyramid::Gauge& gauge :
-           {SharpnessPyramid::Gauge{0, 1, true}, {3, 1.4, true}, {3, 0.8, false}}) {
+           {SharpnessPyramid::Gauge{{}, 1, true}, {noise, 1.4, true}, {noise, 0.8, false}}) {
         EXPECT_LT(largestRatio(product(gray, gauge), naiveProduct(gray, gauge)), 0.01) << size << blur;
       }
     }
@@ -108,7 +109,8 @@ TEST(SharpnessPyramid, HoldsForHugeFramesOfTheGreatestContrast) {
   for (int y = 0; y < gray.rows; ++y) {
     for (int x = 0; x < gray.cols; ++x) gray.at<uchar>(y, x) = (x ^ y) & 1 ? 255 : 0;
   }
-  EXPECT_TRUE(cv::checkRange(product(gray, {50, 2, true}, 0, 500), true, nullptr, 0, 1e38));
+  EXPECT_TRUE(
+      cv::checkRange(product(gray, {NoiseSpectrum::white(50), 2, true}, 0, 500), true, nullptr, 0, 1e38));
 }
 
 TEST(SharpnessPyramid, SeesFromAfarThatAFlatPlaceBelongsToASharpFrame) {
@@ -117,7 +119,7 @@ TEST(SharpnessPyramid, SeesFromAfarThatAFlatPlaceBelongsToASharpFrame) {
   sharp(cv::Rect(200, 0, 60, 480)) = 200;
   cv::blur(sharp, blurred, {41, 41});
   const cv::Point flat(272, 240);
-  const SharpnessPyramid::Gauge all, finest{0, 1, false};
+  const SharpnessPyramid::Gauge all, finest{{}, 1, false};
   EXPECT_GT(product(sharp, all).at<float>(flat), 1.5f * product(blurred, all).at<float>(flat));
   EXPECT_NEAR(product(sharp, finest).at<float>(flat), product(blurred, finest).at<float>(flat), 1);
 }
@@ -125,10 +127,39 @@ TEST(SharpnessPyramid, SeesFromAfarThatAFlatPlaceBelongsToASharpFrame) {
 TEST(SharpnessPyramid, HardlyTrustsAFrameThatIsSharpNowhere) {
   cv::Mat sharp = randomGray({320, 240}), blurred;
   cv::GaussianBlur(sharp, blurred, {}, 20);
-  const SharpnessPyramid::Gauge plain, trusting{0, 1, true, true};
+  const SharpnessPyramid::Gauge plain, trusting{{}, 1, true, true};
   EXPECT_EQ(cv::norm(product(sharp, trusting), product(sharp, plain), cv::NORM_INF), 0);
   EXPECT_LT(cv::norm(product(blurred, trusting), cv::NORM_INF),
             0.1 * cv::norm(product(blurred, plain), cv::NORM_INF));
+}
+
+TEST(SharpnessPyramid, CoarserLevelsCountByTheirRootWhereDepthHasASay) {
+  const cv::Mat gray = randomGray({200, 120});
+  SharpnessPyramid::Gauge finest, predicted;
+  finest.scales = false;
+  predicted.predicted = cv::Mat(60, 100, CV_8UC1, cv::Scalar(0));
+  predicted.predicted.colRange(0, 50) = 255;
+  const cv::Mat all = product(gray, {}), of_finest = product(gray, finest), some = product(gray, predicted);
+  const cv::Rect known(0, 0, 98, 120), unknown(102, 0, 98, 120);
+  EXPECT_EQ(cv::norm(some(unknown), all(unknown), cv::NORM_INF), 0);
+  cv::Mat root;
+  cv::sqrt(all / of_finest, root);
+  EXPECT_LT(largestRatio(some(known), root.mul(of_finest)(known)), 0.05);
+}
+
+TEST(SharpnessPyramid, HandsOutTheSharpnessOfALevel) {
+  const cv::Mat gray = randomGray({200, 120});
+  SharpnessPyramid pyramid;
+  SharpnessPyramid::Gauge gauge;
+  for (const std::size_t level : {1, 2}) {
+    gauge.texture_level = level;
+    pyramid.begin(gray, gauge);
+    EXPECT_EQ(pyramid.texture().size(), cv::Size(200 >> level, 120 >> level));
+    EXPECT_GT(cv::mean(pyramid.texture())[0], 1);
+  }
+  gauge.texture_level = 9;
+  pyramid.begin(gray, gauge);
+  EXPECT_TRUE(pyramid.texture().empty());
 }
 
 TEST(SharpnessPyramid, RefusesWhatIsNotGray) {

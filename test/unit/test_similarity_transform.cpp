@@ -95,4 +95,26 @@ TEST(WarpToReference, RefusesGray) {
                std::invalid_argument);
 }
 
+TEST(SimilarityTransform, AFrameShowsARectangleOfTheReference) {
+  const cv::Size size(640, 480);
+  const cv::Point2d center(319.5, 239.5);
+  SimilarityTransform motion;
+  EXPECT_EQ(seenThrough(motion, size, center), cv::Rect({}, size));
+  motion.shift = {10, -20};  // to the frame: the reference shows more to the left and at the bottom
+  EXPECT_EQ(seenThrough(motion, size, center), cv::Rect(0, 20, 630, 460));
+}
+
+TEST(SimilarityTransform, AFrameThatLiesOutsideShowsNothingOfTheReference) {
+  const cv::Size size(640, 480);
+  const cv::Point2d center(319.5, 239.5);
+  for (const cv::Point2d& shift : {cv::Point2d(700, 0), {-700, 0}, {0, 500}, {0, -500}, {-700, 500}}) {
+    SimilarityTransform motion;
+    motion.shift = shift;
+    EXPECT_EQ(seenThrough(motion, size, center).area(), 0) << shift;
+  }
+  SimilarityTransform rolled;  // its corners cross: no upright rectangle fits
+  rolled.angle = 1;
+  EXPECT_EQ(seenThrough(rolled, size, center).area(), 0);
+}
+
 }  // namespace

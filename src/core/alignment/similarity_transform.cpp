@@ -42,4 +42,18 @@ double largestDisplacement(const SimilarityTransform& transform, const cv::Size&
   return largest;
 }
 
+cv::Rect seenThrough(const SimilarityTransform& motion, const cv::Size& size, const cv::Point2d& center) {
+  const SimilarityTransform back = inverse(motion);
+  const int right = size.width - 1, bottom = size.height - 1;
+  const cv::Point2d nw = back.apply({0, 0}, center), ne = back.apply(cv::Point(right, 0), center),
+                    sw = back.apply(cv::Point(0, bottom), center),
+                    se = back.apply(cv::Point(right, bottom), center);
+  const cv::Point from(static_cast<int>(std::ceil(std::max(nw.x, sw.x))),
+                       static_cast<int>(std::ceil(std::max(nw.y, ne.y))));
+  const cv::Point to(static_cast<int>(std::floor(std::min(ne.x, se.x))) + 1,
+                     static_cast<int>(std::floor(std::min(sw.y, se.y))) + 1);
+  if (to.x <= from.x || to.y <= from.y) return {};  // cv::Rect would swap the corners
+  return cv::Rect(from, to) & cv::Rect({}, size);
+}
+
 }  // namespace all_in_focus::core

@@ -29,4 +29,8 @@ SimilarityTransform inverse(const SimilarityTransform& transform);
 double largestDisplacement(const SimilarityTransform& transform, const cv::Size& size,
                            const cv::Point2d& center);
 
+/// A rectangle of the reference all of whose pixels a frame of that size shows; empty if it shows none.
+/// motion: from the reference to the frame.
+cv::Rect seenThrough(const SimilarityTransform& motion, const cv::Size& size, const cv::Point2d& center);
+
 }  // namespace all_in_focus::core

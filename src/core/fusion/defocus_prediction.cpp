@@ -10,10 +10,14 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "util/simd.hpp"
+
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kLaplacian = 36;  // of a textured picture, gray levels; results hardly depend on it
+constexpr double kLaplacian = 36;       // of a textured picture, gray levels; results hardly depend on it
+constexpr double kLeastLaplacian = 18;  // light of blurred things may lie on the barest surface
+constexpr double kNoiseMargin = 1.25;   // frames differ in their noise, and places in a frame
 constexpr double kHoleError = 10;  // gray levels; added for filled depth, which may be any surface nearby
 constexpr double kUnknownFocusError = 10;  // gray levels: neither sharp nor much blurred
 
@@ -22,6 +26,16 @@ constexpr int kUnknown = kLevels;
 constexpr double kSensorColumns = 640;
 constexpr double kPixelError = 0.5;  // px that no registration can better
 constexpr float kLeastKnown = 1e-3f;
+constexpr double kCellOfError = 1.5;  // side of a cell, of the deviation of edges
+
+// squared_error: of a textured picture; becomes that of one with the Laplacian kLeastLaplacian + l.
+ALL_IN_FOCUS_SIMD void weigh(const float* l, float scale, int n, float* squared_error) {
+  for (int i = 0; i < n; ++i) {
+    const float share = std::min(static_cast<float>(kLeastLaplacian) + l[i], static_cast<float>(kLaplacian)) /
+                        static_cast<float>(kLaplacian);
+    squared_error[i] *= scale * share * share;
+  }
+}
 
 }  // namespace
 
@@ -39,9 +53,10 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
   pixel_pitch_mm_ = pixel_pitch_mm;
   size_ = size;
 
-  const double edge_error = (config_.edge_uncertainty ? config_.edge_error_px : kPixelError) *
-                            std::max(1.0, size.width / kSensorColumns);
-  const int cell = std::max(1, static_cast<int>(edge_error));
+  const double columns = std::max(1.0, size.width / kSensorColumns);
+  texture_level_ = 1 + static_cast<std::size_t>(std::lround(std::log2(columns)));
+  const double edge_error = (config_.edge_uncertainty ? config_.edge_error_px : kPixelError) * columns;
+  const int cell = std::max(1, static_cast<int>(kCellOfError * edge_error));
   edge_error_px_ = edge_error / cell;
   const cv::Size grid((size.width + cell - 1) / cell, (size.height + cell - 1) / cell);
 
@@ -66,6 +81,7 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
   least_ = farthest > 0 ? 1.0 / farthest : 0;
   level_step_ = farthest > nearest ? (1.0 / nearest - least_) / (kLevels - 1) : 0;
 
+  laplacian_.release();
   level_.create(grid, CV_16UC1);
   known_.create(grid, CV_32FC1);
   for (int v = 0; v < grid.height; ++v) {
@@ -85,6 +101,24 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
     float* known = known_.ptr<float>(v);
     for (int u = 0; u < grid.width; ++u) known[u] = known[u] > kLeastKnown ? 1 / known[u] : 0;
   }
+}
+
+void DefocusPrediction::addTexture(const cv::Mat& sharpness, double noise) {
+  if (sharpness.type() != CV_32FC1 || sharpness.empty()) {
+    throw std::invalid_argument("defocus: texture must be CV_32FC1 and not empty");
+  }
+  // That of a cell and its neighbours, whose light blur brings here.
+  cv::resize(sharpness, texture_, level_.size(), 0, 0, cv::INTER_AREA);
+  cv::dilate(texture_, texture_, cv::Mat());
+  cv::subtract(texture_, kNoiseMargin * noise, texture_);
+  if (laplacian_.empty()) laplacian_ = cv::Mat(level_.size(), CV_32FC1, cv::Scalar(0));
+  cv::max(laplacian_, texture_, laplacian_);
+}
+
+cv::Mat DefocusPrediction::known(const cv::Size& size) const {
+  cv::Mat known;
+  cv::resize(known_ > 0, known, size, 0, 0, cv::INTER_NEAREST);
+  return known;
 }
 
 void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
@@ -114,6 +148,11 @@ void DefocusPrediction::computeCoarse(double focus_mm, cv::Mat& squared_error) {
   cv::add(squared_error, constant_, squared_error);
   // Mean over what is known; 0 for all frames alike where nothing is.
   cv::multiply(squared_error, known_, squared_error);
+  if (laplacian_.empty()) return;
+  // In pixels of the level of the texture blur is narrower, by its fourth power.
+  const auto scale = static_cast<float>(std::pow(16.0, 1.0 - static_cast<double>(texture_level_)));
+  for (int v = 0; v < squared_error.rows; ++v)
+    weigh(laplacian_.ptr<float>(v), scale, squared_error.cols, squared_error.ptr<float>(v));
 }
 
 }  // namespace all_in_focus::core

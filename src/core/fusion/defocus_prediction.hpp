@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -14,10 +15,11 @@ namespace all_in_focus::core {
 /// of its pixels is expected to have against the sharp picture.
 ///
 /// A disc of diameter b, the blur circle, spreads light with variance b^2 / 16 along each axis, so that the
-/// picture changes by b^2 / 32 of its Laplacian; the Laplacian is taken as that of a textured picture
-/// everywhere, for where it is smaller the frames agree and weights do not matter. As depth edges are
-/// uncertain, the expectation is taken over their displacement: a Gaussian mean. Beside an edge, frames in
-/// which either surface is blurred are thus expected to err, and sharpness decides.
+/// picture changes by b^2 / 32 of its Laplacian. That is the largest any frame has shown nearby so far
+/// (addTexture), at most that of a textured picture: on bare surfaces more frames will do, and their mean has
+/// less noise. As depth edges are uncertain, the expectation is taken over their displacement: a Gaussian
+/// mean. Beside an edge, frames in which either surface is blurred are thus expected to err, and sharpness
+/// decides.
 class DefocusPrediction {
  public:
   explicit DefocusPrediction(const DefocusConfig& config = {}) : config_(config) {}
@@ -26,6 +28,17 @@ class DefocusPrediction {
   /// were filled, or empty. size: of the frames. pixel_pitch_mm: > 0. Throws std::invalid_argument.
   void begin(const cv::Mat& depth, const cv::Mat& measured, const cv::Size& size, const Optics& optics,
              double pixel_pitch_mm);
+
+  /// Level of the Gaussian pyramid of a frame at which texture is looked for: 1 in a picture 640 wide, and as
+  /// coarse in a wider one, where blur is wider, too.
+  std::size_t textureLevel() const { return texture_level_; }
+
+  /// A frame has that texture: modified Laplacian of that level, gray levels, CV_32FC1; noise: what noise
+  /// alone has there. Until a first frame is added all of the picture is taken for textured.
+  void addTexture(const cv::Mat& sharpness, double noise);
+
+  /// Where depth and optics have a say: CV_8UC1 of that size, 255 or 0.
+  cv::Mat known(const cv::Size& size) const;
 
   /// squared_error: CV_32FC1 of the frames' size. The same for all frames where depth is unknown, and for a
   /// frame whose focus_mm is NaN. focus_mm may be infinite; throws std::invalid_argument unless beyond f.
@@ -40,14 +53,16 @@ class DefocusPrediction {
   double pixel_pitch_mm_ = 0;
   cv::Size size_;
   double edge_error_px_ = 0;  // on the grid
+  std::size_t texture_level_ = 1;
 
   // Depth on a grid as coarse as its edges are uncertain. Closeness = 1 / depth, 1/mm.
   double least_ = 0, level_step_ = 0;
-  cv::Mat level_;     // CV_16UC1, closeness in steps; kUnknown
-  cv::Mat constant_;  // CV_32FC1, error that all frames share: the doubt in filled depth
-  cv::Mat known_;     // CV_32FC1, 1 / share of known depth under the Gaussian; 0 where there is none
+  cv::Mat level_;      // CV_16UC1, closeness in steps; kUnknown
+  cv::Mat constant_;   // CV_32FC1, error that all frames share: the doubt in filled depth
+  cv::Mat known_;      // CV_32FC1, 1 / share of known depth under the Gaussian; 0 where there is none
+  cv::Mat laplacian_;  // CV_32FC1, largest so far above the noise; empty: not known
   std::vector<float> error_of_level_;
-  cv::Mat error_, coarse_;
+  cv::Mat error_, coarse_, texture_;
 };
 
 }  // namespace all_in_focus::core

@@ -9,7 +9,6 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-#include "fusion/noise_estimation.hpp"
 #include "util/row_strips.hpp"
 
 namespace all_in_focus::core {
@@ -18,20 +17,6 @@ namespace {
 // By what a table of codes multiplies the contrast of middle gray.
 double contrastGain(const std::array<float, 256>& codes) {
   return (codes[192] - codes[64]) / 128.0;
-}
-
-// A rectangle of the reference all of whose pixels a frame shows.
-cv::Rect seenBy(const SimilarityTransform& motion, const cv::Size& size, const cv::Point2d& center) {
-  const SimilarityTransform back = inverse(motion);
-  const int right = size.width - 1, bottom = size.height - 1;
-  const cv::Point2d nw = back.apply({0, 0}, center), ne = back.apply(cv::Point(right, 0), center),
-                    sw = back.apply(cv::Point(0, bottom), center),
-                    se = back.apply(cv::Point(right, bottom), center);
-  const cv::Point from(static_cast<int>(std::ceil(std::max(nw.x, sw.x))),
-                       static_cast<int>(std::ceil(std::max(nw.y, ne.y))));
-  const cv::Point to(static_cast<int>(std::floor(std::min(ne.x, se.x))) + 1,
-                     static_cast<int>(std::floor(std::min(sw.y, se.y))) + 1);
-  return cv::Rect(from, to) & cv::Rect({}, size);
 }
 
 }  // namespace
@@ -52,10 +37,14 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
         scene.pixel_pitch_mm > 0 ? scene.pixel_pitch_mm : scene.optics.focal_length_mm / scene.camera->fx;
     pixel_pitch_mm = calibrated / scale;
   }
+  predicted_.release();
+  noise_ = {};
+  noise_seen_ = false;
   predicts_ = config.prediction && !scene.depth.empty() && pixel_pitch_mm > 0;
   if (predicts_) {
     prediction_ = DefocusPrediction(config.defocus);
     prediction_.begin(scene.depth, scene.measured, size, scene.optics, pixel_pitch_mm);
+    predicted_ = prediction_.known({(size.width + 1) / 2, (size.height + 1) / 2});
   }
   alignment_.begin(size, center_, focal_length_mm_);
 }
@@ -67,14 +56,17 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
                    focus_mm, focal_length_mm_));
   }
   if (config_.alignment) alignment_.observe(gray, index, focus_mm);
+  if (config_.noise && !noise_seen_) noise_ = NoiseSpectrum::of(gray);
+  noise_seen_ = true;
 }
 
 std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm) {
   if (!config_.alignment || !alignment_.hasObserved(index)) observe(gray, index, focus_mm);
   if (reference_ < 0) {
     reference_ = index;
-    noise_ = config_.noise ? noiseDeviation(gray) : 0;
-    mean_.begin(size_, noise_, config_.soft);
+    // The first frame of a sweep is mostly blurred, and so shows noise where the reference shows texture.
+    if (config_.noise) noise_ = NoiseSpectrum::least(noise_, NoiseSpectrum::of(gray));
+    mean_.begin(size_, noise_.deviation(), config_.soft);
     exposure_.setReference(frame);
     if (taker_) taker_({frame, cv::Rect({}, size_), 1, index, focus_mm});
     addAligned(frame, gray, gainTable(1), cv::Rect({}, size_), index, focus_mm);
@@ -90,7 +82,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   if (!placement.isIdentity()) {
     warp_.compute(frame, placement, center_, aligned_);
     cv::cvtColor(aligned_, aligned_gray_, cv::COLOR_BGR2GRAY);
-    inside = seenBy(placement, size_, center_);
+    inside = seenThrough(placement, size_, center_);
   }
   const cv::Mat& in_place = placement.isIdentity() ? frame : aligned_;
   const double gain = config_.exposure ? exposure_.gain(in_place) : 1;
@@ -104,9 +96,12 @@ void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const 
                                const cv::Rect& inside, int index, double focus_mm) {
   strips_.resize(stripCount(size_.height));
   const bool predicted = predicts_ && !std::isnan(focus_mm);
-  sharpness_.begin(gray, {noise_, contrastGain(codes), config_.scales, !predicted});
+  sharpness_.begin(gray, {noise_, contrastGain(codes), config_.scales, !predicted, prediction_.textureLevel(),
+                          predicted_});
   for (Strip& strip : strips_) sharpness_.begin(strip.sharpness);
   if (predicts_) {
+    if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
+      prediction_.addTexture(texture, noise_.sharpness(prediction_.textureLevel()));
     prediction_.computeCoarse(focus_mm, squared_error_);
     for (Strip& strip : strips_) strip.squared_error.begin(squared_error_.size(), size_);
   }

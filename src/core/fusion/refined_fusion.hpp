@@ -14,6 +14,7 @@
 #include "all_in_focus/bracket_fusion.hpp"
 #include "fusion/defocus_prediction.hpp"
 #include "fusion/exposure_matching.hpp"
+#include "fusion/noise_estimation.hpp"
 #include "fusion/sharpness_pyramid.hpp"
 #include "fusion/weighted_mean.hpp"
 #include "util/image_rows.hpp"
@@ -60,8 +61,10 @@ class RefinedFusion {
   cv::Point2d center_;
   double focal_length_mm_ = 0;  // 0 = unknown
   bool predicts_ = false;
-  double noise_ = 0;    // standard deviation in the reference, gray levels
-  int reference_ = -1;  // index; -1: none yet
+  cv::Mat predicted_;        // CV_8UC1 of half the size: where
+  bool noise_seen_ = false;  // in a frame before the reference
+  NoiseSpectrum noise_;      // of the bracket, as far as it was needed
+  int reference_ = -1;       // index; -1: none yet
   BracketAlignment alignment_;
   ReferenceWarp warp_;
   ExposureMatching exposure_;

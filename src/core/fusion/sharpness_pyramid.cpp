@@ -19,14 +19,12 @@ namespace all_in_focus::core {
 namespace {
 
 // Windows: sigma, px of the level. The finest one keeps to its side of an edge.
-constexpr double kFinestPx = 1.2, kCoarserPx = 1.8;
+constexpr double kFinestPx = 0.85, kCoarserPx = 1.4;
 constexpr int kSmallestSide = 12;  // px of the coarsest level
 
-// What is added to the sharpness of a level: rounding, gray levels, and noise, times its deviation. White
-// noise has a mean modified Laplacian of 3.9 deviations, with 2.5 times that frames are as good as equal
-// where there is nothing else. From level to level white noise falls to 0.27, that of a camera less.
-constexpr double kRounding = 1, kNoiseFloor = 10, kNoiseOfCoarser = 0.4;
-const double kSharpnessOfNoise = 2 * std::sqrt(6) * std::sqrt(2 / CV_PI);
+// What is added to the sharpness of a level: rounding, gray levels, and so many times what noise has. With
+// that, frames are as good as equal where there is nothing else.
+constexpr double kRounding = 1, kNoiseFloor = 4;
 
 // Modified Laplacian of level 1, gray levels above the noise, that a frame which is sharp anywhere has in its
 // sharpest places; and the least trust, which its eighth power makes a weight of 1e-9.
@@ -104,6 +102,10 @@ ALL_IN_FOCUS_SIMD float sumOfFourthPowers(const float* s, int n) {
   return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
 }
 
+ALL_IN_FOCUS_SIMD void scaled(const float* s, float contrast, int n, float* __restrict out) {
+  for (int i = 0; i < n; ++i) out[i] = contrast * s[i];
+}
+
 ALL_IN_FOCUS_SIMD void raise(float contrast, float floor, int n, float* s) {
   for (int i = 0; i < n; ++i) s[i] = contrast * s[i] + floor;
 }
@@ -131,18 +133,22 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
   gray_ = gray;
   contrast_ = static_cast<float>(gauge.contrast);
   trust_ = 1;
+  texture_level_ = gauge.texture_level;
   const int side = std::min(gray.cols, gray.rows);
   for (count_ = 1; gauge.scales && side >> count_ >= kSmallestSide;) ++count_;
   if (levels_.size() < count_) levels_.resize(count_);
   for (size_t l = 0; l < count_; ++l) {
-    const double noise = kNoiseFloor * gauge.noise * std::pow(kNoiseOfCoarser, static_cast<double>(l));
-    levels_[l].floor = static_cast<float>(kRounding + noise);
+    levels_[l].floor = static_cast<float>(kRounding + kNoiseFloor * gauge.noise.sharpness(l));
   }
   if (count_ == 1) return;
   gray.convertTo(levels_[0].image, CV_16U, kUnit);
   for (size_t l = 1; l < count_; ++l) cv::pyrDown(levels_[l - 1].image, levels_[l].image);
   for (size_t l = count_ - 1; l > 0; --l) computeProduct(l);
-  if (gauge.trust) trust_ = static_cast<float>(trust(kSharpnessOfNoise * kNoiseOfCoarser * gauge.noise));
+  if (!gauge.predicted.empty()) {
+    cv::sqrt(levels_[1].product, root_);
+    root_.copyTo(levels_[1].product, gauge.predicted);
+  }
+  if (gauge.trust) trust_ = static_cast<float>(trust(gauge.noise.sharpness(1)));
 }
 
 // noise: mean modified Laplacian of the noise of level 1.
@@ -158,6 +164,7 @@ void SharpnessPyramid::computeProduct(size_t level) {
   const cv::Mat coarser = level + 1 < count_ ? levels_[level + 1].product : cv::Mat();
   cv::Mat& product = levels_[level].product;
   product.create(image.size(), CV_32FC1);
+  if (level == texture_level_) texture_.create(image.size(), CV_32FC1);
   fourth_powers_.resize(image.rows);
   const RowStrips strips({0, image.rows}, stripCount(image.rows));
   if (static_cast<int>(strips_.size()) < strips.count()) strips_.resize(strips.count());
@@ -169,6 +176,7 @@ void SharpnessPyramid::computeProduct(size_t level) {
       strip.window_.row(
           y, [&](int v, float* row) { laplacianRow<std::uint16_t>(image, v, kUnit, row); }, out);
       fourth_powers_[y] = sumOfFourthPowers(out, image.cols);
+      if (level == texture_level_) scaled(out, contrast_, image.cols, texture_.ptr<float>(y));
       multiplyRow(coarser, y, contrast_, levels_[level].floor, image.cols, strip.coarser_, out);
     }
   });

@@ -2,9 +2,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "fusion/noise_estimation.hpp"
 #include "util/image_rows.hpp"
 
 namespace all_in_focus::core {
@@ -12,9 +14,10 @@ namespace all_in_focus::core {
 /// How sharp a frame is at every scale, pixel by pixel:
 ///   product over the levels l of a Gaussian pyramid of  contrast s_l + n_l,
 /// s_l the modified Laplacian |I_xx| + |I_yy| (Nayar and Nakagawa 1994) of level l in a Gaussian window, each
-/// level enlarged to the size of the one below it; n_l = 1 + 10 0.4^l noise, so that frames which differ by
-/// noise alone are about as sharp. Fine texture speaks at the finest level, and a place that is flat there at
-/// the coarser ones, which reach farther.
+/// level enlarged to the size of the one below it; n_l = 1 + 4 times the sharpness of the noise there, so
+/// that frames which differ by noise alone are about as sharp. Fine texture speaks at the finest level, and a
+/// place that is flat there at the coarser ones, which reach farther. They also reach across depth edges, so
+/// where depth has a say (`predicted`) the product of all levels but the finest counts by its square root.
 ///
 /// With `trust` the product is multiplied by min(1, m / (4 + noise)), m the fourth root of the mean of s_1^4,
 /// less that of the noise: on bare surfaces far from all texture, where no scale tells frames apart, those
@@ -25,10 +28,12 @@ class SharpnessPyramid {
  public:
   /// The noise of a frame, and what makes its contrast that of the reference.
   struct Gauge {
-    double noise = 0;     ///< standard deviation of the frame's noise, gray levels, >= 0
-    double contrast = 1;  ///< factor, > 0
-    bool scales = true;   ///< false: level 0 alone, for comparison
-    bool trust = false;   ///< take a frame that is sharp nowhere for hardly sharp everywhere
+    NoiseSpectrum noise;
+    double contrast = 1;            ///< factor, > 0
+    bool scales = true;             ///< false: level 0 alone, for comparison
+    bool trust = false;             ///< take a frame that is sharp nowhere for hardly sharp everywhere
+    std::size_t texture_level = 1;  ///< whose sharpness texture() is to return, >= 1
+    cv::Mat predicted{};  ///< CV_8UC1 of the size of level 1; not 0: depth has a say there; empty: nowhere
   };
 
   /// What a thread that reads rows keeps from one to the next. Reusable.
@@ -48,6 +53,9 @@ class SharpnessPyramid {
   /// stay below 1e38 for frames of up to a gigapixel.
   const float* row(int y, Rows& rows) const;
 
+  /// contrast s_l of the frame at gauge.texture_level, CV_32FC1; empty if there is no such level.
+  cv::Mat texture() const { return texture_level_ < count_ ? texture_ : cv::Mat(); }
+
  private:
   struct Level {
     cv::Mat image;    ///< CV_16UC1, 256 times the gray level
@@ -60,9 +68,11 @@ class SharpnessPyramid {
 
   cv::Mat gray_;
   float contrast_ = 1, trust_ = 1;
-  size_t count_ = 0;           ///< of levels
+  size_t count_ = 0;  ///< of levels
+  size_t texture_level_ = 1;
   std::vector<Level> levels_;  ///< maybe more, from a larger frame before; the image of level 0 is gray_
   std::vector<Rows> strips_;
+  cv::Mat texture_, root_;
   std::vector<double> fourth_powers_;  ///< by row of level 1: sums of s_1^4
 };
 
