@@ -135,7 +135,7 @@ cv::Mat enlarge(const std::vector<cv::Mat>& images, const cv::Rect& place) {
 cv::Mat sharpnessOf(const cv::Mat& gray, bool scales) {
   SharpnessPyramid pyramid;
   SharpnessPyramid::Rows rows;
-  pyramid.begin(gray, {0, 1, scales});
+  pyramid.begin(gray, {NoiseSpectrum(), 1, scales});
   pyramid.begin(rows);
   cv::Mat sharpness(gray.size(), CV_32FC1);
   for (int y = 0; y < gray.rows; ++y) std::copy_n(pyramid.row(y, rows), gray.cols, sharpness.ptr<float>(y));
@@ -184,7 +184,7 @@ void drawAll(const po::variables_map& values) {
   const BracketScene bracket = bracketScene(scene, result);
   const cv::Mat gray = grayOf(scene.frames[kShown]);
   save("sharpness", colored(decades(sharpnessOf(gray, false)), 0, 2));
-  save("sharpness_scales", colored(decades(sharpnessOf(gray, true)), 0, 7));
+  save("sharpness_scales", colored(decades(sharpnessOf(gray, true)), 2, 11));
   cv::Mat squared_error;
   DefocusPrediction prediction;
   prediction.begin(bracket.depth, bracket.measured, scene.truth.size(), bracket.optics,
