@@ -84,14 +84,17 @@ OutputFiles::~OutputFiles() {
 }
 
 void OutputFiles::addImage(const std::string& path, const cv::Mat& image) {
+  requireFree(path);
   write(path, encodeImage(path, image));
 }
 
 void OutputFiles::addText(const std::string& path, const std::string& text) {
+  requireFree(path);
   write(path, text);
 }
 
-void OutputFiles::write(const std::string& path, const std::string& data) {
+// Throws if no file can be written there.
+void OutputFiles::requireFree(const std::string& path) const {
   const fs::path target(path);
   if (target.filename().empty() || fs::is_directory(target)) fail(path, "is a folder, not a file to write");
   if (target.has_parent_path() && !fs::is_directory(target.parent_path())) {
@@ -103,7 +106,10 @@ void OutputFiles::write(const std::string& path, const std::string& data) {
     }
   }
   if (g_count == kMostFiles) fail(path, "too many outputs");
+}
 
+void OutputFiles::write(const std::string& path, const std::string& data) {
+  const fs::path target(path);
   const std::string hidden = "." + target.filename().string() + "." + std::to_string(getpid());
   files_.push_back({path, (target.parent_path() / hidden).string(), {}});
   g_temporaries[g_count] = strdup(files_.back().temporary.c_str());

@@ -30,6 +30,7 @@ class OutputFiles {
     std::string previous;  ///< where commit() keeps what had the name before; "" if nothing had
   };
 
+  void requireFree(const std::string& path) const;
   void write(const std::string& path, const std::string& data);
   std::vector<File> files_;
 };
