@@ -110,11 +110,9 @@ class Launch:
 
     def reason(self):
         """Why it ended, one line; None if no process ended by itself."""
-        if self._error:
-            return self._error
-        deaths = [*self.deaths, *([Death("the launcher", self._process.returncode, self._last_line)]
-                                  if self._process.poll() else [])]
-        return next((str(death) for death in [*(death for death in deaths if death.code), *deaths]), None)
+        failures = [death for death in self.deaths if death.code]  # first: roslaunch fails when a node dies early
+        launcher = Death("the launcher", self._process.returncode, self._last_line) if self._process.poll() else None
+        return next((str(reason) for reason in [*failures, self._error, launcher, *self.deaths] if reason), None)
 
     def close(self):
         """Ends the nodes, then the master."""
