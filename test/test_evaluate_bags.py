@@ -116,7 +116,7 @@ def test_results_of_a_bag_depend_on_the_nodes(tmp_path, monkeypatch):
     assert marks(nodes="4") == [marks()[0], marks(nodes="4")[1]] and marks(nodes="4")[1] != marks()[1]
     assert marks(fuse_stack="4")[1] == marks()[1] and marks(fuse_stack="4")[0] != marks()[0]
 
-    monkeypatch.setattr(programs, "prefix", lambda: str(tmp_path))
+    monkeypatch.setattr(programs, "prefix", lambda: tmp_path)
     (tmp_path / "lib" / "all_in_focus").mkdir(parents=True)
     for name in ("all_in_focus/evaluate_bag", "all_in_focus/fuse_stack", "liball_in_focus_core.so"):
         (tmp_path / "lib" / name).write_text("1")
