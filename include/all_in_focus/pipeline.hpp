@@ -73,9 +73,9 @@ struct PipelineResult {
   cv::Mat restored_depth;  ///< CV_16UC1 mm, from the bracket (RestorationResult); empty unless restored
   double blur_scale = 0;   ///< measured blur / blur that the optics predict; 0 = unknown, or not restored
   FusedBy fused_by = FusedBy::kSharpness;
-  int frames = 0;                    ///< in the bracket
-  int reference = 0;                 ///< index of the reference frame
-  std::vector<std::string> misfits;  ///< frames left out, a line each: "frame 3 rejected: why"
+  int frames = 0;                       ///< in the bracket
+  int reference = 0;                    ///< index of the reference frame
+  std::vector<std::string> rejections;  ///< frames left out, a line each: "frame 3 rejected: why"
   double depth_ms = 0, segmentation_ms = 0;
   double fusion_ms = 0;  ///< all frames, without reading them
   double restoration_ms = 0;

@@ -57,7 +57,7 @@ class BracketRestoration {
     cv::Mat image;  ///< CV_8UC3, reduced
     cv::Rect seen;
     double gain = 1;
-    double closeness = 0;  ///< 1 / focus distance, 1/mm
+    double inverse_depth = 0;  ///< 1 / focus distance, 1/mm
   };
   void dropOne();
 
@@ -65,7 +65,7 @@ class BracketRestoration {
   cv::Size size_;          // of the frames; empty before the first
   cv::Size working_size_;  // of those held
   bool focus_unknown_ = false;
-  std::vector<HeldFrame> held_;  // by closeness
+  std::vector<HeldFrame> held_;  // by inverse depth
 };
 
 }  // namespace all_in_focus::core

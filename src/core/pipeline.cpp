@@ -80,11 +80,11 @@ void fuseFrames(const PipelineInput& input, Mode mode, BracketFusion& fusion, Pi
     while (const std::optional<int> index = order.next()) {
       reader.read(*index);
       watch.lap();
-      const std::string misfit = fusion.add(reader.frame(), *index, focus(*index));
+      const std::string rejection = fusion.add(reader.frame(), *index, focus(*index));
       result.fusion_ms += watch.lap();
-      order.done(*index, misfit.empty());
-      if (!misfit.empty())
-        result.misfits.push_back("frame " + std::to_string(*index) + " rejected: " + misfit);
+      order.done(*index, rejection.empty());
+      if (!rejection.empty())
+        result.rejections.push_back("frame " + std::to_string(*index) + " rejected: " + rejection);
     }
   }
   if (order.isHolding() || result.frames == 0) refuseReference(first, result.frames);

@@ -41,7 +41,7 @@ constexpr double kStillInPicture = 0.7;  // share of the edges
 // Vertical edges of a depth map, in pixels of a picture that is kWidth wide.
 struct DepthEdges {
   std::vector<cv::Point2f> places;
-  std::vector<float> closeness;  // of the nearer side; 1 at the near end of the scene
+  std::vector<float> inverse_depth;  // of the nearer side; 1 at the near end of the scene
 
   DepthEdges mirrored() const {
     DepthEdges turned = *this;
@@ -86,7 +86,7 @@ DepthEdges findEdges(const cv::Mat& depth) {
   for (double i = 0; i < static_cast<double>(near.size()); i += every) {
     const auto index = static_cast<std::size_t>(i);
     edges.places.push_back(all.places[index]);
-    edges.closeness.push_back(static_cast<float>(*front) / static_cast<float>(near[index]));
+    edges.inverse_depth.push_back(static_cast<float>(*front) / static_cast<float>(near[index]));
   }
   return edges;
 }
@@ -122,7 +122,7 @@ double meanRank(const DepthEdges& edges, const cv::Mat1f& ranks, float shift, fl
   double sum = 0;
   std::size_t inside = 0;
   for (std::size_t i = 0; i < edges.places.size(); ++i) {
-    const int x = cvRound(edges.places[i].x + shift + parallax * edges.closeness[i]);
+    const int x = cvRound(edges.places[i].x + shift + parallax * edges.inverse_depth[i]);
     if (x < 0 || x >= ranks.cols) continue;
     sum += ranks(cvRound(edges.places[i].y), x);
     ++inside;

@@ -145,7 +145,7 @@ void SegmenterNodelet::reconfigure(Config& config) {
                "min_region_size");
   repair.check(config.caption_min_area, config_.caption_min_area,
                repair.isNotNegative(config.caption_min_area), "caption_min_area");
-  if (!repair.remarks().empty()) monitor_->warn(repair.remarks());
+  if (!repair.warnings().empty()) monitor_->warn(repair.warnings());
   config_ = config;
   segmentation_.reset();
 

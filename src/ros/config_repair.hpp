@@ -15,19 +15,19 @@ class ConfigRepair {
   template <typename T>
   void check(T& value, const T& good, bool possible, const char* name) {
     if (possible) return;
-    remarks_ << (remarks_.tellp() > 0 ? ", " : "impossible configuration: ") << name << " = " << value
-             << " (keeping " << good << ")";
+    warnings_ << (warnings_.tellp() > 0 ? ", " : "impossible configuration: ") << name << " = " << value
+              << " (keeping " << good << ")";
     value = good;
   }
 
   /// One line for people, "" when nothing was repaired.
-  std::string remarks() const { return remarks_.str(); }
+  std::string warnings() const { return warnings_.str(); }
 
   static bool isPositive(double value) { return std::isfinite(value) && value > 0; }
   static bool isNotNegative(double value) { return std::isfinite(value) && value >= 0; }
 
  private:
-  std::ostringstream remarks_;
+  std::ostringstream warnings_;
 };
 
 }  // namespace all_in_focus

@@ -224,7 +224,7 @@ void fuseStack(const po::variables_map& values) {
     throw std::invalid_argument(focus + ": " + std::to_string(distances.size()) + " entries for " +
                                 std::to_string(result.frames) + " frames");
   }
-  for (const auto* lines : {&result.misfits, &result.fusion.notes}) {
+  for (const auto* lines : {&result.rejections, &result.fusion.notes}) {
     context.notes.insert(context.notes.end(), lines->begin(), lines->end());
   }
   context.notes.insert(context.notes.begin(), warnings.begin(), warnings.end());

@@ -21,7 +21,7 @@ double toLight(double code) {
 // The frame with another exposure: as the camera would have rounded it.
 cv::Mat exposed(const cv::Mat& image, double gain) {
   cv::Mat codes(1, 256, CV_8UC1), out;
-  const std::array<float, 256> table = gainTable(gain);
+  const std::array<float, 256> table = gainLut(gain);
   for (int code = 0; code < 256; ++code) codes.at<uchar>(code) = cv::saturate_cast<uchar>(table[code]);
   cv::LUT(image, codes, out);
   return out;
@@ -34,12 +34,12 @@ cv::Mat color(const cv::Mat& gray) {
 }
 
 TEST(GainTable, IsAGainInLinearLight) {
-  const std::array<float, 256> table = gainTable(1.3);
+  const std::array<float, 256> table = gainLut(1.3);
   EXPECT_EQ(table[0], 0);
   for (const int code : {3, 30, 100, 200})
     EXPECT_NEAR(toLight(table[code]), 1.3 * toLight(code), 1e-5) << code;
   EXPECT_EQ(table[255], 255);  // the reference would have clipped, too
-  for (int code = 0; code < 256; ++code) EXPECT_NEAR(gainTable(1)[code], code, 1e-3);
+  for (int code = 0; code < 256; ++code) EXPECT_NEAR(gainLut(1)[code], code, 1e-3);
 }
 
 TEST(ExposureMatching, FindsTheGainUnderChangesOfBlur) {

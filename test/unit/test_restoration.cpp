@@ -285,14 +285,14 @@ TEST(DiscBlur, WideDiscsAreSummedByChordsAsTheyAreByKernels) {
 }
 
 TEST(ImageFormation, NearPixelsComeFirstAndSharesSumUpToOne) {
-  cv::Mat1f closeness(40, 40, 1.0f / kFarMm);
-  closeness.colRange(20, 40) = 1.0f / kNearMm;
+  cv::Mat1f inverse_depth(40, 40, 1.0f / kFarMm);
+  inverse_depth.colRange(20, 40) = 1.0f / kNearMm;
   const FrameBlur far_is_sharp = {1.0 / kFarMm, 9000};  // the near half has a radius of 3 px
-  ImageFormation formation(closeness, far_is_sharp, 1e-5f);
+  ImageFormation formation(inverse_depth, far_is_sharp, 1e-5f);
   formation.update();
   std::vector<ImageFormation::Part> parts;
   for (const int x : {3, 16, 18, 19, 20, 22, 36}) {
-    formation.partsOf({x, 20}, closeness(20, x), parts);
+    formation.partsOf({x, 20}, inverse_depth(20, x), parts);
     float sum = 0, near_share = 0;
     for (const ImageFormation::Part& part : parts) {
       sum += part.share;

@@ -172,7 +172,7 @@ TEST_F(SceneCacheTest, ThePixelPitchIsThatOfTheFirstLens) {
   cache_.clear();
   fill(cache_, 35);
   SharedScene shared = toScene(cache_.await(ros::Time(10), 1, 0, true), Mode::kRefined);
-  EXPECT_TRUE(shared.remarks.empty());
+  EXPECT_TRUE(shared.warnings.empty());
   EXPECT_EQ(shared.scene.optics.focal_length_mm, 35);
   EXPECT_EQ(shared.scene.pixel_pitch_mm, 24 / 50.0);
   cache_.setCamera(cameraInfo(100));
@@ -185,7 +185,7 @@ TEST_F(SceneCacheTest, ModePaperTakesLabelsAlone) {
   const SharedScene shared = toScene(cache_.await(ros::Time(10), 1, 0, true), Mode::kPaper);
   EXPECT_FALSE(shared.scene.labels.empty());
   EXPECT_TRUE(shared.scene.depth.empty() && shared.scene.measured.empty() && !shared.scene.camera);
-  EXPECT_TRUE(shared.remarks.empty());
+  EXPECT_TRUE(shared.warnings.empty());
 }
 
 TEST_F(SceneCacheTest, WhatIsMissingOrBrokenIsLeftOutAndToldOf) {
@@ -195,9 +195,9 @@ TEST_F(SceneCacheTest, WhatIsMissingOrBrokenIsLeftOutAndToldOf) {
     SceneMessages scene = whole;
     change(scene);
     const SharedScene shared = toScene(scene, Mode::kRefined);
-    EXPECT_EQ(shared.remarks.size(), 1u);
+    EXPECT_EQ(shared.warnings.size(), 1u);
     EXPECT_FALSE(shared.scene.labels.empty());
-    return shared.remarks.empty() ? "" : shared.remarks[0];
+    return shared.warnings.empty() ? "" : shared.warnings[0];
   };
   const std::string no_say = ": depth and optics have no say in the fusion";
   const std::string as_measured = ": filled depth counts as measured";

@@ -112,8 +112,8 @@ std::string BracketFusion::add(const cv::Mat& frame, int index, double focus_mm)
   if (by_region_) {
     regions_->add(frame, gray_, index);
   } else {
-    std::string misfit = refined_->add(frame, gray_, index, focus_mm);
-    if (!misfit.empty()) return misfit;
+    std::string rejection = refined_->add(frame, gray_, index, focus_mm);
+    if (!rejection.empty()) return rejection;
   }
   focus_mm_.push_back(focus_mm);
   return "";

@@ -21,7 +21,7 @@ constexpr double kNoiseMargin = 1.25;   // frames differ in their noise, and pla
 constexpr double kHoleError = 10;  // gray levels; added for filled depth, which may be any surface nearby
 constexpr double kUnknownFocusError = 10;  // gray levels: neither sharp nor much blurred
 
-constexpr int kLevels = 1024;  // of closeness, for the table
+constexpr int kLevels = 1024;  // of inverse depth, for the table
 constexpr int kUnknown = kLevels;
 constexpr double kSensorColumns = 640;
 constexpr double kPixelError = 0.5;  // px that no registration can better

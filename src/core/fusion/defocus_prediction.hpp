@@ -55,9 +55,9 @@ class DefocusPrediction {
   double edge_error_px_ = 0;  // on the grid
   std::size_t texture_level_ = 1;
 
-  // Depth on a grid as coarse as its edges are uncertain. Closeness = 1 / depth, 1/mm.
+  // Depth on a grid as coarse as its edges are uncertain. Inverse depth = 1 / depth, 1/mm.
   double least_ = 0, level_step_ = 0;
-  cv::Mat level_;      // CV_16UC1, closeness in steps; kUnknown
+  cv::Mat level_;      // CV_16UC1, inverse depth in steps; kUnknown
   cv::Mat constant_;   // CV_32FC1, error that all frames share: the doubt in filled depth
   cv::Mat known_;      // CV_32FC1, 1 / share of known depth under the Gaussian; 0 where there is none
   cv::Mat laplacian_;  // CV_32FC1, largest so far above the noise; empty: not known

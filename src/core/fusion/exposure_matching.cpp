@@ -139,7 +139,7 @@ double ExposureMatching::gain(const cv::Mat& frame) {
   return std::clamp(std::exp(exposure), 1 / kLargestGain, kLargestGain);
 }
 
-std::array<float, 256> gainTable(double gain) {
+std::array<float, 256> gainLut(double gain) {
   std::array<float, 256> table;
   for (int code = 0; code < 256; ++code) {
     const double shown = gain == 1 ? code : toCode(gain * toLight(code));  // exactly itself

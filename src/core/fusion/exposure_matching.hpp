@@ -44,6 +44,6 @@ class ExposureMatching {
 };
 
 /// 8-bit code -> the code that the reference would have shown, 0..255, not rounded.
-std::array<float, 256> gainTable(double gain);
+std::array<float, 256> gainLut(double gain);
 
 }  // namespace all_in_focus::core

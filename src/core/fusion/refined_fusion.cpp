@@ -69,7 +69,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     mean_.begin(size_, noise_.deviation(), config_.soft);
     exposure_.setReference(frame);
     if (taker_) taker_({frame, cv::Rect({}, size_), 1, index, focus_mm});
-    addAligned(frame, gray, gainTable(1), cv::Rect({}, size_), index, focus_mm);
+    addAligned(frame, gray, gainLut(1), cv::Rect({}, size_), index, focus_mm);
     return "";
   }
   const Placement placement = config_.alignment ? alignment_.placement(index, reference_) : Placement();
@@ -87,8 +87,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   const cv::Mat& in_place = placement.isIdentity() ? frame : aligned_;
   const double gain = config_.exposure ? exposure_.gain(in_place) : 1;
   if (taker_) taker_({in_place, inside, gain, index, focus_mm});
-  addAligned(in_place, placement.isIdentity() ? gray : aligned_gray_, gainTable(gain), inside, index,
-             focus_mm);
+  addAligned(in_place, placement.isIdentity() ? gray : aligned_gray_, gainLut(gain), inside, index, focus_mm);
   return "";
 }
 

@@ -79,7 +79,7 @@ std::vector<std::string> unreachedDistances(const BracketScene& scene, const std
 
   struct Region {
     std::int64_t area = 0;
-    double closeness = 0;  // sum of 1 / depth
+    double inverse_depth = 0;  // sum of 1 / depth
   };
   std::map<int, Region> regions;
   Region* region = nullptr;
@@ -90,12 +90,12 @@ std::vector<std::string> unreachedDistances(const BracketScene& scene, const std
       if (depth[x] == 0) continue;
       if (!region || label[x] != last) region = &regions[last = label[x]];
       ++region->area;
-      region->closeness += 1.0 / depth[x];
+      region->inverse_depth += 1.0 / depth[x];
     }
   }
   for (const auto& [label, sum] : regions) {
     if (sum.area < kLeastShare * static_cast<double>(scene.depth.total())) continue;
-    const double depth = static_cast<double>(sum.area) / sum.closeness;
+    const double depth = static_cast<double>(sum.area) / sum.inverse_depth;
     double least = std::numeric_limits<double>::infinity(), nearest = 0;
     for (const double focus : focus_mm) {
       const double blur = blurCircle(scene.optics, depth, focus);

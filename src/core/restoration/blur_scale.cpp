@@ -46,7 +46,7 @@ cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket) {
 BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures& pictures) {
   const cv::Mat1f clear = distanceFromDoubt(bracket);
   std::array<double, kScales> errors{};
-  double misfit = 0;
+  double residual = 0;
   int samples = 0, sharp = 0;
   for (int y = kGrid / 2; y < clear.rows; y += kGrid) {
     for (int x = kGrid / 2; x < clear.cols; x += kGrid) {
@@ -61,13 +61,13 @@ BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures
           errors[i] += squaredError(pictures.at(scaled)(y, x), seen);
         }
         if (radius >= kNearlySharpPx) continue;
-        misfit += squaredError(pictures.at(radius)(y, x), seen);
+        residual += squaredError(pictures.at(radius)(y, x), seen);
         ++sharp;
       }
     }
   }
   if (samples < kLeastSamples || sharp == 0) return {};
-  return {kFirst + kStep * lowest(errors), misfit / sharp};
+  return {kFirst + kStep * lowest(errors), residual / sharp};
 }
 
 }  // namespace all_in_focus::core

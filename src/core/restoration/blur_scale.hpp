@@ -9,8 +9,8 @@ namespace all_in_focus::core {
 
 /// How well the optics explain the bracket where depth was measured.
 struct BlurScale {
-  double scale = 0;   ///< measured radius / predicted one; 0: too little was measured
-  double misfit = 0;  ///< mean squared error, gray levels of a channel, of what is nearly sharp
+  double scale = 0;     ///< measured radius / predicted one; 0: too little was measured
+  double residual = 0;  ///< mean squared error, gray levels of a channel, of what is nearly sharp
 };
 
 /// Looks at measured pixels far from holes and jumps. Depth must be there.

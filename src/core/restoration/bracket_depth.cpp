@@ -31,18 +31,18 @@ constexpr float kAgreePx = 0.25f, kDifferPx = 0.75f;  // of blur
 constexpr float kTakePx = 0.45f;  // of blur: measured depth is the more exact if it is that near
 constexpr float kClearPx = 6;
 
-// Levels of closeness.
+// Levels of inverse depth.
 struct Levels {
   float least = 0, step = 1;
   int count = 1;
 
-  float closeness(double level) const { return least + static_cast<float>(level) * step; }
-  int nearest(float closeness) const {
-    return std::clamp(static_cast<int>((closeness - least) / step + 0.5f), 0, count - 1);
+  float inverse_depth(double level) const { return least + static_cast<float>(level) * step; }
+  int nearest(float inverse_depth) const {
+    return std::clamp(static_cast<int>((inverse_depth - least) / step + 0.5f), 0, count - 1);
   }
 };
 
-Levels makeLevels(const ObservedBracket& bracket, const ClosenessRange& range) {
+Levels makeLevels(const ObservedBracket& bracket, const InverseDepthRange& range) {
   const float span = range.largest - range.least, gap = bracket.gap(kLevelPx);
   const int count = std::clamp(static_cast<int>(std::ceil(span / gap)) + 1, 2, kMostLevels);
   return {range.least, std::max(span / (count - 1), gap), count};
@@ -153,7 +153,7 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
           for (const ObservedFrame* frame : frames) {
             if (y < frame->seen.y || y >= frame->seen.br().y) continue;
             for (int l = 0; l < levels.count; ++l) {
-              const float radius = frame->blur.radius(levels.closeness(l));
+              const float radius = frame->blur.radius(levels.inverse_depth(l));
               const double variance = 2 * bracket.noise_variance + kVariance + kModelError * radius * radius;
               addCosts(pictures.at(radius).ptr<short>(y) + 3 * frame->seen.x,
                        frame->codes.ptr<short>(y) + 3 * frame->seen.x,
@@ -184,27 +184,27 @@ double lowest(const std::int16_t* costs, int count) {
 }  // namespace
 
 cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures& pictures,
-                           const ClosenessRange& range) {
+                           const InverseDepthRange& range) {
   const Levels levels = makeLevels(bracket, range);
   const CostVolume volume =
       aggregateAlongPaths(costsOf(bracket, pictures, levels), bracket.fused,
                           static_cast<int>(kSmallStep * kCostScale), static_cast<int>(kJump * kCostScale));
-  cv::Mat1f closeness(volume.size);
-  for (int y = 0; y < closeness.rows; ++y) {
-    for (int x = 0; x < closeness.cols; ++x)
-      closeness(y, x) = levels.closeness(lowest(volume.at(y, x), levels.count));
+  cv::Mat1f inverse_depth(volume.size);
+  for (int y = 0; y < inverse_depth.rows; ++y) {
+    for (int x = 0; x < inverse_depth.cols; ++x)
+      inverse_depth(y, x) = levels.inverse_depth(lowest(volume.at(y, x), levels.count));
   }
-  if (bracket.measured.empty()) return closeness;
+  if (bracket.measured.empty()) return inverse_depth;
   const cv::Mat1f clear = distanceFromDoubt(bracket);
-  for (int y = 0; y < closeness.rows; ++y) {
-    for (int x = 0; x < closeness.cols; ++x) {
+  for (int y = 0; y < inverse_depth.rows; ++y) {
+    for (int x = 0; x < inverse_depth.cols; ++x) {
       const float measured = bracket.measured(y, x);
       if (measured > 0 &&
-          (clear(y, x) > kClearPx || std::abs(measured - closeness(y, x)) < bracket.gap(kTakePx)))
-        closeness(y, x) = measured;
+          (clear(y, x) > kClearPx || std::abs(measured - inverse_depth(y, x)) < bracket.gap(kTakePx)))
+        inverse_depth(y, x) = measured;
     }
   }
-  return closeness;
+  return inverse_depth;
 }
 
 }  // namespace all_in_focus::core

@@ -9,15 +9,15 @@
 
 namespace all_in_focus::core {
 
-/// Closeness that is looked for, 1/mm.
-struct ClosenessRange {
+/// Inverse depth that is looked for, 1/mm.
+struct InverseDepthRange {
   float least = 0, largest = 0;
 };
 
-/// Depth from defocus: at every pixel the closeness at which the fused picture, blurred as the lens blurs at
-/// that distance, explains the frames best; measured depth, where there is some, is preferred; neighbours
-/// agree but where colours differ. Returns closeness, 1/mm, known everywhere.
+/// Depth from defocus: at every pixel the inverse depth at which the fused picture, blurred as the lens blurs
+/// at that distance, explains the frames best; measured depth, where there is some, is preferred; neighbours
+/// agree but where colours differ. Returns inverse depth, 1/mm, known everywhere.
 cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures& pictures,
-                           const ClosenessRange& range);
+                           const InverseDepthRange& range);
 
 }  // namespace all_in_focus::core

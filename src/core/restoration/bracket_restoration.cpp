@@ -50,25 +50,25 @@ cv::Rect reduced(const cv::Rect& seen, const cv::Size& from, const cv::Size& to)
   return cv::Rect(first, last) & cv::Rect({}, to);
 }
 
-// Depth in mm, any size -> closeness, 1/mm, 0 = unknown.
+// Depth in mm, any size -> inverse depth, 1/mm, 0 = unknown.
 cv::Mat1f closenessOf(const cv::Mat& depth, const cv::Size& size) {
   cv::Mat scaled = depth;
   if (depth.size() != size) cv::resize(depth, scaled, size, 0, 0, cv::INTER_NEAREST);
-  cv::Mat1f closeness(size);
+  cv::Mat1f inverse_depth(size);
   for (int y = 0; y < size.height; ++y) {
     for (int x = 0; x < size.width; ++x) {
       const int mm = scaled.at<std::uint16_t>(y, x);
-      closeness(y, x) = mm > 0 ? 1.0f / static_cast<float>(mm) : 0;
+      inverse_depth(y, x) = mm > 0 ? 1.0f / static_cast<float>(mm) : 0;
     }
   }
-  return closeness;
+  return inverse_depth;
 }
 
-cv::Mat depthOf(const cv::Mat1f& closeness, const cv::Size& size) {
-  cv::Mat1w depth(closeness.size());
+cv::Mat depthOf(const cv::Mat1f& inverse_depth, const cv::Size& size) {
+  cv::Mat1w depth(inverse_depth.size());
   for (int y = 0; y < depth.rows; ++y) {
     for (int x = 0; x < depth.cols; ++x) {
-      const float mm = 1 / std::max(closeness(y, x), 1e-9f);
+      const float mm = 1 / std::max(inverse_depth(y, x), 1e-9f);
       depth(y, x) = static_cast<std::uint16_t>(std::clamp(mm + 0.5f, 1.0f, 65535.0f));
     }
   }
@@ -77,15 +77,15 @@ cv::Mat depthOf(const cv::Mat1f& closeness, const cv::Size& size) {
 }
 
 // What the depth sensor saw, or, without one, what the lens was focused on.
-ClosenessRange rangeOf(const ObservedBracket& bracket) {
+InverseDepthRange rangeOf(const ObservedBracket& bracket) {
   std::vector<float> there;
-  for (const float closeness : bracket.filled) {
-    if (closeness > 0) there.push_back(closeness);
+  for (const float inverse_depth : bracket.filled) {
+    if (inverse_depth > 0) there.push_back(inverse_depth);
   }
-  ClosenessRange range;
+  InverseDepthRange range;
   if (there.empty()) {
-    range = {static_cast<float>(bracket.frames.front().blur.closeness),
-             static_cast<float>(bracket.frames.back().blur.closeness)};
+    range = {static_cast<float>(bracket.frames.front().blur.inverse_depth),
+             static_cast<float>(bracket.frames.back().blur.inverse_depth)};
   } else {
     const size_t beyond = static_cast<size_t>(kRangeShare * static_cast<double>(there.size()));
     std::nth_element(there.begin(), there.begin() + beyond, there.end());
@@ -98,13 +98,13 @@ ClosenessRange rangeOf(const ObservedBracket& bracket) {
 }
 
 // What lies beyond a range is as near as its end.
-void cut(const ClosenessRange& range, cv::Mat1f& closeness) {
-  for (float& value : closeness) {
+void cut(const InverseDepthRange& range, cv::Mat1f& inverse_depth) {
+  for (float& value : inverse_depth) {
     if (value > 0) value = std::clamp(value, range.least, range.largest);
   }
 }
 
-double largestRadius(const ObservedBracket& bracket, const ClosenessRange& range) {
+double largestRadius(const ObservedBracket& bracket, const InverseDepthRange& range) {
   float largest = 0;
   for (const ObservedFrame& frame : bracket.frames)
     largest = std::max({largest, frame.blur.radius(range.least), frame.blur.radius(range.largest)});
@@ -151,10 +151,10 @@ void BracketRestoration::add(const AlignedFrame& frame) {
   held.image = reduced(frame.image, working_size_);
   held.seen = reduced(frame.seen, size_, working_size_);
   held.gain = frame.gain;
-  held.closeness = 1 / frame.focus_mm;
-  const auto place =
-      std::upper_bound(held_.begin(), held_.end(), held,
-                       [](const HeldFrame& a, const HeldFrame& b) { return a.closeness < b.closeness; });
+  held.inverse_depth = 1 / frame.focus_mm;
+  const auto place = std::upper_bound(
+      held_.begin(), held_.end(), held,
+      [](const HeldFrame& a, const HeldFrame& b) { return a.inverse_depth < b.inverse_depth; });
   held_.insert(place, held);
   if (held_.size() > kMostFrames) dropOne();
 }
@@ -163,7 +163,7 @@ void BracketRestoration::add(const AlignedFrame& frame) {
 void BracketRestoration::dropOne() {
   size_t dropped = 1;
   for (size_t i = 2; i + 1 < held_.size(); ++i) {
-    const auto gap = [&](size_t k) { return held_[k + 1].closeness - held_[k - 1].closeness; };
+    const auto gap = [&](size_t k) { return held_[k + 1].inverse_depth - held_[k - 1].inverse_depth; };
     if (gap(i) < gap(dropped)) dropped = i;
   }
   held_.erase(held_.begin() + static_cast<std::ptrdiff_t>(dropped));
@@ -173,7 +173,8 @@ std::string BracketRestoration::missing() const {
   if (!scene_.camera) return "the pixel pitch is unknown, which the colour camera's calibration would tell";
   if (held_.size() < kLeastFrames)
     return focus_unknown_ ? "the focus distances are unknown" : "it takes two frames at different distances";
-  if (held_.front().closeness == held_.back().closeness) return "all frames are focused at the same distance";
+  if (held_.front().inverse_depth == held_.back().inverse_depth)
+    return "all frames are focused at the same distance";
   return "";
 }
 
@@ -202,7 +203,8 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     ObservedFrame frame;
     equalize(held.image, held.gain, bracket.light, frame.codes);
     frame.seen = held.seen;
-    frame.blur = {held.closeness, f * f / (2 * scene_.optics.aperture * pitch) / (1 - f * held.closeness)};
+    frame.blur = {held.inverse_depth,
+                  f * f / (2 * scene_.optics.aperture * pitch) / (1 - f * held.inverse_depth)};
     bracket.px_mm = std::max(bracket.px_mm, frame.blur.px_mm);
     bracket.frames.push_back(frame);
     images.push_back(held.image);
@@ -214,7 +216,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     bracket.measured =
         scene_.measured.empty() ? bracket.filled.clone() : closenessOf(scene_.measured, working_size_);
   }
-  ClosenessRange range = rangeOf(bracket);
+  InverseDepthRange range = rangeOf(bracket);
   if (has_depth) {
     cut(range, bracket.filled);
     cut(range, bracket.measured);
@@ -237,10 +239,10 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
         "focus distances and calibration",
         result.blur_scale));
   }
-  bracket.noise_variance = std::max(bracket.noise_variance, found.misfit - 1);
+  bracket.noise_variance = std::max(bracket.noise_variance, found.residual - 1);
 
   // 3. The depth map that explains the frames.
-  cv::Mat1f closeness = depthFromBracket(bracket, *pictures, range);
+  cv::Mat1f inverse_depth = depthFromBracket(bracket, *pictures, range);
   pictures.reset();  // by far the largest part of memory
   if (!proceed(0.4)) return std::nullopt;
 
@@ -248,21 +250,21 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   std::vector<ImageFormation> formation;
   formation.reserve(bracket.frames.size());
   for (const ObservedFrame& frame : bracket.frames)
-    formation.emplace_back(closeness, frame.blur, bracket.gap(kJumpPx));
+    formation.emplace_back(inverse_depth, frame.blur, bracket.gap(kJumpPx));
   updateAll(formation);
   bool stopped = false;
-  moveContours(bracket, formation, closeness, [&](double done) {
+  moveContours(bracket, formation, inverse_depth, [&](double done) {
     stopped = !proceed(0.4 + 0.3 * done);
     return !stopped;
   });
   if (stopped) return std::nullopt;
 
   // 5. The sharp picture that explains them better than the fused one.
-  const std::optional<cv::Mat3f> z = correction(bracket, formation, closeness, part(0.7, 1));
+  const std::optional<cv::Mat3f> z = correction(bracket, formation, inverse_depth, part(0.7, 1));
   if (!z) return std::nullopt;
   result.image = fused.clone();
   addTo(result.image, *z);
-  result.depth = depthOf(closeness, size_);
+  result.depth = depthOf(inverse_depth, size_);
   proceed(1);
   return result;
 }

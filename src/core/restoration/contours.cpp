@@ -32,30 +32,30 @@ const std::array<cv::Point, 4> kNeighbours = {cv::Point(-1, 0), {1, 0}, {0, -1},
 
 class Contours {
  public:
-  Contours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation, cv::Mat1f& closeness)
+  Contours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation, cv::Mat1f& inverse_depth)
       : bracket_(bracket),
         formation_(formation),
-        closeness_(closeness),
+        inverse_depth_(inverse_depth),
         gap_(bracket.gap(kJumpPx)),
         cost_scale_(static_cast<float>(1 / (6 * (bracket.noise_variance + 1) * kCodeScale * kCodeScale))),
         sharp_(ImageFormation::withMargin(bracket.light)),
-        stirred_(closeness.size()) {
+        stirred_(inverse_depth.size()) {
     findJumpCosts();
-    cv::dilate(jumps(closeness, gap_), within_,
+    cv::dilate(jumps(inverse_depth, gap_), within_,
                cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * kReachPx + 1, 2 * kReachPx + 1}));
     within_.copyTo(stirred_);
   }
 
   // Tries every second pixel near which something has changed since it was tried last; returns how many move.
   int sweep(int parity) {
-    const RowStrips strips({0, closeness_.rows}, std::max(1, closeness_.rows / 16));
+    const RowStrips strips({0, inverse_depth_.rows}, std::max(1, inverse_depth_.rows / 16));
     std::vector<std::vector<Move>> moves(strips.count());
     strips.forEach([&](const cv::Range& rows, int strip) {
       for (int y = rows.start; y < rows.end; ++y) {
-        for (int x = (y + parity) % 2; x < closeness_.cols; x += 2) {
+        for (int x = (y + parity) % 2; x < inverse_depth_.cols; x += 2) {
           if (!stirred_(y, x)) continue;
           stirred_(y, x) = 0;
-          const float own = closeness_(y, x), best = bestOf({x, y});
+          const float own = inverse_depth_(y, x), best = bestOf({x, y});
           if (best != own) moves[strip].push_back({{x, y}, best});
         }
       }
@@ -63,7 +63,7 @@ class Contours {
     std::vector<cv::Point> changed;
     for (const std::vector<Move>& of_strip : moves) {
       for (const Move& move : of_strip) {
-        closeness_(move.at) = move.to;
+        inverse_depth_(move.at) = move.to;
         changed.push_back(move.at);
         stir(move.at);
       }
@@ -73,7 +73,7 @@ class Contours {
   }
 
  private:
-  bool inside(const cv::Point& p) const { return cv::Rect({}, closeness_.size()).contains(p); }
+  bool inside(const cv::Point& p) const { return cv::Rect({}, inverse_depth_.size()).contains(p); }
 
   struct Move {
     cv::Point at;
@@ -82,19 +82,19 @@ class Contours {
 
   void stir(const cv::Point& p) {
     const cv::Rect around = cv::Rect(p.x - kStirPx, p.y - kStirPx, 2 * kStirPx + 1, 2 * kStirPx + 1) &
-                            cv::Rect({}, closeness_.size());
+                            cv::Rect({}, inverse_depth_.size());
     cv::bitwise_or(stirred_(around), within_(around), stirred_(around));
   }
 
-  // The closeness of a pixel or of a neighbour, whichever explains the frames best.
+  // The inverse depth of a pixel or of a neighbour, whichever explains the frames best.
   float bestOf(const cv::Point& p) const {
-    float best = closeness_(p);
+    float best = inverse_depth_(p);
     std::array<float, 4> candidates;
     std::array<bool, 4> across_x;
     int count = 0;
     for (const cv::Point& step : kNeighbours) {
       if (!inside(p + step)) continue;
-      const float other = closeness_(p + step);
+      const float other = inverse_depth_(p + step);
       if (std::abs(other - best) <= gap_) continue;
       const bool known = std::any_of(candidates.begin(), candidates.begin() + count,
                                      [&](float c) { return std::abs(c - other) < gap_ / 4; });
@@ -113,15 +113,15 @@ class Contours {
     return best;
   }
 
-  // The two frames that are sharpest at either closeness, those that are not too blurred; -1 = none.
+  // The two frames that are sharpest at either inverse depth, those that are not too blurred; -1 = none.
   std::array<int, 4> telling(float a, float b, const cv::Point& p) const {
     std::array<int, 4> frames = {-1, -1, -1, -1};
     size_t count = 0;
-    for (const float closeness : {a, b}) {
+    for (const float inverse_depth : {a, b}) {
       std::array<int, 2> sharpest = {-1, -1};
       for (int k = 0; k < static_cast<int>(bracket_.frames.size()); ++k) {
         if (!bracket_.frames[k].seen.contains(p)) continue;
-        const auto radius = [&](int i) { return bracket_.frames[i].blur.radius(closeness); };
+        const auto radius = [&](int i) { return bracket_.frames[i].blur.radius(inverse_depth); };
         if (radius(k) > kSharpPx) continue;
         if (sharpest[0] < 0 || radius(k) < radius(sharpest[0])) {
           sharpest[1] = sharpest[0];
@@ -161,9 +161,9 @@ class Contours {
 
   // Of a jump between a pixel and its right or lower neighbour: less at a colour edge.
   void findJumpCosts() {
-    for (cv::Mat1f* costs : {&right_, &below_}) costs->create(closeness_.size());
-    for (int y = 0; y < closeness_.rows; ++y) {
-      for (int x = 0; x < closeness_.cols; ++x) {
+    for (cv::Mat1f* costs : {&right_, &below_}) costs->create(inverse_depth_.size());
+    for (int y = 0; y < inverse_depth_.rows; ++y) {
+      for (int x = 0; x < inverse_depth_.cols; ++x) {
         const cv::Vec3b& here = bracket_.fused(y, x);
         const auto cost = [&](const cv::Vec3b& other) {
           float squared = 0;
@@ -171,29 +171,29 @@ class Contours {
             squared += static_cast<float>((here[c] - other[c]) * (here[c] - other[c])) / 3;
           return kJumpWeight * (std::exp(-squared / kColorStep) + kLeastJump);
         };
-        if (x + 1 < closeness_.cols) right_(y, x) = cost(bracket_.fused(y, x + 1));
-        if (y + 1 < closeness_.rows) below_(y, x) = cost(bracket_.fused(y + 1, x));
+        if (x + 1 < inverse_depth_.cols) right_(y, x) = cost(bracket_.fused(y, x + 1));
+        if (y + 1 < inverse_depth_.rows) below_(y, x) = cost(bracket_.fused(y + 1, x));
       }
     }
   }
 
   // across_x: the contour would move along x.
-  float jumpCost(const cv::Point& p, float closeness, bool across_x) const {
+  float jumpCost(const cv::Point& p, float inverse_depth, bool across_x) const {
     float sum = 0;
     const auto add = [&](const cv::Point& step, float cost) {
-      if (std::abs(closeness_(p + step) - closeness) > gap_)
+      if (std::abs(inverse_depth_(p + step) - inverse_depth) > gap_)
         sum += (step.y == 0) == across_x ? cost : kSideways * cost;
     };
     if (p.x > 0) add({-1, 0}, right_(p.y, p.x - 1));
-    if (p.x + 1 < closeness_.cols) add({1, 0}, right_(p));
+    if (p.x + 1 < inverse_depth_.cols) add({1, 0}, right_(p));
     if (p.y > 0) add({0, -1}, below_(p.y - 1, p.x));
-    if (p.y + 1 < closeness_.rows) add({0, 1}, below_(p));
+    if (p.y + 1 < inverse_depth_.rows) add({0, 1}, below_(p));
     return sum;
   }
 
   const ObservedBracket& bracket_;
   std::vector<ImageFormation>& formation_;
-  cv::Mat1f& closeness_;
+  cv::Mat1f& inverse_depth_;
   float gap_, cost_scale_;
   cv::Mat4f sharp_;
   cv::Mat1f right_, below_;     // cost of a jump to these neighbours
@@ -203,8 +203,8 @@ class Contours {
 }  // namespace
 
 void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
-                  cv::Mat1f& closeness, const std::function<bool(double)>& proceed) {
-  Contours contours(bracket, formation, closeness);
+                  cv::Mat1f& inverse_depth, const std::function<bool(double)>& proceed) {
+  Contours contours(bracket, formation, inverse_depth);
   for (int i = 0; i < kSweeps; ++i) {
     if (!proceed(static_cast<double>(i) / kSweeps)) return;
     if (contours.sweep(0) + contours.sweep(1) == 0) break;

@@ -12,10 +12,10 @@
 namespace all_in_focus::core {
 
 /// Moves the jumps of a depth map to where they explain the frames: pixels beside a jump take a neighbour's
-/// closeness if the two frames that should be sharpest there are then predicted better, and the jump lies at
-/// a colour edge. closeness: in place, shared by `formation` (one for each frame). proceed: called now and
-/// then; false = stop.
+/// inverse depth if the two frames that should be sharpest there are then predicted better, and the jump lies
+/// at a colour edge. inverse_depth: in place, shared by `formation` (one for each frame). proceed: called now
+/// and then; false = stop.
 void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
-                  cv::Mat1f& closeness, const std::function<bool(double)>& proceed);
+                  cv::Mat1f& inverse_depth, const std::function<bool(double)>& proceed);
 
 }  // namespace all_in_focus::core

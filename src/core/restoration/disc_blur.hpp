@@ -10,13 +10,14 @@
 
 namespace all_in_focus::core {
 
-/// How far a frame is out of focus: radius of the blur disc, px, of a point at closeness w = 1 / depth, 1/mm.
+/// How far a frame is out of focus: radius of the blur disc, px, of a point at inverse depth w = 1 / depth,
+/// 1/mm.
 struct FrameBlur {
-  double closeness = 0;  ///< of the focus distance
-  double px_mm = 0;      ///< radius per closeness: f^2 / (2 F pitch) u / (u - f)
+  double inverse_depth = 0;  ///< of the focus distance
+  double px_mm = 0;          ///< radius per inverse depth: f^2 / (2 F pitch) u / (u - f)
 
   float radius(float w) const {
-    return static_cast<float>(px_mm) * std::abs(w - static_cast<float>(closeness));
+    return static_cast<float>(px_mm) * std::abs(w - static_cast<float>(inverse_depth));
   }
 };
 

@@ -46,7 +46,7 @@ const std::array<float, kNearbySide * kNearbySide>& nearbyWeights() {
 
 }  // namespace
 
-// A closeness that a pixel may have.
+// An inverse depth that a pixel may have.
 struct ImageFormation::Candidate {
   int index, layer, reach;
 };
@@ -64,10 +64,10 @@ struct ImageFormation::Hidden {
   float sum = 0;  // of weights
 };
 
-ImageFormation::ImageFormation(const cv::Mat1f& closeness, const FrameBlur& blur, float layer_gap)
-    : closeness_(closeness), blur_(blur) {
+ImageFormation::ImageFormation(const cv::Mat1f& inverse_depth, const FrameBlur& blur, float layer_gap)
+    : inverse_depth_(inverse_depth), blur_(blur) {
   double least = 0, largest = 0;
-  cv::minMaxLoc(closeness, &least, &largest);
+  cv::minMaxLoc(inverse_depth, &least, &largest);
   least_ = static_cast<float>(least);
   per_layer_ = 1 / std::max(layer_gap, static_cast<float>((largest - least) / (kLayers - 1)));
 }
@@ -93,12 +93,12 @@ cv::Mat4f ImageFormation::withMargin(const cv::Mat3f& light) {
 
 void ImageFormation::update() {
   const DiscKernels& kernels = DiscKernels::get();
-  const cv::Size size = closeness_.size();
+  const cv::Size size = inverse_depth_.size();
   cv::Mat1b index(size), layers(size), own(size);
   for (int y = 0; y < own.rows; ++y) {
     for (int x = 0; x < own.cols; ++x) {
-      index(y, x) = static_cast<std::uint8_t>(DiscKernels::index(blur_.radius(closeness_(y, x))));
-      layers(y, x) = static_cast<std::uint8_t>(layer(closeness_(y, x)));
+      index(y, x) = static_cast<std::uint8_t>(DiscKernels::index(blur_.radius(inverse_depth_(y, x))));
+      layers(y, x) = static_cast<std::uint8_t>(layer(inverse_depth_(y, x)));
       own(y, x) = static_cast<std::uint8_t>(kernels.reach(index(y, x)));
     }
   }
@@ -121,9 +121,9 @@ void ImageFormation::update() {
 
 void ImageFormation::update(const std::vector<cv::Point>& changed) {
   for (const cv::Point& p : changed) {
-    const Candidate now = candidate(closeness_(p));
-    for (const int y : images(p.y, closeness_.rows, kMargin)) {
-      for (const int x : images(p.x, closeness_.cols, kMargin)) {
+    const Candidate now = candidate(inverse_depth_(p));
+    for (const int y : images(p.y, inverse_depth_.rows, kMargin)) {
+      for (const int x : images(p.x, inverse_depth_.cols, kMargin)) {
         index_(y + kMargin, x + kMargin) = static_cast<std::uint8_t>(now.index);
         layer_(y + kMargin, x + kMargin) = static_cast<std::uint8_t>(now.layer);
       }
@@ -131,13 +131,13 @@ void ImageFormation::update(const std::vector<cv::Point>& changed) {
   }
 }
 
-ImageFormation::Candidate ImageFormation::candidate(float closeness) const {
-  const int index = DiscKernels::index(blur_.radius(closeness));
-  return {index, layer(closeness), DiscKernels::get().reach(index)};
+ImageFormation::Candidate ImageFormation::candidate(float inverse_depth) const {
+  const int index = DiscKernels::index(blur_.radius(inverse_depth));
+  return {index, layer(inverse_depth), DiscKernels::get().reach(index)};
 }
 
 bool ImageFormation::isInside(const cv::Point& p, int half) const {
-  return p.x >= half && p.y >= half && p.x + half < closeness_.cols && p.y + half < closeness_.rows;
+  return p.x >= half && p.y >= half && p.x + half < inverse_depth_.cols && p.y + half < inverse_depth_.rows;
 }
 
 // Of a disc at p, with its mirror images at most `half` away.
@@ -146,7 +146,7 @@ float ImageFormation::ownShare(const cv::Point& p, const Candidate& own, int hal
   float share = shares[0];
   if (isInside(p, half)) return share;
   const int reach = std::min(half, own.reach);
-  const auto ys = images(p.y, closeness_.rows, reach), xs = images(p.x, closeness_.cols, reach);
+  const auto ys = images(p.y, inverse_depth_.rows, reach), xs = images(p.x, inverse_depth_.cols, reach);
   for (size_t i = 0; i < ys.size(); ++i) {
     for (size_t j = 0; j < xs.size(); ++j) {
       const int dy = std::abs(ys[i] - p.y), dx = std::abs(xs[j] - p.x);
@@ -174,8 +174,8 @@ void ImageFormation::forEachThatLightsUp(const cv::Point& p, int half, const Vis
       if (dy == 0 && half - i >= 0 && half - i < kBlock) bits &= ~(1u << (half - i));
       for (; bits != 0; bits &= bits - 1) {
         const int at = i + __builtin_ctz(bits), dx = at - half;
-        if (!is_inside && mirrored(p.x + dx, closeness_.cols) == p.x &&
-            mirrored(p.y + dy, closeness_.rows) == p.y)
+        if (!is_inside && mirrored(p.x + dx, inverse_depth_.cols) == p.x &&
+            mirrored(p.y + dy, inverse_depth_.rows) == p.y)
           continue;
         visit(dx, dy, kernels.shares(indices[at])[DiscKernels::kSide * v + std::abs(dx)], layers[at]);
       }
@@ -188,8 +188,8 @@ bool ImageFormation::isOnTop(const cv::Point& p, const Candidate& own) const {
   return nearest_(p) <= own.layer + 1;
 }
 
-void ImageFormation::partsOf(const cv::Point& p, float closeness, std::vector<Part>& parts) const {
-  const Candidate own = candidate(closeness);
+void ImageFormation::partsOf(const cv::Point& p, float inverse_depth, std::vector<Part>& parts) const {
+  const Candidate own = candidate(inverse_depth);
   // Where nothing nearer comes into it the own disc is enough, if it is filled.
   if (isOnTop(p, own)) {
     if (own.reach == 0) {
@@ -244,8 +244,8 @@ float ImageFormation::gather(const cv::Point& p, const Candidate& own, int half,
     part.share *= factors[layers[i]] * scale;
     if (part.share <= 0) continue;
     if (!inside) {
-      part.dx = static_cast<std::int16_t>(mirrored(p.x + part.dx, closeness_.cols) - p.x);
-      part.dy = static_cast<std::int16_t>(mirrored(p.y + part.dy, closeness_.rows) - p.y);
+      part.dx = static_cast<std::int16_t>(mirrored(p.x + part.dx, inverse_depth_.cols) - p.x);
+      part.dy = static_cast<std::int16_t>(mirrored(p.y + part.dy, inverse_depth_.rows) - p.y);
     }
     parts[kept++] = part;
   }
@@ -256,8 +256,8 @@ float ImageFormation::gather(const cv::Point& p, const Candidate& own, int half,
 // The share that no disc provides belongs to what is hidden: if something nearby covers p's own surface, to
 // that surface; else to what lies behind p.
 ImageFormation::Hidden ImageFormation::hiddenAt(const cv::Point& p, int own_layer) const {
-  const int left = std::max(-kNearby, -p.x), right = std::min(kNearby, closeness_.cols - 1 - p.x);
-  const int top = std::max(-kNearby, -p.y), bottom = std::min(kNearby, closeness_.rows - 1 - p.y);
+  const int left = std::max(-kNearby, -p.x), right = std::min(kNearby, inverse_depth_.cols - 1 - p.x);
+  const int top = std::max(-kNearby, -p.y), bottom = std::min(kNearby, inverse_depth_.rows - 1 - p.y);
   const unsigned inside = ((2u << (right + kNearby)) - 1) & ~((1u << (left + kNearby)) - 1);
   // bits(dy): of a row, which columns from -kNearby on are there and have a layer up to `most`.
   const auto bits = [&](int dy, int most) {

@@ -21,18 +21,18 @@ class ImageFormation {
     float share;
   };
 
-  /// closeness: shared, not copied; may change by what moves jumps by a pixel or two before the next
-  /// update(). The first one must come before anything else. layer_gap: pixels whose closeness differs by
+  /// inverse_depth: shared, not copied; may change by what moves jumps by a pixel or two before the next
+  /// update(). The first one must come before anything else. layer_gap: pixels whose inverse depth differs by
   /// less do not cover each other.
-  ImageFormation(const cv::Mat1f& closeness, const FrameBlur& blur, float layer_gap);
+  ImageFormation(const cv::Mat1f& inverse_depth, const FrameBlur& blur, float layer_gap);
 
-  /// Follows the closeness: all that is needed, or only what changed in a few pixels.
+  /// Follows the inverse depth: all that is needed, or only what changed in a few pixels.
   void update();
   void update(const std::vector<cv::Point>& changed);
 
-  /// What lights up pixel p, if its closeness were `own`; shares sum up to 1. Nearest layers first: they take
-  /// what their discs take, the last one takes the rest. What is missing then, because it is hidden in the
-  /// sharp picture, is taken from farther pixels nearby.
+  /// What lights up pixel p, if its inverse depth were `own`; shares sum up to 1. Nearest layers first: they
+  /// take what their discs take, the last one takes the rest. What is missing then, because it is hidden in
+  /// the sharp picture, is taken from farther pixels nearby.
   void partsOf(const cv::Point& p, float own, std::vector<Part>& parts) const;
 
   /// Light of the sharp picture as predict() reads it: a margin on all sides mirrors it.
@@ -43,8 +43,8 @@ class ImageFormation {
   void predict(const cv::Point& p, const float (&own)[2], const cv::Mat4f& sharp,
                cv::Vec3f (&light)[2]) const;
 
-  float closeness(const cv::Point& p) const { return closeness_(p); }
-  float radius(const cv::Point& p) const { return blur_.radius(closeness_(p)); }
+  float inverse_depth(const cv::Point& p) const { return inverse_depth_(p); }
+  float radius(const cv::Point& p) const { return blur_.radius(inverse_depth_(p)); }
 
  private:
   static constexpr int kLayers = 64;
@@ -55,10 +55,10 @@ class ImageFormation {
   struct Layers;
   struct Hidden;
 
-  int layer(float closeness) const {
-    return std::clamp(static_cast<int>((closeness - least_) * per_layer_), 0, kLayers - 1);
+  int layer(float inverse_depth) const {
+    return std::clamp(static_cast<int>((inverse_depth - least_) * per_layer_), 0, kLayers - 1);
   }
-  Candidate candidate(float closeness) const;
+  Candidate candidate(float inverse_depth) const;
   bool isInside(const cv::Point& p, int half) const;
   float ownShare(const cv::Point& p, const Candidate& own, int half) const;
   template <typename Visit>
@@ -68,7 +68,7 @@ class ImageFormation {
   void collect(const cv::Point& p, int half, const cv::Mat4f& sharp, Layers& layers) const;
   Hidden hiddenAt(const cv::Point& p, int own_layer) const;
 
-  cv::Mat1f closeness_;
+  cv::Mat1f inverse_depth_;
   FrameBlur blur_;
   float least_ = 0, per_layer_ = 0;
   cv::Mat1b index_, layer_;  // by pixel, with a margin: disc kernel and layer

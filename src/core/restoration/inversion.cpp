@@ -137,7 +137,7 @@ class Equations {
           const ObservedFrame& frame = bracket_.frames[k];
           const float radius = formation[k].radius({x, y});
           if (radius >= kSharpPx || !frame.seen.contains({x, y})) continue;
-          formation[k].partsOf({x, y}, formation[k].closeness({x, y}), parts);
+          formation[k].partsOf({x, y}, formation[k].inverse_depth({x, y}), parts);
           Row row;
           row.x = static_cast<std::int16_t>(x);
           row.y = static_cast<std::int16_t>(y);
@@ -359,10 +359,11 @@ void gate(const Residuals& before, const Residuals& after, cv::Mat3f& z) {
 }  // namespace
 
 std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
-                                    const std::vector<ImageFormation>& formation, const cv::Mat1f& closeness,
+                                    const std::vector<ImageFormation>& formation,
+                                    const cv::Mat1f& inverse_depth,
                                     const std::function<bool(double)>& proceed) {
-  const cv::Mat1b edges = jumps(closeness, bracket.gap(kBandJumpPx));
-  if (cv::countNonZero(edges) == 0) return cv::Mat3f(cv::Mat3f::zeros(closeness.size()));
+  const cv::Mat1b edges = jumps(inverse_depth, bracket.gap(kBandJumpPx));
+  if (cv::countNonZero(edges) == 0) return cv::Mat3f(cv::Mat3f::zeros(inverse_depth.size()));
   const Equations equations(bracket, formation, neighbourhood(edges, kSolvedPx));
   if (!proceed(0.4)) return std::nullopt;
   const Residuals before = residuals(equations, {}, bracket.noise_variance);

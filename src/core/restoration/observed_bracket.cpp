@@ -27,13 +27,13 @@ cv::Mat3f wideMean(const cv::Mat3f& light) {
 
 }  // namespace
 
-cv::Mat1b jumps(const cv::Mat1f& closeness, float gap) {
-  cv::Mat1b found = cv::Mat1b::zeros(closeness.size());
-  for (int y = 0; y < closeness.rows; ++y) {
-    for (int x = 0; x < closeness.cols; ++x) {
-      const float here = closeness(y, x);
-      if (x > 0 && std::abs(here - closeness(y, x - 1)) > gap) found(y, x) = found(y, x - 1) = 255;
-      if (y > 0 && std::abs(here - closeness(y - 1, x)) > gap) found(y, x) = found(y - 1, x) = 255;
+cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap) {
+  cv::Mat1b found = cv::Mat1b::zeros(inverse_depth.size());
+  for (int y = 0; y < inverse_depth.rows; ++y) {
+    for (int x = 0; x < inverse_depth.cols; ++x) {
+      const float here = inverse_depth(y, x);
+      if (x > 0 && std::abs(here - inverse_depth(y, x - 1)) > gap) found(y, x) = found(y, x - 1) = 255;
+      if (y > 0 && std::abs(here - inverse_depth(y - 1, x)) > gap) found(y, x) = found(y - 1, x) = 255;
     }
   }
   return found;

@@ -24,20 +24,20 @@ constexpr int kCodeScale = 16;
 struct ObservedBracket {
   cv::Mat3b fused;
   cv::Mat3f light;                    ///< linear light of it, 0..1
-  std::vector<ObservedFrame> frames;  ///< by closeness of focus, far first
+  std::vector<ObservedFrame> frames;  ///< by inverse depth of focus, far first
   double noise_variance = 0;          ///< gray levels squared, of a channel
-  cv::Mat1f measured;  ///< closeness (1 / depth, 1/mm) that a sensor measured, 0 = unknown; may be empty
+  cv::Mat1f measured;  ///< inverse depth (1 / depth, 1/mm) that a sensor measured, 0 = unknown; may be empty
   cv::Mat1f filled;    ///< the same with filled holes
   double px_mm = 0;    ///< the largest of the frames' FrameBlur::px_mm
 
-  /// Difference in closeness that changes the blur by so many pixels of radius.
+  /// Difference in inverse depth that changes the blur by so many pixels of radius.
   float gap(double px) const { return static_cast<float>(px / px_mm); }
 };
 
 constexpr double kJumpPx = 0.35;  ///< neighbours that differ by more do not lie on one surface
 
-/// CV_8UC1, 255 at both pixels of every pair of neighbours whose closeness differs by more than a gap.
-cv::Mat1b jumps(const cv::Mat1f& closeness, float gap);
+/// CV_8UC1, 255 at both pixels of every pair of neighbours whose inverse depth differs by more than a gap.
+cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap);
 
 /// Brings a frame to the local exposure of the fused picture, which vignetting and flickering light change:
 /// light times the ratio of the wide means of both, 0.8..1.25. frame: CV_8UC3; gain: in linear light.

@@ -123,7 +123,7 @@ void FusionNodelet::reconfigure(Config& config) {
                "label_max_age");
   repair.check(config.label_timeout, config_.label_timeout, repair.isNotNegative(config.label_timeout),
                "label_timeout");
-  if (!repair.remarks().empty()) monitor_->warn(repair.remarks());
+  if (!repair.warnings().empty()) monitor_->warn(repair.warnings());
   config_ = config;
 
   FusionSettings settings;

@@ -74,7 +74,7 @@ SharedScene toScene(const SceneMessages& messages, Mode mode) {
       take(messages, shared);
       return true;
     } catch (const std::exception& e) {
-      shared.remarks.push_back(e.what() + std::string(consequence));
+      shared.warnings.push_back(e.what() + std::string(consequence));
       return false;
     }
   };
@@ -170,10 +170,10 @@ std::vector<std::string> OpenBracket::setScene(const SceneMessages& messages, do
     report_.label_stamp = messages.labels.labels->header.stamp;
     report_.optics = messages.labels.segments->optics;
   } else {
-    scene_.remarks = {trouble};
+    scene_.warnings = {trouble};
   }
-  report_.notes.insert(report_.notes.begin(), scene_.remarks.begin(), scene_.remarks.end());
-  return scene_.remarks;
+  report_.notes.insert(report_.notes.begin(), scene_.warnings.begin(), scene_.warnings.end());
+  return scene_.warnings;
 }
 
 FrameFates OpenBracket::add(const FusionTask& task, const Interrupted& interrupted) {
@@ -303,7 +303,7 @@ FusedBracket OpenBracket::fused(bool complete) const {
     report.segments.push_back(message);
   }
   if (!scene_.scene.depth.empty() && scene_.scene.camera && !focus_known_) {
-    report.notes.insert(report.notes.begin() + static_cast<std::ptrdiff_t>(scene_.remarks.size()),
+    report.notes.insert(report.notes.begin() + static_cast<std::ptrdiff_t>(scene_.warnings.size()),
                         "no focus distances: depth and optics have no say in the fusion");
   }
   report.notes.insert(report.notes.end(), bracket.result.notes.begin(), bracket.result.notes.end());

@@ -33,7 +33,7 @@ struct FusionSettings {
 /// What the messages say of a scene, as the core takes it.
 struct SharedScene {
   BracketScene scene;
-  std::vector<std::string> remarks;  ///< what is missing or refused and what that means, a line each
+  std::vector<std::string> warnings;  ///< what is missing or refused and what that means, a line each
 
   // The scene reads the messages' own memory.
   cv_bridge::CvImageConstPtr labels;
