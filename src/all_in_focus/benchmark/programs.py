@@ -7,6 +7,7 @@ import platform
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
@@ -48,15 +49,19 @@ def run(command, timeout=None):
     """
     libraries = os.pathsep.join([str(prefix() / "lib"), os.environ.get("LD_LIBRARY_PATH", "")])
     name = Path(command[0]).name
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
-                          errors="replace", env=dict(os.environ, LD_LIBRARY_PATH=libraries)) as process:
+    # In a thread, since an exception that a signal raises in the middle of Popen would lose the process.
+    with ThreadPoolExecutor(1) as starter:
+        started = starter.submit(subprocess.Popen, command, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                 universal_newlines=True, errors="replace",
+                                 env=dict(os.environ, LD_LIBRARY_PATH=libraries))
         try:
-            out, err = process.communicate(timeout=timeout)
+            out, err = started.result().communicate(timeout=timeout)
         except subprocess.TimeoutExpired:
             raise RuntimeError(f"{name}: not done after {timeout:g} s, given up")
         finally:
-            if process.poll() is None:
-                _end(process)
+            with started.result() as process:
+                if process.poll() is None:
+                    _end(process)
     if process.returncode:
         said = (err or out).strip().splitlines()
         raise RuntimeError(said[-1] if said else f"{name}: exit code {process.returncode}")
