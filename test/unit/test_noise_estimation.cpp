@@ -11,13 +11,13 @@ using namespace all_in_focus::core;
 
 namespace {
 
-// A smooth ramp, with texture of single pixels on its first `textured` columns.
-cv::Mat noisyRamp(double deviation, int textured = 0) {
+// A smooth ramp, with texture of single pixels on its first `textured` columns, and noise on all of it.
+cv::Mat noisyRamp(double deviation, int textured = 0, const cv::Size& size = {200, 120}, double slope = 0.4) {
   cv::RNG random(1);
-  cv::Mat gray(120, 200, CV_8UC1);
+  cv::Mat gray(size, CV_8UC1);
   for (int y = 0; y < gray.rows; ++y) {
     for (int x = 0; x < gray.cols; ++x) {
-      const double value = x < textured ? random.uniform(30.0, 220.0) : 80 + 0.4 * x + 0.1 * y;
+      const double value = x < textured ? random.uniform(30.0, 220.0) : 80 + slope * x + 0.1 * y;
       gray.at<std::uint8_t>(y, x) = cv::saturate_cast<std::uint8_t>(value + random.gaussian(deviation));
     }
   }
@@ -49,17 +49,9 @@ TEST(NoiseEstimation, SmallImagesHaveNone) {
   EXPECT_NO_THROW(noiseDeviation(cv::Mat(3, 3, CV_8UC1, cv::Scalar(7))));
 }
 
-// Flat or, in its first columns, textured; noise of a deviation on it.
+// Large enough for a pyramid of several levels.
 cv::Mat noisyPicture(double deviation, int textured) {
-  cv::RNG random(1);
-  cv::Mat gray(480, 640, CV_8UC1);
-  for (int y = 0; y < gray.rows; ++y) {
-    for (int x = 0; x < gray.cols; ++x) {
-      const double value = x < textured ? random.uniform(30.0, 220.0) : 80 + 0.1 * x + 0.1 * y;
-      gray.at<std::uint8_t>(y, x) = cv::saturate_cast<std::uint8_t>(value + random.gaussian(deviation));
-    }
-  }
-  return gray;
+  return noisyRamp(deviation, textured, {640, 480}, 0.1);
 }
 
 TEST(NoiseSpectrum, FindsWhiteNoise) {
