@@ -11,8 +11,8 @@
 namespace all_in_focus::core {
 
 // Values that are possible but most likely a mistake, such as mm in the place of m. Each check returns one
-// line for people that ends with the remedy, empty if there is nothing to say. fuse_stack, the nodes and
-// check_bag say it in the same words.
+// line for people that ends with the remedy, empty if there is nothing to say. fuse_stack and the nodes say
+// it in the same words.
 
 /// Distance and rotation between the cameras: over 2 m or 60 degrees.
 std::string checkPose(const RigidTransform& depth_to_color);
