@@ -182,19 +182,21 @@ std::string checkPose(const RigidTransform& depth_to_color) {
 std::string checkDepthUnit(const cv::Mat& depth) {
   const int step =
       std::max(1, static_cast<int>(std::sqrt(static_cast<double>(depth.total()) / kUnitSamples)));
-  std::vector<std::uint16_t> known;
+  std::array<int, kProbablyMetres + 1> count{};  // of each small value
+  int known = 0;
   for (int y = 0; y < depth.rows; y += step) {
     const auto* row = depth.ptr<std::uint16_t>(y);
     for (int x = 0; x < depth.cols; x += step) {
-      if (row[x] > 0) known.push_back(row[x]);
+      if (row[x] == 0) continue;
+      ++known;
+      if (row[x] <= kProbablyMetres) ++count[row[x]];
     }
   }
-  if (known.empty()) return "";
-  const auto middle = known.begin() + static_cast<std::ptrdiff_t>((known.size() - 1) / 2);
-  std::nth_element(known.begin(), middle, known.end());
-  if (*middle > kProbablyMetres) return "";
+  int median = 0, up_to = 0;
+  while (median < kProbablyMetres && 2 * up_to < known) up_to += count[++median];
+  if (known == 0 || 2 * up_to < known) return "";
   return cv::format("half of the depths are %d or less: m, but a depth image means mm: multiply by 1000",
-                    *middle);
+                    median);
 }
 
 std::string checkCoverage(const cv::Mat& registered, const Rig& rig) {
@@ -245,9 +247,8 @@ std::string checkMirroring(const cv::Mat& registered, const cv::Mat& mirrored, c
                                             : mirror.in_place > mirror.mean + kFitsInPlace * mirror.sigma &&
                                                   mirror.in_place > straight.in_place + kClearlyBetter;
   if (!is_mirrored) return "";
-  return "the edges of the depth image fit the picture better when it is mirrored: turn off mirroring where "
-         "the "
-         "depth comes from";
+  return "the edges of the depth image fit the picture better when it is mirrored: "
+         "turn off mirroring where the depth comes from";
 }
 
 }  // namespace all_in_focus::core

@@ -292,7 +292,7 @@ void DepthPreprocessNodelet::registerAndPublish(const std_msgs::Header& depth_he
   warnOfRig(depth.mm, registered_mm);
 }
 
-// What is most likely a mistake in the rig, in the words of fuse_stack and check_bag.
+// Warns of what is most likely a mistake in the rig, in the words of fuse_stack.
 void DepthPreprocessNodelet::warnOfRig(const cv::Mat& depth, const cv::Mat& registered) {
   const std::string topic = monitor_->resolved(depth_input_) + ": ";
   if (cv::countNonZero(depth) == 0) {
