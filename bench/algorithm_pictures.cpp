@@ -175,7 +175,7 @@ void drawAll(const po::variables_map& values) {
   save_depth("depth_raw", scene.input.depth);
   save_depth("depth_registered", result.registered);
   save_depth("depth_filled", result.filled);
-  drawRegions(result.segmentation, picture);
+  drawRegions(result.segmentation, captionRegions(result.segmentation), picture);
   save("regions", picture, cv::INTER_AREA);
   save("frame_near", scene.frames.front());
   save("frame_far", scene.frames.back());

@@ -27,8 +27,10 @@ void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture);
 void drawDepth(const cv::Mat& depth, double nearest_mm, double farthest_mm, cv::Mat& picture);
 
 /// The picture of regions for people: drawLabels(), captions, and below them a legend with metres.
-/// segmentation: labels and segments. picture: CV_8UC3, BGR, higher than the labels.
-void drawRegions(const Segmentation& segmentation, cv::Mat& picture);
+/// segmentation: labels and segments; without a segment the legend is empty. captions: captionRegions().
+/// picture: CV_8UC3, BGR, higher than the labels by what follows from their width.
+void drawRegions(const Segmentation& segmentation, const std::vector<RegionCaption>& captions,
+                 cv::Mat& picture);
 
 /// Draws which frame each pixel was taken from: hue by the frame's index (red first, violet last), brightness
 /// by confidence, kNoFrame black. source_index: CV_16UC1. confidence: CV_8UC1 of the same size. frames:

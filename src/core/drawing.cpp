@@ -31,7 +31,8 @@ std::vector<cv::Vec3b> hues(int count, double span, bool alternate) {
   return {bgr.begin<cv::Vec3b>(), bgr.end<cv::Vec3b>()};
 }
 
-// A strip of colours from near to far, evenly in dioptres, with metres below it. color: of a depth, mm.
+// A strip of colours from near to far, evenly in dioptres, with metres below it. color: of a depth, mm; none:
+// the strip is white.
 cv::Mat drawLegend(int width, double near_mm, double far_mm, const std::function<cv::Vec3b(double)>& color) {
   constexpr int kMostTicks = 5;
   const double scale = std::max(0.3, width / 1100.0);
@@ -41,6 +42,7 @@ cv::Mat drawLegend(int width, double near_mm, double far_mm, const std::function
     return cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, scale, line, nullptr);
   };
   cv::Mat legend(bar + text_size("0").height + 3 * gap, width, CV_8UC3, cv::Scalar::all(255));
+  if (!color) return legend;
   const auto depth_at = [&](double share) { return 1 / (1 / near_mm + share * (1 / far_mm - 1 / near_mm)); };
   for (int x = 0; x < width; ++x) legend(cv::Rect(x, gap, 1, bar)).setTo(color(depth_at((x + 0.5) / width)));
   const int fitting = width / (2 * text_size("8.88 m").width);
@@ -113,13 +115,14 @@ void drawDepth(const cv::Mat& depth, double nearest_mm, double farthest_mm, cv::
   cv::vconcat(map, drawLegend(map.cols, near, far, color), picture);
 }
 
-void drawRegions(const Segmentation& segmentation, cv::Mat& picture) {
+void drawRegions(const Segmentation& segmentation, const std::vector<RegionCaption>& captions,
+                 cv::Mat& picture) {
   const std::vector<Segment>& segments = segmentation.segments;
   cv::Mat regions;
   drawLabels(segmentation.labels, static_cast<int>(segments.size()), regions);
-  drawCaptions(captionRegions(segmentation), regions);
+  drawCaptions(captions, regions);
   if (segments.empty()) {
-    picture = regions;
+    cv::vconcat(regions, drawLegend(regions.cols, 0, 0, nullptr), picture);
     return;
   }
   double near = segments.front().min_mm, far = segments.front().max_mm;

@@ -231,10 +231,10 @@ void SegmenterNodelet::publishCaptioned(const std_msgs::Header& header) {
 
 void SegmenterNodelet::publishPicture(const CaptionSet& captions) {
   if (picture_publisher_.getNumSubscribers() == 0) return;
-  OutgoingImage picture(captions.header, sensor_msgs::image_encodings::RGB8, captions.size);
-  drawLabels(result_.labels, captions.labels, picture.mat);
-  cv::cvtColor(picture.mat, picture.mat, cv::COLOR_BGR2RGB);
-  drawCaptions(captions.captions, picture.mat);
+  cv::Mat regions;
+  drawRegions(result_, captions.captions, regions);
+  OutgoingImage picture(captions.header, sensor_msgs::image_encodings::RGB8, regions.size());
+  cv::cvtColor(regions, picture.mat, cv::COLOR_BGR2RGB);
   picture_publisher_.publish(picture.take());
 }
 

@@ -251,7 +251,8 @@ void fuseStack(const po::variables_map& values) {
        "label image: give --depth, --registered-depth or --label-map");
   if (values.count("save-regions")) {
     cv::Mat regions;
-    if (!result.segmentation.segments.empty()) drawRegions(result.segmentation, regions);
+    if (!result.segmentation.segments.empty())
+      drawRegions(result.segmentation, captionRegions(result.segmentation), regions);
     save("save-regions", regions, "region with a depth: give --depth or --registered-depth");
   }
   save("save-source-index", result.fusion.source_index, "source index");

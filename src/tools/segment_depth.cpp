@@ -28,7 +28,7 @@ void segmentDepth(const po::variables_map& values) {
   outputs.addImage(values["output"].as<std::string>(), labels16(result.labels));
   if (values.count("save-regions")) {
     cv::Mat regions;
-    drawRegions(result, regions);
+    drawRegions(result, captionRegions(result), regions);
     outputs.addImage(textOption(values, "save-regions"), regions);
   }
   if (values.count("report")) {

@@ -161,7 +161,11 @@ class CaptionTest(GraphTest):
             stamp = next(STAMPS)
             self.depth.say(image_message(two_planes(), stamp, frame='color'))
             pictures.append(pixels_of(picture.at(stamp)))
-        captioned, plain = pictures
+        captioned, plain = (whole[:240] for whole in pictures)
+        colors, metres = np.array_split(pictures[0][240:], 2)
+        self.assertEqual([colors[len(colors) // 2, at].argmax() for at in (0, -1)], [0, 2])  # red is near, blue far
+        for half in (slice(0, 160), slice(160, 320)):
+            self.assertGreater((metres[:, half].max(axis=2) < 100).sum(), 10)  # dark letters
         self.assertEqual([plain[0, 0].argmax(), plain[0, -1].argmax()], [0, 2])  # red, blue
         for half in (slice(0, 160), slice(160, 320)):
             self.assertEqual(len(np.unique(plain[:, half].reshape(-1, 3), axis=0)), 1)

@@ -78,6 +78,30 @@ TEST(RegionCaptions, WhatWouldCoverALargerRegionsCaptionIsLeftOut) {
   }
 }
 
+TEST(DrawRegions, LegendGoesFromNearToFarBelowTheLabels) {
+  const Segmentation segmentation = scene();
+  cv::Mat picture;
+  drawRegions(segmentation, {}, picture);
+  ASSERT_EQ(picture.cols, 320);
+  ASSERT_GT(picture.rows, 250);
+  const auto colors = labelColors(3);
+  EXPECT_EQ(picture.at<cv::Vec3b>(100, 60), colors[1]);
+  EXPECT_EQ(picture.at<cv::Vec3b>(245, 0), colors[1]);
+  EXPECT_EQ(picture.at<cv::Vec3b>(245, 319), colors[3]);
+}
+
+TEST(DrawRegions, PictureWithoutDepthHasTheSameSize) {
+  Segmentation segmentation = scene();
+  cv::Mat picture, without_depth;
+  drawRegions(segmentation, {}, picture);
+  segmentation.labels.setTo(0);
+  segmentation.segments.clear();
+  drawRegions(segmentation, {}, without_depth);
+  EXPECT_EQ(without_depth.size(), picture.size());
+  const cv::Mat legend = without_depth.rowRange(240, without_depth.rows).clone().reshape(1);
+  EXPECT_EQ(cv::countNonZero(legend == 255), static_cast<int>(legend.total()));
+}
+
 TEST(DrawCaptions, WritesInsideThePicture) {
   const cv::Mat plain(240, 320, CV_8UC3, cv::Scalar(40, 80, 200));
   Segmentation edge;
