@@ -10,6 +10,8 @@ from all_in_focus.camera.interface import (BAD_PARAMETERS, FILE_ADDED, IO, MODEL
                                            UNKNOWN_PORT, Camera, CameraError, Event, Widget)
 
 _CHOICES = (gp.GP_WIDGET_RADIO, gp.GP_WIDGET_MENU)
+# Since version 2.5, python-gphoto2 wants a file to write into before the context, and makes one where it is None.
+_NEW_FILE = (None,) if [int(part) for part in gp.__version__.split(".")[:2]] >= [2, 5] else ()
 
 
 class GphotoCamera(Camera):
@@ -127,12 +129,12 @@ class GphotoCamera(Camera):
     def capture_preview(self):
         camera = self._opened()
         with self._errors("reading live view"):
-            return _content(camera.capture_preview(self._context))
+            return _content(camera.capture_preview(*_NEW_FILE, self._context))
 
     def download(self, path):
         camera = self._opened()
         with self._errors(f"downloading {path}"):
-            return _content(camera.file_get(*posixpath.split(path), gp.GP_FILE_TYPE_NORMAL, self._context))
+            return _content(camera.file_get(*posixpath.split(path), gp.GP_FILE_TYPE_NORMAL, *_NEW_FILE, self._context))
 
     def delete(self, path):
         camera = self._opened()
