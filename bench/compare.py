@@ -26,7 +26,7 @@ import graph_source
 import steps
 from all_in_focus.baselines import enfuse
 from all_in_focus.benchmark.methods import peer_command
-from all_in_focus.benchmark.programs import run
+from all_in_focus.installed import run
 from all_in_focus.command_line import Parser, count
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import read_depth

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import yaml
 
+from all_in_focus import installed
 from all_in_focus.calibration.command import main
-from all_in_focus.benchmark import programs
 from all_in_focus.files.rig import load_rig, save_camera, save_rig
 
 from board_rendering import board_poses, mapping_error, true_rig, write_views
@@ -99,9 +99,9 @@ def test_the_tools_in_cpp_read_the_rig(calibrated, tmp_path):
     (tmp_path / "stack").mkdir()
     cv2.imwrite(str(tmp_path / "stack" / "0.png"), np.full((600, 800, 3), 90, np.uint8))
     cv2.imwrite(str(tmp_path / "depth.png"), np.full((480, 640), 1500, np.uint16))
-    programs.run([programs.find("fuse_stack"), "--stack", str(tmp_path / "stack"), "--rig", str(calibrated[0]),
-                  "--depth", str(tmp_path / "depth.png"), "--output", str(tmp_path / "o.png"),
-                  "--save-registered", str(tmp_path / "z.png")])
+    installed.run([installed.find("fuse_stack"), "--stack", str(tmp_path / "stack"), "--rig", str(calibrated[0]),
+                   "--depth", str(tmp_path / "depth.png"), "--output", str(tmp_path / "o.png"),
+                   "--save-registered", str(tmp_path / "z.png")])
     registered = cv2.imread(str(tmp_path / "z.png"), cv2.IMREAD_UNCHANGED)
     assert abs(np.median(registered[registered > 0]) - 1521) < 25  # the depth camera is 21 mm behind
 

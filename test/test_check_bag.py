@@ -11,12 +11,13 @@ import rosbag
 from bag_helpers import (BRIDGE, SIZE, START, call, changed, compressed, depth_image, good_messages, setting, without,
                          write)
 from file_helpers import cut, run_script
-from tool_helpers import rosrun, snapshot, succeeded
+from tool_helpers import TwoPlanes, fuse_stack, rosrun, set_up_boards, snapshot, succeeded
 
 from all_in_focus.bag import check as bag_check
 from all_in_focus.bag.brackets import Rules
 from all_in_focus.bag.bag_file import BagError, BagFile, Topics
 from all_in_focus.bag.image_messages import to_message
+from all_in_focus.files.rig import load_rig, save_rig
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of cv_bridge
 CHECKS = ["file", "topics", "depth image", "colour image", "depth camera", "colour camera", "transform", "stamps",
@@ -169,7 +170,10 @@ WARNINGS = {
                "count is 4 and 5"),
     "raw Kinect": (depth(np.where(np.arange(SIZE[0]) < 20, 2047, depth_image())), "depth values",
                    r"31 % .* 2047 mm.*--invalid-values \[0,2047\]"),
-    "little depth": (depth(np.where(np.arange(SIZE[0]) < 50, 0, depth_image())), "overlap", "only 2. % of the colour"),
+    "little depth": (depth(np.pad(depth_image()[:12, 31:34], ((0, SIZE[1] - 12), (31, SIZE[0] - 34)))), "overlap",
+                     "only [1-4].* % of the colour picture gets a depth: check the transform and both calibrations"),
+    "circle of confusion": (setting("/rgb/optics", circle_of_confusion_mm=1.9), "optics",
+                            "the circle of confusion, 1.9 mm, is over a fiftieth of the sensor"),
     "no lens": (without("/rgb/optics"), "optics", "nothing on /rgb/optics.*--optics f,F,coc"),
     "impossible lens": (setting("/rgb/optics", aperture=0.0), "optics", "impossible .f = 24, F = 0"),
     "no distances": (setting("/rgb/focus", focus_distance=float("nan")), "focus steps", "no focus distances are known"),
@@ -203,6 +207,29 @@ def test_a_good_bag(tmp_path):
     done = succeeded(run_script("check_bag", path, "--json", tmp_path / "r.json"))
     assert done.stdout.splitlines() == [*report.lines(), f"{path}: can be fused"] and done.stderr == ""
     assert json.loads((tmp_path / "r.json").read_text()) == report.plain()
+
+
+def test_the_rig_is_checked_in_the_words_of_fuse_stack(tmp_path):
+    """What fuse_stack warns of is what check_bag says of the same files in a bag."""
+    planes, bag = TwoPlanes(tmp_path), tmp_path / "x.bag"
+    planes.clean_output()
+    words = set()
+    for turn, translation, quaternion in ((1, [0, 0, -2.5], [0, 0, 0, 1]), (1, [0, 0, 0], [0, 0.4579, 0, 0.8890]),
+                                          (1, [0.05, 0, 0], [0, 0, 1, 0]), (-1, [0, 0, 0], [0, 0, 0, 1])):
+        set_up_boards(planes, turn)
+        rig = load_rig(planes.rig)
+        rig.t = np.array(translation, float)
+        save_rig(planes.rig, rig, quaternion)
+        done = succeeded(fuse_stack("--stack", planes.stack, *planes.with_depth, "--output", planes.output("o.png")))
+        said = {line.partition("warning: ")[2] for line in done.stderr.splitlines() if "warning: " in line}
+        succeeded(run_script("make_bag", "--depth", planes.depth_file, "--rig", planes.rig, "--stack", planes.stack,
+                             "--output", bag))
+        found = {finding.text for finding in report_on(bag).findings
+                 if finding.level == "warning" and finding.check in ("transform", "overlap")}
+        assert said and said <= found, (said, found)
+        assert found - said <= {"both cameras stand at one place: was the rig calibrated?"}
+        words |= {line[-40:] for line in said}
+    assert len(words) == 4
 
 
 def test_depth_of_some_brackets_only(tmp_path):

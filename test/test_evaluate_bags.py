@@ -13,6 +13,7 @@ import rosbag
 from evaluate_helpers import evaluate, make_scene, results
 from tool_helpers import read, rosrun, succeeded
 
+from all_in_focus import installed
 from all_in_focus.benchmark import bags, methods, programs, settings
 from all_in_focus.benchmark.scenes import Scene
 from all_in_focus.files.stack import Stack
@@ -132,7 +133,7 @@ def test_a_program_that_takes_too_long_may_clean_up(tmp_path):
     program.write_text(f"#!/bin/sh\ntrap 'echo ended > {tmp_path / 'said'}; exit 1' TERM\nwhile :; do sleep 0.1; done\n")
     program.chmod(0o755)
     with pytest.raises(RuntimeError, match="^slow: not done after 0.5 s, given up$"):
-        programs.run([str(program)], 0.5)
+        installed.run([str(program)], 0.5)
     assert (tmp_path / "said").read_text() == "ended\n"
 
 
@@ -141,8 +142,8 @@ def test_an_interrupted_run_ends_its_program(tmp_path):
     program.write_text(f"#!/bin/sh\ntrap 'echo ended > {tmp_path / 'said'}; exit 1' TERM\nkill -TERM $PPID\n"
                        "while :; do sleep 0.1; done\n")
     program.chmod(0o755)
-    script = ("import signal, sys; from all_in_focus.benchmark import programs; "
-              "signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number)); programs.run(sys.argv[1:])")
+    script = ("import signal, sys; from all_in_focus import installed; "
+              "signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number)); installed.run(sys.argv[1:])")
     assert subprocess.run([sys.executable, "-c", script, str(program)], timeout=60).returncode == 128 + 15
     assert (tmp_path / "said").read_text() == "ended\n"
 

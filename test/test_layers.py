@@ -21,15 +21,16 @@ ROOMS = {
     'imaging': ['files'],
     'command_line': ['files'],
     'early_exit': [],
+    'installed': [],
     'metrics': ['files', 'imaging'],
     'baselines': ['files', 'imaging'],
     'simulation': ['files', 'imaging'],
     'camera': ['files'],
     'calibration': ['files', 'imaging', 'command_line'],
-    'bag': ['files', 'imaging', 'command_line'],
+    'bag': ['files', 'imaging', 'command_line', 'installed'],
     'replay': ['files', 'imaging', 'bag'],
     'rviz': ['files', 'bag', 'replay'],
-    'benchmark': ['files', 'imaging', 'command_line', 'metrics', 'baselines', 'simulation', 'bag', 'replay'],
+    'benchmark': ['files', 'imaging', 'command_line', 'installed', 'metrics', 'baselines', 'simulation', 'bag', 'replay'],
 }
 
 # The rooms of C++ below src/: which others each may use besides itself. No circle: each names only rooms above it.

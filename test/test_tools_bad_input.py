@@ -11,10 +11,8 @@ import pytest
 import yaml
 
 from file_helpers import cut
-from tool_helpers import (OPTICS, SIZE, TwoPlanes, expect_refusal, fuse_stack, read_report, segment_depth, snapshot, succeeded,
-                          texture, write)
-
-from all_in_focus.files.rig import Camera, Rig, save_rig
+from tool_helpers import (SIZE, TwoPlanes, expect_refusal, fuse_stack, read_report, segment_depth, set_up_boards, snapshot,
+                          succeeded, texture, write)
 
 
 @pytest.fixture
@@ -256,25 +254,11 @@ def test_circle_of_confusion_in_another_unit(planes):
     assert len(said) == 1 and said[0].startswith("the circle of confusion, 2 mm, is over a fiftieth of the sensor")
 
 
-def boards():
-    """Depth and picture of boards before a wall; nothing in it is symmetric."""
-    depth, light = np.full((480, 640), 3000, np.uint16), np.full((480, 640, 3), 120, np.uint8)
-    for number, (x, y, width, height) in enumerate([(40, 60, 90, 300), (190, 20, 60, 200), (300, 240, 110, 180)]):
-        depth[y:y + height, x:x + width] = 900 + 300 * number
-        light[y:y + height, x:x + width] = 60 + 70 * number
-    return depth, light + texture((640, 480)) // 20
-
-
 @pytest.mark.parametrize("registered", [False, True])
 @pytest.mark.parametrize("turn, warnings", [(1, 0), (-1, 1)])
 def test_mirrored_depth(tmp_path, registered, turn, warnings):
     planes = TwoPlanes(tmp_path)
-    depth, picture = boards()
-    camera = Camera.pinhole("camera", 640, 480, 600.0, 600.0, 319.5, 239.5)
-    save_rig(str(planes.rig), Rig(camera, camera, np.eye(3), [0.0, 0.0, 0.0], OPTICS, "color", "depth"))
-    write(planes.depth_file, np.ascontiguousarray(depth[:, ::turn]))
-    for name in planes.stack.iterdir():
-        write(name, picture)
+    set_up_boards(planes, turn)
     planes.clean_output()
     said = warnings_of(planes, "--registered-depth" if registered else "--depth", planes.depth_file, "--rig", planes.rig)
     assert [line.endswith("when it is mirrored: turn off mirroring where the depth comes from")

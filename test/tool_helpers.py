@@ -146,6 +146,25 @@ class TwoPlanes:
         assert snapshot(self.folder) == before
 
 
+def boards():
+    """Depth and picture of boards before a wall; nothing in it is symmetric."""
+    depth, light = np.full((480, 640), 3000, np.uint16), np.full((480, 640, 3), 120, np.uint8)
+    for number, (x, y, width, height) in enumerate([(40, 60, 90, 300), (190, 20, 60, 200), (300, 240, 110, 180)]):
+        depth[y:y + height, x:x + width] = 900 + 300 * number
+        light[y:y + height, x:x + width] = 60 + 70 * number
+    return depth, light + texture((640, 480)) // 20
+
+
+def set_up_boards(planes, turn=1):
+    """Boards instead of two planes, with both cameras at one place. turn: -1 mirrors the depth image."""
+    depth, picture = boards()
+    camera = Camera.pinhole("camera", 640, 480, 600.0, 600.0, 319.5, 239.5)
+    save_rig(str(planes.rig), Rig(camera, camera, np.eye(3), [0.0, 0.0, 0.0], OPTICS, "color", "depth"))
+    write(planes.depth_file, np.ascontiguousarray(depth[:, ::turn]))
+    for name in planes.stack.iterdir():
+        write(name, picture)
+
+
 # --- the same input on files and as a bag -----------------------------------------------------------------------------
 
 PICTURES = ("fused", "labels", "registered", "source_index", "confidence", "weights")

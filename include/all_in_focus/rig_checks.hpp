@@ -11,14 +11,18 @@
 namespace all_in_focus::core {
 
 // Values that are possible but most likely a mistake, such as mm in the place of m. Each check returns one
-// line for people that ends with the remedy, empty if there is nothing to say. fuse_stack and the nodes say
-// it in the same words.
+// line for people that ends with the remedy, empty if there is nothing to say. fuse_stack, check_bag and the
+// nodes say it in the same words.
 
 /// Distance and rotation between the cameras: over 2 m or 60 degrees.
 std::string checkPose(const RigidTransform& depth_to_color);
 
 /// Depth in m where mm are meant. depth: CV_16UC1 mm, 0 = unknown.
 std::string checkDepthUnit(const cv::Mat& depth);
+
+/// Share of the colour picture that gets a depth, 0..1, in cells of a few samples of the depth camera each.
+/// registered: CV_16UC1 mm, 0 = unknown, as DepthRegistration of this rig has drawn it.
+double coverage(const cv::Mat& registered, const Rig& rig);
 
 /// Under 5 % of the colour picture with a depth. registered: CV_16UC1 mm, 0 = unknown, as DepthRegistration
 /// of this rig has drawn it. Throws std::invalid_argument if no depth falls into the picture.

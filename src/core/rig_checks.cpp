@@ -199,9 +199,7 @@ std::string checkDepthUnit(const cv::Mat& depth) {
                     median);
 }
 
-std::string checkCoverage(const cv::Mat& registered, const Rig& rig) {
-  // The quick answer, which is nearly always enough.
-  if (cv::countNonZero(registered) >= kLittleCoverage * static_cast<double>(registered.total())) return "";
+double coverage(const cv::Mat& registered, const Rig& rig) {
   // In cells: where the colour camera has the finer pixels, single points do not cover it.
   const double pitch = std::sqrt(kSamplesPerCell) * rig.color.fx / rig.depth.fx;
   const int cell = std::max(1, static_cast<int>(std::ceil(pitch)));
@@ -214,12 +212,23 @@ std::string checkCoverage(const cv::Mat& registered, const Rig& rig) {
       if (row[x] > 0) to[x / cell] = 1;
     }
   }
-  const double share = static_cast<double>(cv::countNonZero(occupied)) / cells.area();
-  const std::string remedy = "check the transform and both calibrations";
-  if (share == 0) throw std::invalid_argument("no depth falls into the colour picture: " + remedy);
+  return static_cast<double>(cv::countNonZero(occupied)) / cells.area();
+}
+
+std::string checkCoverage(const cv::Mat& registered, const Rig& rig) {
+  // The quick answer, which is nearly always enough.
+  if (cv::countNonZero(registered) >= kLittleCoverage * static_cast<double>(registered.total())) return "";
+  const double share = coverage(registered, rig);
+  if (share == 0) {
+    throw std::invalid_argument(
+        "no depth falls into the colour picture: check the transform and both calibrations");
+  }
   if (share >= kLittleCoverage) return "";
-  return cv::format("only %.2g %% of the colour picture gets a depth: ", 100 * share) + remedy +
-         ", and whether the sensor sees the scene";
+  return cv::format(
+      "only %.2g %% of the colour picture gets a depth: check the transform and both calibrations, and "
+      "whether "
+      "the sensor sees the scene",
+      100 * share);
 }
 
 std::string checkCircleOfConfusion(const Optics& optics, const Camera& color) {

@@ -16,6 +16,7 @@
 #include "output_files.hpp"
 #include "report_json.hpp"
 #include "rig_files.hpp"
+#include "rig_warnings.hpp"
 #include "stack_reader.hpp"
 
 namespace po = boost::program_options;
@@ -143,27 +144,18 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
 
 // What is possible, but most likely a mistake in rig or depth, a line each.
 std::vector<std::string> checkRigAndDepth(const PipelineInput& input, StackReader& stack) {
-  std::vector<std::string> warnings;
-  const auto add = [&warnings](const std::string& warning) {
-    if (!warning.empty()) warnings.push_back(warning);
-  };
-  const cv::Mat& depth = input.depth.empty() ? input.registered_depth : input.depth;
-  if (depth.empty()) return warnings;
-  add(checkDepthUnit(depth));
-  if (input.has_rig) add(checkCircleOfConfusion(input.optics, input.rig.color));
-  if (input.depth.empty()) {
-    add(checkMirroring(depth, cv::Mat(), stack.glance()));
-    return warnings;
+  const auto picture = [&stack] { return stack.glance(); };
+  if (!input.depth.empty()) {
+    const RigWarnings found = checkRig(input.rig, &input.optics, input.depth, picture);
+    if (found.apart) throw std::invalid_argument(found.overlap);
+    return found.lines();
   }
-  add(checkPose(input.rig.depth_to_color));
-  DepthRegistration registration(input.rig);
-  cv::Mat registered, turned, mirrored;
-  registration.compute(depth, registered);
-  add(checkCoverage(registered, input.rig));
-  cv::flip(depth, turned, 1);
-  registration.compute(turned, mirrored);
-  add(checkMirroring(registered, mirrored, stack.glance()));
-  return warnings;
+  if (input.registered_depth.empty()) return {};
+  RigWarnings found;
+  found.unit = checkDepthUnit(input.registered_depth);
+  if (input.has_rig) found.circle_of_confusion = checkCircleOfConfusion(input.optics, input.rig.color);
+  found.mirroring = checkMirroring(input.registered_depth, cv::Mat(), picture());
+  return found.lines();
 }
 
 // Warns before the first frame is fused: that may take minutes.

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import cv2
 
+from all_in_focus import installed
 from all_in_focus.bag.bag_file import BagFile
 from all_in_focus.bag.brackets import Rules, assemble
 from all_in_focus.bag.contents import BagContents, Topics
 from all_in_focus.bag.image_messages import bgr
 from all_in_focus.bag.scan import fetch, scan
-from all_in_focus.benchmark import programs
 from all_in_focus.benchmark.methods import OWN
 from all_in_focus.benchmark.scenes import Scene, digest
 from all_in_focus.files.stack import read_image
@@ -61,7 +61,7 @@ def prepare(scene, modes, options, folder, mark):
     arguments = [part for name, value in options.items() for part in ("--" + name, value)]
     for mode in modes or OWN[:1]:  # without own methods, one run still tells the brackets
         try:
-            programs.run([programs.find("evaluate_bag"), "--bag", scene.path, "--output", str(folder / mode),
+            installed.run([installed.find("evaluate_bag"), "--bag", scene.path, "--output", str(folder / mode),
                           "--mode", mode, *arguments])  # without a time-out here: evaluate_bag has its own
         except (RuntimeError, OSError) as error:
             failed[mode] = str(error)

@@ -26,9 +26,9 @@ from typing import Dict, List, Optional
 import cv2
 import numpy as np
 
+from all_in_focus import installed
 from all_in_focus.baselines import BASELINES
 from all_in_focus.baselines.alignment import align
-from all_in_focus.benchmark import programs
 from all_in_focus.benchmark.scenes import digest
 from all_in_focus.files.rig import Optics, load_rig
 from all_in_focus.files.stack import read_depth, read_image
@@ -164,7 +164,7 @@ def _peer(command, scene, folder):
              **{key: scene.beside.get(key, "") for key in ("focus", "rig", "depth")}}
     parts = [part.format(**paths) for part in shlex.split(command)]
     begin = time.perf_counter()
-    programs.run(parts, TIMEOUT_S)
+    installed.run(parts, TIMEOUT_S)
     if not output.exists():
         raise RuntimeError(f"{Path(parts[0]).name}: has not written {{output}}")
     return Produced(read_image(output), seconds=time.perf_counter() - begin)
@@ -177,7 +177,7 @@ def _own(mode, variant, program, scene, folder):
         if mode not in scene.nodes:
             raise ValueError("the nodes have made nothing of this bracket")
         return _read_own(scene.nodes[mode], "the fusion node alone", ("fusion",))
-    programs.run(fuse_stack_command(mode, variant, program or programs.find("fuse_stack"), scene, folder), TIMEOUT_S)
+    installed.run(fuse_stack_command(mode, variant, program or installed.find("fuse_stack"), scene, folder), TIMEOUT_S)
     return _read_own(folder)
 
 

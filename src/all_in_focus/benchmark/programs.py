@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The package's own programs, and which versions of what are at work."""
+"""Which versions of what are at work."""
 import hashlib
 import os
 import platform
 import shutil
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
@@ -16,64 +15,9 @@ import rospkg
 import all_in_focus
 from all_in_focus import baselines, metrics
 from all_in_focus.files import stack
+from all_in_focus.installed import find, prefix
 
-GRACE_S = 30.0  # for a program to end what it has started
 LIBRARIES = ("numpy", "scipy", "skimage", "cv2", "distributed")
-
-
-def prefix():
-    """Where the package is installed, or its devel space: the package is imported from lib/python3/dist-packages."""
-    return Path(all_in_focus.__file__).absolute().parents[4]
-
-
-def find(name):
-    """Path of a program of this package; RuntimeError where there is none."""
-    path = prefix() / "lib" / "all_in_focus" / name
-    if path.is_file():
-        return str(path)
-    from roslib.packages import find_node  # the package is used from its sources: what the environment offers
-    try:
-        found = find_node("all_in_focus", name)
-    except rospkg.ResourceNotFound:
-        found = []
-    if not found:
-        raise RuntimeError(f"program {name} is missing: build the package, and source its build/.install/setup.bash")
-    return found[0]
-
-
-def run(command, timeout=None):
-    """Run a program of this package; RuntimeError with its last line where it fails, or after `timeout` seconds.
-
-    If an exception such as KeyboardInterrupt comes meanwhile, the program is ended by SIGTERM, so that evaluate_bag
-    ends its nodes.
-    """
-    libraries = os.pathsep.join([str(prefix() / "lib"), os.environ.get("LD_LIBRARY_PATH", "")])
-    name = Path(command[0]).name
-    # In a thread, since an exception that a signal raises in the middle of Popen would lose the process.
-    with ThreadPoolExecutor(1) as starter:
-        started = starter.submit(subprocess.Popen, command, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                                 universal_newlines=True, errors="replace",
-                                 env=dict(os.environ, LD_LIBRARY_PATH=libraries))
-        try:
-            out, err = started.result().communicate(timeout=timeout)
-        except subprocess.TimeoutExpired:
-            raise RuntimeError(f"{name}: not done after {timeout:g} s, given up")
-        finally:
-            with started.result() as process:
-                if process.poll() is None:
-                    _end(process)
-    if process.returncode:
-        said = (err or out).strip().splitlines()
-        raise RuntimeError(said[-1] if said else f"{name}: exit code {process.returncode}")
-
-
-def _end(process):
-    """SIGTERM, and SIGKILL for a process that ignores it."""
-    process.terminate()
-    try:
-        process.communicate(timeout=GRACE_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
 
 
 def code_digest():

@@ -8,10 +8,6 @@ from all_in_focus.bag.check.findings import share_text
 from all_in_focus.bag.recorded_rig import RecordedRigError, camera_of, color_frame, is_possible, pose, transforms
 
 FIELD_OF_VIEW = (3, 150)  # degrees; beyond is a mistake
-FAR_APART = 2.0         # m between the cameras; more are probably mm
-ROTATED = 60            # degrees; more are probably frames with other axes
-LITTLE_OVERLAP = 0.3
-SAMPLES_PER_CELL = 4.0  # depth pixels in a cell of the picture where depth is known
 
 
 def check_camera(check, bag, scan, kind, heads):
@@ -93,8 +89,8 @@ def _check_rectification(check, bag, kind, info, camera):
                       "rectified images: the nodes use K and D")
 
 
-def check_transform(check, bag, scan, depth_head):
-    """Returns the Pose of the depth camera in the colour camera's frame, or None."""
+def check_transform(check, bag, scan, depth_head, ask):
+    """ask: RigWarnings of a Pose of the depth camera in the colour camera's frame, or None. Returns its answer."""
     child, parent = depth_head.frame_id, color_frame(scan, depth_head.order)
     for transform in transforms(scan):
         if not is_possible(transform):
@@ -115,52 +111,23 @@ def check_transform(check, bag, scan, depth_head):
     where = f"the depth camera stands {distance:.4g} m from the colour camera, rotated by {angle:.3g} degrees"
     if child.strip("/") == parent.strip("/"):
         check.ok(f"both cameras have the frame '{parent}'")
-        return found
+        return ask(found)
     if found.late:
         check.warning("the transform is recorded after the first depth image, which has to wait for it: start who "
                       "publishes it before the recording")
-    if distance > FAR_APART:
-        check.warning(f"{where}: are these mm?")
-    elif angle > ROTATED:
-        check.warning(f"{where}: is it between the optical frames (Z forward, Y down)?")
+    said = ask(found)
+    if said and said.pose:
+        check.warning(said.pose)
     elif distance == 0 and angle == 0:
         check.warning("both cameras stand at one place: was the rig calibrated?")
     check.ok(where)
-    return found
+    return said
 
 
-def check_overlap(check, depth, cameras, found):
-    """depth: H x W mm; cameras: of depth and colour; found: Pose."""
-    share = overlap(depth, *cameras, found)
-    if share == 0:
-        check.error("no depth falls into the colour picture: check the transform and both calibrations")
-    elif share < LITTLE_OVERLAP:
-        check.warning(f"only {share_text(share)} of the colour picture gets a depth: check the transform and both "
-                      "calibrations, and whether the sensor sees the scene")
-    check.ok(f"{share_text(share)} of the colour picture gets a depth")
-
-
-def overlap(depth, depth_camera, color_camera, found):
-    """Share of the colour picture, in cells of a few pixels, that gets a known depth (H x W, mm)."""
-    v, u = np.nonzero(depth)
-    if not len(u):
-        return 0.0
-    rays = cv2.undistortPoints(np.stack([u, v], 1).astype(float)[:, None], depth_camera.K, depth_camera.D)[:, 0]
-    z = depth[v, u] / 1000.0
-    points = np.column_stack([rays * z[:, None], z]).dot(found.R.T) + found.t
-    points = points[points[:, 2] > 0]
-    if not len(points):
-        return 0.0
-    ideal = points[:, :2] / points[:, 2:]
-    # The distortion polynomial would map points far outside into the picture.
-    corners = np.array([[-0.1, -0.1], [1.1, 1.1]]) * [color_camera.width, color_camera.height]
-    low, high = (corners - color_camera.K[:2, 2]) / color_camera.K[[0, 1], [0, 1]]
-    points = points[((ideal > low) & (ideal < high)).all(axis=1)]
-    if not len(points):
-        return 0.0
-    pixels = cv2.projectPoints(points, np.zeros(3), np.zeros(3), color_camera.K, color_camera.D)[0][:, 0]
-    cell = max(1.0, np.sqrt(SAMPLES_PER_CELL) * color_camera.K[0, 0] / depth_camera.K[0, 0])
-    cols, rows = int(np.ceil(color_camera.width / cell)), int(np.ceil(color_camera.height / cell))
-    x, y = np.floor((pixels + 0.5) / cell).astype(int).T
-    inside = (x >= 0) & (x < cols) & (y >= 0) & (y < rows)
-    return len(np.unique(y[inside] * cols + x[inside])) / (cols * rows)
+def check_overlap(check, said):
+    """said: RigWarnings."""
+    if said.overlap:
+        (check.error if said.apart else check.warning)(said.overlap)
+    if said.mirroring:
+        check.warning(said.mirroring)
+    check.ok(f"{share_text(said.coverage)} of the colour picture gets a depth")

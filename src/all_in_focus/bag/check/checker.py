@@ -1,18 +1,22 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """All checks of a bag, in the order in which a person would repair what they find."""
+from functools import partial
+
 import numpy as np
 
 from all_in_focus.bag.brackets import assemble
+from all_in_focus.bag.check import rig_warnings
 from all_in_focus.bag.check.sweeps import check_brackets, check_focus_steps, check_optics
 from all_in_focus.bag.check.cameras import check_camera, check_overlap, check_transform
 from all_in_focus.bag.check.pixels import (BRACKETS, FRAMES, Sample, check_depth_values, check_exposure,
                                            check_focus_change, check_images, sample)
 from all_in_focus.bag.check.findings import BagReport, Check
 from all_in_focus.bag.check.recording import TITLES, check_depth_in_time, check_file, check_stamps, check_topics
-from all_in_focus.bag.image_messages import depth_mm
-from all_in_focus.bag.recorded_rig import color_frame, depth_problem, optics_at
+from all_in_focus.bag.image_messages import ImageError, bgr, depth_mm
+from all_in_focus.bag.recorded_rig import RecordedRigError, camera_at, color_frame, depth_problem, optics_at
 from all_in_focus.bag.scan import fetch, scan
+from all_in_focus.files.rig import Rig
 
 DEPTH_SAMPLES = 3
 
@@ -34,7 +38,7 @@ class _Checker:
     def run(self):
         check_file(self._check("file"), self._bag)
         check_topics(self._check("topics"), self._bag, self._scan)
-        good, cameras, pose = {"depth": [], "rgb": []}, {"depth": None, "rgb": None}, None
+        good, cameras, said = {"depth": [], "rgb": []}, {"depth": None, "rgb": None}, None
         for kind, title in TITLES.items():
             if self._scan_has(kind):
                 good[kind] = check_images(self._check(f"{title} image"), self._bag, self._scan, kind)
@@ -42,18 +46,19 @@ class _Checker:
             if self._scan_has(f"{kind}_info"):
                 cameras[kind] = check_camera(self._check(f"{title} camera"), self._bag, self._scan, kind, good[kind])
         depth = self._scan.depth
+        usable = [head for head in depth if not depth_problem(self._scan, head)]
         if depth and depth[0].frame_id and color_frame(self._scan, depth[0].order):
-            pose = check_transform(self._check("transform"), self._bag, self._scan, depth[0])
+            ask = partial(self._ask, usable if all(cameras.values()) else [], good["rgb"])
+            said = check_transform(self._check("transform"), self._bag, self._scan, depth[0], ask)
         else:
             self._skip("transform")
-        usable = [head for head in depth if not depth_problem(self._scan, head)]
         assembled = assemble(self._scan, self._rules, usable)
         brackets = assembled.found
         self._report.brackets = [{"bracket_id": bracket.number, "frames": len(bracket.frames),
                                   "depth": bracket.depth is not None} for bracket in brackets]
         self._check_timing(brackets, assembled, usable)
-        images = self._check_depth(usable, cameras, pose)
-        self._check_pictures(brackets, images, {head.order for head in good["rgb"]})
+        images = self._check_depth(usable, said)
+        self._check_pictures(brackets, images, {head.order for head in good["rgb"]}, said)
         return self._report
 
     def _check(self, name):
@@ -78,7 +83,22 @@ class _Checker:
         else:
             self._skip("depth in time")
 
-    def _check_depth(self, usable, cameras, pose):
+    def _ask(self, usable, pictures, pose):
+        """RigWarnings of the first usable depth image, or None. usable, pictures: heads of images; pose: Pose."""
+        if not usable:
+            return None
+        head = usable[0]
+        depth = depth_mm(fetch(self._bag, "depth", head), self._invalid_values)
+        try:
+            rig = Rig(camera_at(self._scan, "depth", head.order), camera_at(self._scan, "rgb", head.order), pose.R, pose.t,
+                      self._given_optics or optics_at(self._scan, head.order))
+            picture = min(pictures, key=lambda other: abs(other.order - head.order), default=None)
+            picture = None if picture is None else bgr(fetch(self._bag, "rgb", picture))
+        except (RecordedRigError, ImageError):
+            return None
+        return rig_warnings.ask(rig, pose.quaternion, depth, picture) if depth.any() else None
+
+    def _check_depth(self, usable, said):
         """Returns the sampled depth images, mm."""
         if not usable:
             self._skip("depth values")
@@ -87,18 +107,18 @@ class _Checker:
         messages = [fetch(self._bag, "depth", head) for head in sample(usable, DEPTH_SAMPLES)]
         images = [depth_mm(message, self._invalid_values) for message in messages]
         check_depth_values(self._check("depth values"), self._bag.topics["depth"], messages, images)
-        if pose and all(cameras.values()) and images[0].any():
-            check_overlap(self._check("overlap"), images[0], (cameras["depth"], cameras["rgb"]), pose)
+        if said:
+            check_overlap(self._check("overlap"), said)
         else:
             self._skip("overlap")
         return images
 
-    def _check_pictures(self, brackets, images, fit):
-        """fit: `order` of the frames that the nodes accept."""
+    def _check_pictures(self, brackets, images, fit, said):
+        """fit: `order` of the frames that the nodes accept; said: RigWarnings or None."""
         known = np.concatenate([image[image > 0] for image in images]) if images else np.zeros(0)
         optics = optics_at(self._scan, self._scan.depth[0].order if self._scan.depth else 0)
         check_optics(self._check("optics"), self._bag, self._scan, optics, self._given_optics,
-                     int(known.min()) if len(known) else None)
+                     int(known.min()) if len(known) else None, said.circle_of_confusion if said else "")
         for bracket in brackets:
             bracket.frames = [frame for frame in bracket.frames if frame.head.order in fit]
         brackets = [bracket for bracket in brackets if bracket.frames]

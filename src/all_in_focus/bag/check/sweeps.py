@@ -138,8 +138,9 @@ def _gaps(known, optics, depth):
                "(segmentation/focus_plan says where)")
 
 
-def check_optics(check, bag, scan, optics, given, nearest):
-    """optics: of the bag or None; given: at the command line; nearest: known depth in mm, or None."""
+def check_optics(check, bag, scan, optics, given, nearest, warning):
+    """optics: of the bag or None; given: at the command line; nearest: known depth in mm, or None; warning: of the
+    circle of confusion, or empty."""
     if scan.optics and optics is None and not given:
         message = scan.optics[0].message
         check.warning(f"{bag.topics['optics']}: impossible (f = {message.focal_length_mm:g}, F = "
@@ -153,6 +154,8 @@ def check_optics(check, bag, scan, optics, given, nearest):
     if lens and nearest is not None and nearest <= lens.focal_length_mm:
         check.error(f"the focal length of {lens.focal_length_mm:g} mm is not below the nearest depth, {nearest:g} "
                     "mm: is one of them in another unit?")
+    if warning:
+        check.warning(warning)
     if lens:
         check.ok(f"f = {lens.focal_length_mm:g} mm, F = {lens.aperture:g}, circle of confusion "
                  f"{lens.circle_of_confusion_mm:g} mm{', as given' if given else ''}")

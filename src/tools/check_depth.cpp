@@ -1,0 +1,50 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+// Says what is most likely wrong with a rig and a depth image, for check_bag.
+
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "command_line.hpp"
+#include "image_files.hpp"
+#include "rig_files.hpp"
+#include "rig_warnings.hpp"
+
+namespace po = boost::program_options;
+using namespace all_in_focus;
+
+namespace {
+
+void checkDepth(const po::variables_map& values) {
+  const Rig rig = readRig(values["rig"].as<std::string>());
+  const std::string lens = textOption(values, "optics"), color = textOption(values, "color");
+  Optics optics;
+  if (!lens.empty()) optics = parseOptics(lens);
+  const auto picture = [&color] { return color.empty() ? cv::Mat() : readColor(color); };
+  const RigWarnings found =
+      checkRig(rig, lens.empty() ? nullptr : &optics, readDepth(values["depth"].as<std::string>()), picture);
+  nlohmann::ordered_json report;
+  report["unit"] = found.unit;
+  report["circle_of_confusion"] = found.circle_of_confusion;
+  report["pose"] = found.pose;
+  report["overlap"] = found.overlap;
+  report["mirroring"] = found.mirroring;
+  report["apart"] = found.apart;
+  report["coverage"] = found.coverage;
+  std::cout << report.dump(2) << '\n';
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  po::options_description options("Options");
+  const auto text = [] { return po::value<std::string>(); };
+  options.add_options()("help", "this text")                                                    //
+      ("rig", text()->required(), "rig folder: depth.yaml, color.yaml, extrinsics.yaml")        //
+      ("depth", text()->required(), "depth of the sensor, 16-bit PNG, mm, 0 = unknown")         //
+      ("color", text(), "picture of the colour camera, of any resolution: is depth mirrored?")  //
+      ("optics", text(), "f,F,coc in mm, as in 24,4,0.019");
+  return runTool(argc, argv, "what is most likely wrong with a rig and a depth image, as JSON", options,
+                 checkDepth);
+}

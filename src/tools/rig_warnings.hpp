@@ -1,0 +1,33 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "all_in_focus/camera.hpp"
+#include "all_in_focus/optics.hpp"
+
+namespace all_in_focus {
+
+using namespace core;
+
+/// What the checks of rig_checks.hpp say of a rig and a depth image: a line each, empty if there is nothing
+/// to say.
+struct RigWarnings {
+  std::string unit, circle_of_confusion, pose, overlap, mirroring;
+  bool apart = false;   ///< no depth falls into the picture, as `overlap` says: nothing can be registered
+  double coverage = 0;  ///< share of the picture that gets a depth, 0..1
+
+  /// Those that say something.
+  std::vector<std::string> lines() const;
+};
+
+/// Runs the checks. depth: of the depth camera, CV_16UC1 mm, 0 = unknown. optics: nullptr = unknown. picture:
+/// gives one of the colour camera, CV_8UC3; empty: none.
+RigWarnings checkRig(const Rig& rig, const Optics* optics, const cv::Mat& depth,
+                     const std::function<cv::Mat()>& picture);
+
+}  // namespace all_in_focus
