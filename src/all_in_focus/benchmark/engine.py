@@ -45,8 +45,11 @@ def engine(jobs, scheduler, patience=PATIENCE_S, say=lambda line: None):
 @contextmanager
 def _local_cluster(distributed, jobs):
     """Workers on this machine that nobody else can reach or look at: Dask itself asks for no password."""
+    import dask
+
     loopback = "127.0.0.1:0"
-    with tempfile.TemporaryDirectory(prefix="evaluate.") as folder:
+    # Newer schedulers have a folder of files, too, and take its place from the configuration only.
+    with tempfile.TemporaryDirectory(prefix="evaluate.") as folder, dask.config.set({"temporary-directory": folder}):
         cluster = distributed.LocalCluster(n_workers=0, threads_per_worker=1, host="127.0.0.1", memory_limit=None,
                                            dashboard_address=loopback, worker_dashboard_address=loopback,
                                            scheduler_kwargs={"dashboard": False}, local_directory=folder,
