@@ -12,6 +12,7 @@ import os
 import re
 import time
 import warnings
+from pathlib import Path
 
 import cv2
 import cv_bridge
@@ -56,7 +57,7 @@ def add_options(parser):
 def check(args):
     """ValueError or OSError where there is no such rig or depth image."""
     load_rig(args.rig)
-    if not os.path.isfile(args.depth):
+    if not Path(args.depth).is_file():
         raise ValueError(f"{args.depth}: no such depth image")
 
 

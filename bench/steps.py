@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs bench_steps and makes tables of what it says."""
 import json
-import os
 import re
 import statistics
 import subprocess
@@ -38,16 +37,16 @@ def run(program=BENCH_STEPS, only=".", repetitions=5, sample=(), min_time=0.1):
     only: regular expression of names; sample: rig folder and depth map, or nothing. Raises RuntimeError, OSError.
     """
     with tempfile.TemporaryDirectory() as folder:
-        output = os.path.join(folder, "steps.json")
+        output = Path(folder, "steps.json")
         # Repetitions in turn, so that whatever else the machine does meets all alike.
         command = [program, "--benchmark_filter=" + only, f"--benchmark_repetitions={repetitions}",
                    "--benchmark_enable_random_interleaving=true", f"--benchmark_min_time={min_time:g}",
-                   "--benchmark_out=" + output, "--benchmark_out_format=json", *sample]
+                   f"--benchmark_out={output}", "--benchmark_out_format=json", *sample]
         result = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, universal_newlines=True,
                                 timeout=TIMEOUT_S)
         if result.returncode:
             raise RuntimeError(result.stderr.strip().splitlines()[-1])
-        with open(output, encoding="utf-8") as file:
+        with output.open(encoding="utf-8") as file:
             return read(json.load(file))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-MAKE_SCENE = str(Path(__file__).absolute().parent.parent / "scripts" / "make_scene")
+MAKE_SCENE = Path(__file__).absolute().parent.parent / "scripts" / "make_scene"
 
 # Options of make_scene; the widest blur circle, in pixels, beside each. All are 640x480 but clutter_large.
 SMALL = {

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A small bag that can be fused, message by message, to be damaged by tests."""
 import io
-import os
 import signal
 import sys
 from contextlib import redirect_stderr, redirect_stdout
@@ -78,14 +77,13 @@ def copied(message):
 
 def call(script, *arguments):
     """(exit code, stdout, stderr) of a script of the repository, run in this process: starting Python takes longer."""
-    path = os.path.join(SCRIPTS, script)
+    path = SCRIPTS / script
     out, err = io.StringIO(), io.StringIO()
     old_arguments, old_handler = sys.argv, signal.getsignal(signal.SIGINT)
-    sys.argv = [path, *map(str, arguments)]
+    sys.argv = [str(path), *map(str, arguments)]
     try:
-        with open(path, encoding="utf-8") as file, redirect_stdout(out), redirect_stderr(err), \
-                pytest.raises(SystemExit) as stop:
-            exec(compile(file.read(), path, "exec"), {"__name__": "__main__"})
+        with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as stop:
+            exec(compile(path.read_text(encoding="utf-8"), path, "exec"), {"__name__": "__main__"})
     finally:
         sys.argv = old_arguments
         signal.signal(signal.SIGINT, old_handler)  # early_exit.py has set its own

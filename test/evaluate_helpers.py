@@ -19,7 +19,7 @@ def environment():
 
 
 def start(*arguments):
-    return subprocess.Popen([sys.executable, os.path.join(SCRIPTS, "evaluate"), *map(str, arguments)],
+    return subprocess.Popen([sys.executable, SCRIPTS / "evaluate", *map(str, arguments)],
                             env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
 
 

@@ -5,11 +5,12 @@ import os
 import struct
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
 
-SCRIPTS = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "scripts")
+SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
 SIZE = (48, 32)  # width, height
 # A BMP of 2^21 x 2^21 pixels, as far as its header goes: OpenCV does not even try.
 ENDLESS_PICTURE = b"BM" + struct.pack("<IHHI IiiHHIIiiII", 54, 0, 0, 54, 40, 1 << 21, 1 << 21, 1, 24, *(0,) * 6)
@@ -24,7 +25,7 @@ def write_stack(folder, names, frames=None):
     folder.mkdir(exist_ok=True)
     for name, frame in zip(names, frames or pictures(len(names))):
         cv2.imwrite(str(folder / name), frame)
-    return str(folder)
+    return folder
 
 
 def write_video(path, frames):
@@ -33,23 +34,22 @@ def write_video(path, frames):
     for frame in frames:
         video.write(frame)
     video.release()
-    return str(path)
+    return path
 
 
 def cut(path, share=0.6):
-    with open(path, "rb") as file:
-        data = file.read()
-    with open(path, "wb") as file:
-        file.write(data[:int(len(data) * share)])
+    """Leaves the first part of a file."""
+    data = Path(path).read_bytes()
+    Path(path).write_bytes(data[:int(len(data) * share)])
 
 
 def focus_file(tmp_path, text):
     path = tmp_path / "focus.yaml"
     path.write_text(text)
-    return str(path)
+    return path
 
 
 def run_script(name, *arguments, timeout=60):
     path = os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")])
-    return subprocess.run([sys.executable, os.path.join(SCRIPTS, name), *map(str, arguments)], stdout=subprocess.PIPE,
+    return subprocess.run([sys.executable, SCRIPTS / name, *map(str, arguments)], stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE, universal_newlines=True, env=dict(os.environ, PATH=path), timeout=timeout)

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -88,7 +87,7 @@ class Run:
 
     def __init__(self, scene, folder):
         self.output = folder / "out"
-        self.process = subprocess.Popen([sys.executable, Path(SCRIPTS) / "evaluate_bag", "--bag", scene.bag, "--output",
+        self.process = subprocess.Popen([sys.executable, SCRIPTS / "evaluate_bag", "--bag", scene.bag, "--output",
                                          self.output], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         self.family = {}  # command line by process
         self.manager = wait_until(lambda: self.find("evaluation_player") and self.find("__name:=manager"))

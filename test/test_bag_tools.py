@@ -34,7 +34,7 @@ def rig(tmp_path):
     with open(str(folder / "extrinsics.yaml"), "w", encoding="utf-8") as file:
         yaml.safe_dump({"parent_frame": "color_frame", "child_frame": "depth_frame",
                         "translation": [0.01, -0.02, 0.03], "rotation": ROTATION}, file)
-    return str(folder)
+    return folder
 
 
 @pytest.fixture
@@ -114,7 +114,7 @@ def test_make_bag_command(tmp_path, rig, depth):
     assert not messages(str(tmp_path / "x.bag"), "/rgb/focus")
 
     before = (tmp_path / "x.bag").read_bytes()
-    cut(os.path.join(folder, "1.png"))
+    cut(folder / "1.png")
     cv2.imwrite(str(tmp_path / "small.png"), depth[:10])
     for bad, complaint in (([], "1.png: truncated"), (["--depth", tmp_path / "small.png"], "depth.yaml says 32x24"),
                            (["--depth", tmp_path / "none.png"], "No such file"), (["--rig", tmp_path], "yaml"),
@@ -124,34 +124,34 @@ def test_make_bag_command(tmp_path, rig, depth):
         assert done.returncode == 2 and complaint in done.stderr, done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
     assert (tmp_path / "x.bag").read_bytes() == before
-    assert not [name for name in os.listdir(str(tmp_path)) if name.startswith(".")]
+    assert not [name for name in os.listdir(tmp_path) if name.startswith(".")]
 
 
 def test_make_bag_on_a_full_disk(tmp_path, rig, depth):
     """One line that names the bag, although the rig, having no lens, would get a warning."""
     cv2.imwrite(str(tmp_path / "depth.png"), depth)
     folder = write_stack(tmp_path / "stack", [f"{index:02d}.png" for index in range(20)])
-    os.remove(os.path.join(rig, "optics.yaml"))
-    before = sorted(os.listdir(str(tmp_path)))
-    path = os.path.join(SCRIPTS, "make_bag")
+    (rig / "optics.yaml").unlink()
+    before = sorted(os.listdir(tmp_path))
+    path = SCRIPTS / "make_bag"
     done = subprocess.run([sys.executable, path, "--depth", str(tmp_path / "depth.png"), "--rig", rig, "--stack",
                            folder, "--output", str(tmp_path / "x.bag")], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                           universal_newlines=True,
                           preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000)))
     assert (done.returncode, done.stderr) == (2, f"make_bag: {tmp_path / 'x.bag'}: File too large\n")
-    assert sorted(os.listdir(str(tmp_path))) == before
+    assert sorted(os.listdir(tmp_path)) == before
 
 
 def test_make_scene_on_a_full_disk(tmp_path):
     """One line, without one of the PNG library's."""
-    command = [sys.executable, os.path.join(SCRIPTS, "make_scene"), "--scene", "planes", "--size", "160x120", "--frames", "2",
+    command = [sys.executable, SCRIPTS / "make_scene", "--scene", "planes", "--size", "160x120", "--frames", "2",
                "--output", str(tmp_path / "scene")]
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
                           preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)))
     assert done.returncode == 2
     assert done.stderr.startswith(f"make_scene: {tmp_path / 'scene'}") and done.stderr.endswith(": File too large\n")
     assert done.stderr.count("\n") == 1
-    assert os.listdir(str(tmp_path)) == []
+    assert os.listdir(tmp_path) == []
 
 
 def test_contents_of_a_good_bag(bag):

@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The benchmark programs: wrong arguments give one line; tables come out of what bench_steps writes."""
-import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-BENCH = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "bench")
-sys.path.insert(0, BENCH)
+BENCH = Path(__file__).resolve().parent.parent / "bench"
+sys.path.insert(0, str(BENCH))
 import steps  # noqa: E402
 
 
@@ -20,7 +20,7 @@ import steps  # noqa: E402
     "report.py --rig x --depth x --parts steps --bench-steps /none"])
 def test_wrong_arguments_give_one_line(line, tmp_path):
     program, *arguments = line.split()
-    done = subprocess.run([sys.executable, os.path.join(BENCH, program), *arguments], stdout=subprocess.PIPE,
+    done = subprocess.run([sys.executable, BENCH / program, *arguments], stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE, universal_newlines=True, cwd=str(tmp_path), timeout=100)
     assert (done.returncode, done.stdout) == (2, ""), done.stderr
     assert len(done.stderr.splitlines()) == 1 and done.stderr.startswith(program + ": "), done.stderr

@@ -6,13 +6,12 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 from file_helpers import SCRIPTS
 from tool_helpers import TwoPlanes, run, succeeded
 
-PROGRAMS = sorted(path.name for path in Path(SCRIPTS).iterdir()
+PROGRAMS = sorted(path.name for path in SCRIPTS.iterdir()
                   if path.is_file() and path.read_bytes().startswith(b"#!/usr/bin/python3")
                   and "\nfrom all_in_focus" in path.read_text())
 INTERRUPTED_IMPORT = """
@@ -48,7 +47,7 @@ def program(code, *arguments, **options):
 def test_every_program_begins_and_ends_alike():
     assert len(PROGRAMS) > 15
     for name in PROGRAMS:
-        lines = Path(SCRIPTS, name).read_text().splitlines()
+        lines = (SCRIPTS / name).read_text().splitlines()
         imports = [line for line in lines if line.startswith(("import ", "from "))]
         assert imports[0] == "import all_in_focus.early_exit  # noqa: F401", name
         assert lines[-2] == 'if __name__ == "__main__":' and lines[-1].startswith("    run("), name
@@ -58,7 +57,7 @@ def test_every_program_begins_and_ends_alike():
 def test_an_interrupt_during_the_imports_is_silent(tmp_path, name):
     (tmp_path / "sitecustomize.py").write_text(INTERRUPTED_IMPORT)
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    done = run([sys.executable, os.path.join(SCRIPTS, name), "--help"], env=dict(os.environ, PYTHONPATH=path))
+    done = run([sys.executable, SCRIPTS / name, "--help"], env=dict(os.environ, PYTHONPATH=path))
     assert done.returncode == -signal.SIGINT and done.stderr == done.stdout == ""
 
 
@@ -82,7 +81,7 @@ def test_a_program_at_work_leaves_nothing(tmp_path, name, options, number):
         os.link(str(planes.stack / "00.png"), str(planes.folder / "many" / f"{index:04d}.png"))
     (tmp_path / "out").mkdir()
     command = [word.format(tmp_path / "out", planes.folder) for word in options]
-    with subprocess.Popen([sys.executable, os.path.join(SCRIPTS, name), *command], stdout=subprocess.PIPE,
+    with subprocess.Popen([sys.executable, SCRIPTS / name, *command], stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE, universal_newlines=True) as process:
         while not list((tmp_path / "out").iterdir()) and process.poll() is None:
             time.sleep(0.01)
@@ -124,4 +123,4 @@ def test_a_reader_that_has_seen_enough():
 
 def test_help_of_every_program():
     for name in ("check_bag", "bag_to_stack", "make_scene"):
-        assert succeeded(run([sys.executable, os.path.join(SCRIPTS, name), "--help"])).stdout.startswith("usage: ")
+        assert succeeded(run([sys.executable, SCRIPTS / name, "--help"])).stdout.startswith("usage: ")

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """What holds for README.md and docs/: links lead somewhere, and programs, arguments and messages are those of the code."""
-import os
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -51,7 +50,7 @@ def test_links_lead_somewhere(page):
         if '://' in target:
             continue
         path, _, anchor = target.partition('#')
-        found = Path(os.path.normpath(page.parent / path)) if path else page
+        found = (page.parent / path).resolve() if path else page
         assert found.exists(), f'{name_of(page)}: {target}'
         assert not anchor or anchor in anchors(found), f'{name_of(page)}: {target}'
 

@@ -79,8 +79,8 @@ def test_bracket_is_saved_when_complete(tmp_path, report_first):
     collector.finish()
     folder.commit()
     folder.discard()
-    assert sorted(os.listdir(str(tmp_path / "out"))) == [MARK, "bracket_0000"]
-    assert sorted(os.listdir(str(tmp_path / "out" / "bracket_0000"))) == [
+    assert sorted(os.listdir(tmp_path / "out")) == [MARK, "bracket_0000"]
+    assert sorted(os.listdir(tmp_path / "out" / "bracket_0000")) == [
         "confidence.png", "fused.png", "labels.png", "regions.png", "registered.png", "report.json",
         "source_index.png", "weights.png"]
     report = json.loads((tmp_path / "out" / "bracket_0000" / "report.json").read_text())
@@ -98,7 +98,7 @@ def test_two_brackets_may_share_a_label_image(tmp_path):
     collector.add_report(report_message(stamp=9))
     folder.commit()
     folder.discard()
-    assert sorted(os.listdir(str(tmp_path))) == [MARK, "bracket_0000", "bracket_0001"]
+    assert sorted(os.listdir(tmp_path)) == [MARK, "bracket_0000", "bracket_0001"]
 
 
 def test_bracket_without_labels_or_without_result(tmp_path):
@@ -109,8 +109,8 @@ def test_bracket_without_labels_or_without_result(tmp_path):
     feed(collector, genpy.Time(8, 500000000), names=[name for name in PICTURES if name != "registered"])
     folder.commit()
     folder.discard()
-    assert os.listdir(str(tmp_path / "bracket_0000")) == ["report.json"]
-    assert len(os.listdir(str(tmp_path / "bracket_0001"))) == 5
+    assert os.listdir(tmp_path / "bracket_0000") == ["report.json"]
+    assert len(os.listdir(tmp_path / "bracket_0001")) == 5
 
 
 def test_missing_output_and_too_many_regions_are_reported(tmp_path):
@@ -130,7 +130,7 @@ def test_missing_output_and_too_many_regions_are_reported(tmp_path):
     with pytest.raises(ResultError, match="70000"):
         feed(collector, names=PICTURES)
     folder.discard()
-    assert not os.listdir(str(tmp_path))
+    assert not os.listdir(tmp_path)
 
 
 def test_old_results_stay_until_the_new_are_complete(tmp_path):
@@ -144,18 +144,18 @@ def test_old_results_stay_until_the_new_are_complete(tmp_path):
     folder = ResultFolder(str(out))
     folder.save(0, {"fused": PNG}, {})
     folder.discard()
-    assert sorted(os.listdir(str(out))) == [MARK, "bracket_0000", "bracket_0001", "bracket_0002", "mine"]
+    assert sorted(os.listdir(out)) == [MARK, "bracket_0000", "bracket_0001", "bracket_0002", "mine"]
     assert (out / "bracket_0000" / "old.png").exists()
     folder = ResultFolder(str(out))
     folder.save(0, {"fused": PNG}, {})
     folder.save(1, {"fused": PNG}, {})
     folder.commit()
     folder.discard()
-    assert sorted(os.listdir(str(out))) == [MARK, "bracket_0000", "bracket_0001", "mine"]
-    assert sorted(os.listdir(str(out / "bracket_0001"))) == ["fused.png", "report.json"]
+    assert sorted(os.listdir(out)) == [MARK, "bracket_0000", "bracket_0001", "mine"]
+    assert sorted(os.listdir(out / "bracket_0001")) == ["fused.png", "report.json"]
     new = tmp_path / "new"
     ResultFolder(str(new)).discard()
-    assert not new.exists() and os.listdir(str(tmp_path)) == ["out"]
+    assert not new.exists() and os.listdir(tmp_path) == ["out"]
 
 
 @pytest.mark.parametrize("name", ["bracket_0000", "bracket_12345"])
@@ -165,7 +165,7 @@ def test_brackets_of_others_are_not_touched(tmp_path, name):
     (tmp_path / "out" / name / "mine.png").write_bytes(PNG)
     with pytest.raises(FileExistsError, match="was not written by evaluate_bag"):
         ResultFolder(str(tmp_path / "out"))
-    assert (tmp_path / "out" / name / "mine.png").exists() and os.listdir(str(tmp_path)) == ["out"]
+    assert (tmp_path / "out" / name / "mine.png").exists() and os.listdir(tmp_path) == ["out"]
 
 
 # ---- status, exit codes, flow
@@ -193,7 +193,7 @@ def test_status_file(tmp_path):
     assert run_status.RunStatus.read(path) is None
     status = run_status.RunStatus(2, "why", [bracket()], [], 3, 5)
     status.write(path)
-    assert run_status.RunStatus.read(path) == status and os.listdir(str(tmp_path)) == ["status.json"]
+    assert run_status.RunStatus.read(path) == status and os.listdir(tmp_path) == ["status.json"]
     run_status.RunStatus().write("")
 
 

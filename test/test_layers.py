@@ -15,6 +15,10 @@ NOT_OURS = {'.git', 'build', 'demo_output', '__pycache__', '.pytest_cache'}
 # cfg parameters whose member in the core has another name.
 CORE_NAMES = {'dof_rule': 'span'}
 
+# Functions of os.path that pathlib of Python 3.8 does not have: to take `..` out without following links, to go up to another
+# folder, to find a link that leads nowhere, to compare an open file with one on disk.
+OS_PATH_FUNCTIONS = {'abspath', 'relpath', 'lexists', 'samestat'}
+
 # The rooms of src/all_in_focus: which others each may use besides itself. No circle: each names only rooms above it.
 ROOMS = {
     'files': [],
@@ -190,13 +194,27 @@ def is_text(node):
             or isinstance(node, ast.BinOp) and (is_text(node.left) or is_text(node.right)))
 
 
-def test_strings_are_formatted_as_f_strings():
-    """Not by %, which counts its values only when it runs."""
+def python_nodes():
+    """(path:line, node) of the syntax trees of all Python sources."""
     python = [path for path in sources() if path.suffix in {'.py', '.cfg'} or b'python' in path.read_bytes()[:40]]
     assert len(python) > 150
-    wrong = [f'{path.relative_to(ROOT)}:{node.lineno}' for path in python for node in ast.walk(ast.parse(path.read_text()))
-             if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mod) and is_text(node.left)]
-    assert not wrong
+    for path in python:
+        for node in ast.walk(ast.parse(path.read_text())):
+            yield f'{path.relative_to(ROOT)}:{getattr(node, "lineno", 0)}', node
+
+
+def test_strings_are_formatted_as_f_strings():
+    """Not by %, which counts its values only when it runs."""
+    assert not [place for place, node in python_nodes()
+                if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mod) and is_text(node.left)]
+
+
+def test_paths_are_those_of_pathlib():
+    used = [(place, node.attr) for place, node in python_nodes()
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Attribute) and node.value.attr == 'path'
+            and isinstance(node.value.value, ast.Name) and node.value.value.id == 'os']
+    assert {name for _, name in used} >= OS_PATH_FUNCTIONS, 'a name that is not needed any more'
+    assert not [place for place, name in used if name not in OS_PATH_FUNCTIONS]
 
 
 def test_every_source_names_author_and_licence():

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Measures of quality, and the program that compares methods by them."""
 import json
-import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -20,8 +20,8 @@ from all_in_focus.files.stack import read_image
 from all_in_focus.metrics.kept_contrast import kept_contrast, roughness
 from all_in_focus.metrics.truth import blur_per_closeness, depth_errors, near_depth_edges, psnr, ssim
 
-BENCH = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "bench")
-sys.path.insert(0, BENCH)
+BENCH = Path(__file__).resolve().parent.parent / "bench"
+sys.path.insert(0, str(BENCH))
 import quality  # noqa: E402
 import suite  # noqa: E402
 
@@ -30,7 +30,7 @@ COPY = "copy=cp {stack}/000.png {output}"
 
 def compare(*arguments):
     """Run bench/quality.py; its own output is parsed by `tables`."""
-    return subprocess.run([sys.executable, os.path.join(BENCH, "quality.py"), *map(str, arguments)],
+    return subprocess.run([sys.executable, BENCH / "quality.py", *map(str, arguments)],
                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=100)
 
 

@@ -57,7 +57,7 @@ def test_every_display_is_filled(bag, tmp_path):
         panel = screen[y:y + height, x:x + width].reshape(-1, 3)
         assert panel.std(axis=0).max() > 20, name  # grey level; an empty panel has one colour
         assert len(np.unique(panel, axis=0)) > 50, name
-    assert set(os.listdir(str(tmp_path / "out"))) <= {"rviz.png", "labels.png"}
+    assert set(os.listdir(tmp_path / "out")) <= {"rviz.png", "labels.png"}
 
 
 def test_what_is_missing_is_named(bag, tmp_path):

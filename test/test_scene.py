@@ -5,6 +5,7 @@ import filecmp
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -21,7 +22,7 @@ from all_in_focus.files.rig import Camera, Optics, load_rig
 from all_in_focus.metrics.truth import Truth
 from all_in_focus.simulation.presets import SCENES
 
-MAKE_SCENE = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "scripts", "make_scene")
+MAKE_SCENE = Path(__file__).resolve().parent.parent / "scripts" / "make_scene"
 OPTICS = Optics(50.0, 2.0, 0.03)
 
 
@@ -335,9 +336,8 @@ def test_program_writes_a_complete_scene_and_repeats_itself(tmp_path):
     for name, seed in (("a", 5), ("b", 5), ("c", 6)):
         result = make_scene("--scene", "planes", "--output", tmp_path / name, "--seed", seed, *options)
         assert (result.returncode, result.stderr) == (0, "")
-    assert sorted(os.listdir(str(tmp_path))) == ["a", "b", "c"]
-    files = sorted(os.path.relpath(os.path.join(folder, name), str(tmp_path / "a"))
-                   for folder, _, names in os.walk(str(tmp_path / "a")) for name in names)
+    assert sorted(os.listdir(tmp_path)) == ["a", "b", "c"]
+    files = sorted(str(path.relative_to(tmp_path / "a")) for path in (tmp_path / "a").rglob("*") if path.is_file())
     files.remove(".all_in_focus")  # names the run
     assert files == ["depth.png", "focus.yaml", "rig/color.yaml", "rig/depth.yaml", "rig/extrinsics.yaml",
                      "rig/optics.yaml", "scene.json", "stack/000.png", "stack/001.png", "stack/002.png", "truth.png",
@@ -358,10 +358,10 @@ def test_program_writes_a_complete_scene_and_repeats_itself(tmp_path):
     assert focus[0]["focus_mm"] == pytest.approx(images["truth_depth.png"].min(), abs=1)
     assert load_rig(str(tmp_path / "a" / "rig")).optics == Optics(50.0, 1.8, 0.03)
 
-    before = set(os.listdir(str(tmp_path / "a")))
+    before = set(os.listdir(tmp_path / "a"))
     assert make_scene("--scene", "planes", "--output", tmp_path / "a", "--frames", 2, "--size", "64x48").returncode == 0
-    assert set(os.listdir(str(tmp_path / "a"))) == before
-    assert len(os.listdir(str(tmp_path / "a" / "stack"))) == 2
+    assert set(os.listdir(tmp_path / "a")) == before
+    assert len(os.listdir(tmp_path / "a" / "stack")) == 2
 
 
 def test_enlarged_scene_is_the_small_one(tmp_path):
@@ -402,11 +402,11 @@ def test_bad_arguments(tmp_path, arguments, reason):
     result = make_scene("--scene", "planes", "--output", tmp_path / "scene", *arguments)
     assert result.returncode == 2 and result.stdout == ""
     assert result.stderr.count("\n") == 1 and reason in result.stderr
-    assert os.listdir(str(tmp_path)) == []
+    assert os.listdir(tmp_path) == []
 
 
 def test_never_overwrites_what_it_did_not_make(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     result = make_scene("--scene", "planes", "--output", tmp_path)
     assert result.returncode == 2 and "was not written by make_scene" in result.stderr
-    assert os.listdir(str(tmp_path)) == ["notes.txt"]
+    assert os.listdir(tmp_path) == ["notes.txt"]

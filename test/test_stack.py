@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Focus stacks: order, completeness, focus distances."""
 import math
-import os
 import zlib
 
 import cv2
@@ -44,7 +43,7 @@ def test_alpha_gray_and_16_bit_are_read_as_8_bit_color(tmp_path):
 @pytest.mark.parametrize("ending", [".png", ".jpg"])
 def test_truncated_image_is_refused(tmp_path, ending):
     folder = write_stack(tmp_path / "stack", [f"0{ending}", f"1{ending}"])
-    cut(os.path.join(folder, f"1{ending}"))
+    cut(folder / f"1{ending}")
     with pytest.raises(StackError, match=f"1{ending}: truncated"):
         list(Stack(folder))
 
@@ -90,16 +89,16 @@ def test_bad_stacks_are_named(tmp_path):
     (tmp_path / "text.avi").write_text("no video")
     (tmp_path / "zero.png").write_bytes(b"")
     sizes = write_stack(tmp_path / "sizes", ["0.png", "1.png"], pictures(1) + pictures(1, (20, 10)))
-    for path, complaint in ((str(tmp_path / "none"), "no such"), (str(empty), "no images"),
-                            (str(tmp_path / "text.avi"), "not a readable video"), (sizes, "1.png: 20x10"),
-                            (os.path.join(sizes, "0.png"), "single image")):
+    for path, complaint in ((tmp_path / "none", "no such"), (empty, "no images"),
+                            (tmp_path / "text.avi", "not a readable video"), (sizes, "1.png: 20x10"),
+                            (sizes / "0.png", "single image")):
         with pytest.raises(StackError, match=complaint) as error:
             list(Stack(path))
-        assert path in str(error.value) and "\n" not in str(error.value)
+        assert str(path) in str(error.value) and "\n" not in str(error.value)
     with pytest.raises(StackError, match="not a readable image"):
-        read_image(str(tmp_path / "zero.png"))
+        read_image(tmp_path / "zero.png")
     with pytest.raises(StackError, match="16-bit"):
-        read_depth(os.path.join(sizes, "0.png"))
+        read_depth(sizes / "0.png")
 
 
 def test_video_is_counted_by_decoding_and_read_repeatedly(tmp_path):

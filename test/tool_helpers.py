@@ -16,7 +16,7 @@ from all_in_focus.files.output_folder import MARK
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 
 # The space that the package is imported from: prefix/lib/python3/dist-packages/all_in_focus/__init__.py.
-PREFIX = Path(os.path.abspath(all_in_focus.__file__)).parents[4]
+PREFIX = Path(all_in_focus.__file__).absolute().parents[4]
 SIZE = (64, 48)  # width, height
 NEAR, FAR = 1000, 3000  # mm; with OPTICS they never share a region
 OPTICS = Optics(24.0, 4.0, 0.019)

@@ -198,7 +198,7 @@ def test_the_node(master, picture, tmp_path):
     for name, kind in TOPICS.items():
         rospy.Subscriber("/virtual/" + name, kind, lambda message, name=name: heard[name].append(
             (message, time.monotonic())))
-    node = NodeProcess(os.path.join(SCRIPTS, "focus_bracket_camera"), "/virtual", drive="none", count=4, settle=0.2)
+    node = NodeProcess(SCRIPTS / "focus_bracket_camera", "/virtual", drive="none", count=4, settle=0.2)
     try:
         assert node.said("ready: Nikon DSC D750, focused by hand"), node.lines
         service = rospy.ServiceProxy("/virtual/focus_bracket_camera/bracket", Trigger)

@@ -2,7 +2,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """calibrate_rig --live and check_rig --live: rendered boards and scenes on the cameras' topics."""
-import os
 import subprocess
 import sys
 
@@ -17,7 +16,7 @@ from std_srvs.srv import Trigger
 from camera_testing import HERE, SCRIPTS, CameraTest
 from depth_testing import wait_until
 
-sys.path.insert(0, os.path.join(HERE, os.pardir))
+sys.path.insert(0, str(HERE.parent))
 from all_in_focus.files.rig import load_rig  # noqa: E402
 from board_rendering import board_poses, in_color_camera, mapping_error, rays, render, true_rig  # noqa: E402
 
@@ -31,7 +30,7 @@ class CalibrateRigTest(CameraTest):
 
     def program(self, name, *options):
         """A script whose relative topics are in this test's namespace."""
-        program = subprocess.Popen([sys.executable, os.path.join(SCRIPTS, name), *map(str, options),
+        program = subprocess.Popen([sys.executable, SCRIPTS / name, *map(str, options),
                                     "__ns:=" + self.namespace],
                                    stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
         self.addCleanup(program.stdout.close)
@@ -99,7 +98,7 @@ class CalibrateRigTest(CameraTest):
         rig = load_rig(str(rig_folder))
         self.assertLess(mapping_error(rig, truth).max(), 0.3)
         self.assertLess(np.linalg.norm(rig.t - truth.t), 0.002)
-        self.assertGreaterEqual(len(os.listdir(self.folder / "pictures" / "depth")), 15)
+        self.assertGreaterEqual(len(list((self.folder / "pictures" / "depth").iterdir())), 15)
 
     def test_what_ends_early_writes_nothing(self):
         program = self.live()

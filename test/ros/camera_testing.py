@@ -17,8 +17,8 @@ from all_in_focus.msg import FocusFrame
 from all_in_focus.files.rig import Camera, Rig, save_rig
 from depth_testing import Listener, wait_until
 
-HERE = os.path.dirname(os.path.abspath(__file__))
-SCRIPTS = os.path.join(HERE, os.pardir, os.pardir, "scripts")
+HERE = Path(__file__).resolve().parent
+SCRIPTS = HERE.parent.parent / "scripts"
 TOPICS = {"rgb/image": Image, "rgb/camera_info": CameraInfo, "rgb/focus": FocusFrame}
 
 

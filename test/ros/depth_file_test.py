@@ -2,7 +2,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """depth_file_camera over ROS: an image again and again, and what it refuses."""
-import os
 
 import cv2
 import numpy as np
@@ -13,7 +12,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from camera_testing import SCRIPTS, CameraTest
 from depth_testing import pixels_of, wait_until
 
-NODE = os.path.join(SCRIPTS, "depth_file_camera")
+NODE = SCRIPTS / "depth_file_camera"
 SIZE = (64, 48)
 
 

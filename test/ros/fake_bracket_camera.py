@@ -7,13 +7,13 @@
 The topic ~provoke (std_msgs/String) takes "unplug", "plug", "press LENS", "busy N" and "fail CODE N" (the Nth call from then on
 fails).
 """
-import os
 import sys
+from pathlib import Path
 
 import rospy
 from std_msgs.msg import String
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from all_in_focus.camera.bracket_node import run  # noqa: E402
 from all_in_focus.camera.interface import USB_CLAIM  # noqa: E402
 from fake_camera import FakeCamera  # noqa: E402

@@ -3,7 +3,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """focus_bracket_camera over ROS: brackets on request, at a rate, as planned, and cameras that come and go."""
 import math
-import os
 
 import numpy as np
 import rospy
@@ -27,7 +26,7 @@ def lens_of(image):
 
 class FocusBracketTest(CameraTest):
     def fake(self, **parameters):
-        node = self.start(os.path.join(HERE, "fake_bracket_camera.py"), settle=0.0, reconnect=0.1, **parameters)
+        node = self.start(HERE / "fake_bracket_camera.py", settle=0.0, reconnect=0.1, **parameters)
         self.provoke = Talker(self.topic("focus_bracket_camera/provoke"), String)
         return node
 
@@ -217,7 +216,7 @@ class FocusBracketTest(CameraTest):
         self.assert_refused(self.fake(focus_table="[1]"), "focus_table: expected")
 
     def test_without_a_camera_the_real_node_waits(self):
-        node = self.start(os.path.join(SCRIPTS, "focus_bracket_camera"), port="usb:999,999", model="Canon EOS 80D",
+        node = self.start(SCRIPTS / "focus_bracket_camera", port="usb:999,999", model="Canon EOS 80D",
                           reconnect=0.1)
         self.assertTrue(node.said("no camera found: switch it on and check the USB cable"))
         self.assertFalse(self.call().success)

@@ -3,7 +3,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """image_folder_camera over ROS: a folder or a video played once or looped, and a folder that is watched."""
 import math
-import os
 import sys
 import time
 
@@ -18,10 +17,10 @@ from all_in_focus.camera.folder_node import MAX_UNPROCESSED
 from camera_testing import HERE, SCRIPTS, CameraTest, places
 from depth_testing import Talker, pixels_of, wait_until
 
-sys.path.insert(0, os.path.join(HERE, os.pardir))
+sys.path.insert(0, str(HERE.parent))
 from file_helpers import SIZE, pictures, write_stack, write_video  # noqa: E402
 
-NODE = os.path.join(SCRIPTS, "image_folder_camera")
+NODE = SCRIPTS / "image_folder_camera"
 
 
 class ImageFolderTest(CameraTest):

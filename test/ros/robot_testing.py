@@ -19,7 +19,7 @@ from all_in_focus.msg import FusionReport
 from depth_testing import wait_until
 from fusion_testing import array_of
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from file_helpers import run_script  # noqa: E402
 from tool_helpers import fuse_stack, read, succeeded, write  # noqa: E402
 

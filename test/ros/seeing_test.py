@@ -4,7 +4,7 @@
 """What people look at: captions in picture and space, the topics of the rviz file, the parameters' descriptions."""
 import ast
 import itertools
-import os
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -21,7 +21,7 @@ import depth_testing
 from depth_testing import FAR_MM, NEAR_MM, GraphTest, image_message, pixels_of, subscribers_of, wait_until
 
 STAMPS = itertools.count(1000)
-RVIZ_FILE = os.path.join(os.path.dirname(os.path.realpath(__file__)), '../../rviz/all_in_focus.rviz')
+RVIZ_FILE = Path(__file__).resolve().parents[2] / 'rviz/all_in_focus.rviz'
 TYPES = {'rviz/Image': 'sensor_msgs/Image', 'rviz/DepthCloud': 'sensor_msgs/Image',
          'rviz/MarkerArray': 'visualization_msgs/MarkerArray'}
 INFO = 'depth_registered/camera_info'

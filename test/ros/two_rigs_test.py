@@ -2,7 +2,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Two rigs at once on one master, in namespaces: each fuses its own scene, with its own calibration."""
-import os
+from pathlib import Path
 
 import rosgraph
 import rospy
@@ -11,7 +11,7 @@ import rostest
 from all_in_focus.files.rig import load_rig, save_rig
 from robot_testing import LaunchTest, Scene, whole
 
-LAUNCH = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'two_rigs.launch')
+LAUNCH = Path(__file__).resolve().with_name('two_rigs.launch')
 COMMON = {'/rosout', '/rosout_agg', '/tf', '/tf_static', '/diagnostics', '/clock'}
 
 

@@ -113,7 +113,7 @@ class BagFile:
         try:
             if Path(self.path).is_dir():
                 raise BagError(f"{self.path}: is a folder, not a bag")
-            return rosbag.Bag(self.path)
+            return rosbag.Bag(str(self.path))
         except rosbag.ROSBagUnindexedException:
             raise BagError(f"{self.path}: has no index (recording or copy cut off?): try rosbag reindex")
         except OSError as error:

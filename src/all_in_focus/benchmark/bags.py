@@ -61,7 +61,7 @@ def prepare(scene, modes, options, folder, mark):
     arguments = [part for name, value in options.items() for part in ("--" + name, value)]
     for mode in modes or OWN[:1]:  # without own methods, one run still tells the brackets
         try:
-            installed.run([installed.find("evaluate_bag"), "--bag", scene.path, "--output", str(folder / mode),
+            installed.run([installed.find("evaluate_bag"), "--bag", scene.path, "--output", folder / mode,
                           "--mode", mode, *arguments])  # without a time-out here: evaluate_bag has its own
         except (RuntimeError, OSError) as error:
             failed[mode] = str(error)
@@ -108,10 +108,10 @@ def brackets(scene, modes, options, folder):
     folder, found = Path(folder), []
     stacks = sorted(folder.glob("stacks/*"))
     for stack in stacks:
-        nodes = {mode: str(folder / mode / stack.name) for mode in modes
+        nodes = {mode: folder / mode / stack.name for mode in modes
                  if (folder / mode / stack.name / "fused.png").exists()}
         title = scene.name if len(stacks) == 1 else f"{scene.name}/{stack.name}"
         frames = [*sorted(stack.iterdir()), *scene.beside.values()]
-        found.append(Scene(title, str(stack), str(stack), beside=scene.beside, of_bag=True, nodes=nodes,
+        found.append(Scene(title, stack, stack, beside=scene.beside, of_bag=True, nodes=nodes,
                            digest=" ".join([digest(frames), scene.digest, json.dumps(options, sort_keys=True)])))
     return found

@@ -194,11 +194,11 @@ def fuse_stack_command(mode, variant, program, scene, folder):
         longer = known.focal_length_mm * (1 + float(variant[len("optics"):]) / 100)
         scene = replace(scene, optics=f"{longer:.9g},{known.aperture:.9g},{known.circle_of_confusion_mm:.9g}")
     elif variant.startswith("shift"):
-        moved = str(folder / "shifted_depth.png")
+        moved = folder / "shifted_depth.png"
         shifted(scene.beside["depth"], int(variant[len("shift"):]), moved)
         scene = replace(scene, beside={**scene.beside, "depth": moved})
     command = [program, "--mode", mode, "--stack", _stack(scene, folder), *_known(scene),
-               "--output", str(folder / "fused.png"), "--report", str(folder / "report.json")]
+               "--output", folder / "fused.png", "--report", folder / "report.json"]
     has_labels = {"depth", "registered_depth", "label"} & set(scene.beside)
     saved = list(PICTURES if has_labels else PICTURES[:1])
     if "rig" in scene.beside and "depth" in scene.beside:
@@ -206,7 +206,7 @@ def fuse_stack_command(mode, variant, program, scene, folder):
     if mode == "restored" and {"rig", "focus"} <= set(scene.beside):  # else it is refined
         saved.append(DEPTHS[2])
     for name in saved:
-        command += ["--save-" + name.replace("_", "-"), str(folder / f"{name}.png")]
+        command += ["--save-" + name.replace("_", "-"), folder / f"{name}.png"]
     return command + extra
 
 
@@ -215,7 +215,7 @@ def shifted(path, columns, output):
     depth = read_depth(path)
     moved = np.zeros_like(depth)
     moved[:, columns:] = depth[:, :depth.shape[1] - columns]
-    cv2.imwrite(output, moved)
+    cv2.imwrite(str(output), moved)
 
 
 def _known(scene):
@@ -239,9 +239,9 @@ def _stack(scene, folder):
         return scene.stack
     linked = Path(folder) / "stack"
     linked.mkdir()
-    for path in map(Path, scene.sources):
+    for path in scene.sources:
         (linked / path.name).symlink_to(path.absolute())
-    return str(linked)
+    return linked
 
 
 # --- bounds: they know the truth --------------------------------------------------------------------------------------
@@ -273,7 +273,7 @@ def oracle(scene):
 
 def true_depth(scene):
     """Every pixel from the frame focused nearest, in dioptres, to the true depth; true motion is undone."""
-    made = json.loads(Path(scene.path, "scene.json").read_text(encoding="utf-8"))
+    made = json.loads((scene.path / "scene.json").read_text(encoding="utf-8"))
     camera, depth = load_rig(scene.beside["rig"]).color, read_depth(scene.beside["truth_depth"])
     focus, enlarge = np.array(made["focus_mm"]), made.get("enlarge", 1)
     index = np.argmin([np.abs(1 / s - 1 / np.maximum(depth, 1)) for s in focus], axis=0)

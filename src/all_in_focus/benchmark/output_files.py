@@ -5,8 +5,8 @@ import csv
 import io
 import json
 import math
-import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Dict, List
 
 from all_in_focus.benchmark import tables as t
@@ -52,8 +52,8 @@ def write(run, store):
     files = {"results.csv": results_csv(run), "scores.csv": scores_csv(tables), "results.json": as_json(run, tables),
              "configuration.yaml": run.settings.as_yaml(), "report.html": page(run, tables, store)}
     for name, text in files.items():
-        path = os.path.join(run.settings.output, name)
-        with whole_file(path) as working, open(working, "w", encoding="utf-8", newline="") as file:
+        path = Path(run.settings.output, name)
+        with whole_file(path) as working, working.open("w", encoding="utf-8", newline="") as file:
             file.write(text)
     return tables
 
@@ -107,7 +107,7 @@ def as_json(run, tables):
                                         "total": it.total, "rank": it.rank}
                                  for name, it in tables.standings(rows).items()}}
               for by, rows in (("metrics", tables.metrics), ("contrast", tables.contrast), ("truth", tables.truth))}
-    content = {"version": VERSION, "scenes": {scene.name: scene.path for scene in run.scenes}, "methods": run.methods,
+    content = {"version": VERSION, "scenes": {scene.name: str(scene.path) for scene in run.scenes}, "methods": run.methods,
                "metrics": run.settings.metrics, "results": results, "scores": scores, "timing": run.timing_note,
                "failures": run.failures, "versions": run.versions}
     return json.dumps(content, indent=2, allow_nan=False) + "\n"

@@ -4,6 +4,7 @@
 import os
 import sys
 import time
+from pathlib import Path
 
 from tqdm import tqdm
 
@@ -62,7 +63,7 @@ def evaluate(settings, fresh=False, say=None):
         names = methods.expand(settings.methods, found)
     except ValueError as error:
         raise SettingsError(error)
-    os.makedirs(settings.output, exist_ok=True)
+    Path(settings.output).mkdir(parents=True, exist_ok=True)
     name = f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {os.getpid()}"
     run = Run(settings, [], names, {}, [], programs.versions(), name)
     store = Store(settings.output)
@@ -89,7 +90,7 @@ def _with_brackets(found, names, settings, workers, nodes, fail):
         return found
     from all_in_focus.benchmark import bags
     modes = [name for name in names if name in methods.OWN]
-    folders = {scene.name: os.path.join(settings.output, "bags", scene.name) for scene in recorded}
+    folders = {scene.name: Path(settings.output, "bags", scene.name) for scene in recorded}
     calls = {scene.name: (bags.prepare, (scene, modes, settings.bag, folders[scene.name],
                                          bags.fingerprint(scene, modes, settings.bag, nodes))) for scene in recorded}
     for name, result in progress(workers.run(calls), total=len(calls), desc="bags", unit="bag"):

@@ -1,19 +1,18 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Scenes: a focus bracket on disk, and whatever is known about it."""
-import glob
 import hashlib
-import os
 import re
 from dataclasses import dataclass, field
-from typing import Dict, List
+from pathlib import Path
+from typing import Dict, List, Optional
 
 import cv2
 
 from all_in_focus.metrics.images import MIN_SIZE
 from all_in_focus.metrics.truth import enlargement
 from all_in_focus.files.rig import Optics, load_rig
-from all_in_focus.files.stack import IMAGE_SUFFIXES, Stack, StackError, load_focus, read_depth, read_image, size_text
+from all_in_focus.files.stack import Stack, StackError, is_image_name, load_focus, read_depth, read_image, size_text
 
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mkv", ".mov")
 # Where a scene folder may hold what is known beside its frames; of several names the first that is there counts.
@@ -37,20 +36,20 @@ class Scene:
     have made of it, by mode.
     """
     name: str
-    path: str
-    stack: str = ""
-    sources: List[str] = field(default_factory=list)
-    beside: Dict[str, str] = field(default_factory=dict)
+    path: Path
+    stack: Optional[Path] = None
+    sources: List[Path] = field(default_factory=list)
+    beside: Dict[str, Path] = field(default_factory=dict)
     optics: str = ""
-    given: Dict[str, str] = field(default_factory=dict)
+    given: Dict[str, Path] = field(default_factory=dict)
     digest: str = ""
     of_bag: bool = False
     enlarge: int = 1
-    nodes: Dict[str, str] = field(default_factory=dict)
+    nodes: Dict[str, Path] = field(default_factory=dict)
 
     @property
     def is_bag(self):
-        return self.path.endswith(".bag")
+        return self.path.suffix == ".bag"
 
     def frames(self):
         """Iterator of BGR images, 8 bit, all of one size; StackError."""
@@ -68,7 +67,7 @@ class Scene:
     def names(self):
         """A title for each frame."""
         if self.sources:
-            return [os.path.basename(path) for path in self.sources]
+            return [path.name for path in self.sources]
         stack = Stack(self.stack)
         return stack.names or [f"frame {number}" for number in range(len(stack))]
 
@@ -81,33 +80,33 @@ class Scene:
     def files(self):
         """All that the methods see and the measures need."""
         paths = list(self.sources)
-        if self.stack and os.path.isdir(self.stack):
-            paths += [os.path.join(self.stack, name) for name in Stack(self.stack).names]
+        if self.stack and self.stack.is_dir():
+            paths += [self.stack / name for name in Stack(self.stack).names]
         elif self.stack:
             paths.append(self.stack)
         for key, path in self.beside.items():
-            paths += [os.path.join(path, name) for name in RIG_FILES] if key == "rig" else [path]
-        return [path for path in paths if os.path.exists(path)]
+            paths += [path / name for name in RIG_FILES] if key == "rig" else [path]
+        return [path for path in paths if path.exists()]
 
 
 def find(entry):
     """Scenes of an entry of the settings: a folder that is one or holds several, a video, a bag. SceneError."""
-    path = entry["path"]
-    if not os.path.exists(path):
+    path = Path(entry["path"])
+    if not path.exists():
         raise SceneError(f"{path}: no such scene")
     name = entry.get("name") or _name_of(path)
     if not re.fullmatch(r"[\w.+-]+(/[\w.+-]+)*", name) or any(part.strip(".") == "" for part in name.split("/")):
         raise SceneError(f"{path}: '{name}' is no name for a folder of results: give name")
-    if os.path.isfile(path) and path.endswith(".bag"):
+    if path.is_file() and path.suffix == ".bag":
         wrong = set(entry) - {"path", "name", "truth"}
         if wrong:
             raise SceneError(f"{path}: a bag has its own {', '.join(sorted(wrong))}")
-        return [Scene(name, path, beside=_beside(entry, {"truth": ()}, ""))]
+        return [Scene(name, path, beside=_beside(entry, {"truth": ()}, path))]
     scene = _scene(name, entry)
     if scene is not None:
         return [scene]
-    below = [_scene(_name_of(folder), {"path": folder}) for folder in sorted(glob.glob(os.path.join(path, "*", "")))]
-    below = [scene for scene in below if scene is not None]
+    folders = sorted(folder for folder in path.glob("[!.]*") if folder.is_dir())
+    below = [scene for scene in (_scene(_name_of(folder), {"path": folder}) for folder in folders) if scene is not None]
     if not below:
         raise SceneError(f"{path}: holds no stack/, no source_* pictures, no video and no images")
     if len(entry) > 1:
@@ -117,21 +116,19 @@ def find(entry):
 
 def _name_of(path):
     """A name for the folder of results: characters that it may not have become underscores."""
-    name = os.path.basename(os.path.abspath(path))
-    return re.sub(r"[^\w.+-]+", "_", name[:-len(".bag")] if name.endswith(".bag") else name)
+    return re.sub(r"[^\w.+-]+", "_", path.stem if path.suffix == ".bag" else path.name)
 
 
 def _scene(name, entry):
     """The scene of an entry, None if there are no frames."""
-    folder = entry["path"].rstrip("/")
+    folder = Path(entry["path"])
     stack, sources = _frames(entry, folder)
     if not stack and not sources:
         return None
     beside = _beside(entry, BESIDE, folder)
-    if "rig" not in beside and os.path.exists(os.path.join(folder, "extrinsics.yaml")):
+    if "rig" not in beside and (folder / "extrinsics.yaml").exists():
         beside["rig"] = folder
-    given = {os.path.basename(path)[len(GIVEN):-len(".png")]: path
-             for path in sorted(glob.glob(os.path.join(glob.escape(folder), GIVEN + "*.png")))}
+    given = {path.stem[len(GIVEN):]: path for path in sorted(folder.glob(GIVEN + "*.png"))}
     return Scene(name, folder, stack, sources, beside, entry.get("optics", ""), given, enlarge=enlargement(folder))
 
 
@@ -139,30 +136,30 @@ def _beside(entry, known, folder):
     """Paths of what is known beside the frames, from the entry or under the known names."""
     beside = {}
     for key, names in known.items():
-        found = [path for path in (os.path.join(folder, name) for name in names) if os.path.exists(path)]
-        if key in entry or found:
-            beside[key] = entry.get(key) or found[0]
-        if key in entry and not os.path.exists(entry[key]):
+        paths = [Path(entry[key])] if key in entry else [folder / name for name in names]
+        found = [path for path in paths if path.exists()]
+        if found:
+            beside[key] = found[0]
+        elif key in entry:
             raise SceneError(f"{entry[key]}: no such {key.replace('_', ' ')}")
     return beside
 
 
 def _frames(entry, folder):
-    """(stack, sources) of a scene; empty where there is none."""
-    for path in (entry.get("stack"), folder if os.path.isfile(folder) else os.path.join(folder, "stack")):
-        if path and os.path.exists(path):
-            return path, []
-        if path and path == entry.get("stack"):
-            raise SceneError(f"{path}: no such stack")
-    names = sorted(os.listdir(folder))
-    images = [name for name in names if name.lower().endswith(IMAGE_SUFFIXES) and not name.startswith((".", GIVEN))]
-    videos = [name for name in names if name.lower().endswith(VIDEO_SUFFIXES)]
-    sources = [name for name in images if name.startswith("source_")]
+    """(stack, sources) of a scene; (None, []) where there is none."""
+    if "stack" in entry and not Path(entry["stack"]).exists():
+        raise SceneError(f"{entry['stack']}: no such stack")
+    stack = Path(entry.get("stack") or (folder if folder.is_file() else folder / "stack"))
+    if stack.exists():
+        return stack, []
+    paths = sorted(folder.iterdir())
+    images = [path for path in paths if is_image_name(path.name) and not path.name.startswith(GIVEN)]
+    videos = [path for path in paths if path.suffix.lower() in VIDEO_SUFFIXES]
+    sources = [path for path in images if path.name.startswith("source_")]
     if not sources and len(videos) == 1:
-        return os.path.join(folder, videos[0]), []
+        return videos[0], []
     known = {name for names in BESIDE.values() for name in names}
-    sources = sources or [name for name in images if name not in known]
-    return "", [os.path.join(folder, name) for name in sources]
+    return None, sources or [path for path in images if path.name not in known]
 
 
 def check(scene):
@@ -191,7 +188,7 @@ def check(scene):
     if {"depth", "registered_depth"} & set(beside) and not (scene.optics or rig and rig.optics):
         raise SceneError(f"{scene.path}: depth without optics: give optics f,F,coc")
     if "focus" in beside:
-        names = Stack(scene.stack).names if scene.stack else [os.path.basename(path) for path in scene.sources]
+        names = Stack(scene.stack).names if scene.stack else scene.names()
         load_focus(beside["focus"], names, count)
     scene.digest = digest(scene.files())
     return scene
@@ -201,8 +198,8 @@ def digest(paths):
     """Of the contents of files, and their names."""
     total = hashlib.sha256()
     for path in paths:
-        total.update(os.path.basename(path).encode() + b"\0")
-        with open(path, "rb") as file:
+        total.update(path.name.encode() + b"\0")
+        with path.open("rb") as file:
             for block in iter(lambda: file.read(1 << 20), b""):
                 total.update(block)
     return total.hexdigest()[:16]

@@ -4,6 +4,7 @@
 import os
 from dataclasses import asdict, dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Dict, List
 
 import yaml
@@ -44,7 +45,7 @@ def load(path):
     """Settings from a YAML file with the fields of Settings; its paths are relative to its folder. SettingsError."""
     data = yaml_file.read(path, SettingsError)
     try:
-        return from_dict(data, os.path.dirname(os.path.abspath(path)))
+        return from_dict(data, Path(path).absolute().parent)
     except SettingsError as error:
         raise SettingsError(f"{path}: {error}")
 
@@ -67,7 +68,7 @@ def from_dict(data, folder):
     if not isinstance(settings.bag, dict):
         raise SettingsError("bag: expected options of evaluate_bag")
     settings.bag = {str(name).replace("_", "-"): str(value) for name, value in settings.bag.items()}
-    settings.output = os.path.join(folder, _text(settings.output, "output")) if settings.output else ""
+    settings.output = str(Path(folder, _text(settings.output, "output"))) if settings.output else ""
     return settings
 
 
@@ -79,7 +80,7 @@ def scene_entry(entry, folder):
     unknown = sorted(set(entry) - set(SCENE_KEYS), key=str)
     if unknown:
         raise SettingsError(f"scenes: {unknown[0]}: no such key; there are {', '.join(SCENE_KEYS)}")
-    return {key: os.path.abspath(os.path.join(folder, _text(value, "scenes: " + key))) if key in PATH_KEYS
+    return {key: os.path.abspath(Path(folder, _text(value, "scenes: " + key))) if key in PATH_KEYS
             else _text(value, "scenes: " + key) for key, value in entry.items()}
 
 

@@ -13,14 +13,14 @@ import cv2
 def named(path, working):
     """Re-raises OSErrors of the temporary file or folder `working` with the user's path instead, and those that name no file, as
     of a full disk, with it."""
-    path, working = str(path), str(working)
+    path, working = Path(path), Path(working)
     try:
         yield
     except OSError as error:
-        place = working if error.filename is None else str(error.filename)
-        if error.errno is None or place != working and not place.startswith(os.path.join(working, "")):
+        place = working if error.filename is None else Path(str(error.filename))
+        if error.errno is None or working not in (place, *place.parents):
             raise
-        raise OSError(error.errno, error.strerror, path + place[len(working):]) from None
+        raise OSError(error.errno, error.strerror, str(path / place.relative_to(working))) from None
 
 
 @contextlib.contextmanager

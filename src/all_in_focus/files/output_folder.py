@@ -91,11 +91,11 @@ class OutputFolder:
             top = name.split("/")[0]
             if top in own and (path / name).is_symlink():
                 raise OSError(errno.ELOOP, "is a symbolic link: remove it, or choose another folder", str(path / name))
-            foreign = name not in own_files and os.path.basename(name) not in self._results
+            foreign = name not in own_files and Path(name).name not in self._results
             if foreign and (top in own or top in new or not self._may_keep(top)):
                 raise FileExistsError(errno.EEXIST, f"was not written by {self._program}: choose another folder",
                                       str(path / name))
-        if os.path.samefile(path, os.curdir):
+        if path.samefile(Path.cwd()):
             raise OSError(errno.EBUSY, "is the current folder, which cannot be replaced: choose another", str(path))
         return others - self._results
 

@@ -218,7 +218,7 @@ def load_focus(path, names, frames):
         index = number
         if names is not None:
             where = f"{path}: entry {number}"
-            name = os.path.basename(str(name))  # stack/00.png is 00.png
+            name = Path(str(name)).name  # stack/00.png is 00.png
             if name not in names:
                 raise StackError(f"{where}: no frame is named '{name}'")
             if name in listed:
