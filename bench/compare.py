@@ -61,7 +61,7 @@ def in_turn(programs, repetitions, title):
     """Medians of what the programs return, None for those that are None: name -> function () -> number or tuple."""
     runs = {name: [] for name in programs}
     todo = [name for _ in range(repetitions) for name in programs if programs[name]]
-    for name in tqdm(todo, desc=title, unit="run", disable=not sys.stderr.isatty()):
+    for name in tqdm(todo, desc=title, unit="run", disable=None):
         runs[name].append(programs[name]())
     return {name: np.median(values, axis=0) if values else None for name, values in runs.items()}
 

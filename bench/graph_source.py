@@ -61,14 +61,6 @@ def check(args):
         raise ValueError(f"{args.depth}: no such depth image")
 
 
-def scale(camera, size):
-    """Make it the same camera with another number of pixels."""
-    sx, sy = size[0] / camera.width, size[1] / camera.height
-    grow = np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
-    camera.K, camera.P = grow @ camera.K, grow @ camera.P
-    camera.width, camera.height = size
-
-
 def with_noise(depth, noise_mm, random):
     """Depth with normal noise of that deviation on every known pixel, all of them still known."""
     noisy = np.rint(depth + random.normal(0, noise_mm, depth.shape))
@@ -103,8 +95,7 @@ class Source:
         check(args)
         self.args, self.rig, bridge = args, load_rig(args.rig), cv_bridge.CvBridge()
         if args.size:
-            scale(self.rig.color, args.size)
-            scale(self.rig.depth, args.size)
+            self.rig.color, self.rig.depth = (camera.scaled(*args.size) for camera in (self.rig.color, self.rig.depth))
         self.depth = [bridge.cv2_to_imgmsg(image, "16UC1") for image in depth_images(args)]
         self.color = [] if args.depth_only else [bridge.cv2_to_imgmsg(image, "bgr8") for image in color_images(self.rig.color)]
         self.infos = {"/rgb/camera_info": self.rig.color, "/depth/camera_info": self.rig.depth}

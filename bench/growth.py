@@ -75,7 +75,7 @@ def measure_frames(program, repetitions, scene):
         for frames in FRAMES:
             make_stack(scene, frames, folder / str(frames))
         todo = [(mode, frames) for _ in range(repetitions) for frames in FRAMES for mode in MODES]
-        for mode, frames in tqdm(todo, unit="stack", disable=not sys.stderr.isatty()):
+        for mode, frames in tqdm(todo, unit="stack", disable=None):
             stack = folder / str(frames)
             text, memory = run_measured([
                 program, "--stack", stack / "stack", "--focus", stack / "focus.yaml", "--mode", mode, "--rig", scene / "rig",

@@ -12,7 +12,6 @@ import os
 import shlex
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -88,7 +87,7 @@ def main():
                                  "--output={output} {files}"
         commands.update(peer.split("=", 1) for peer in args.peer)
         runs = {name: [] for name in commands}
-        for name in tqdm([name for _ in range(args.repetitions) for name in commands], disable=not sys.stderr.isatty()):
+        for name in tqdm([name for _ in range(args.repetitions) for name in commands], disable=None):
             runs[name].append(run(shlex.split(commands[name].format(stack=stack, files=files, output=output))))
     medians = {name: np.median(values, axis=0) for name, values in runs.items()}
     ours = next(iter(medians.values()))[0]

@@ -104,7 +104,7 @@ def measure(method, scene, truth, output, args):
 def measure_all(args, found):
     """scene name -> method name -> figures, None where a method failed."""
     figures = {}
-    with tqdm(total=len(found) * len(args.methods), unit="result", disable=not sys.stderr.isatty()) as bar:
+    with tqdm(total=len(found) * len(args.methods), unit="result", disable=None) as bar:
         for name, scene in found.items():
             folder = Path(args.output) / name
             folder.mkdir(parents=True, exist_ok=True)

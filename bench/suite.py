@@ -51,7 +51,7 @@ def generate(folder, suites=("small",)):
     scenes = {name: options for suite in suites for name, options in SUITES[suite].items()}
     paths = [str(Path(folder) / name) for name in scenes]
     missing = [(path, options) for path, options in zip(paths, scenes.values()) if not Path(path).exists()]
-    for path, options in tqdm(missing, unit="scene", disable=not sys.stderr.isatty()):
+    for path, options in tqdm(missing, unit="scene", disable=None):
         size = [] if "--size" in options else ["--size", "640x480"]
         subprocess.run([sys.executable, MAKE_SCENE, "--output", path] + options.split() + size, check=True)
     return paths

@@ -50,6 +50,13 @@ def fill_from_farther(depth):
     return np.where(known, depth, np.maximum(padded[rows, left + 1], padded[rows, right + 1]))
 
 
+def shrunk(image, width, interpolation=cv2.INTER_AREA):
+    """The image, at most `width` pixels wide."""
+    if image.shape[1] <= width:
+        return image
+    return cv2.resize(image, (width, max(1, round(image.shape[0] * width / image.shape[1]))), interpolation=interpolation)
+
+
 def split_title(text):
     """(path, title) of IMAGE or IMAGE:TITLE; without a title it is the file's name."""
     path, colon, title = text.rpartition(":")

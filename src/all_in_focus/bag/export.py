@@ -3,7 +3,6 @@
 """Exports brackets of a bag to files that fuse_stack reads: stack/000.png ..., focus.yaml, depth.png, rig/."""
 import errno
 import shlex
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import List, Optional
@@ -64,8 +63,7 @@ def export(bag, output, which, options, force=False):
 
     exported = []
     with whole_folder(output, "bag_to_stack", results=["fused.png"]) as working, \
-            tqdm(total=sum(len(bracket.frames) for bracket in chosen.values()), unit="frame",
-                 disable=not sys.stderr.isatty()) as bar:
+            tqdm(total=sum(len(bracket.frames) for bracket in chosen.values()), unit="frame", disable=None) as bar:
         for part, bracket in chosen.items():
             writer = _BracketWriter(bag, found, bracket, options, working / part)
             exported.append(writer.write(Path(output) / part, bar))

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """One pass over a bag that keeps the head of each image and all small messages. Pixels are fetched later."""
 import struct
-import sys
 import zlib
 from dataclasses import dataclass, field
 from typing import List, NamedTuple, Optional
@@ -72,8 +71,8 @@ def scan(bag, checksums=False):
     total = sum(bag.found[name].message_count for name in kinds if name in bag.found)
     last, infos = {}, {}  # (recorded, nth) by kind; the last camera info without its stamp
     messages = enumerate(bag.read(list(kinds), raw=True))
-    for order, (name, (_, data, _, _, message_type), time) in tqdm(messages, total=total, unit="message", leave=False,
-                                                                   disable=not sys.stderr.isatty()):
+    bar = tqdm(messages, total=total, unit="message", leave=False, disable=None)
+    for order, (name, (_, data, _, _, message_type), time) in bar:
         kind, recorded = kinds[absolute(name)], time.to_nsec()
         found.counts[kind] = found.counts.get(kind, 0) + 1
         found.start = found.start or recorded

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Writes a depth image and a focus stack into a bag, as if a robot had recorded them."""
 import errno
-import sys
 from pathlib import Path
 
 import genpy
@@ -25,41 +24,34 @@ def stamp_of(index, rate):
     return genpy.Time(nsecs=START_NS + round(index * 1e9 / rate))
 
 
-class _BagWriter:
-    """A bag that records messages at the time of their stamps."""
-
-    def __init__(self, bag):
-        self.bag = bag
-
-    def write(self, topic, message, stamp, latched=False):
-        header = None
-        if latched:  # rosbag stores the header with the connection and latches the topic when it plays the bag
-            header = {"topic": topic, "type": message._type, "md5sum": message._md5sum, "latching": "1",
-                      "message_definition": message._full_text, "callerid": "/make_bag"}
-        self.bag.write(topic, message, stamp, connection_header=header)
+def _write_latched(bag, topic, message, stamp):
+    """rosbag stores the header with the connection and latches the topic when it plays the bag."""
+    bag.write(topic, message, stamp, connection_header={
+        "topic": topic, "type": message._type, "md5sum": message._md5sum, "latching": "1",
+        "message_definition": message._full_text, "callerid": "/make_bag"})
 
 
-def _fill(writer, depth, rig_folder, stack, rate, with_focus):
+def _fill(bag, depth, rig_folder, stack, rate, with_focus):
     rig = load_rig(rig_folder)
     start = stamp_of(0, rate)
-    writer.write("/tf_static", TFMessage([static_transform(rig_folder, start)]), start, latched=True)
+    _write_latched(bag, "/tf_static", TFMessage([static_transform(rig_folder, start)]), start)
     if rig.optics is not None:
-        writer.write("/rgb/optics", Optics(**vars(rig.optics)), start, latched=True)
+        _write_latched(bag, "/rgb/optics", Optics(**vars(rig.optics)), start)
 
     # Messages of equal time are played in the order in which their topics were first written: depth before colour.
     header = Header(stamp=start, frame_id=rig.child_frame)
-    writer.write("/depth/camera_info", camera_info(rig.depth, header), start)
-    writer.write("/depth/image_raw", to_message(depth, "16UC1", header), start)
+    bag.write("/depth/camera_info", camera_info(rig.depth, header), start)
+    bag.write("/depth/image_raw", to_message(depth, "16UC1", header), start)
 
-    for index, frame in enumerate(tqdm(stack, unit="frame", disable=not sys.stderr.isatty())):
+    for index, frame in enumerate(tqdm(stack, unit="frame", disable=None)):
         stamp = stamp_of(index, rate)
         header = Header(stamp=stamp, frame_id=rig.parent_frame)
-        writer.write("/rgb/camera_info", camera_info(rig.color, header), stamp)
+        bag.write("/rgb/camera_info", camera_info(rig.color, header), stamp)
         if with_focus:
-            writer.write("/rgb/focus", FocusFrame(header=header, bracket_id=0, index=index, count=len(stack),
-                                                  last=index + 1 == len(stack),
-                                                  focus_distance=stack.distances[index]), stamp)
-        writer.write("/rgb/image", to_message(frame, "bgr8", header), stamp)
+            bag.write("/rgb/focus", FocusFrame(header=header, bracket_id=0, index=index, count=len(stack),
+                                               last=index + 1 == len(stack),
+                                               focus_distance=stack.distances[index]), stamp)
+        bag.write("/rgb/image", to_message(frame, "bgr8", header), stamp)
 
 
 def write_bag(output, depth, rig_folder, stack, rate=30.0, with_focus=True):
@@ -71,4 +63,4 @@ def write_bag(output, depth, rig_folder, stack, rate=30.0, with_focus=True):
     if Path(output).is_dir():
         raise IsADirectoryError(errno.EISDIR, "is a folder", str(output))
     with whole_file(output) as working, rosbag.Bag(str(working), "w", compression=rosbag.Compression.LZ4) as bag:
-        _fill(_BagWriter(bag), depth, rig_folder, stack, rate, with_focus)
+        _fill(bag, depth, rig_folder, stack, rate, with_focus)

@@ -36,7 +36,6 @@ from all_in_focus.metrics.truth import psnr
 from all_in_focus.simulation import lens
 
 OWN = ("paper", "refined", "restored")
-MODES = (*OWN, "restored")
 VARIANTS = re.compile(r"-[a-z][a-z_-]*(,[a-z_-]+)*|no-depth|optics[+-][0-9]{1,2}|shift[0-9]{1,3}")
 TIMEOUT_S = 3600.0
 PICTURES = ("source_index", "labels")
@@ -91,7 +90,7 @@ def find(name, peers={}, program=None):
     plain = name[:-len("+ecc")] if name.endswith("+ecc") else name
     if name in peers:
         return partial(_peer, peers[name])
-    if kind in MODES and (not colon or VARIANTS.fullmatch(variant)):
+    if kind in OWN and (not colon or VARIANTS.fullmatch(variant)):
         return partial(_own, kind, variant, program)
     if plain in BASELINES:
         return partial(_baseline, plain, plain != name)
@@ -107,7 +106,7 @@ def split(text):
     """Names of a list a,b,refined:-c,d: after a minus sign commas go on until the next name of a method."""
     names = []
     for part in text.split(","):
-        is_step = re.fullmatch("[a-z][a-z_-]*", part) and part not in {*MODES, *BASELINES, *BOUNDS, "all"}
+        is_step = re.fullmatch("[a-z][a-z_-]*", part) and part not in {*OWN, *BASELINES, *BOUNDS, "all"}
         if names and ":-" in names[-1] and is_step:
             names[-1] += "," + part
         else:
@@ -121,7 +120,7 @@ def fingerprint(name, scene, versions):
     if name.startswith("given:"):
         path = scene.given.get(name.partition(":")[2])
         parts.append(digest([path]) if path else "")
-    program = [versions["nodes" if scene.of_bag else "fuse_stack"]] * (name.partition(":")[0] in MODES)
+    program = [versions["nodes" if scene.of_bag else "fuse_stack"]] * (name.partition(":")[0] in OWN)
     return " ".join([*parts, versions["code"], *program])
 
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from all_in_focus.benchmark import pictures
 from all_in_focus.benchmark import tables as t
+from all_in_focus.files.errors import counted
 from all_in_focus.files.stack import read_depth, read_image
-from all_in_focus.imaging import picture
+from all_in_focus.imaging import picture, shrunk
 
 SHOWN_FRAMES = 4  # of a long sweep: the first, the last and some between
 
@@ -95,7 +96,7 @@ class Figure(NamedTuple):
 def page(run, tables, store):
     """HTML text. run: see output_files.Run; tables: tables.Tables; store: where the pictures are."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    environment.filters.update(exact=repr, counted=lambda n, noun: f"{n} {noun}{'' if n == 1 else 's'}")
+    environment.filters.update(exact=repr, counted=counted)
     return environment.from_string(TEMPLATE).render(
         run=run, tables=tables, standings=_standings(run, tables), values=_values(tables), seconds=_seconds(run, tables),
         scenes=[_scene(run, scene, tables, store) for scene in run.scenes],
@@ -179,8 +180,9 @@ def _scene(run, scene, tables, store):
 
 
 def _figure(title, image, kind="", caption=""):
-    small = {"": pictures.small, "map": pictures.small_map, "crop": lambda it: it}[kind](image)
-    return Figure(title, pictures.inline(small, bool(kind)), kind, caption)
+    if kind != "crop":  # maps keep their colours
+        image = shrunk(image, pictures.WIDTH, cv2.INTER_NEAREST if kind == "map" else cv2.INTER_AREA)
+    return Figure(title, pictures.inline(image, bool(kind)), kind, caption)
 
 
 def _known(scene, shown, windows):

@@ -14,19 +14,6 @@ CROP, CROPS = 96, 3  # side of a crop in pixels, a quarter of a small image at m
 UNDECIDED = (200, 80, 200)  # BGR of pixels that no frame has won: a colour that the others do not have
 
 
-def small(image, interpolation=cv2.INTER_AREA):
-    """A copy of at most WIDTH."""
-    if image.shape[1] <= WIDTH:
-        return image
-    height = max(1, round(image.shape[0] * WIDTH / image.shape[1]))
-    return cv2.resize(image, (WIDTH, height), interpolation=interpolation)
-
-
-def small_map(image):
-    """As small(), for what must keep its colours."""
-    return small(image, cv2.INTER_NEAREST)
-
-
 def inline(image, lossless=False):
     """data: address of an image, PNG or JPEG."""
     good, data = cv2.imencode(".png" if lossless else ".jpg", image, [] if lossless else [cv2.IMWRITE_JPEG_QUALITY, 88])

@@ -23,10 +23,6 @@ class BadInput(ValueError):
         self.lines = lines
 
 
-def progress(items=None, **options):
-    return tqdm(items, disable=not sys.stderr.isatty(), **options)
-
-
 def find_scenes(settings):
     """All scenes, checked. BadInput with a line for each that cannot be used."""
     found, wrong = [], []
@@ -38,7 +34,7 @@ def find_scenes(settings):
     names = [scene.name for scene in found]
     wrong += [f"two scenes are named {name}: give one of them a name" for name in sorted(set(names))
               if names.count(name) > 1]
-    for scene in progress(found, desc="check", unit="scene"):
+    for scene in tqdm(found, desc="check", unit="scene", disable=None):
         try:
             if scene.is_bag:
                 from all_in_focus.benchmark import bags  # with rosbag behind it
@@ -93,7 +89,7 @@ def _with_brackets(found, names, settings, workers, nodes, fail):
     folders = {scene.name: Path(settings.output, "bags", scene.name) for scene in recorded}
     calls = {scene.name: (bags.prepare, (scene, modes, settings.bag, folders[scene.name],
                                          bags.fingerprint(scene, modes, settings.bag, nodes))) for scene in recorded}
-    for name, result in progress(workers.run(calls), total=len(calls), desc="bags", unit="bag"):
+    for name, result in tqdm(workers.run(calls), total=len(calls), desc="bags", unit="bag", disable=None):
         for mode, reason in result.get("failed", {}).items():
             fail(f"{name} {mode}: {reason}")
         if "error" in result:
@@ -113,7 +109,7 @@ def _run_tasks(run, store, workers, fresh, fail):
     done = {key: None if fresh else store.load(*key, mark, run.settings.metrics) for key, mark in marks.items()}
     calls = {key: (tasks.run, (by_name[key[0]], key[1], run.settings.metrics, code))
              for key, result in done.items() if result is None}
-    with progress(total=len(marks), initial=len(marks) - len(calls), unit="result") as bar:
+    with tqdm(total=len(marks), initial=len(marks) - len(calls), unit="result", disable=None) as bar:
         for key, result in workers.run(calls):
             bar.set_description(" ".join(key))
             done[key] = store.save(*key, marks[key], run.name, result)

@@ -3,7 +3,6 @@
 """calibrate_rig: from the command line to the rig folder."""
 import argparse
 import math
-import sys
 
 from tqdm import tqdm
 
@@ -143,8 +142,7 @@ def _from_files(parser, arguments):
     folders = PairFolders(arguments.depth_camera, arguments.color_camera)
     for warning in folders.warnings:
         parser.warn(warning)
-    pairs = list(tqdm(folders.pairs(arguments.board), total=len(folders.names), unit="pair",
-                      disable=not sys.stderr.isatty()))
+    pairs = list(tqdm(folders.pairs(arguments.board), total=len(folders.names), unit="pair", disable=None))
     for pair in pairs:
         if pair.unreadable:
             parser.warn(f"{pair.unreadable}: left out")

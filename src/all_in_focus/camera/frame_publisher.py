@@ -107,12 +107,4 @@ class FramePublisher:
             rospy.logwarn("%s: another shape, rgb/camera_info is empty", sizes)
             return uncalibrated
         rospy.loginfo("%s: scaled", sizes)
-        return _scaled(camera, width, height)
-
-
-def _scaled(camera, width, height):
-    """The same view on another number of pixels; the centre of a pixel has whole coordinates."""
-    x, y = width / camera.width, height / camera.height
-    scale = np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
-    return Camera(camera.name, width, height, scale @ camera.K, camera.D, camera.distortion_model, camera.R,
-                  scale @ camera.P)
+        return camera.scaled(width, height)

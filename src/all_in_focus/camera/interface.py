@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The interface to a camera: the calls of libgphoto2 that a focus bracket needs, its errors explained, and retries."""
+import functools
 import re
 import time
 from dataclasses import dataclass, field
@@ -91,35 +92,8 @@ class Camera:
     download(path) -> bytes; delete(path)
     """
 
-    def open(self):
-        raise NotImplementedError
 
-    def close(self):
-        raise NotImplementedError
-
-    def get_config(self, name):
-        raise NotImplementedError
-
-    def set_config(self, name, value):
-        raise NotImplementedError
-
-    def capture(self):
-        raise NotImplementedError
-
-    def wait_for_event(self, seconds):
-        raise NotImplementedError
-
-    def capture_preview(self):
-        raise NotImplementedError
-
-    def download(self, path):
-        raise NotImplementedError
-
-    def delete(self, path):
-        raise NotImplementedError
-
-
-class RetryingCamera(Camera):
+class RetryingCamera:
     """Forwards every call to `camera` and repeats it for up to `patience` seconds while the camera is busy."""
 
     def __init__(self, camera, patience=5.0):
@@ -136,17 +110,11 @@ class RetryingCamera(Camera):
             time.sleep(pause)
             pause = min(2 * pause, LONGEST_PAUSE)
 
-    def open(self):
-        return self._retry(self._camera.open)
+    def __getattr__(self, name):
+        return functools.partial(self._retry, getattr(self._camera, name))
 
     def close(self):
         self._camera.close()
-
-    def get_config(self, name):
-        return self._retry(self._camera.get_config, name)
-
-    def set_config(self, name, value):
-        self._retry(self._camera.set_config, name, value)
 
     def capture(self, before_attempt=None):
         """before_attempt: called before each attempt; the last call is the one just before the shutter."""
@@ -155,15 +123,3 @@ class RetryingCamera(Camera):
                 before_attempt()
             self._camera.capture()
         self._retry(attempt)
-
-    def wait_for_event(self, seconds):
-        return self._retry(self._camera.wait_for_event, seconds)
-
-    def capture_preview(self):
-        return self._retry(self._camera.capture_preview)
-
-    def download(self, path):
-        return self._retry(self._camera.download, path)
-
-    def delete(self, path):
-        self._retry(self._camera.delete, path)

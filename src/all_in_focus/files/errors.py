@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Exceptions as one line for people."""
+"""Words for people: exceptions as one line, numbers of things."""
 
 
 def one_line(error, path=None):
@@ -15,3 +15,8 @@ def one_line_with_type(error):
     if isinstance(error, (OSError, ValueError)) or type(error) is RuntimeError or not str(error):
         return one_line(error)
     return f"{type(error).__name__}: {one_line(error)}"
+
+
+def counted(number, noun):
+    """1 frame, 2 frames."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -5,7 +5,7 @@
 The cameras are camera_info files as camera_calibration writes them; extrinsics.yaml holds the pose of the depth camera
 in the colour camera's optical frame, X_color = R X_depth + t (metres); optics.yaml holds the lens of the colour camera.
 """
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Optional
 
@@ -66,6 +66,12 @@ class Camera:
     def pinhole(cls, name, width, height, fx, fy, cx, cy):
         """Camera without distortion."""
         return cls(name, width, height, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+    def scaled(self, width, height):
+        """The same view on another number of pixels; the centre of a pixel has whole coordinates."""
+        x, y = width / self.width, height / self.height
+        scale = np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
+        return replace(self, width=width, height=height, K=scale @ self.K, P=scale @ self.P)
 
 
 @dataclass

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs evaluate.launch on a master of its own, with a time-out and an exit code, which roslaunch has not."""
 import os
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -66,7 +65,7 @@ def final_status(status, stopped_because, ended_because):
 def _watch(launch, status_file, timeout):
     """Returns when the run is over: None, or the reason to stop it."""
     last, changed = None, time.monotonic()
-    with tqdm(unit="message", disable=not sys.stderr.isatty()) as bar:
+    with tqdm(unit="message", disable=None) as bar:
         while not launch.ended():
             status = RunStatus.read(status_file)
             if status is not None and status.code is not None:

@@ -18,10 +18,6 @@ SHUTDOWN = 3 * sum(GRACE) + 6.0  # s: the nodes together, then /rosout, then the
 LAUNCHER = Path(__file__).with_name("launcher.py")
 
 
-class LaunchError(RuntimeError):
-    """The nodes cannot be launched; the message is one line."""
-
-
 class Death(NamedTuple):
     """A process that ended by itself."""
     process: str  # node name and a number

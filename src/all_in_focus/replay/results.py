@@ -194,7 +194,8 @@ class ResultSaver:
         self.subscribers = {topic: rospy.Subscriber(topic, Image, functools.partial(self._on_image, name, encoding))
                             for name, (topic, encoding) in {**IMAGES, "labels": (LABELS, "passthrough")}.items()}
         self.subscribers[SEGMENTS] = rospy.Subscriber(SEGMENTS, SegmentArray, self._on_segments)
-        self.subscribers[REPORT] = rospy.Subscriber(REPORT, FusionReport, self._on_report)
+        self.subscribers[REPORT] = rospy.Subscriber(REPORT, FusionReport,
+                                                    functools.partial(self._collect, self._collector.add_report))
         self._complaints = {}  # text of a node: level
         self._log = rospy.Subscriber("/rosout", Log, self._on_log)
 
@@ -236,9 +237,6 @@ class ResultSaver:
 
     def _on_segments(self, message):
         self._collect(self._collector.add, "segments", message.header.stamp, message)
-
-    def _on_report(self, message):
-        self._collect(self._collector.add_report, message)
 
     def _collect(self, method, *arguments):
         with self._lock:

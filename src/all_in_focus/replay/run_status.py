@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import List, Optional
 
+from all_in_focus.files.errors import counted
 from all_in_focus.files.output_file import write_json
 
 OK, BAD_INPUT = 0, 2  # exit codes
@@ -49,14 +50,10 @@ def conclude(brackets, warnings):
         code, reason = BAD_INPUT, f"no region came of the bag's depth{why}"
     elif fused:
         unfused = len(brackets) - len(fused)
-        code, reason = OK, f"{_count(len(fused), 'bracket')} fused"
+        code, reason = OK, f"{counted(len(fused), 'bracket')} fused"
         if unfused:
             reason += f", {unfused} could not be"
     else:
         notes = [note for bracket in brackets for note in bracket["notes"]]
         code, reason = BAD_INPUT, "no bracket was fused" + (f": {notes[0]}" if notes else why)
     return RunStatus(code, reason, list(brackets), list(warnings))
-
-
-def _count(number, noun):
-    return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -54,13 +54,6 @@ def kinect_beside(color, optics):
     return Rig(depth, color, rotation, [-0.030, 0.045, 0.020], optics)
 
 
-def enlarged(camera, factor):
-    """Pinhole camera of pictures whose pixels were replaced by blocks of factor x factor pixels."""
-    (fx, _, cx), (_, fy, cy), _ = camera.K
-    return Camera.pinhole(camera.name, camera.width * factor, camera.height * factor, fx * factor, fy * factor,
-                          (cx + 0.5) * factor - 0.5, (cy + 0.5) * factor - 0.5)
-
-
 def canvas_margin(rig, near_mm):
     """Margin (columns, rows) that the canvas needs for the depth camera to see surface everywhere, from near_mm on."""
     corners = np.array([[0, 0, 1], [rig.depth.width, 0, 1], [0, rig.depth.height, 1],

@@ -4,6 +4,8 @@
 from dataclasses import dataclass, field
 from typing import List
 
+from all_in_focus.files.errors import counted
+
 OK, WARNING, ERROR = "ok", "warning", "error"
 
 
@@ -96,10 +98,6 @@ class PerBracket:
         more = len(self._numbers) - self.MOST
         if more > 0:
             self._check.warning(f"{counted(more, 'more warning')} like these in other brackets")
-
-
-def counted(number, noun):
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def share_text(share):

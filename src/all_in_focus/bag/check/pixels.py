@@ -6,10 +6,11 @@ from collections import Counter
 import cv2
 import numpy as np
 
-from all_in_focus.bag.check.findings import PerBracket, counted, share_text
+from all_in_focus.bag.check.findings import PerBracket, share_text
 from all_in_focus.bag.image_messages import METRES, ImageError, bgr, check_color, check_depth, depth_as_sent
 from all_in_focus.bag.scan import NS, fetch
-from all_in_focus.imaging import srgb_to_linear
+from all_in_focus.files.errors import counted
+from all_in_focus.imaging import shrunk, srgb_to_linear
 
 NEAR_MM, FAR_MM = 150, 20000  # medians beyond are mistakes
 MOSTLY_UNKNOWN = 0.7
@@ -151,10 +152,7 @@ class Sample:
             size = size or picture.shape
             if picture.shape != size:
                 continue
-            if picture.shape[1] > WIDTH:
-                picture = cv2.resize(picture, (WIDTH, round(picture.shape[0] * WIDTH / picture.shape[1])),
-                                     interpolation=cv2.INTER_AREA)
-            gray = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+            gray = cv2.cvtColor(shrunk(picture, WIDTH), cv2.COLOR_BGR2GRAY)
             self.light.append(_blocks(srgb_to_linear(gray)))
             # Smoothed against noise, whose sharpness does not depend on the focus.
             edges = cv2.Laplacian(cv2.GaussianBlur(gray.astype(np.float32), (0, 0), 1), cv2.CV_32F)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from all_in_focus.bag.check.findings import counted
 from all_in_focus.bag.bag_file import REQUIRED, BagError
 from all_in_focus.bag.image_messages import METRES, MILLIMETRES
 from all_in_focus.bag.options import option_of
 from all_in_focus.bag.scan import NS
+from all_in_focus.files.errors import counted
 
 DEPTH = (*MILLIMETRES, METRES)
 TRANSPORTS = ("compressedDepth", "compressed", "theora")  # that cannot be read here (compressed can, for colour)

@@ -3,9 +3,10 @@
 """What are the brackets, do their focus messages agree, and is every depth of the scene sharp in some frame?"""
 import numpy as np
 
-from all_in_focus.bag.check.findings import PerBracket, counted, share_text
+from all_in_focus.bag.check.findings import PerBracket, share_text
 from all_in_focus.bag.check.recording import suggestion
 from all_in_focus.bag.scan import NS
+from all_in_focus.files.errors import counted
 
 NOTICEABLE = 0.02  # share of the known depths
 
