@@ -41,20 +41,26 @@ def run(command, timeout=None):
     ends its nodes.
     """
     libraries = os.pathsep.join([str(prefix() / "lib"), os.environ.get("LD_LIBRARY_PATH", "")])
-    name = Path(command[0]).name
+    name, started = Path(command[0]).name, []
+
+    def start():
+        started.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
+                                        errors="replace", env=dict(os.environ, LD_LIBRARY_PATH=libraries)))
+
     # In a thread, since an exception that a signal raises in the middle of Popen would lose the process.
     with ThreadPoolExecutor(1) as starter:
-        started = starter.submit(subprocess.Popen, command, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                                 universal_newlines=True, errors="replace",
-                                 env=dict(os.environ, LD_LIBRARY_PATH=libraries))
+        starter.submit(int).result()  # the thread is there
         try:
-            out, err = started.result().communicate(timeout=timeout)
+            starter.submit(start).result()
+            out, err = started[0].communicate(timeout=timeout)
         except subprocess.TimeoutExpired:
             raise RuntimeError(f"{name}: not done after {timeout:g} s, given up")
         finally:
-            with started.result() as process:
-                if process.poll() is None:
-                    _end(process)
+            starter.submit(int).result()  # start() has ended, if submit() was interrupted
+            for process in started:
+                with process:
+                    if process.poll() is None:
+                        _end(process)
     if process.returncode:
         said = (err or out).strip().splitlines()
         raise RuntimeError(said[-1] if said else f"{name}: exit code {process.returncode}")
