@@ -21,7 +21,7 @@ int runTool(int argc, char** argv, const char* purpose,
 /// Value of a string option, "" if not given.
 std::string textOption(const boost::program_options::variables_map& values, const char* name);
 
-/// Throws std::invalid_argument unless "paper" or "refined".
+/// Throws std::invalid_argument unless "paper", "refined" or "restored".
 Mode parseMode(const std::string& text);
 
 /// Throws std::invalid_argument unless "paper" or "full".

@@ -41,36 +41,6 @@ int parseReference(const std::string& text) {
   return reference;
 }
 
-// Passes the frames on, and remembers whether an error came from reading them: such errors name their file
-// already.
-class NamedFrames : public FrameSource {
- public:
-  explicit NamedFrames(StackReader& stack) : stack_(stack) {}
-
-  bool next(cv::Mat& frame) override {
-    reading_ = true;
-    const bool there = stack_.next(frame);
-    reading_ = false;
-    return there;
-  }
-  void rewind() override {
-    reading_ = true;
-    stack_.rewind();
-    reading_ = false;
-  }
-  int count() override {
-    reading_ = true;
-    const int frames = stack_.count();
-    reading_ = false;
-    return frames;
-  }
-  bool reading() const { return reading_; }
-
- private:
-  StackReader& stack_;
-  bool reading_ = false;
-};
-
 // Parses the ingredients of mode refined to leave out, separated by commas.
 RefinedConfig parseWithout(const std::string& names) {
   RefinedConfig config;
@@ -201,13 +171,13 @@ void fuseStack(const po::variables_map& values) {
   explainMissing(input, mode, context);
 
   const std::vector<std::string> warnings = warnOfRig(values, input, stack);
-  NamedFrames frames(stack);
-  input.frames = &frames;
+  input.frames = &stack;
   PipelineResult result;
   try {
     result = Pipeline(mode).run(input);
+  } catch (const FileError&) {
+    throw;
   } catch (const std::invalid_argument& e) {
-    if (frames.reading()) throw;
     // The core tells what is wrong. Add the file that it is about.
     const std::string depth = textOption(values, input.depth.empty() ? "registered-depth" : "depth");
     throw std::invalid_argument((stack.current().empty() ? depth : stack.current()) + ": " + e.what());

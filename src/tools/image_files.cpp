@@ -21,10 +21,6 @@ namespace fs = std::filesystem;
 namespace all_in_focus {
 namespace {
 
-[[noreturn]] void fail(const std::string& path, const std::string& what) {
-  throw std::invalid_argument(path + ": " + what);
-}
-
 /// While one lives, in any thread, nothing reaches stderr: the codecs print warnings there, which would bury
 /// our one line.
 class QuietStderr {

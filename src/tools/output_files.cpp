@@ -11,7 +11,6 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <stdexcept>
 
 #include "image_files.hpp"
 
@@ -54,10 +53,6 @@ class Committing {
   Committing(const Committing&) = delete;
   Committing& operator=(const Committing&) = delete;
 };
-
-[[noreturn]] void fail(const std::string& path, const std::string& what) {
-  throw std::invalid_argument(path + ": " + what);
-}
 
 /// Gives what is at `path` a second name; a file system without hard links gives it another one.
 void keep(const fs::path& path, const fs::path& previous) {

@@ -13,12 +13,10 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "image_files.hpp"
+
 namespace all_in_focus {
 namespace {
-
-[[noreturn]] void fail(const std::string& path, const std::string& what) {
-  throw std::invalid_argument(path + ": " + what);
-}
 
 YAML::Node load(const std::string& path) {
   if (!std::filesystem::is_regular_file(path)) fail(path, "no such file");

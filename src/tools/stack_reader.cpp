@@ -18,10 +18,6 @@ namespace fs = std::filesystem;
 namespace all_in_focus {
 namespace {
 
-[[noreturn]] void fail(const std::string& path, const std::string& what) {
-  throw std::invalid_argument(path + ": " + what);
-}
-
 bool isImage(const fs::path& path) {
   static const std::set<std::string> endings = {".png",  ".jpg", ".jpeg", ".tif",
                                                 ".tiff", ".bmp", ".ppm",  ".webp"};
