@@ -13,7 +13,7 @@ COLUMNS, ROWS, SQUARE = 8, 6, 0.045  # inner corners; metres
 
 
 def true_rig():
-    """A Kinect's IR camera beside a colour camera, turned a little; both with the distortion of a usual lens."""
+    """A Kinect's IR camera beside a colour camera, rotated a little; both with the distortion of a usual lens."""
     ir = Camera.pinhole("ir", 640, 480, 583.9, 585.2, 316.4, 245.1)
     ir.D = np.array([-0.12, 0.18, 0.0011, -0.0007, 0.0])
     color = Camera.pinhole("color", 800, 600, 985.0, 987.5, 391.0, 307.0)

@@ -70,12 +70,12 @@ def test_nodes_give_the_pixels_of_fuse_stack_without_focus_and_with_another_lens
 
 def test_both_leave_out_frames_that_do_not_fit(scene):
     """One before the reference and one behind."""
-    stack = scene.folder / "scene" / "misfits"
+    stack = scene.folder / "scene" / "rejected"
     shutil.copytree(str(scene.folder / "scene" / "stack"), str(stack))
     for path in (sorted(stack.iterdir())[index] for index in (1, FRAMES - 2)):
         write(path, texture(read(path).shape[1::-1]))
-    bag = scene.make_bag("misfits.bag", stack="misfits")
-    report = scene.check_equality("misfits", bag, [], [], stack="misfits")
+    bag = scene.make_bag("rejected.bag", stack="rejected")
+    report = scene.check_equality("rejected", bag, [], [], stack="rejected")
     assert report["frames_rejected"] == 2
     assert [note.split(":")[0] for note in report["notes"]][:2] == ["frame 1 rejected", f"frame {FRAMES - 2} rejected"]
 

@@ -144,16 +144,16 @@ def test_frames_are_those_of_their_bracket(tmp_path):
         refused(f"argument {option}: '{value}': expected", bag, "--output", tmp_path / "none", option, value)
 
 
-@pytest.mark.parametrize("damage, remark, left, option", [
+@pytest.mark.parametrize("damage, warning_text, left, option", [
     (without("/depth/image_raw"), "no depth: nothing on /depth/image_raw", ["focus.yaml", "stack"], None),
     (setting("/depth/image_raw", encoding="mono8"), "no depth: depth has encoding", ["focus.yaml", "stack"], None),
     (without("/tf_static"), "no rig, so depth.png is of no use", ["depth.png", "focus.yaml", "stack"], None),
     (without("/rgb/camera_info"), "there is no camera info", ["depth.png", "focus.yaml", "stack"], None),
     (without("/rgb/optics"), "does not say what the lens was", ["depth.png", "focus.yaml", "rig", "stack"],
      "--optics")])
-def test_missing_parts_are_told(tmp_path, damage, remark, left, option):
+def test_missing_parts_are_told(tmp_path, damage, warning_text, left, option):
     (command,), (warning,) = export(write(tmp_path / "x.bag", damage(good_messages())), tmp_path / "out")
-    assert remark in warning and parts(tmp_path / "out") == left
+    assert warning_text in warning and parts(tmp_path / "out") == left
     assert ("--depth" in command) == ("rig" in left) and (option is None or option in command)
     succeeded(run([tool("fuse_stack"), *shlex.split(command)[3:]]))
 

@@ -18,7 +18,7 @@ from all_in_focus.benchmark import methods, scenes as scenes_on_disk
 from all_in_focus.files.rig import Optics
 from all_in_focus.files.stack import read_image
 from all_in_focus.metrics.kept_contrast import kept_contrast, roughness
-from all_in_focus.metrics.truth import blur_per_closeness, depth_errors, near_depth_edges, psnr, ssim
+from all_in_focus.metrics.truth import blur_per_inverse_depth, depth_errors, near_depth_edges, psnr, ssim
 
 BENCH = Path(__file__).resolve().parent.parent / "bench"
 sys.path.insert(0, str(BENCH))
@@ -88,7 +88,7 @@ def test_depth_errors_of_known_maps():
     truth = np.full((10, 20), 1000, np.uint16)
     truth[:, 10:] = 2000
     truth[0, 0] = 0
-    blur = blur_per_closeness(Optics(50, 2, 0.03), 2000, [1050, 4000])
+    blur = blur_per_inverse_depth(Optics(50, 2, 0.03), 2000, [1050, 4000])
     assert blur == pytest.approx(50 ** 2 / (2 * 2 * 50 / 2000) * 1050 / 1000)  # f^2 / (2 F pitch) u / (u - f)
     assert depth_errors(truth, truth, blur) == (0, 0)
     depth = truth.copy()

@@ -68,15 +68,10 @@ sensor_msgs::CameraInfoPtr KinectCalibration::cameraInfo(const KinectMode& mode)
   }
   text << ": camera_info comes from the field of view, fx = fy = " << std::lround(guess.K[0])
        << " pixels (calibrate, or give the calibration as *_camera_info_url)";
-  warnOnce(text.str());
+  if (text.str() != warned_) monitor_.warn(text.str());
+  warned_ = text.str();
   *info = guess;
   return info;
-}
-
-void KinectCalibration::warnOnce(const std::string& text) {
-  if (text == warned_) return;
-  warned_ = text;
-  monitor_.warn(text);
 }
 
 }  // namespace all_in_focus

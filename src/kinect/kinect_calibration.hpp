@@ -28,8 +28,6 @@ class KinectCalibration {
   sensor_msgs::CameraInfoPtr cameraInfo(const KinectMode& mode);
 
  private:
-  void warnOnce(const std::string& text);
-
   const KinectStream stream_;
   const KinectStreamParameters parameters_;
   NodeMonitor& monitor_;

@@ -89,12 +89,12 @@ class ReferenceTest(RefinedTest):
     def test_frames_that_do_not_fit_are_left_out(self):
         invalid = lambda: int(values_of(self.diagnostics.wait('focus/fusion', lambda s: True))['invalid'])
         before = invalid()
-        for misfit in (0, 1, 3, 4):  # before the reference and behind
-            stamp = self.fuse(replaced={misfit: another_scene})
-            report = self.assert_as_files(stamp, [i for i in INDICES if i != misfit], MIDDLE)
-            self.assert_noted(report, f'frame {misfit} rejected: ')
+        for rejected in (0, 1, 3, 4):  # before the reference and behind
+            stamp = self.fuse(replaced={rejected: another_scene})
+            report = self.assert_as_files(stamp, [i for i in INDICES if i != rejected], MIDDLE)
+            self.assert_noted(report, f'frame {rejected} rejected: ')
             self.assertEqual([report.frames_seen, report.frames_rejected], [5, 1])
-            self.acknowledged(stamp + misfit * PERIOD)
+            self.acknowledged(stamp + rejected * PERIOD)
         self.assert_diagnosed(ERROR, 'frame 4: ', 'another scene')
         self.assertTrue(wait_until(lambda: invalid() == before + 4))
 

@@ -14,7 +14,7 @@ from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest
 
 class SceneTest(RefinedTest):
     def assert_fused_without(self, stamp, *words):
-        """By pixels, with labels, and with one remark about what is missing."""
+        """By pixels, with labels, and with one note about what is missing."""
         report = self.report(stamp + MIDDLE * PERIOD)
         self.assertEqual([report.mode, report.has_labels, report.frames_used], ['refined', True, len(FRAMES)])
         self.assertEqual(len(report.notes), 1, report.notes)

@@ -22,7 +22,7 @@ CHANNELS = {'bgr8': (np.uint8, 3), 'rgb8': (np.uint8, 3), 'mono8': (np.uint8, 1)
 OUTPUTS = {'image': Image, 'source_index': Image, 'confidence': Image, 'weights_color': Image, 'depth': Image,
            'camera_info': CameraInfo, 'report': FusionReport}
 DEFAULTS = {'mode': 'paper', 'reference': -1, 'max_held_frames': 64, 'bracket_mode': 'bracket', 'bracket_size': 0,
-            'bracket_gap': 0.0, 'label_max_age': 1.0, 'label_timeout': 60.0}  # who waits in vain for a label is seen to hang
+            'bracket_gap': 0.0, 'label_max_age': 1.0, 'label_timeout': 60.0}  # long: a wrong wait for labels fails the test
 BRACKET_IDS = itertools.count(1)
 CLIENTS = {}
 

@@ -244,7 +244,7 @@ TEST(BracketAlignment, ReturnsToASceneAfterAnInterruption) {
   EXPECT_NEAR(alignment.placement(5, 0).shift.x, 2.5, 0.05);
 }
 
-TEST(BracketAlignment, DefocusAndExposureAreNoMisfit) {
+TEST(BracketAlignment, DefocusAndExposureAreNotRejected) {
   BracketAlignment alignment = begun();
   alignment.observe(frame({}), 0, kUnknown);
   alignment.observe(frame({}, 12, 12), 1, kUnknown);
@@ -256,7 +256,7 @@ TEST(BracketAlignment, DefocusAndExposureAreNoMisfit) {
   EXPECT_LT(error(alignment.placement(3, 0), {1.01, {}}), 0.2);
 }
 
-TEST(BracketAlignment, TooFarIsAMisfit) {
+TEST(BracketAlignment, TooFarIsRejected) {
   BracketAlignment alignment = begun();
   alignment.observe(frame({}), 0, kUnknown);
   alignment.observe(frame({1, {0.2 * kSize.width, 0}}), 1, kUnknown);

@@ -33,7 +33,7 @@ cv::Mat color(const cv::Mat& gray) {
   return bgr;
 }
 
-TEST(GainTable, IsAGainInLinearLight) {
+TEST(GainLut, IsAGainInLinearLight) {
   const std::array<float, 256> table = gainLut(1.3);
   EXPECT_EQ(table[0], 0);
   for (const int code : {3, 30, 100, 200})

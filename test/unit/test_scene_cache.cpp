@@ -191,7 +191,7 @@ TEST_F(SceneCacheTest, ModePaperTakesLabelsAlone) {
 TEST_F(SceneCacheTest, WhatIsMissingOrBrokenIsLeftOutAndToldOf) {
   fill(cache_);
   const SceneMessages whole = cache_.await(ros::Time(10), 1, 0, true);
-  const auto remarkOf = [&](auto change) {
+  const auto warningOf = [&](auto change) {
     SceneMessages scene = whole;
     change(scene);
     const SharedScene shared = toScene(scene, Mode::kRefined);
@@ -201,18 +201,18 @@ TEST_F(SceneCacheTest, WhatIsMissingOrBrokenIsLeftOutAndToldOf) {
   };
   const std::string no_say = ": depth and optics have no say in the fusion";
   const std::string as_measured = ": filled depth counts as measured";
-  EXPECT_EQ(remarkOf([](SceneMessages& s) { s.depth.reset(); }),
+  EXPECT_EQ(warningOf([](SceneMessages& s) { s.depth.reset(); }),
             "no depth_registered/image in time" + no_say);
-  EXPECT_EQ(remarkOf([](SceneMessages& s) { s.measured.reset(); }),
+  EXPECT_EQ(warningOf([](SceneMessages& s) { s.measured.reset(); }),
             "no depth_registered/image_raw in time" + as_measured);
-  EXPECT_EQ(remarkOf([](SceneMessages& s) { s.camera.reset(); }), "no rgb/camera_info in time" + no_say);
-  EXPECT_EQ(remarkOf([](SceneMessages& s) {
+  EXPECT_EQ(warningOf([](SceneMessages& s) { s.camera.reset(); }), "no rgb/camera_info in time" + no_say);
+  EXPECT_EQ(warningOf([](SceneMessages& s) {
               s.measured = image(10, enc::TYPE_16UC1, {4, 3});
             }),
             "depth_registered/image_raw is not of the size of depth_registered/image" + as_measured);
-  EXPECT_NE(remarkOf([](SceneMessages& s) { s.labels = labels(10, 0); }).find("focal length"),
+  EXPECT_NE(warningOf([](SceneMessages& s) { s.labels = labels(10, 0); }).find("focal length"),
             std::string::npos);
-  EXPECT_NE(remarkOf([](SceneMessages& s) { s.camera = cameraInfo(0); }).find("not calibrated"),
+  EXPECT_NE(warningOf([](SceneMessages& s) { s.camera = cameraInfo(0); }).find("not calibrated"),
             std::string::npos);
   EXPECT_TRUE(toScene({}, Mode::kRefined).scene.labels.empty());
 }

@@ -206,7 +206,7 @@ def fuse_stack_command(mode, variant, program, scene, folder):
         saved.append(DEPTHS[2])
     for name in saved:
         command += ["--save-" + name.replace("_", "-"), folder / f"{name}.png"]
-    return command + extra
+    return [str(part) for part in command + extra]
 
 
 def shifted(path, columns, output):

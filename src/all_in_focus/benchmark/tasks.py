@@ -12,7 +12,7 @@ from all_in_focus import metrics
 from all_in_focus.benchmark import methods, programs
 from all_in_focus.benchmark.settings import TRUTH_MEASURES
 from all_in_focus.metrics.kept_contrast import kept_contrast, roughness
-from all_in_focus.metrics.truth import Truth, blur_per_closeness, depth_errors, psnr, ssim
+from all_in_focus.metrics.truth import Truth, blur_per_inverse_depth, depth_errors, psnr, ssim
 from all_in_focus.files.errors import one_line_with_type
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.rig import load_rig
@@ -74,7 +74,7 @@ def measure_depths(scene, depths):
         return {}
     true = read_depth(scene.beside["truth_depth"])
     focus = [1000 * distance for distance in load_focus(scene.beside["focus"], scene.names(), len(scene.names()))]
-    blur = blur_per_closeness(scene.lens(), load_rig(scene.beside["rig"]).color.K[0, 0], focus)
+    blur = blur_per_inverse_depth(scene.lens(), load_rig(scene.beside["rig"]).color.K[0, 0], focus)
     return {name: depth_errors(depth, true, blur) for name, depth in depths.items()}
 
 

@@ -46,8 +46,8 @@ class _Angular:
     def __init__(self, theta, angle, finest, band):
         """theta: direction of each frequency; finest: radial filter of the finest scale; band: sum over all scales."""
         self.angle = angle
-        turned = np.abs(theta - angle)
-        self.values = np.exp(-np.minimum(turned, 2 * np.pi - turned) ** 2 / (2 * ANGLE_SIGMA ** 2))
+        apart = np.abs(theta - angle)
+        self.values = np.exp(-np.minimum(apart, 2 * np.pi - apart) ** 2 / (2 * ANGLE_SIGMA ** 2))
         self.finest_power = ((finest * self.values) ** 2).sum()
         # Sums of products of the filters' real parts in space are those of their even parts in frequency (Parseval).
         band = band * self.values
@@ -79,8 +79,8 @@ def phase_congruency(gray):
     spectrum = fft2(np.float64(gray))
     energies, amplitudes, xx, xy, yy = np.zeros((5,) + gray.shape)
     for angular in orientations:
-        turned = spectrum * angular.values
-        responses = [ifft2(turned * along, overwrite_x=True) for along in radial]
+        oriented = spectrum * angular.values
+        responses = [ifft2(oriented * along, overwrite_x=True) for along in radial]
         amplitude = [np.abs(response) for response in responses]
         amplitude_sum = sum(amplitude)
         energy = np.maximum(_energy(responses) - angular.noise_threshold(amplitude[0]), 0)

@@ -79,7 +79,7 @@ def depth_errors(depth_mm, truth_mm, blur_px_mm):
     mean square error of the others and of those in 1/m, without the holes).
 
     depth_mm, truth_mm: H x W, 0 = unknown, which does not count in the truth; blur_px_mm: radius in px per difference in
-    1/depth in 1/mm, see blur_per_closeness().
+    1/depth in 1/mm, see blur_per_inverse_depth().
     """
     known = truth_mm > 0
     off = 1 / np.maximum(depth_mm[known], 1).astype(float) - 1 / truth_mm[known].astype(float)
@@ -88,7 +88,7 @@ def depth_errors(depth_mm, truth_mm, blur_px_mm):
     return float(wrong.mean()), float(1000 * np.sqrt(np.mean(off[there] ** 2))) if there.any() else math.nan
 
 
-def blur_per_closeness(optics, focal_px, focus_mm):
+def blur_per_inverse_depth(optics, focal_px, focus_mm):
     """Radius of the blur disc in px per difference in 1/depth in 1/mm, where it is greatest: f^2 / (2 F pitch) u / (u - f)
     of the frame with the nearest focus.
 

@@ -64,7 +64,7 @@ class Surface:
 
 @dataclass
 class Plane(Surface):
-    """A plane through `center`, turned by yaw and pitch (degrees) from facing the camera; tilt: that of the ground
+    """A plane through `center`, rotated by yaw and pitch (degrees) from facing the camera; tilt: that of the ground
     it stands on, as seen by a camera that looks down by so many degrees."""
     center: Tuple[float, float, float]
     yaw: float

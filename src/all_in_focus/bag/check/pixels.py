@@ -93,7 +93,7 @@ def check_depth_values(check, name, messages, images):
     sent = sent[np.isfinite(sent) & (sent > 0)]
     unit = _wrong_unit(encoding, sent)
     if unit:
-        check.error(f"{name}: {unit}") if not len(known) else check.warning(f"{name}: {unit}")
+        (check.warning if len(known) else check.error)(f"{name}: {unit}")
     elif not len(known):
         check.error(f"{name}: not one pixel has a depth: is something too near, or the sensor covered?")
     if not len(known):
