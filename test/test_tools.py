@@ -171,7 +171,7 @@ def test_reference(planes, reference, expected):
 def test_video_with_focus_gives_what_its_decoded_frames_give(planes):
     frames = [cv2.resize(frame, (32, 24)) for frame in planes.frames]
     planes.stack = write_video(planes.folder / "v.avi", frames)
-    video = cv2.VideoCapture(planes.stack, cv2.CAP_FFMPEG)
+    video = cv2.VideoCapture(str(planes.stack), cv2.CAP_FFMPEG)
     decoded = [video.read()[1] for _ in frames]
     focus = planes.folder / "focus.yaml"
     focus.write_text("frames: [{focus_mm: 900}, {focus_mm: .inf}]\n")
