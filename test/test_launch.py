@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 import rosgraph
@@ -118,6 +119,35 @@ def test_what_cannot_be_launched_is_told_in_one_line(tmp_path, text, reason):
         wait_until(launch.ended)
         assert reason in launch.reason() and "\n" not in launch.reason()
         assert not launch.deaths
+
+
+def test_nodes_join_a_master_that_runs_already(nodes):
+    with nodes.add("host", FOREVER).launch() as first:
+        nodes.pid("host")
+        nodes.text = ""
+        nodes.add("guest", FOREVER)
+        with nodes.launch(port=urlsplit(first.master_uri).port) as second:
+            pid = nodes.pid("guest")
+            assert second.master_uri == first.master_uri
+        assert not is_alive(pid)
+        assert rosgraph.is_master_online(first.master_uri)
+
+
+def test_what_is_printed_goes_to_a_file(nodes, tmp_path):
+    nodes.add("talker", f"print('this is said', flush=True)\n{FOREVER}", 'output="screen"')
+    with open(tmp_path / "printed", "w+", encoding="utf-8") as printed:
+        with nodes.launch(verbose=printed):
+            wait_until(lambda: printed.flush() or "this is said" in (tmp_path / "printed").read_text())
+
+
+def test_a_node_that_comes_again_is_known_by_its_new_process(nodes):
+    nodes.add("phoenix", FOREVER, 'respawn="true"')
+    with nodes.launch() as launch:
+        pid = nodes.pid("phoenix")
+        wait_until(lambda: pid in launch._running.values())
+        os.kill(pid, signal.SIGKILL)
+        wait_until(lambda: nodes.pid("phoenix") != pid and nodes.pid("phoenix") in launch._running.values())
+        assert str(launch.deaths[0]) == "phoenix was ended by SIGKILL"
 
 
 def test_everything_started_is_ended(nodes):

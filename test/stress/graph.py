@@ -1,17 +1,15 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The three nodes under stress: all_in_focus.launch on a master of its own, good brackets, and what they must give."""
-import os
-import signal
-import subprocess
 import sys
-import threading
 import time
 import xmlrpc.client
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import rosgraph
+import rospkg
 import rospy
 from cv_bridge import CvBridge
 from sensor_msgs.msg import CameraInfo, Image
@@ -22,6 +20,7 @@ from all_in_focus.files.rig import load_rig
 from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.files.stack import focus_entries
 from all_in_focus.msg import FocusFrame, FusionReport
+from all_in_focus.replay.launch import Launch
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from file_helpers import run_script  # noqa: E402
@@ -59,17 +58,15 @@ class Scene:
 
 
 class Graph:
-    """all_in_focus.launch with the rig of a scene. What it prints is in `lines`."""
+    """all_in_focus.launch with the rig of a scene. log: file for what it prints."""
 
     def __init__(self, scene, log):
-        self.scene, self.lines = scene, []
+        self.scene = scene
         self._log = open(log, "w", encoding="utf-8")
-        self._launch = subprocess.Popen(["roslaunch", "all_in_focus", "all_in_focus.launch", f"rig:={scene.rig}",
-                                         "invalid_values:=[0]"],  # as in fuse_stack: 2047 mm is a distance
-                                        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
-                                        errors="replace", start_new_session=True)
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
+        self._launch = Launch(log.with_name("ros_home") / "log",
+                              [Path(rospkg.RosPack().get_path("all_in_focus")) / "launch" / "all_in_focus.launch"],
+                              [f"rig:={scene.rig}", "invalid_values:=[0]"],  # as in fuse_stack: 2047 mm is a distance
+                              verbose=self._log, port=urlsplit(rosgraph.get_master_uri()).port)
         rig, self._bridge = load_rig(str(scene.rig)), CvBridge()
         self._rig, self._bracket_id = rig, int(time.time()) % 10 ** 6 * 1000
         self._publishers = {topic: rospy.Publisher(topic, kind, queue_size=50) for topic, kind in (
@@ -80,12 +77,6 @@ class Graph:
             rospy.Subscriber("/all_in_focus/image", Image, self._on_image, buff_size=2 ** 22),
             rospy.Subscriber("/all_in_focus/report", FusionReport, self._reports.append),
             rospy.Subscriber("/segmentation/processed", Header, lambda header: self._segmented.add(header.stamp))]
-
-    def _read(self):
-        for line in self._launch.stdout:
-            self._log.write(line)
-            self.lines.append(line.rstrip())
-            del self.lines[:-1000]
 
     def _on_image(self, image):
         self._images[image.header.stamp] = image
@@ -166,8 +157,8 @@ class Graph:
         return found
 
     def deaths(self):
-        """What roslaunch tells of processes that ended."""
-        return [line for line in self.lines if "has died" in line]
+        """Processes that ended, a line each."""
+        return [str(death) for death in self._launch.deaths]
 
     def resident_mb(self):
         """Memory of the nodelet manager, MB."""
@@ -177,12 +168,5 @@ class Graph:
     def close(self):
         for one in [*self._subscribers, *self._publishers.values()]:
             one.unregister()
-        if self._launch.poll() is None:
-            self._launch.send_signal(signal.SIGINT)
-        try:
-            self._launch.wait(30)
-        except subprocess.TimeoutExpired:
-            os.killpg(self._launch.pid, signal.SIGKILL)
-            self._launch.wait()
-        self._reader.join(5)
+        self._launch.close()
         self._log.close()

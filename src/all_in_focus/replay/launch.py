@@ -53,10 +53,11 @@ def child_environment(environment, port, log_folder):
 class Launch:
     """Launches at once; close() must follow. The nodes end, too, when this process or launcher.py is killed."""
 
-    def __init__(self, log_folder, files=(), arguments=(), texts=(), verbose=False, grace=GRACE):
-        """files: launch files, with arguments "name:=value"; texts: launch XML; verbose: repeats on stderr what
-        roslaunch and the nodes print; grace: see GRACE."""
-        port = free_port()
+    def __init__(self, log_folder, files=(), arguments=(), texts=(), verbose=False, grace=GRACE, port=None):
+        """files: launch files, with arguments "name:=value"; texts: launch XML; verbose: repeats on stderr, or on the
+        text file given, what roslaunch and the nodes print; grace: see GRACE; port: of a master on this computer that
+        runs already."""
+        port = port or free_port()
         environment = child_environment(os.environ, port, log_folder)
         self.master_uri = environment["ROS_MASTER_URI"]
         if not verbose:
@@ -64,7 +65,8 @@ class Launch:
         self.deaths = []  # in their order, without those of the shutdown
         self._error = None  # why nothing could be launched
         self._running = {}  # pid by process
-        self._verbose, self._last_line = verbose, ""
+        self._echo = sys.stderr if verbose is True else verbose or None
+        self._last_line = ""
         self._process = subprocess.Popen([sys.executable, str(LAUNCHER)], env=environment, text=True, errors="replace",
                                          stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                          start_new_session=True)
@@ -87,13 +89,13 @@ class Launch:
                 self.deaths.append(Death(event["died"], event["code"], self._last_line))
             elif "error" in event:
                 self._error = event["error"]
-            elif self._verbose:
-                print(event["printed"], file=sys.stderr)
+            elif self._echo:
+                print(event["printed"], file=self._echo)
 
     def _read_printed(self):
         for line in self._process.stderr:
-            if self._verbose:
-                sys.stderr.write(line)
+            if self._echo:
+                self._echo.write(line)
             line = re.sub(r"\x1b(?:\[[0-9;]*m|\][^\x07]*\x07)", "", line).strip()  # colours, titles of terminals
             self._last_line = line or self._last_line
 

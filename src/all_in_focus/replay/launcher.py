@@ -14,13 +14,13 @@ import select
 import sys
 import threading
 import time
-import uuid
 
 import roslaunch.core
 from roslaunch.config import load_config_default
 from roslaunch.node_args import NodeParamsException, create_local_process_args
 from roslaunch.parent import ROSLaunchParent
 from roslaunch.pmon import ProcessListener, start_process_monitor
+from roslaunch.rlutil import get_or_generate_uuid
 
 POLL = 0.05  # s
 
@@ -43,10 +43,11 @@ class Events(ProcessListener):
 
 
 def report_started(monitor, events, reported):
-    """reported: names of the processes that were reported already."""
+    """reported: (name, pid) of the processes that were reported already. A respawned one is reported again."""
     for process in list(monitor.procs):
-        if process.name not in reported and process.pid > 0:
-            reported.add(process.name)
+        started = process.name, process.pid
+        if process.pid > 0 and started not in reported:
+            reported.add(started)
             events.write(started=process.name, pid=process.pid)
 
 
@@ -59,10 +60,12 @@ def watch(monitor, events, stop):
 
 
 def launch(order, events):
-    """order: files, texts: launch files and launch XML; arguments: of the files; port: of the master; grace: s between
-    SIGINT, SIGTERM and SIGKILL. Returns when a required process or all processes have died, or stdin has ended."""
+    """order: files, texts: launch files and launch XML; arguments: of the files; port: of the master, which may run
+    already; grace: s between SIGINT, SIGTERM and SIGKILL. Returns when a required process or all processes have died, or
+    stdin has ended."""
     files = [(file, order["arguments"]) for file in order["files"]]
-    parent = ROSLaunchParent(str(uuid.uuid1()), files, port=order["port"], show_summary=False,
+    run = get_or_generate_uuid(None, False)  # that of the master, if it runs already
+    parent = ROSLaunchParent(run, files, port=order["port"], show_summary=False,
                              sigint_timeout=order["grace"][0], sigterm_timeout=order["grace"][1])
     parent.config = load_config_default(files, order["port"], roslaunch_strs=order["texts"])
     for node in parent.config.nodes:  # the library only prints this, and goes on without the node
