@@ -12,6 +12,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -38,17 +39,25 @@ class StampMatcher {
   StampMatcher(const StampMatcher&) = delete;
   StampMatcher& operator=(const StampMatcher&) = delete;
 
+  /// Whether a message of this stamp waits.
+  bool holds(const ros::Time& stamp) const { return stamps_.count(stamp) > 0; }
+
   void add(const FirstPtr& message) {
+    stamps_.insert(message->header.stamp);
     std::size_t& bytes = image_bytes_[message->header.stamp];
     bytes_ += message->data.size() - bytes;
     bytes = message->data.size();
     synchronizer_->template add<0>(message);
     while (bytes_ > kMaxWaitingBytes && image_bytes_.size() > kFewestWaiting) dropOldest();
   }
-  void add(const SecondPtr& message) { synchronizer_->template add<1>(message); }
+  void add(const SecondPtr& message) {
+    stamps_.insert(message->header.stamp);
+    synchronizer_->template add<1>(message);
+  }
 
-  /// Time went back to `now`: what is newer will not be matched.
-  void forgetAfter(const ros::Time& now) {
+  /// Time went back to `now`: takes out what is newer and gives it to `forgotten`, as to `dropped`.
+  void forgetAfter(const ros::Time& now, const Callback& forgotten) {
+    if (stamps_.empty()) return;
     // A pair that is newer than everything makes the synchronizer drop all that waits.
     std::vector<std::pair<FirstPtr, SecondPtr>> waiting;
     drained_ = &waiting;
@@ -58,7 +67,7 @@ class StampMatcher {
     clear();
     for (const auto& [first, second] : waiting) {
       if ((first ? first->header.stamp : second->header.stamp) > now) {
-        dropped_(first, second);
+        forgotten(first, second);
       } else if (first) {
         add(first);
       } else {
@@ -66,6 +75,9 @@ class StampMatcher {
       }
     }
   }
+
+  /// Time went back to `now`: what is newer is dropped.
+  void forgetAfter(const ros::Time& now) { forgetAfter(now, dropped_); }
 
   void clear() {
     synchronizer_ = std::make_unique<Synchronizer>(Policy(static_cast<std::uint32_t>(most_)));
@@ -75,6 +87,7 @@ class StampMatcher {
     synchronizer_->registerDropCallback(
         Function([this](const FirstPtr& first, const SecondPtr& second, Null, Null, Null, Null, Null, Null,
                         Null) { onDrop(first, second); }));
+    stamps_.clear();
     image_bytes_.clear();
     bytes_ = 0;
   }
@@ -95,7 +108,7 @@ class StampMatcher {
 
   void onMatch(const FirstPtr& first, const SecondPtr& second) {
     if (drained_) return;
-    forget(first);
+    forget(first, second);
     second == eviction_ ? dropped_(first, nullptr) : matched_(first, second);
   }
 
@@ -103,12 +116,13 @@ class StampMatcher {
     if (drained_) {
       drained_->emplace_back(first, second);
     } else {
-      forget(first);
+      forget(first, second);
       dropped_(first, second);
     }
   }
 
-  void forget(const FirstPtr& image) {
+  void forget(const FirstPtr& image, const SecondPtr& second) {
+    stamps_.erase(image ? image->header.stamp : second->header.stamp);
     if (!image) return;
     const auto found = image_bytes_.find(image->header.stamp);
     if (found == image_bytes_.end()) return;
@@ -125,6 +139,7 @@ class StampMatcher {
   const std::size_t most_;
   const Callback matched_, dropped_;
   std::unique_ptr<Synchronizer> synchronizer_;
+  std::set<ros::Time> stamps_;                    // of what waits
   std::map<ros::Time, std::size_t> image_bytes_;  // of the images that wait
   std::size_t bytes_ = 0;                         // their sum
   SecondPtr eviction_;

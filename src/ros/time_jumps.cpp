@@ -43,13 +43,14 @@ TimeJumps::Arrival TimeJumps::arrived(int input, const ros::Time& stamp) {
   if (clock_jumped || stamp_back > kJitter) {
     arrival.jumped = true;
     clock_lags_ = !clock_jumped && ros::Time::isSimTime();
-    const bool is_long = std::max(clock_back, stamp_back) > kUnderWay;  // else old and new stamps overlap
+    is_short_ = std::max(clock_back, stamp_back) <= kUnderWay;  // old and new stamps overlap
     for (auto& [number, each] : inputs_) {
-      if (!each.newest.isZero()) each.before = is_long ? each.newest : ros::Time();
+      if (!each.newest.isZero()) each.before = is_short_ ? ros::Time() : each.newest;
       each.newest = ros::Time();
     }
     report_(input);
   }
+  arrival.unclear = is_short_;
   if (stamp.isZero()) return arrival;
 
   const double newer = secondsBetween(in.before, stamp);

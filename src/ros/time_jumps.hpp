@@ -26,6 +26,7 @@ class TimeJumps {
   struct Arrival {
     bool jumped = false;    ///< this message is the first that shows a jump: empty all caches, then use it
     bool leftover = false;  ///< it was sent before the last jump and took longer to arrive
+    bool unclear = false;   ///< the last jump was so short that stamps do not tell leftovers
   };
 
   /// report: called at each jump, with the input that showed it.
@@ -44,6 +45,7 @@ class TimeJumps {
   std::mutex mutex_;  // guards all below
   std::map<int, Input> inputs_;
   ros::Time last_now_;
+  bool is_short_ = false;    // the last jump
   bool clock_lags_ = false;  // stamps jumped, /clock is still to follow
 };
 

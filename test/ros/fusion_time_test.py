@@ -11,8 +11,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo
 
+from all_in_focus.msg import FocusFrame
 from depth_testing import camera_info, values_of, wait_until
-from fusion_testing import BRACKET_IDS, PERIOD, FusionTest, regions
+from fusion_testing import BRACKET_IDS, PERIOD, FusionTest, colour_message, picture, regions
 
 STARTS = itertools.count(10000, 1000)
 SIM_TIME = rospy.get_param('/use_sim_time', False)
@@ -119,14 +120,14 @@ class JumpTest(TimeTest):
             self.send_frame(now + index * PERIOD, sharp, bracket_id=self.cut, index=index, count=3)
             self.acknowledged(now + index * PERIOD)
 
-    def assert_all_is_well(self, middle):
+    def assert_all_is_well(self, middle, cut_frames=2):
         report = self.assert_fused(middle)
         self.assertEqual([report.frames_seen, report.frames_used, report.frames_missing], [3, 3, 0])
         self.assertEqual(report.label_stamp, rospy.Time.from_sec(self.start))
         for index in range(3):
             self.acknowledged(self.start + index * PERIOD)
         cut = self.report(self.start + 300 + PERIOD)
-        self.assertEqual([cut.bracket_id, cut.frames_used, cut.frames_missing], [self.cut, 2, 1])
+        self.assertEqual([cut.bracket_id, cut.frames_used, cut.frames_missing], [self.cut, cut_frames, 3 - cut_frames])
         self.set_clock(self.start + 10)
         self.assert_next_bracket_is_good(self.start + 10)
 
@@ -182,9 +183,52 @@ class JumpTest(TimeTest):
         self.play_to_the_end()
         self.set_clock(self.start)
         self.send_frame(self.start + 300 + 2 * PERIOD, 'both', bracket_id=self.cut, index=2, count=3)
+        self.acknowledged(self.start + 300 + 2 * PERIOD)  # its bracket is whole
         middle = self.send_bracket(self.start)
         self.assertIsNone(self.processed.at(self.start, timeout=0.3))
         self.send_labels(self.start)
+        self.assert_all_is_well(middle, cut_frames=3)
+
+    def test_the_last_picture_of_before_comes_after_the_jump(self):
+        self.play_to_the_end()
+        last = colour_message(picture('both'), self.start + 300 + 2 * PERIOD)
+        self.focus.say(FocusFrame(last.header, self.cut, 2, 3, True, float('nan')))
+        self.set_clock(self.start)
+        self.send_labels(self.start)
+        wait_until(lambda: False, 0.2)
+        self.image.say(last)
+        self.acknowledged(self.start + 300 + 2 * PERIOD)
+        self.assert_all_is_well(self.send_bracket(self.start), cut_frames=3)
+
+    def test_the_last_picture_of_a_round_of_less_than_a_second_comes_after_the_jump(self):
+        """Its stamp does not tell that it is of before."""
+        now, bracket = self.start + 0.5, next(BRACKET_IDS)
+        self.set_clock(now)
+        self.send_labels(now)
+        for index, sharp in enumerate(('both', 'none')):
+            self.send_frame(now + index * PERIOD, sharp, bracket_id=bracket, index=index, count=3)
+            self.acknowledged(now + index * PERIOD)
+        last = colour_message(picture('both'), now + 2 * PERIOD)
+        self.focus.say(FocusFrame(last.header, bracket, 2, 3, True, float('nan')))
+        self.set_clock(self.start)
+        self.send_labels(self.start)
+        wait_until(lambda: False, 0.2)
+        self.image.say(last)
+        self.acknowledged(now + 2 * PERIOD)
+        report = self.report(now + PERIOD)
+        self.assertEqual([report.bracket_id, report.frames_used, report.frames_missing], [bracket, 3, 0])
+        self.set_clock(self.start + 10)
+        self.assert_next_bracket_is_good(self.start + 10)
+
+    def test_the_last_picture_of_before_comes_too_late(self):
+        self.play_to_the_end()
+        last = colour_message(picture('both'), self.start + 300 + 2 * PERIOD)
+        self.focus.say(FocusFrame(last.header, self.cut, 2, 3, True, float('nan')))
+        self.set_clock(self.start)
+        self.send_labels(self.start)
+        middle = self.send_bracket(self.start)
+        self.acknowledged(middle)
+        self.image.say(last)
         self.assert_all_is_well(middle)
 
     @unittest.skipUnless(SIM_TIME, 'needs /clock')

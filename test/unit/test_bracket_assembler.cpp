@@ -147,3 +147,15 @@ TEST(BracketAssembler, FocusMessagesThatAppearBeginABracket) {
 }
 
 }  // namespace
+
+TEST(BracketAssembler, KnowsWhichFramesItExpectsStill) {
+  BracketAssembler assembler;
+  EXPECT_FALSE(assembler.goesOn(focus(7, 0, 3)));
+  assembler.add(focus(7, 0, 3));
+  assembler.add(focus(7, 1, 3));
+  EXPECT_TRUE(assembler.goesOn(focus(7, 2, 3)));
+  for (const FrameInfo& other : {focus(7, 0, 3), focus(7, 1, 3), focus(8, 2, 3), at(1)})
+    EXPECT_FALSE(assembler.goesOn(other));
+  assembler.close();
+  EXPECT_FALSE(assembler.goesOn(focus(7, 2, 3)));
+}

@@ -217,6 +217,40 @@ TEST_F(SceneCacheTest, WhatIsMissingOrBrokenIsLeftOutAndToldOf) {
   EXPECT_TRUE(toScene({}, Mode::kRefined).scene.labels.empty());
 }
 
+TEST_F(SceneCacheTest, ABracketThatHasBegunKeepsItsSceneWhenTimeJumpsBack) {
+  cache_.expect(kAll);
+  fill(cache_);
+  cache_.pin(ros::Time(10));
+  cache_.pin(ros::Time(5));  // has no labels
+  cache_.forgetAfter(ros::Time(1));
+  EXPECT_FALSE(cache_.depthAt(ros::Time(10)));
+  EXPECT_TRUE(isWhole(cache_.await(ros::Time(10), 1, kFarTooLong, true)));
+  EXPECT_FALSE(cache_.await(ros::Time(10), 1, 0, true).labels.labels) << "asked for again";
+  EXPECT_FALSE(cache_.await(ros::Time(5), 1, 0, true).labels.labels);
+}
+
+TEST_F(SceneCacheTest, ABracketThatWaitsForItsSceneGetsItWhenTimeJumpsBack) {
+  cache_.expect(kAll);
+  cache_.pin(ros::Time(10));
+  cache_.addLabels(labels(10));
+  auto scene = await();
+  EXPECT_FALSE(isReady(scene));
+  cache_.forgetAfter(ros::Time(1));
+  ASSERT_TRUE(isReady(scene, 5000));
+  EXPECT_TRUE(scene.get().labels.labels);
+}
+
+TEST_F(SceneCacheTest, TheSceneOfBeforeAJumpIsNotThatOfALaterBracketOfTheSameStamp) {
+  cache_.expect(kAll);
+  cache_.addLabels(labels(10, 24));
+  cache_.pin(ros::Time(10));
+  cache_.forgetAfter(ros::Time(1));
+  cache_.pin(ros::Time(10));
+  cache_.addLabels(labels(10, 50));
+  const SceneMessages scene = cache_.await(ros::Time(10), 1, 0, false);
+  EXPECT_EQ(scene.labels.segments->optics.focal_length_mm, 50);
+}
+
 TEST(ImageLimit, BoundsNumberAndBytes) {
   sensor_msgs::Image image;
   EXPECT_EQ(imageLimit(64, image), 64u);

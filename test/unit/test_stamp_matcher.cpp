@@ -123,3 +123,20 @@ TEST(MessageFiltersCache, CannotKeepWhatALateFrameNeeds) {
   EXPECT_FALSE(cache.getElemBeforeTime(ros::Time(10.5)));
   EXPECT_GT(cache.getOldestTime(), ros::Time(10.8));
 }
+
+TEST_F(StampMatcherTest, GivesAwayWhatIsNewerWhenTimeGoesBack) {
+  auto m = matcher(10);
+  for (int stamp : {1, 2}) m.add(image(stamp));
+  m.add(focus(3));
+  Stamps given;
+  m.forgetAfter(ros::Time(1), [&](const auto& image, const auto& focus) {
+    given.push_back(image ? image->header.stamp.toSec() : -focus->header.stamp.toSec());
+  });
+  EXPECT_EQ(given, (Stamps{2, -3}));
+  EXPECT_TRUE(dropped_.empty());
+  EXPECT_TRUE(m.holds(ros::Time(1)));
+  EXPECT_FALSE(m.holds(ros::Time(2)) || m.holds(ros::Time(3)));
+  m.add(focus(1));
+  EXPECT_EQ(matched_, Stamps{1});
+  EXPECT_FALSE(m.holds(ros::Time(1)));
+}

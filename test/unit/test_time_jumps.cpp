@@ -68,6 +68,8 @@ TEST_F(TimeJumpsTest, AfterAShortJumpNothingIsALeftover) {
   jumped(kLabels, 100);
   EXPECT_TRUE(jumped(kImage, 99.5));
   EXPECT_FALSE(leftover(kLabels, 100.1));
+  EXPECT_TRUE(jumps_.arrived(kImage, ros::Time(99.6)).unclear);
+  EXPECT_FALSE(jumps_.arrived(kImage, ros::Time(10)).unclear) << "a long jump";
 }
 
 TEST_F(TimeJumpsTest, NoStampThrows) {

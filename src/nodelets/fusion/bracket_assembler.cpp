@@ -27,6 +27,11 @@ bool BracketAssembler::endsBefore(const FrameInfo& frame) const {
   return config_.gap_s > 0 && frame.stamp_s - last_stamp_s_ > config_.gap_s;
 }
 
+bool BracketAssembler::goesOn(const FrameInfo& frame) const {
+  std::string reason;
+  return open_ && !endsBefore(frame) && !refuses(frame, reason);
+}
+
 bool BracketAssembler::refuses(const FrameInfo& frame, std::string& reason) const {
   if (!frame.has_focus) return false;
   const std::string bracket = "bracket " + text(frame.bracket_id);

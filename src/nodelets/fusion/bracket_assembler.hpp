@@ -45,6 +45,9 @@ class BracketAssembler {
   /// add().
   bool endsBefore(const FrameInfo& frame) const;
 
+  /// The frame is one of the open bracket that is expected still.
+  bool goesOn(const FrameInfo& frame) const;
+
   Step add(const FrameInfo& frame);
 
   /// Ends the open bracket.

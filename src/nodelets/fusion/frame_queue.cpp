@@ -16,6 +16,7 @@ namespace all_in_focus {
 namespace {
 
 constexpr std::chrono::milliseconds kIdlePeriod(50);  // how often a gap in time is looked for
+constexpr std::chrono::seconds kUnderWay(1);  // that a frame of before a jump of time is under way, at most
 
 FrameInfo frameInfo(const BracketFrame& frame) {
   FrameInfo info;
@@ -30,6 +31,14 @@ FrameInfo frameInfo(const BracketFrame& frame) {
   return info;
 }
 
+FusionTask frameTask(const BracketFrame& frame) {
+  FusionTask task;
+  task.frame = frame;
+  task.header = frame.image->header;
+  task.bytes = frame.image->data.size();
+  return task;
+}
+
 }  // namespace
 
 void FrameQueue::configure(const BracketConfig& config, std::size_t most) {
@@ -38,38 +47,45 @@ void FrameQueue::configure(const BracketConfig& config, std::size_t most) {
   most_ = std::max<std::size_t>(most, 1);
 }
 
-void FrameQueue::add(const BracketFrame& frame) {
+void FrameQueue::add(const BracketFrame& frame, Time time) {
   const FrameInfo info = frameInfo(frame);
-  FusionTask task;
-  task.frame = frame;
-  task.header = frame.image->header;
-  task.bytes = frame.image->data.size();
+  FusionTask task = frameTask(frame);
   std::vector<sensor_msgs::ImageConstPtr> dropped;
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    if (assembler_.endsBefore(info)) endBracket();
-    task.step = assembler_.add(info);
-    if (task.step.last) {
-      assembler_.close();
-      task.step.missing = assembler_.missing();
+    const bool goes_on = assembler_.goesOn(info) && (info.has_focus || time == Time::kBefore);
+    if (time == Time::kNow || (time == Time::kUnclear && !goes_on)) {
+      if (went_back_) endTime();
+      if (assembler_.endsBefore(info)) endBracket();
+      stamp_age_s_ = ros::Time::now().toSec() - info.stamp_s;
     }
-    stamp_age_s_ = ros::Time::now().toSec() - info.stamp_s;
-    if (task.step.use) {
-      tasks_.push_back(task);
-      ++images_;
-      bytes_ += task.bytes;
-      while (images_ > most_ || (bytes_ > kMaxWaitingBytes && images_ > kFewestWaiting))
-        dropped.push_back(dropOldest());
-    }
+    if (time != Time::kBefore || goes_on) dropped = append(task, info);
   }
-  scenes_.frameArrived(task.header.stamp);
-  if (task.step.begin) scenes_.pin(task.header.stamp);
+  if (time != Time::kBefore) scenes_.frameArrived(task.header.stamp);
   changed_.notify_all();
   if (!task.step.use) monitor_.consumed(task.header, Outcome::kUnmatched, task.step.reason);
   for (const sensor_msgs::ImageConstPtr& image : dropped) {
     monitor_.consumed(image->header, Outcome::kDropped,
                       "fusion cannot keep up: oldest waiting colour frame dropped");
   }
+}
+
+// Holds mutex_. Returns the images that had to make room.
+std::vector<sensor_msgs::ImageConstPtr> FrameQueue::append(FusionTask& task, const FrameInfo& info) {
+  std::vector<sensor_msgs::ImageConstPtr> dropped;
+  task.step = assembler_.add(info);
+  if (task.step.last) {
+    assembler_.close();
+    task.step.missing = assembler_.missing();
+  }
+  if (!task.step.use) return dropped;
+  if (task.step.begin) scenes_.pin(task.header.stamp);  // before the worker can ask for it
+  tasks_.push_back(task);
+  ++images_;
+  bytes_ += task.bytes;
+  while (images_ > most_ || (bytes_ > kMaxWaitingBytes && images_ > kFewestWaiting))
+    dropped.push_back(dropOldest());
+  return dropped;
 }
 
 sensor_msgs::ImageConstPtr FrameQueue::dropOldest() {
@@ -90,12 +106,15 @@ void FrameQueue::endBracket() {
 }
 
 void FrameQueue::restart() {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    endBracket();
-    assembler_.restart();
-  }
-  changed_.notify_all();
+  std::lock_guard<std::mutex> lock(mutex_);
+  went_back_ = std::chrono::steady_clock::now();
+}
+
+// Holds mutex_.
+void FrameQueue::endTime() {
+  endBracket();
+  assembler_.restart();
+  went_back_.reset();
 }
 
 void FrameQueue::abandon() {
@@ -107,6 +126,7 @@ void FrameQueue::abandon() {
     task.kind = FusionTask::Kind::kAbandon;
     tasks_.push_front(std::move(task));
     images_ = bytes_ = 0;
+    went_back_.reset();
     assembler_.restart();
     abandoned_ = true;
   }
@@ -146,6 +166,7 @@ void FrameQueue::stop() {
 std::optional<FusionTask> FrameQueue::take() {
   std::unique_lock<std::mutex> lock(mutex_);
   changed_.wait_for(lock, kIdlePeriod, [this] { return stopped_ || !tasks_.empty(); });
+  if (went_back_ && std::chrono::steady_clock::now() > *went_back_ + kUnderWay) endTime();
   if (tasks_.empty() && ros::Time::isValid() &&
       assembler_.gapElapsed(ros::Time::now().toSec() - stamp_age_s_)) {
     endBracket();

@@ -5,6 +5,7 @@
 #include <all_in_focus/FocusFrame.h>
 #include <sensor_msgs/Image.h>
 
+#include <chrono>
 #include <condition_variable>
 #include <cstddef>
 #include <deque>
@@ -12,6 +13,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <vector>
 
 #include "bracket_assembler.hpp"
 #include "node_monitor.hpp"
@@ -53,8 +55,14 @@ class FrameQueue {
   /// most: images that may wait.
   void configure(const BracketConfig& config, std::size_t most);
 
-  void add(const BracketFrame& frame);
-  /// Time went back: ends the open bracket, the next one is the first.
+  enum class Time {
+    kNow,
+    kBefore,  ///< sent before time went back: of use if the bracket that was open then goes on with it
+    kUnclear  ///< one of both: a frame that rgb/focus puts into the open bracket is of before
+  };
+  void add(const BracketFrame& frame, Time time = Time::kNow);
+  /// Time went back: the open bracket ends with the first frame of now, or after a second. That frame begins
+  /// as after the start.
   void restart();
   /// Drops all that waits, and the open bracket.
   void abandon();
@@ -72,6 +80,8 @@ class FrameQueue {
 
  private:
   void endBracket();
+  void endTime();
+  std::vector<sensor_msgs::ImageConstPtr> append(FusionTask& task, const FrameInfo& info);
   sensor_msgs::ImageConstPtr dropOldest();
 
   NodeMonitor& monitor_;
@@ -80,6 +90,7 @@ class FrameQueue {
   std::condition_variable changed_;
   BracketAssembler assembler_;
   std::deque<FusionTask> tasks_;
+  std::optional<std::chrono::steady_clock::time_point> went_back_;  // until the first frame of now
   std::size_t most_ = 60, images_ = 0, bytes_ = 0;
   double stamp_age_s_ = 0;  // of the last frame when it arrived: stamps may be of another clock
   bool abandoned_ = false, stopped_ = false;

@@ -45,9 +45,18 @@ FusionInputs::FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& pri
       frame_matcher_(
           kFramesWaiting,
           [this](const auto& image, const auto& focus) {
-            frames_.add({image, focus});
+            addFrame({image, focus});
           },
           [this](const auto& image, const auto&) { onUnmatchedFrame(image); }),
+      late_matcher_(
+          kFramesWaiting,
+          [this](const auto& image, const auto& focus) {
+            frames_.add({image, focus}, unclear_ ? FrameQueue::Time::kUnclear : FrameQueue::Time::kBefore);
+          },
+          [this](const auto& image, const auto&) {
+            image ? monitor_.consumed(image->header, Outcome::kUnmatched)
+                  : monitor_.count(Outcome::kUnmatched);
+          }),
       label_matcher_(
           kLabelsWaiting, [this](const auto& labels, const auto& segments) { onLabelSet(labels, segments); },
           [this](const auto&, const auto&) { monitor_.count(Outcome::kUnmatched); }),
@@ -87,6 +96,7 @@ void FusionInputs::unsubscribe() {
     *s = {};
   }
   frame_matcher_.clear();
+  late_matcher_.clear();
   label_matcher_.clear();
   focus_seen_ = awaited_ = false;
   announced_bracket_.reset();
@@ -111,20 +121,41 @@ void FusionInputs::updateMeasured() {
   }
 }
 
-// False: the message was sent before time jumped back, and is not to be used. A jump seen on any input
-// empties all matching and the cache; but frames may be new already when it shows on another input, so only
-// frames end the open bracket.
-bool FusionInputs::noticeJump(int input, const ros::Time& stamp, bool is_frame) {
+// A jump seen on any input empties all matching and the cache; but frames may be new already when it shows on
+// another input, so only frames end the open bracket. Its last frames may be under way still: they are
+// matched apart, because their stamps would push new ones out.
+TimeJumps::Arrival FusionInputs::noticeJump(int input, const ros::Time& stamp, bool is_frame) {
   const TimeJumps::Arrival arrival = time_jumps_.arrived(input, stamp);
   if (arrival.jumped) {
     const ros::Time now = std::min(stamp, ros::Time::now());
-    frame_matcher_.forgetAfter(now);
+    late_matcher_.forgetAfter({});
+    frame_matcher_.forgetAfter(now, [this](const auto& image, const auto& focus) {
+      image ? late_matcher_.add(image) : late_matcher_.add(focus);
+    });
     label_matcher_.forgetAfter(now);
     scenes_.forgetAfter(now);
     if (is_frame) frames_.restart();
   }
-  if (arrival.leftover) monitor_.count(Outcome::kUnmatched);
-  return !arrival.leftover;
+  return arrival;
+}
+
+// False: the message was sent before time jumped back, and is not to be used.
+bool FusionInputs::isOfNow(int input, const ros::Time& stamp) {
+  const bool leftover = noticeJump(input, stamp).leftover;
+  if (leftover) monitor_.count(Outcome::kUnmatched);
+  return !leftover;
+}
+
+// The order of a topic is kept: when a frame of the new time is whole, all of before have come.
+void FusionInputs::addFrame(const BracketFrame& frame) {
+  late_matcher_.forgetAfter({});
+  frames_.add(frame, unclear_ ? FrameQueue::Time::kUnclear : FrameQueue::Time::kNow);
+}
+
+// Whether a frame, or what rgb/focus says of it, was sent before time went back.
+bool FusionInputs::isLate(const TimeJumps::Arrival& arrival, const ros::Time& stamp) {
+  unclear_ = arrival.unclear;
+  return arrival.leftover || late_matcher_.holds(stamp);
 }
 
 void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
@@ -136,27 +167,31 @@ void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
     awaitPublishers(others);
   }
   awaited_ = true;
-  if (!noticeJump(image_input_, image->header.stamp, /*is_frame=*/true)) {
-    monitor_.kept(image->header);
-    return;
-  }
+  const ros::Time stamp = image->header.stamp;
+  const bool is_late = isLate(noticeJump(image_input_, stamp, /*is_frame=*/true), stamp);
   scenes_.expect({isPublished(labels_subscriber_), isPublished(depth_subscriber_),
                   isPublished(measured_subscriber_), isPublished(info_subscriber_)});
   // Once rgb/focus is there, it says what a bracket is, and the camera may be silent between brackets.
   if (focus_seen_ || isPublished(focus_subscriber_)) {
     monitor_.setExpect(image_input_, Expect::kOnce);
-    frame_matcher_.add(image);
+    (is_late ? late_matcher_ : frame_matcher_).add(image);
+  } else if (is_late) {
+    frames_.add({image, nullptr}, FrameQueue::Time::kBefore);
   } else {
-    frames_.add({image, nullptr});
+    addFrame({image, nullptr});
   }
 }
 
 // Sent at the shutter: the image may come much later.
 void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
-  if (!noticeJump(focus_input_, focus->header.stamp, /*is_frame=*/true)) return;
+  const ros::Time stamp = focus->header.stamp;
+  if (isLate(noticeJump(focus_input_, stamp, /*is_frame=*/true), stamp)) {
+    late_matcher_.add(focus);
+    return;
+  }
   focus_seen_ = true;
   monitor_.setExpect(image_input_, Expect::kOnce);
-  if (focus->index == 0 || announced_bracket_ != focus->bracket_id) scenes_.pin(focus->header.stamp);
+  if (focus->index == 0 || announced_bracket_ != focus->bracket_id) scenes_.pin(stamp);
   announced_bracket_ = focus->bracket_id;
   frame_matcher_.add(focus);
 }
@@ -171,11 +206,11 @@ void FusionInputs::onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void FusionInputs::onLabels(const sensor_msgs::ImageConstPtr& labels) {
-  if (noticeJump(labels_input_, labels->header.stamp)) label_matcher_.add(labels);
+  if (isOfNow(labels_input_, labels->header.stamp)) label_matcher_.add(labels);
 }
 
 void FusionInputs::onSegments(const SegmentArrayConstPtr& segments) {
-  if (noticeJump(segments_input_, segments->header.stamp)) label_matcher_.add(segments);
+  if (isOfNow(segments_input_, segments->header.stamp)) label_matcher_.add(segments);
 }
 
 void FusionInputs::onLabelSet(const sensor_msgs::ImageConstPtr& labels,
@@ -191,15 +226,15 @@ void FusionInputs::onLabelSet(const sensor_msgs::ImageConstPtr& labels,
 }
 
 void FusionInputs::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  if (noticeJump(depth_input_, depth->header.stamp)) scenes_.addDepth(depth);
+  if (isOfNow(depth_input_, depth->header.stamp)) scenes_.addDepth(depth);
 }
 
 void FusionInputs::onMeasured(const sensor_msgs::ImageConstPtr& measured) {
-  if (noticeJump(measured_input_, measured->header.stamp)) scenes_.addMeasured(measured);
+  if (isOfNow(measured_input_, measured->header.stamp)) scenes_.addMeasured(measured);
 }
 
 void FusionInputs::onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
-  if (noticeJump(info_input_, info->header.stamp)) scenes_.setCamera(info);
+  if (isOfNow(info_input_, info->header.stamp)) scenes_.setCamera(info);
 }
 
 }  // namespace all_in_focus

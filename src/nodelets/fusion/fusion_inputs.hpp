@@ -42,7 +42,10 @@ class FusionInputs {
   ros::Subscriber subscribeTo(const char* topic, int input,
                               void (FusionInputs::*callback)(const boost::shared_ptr<const Message>&));
   void updateMeasured();
-  bool noticeJump(int input, const ros::Time& stamp, bool is_frame = false);
+  TimeJumps::Arrival noticeJump(int input, const ros::Time& stamp, bool is_frame = false);
+  bool isOfNow(int input, const ros::Time& stamp);
+  bool isLate(const TimeJumps::Arrival& arrival, const ros::Time& stamp);
+  void addFrame(const BracketFrame& frame);
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFocus(const FocusFrameConstPtr& focus);
   void onLabels(const sensor_msgs::ImageConstPtr& labels);
@@ -61,10 +64,13 @@ class FusionInputs {
   const int image_input_, focus_input_, info_input_, labels_input_, segments_input_, depth_input_,
       measured_input_;
   TimeJumps time_jumps_;
-  StampMatcher<sensor_msgs::Image, FocusFrame> frame_matcher_;
+  using FrameMatcher = StampMatcher<sensor_msgs::Image, FocusFrame>;
+  FrameMatcher frame_matcher_;
+  FrameMatcher late_matcher_;  // of frames from before time jumped back
   StampMatcher<sensor_msgs::Image, SegmentArray> label_matcher_;
 
   bool needs_measured_ = false;
+  bool unclear_ = false;                            // which frames are of before the last jump
   bool focus_seen_ = false, awaited_ = false;       // since the subscription
   std::optional<std::uint32_t> announced_bracket_;  // the last one of rgb/focus
   image_transport::ImageTransport transport_;

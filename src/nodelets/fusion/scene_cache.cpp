@@ -88,6 +88,7 @@ void SceneCache::expect(const SceneTopics& published) {
 void SceneCache::pin(const ros::Time& first_frame) {
   std::lock_guard<std::mutex> lock(mutex_);
   pinned_.insert(first_frame);
+  before_jump_.erase(first_frame);
   if (pinned_.size() > kMaxCached) pinned_.erase(pinned_.begin());
 }
 
@@ -145,6 +146,24 @@ SceneCache::Entries::const_iterator SceneCache::labelsFor(const ros::Time& frame
   return entries_.end();
 }
 
+SceneCache::Entries::const_iterator SceneCache::labelsFor(const ros::Time& frame, double max_age_s) const {
+  const auto found = labelsFor(frame);
+  return found != entries_.end() && secondsBetween(found->first, frame) <= max_age_s ? found : entries_.end();
+}
+
+SceneMessages SceneCache::sceneAt(const ros::Time& stamp) const {
+  SceneMessages scene;
+  const auto found = entries_.find(stamp);
+  if (found != entries_.end()) {
+    scene.labels = found->second.labels;
+    scene.depth = found->second.depth;
+    scene.measured = found->second.measured;
+  }
+  scene.camera = camera_;
+  scene.focal_length_mm = focal_length_mm_;
+  return scene;
+}
+
 // Whether nothing can come any more that is newer, but not newer than `stamp`: once something at or after it
 // has come, unless that is left from before /clock jumped back.
 template <typename Has>
@@ -156,11 +175,19 @@ bool SceneCache::isDecided(const ros::Time& stamp, const Has& has) const {
 }
 
 void SceneCache::forgetAfter(const ros::Time& now) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  entries_.erase(entries_.upper_bound(now), entries_.end());
-  pinned_.erase(pinned_.upper_bound(now), pinned_.end());
-  evicted_ = ros::Time();
-  for (auto& [stamp, entry] : entries_) entry.evicted = ros::Time();
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    before_jump_.clear();
+    for (auto frame = pinned_.upper_bound(now); frame != pinned_.end(); ++frame) {
+      const auto labels = labelsFor(*frame, max_age_s_);
+      if (labels != entries_.end() && labels->first > now) before_jump_[*frame] = sceneAt(labels->first);
+    }
+    entries_.erase(entries_.upper_bound(now), entries_.end());
+    pinned_.erase(pinned_.upper_bound(now), pinned_.end());
+    evicted_ = ros::Time();
+    for (auto& [stamp, entry] : entries_) entry.evicted = ros::Time();
+  }
+  changed_.notify_all();
 }
 
 void SceneCache::clear() {
@@ -168,6 +195,7 @@ void SceneCache::clear() {
     std::lock_guard<std::mutex> lock(mutex_);
     entries_.clear();
     pinned_.clear();
+    before_jump_.clear();
     camera_.reset();
     expected_ = silent_ = {};
     any_labels_ = false;
@@ -192,39 +220,35 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double max_age_s, 
   };
   const auto start = std::chrono::steady_clock::now();
   std::unique_lock<std::mutex> lock(mutex_);
+  const auto isOfBeforeJump = [&] { return before_jump_.count(first_frame) > 0; };
   const auto wait = [&](bool SceneTopics::*topic, const auto& isThere) {
     const double timeout = silent_.*topic ? std::min(timeout_s, kSilentTimeout) : timeout_s;
-    const bool there =
-        changed_.wait_until(lock, start + seconds(timeout), [&] { return !(expected_.*topic) || isThere(); });
+    const bool there = changed_.wait_until(
+        lock, start + seconds(timeout), [&] { return !(expected_.*topic) || isOfBeforeJump() || isThere(); });
     if (!there) silent_.*topic = true;
   };
   wait(&SceneTopics::labels, [&] {
     return isDecided(first_frame, [](const Entry& entry) { return entry.labels.labels != nullptr; });
   });
 
-  SceneMessages scene;
-  ros::Time stamp = first_frame;
-  const auto found = labelsFor(first_frame);
-  if (found != entries_.end() && secondsBetween(found->first, first_frame) <= max_age_s) {
-    scene.labels = found->second.labels;
-    stamp = found->first;
-  } else {
-    scene.no_labels = whyNoLabels(first_frame, max_age_s);
-  }
-  if (whole && scene.labels.labels) {
+  const auto labels = labelsFor(first_frame, max_age_s);
+  const LabelSet chosen = labels != entries_.end() ? labels->second.labels : LabelSet();
+  const ros::Time stamp = chosen.labels ? labels->first : first_frame;
+  if (whole && chosen.labels) {
     wait(&SceneTopics::depth,
          [&] { return isDecided(stamp, [](const Entry& entry) { return entry.depth != nullptr; }); });
     wait(&SceneTopics::measured,
          [&] { return isDecided(stamp, [](const Entry& entry) { return entry.measured != nullptr; }); });
     wait(&SceneTopics::camera, [&] { return camera_ != nullptr; });
   }
-  const auto entry = entries_.find(stamp);
-  if (entry != entries_.end()) {
-    scene.depth = entry->second.depth;
-    scene.measured = entry->second.measured;
+  if (isOfBeforeJump()) {
+    const SceneMessages scene = before_jump_.at(first_frame);
+    before_jump_.erase(first_frame);
+    return scene;
   }
-  scene.camera = camera_;
-  scene.focal_length_mm = focal_length_mm_;
+  SceneMessages scene = sceneAt(stamp);
+  scene.labels = chosen;
+  if (!scene.labels.labels) scene.no_labels = whyNoLabels(first_frame, max_age_s);
   pinned_.erase(pinned_.begin(), pinned_.upper_bound(first_frame));
   return scene;
 }

@@ -59,7 +59,8 @@ class SceneCache {
   /// A frame has arrived: tells how late frames are.
   void frameArrived(const ros::Time& stamp);
 
-  /// Time went back to `now`: what is newer is stale.
+  /// Time went back to `now`: what is newer is stale. The scenes of brackets that have begun stay for
+  /// await().
   void forgetAfter(const ros::Time& now);
   /// Forgets everything but the focal length, and lets go whoever waits.
   void clear();
@@ -87,6 +88,8 @@ class SceneCache {
   Entries::const_iterator mostDispensable(std::size_t most) const;
   void drop(Entries::const_iterator entry);
   Entries::const_iterator labelsFor(const ros::Time& frame) const;
+  Entries::const_iterator labelsFor(const ros::Time& frame, double max_age_s) const;
+  SceneMessages sceneAt(const ros::Time& stamp) const;
   template <typename Has>
   bool isDecided(const ros::Time& stamp, const Has& has) const;
   std::string whyNoLabels(const ros::Time& frame, double max_age_s) const;
@@ -94,7 +97,8 @@ class SceneCache {
   mutable std::mutex mutex_;  // guards all below
   std::condition_variable changed_;
   Entries entries_;
-  std::set<ros::Time> pinned_;  // stamps of frames
+  std::set<ros::Time> pinned_;                      // stamps of frames
+  std::map<ros::Time, SceneMessages> before_jump_;  // of pinned frames
   double max_age_s_ = 1, longest_latency_s_ = 0;
   bool any_labels_ = false;
   ros::Time evicted_;  // as in an entry, before the first one
