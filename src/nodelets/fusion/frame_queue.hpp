@@ -61,7 +61,7 @@ class FrameQueue {
     kUnclear  ///< one of both: a frame that rgb/focus puts into the open bracket is of before
   };
   void add(const BracketFrame& frame, Time time = Time::kNow);
-  /// Time went back: the open bracket ends with the first frame of now, or after a second. That frame begins
+  /// Time went back: the open bracket ends with the first frame of now, or after 5 s. That frame begins
   /// as after the start.
   void restart();
   /// Drops all that waits, and the open bracket.
