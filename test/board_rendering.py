@@ -129,7 +129,7 @@ def write_views(folder, rig, poses, moved=(), **how):
         ir = render(camera_rays[0], pose, 40, 110, 60, blur=1.1, noise=2, seed=number, scale=8, **how)
         shifted = (pose[0], pose[1] + [0.02 * (number in moved), 0, 0])
         color = render(camera_rays[1], in_color_camera(rig, shifted), blur=0.8, noise=3, seed=1000 + number, **how)
-        cv2.imwrite(str(folder / "depth" / (f"{number:02d}.png")), ir)
-        cv2.imwrite(str(folder / "color" / (f"{number:02d}.jpg")), cv2.cvtColor(color, cv2.COLOR_GRAY2BGR),
+        cv2.imwrite(str(folder / "depth" / f"{number:02d}.png"), ir)
+        cv2.imwrite(str(folder / "color" / f"{number:02d}.jpg"), cv2.cvtColor(color, cv2.COLOR_GRAY2BGR),
                     [cv2.IMWRITE_JPEG_QUALITY, 97])
     return folder

@@ -45,7 +45,7 @@ def results(folder):
 
 
 def rows(folder, name="results.csv"):
-    with open(str(folder / name), encoding="utf-8", newline="") as file:
+    with open(folder / name, encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 

@@ -10,7 +10,7 @@ import yaml
 from bag_helpers import (COLOR_CAMERA, DEPTH_CAMERA, DIOPTRES, SIZE, call, changed, compressed, depth_image,
                          frames, good_messages, setting, without, write)
 from file_helpers import run_script
-from tool_helpers import check_equality, evaluate, fuse, read, run, snapshot, succeeded, tool
+from tool_helpers import check_equality, evaluate, fuse, read, run, snapshot, succeeded, tool, unchanged
 
 from all_in_focus.bag.export import millimetres
 from all_in_focus.bag.image_messages import to_message
@@ -35,7 +35,7 @@ class Files:
         save_rig(str(folder / "rig"), rig, QUATERNION)
         (folder / "stack").mkdir()
         for index, frame in enumerate(frames()):
-            cv2.imwrite(str(folder / "stack" / (f"{index:03d}.png")), frame)
+            cv2.imwrite(str(folder / "stack" / f"{index:03d}.png"), frame)
         cv2.imwrite(str(folder / "depth.png"), depth_image())
         entries = [{"file": f"{index:03d}.png", "focus_mm": mm} for index, mm in enumerate(FOCUS_MM)]
         (folder / "focus.yaml").write_text(yaml.safe_dump({"frames": entries}))
@@ -120,7 +120,7 @@ def test_brackets(tmp_path):
     assert parts(tmp_path / "all") == [f"bracket_{number:04d}" for number in range(3)]
     for number, command in enumerate(commands):
         assert f"bracket_{number:04d}/stack" in command
-        depth = read(tmp_path / "all" / (f"bracket_{number:04d}") / "depth.png")
+        depth = read(tmp_path / "all" / f"bracket_{number:04d}" / "depth.png")
         assert np.array_equal(depth, depth_image() + number)
     export(bag, tmp_path / "one", "--bracket", 2)
     one = snapshot(tmp_path / "one")
@@ -203,12 +203,11 @@ def test_folders_that_are_there(tmp_path):
     bag = write(tmp_path / "x.bag", good_messages(brackets=2))
     (tmp_path / "empty").mkdir()
     export(bag, tmp_path / "empty")
-    before = snapshot(tmp_path)
-    refused("is not empty", bag, "--output", tmp_path / "empty")
-    refused("is no folder", bag, "--output", bag)
-    refused("No such file", bag, "--output", tmp_path / "none" / "out")
-    refused("was not written by bag_to_stack", bag, "--output", tmp_path, "--force")
-    assert snapshot(tmp_path) == before
+    with unchanged(tmp_path):
+        refused("is not empty", bag, "--output", tmp_path / "empty")
+        refused("is no folder", bag, "--output", bag)
+        refused("No such file", bag, "--output", tmp_path / "none" / "out")
+        refused("was not written by bag_to_stack", bag, "--output", tmp_path, "--force")
     export(bag, tmp_path / "empty", "--bracket", "all", "--force")
     assert parts(tmp_path / "empty") == ["bracket_0000", "bracket_0001"] and parts(tmp_path) == ["empty", "x.bag"]
 
@@ -217,12 +216,11 @@ def test_nothing_is_left_behind(tmp_path):
     (tmp_path / "text.bag").write_text("not a bag")
     write(tmp_path / "blind.bag", without("/rgb/image")(good_messages()))
     write(tmp_path / "odd.bag", setting("/rgb/image", encoding="8UC3")(good_messages()))
-    before = snapshot(tmp_path)
-    for name, complaint in (("none.bag", "No such file"), ("text.bag", "not a bag"), ("blind.bag", "no colour image"),
-                            ("odd.bag", "frame 0 left out: [8UC3]")):
-        refused(complaint, tmp_path / name, "--output", tmp_path / "out")
-    refused("expected a number", tmp_path / "odd.bag", "--output", tmp_path / "out", "--bracket", "-1")
-    assert snapshot(tmp_path) == before
+    with unchanged(tmp_path):
+        for name, complaint in (("none.bag", "No such file"), ("text.bag", "not a bag"), ("blind.bag", "no colour image"),
+                                ("odd.bag", "frame 0 left out: [8UC3]")):
+            refused(complaint, tmp_path / name, "--output", tmp_path / "out")
+        refused("expected a number", tmp_path / "odd.bag", "--output", tmp_path / "out", "--bracket", "-1")
 
 
 def test_distances_in_millimetres():

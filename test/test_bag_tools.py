@@ -31,7 +31,7 @@ def rig(tmp_path):
     color.D = np.array([0.1, -0.2, 0.001, 0.002, 0.05])
     save_rig(str(folder), Rig(Camera.pinhole("kinect", 32, 24, 40, 41, 16, 12), color, np.eye(3), [0.01, -0.02, 0.03],
                               Optics(35.0, 2.8, 0.03), "color_frame", "depth_frame"))
-    with open(str(folder / "extrinsics.yaml"), "w", encoding="utf-8") as file:
+    with open(folder / "extrinsics.yaml", "w", encoding="utf-8") as file:
         yaml.safe_dump({"parent_frame": "color_frame", "child_frame": "depth_frame",
                         "translation": [0.01, -0.02, 0.03], "rotation": ROTATION}, file)
     return folder

@@ -134,7 +134,7 @@ def test_published_result(name, pair):
     scene, sources = pair
     given = [np.dstack([metrics.to_gray(source)] * 3) for source in sources] if gray else sources
     fused = metrics.to_gray(BASELINES[name](given)[0])
-    expected = metrics.to_gray(cv2.imread(str(scene / (f"fused_{method}.png"))))
+    expected = metrics.to_gray(cv2.imread(str(scene / f"fused_{method}.png")))
     published = json.loads((scene / "metrics.json").read_text())[method]
     values = metrics.evaluate(sources, fused)
     print(f"{scene.name} {name}: {psnr(fused, expected):.2f} dB to the published image, metrics (published):",

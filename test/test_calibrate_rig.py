@@ -16,7 +16,7 @@ from all_in_focus.files.rig import load_rig, save_camera, save_rig
 
 from board_rendering import board_poses, mapping_error, true_rig, write_views
 from file_helpers import ENDLESS_PICTURE, cut, run_script
-from tool_helpers import snapshot
+from tool_helpers import unchanged
 
 MOVED, HIDDEN = 7, 11
 
@@ -26,7 +26,7 @@ def views(tmp_path_factory):
     """20 good pairs, one with a board that was moved between the pictures, one that the depth camera does not see."""
     folder = tmp_path_factory.mktemp("views") / "boards"
     write_views(folder, true_rig(), board_poses(true_rig(), 22), moved=(MOVED,))
-    cv2.imwrite(str(folder / "depth" / (f"{HIDDEN:02d}.png")), np.full((480, 640), 400, np.uint16))
+    cv2.imwrite(str(folder / "depth" / f"{HIDDEN:02d}.png"), np.full((480, 640), 400, np.uint16))
     return folder
 
 
@@ -59,7 +59,7 @@ def subset(views, folder, count):
     for camera in ("depth", "color"):
         (folder / camera).mkdir(parents=True)
         for path in sorted((views / camera).iterdir())[:count]:
-            shutil.copy(str(path), str(folder / camera))
+            shutil.copy(path, folder / camera)
     return folder
 
 
@@ -116,10 +116,9 @@ def test_an_existing_rig_stays(calibrated, views, capsys):
 def test_force_does_not_replace_a_rig_of_others(views, tmp_path, capsys):
     few, rig = subset(views, tmp_path / "few", 6), tmp_path / "rig"
     save_rig(str(rig), true_rig())
-    before = snapshot(rig)
-    assert "was not written by calibrate_rig" in refused(capsys, [*arguments(few, rig), "--force"])
-    assert snapshot(rig) == before
-    shutil.rmtree(str(rig))
+    with unchanged(rig):
+        assert "was not written by calibrate_rig" in refused(capsys, [*arguments(few, rig), "--force"])
+    shutil.rmtree(rig)
     for more in ([], ["--force"]):
         assert main([*arguments(few, rig), *more]) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["few", "rig"]
@@ -131,7 +130,7 @@ def test_known_cameras_stay_as_they_are_and_force_replaces(views, tmp_path, caps
     (rig / "optics.yaml").write_text("focal_length_mm: 35\naperture: 2\ncircle_of_confusion_mm: 0.02\n")
     (rig / "notes.txt").write_text("mine")
     for name in ("depth", "color"):
-        save_camera(str(tmp_path / (f"{name}.yaml")), getattr(truth, name))
+        save_camera(str(tmp_path / f"{name}.yaml"), getattr(truth, name))
     known = ["--depth-info", str(tmp_path / "depth.yaml"), "--color-info", str(tmp_path / "color.yaml"), "--force",
              "--ir-offset", "-1.5,2"]
     assert main(arguments(few, rig) + known) == 0
@@ -160,7 +159,7 @@ def test_pictures_that_cannot_be_read_are_named_and_left_out(views, tmp_path, ca
 def test_too_few_pictures_that_can_be_read(views, tmp_path, capsys):
     few = subset(views, tmp_path / "few", 5)
     for name in ("00", "04"):
-        (few / "depth" / (f"{name}.png")).write_bytes(b"")
+        (few / "depth" / f"{name}.png").write_bytes(b"")
     with pytest.raises(SystemExit):
         main(arguments(few, tmp_path / "rig"))
     said = capsys.readouterr().err.splitlines()
@@ -200,7 +199,7 @@ def test_pictures_of_different_sizes(tmp_path, capsys):
     for camera in ("depth", "color"):
         (tmp_path / camera).mkdir()
         for number in (0, 1):
-            cv2.imwrite(str(tmp_path / camera / (f"{number}.png")), np.full((120, 160 + number), 100, np.uint8))
+            cv2.imwrite(str(tmp_path / camera / f"{number}.png"), np.full((120, 160 + number), 100, np.uint8))
     assert "1.png: 161x120 pixels, but the depth camera's pictures before it have 160x120" in refused(
         capsys, arguments(tmp_path, tmp_path / "rig"))
 
@@ -209,7 +208,7 @@ def test_names_without_a_counterpart(tmp_path, capsys):
     for camera, names in (("depth", "ab"), ("color", "c")):
         (tmp_path / camera).mkdir()
         for name in names:
-            cv2.imwrite(str(tmp_path / camera / (f"{name}.png")), np.full((120, 160), 100, np.uint8))
+            cv2.imwrite(str(tmp_path / camera / f"{name}.png"), np.full((120, 160), 100, np.uint8))
     argv = arguments(tmp_path, tmp_path / "rig")
     assert "has a counterpart of the same name" in refused(capsys, argv)
     (tmp_path / "color" / "a.png").write_bytes((tmp_path / "depth" / "a.png").read_bytes())

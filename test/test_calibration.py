@@ -208,7 +208,7 @@ def test_a_view_is_taken_when_it_is_new_and_held_still(tmp_path):
     assert sorted(path.name for path in (tmp_path / "depth").iterdir()) == ["000.png", "001.png"]
     with pytest.raises(CalibrationError, match="holds pictures already"):
         LiveView(BOARD, 2, str(tmp_path))
-    shutil.rmtree(str(tmp_path / "color"))
+    shutil.rmtree(tmp_path / "color")
     view.add(pictures(poses[2], 6))
     with pytest.raises(FileNotFoundError, match="color/002.png"):
         view.add(pictures(poses[2], 7))

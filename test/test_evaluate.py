@@ -50,7 +50,7 @@ def output(scenes, tmp_path_factory):
 
 def sources(scenes, name):
     return list(Stack(str(scenes / "planes" / "stack"))) if name == "planes" else [
-        read(scenes / "pair" / (f"source_{letter}.png")) for letter in "ab"]
+        read(scenes / "pair" / f"source_{letter}.png") for letter in "ab"]
 
 
 def test_images_are_those_of_the_methods(scenes, output):
@@ -160,8 +160,8 @@ def test_json_is_json_and_says_what_was_used(output):
 
 
 def test_runs_go_on_where_they_were_interrupted(scenes, output, tmp_path):
-    shutil.copytree(str(output), str(tmp_path / "out"))
-    shutil.rmtree(str(tmp_path / "out" / "results" / "pair" / "gf"))
+    shutil.copytree(output, tmp_path / "out")
+    shutil.rmtree(tmp_path / "out" / "results" / "pair" / "gf")
     kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("result.json")}
     code, _, _ = evaluate("--config", tmp_path / "out" / "configuration.yaml", "--output", tmp_path / "out")
     again = results(tmp_path / "out")
@@ -172,7 +172,7 @@ def test_runs_go_on_where_they_were_interrupted(scenes, output, tmp_path):
 
 
 def test_changed_input_is_fused_again(scenes, tmp_path):
-    shutil.copytree(str(scenes / "pair"), str(tmp_path / "pair"))
+    shutil.copytree(scenes / "pair", tmp_path / "pair")
     arguments = [tmp_path / "pair", "--methods", "laplacian", "--metrics", "Q_G", "--output", tmp_path / "out"]
     assert evaluate(*arguments)[0] == 0
     before = results(tmp_path / "out")["results"]["pair"]["laplacian"]["values"]

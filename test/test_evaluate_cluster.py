@@ -25,7 +25,7 @@ psutil = pytest.importorskip("psutil")  # comes with it
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scenes")
-    return [make_scene(folder / (f"{name}_{seed}"), name, seed)
+    return [make_scene(folder / f"{name}_{seed}", name, seed)
             for name in ("planes", "clutter") for seed in (0, 1)]
 
 
@@ -51,7 +51,7 @@ class Cluster:
         self.workers = [self.add_worker() for _ in range(workers)]
 
     def _start(self, program, *arguments):
-        log = open(str(self._folder / (f"{program}_{len(self.processes)}.log")), "w")
+        log = (self._folder / f"{program}_{len(self.processes)}.log").open("w")
         self.processes.append(subprocess.Popen([sys.executable, "-m", "distributed.cli." + program, *arguments],
                                                stdout=log, stderr=log, env=environment(), cwd=str(self._folder)))
         return self.processes[-1]

@@ -32,7 +32,7 @@ def published(scene, method):
         return {"source_A_only": a, "source_B_only": b}[method]
     if method == "recovered_label_recomposed":
         return np.where(cv2.imread(str(PAIRS / scene / "label_front.png")) == 255, a, b)
-    return cv2.imread(str(PAIRS / scene / (f"fused_{method}.png")))
+    return cv2.imread(str(PAIRS / scene / f"fused_{method}.png"))
 
 
 @needs_pairs

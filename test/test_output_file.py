@@ -36,7 +36,7 @@ def test_errors_name_what_was_asked_for(tmp_path, name, kind):
 def test_other_errors_stay_as_they_are(tmp_path):
     for place, told in ((tmp_path / "w" / "x", str(tmp_path / "o" / "x")), (tmp_path / "wx", str(tmp_path / "wx"))):
         with pytest.raises(FileNotFoundError) as error, named(str(tmp_path / "o"), str(tmp_path / "w")):
-            open(str(place))
+            open(place)
         assert error.value.filename == told
     with pytest.raises(ValueError, match="a.nonsense: no image format has this ending: use .png"):
         write_picture("a.nonsense", np.zeros((4, 4), np.uint8))

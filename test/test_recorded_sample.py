@@ -66,7 +66,7 @@ def test_each_part_comes_from_where_it_is_sharp(fused):
     mode, folder = fused
     report = read_report(folder / "report.json")
     assert [report["mode"], report["frames_used"]] == [mode, 540]
-    source, labels, depth = (read(folder / (f"{name}.png")) for name in ("source_index", "labels", "registered"))
+    source, labels, depth = (read(folder / f"{name}.png") for name in ("source_index", "labels", "registered"))
     wall = labels == np.bincount(labels.ravel()).argmax()
     assert np.median(depth[wall]) > 2500
     panel = (depth > 0) & (depth < 1040)  # its left part: it stands askew
@@ -166,7 +166,7 @@ def test_pair_of_photographs(tmp_path, scene):
     stack = tmp_path / "stack"
     stack.mkdir()
     for name in ("source_a.jpg", "source_b.jpg"):
-        shutil.copy(str(PAIRS / scene / name), str(stack / name))
+        shutil.copy(PAIRS / scene / name, stack / name)
     succeeded(fuse_stack("--stack", stack, "--label-map", PAIRS / scene / "label_front.png", "--mode", "paper",
                          "--output", tmp_path / "o.png", "--report", tmp_path / "r.json"))
     chosen = {segment["label"]: segment["frame"] for segment in read_report(tmp_path / "r.json")["segments"]}

@@ -46,7 +46,7 @@ def test_the_installation_can_be_moved(tmp_path):
     if not (installed / 'setup.bash').exists():
         pytest.skip('nothing is installed in build/.install')
     moved = tmp_path / 'moved'
-    shutil.copytree(str(installed), str(moved), symlinks=True)
+    shutil.copytree(installed, moved, symlinks=True)
     commands = f'''unset CMAKE_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH ROS_PACKAGE_PATH
 . {moved}/setup.bash
 rospack find all_in_focus

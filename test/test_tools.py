@@ -17,9 +17,7 @@ OUTPUTS = {"--save-registered": "registered.png", "--save-labels": "labels.png",
 
 @pytest.fixture
 def planes(tmp_path):
-    planes = TwoPlanes(tmp_path / "planes")
-    planes.clean_output()
-    return planes
+    return TwoPlanes(tmp_path / "planes")
 
 
 def fuse_all(planes, *arguments, outputs=tuple(OUTPUTS), mode="paper"):
@@ -265,7 +263,7 @@ def test_memory_does_not_grow_with_the_stack(tmp_path):
         folder = tmp_path / str(count)
         folder.mkdir()
         for index in range(count):
-            write(folder / (f"{index:03d}.png"), np.roll(picture, index, axis=1))
+            write(folder / f"{index:03d}.png", np.roll(picture, index, axis=1))
         peaks.append(peak_mb("--stack", folder, "--output", tmp_path / "o.png"))
     assert peaks[1] - peaks[0] < 15, peaks
 

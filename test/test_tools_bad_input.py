@@ -11,23 +11,15 @@ import pytest
 import yaml
 
 from file_helpers import cut
-from tool_helpers import (SIZE, TwoPlanes, expect_refusal, fuse_stack, read_report, segment_depth, set_up_boards, snapshot,
-                          succeeded, texture, write)
+from tool_helpers import (SIZE, TwoPlanes, expect_refusal, fuse_stack, read_report, segment_depth, set_up_boards, succeeded,
+                          texture, write)
 
 
 @pytest.fixture
 def planes(tmp_path):
     planes = TwoPlanes(tmp_path / "planes")
-    planes.clean_output()
     planes.output("old.png").write_text("an earlier result")
     return planes
-
-
-def refused_depth(planes, complaint, depth, *options):
-    before = snapshot(planes.folder)
-    expect_refusal(segment_depth("--depth", depth, "--optics", "24,4,0.019", "--output", planes.output("old.png"),
-                                 "--report", planes.output("new.json"), *options), "segment_depth", complaint)
-    assert snapshot(planes.folder) == before
 
 
 # --- options ----------------------------------------------------------------------------------------------------------
@@ -78,16 +70,13 @@ def test_sources_of_depth_exclude_each_other(planes):
     ("1e300,4,0.019", "must be 0.1 to 10000")])
 def test_optics(planes, optics, complaint):
     planes.refused(complaint, *planes.with_depth, "--optics", optics)
-    before = snapshot(planes.folder)
-    expect_refusal(segment_depth("--depth", planes.depth_file, "--optics", optics, "--output", planes.output("l.png")),
-                   "segment_depth", complaint)
-    assert snapshot(planes.folder) == before
+    planes.refused_by_segment_depth(complaint, optics=optics)
 
 
 def test_negative_region_size(planes):
-    refused_depth(planes, "min_region_size is negative", planes.depth_file, "--min-region-size", "-1")
-    refused_depth(planes, "min-region-size", planes.depth_file, "--min-region-size", "x")
-    refused_depth(planes, "none of paper, refined, restored", planes.depth_file, "--mode", "best")
+    planes.refused_by_segment_depth("min_region_size is negative", "--min-region-size", "-1")
+    planes.refused_by_segment_depth("min-region-size", "--min-region-size", "x")
+    planes.refused_by_segment_depth("none of paper, refined, restored", "--mode", "best")
 
 
 # --- depth and label maps ---------------------------------------------------------------------------------------------
@@ -121,15 +110,15 @@ def test_depth(planes, kind):
     spoil(planes.depth_file)
     for arguments in (planes.with_depth, ["--registered-depth", planes.depth_file, "--optics", "24,4,0.019"]):
         planes.refused(complaint, *arguments)
-    refused_depth(planes, complaint, planes.depth_file)
+    planes.refused_by_segment_depth(complaint)
 
 
 def test_depth_in_other_formats_that_is_cut_off(planes):
     for name in ("d.tiff", "d.pgm"):
         path = write(planes.folder / name, planes.depth)
-        cut(str(path))
-        refused_depth(planes, "not an image", path)
-    refused_depth(planes, "not a file", planes.folder)
+        cut(path)
+        planes.refused_by_segment_depth("not an image", depth=path)
+    planes.refused_by_segment_depth("not a file", depth=planes.folder)
 
 
 def test_depth_of_another_size_than_calibrated(planes):
@@ -143,7 +132,7 @@ def test_label_map(planes):
         write(path, image)
         planes.refused("a label map must be", "--label-map", path)
     write(path, planes.left.astype(np.uint8))
-    cut(str(path))
+    cut(path)
     planes.refused("cut short", "--label-map", path)
     planes.refused("no such file", "--label-map", planes.folder / "none.png")
     write(planes.folder / "map.tiff", planes.left.astype(np.float32))
@@ -168,7 +157,7 @@ def change(path, key, value):
 
 
 def test_rig_folder_is_missing(planes):
-    shutil.rmtree(str(planes.rig))
+    shutil.rmtree(planes.rig)
     planes.refused("no such rig folder", *planes.with_depth)
 
 
@@ -259,7 +248,6 @@ def test_circle_of_confusion_in_another_unit(planes):
 def test_mirrored_depth(tmp_path, registered, turn, warnings):
     planes = TwoPlanes(tmp_path)
     set_up_boards(planes, turn)
-    planes.clean_output()
     said = warnings_of(planes, "--registered-depth" if registered else "--depth", planes.depth_file, "--rig", planes.rig)
     assert [line.endswith("when it is mirrored: turn off mirroring where the depth comes from")
             for line in said] == [True] * warnings, said

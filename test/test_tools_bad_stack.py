@@ -9,13 +9,12 @@ import cv2
 import pytest
 
 from file_helpers import cut, pictures, write_video
-from tool_helpers import TwoPlanes, expect_refusal, fuse_stack, segment_depth, snapshot, succeeded, texture, write
+from tool_helpers import TwoPlanes, expect_refusal, fuse_stack, segment_depth, succeeded, texture, unchanged, write
 
 
 @pytest.fixture
 def planes(tmp_path):
     planes = TwoPlanes(tmp_path / "planes")
-    planes.clean_output()
     planes.output("old.png").write_text("an earlier result")
     return planes
 
@@ -27,7 +26,7 @@ def planes(tmp_path):
     ("02.ppm", "02.ppm: not an image"), ("02.tiff", "02.tiff: not an image"), ("02.webp", "02.webp: not an image")])
 def test_truncated_image(planes, name, complaint):
     (planes.stack / "02.png").unlink()
-    cut(str(write(planes.stack / name, planes.truth)))
+    cut(write(planes.stack / name, planes.truth))
     planes.refused(complaint, *planes.with_depth)
 
 
@@ -125,20 +124,12 @@ IMAGE_OPTIONS = ["--save-registered", "--save-labels", "--save-source-index", "-
 
 @pytest.mark.parametrize("option", ["--output", "--report", *IMAGE_OPTIONS])
 def test_output_folder_is_missing(planes, option):
-    before = snapshot(planes.folder)
-    paths = {"--output": planes.output("old.png"), "--report": planes.output("new.json"),
-             option: planes.folder / "none" / "x.png"}
-    arguments = [part for pair in paths.items() for part in pair]
-    expect_refusal(fuse_stack("--stack", planes.stack, *planes.with_depth, *arguments), "fuse_stack", "does not exist")
-    paths[option] = planes.folder / "out"
-    arguments = [part for pair in paths.items() for part in pair]
-    done = fuse_stack("--stack", planes.stack, *planes.with_depth, *arguments)
-    expect_refusal(done, "fuse_stack", "is a folder")
-    paths[option] = ""
-    arguments = [part for pair in paths.items() for part in pair]
-    done = fuse_stack("--stack", planes.stack, *planes.with_depth, *arguments)
-    expect_refusal(done, "fuse_stack", f"{option} is empty")
-    assert snapshot(planes.folder) == before
+    paths = {"--output": planes.output("old.png"), "--report": planes.output("new.json")}
+    for path, complaint in ((planes.folder / "none" / "x.png", "does not exist"), (planes.folder / "out", "is a folder"),
+                            ("", f"{option} is empty")):
+        arguments = [part for pair in {**paths, option: path}.items() for part in pair]
+        with unchanged(planes.folder):
+            expect_refusal(fuse_stack("--stack", planes.stack, *planes.with_depth, *arguments), "fuse_stack", complaint)
 
 
 @pytest.mark.parametrize("name", ["o.txt", "o", "o.", ".png", "o.png.gz", "o.pbm"])
@@ -152,31 +143,27 @@ def test_16_bit_outputs_need_a_format_that_holds_them(planes, ending):
     """OpenCV would write 8 bits without a word."""
     for option in IMAGE_OPTIONS[:3]:
         planes.refused("16-bit values do not fit", *planes.with_depth, option, planes.output(f"x.{ending}"))
-    before = snapshot(planes.folder)
-    expect_refusal(segment_depth("--depth", planes.depth_file, "--optics", "24,4,0.019", "--output",
-                                 planes.output(f"x.{ending}")), "segment_depth", "16-bit values do not fit")
-    assert snapshot(planes.folder) == before
+    planes.refused_by_segment_depth("16-bit values do not fit", output=f"x.{ending}")
 
 
 def test_one_file_for_two_outputs(planes):
     planes.refused("two outputs", *planes.with_depth, "--save-labels", planes.output("old.png"))
     planes.refused("two outputs", *planes.with_depth, "--save-labels", planes.output("../out/new.png"),
                    "--save-weights", planes.output("new.png"))
-    before = snapshot(planes.folder)
     labels = planes.output("l.png")
-    expect_refusal(segment_depth("--depth", planes.depth_file, "--optics", "24,4,0.019", "--output", labels, "--report",
-                                 labels), "segment_depth", "two outputs")
-    assert snapshot(planes.folder) == before
+    with unchanged(planes.folder):
+        expect_refusal(segment_depth("--depth", planes.depth_file, "--optics", "24,4,0.019", "--output", labels, "--report",
+                                     labels), "segment_depth", "two outputs")
 
 
 def test_read_only_output_folder(planes):
     # Root may write everywhere unless it gives the right up.
     bounded = ["setpriv", "--bounding-set=-dac_override", "--inh-caps=-dac_override"] if os.getuid() == 0 else []
-    os.chmod(str(planes.folder / "out"), 0o555)
+    (planes.folder / "out").chmod(0o555)
     try:
         planes.refused("cannot be written", *planes.with_depth, prefix=bounded)
     finally:
-        os.chmod(str(planes.folder / "out"), 0o755)
+        (planes.folder / "out").chmod(0o755)
 
 
 @pytest.mark.parametrize("kb", [0, 1, 4, 8])

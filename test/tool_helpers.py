@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -60,6 +61,14 @@ def snapshot(folder):
             for path in Path(folder).rglob("*")}
 
 
+@contextmanager
+def unchanged(folder):
+    """What is done meanwhile leaves every file of the folder as it is, and adds none, not even a temporary one."""
+    before = snapshot(folder)
+    yield
+    assert snapshot(folder) == before
+
+
 def expect_refusal(done, name, complaint=""):
     """Exit code 2, nothing on stdout, one line on stderr that begins with the tool's name."""
     assert done.returncode == 2, (done.returncode, done.stdout, done.stderr)
@@ -105,7 +114,7 @@ class TwoPlanes:
     """Left half near, right half far; frame 1 of 3 is sharp on the left, frame 2 on the right, frame 0 nowhere.
 
     truth, blurred: the picture; frames; depth: 16-bit mm; folder: rig/ (both cameras in one place, the colour camera's
-    size), depth.png, stack/.
+    size), depth.png, stack/, out/, which is empty.
     """
 
     def __init__(self, folder):
@@ -120,8 +129,9 @@ class TwoPlanes:
                        np.where(self.left[..., None], self.blurred, self.truth)]
         self.stack, self.rig = self.folder / "stack", self.folder / "rig"
         self.stack.mkdir(parents=True)
+        (self.folder / "out").mkdir()
         for index, frame in enumerate(self.frames):
-            write(self.stack / (f"{index:02d}.png"), frame)
+            write(self.stack / f"{index:02d}.png", frame)
         self.depth_file = write(self.folder / "depth.png", self.depth)
         camera = Camera.pinhole("camera", *SIZE, 60.0, 60.0, 31.5, 23.5)
         save_rig(str(self.rig), Rig(camera, camera, np.eye(3), [0.0, 0.0, 0.0], OPTICS, "color", "depth"))
@@ -134,16 +144,20 @@ class TwoPlanes:
         return self.folder / "out" / name
 
     def clean_output(self):
-        shutil.rmtree(str(self.folder / "out"), ignore_errors=True)
+        shutil.rmtree(self.folder / "out", ignore_errors=True)
         (self.folder / "out").mkdir()
 
     def refused(self, complaint, *arguments, stack=None, output="old.png", prefix=(), **options):
-        """fuse_stack refuses: what was there stays as it was, nothing is added, no temporary file either."""
-        before = snapshot(self.folder)
-        done = run([*prefix, tool("fuse_stack"), "--stack", stack or self.stack, "--output", self.output(output),
-                    "--report", self.output("new.json"), *arguments], **options)
-        expect_refusal(done, "fuse_stack", complaint)
-        assert snapshot(self.folder) == before
+        command = [*prefix, tool("fuse_stack"), "--stack", stack or self.stack, "--output", self.output(output),
+                   "--report", self.output("new.json"), *arguments]
+        with unchanged(self.folder):
+            expect_refusal(run(command, **options), "fuse_stack", complaint)
+
+    def refused_by_segment_depth(self, complaint, *arguments, depth=None, optics="24,4,0.019", output="old.png"):
+        command = [tool("segment_depth"), "--depth", depth or self.depth_file, "--optics", optics,
+                   "--output", self.output(output), "--report", self.output("new.json"), *arguments]
+        with unchanged(self.folder):
+            expect_refusal(run(command), "segment_depth", complaint)
 
 
 def boards():
@@ -174,7 +188,7 @@ def fuse(folder, *arguments):
     """Folder with all that fuse_stack writes, under the names that evaluate_bag uses."""
     folder.mkdir()
     saved = [part for picture in PICTURES[1:]
-             for part in (f"--save-{picture.replace('_', '-')}", folder / (f"{picture}.png"))]
+             for part in (f"--save-{picture.replace('_', '-')}", folder / f"{picture}.png")]
     if "restored" in arguments:
         saved += ["--save-depth", folder / "depth_restored.png"]
     succeeded(fuse_stack(*arguments, *saved, "--output", folder / "fused.png", "--report", folder / "report.json"))
@@ -195,7 +209,7 @@ def check_equality(evaluated, fused):
     assert set(snapshot(evaluated)) == {*snapshot(fused), "regions.png"}
     different = {}
     for name in pictures:
-        one, other = read(evaluated / (f"{name}.png")), read(fused / (f"{name}.png"))
+        one, other = read(evaluated / f"{name}.png"), read(fused / f"{name}.png")
         assert (one.dtype, one.shape) == (other.dtype, other.shape), name
         if not np.array_equal(one, other):
             different[name] = int((one != other).sum())

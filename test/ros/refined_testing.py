@@ -40,7 +40,7 @@ def fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True):
         folder = Path(name)
         (folder / 'stack').mkdir()
         for index in indices:
-            write(folder / 'stack' / (f'{index}.png'), pixels(index, enlarged))
+            write(folder / 'stack' / f'{index}.png', pixels(index, enlarged))
         (folder / 'focus.yaml').write_text('frames:\n' + ''.join(f'- {{file: {i}.png, focus_mm: {FRAMES[i][1] * 1000!r}}}\n'
                                                                  for i in indices))
         camera = Camera.pinhole('color', WIDTH, HEIGHT, 50.0, 50.0, WIDTH / 2, HEIGHT / 2)

@@ -43,7 +43,7 @@ class ReplayTest(LaunchTest):
     def test_names_are_relative_to_where_it_is_called(self):
         self.addCleanup(os.chdir, os.getcwd())
         self.addCleanup(os.environ.update, PWD=os.environ['PWD'])
-        os.chdir(str(self.folder))
+        os.chdir(self.folder)
         os.environ['PWD'] = str(self.folder)  # as a shell does
         results = self.results()
         self.launch('all_in_focus', 'replay.launch', rviz='false', folder=self.scene.folder.name)

@@ -41,7 +41,7 @@ class Scene:
 
     def copy_upside_down(self, folder):
         """Another scene, at less cost than making one."""
-        shutil.copytree(str(self.folder), str(folder))
+        shutil.copytree(self.folder, folder)
         for path in [folder / 'depth.png', *(folder / 'stack').iterdir()]:
             write(path, read(path)[::-1])
         return Scene(folder)
