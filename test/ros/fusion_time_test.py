@@ -131,6 +131,12 @@ class JumpTest(TimeTest):
         self.set_clock(self.start + 10)
         self.assert_next_bracket_is_good(self.start + 10)
 
+    def assert_frames_wait_for_labels(self, cut_frames=2):
+        middle = self.send_bracket(self.start)
+        self.assertIsNone(self.processed.at(self.start, timeout=0.3))
+        self.send_labels(self.start)
+        self.assert_all_is_well(middle, cut_frames)
+
     def test_labels_come_first(self):
         self.play_to_the_end()
         self.set_clock(self.start)
@@ -140,10 +146,7 @@ class JumpTest(TimeTest):
     def test_frames_come_first(self):
         self.play_to_the_end()
         self.set_clock(self.start)
-        middle = self.send_bracket(self.start)
-        self.assertIsNone(self.processed.at(self.start, timeout=0.3))
-        self.send_labels(self.start)
-        self.assert_all_is_well(middle)
+        self.assert_frames_wait_for_labels()
 
     def test_camera_info_comes_first(self):
         info = self.talk(self.topic('rgb/camera_info'), CameraInfo)
@@ -152,10 +155,7 @@ class JumpTest(TimeTest):
         self.set_clock(self.start)
         info.say(camera_info(self.start, 'color'))
         wait_until(lambda: False, 0.2)
-        middle = self.send_bracket(self.start)
-        self.assertIsNone(self.processed.at(self.start, timeout=0.3))
-        self.send_labels(self.start)
-        self.assert_all_is_well(middle)
+        self.assert_frames_wait_for_labels()
 
     @unittest.skipIf(SIM_TIME, 'the clock tells')
     def test_the_same_jump_shows_twice(self):
@@ -173,10 +173,7 @@ class JumpTest(TimeTest):
         self.play_to_the_end()
         self.set_clock(self.start)
         self.send_labels(self.start + 300.5, 3 - regions())  # the segmenter had not been ready
-        middle = self.send_bracket(self.start)
-        self.assertIsNone(self.processed.at(self.start, timeout=0.3))
-        self.send_labels(self.start)
-        self.assert_all_is_well(middle)
+        self.assert_frames_wait_for_labels()
 
     @unittest.skipUnless(SIM_TIME, 'needs /clock')
     def test_a_frame_of_before_comes_after_the_jump(self):
@@ -184,10 +181,7 @@ class JumpTest(TimeTest):
         self.set_clock(self.start)
         self.send_frame(self.start + 300 + 2 * PERIOD, 'both', bracket_id=self.cut, index=2, count=3)
         self.acknowledged(self.start + 300 + 2 * PERIOD)  # its bracket is whole
-        middle = self.send_bracket(self.start)
-        self.assertIsNone(self.processed.at(self.start, timeout=0.3))
-        self.send_labels(self.start)
-        self.assert_all_is_well(middle, cut_frames=3)
+        self.assert_frames_wait_for_labels(cut_frames=3)
 
     def test_the_last_picture_of_before_comes_after_the_jump(self):
         self.play_to_the_end()
