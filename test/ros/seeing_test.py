@@ -51,6 +51,13 @@ def u_around_a_block():
     return depth
 
 
+def pixel_of(marker, info):
+    """Where a camera sees a marker."""
+    at = marker.pose.position
+    return cv2.projectPoints(np.array([[at.x, at.y, at.z]]), np.zeros(3), np.zeros(3), np.array(info.K).reshape(3, 3),
+                             np.array(info.D))[0].ravel()
+
+
 class CaptionTest(GraphTest):
     """A segmenter on its own."""
 
@@ -83,17 +90,23 @@ class CaptionTest(GraphTest):
         self.assertEqual({m.header.frame_id for m in markers}, {'color'})
         return pixels_of(self.labels.at(stamp)), self.segments.at(stamp).segments, markers[1:]
 
+    def see_through(self, info):
+        """see() with this calibration: it and depth come by connections of their own, so depth may be there first."""
+        for _ in range(20):
+            seen = self.see(u_around_a_block(), info)
+            if all(np.allclose(pixel, np.rint(pixel), atol=1e-3) for pixel in (pixel_of(m, info) for m in seen[2])):
+                break
+        return seen
+
     def test_markers_lie_in_their_regions_and_tell_their_depth(self):
         self.listen_to_markers()
         straight, bent = camera_info(0), camera_info(0)
         bent.D = [-0.3, 0.1, 0.01, -0.01, 0.0]
         for info in (straight, bent):
-            labels, segments, markers = self.see(u_around_a_block(), info)
+            labels, segments, markers = self.see_through(info)
             self.assertEqual({m.id for m in markers}, {1, 2})
             for marker in markers:
-                at = marker.pose.position
-                pixel = cv2.projectPoints(np.array([[at.x, at.y, at.z]]), np.zeros(3), np.zeros(3),
-                                          np.array(info.K).reshape(3, 3), np.array(info.D))[0].ravel()
+                at, pixel = marker.pose.position, pixel_of(marker, info)
                 x, y = np.rint(pixel).astype(int)
                 np.testing.assert_allclose(pixel, (x, y), atol=1e-3)
                 self.assertTrue((labels[y - 2:y + 3, x - 2:x + 3] == marker.id).all(), (marker.id, x, y))
