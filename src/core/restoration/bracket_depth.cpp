@@ -26,7 +26,7 @@ constexpr double kModelError = 0.36;  // and of the lens model, by squared radiu
 constexpr double kSmallStep = 1.5, kJump = 6;
 constexpr double kCostScale = 24;  // of costs as integers
 constexpr int kWindow = 4;         // measured depth counts from that many pixels away
-constexpr float kNearWeight = 1.5f, kMeasuredWeight = 0.5f, kFilledWeight = 0.3f;
+constexpr float kNearWeight = 1.5f, kMeasuredWeight = 1.5f, kFilledWeight = 0.6f;
 constexpr float kAgreePx = 0.25f, kDifferPx = 0.75f;  // of blur
 constexpr float kTakePx = 0.45f;  // of blur: measured depth is the more exact if it is that near
 constexpr float kClearPx = 6;

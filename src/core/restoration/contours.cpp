@@ -15,11 +15,14 @@ namespace all_in_focus::core {
 namespace {
 
 constexpr int kSweeps = 8, kSweepsPerUpdate = 3;
+constexpr int kStiffSweeps = 5;  // the first ones, in which jumps cost more
 constexpr int kReachPx = 4;      // how far a contour may move
 constexpr int kStirPx = 2;       // a change is felt that far away
 constexpr float kSharpPx = 3;    // radius of frames that tell
 constexpr float kMostCost = 30;  // of a frame
-constexpr float kJumpWeight = 2;
+// Stiff contours go to colour edges, even where the near object's rim is denser than the lens makes it;
+// looser ones then follow what is thin.
+constexpr float kJumpWeight = 2, kStiffness = 3;
 constexpr float kSideways = 0.5f;  // share of jumps along a contour: where it moves they move with it
 // What the nearer of two depths must explain better: the fused picture has the near object's blur on the far
 // surface, which explains the frames as if the object were that much fatter.
@@ -43,6 +46,12 @@ class Contours {
     findJumpCosts();
     cv::dilate(jumps(inverse_depth, gap_), within_,
                cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * kReachPx + 1, 2 * kReachPx + 1}));
+    within_.copyTo(stirred_);
+  }
+
+  // From now on jumps cost what they are worth, and every pixel is tried again.
+  void loosen() {
+    stiffness_ = 1;
     within_.copyTo(stirred_);
   }
 
@@ -182,7 +191,7 @@ class Contours {
     float sum = 0;
     const auto add = [&](const cv::Point& step, float cost) {
       if (std::abs(inverse_depth_(p + step) - inverse_depth) > gap_)
-        sum += (step.y == 0) == across_x ? cost : kSideways * cost;
+        sum += stiffness_ * ((step.y == 0) == across_x ? cost : kSideways * cost);
     };
     if (p.x > 0) add({-1, 0}, right_(p.y, p.x - 1));
     if (p.x + 1 < inverse_depth_.cols) add({1, 0}, right_(p));
@@ -194,7 +203,7 @@ class Contours {
   const ObservedBracket& bracket_;
   std::vector<ImageFormation>& formation_;
   cv::Mat1f& inverse_depth_;
-  float gap_, cost_scale_;
+  float gap_, cost_scale_, stiffness_ = kStiffness;
   cv::Mat4f sharp_;
   cv::Mat1f right_, below_;     // cost of a jump to these neighbours
   cv::Mat1b within_, stirred_;  // within_: where contours may run
@@ -207,7 +216,8 @@ void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& f
   Contours contours(bracket, formation, inverse_depth);
   for (int i = 0; i < kSweeps; ++i) {
     if (!proceed(static_cast<double>(i) / kSweeps)) return;
-    if (contours.sweep(0) + contours.sweep(1) == 0) break;
+    if (i == kStiffSweeps) contours.loosen();
+    if (contours.sweep(0) + contours.sweep(1) == 0 && i >= kStiffSweeps) break;
     if (i % kSweepsPerUpdate == kSweepsPerUpdate - 1) updateAll(formation);
   }
   updateAll(formation);

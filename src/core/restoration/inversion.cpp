@@ -30,6 +30,9 @@ constexpr double kResidualSigma = 2;  // px
 constexpr int kSteps = 3;             // of conjugate gradients
 constexpr float kSpreadMargin = 2;    // gray levels
 constexpr float kGateFrom = 0.1f, kGateTo = 0.5f;
+// Of the correction: contours and lens model are wrong here and there, and what is corrected too much costs
+// more than what is corrected too little.
+constexpr float kTaken = 0.85f;
 constexpr int kStripRows = 16;
 
 cv::Mat1b neighbourhood(const cv::Mat1b& mask, int reach) {
@@ -351,7 +354,7 @@ void gate(const Residuals& before, const Residuals& after, cv::Mat3f& z) {
       const float excess =
           std::max(before.sum(y, x) - before.noise(y, x), 1e-3f * before.weight(y, x) + 1e-9f);
       const float share = (before.sum(y, x) - after.sum(y, x)) / excess;
-      z(y, x) *= std::clamp((share - kGateFrom) / (kGateTo - kGateFrom), 0.0f, 1.0f);
+      z(y, x) *= kTaken * std::clamp((share - kGateFrom) / (kGateTo - kGateFrom), 0.0f, 1.0f);
     }
   }
 }
