@@ -270,10 +270,12 @@ def test_options(tmp_path):
 def test_bad_input_is_one_line(tmp_path):
     path = write(tmp_path / "x.bag", good_messages())
     (tmp_path / "text.bag").write_text("not a bag")
+    (tmp_path / "picture.bag").write_bytes(b"\x89PNG\r\n\x1a\n")
     (tmp_path / "cut.bag").write_bytes((tmp_path / "x.bag").read_bytes())
     cut(tmp_path / "cut.bag")
     with unchanged(tmp_path):
         for arguments, complaint in (([tmp_path / "none.bag"], "No such file"), ([tmp_path / "text.bag"], "not a bag"),
+                                     ([tmp_path / "picture.bag"], "picture.bag: not a bag\n"),
                                      ([tmp_path / "cut.bag"], "rosbag reindex"), ([tmp_path], "is a folder"),
                                      ([path, "--invalid-values", "many"], "list of whole numbers"),
                                      ([path, "--json", tmp_path / "none" / "r.json"], "No such file")):

@@ -120,6 +120,8 @@ class BagFile:
             raise BagError(f"{self.path}: {error.strerror or error}")
         except BagError:
             raise
+        except UnicodeDecodeError:  # its first line is no text
+            raise BagError(f"{self.path}: not a bag")
         except DAMAGE as error:
             raise BagError(f"{self.path}: not a bag: {one_line(error)}")
 
