@@ -15,6 +15,7 @@
 #include <string>
 #include <thread>
 
+#include "callback_guard.hpp"
 #include "kinect_device.hpp"
 #include "kinect_output.hpp"
 #include "kinect_parameters.hpp"
@@ -47,7 +48,7 @@ class KinectOpenni2Nodelet : public nodelet::Nodelet {
   enum class Step { kNone, kWanted, kDone };
 
   void onInit() override;
-  bool onStep(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  void onStep(std_srvs::Trigger::Response& response);
 
   void run();
   void open();
@@ -65,6 +66,7 @@ class KinectOpenni2Nodelet : public nodelet::Nodelet {
 
   KinectParameters parameters_;
   std::unique_ptr<NodeMonitor> monitor_;
+  std::unique_ptr<CallbackGuard> guard_;
 
   // Used by the thread only.
   OpenNiKeeper openni_;
@@ -95,6 +97,7 @@ KinectOpenni2Nodelet::~KinectOpenni2Nodelet() {
   }
   changed_.notify_all();
   step_server_.shutdown();
+  if (guard_) guard_->close();
   if (thread_.joinable()) thread_.join();
 }
 
@@ -102,21 +105,29 @@ void KinectOpenni2Nodelet::onInit() {
   monitor_ =
       std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), "kinect/processed");
   parameters_ = readKinectParameters(getPrivateNodeHandle(), *monitor_);
-  const auto on_connect = [this] {
+  guard_ = std::make_unique<CallbackGuard>(*monitor_);
+  const auto on_connect = guard_->wrap(getName(), [this] {
     std::lock_guard<std::mutex> lock(mutex_);
     connections_changed_ = true;
     changed_.notify_all();
-  };
+  });
   for (const KinectStream stream : kKinectStreams) {
     outputs_[indexOf(stream)] =
         std::make_unique<KinectOutput>(stream, getNodeHandle(), parameters_, *monitor_, on_connect);
   }
-  step_server_ = getMTPrivateNodeHandle().advertiseService("step", &KinectOpenni2Nodelet::onStep, this);
+  using StepService = boost::function<bool(std_srvs::Trigger::Request&, std_srvs::Trigger::Response&)>;
+  auto on_step = guard_->wrap(getName(), [this](auto& response) { onStep(response); });
+  step_server_ = getMTPrivateNodeHandle().advertiseService(
+      "step",
+      StepService([on_step](std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) mutable {
+        on_step(response);
+        return true;
+      }));
   monitor_->start();
   thread_ = std::thread(&KinectOpenni2Nodelet::run, this);
 }
 
-bool KinectOpenni2Nodelet::onStep(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+void KinectOpenni2Nodelet::onStep(std_srvs::Trigger::Response& response) {
   std::unique_lock<std::mutex> lock(mutex_);
   response.success = false;
   if (!parameters_.playback.single_step) {
@@ -132,7 +143,6 @@ bool KinectOpenni2Nodelet::onStep(std_srvs::Trigger::Request&, std_srvs::Trigger
     response.success = step_ == Step::kDone && response.success;
     step_ = Step::kNone;
   }
-  return true;
 }
 
 void KinectOpenni2Nodelet::run() {

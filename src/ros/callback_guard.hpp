@@ -6,12 +6,11 @@
 
 #include <boost/function.hpp>
 #include <boost/shared_ptr.hpp>
-#include <condition_variable>
 #include <memory>
-#include <mutex>
 #include <stdexcept>
 #include <string>
 
+#include "callback_gate.hpp"
 #include "node_monitor.hpp"
 #include "time_jumps.hpp"
 
@@ -20,8 +19,7 @@ namespace all_in_focus {
 /// Stands around every callback of a nodelet:
 ///   * Nothing that a callback throws leaves it, because that would end the nodelet manager and all in it.
 ///     The exception is counted as an invalid input and reported with the topic.
-///   * After close() no callback runs. Shutting a subscriber, timer or publisher down does not promise that:
-///     ros::CallbackQueue::removeByID() does not wait for a callback under way.
+///   * After close() no callback runs: CallbackGate.
 class CallbackGuard {
  public:
   explicit CallbackGuard(NodeMonitor& monitor) : state_(std::make_shared<State>(monitor)) {}
@@ -51,11 +49,7 @@ class CallbackGuard {
   }
 
   /// Waits for callbacks under way. Not to be called by one of them.
-  void close() {
-    std::unique_lock<std::mutex> lock(state_->mutex);
-    state_->closed = true;
-    state_->ended.wait(lock, [this] { return state_->running == 0; });
-  }
+  void close() { state_->gate.close(); }
 
  private:
   struct State {
@@ -72,30 +66,21 @@ class CallbackGuard {
 
     template <typename Place, typename Call>
     void run(const Place& place, const Call& call) {
-      {
-        std::lock_guard<std::mutex> lock(mutex);
-        if (closed) return;
-        ++running;
-      }
-      try {
-        call();
-      } catch (const std::exception& e) {
-        monitor.count(Outcome::kInvalid);
-        monitor.error(place() + ": " + e.what());
-      } catch (const XmlRpc::XmlRpcException& e) {  // of parameters and the master; not a std::exception
-        monitor.count(Outcome::kInvalid);
-        monitor.error(place() + ": " + e.getMessage());
-      }
-      std::lock_guard<std::mutex> lock(mutex);
-      --running;
-      ended.notify_all();
+      gate.run([&] {
+        try {
+          call();
+        } catch (const std::exception& e) {
+          monitor.count(Outcome::kInvalid);
+          monitor.error(place() + ": " + e.what());
+        } catch (const XmlRpc::XmlRpcException& e) {  // of parameters and the master; not a std::exception
+          monitor.count(Outcome::kInvalid);
+          monitor.error(place() + ": " + e.getMessage());
+        }
+      });
     }
 
     NodeMonitor& monitor;  // outlives close()
-    std::mutex mutex;
-    std::condition_variable ended;
-    int running = 0;
-    bool closed = false;
+    CallbackGate gate;
   };
 
   std::shared_ptr<State> state_;

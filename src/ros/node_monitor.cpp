@@ -78,6 +78,7 @@ NodeMonitor::NodeMonitor(const std::string& name, const ros::NodeHandle& nh,
 
 NodeMonitor::~NodeMonitor() {
   timer_.stop();
+  gate_->close();
 }
 
 int NodeMonitor::addInput(const std::string& topic, Expect expect, const std::string& remedy) {
@@ -102,7 +103,9 @@ void NodeMonitor::start() {
     ROS_INFO_STREAM(name_ << ":" << text.str());
   }
   updater_.add("processing", this, &NodeMonitor::fill);
-  timer_ = nh_.createWallTimer(ros::WallDuration(1.0), &NodeMonitor::tick, this);
+  timer_ = nh_.createWallTimer(
+      ros::WallDuration(1.0),
+      [this, gate = gate_](const ros::WallTimerEvent& event) { gate->run([&] { tick(event); }); });
 }
 
 void NodeMonitor::setSubscribed(bool subscribed) {

@@ -10,9 +10,12 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <vector>
+
+#include "callback_gate.hpp"
 
 namespace all_in_focus {
 
@@ -115,6 +118,7 @@ class NodeMonitor {
   ros::Publisher processed_publisher_;
   diagnostic_updater::Updater updater_;
   ros::WallTimer timer_;
+  const std::shared_ptr<CallbackGate> gate_ = std::make_shared<CallbackGate>();  // of tick()
 
   mutable std::mutex mutex_;  // guards all below
   std::vector<Input> inputs_;
