@@ -22,7 +22,7 @@ constexpr float kSharpPx = 3;    // radius of frames that tell
 constexpr float kMostCost = 30;  // of a frame
 // Stiff contours go to colour edges, even where the near object's rim is denser than the lens makes it;
 // looser ones then follow what is thin.
-constexpr float kJumpWeight = 2, kStiffness = 3;
+constexpr float kJumpWeight = 4, kStiffness = 1.5f;
 constexpr float kSideways = 0.5f;  // share of jumps along a contour: where it moves they move with it
 // What the nearer of two depths must explain better: the fused picture has the near object's blur on the far
 // surface, which explains the frames as if the object were that much fatter.
