@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <vector>
 
@@ -101,6 +102,31 @@ TEST(FocusBreathing, IsNotBelievedWhereItDoesNotExplain) {
   FocusBreathing breathing;
   for (const double scale : {1.01, 0.99, 1.02}) breathing.add(0.05, 0.06, scale, 1e-4);
   EXPECT_FALSE(breathing.scale(0.05, 0.06));
+}
+
+TEST(FocusBreathing, IsNoneWhereOnlyErrorsAreSeen) {
+  FocusBreathing breathing;
+  for (const double error : {1.0, 0.5, 1.5, 1.0}) breathing.add(0.05, 0.06, 1 + 1e-4 * error, 1e-4);
+  EXPECT_EQ(breathing.scale(0.05, 0.06).value(), 1);
+}
+
+TEST(BracketAlignment, MotionsThatBlurringContoursMayFeignAreNone) {
+  const cv::Size size(2400, 1800);
+  BracketAlignment alignment;
+  alignment.begin(size, {1200, 900}, kUnknown);
+  const std::vector<double> shifts = {0, 0.45, 1.5};  // px; in a picture 640 wide: 0.12 and 0.4
+  for (int k = 0; k < 3; ++k) {
+    cv::Mat gray(size, CV_8UC1, cv::Scalar(150));
+    int light = 60;
+    for (const cv::Point& at : {cv::Point(400, 400), {2000, 300}, {500, 1400}, {1800, 1300}}) {
+      const cv::Point shifted = 64 * at + cv::Point(cvRound(64 * shifts[k]), 0);
+      cv::circle(gray, shifted, 64 * 250, light += 15, cv::FILLED, cv::LINE_AA, 6);
+    }
+    cv::GaussianBlur(gray, gray, {}, 4);
+    alignment.observe(gray, k, kUnknown);
+  }
+  EXPECT_TRUE(alignment.placement(1, 0).isIdentity());
+  EXPECT_NEAR(alignment.placement(2, 0).shift.x, 1.5, 0.1);
 }
 
 TEST(BracketAlignment, StaticBracketsStayAsTheyAre) {

@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kLargestBeta = 3;   // lenses are between -1 and 2
 constexpr double kPriorBeta = 1;     // beta is 0, give or take this much, before anything is known
+constexpr double kSignificance = 3;  // standard deviations; a lens that does not breathe has beta 0
 constexpr double kLargestError = 4;  // mean square of the errors over their standard deviations
 
 }  // namespace
@@ -35,7 +36,8 @@ std::optional<double> FocusBreathing::beta() const {
   const double beta = ay_ / (aa_ + 1 / (kPriorBeta * kPriorBeta));
   const double error = (yy_ - 2 * beta * ay_ + beta * beta * aa_) / n_;
   if (std::abs(beta) > kLargestBeta || error > kLargestError) return std::nullopt;
-  return beta;
+  // All frames may have been measured against the same one, and share its error.
+  return beta * beta * aa_ > kSignificance * kSignificance * n_ ? beta : 0;
 }
 
 std::optional<double> FocusBreathing::scale(double from, double to) const {
