@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -54,7 +55,8 @@ cv::Mat naiveProduct(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge) 
   }
   cv::Mat product;
   for (int l = static_cast<int>(levels.size()) - 1; l >= 0; --l) {
-    const double floor = 1 + 4 * gauge.noise.sharpness(l);
+    const double floor =
+        1 + std::max(4 * gauge.noise.sharpness(l), 6 * std::pow(0.8, l) * gauge.noise.deviation());
     cv::Mat sharpness = gauge.contrast * smoothedLaplacian(levels[l], l == 0 ? 0.85 : 1.4) + floor;
     product = product.empty() ? sharpness : sharpness.mul(enlarged(product, levels[l].size()));
   }
@@ -102,6 +104,21 @@ TEST(SharpnessPyramid, IsTheSameWhereverOneBegins) {
       EXPECT_EQ(cv::norm(some.row(y), all.row(y), cv::NORM_INF), 0);
     }
   }
+}
+
+TEST(SharpnessPyramid, EnlargedNoiseChoosesLittle) {
+  const auto spread = [](int factor) {
+    cv::Mat noise(1920 / factor, 2560 / factor, CV_8UC1), frame;
+    cv::RNG(7).fill(noise, cv::RNG::NORMAL, 128, 5);
+    cv::resize(noise, frame, {2560, 1920}, 0, 0, cv::INTER_CUBIC);
+    cv::Mat logarithm;
+    cv::log(product(frame, {NoiseSpectrum::of(frame)}), logarithm);
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(logarithm, mean, deviation);
+    return deviation[0];
+  };
+  const double white = spread(1);
+  for (const int factor : {2, 3, 5}) EXPECT_LT(spread(factor), 2.2 * white) << factor;
 }
 
 TEST(SharpnessPyramid, HoldsForHugeFramesOfTheGreatestContrast) {

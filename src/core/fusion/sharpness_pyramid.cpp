@@ -26,6 +26,16 @@ constexpr int kSmallestSide = 12;  // px of the coarsest level
 // that, frames are as good as equal where there is nothing else.
 constexpr double kRounding = 1, kNoiseFloor = 4;
 
+// It is so many standard deviations of the noise at least, less by a factor at every coarser level: contrast
+// that is fainter is not worth the frames that would not be averaged. Where noise is correlated over pixels
+// (demosaicing, JPEG, enlarging) the finest levels show little of it, but what they show varies widely.
+constexpr double kDeviations = 6, kOfFinerLevel = 0.8;
+
+double floorOf(const NoiseSpectrum& noise, size_t level) {
+  return kRounding + std::max(kNoiseFloor * noise.sharpness(level),
+                              kDeviations * std::pow(kOfFinerLevel, level) * noise.deviation());
+}
+
 // Modified Laplacian of level 1, gray levels above the noise, that a frame which is sharp anywhere has in its
 // sharpest places; and the least trust, which its eighth power makes a weight of 1e-9.
 constexpr double kSharp = 4, kLeastTrust = 0.075;
@@ -138,7 +148,7 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
   for (count_ = 1; gauge.scales && side >> count_ >= kSmallestSide;) ++count_;
   if (levels_.size() < count_) levels_.resize(count_);
   for (size_t l = 0; l < count_; ++l) {
-    levels_[l].floor = static_cast<float>(kRounding + kNoiseFloor * gauge.noise.sharpness(l));
+    levels_[l].floor = static_cast<float>(floorOf(gauge.noise, l));
   }
   if (count_ == 1) return;
   gray.convertTo(levels_[0].image, CV_16U, kUnit);

@@ -14,10 +14,11 @@ namespace all_in_focus::core {
 /// How sharp a frame is at every scale, pixel by pixel:
 ///   product over the levels l of a Gaussian pyramid of  contrast s_l + n_l,
 /// s_l the modified Laplacian |I_xx| + |I_yy| (Nayar and Nakagawa 1994) of level l in a Gaussian window, each
-/// level enlarged to the size of the one below it; n_l = 1 + 4 times the sharpness of the noise there, so
-/// that frames which differ by noise alone are about as sharp. Fine texture speaks at the finest level, and a
-/// place that is flat there at the coarser ones, which reach farther. They also reach across depth edges, so
-/// where depth has a say (`predicted`) the product of all levels but the finest counts by its square root.
+/// level enlarged to the size of the one below it; n_l = 1 + the greater of 4 times the sharpness of the
+/// noise there and 6 * 0.8^l times its deviation, so that frames which differ by noise alone are about as
+/// sharp. Fine texture speaks at the finest level, and a place that is flat there at the coarser ones, which
+/// reach farther. They also reach across depth edges, so where depth has a say (`predicted`) the product of
+/// all levels but the finest counts by its square root.
 ///
 /// With `trust` the product is multiplied by min(1, m / (4 + noise)), m the fourth root of the mean of s_1^4,
 /// less that of the noise: on bare surfaces far from all texture, where no scale tells frames apart, those
