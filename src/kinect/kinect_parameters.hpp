@@ -4,6 +4,7 @@
 
 #include <ros/node_handle.h>
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -23,11 +24,11 @@ struct KinectParameters {
   std::string device;  ///< see KinectDevice
   KinectPlayback playback;
   std::vector<int> invalid_values{0, 2047};  ///< depths in mm that mean "unknown"
-  double time_offset = 0.0;           ///< s, added to the stamps; minus the delay from exposure to arrival
-  double reconnect_period = 1.0;      ///< s between attempts to open the camera
-  double silence_timeout = 5.0;       ///< s without an image after which the camera is reopened; 0: never
-  int queue_size = 5;                 ///< images that wait for a slow subscriber
-  KinectStreamParameters streams[3];  ///< indexed by KinectStream
+  double time_offset = 0.0;       ///< s, added to the stamps; minus the delay from exposure to arrival
+  double reconnect_period = 1.0;  ///< s between attempts to open the camera
+  double silence_timeout = 5.0;   ///< s without an image after which the camera is reopened; 0: never
+  int queue_size = 5;             ///< images that wait for a slow subscriber
+  std::array<KinectStreamParameters, 3> streams;  ///< indexed by KinectStream
 };
 
 /// Reads the private parameters. An impossible value is reported to the monitor, and replaced by the default.
