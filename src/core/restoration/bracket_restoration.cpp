@@ -51,7 +51,7 @@ cv::Rect reduced(const cv::Rect& seen, const cv::Size& from, const cv::Size& to)
 }
 
 // Depth in mm, any size -> inverse depth, 1/mm, 0 = unknown.
-cv::Mat1f closenessOf(const cv::Mat& depth, const cv::Size& size) {
+cv::Mat1f inverseDepthOf(const cv::Mat& depth, const cv::Size& size) {
   cv::Mat scaled = depth;
   if (depth.size() != size) cv::resize(depth, scaled, size, 0, 0, cv::INTER_NEAREST);
   cv::Mat1f inverse_depth(size);
@@ -212,9 +212,9 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   bracket.noise_variance = noiseVariance(images);
   const bool has_depth = !scene_.depth.empty();
   if (has_depth) {
-    bracket.filled = closenessOf(scene_.depth, working_size_);
+    bracket.filled = inverseDepthOf(scene_.depth, working_size_);
     bracket.measured =
-        scene_.measured.empty() ? bracket.filled.clone() : closenessOf(scene_.measured, working_size_);
+        scene_.measured.empty() ? bracket.filled.clone() : inverseDepthOf(scene_.measured, working_size_);
   }
   InverseDepthRange range = rangeOf(bracket);
   if (has_depth) {

@@ -146,7 +146,7 @@ class Contours {
     return frames;
   }
 
-  // How badly each of two closenesses explains the frames at a pixel.
+  // How badly each of two inverse depths explains the frames at a pixel.
   std::array<float, 2> costsOf(const cv::Point& p, float now, float tried) const {
     const LightCurve& curve = LightCurve::get();
     const float own[2] = {now, tried};

@@ -38,7 +38,7 @@ class ImageFormation {
   /// Light of the sharp picture as predict() reads it: a margin on all sides mirrors it.
   static cv::Mat4f withMargin(const cv::Mat3f& light);
 
-  /// The light of pixel p as its parts add up, for each of two closenesses that it might have. sharp: see
+  /// The light of pixel p as its parts add up, for each of two inverse depths that it might have. sharp: see
   /// withMargin().
   void predict(const cv::Point& p, const float (&own)[2], const cv::Mat4f& sharp,
                cv::Vec3f (&light)[2]) const;

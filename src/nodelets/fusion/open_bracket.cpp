@@ -153,24 +153,24 @@ std::vector<std::string> OpenBracket::setScene(const SceneMessages& messages, do
   scene_wait_ms_ = waited_ms;
   depth_ = messages.depth;
   if (messages.labels.labels) depth_stamp_ = messages.labels.labels->header.stamp;
-  std::string trouble;
+  std::string error;
   if (!messages.labels.labels) {
-    trouble = "no label image in time for the bracket: fused by sharpness alone: " + messages.no_labels;
+    error = "no label image in time for the bracket: fused by sharpness alone: " + messages.no_labels;
   }
   try {
     scene_ = toScene(messages, settings_.mode);
     begin(scene_.scene);
   } catch (const std::exception& e) {
-    trouble = std::string("label image refused, fused by sharpness alone: ") + e.what();
+    error = std::string("label image refused, fused by sharpness alone: ") + e.what();
     scene_ = {};
     begin({});
   }
-  report_.has_labels = trouble.empty();
+  report_.has_labels = error.empty();
   if (report_.has_labels) {
     report_.label_stamp = messages.labels.labels->header.stamp;
     report_.optics = messages.labels.segments->optics;
   } else {
-    scene_.warnings = {trouble};
+    scene_.warnings = {error};
   }
   report_.notes.insert(report_.notes.begin(), scene_.warnings.begin(), scene_.warnings.end());
   return scene_.warnings;
