@@ -134,6 +134,24 @@ void multiplyRow(const cv::Mat& coarser, int y, float contrast, float floor, int
   if (n % 2 == 1) s[n - 1] = (contrast * s[n - 1] + floor) * buffer[n / 2];
 }
 
+// Level 1: gray, downsampled in units of 1 / kUnit. A few rows at a time, so that no 16-bit copy of a whole
+// frame is made.
+void downsample(const cv::Mat& gray, cv::Mat& level) {
+  constexpr int kRows = 16;
+  level.create((gray.rows + 1) / 2, (gray.cols + 1) / 2, CV_16UC1);
+  RowStrips({0, level.rows}, stripCount(level.rows)).forEach([&](const cv::Range& strip, int) {
+    cv::Mat codes, downsampled;
+    for (int y = strip.start; y < strip.end; y += kRows) {
+      const cv::Range rows(y, std::min(y + kRows, strip.end));
+      // A row is made of those from two above to two below twice its number.
+      const int top = std::max(2 * rows.start - 2, 0), bottom = std::min(2 * rows.end + 1, gray.rows);
+      gray.rowRange(top, bottom).convertTo(codes, CV_16U, kUnit);
+      cv::pyrDown(codes, downsampled);
+      downsampled.rowRange(rows.start - top / 2, rows.end - top / 2).copyTo(level.rowRange(rows));
+    }
+  });
+}
+
 }  // namespace
 
 void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
@@ -151,8 +169,8 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
     levels_[l].floor = static_cast<float>(floorOf(gauge.noise, l));
   }
   if (count_ == 1) return;
-  gray.convertTo(levels_[0].image, CV_16U, kUnit);
-  for (size_t l = 1; l < count_; ++l) cv::pyrDown(levels_[l - 1].image, levels_[l].image);
+  downsample(gray, levels_[1].image);
+  for (size_t l = 2; l < count_; ++l) cv::pyrDown(levels_[l - 1].image, levels_[l].image);
   for (size_t l = count_ - 1; l > 0; --l) computeProduct(l);
   if (!gauge.predicted.empty()) {
     cv::sqrt(levels_[1].product, root_);

@@ -71,7 +71,7 @@ class SharpnessPyramid {
   float contrast_ = 1, trust_ = 1;
   size_t count_ = 0;  ///< of levels
   size_t texture_level_ = 1;
-  std::vector<Level> levels_;  ///< maybe more, from a larger frame before; the image of level 0 is gray_
+  std::vector<Level> levels_;  ///< maybe more, from a larger frame before; level 0 has no image: gray_
   std::vector<Rows> strips_;
   cv::Mat texture_, root_;
   std::vector<double> fourth_powers_;  ///< by row of level 1: sums of s_1^4
