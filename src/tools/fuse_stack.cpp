@@ -168,6 +168,8 @@ void fuseStack(const po::variables_map& values) {
   input.focus_mm = distances;
   input.reference = parseReference(values["reference"].as<std::string>());
   input.refined = parseWithout(textOption(values, "without"));
+  input.refined.choice = values.count("save-source-index") || values.count("save-confidence") ||
+                         values.count("save-weights") || values.count("report");
   explainMissing(input, mode, context);
 
   const std::vector<std::string> warnings = warnOfRig(values, input, stack);

@@ -106,6 +106,21 @@ TEST(BracketFusion, SaysWhatItWentBy) {
   }
 }
 
+TEST(BracketFusion, TellsTheChoiceUnlessNobodyWantsIt) {
+  for (const bool choice : {true, false}) {
+    RefinedConfig config;
+    config.choice = choice;
+    BracketFusion fusion;
+    fusion.begin(nearAndFar(), Mode::kRefined, config);
+    fusion.add(halfSharp(true), 0);
+    const FusionResult result = fusion.result();
+    EXPECT_FALSE(result.image.empty());
+    EXPECT_EQ(result.source_index.empty(), !choice);
+    EXPECT_EQ(result.confidence.empty(), !choice);
+    EXPECT_EQ(result.regions.empty(), !choice);
+  }
+}
+
 TEST(BracketFusion, AnyLabelNumbersAreRegionsZeroToo) {
   for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
     BracketFusion fusion;

@@ -103,6 +103,17 @@ TEST(RefinedFusion, TheMeanIsBetterThanTheChoice) {
             psnr(fuse(planes, planes.scene, hard, 4), planes.truth));
 }
 
+TEST(RefinedFusion, TheImageIsTheSameWithoutTheChoice) {
+  const TwoPlanes planes;
+  for (const bool soft : {true, false}) {
+    RefinedConfig with = inPlace(), without = inPlace();
+    with.soft = without.soft = soft;
+    without.choice = false;
+    EXPECT_EQ(cv::norm(fuse(planes, planes.scene, with), fuse(planes, planes.scene, without), cv::NORM_INF),
+              0);
+  }
+}
+
 TEST(RefinedFusion, ThePredictionDecidesWhereThereIsNoTexture) {
   // Hardly any contrast under much noise: a frame more or less is all that can be told apart.
   const TwoPlanes planes(3);

@@ -69,7 +69,7 @@ TEST(WeightedMean, OneFrameIsTheResult) {
   for (const bool soft : {true, false}) {
     for (const float value : {1.0f, 3.7f, 1e37f}) {
       WeightedMean mean;
-      mean.begin(kSize, 2, soft);
+      mean.begin(kSize, 2, {soft});
       add(mean, frame, asTheyAre(), sharpness(value), kWhole, 5);
       EXPECT_EQ(largestDifference(mean.image(), frame), 0);
       EXPECT_EQ(cv::countNonZero(mean.sourceIndex() != 5), 0);
@@ -81,7 +81,7 @@ TEST(WeightedMean, OneFrameIsTheResult) {
 TEST(WeightedMean, EqualFramesGiveThatFrame) {
   const cv::Mat frame = randomFrame(1);
   WeightedMean mean;
-  mean.begin(kSize, 0);
+  mean.begin(kSize, 0, {});
   for (int i = 0; i < 100; ++i)
     add(mean, frame, asTheyAre(), sharpness(1 + static_cast<float>(i)), kWhole, i);
   EXPECT_EQ(largestDifference(mean.image(), frame), 0);
@@ -97,7 +97,7 @@ TEST(WeightedMean, WeightsAreThePowersOfTheEvidence) {
   const int values[] = {40, 200, 90, 250};
   for (const bool backwards : {false, true}) {
     WeightedMean mean;
-    mean.begin(kSize, kNoise);
+    mean.begin(kSize, kNoise, {});
     double sum = 0, sum_of_weights = 0;
     for (int k = 0; k < 4; ++k) {
       const int i = backwards ? 3 - k : k;
@@ -114,7 +114,7 @@ TEST(WeightedMean, WeightsAreThePowersOfTheEvidence) {
 
 TEST(WeightedMean, TheSharperFrameDominates) {
   WeightedMean mean;
-  mean.begin(kSize, 0);
+  mean.begin(kSize, 0, {});
   add(mean, plain(0), asTheyAre(), sharpness(5), kWhole, 0);
   add(mean, plain(100), asTheyAre(), sharpness(20), kWhole, 1);
   EXPECT_LE(largestDifference(mean.image(), plain(100)), 1);
@@ -124,7 +124,7 @@ TEST(WeightedMean, TheSharperFrameDominates) {
 
 TEST(WeightedMean, ThePredictionDecidesWhereFramesAreEquallySharp) {
   WeightedMean mean;
-  mean.begin(kSize, 0);
+  mean.begin(kSize, 0, {});
   for (int i = 0; i < 2; ++i) {
     add(mean, plain(100 * i), asTheyAre(), {everywhere(10), everywhere(i == 0 ? 1e4f : 0)}, kWhole, i);
   }
@@ -135,7 +135,7 @@ TEST(WeightedMean, AveragesNoiseWhereFramesAgree) {
   constexpr int kFrames = 16;
   constexpr double kNoise = 8;
   WeightedMean mean;
-  mean.begin(kSize, kNoise);
+  mean.begin(kSize, kNoise, {});
   for (int i = 0; i < kFrames; ++i) {
     add(mean, randomFrame(i + 1, 128, kNoise), asTheyAre(), sharpness(1), kWhole, i);
   }
@@ -148,7 +148,7 @@ TEST(WeightedMean, AveragesNoiseWhereFramesAgree) {
 
 TEST(WeightedMean, HardChoiceCopiesTheHeaviest) {
   WeightedMean mean;
-  mean.begin(kSize, 0, false);
+  mean.begin(kSize, 0, {false});
   for (int i = 0; i < 3; ++i) {
     add(mean, randomFrame(i + 1), asTheyAre(), sharpness(i == 1 ? 10.1f : 10), kWhole, i);
   }
@@ -160,7 +160,7 @@ TEST(WeightedMean, ConfidenceIsTheSameForHardAndSoft) {
   cv::Mat confidence[2];
   for (const bool soft : {true, false}) {
     WeightedMean mean;
-    mean.begin(kSize, 0, soft);
+    mean.begin(kSize, 0, {soft});
     for (int i = 0; i < 3; ++i) add(mean, plain(i), asTheyAre(), sharpness(10 + i), kWhole, i);
     confidence[soft] = mean.confidence();
   }
@@ -171,11 +171,11 @@ TEST(WeightedMean, CodesAreTheValuesThatCount) {
   std::array<float, 256> brighter = asTheyAre();
   for (float& code : brighter) code *= 1.5f;
   WeightedMean mean;
-  mean.begin(kSize, 0);
+  mean.begin(kSize, 0, {});
   add(mean, plain(100), asTheyAre(), sharpness(3), kWhole, 0);
   add(mean, plain(100), brighter, sharpness(3), kWhole, 1);
   EXPECT_EQ(largestDifference(mean.image(), plain(125)), 0);
-  mean.begin(kSize, 0);
+  mean.begin(kSize, 0, {});
   add(mean, plain(200), brighter, sharpness(3), kWhole, 0);
   EXPECT_EQ(largestDifference(mean.image(), plain(255)), 0);  // 300
 }
@@ -183,7 +183,7 @@ TEST(WeightedMean, CodesAreTheValuesThatCount) {
 TEST(WeightedMean, AFrameCountsOnlyWhereItHasSeen) {
   const cv::Rect inside(10, 5, 20, 15);
   WeightedMean mean;
-  mean.begin(kSize, 0);
+  mean.begin(kSize, 0, {});
   add(mean, plain(0), asTheyAre(), sharpness(1), kWhole, 0);
   add(mean, plain(200), asTheyAre(), sharpness(100), inside, 1);
   add(mean, plain(255), asTheyAre(), sharpness(200), cv::Rect(), 2);
@@ -196,7 +196,7 @@ TEST(WeightedMean, AFrameCountsOnlyWhereItHasSeen) {
 
 TEST(WeightedMean, WhatNoFrameHasSeenIsBlack) {
   WeightedMean mean;
-  mean.begin(kSize, 0);
+  mean.begin(kSize, 0, {});
   add(mean, plain(200), asTheyAre(), sharpness(1), cv::Rect(0, 0, 10, 30), 0);
   add(mean, plain(200), asTheyAre(), sharpness(1), cv::Rect(0, 0, 10, 30), 1);
   const cv::Rect unseen(10, 0, 30, 30);
@@ -207,7 +207,7 @@ TEST(WeightedMean, WhatNoFrameHasSeenIsBlack) {
 
 TEST(WeightedMean, LongBracketsOfTheGreatestSharpnessDoNotOverflow) {
   WeightedMean mean;
-  mean.begin(kSize, 0);
+  mean.begin(kSize, 0, {});
   for (int i = 0; i < 2000; ++i) {
     add(mean, plain(250), asTheyAre(), {everywhere(1e37f), everywhere(0)}, kWhole, i);
   }
@@ -217,7 +217,7 @@ TEST(WeightedMean, LongBracketsOfTheGreatestSharpnessDoNotOverflow) {
 TEST(WeightedMean, SharpnessMayDifferByAnyFactor) {
   for (const bool rising : {true, false}) {
     WeightedMean mean;
-    mean.begin(kSize, 0);
+    mean.begin(kSize, 0, {});
     for (int i = 0; i < 38; ++i) {
       const int power = rising ? i : 37 - i;
       const Evidence evidence{everywhere(static_cast<float>(std::pow(10, power))), everywhere(1e10f)};
@@ -234,7 +234,7 @@ TEST(WeightedMean, DoesNotDependOnTheNumberOfThreads) {
   for (int run = 0; run < 2; ++run) {
     cv::setNumThreads(run + 1);
     WeightedMean mean;
-    mean.begin(kSize, 3);
+    mean.begin(kSize, 3, {});
     for (int i = 0; i < 9; ++i) {
       Evidence evidence;
       randomFrame(i + 50)
@@ -255,7 +255,7 @@ TEST(WeightedMean, BuffersAreTheSameForEveryFrameAndBracket) {
   WeightedMean mean;
   const uchar* buffer = nullptr;
   for (int bracket = 0; bracket < 3; ++bracket) {
-    mean.begin(kSize, 0);
+    mean.begin(kSize, 0, {});
     for (int i = 0; i < 20; ++i) {
       add(mean, plain(i), asTheyAre(), sharpness(1), kWhole, i);
       if (!buffer) buffer = mean.sourceIndex().data;

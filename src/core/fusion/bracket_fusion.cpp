@@ -138,9 +138,12 @@ FusionResult BracketFusion::result() const {
     result.regions = regions_->choices();
   } else {
     result.image = refined_->image();
-    result.source_index = refined_->sourceIndex().clone();
-    result.confidence = refined_->confidence();
-    if (!labels_.empty()) result.regions = summarizeRegions(labels_, result.source_index, result.confidence);
+    if (config_.choice) {
+      result.source_index = refined_->sourceIndex().clone();
+      result.confidence = refined_->confidence();
+      if (!labels_.empty())
+        result.regions = summarizeRegions(labels_, result.source_index, result.confidence);
+    }
     result.notes = unreachedDistances(scene_, focus_mm_);
   }
   return result;

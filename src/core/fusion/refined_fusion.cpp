@@ -66,7 +66,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     reference_ = index;
     // The first frame of a sweep is mostly blurred, and so shows noise where the reference shows texture.
     if (config_.noise) noise_ = NoiseSpectrum::least(noise_, NoiseSpectrum::of(gray));
-    mean_.begin(size_, noise_.deviation(), config_.soft);
+    mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice});
     exposure_.setReference(frame);
     if (taker_) taker_({frame, cv::Rect({}, size_), 1, index, focus_mm});
     addAligned(frame, gray, gainLut(1), cv::Rect({}, size_), index, focus_mm);

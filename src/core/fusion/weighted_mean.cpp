@@ -115,8 +115,9 @@ bool areTheirOwnValues(const std::array<float, 256>& codes) {
 
 }  // namespace
 
-void WeightedMean::begin(const cv::Size& size, double noise, bool soft) {
-  soft_ = soft;
+void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
+  soft_ = kind.soft;
+  choice_ = kind.choice || !kind.soft;
   frames_ = 0;
   error_floor_ = static_cast<float>(kRounding + kNoiseVariances * noise * noise);
   colors_.create(size, CV_32FC3);
@@ -125,6 +126,7 @@ void WeightedMean::begin(const cv::Size& size, double noise, bool soft) {
   sharpest_.setTo(0);
   weights_.create(size, CV_32FC1);
   weights_.setTo(0);
+  if (!choice_) return;
   most_.create(size, CV_32FC1);
   most_.setTo(0);
   source_index_.create(size, CV_16UC1);
@@ -158,8 +160,8 @@ void WeightedMean::addRow(int y, const cv::Range& columns, const std::uint8_t* p
 void WeightedMean::accumulate(const float* keep, const float* weight, const float* values,
                               const cv::Point& at, int n) {
   float* color = colors_.ptr<float>(at.y) + 3 * at.x;
-  float* most = most_.ptr<float>(at.y) + at.x;
-  scale(keep, n, most);
+  float* most = choice_ ? most_.ptr<float>(at.y) + at.x : nullptr;
+  if (choice_) scale(keep, n, most);
   if (soft_) {
     std::array<float, 3 * kSpan> keeps, weights;
     threeTimes(keep, n, keeps.data());
@@ -169,7 +171,7 @@ void WeightedMean::accumulate(const float* keep, const float* weight, const floa
     copyHeavier(weight, most, values, n, color);
   }
   addWeights(keep, weight, n, weights_.ptr<float>(at.y) + at.x);
-  keepHeavier(weight, index_, n, most, source_index_.ptr<std::uint16_t>(at.y) + at.x);
+  if (choice_) keepHeavier(weight, index_, n, most, source_index_.ptr<std::uint16_t>(at.y) + at.x);
 }
 
 cv::Mat WeightedMean::image() const {

@@ -24,9 +24,13 @@ struct EvidenceRow {
 /// powers overflow, sums are kept in units of the greatest sharpness so far.
 class WeightedMean {
  public:
-  /// noise: standard deviation of the frames' noise in gray levels, >= 0. soft: false = the frame that weighs
-  /// most is copied, for comparison.
-  void begin(const cv::Size& size, double noise, bool soft = true);
+  struct Kind {
+    bool soft = true;    ///< false: the frame that weighs most is copied, for comparison
+    bool choice = true;  ///< false: no sourceIndex() and confidence(), whose sums are 6 of 26 bytes a pixel
+  };
+
+  /// noise: standard deviation of the frames' noise in gray levels, >= 0.
+  void begin(const cv::Size& size, double noise, const Kind& kind);
 
   /// The rows that follow are of this frame. codes: the value that each of its 8-bit values stands for.
   void beginFrame(int index, const std::array<float, 256>& codes);
@@ -35,14 +39,14 @@ class WeightedMean {
   /// threads may add other rows at the same time.
   void addRow(int y, const cv::Range& columns, const std::uint8_t* pixels, const EvidenceRow& evidence);
 
-  cv::Mat image() const;  ///< CV_8UC3
-  const cv::Mat& sourceIndex() const { return source_index_; }
+  cv::Mat image() const;                                        ///< CV_8UC3
+  const cv::Mat& sourceIndex() const { return source_index_; }  ///< CV_16UC1
   cv::Mat confidence() const;  ///< CV_8UC1: 255 (1 - mean weight / largest), scaled so that 255 = no rival
 
  private:
   void accumulate(const float* keep, const float* weight, const float* values, const cv::Point& at, int n);
 
-  bool soft_ = true;
+  bool soft_ = true, choice_ = true;
   int frames_ = 0;
   float error_floor_ = 1;
   std::uint16_t index_ = 0;  // of the frame being added
@@ -51,7 +55,7 @@ class WeightedMean {
   cv::Mat colors_;     // CV_32FC3: sums of weight times color (hard: that of the heaviest frame)
   cv::Mat sharpest_;   // CV_32FC1: greatest sharpness; a weight of 1 is its eighth power
   cv::Mat weights_;    // CV_32FC1: sums
-  cv::Mat most_;       // CV_32FC1: greatest weight
+  cv::Mat most_;       // CV_32FC1: greatest weight; unused without choice_, as source_index_
   cv::Mat source_index_;
 };
 
