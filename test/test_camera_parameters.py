@@ -6,7 +6,6 @@ import rospy
 
 from all_in_focus.camera import parameters
 from all_in_focus.camera.bracket_node import read_config
-from all_in_focus.camera.frame_publisher import _scaled
 from all_in_focus.camera.session import Config
 from all_in_focus.files.rig import Camera
 
@@ -58,7 +57,7 @@ def test_a_ring_turned_by_hand_has_no_focus_distances(given):
 
 def test_a_calibration_for_another_size_sees_the_same():
     camera = Camera("color", 640, 480, [[800, 0, 319.5], [0, 810, 239.5], [0, 0, 1]])
-    half = _scaled(camera, 320, 240)
+    half = camera.scaled(320, 240)
     assert (half.width, half.height) == (320, 240)
     # The middle of the picture stays the middle: pixel 159.5 of 320, as 319.5 of 640.
     assert half.K.tolist() == [[400, 0, 159.5], [0, 405, 119.5], [0, 0, 1]]
