@@ -60,6 +60,23 @@ def test_after_an_error_everything_is_as_before(tmp_path):
         write(out)
 
 
+@pytest.mark.parametrize("marks", [0, 1])
+def test_a_signal_while_a_mark_is_written_leaves_nothing(tmp_path, monkeypatch, marks):
+    write_text, written = output_folder.Path.write_text, []
+
+    def interrupted(path, *args, **kwargs):
+        written.append(path)
+        if len(written) <= marks:
+            return write_text(path, *args, **kwargs)
+        path.write_bytes(b"")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(output_folder.Path, "write_text", interrupted)
+    with pytest.raises(KeyboardInterrupt), whole_folder(tmp_path / "out", PROGRAM) as working:
+        (working / "result").touch()
+    assert len(written) == marks + 1 and names(tmp_path) == []
+
+
 @pytest.mark.parametrize("name", ["mine.txt", "sub/mine.txt", "sub"])
 def test_what_others_have_written_is_refused(tmp_path, name):
     out = tmp_path / "out"

@@ -41,16 +41,17 @@ class OutputFolder:
         self._program, self._may_keep, self._results = program, may_keep, set(results)
         if parents and not self.path.parent.exists():
             self.path.parent.mkdir(parents=True, exist_ok=True)
+        self.working = _staging_name(self.path)
+        self._is_own = True  # all that is in the staging folder
         self._lock = _Lock(self.path)
         try:
             self._check()
             _remove_stale(self.path)
-            self.working = _staging_name(self.path)
             with named(self.path, self.working):
                 self.working.mkdir()
                 self._write_mark(None)
         except BaseException:
-            self._lock.release()
+            self.discard()
             raise
 
     def commit(self):
@@ -62,6 +63,7 @@ class OutputFolder:
                 self.working.rename(self.path)
                 return
             shutil.copymode(self.path, self.working)
+            self._is_own = False
             _exchange(self.working, self.path)
             for name in kept:  # the staging folder is the former output now
                 (self.working / name).rename(self.path / name)
@@ -69,7 +71,10 @@ class OutputFolder:
 
     def discard(self):
         """Removes the staging folder, if commit() has not, and ends the lock."""
-        _remove(self.working)
+        if self._is_own:
+            shutil.rmtree(self.working, ignore_errors=True)  # its mark may be missing or half written
+        else:
+            _remove(self.working)
         self._lock.release()
 
     def _check(self, new=frozenset()):
