@@ -13,7 +13,7 @@ from depth_testing import camera_info, image_message, two_planes, wait_until
 from fusion_testing import BRACKET_IDS, ERROR, PERIOD, WARN, FusionTest, colour_message, picture, regions
 from refined_testing import FRAMES, INDICES, MIDDLE, RefinedTest, pixels
 
-STAMPS = itertools.count(400000, 100)
+STAMPS = itertools.count(400000, 200)
 LAST_STAMP = rospy.Time(4294967295, 950000000)
 DEPTH_PERIOD = 1 / 32  # s, exact in binary
 # s between depth images as they are sent here: the node must keep up on a computer with much else to do, and sanitized.
@@ -113,10 +113,10 @@ class SilenceTest(FusionTest):
         self.reconfigure(label_timeout=2.0)
         self.expect_labels()
         stamp, first = next(STAMPS), next(BRACKET_IDS)
-        count = 40
+        count = 150  # while the first one waits for labels: the reports of the dropped ones come all at once
         for number in range(count):
             self.send_bracket(stamp + number, bracket_id=first + number)
-            rospy.sleep(0.05)
+            rospy.sleep(0.01)
         next(itertools.islice(BRACKET_IDS, count, count), None)
         reports = lambda: {r.bracket_id: r for r in self.outputs['report'].messages}
         wanted = set(range(first, first + count))

@@ -18,7 +18,8 @@ namespace enc = sensor_msgs::image_encodings;
 
 namespace {
 
-constexpr int kQueueSize = 10;  // results that a slow subscriber may lag behind without losing one
+constexpr int kQueueSize = 10;  // images that a slow subscriber may lag behind without losing one
+constexpr int kReportQueueSize = 1000;  // reports are small; those of brackets without images come in bursts
 
 sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
                               const cv::Mat& image) {
@@ -35,9 +36,9 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeMonitor& monitor,
                               const std::function<void()>& connect) {
   monitor_ = &monitor;
   const ros::SubscriberStatusCallback on_connect = [connect](const auto&) { connect(); };
-  const auto advertise = [&](auto type, const char* topic) {
+  const auto advertise = [&](auto type, const char* topic, int queue_size = kQueueSize) {
     monitor.addOutput(topic);
-    return nh.advertise<decltype(type)>(topic, kQueueSize, on_connect, on_connect, ros::VoidConstPtr(),
+    return nh.advertise<decltype(type)>(topic, queue_size, on_connect, on_connect, ros::VoidConstPtr(),
                                         /*latch=*/true);
   };
   image_ = advertise(sensor_msgs::Image(), "all_in_focus/image");
@@ -47,7 +48,7 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeMonitor& monitor,
   source_index_ = advertise(sensor_msgs::Image(), "all_in_focus/source_index");
   confidence_ = advertise(sensor_msgs::Image(), "all_in_focus/confidence");
   info_ = advertise(sensor_msgs::CameraInfo(), "all_in_focus/camera_info");
-  report_ = advertise(FusionReport(), "all_in_focus/report");
+  report_ = advertise(FusionReport(), "all_in_focus/report", kReportQueueSize);
 }
 
 bool FusionOutputs::wanted() const {
