@@ -36,7 +36,7 @@ struct Levels {
   float least = 0, step = 1;
   int count = 1;
 
-  float inverse_depth(double level) const { return least + static_cast<float>(level) * step; }
+  float inverseDepth(double level) const { return least + static_cast<float>(level) * step; }
   int nearest(float inverse_depth) const {
     return std::clamp(static_cast<int>((inverse_depth - least) / step + 0.5f), 0, count - 1);
   }
@@ -153,7 +153,7 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
           for (const ObservedFrame* frame : frames) {
             if (y < frame->seen.y || y >= frame->seen.br().y) continue;
             for (int l = 0; l < levels.count; ++l) {
-              const float radius = frame->blur.radius(levels.inverse_depth(l));
+              const float radius = frame->blur.radius(levels.inverseDepth(l));
               const double variance = 2 * bracket.noise_variance + kVariance + kModelError * radius * radius;
               addCosts(pictures.at(radius).ptr<short>(y) + 3 * frame->seen.x,
                        frame->codes.ptr<short>(y) + 3 * frame->seen.x,
@@ -192,7 +192,7 @@ cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures
   cv::Mat1f inverse_depth(volume.size);
   for (int y = 0; y < inverse_depth.rows; ++y) {
     for (int x = 0; x < inverse_depth.cols; ++x)
-      inverse_depth(y, x) = levels.inverse_depth(lowest(volume.at(y, x), levels.count));
+      inverse_depth(y, x) = levels.inverseDepth(lowest(volume.at(y, x), levels.count));
   }
   if (bracket.measured.empty()) return inverse_depth;
   const cv::Mat1f clear = distanceFromDoubt(bracket);

@@ -43,7 +43,7 @@ class ImageFormation {
   void predict(const cv::Point& p, const float (&own)[2], const cv::Mat4f& sharp,
                cv::Vec3f (&light)[2]) const;
 
-  float inverse_depth(const cv::Point& p) const { return inverse_depth_(p); }
+  float inverseDepth(const cv::Point& p) const { return inverse_depth_(p); }
   float radius(const cv::Point& p) const { return blur_.radius(inverse_depth_(p)); }
 
  private:

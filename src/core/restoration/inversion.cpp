@@ -140,7 +140,7 @@ class Equations {
           const ObservedFrame& frame = bracket_.frames[k];
           const float radius = formation[k].radius({x, y});
           if (radius >= kSharpPx || !frame.seen.contains({x, y})) continue;
-          formation[k].partsOf({x, y}, formation[k].inverse_depth({x, y}), parts);
+          formation[k].partsOf({x, y}, formation[k].inverseDepth({x, y}), parts);
           Row row;
           row.x = static_cast<std::int16_t>(x);
           row.y = static_cast<std::int16_t>(y);
