@@ -6,6 +6,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "all_in_focus/rig_checks.hpp"
 #include "command_line.hpp"
 #include "image_files.hpp"
 #include "rig_files.hpp"
@@ -31,7 +32,7 @@ void checkDepth(const po::variables_map& values) {
   report["overlap"] = found.overlap;
   report["mirroring"] = found.mirroring;
   report["apart"] = found.apart;
-  report["coverage"] = found.coverage;
+  report["coverage"] = coverage(found.registered, rig);
   std::cout << report.dump(2) << '\n';
 }
 

@@ -12,6 +12,7 @@
 #include "all_in_focus/drawing.hpp"
 #include "all_in_focus/rig_checks.hpp"
 #include "command_line.hpp"
+#include "file_error.hpp"
 #include "image_files.hpp"
 #include "output_files.hpp"
 #include "report_json.hpp"

@@ -16,6 +16,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "file_error.hpp"
+
 namespace fs = std::filesystem;
 
 namespace all_in_focus {

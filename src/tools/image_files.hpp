@@ -3,19 +3,9 @@
 #pragma once
 
 #include <opencv2/core.hpp>
-#include <stdexcept>
 #include <string>
 
 namespace all_in_focus {
-
-/// What is wrong with a file; the message begins with its name.
-struct FileError : std::invalid_argument {
-  using std::invalid_argument::invalid_argument;
-};
-
-[[noreturn]] inline void fail(const std::string& path, const std::string& what) {
-  throw FileError(path + ": " + what);
-}
 
 /// ".png" of "folder/Name.PNG".
 std::string ending(const std::string& path);

@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "file_error.hpp"
 #include "image_files.hpp"
 
 namespace fs = std::filesystem;

@@ -13,7 +13,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "image_files.hpp"
+#include "file_error.hpp"
 
 namespace all_in_focus {
 namespace {

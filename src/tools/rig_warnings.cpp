@@ -25,19 +25,18 @@ RigWarnings checkRig(const Rig& rig, const Optics* optics, const cv::Mat& depth,
   if (optics) found.circle_of_confusion = checkCircleOfConfusion(*optics, rig.color);
   found.pose = checkPose(rig.depth_to_color);
   DepthRegistration registration(rig);
-  cv::Mat registered, turned, mirrored;
-  registration.compute(depth, registered);
-  found.coverage = coverage(registered, rig);
+  registration.compute(depth, found.registered);
   try {
-    found.overlap = checkCoverage(registered, rig);
+    found.overlap = checkCoverage(found.registered, rig);
   } catch (const std::invalid_argument& e) {
     found.overlap = e.what();
     found.apart = true;
     return found;
   }
+  cv::Mat turned, mirrored;
   cv::flip(depth, turned, 1);
   registration.compute(turned, mirrored);
-  found.mirroring = checkMirroring(registered, mirrored, picture());
+  found.mirroring = checkMirroring(found.registered, mirrored, picture());
   return found;
 }
 

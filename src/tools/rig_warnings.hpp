@@ -18,8 +18,8 @@ using namespace core;
 /// to say.
 struct RigWarnings {
   std::string unit, circle_of_confusion, pose, overlap, mirroring;
-  bool apart = false;   ///< no depth falls into the picture, as `overlap` says: nothing can be registered
-  double coverage = 0;  ///< share of the picture that gets a depth, 0..1
+  bool apart = false;  ///< no depth falls into the picture, as `overlap` says: nothing can be registered
+  cv::Mat registered;  ///< CV_16UC1 mm, depth seen from the colour camera
 
   /// Those that say something.
   std::vector<std::string> lines() const;

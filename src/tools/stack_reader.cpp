@@ -11,6 +11,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "file_error.hpp"
 #include "image_files.hpp"
 
 namespace fs = std::filesystem;
