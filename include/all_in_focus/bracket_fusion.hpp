@@ -51,7 +51,7 @@ struct RefinedConfig {
   bool scales = true;  ///< sharpness is looked for at every scale; false: at that of pixels alone
   bool noise = true;   ///< weights know the noise
   bool soft = true;    ///< weighted mean; false: the heaviest frame is copied
-  bool choice = true;  ///< tell where pixels come from; false: image and notes alone, in a fifth less memory
+  bool choice = true;  ///< tell which frame pixels come from; false: less memory
 };
 
 /// What a bracket was fused by.
@@ -77,7 +77,7 @@ struct RegionChoice {
 /// What one bracket gives.
 struct FusionResult {
   cv::Mat image;  ///< CV_8UC3
-  /// Empty, as `regions`, without RefinedConfig::choice.
+  // Mode refined leaves these three empty without RefinedConfig::choice.
   cv::Mat source_index;  ///< CV_16UC1, the frame that a pixel was taken from, or mostly; kNoFrame = none
   cv::Mat confidence;    ///< CV_8UC1, margin of the choice, 0..255
   std::vector<RegionChoice> regions;  ///< by label; empty without labels

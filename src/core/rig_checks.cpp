@@ -225,9 +225,8 @@ std::string checkCoverage(const cv::Mat& registered, const Rig& rig) {
   }
   if (share >= kLittleCoverage) return "";
   return cv::format(
-      "only %.2g %% of the colour picture gets a depth: check the transform and both calibrations, and "
-      "whether "
-      "the sensor sees the scene",
+      "only %.2g %% of the colour picture gets a depth: "
+      "check the transform and both calibrations, and whether the sensor sees the scene",
       100 * share);
 }
 

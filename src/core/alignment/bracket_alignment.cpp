@@ -14,10 +14,15 @@ namespace {
 constexpr double kSameScene = 0.8;       // correlation; frames far out of focus reach 0.9, other scenes 0.5
 constexpr double kCertain = 0.05;        // px; no better key frame is looked for
 constexpr double kFarFromKey = 0.03;     // magnification relative to the key frame
-constexpr double kModelError = 0.05;     // by which contours mislead as they blur, px of a picture 640 wide
-constexpr double kRadius = 400;          // px: half the diagonal of 640 x 480
+constexpr double kModelError = 0.05;     // px of 640 x 480; contours that blur shift all tiles by as much
+constexpr double kModelRadius = 400;     // px: half the diagonal of 640 x 480
 constexpr double kSignificance = 3;      // standard deviations
 constexpr double kNoticeableRoll = 0.1;  // px at the corners; a warp without a roll takes half as long
+
+// What a motion may be wrong by, however well the tiles agree, px^2.
+double modelVariance(double radius) {
+  return std::pow(kModelError * radius / kModelRadius, 2);
+}
 
 double variance(const cv::Matx44d& covariance) {
   return cv::trace(covariance);
@@ -30,7 +35,6 @@ void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, do
   center_ = center;
   focal_length_mm_ = focal_length_mm;
   radius_ = 0.5 * std::hypot(size.width, size.height);
-  model_variance_ = std::pow(kModelError * radius_ / kRadius, 2);
   observations_.clear();
   scenes_ = 0;
   breathing_ = {};
@@ -118,7 +122,7 @@ void BracketAlignment::place(const PairMeasurement& measurement) {
   frame.key_covariance = key_.key_covariance;
   frame.covariance = measurement.covariance;
   breathing_.add(key_.magnification, frame.magnification, measurement.motion.scale,
-                 std::sqrt(measurement.covariance(0, 0) + model_variance_) / radius_);
+                 std::sqrt(measurement.covariance(0, 0) + modelVariance(radius_)) / radius_);
 }
 
 Placement BracketAlignment::placement(int index, int reference) const {
@@ -134,7 +138,7 @@ Placement BracketAlignment::placement(int index, int reference) const {
   const cv::Matx44d between_keys = to.key_covariance - from.key_covariance;
   cv::Matx44d covariance = to.covariance + from.covariance +
                            between_keys * (variance(between_keys) < 0 ? -1.0 : 1.0) +
-                           model_variance_ * cv::Matx44d::eye();
+                           modelVariance(radius_) * cv::Matx44d::eye();
 
   // What is measured, in pixels. Fixing one number moves the others as far as they were measured together.
   cv::Vec4d found(radius_ * (measured.scale - 1), radius_ * measured.angle, measured.shift.x,

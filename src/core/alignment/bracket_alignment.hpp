@@ -69,8 +69,7 @@ class BracketAlignment {
   cv::Size size_;
   cv::Point2d center_;
   double focal_length_mm_ = 0;
-  double radius_ = 0;          ///< half the diagonal, px
-  double model_variance_ = 0;  ///< px^2, of what is measured, however sure it seems
+  double radius_ = 0;  ///< half the diagonal, px
   std::map<int, Observation> observations_;
   int scenes_ = 0;
   FocusBreathing breathing_;

@@ -26,9 +26,10 @@ constexpr int kSmallestSide = 12;  // px of the coarsest level
 // that, frames are as good as equal where there is nothing else.
 constexpr double kRounding = 1, kNoiseFloor = 4;
 
-// It is so many standard deviations of the noise at least, less by a factor at every coarser level: contrast
-// that is fainter is not worth the frames that would not be averaged. Where noise is correlated over pixels
-// (demosaicing, JPEG, enlarging) the finest levels show little of it, but what they show varies widely.
+// The least that is added for noise: so many of its standard deviations, times a factor for every coarser
+// level. A frame that is sharper by less is not worth choosing, because the mean over all frames has less
+// noise. Noise that is correlated over pixels (demosaicing, JPEG, enlarging) needs this: the finest levels
+// show little of it, but what they show varies widely.
 constexpr double kDeviations = 6, kOfFinerLevel = 0.8;
 
 double floorOf(const NoiseSpectrum& noise, size_t level) {

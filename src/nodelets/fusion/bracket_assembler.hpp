@@ -45,7 +45,7 @@ class BracketAssembler {
   /// add().
   bool endsBefore(const FrameInfo& frame) const;
 
-  /// The frame is one of the open bracket that is expected still.
+  /// The open bracket lacks this frame.
   bool goesOn(const FrameInfo& frame) const;
 
   Step add(const FrameInfo& frame);

@@ -16,7 +16,7 @@ namespace all_in_focus {
 namespace {
 
 constexpr std::chrono::milliseconds kIdlePeriod(50);  // how often a gap in time is looked for
-constexpr std::chrono::seconds kUnderWay(5);  // that a frame of before a jump of time is under way, at most
+constexpr std::chrono::seconds kUnderWay(5);  // the longest that a frame sent before a jump of time takes
 
 FrameInfo frameInfo(const BracketFrame& frame) {
   FrameInfo info;

@@ -57,12 +57,12 @@ class FrameQueue {
 
   enum class Time {
     kNow,
-    kBefore,  ///< sent before time went back: of use if the bracket that was open then goes on with it
-    kUnclear  ///< one of both: a frame that rgb/focus puts into the open bracket is of before
+    kBefore,  ///< sent before time went back: used only if the bracket that was open then lacks it
+    kUnclear  ///< not known: taken as kBefore if rgb/focus says that the open bracket lacks it, else as kNow
   };
   void add(const BracketFrame& frame, Time time = Time::kNow);
-  /// Time went back: the open bracket ends with the first frame of now, or after 5 s. That frame begins
-  /// as after the start.
+  /// Time went back: the open bracket ends when the first frame of the new time comes, or after 5 s. The
+  /// next bracket begins as the first one after the start did.
   void restart();
   /// Drops all that waits, and the open bracket.
   void abandon();
