@@ -131,6 +131,12 @@ class JumpTest(TimeTest):
         self.set_clock(self.start + 10)
         self.assert_next_bracket_is_good(self.start + 10)
 
+    def announce_last(self, stamp, bracket):
+        """rgb/focus says that a bracket ends with a frame. Returns the frame, which is not sent yet."""
+        last = colour_message(picture('both'), stamp)
+        self.focus.say(FocusFrame(last.header, bracket, 2, 3, True, float('nan')))
+        return last
+
     def assert_frames_wait_for_labels(self, cut_frames=2):
         middle = self.send_bracket(self.start)
         self.assertIsNone(self.processed.at(self.start, timeout=0.3))
@@ -185,8 +191,7 @@ class JumpTest(TimeTest):
 
     def test_the_last_picture_of_before_comes_after_the_jump(self):
         self.play_to_the_end()
-        last = colour_message(picture('both'), self.start + 300 + 2 * PERIOD)
-        self.focus.say(FocusFrame(last.header, self.cut, 2, 3, True, float('nan')))
+        last = self.announce_last(self.start + 300 + 2 * PERIOD, self.cut)
         self.set_clock(self.start)
         self.send_labels(self.start)
         wait_until(lambda: False, 0.2)
@@ -202,8 +207,7 @@ class JumpTest(TimeTest):
         for index, sharp in enumerate(('both', 'none')):
             self.send_frame(now + index * PERIOD, sharp, bracket_id=bracket, index=index, count=3)
             self.acknowledged(now + index * PERIOD)
-        last = colour_message(picture('both'), now + 2 * PERIOD)
-        self.focus.say(FocusFrame(last.header, bracket, 2, 3, True, float('nan')))
+        last = self.announce_last(now + 2 * PERIOD, bracket)
         self.set_clock(self.start)
         self.send_labels(self.start)
         wait_until(lambda: False, 0.2)
@@ -216,8 +220,7 @@ class JumpTest(TimeTest):
 
     def test_the_last_picture_of_before_comes_too_late(self):
         self.play_to_the_end()
-        last = colour_message(picture('both'), self.start + 300 + 2 * PERIOD)
-        self.focus.say(FocusFrame(last.header, self.cut, 2, 3, True, float('nan')))
+        last = self.announce_last(self.start + 300 + 2 * PERIOD, self.cut)
         self.set_clock(self.start)
         self.send_labels(self.start)
         middle = self.send_bracket(self.start)

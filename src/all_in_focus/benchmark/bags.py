@@ -62,7 +62,7 @@ def prepare(scene, modes, options, folder, mark):
     for mode in modes or OWN[:1]:  # without own methods, one run still tells the brackets
         try:
             installed.run([installed.find("evaluate_bag"), "--bag", scene.path, "--output", folder / mode,
-                          "--mode", mode, *arguments])  # without a time-out here: evaluate_bag has its own
+                           "--mode", mode, *arguments])  # without a time-out here: evaluate_bag has its own
         except (RuntimeError, OSError) as error:
             failed[mode] = str(error)
     worked = [mode for mode in modes or OWN[:1] if mode not in failed]

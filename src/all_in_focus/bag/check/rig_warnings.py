@@ -6,11 +6,10 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
-
 from all_in_focus import installed
 from all_in_focus.files.output_file import write_picture
 from all_in_focus.files.rig import save_rig
+from all_in_focus.imaging import shrunk
 
 WIDTH = 640  # pixels to which larger pictures are reduced: enough for the check of mirroring
 
@@ -40,9 +39,6 @@ def ask(rig, quaternion, depth, picture):
         if rig.optics:
             command += ["--optics", ",".join(repr(float(value)) for value in vars(rig.optics).values())]
         if picture is not None:
-            height, width = picture.shape[:2]
-            if width > WIDTH:
-                picture = cv2.resize(picture, (WIDTH, round(height * WIDTH / width)), interpolation=cv2.INTER_AREA)
-            write_picture(folder / "color.png", picture)
+            write_picture(folder / "color.png", shrunk(picture, WIDTH))
             command += ["--color", str(folder / "color.png")]
         return RigWarnings(**json.loads(installed.run(command)))
