@@ -4,7 +4,9 @@
 import numpy as np
 import pytest
 
-from all_in_focus.metrics.truth import Truth, psnr
+from all_in_focus.files.rig import load_rig
+from all_in_focus.files.stack import load_focus
+from all_in_focus.metrics.truth import Truth, blur_per_inverse_depth, depth_errors, psnr
 from tool_helpers import (expect_refusal, fuse_stack, read, read_report, rosrun, succeeded, without_timings)
 
 
@@ -65,6 +67,19 @@ def test_without_depth_it_is_found_from_the_bracket(scene, tmp_path):
     truth = Truth.load(scene)
     assert report["mode"] == "restored"
     assert psnr(restored, truth.image, truth.edges) > psnr(refined, truth.image, truth.edges) + 0.2
+
+
+def test_beside_thin_things_its_depth_is_right_more_often_than_the_registered_one(tmp_path):
+    scene, frames = tmp_path / "occluders", 12
+    succeeded(rosrun("make_scene", "--scene", "occluders", "--frames", str(frames), "--output", scene))
+    fuse(scene, tmp_path, "restored", "--save-depth", tmp_path / "restored.png", "--save-registered", tmp_path / "filled.png")
+    rig = load_rig(scene / "rig")
+    names = [f"{index:03d}.png" for index in range(frames)]
+    focus_mm = [1000 * distance for distance in load_focus(scene / "focus.yaml", names, frames)]
+    blur = blur_per_inverse_depth(rig.optics, rig.color.K[0, 0], focus_mm)
+    truth = read(scene / "truth_depth.png")
+    restored, filled = (depth_errors(read(tmp_path / name), truth, blur)[0] for name in ("restored.png", "filled.png"))
+    assert restored < 0.8 * filled
 
 
 def test_only_restored_has_that_depth(scene, tmp_path):

@@ -27,6 +27,9 @@ constexpr float kSideways = 0.5f;  // share of jumps along a contour: where it m
 // What the nearer of two depths must explain better: the fused picture has the near object's blur on the far
 // surface, which explains the frames as if the object were that much fatter.
 constexpr float kNearExcess = 2;
+// And what is nearer than registered depth with its holes filled: that makes near objects too fat itself,
+// seldom too thin.
+constexpr float kNearerThanFilled = 2.5f;
 constexpr float kColorStep = 288;  // squared gray levels, of jumps that cost little
 constexpr float kLeastJump = 0.05f;
 constexpr float kExplained = 1;  // cost of what needs no nearer depth
@@ -116,8 +119,9 @@ class Contours {
       const std::array<float, 2> costs = costsOf(p, best, tried);
       const bool is_farther = tried < best;
       if (costs[0] < kExplained && !is_farther) continue;
-      const float now = costs[0] + jumpCost(p, best, across_x[i]) + (is_farther ? kNearExcess : -kNearExcess);
-      if (costs[1] + jumpCost(p, tried, across_x[i]) < now) best = tried;
+      const float now = costs[0] + jumpCost(p, best, across_x[i]) + depthCost(p, best) +
+                        (is_farther ? kNearExcess : -kNearExcess);
+      if (costs[1] + jumpCost(p, tried, across_x[i]) + depthCost(p, tried) < now) best = tried;
     }
     return best;
   }
@@ -184,6 +188,12 @@ class Contours {
         if (y + 1 < inverse_depth_.rows) below_(y, x) = cost(bracket_.fused(y + 1, x));
       }
     }
+  }
+
+  float depthCost(const cv::Point& p, float inverse_depth) const {
+    if (bracket_.filled.empty()) return 0;
+    const float filled = bracket_.filled(p);
+    return filled > 0 && inverse_depth - filled > gap_ ? kNearerThanFilled : 0;
   }
 
   // across_x: the contour would move along x.
