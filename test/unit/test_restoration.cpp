@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "all_in_focus/restoration.hpp"
+#include "guarded_depth.hpp"
 #include "restoration/disc_blur.hpp"
 #include "restoration/image_formation.hpp"
 #include "restoration/light.hpp"
@@ -137,6 +138,14 @@ TEST(Restoration, LeavesWhatIsFarFromDepthEdgesAlone) {
   const cv::Mat image = restored(card, card.scene).image, fused = card.fused();
   for (const cv::Rect& calm : {cv::Rect(0, 0, kSize.width, 15), cv::Rect(85, 65, 30, 20)})
     EXPECT_EQ(cv::norm(image(calm), fused(calm), cv::NORM_INF), 0) << calm;
+}
+
+TEST(Restoration, ReadsNothingBesideTheDepth) {
+  const GuardedDepth guarded(kFarMm);
+  const CardBeforeWall card(guarded.depth.size() * 10, {100, 50, 80, 70});
+  BracketScene scene = card.scene;
+  scene.depth = guarded.depth;
+  EXPECT_FALSE(restored(card, scene).image.empty());
 }
 
 TEST(Restoration, FindsDepthFromTheBracketAlone) {

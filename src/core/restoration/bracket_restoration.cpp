@@ -52,8 +52,9 @@ cv::Rect reduced(const cv::Rect& seen, const cv::Size& from, const cv::Size& to)
 
 // Depth in mm, any size -> inverse depth, 1/mm, 0 = unknown.
 cv::Mat1f inverseDepthOf(const cv::Mat& depth, const cv::Size& size) {
+  // From a copy: where it enlarges by 9 and more, cv::resize reads two bytes beside its source.
   cv::Mat scaled = depth;
-  if (depth.size() != size) cv::resize(depth, scaled, size, 0, 0, cv::INTER_NEAREST);
+  if (depth.size() != size) cv::resize(depth.clone(), scaled, size, 0, 0, cv::INTER_NEAREST);
   cv::Mat1f inverse_depth(size);
   for (int y = 0; y < size.height; ++y) {
     for (int x = 0; x < size.width; ++x) {
