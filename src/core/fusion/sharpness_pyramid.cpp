@@ -22,15 +22,14 @@ namespace {
 constexpr double kFinestPx = 0.85, kCoarserPx = 1.4;
 constexpr int kSmallestSide = 12;  // px of the coarsest level
 
-// What is added to the sharpness of a level: rounding, gray levels, and so many times what noise has. With
-// that, frames are as good as equal where there is nothing else.
-constexpr double kRounding = 1, kNoiseFloor = 4;
+// The floor of a level, to which its sharpness is added in quadrature: rounding, gray levels, and so many
+// times what noise has. Frames are then as good as equal where there is nothing else.
+constexpr double kRounding = 0.75, kNoiseFloor = 3;
 
-// The least that is added for noise: so many of its standard deviations, times a factor for every coarser
-// level. A frame that is sharper by less is not worth choosing, because the mean over all frames has less
-// noise. Noise that is correlated over pixels (demosaicing, JPEG, enlarging) needs this: the finest levels
-// show little of it, but what they show varies widely.
-constexpr double kDeviations = 6, kOfFinerLevel = 0.8;
+// The floor is at least so many standard deviations of the noise, times a factor for every coarser level.
+// Noise that is correlated over pixels (demosaicing, JPEG, enlarging) needs this: the finest levels show
+// little of it, but what they show varies widely.
+constexpr double kDeviations = 7.5, kOfFinerLevel = 0.5;
 
 double floorOf(const NoiseSpectrum& noise, size_t level) {
   return kRounding + std::max(kNoiseFloor * noise.sharpness(level),
@@ -94,12 +93,18 @@ ALL_IN_FOCUS_SIMD void mean(const float* a, const float* b, int n, float* __rest
   for (int i = 0; i < n; ++i) out[i] = 0.5f * (a[i] + b[i]);
 }
 
-// (contrast s + floor) times the coarser product, of which two pixels make four: 0, 0 | 1, 1, 1 | 2, ...
-ALL_IN_FOCUS_SIMD void multiply(const float* coarser, float contrast, float floor, int pairs,
+// The sum in quadrature: where s is far below the floor, how much it varies does not matter.
+inline float aboveFloor(float s, float squared_floor) {
+  return std::sqrt(s * s + squared_floor);
+}
+
+// aboveFloor() times the coarser product, of which two pixels make four: 0, 0 | 1, 1, 1 | 2, ...
+ALL_IN_FOCUS_SIMD void multiply(const float* coarser, float contrast, float squared_floor, int pairs,
                                 float* __restrict s) {
   for (int i = 0; i < pairs; ++i) {
-    s[2 * i] = (contrast * s[2 * i] + floor) * coarser[i];
-    s[2 * i + 1] = (contrast * s[2 * i + 1] + floor) * (0.5f * (coarser[i] + coarser[i + 1]));
+    s[2 * i] = aboveFloor(contrast * s[2 * i], squared_floor) * coarser[i];
+    s[2 * i + 1] =
+        aboveFloor(contrast * s[2 * i + 1], squared_floor) * (0.5f * (coarser[i] + coarser[i + 1]));
   }
 }
 
@@ -117,22 +122,23 @@ ALL_IN_FOCUS_SIMD void scaled(const float* s, float contrast, int n, float* __re
   for (int i = 0; i < n; ++i) out[i] = contrast * s[i];
 }
 
-ALL_IN_FOCUS_SIMD void raise(float contrast, float floor, int n, float* s) {
-  for (int i = 0; i < n; ++i) s[i] = contrast * s[i] + floor;
+ALL_IN_FOCUS_SIMD void raise(float contrast, float squared_floor, int n, float* s) {
+  for (int i = 0; i < n; ++i) s[i] = aboveFloor(contrast * s[i], squared_floor);
 }
 
 // Row y of a level: its smoothed Laplacian `s` becomes the product. coarser: the product of the next level,
 // whose pixel i lies on pixel 2 i of this one; it is interpolated linearly. buffer: for one of its rows.
 void multiplyRow(const cv::Mat& coarser, int y, float contrast, float floor, int n,
                  std::vector<float>& buffer, float* s) {
-  if (coarser.empty()) return raise(contrast, floor, n, s);
+  const float squared_floor = floor * floor;
+  if (coarser.empty()) return raise(contrast, squared_floor, n, s);
   const float* north = coarser.ptr<float>(y / 2);
   const float* south = coarser.ptr<float>(std::min((y + 1) / 2, coarser.rows - 1));
   buffer.resize(coarser.cols + 1);
   mean(north, south, coarser.cols, buffer.data());
   buffer[coarser.cols] = buffer[coarser.cols - 1];
-  multiply(buffer.data(), contrast, floor, n / 2, s);
-  if (n % 2 == 1) s[n - 1] = (contrast * s[n - 1] + floor) * buffer[n / 2];
+  multiply(buffer.data(), contrast, squared_floor, n / 2, s);
+  if (n % 2 == 1) s[n - 1] = aboveFloor(contrast * s[n - 1], squared_floor) * buffer[n / 2];
 }
 
 // Level 1: gray, downsampled in units of 1 / kUnit. A few rows at a time, so that no 16-bit copy of a whole
