@@ -29,7 +29,7 @@ constexpr float kSmoothness = 0.1f;
 constexpr double kResidualSigma = 2;  // px
 constexpr int kSteps = 3;             // of conjugate gradients
 constexpr float kSpreadMargin = 2;    // gray levels
-constexpr float kGateFrom = 0.1f, kGateTo = 0.5f;
+constexpr float kGateFrom = 0.1f, kGateTo = 0.6f;
 // Of the correction: contours and lens model are wrong here and there, and what is corrected too much costs
 // more than what is corrected too little.
 constexpr float kTaken = 0.85f;
