@@ -14,8 +14,8 @@ from rosgraph_msgs.msg import Log
 from std_srvs.srv import Trigger
 
 from depth_testing import pixels_of, values_of, wait_until
-from kinect_testing import (HEIGHT, SAMPLE, WIDTH, X, Y, KinectTest, depth_pattern, index_of, is_running, plug,
-                            recorded_depth, unplug)
+from kinect_testing import (HEIGHT, SAMPLE, SANITIZED_DELAY, WIDTH, X, Y, KinectTest, depth_pattern, index_of,
+                            is_running, plug, recorded_depth, unplug)
 
 FIRST, SECOND = 'first/kinect_openni2', 'second/kinect_openni2'
 FOCAL_PX = WIDTH / 2 / math.tan(1.0145 / 2)  # of the field of view that the cameras tell
@@ -56,17 +56,17 @@ class ImagesTest(KinectTest):
         stamps, late = depth.stamps(), np.array(depth.times) - depth.stamps()
         self.assertTrue((np.diff(stamps) > 0).all())
         self.assertTrue((late > -0.001).all(), late)
-        self.assertLess(np.median(late), 0.1)
+        self.assertLess(np.median(late), 0.1 + SANITIZED_DELAY)
         # After the first second the median holds; what the host delays is not in the stamps.
         steps = np.diff(stamps[40:]) / (1 / 30)
-        self.assertLess(np.median(np.abs(steps - np.round(steps))), 0.03, steps)
+        self.assertLess(np.median(np.abs(steps - np.round(steps))), 0.03 + 0.05 * SANITIZED_DELAY, steps)
 
     def test_stamps_survive_a_camera_clock_that_starts_again(self):
         plug('one', 'clock_back')
         depth = self.images('/first/depth/image_raw')
         depth.wait(60)
         self.assertTrue((np.diff(depth.stamps()) > 0).all())
-        self.assertLess(np.abs(np.array(depth.times) - depth.stamps()).max(), 0.5)
+        self.assertLess(np.abs(np.array(depth.times) - depth.stamps()).max(), 0.5 + SANITIZED_DELAY)
 
     def test_camera_that_cannot_be_told_not_to_mirror(self):
         plug('one', 'stuck_mirror')
