@@ -9,7 +9,7 @@ import rospy
 import rostest
 
 from all_in_focus.msg import FocusFrame, SegmentArray
-from depth_testing import camera_info, image_message, two_planes, wait_until
+from depth_testing import SANITIZED, camera_info, image_message, two_planes, wait_until
 from fusion_testing import BRACKET_IDS, ERROR, PERIOD, WARN, FusionTest, colour_message, picture, regions
 from refined_testing import FRAMES, INDICES, MIDDLE, RefinedTest, pixels
 
@@ -17,7 +17,7 @@ STAMPS = itertools.count(400000, 200)
 LAST_STAMP = rospy.Time(4294967295, 950000000)
 DEPTH_PERIOD = 1 / 32  # s, exact in binary
 # s between depth images as they are sent here: the node must keep up on a computer with much else to do, and sanitized.
-PAUSE = 0.002 * max(5.0 if os.environ.get('SANITIZED_PREFIX') else 1.0, min(5.0, os.getloadavg()[0] / os.cpu_count()))
+PAUSE = 0.002 * max(5.0 if SANITIZED else 1.0, min(5.0, os.getloadavg()[0] / os.cpu_count()))
 
 
 class StampTest(RefinedTest):

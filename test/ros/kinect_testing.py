@@ -13,7 +13,7 @@ import rospy
 from roslib.packages import find_node
 from sensor_msgs.msg import CameraInfo, Image
 
-from depth_testing import GraphTest, wait_until
+from depth_testing import SANITIZED, GraphTest, wait_until
 
 WIDTH, HEIGHT = 640, 480
 CAMERAS = Path(os.environ['KINECT_TEST_DIR'])
@@ -22,8 +22,8 @@ DATA = Path(os.environ.get('ALL_IN_FOCUS_DATA', str(Path(__file__).resolve().par
 SAMPLE = DATA / 'kinect_dslr_sweep' / 'depth_raw.png'
 SENSORS = {'ir': 1, 'kinect_rgb': 2, 'depth': 3}
 X, Y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
-# s by which images may come later than on a free computer: compiled with a sanitizer, a node is many times slower.
-SANITIZED_DELAY = 1.0 if os.environ.get('SANITIZED_PREFIX') else 0.0
+# s by which images may come later than those of a node without a sanitizer.
+SANITIZED_DELAY = 1.0 if SANITIZED else 0.0
 
 
 def plug(name, faults=''):
