@@ -12,6 +12,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "all_in_focus/depth_registration.hpp"
+
 namespace all_in_focus::core {
 namespace {
 
@@ -56,7 +58,7 @@ cv::Size reducedSize(const cv::Size& size) {
 
 DepthEdges findEdges(const cv::Mat& depth) {
   cv::Mat small;
-  cv::resize(depth, small, reducedSize(depth.size()), 0, 0, cv::INTER_NEAREST);
+  resizeDepth(depth, reducedSize(depth.size()), small);
   DepthEdges all;
   std::vector<int> near;
   for (int y = 0; y < small.rows; ++y) {

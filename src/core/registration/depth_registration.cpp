@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "registration/z_buffer.hpp"
@@ -116,6 +117,12 @@ void DepthRegistration::drawRows(const cv::Mat& depth, const cv::Range& rows, ZB
       }
     }
   }
+}
+
+void resizeDepth(const cv::Mat& depth, const cv::Size& size, cv::Mat& resized) {
+  // From a copy: where cv::resize enlarges nine times and more, it reads two bytes beside its source.
+  const cv::Mat source = size.width > depth.cols ? depth.clone() : depth;
+  cv::resize(source, resized, size, 0, 0, cv::INTER_NEAREST);
 }
 
 }  // namespace all_in_focus::core

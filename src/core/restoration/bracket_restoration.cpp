@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "all_in_focus/depth_registration.hpp"
 #include "all_in_focus/restoration.hpp"
 #include "fusion/noise_estimation.hpp"
 #include "restoration/blur_scale.hpp"
@@ -52,9 +53,8 @@ cv::Rect reduced(const cv::Rect& seen, const cv::Size& from, const cv::Size& to)
 
 // Depth in mm, any size -> inverse depth, 1/mm, 0 = unknown.
 cv::Mat1f inverseDepthOf(const cv::Mat& depth, const cv::Size& size) {
-  // From a copy: where it enlarges by 9 and more, cv::resize reads two bytes beside its source.
-  cv::Mat scaled = depth;
-  if (depth.size() != size) cv::resize(depth.clone(), scaled, size, 0, 0, cv::INTER_NEAREST);
+  cv::Mat scaled;
+  resizeDepth(depth, size, scaled);
   cv::Mat1f inverse_depth(size);
   for (int y = 0; y < size.height; ++y) {
     for (int x = 0; x < size.width; ++x) {
@@ -73,8 +73,9 @@ cv::Mat depthOf(const cv::Mat1f& inverse_depth, const cv::Size& size) {
       depth(y, x) = static_cast<std::uint16_t>(std::clamp(mm + 0.5f, 1.0f, 65535.0f));
     }
   }
-  if (depth.size() != size) cv::resize(depth, depth, size, 0, 0, cv::INTER_NEAREST);
-  return depth;
+  cv::Mat scaled;
+  resizeDepth(depth, size, scaled);
+  return scaled;
 }
 
 // What the depth sensor saw, or, without one, what the lens was focused on.

@@ -27,8 +27,8 @@ constexpr float kSideways = 0.5f;  // share of jumps along a contour: where it m
 // What the nearer of two depths must explain better: the fused picture has the near object's blur on the far
 // surface, which explains the frames as if the object were that much fatter.
 constexpr float kNearExcess = 2;
-// And what is nearer than registered depth with its holes filled: that makes near objects too fat itself,
-// seldom too thin.
+// What a depth that is nearer than the registered one, with its holes filled, must explain better besides:
+// registration, too, makes near objects too fat rather than too thin.
 constexpr float kNearerThanFilled = 2.5f;
 constexpr float kColorStep = 288;  // squared gray levels, of jumps that cost little
 constexpr float kLeastJump = 0.05f;

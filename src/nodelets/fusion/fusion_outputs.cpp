@@ -10,6 +10,7 @@
 #include <boost/make_shared.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "all_in_focus/depth_registration.hpp"
 #include "all_in_focus/drawing.hpp"
 
 namespace all_in_focus {
@@ -88,9 +89,7 @@ void FusionOutputs::publishDepth(const std_msgs::Header& header, const sensor_ms
   try {
     OutgoingImage out(header, enc::TYPE_16UC1, size);
     if (message) {
-      // From a copy: where it enlarges by 9 and more, cv::resize reads two bytes beside its source.
-      const cv::Mat depth = toDepth(message, {}, "depth_registered/image").mm.clone();
-      cv::resize(depth, out.mat, size, 0, 0, cv::INTER_NEAREST);
+      core::resizeDepth(toDepth(message, {}, "depth_registered/image").mm, size, out.mat);
     } else {
       out.mat.setTo(0);  // unknown: that of an older result must not stay beside a newer picture
     }
