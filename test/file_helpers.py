@@ -49,7 +49,7 @@ def focus_file(tmp_path, text):
     return path
 
 
-def run_script(name, *arguments, timeout=60):
+def run_script(name, *arguments, timeout=300):
     path = os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")])
     return subprocess.run([sys.executable, SCRIPTS / name, *map(str, arguments)], stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE, universal_newlines=True, env=dict(os.environ, PATH=path), timeout=timeout)

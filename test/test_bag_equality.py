@@ -101,7 +101,7 @@ class Run:
 
     def check_end(self, code, *words):
         """Nothing stays: no process, no folder. One line has these words; none: nothing is printed."""
-        out, err = self.process.communicate(timeout=90)
+        out, err = self.process.communicate(timeout=300)
         assert (self.process.returncode, out) == (code, ""), err
         assert len(err.splitlines()) == (1 if words else 0) and all(word in err for word in words), err
         assert len(self.family) >= 7  # launcher, master, rosout, manager, three loaders, player

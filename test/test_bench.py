@@ -21,7 +21,7 @@ import steps  # noqa: E402
 def test_wrong_arguments_give_one_line(line, tmp_path):
     program, *arguments = line.split()
     done = subprocess.run([sys.executable, BENCH / program, *arguments], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, universal_newlines=True, cwd=str(tmp_path), timeout=100)
+                          stderr=subprocess.PIPE, universal_newlines=True, cwd=str(tmp_path), timeout=600)
     assert (done.returncode, done.stdout) == (2, ""), done.stderr
     assert len(done.stderr.splitlines()) == 1 and done.stderr.startswith(program + ": "), done.stderr
     assert not list(tmp_path.iterdir())

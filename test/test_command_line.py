@@ -106,7 +106,7 @@ def test_errors_are_one_line_unless_they_are_mistakes_of_ours(error, said):
     code = f"import sys\nsys.argv[0] = '/x/name'\nfrom all_in_focus.command_line import run\n" \
            f"def main():\n    raise {error}\nrun(main)"
     with program(code) as process:
-        out, err = process.communicate(timeout=60)
+        out, err = process.communicate(timeout=300)
     if said:
         assert (process.returncode, out, err) == (2, "", f"name: {said}\n")
     else:

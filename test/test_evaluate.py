@@ -217,7 +217,7 @@ def test_an_interrupted_run_says_so_and_keeps_what_it_has(scenes, tmp_path):
         assert run.poll() is None
         time.sleep(0.01)
     run.send_signal(signal.SIGINT)
-    out, err = run.communicate(timeout=60)
+    out, err = run.communicate(timeout=300)
     assert (run.returncode, out, err) == (130, "", "evaluate: interrupted; the same command goes on from here\n")
     kept = len(kept_results())
     assert 0 < kept < 8 and not (tmp_path / "report.html").exists() and not list(tmp_path.rglob("*.incomplete"))

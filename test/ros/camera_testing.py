@@ -15,7 +15,7 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from all_in_focus.msg import FocusFrame
 from all_in_focus.files.rig import Camera, Rig, save_rig
-from depth_testing import Listener, wait_until
+from depth_testing import TIMEOUT, Listener, wait_until
 
 HERE = Path(__file__).resolve().parent
 SCRIPTS = HERE.parent.parent / "scripts"
@@ -34,16 +34,16 @@ class NodeProcess:
         self._reader = threading.Thread(target=lambda: self.lines.extend(iter(self._process.stdout.readline, "")))
         self._reader.start()
 
-    def said(self, words, timeout=10):
+    def said(self, words, timeout=TIMEOUT):
         """The first line with these words, None if it does not come."""
         return wait_until(lambda: next((line for line in list(self.lines) if words in line), None), timeout)
 
     def exit_code(self):
-        return self._process.wait(timeout=15)
+        return self._process.wait(timeout=TIMEOUT)
 
     def stop(self):
         self._process.terminate()
-        self._process.wait(timeout=10)
+        self._process.wait(timeout=TIMEOUT)
         self._reader.join()
         self._process.stdout.close()
 
@@ -89,7 +89,7 @@ class CameraTest(unittest.TestCase):
         images = [image.header.stamp for image in list(self.heard["rgb/image"].messages)]
         return [newest[stamp] for stamp in images if stamp in newest]
 
-    def frames(self, count, timeout=10):
+    def frames(self, count, timeout=TIMEOUT):
         """The first `count` frames, as (image, camera_info, focus) of one stamp and frame_id each."""
         self.assertTrue(wait_until(lambda: all(len(self.of_frames(name)) >= count for name in TOPICS), timeout),
                         {name: len(self.of_frames(name)) for name in TOPICS})

@@ -12,7 +12,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from all_in_focus.msg import FocusPlan, SegmentArray
-from depth_testing import (FAR_MM, HEIGHT, NEAR_MM, WIDTH, GraphTest, camera_info, image_message, pixels_of,
+from depth_testing import (FAR_MM, HEIGHT, NEAR_MM, TIMEOUT, WIDTH, GraphTest, camera_info, image_message, pixels_of,
                            subscribers_of, two_planes, values_of, wait_until)
 
 STAMPS = itertools.count(1000)
@@ -26,7 +26,7 @@ class SegmenterTest(GraphTest):
         self.depth = self.talk('/alone/depth_registered/image', Image)
         self.labels = self.listen('/alone/segmentation/labels', Image)
         self.segments = self.listen('/alone/segmentation/segments', SegmentArray)
-        self.client = Client('/alone/segmenter', timeout=10)
+        self.client = Client('/alone/segmenter', timeout=TIMEOUT)
         self.client.update_configuration(DEFAULTS)
 
     def cut(self, depth=None, encoding='16UC1', stamp=None):
@@ -120,7 +120,7 @@ class SegmenterTest(GraphTest):
         messages = [image_message(noise, next(STAMPS)) for _ in range(30)]
         for message in messages:
             self.depth.say(message)
-        self.assertIsNotNone(self.labels.at(messages[-1].header.stamp.to_sec(), timeout=60), 'the newest was dropped')
+        self.assertIsNotNone(self.labels.at(messages[-1].header.stamp.to_sec()), 'the newest was dropped')
         all_counted = lambda status: sum(counts(status).values()) == sum(before.values()) + len(messages)
         after = counts(self.diagnostics.wait('alone/segmenter', all_counted))
         self.assertGreater(after['dropped'], before['dropped'])
@@ -199,7 +199,7 @@ class ChainTest(GraphTest):
             self.assertTrue(wait_until(idle), output)
 
     def test_mode_and_filling_can_be_changed(self):
-        client = Client('/chain/depth_preprocess', timeout=10)
+        client = Client('/chain/depth_preprocess', timeout=TIMEOUT)
         self.addCleanup(client.update_configuration, {'mode': 'refined', 'fill_holes': True})
         self.assertEqual(client.update_configuration({'mode': 'best'})['mode'], 'refined')
         listeners = self.listen_to_all()

@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 from all_in_focus.camera.interface import IO_WRITE, NO_SPACE
 from all_in_focus.msg import FocusPlan
 from camera_testing import HERE, SCRIPTS, TOPICS, CameraTest, places
-from depth_testing import FAR_MM, NEAR_MM, Diagnostics, Talker, image_message, two_planes, wait_until
+from depth_testing import FAR_MM, NEAR_MM, TIMEOUT, Diagnostics, Talker, image_message, two_planes, wait_until
 
 LENS = 1000  # motor positions of the fake
 TABLE = "[{step: 0, mm: 500}, {step: 1000, mm: .inf}]"
@@ -32,7 +32,7 @@ class FocusBracketTest(CameraTest):
 
     def call(self, service="bracket"):
         name = self.topic("focus_bracket_camera/" + service)
-        rospy.wait_for_service(name, 10)
+        rospy.wait_for_service(name, TIMEOUT)
         return rospy.ServiceProxy(name, Trigger)()
 
     def succeed(self, service="bracket"):

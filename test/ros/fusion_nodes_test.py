@@ -249,11 +249,13 @@ class OutputsTest(FusionTest):
     def test_late_listeners_get_the_last_result(self):
         self.send_depth_and_bracket(next(STAMPS))
         stamp = self.send_depth_and_bracket(next(STAMPS))
-        self.report(stamp)
+        for output in self.outputs.values():
+            self.assertIsNotNone(output.at(stamp))
         outputs = {name: self.listen(self.topic('all_in_focus/' + name), kind) for name, kind in OUTPUTS.items()}
         self.assert_one_result(outputs, stamp)
         for output in outputs.values():
-            self.assertEqual(len(output.messages), 1)
+            # Once, or twice: roscpp may still have it in its queue when it sends a new listener the last message.
+            self.assertEqual({message.header.stamp for message in output.messages}, {rospy.Time.from_sec(stamp)})
 
     def test_subscribes_only_while_somebody_listens(self):
         inputs = [self.topic(name) for name in ('rgb/image', 'rgb/focus', 'rgb/camera_info', 'segmentation/labels',

@@ -12,7 +12,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from all_in_focus.msg import FocusFrame, FusionReport, Optics, SegmentArray
-from depth_testing import HEIGHT, NEAR_MM, WIDTH, GraphTest, image_message, two_planes, wait_until
+from depth_testing import HEIGHT, NEAR_MM, TIMEOUT, WIDTH, GraphTest, image_message, two_planes, wait_until
 
 OK, WARN, ERROR = 0, 1, 2
 NEAR, FAR = np.s_[:, :WIDTH // 2], np.s_[:, WIDTH // 2:]  # halves of the image
@@ -85,11 +85,11 @@ class FusionTest(GraphTest):
     def reconfigure(self, **config):
         """Sets what is named and resets the rest; returns what the node shows."""
         if self.RIG not in CLIENTS:
-            CLIENTS[self.RIG] = Client(self.topic('fusion'), timeout=30)
+            CLIENTS[self.RIG] = Client(self.topic('fusion'), timeout=TIMEOUT)
         return CLIENTS[self.RIG].update_configuration({**DEFAULTS, **config})
 
     def finish(self):
-        rospy.wait_for_service(self.topic('fusion/finish'), 10)
+        rospy.wait_for_service(self.topic('fusion/finish'), TIMEOUT)
         return rospy.ServiceProxy(self.topic('fusion/finish'), Trigger)()
 
     def expect_labels(self):

@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 
 from all_in_focus.camera.folder_node import MAX_UNPROCESSED
 from camera_testing import HERE, SCRIPTS, CameraTest, places
-from depth_testing import Talker, pixels_of, wait_until
+from depth_testing import TIMEOUT, Talker, pixels_of, wait_until
 
 sys.path.insert(0, str(HERE.parent))
 from file_helpers import SIZE, pictures, write_stack, write_video  # noqa: E402
@@ -30,7 +30,7 @@ class ImageFolderTest(CameraTest):
             "frames: [{file: 0.png, focus_mm: 855.0}, {file: 2.png, focus_mm: .inf}]")
         node = self.start(NODE, stack=stack, focus=self.folder / "focus.yaml", rig=self.save_rig(SIZE), rate=50.0)
         # Before the first frame depth needs it.
-        info = rospy.wait_for_message(self.topic("rgb/camera_info"), CameraInfo, 10)
+        info = rospy.wait_for_message(self.topic("rgb/camera_info"), CameraInfo, TIMEOUT)
         self.assertEqual([info.width, info.K[0], info.header.frame_id], [SIZE[0], 60.0, "dslr"])
         time.sleep(1)  # nobody listens yet: nothing is lost
         self.listen_to_all()
@@ -70,7 +70,7 @@ class ImageFolderTest(CameraTest):
         processed.say(frames[0][0].header)
         self.frames(MAX_UNPROCESSED + 1)
         # A fusion that does not answer is not waited for.
-        self.assertTrue(wait_until(lambda: len(self.heard["rgb/image"].messages) == MAX_UNPROCESSED + 2, 30))
+        self.assertTrue(wait_until(lambda: len(self.heard["rgb/image"].messages) == MAX_UNPROCESSED + 2))
 
     def test_a_watched_folder(self):
         write_stack(self.folder / "in", ["old.png"])

@@ -10,7 +10,7 @@ import rostest
 from rosgraph_msgs.msg import Log
 from sensor_msgs.srv import SetCameraInfo
 
-from depth_testing import wait_until
+from depth_testing import TIMEOUT, wait_until
 from kinect_testing import KinectNode, KinectTest, plug, unplug
 
 
@@ -32,7 +32,7 @@ class CalibrationTest(KinectTest):
 
     def set_info(self, camera, info):
         name = f'/own/{camera}/set_camera_info'
-        rospy.wait_for_service(name, 10)
+        rospy.wait_for_service(name, TIMEOUT)
         return rospy.ServiceProxy(name, SetCameraInfo)(info)
 
     def test_calibration_that_is_set_is_kept(self):

@@ -13,7 +13,7 @@ import rospy
 from roslib.packages import find_node
 from sensor_msgs.msg import CameraInfo, Image
 
-from depth_testing import SANITIZED, GraphTest, wait_until
+from depth_testing import TIMEOUT, GraphTest, wait_until
 
 WIDTH, HEIGHT = 640, 480
 CAMERAS = Path(os.environ['KINECT_TEST_DIR'])
@@ -23,7 +23,6 @@ SAMPLE = DATA / 'kinect_dslr_sweep' / 'depth_raw.png'
 SENSORS = {'ir': 1, 'kinect_rgb': 2, 'depth': 3}
 X, Y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
 # s by which images may come later than those of a node without a sanitizer.
-SANITIZED_DELAY = 1.0 if SANITIZED else 0.0
 
 
 def plug(name, faults=''):
@@ -69,7 +68,7 @@ class Images:
         self.times.append(time.time())
         self.messages.append(message)
 
-    def wait(self, count, timeout=10.0):
+    def wait(self, count, timeout=TIMEOUT):
         """At least so many more messages, or an AssertionError."""
         begin = len(self.messages)
         if not wait_until(lambda: len(self.messages) >= begin + count, timeout):
@@ -78,6 +77,10 @@ class Images:
 
     def stamps(self):
         return np.array([message.header.stamp.to_sec() for message in self.messages])
+
+    def delays(self):
+        """s from the stamps to the arrivals. The least one tells of the stamps, the others of what else the computer does."""
+        return np.array(self.times) - self.stamps()
 
     def close(self):
         self.subscriber.unregister()
@@ -96,7 +99,7 @@ class KinectNode:
         """What it said; an AssertionError if it ended in any other way than it was told to."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
-        output = self.process.communicate(timeout=20)[0]
+        output = self.process.communicate(timeout=TIMEOUT)[0]
         assert self.process.returncode == 0, output
         return output
 

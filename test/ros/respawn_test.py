@@ -61,7 +61,7 @@ class RespawnTest(GraphTest):
 
     def test_manager_is_killed_at_any_age(self):
         """Also before its loaders can have heard of it twice, and before they have loaded anything."""
-        self.assertTrue(wait_until(self.works, 30), 'nothing works at the start')
+        self.assertTrue(wait_until(self.works), 'nothing works at the start')
         for age in (0, 0.5, 1, 1.5, 2, 6):
             time.sleep(age)
             self.assert_works_after_kill('all_in_focus_manager')
@@ -71,14 +71,14 @@ class RespawnTest(GraphTest):
         self.assert_works_after_kill('all_in_focus_manager')
 
     def test_loader_is_killed(self):
-        self.assertTrue(wait_until(self.works, 30), 'nothing works at the start')
+        self.assertTrue(wait_until(self.works), 'nothing works at the start')
         for process in LOADERS:
             self.assert_works_after_kill(process)
             time.sleep(3)  # by then the next one has loaded its nodelet anew
             self.assertTrue(wait_until(self.works, recovery()), 'nothing works a while after the kill of ' + process)
 
     def test_nodelet_is_unloaded_by_somebody(self):
-        self.assertTrue(wait_until(self.works, 30), 'nothing works at the start')
+        self.assertTrue(wait_until(self.works), 'nothing works at the start')
         subprocess.run(['rosrun', 'nodelet', 'nodelet', 'unload', '/rig/fusion', '/rig/all_in_focus_manager'], check=True)
         self.assertTrue(wait_until(self.works, recovery()), 'the nodelet was not loaded again')
 

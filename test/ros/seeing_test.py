@@ -18,7 +18,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from all_in_focus.rviz import screenshots as rviz_config
 from all_in_focus.msg import SegmentArray
 import depth_testing
-from depth_testing import FAR_MM, NEAR_MM, GraphTest, image_message, pixels_of, subscribers_of, wait_until
+from depth_testing import FAR_MM, NEAR_MM, TIMEOUT, GraphTest, image_message, pixels_of, subscribers_of, wait_until
 
 STAMPS = itertools.count(1000)
 RVIZ_FILE = Path(__file__).resolve().parents[2] / 'rviz/all_in_focus.rviz'
@@ -63,7 +63,7 @@ class CaptionTest(GraphTest):
 
     def setUp(self):
         super().setUp()
-        self.client = Client('/alone/segmenter', timeout=30)
+        self.client = Client('/alone/segmenter', timeout=TIMEOUT)
         self.client.update_configuration({'caption_min_area': 0.5})
         self.depth = self.talk('/alone/depth_registered/image', Image)
 
@@ -73,7 +73,7 @@ class CaptionTest(GraphTest):
         self.segments = self.listen('/alone/segmentation/segments', SegmentArray)
         self.info = self.talk('/alone/' + INFO, CameraInfo)
 
-    def markers_at(self, stamp, timeout=10.0):
+    def markers_at(self, stamp, timeout=TIMEOUT):
         found = lambda: [a.markers for a in self.markers.messages if a.markers[0].header.stamp == rospy.Time(stamp)]
         arrays = wait_until(found, timeout)
         self.assertLessEqual(len(arrays), 1)

@@ -13,7 +13,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 
 from all_in_focus.msg import SegmentArray
-from depth_testing import HEIGHT, WIDTH, camera_info, image_message, pixels_of, two_planes, wait_until
+from depth_testing import HEIGHT, TIMEOUT, WIDTH, camera_info, image_message, pixels_of, two_planes, wait_until
 from fusion_testing import ERROR, FAR, NEAR, OK, WARN, FusionTest, array_of, regions, scene
 
 STAMPS = itertools.count(1000, 10)
@@ -26,7 +26,7 @@ class RigTest(FusionTest):
 
     @classmethod
     def setUpClass(cls):
-        cls.optics = Client('/rig/segmenter', timeout=30)
+        cls.optics = Client('/rig/segmenter', timeout=TIMEOUT)
         cls.transforms = rospy.Publisher('/tf_static', TFMessage, queue_size=10, latch=True)
         cls.publish_transform('depth')
 
