@@ -140,6 +140,19 @@ def test_peeled_surface_shows_no_seams():
         assert (error < 0.15 * whole.std(axis=(1, 2))).all() and error.mean() < 3e-4
 
 
+def test_blur_of_a_peeled_object_hides_no_more_than_if_it_were_whole():
+    """Black and slanted, before a white wall in focus."""
+    near = np.zeros((120, 120), np.float32)
+    near[:, :60] = 1
+    slope = np.linspace(1000, 1100, 120, dtype=np.float32)[:, None].repeat(120, axis=1)
+    whole = [flat([1, 1, 1], 3000.0, size=near.shape), lens.Layer(np.zeros((120, 120, 3), np.float32), near, slope, near)]
+    cut = peel_layers(1 - np.dstack([near] * 3), np.where(near > 0, slope, np.float32(3000)), (1 / 1000 - 1 / 1100) / 8, 20)
+    assert len(cut) in (9, 10)
+    whole, cut = (lens.render_frame(scene_of(*layers), OPTICS, 3000.0) for layers in (whole, cut))
+    difference = np.abs(whole - cut)
+    assert difference.max() < 0.1 and difference.mean() < 0.004
+
+
 def test_peeled_layers_restore_the_picture():
     depth = np.full((80, 120), 2500, np.float32)
     depth[20:60, 30:50] = 1000

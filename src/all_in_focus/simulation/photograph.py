@@ -21,7 +21,9 @@ def peel_layers(color, depth, step, reach):
     """Cut one view with a depth map into layers, back to front.
 
     color: H x W x 3 linear; depth: H x W mm; step: thickness of a layer in 1/mm; reach: how many pixels each layer
-    goes on, with the colour of its nearest known pixel, behind whatever is nearer.
+    goes on, with the colour of its nearest known pixel, behind whatever is nearer. It ends halfway to a farther layer:
+    all layers of a slanted object would end at its outline otherwise, and its blur would hide what is behind it once
+    for each of them.
     """
     inverse_depth = 1 / depth
     slab = np.floor((inverse_depth - inverse_depth.min()) / step).astype(np.int32)
@@ -33,7 +35,9 @@ def peel_layers(color, depth, step, reach):
         source = np.zeros(label.max() + 1, np.int64)
         source[label[own]] = np.flatnonzero(own)
         nearest = source[label]
-        hidden = (slab > value) & (distance <= reach)
+        farther = slab < value
+        to_farther = cv2.distanceTransform((~farther).astype(np.uint8), cv2.DIST_L2, 5) if farther.any() else np.inf
+        hidden = (slab > value) & (distance <= np.minimum(reach, to_farther))
         filled = color.reshape(-1, 3)[nearest]
         filled = np.where(hidden[..., None], cv2.GaussianBlur(filled, (0, 0), 2), filled)
         layers.append(Layer(filled, (own | hidden).astype(np.float32), depth.reshape(-1)[nearest],
