@@ -7,11 +7,11 @@ import rospy
 import rostest
 from sensor_msgs.msg import Image
 
-from depth_testing import subscribers_of, values_of, wait_until
+from depth_testing import SANITIZED, subscribers_of, values_of, wait_until
 from fusion_testing import BRACKET_IDS, PERIOD, WARN, array_of, colour_message
 from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest, fused_by_files, pixels
 
-ENLARGED = 12  # then restoration takes long enough for the next bracket to come first
+ENLARGED = 6 if SANITIZED else 12  # then restoration takes long enough for the next bracket to come first
 AT_REFERENCE = MIDDLE * PERIOD
 
 

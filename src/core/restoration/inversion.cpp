@@ -29,10 +29,10 @@ constexpr float kSmoothness = 0.1f;
 constexpr double kResidualSigma = 2;  // px
 constexpr int kSteps = 3;             // of conjugate gradients
 constexpr float kSpreadMargin = 2;    // gray levels
-constexpr float kGateFrom = 0.1f, kGateTo = 0.6f;
+constexpr float kGateFrom = 0.1f, kGateTo = 0.4f;
 // Of the correction: contours and lens model are wrong here and there, and what is corrected too much costs
 // more than what is corrected too little.
-constexpr float kTaken = 0.85f;
+constexpr float kTaken = 0.9f;
 constexpr int kStripRows = 16;
 
 cv::Mat1b neighbourhood(const cv::Mat1b& mask, int reach) {
