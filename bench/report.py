@@ -1,10 +1,11 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Measure everything that docs/performance.md tells and print its tables, or write them there. Takes about ten minutes.
+"""Measure everything that docs/performance.md tells and print its tables, or write them there. Takes about 20 minutes.
 
 Needs a sourced setup.bash and bench_steps (see docs/performance.md), and a recorded depth image of a rig whose colour camera
-has 640x480 pixels. Parts: steps (times and allocations), growth (the figure), comparison, graph (through ROS).
+has 640x480 pixels. Parts: steps (times and allocations), growth (the figure), comparison, photos (large JPEGs), graph
+(through ROS).
 """
 import argparse
 import os
@@ -21,7 +22,10 @@ SIZES = ((640, 480), (4416, 1242))
 GRAPHS = (  # options of graph_rate
     "--mode paper", "--mode refined", "--mode refined --processes", "--mode refined --size 2208x1242 --rate 15 --frames 150",
     "--mode refined --size 4416x1242 --rate 15 --frames 150 --depth-only --processes",
-    "--mode refined --size 4416x1242 --rate 15 --frames 150 --depth-only --processes --noise 3")
+    "--mode refined --size 4416x1242 --rate 15 --frames 150 --depth-only --processes --noise 3",
+    "--mode refined --size 4416x1242 --rate 15 --frames 150 --depth-only --noise 3",
+    "--mode refined --size 4416x1242 --rate 10 --frames 100", "--mode refined --size 4416x1242 --rate 15 --frames 150")
+PHOTOS = ("--frames 12 --megapixels 20", "--frames 50 --megapixels 6")  # options of photos.py
 
 
 def parse_arguments():
@@ -67,12 +71,17 @@ def measure_comparison(args):
                args.bench_steps)
 
 
+def measure_photos(args):
+    return "\n\n".join(run("photos.py", "--repetitions", min(3, args.repetitions), *shlex.split(options)) for options in PHOTOS)
+
+
 def measure_graph(args):
     return "\n\n".join(run("graph_rate", "--rig", args.rig, "--depth", args.depth, *shlex.split(options))
                        for options in GRAPHS)
 
 
-PARTS = {"steps": measure_steps, "growth": measure_growth, "comparison": measure_comparison, "graph": measure_graph}
+PARTS = {"steps": measure_steps, "growth": measure_growth, "comparison": measure_comparison, "photos": measure_photos,
+         "graph": measure_graph}
 
 
 def write_between_marks(path, part, text):
