@@ -13,7 +13,7 @@ from sensor_msgs.msg import Image
 
 from all_in_focus.msg import SegmentArray
 from depth_testing import HEIGHT, WIDTH, image_message, subscribers_of, wait_until
-from fusion_testing import (ERROR, OK, OUTPUTS, PERIOD, WARN, FusionTest, array_of, colour_message, picture, regions,
+from fusion_testing import (ERROR, OUTPUTS, PERIOD, WARN, FusionTest, array_of, colour_message, picture, regions,
                             scene)
 
 STAMPS = itertools.count(100000, 10)
