@@ -6,6 +6,7 @@ import math
 import os
 import signal
 import sys
+import threading
 from pathlib import Path
 
 from all_in_focus.files.errors import one_line
@@ -34,6 +35,8 @@ def run(main, *errors):
     def end(number, _):
         raise SystemExit(128 + number)
 
+    if not hasattr(threading.Thread, "isAlive"):
+        threading.Thread.isAlive = threading.Thread.is_alive  # rospy 1.15.9 calls it, which Python 3.9 no longer has
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     for number in before:
         if before[number] != signal.SIG_IGN:

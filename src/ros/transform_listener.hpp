@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/buffer.h>
@@ -18,8 +19,11 @@ namespace all_in_focus {
 /// reported.
 class TransformListener {
  public:
-  TransformListener(ros::NodeHandle& nh, tf2_ros::Buffer& buffer, const CallbackGuard& guard)
+  TransformListener(ros::NodeHandle nh, tf2_ros::Buffer& buffer, const CallbackGuard& guard)
       : buffer_(buffer) {
+    // The queue of the process, not that of the nodelet: nodelet 1.10.1 drops what comes while onInit() runs, and
+    // a static transform comes only once.
+    nh.setCallbackQueue(ros::getGlobalCallbackQueue());
     constexpr std::uint32_t kQueueSize = 100;
     const auto subscribe = [&](const std::string& topic, bool is_static) {
       using Callback = boost::function<void(const tf2_msgs::TFMessageConstPtr&)>;

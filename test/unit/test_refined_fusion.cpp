@@ -139,7 +139,8 @@ TEST(RefinedFusion, SharpnessAloneServesWithoutDepthCameraOrFocus) {
   EXPECT_EQ(cv::norm(fuse(planes, without_depth, inPlace()), expected, cv::NORM_INF), 0);
   EXPECT_EQ(cv::norm(fuse(planes, without_camera, inPlace()), expected, cv::NORM_INF), 0);
   EXPECT_EQ(cv::norm(fuse(planes, {}, inPlace()), expected, cv::NORM_INF), 0);
-  EXPECT_GT(psnr(fuse(planes, planes.scene, inPlace(), 0, false), planes.truth), 38);
+  const cv::Mat without_focus = fuse(planes, planes.scene, inPlace(), 0, false);
+  EXPECT_LE(cv::norm(without_focus, expected, cv::NORM_INF), 1);  // gray levels
 }
 
 TEST(RefinedFusion, FramesThatAreSharpNowhereDoNotSpoilBareSurfaces) {

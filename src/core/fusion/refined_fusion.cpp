@@ -38,6 +38,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
     pixel_pitch_mm = calibrated / scale;
   }
   predicted_.release();
+  focus_known_ = false;
   noise_ = {};
   noise_seen_ = false;
   predicts_ = config.prediction && !scene.depth.empty() && pixel_pitch_mm > 0;
@@ -55,6 +56,7 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
         cv::format("fusion: frame %d is focused at %g mm, not beyond the focal length, %g mm", index,
                    focus_mm, focal_length_mm_));
   }
+  focus_known_ = focus_known_ || !std::isnan(focus_mm);
   if (config_.alignment) alignment_.observe(gray, index, focus_mm);
   if (config_.noise && !noise_seen_) noise_ = NoiseSpectrum::of(gray);
   noise_seen_ = true;
@@ -96,7 +98,7 @@ void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const 
   strips_.resize(stripCount(size_.height));
   const bool predicted = predicts_ && !std::isnan(focus_mm);
   sharpness_.begin(gray, {noise_, contrastGain(codes), config_.scales, !predicted, prediction_.textureLevel(),
-                          predicted_});
+                          focus_known_ ? predicted_ : cv::Mat()});
   for (Strip& strip : strips_) sharpness_.begin(strip.sharpness);
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
