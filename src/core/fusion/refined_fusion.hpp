@@ -60,7 +60,7 @@ class RefinedFusion {
   cv::Size size_;
   cv::Point2d center_;
   double focal_length_mm_ = 0;  // 0 = unknown
-  bool focus_known_ = false;  // of a frame that was observed
+  bool focus_known_ = false;    // of a frame that was observed
   bool predicts_ = false;
   cv::Mat predicted_;        // CV_8UC1 of half the size: where
   bool noise_seen_ = false;  // in a frame before the reference
