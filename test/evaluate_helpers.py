@@ -2,15 +2,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs of scripts/evaluate, and its page read back."""
 import csv
+import importlib.util
 import json
 import os
 import subprocess
 import sys
 from html.parser import HTMLParser
 
+import pytest
 from file_helpers import SCRIPTS, run_script
 
 METHODS = "paper,refined,gf,laplacian"
+needs_dask = pytest.mark.skipif(not importlib.util.find_spec("distributed"),
+                                reason="NOT TESTED WITH DASK: python3-distributed is not installed")
 
 
 def environment():

@@ -10,7 +10,7 @@ import time
 import cv2
 import numpy as np
 import pytest
-from evaluate_helpers import METHODS, Page, evaluate, make_scene, results, rows, start
+from evaluate_helpers import METHODS, Page, evaluate, make_scene, needs_dask, results, rows, start
 from tool_helpers import read, rosrun, succeeded
 
 from all_in_focus import metrics
@@ -223,6 +223,7 @@ def test_an_interrupted_run_says_so_and_keeps_what_it_has(scenes, tmp_path):
     assert 0 < kept < 8 and not (tmp_path / "report.html").exists() and not list(tmp_path.rglob("*.incomplete"))
 
 
+@needs_dask
 def test_program_of_the_built_space(scenes, tmp_path):
     """Through rosrun; worker processes start the program anew."""
     done = succeeded(rosrun("evaluate", scenes / "pair", "--methods", "paper,laplacian", "--jobs", "2", "--output", tmp_path))

@@ -6,7 +6,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
-from evaluate_helpers import evaluate, results, rows
+from evaluate_helpers import evaluate, needs_dask, results, rows
 from file_helpers import cut, pictures, run_script, write_stack
 
 from all_in_focus.baselines import BASELINES
@@ -36,8 +36,8 @@ def refused(*arguments):
     (["SCENE", "--metrics", "Q_MI,Q_X"], "no metric is named 'Q_X'; there are Q_MI"),
     (["SCENE", "--jobs", "0"], "expected a positive whole number"),
     (["SCENE", "--jobs", "2", "--scheduler", "tcp://localhost:1"], "give --jobs or --scheduler"),
-    (["SCENE", "--scheduler", "tcp://127.0.0.1:1"], "tcp://127.0.0.1:1: no Dask scheduler answers"),
-    (["SCENE", "--scheduler", "localhost-1"], "no Dask scheduler answers"),
+    pytest.param(["SCENE", "--scheduler", "tcp://127.0.0.1:1"], "tcp://127.0.0.1:1: no Dask scheduler answers", marks=needs_dask),
+    pytest.param(["SCENE", "--scheduler", "localhost-1"], "no Dask scheduler answers", marks=needs_dask),
     (["nowhere"], "nowhere: no such scene"),
     (["--config", "nowhere.yaml"], "nowhere.yaml: No such file or directory"),
     (["SCENE", "--bag-option", "timeout"], "expected NAME=VALUE"),
