@@ -58,9 +58,10 @@ class ImagesTest(KinectTest):
         self.assertTrue((delays > -0.001).all(), delays)
         self.assertLess(delays.min(), 0.1)
         # After the first second the median holds; what the host delays is not in the stamps.
-        steps = np.diff(stamps[40:]) / (1 / 30)
+        steps = [np.diff(times[40:]) * 30 for times in (stamps, depth.times)]
+        jitter, arrivals = (np.abs(some - np.round(some)) for some in steps)
         if not SANITIZED:  # such a camera does not reach 30 Hz
-            self.assertLess(np.median(np.abs(steps - np.round(steps))), 0.03, steps)
+            self.assertLess(np.median(jitter), max(0.03, 0.5 * np.median(arrivals)), jitter)
 
     def test_stamps_survive_a_camera_clock_that_starts_again(self):
         plug('one', 'clock_back')
