@@ -40,6 +40,15 @@ class ReplayTest(LaunchTest):
             self.assertTrue(whole(report), report)
         self.assert_same(results.wait(whole)[0], self.expected)
 
+    def test_a_bag_brings_its_lens(self):
+        bag = self.folder / 'scene.bag'
+        succeeded(run_script('make_bag', '--depth', self.scene.depth, '--rig', self.scene.rig, '--stack', self.scene.stack,
+                             '--focus', self.scene.focus, '--output', bag))
+        self.addCleanup(lambda: rospy.delete_param('/use_sim_time'))
+        results = self.results()
+        self.launch('all_in_focus', 'replay.launch', rviz='false', bag=bag)
+        self.assert_same(self.result(results, whole)[0], self.expected)
+
     def test_names_are_relative_to_where_it_is_called(self):
         self.addCleanup(os.chdir, os.getcwd())
         self.addCleanup(os.environ.update, PWD=os.environ['PWD'])
