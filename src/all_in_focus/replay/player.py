@@ -38,6 +38,24 @@ class PlayError(RuntimeError):
     """The bag cannot be played to the end; the message is one line."""
 
 
+def set_optics(optics, patience):
+    """Sets the lens of the segmenter. Returns a line for each number that it does not take; PlayError if it does not answer.
+
+    optics: has focal_length_mm, aperture, circle_of_confusion_mm; patience: s.
+    """
+    wanted = {name: getattr(optics, name) for name in LENS}
+    try:
+        client = dynamic_reconfigure.client.Client("segmenter", timeout=patience)
+        if client.get_parameter_descriptions(timeout=patience) is None:
+            raise PlayError("the segmenter does not publish its parameters")
+        taken = client.update_configuration(wanted)
+        client.close()
+    except (rospy.ROSException, rospy.ServiceException) as error:
+        raise PlayError(f"the segmenter refuses the optics: {error}")
+    return [f"segmenter: {name} = {wanted[name]:g} is impossible, it uses {taken[name]:g}" for name in LENS
+            if taken[name] != wanted[name]]
+
+
 @dataclass
 class Limits:
     """Waits in seconds of wall time."""
@@ -123,20 +141,7 @@ class BagPlayer:
         self._wait(lambda: False, SETTLE)
 
     def set_optics(self, optics):
-        """Sets the lens of the segmenter. optics: has focal_length_mm, aperture, circle_of_confusion_mm."""
-        wanted = {name: getattr(optics, name) for name in LENS}
-        try:
-            client = dynamic_reconfigure.client.Client("segmenter", timeout=self._limits.connect)
-            if client.get_parameter_descriptions(timeout=self._limits.connect) is None:
-                raise PlayError("the segmenter does not publish its parameters")
-            taken = client.update_configuration(wanted)
-            client.close()
-        except (rospy.ROSException, rospy.ServiceException) as error:
-            raise PlayError(f"the segmenter refuses the optics: {error}")
-        for name in LENS:
-            if taken[name] != getattr(optics, name):
-                text = f"segmenter: {name} = {getattr(optics, name):g} is impossible, it uses {taken[name]:g}"
-                self.problems[text] += 1
+        self.problems.update(set_optics(optics, self._limits.connect))
 
     def play(self, follow_optics=True, check=lambda: None):
         """Publishes every message of the bag.
