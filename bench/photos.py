@@ -91,7 +91,8 @@ def main():
             runs[name].append(run(shlex.split(commands[name].format(stack=stack, files=files, output=output))))
     medians = {name: np.median(values, axis=0) for name, values in runs.items()}
     ours = next(iter(medians.values()))[0]
-    print(f"{args.frames} JPEGs of {width}x{height}, medians of {args.repetitions} runs, in turn.\n")
+    runs_told = "one run" if args.repetitions == 1 else f"medians of {args.repetitions} runs"
+    print(f"{args.frames} JPEGs of {width}x{height}, {runs_told}, in turn.\n")
     print(steps.table(["program", "s", "times ours", "CPU, s", "peak, MB"],
                       [[name, f"{seconds:.2f}", f"{seconds / ours:.2f}", f"{cpu:.2f}", f"{peak:.0f}"]
                        for name, (seconds, cpu, peak) in medians.items()], left=1))
