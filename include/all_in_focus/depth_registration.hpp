@@ -50,8 +50,8 @@ class DepthRegistration {
   std::vector<ZBuffer> bands_;  ///< one for each band of rows of the depth image
 };
 
-/// Depth of another size: every pixel takes the nearest one, since the mean of two depths may be the depth of
-/// nothing. depth: CV_16UC1; resized: the same, in its own memory if that is of this size already.
+/// Resizes depth: every pixel takes the nearest one, because the mean of two depths may be the depth of
+/// nothing. depth, resized: CV_16UC1. The memory of `resized` is used again where it has the size already.
 void resizeDepth(const cv::Mat& depth, const cv::Size& size, cv::Mat& resized);
 
 }  // namespace all_in_focus::core

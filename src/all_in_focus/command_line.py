@@ -35,8 +35,8 @@ def run(main, *errors):
     def end(number, _):
         raise SystemExit(128 + number)
 
-    if not hasattr(threading.Thread, "isAlive"):
-        threading.Thread.isAlive = threading.Thread.is_alive  # rospy 1.15.9 calls it, which Python 3.9 no longer has
+    if not hasattr(threading.Thread, "isAlive"):  # rospy 1.15.9 calls it; Python 3.9 does not have it any more
+        threading.Thread.isAlive = threading.Thread.is_alive
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     for number in before:
         if before[number] != signal.SIG_IGN:

@@ -114,7 +114,7 @@ void DepthPreprocessNodelet::onInit() {
                                    [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
   monitor_->start();
-  connect();  // who listens already: nodelet 1.10.1 drops what is called while onInit() runs
+  connect();  // for those who listen already: nodelet 1.10.1 drops callbacks while onInit() runs
 }
 
 void DepthPreprocessNodelet::readParameters() {

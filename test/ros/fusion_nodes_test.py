@@ -254,7 +254,7 @@ class OutputsTest(FusionTest):
         outputs = {name: self.listen(self.topic('all_in_focus/' + name), kind) for name, kind in OUTPUTS.items()}
         self.assert_one_result(outputs, stamp)
         for output in outputs.values():
-            # Once, or twice: roscpp may still have it in its queue when it sends a new listener the last message.
+            # Once or twice: roscpp may send a new listener the last message while that still waits in its queue.
             self.assertEqual({message.header.stamp for message in output.messages}, {rospy.Time.from_sec(stamp)})
 
     def test_subscribes_only_while_somebody_listens(self):

@@ -120,7 +120,7 @@ void DepthRegistration::drawRows(const cv::Mat& depth, const cv::Range& rows, ZB
 }
 
 void resizeDepth(const cv::Mat& depth, const cv::Size& size, cv::Mat& resized) {
-  // From a copy: where cv::resize enlarges nine times and more, it reads two bytes beside its source.
+  // Enlarges a copy: cv::resize reads two bytes beside its source where it enlarges nine times and more.
   const cv::Mat source = size.width > depth.cols ? depth.clone() : depth;
   cv::resize(source, resized, size, 0, 0, cv::INTER_NEAREST);
 }

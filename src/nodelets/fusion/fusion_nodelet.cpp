@@ -103,7 +103,7 @@ void FusionNodelet::onInit() {
     outputs_.advertise(getNodeHandle(), *monitor_, guard_->wrap(getName(), [this] { connect(); }));
   }
   monitor_->start();
-  connect();  // who listens already: nodelet 1.10.1 drops what is called while onInit() runs
+  connect();  // for those who listen already: nodelet 1.10.1 drops callbacks while onInit() runs
 }
 
 // What stands in `config` on return is shown to the user.
