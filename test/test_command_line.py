@@ -97,6 +97,17 @@ def test_an_interrupt_that_the_parent_ignores_stays_ignored():
         assert process.wait(60) == 0
 
 
+def test_a_node_that_waits_for_a_master_can_be_interrupted():
+    environment = dict(os.environ, ROS_MASTER_URI="http://localhost:9")
+    with subprocess.Popen([sys.executable, SCRIPTS / "rig_publisher"], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                          universal_newlines=True, env=environment) as process:
+        assert "master may not be running yet" in process.stdout.readline()
+        while process.poll() is None:  # rospy may lose the first one, while it installs its own handlers
+            process.send_signal(signal.SIGINT)
+            time.sleep(0.5)
+        assert process.stderr.read() == "" and process.returncode == 128 + signal.SIGINT
+
+
 @pytest.mark.parametrize("error, said", [
     ("ValueError('two\\nlines')", "two lines"),
     ("OSError(28, 'No space left on device')", "[Errno 28] No space left on device"),

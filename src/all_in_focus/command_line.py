@@ -47,7 +47,7 @@ def run(main, *errors):
     except BrokenPipeError:  # the reader of the output, such as head, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         code = 128 + signal.SIGPIPE
-    except KeyboardInterrupt:
+    except _interrupts():
         code = 128 + signal.SIGINT
     except (ValueError, OSError, MemoryError, *errors) as error:
         print(f"{Path(sys.argv[0]).name}: {one_line(error)}", file=sys.stderr)
@@ -56,6 +56,12 @@ def run(main, *errors):
         for number in before:
             signal.signal(number, before[number])
     sys.exit(code)
+
+
+def _interrupts():
+    """Exceptions by which Ctrl-C leaves a program; rospy raises its own while it waits for a master."""
+    rospy = sys.modules.get("rospy")
+    return (KeyboardInterrupt, rospy.ROSInitException) if rospy else KeyboardInterrupt
 
 
 def positive(text):
