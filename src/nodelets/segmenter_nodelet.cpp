@@ -32,6 +32,10 @@ namespace {
 
 constexpr const char* kProcessedTopic = "segmentation/processed";
 
+core::Optics opticsOf(const SegmenterConfig& config) {
+  return {config.focal_length_mm, config.aperture, config.circle_of_confusion_mm};
+}
+
 }  // namespace
 
 /// Cuts registered depth images into regions that fit into the depth of field.
@@ -67,6 +71,7 @@ class SegmenterNodelet : public nodelet::Nodelet {
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
   ros::Publisher labels_publisher_;  // no image_transport: lossy plug-ins would destroy labels
   ros::Publisher segments_publisher_, plan_publisher_;
+  ros::Publisher optics_publisher_;  // latched: so that a bag tells the lens
   image_transport::Publisher picture_publisher_;
   std::unique_ptr<SegmentMarkers> markers_;
 
@@ -88,6 +93,7 @@ void SegmenterNodelet::onInit() {
   time_jumps_ = std::make_unique<TimeJumps>([this](int input) { monitor_->timeWentBack(input); });
   depth_input_ = monitor_->addInput("depth_registered/image", Expect::kStream, "start depth_preprocess");
   markers_ = std::make_unique<SegmentMarkers>(getNodeHandle(), *monitor_, *guard_);
+  optics_publisher_ = getNodeHandle().advertise<OpticsMsg>("rgb/optics", 1, true);
   readParameters();
   reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(getPrivateNodeHandle());
   reconfigure_server_->setCallback(
@@ -125,7 +131,7 @@ void SegmenterNodelet::advertise() {
   picture_publisher_ = transport.advertise("segmentation/image_color", 1, picture_connect, picture_connect);
   markers_->advertise(connect);
   for (const char* topic : {"segmentation/labels", "segmentation/segments", "segmentation/focus_plan",
-                            "segmentation/image_color"}) {
+                            "segmentation/image_color", "rgb/optics"}) {
     monitor_->addOutput(topic);
   }
 }
@@ -149,6 +155,7 @@ void SegmenterNodelet::reconfigure(Config& config) {
   if (!repair.warnings().empty()) monitor_->warn(repair.warnings());
   config_ = config;
   segmentation_.reset();
+  optics_publisher_.publish(toMessage(opticsOf(config_)));
 
   std::ostringstream optics;
   optics << "f " << config.focal_length_mm << " mm, F " << config.aperture << ", circle of confusion "
@@ -186,9 +193,8 @@ void SegmenterNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
 void SegmenterNodelet::process(const sensor_msgs::ImageConstPtr& message) {
   const DepthImage depth = toDepth(message, {}, monitor_->resolved(depth_input_));
   if (!segmentation_) {
-    const core::Optics optics{config_.focal_length_mm, config_.aperture, config_.circle_of_confusion_mm};
     segmentation_ = std::make_unique<DofSegmentation>(
-        segmentationConfig(mode_, optics, toDofSpan(config_.dof_rule), config_.min_region_size));
+        segmentationConfig(mode_, opticsOf(config_), toDofSpan(config_.dof_rule), config_.min_region_size));
   }
   OutgoingImage labels(message->header, sensor_msgs::image_encodings::TYPE_32SC1, depth.mm.size());
   result_.labels = labels.mat;

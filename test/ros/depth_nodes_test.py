@@ -11,7 +11,7 @@ from dynamic_reconfigure.client import Client
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from all_in_focus.msg import FocusPlan, SegmentArray
+from all_in_focus.msg import FocusPlan, Optics, SegmentArray
 from depth_testing import (FAR_MM, HEIGHT, NEAR_MM, TIMEOUT, WIDTH, GraphTest, camera_info, image_message, pixels_of,
                            subscribers_of, two_planes, values_of, wait_until)
 
@@ -112,6 +112,13 @@ class SegmenterTest(GraphTest):
         stamp = next(STAMPS)
         self.cut(stamp=stamp)
         np.testing.assert_allclose(plans.at(stamp).focus_distance, [1.5], rtol=1e-6)
+
+    def test_the_lens_is_published_for_bags(self):
+        self.client.update_configuration({'aperture': 2.0})
+        late = self.listen('/alone/rgb/optics', Optics)
+        self.assertTrue(wait_until(lambda: late.messages == [Optics(24.0, 2.0, 0.019)]), late.messages)
+        self.client.update_configuration({'focal_length_mm': 50.0})
+        self.assertTrue(wait_until(lambda: late.messages[-1] == Optics(50.0, 2.0, 0.019)), late.messages)
 
     def test_what_it_cannot_follow_is_dropped_and_counted(self):
         counts = lambda status: {name: int(values_of(status)[name]) for name in ('processed', 'dropped')}
