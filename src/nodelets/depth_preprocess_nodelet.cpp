@@ -29,7 +29,7 @@ namespace all_in_focus {
 namespace {
 
 constexpr double kRetryPeriod = 0.1;  // s, while a depth image waits for the transform
-constexpr double kPatience = 1.0;     // s, before waiting is an error
+constexpr double kPatience = 3.0;     // s, before waiting is an error; a Python node takes 2 s to start
 constexpr const char* kProcessedTopic = "depth_registered/processed";
 
 }  // namespace
