@@ -7,13 +7,6 @@ import xmlrpc.client
 
 import rosgraph
 
-PROMISED = 10  # s from kill -9 until results are right again, as docs/reliability.md says
-
-
-def recovery():
-    """s that a test allows: what is promised, on a computer with much else to do up to three times that, as its load says."""
-    return PROMISED * min(3.0, max(1.0, os.getloadavg()[0] / os.cpu_count()))
-
 
 def pid_of(node):
     """None while the node is not there."""
