@@ -151,6 +151,13 @@ TEST(SharpnessPyramid, HardlyTrustsAFrameThatIsSharpNowhere) {
             0.1 * cv::norm(product(blurred, plain), cv::NORM_INF));
 }
 
+TEST(SharpnessPyramid, TrustsAnEnlargedFrameAsMuch) {
+  cv::Mat sharp = randomGray({640, 480}), enlarged;
+  cv::resize(sharp, enlarged, {}, 4, 4, cv::INTER_CUBIC);
+  const SharpnessPyramid::Gauge plain, trusting{{}, 1, true, true};
+  EXPECT_EQ(cv::norm(product(enlarged, trusting), product(enlarged, plain), cv::NORM_INF), 0);
+}
+
 TEST(SharpnessPyramid, CoarserLevelsCountByTheirRootWhereDepthHasASay) {
   const cv::Mat gray = randomGray({200, 120});
   SharpnessPyramid::Gauge finest, predicted;

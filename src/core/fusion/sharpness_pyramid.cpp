@@ -39,8 +39,14 @@ double floorOf(const NoiseSpectrum& noise, size_t level) {
 // Modified Laplacian of level 1, gray levels above the noise, that a frame which is sharp anywhere has in its
 // sharpest places; and the least trust, which its eighth power makes a weight of 1e-9.
 constexpr double kSharp = 4, kLeastTrust = 0.075;
+constexpr int kTrustWidth = 640;  // px, of a picture whose level 1 it is; of a larger one a coarser level
 constexpr double kNoiseMargin = 1.25;  // frames differ in their noise, and places in a frame
 constexpr int kUnit = 256;             // of a gray level in a coarser level
+
+size_t trustLevel(int width) {
+  const double octaves = std::log2(static_cast<double>(width) / kTrustWidth);
+  return 1 + static_cast<size_t>(std::max(0.0, std::round(octaves)));
+}
 
 // At n pixels that have neighbours on both sides.
 template <typename Pixel>
@@ -178,18 +184,21 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
   if (count_ == 1) return;
   downsample(gray, levels_[1].image);
   for (size_t l = 2; l < count_; ++l) cv::pyrDown(levels_[l - 1].image, levels_[l].image);
-  for (size_t l = count_ - 1; l > 0; --l) computeProduct(l);
+  const size_t trust_level = std::min(count_ - 1, trustLevel(gray.cols));
+  for (size_t l = count_ - 1; l > 0; --l) {
+    computeProduct(l);
+    if (gauge.trust && l == trust_level) trust_ = static_cast<float>(trust(l, gauge.noise.sharpness(l)));
+  }
   if (!gauge.predicted.empty()) {
     cv::sqrt(levels_[1].product, root_);
     root_.copyTo(levels_[1].product, gauge.predicted);
   }
-  if (gauge.trust) trust_ = static_cast<float>(trust(gauge.noise.sharpness(1)));
 }
 
-// noise: mean modified Laplacian of the noise of level 1.
-double SharpnessPyramid::trust(double noise) const {
+// noise: mean modified Laplacian of the noise of that level, which was computed last.
+double SharpnessPyramid::trust(size_t level, double noise) const {
   const double mean = std::accumulate(fourth_powers_.begin(), fourth_powers_.end(), 0.0) *
-                      std::pow(contrast_, 4) / static_cast<double>(levels_[1].image.total());
+                      std::pow(contrast_, 4) / static_cast<double>(levels_[level].image.total());
   const double above_noise = std::pow(std::max(mean - std::pow(kNoiseMargin * noise, 4), 0.0), 0.25);
   return std::clamp(above_noise / (kSharp + noise), kLeastTrust, 1.0);
 }

@@ -20,9 +20,10 @@ namespace all_in_focus::core {
 /// reach farther. They also reach across depth edges, so where depth has a say (`predicted`) the product of
 /// all levels but the finest counts by its square root.
 ///
-/// With `trust` the product is multiplied by min(1, m / (4 + noise)), m the fourth root of the mean of s_1^4,
+/// With `trust` the product is multiplied by min(1, m / (4 + noise)), m the fourth root of the mean of s_t^4,
 /// less that of the noise: on bare surfaces far from all texture, where no scale tells frames apart, those
-/// that are sharp nowhere hardly count. They would spread the light of blurred things there.
+/// that are sharp nowhere hardly count. They would spread the light of blurred things there. Level t is 1 for
+/// pictures 640 px wide, and coarser for larger ones, so that pixels without detail change nothing.
 ///
 /// Level 0 is never held as a whole; all others together take a third of the pixels of one frame.
 class SharpnessPyramid {
@@ -65,7 +66,7 @@ class SharpnessPyramid {
   };
 
   void computeProduct(size_t level);
-  double trust(double noise) const;
+  double trust(size_t level, double noise) const;
 
   cv::Mat gray_;
   float contrast_ = 1, trust_ = 1;
