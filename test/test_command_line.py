@@ -98,7 +98,7 @@ def test_an_interrupt_that_the_parent_ignores_stays_ignored():
 
 
 def test_a_node_that_waits_for_a_master_can_be_interrupted():
-    environment = dict(os.environ, ROS_MASTER_URI="http://localhost:9")
+    environment = dict(os.environ, ROS_MASTER_URI="http://localhost:9", PYTHONUNBUFFERED="1")
     with subprocess.Popen([sys.executable, SCRIPTS / "rig_publisher"], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                           universal_newlines=True, env=environment) as process:
         assert "master may not be running yet" in process.stdout.readline()

@@ -3,6 +3,7 @@
 """fuse_stack, segment_depth and the programs of the package as they are called at the command line."""
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -73,8 +74,11 @@ def expect_refusal(done, name, complaint=""):
     """Exit code 2, nothing on stdout, one line on stderr that begins with the tool's name."""
     assert done.returncode == 2, (done.returncode, done.stdout, done.stderr)
     assert done.stdout == ""
-    assert done.stderr.count("\n") == 1 and done.stderr.endswith("\n"), done.stderr
-    assert done.stderr.startswith(f"{name}: ") and complaint in done.stderr, done.stderr
+    said = done.stderr
+    if tuple(map(int, cv2.__version__.split(".")[:2])) < (4, 6):  # which cannot silence FFmpeg
+        said = re.sub(r"^\[.* @ 0x[0-9a-f]+\] .*\n", "", said, flags=re.MULTILINE)
+    assert said.count("\n") == 1 and said.endswith("\n"), said
+    assert said.startswith(f"{name}: ") and complaint in said, said
 
 
 def read(path):

@@ -16,6 +16,7 @@ from std_msgs.msg import String
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from all_in_focus.camera.bracket_node import run  # noqa: E402
 from all_in_focus.camera.interface import USB_CLAIM  # noqa: E402
+from all_in_focus.command_line import run as run_program  # noqa: E402
 from fake_camera import FakeCamera  # noqa: E402
 
 
@@ -39,4 +40,4 @@ def camera_at(_port, _model):
 
 
 if __name__ == "__main__":
-    sys.exit(run(camera_at))
+    run_program(lambda: run(camera_at))
