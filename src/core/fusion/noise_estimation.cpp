@@ -20,12 +20,14 @@ constexpr int kRowStep = 2;                         // every other row is plenty
 
 // Mean modified Laplacian of white noise, deviations: of the sum of two Laplacians of variance 6.
 const double kSharpnessOfWhite = 2 * std::sqrt(6) * std::sqrt(2 / CV_PI);
-// Of noise that is correlated over the pixels of a level, which the pyramid has smoothed on the way there.
-constexpr double kSharpnessOfCorrelated = 2;
+// Of noise that is correlated over the pixels of a level, which the pyramid has smoothed on the way
+// there: 1.2 to 1.4 where white noise was enlarged 2 to 8 times, and a little more with texture.
+constexpr double kSharpnessOfCorrelated = 1.5;
 
-// Such noise is less than white between neighbours, so its Laplacian is more than the mask's response says.
-// Beyond twice that it is texture.
-constexpr double kMostOfWhite = 2;
+// Such noise is less than white between neighbours, so its Laplacian is more than the mask's response says:
+// 1.7 to 2.5 times where it was enlarged 3 to 8 times, at the level where it is greatest. What is beyond is
+// texture.
+constexpr double kMostOfWhite = 2.5;
 constexpr double kLeastOfFiner = 0.4;  // sharpness of a level, of that of the finer one
 
 constexpr int kUnit = 256;             // of a gray level, as in SharpnessPyramid
