@@ -28,8 +28,9 @@
 namespace all_in_focus {
 namespace {
 
-constexpr double kRetryPeriod = 0.1;  // s, while a depth image waits for the transform
-constexpr double kPatience = 3.0;     // s, before waiting is an error; a Python node takes 2 s to start
+constexpr double kConnectPeriod = 0.02;  // s, until onInit() has ended
+constexpr double kRetryPeriod = 0.1;     // s, while a depth image waits for the transform
+constexpr double kPatience = 3.0;        // s, before waiting is an error; a Python node takes 2 s to start
 constexpr const char* kProcessedTopic = "depth_registered/processed";
 
 }  // namespace
@@ -72,6 +73,7 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   std::vector<int> invalid_values_{0, 2047};
   int queue_size_ = 5;
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
+  ros::WallTimer connect_timer_;
   image_transport::Publisher registered_publisher_, filled_publisher_;
   ros::Publisher info_publisher_;
   // For camera infos and transform.
@@ -114,7 +116,16 @@ void DepthPreprocessNodelet::onInit() {
                                    [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
   monitor_->start();
-  connect();  // for those who listen already: nodelet 1.10.1 drops callbacks while onInit() runs
+  // For those who listen already. Not now: nodelet 1.10.1 drops callbacks while onInit() runs, and with them
+  // the latched messages of inputs that another nodelet of the process has already.
+  connect_timer_ = getMTNodeHandle().createWallTimer(ros::WallDuration(kConnectPeriod),
+                                                     guard_->wrap(getName(),
+                                                                  [this](const ros::WallTimerEvent&) {
+                                                                    connect_timer_.stop();
+                                                                    connect();
+                                                                  }),
+                                                     /*oneshot=*/false, /*autostart=*/false);
+  connect_timer_.start();
 }
 
 void DepthPreprocessNodelet::readParameters() {

@@ -30,6 +30,7 @@
 namespace all_in_focus {
 namespace {
 
+constexpr double kConnectPeriod = 0.02;  // s, until onInit() has ended
 constexpr const char* kProcessedTopic = "segmentation/processed";
 
 core::Optics opticsOf(const SegmenterConfig& config) {
@@ -69,6 +70,7 @@ class SegmenterNodelet : public nodelet::Nodelet {
   int queue_size_ = 5;
 
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
+  ros::WallTimer connect_timer_;
   ros::Publisher labels_publisher_;  // no image_transport: lossy plug-ins would destroy labels
   ros::Publisher segments_publisher_, plan_publisher_;
   ros::Publisher optics_publisher_;  // latched: so that a bag tells the lens
@@ -103,7 +105,16 @@ void SegmenterNodelet::onInit() {
                                    [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
   monitor_->start();
-  connect();  // for those who listen already: nodelet 1.10.1 drops callbacks while onInit() runs
+  // For those who listen already. Not now: nodelet 1.10.1 drops callbacks while onInit() runs, and with them
+  // the latched messages of inputs that another nodelet of the process has already.
+  connect_timer_ = getMTNodeHandle().createWallTimer(ros::WallDuration(kConnectPeriod),
+                                                     guard_->wrap(getName(),
+                                                                  [this](const ros::WallTimerEvent&) {
+                                                                    connect_timer_.stop();
+                                                                    connect();
+                                                                  }),
+                                                     /*oneshot=*/false, /*autostart=*/false);
+  connect_timer_.start();
 }
 
 void SegmenterNodelet::readParameters() {

@@ -30,6 +30,7 @@
 namespace all_in_focus {
 namespace {
 
+constexpr double kConnectPeriod = 0.02;  // s, until onInit() has ended
 constexpr const char* kProcessedTopic = "all_in_focus/processed";
 constexpr std::chrono::seconds kFinishPatience(60);
 
@@ -52,6 +53,7 @@ class FusionNodelet : public nodelet::Nodelet {
   bool finish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
 
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
+  ros::WallTimer connect_timer_;
   std::unique_ptr<NodeMonitor> monitor_;
   std::unique_ptr<CallbackGuard> guard_;
   FusionOutputs outputs_;
@@ -103,7 +105,16 @@ void FusionNodelet::onInit() {
     outputs_.advertise(getNodeHandle(), *monitor_, guard_->wrap(getName(), [this] { connect(); }));
   }
   monitor_->start();
-  connect();  // for those who listen already: nodelet 1.10.1 drops callbacks while onInit() runs
+  // For those who listen already. Not now: nodelet 1.10.1 drops callbacks while onInit() runs, and with them
+  // the latched messages of inputs that another nodelet of the process has already.
+  connect_timer_ = getMTNodeHandle().createWallTimer(ros::WallDuration(kConnectPeriod),
+                                                     guard_->wrap(getName(),
+                                                                  [this](const ros::WallTimerEvent&) {
+                                                                    connect_timer_.stop();
+                                                                    connect();
+                                                                  }),
+                                                     /*oneshot=*/false, /*autostart=*/false);
+  connect_timer_.start();
 }
 
 // What stands in `config` on return is shown to the user.
