@@ -15,6 +15,7 @@
 #include <mutex>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "after_init.hpp"
 #include "all_in_focus/pipeline.hpp"
 #include "all_in_focus/rig_checks.hpp"
 #include "callback_guard.hpp"
@@ -28,9 +29,8 @@
 namespace all_in_focus {
 namespace {
 
-constexpr double kConnectPeriod = 0.02;  // s, until onInit() has ended
-constexpr double kRetryPeriod = 0.1;     // s, while a depth image waits for the transform
-constexpr double kPatience = 3.0;        // s, before waiting is an error; a Python node takes 2 s to start
+constexpr double kRetryPeriod = 0.1;  // s, while a depth image waits for the transform
+constexpr double kPatience = 3.0;     // s, before waiting is an error; rig_publisher takes up to 2 s to start
 constexpr const char* kProcessedTopic = "depth_registered/processed";
 
 }  // namespace
@@ -73,7 +73,7 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   std::vector<int> invalid_values_{0, 2047};
   int queue_size_ = 5;
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
-  ros::WallTimer connect_timer_;
+  AfterInit after_init_;
   image_transport::Publisher registered_publisher_, filled_publisher_;
   ros::Publisher info_publisher_;
   // For camera infos and transform.
@@ -116,16 +116,8 @@ void DepthPreprocessNodelet::onInit() {
                                    [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
   monitor_->start();
-  // For those who listen already. Not now: nodelet 1.10.1 drops callbacks while onInit() runs, and with them
-  // the latched messages of inputs that another nodelet of the process has already.
-  connect_timer_ = getMTNodeHandle().createWallTimer(ros::WallDuration(kConnectPeriod),
-                                                     guard_->wrap(getName(),
-                                                                  [this](const ros::WallTimerEvent&) {
-                                                                    connect_timer_.stop();
-                                                                    connect();
-                                                                  }),
-                                                     /*oneshot=*/false, /*autostart=*/false);
-  connect_timer_.start();
+  after_init_.call(getNodeHandle(), *guard_, getName(),
+                   [this] { connect(); });  // for those who listen already
 }
 
 void DepthPreprocessNodelet::readParameters() {

@@ -16,6 +16,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "after_init.hpp"
 #include "all_in_focus/drawing.hpp"
 #include "all_in_focus/focus_plan.hpp"
 #include "all_in_focus/pipeline.hpp"
@@ -30,7 +31,6 @@
 namespace all_in_focus {
 namespace {
 
-constexpr double kConnectPeriod = 0.02;  // s, until onInit() has ended
 constexpr const char* kProcessedTopic = "segmentation/processed";
 
 core::Optics opticsOf(const SegmenterConfig& config) {
@@ -70,7 +70,7 @@ class SegmenterNodelet : public nodelet::Nodelet {
   int queue_size_ = 5;
 
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
-  ros::WallTimer connect_timer_;
+  AfterInit after_init_;
   ros::Publisher labels_publisher_;  // no image_transport: lossy plug-ins would destroy labels
   ros::Publisher segments_publisher_, plan_publisher_;
   ros::Publisher optics_publisher_;  // latched: so that a bag tells the lens
@@ -105,16 +105,8 @@ void SegmenterNodelet::onInit() {
                                    [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
   monitor_->start();
-  // For those who listen already. Not now: nodelet 1.10.1 drops callbacks while onInit() runs, and with them
-  // the latched messages of inputs that another nodelet of the process has already.
-  connect_timer_ = getMTNodeHandle().createWallTimer(ros::WallDuration(kConnectPeriod),
-                                                     guard_->wrap(getName(),
-                                                                  [this](const ros::WallTimerEvent&) {
-                                                                    connect_timer_.stop();
-                                                                    connect();
-                                                                  }),
-                                                     /*oneshot=*/false, /*autostart=*/false);
-  connect_timer_.start();
+  after_init_.call(getNodeHandle(), *guard_, getName(),
+                   [this] { connect(); });  // for those who listen already
 }
 
 void SegmenterNodelet::readParameters() {

@@ -21,8 +21,8 @@ class TransformListener {
  public:
   TransformListener(ros::NodeHandle nh, tf2_ros::Buffer& buffer, const CallbackGuard& guard)
       : buffer_(buffer) {
-    // The process calls back, not the nodelet: nodelet 1.10.1 drops callbacks while onInit() runs, and a
-    // static transform comes only once.
+    // Uses the queue of the process instead of the nodelet's, of which nodelet 1.10.1 drops all callbacks
+    // while onInit() runs: a static transform comes only once.
     nh.setCallbackQueue(ros::getGlobalCallbackQueue());
     constexpr std::uint32_t kQueueSize = 100;
     const auto subscribe = [&](const std::string& topic, bool is_static) {

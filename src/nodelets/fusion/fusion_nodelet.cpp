@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "after_init.hpp"
 #include "callback_guard.hpp"
 #include "config_repair.hpp"
 #include "conversions.hpp"
@@ -30,7 +31,6 @@
 namespace all_in_focus {
 namespace {
 
-constexpr double kConnectPeriod = 0.02;  // s, until onInit() has ended
 constexpr const char* kProcessedTopic = "all_in_focus/processed";
 constexpr std::chrono::seconds kFinishPatience(60);
 
@@ -53,7 +53,7 @@ class FusionNodelet : public nodelet::Nodelet {
   bool finish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
 
   std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
-  ros::WallTimer connect_timer_;
+  AfterInit after_init_;
   std::unique_ptr<NodeMonitor> monitor_;
   std::unique_ptr<CallbackGuard> guard_;
   FusionOutputs outputs_;
@@ -105,16 +105,8 @@ void FusionNodelet::onInit() {
     outputs_.advertise(getNodeHandle(), *monitor_, guard_->wrap(getName(), [this] { connect(); }));
   }
   monitor_->start();
-  // For those who listen already. Not now: nodelet 1.10.1 drops callbacks while onInit() runs, and with them
-  // the latched messages of inputs that another nodelet of the process has already.
-  connect_timer_ = getMTNodeHandle().createWallTimer(ros::WallDuration(kConnectPeriod),
-                                                     guard_->wrap(getName(),
-                                                                  [this](const ros::WallTimerEvent&) {
-                                                                    connect_timer_.stop();
-                                                                    connect();
-                                                                  }),
-                                                     /*oneshot=*/false, /*autostart=*/false);
-  connect_timer_.start();
+  after_init_.call(getNodeHandle(), *guard_, getName(),
+                   [this] { connect(); });  // for those who listen already
 }
 
 // What stands in `config` on return is shown to the user.
