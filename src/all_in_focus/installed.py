@@ -16,10 +16,9 @@ GRACE_S = 30.0  # for a program to end what it has started
 def prefix():
     """Where the package is installed, or its devel space: the package is imported from lib/python3/dist-packages.
 
-    In worker processes of a devel space it is imported from its sources; then this is any folder.
+    Worker processes of a devel space import it from its sources: there this folder holds nothing of the package.
     """
-    parents = list(Path(all_in_focus.__file__).absolute().parents)
-    return parents[4] if len(parents) > 4 else parents[-1]
+    return Path(os.path.abspath(Path(all_in_focus.__file__).parent / "../../../.."))
 
 
 def find(name):
