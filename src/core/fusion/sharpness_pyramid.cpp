@@ -36,13 +36,14 @@ double floorOf(const NoiseSpectrum& noise, size_t level) {
                               kDeviations * std::pow(kOfFinerLevel, level) * noise.deviation());
 }
 
-// Modified Laplacian of level 1, gray levels above the noise, that a frame which is sharp anywhere has in its
-// sharpest places; and the least trust, which its eighth power makes a weight of 1e-9.
+// Modified Laplacian of trustLevel(), gray levels above the noise, that a frame which is sharp anywhere has
+// in its sharpest places; and the least trust, which its eighth power makes a weight of 1e-9.
 constexpr double kSharp = 4, kLeastTrust = 0.075;
-constexpr int kTrustWidth = 640;  // px, of a picture whose level 1 it is; of a larger one a coarser level
+constexpr int kTrustWidth = 640;       // px
 constexpr double kNoiseMargin = 1.25;  // frames differ in their noise, and places in a frame
 constexpr int kUnit = 256;             // of a gray level in a coarser level
 
+// Level 1 of a picture of kTrustWidth, and the level of that size in a larger one.
 size_t trustLevel(int width) {
   const double octaves = std::log2(static_cast<double>(width) / kTrustWidth);
   return 1 + static_cast<size_t>(std::max(0.0, std::round(octaves)));

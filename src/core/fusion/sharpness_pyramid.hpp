@@ -75,7 +75,7 @@ class SharpnessPyramid {
   std::vector<Level> levels_;  ///< maybe more, from a larger frame before; level 0 has no image: gray_
   std::vector<Rows> strips_;
   cv::Mat texture_, root_;
-  std::vector<double> fourth_powers_;  ///< by row of level 1: sums of s_1^4
+  std::vector<double> fourth_powers_;  ///< by row of the level computed last: sums of s_l^4
 };
 
 }  // namespace all_in_focus::core
