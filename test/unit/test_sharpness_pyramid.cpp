@@ -174,6 +174,23 @@ TEST(SharpnessPyramid, CoarserLevelsCountByTheirRootWhereDepthHasASay) {
   EXPECT_LT(largestRatio(some(known), root.mul(of_finest)(known)), 0.05);
 }
 
+TEST(SharpnessPyramid, TheRootIsTakenFromTheLevelOfThatSize) {
+  const cv::Mat gray = randomGray({200, 120});
+  EXPECT_EQ(SharpnessPyramid::levelSize(gray.size(), 1), cv::Size(100, 60));
+  EXPECT_EQ(SharpnessPyramid::levelSize(gray.size(), 2), cv::Size(50, 30));
+  EXPECT_EQ(SharpnessPyramid::levelSize(gray.size(), 9), cv::Size(25, 15));  // the coarsest
+  SharpnessPyramid::Gauge fine, coarse, coarsest;
+  fine.predicted = cv::Mat(60, 100, CV_8UC1, cv::Scalar(255));
+  coarse.predicted = cv::Mat(30, 50, CV_8UC1, cv::Scalar(255));
+  coarsest.predicted = cv::Mat(15, 25, CV_8UC1, cv::Scalar(255));
+  // Texture is above 1 everywhere: each level that counts in full makes the product greater.
+  const double one = cv::mean(product(gray, fine))[0], two = cv::mean(product(gray, coarse))[0];
+  const double three = cv::mean(product(gray, coarsest))[0], all = cv::mean(product(gray, {}))[0];
+  EXPECT_LT(2 * one, two);
+  EXPECT_LT(2 * two, three);
+  EXPECT_LT(2 * three, all);
+}
+
 TEST(SharpnessPyramid, HandsOutTheSharpnessOfALevel) {
   const cv::Mat gray = randomGray({200, 120});
   SharpnessPyramid pyramid;

@@ -45,7 +45,9 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
   if (predicts_) {
     prediction_ = DefocusPrediction(config.defocus);
     prediction_.begin(scene.depth, scene.measured, size, scene.optics, pixel_pitch_mm);
-    predicted_ = prediction_.known({(size.width + 1) / 2, (size.height + 1) / 2});
+    // Windows of this level and of coarser ones reach farther than depth edges are uncertain.
+    const size_t level = std::max<size_t>(prediction_.textureLevel(), 2) - 1;
+    predicted_ = prediction_.known(SharpnessPyramid::levelSize(size, level));
   }
   alignment_.begin(size, center_, focal_length_mm_);
 }

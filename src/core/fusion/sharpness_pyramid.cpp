@@ -189,11 +189,19 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
   for (size_t l = count_ - 1; l > 0; --l) {
     computeProduct(l);
     if (gauge.trust && l == trust_level) trust_ = static_cast<float>(trust(l, gauge.noise.sharpness(l)));
+    if (levels_[l].product.size() == gauge.predicted.size()) {
+      cv::sqrt(levels_[l].product, root_);
+      root_.copyTo(levels_[l].product, gauge.predicted);
+    }
   }
-  if (!gauge.predicted.empty()) {
-    cv::sqrt(levels_[1].product, root_);
-    root_.copyTo(levels_[1].product, gauge.predicted);
-  }
+}
+
+cv::Size SharpnessPyramid::levelSize(const cv::Size& size, size_t level) {
+  const int side = std::min(size.width, size.height);
+  cv::Size of_level = size;
+  for (size_t l = 1; l <= level && side >> l >= kSmallestSide; ++l)
+    of_level = {(of_level.width + 1) / 2, (of_level.height + 1) / 2};
+  return of_level;
 }
 
 // noise: mean modified Laplacian of the noise of that level, which was computed last.

@@ -12,13 +12,13 @@
 namespace all_in_focus::core {
 
 /// How sharp a frame is at every scale, pixel by pixel:
-///   product over the levels l of a Gaussian pyramid of  contrast s_l + n_l,
+///   product over the levels l of a Gaussian pyramid of  sqrt((contrast s_l)^2 + n_l^2),
 /// s_l the modified Laplacian |I_xx| + |I_yy| (Nayar and Nakagawa 1994) of level l in a Gaussian window, each
-/// level enlarged to the size of the one below it; n_l = 1 + the greater of 4 times the sharpness of the
-/// noise there and 6 * 0.8^l times its deviation, so that frames which differ by noise alone are about as
+/// level enlarged to the size of the one below it; n_l = 0.75 + the greater of 3 times the sharpness of the
+/// noise there and 7.5 * 0.5^l times its deviation, so that frames which differ by noise alone are about as
 /// sharp. Fine texture speaks at the finest level, and a place that is flat there at the coarser ones, which
 /// reach farther. They also reach across depth edges, so where depth has a say (`predicted`) the product of
-/// all levels but the finest counts by its square root.
+/// the coarser ones counts by its square root.
 ///
 /// With `trust` the product is multiplied by min(1, m / (4 + noise)), m the fourth root of the mean of s_t^4,
 /// less that of the noise: on bare surfaces far from all texture, where no scale tells frames apart, those
@@ -35,7 +35,9 @@ class SharpnessPyramid {
     bool scales = true;             ///< false: level 0 alone, for comparison
     bool trust = false;             ///< take a frame that is sharp nowhere for hardly sharp everywhere
     std::size_t texture_level = 1;  ///< whose sharpness texture() is to return, >= 1
-    cv::Mat predicted{};  ///< CV_8UC1 of the size of level 1; not 0: depth has a say there; empty: nowhere
+    /// CV_8UC1; not 0: depth has a say there; empty: nowhere. Its size is that of a level: the product of
+    /// that one and all coarser ones counts by its square root there.
+    cv::Mat predicted{};
   };
 
   /// What a thread that reads rows keeps from one to the next. Reusable.
@@ -44,6 +46,9 @@ class SharpnessPyramid {
     GaussianRows window_;
     std::vector<float> coarser_, out_;
   };
+
+  /// Size of that level of a picture, or of its coarsest one.
+  static cv::Size levelSize(const cv::Size& size, size_t level);
 
   /// gray: CV_8UC1, not empty, else std::invalid_argument; must outlive the rows.
   void begin(const cv::Mat& gray, const Gauge& gauge);
