@@ -110,6 +110,14 @@ def test_a_node_that_waits_for_a_master_can_be_interrupted():
         assert process.stderr.read() == "" and process.returncode == 128 + signal.SIGINT
 
 
+def test_a_node_with_parameters_says_that_there_is_no_master():
+    environment = dict(os.environ, ROS_MASTER_URI="http://localhost:9")
+    ended = subprocess.run([sys.executable, SCRIPTS / "rig_publisher", "_rig:=rig"], stderr=subprocess.PIPE,
+                           universal_newlines=True, env=environment, timeout=300)
+    assert ended.returncode == 2 and ended.stderr == (
+        "rig_publisher: the ROS master at http://localhost:9 does not answer: start roscore, or compare ROS_MASTER_URI\n")
+
+
 @pytest.mark.parametrize("error, said", [
     ("ValueError('two\\nlines')", "two lines"),
     ("OSError(28, 'No space left on device')", "[Errno 28] No space left on device"),

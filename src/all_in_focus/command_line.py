@@ -50,7 +50,7 @@ def run(main, *errors):
     except _interrupts():
         code = 128 + signal.SIGINT
     except (ValueError, OSError, MemoryError, *errors) as error:
-        print(f"{Path(sys.argv[0]).name}: {one_line(error)}", file=sys.stderr)
+        print(f"{Path(sys.argv[0]).name}: {_no_master(error) or one_line(error)}", file=sys.stderr)
         code = BAD_INPUT
     finally:
         for number in before:
@@ -62,6 +62,14 @@ def _interrupts():
     """Exceptions by which Ctrl-C leaves a program; rospy raises its own while it waits for a master."""
     rospy = sys.modules.get("rospy")
     return (KeyboardInterrupt, rospy.ROSInitException) if rospy else KeyboardInterrupt
+
+
+def _no_master(error):
+    """What to do where rospy, given private parameters, does not wait for a master; None for other errors."""
+    if isinstance(error, ConnectionRefusedError) and "rospy" in sys.modules:
+        return (f"the ROS master at {os.environ.get('ROS_MASTER_URI')} does not answer: start roscore, or compare "
+                "ROS_MASTER_URI")
+    return None
 
 
 def positive(text):
