@@ -28,6 +28,8 @@ constexpr float kLeastShare = 1e-3f;
 // Makes weights divisors where there is none, and disappears in all others.
 constexpr float kNoWeight = std::numeric_limits<float>::min();
 
+constexpr int kUnit = 256;  // of a gray level in the mean
+
 constexpr int kSpan = 512;  // pixels worked on at a time: what they need stays in the L1 cache
 
 // What follows works on a span of one row, n <= kSpan pixels.
@@ -51,36 +53,49 @@ ALL_IN_FOCUS_SIMD void weighError(const float* squared_error, float floor, int n
   for (int i = 0; i < n; ++i) weight[i] /= squared_error[i] + floor;
 }
 
-// n: values, three a pixel
-ALL_IN_FOCUS_SIMD void toFloat(const std::uint8_t* from, int n, float* to) {
-  for (int i = 0; i < n; ++i) to[i] = from[i];
+// sum: what remains of it and the weight; share: of the weight in it.
+ALL_IN_FOCUS_SIMD void addWeights(const float* keep, const float* weight, int n, float* sum, float* share) {
+  for (int i = 0; i < n; ++i) {
+    sum[i] = keep[i] * sum[i] + weight[i];
+    share[i] = weight[i] / (sum[i] + kNoWeight);
+  }
 }
 
-void decode(const std::uint8_t* from, const std::array<float, 256>& codes, int n, float* to) {
-  for (int i = 0; i < n; ++i) to[i] = codes[from[i]];
+ALL_IN_FOCUS_SIMD void threeTimes(const float* share, int n, float* shares) {
+  for (int i = 0; i < n; ++i) shares[3 * i] = shares[3 * i + 1] = shares[3 * i + 2] = share[i];
 }
 
-ALL_IN_FOCUS_SIMD void threeTimes(const float* weight, int n, float* weights) {
-  for (int i = 0; i < n; ++i) weights[3 * i] = weights[3 * i + 1] = weights[3 * i + 2] = weight[i];
+// n: values, three a pixel; unit: of the values, in units of the mean
+template <typename Value>
+inline void move(const Value* values, int unit, const float* shares, int n, std::uint16_t* __restrict mean) {
+  for (int i = 0; i < n; ++i) {
+    const float moved = mean[i] + shares[i] * static_cast<float>(unit * values[i] - mean[i]);
+    mean[i] = static_cast<std::uint16_t>(static_cast<int>(moved + 0.5f));
+  }
 }
 
-ALL_IN_FOCUS_SIMD void addProducts(const float* keep, const float* weights, const float* values, int n,
-                                   float* sum) {
-  for (int i = 0; i < n; ++i) sum[i] = keep[i] * sum[i] + weights[i] * values[i];
+ALL_IN_FOCUS_SIMD void moveTowardsCodes(const std::uint8_t* codes, const float* shares, int n,
+                                        std::uint16_t* __restrict mean) {
+  move(codes, kUnit, shares, n, mean);
 }
 
-ALL_IN_FOCUS_SIMD void addWeights(const float* keep, const float* weight, int n, float* sum) {
-  for (int i = 0; i < n; ++i) sum[i] = keep[i] * sum[i] + weight[i];
+ALL_IN_FOCUS_SIMD void moveTowards(const std::uint16_t* values, const float* shares, int n,
+                                   std::uint16_t* __restrict mean) {
+  move(values, 1, shares, n, mean);
+}
+
+void decode(const std::uint8_t* codes, const std::array<std::uint16_t, 256>& value_of, int n,
+            std::uint16_t* values) {
+  for (int i = 0; i < n; ++i) values[i] = value_of[codes[i]];
 }
 
 ALL_IN_FOCUS_SIMD void scale(const float* factor, int n, float* values) {
   for (int i = 0; i < n; ++i) values[i] *= factor[i];
 }
 
-void copyHeavier(const float* weight, const float* most, const float* values, int n, float* chosen) {
-  for (int i = 0; i < n; ++i) {
-    if (weight[i] > most[i]) std::copy_n(values + 3 * i, 3, chosen + 3 * i);
-  }
+// 1 where the frame weighs more than all before, else 0
+ALL_IN_FOCUS_SIMD void choose(const float* weight, const float* most, int n, float* __restrict share) {
+  for (int i = 0; i < n; ++i) share[i] = weight[i] > most[i] ? 1.0f : 0.0f;
 }
 
 ALL_IN_FOCUS_SIMD void keepHeavier(const float* weight, std::uint16_t index, int n, float* most,
@@ -89,12 +104,8 @@ ALL_IN_FOCUS_SIMD void keepHeavier(const float* weight, std::uint16_t index, int
   for (int i = 0; i < n; ++i) most[i] = std::max(most[i], weight[i]);
 }
 
-ALL_IN_FOCUS_SIMD void invert(const float* weight, int n, float* inverse) {
-  for (int i = 0; i < n; ++i) inverse[i] = 1 / (weight[i] + kNoWeight);
-}
-
-ALL_IN_FOCUS_SIMD void roundProducts(const float* a, const float* b, int n, std::uint8_t* __restrict out) {
-  for (int i = 0; i < n; ++i) out[i] = roundToCode(a[i] * b[i]);
+ALL_IN_FOCUS_SIMD void toCodes(const std::uint16_t* mean, int n, std::uint8_t* __restrict codes) {
+  for (int i = 0; i < n; ++i) codes[i] = static_cast<std::uint8_t>((mean[i] + kUnit / 2) / kUnit);
 }
 
 // 255 (1 - mean / greatest weight) frames / (frames - 1); 0 where there is none
@@ -106,13 +117,6 @@ ALL_IN_FOCUS_SIMD void rate(const float* weights, const float* most, float frame
   }
 }
 
-bool areTheirOwnValues(const std::array<float, 256>& codes) {
-  for (int code = 0; code < 256; ++code) {
-    if (codes[code] != static_cast<float>(code)) return false;
-  }
-  return true;
-}
-
 }  // namespace
 
 void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
@@ -120,8 +124,8 @@ void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
   choice_ = kind.choice || !kind.soft;
   frames_ = 0;
   error_floor_ = static_cast<float>(kRounding + kNoiseVariances * noise * noise);
-  colors_.create(size, CV_32FC3);
-  colors_.setTo(0);
+  mean_.create(size, CV_16UC3);
+  mean_.setTo(0);
   sharpest_.create(size, CV_32FC1);
   sharpest_.setTo(0);
   weights_.create(size, CV_32FC1);
@@ -136,8 +140,11 @@ void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
 void WeightedMean::beginFrame(int index, const std::array<float, 256>& codes) {
   ++frames_;
   index_ = static_cast<std::uint16_t>(index);
-  codes_ = codes;
-  plain_ = areTheirOwnValues(codes);
+  plain_ = true;
+  for (int code = 0; code < 256; ++code) {
+    values_[code] = static_cast<std::uint16_t>(std::lround(kUnit * std::clamp(codes[code], 0.0f, 255.0f)));
+    plain_ = plain_ && values_[code] == kUnit * code;
+  }
 }
 
 void WeightedMean::addRow(int y, const cv::Range& columns, const std::uint8_t* pixels,
@@ -145,49 +152,36 @@ void WeightedMean::addRow(int y, const cv::Range& columns, const std::uint8_t* p
   for (int x = columns.start; x < columns.end; x += kSpan) {
     const int n = std::min(kSpan, columns.end - x);
     std::array<float, kSpan> keep, weight;
-    std::array<float, 3 * kSpan> values;
     weighSharpness(evidence.sharpness + x, n, sharpest_.ptr<float>(y) + x, keep.data(), weight.data());
     if (evidence.squared_error) weighError(evidence.squared_error + x, error_floor_, n, weight.data());
-    if (plain_) {
-      toFloat(pixels + 3 * x, 3 * n, values.data());
-    } else {
-      decode(pixels + 3 * x, codes_, 3 * n, values.data());
-    }
-    accumulate(keep.data(), weight.data(), values.data(), {x, y}, n);
+    accumulate(keep.data(), weight.data(), pixels + 3 * x, {x, y}, n);
   }
 }
 
-void WeightedMean::accumulate(const float* keep, const float* weight, const float* values,
+void WeightedMean::accumulate(const float* keep, const float* weight, const std::uint8_t* pixels,
                               const cv::Point& at, int n) {
-  float* color = colors_.ptr<float>(at.y) + 3 * at.x;
-  float* most = choice_ ? most_.ptr<float>(at.y) + at.x : nullptr;
-  if (choice_) scale(keep, n, most);
-  if (soft_) {
-    std::array<float, 3 * kSpan> keeps, weights;
-    threeTimes(keep, n, keeps.data());
-    threeTimes(weight, n, weights.data());
-    addProducts(keeps.data(), weights.data(), values, 3 * n, color);
-  } else {
-    copyHeavier(weight, most, values, n, color);
+  std::array<float, kSpan> share;
+  addWeights(keep, weight, n, weights_.ptr<float>(at.y) + at.x, share.data());
+  if (choice_) {
+    float* most = most_.ptr<float>(at.y) + at.x;
+    scale(keep, n, most);
+    if (!soft_) choose(weight, most, n, share.data());
+    keepHeavier(weight, index_, n, most, source_index_.ptr<std::uint16_t>(at.y) + at.x);
   }
-  addWeights(keep, weight, n, weights_.ptr<float>(at.y) + at.x);
-  if (choice_) keepHeavier(weight, index_, n, most, source_index_.ptr<std::uint16_t>(at.y) + at.x);
+  std::array<float, 3 * kSpan> shares;
+  threeTimes(share.data(), n, shares.data());
+  auto* mean = mean_.ptr<std::uint16_t>(at.y) + 3 * at.x;
+  if (plain_) return moveTowardsCodes(pixels, shares.data(), 3 * n, mean);
+  std::array<std::uint16_t, 3 * kSpan> values;
+  decode(pixels, values_, 3 * n, values.data());
+  moveTowards(values.data(), shares.data(), 3 * n, mean);
 }
 
 cv::Mat WeightedMean::image() const {
-  cv::Mat image(colors_.size(), CV_8UC3);
+  cv::Mat image(mean_.size(), CV_8UC3);
   cv::parallel_for_(cv::Range(0, image.rows), [&](const cv::Range& rows) {
-    for (int y = rows.start; y < rows.end; ++y) {
-      for (int x = 0; x < image.cols; x += kSpan) {
-        const int n = std::min(kSpan, image.cols - x);
-        std::array<float, kSpan> scale;
-        std::array<float, 3 * kSpan> scales;
-        scale.fill(1);
-        if (soft_) invert(weights_.ptr<float>(y) + x, n, scale.data());
-        threeTimes(scale.data(), n, scales.data());
-        roundProducts(colors_.ptr<float>(y) + 3 * x, scales.data(), 3 * n, image.ptr(y) + 3 * x);
-      }
-    }
+    for (int y = rows.start; y < rows.end; ++y)
+      toCodes(mean_.ptr<std::uint16_t>(y), 3 * image.cols, image.ptr(y));
   });
   return image;
 }

@@ -21,18 +21,21 @@ struct EvidenceRow {
 /// A frame weighs
 ///   sharpness^8 / (predicted squared error + noise variance):
 /// the inverse of the variance that is expected of it, times a softmax, the power, of what is seen. As such
-/// powers overflow, sums are kept in units of the greatest sharpness so far.
+/// powers overflow, sums are kept in units of the greatest sharpness so far. The mean is kept, not the sum
+/// that it is made of: each frame moves it by its share of all weights. Rounded to 1/256 of a gray level it
+/// takes half the memory.
 class WeightedMean {
  public:
   struct Kind {
     bool soft = true;    ///< false: the frame that weighs most is copied, for comparison
-    bool choice = true;  ///< false: no sourceIndex() and confidence(), whose sums are 6 of 26 bytes a pixel
+    bool choice = true;  ///< false: no sourceIndex() and confidence(), whose sums are 6 of 20 bytes a pixel
   };
 
   /// noise: standard deviation of the frames' noise in gray levels, >= 0.
   void begin(const cv::Size& size, double noise, const Kind& kind);
 
-  /// The rows that follow are of this frame. codes: the value that each of its 8-bit values stands for.
+  /// The rows that follow are of this frame. codes: the value that each of its 8-bit values stands for,
+  /// 0 to 255; what is beyond counts as the limit.
   void beginFrame(int index, const std::array<float, 256>& codes);
 
   /// Adds row y. columns: those that the frame has seen; pixels: of the whole row, three bytes each. Other
@@ -44,18 +47,19 @@ class WeightedMean {
   cv::Mat confidence() const;  ///< CV_8UC1: 255 (1 - mean weight / largest), scaled so that 255 = no rival
 
  private:
-  void accumulate(const float* keep, const float* weight, const float* values, const cv::Point& at, int n);
+  void accumulate(const float* keep, const float* weight, const std::uint8_t* pixels, const cv::Point& at,
+                  int n);
 
   bool soft_ = true, choice_ = true;
   int frames_ = 0;
   float error_floor_ = 1;
-  std::uint16_t index_ = 0;  // of the frame being added
-  std::array<float, 256> codes_;
-  bool plain_ = true;  // codes are their own values
-  cv::Mat colors_;     // CV_32FC3: sums of weight times color (hard: that of the heaviest frame)
-  cv::Mat sharpest_;   // CV_32FC1: greatest sharpness; a weight of 1 is its eighth power
-  cv::Mat weights_;    // CV_32FC1: sums
-  cv::Mat most_;       // CV_32FC1: greatest weight; unused without choice_, as source_index_
+  std::uint16_t index_ = 0;                // of the frame being added
+  std::array<std::uint16_t, 256> values_;  // of codes, in units of mean_
+  bool plain_ = true;                      // codes are their own values
+  cv::Mat mean_;                           // CV_16UC3, 256 times the gray level (hard: of the heaviest frame)
+  cv::Mat sharpest_;                       // CV_32FC1: greatest sharpness; a weight of 1 is its eighth power
+  cv::Mat weights_;                        // CV_32FC1: sums
+  cv::Mat most_;  // CV_32FC1: greatest weight; unused without choice_, as source_index_
   cv::Mat source_index_;
 };
 
