@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Kovesi, "Image features from phase congruency", Videre 1(3), 1999, with log-Gabor filters."""
 import functools
-import math
 
 import numpy as np
 from scipy.fftpack import fft2, ifft2  # scipy.fft begins with SciPy 1.4
@@ -38,8 +37,7 @@ def _filters(shape):
         radial.append(np.exp(-np.log(radius / centre) ** 2 / (2 * np.log(BANDWIDTH) ** 2)) * low_pass)
         radial[-1][0, 0] = 0
     theta, band = np.arctan2(-y[:, None], x), sum(radial)
-    single = [np.float32(along) for along in radial]
-    return single, [_Angular(theta, index * np.pi / ORIENTATIONS, radial[0], band) for index in range(ORIENTATIONS)]
+    return radial, [_Angular(theta, index * np.pi / ORIENTATIONS, radial[0], band) for index in range(ORIENTATIONS)]
 
 
 class _Angular:
@@ -49,18 +47,17 @@ class _Angular:
         """theta: direction of each frequency; finest: radial filter of the finest scale; band: sum over all scales."""
         self.angle = angle
         apart = np.abs(theta - angle)
-        values = np.exp(-np.minimum(apart, 2 * np.pi - apart) ** 2 / (2 * ANGLE_SIGMA ** 2))
-        self.values = np.float32(values)
-        self.finest_power = ((finest * values) ** 2).sum()
+        self.values = np.exp(-np.minimum(apart, 2 * np.pi - apart) ** 2 / (2 * ANGLE_SIGMA ** 2))
+        self.finest_power = ((finest * self.values) ** 2).sum()
         # Sums of products of the filters' real parts in space are those of their even parts in frequency (Parseval).
-        band = band * values
+        band = band * self.values
         self.even_power = ((band + np.roll(band[::-1, ::-1], (1, 1), axis=(0, 1))) ** 2).sum() / 4
 
     def noise_threshold(self, finest_amplitude):
         """Energy that noise alone reaches, estimated from the finest scale, where most pixels show only noise."""
         noise = np.median(finest_amplitude ** 2) / np.log(2) / self.finest_power
         tau = np.sqrt(noise * self.even_power)
-        return float(tau * np.sqrt(np.pi / 2) + NOISE_SIGMAS * np.sqrt((2 - np.pi / 2) * tau ** 2)) / NOISE_REDUCTION
+        return (tau * np.sqrt(np.pi / 2) + NOISE_SIGMAS * np.sqrt((2 - np.pi / 2) * tau ** 2)) / NOISE_REDUCTION
 
 
 def _energy(responses):
@@ -68,8 +65,7 @@ def _energy(responses):
     complex, H x W for each scale."""
     total = sum(responses)
     conjugate = (total / (np.abs(total) + EPS)).conj()
-    energy, across = np.zeros((2,) + total.shape, total.real.dtype)
-    along = np.empty_like(total)
+    energy, along, across = np.zeros(total.shape), np.empty_like(total), np.empty(total.shape)
     for response in responses:
         np.multiply(response, conjugate, out=along)
         energy += along.real
@@ -80,8 +76,8 @@ def _energy(responses):
 def phase_congruency(gray):
     """3 x H x W: phase congruency (0..1) of an H x W gray image, its greatest and its least moment."""
     radial, orientations = _filters(gray.shape)
-    spectrum = fft2(np.float32(gray))
-    energies, amplitudes, xx, xy, yy = np.zeros((5,) + gray.shape, np.float32)
+    spectrum = fft2(np.float64(gray))
+    energies, amplitudes, xx, xy, yy = np.zeros((5,) + gray.shape)
     for angular in orientations:
         oriented = spectrum * angular.values
         responses = [ifft2(oriented * along, overwrite_x=True) for along in radial]
@@ -93,7 +89,7 @@ def phase_congruency(gray):
         energies += energy
         amplitudes += amplitude_sum
         congruency = ratio(energy, amplitude_sum)
-        x, y = congruency * math.cos(angular.angle), congruency * math.sin(angular.angle)
+        x, y = congruency * np.cos(angular.angle), congruency * np.sin(angular.angle)
         xx += x * x
         xy += x * y
         yy += y * y
