@@ -137,6 +137,17 @@ const BracketScene& Samples::scene(const Sample& sample) {
   return scene;
 }
 
+PipelineInput Samples::input(const Sample& sample, Frames& frames) {
+  PipelineInput input;
+  input.depth = sample.depth;
+  input.rig = sample.rig;
+  input.has_rig = true;
+  input.optics = sample.optics;
+  input.frames = &frames;
+  input.focus_mm = {1000, 3000};
+  return input;
+}
+
 const std::vector<cv::Mat>& Samples::sweep(const cv::Size& size) {
   static std::map<std::pair<int, int>, std::vector<cv::Mat>> sweeps;
   std::vector<cv::Mat>& frames = sweeps[{size.width, size.height}];

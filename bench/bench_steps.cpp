@@ -149,37 +149,15 @@ void fuse(benchmark::State& state, Mode mode, bool alignment) {
     index = 0;
     add();  // the reference: sets up, and is never warped
   };
-  const std::size_t bytes_per_pixel = mode == Mode::kPaper ? 3 + 4 + 3 : 3 + 2 + 2 * 20 + 2;
+  const std::size_t bytes_per_pixel = mode == Mode::kPaper ? 3 + 4 + 3 : 3 + 2 + 2 * 18 + 2;
   measure(state, bytes_per_pixel * pixels(sizeOf(state)), add, kBracket - 1, begin);
 }
-
-class Frames : public FrameSource {
- public:
-  explicit Frames(const std::vector<cv::Mat>& frames) : frames_(frames) {}
-  bool next(cv::Mat& frame) override {
-    if (next_ == frames_.size()) return false;
-    frame = frames_[next_++];
-    return true;
-  }
-  void rewind() override { next_ = 0; }
-  int count() override { return static_cast<int>(frames_.size()); }
-
- private:
-  std::vector<cv::Mat> frames_;
-  std::size_t next_ = 0;
-};
 
 void runWithTwoFrames(benchmark::State& state, Mode mode) {
   const Sample& sample = Samples::get(sizeOf(state), Sensor::kNoisy);
   const std::vector<cv::Mat>& sweep = Samples::sweep(sizeOf(state));
   Frames frames({sweep.front(), sweep.back()});
-  PipelineInput input;
-  input.depth = sample.depth;
-  input.rig = sample.rig;
-  input.has_rig = true;
-  input.optics = sample.optics;
-  input.frames = &frames;
-  input.focus_mm = {1000, 3000};
+  const PipelineInput input = Samples::input(sample, frames);
   Pipeline pipeline(mode);
   const std::size_t depth_and_labels = 4 + 4, two_frames = 6, image_index_confidence = 6;
   measure(state,

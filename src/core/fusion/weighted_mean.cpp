@@ -53,7 +53,7 @@ ALL_IN_FOCUS_SIMD void weighError(const float* squared_error, float floor, int n
   for (int i = 0; i < n; ++i) weight[i] /= squared_error[i] + floor;
 }
 
-// sum: what remains of it and the weight; share: of the weight in it.
+// Adds the weight to what remains of the sum. share: of the weight in the new sum.
 ALL_IN_FOCUS_SIMD void addWeights(const float* keep, const float* weight, int n, float* sum, float* share) {
   for (int i = 0; i < n; ++i) {
     sum[i] = keep[i] * sum[i] + weight[i];
@@ -65,7 +65,8 @@ ALL_IN_FOCUS_SIMD void threeTimes(const float* share, int n, float* shares) {
   for (int i = 0; i < n; ++i) shares[3 * i] = shares[3 * i + 1] = shares[3 * i + 2] = share[i];
 }
 
-// n: values, three a pixel; unit: of the values, in units of the mean
+// Moves the mean towards the values by their shares. n: of values, three a pixel; unit: what a value of 1 is
+// in the mean.
 template <typename Value>
 inline void move(const Value* values, int unit, const float* shares, int n, std::uint16_t* __restrict mean) {
   for (int i = 0; i < n; ++i) {

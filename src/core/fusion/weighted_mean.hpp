@@ -15,15 +15,15 @@ struct EvidenceRow {
       nullptr;  ///< that depth and optics predict, gray levels squared; null: nothing
 };
 
-/// Running weighted mean of frames, pixel by pixel, and which of them weighed most. Keeps one sum per pixel,
-/// however many frames there are.
+/// Running weighted mean of frames, pixel by pixel, and which of them weighed most. Keeps a few numbers
+/// per pixel, however many frames there are.
 ///
 /// A frame weighs
 ///   sharpness^8 / (predicted squared error + noise variance):
 /// the inverse of the variance that is expected of it, times a softmax, the power, of what is seen. As such
-/// powers overflow, sums are kept in units of the greatest sharpness so far. The mean is kept, not the sum
-/// that it is made of: each frame moves it by its share of all weights. Rounded to 1/256 of a gray level it
-/// takes half the memory.
+/// powers overflow, weights are kept in units of the greatest sharpness so far. Each frame moves the mean
+/// by its share of all weights, so that no sum of colours is needed. The mean is rounded to 1/256 of a gray
+/// level: two bytes instead of the four of a float.
 class WeightedMean {
  public:
   struct Kind {
@@ -35,7 +35,7 @@ class WeightedMean {
   void begin(const cv::Size& size, double noise, const Kind& kind);
 
   /// The rows that follow are of this frame. codes: the value that each of its 8-bit values stands for,
-  /// 0 to 255; what is beyond counts as the limit.
+  /// clamped to 0 .. 255.
   void beginFrame(int index, const std::array<float, 256>& codes);
 
   /// Adds row y. columns: those that the frame has seen; pixels: of the whole row, three bytes each. Other
