@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Output folders are complete or not there, and nobody else's files are touched."""
+import fcntl
 import os
 import signal
 import subprocess
@@ -178,6 +179,23 @@ def test_two_runs_do_not_meet(tmp_path):
     first.commit()
     first.discard()
     write(out)
+    assert names(tmp_path) == ["out"]
+
+
+@pytest.mark.parametrize("module, function", [(os, "open"), (fcntl, "flock"), (os.path, "samestat")])
+def test_a_signal_while_locking_leaves_nothing(tmp_path, monkeypatch, module, function):
+    call = getattr(module, function)
+
+    def interrupted(*arguments):
+        monkeypatch.undo()
+        call(*arguments)
+        raise SystemExit(143)
+
+    monkeypatch.setattr(module, function, interrupted)
+    with pytest.raises(SystemExit):
+        OutputFolder(tmp_path / "out", PROGRAM)
+    assert names(tmp_path) == []
+    write(tmp_path / "out")
     assert names(tmp_path) == ["out"]
 
 

@@ -45,6 +45,7 @@ class OutputFolder:
         self._is_own = True  # all that is in the staging folder
         self._lock = _Lock(self.path)
         try:
+            self._lock.acquire()
             self._check()
             _remove_stale(self.path)
             with named(self.path, self.working):
@@ -152,35 +153,52 @@ def remove_leftovers(path):
     with contextlib.suppress(OSError):
         lock = _Lock(path)
         try:
+            lock.acquire()
             _remove_stale(path)
         finally:
             lock.release()
 
 
 class _Lock:
-    """A locked file beside the output, held while a run works. BlockingIOError where another run holds it."""
+    """A file beside the output `path` that a run locks while it works."""
 
     def __init__(self, path):
-        self._path = path.with_name(f".{path.name}.lock")
+        self._output, self._path, self._file = path, path.with_name(f".{path.name}.lock"), None
+
+    def acquire(self):
+        """BlockingIOError where another run holds it."""
         while True:
-            with named(path, self._path):
-                self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+            with named(self._output, self._path):
+                self._open(os.O_CREAT)
             try:
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if os.path.samestat(os.fstat(self._file), os.stat(self._path)):
+                if self._locks():
                     return
             except FileNotFoundError:
                 pass  # its former owner has removed it meanwhile: try again
             except OSError:
-                os.close(self._file)
                 raise BlockingIOError(errno.EWOULDBLOCK, "another run is writing there: wait for it, or choose another "
-                                      "folder", str(path)) from None
-            os.close(self._file)
+                                      "folder", str(self._output)) from None
+            self._close()
 
     def release(self):
-        if self._file is not None:
-            with contextlib.suppress(OSError):
+        """Removes the file, unless another run holds it. A signal may have ended acquire() anywhere."""
+        with contextlib.suppress(OSError):
+            if self._file is None:
+                self._open()
+            if self._locks():
                 self._path.unlink()
+        self._close()
+
+    def _locks(self):
+        """Whether the file that is open now is locked, and still the one beside the output."""
+        fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return os.path.samestat(os.fstat(self._file), os.stat(self._path))
+
+    def _open(self, flags=0):
+        self._file = os.open(self._path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | flags, 0o666)
+
+    def _close(self):
+        if self._file is not None:
             os.close(self._file)
             self._file = None
 
