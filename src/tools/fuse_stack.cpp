@@ -15,6 +15,7 @@
 #include "file_error.hpp"
 #include "image_files.hpp"
 #include "output_files.hpp"
+#include "quiet_stderr.hpp"
 #include "report_json.hpp"
 #include "rig_files.hpp"
 #include "rig_warnings.hpp"
@@ -138,7 +139,7 @@ std::vector<std::string> warnOfRig(const po::variables_map& values, const Pipeli
   } catch (const std::invalid_argument& e) {
     throw std::invalid_argument(textOption(values, "depth") + ": " + e.what());
   }
-  for (const std::string& warning : warnings) std::cerr << "fuse_stack: warning: " << warning << '\n';
+  for (const std::string& warning : warnings) printToStderr("fuse_stack: warning: " + warning);
   return warnings;
 }
 
@@ -231,7 +232,7 @@ void fuseStack(const po::variables_map& values) {
   outputs.commit();
 
   for (std::size_t i = warnings.size(); i < context.notes.size(); ++i)
-    std::cerr << "fuse_stack: note: " << context.notes[i] << '\n';
+    printToStderr("fuse_stack: note: " + context.notes[i]);
   if (values.count("timings")) {
     std::cout << "depth " << result.depth_ms << " ms, segmentation " << result.segmentation_ms
               << " ms, fusion " << result.fusion_ms << " ms for " << result.frames << " frames ("

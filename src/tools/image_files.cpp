@@ -3,51 +3,22 @@
 
 #include "image_files.hpp"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
 #include <fstream>
-#include <mutex>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 #include <stdexcept>
 #include <vector>
 
 #include "file_error.hpp"
+#include "quiet_stderr.hpp"
 
 namespace fs = std::filesystem;
 
 namespace all_in_focus {
 namespace {
-
-/// While one lives, in any thread, nothing reaches stderr: the codecs print warnings there, which would bury
-/// our one line.
-class QuietStderr {
- public:
-  QuietStderr() {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (alive_++ > 0) return;
-    stderr_ = dup(STDERR_FILENO);
-    const int nowhere = open("/dev/null", O_WRONLY);
-    if (stderr_ >= 0 && nowhere >= 0) dup2(nowhere, STDERR_FILENO);
-    if (nowhere >= 0) close(nowhere);
-  }
-  ~QuietStderr() {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    if (--alive_ > 0 || stderr_ < 0) return;
-    dup2(stderr_, STDERR_FILENO);
-    close(stderr_);
-  }
-  QuietStderr(const QuietStderr&) = delete;
-  QuietStderr& operator=(const QuietStderr&) = delete;
-
- private:
-  static inline std::mutex mutex_;
-  static inline int alive_ = 0, stderr_ = -1;
-};
 
 bool startsWith(const std::string& data, const char* mark) {
   return data.rfind(mark, 0) == 0;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -17,6 +18,7 @@
 
 #include "image_files.hpp"
 #include "output_files.hpp"
+#include "quiet_stderr.hpp"
 #include "read_ahead.hpp"
 #include "report_json.hpp"
 #include "rig_files.hpp"
@@ -271,6 +273,24 @@ TEST_F(Files, AnErrorWhileOutputsGetTheirNamesLeavesEveryFileAsItWas) {
   outputs.commit();
   EXPECT_EQ(content(path("old.json")), "new");
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 2);
+}
+
+TEST_F(Files, LinesReachStderrWhileImagesAreDecoded) {
+  cv::imwrite(path("a.png"), cv::Mat(400, 400, CV_8UC3, cv::Scalar::all(1)));
+  std::string lines;
+  testing::internal::CaptureStderr();
+  std::atomic<bool> is_done{false};
+  std::thread decoder([&] {
+    while (!is_done) readColor(path("a.png"));
+  });
+  for (int i = 0; i < 2000; ++i) {
+    printToStderr(std::to_string(i));
+    lines += std::to_string(i) + "\n";
+    std::this_thread::sleep_for(std::chrono::microseconds(10));
+  }
+  is_done = true;
+  decoder.join();
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), lines);
 }
 
 TEST_F(Files, ASignalLeavesNoTemporaryFile) {

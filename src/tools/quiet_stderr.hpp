@@ -1,0 +1,22 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+namespace all_in_focus {
+
+/// While one lives, in any thread, only printToStderr() reaches stderr: the codecs print warnings there,
+/// which would bury our one line.
+class QuietStderr {
+ public:
+  QuietStderr();
+  ~QuietStderr();
+  QuietStderr(const QuietStderr&) = delete;
+  QuietStderr& operator=(const QuietStderr&) = delete;
+};
+
+/// Writes a line to stderr, also while another thread decodes an image.
+void printToStderr(const std::string& line);
+
+}  // namespace all_in_focus
