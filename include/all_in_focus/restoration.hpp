@@ -14,7 +14,7 @@ namespace all_in_focus::core {
 
 /// What mode restored makes of a fused bracket.
 struct RestorationResult {
-  cv::Mat image;  ///< CV_8UC3: the fused picture, corrected beside depth edges
+  cv::Mat image;  ///< CV_8UC3: the fused picture, corrected beside depth edges and where no frame is sharp
   cv::Mat depth;  ///< CV_16UC1 mm, known everywhere: estimated from the bracket, measured depth being a prior
   double blur_scale = 0;           ///< measured blur / blur that the optics predict; 0 = unknown
   std::vector<std::string> notes;  ///< what a user should know: optics that the pictures contradict

@@ -7,6 +7,9 @@
 #include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "util/row_strips.hpp"
 
 namespace all_in_focus::core {
 namespace {
@@ -18,6 +21,7 @@ constexpr int kGrid = 3;  // every third row and column is enough
 constexpr int kLeastSamples = 200;
 constexpr float kMostError = 100;  // squared gray levels
 constexpr float kNearlySharpPx = 2;
+constexpr int kStripRows = 16;
 
 // Squared error of a channel, gray levels, cut.
 float squaredError(const cv::Vec3s& a, const cv::Vec3s& b) {
@@ -44,30 +48,46 @@ cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket) {
 }
 
 BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures& pictures) {
+  struct Sums {
+    std::array<double, kScales> errors{};
+    double residual = 0;
+    int samples = 0, sharp = 0;
+  };
   const cv::Mat1f clear = distanceFromDoubt(bracket);
-  std::array<double, kScales> errors{};
-  double residual = 0;
-  int samples = 0, sharp = 0;
-  for (int y = kGrid / 2; y < clear.rows; y += kGrid) {
-    for (int x = kGrid / 2; x < clear.cols; x += kGrid) {
-      if (clear(y, x) <= kClearPx) continue;
-      ++samples;
-      for (const ObservedFrame& frame : bracket.frames) {
-        if (!frame.seen.contains({x, y})) continue;
-        const float radius = frame.blur.radius(bracket.measured(y, x));
-        const cv::Vec3s& seen = frame.codes(y, x);
-        for (int i = 0; i < kScales; ++i) {
-          const float scaled = static_cast<float>(kFirst + i * kStep) * radius;
-          errors[i] += squaredError(pictures.at(scaled)(y, x), seen);
+  // As many strips as ever, so that the sums do not depend on the number of threads.
+  const RowStrips strips({0, clear.rows / kGrid}, std::max(1, clear.rows / kStripRows));
+  std::vector<Sums> of_strips(strips.count());
+  strips.forEach([&](const cv::Range& rows, int strip) {
+    Sums& sums = of_strips[strip];
+    for (int row = rows.start; row < rows.end; ++row) {
+      const int y = kGrid * row + kGrid / 2;
+      for (int x = kGrid / 2; x < clear.cols; x += kGrid) {
+        if (clear(y, x) <= kClearPx) continue;
+        ++sums.samples;
+        for (const ObservedFrame& frame : bracket.frames) {
+          if (!frame.seen.contains({x, y})) continue;
+          const float radius = frame.blur.radius(bracket.measured(y, x));
+          const cv::Vec3s& seen = frame.codes(y, x);
+          for (int i = 0; i < kScales; ++i) {
+            const float scaled = static_cast<float>(kFirst + i * kStep) * radius;
+            sums.errors[i] += squaredError(pictures.at(scaled)(y, x), seen);
+          }
+          if (radius >= kNearlySharpPx) continue;
+          sums.residual += squaredError(pictures.at(radius)(y, x), seen);
+          ++sums.sharp;
         }
-        if (radius >= kNearlySharpPx) continue;
-        residual += squaredError(pictures.at(radius)(y, x), seen);
-        ++sharp;
       }
     }
+  });
+  Sums all;
+  for (const Sums& sums : of_strips) {
+    for (int i = 0; i < kScales; ++i) all.errors[i] += sums.errors[i];
+    all.residual += sums.residual;
+    all.samples += sums.samples;
+    all.sharp += sums.sharp;
   }
-  if (samples < kLeastSamples || sharp == 0) return {};
-  return {kFirst + kStep * lowest(errors), residual / sharp};
+  if (all.samples < kLeastSamples || all.sharp == 0) return {};
+  return {kFirst + kStep * lowest(all.errors), all.residual / all.sharp};
 }
 
 }  // namespace all_in_focus::core

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -28,6 +29,7 @@ constexpr double kLeastCorrection = 0.7, kLargestCorrection = 1.3;
 constexpr double kRangeMarginPx = 0.5;  // of blur, beyond the depth that was measured
 constexpr double kRangeShare = 0.005;   // of measured pixels that may lie beyond, at each end
 constexpr int kLeastFrames = 2;
+constexpr std::array<float, 2> kStiffness = {1.5f, 1};  // of contours, by round
 
 cv::Size workingSize(const cv::Size& size) {
   if (size.width <= BracketRestoration::kWidestPx) return size;
@@ -201,14 +203,18 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   const double pitch = calibrated / scale * size_.width / working_size_.width;
   const double f = scene_.optics.focal_length_mm;
   std::vector<cv::Mat> images;
-  for (const HeldFrame& held : held_) {
-    ObservedFrame frame;
-    equalize(held.image, held.gain, bracket.light, frame.codes);
+  bracket.frames.resize(held_.size());
+  cv::parallel_for_({0, static_cast<int>(held_.size())}, [&](const cv::Range& range) {
+    for (int k = range.start; k < range.end; ++k)
+      equalize(held_[k].image, held_[k].gain, bracket.light, bracket.frames[k].codes);
+  });
+  for (size_t k = 0; k < held_.size(); ++k) {
+    const HeldFrame& held = held_[k];
+    ObservedFrame& frame = bracket.frames[k];
     frame.seen = held.seen;
     frame.blur = {held.inverse_depth,
                   f * f / (2 * scene_.optics.aperture * pitch) / (1 - f * held.inverse_depth)};
     bracket.px_mm = std::max(bracket.px_mm, frame.blur.px_mm);
-    bracket.frames.push_back(frame);
     images.push_back(held.image);
   }
   bracket.noise_variance = noiseVariance(images);
@@ -248,24 +254,33 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   pictures.reset();  // by far the largest part of memory
   if (!proceed(0.4)) return std::nullopt;
 
-  // 4. Its contours, to the pixel.
+  // 4. Its contours to the pixel, and the sharp picture that explains the frames better than the fused one;
+  // twice, because the blur that the fused picture shows beside near objects misleads contours.
   std::vector<ImageFormation> formation;
   formation.reserve(bracket.frames.size());
   for (const ObservedFrame& frame : bracket.frames)
     formation.emplace_back(inverse_depth, frame.blur, bracket.gap(kJumpPx));
   updateAll(formation);
-  bool stopped = false;
-  moveContours(bracket, formation, inverse_depth, [&](double done) {
-    stopped = !proceed(0.4 + 0.3 * done);
-    return !stopped;
-  });
-  if (stopped) return std::nullopt;
-
-  // 5. The sharp picture that explains them better than the fused one.
-  const std::optional<cv::Mat3f> z = correction(bracket, formation, inverse_depth, part(0.7, 1));
-  if (!z) return std::nullopt;
+  const cv::Mat3b given = bracket.fused;
+  cv::Mat3f sum = cv::Mat3f::zeros(given.size());
+  for (size_t round = 0; round < kStiffness.size(); ++round) {
+    const double from = 0.4 + 0.3 * static_cast<double>(round);
+    bool stopped = false;
+    moveContours(bracket, formation, inverse_depth, kStiffness[round], [&](double done) {
+      stopped = !proceed(from + 0.15 * done);
+      return !stopped;
+    });
+    if (stopped) return std::nullopt;
+    const std::optional<cv::Mat3f> z =
+        correction(bracket, formation, inverse_depth, part(from + 0.15, from + 0.3));
+    if (!z) return std::nullopt;
+    sum += *z;
+    bracket.fused = given.clone();
+    addTo(bracket.fused, sum);
+    bracket.light = linearLight(bracket.fused);
+  }
   result.image = fused.clone();
-  addTo(result.image, *z);
+  addTo(result.image, sum);
   result.depth = depthOf(inverse_depth, size_);
   proceed(1);
   return result;

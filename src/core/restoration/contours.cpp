@@ -14,15 +14,12 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kSweeps = 8, kSweepsPerUpdate = 3;
-constexpr int kStiffSweeps = 5;  // the first ones, in which jumps cost more
+constexpr int kSweeps = 4, kSweepsPerUpdate = 3;
 constexpr int kReachPx = 4;      // how far a contour may move
 constexpr int kStirPx = 2;       // a change is felt that far away
 constexpr float kSharpPx = 3;    // radius of frames that tell
 constexpr float kMostCost = 30;  // of a frame
-// Stiff contours go to colour edges, even where the near object's rim is denser than the lens makes it;
-// looser ones then follow what is thin.
-constexpr float kJumpWeight = 4, kStiffness = 1.5f;
+constexpr float kJumpWeight = 4;
 constexpr float kSideways = 0.5f;  // share of jumps along a contour: where it moves they move with it
 // What the nearer of two depths must explain better: the fused picture has the near object's blur on the far
 // surface, which explains the frames as if the object were that much fatter.
@@ -38,7 +35,8 @@ const std::array<cv::Point, 4> kNeighbours = {cv::Point(-1, 0), {1, 0}, {0, -1},
 
 class Contours {
  public:
-  Contours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation, cv::Mat1f& inverse_depth)
+  Contours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation, cv::Mat1f& inverse_depth,
+           float stiffness)
       : bracket_(bracket),
         formation_(formation),
         inverse_depth_(inverse_depth),
@@ -46,15 +44,9 @@ class Contours {
         cost_scale_(static_cast<float>(1 / (6 * (bracket.noise_variance + 1) * kCodeScale * kCodeScale))),
         sharp_(ImageFormation::withMargin(bracket.light)),
         stirred_(inverse_depth.size()) {
-    findJumpCosts();
+    findJumpCosts(stiffness);
     cv::dilate(jumps(inverse_depth, gap_), within_,
                cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * kReachPx + 1, 2 * kReachPx + 1}));
-    within_.copyTo(stirred_);
-  }
-
-  // From now on jumps cost what they are worth, and every pixel is tried again.
-  void loosen() {
-    stiffness_ = 1;
     within_.copyTo(stirred_);
   }
 
@@ -173,21 +165,23 @@ class Contours {
   }
 
   // Of a jump between a pixel and its right or lower neighbour: less at a colour edge.
-  void findJumpCosts() {
+  void findJumpCosts(float stiffness) {
     for (cv::Mat1f* costs : {&right_, &below_}) costs->create(inverse_depth_.size());
-    for (int y = 0; y < inverse_depth_.rows; ++y) {
-      for (int x = 0; x < inverse_depth_.cols; ++x) {
-        const cv::Vec3b& here = bracket_.fused(y, x);
-        const auto cost = [&](const cv::Vec3b& other) {
-          float squared = 0;
-          for (int c = 0; c < 3; ++c)
-            squared += static_cast<float>((here[c] - other[c]) * (here[c] - other[c])) / 3;
-          return kJumpWeight * (std::exp(-squared / kColorStep) + kLeastJump);
-        };
-        if (x + 1 < inverse_depth_.cols) right_(y, x) = cost(bracket_.fused(y, x + 1));
-        if (y + 1 < inverse_depth_.rows) below_(y, x) = cost(bracket_.fused(y + 1, x));
+    cv::parallel_for_({0, inverse_depth_.rows}, [&](const cv::Range& rows) {
+      for (int y = rows.start; y < rows.end; ++y) {
+        for (int x = 0; x < inverse_depth_.cols; ++x) {
+          const cv::Vec3b& here = bracket_.fused(y, x);
+          const auto cost = [&](const cv::Vec3b& other) {
+            float squared = 0;
+            for (int c = 0; c < 3; ++c)
+              squared += static_cast<float>((here[c] - other[c]) * (here[c] - other[c])) / 3;
+            return stiffness * kJumpWeight * (std::exp(-squared / kColorStep) + kLeastJump);
+          };
+          if (x + 1 < inverse_depth_.cols) right_(y, x) = cost(bracket_.fused(y, x + 1));
+          if (y + 1 < inverse_depth_.rows) below_(y, x) = cost(bracket_.fused(y + 1, x));
+        }
       }
-    }
+    });
   }
 
   float depthCost(const cv::Point& p, float inverse_depth) const {
@@ -201,7 +195,7 @@ class Contours {
     float sum = 0;
     const auto add = [&](const cv::Point& step, float cost) {
       if (std::abs(inverse_depth_(p + step) - inverse_depth) > gap_)
-        sum += stiffness_ * ((step.y == 0) == across_x ? cost : kSideways * cost);
+        sum += (step.y == 0) == across_x ? cost : kSideways * cost;
     };
     if (p.x > 0) add({-1, 0}, right_(p.y, p.x - 1));
     if (p.x + 1 < inverse_depth_.cols) add({1, 0}, right_(p));
@@ -213,7 +207,7 @@ class Contours {
   const ObservedBracket& bracket_;
   std::vector<ImageFormation>& formation_;
   cv::Mat1f& inverse_depth_;
-  float gap_, cost_scale_, stiffness_ = kStiffness;
+  float gap_, cost_scale_;
   cv::Mat4f sharp_;
   cv::Mat1f right_, below_;     // cost of a jump to these neighbours
   cv::Mat1b within_, stirred_;  // within_: where contours may run
@@ -222,12 +216,11 @@ class Contours {
 }  // namespace
 
 void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
-                  cv::Mat1f& inverse_depth, const std::function<bool(double)>& proceed) {
-  Contours contours(bracket, formation, inverse_depth);
+                  cv::Mat1f& inverse_depth, float stiffness, const std::function<bool(double)>& proceed) {
+  Contours contours(bracket, formation, inverse_depth, stiffness);
   for (int i = 0; i < kSweeps; ++i) {
     if (!proceed(static_cast<double>(i) / kSweeps)) return;
-    if (i == kStiffSweeps) contours.loosen();
-    if (contours.sweep(0) + contours.sweep(1) == 0 && i >= kStiffSweeps) break;
+    if (contours.sweep(0) + contours.sweep(1) == 0) break;
     if (i % kSweepsPerUpdate == kSweepsPerUpdate - 1) updateAll(formation);
   }
   updateAll(formation);

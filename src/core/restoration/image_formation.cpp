@@ -17,7 +17,8 @@ constexpr float kWhole = 0.98f;  // shares that sum up to it lack nothing
 constexpr int kMovedPx = 2;      // jumps may move by that before reaches are found anew
 constexpr int kNearby = 5, kNearbySide = 2 * kNearby + 1;  // px
 constexpr float kNearest = 0.3f;                           // weight of a pixel d away: 1 / (d^4 + this)
-constexpr int kBlock = cv::v_uint8x16::nlanes;             // columns looked at together
+constexpr int kMostParts = (2 * DiscKernels::kSide + 1) * (2 * DiscKernels::kSide + 1);
+constexpr int kBlock = cv::v_uint8x16::nlanes;  // columns looked at together
 
 int mirrored(int i, int size) {
   return cv::borderInterpolate(i, size, cv::BORDER_REFLECT_101);
@@ -216,15 +217,17 @@ float ImageFormation::gather(const cv::Point& p, const Candidate& own, int half,
                              std::vector<Part>& parts) const {
   std::array<float, kLayers> sums;
   std::uint64_t present = 0;
-  thread_local std::vector<std::uint8_t> layers;
-  layers.clear();
-  parts.clear();
+  std::array<Part, kMostParts> found;  // member by member: a Part made elsewhere and copied takes longer
+  std::array<std::uint8_t, kMostParts> layers;
+  int count = 0;
   const auto take = [&](int dx, int dy, float share, int l) {
     if (!(present >> l & 1)) sums[l] = 0;
     present |= std::uint64_t{1} << l;
     sums[l] += share;
-    parts.push_back({static_cast<std::int16_t>(dx), static_cast<std::int16_t>(dy), share});
-    layers.push_back(static_cast<std::uint8_t>(l));
+    found[count].dx = static_cast<std::int16_t>(dx);
+    found[count].dy = static_cast<std::int16_t>(dy);
+    found[count].share = share;
+    layers[count++] = static_cast<std::uint8_t>(l);
   };
   take(0, 0, ownShare(p, own, half), own.layer);
   forEachThatLightsUp(p, half, take);
@@ -238,18 +241,18 @@ float ImageFormation::gather(const cv::Point& p, const Candidate& own, int half,
   }
   const float scale = total >= kWhole ? 1 / total : 1;
   const bool inside = isInside(p, half);
-  size_t kept = 0;
-  for (size_t i = 0; i < parts.size(); ++i) {
-    Part part = parts[i];
-    part.share *= factors[layers[i]] * scale;
-    if (part.share <= 0) continue;
-    if (!inside) {
-      part.dx = static_cast<std::int16_t>(mirrored(p.x + part.dx, inverse_depth_.cols) - p.x);
-      part.dy = static_cast<std::int16_t>(mirrored(p.y + part.dy, inverse_depth_.rows) - p.y);
-    }
-    parts[kept++] = part;
+  parts.resize(count);
+  Part* to = parts.data();
+  for (int i = 0; i < count; ++i) {
+    const Part& part = found[i];
+    const float share = part.share * factors[layers[i]] * scale;
+    if (share <= 0) continue;
+    to->dx = inside ? part.dx : static_cast<std::int16_t>(mirrored(p.x + part.dx, inverse_depth_.cols) - p.x);
+    to->dy = inside ? part.dy : static_cast<std::int16_t>(mirrored(p.y + part.dy, inverse_depth_.rows) - p.y);
+    to->share = share;
+    ++to;
   }
-  parts.resize(kept);
+  parts.resize(to - parts.data());
   return total;
 }
 

@@ -20,14 +20,15 @@ namespace {
 constexpr double kBandJumpPx = 0.75;  // of blur; smaller jumps leave little to correct
 constexpr int kBandPx = 5;            // about them
 constexpr double kBandSigma = 1.5;
-constexpr int kSolvedPx = kBandPx + 2;
-constexpr float kSharpPx = 2.5f;                             // radius of frames that tell
-constexpr int kFarthestPart = 4;                             // px; parts farther away count as known
+constexpr float kLeastShare = 0.05f;               // of the correction; where less would count it is 0
+constexpr float kSoftFrom = 0.4f, kSoftTo = 0.9f;  // radius of the sharpest frame, px
+constexpr float kSharpPx = 2.5f;                   // radius of frames that tell
+constexpr int kFarthestPart = 4;                   // px; parts farther away count as known
 constexpr double kModelVariance = 0.49, kModelError = 0.09;  // gray levels squared; by squared radius
 constexpr double kPriorShare = 0.49, kLeastVariance = 0.1;
 constexpr float kSmoothness = 0.1f;
 constexpr double kResidualSigma = 2;  // px
-constexpr int kSteps = 3;             // of conjugate gradients
+constexpr int kSteps = 2;             // of conjugate gradients
 constexpr float kSpreadMargin = 2;    // gray levels
 constexpr float kGateFrom = 0.1f, kGateTo = 0.4f;
 // Of the correction: contours and lens model are wrong here and there, and what is corrected too much costs
@@ -39,6 +40,16 @@ cv::Mat1b neighbourhood(const cv::Mat1b& mask, int reach) {
   cv::Mat1b wide;
   cv::dilate(mask, wide, cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * reach + 1, 2 * reach + 1}));
   return wide;
+}
+
+// work(y, x) for all pixels, rows at the same time.
+template <typename Work>
+void forEachPixel(const cv::Size& size, const Work& work) {
+  cv::parallel_for_({0, size.height}, [&](const cv::Range& rows) {
+    for (int y = rows.start; y < rows.end; ++y) {
+      for (int x = 0; x < size.width; ++x) work(y, x);
+    }
+  });
 }
 
 // One pixel of one frame.
@@ -68,15 +79,14 @@ class Equations {
   Equations(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
             const cv::Mat1b& solved)
       : bracket_(bracket), solved_(solved), strips_({0, solved.rows}, std::max(1, solved.rows / kStripRows)) {
+    cv::cvtColor(bracket.light, light_, cv::COLOR_BGR2BGRA);
     equations_.resize(strips_.count());
     strips_.forEach([&](const cv::Range& rows, int i) { build(formation, rows, equations_[i]); });
     slopes_.create(solved.size());
     const LightCurve& curve = LightCurve::get();
-    for (int y = 0; y < solved.rows; ++y) {
-      for (int x = 0; x < solved.cols; ++x) {
-        for (int c = 0; c < 3; ++c) slopes_(y, x)[c] = 1 / curve.slope(bracket.fused(y, x)[c]);
-      }
-    }
+    forEachPixel(solved.size(), [&](int y, int x) {
+      for (int c = 0; c < 3; ++c) slopes_(y, x)[c] = 1 / curve.slope(bracket.fused(y, x)[c]);
+    });
   }
 
   // work(row, parts) for all rows, strips at the same time.
@@ -119,19 +129,22 @@ class Equations {
 
   cv::Mat4f toLight(const cv::Mat3f& z) const {
     cv::Mat4f light(z.size());
-    for (int y = 0; y < z.rows; ++y) {
-      for (int x = 0; x < z.cols; ++x) {
-        const cv::Vec3f here = z(y, x).mul(slopes_(y, x));
-        light(y, x) = {here[0], here[1], here[2], 0};
-      }
-    }
+    forEachPixel(z.size(), [&](int y, int x) {
+      const cv::Vec3f here = z(y, x).mul(slopes_(y, x));
+      light(y, x) = {here[0], here[1], here[2], 0};
+    });
     return light;
   }
   const cv::Mat1b& solved() const { return solved_; }
 
  private:
   void build(const std::vector<ImageFormation>& formation, const cv::Range& rows, Strip& strip) const {
+    // Grows once for all strips: new memory is slow.
+    thread_local Strip built;
+    built.rows.clear();
+    built.parts.clear();
     const LightCurve& curve = LightCurve::get();
+    const std::ptrdiff_t stride = solved_.cols;
     std::vector<ImageFormation::Part> parts;
     for (int y = rows.start; y < rows.end; ++y) {
       for (int x = 0; x < solved_.cols; ++x) {
@@ -146,27 +159,34 @@ class Equations {
           row.y = static_cast<std::int16_t>(y);
           row.weight = static_cast<float>(
               1 / (bracket_.noise_variance + kModelVariance + kModelError * radius * radius));
-          row.first = static_cast<std::uint32_t>(strip.parts.size());
-          cv::Vec3f light;
+          const cv::Vec4f* light_here = &light_(y, x);
+          const std::uint8_t* solved_here = &solved_(y, x);
+          cv::v_float32x4 sum = cv::v_setzero_f32();
+          for (const ImageFormation::Part& part : parts)
+            sum += cv::v_load(light_here[part.dy * stride + part.dx].val) * cv::v_setall_f32(part.share);
+          row.first = static_cast<std::uint32_t>(built.parts.size());
+          built.parts.resize(row.first + parts.size());
+          Part* to = built.parts.data() + row.first;
           for (const ImageFormation::Part& part : parts) {
-            light += part.share * bracket_.light(y + part.dy, x + part.dx);
             if (std::max(std::abs(part.dx), std::abs(part.dy)) <= kFarthestPart &&
-                solved_(y + part.dy, x + part.dx))
-              strip.parts.push_back({static_cast<std::int8_t>(part.dx), static_cast<std::int8_t>(part.dy),
-                                     static_cast<std::uint16_t>(part.share * kWholeShare + 0.5f)});
+                solved_here[part.dy * stride + part.dx])
+              *to++ = {static_cast<std::int8_t>(part.dx), static_cast<std::int8_t>(part.dy),
+                       static_cast<std::uint16_t>(part.share * kWholeShare + 0.5f)};
           }
-          row.count = static_cast<std::uint32_t>(strip.parts.size()) - row.first;
+          built.parts.resize(to - built.parts.data());
+          row.count = static_cast<std::uint32_t>(built.parts.size()) - row.first;
+          cv::Vec4f light;
+          cv::v_store(light.val, sum);
           for (int c = 0; c < 3; ++c) {
             const float code = curve.code(light[c]);
             row.residual[c] = static_cast<float>(frame.codes(y, x)[c]) / kCodeScale - code;
             row.slope[c] = curve.slope(code);
           }
-          strip.rows.push_back(row);
+          built.rows.push_back(row);
         }
       }
     }
-    strip.parts.shrink_to_fit();
-    strip.rows.shrink_to_fit();
+    strip = built;
   }
 
   // out = sum over rows of factor(share) value(row): each strip into rows of its own, which are then added in
@@ -203,6 +223,7 @@ class Equations {
   }
 
   const ObservedBracket& bracket_;
+  cv::Mat4f light_;  // of the fused picture
   cv::Mat1b solved_;
   RowStrips strips_;
   std::vector<Strip> equations_;
@@ -217,38 +238,33 @@ float mean(const cv::Vec3f& v) {
   return (v[0] + v[1] + v[2]) / 3;
 }
 
-// Squared residuals of the frames by pixel, mean over channels, weighted by omega, smoothed; and the weights.
-struct Residuals {
-  cv::Mat1f sum, weight, noise;
-};
-
-// z: in light; empty = none.
-Residuals residuals(const Equations& equations, const cv::Mat4f& light, double noise_variance) {
-  Residuals found;
-  for (cv::Mat1f* image : {&found.sum, &found.weight, &found.noise})
-    *image = cv::Mat1f::zeros(equations.solved().size());
+// Squared residuals of the frames by pixel, mean over channels, in excess of noise; weighted by omega,
+// smoothed. z: in light; empty = none.
+cv::Mat1f excessOf(const Equations& equations, const cv::Mat4f& z, double noise_variance) {
+  cv::Mat1f excess = cv::Mat1f::zeros(equations.solved().size());
   equations.forEach([&](const Row& row, const Part* parts) {
-    const cv::Vec3f left =
-        light.empty() ? row.residual : row.residual - Equations::predicted(row, parts, light);
-    found.sum(row.y, row.x) += row.weight * mean(squared(left));
-    found.weight(row.y, row.x) += row.weight;
-    found.noise(row.y, row.x) += row.weight * static_cast<float>(noise_variance);
+    const cv::Vec3f left = z.empty() ? row.residual : row.residual - Equations::predicted(row, parts, z);
+    excess(row.y, row.x) += row.weight * (mean(squared(left)) - static_cast<float>(noise_variance));
   });
-  for (cv::Mat1f* image : {&found.sum, &found.weight, &found.noise})
-    cv::GaussianBlur(*image, *image, {}, kResidualSigma);
-  return found;
+  cv::GaussianBlur(excess, excess, {}, kResidualSigma);
+  return excess;
+}
+
+// The sum of omega by pixel, smoothed alike.
+cv::Mat1f weightOf(const Equations& equations) {
+  cv::Mat1f weight = cv::Mat1f::zeros(equations.solved().size());
+  equations.forEach([&](const Row& row, const Part*) { weight(row.y, row.x) += row.weight; });
+  cv::GaussianBlur(weight, weight, {}, kResidualSigma);
+  return weight;
 }
 
 // 1 / s^2.
-cv::Mat1f priorOf(const Residuals& before, double noise_variance) {
-  cv::Mat1f prior(before.sum.size());
-  for (int y = 0; y < prior.rows; ++y) {
-    for (int x = 0; x < prior.cols; ++x) {
-      const float weight = std::max(before.weight(y, x), 1e-6f);
-      const float excess = std::max(0.0f, (before.sum(y, x) - before.noise(y, x)) / weight);
-      prior(y, x) = 1 / (static_cast<float>(kPriorShare * (noise_variance + kLeastVariance)) + excess);
-    }
-  }
+cv::Mat1f priorOf(const cv::Mat1f& excess, const cv::Mat1f& weight, double noise_variance) {
+  const auto least = static_cast<float>(kPriorShare * (noise_variance + kLeastVariance));
+  cv::Mat1f prior(excess.size());
+  forEachPixel(prior.size(), [&](int y, int x) {
+    prior(y, x) = 1 / (least + std::max(0.0f, excess(y, x) / std::max(weight(y, x), 1e-6f)));
+  });
   return prior;
 }
 
@@ -258,18 +274,16 @@ void apply(const Equations& equations, const cv::Mat1f& prior, const cv::Mat3f& 
   equations.transposed(
       [&](const Row& row, const Part* parts) { return Equations::predicted(row, parts, light); }, out);
   const cv::Mat1b& solved = equations.solved();
-  for (int y = 0; y < z.rows; ++y) {
-    for (int x = 0; x < z.cols; ++x) {
-      if (!solved(y, x)) continue;
-      const cv::Vec3f& here = z(y, x);
-      cv::Vec3f bend;
-      for (const cv::Point& step : {cv::Point(-1, 0), cv::Point(1, 0), cv::Point(0, -1), cv::Point(0, 1)}) {
-        const cv::Point q = cv::Point(x, y) + step;
-        if (q.x >= 0 && q.y >= 0 && q.x < z.cols && q.y < z.rows) bend += here - z(q);
-      }
-      out(y, x) += prior(y, x) * here + kSmoothness * bend;
+  forEachPixel(z.size(), [&](int y, int x) {
+    if (!solved(y, x)) return;
+    const cv::Vec3f& here = z(y, x);
+    cv::Vec3f bend;
+    for (const cv::Point& step : {cv::Point(-1, 0), cv::Point(1, 0), cv::Point(0, -1), cv::Point(0, 1)}) {
+      const cv::Point q = cv::Point(x, y) + step;
+      if (q.x >= 0 && q.y >= 0 && q.x < z.cols && q.y < z.rows) bend += here - z(q);
     }
-  }
+    out(y, x) += prior(y, x) * here + kSmoothness * bend;
+  });
 }
 
 cv::Vec3d dot(const cv::Mat3f& a, const cv::Mat3f& b) {
@@ -279,11 +293,7 @@ cv::Vec3d dot(const cv::Mat3f& a, const cv::Mat3f& b) {
 
 void addScaled(cv::Mat3f& to, const cv::Mat3f& from, const cv::Vec3d& factor) {
   const cv::Vec3f f(factor);
-  cv::parallel_for_({0, to.rows}, [&](const cv::Range& rows) {
-    for (int y = rows.start; y < rows.end; ++y) {
-      for (int x = 0; x < to.cols; ++x) to(y, x) += f.mul(from(y, x));
-    }
-  });
+  forEachPixel(to.size(), [&](int y, int x) { to(y, x) += f.mul(from(y, x)); });
 }
 
 cv::Vec3d ratio(const cv::Vec3d& a, const cv::Vec3d& b) {
@@ -298,11 +308,9 @@ std::optional<cv::Mat3f> solve(const Equations& equations, const cv::Mat1f& prio
   cv::Mat3f residual, z = cv::Mat3f::zeros(prior.size()), product;
   equations.transposed([](const Row& row, const Part*) { return row.residual; }, residual);
   cv::Mat3f inverse = equations.diagonal();
-  for (int y = 0; y < z.rows; ++y) {
-    for (int x = 0; x < z.cols; ++x) {
-      for (int c = 0; c < 3; ++c) inverse(y, x)[c] = 1 / (inverse(y, x)[c] + prior(y, x) + 4 * kSmoothness);
-    }
-  }
+  forEachPixel(z.size(), [&](int y, int x) {
+    for (int c = 0; c < 3; ++c) inverse(y, x)[c] = 1 / (inverse(y, x)[c] + prior(y, x) + 4 * kSmoothness);
+  });
   residual.setTo(cv::Scalar(), equations.solved() == 0);
   cv::Mat3f steepest = residual.mul(inverse), direction = steepest.clone();
   cv::Vec3d energy = dot(residual, steepest);
@@ -315,10 +323,9 @@ std::optional<cv::Mat3f> solve(const Equations& equations, const cv::Mat1f& prio
     steepest = residual.mul(inverse);
     const cv::Vec3d next = dot(residual, steepest);
     const cv::Vec3d turn = ratio(next, energy);
-    for (int y = 0; y < z.rows; ++y) {
-      for (int x = 0; x < z.cols; ++x)
-        direction(y, x) = steepest(y, x) + cv::Vec3f(turn).mul(direction(y, x));
-    }
+    forEachPixel(z.size(), [&](int y, int x) {
+      direction(y, x) = steepest(y, x) + cv::Vec3f(turn).mul(direction(y, x));
+    });
     energy = next;
   }
   return z;
@@ -326,37 +333,46 @@ std::optional<cv::Mat3f> solve(const Equations& equations, const cv::Mat1f& prio
 
 // |z| is at most what the frames differ by there; its colour stays.
 void limit(const ObservedBracket& bracket, cv::Mat3f& z) {
-  for (int y = 0; y < z.rows; ++y) {
-    for (int x = 0; x < z.cols; ++x) {
-      cv::Vec3f& here = z(y, x);
-      if (here == cv::Vec3f()) continue;
-      cv::Vec3s least = bracket.frames[0].codes(y, x), most = least;
-      for (const ObservedFrame& frame : bracket.frames) {
-        for (int c = 0; c < 3; ++c) {
-          least[c] = std::min(least[c], frame.codes(y, x)[c]);
-          most[c] = std::max(most[c], frame.codes(y, x)[c]);
-        }
-      }
-      float factor = 1;
+  forEachPixel(z.size(), [&](int y, int x) {
+    cv::Vec3f& here = z(y, x);
+    if (here == cv::Vec3f()) return;
+    cv::Vec3s least = bracket.frames[0].codes(y, x), most = least;
+    for (const ObservedFrame& frame : bracket.frames) {
       for (int c = 0; c < 3; ++c) {
-        const float spread = static_cast<float>(most[c] - least[c]) / kCodeScale + kSpreadMargin;
-        if (std::abs(here[c]) > spread) factor = std::min(factor, spread / std::abs(here[c]));
+        least[c] = std::min(least[c], frame.codes(y, x)[c]);
+        most[c] = std::max(most[c], frame.codes(y, x)[c]);
       }
-      here *= factor;
     }
-  }
+    float factor = 1;
+    for (int c = 0; c < 3; ++c) {
+      const float spread = static_cast<float>(most[c] - least[c]) / kCodeScale + kSpreadMargin;
+      if (std::abs(here[c]) > spread) factor = std::min(factor, spread / std::abs(here[c]));
+    }
+    here *= factor;
+  });
 }
 
 // By the share of the residual in excess of noise that z explains.
-void gate(const Residuals& before, const Residuals& after, cv::Mat3f& z) {
-  for (int y = 0; y < z.rows; ++y) {
-    for (int x = 0; x < z.cols; ++x) {
-      const float excess =
-          std::max(before.sum(y, x) - before.noise(y, x), 1e-3f * before.weight(y, x) + 1e-9f);
-      const float share = (before.sum(y, x) - after.sum(y, x)) / excess;
-      z(y, x) *= kTaken * std::clamp((share - kGateFrom) / (kGateTo - kGateFrom), 0.0f, 1.0f);
+void gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weight, cv::Mat3f& z) {
+  forEachPixel(z.size(), [&](int y, int x) {
+    const float share = (before(y, x) - after(y, x)) / std::max(before(y, x), 1e-3f * weight(y, x) + 1e-9f);
+    z(y, x) *= kTaken * std::clamp((share - kGateFrom) / (kGateTo - kGateFrom), 0.0f, 1.0f);
+  });
+}
+
+// 0..1: where to correct. Beside jumps, and where no frame is sharp.
+cv::Mat1f regionOf(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth) {
+  cv::Mat1f region;
+  neighbourhood(jumps(inverse_depth, bracket.gap(kBandJumpPx)), kBandPx).convertTo(region, CV_32F, 1 / 255.0);
+  cv::GaussianBlur(region, region, {}, kBandSigma);
+  forEachPixel(region.size(), [&](int y, int x) {
+    float least = kSoftTo;
+    for (const ObservedFrame& frame : bracket.frames) {
+      if (frame.seen.contains({x, y})) least = std::min(least, frame.blur.radius(inverse_depth(y, x)));
     }
-  }
+    region(y, x) = std::max(region(y, x), (least - kSoftFrom) / (kSoftTo - kSoftFrom));
+  });
+  return region;
 }
 
 }  // namespace
@@ -365,22 +381,18 @@ std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
                                     const std::vector<ImageFormation>& formation,
                                     const cv::Mat1f& inverse_depth,
                                     const std::function<bool(double)>& proceed) {
-  const cv::Mat1b edges = jumps(inverse_depth, bracket.gap(kBandJumpPx));
-  if (cv::countNonZero(edges) == 0) return cv::Mat3f(cv::Mat3f::zeros(inverse_depth.size()));
-  const Equations equations(bracket, formation, neighbourhood(edges, kSolvedPx));
+  const cv::Mat1f region = regionOf(bracket, inverse_depth);
+  const cv::Mat1b solved = region > kLeastShare;
+  if (cv::countNonZero(solved) == 0) return cv::Mat3f(cv::Mat3f::zeros(solved.size()));
+  const Equations equations(bracket, formation, solved);
   if (!proceed(0.4)) return std::nullopt;
-  const Residuals before = residuals(equations, {}, bracket.noise_variance);
-  std::optional<cv::Mat3f> z = solve(equations, priorOf(before, bracket.noise_variance),
+  const cv::Mat1f excess = excessOf(equations, {}, bracket.noise_variance), weight = weightOf(equations);
+  std::optional<cv::Mat3f> z = solve(equations, priorOf(excess, weight, bracket.noise_variance),
                                      [&](double done) { return proceed(0.4 + 0.5 * done); });
   if (!z) return z;
   limit(bracket, *z);
-  gate(before, residuals(equations, equations.toLight(*z), bracket.noise_variance), *z);
-  cv::Mat1f band;
-  neighbourhood(edges, kBandPx).convertTo(band, CV_32F, 1 / 255.0);
-  cv::GaussianBlur(band, band, {}, kBandSigma);
-  for (int y = 0; y < band.rows; ++y) {
-    for (int x = 0; x < band.cols; ++x) (*z)(y, x) *= band(y, x);
-  }
+  gate(excess, excessOf(equations, equations.toLight(*z), bracket.noise_variance), weight, *z);
+  forEachPixel(region.size(), [&](int y, int x) { (*z)(y, x) *= region(y, x); });
   return z;
 }
 
