@@ -27,12 +27,11 @@ struct RestorationResult {
 /// explains the frames best is found first, then the correction of the fused picture that explains them
 /// better. See docs/algorithms.md.
 ///
-/// Holds at most kMostFrames frames of at most kWidestPx columns, however long the bracket and however large
-/// its frames. Not thread-safe.
+/// Holds at most kMostFrames frames, reduced to 1.2 million pixels or, where they are strongly blurred, to
+/// fewer; however long the bracket and however large its frames. The correction is enlarged. Not thread-safe.
 class BracketRestoration {
  public:
   static constexpr int kMostFrames = 12;
-  static constexpr int kWidestPx = 736;  ///< larger pictures are corrected on a reduced copy
 
   /// Told how much of the work is done, 0..1; false = stop.
   using Progress = std::function<bool(double done)>;

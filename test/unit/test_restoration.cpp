@@ -193,8 +193,8 @@ TEST(Restoration, OnOneSurfaceNothingChanges) {
 }
 
 TEST(Restoration, LargePicturesAreCorrectedOnAReducedCopy) {
-  const cv::Size large(2 * BracketRestoration::kWidestPx, 200);
-  const CardBeforeWall card(large, {400, 60, 500, 80});
+  const cv::Size large(1600, 1000);
+  const CardBeforeWall card(large, {400, 300, 500, 400});
   BracketScene scene = card.scene;
   const RestorationResult result = restored(card, scene);
   EXPECT_EQ(result.image.size(), large);

@@ -29,13 +29,10 @@ constexpr double kLeastCorrection = 0.7, kLargestCorrection = 1.3;
 constexpr double kRangeMarginPx = 0.5;  // of blur, beyond the depth that was measured
 constexpr double kRangeShare = 0.005;   // of measured pixels that may lie beyond, at each end
 constexpr int kLeastFrames = 2;
+// Pictures are reduced until the largest blur disc has this radius, for time grows with its area, and to so
+// many pixels, but no further than to so few.
+constexpr double kLargestBlurPx = 8, kMostPixels = 1200e3, kLeastPixels = 400e3;
 constexpr std::array<float, 2> kStiffness = {1.5f, 1};  // of contours, by round
-
-cv::Size workingSize(const cv::Size& size) {
-  if (size.width <= BracketRestoration::kWidestPx) return size;
-  const double scale = static_cast<double>(BracketRestoration::kWidestPx) / size.width;
-  return {BracketRestoration::kWidestPx, std::max(1, static_cast<int>(std::lround(size.height * scale)))};
-}
 
 cv::Mat reduced(const cv::Mat& image, const cv::Size& size) {
   if (image.size() == size) return image.clone();
@@ -80,25 +77,51 @@ cv::Mat depthOf(const cv::Mat1f& inverse_depth, const cv::Size& size) {
   return scaled;
 }
 
+// Of all that is known but a few outliers; nothing where nothing is known.
+std::optional<InverseDepthRange> rangeOf(const cv::Mat1f& inverse_depth) {
+  std::vector<float> there;
+  for (const float value : inverse_depth) {
+    if (value > 0) there.push_back(value);
+  }
+  if (there.empty()) return std::nullopt;
+  InverseDepthRange range;
+  const size_t beyond = static_cast<size_t>(kRangeShare * static_cast<double>(there.size()));
+  std::nth_element(there.begin(), there.begin() + beyond, there.end());
+  range.least = there[beyond];
+  std::nth_element(there.begin(), there.end() - 1 - beyond, there.end());
+  range.largest = there[there.size() - 1 - beyond];
+  return range;
+}
+
 // What the depth sensor saw, or, without one, what the lens was focused on.
 InverseDepthRange rangeOf(const ObservedBracket& bracket) {
-  std::vector<float> there;
-  for (const float inverse_depth : bracket.filled) {
-    if (inverse_depth > 0) there.push_back(inverse_depth);
-  }
-  InverseDepthRange range;
-  if (there.empty()) {
-    range = {static_cast<float>(bracket.frames.front().blur.inverse_depth),
-             static_cast<float>(bracket.frames.back().blur.inverse_depth)};
-  } else {
-    const size_t beyond = static_cast<size_t>(kRangeShare * static_cast<double>(there.size()));
-    std::nth_element(there.begin(), there.begin() + beyond, there.end());
-    range.least = there[beyond];
-    std::nth_element(there.begin(), there.end() - 1 - beyond, there.end());
-    range.largest = there[there.size() - 1 - beyond];
-  }
+  const InverseDepthRange focused = {static_cast<float>(bracket.frames.front().blur.inverse_depth),
+                                     static_cast<float>(bracket.frames.back().blur.inverse_depth)};
+  const InverseDepthRange range = rangeOf(bracket.filled).value_or(focused);
   const float margin = bracket.gap(kRangeMarginPx);
   return {std::max(0.0f, range.least - margin), range.largest + margin};
+}
+
+// Blur of a frame in pictures of that many columns.
+FrameBlur blurOf(const BracketScene& scene, double inverse_depth, int columns) {
+  const double f = scene.optics.focal_length_mm;
+  const double calibrated = scene.pixel_pitch_mm > 0 ? scene.pixel_pitch_mm : f / scene.camera->fx;
+  const double pitch = calibrated * scene.camera->size.width / columns;
+  return {inverse_depth, f * f / (2 * scene.optics.aperture * pitch) / (1 - f * inverse_depth)};
+}
+
+// The size in which a bracket is restored.
+cv::Size workingSize(const BracketScene& scene, const cv::Size& size) {
+  double pixels = kLeastPixels;
+  if (scene.camera && !scene.depth.empty()) {
+    if (const auto range = rangeOf(inverseDepthOf(scene.depth, scene.depth.size()))) {
+      const double blur = blurOf(scene, range->largest, size.width).radius(range->least) / kLargestBlurPx;
+      pixels = std::clamp(size.area() / std::max(blur * blur, 1e-6), kLeastPixels, kMostPixels);
+    }
+  }
+  const double scale = std::min(1.0, std::sqrt(pixels / size.area()));
+  return {std::max(1, static_cast<int>(std::lround(size.width * scale))),
+          std::max(1, static_cast<int>(std::lround(size.height * scale)))};
 }
 
 // What lies beyond a range is as near as its end.
@@ -146,11 +169,11 @@ void BracketRestoration::begin(const BracketScene& scene) {
 
 void BracketRestoration::add(const AlignedFrame& frame) {
   size_ = frame.image.size();
-  working_size_ = workingSize(size_);
   if (std::isnan(frame.focus_mm)) {
     focus_unknown_ = true;
     return;
   }
+  if (held_.empty()) working_size_ = workingSize(scene_, size_);
   HeldFrame held;
   held.image = reduced(frame.image, working_size_);
   held.seen = reduced(frame.seen, size_, working_size_);
@@ -197,11 +220,6 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   ObservedBracket bracket;
   bracket.fused = reduced(fused, working_size_);
   bracket.light = linearLight(bracket.fused);
-  const double scale = static_cast<double>(size_.width) / scene_.camera->size.width;
-  const double calibrated =
-      scene_.pixel_pitch_mm > 0 ? scene_.pixel_pitch_mm : scene_.optics.focal_length_mm / scene_.camera->fx;
-  const double pitch = calibrated / scale * size_.width / working_size_.width;
-  const double f = scene_.optics.focal_length_mm;
   std::vector<cv::Mat> images;
   bracket.frames.resize(held_.size());
   cv::parallel_for_({0, static_cast<int>(held_.size())}, [&](const cv::Range& range) {
@@ -212,8 +230,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     const HeldFrame& held = held_[k];
     ObservedFrame& frame = bracket.frames[k];
     frame.seen = held.seen;
-    frame.blur = {held.inverse_depth,
-                  f * f / (2 * scene_.optics.aperture * pitch) / (1 - f * held.inverse_depth)};
+    frame.blur = blurOf(scene_, held.inverse_depth, working_size_.width);
     bracket.px_mm = std::max(bracket.px_mm, frame.blur.px_mm);
     images.push_back(held.image);
   }
