@@ -111,14 +111,11 @@ void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const 
   mean_.beginFrame(index, codes);
   const RowStrips strips({inside.y, inside.br().y}, static_cast<int>(strips_.size()));
   strips.forEach([&](const cv::Range& rows, int i) {
-    const auto predictedError = [this](int v, float* out) {
-      std::copy_n(squared_error_.ptr<float>(v), squared_error_.cols, out);
-    };
     Strip& strip = strips_[i];
     for (int y = rows.start; y < rows.end; ++y) {
       EvidenceRow evidence;
       evidence.sharpness = sharpness_.row(y, strip.sharpness);
-      if (predicts_) evidence.squared_error = strip.squared_error.row(y, predictedError);
+      if (predicts_) evidence.squared_error = strip.squared_error.row(y, squared_error_);
       mean_.addRow(y, {inside.x, inside.br().x}, frame.ptr<std::uint8_t>(y), evidence);
     }
   });

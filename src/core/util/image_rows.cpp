@@ -3,8 +3,8 @@
 
 #include "util/image_rows.hpp"
 
+#include <algorithm>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
 
 #include "util/simd.hpp"
 
@@ -32,10 +32,6 @@ ALL_IN_FOCUS_SIMD void convolveRows(const std::array<const float*, 2 * kRadius +
   }
 }
 
-ALL_IN_FOCUS_SIMD void accumulateRow(const float* row, float weight, int n, float* __restrict sum) {
-  for (int i = 0; i < n; ++i) sum[i] += weight * row[i];
-}
-
 ALL_IN_FOCUS_SIMD void interpolateRow(const float* from, const int* first, const int* second,
                                       const float* fraction, int n, float* __restrict to) {
   for (int i = 0; i < n; ++i) to[i] = from[first[i]] * (1 - fraction[i]) + from[second[i]] * fraction[i];
@@ -52,11 +48,6 @@ void LineBuffer::begin(int lines, int width) {
   width_ = static_cast<size_t>(width);
   pixels_.resize(lines * width_);
   y_of_line_.assign(lines, -1);
-}
-
-void appendToRuns(std::vector<TapRun>& runs, int u, int first) {
-  if (runs.empty() || runs.back().offset != first - u) runs.push_back({u, u, first - u});
-  ++runs.back().end;
 }
 
 void GaussianRows::begin(const cv::Size& size, double sigma) {
@@ -87,45 +78,6 @@ void GaussianRows::convolveVertically(const std::array<const float*, 2 * kRadius
   convolveRows(rows, window_, size_.width, out);
 }
 
-void DownsampledRows::begin(const cv::Size& input, const cv::Size& output) {
-  if (input == input_ && output == output_) return;
-  input_ = input;
-  output_ = output;
-  x_.begin(input.width, output.width);
-  y_.begin(input.height, output.height);
-  sum_.assign(input.width + x_.taps, 0.0f);
-}
-
-void DownsampledRows::Axis::begin(int input, int output) {
-  const double scale = static_cast<double>(input) / output;
-  taps = static_cast<int>(std::ceil(scale)) + (scale > std::floor(scale) ? 1 : 0);
-  first.resize(output);
-  weight.assign(static_cast<size_t>(taps) * output, 0.0f);
-  for (int i = 0; i < output; ++i) {
-    const double begin = i * scale, end = std::min(begin + scale, static_cast<double>(input));
-    first[i] = static_cast<int>(begin);
-    for (int k = 0; k < taps; ++k) {
-      const double covered = std::min<double>(first[i] + k + 1, end) - std::max<double>(first[i] + k, begin);
-      // OpenCV leaves out weights below a thousandth, as rounding errors.
-      if (covered > 1e-3) weight[static_cast<size_t>(taps) * i + k] = static_cast<float>(covered / scale);
-    }
-  }
-}
-
-void DownsampledRows::accumulate(const float* row, float weight) {
-  accumulateRow(row, weight, input_.width, sum_.data());
-}
-
-void DownsampledRows::downsampleSum(float* out) const {
-  const float* weight = x_.weight.data();
-  for (int i = 0; i < output_.width; ++i, weight += x_.taps) {
-    const float* from = sum_.data() + x_.first[i];
-    float sum = 0;
-    for (int k = 0; k < x_.taps; ++k) sum += weight[k] * from[k];
-    out[i] = sum;
-  }
-}
-
 void UpsampledRows::begin(const cv::Size& input, const cv::Size& output) {
   horizontal_.begin(2, output.width);  // consecutive rows lie in different lines
   if (input == input_ && output == output_) return;
@@ -133,7 +85,6 @@ void UpsampledRows::begin(const cv::Size& input, const cv::Size& output) {
   output_ = output;
   x_.begin(input.width, output.width);
   y_.begin(input.height, output.height);
-  row_.resize(input.width);
   out_.resize(output.width);
 }
 
@@ -149,12 +100,14 @@ void UpsampledRows::Axis::begin(int input, int output) {
   }
 }
 
-void UpsampledRows::upsampleRow(float* out) const {
-  interpolateRow(row_.data(), x_.first.data(), x_.second.data(), x_.fraction.data(), output_.width, out);
-}
-
-const float* UpsampledRows::interpolateVertically(const float* above, const float* below, float fraction) {
-  interpolateRows(above, below, fraction, output_.width, out_.data());
+const float* UpsampledRows::row(int y, const cv::Mat& image) {
+  const auto horizontal = [&](int v, float* out) {
+    interpolateRow(image.ptr<float>(v), x_.first.data(), x_.second.data(), x_.fraction.data(), output_.width,
+                   out);
+  };
+  const float* above = horizontal_.row(y_.first[y], horizontal);
+  const float* below = horizontal_.row(y_.second[y], horizontal);
+  interpolateRows(above, below, y_.fraction[y], output_.width, out_.data());
   return out_.data();
 }
 

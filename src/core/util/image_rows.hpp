@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <opencv2/core.hpp>
 #include <vector>
@@ -10,8 +9,7 @@
 /// Images of floats that are computed row by row, from top to bottom, when a row is asked for. Only a few
 /// rows are in memory at a time, so what one step hands to the next stays in the cache.
 ///
-/// In all of them `source` is a callable that gives the rows of the input image. Rows are numbered
-/// 0..height-1.
+/// Rows are numbered 0..height-1.
 
 namespace all_in_focus::core {
 
@@ -37,15 +35,6 @@ class LineBuffer {
   std::vector<float> pixels_;
   std::vector<int> y_of_line_;  ///< -1: empty
 };
-
-/// Coordinates begin..end-1 of a resampled row. Coordinate u is computed from the pixels at u + offset and
-/// following, so a whole run reads and writes consecutive pixels, and the loop over it vectorises.
-struct TapRun {
-  int begin, end, offset;
-};
-
-/// Appends coordinate u, computed from the pixels `first` and following. Calls come in ascending order of u.
-void appendToRuns(std::vector<TapRun>& runs, int u, int first);
 
 /// The image convolved with a Gaussian of 11 x 11 pixels, which is the window of cv::GaussianBlur for a sigma
 /// of 1.2 or 1.25 px. Borders as BORDER_REFLECT_101.
@@ -81,58 +70,14 @@ class GaussianRows {
   std::vector<float> padded_;  ///< an input row with kRadius pixels more on both sides
 };
 
-/// The image downsampled by area means, as cv::resize does with INTER_AREA.
-class DownsampledRows {
- public:
-  /// Keeps its tables if the sizes are the same as before. The output is no larger than the input.
-  void begin(const cv::Size& input, const cv::Size& output);
-
-  /// Writes row y of the output to out. source(v) returns row v of the input.
-  template <typename Source>
-  void row(int y, const Source& source, float* out) {
-    std::fill(sum_.begin(), sum_.end(), 0.0f);
-    for (int k = 0; k < y_.taps; ++k) {
-      const float weight = y_.weight[y_.taps * y + k];
-      if (weight > 0) accumulate(source(y_.first[y] + k), weight);
-    }
-    downsampleSum(out);
-  }
-
- private:
-  /// Output coordinate i is the sum of input coordinate first[i] + k times weight[taps * i + k], k < taps.
-  struct Axis {
-    int taps = 0;
-    std::vector<int> first;
-    std::vector<float> weight;
-    void begin(int input, int output);
-  };
-  void accumulate(const float* row, float weight);
-  void downsampleSum(float* out) const;
-
-  cv::Size input_, output_;
-  Axis x_, y_;
-  std::vector<float> sum_;  ///< input rows, weighted and summed vertically
-};
-
 /// The image upsampled by linear interpolation, as cv::resize does with INTER_LINEAR.
 class UpsampledRows {
  public:
   /// Keeps its tables if the sizes are the same as before.
   void begin(const cv::Size& input, const cv::Size& output);
 
-  /// Returns row y of the output, valid until the next call. source(v, out) writes row v of the input to out.
-  template <typename Source>
-  const float* row(int y, const Source& source) {
-    const auto horizontal = [&](int v) {
-      return horizontal_.row(v, [&](int, float* out) {
-        source(v, row_.data());
-        upsampleRow(out);
-      });
-    };
-    const float* above = horizontal(y_.first[y]);
-    const float* below = horizontal(y_.second[y]);
-    return interpolateVertically(above, below, y_.fraction[y]);
-  }
+  /// Returns row y of the output, valid until the next call. image: CV_32FC1, the input.
+  const float* row(int y, const cv::Mat& image);
 
  private:
   /// Output coordinate i is input coordinate first[i] times 1 - fraction[i] plus second[i] times fraction[i].
@@ -141,13 +86,11 @@ class UpsampledRows {
     std::vector<float> fraction;
     void begin(int input, int output);
   };
-  void upsampleRow(float* out) const;
-  const float* interpolateVertically(const float* above, const float* below, float fraction);
 
   cv::Size input_, output_;
   Axis x_, y_;
-  LineBuffer horizontal_;         ///< input rows, upsampled horizontally
-  std::vector<float> row_, out_;  ///< a row of the input, a row of the output
+  LineBuffer horizontal_;   ///< input rows, upsampled horizontally
+  std::vector<float> out_;  ///< a row of the output
 };
 
 }  // namespace all_in_focus::core
