@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstdint>
 #include <opencv2/core.hpp>
-#include <vector>
 
 #include "segmentation/pixel_graph.hpp"
 
@@ -19,9 +18,9 @@ class TileSet {
   /// If the image has another size than before, the set then holds all its tiles.
   void resize(const cv::Size& image);
 
-  void clear() { std::fill(tiles_.begin(), tiles_.end(), 0); }
-  void addAll() { std::fill(tiles_.begin(), tiles_.end(), 1); }
-  void add(const TileSet& other);
+  void clear() { tiles_ = 0; }
+  void addAll() { tiles_ = 1; }
+  void add(const TileSet& other) { tiles_ |= other.tiles_; }
 
   /// Becomes the tiles that hold a pixel whose label is flagged. flags: 0 or 1 by label.
   void assign(const PixelGraph& graph, const std::uint8_t* flags);
@@ -34,20 +33,15 @@ class TileSet {
   /// Calls visit(columns) for each of its tiles in row y of the image.
   template <typename Visit>
   void forEachIn(int y, const Visit& visit) const {
-    const std::uint8_t* const tiles = row(y / kSide);
-    for (int i = 0; i < cols_; ++i) {
+    const std::uint8_t* const tiles = tiles_[y / kSide];
+    for (int i = 0; i < tiles_.cols; ++i) {
       if (tiles[i] != 0) visit(cv::Range(i * kSide, std::min((i + 1) * kSide, image_.width)));
     }
   }
 
  private:
-  std::uint8_t* row(int y) { return &tiles_[static_cast<std::size_t>(y) * cols_]; }
-  const std::uint8_t* row(int y) const { return &tiles_[static_cast<std::size_t>(y) * cols_]; }
-
   cv::Size image_;
-  int rows_ = 0, cols_ = 0;          // in tiles
-  std::vector<std::uint8_t> tiles_;  // 0 or 1
-  std::vector<std::uint8_t> above_;
+  cv::Mat1b tiles_;  // 0 or 1
 };
 
 }  // namespace all_in_focus::core
