@@ -30,14 +30,6 @@ float squaredError(const cv::Vec3s& a, const cv::Vec3s& b) {
   return std::min(static_cast<float>(sum) / (3 * kCodeScale * kCodeScale), kMostError);
 }
 
-// Place of the minimum to a fraction of a step.
-double lowest(const std::array<double, kScales>& errors) {
-  const int i = static_cast<int>(std::min_element(errors.begin(), errors.end()) - errors.begin());
-  if (i == 0 || i == kScales - 1) return i;
-  const double curvature = errors[i - 1] - 2 * errors[i] + errors[i + 1];
-  return curvature > 0 ? i + (errors[i - 1] - errors[i + 1]) / (2 * curvature) : i;
-}
-
 }  // namespace
 
 cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket) {
@@ -87,7 +79,7 @@ BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures
     all.sharp += sums.sharp;
   }
   if (all.samples < kLeastSamples || all.sharp == 0) return {};
-  return {kFirst + kStep * lowest(all.errors), all.residual / all.sharp};
+  return {kFirst + kStep * lowest(all.errors.data(), kScales), all.residual / all.sharp};
 }
 
 }  // namespace all_in_focus::core

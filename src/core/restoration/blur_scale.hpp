@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
+
 #include "restoration/blurred_pictures.hpp"
 #include "restoration/observed_bracket.hpp"
 
@@ -15,6 +17,16 @@ struct BlurScale {
 
 /// Looks at measured pixels far from holes and jumps. Depth must be there.
 BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures& pictures);
+
+/// Place of the least of `count` costs, to a fraction: the minimum of a parabola through it and its
+/// neighbours.
+template <typename Cost>
+double lowest(const Cost* costs, int count) {
+  const int i = static_cast<int>(std::min_element(costs, costs + count) - costs);
+  if (i == 0 || i == count - 1) return i;
+  const double curvature = costs[i - 1] - 2.0 * costs[i] + costs[i + 1];
+  return curvature > 0 ? i + (costs[i - 1] - costs[i + 1]) / (2 * curvature) : i;
+}
 
 /// Distance, px, of each pixel from the nearest hole or jump of the measured depth: CV_32FC1.
 cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket);

@@ -173,14 +173,6 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
   return volume;
 }
 
-// Level of least cost, to a fraction.
-double lowest(const std::int16_t* costs, int count) {
-  const int i = static_cast<int>(std::min_element(costs, costs + count) - costs);
-  if (i == 0 || i == count - 1) return i;
-  const double curvature = costs[i - 1] - 2.0 * costs[i] + costs[i + 1];
-  return curvature > 0 ? i + (costs[i - 1] - costs[i + 1]) / (2 * curvature) : i;
-}
-
 }  // namespace
 
 cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures& pictures,

@@ -80,14 +80,9 @@ void updateAll(std::vector<ImageFormation>& formation) {
 }
 
 cv::Mat4f ImageFormation::withMargin(const cv::Mat3f& light) {
-  cv::Mat4f four(light.size());
-  for (int y = 0; y < light.rows; ++y) {
-    for (int x = 0; x < light.cols; ++x) {
-      const cv::Vec3f& here = light(y, x);
-      four(y, x) = {here[0], here[1], here[2], 1};  // what is summed up last is the share
-    }
-  }
-  cv::Mat4f wide;
+  cv::Mat4f four, wide;
+  cv::cvtColor(light, four,
+               cv::COLOR_BGR2BGRA);  // its last channel is 1: what is summed up there is the share
   cv::copyMakeBorder(four, wide, kMargin, kMargin, kMargin, kMargin, cv::BORDER_REFLECT_101);
   return wide;
 }

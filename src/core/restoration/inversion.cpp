@@ -128,11 +128,8 @@ class Equations {
   }
 
   cv::Mat4f toLight(const cv::Mat3f& z) const {
-    cv::Mat4f light(z.size());
-    forEachPixel(z.size(), [&](int y, int x) {
-      const cv::Vec3f here = z(y, x).mul(slopes_(y, x));
-      light(y, x) = {here[0], here[1], here[2], 0};
-    });
+    cv::Mat4f light;
+    cv::cvtColor(z.mul(slopes_), light, cv::COLOR_BGR2BGRA);
     return light;
   }
   const cv::Mat1b& solved() const { return solved_; }
