@@ -72,40 +72,28 @@ def _no_master(error):
     return None
 
 
-def positive(text):
-    """argparse type: a positive number."""
-    value = _number(text)
-    if not 0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"'{text}': expected a positive number")
-    return value
+def number(accepts, expected, kind=float):
+    """argparse type: a number that accepts() lets pass; expected: says which those are."""
+    def parse(text):
+        try:
+            value = kind(text)
+        except ValueError:
+            value = math.nan
+        if not accepts(value):
+            raise argparse.ArgumentTypeError(f"'{text}': expected {expected}")
+        return value
+    return parse
 
 
-def not_negative(text):
-    """argparse type: a positive number or 0."""
-    value = _number(text)
-    if not 0 <= value < math.inf:
-        raise argparse.ArgumentTypeError(f"'{text}': expected a positive number, or 0")
-    return value
+def whole(text):
+    """kind of number(): digits alone."""
+    return int(text) if text.isdecimal() else math.nan
 
 
-def _number(text):
-    """NaN where the text is no number."""
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
-
-
-def count(text):
-    """argparse type: a positive whole number."""
-    if not text.isdecimal() or int(text) == 0:
-        raise argparse.ArgumentTypeError(f"'{text}': expected a positive whole number")
-    return int(text)
-
-
-def count_or_zero(text):
-    """argparse type: a positive whole number or 0."""
-    return 0 if text == "0" else count(text)
+positive = number(lambda value: 0 < value < math.inf, "a positive number")
+not_negative = number(lambda value: 0 <= value < math.inf, "a positive number, or 0")
+count = number(lambda value: value > 0, "a positive whole number", whole)
+count_or_zero = number(lambda value: value >= 0, "a positive whole number", whole)
 
 
 def optics(text):

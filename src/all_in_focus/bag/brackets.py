@@ -128,13 +128,9 @@ def _by_gap(heads, rules):
     brackets = []
     for head in heads:
         frames = brackets[-1].frames if brackets else []
-        if not frames or (rules.size and len(frames) >= rules.size) or len(frames) >= MAX_FRAMES:
-            frames = None
-        elif head.stamp + JITTER_NS < frames[-1].head.stamp:
-            frames = None
-        elif rules.gap > 0 and head.stamp - frames[-1].head.stamp > rules.gap * NS:
-            frames = None
-        if frames is None:
+        if (not frames or 0 < rules.size <= len(frames) or len(frames) >= MAX_FRAMES
+                or head.stamp + JITTER_NS < frames[-1].head.stamp
+                or 0 < rules.gap * NS < head.stamp - frames[-1].head.stamp):
             brackets.append(Bracket(len(brackets), rules.size))
         brackets[-1].frames.append(Frame(head, len(brackets[-1].frames)))
     return brackets

@@ -9,7 +9,7 @@ from tqdm import tqdm
 from all_in_focus.calibration import CalibrationError, fit_report, rig_folder
 from all_in_focus.calibration.board import CAMERAS, Board, PairFolders, find_corners
 from all_in_focus.calibration.rig_fit import fit_rig
-from all_in_focus.command_line import Parser, optics
+from all_in_focus.command_line import Parser, number, optics, whole
 from all_in_focus.files.rig import load_camera
 
 DESCRIPTION = """Calibrate the rig of depth and colour camera from pictures of a chessboard that both take at the same
@@ -32,27 +32,9 @@ def offset(text):
     return values
 
 
-def square(text):
-    """argparse type: side of a square of the board, mm."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 1 <= value <= 1000:
-        raise argparse.ArgumentTypeError(f"'{text}': expected a positive number of mm, from 1 to 1000")
-    return value
-
-
-def terms(text):
-    if text not in ("0", "1", "2", "3"):
-        raise argparse.ArgumentTypeError(f"'{text}': expected 0, 1, 2 or 3")
-    return int(text)
-
-
-def whole(text):
-    if not text.isdigit() or int(text) < 5:
-        raise argparse.ArgumentTypeError(f"'{text}': expected a whole number of at least 5")
-    return int(text)
+square = number(lambda value: 1 <= value <= 1000, "a positive number of mm, from 1 to 1000")  # side, of the board
+terms = number(lambda value: value in range(4), "0, 1, 2 or 3", whole)
+views = number(lambda value: value >= 5, "a whole number of at least 5", whole)
 
 
 def _joined(argv):
@@ -76,7 +58,7 @@ def parse_arguments(argv, description):
     files.add_argument("--color-camera", metavar="DIR", help="pictures of the colour camera, of the same names")
     live = parser.add_argument_group("live")
     live.add_argument("--live", action="store_true", help="from the topics ir/image and rgb/image (remap with :=)")
-    live.add_argument("--views", type=whole, default=25, metavar="N", help="pairs to take, at least; default 25")
+    live.add_argument("--views", type=views, default=25, metavar="N", help="pairs to take, at least; default 25")
     live.add_argument("--save-pictures", metavar="DIR", help="keep them, as DIR/depth and DIR/color")
     board = parser.add_argument_group("board")
     board.add_argument("--board", required=True, metavar="CxR", help="inner corners, e.g. 8x6 for 9x7 squares")
