@@ -28,38 +28,32 @@ BracketRestorer::~BracketRestorer() {
   {
     std::lock_guard<std::mutex> lock(mutex_);
     stopped_ = dropped_ = true;
+    changed_.notify_all();
   }
-  changed_.notify_all();
   thread_.join();
 }
 
 void BracketRestorer::start(const FusedBracket& bracket, const FrameFates& fates) {
-  {
-    std::unique_lock<std::mutex> lock(mutex_);
-    changed_.wait(lock, [this] { return !job_; });
-    job_ = Job{bracket, fates};
-    given_up_.clear();
-    dropped_ = false;
-  }
+  std::unique_lock<std::mutex> lock(mutex_);
+  changed_.wait(lock, [this] { return !job_; });
+  job_ = Job{bracket, fates};
+  given_up_.clear();
+  dropped_ = false;
   changed_.notify_all();
 }
 
 void BracketRestorer::giveUp(const std::string& reason) {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    if (job_) given_up_ = reason;
-  }
+  std::unique_lock<std::mutex> lock(mutex_);
+  if (job_) given_up_ = reason;
   changed_.notify_all();
-  wait();
+  changed_.wait(lock, [this] { return !job_; });
 }
 
 void BracketRestorer::drop() {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    if (job_) dropped_ = true;
-  }
+  std::unique_lock<std::mutex> lock(mutex_);
+  if (job_) dropped_ = true;
   changed_.notify_all();
-  wait();
+  changed_.wait(lock, [this] { return !job_; });
 }
 
 void BracketRestorer::wait() {
@@ -76,10 +70,8 @@ void BracketRestorer::whenIdle(std::function<void()> callback) {
 }
 
 void BracketRestorer::setPaused(bool paused) {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    paused_ = paused;
-  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  paused_ = paused;
   changed_.notify_all();
 }
 

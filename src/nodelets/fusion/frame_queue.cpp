@@ -118,18 +118,16 @@ void FrameQueue::endTime() {
 }
 
 void FrameQueue::abandon() {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    const auto is_finish = [](const FusionTask& task) { return task.kind == FusionTask::Kind::kFinish; };
-    tasks_.erase(std::remove_if(tasks_.begin(), tasks_.end(), std::not_fn(is_finish)), tasks_.end());
-    FusionTask task;
-    task.kind = FusionTask::Kind::kAbandon;
-    tasks_.push_front(std::move(task));
-    images_ = bytes_ = 0;
-    went_back_.reset();
-    assembler_.restart();
-    abandoned_ = true;
-  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  const auto is_finish = [](const FusionTask& task) { return task.kind == FusionTask::Kind::kFinish; };
+  tasks_.erase(std::remove_if(tasks_.begin(), tasks_.end(), std::not_fn(is_finish)), tasks_.end());
+  FusionTask task;
+  task.kind = FusionTask::Kind::kAbandon;
+  tasks_.push_front(std::move(task));
+  images_ = bytes_ = 0;
+  went_back_.reset();
+  assembler_.restart();
+  abandoned_ = true;
   changed_.notify_all();
 }
 
@@ -138,28 +136,24 @@ std::future<int> FrameQueue::finish() {
   task.kind = FusionTask::Kind::kFinish;
   task.finished = std::make_shared<std::promise<int>>();
   std::future<int> finished = task.finished->get_future();
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    endBracket();
-    if (stopped_) {
-      task.finished->set_value(-1);
-    } else {
-      tasks_.push_back(std::move(task));
-    }
+  std::lock_guard<std::mutex> lock(mutex_);
+  endBracket();
+  if (stopped_) {
+    task.finished->set_value(-1);
+  } else {
+    tasks_.push_back(std::move(task));
   }
   changed_.notify_all();
   return finished;
 }
 
 void FrameQueue::stop() {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    for (const FusionTask& task : tasks_) {
-      if (task.finished) task.finished->set_value(-1);
-    }
-    tasks_.clear();
-    stopped_ = true;
+  std::lock_guard<std::mutex> lock(mutex_);
+  for (const FusionTask& task : tasks_) {
+    if (task.finished) task.finished->set_value(-1);
   }
+  tasks_.clear();
+  stopped_ = true;
   changed_.notify_all();
 }
 

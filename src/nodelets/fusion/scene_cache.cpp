@@ -26,49 +26,40 @@ constexpr double kSilentTimeout = 0.1;  // s of waiting for a topic that was wai
 }  // namespace
 
 void SceneCache::addLabels(const LabelSet& set) {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    const ros::Time stamp = set.labels->header.stamp;
-    entries_[stamp].labels = set;
-    any_labels_ = true;
-    silent_.labels = false;
-    const double focal_length_mm = set.segments->optics.focal_length_mm;
-    if (focal_length_mm_ == 0 && ConfigRepair::isPositive(focal_length_mm))
-      focal_length_mm_ = focal_length_mm;
-    // Labels come in the order of stamps: older depth images will get none.
-    for (auto it = entries_.begin(); it->first < stamp;)
-      it = it->second.labels.labels ? std::next(it) : entries_.erase(it);
-    makeRoom(imageLimit(kMaxCached, *set.labels));
-  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  const ros::Time stamp = set.labels->header.stamp;
+  entries_[stamp].labels = set;
+  any_labels_ = true;
+  silent_.labels = false;
+  const double focal_length_mm = set.segments->optics.focal_length_mm;
+  if (focal_length_mm_ == 0 && ConfigRepair::isPositive(focal_length_mm)) focal_length_mm_ = focal_length_mm;
+  // Labels come in the order of stamps: older depth images will get none.
+  for (auto it = entries_.begin(); it->first < stamp;)
+    it = it->second.labels.labels ? std::next(it) : entries_.erase(it);
+  makeRoom(imageLimit(kMaxCached, *set.labels));
   changed_.notify_all();
 }
 
 void SceneCache::addDepth(const sensor_msgs::ImageConstPtr& depth) {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    entries_[depth->header.stamp].depth = depth;
-    silent_.depth = false;
-    makeRoom(imageLimit(kMaxCached, *depth));
-  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  entries_[depth->header.stamp].depth = depth;
+  silent_.depth = false;
+  makeRoom(imageLimit(kMaxCached, *depth));
   changed_.notify_all();
 }
 
 void SceneCache::addMeasured(const sensor_msgs::ImageConstPtr& measured) {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    entries_[measured->header.stamp].measured = measured;
-    silent_.measured = false;
-    makeRoom(imageLimit(kMaxCached, *measured));
-  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  entries_[measured->header.stamp].measured = measured;
+  silent_.measured = false;
+  makeRoom(imageLimit(kMaxCached, *measured));
   changed_.notify_all();
 }
 
 void SceneCache::setCamera(const sensor_msgs::CameraInfoConstPtr& camera) {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    camera_ = camera;
-    silent_.camera = false;
-  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  camera_ = camera;
+  silent_.camera = false;
   changed_.notify_all();
 }
 
@@ -78,10 +69,8 @@ void SceneCache::setMaxAge(double max_age_s) {
 }
 
 void SceneCache::expect(const SceneTopics& published) {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    if (!closed_) expected_ = published;
-  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (!closed_) expected_ = published;
   changed_.notify_all();
 }
 
@@ -175,41 +164,35 @@ bool SceneCache::isDecided(const ros::Time& stamp, const Has& has) const {
 }
 
 void SceneCache::forgetAfter(const ros::Time& now) {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    before_jump_.clear();
-    for (auto frame = pinned_.upper_bound(now); frame != pinned_.end(); ++frame) {
-      const auto labels = labelsFor(*frame, max_age_s_);
-      if (labels != entries_.end() && labels->first > now) before_jump_[*frame] = sceneAt(labels->first);
-    }
-    entries_.erase(entries_.upper_bound(now), entries_.end());
-    pinned_.erase(pinned_.upper_bound(now), pinned_.end());
-    evicted_ = ros::Time();
-    for (auto& [stamp, entry] : entries_) entry.evicted = ros::Time();
+  std::lock_guard<std::mutex> lock(mutex_);
+  before_jump_.clear();
+  for (auto frame = pinned_.upper_bound(now); frame != pinned_.end(); ++frame) {
+    const auto labels = labelsFor(*frame, max_age_s_);
+    if (labels != entries_.end() && labels->first > now) before_jump_[*frame] = sceneAt(labels->first);
   }
+  entries_.erase(entries_.upper_bound(now), entries_.end());
+  pinned_.erase(pinned_.upper_bound(now), pinned_.end());
+  evicted_ = ros::Time();
+  for (auto& [stamp, entry] : entries_) entry.evicted = ros::Time();
   changed_.notify_all();
 }
 
 void SceneCache::clear() {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    entries_.clear();
-    pinned_.clear();
-    before_jump_.clear();
-    camera_.reset();
-    expected_ = silent_ = {};
-    any_labels_ = false;
-    evicted_ = ros::Time();
-  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  entries_.clear();
+  pinned_.clear();
+  before_jump_.clear();
+  camera_.reset();
+  expected_ = silent_ = {};
+  any_labels_ = false;
+  evicted_ = ros::Time();
   changed_.notify_all();
 }
 
 void SceneCache::close() {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    closed_ = true;
-    expected_ = {};
-  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  closed_ = true;
+  expected_ = {};
   changed_.notify_all();
 }
 
