@@ -3,7 +3,6 @@
 #pragma once
 
 #include <opencv2/core.hpp>
-#include <string>
 #include <vector>
 
 #include "all_in_focus/pipeline.hpp"

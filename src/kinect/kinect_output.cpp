@@ -4,7 +4,6 @@
 #include "kinect_output.hpp"
 
 #include <cstdio>
-#include <stdexcept>
 
 namespace all_in_focus {
 namespace {

@@ -9,7 +9,6 @@
 #include <memory>
 #include <mutex>
 #include <opencv2/core.hpp>
-#include <string>
 #include <vector>
 
 #include "all_in_focus/region_captions.hpp"

@@ -7,7 +7,6 @@
 #include <boost/function.hpp>
 #include <boost/shared_ptr.hpp>
 #include <memory>
-#include <stdexcept>
 #include <string>
 
 #include "callback_gate.hpp"

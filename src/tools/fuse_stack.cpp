@@ -3,8 +3,6 @@
 
 // The whole method on files: from a focus bracket and what is known about depth to the all-in-focus image.
 
-#include <algorithm>
-#include <cmath>
 #include <iostream>
 #include <map>
 #include <sstream>

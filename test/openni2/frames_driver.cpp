@@ -7,7 +7,6 @@
 #include <memory>
 #include <mutex>
 #include <set>
-#include <utility>
 
 #include "frames_stream.hpp"
 

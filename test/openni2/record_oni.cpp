@@ -7,7 +7,6 @@
 #include <OpenNI.h>
 
 #include <cstdio>
-#include <cstdlib>
 #include <string>
 
 namespace {

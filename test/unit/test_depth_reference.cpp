@@ -7,7 +7,6 @@
 
 #include <cmath>
 #include <functional>
-#include <opencv2/imgproc.hpp>
 
 #include "all_in_focus/pipeline.hpp"
 #include "reference_depth.hpp"

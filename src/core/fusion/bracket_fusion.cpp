@@ -3,7 +3,6 @@
 
 #include "all_in_focus/bracket_fusion.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>

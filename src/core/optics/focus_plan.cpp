@@ -7,7 +7,6 @@
 #include <limits>
 #include <opencv2/core.hpp>
 #include <stdexcept>
-#include <utility>
 
 namespace all_in_focus::core {
 namespace {

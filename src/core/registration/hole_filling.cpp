@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <opencv2/core/hal/intrin.hpp>
 #include <stdexcept>
-#include <vector>
 
 #include "util/row_strips.hpp"
 #include "util/simd.hpp"

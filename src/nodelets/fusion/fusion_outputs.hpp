@@ -6,7 +6,6 @@
 #include <sensor_msgs/Image.h>
 
 #include <functional>
-#include <string>
 
 #include "node_monitor.hpp"
 #include "open_bracket.hpp"
