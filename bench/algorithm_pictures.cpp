@@ -87,15 +87,6 @@ cv::Mat grayOf(const cv::Mat& frame) {
   return gray;
 }
 
-BracketScene bracketScene(const Scene& scene, const PipelineResult& result) {
-  BracketScene bracket;
-  bracket.depth = result.filled;
-  bracket.measured = result.registered;
-  bracket.optics = scene.input.optics;
-  bracket.camera = scene.input.rig.color;
-  return bracket;
-}
-
 // Share of one frame in the weights, 0..255: the mean of a white frame among black ones, which weigh what the
 // real ones do.
 cv::Mat shareOf(int wanted, const Scene& scene, const BracketScene& bracket) {
@@ -181,7 +172,7 @@ void drawAll(const po::variables_map& values) {
   save("frame_far", scene.frames.back());
   save("frame", scene.frames[kShown]);
 
-  const BracketScene bracket = bracketScene(scene, result);
+  const BracketScene bracket{{}, result.filled, result.registered, scene.input.optics, scene.input.rig.color};
   const cv::Mat gray = grayOf(scene.frames[kShown]);
   save("sharpness", colored(decades(sharpnessOf(gray, false)), 0, 2));
   save("sharpness_scales", colored(decades(sharpnessOf(gray, true)), 2, 11));

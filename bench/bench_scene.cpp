@@ -24,11 +24,8 @@ std::optional<Sample>& recorded() {
 
 Rig rigOf(const cv::Size& size) {
   const double f = 0.9 * size.width, cx = (size.width - 1) / 2.0, cy = (size.height - 1) / 2.0;
-  Rig rig;
-  rig.depth = {size, f, f, cx, cy, {}};
-  rig.color = {size, 1.2 * f, 1.2 * f, cx, cy, {}};
-  rig.depth_to_color.translation_mm = {-25, 10, 5};
-  return rig;
+  const Camera depth{size, f, f, cx, cy}, color{size, 1.2 * f, 1.2 * f, cx, cy};
+  return {depth, color, {cv::Matx33d::eye(), {-25, 10, 5}}};
 }
 
 // A slanted wall and floor with boards before them, 1 to 4 m away. x, y: 0..1.

@@ -181,8 +181,6 @@ Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {
                     std::to_string(info.K[4]) + "): calibrate it, or give its driver a calibration file");
   }
   Camera camera;
-  camera.fx = info.K[0], camera.fy = info.K[4], camera.cx = info.K[2], camera.cy = info.K[5];
-
   try {
     camera.distortion = distortionOf(info.distortion_model, info.D);
   } catch (const std::invalid_argument& e) {
@@ -191,11 +189,11 @@ Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {
 
   // K is that of the full sensor; the images hold its region of interest, binned.
   camera.size = cv::Size(static_cast<int>(width / bin_x), static_cast<int>(height / bin_y));
-  camera.fx /= bin_x;
-  camera.fy /= bin_y;
+  camera.fx = info.K[0] / bin_x;
+  camera.fy = info.K[4] / bin_y;
   // Pixel centres are integers, so a binned pixel's centre lies half a bin inside.
-  camera.cx = (camera.cx - static_cast<double>(roi.x_offset) + 0.5) / bin_x - 0.5;
-  camera.cy = (camera.cy - static_cast<double>(roi.y_offset) + 0.5) / bin_y - 0.5;
+  camera.cx = (info.K[2] - static_cast<double>(roi.x_offset) + 0.5) / bin_x - 0.5;
+  camera.cy = (info.K[5] - static_cast<double>(roi.y_offset) + 0.5) / bin_y - 0.5;
   try {
     validate(camera, "");
   } catch (const std::invalid_argument& e) {
@@ -219,10 +217,7 @@ OpticsMsg toMessage(const core::Optics& optics) {
 }
 
 core::Optics toOptics(const OpticsMsg& message) {
-  core::Optics optics;
-  optics.focal_length_mm = message.focal_length_mm;
-  optics.aperture = message.aperture;
-  optics.circle_of_confusion_mm = message.circle_of_confusion_mm;
+  const core::Optics optics{message.focal_length_mm, message.aperture, message.circle_of_confusion_mm};
   validate(optics);
   return optics;
 }

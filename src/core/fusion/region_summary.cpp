@@ -60,13 +60,8 @@ std::vector<RegionChoice> summarizeRegions(const cv::Mat& labels, const cv::Mat&
         second = std::max(second, pixels);
       }
     }
-    RegionChoice choice;
-    choice.label = label;
-    choice.frame = frame;
-    choice.score = static_cast<double>(best) / area;
-    choice.margin = 1 - static_cast<double>(second) / best;
-    choice.confidence = confidence_sum / (255.0 * area);
-    regions.push_back(choice);
+    const double score = static_cast<double>(best) / area, margin = 1 - static_cast<double>(second) / best;
+    regions.push_back({label, frame, score, margin, confidence_sum / (255.0 * area)});
   }
   return regions;
 }

@@ -98,12 +98,9 @@ bool overlaps(const cv::Rect& box, const std::vector<RegionCaption>& captions) {
 }  // namespace
 
 CaptionStyle captionStyle(const cv::Size& picture) {
-  CaptionStyle style;
-  style.font = cv::FONT_HERSHEY_SIMPLEX;
-  style.scale = std::max(kMinScale, kTextHeight * picture.height / kLetterHeight);
-  style.line = std::max(1, cvRound(1.5 * style.scale));
-  style.rim = style.line + 1;
-  return style;
+  const double scale = std::max(kMinScale, kTextHeight * picture.height / kLetterHeight);
+  const int line = std::max(1, cvRound(1.5 * scale));
+  return {cv::FONT_HERSHEY_SIMPLEX, scale, line, line + 1};
 }
 
 std::vector<RegionCaption> captionRegions(const Segmentation& segmentation, double caption_min_area) {

@@ -19,24 +19,10 @@ constexpr std::chrono::milliseconds kIdlePeriod(50);  // how often a gap in time
 constexpr std::chrono::seconds kUnderWay(5);  // the longest that a frame sent before a jump of time takes
 
 FrameInfo frameInfo(const BracketFrame& frame) {
-  FrameInfo info;
-  info.stamp_s = frame.image->header.stamp.toSec();
-  if (frame.focus) {
-    info.has_focus = true;
-    info.bracket_id = frame.focus->bracket_id;
-    info.index = frame.focus->index;
-    info.count = frame.focus->count;
-    info.last = frame.focus->last;
-  }
-  return info;
-}
-
-FusionTask frameTask(const BracketFrame& frame) {
-  FusionTask task;
-  task.frame = frame;
-  task.header = frame.image->header;
-  task.bytes = frame.image->data.size();
-  return task;
+  const double stamp_s = frame.image->header.stamp.toSec();
+  if (!frame.focus) return {stamp_s};
+  const FocusFrame& focus = *frame.focus;
+  return {stamp_s, true, focus.bracket_id, focus.index, focus.count, focus.last != 0};
 }
 
 }  // namespace
@@ -49,7 +35,7 @@ void FrameQueue::configure(const BracketConfig& config, std::size_t most) {
 
 void FrameQueue::add(const BracketFrame& frame, Time time) {
   const FrameInfo info = frameInfo(frame);
-  FusionTask task = frameTask(frame);
+  FusionTask task{FusionTask::Kind::kFrame, 0, {}, frame, frame.image->header, frame.image->data.size()};
   std::vector<sensor_msgs::ImageConstPtr> dropped;
   {
     std::lock_guard<std::mutex> lock(mutex_);
@@ -99,10 +85,7 @@ sensor_msgs::ImageConstPtr FrameQueue::dropOldest() {
 void FrameQueue::endBracket() {
   if (!assembler_.open()) return;
   assembler_.close();
-  FusionTask task;
-  task.kind = FusionTask::Kind::kEnd;
-  task.missing = assembler_.missing();
-  tasks_.push_back(std::move(task));
+  tasks_.push_back({FusionTask::Kind::kEnd, assembler_.missing()});
 }
 
 void FrameQueue::restart() {
@@ -121,9 +104,7 @@ void FrameQueue::abandon() {
   std::lock_guard<std::mutex> lock(mutex_);
   const auto is_finish = [](const FusionTask& task) { return task.kind == FusionTask::Kind::kFinish; };
   tasks_.erase(std::remove_if(tasks_.begin(), tasks_.end(), std::not_fn(is_finish)), tasks_.end());
-  FusionTask task;
-  task.kind = FusionTask::Kind::kAbandon;
-  tasks_.push_front(std::move(task));
+  tasks_.push_front({FusionTask::Kind::kAbandon});
   images_ = bytes_ = 0;
   went_back_.reset();
   assembler_.restart();
@@ -132,19 +113,16 @@ void FrameQueue::abandon() {
 }
 
 std::future<int> FrameQueue::finish() {
-  FusionTask task;
-  task.kind = FusionTask::Kind::kFinish;
-  task.finished = std::make_shared<std::promise<int>>();
-  std::future<int> finished = task.finished->get_future();
+  const auto finished = std::make_shared<std::promise<int>>();
   std::lock_guard<std::mutex> lock(mutex_);
   endBracket();
   if (stopped_) {
-    task.finished->set_value(-1);
+    finished->set_value(-1);
   } else {
-    tasks_.push_back(std::move(task));
+    tasks_.push_back({FusionTask::Kind::kFinish, 0, finished});
   }
   changed_.notify_all();
-  return finished;
+  return finished->get_future();
 }
 
 void FrameQueue::stop() {

@@ -36,12 +36,13 @@ struct FusionTask {
     kAbandon,  ///< nobody wants the open bracket any more
   };
   Kind kind = Kind::kFrame;
-  BracketFrame frame;  ///< kFrame; without an image: it had to make room for newer ones
-  std_msgs::Header header;
+  int missing = 0;                                ///< kEnd: frames of the bracket that never came
+  std::shared_ptr<std::promise<int>> finished{};  ///< kFinish
+  // kFrame:
+  BracketFrame frame{};  ///< without an image: it had to make room for newer ones
+  std_msgs::Header header{};
   std::size_t bytes = 0;  ///< of the image
-  BracketAssembler::Step step;
-  int missing = 0;  ///< kEnd: frames of the bracket that never came
-  std::shared_ptr<std::promise<int>> finished;
+  BracketAssembler::Step step{};
 };
 
 /// Colour frames on their way to the worker, as brackets: says where a bracket begins and ends while frames

@@ -130,14 +130,10 @@ void FusionNodelet::reconfigure(Config& config) {
   if (!repair.warnings().empty()) monitor_->warn(repair.warnings());
   config_ = config;
 
-  FusionSettings settings;
-  settings.mode = toMode(config.mode);
-  settings.reference = config.reference;
-  settings.max_held_frames = config.max_held_frames;
-  settings.sliding = config.bracket_mode == "sliding";
-  settings.label_max_age_s = config.label_max_age;
-  settings.label_timeout_s = config.label_timeout;
-  settings.restore_every = restore_every_;
+  const FusionSettings settings{
+      toMode(config.mode),    config.reference,     config.bracket_mode == "sliding",
+      config.max_held_frames, config.label_max_age, config.label_timeout,
+      restore_every_};
   frames_->configure({config.bracket_size, config.bracket_gap}, queue_size_);
   worker_->configure(settings);
   std::lock_guard<std::mutex> lock(connect_mutex_);
