@@ -144,27 +144,15 @@ void openDevice(const std::string& device, openni::Device& opened) {
 }
 
 openni::SensorType sensorOf(KinectStream stream) {
-  switch (stream) {
-    case KinectStream::kIr:
-      return openni::SENSOR_IR;
-    case KinectStream::kColor:
-      return openni::SENSOR_COLOR;
-    default:
-      return openni::SENSOR_DEPTH;
-  }
+  constexpr openni::SensorType kSensors[] = {openni::SENSOR_DEPTH, openni::SENSOR_IR, openni::SENSOR_COLOR};
+  return kSensors[indexOf(stream)];
 }
 
-/// Pixel formats, the best one first.
-std::vector<openni::PixelFormat> formatsOf(KinectStream stream) {
-  switch (stream) {
-    case KinectStream::kIr:
-      return {openni::PIXEL_FORMAT_GRAY16, openni::PIXEL_FORMAT_GRAY8, openni::PIXEL_FORMAT_RGB888};
-    case KinectStream::kColor:
-      return {openni::PIXEL_FORMAT_RGB888, openni::PIXEL_FORMAT_YUV422, openni::PIXEL_FORMAT_GRAY8};
-    default:
-      return {openni::PIXEL_FORMAT_DEPTH_1_MM, openni::PIXEL_FORMAT_DEPTH_100_UM};
-  }
-}
+/// Pixel formats by stream, the best one first.
+const std::vector<openni::PixelFormat> kFormats[] = {
+    {openni::PIXEL_FORMAT_DEPTH_1_MM, openni::PIXEL_FORMAT_DEPTH_100_UM},
+    {openni::PIXEL_FORMAT_GRAY16, openni::PIXEL_FORMAT_GRAY8, openni::PIXEL_FORMAT_RGB888},
+    {openni::PIXEL_FORMAT_RGB888, openni::PIXEL_FORMAT_YUV422, openni::PIXEL_FORMAT_GRAY8}};
 
 }  // namespace
 
@@ -288,7 +276,7 @@ void KinectDevice::chooseMode(KinectStream stream) {
   if (!isFile()) {
     const openni::Array<openni::VideoMode>& offered = slot.stream.getSensorInfo().getSupportedVideoModes();
     const openni::VideoMode* best = nullptr;
-    for (const openni::PixelFormat format : formatsOf(stream)) {
+    for (const openni::PixelFormat format : kFormats[indexOf(stream)]) {
       for (int i = 0; i < offered.getSize() && best == nullptr; ++i) {
         const openni::VideoMode& mode = offered[i];
         if (mode.getPixelFormat() == format && mode.getResolutionX() == kWidth &&

@@ -17,32 +17,22 @@ namespace {
 namespace enc = sensor_msgs::image_encodings;
 
 struct Layout {
-  int cv_type;           // of the camera's pixels
-  int message_type;      // of the message's
-  const char* encoding;  // of the message
+  openni::PixelFormat format;
+  bool is_depth;
+  int cv_type;                  // of the camera's pixels
+  const std::string& encoding;  // of the message
 };
 
-Layout layoutOf(openni::PixelFormat format, KinectStream stream) {
-  const bool depth = stream == KinectStream::kDepth;
-  switch (format) {
-    case openni::PIXEL_FORMAT_DEPTH_1_MM:
-    case openni::PIXEL_FORMAT_DEPTH_100_UM:
-      if (depth) return {CV_16UC1, CV_16UC1, enc::TYPE_16UC1.c_str()};
-      break;
-    case openni::PIXEL_FORMAT_GRAY8:
-      if (!depth) return {CV_8UC1, CV_8UC1, enc::MONO8.c_str()};
-      break;
-    case openni::PIXEL_FORMAT_GRAY16:
-      if (!depth) return {CV_16UC1, CV_16UC1, enc::MONO16.c_str()};
-      break;
-    case openni::PIXEL_FORMAT_RGB888:
-      if (!depth) return {CV_8UC3, CV_8UC3, enc::RGB8.c_str()};
-      break;
-    case openni::PIXEL_FORMAT_YUV422:
-      if (!depth) return {CV_8UC2, CV_8UC3, enc::RGB8.c_str()};
-      break;
-    default:
-      break;
+const Layout kLayouts[] = {{openni::PIXEL_FORMAT_DEPTH_1_MM, true, CV_16UC1, enc::TYPE_16UC1},
+                           {openni::PIXEL_FORMAT_DEPTH_100_UM, true, CV_16UC1, enc::TYPE_16UC1},
+                           {openni::PIXEL_FORMAT_GRAY8, false, CV_8UC1, enc::MONO8},
+                           {openni::PIXEL_FORMAT_GRAY16, false, CV_16UC1, enc::MONO16},
+                           {openni::PIXEL_FORMAT_RGB888, false, CV_8UC3, enc::RGB8},
+                           {openni::PIXEL_FORMAT_YUV422, false, CV_8UC2, enc::RGB8}};
+
+const Layout& layoutOf(openni::PixelFormat format, KinectStream stream) {
+  for (const Layout& layout : kLayouts) {
+    if (layout.format == format && layout.is_depth == (stream == KinectStream::kDepth)) return layout;
   }
   throw std::invalid_argument("its pixel format " + std::to_string(format) + " is not supported");
 }
@@ -82,15 +72,8 @@ void clear(cv::Mat& depth, const std::vector<int>& invalid_values) {
 }  // namespace
 
 const char* toString(KinectStream stream) {
-  switch (stream) {
-    case KinectStream::kDepth:
-      return "depth";
-    case KinectStream::kIr:
-      return "IR";
-    case KinectStream::kColor:
-      return "colour";
-  }
-  return "";
+  constexpr const char* kNames[] = {"depth", "IR", "colour"};
+  return kNames[indexOf(stream)];
 }
 
 sensor_msgs::ImagePtr toImage(const KinectFrame& frame, const std_msgs::Header& header,

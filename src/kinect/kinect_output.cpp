@@ -11,15 +11,9 @@ namespace {
 constexpr std::chrono::seconds kReportPeriod{1};
 constexpr int kMaxGap = 1000;  // images; a larger gap means that the camera counts anew, not a loss
 
-const char* topicOf(KinectStream stream) {
-  switch (stream) {
-    case KinectStream::kIr:
-      return "ir";
-    case KinectStream::kColor:
-      return "kinect_rgb";  // rgb is the camera that sweeps its focus
-    default:
-      return "depth";
-  }
+std::string topicOf(KinectStream stream) {
+  constexpr const char* kTopics[] = {"depth", "ir", "kinect_rgb"};  // rgb is the camera that sweeps its focus
+  return kTopics[indexOf(stream)];
 }
 
 }  // namespace
@@ -30,7 +24,7 @@ KinectOutput::KinectOutput(KinectStream stream, const ros::NodeHandle& nh, const
       parameters_(parameters),
       of_stream_(parameters.streams[indexOf(stream)]),
       monitor_(monitor),
-      topic_(std::string(topicOf(stream)) + "/image_raw"),
+      topic_(topicOf(stream) + "/image_raw"),
       calibration_(stream, ros::NodeHandle(nh, topicOf(stream)), of_stream_, monitor) {
   const image_transport::SubscriberStatusCallback image_connect =
       [on_connect](const image_transport::SingleSubscriberPublisher&) { on_connect(); };
@@ -40,7 +34,7 @@ KinectOutput::KinectOutput(KinectStream stream, const ros::NodeHandle& nh, const
   publisher_ = image_transport::ImageTransport(nh).advertiseCamera(
       topic_, parameters.queue_size, image_connect, image_connect, info_connect, info_connect);
   monitor_.addOutput(topic_);
-  monitor_.addOutput(std::string(topicOf(stream)) + "/camera_info");
+  monitor_.addOutput(topicOf(stream) + "/camera_info");
 }
 
 void KinectOutput::begin(double rate) {

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cctype>
 #include <sstream>
+#include <utility>
 
 #include "time_jumps.hpp"
 
@@ -21,19 +22,10 @@ constexpr std::chrono::seconds kSilenceThrottle{30};
 constexpr std::chrono::seconds kLogThrottle{1};
 constexpr std::chrono::seconds kRateWindow{10};
 
-const char* keyOf(Outcome outcome) {
-  switch (outcome) {
-    case Outcome::kProcessed:
-      return "processed";
-    case Outcome::kDropped:
-      return "dropped";
-    case Outcome::kUnmatched:
-      return "unmatched";
-    case Outcome::kInvalid:
-      return "invalid";
-  }
-  return "";
-}
+constexpr std::pair<Outcome, const char*> kOutcomes[] = {{Outcome::kProcessed, "processed"},
+                                                         {Outcome::kDropped, "dropped"},
+                                                         {Outcome::kUnmatched, "unmatched"},
+                                                         {Outcome::kInvalid, "invalid"}};
 
 double seconds(std::chrono::steady_clock::duration d) {
   return std::chrono::duration<double>(d).count();
@@ -261,10 +253,7 @@ void NodeMonitor::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
     if (silent(input, now)) status.mergeSummary(DiagnosticStatus::WARN, "no data on " + input.topic);
   }
 
-  for (const Outcome outcome :
-       {Outcome::kProcessed, Outcome::kDropped, Outcome::kUnmatched, Outcome::kInvalid}) {
-    status.add(keyOf(outcome), counts_[outcome]);
-  }
+  for (const auto& [outcome, key] : kOutcomes) status.add(key, counts_[outcome]);
   status.add("rate [Hz]", processed_at_.empty()
                               ? 0.0
                               : processed_at_.size() / std::max(1.0, seconds(now - processed_at_.front())));
