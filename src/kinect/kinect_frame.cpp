@@ -5,11 +5,12 @@
 
 #include <sensor_msgs/image_encodings.h>
 
-#include <boost/make_shared.hpp>
 #include <opencv2/imgproc.hpp>
 #include <sstream>
 #include <stdexcept>
 #include <string>
+
+#include "conversions.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -59,16 +60,6 @@ void requireWhole(const KinectFrame& frame, std::size_t pixel_bytes) {
   }
 }
 
-void clear(cv::Mat& depth, const std::vector<int>& invalid_values) {
-  auto* const begin = depth.ptr<std::uint16_t>();
-  const std::size_t count = depth.total();
-  for (const int value : invalid_values) {
-    if (value <= 0 || value > UINT16_MAX) continue;
-    const auto invalid = static_cast<std::uint16_t>(value);
-    for (std::size_t i = 0; i < count; ++i) begin[i] = begin[i] == invalid ? 0 : begin[i];
-  }
-}
-
 }  // namespace
 
 const char* toString(KinectStream stream) {
@@ -78,30 +69,24 @@ const char* toString(KinectStream stream) {
 
 sensor_msgs::ImagePtr toImage(const KinectFrame& frame, const std_msgs::Header& header,
                               const std::vector<int>& invalid_values) {
-  const Layout layout = layoutOf(frame.format, frame.stream);
+  const Layout& layout = layoutOf(frame.format, frame.stream);
   requireWhole(frame, CV_ELEM_SIZE(layout.cv_type));
-
-  auto image = boost::make_shared<sensor_msgs::Image>();
-  image->header = header;
-  image->encoding = layout.encoding;
-  image->width = frame.width;
-  image->height = frame.height;
-  image->step = frame.width * CV_ELEM_SIZE(layout.message_type);
-  image->data.resize(std::size_t{image->step} * image->height);
 
   const cv::Mat camera(frame.height, frame.width, layout.cv_type, const_cast<void*>(frame.data),
                        frame.stride);
-  cv::Mat message(frame.height, frame.width, layout.message_type, image->data.data(), image->step);
+  OutgoingImage image(header, layout.encoding, camera.size());
   if (frame.format == openni::PIXEL_FORMAT_YUV422) {
-    cv::cvtColor(camera, message, cv::COLOR_YUV2RGB_UYVY);
+    cv::cvtColor(camera, image.mat, cv::COLOR_YUV2RGB_UYVY);
   } else if (frame.format == openni::PIXEL_FORMAT_DEPTH_100_UM) {
-    camera.convertTo(message, CV_16U, 0.1);
+    camera.convertTo(image.mat, CV_16U, 0.1);
   } else {
-    camera.copyTo(message);
+    camera.copyTo(image.mat);
   }
-  if (frame.mode.mirrored) cv::flip(message, message, 1);
-  if (frame.stream == KinectStream::kDepth) clear(message, invalid_values);
-  return image;
+  if (frame.mode.mirrored) cv::flip(image.mat, image.mat, 1);
+  for (const int value : invalid_values) {
+    if (layout.is_depth) setToUnknown(image.mat, value);
+  }
+  return image.take();
 }
 
 }  // namespace all_in_focus

@@ -73,13 +73,6 @@ bool contains(const cv::Mat& mm, std::uint16_t value) {
   return false;
 }
 
-void setToUnknown(cv::Mat& mm, std::uint16_t value) {
-  for (int y = 0; y < mm.rows; ++y) {
-    auto* row = mm.ptr<std::uint16_t>(y);
-    for (int x = 0; x < mm.cols; ++x) row[x] = row[x] == value ? 0 : row[x];
-  }
-}
-
 // Comparisons with NaN are false: it becomes 0 like all that is out of range.
 cv::Mat metresToMm(const cv::Mat& m) {
   cv::Mat mm(m.size(), CV_16UC1);
@@ -113,10 +106,19 @@ DepthImage toDepth(const sensor_msgs::ImageConstPtr& message, const std::vector<
     if (value <= 0 || value > 65535 || !contains(depth.mm, static_cast<std::uint16_t>(value))) continue;
     if (shared) depth.mm = depth.mm.clone();
     shared = false;
-    setToUnknown(depth.mm, static_cast<std::uint16_t>(value));
+    setToUnknown(depth.mm, value);
   }
   if (shared) depth.owner = message;
   return depth;
+}
+
+void setToUnknown(cv::Mat& mm, int value) {
+  if (value <= 0 || value > 65535) return;
+  const auto unknown = static_cast<std::uint16_t>(value);
+  for (int y = 0; y < mm.rows; ++y) {
+    auto* row = mm.ptr<std::uint16_t>(y);
+    for (int x = 0; x < mm.cols; ++x) row[x] = row[x] == unknown ? 0 : row[x];
+  }
 }
 
 void requireSize(const DepthImage& depth, const Camera& camera, const std::string& topic,
