@@ -19,7 +19,7 @@ namespace enc = sensor_msgs::image_encodings;
 constexpr double kMmPerM = 1000.0;
 constexpr unsigned kMaxSize = 32767;  // pixels, width or height of a camera
 constexpr std::uint64_t kMaxPixels = 100000000;
-constexpr std::uint16_t kEndiannessProbe = 1;
+constexpr bool kIsBigEndian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
 
 [[noreturn]] void fail(const std::string& topic, const std::string& what) {
   throw std::invalid_argument(topic + ": " + what);
@@ -27,10 +27,6 @@ constexpr std::uint16_t kEndiannessProbe = 1;
 
 std::string sizeText(unsigned width, unsigned height) {
   return std::to_string(width) + "x" + std::to_string(height);
-}
-
-bool hostIsBigEndian() {
-  return *reinterpret_cast<const std::uint8_t*>(&kEndiannessProbe) == 0;
 }
 
 // What a cv::Mat over the message's memory relies on.
@@ -50,7 +46,7 @@ void checkLayout(const sensor_msgs::Image& image, std::size_t pixel_bytes, const
                     sizeText(image.width, image.height) + " " + image.encoding + " needs " +
                     std::to_string(bytes) + ": check its publisher");
   }
-  if ((image.is_bigendian != 0) != hostIsBigEndian()) {
+  if ((image.is_bigendian != 0) != kIsBigEndian) {
     fail(topic, std::string("the image is ") + (image.is_bigendian ? "big" : "little") +
                     "-endian, this computer is not: publish it in host byte order");
   }
@@ -135,7 +131,7 @@ OutgoingImage::OutgoingImage(const std_msgs::Header& header, const std::string& 
   const int type = cv_bridge::getCvType(encoding);
   message_->header = header;
   message_->encoding = encoding;
-  message_->is_bigendian = hostIsBigEndian();
+  message_->is_bigendian = kIsBigEndian;
   message_->width = size.width;
   message_->height = size.height;
   message_->step = static_cast<std::uint32_t>(size.width * CV_ELEM_SIZE(type));
