@@ -30,7 +30,18 @@ class CallbackGuard {
   template <typename Function>
   auto wrap(const std::string& place, Function function) const {
     return [state = state_, place, function](auto&&... arguments) mutable {
-      state->run(place, [&] { function(arguments...); });
+      NodeMonitor& monitor = state->monitor;
+      state->gate.run([&] {
+        try {
+          function(arguments...);
+        } catch (const std::exception& e) {
+          monitor.count(Outcome::kInvalid);
+          monitor.error(place + ": " + e.what());
+        } catch (const XmlRpc::XmlRpcException& e) {  // of parameters and the master; not a std::exception
+          monitor.count(Outcome::kInvalid);
+          monitor.error(place + ": " + e.getMessage());
+        }
+      });
     };
   }
 
@@ -38,13 +49,13 @@ class CallbackGuard {
   /// Messages with an impossible stamp are refused.
   template <typename Message, typename Function>
   boost::function<void(const boost::shared_ptr<const Message>&)> input(int input, Function function) const {
-    return [state = state_, input, function](const boost::shared_ptr<const Message>& message) mutable {
-      state->run(input, [&] {
-        state->monitor.inputArrived(input);
-        requirePossible(message->header.stamp);
-        function(message);
-      });
+    NodeMonitor& monitor = state_->monitor;
+    const auto checked = [&monitor, input, function](const auto& message) mutable {
+      monitor.inputArrived(input);
+      requirePossible(message->header.stamp);
+      function(message);
     };
+    return wrap(monitor.resolved(input), checked);
   }
 
   /// Waits for callbacks under way. Not to be called by one of them.
@@ -53,31 +64,6 @@ class CallbackGuard {
  private:
   struct State {
     explicit State(NodeMonitor& m) : monitor(m) {}
-
-    template <typename Call>
-    void run(const std::string& place, const Call& call) {
-      run([&] { return place; }, call);
-    }
-    template <typename Call>
-    void run(int input, const Call& call) {
-      run([&] { return monitor.resolved(input); }, call);
-    }
-
-    template <typename Place, typename Call>
-    void run(const Place& place, const Call& call) {
-      gate.run([&] {
-        try {
-          call();
-        } catch (const std::exception& e) {
-          monitor.count(Outcome::kInvalid);
-          monitor.error(place() + ": " + e.what());
-        } catch (const XmlRpc::XmlRpcException& e) {  // of parameters and the master; not a std::exception
-          monitor.count(Outcome::kInvalid);
-          monitor.error(place() + ": " + e.getMessage());
-        }
-      });
-    }
-
     NodeMonitor& monitor;  // outlives close()
     CallbackGate gate;
   };
