@@ -26,13 +26,9 @@ KinectOutput::KinectOutput(KinectStream stream, const ros::NodeHandle& nh, const
       monitor_(monitor),
       topic_(topicOf(stream) + "/image_raw"),
       calibration_(stream, ros::NodeHandle(nh, topicOf(stream)), of_stream_, monitor) {
-  const image_transport::SubscriberStatusCallback image_connect =
-      [on_connect](const image_transport::SingleSubscriberPublisher&) { on_connect(); };
-  const ros::SubscriberStatusCallback info_connect = [on_connect](const ros::SingleSubscriberPublisher&) {
-    on_connect();
-  };
-  publisher_ = image_transport::ImageTransport(nh).advertiseCamera(
-      topic_, parameters.queue_size, image_connect, image_connect, info_connect, info_connect);
+  const auto connect = [on_connect](const auto& /*subscriber*/) { on_connect(); };
+  publisher_ = image_transport::ImageTransport(nh).advertiseCamera(topic_, parameters.queue_size, connect,
+                                                                   connect, connect, connect);
   monitor_.addOutput(topic_);
   monitor_.addOutput(topicOf(stream) + "/camera_info");
 }

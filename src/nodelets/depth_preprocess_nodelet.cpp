@@ -132,14 +132,12 @@ void DepthPreprocessNodelet::advertise() {
   ros::NodeHandle& nh = getNodeHandle();
   image_transport::ImageTransport transport(nh);
   const auto on_connect = guard_->wrap(getName(), [this](const auto& /*subscriber*/) { connect(); });
-  const image_transport::SubscriberStatusCallback image_connect = on_connect;
-  const ros::SubscriberStatusCallback info_connect = on_connect;
 
   std::lock_guard<std::mutex> lock(connect_mutex_);
-  registered_publisher_ = transport.advertise("depth_registered/image_raw", 1, image_connect, image_connect);
-  filled_publisher_ = transport.advertise("depth_registered/image", 1, image_connect, image_connect);
+  registered_publisher_ = transport.advertise("depth_registered/image_raw", 1, on_connect, on_connect);
+  filled_publisher_ = transport.advertise("depth_registered/image", 1, on_connect, on_connect);
   info_publisher_ =
-      nh.advertise<sensor_msgs::CameraInfo>("depth_registered/camera_info", 1, info_connect, info_connect);
+      nh.advertise<sensor_msgs::CameraInfo>("depth_registered/camera_info", 1, on_connect, on_connect);
   for (const char* topic :
        {"depth_registered/image_raw", "depth_registered/image", "depth_registered/camera_info"}) {
     monitor_->addOutput(topic);

@@ -123,16 +123,14 @@ void SegmenterNodelet::readParameters() {
 void SegmenterNodelet::advertise() {
   ros::NodeHandle& nh = getNodeHandle();
   image_transport::ImageTransport transport(nh);
-  const auto on_connect = guard_->wrap(getName(), [this](const auto& /*subscriber*/) { this->connect(); });
-  const ros::SubscriberStatusCallback connect = on_connect;
-  const image_transport::SubscriberStatusCallback picture_connect = on_connect;
+  const auto on_connect = guard_->wrap(getName(), [this](const auto& /*subscriber*/) { connect(); });
 
   std::lock_guard<std::mutex> lock(connect_mutex_);
-  labels_publisher_ = nh.advertise<sensor_msgs::Image>("segmentation/labels", 1, connect, connect);
-  segments_publisher_ = nh.advertise<SegmentArray>("segmentation/segments", 1, connect, connect);
-  plan_publisher_ = nh.advertise<FocusPlan>("segmentation/focus_plan", 1, connect, connect);
-  picture_publisher_ = transport.advertise("segmentation/image_color", 1, picture_connect, picture_connect);
-  markers_->advertise(connect);
+  labels_publisher_ = nh.advertise<sensor_msgs::Image>("segmentation/labels", 1, on_connect, on_connect);
+  segments_publisher_ = nh.advertise<SegmentArray>("segmentation/segments", 1, on_connect, on_connect);
+  plan_publisher_ = nh.advertise<FocusPlan>("segmentation/focus_plan", 1, on_connect, on_connect);
+  picture_publisher_ = transport.advertise("segmentation/image_color", 1, on_connect, on_connect);
+  markers_->advertise(on_connect);
   for (const char* topic : {"segmentation/labels", "segmentation/segments", "segmentation/focus_plan",
                             "segmentation/image_color", "rgb/optics"}) {
     monitor_->addOutput(topic);
