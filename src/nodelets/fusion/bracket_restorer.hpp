@@ -37,17 +37,8 @@ class BracketRestorer {
   /// Calls back when nothing is at work: now, or in the restorer's thread.
   void whenIdle(std::function<void()> callback);
 
-  /// While one lives, restoration stands still between two of its steps: the processor is for what is fused.
-  class Pause {
-   public:
-    explicit Pause(BracketRestorer& restorer) : restorer_(restorer) { restorer_.setPaused(true); }
-    ~Pause() { restorer_.setPaused(false); }
-    Pause(const Pause&) = delete;
-    Pause& operator=(const Pause&) = delete;
-
-   private:
-    BracketRestorer& restorer_;
-  };
+  /// While paused, restoration stands still between two of its steps: the processor is for what is fused.
+  void setPaused(bool paused);
 
  private:
   struct Job {
@@ -58,7 +49,6 @@ class BracketRestorer {
   void run();
   void restore(FusedBracket& bracket);
   bool proceed(const FusedBracket& bracket, double done);
-  void setPaused(bool paused);
 
   NodeMonitor& monitor_;
   const Interrupted interrupted_;

@@ -62,14 +62,15 @@ void FusionWorker::run() {
   while (!queue_.stopped()) {
     const std::optional<FusionTask> task = queue_.take();
     if (!task) continue;
+    restorer_.setPaused(true);
     try {
-      const BracketRestorer::Pause pause(restorer_);
       handle(*task);
     } catch (const std::exception& e) {
       bracket_.reset();  // what it holds is uncertain
       monitor_.error(std::string("fusion: ") + e.what());
       if (task->frame.image) monitor_.consumed(task->header, Outcome::kInvalid, e.what());
     }
+    restorer_.setPaused(false);
     if (restoresEvery()) restorer_.wait();
     if (task->finished)
       restorer_.whenIdle([finished = task->finished, count = published_] { finished->set_value(count); });
