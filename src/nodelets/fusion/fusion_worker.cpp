@@ -162,16 +162,11 @@ bool FusionWorker::restoresEvery() {
 
 void FusionWorker::acknowledge(const FrameFates& fates) {
   for (const FrameFate& fate : fates) {
-    switch (fate.kind) {
-      case FrameFate::Kind::kHeld:
-        monitor_.kept(fate.header);
-        break;
-      case FrameFate::Kind::kUsed:
-        monitor_.consumed(fate.header, Outcome::kProcessed);
-        break;
-      case FrameFate::Kind::kRejected:
-        monitor_.consumed(fate.header, Outcome::kInvalid, fate.reason);
-        break;
+    const bool is_used = fate.kind == FrameFate::Kind::kUsed;
+    if (fate.kind == FrameFate::Kind::kHeld) {
+      monitor_.kept(fate.header);
+    } else {
+      monitor_.consumed(fate.header, is_used ? Outcome::kProcessed : Outcome::kInvalid, fate.reason);
     }
   }
 }

@@ -64,7 +64,7 @@ struct FrameFate {
   enum class Kind { kHeld, kUsed, kRejected };
   std_msgs::Header header;
   Kind kind;
-  std::string reason;  ///< kRejected: why
+  std::string reason;  ///< kRejected: why; else ""
 };
 using FrameFates = std::vector<FrameFate>;
 
