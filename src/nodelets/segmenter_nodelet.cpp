@@ -147,12 +147,9 @@ void SegmenterNodelet::reconfigure(Config& config) {
   check(config.aperture, config_.aperture, core::kApertureRange, "aperture");
   check(config.circle_of_confusion_mm, config_.circle_of_confusion_mm, core::kCircleOfConfusionRange,
         "circle_of_confusion_mm");
-  repair.check(config.dof_rule, config_.dof_rule, config.dof_rule == "paper" || config.dof_rule == "full",
-               "dof_rule");
-  repair.check(config.min_region_size, config_.min_region_size, config.min_region_size >= 0,
-               "min_region_size");
-  repair.check(config.caption_min_area, config_.caption_min_area,
-               repair.isNotNegative(config.caption_min_area), "caption_min_area");
+  repair.checkOneOf(config.dof_rule, config_.dof_rule, {"paper", "full"}, "dof_rule");
+  repair.checkNotNegative(config.min_region_size, config_.min_region_size, "min_region_size");
+  repair.checkNotNegative(config.caption_min_area, config_.caption_min_area, "caption_min_area");
   if (!repair.warnings().empty()) monitor_->warn(repair.warnings());
   config_ = config;
   segmentation_.reset();

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cmath>
+#include <set>
 #include <sstream>
 #include <string>
 
@@ -20,11 +21,18 @@ class ConfigRepair {
     value = good;
   }
 
+  void checkOneOf(std::string& value, const std::string& good, const std::set<std::string>& choices,
+                  const char* name) {
+    check(value, good, choices.count(value) > 0, name);
+  }
+  /// A number that is to be 0 or more, and finite.
+  template <typename T>
+  void checkNotNegative(T& value, const T& good, const char* name) {
+    check(value, good, std::isfinite(value) && value >= 0, name);
+  }
+
   /// One line for people, "" when nothing was repaired.
   std::string warnings() const { return warnings_.str(); }
-
-  static bool isPositive(double value) { return std::isfinite(value) && value > 0; }
-  static bool isNotNegative(double value) { return std::isfinite(value) && value >= 0; }
 
  private:
   std::ostringstream warnings_;

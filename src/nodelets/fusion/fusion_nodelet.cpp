@@ -15,7 +15,6 @@
 #include <mutex>
 #include <pluginlib/class_list_macros.hpp>
 #include <string>
-#include <vector>
 
 #include "after_init.hpp"
 #include "callback_guard.hpp"
@@ -112,21 +111,13 @@ void FusionNodelet::onInit() {
 // What stands in `config` on return is shown to the user.
 void FusionNodelet::reconfigure(Config& config) {
   ConfigRepair repair;
-  const auto is_one_of = [](const std::string& value, const std::vector<std::string>& choices) {
-    return std::find(choices.begin(), choices.end(), value) != choices.end();
-  };
-  repair.check(config.mode, config_.mode, is_one_of(config.mode, {"paper", "refined", "restored"}), "mode");
-  repair.check(config.max_held_frames, config_.max_held_frames, config.max_held_frames >= 0,
-               "max_held_frames");
-  repair.check(config.bracket_mode, config_.bracket_mode,
-               is_one_of(config.bracket_mode, {"bracket", "sliding"}), "bracket_mode");
-  repair.check(config.bracket_size, config_.bracket_size, config.bracket_size >= 0, "bracket_size");
-  repair.check(config.bracket_gap, config_.bracket_gap, repair.isNotNegative(config.bracket_gap),
-               "bracket_gap");
-  repair.check(config.label_max_age, config_.label_max_age, repair.isNotNegative(config.label_max_age),
-               "label_max_age");
-  repair.check(config.label_timeout, config_.label_timeout, repair.isNotNegative(config.label_timeout),
-               "label_timeout");
+  repair.checkOneOf(config.mode, config_.mode, {"paper", "refined", "restored"}, "mode");
+  repair.checkNotNegative(config.max_held_frames, config_.max_held_frames, "max_held_frames");
+  repair.checkOneOf(config.bracket_mode, config_.bracket_mode, {"bracket", "sliding"}, "bracket_mode");
+  repair.checkNotNegative(config.bracket_size, config_.bracket_size, "bracket_size");
+  repair.checkNotNegative(config.bracket_gap, config_.bracket_gap, "bracket_gap");
+  repair.checkNotNegative(config.label_max_age, config_.label_max_age, "label_max_age");
+  repair.checkNotNegative(config.label_timeout, config_.label_timeout, "label_timeout");
   if (!repair.warnings().empty()) monitor_->warn(repair.warnings());
   config_ = config;
 

@@ -5,11 +5,11 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <iterator>
 #include <limits>
 #include <opencv2/core.hpp>
 
-#include "config_repair.hpp"
 #include "time_jumps.hpp"
 #include "waiting_list.hpp"
 
@@ -32,7 +32,8 @@ void SceneCache::addLabels(const LabelSet& set) {
   any_labels_ = true;
   silent_.labels = false;
   const double focal_length_mm = set.segments->optics.focal_length_mm;
-  if (focal_length_mm_ == 0 && ConfigRepair::isPositive(focal_length_mm)) focal_length_mm_ = focal_length_mm;
+  if (focal_length_mm_ == 0 && std::isfinite(focal_length_mm) && focal_length_mm > 0)
+    focal_length_mm_ = focal_length_mm;
   // Labels come in the order of stamps: older depth images will get none.
   for (auto it = entries_.begin(); it->first < stamp;)
     it = it->second.labels.labels ? std::next(it) : entries_.erase(it);
