@@ -2,26 +2,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 
 #include <all_in_focus/DepthPreprocessConfig.h>
-#include <dynamic_reconfigure/server.h>
 #include <image_transport/image_transport.h>
-#include <nodelet/nodelet.h>
 #include <sensor_msgs/image_encodings.h>
 #include <tf2_ros/buffer.h>
 
-#include <algorithm>
 #include <boost/make_shared.hpp>
-#include <cstdint>
 #include <memory>
-#include <mutex>
 #include <pluginlib/class_list_macros.hpp>
 
-#include "after_init.hpp"
 #include "all_in_focus/pipeline.hpp"
 #include "all_in_focus/rig_checks.hpp"
-#include "callback_guard.hpp"
+#include "configured_nodelet.hpp"
 #include "conversions.hpp"
 #include "image_queue.hpp"
-#include "node_monitor.hpp"
 #include "time_jumps.hpp"
 #include "transform_listener.hpp"
 #include "waiting_list.hpp"
@@ -39,18 +32,15 @@ constexpr const char* kProcessedTopic = "depth_registered/processed";
 ///
 /// All callbacks run one after the other on the nodelet's own queue, except that connect() may be called
 /// while onInit() runs.
-class DepthPreprocessNodelet : public nodelet::Nodelet {
+class DepthPreprocessNodelet : public ConfiguredNodelet<DepthPreprocessConfig> {
  public:
   ~DepthPreprocessNodelet() override;
 
  private:
-  using Config = DepthPreprocessConfig;
-
   void onInit() override;
   void advertise();
-  void readParameters();
-  void reconfigure(Config& config);
-  void connect();
+  void reconfigure(Config& config) override;
+  void connect() override;
   void subscribe();
   void unsubscribe();
   void onDepth(const sensor_msgs::ImageConstPtr& depth);
@@ -63,17 +53,11 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   void registerAndPublish(const std_msgs::Header& header, const DepthImage& depth);
   void warnOfRig(const cv::Mat& depth, const cv::Mat& registered);
 
-  std::unique_ptr<NodeMonitor> monitor_;
-  std::unique_ptr<CallbackGuard> guard_;
   std::unique_ptr<TimeJumps> time_jumps_;
   int depth_input_ = 0, depth_info_input_ = 0, rgb_info_input_ = 0;
   std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
   std::unique_ptr<TransformListener> tf_listener_;
-  Config config_ = Config::__getDefault__();
   std::vector<int> invalid_values_{0, 2047};
-  int queue_size_ = 5;
-  std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
-  AfterInit after_init_;
   image_transport::Publisher registered_publisher_, filled_publisher_;
   ros::Publisher info_publisher_;
   // For camera infos and transform.
@@ -84,7 +68,6 @@ class DepthPreprocessNodelet : public nodelet::Nodelet {
   std::unique_ptr<DepthPreprocessing> preprocessing_;  // of the current rig and mode
   std::string preprocessing_mode_;
 
-  std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
   std::unique_ptr<ImageQueue> depth_queue_;
   ros::Subscriber depth_info_subscriber_, rgb_info_subscriber_;
   ros::WallTimer retry_timer_;
@@ -95,37 +78,27 @@ DepthPreprocessNodelet::~DepthPreprocessNodelet() {
 }
 
 void DepthPreprocessNodelet::onInit() {
-  monitor_ =
-      std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), kProcessedTopic);
-  guard_ = std::make_unique<CallbackGuard>(*monitor_);
+  begin(kProcessedTopic);
   time_jumps_ = std::make_unique<TimeJumps>([this](int input) { monitor_->timeWentBack(input); });
   depth_input_ = monitor_->addInput("depth/image_raw", Expect::kStream, "start the depth camera's driver");
   depth_info_input_ =
       monitor_->addInput("depth/camera_info", Expect::kOnce, "start the depth camera's driver");
   rgb_info_input_ = monitor_->addInput("rgb/camera_info", Expect::kOnce, "start the colour camera's driver");
-  readParameters();
+
+  ros::NodeHandle& private_nh = getPrivateNodeHandle();
+  if (private_nh.hasParam("invalid_values") && !private_nh.getParam("invalid_values", invalid_values_)) {
+    monitor_->error("invalid_values is not a list of integers (mm): using [0, 2047]");
+  }
 
   tf_buffer_ = std::make_unique<tf2_ros::Buffer>();
   tf_listener_ = std::make_unique<TransformListener>(getNodeHandle(), *tf_buffer_, *guard_);
-  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(getPrivateNodeHandle());
-  reconfigure_server_->setCallback(
-      guard_->wrap(getName(), [this](Config& config, std::uint32_t /*level*/) { reconfigure(config); }));
+  takeConfiguration();
   waiting_ = std::make_unique<WaitingList<sensor_msgs::ImageConstPtr>>(queue_size_);
   depth_queue_ =
       std::make_unique<ImageQueue>(getSTCallbackQueue(), queue_size_, *monitor_, *guard_, depth_input_,
                                    [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
-  monitor_->start();
-  after_init_.call(getNodeHandle(), *guard_, getName(),
-                   [this] { connect(); });  // for those who listen already
-}
-
-void DepthPreprocessNodelet::readParameters() {
-  ros::NodeHandle& nh = getPrivateNodeHandle();
-  queue_size_ = std::max(1, nh.param("queue_size", queue_size_));
-  if (nh.hasParam("invalid_values") && !nh.getParam("invalid_values", invalid_values_)) {
-    monitor_->error("invalid_values is not a list of integers (mm): using [0, 2047]");
-  }
+  end();
 }
 
 void DepthPreprocessNodelet::advertise() {

@@ -2,29 +2,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 
 #include <all_in_focus/SegmenterConfig.h>
-#include <dynamic_reconfigure/server.h>
 #include <image_transport/image_transport.h>
-#include <nodelet/nodelet.h>
 #include <sensor_msgs/image_encodings.h>
 
-#include <algorithm>
-#include <cstdint>
 #include <memory>
-#include <mutex>
 #include <opencv2/imgproc.hpp>
 #include <pluginlib/class_list_macros.hpp>
 #include <sstream>
 #include <stdexcept>
 
-#include "after_init.hpp"
 #include "all_in_focus/drawing.hpp"
 #include "all_in_focus/focus_plan.hpp"
 #include "all_in_focus/pipeline.hpp"
-#include "callback_guard.hpp"
 #include "config_repair.hpp"
+#include "configured_nodelet.hpp"
 #include "conversions.hpp"
 #include "image_queue.hpp"
-#include "node_monitor.hpp"
 #include "segment_markers.hpp"
 #include "time_jumps.hpp"
 
@@ -43,34 +36,26 @@ core::Optics opticsOf(const SegmenterConfig& config) {
 ///
 /// All callbacks run one after the other on the nodelet's own queue, except that connect() may be called
 /// while onInit() runs.
-class SegmenterNodelet : public nodelet::Nodelet {
+class SegmenterNodelet : public ConfiguredNodelet<SegmenterConfig> {
  public:
   ~SegmenterNodelet() override;
 
  private:
-  using Config = SegmenterConfig;
-
   void onInit() override;
-  void readParameters();
+  void readMode();
   void advertise();
-  void reconfigure(Config& config);
-  void connect();
+  void reconfigure(Config& config) override;
+  void connect() override;
   void onDepth(const sensor_msgs::ImageConstPtr& depth);
   void process(const sensor_msgs::ImageConstPtr& depth);
   void publishPlan(const std_msgs::Header& header);
   void publishCaptioned(const std_msgs::Header& header);
   void publishPicture(const CaptionSet& captions);
 
-  std::unique_ptr<NodeMonitor> monitor_;
-  std::unique_ptr<CallbackGuard> guard_;
   std::unique_ptr<TimeJumps> time_jumps_;
   int depth_input_ = 0;
-  Config config_ = Config::__getDefault__();  // always possible
   Mode mode_ = Mode::kRefined;
-  int queue_size_ = 5;
 
-  std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
-  AfterInit after_init_;
   ros::Publisher labels_publisher_;  // no image_transport: lossy plug-ins would destroy labels
   ros::Publisher segments_publisher_, plan_publisher_;
   ros::Publisher optics_publisher_;  // latched: so that a bag tells the lens
@@ -80,7 +65,6 @@ class SegmenterNodelet : public nodelet::Nodelet {
   std::unique_ptr<DofSegmentation> segmentation_;  // empty: the configuration has changed
   Segmentation result_;
 
-  std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
   std::unique_ptr<ImageQueue> depth_queue_;
 };
 
@@ -89,31 +73,23 @@ SegmenterNodelet::~SegmenterNodelet() {
 }
 
 void SegmenterNodelet::onInit() {
-  monitor_ =
-      std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), kProcessedTopic);
-  guard_ = std::make_unique<CallbackGuard>(*monitor_);
+  begin(kProcessedTopic);
   time_jumps_ = std::make_unique<TimeJumps>([this](int input) { monitor_->timeWentBack(input); });
   depth_input_ = monitor_->addInput("depth_registered/image", Expect::kStream, "start depth_preprocess");
   markers_ = std::make_unique<SegmentMarkers>(getNodeHandle(), *monitor_, *guard_);
   optics_publisher_ = getNodeHandle().advertise<OpticsMsg>("rgb/optics", 1, true);
-  readParameters();
-  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(getPrivateNodeHandle());
-  reconfigure_server_->setCallback(
-      guard_->wrap(getName(), [this](Config& config, std::uint32_t /*level*/) { reconfigure(config); }));
+  readMode();
+  takeConfiguration();
   depth_queue_ =
       std::make_unique<ImageQueue>(getSTCallbackQueue(), queue_size_, *monitor_, *guard_, depth_input_,
                                    [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
-  monitor_->start();
-  after_init_.call(getNodeHandle(), *guard_, getName(),
-                   [this] { connect(); });  // for those who listen already
+  end();
 }
 
-void SegmenterNodelet::readParameters() {
-  ros::NodeHandle& nh = getPrivateNodeHandle();
-  queue_size_ = std::max(1, nh.param("queue_size", queue_size_));
+void SegmenterNodelet::readMode() {
   try {
-    mode_ = toMode(nh.param("mode", std::string(toString(mode_))));
+    mode_ = toMode(getPrivateNodeHandle().param("mode", std::string(toString(mode_))));
   } catch (const std::invalid_argument& e) {
     monitor_->error(std::string(e.what()) + "; using " + toString(mode_));
   }
@@ -137,7 +113,6 @@ void SegmenterNodelet::advertise() {
   }
 }
 
-// What stands in `config` on return is shown to the user.
 void SegmenterNodelet::reconfigure(Config& config) {
   ConfigRepair repair;
   const auto check = [&repair](double& value, double good, const core::OpticsRange& range, const char* name) {

@@ -2,29 +2,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 
 #include <all_in_focus/FusionConfig.h>
-#include <dynamic_reconfigure/server.h>
-#include <nodelet/nodelet.h>
 #include <ros/callback_queue.h>
 #include <ros/spinner.h>
 #include <std_srvs/Trigger.h>
 
-#include <algorithm>
 #include <chrono>
-#include <cstdint>
 #include <memory>
-#include <mutex>
 #include <pluginlib/class_list_macros.hpp>
 #include <string>
 
-#include "after_init.hpp"
-#include "callback_guard.hpp"
 #include "config_repair.hpp"
+#include "configured_nodelet.hpp"
 #include "conversions.hpp"
 #include "frame_queue.hpp"
 #include "fusion_inputs.hpp"
 #include "fusion_outputs.hpp"
 #include "fusion_worker.hpp"
-#include "node_monitor.hpp"
 #include "scene_cache.hpp"
 
 namespace all_in_focus {
@@ -39,33 +32,24 @@ constexpr std::chrono::seconds kFinishPatience(60);
 ///
 /// Callbacks run one after the other on the nodelet's own queue and only hand over. ~finish waits for the
 /// worker, so it has a thread of its own.
-class FusionNodelet : public nodelet::Nodelet {
+class FusionNodelet : public ConfiguredNodelet<FusionConfig> {
  public:
   ~FusionNodelet() override;
 
  private:
-  using Config = FusionConfig;
-
   void onInit() override;
-  void reconfigure(Config& config);
-  void connect();
+  void reconfigure(Config& config) override;
+  void connect() override;
   bool finish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
 
-  std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
-  AfterInit after_init_;
-  std::unique_ptr<NodeMonitor> monitor_;
-  std::unique_ptr<CallbackGuard> guard_;
   FusionOutputs outputs_;
   SceneCache scenes_;
   std::unique_ptr<FrameQueue> frames_;
   std::unique_ptr<FusionInputs> inputs_;
   std::unique_ptr<FusionWorker> worker_;
-  std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
   ros::CallbackQueue finish_queue_;
   ros::ServiceServer finish_server_;
   std::unique_ptr<ros::AsyncSpinner> finish_spinner_;
-  Config config_ = Config::__getDefault__();  // always possible
-  int queue_size_ = 60;
   bool restore_every_ = false;
 };
 
@@ -80,20 +64,16 @@ FusionNodelet::~FusionNodelet() {
 }
 
 void FusionNodelet::onInit() {
-  monitor_ =
-      std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), kProcessedTopic);
-  guard_ = std::make_unique<CallbackGuard>(*monitor_);
+  queue_size_ = 60;
+  begin(kProcessedTopic);
   ros::NodeHandle& private_nh = getPrivateNodeHandle();
-  queue_size_ = std::max(1, private_nh.param("queue_size", queue_size_));
   restore_every_ = private_nh.param("restore_every_bracket", restore_every_);
   frames_ = std::make_unique<FrameQueue>(*monitor_, scenes_);
   inputs_ =
       std::make_unique<FusionInputs>(getNodeHandle(), private_nh, *monitor_, *guard_, scenes_, *frames_);
   worker_ = std::make_unique<FusionWorker>(
       *monitor_, *frames_, scenes_, [this](const FusedBracket& bracket) { outputs_.publish(bracket); });
-  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(private_nh);
-  reconfigure_server_->setCallback(
-      guard_->wrap(getName(), [this](Config& config, std::uint32_t /*level*/) { reconfigure(config); }));
+  takeConfiguration();
   ros::NodeHandle finish_nh(private_nh);
   finish_nh.setCallbackQueue(&finish_queue_);
   finish_server_ = finish_nh.advertiseService("finish", &FusionNodelet::finish, this);
@@ -103,12 +83,9 @@ void FusionNodelet::onInit() {
     std::lock_guard<std::mutex> lock(connect_mutex_);
     outputs_.advertise(getNodeHandle(), *monitor_, guard_->wrap(getName(), [this] { connect(); }));
   }
-  monitor_->start();
-  after_init_.call(getNodeHandle(), *guard_, getName(),
-                   [this] { connect(); });  // for those who listen already
+  end();
 }
 
-// What stands in `config` on return is shown to the user.
 void FusionNodelet::reconfigure(Config& config) {
   ConfigRepair repair;
   repair.checkOneOf(config.mode, config_.mode, {"paper", "refined", "restored"}, "mode");
