@@ -62,12 +62,13 @@ FusionInputs::FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& pri
           [this](const auto&, const auto&) { monitor_.count(Outcome::kUnmatched); }),
       transport_(nh) {}
 
-template <typename Message>
-ros::Subscriber FusionInputs::subscribeTo(
-    const char* topic, int input, void (FusionInputs::*callback)(const boost::shared_ptr<const Message>&)) {
-  return nh_.subscribe<Message>(
-      topic, kEndless,
-      guard_.input<Message>(input, [this, callback](const auto& message) { (this->*callback)(message); }));
+// What was sent before time jumped back is not used.
+template <typename Message, typename Use>
+ros::Subscriber FusionInputs::subscribeTo(const char* topic, int input, Use use) {
+  const auto on_message = [this, input, use](const auto& message) {
+    noticeJump(input, message->header.stamp).leftover ? monitor_.count(Outcome::kUnmatched) : use(message);
+  };
+  return nh_.subscribe<Message>(topic, kEndless, guard_.input<Message>(input, on_message));
 }
 
 void FusionInputs::subscribe() {
@@ -75,11 +76,18 @@ void FusionInputs::subscribe() {
   // Depth and labels go by plain ROS: lossy transports would destroy them. They are there before colour
   // comes.
   updateMeasured();
-  depth_subscriber_ = subscribeTo("depth_registered/image", depth_input_, &FusionInputs::onDepth);
-  labels_subscriber_ = subscribeTo("segmentation/labels", labels_input_, &FusionInputs::onLabels);
-  segments_subscriber_ = subscribeTo("segmentation/segments", segments_input_, &FusionInputs::onSegments);
-  info_subscriber_ = subscribeTo("rgb/camera_info", info_input_, &FusionInputs::onInfo);
-  focus_subscriber_ = subscribeTo("rgb/focus", focus_input_, &FusionInputs::onFocus);
+  depth_subscriber_ = subscribeTo<sensor_msgs::Image>("depth_registered/image", depth_input_,
+                                                      [this](const auto& depth) { scenes_.addDepth(depth); });
+  labels_subscriber_ = subscribeTo<sensor_msgs::Image>(
+      "segmentation/labels", labels_input_, [this](const auto& labels) { label_matcher_.add(labels); });
+  segments_subscriber_ =
+      subscribeTo<SegmentArray>("segmentation/segments", segments_input_,
+                                [this](const auto& segments) { label_matcher_.add(segments); });
+  info_subscriber_ = subscribeTo<sensor_msgs::CameraInfo>(
+      "rgb/camera_info", info_input_, [this](const auto& info) { scenes_.setCamera(info); });
+  focus_subscriber_ = nh_.subscribe<FocusFrame>(
+      "rgb/focus", kEndless,
+      guard_.input<FocusFrame>(focus_input_, [this](const auto& focus) { onFocus(focus); }));
   image_subscriber_ = transport_.subscribe(
       "rgb/image", kEndless,
       guard_.input<sensor_msgs::Image>(image_input_, [this](const auto& image) { onImage(image); }),
@@ -114,7 +122,8 @@ void FusionInputs::needMeasured(bool needed) {
 void FusionInputs::updateMeasured() {
   if (needs_measured_ && !measured_subscriber_) {
     measured_subscriber_ =
-        subscribeTo("depth_registered/image_raw", measured_input_, &FusionInputs::onMeasured);
+        subscribeTo<sensor_msgs::Image>("depth_registered/image_raw", measured_input_,
+                                        [this](const auto& measured) { scenes_.addMeasured(measured); });
   } else if (!needs_measured_ && measured_subscriber_) {
     measured_subscriber_.shutdown();
     measured_subscriber_ = {};
@@ -137,13 +146,6 @@ TimeJumps::Arrival FusionInputs::noticeJump(int input, const ros::Time& stamp, b
     if (is_frame) frames_.restart();
   }
   return arrival;
-}
-
-// False: the message was sent before time jumped back, and is not to be used.
-bool FusionInputs::isOfNow(int input, const ros::Time& stamp) {
-  const bool leftover = noticeJump(input, stamp).leftover;
-  if (leftover) monitor_.count(Outcome::kUnmatched);
-  return !leftover;
 }
 
 // The order of a topic is kept: when a frame of the new time is whole, all of before have come.
@@ -205,14 +207,6 @@ void FusionInputs::onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image) {
   }
 }
 
-void FusionInputs::onLabels(const sensor_msgs::ImageConstPtr& labels) {
-  if (isOfNow(labels_input_, labels->header.stamp)) label_matcher_.add(labels);
-}
-
-void FusionInputs::onSegments(const SegmentArrayConstPtr& segments) {
-  if (isOfNow(segments_input_, segments->header.stamp)) label_matcher_.add(segments);
-}
-
 void FusionInputs::onLabelSet(const sensor_msgs::ImageConstPtr& labels,
                               const SegmentArrayConstPtr& segments) {
   if (labels->encoding != enc::TYPE_32SC1 ||
@@ -223,18 +217,6 @@ void FusionInputs::onLabelSet(const sensor_msgs::ImageConstPtr& labels,
     return;
   }
   scenes_.addLabels({labels, segments});
-}
-
-void FusionInputs::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  if (isOfNow(depth_input_, depth->header.stamp)) scenes_.addDepth(depth);
-}
-
-void FusionInputs::onMeasured(const sensor_msgs::ImageConstPtr& measured) {
-  if (isOfNow(measured_input_, measured->header.stamp)) scenes_.addMeasured(measured);
-}
-
-void FusionInputs::onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
-  if (isOfNow(info_input_, info->header.stamp)) scenes_.setCamera(info);
 }
 
 }  // namespace all_in_focus

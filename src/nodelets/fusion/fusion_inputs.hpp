@@ -38,21 +38,14 @@ class FusionInputs {
   void needMeasured(bool needed);
 
  private:
-  template <typename Message>
-  ros::Subscriber subscribeTo(const char* topic, int input,
-                              void (FusionInputs::*callback)(const boost::shared_ptr<const Message>&));
+  template <typename Message, typename Use>
+  ros::Subscriber subscribeTo(const char* topic, int input, Use use);
   void updateMeasured();
   TimeJumps::Arrival noticeJump(int input, const ros::Time& stamp, bool is_frame = false);
-  bool isOfNow(int input, const ros::Time& stamp);
   bool isLate(const TimeJumps::Arrival& arrival, const ros::Time& stamp);
   void addFrame(const BracketFrame& frame);
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFocus(const FocusFrameConstPtr& focus);
-  void onLabels(const sensor_msgs::ImageConstPtr& labels);
-  void onSegments(const SegmentArrayConstPtr& segments);
-  void onDepth(const sensor_msgs::ImageConstPtr& depth);
-  void onMeasured(const sensor_msgs::ImageConstPtr& measured);
-  void onInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void onLabelSet(const sensor_msgs::ImageConstPtr& labels, const SegmentArrayConstPtr& segments);
   void onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image);
 
