@@ -3,14 +3,13 @@
 
 #include "node_monitor.hpp"
 
-#include <xmlrpcpp/XmlRpcException.h>
-
 #include <algorithm>
 #include <cctype>
 #include <sstream>
 #include <utility>
 
 #include "time_jumps.hpp"
+#include "transports.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -42,20 +41,6 @@ std::string formatSeconds(double s) {
 std::string oneLine(std::string text) {
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text;
-}
-
-/// The topics that somebody publishes; false when the master does not answer as a master does.
-bool publishedTopics(std::vector<std::string>& topics) {
-  XmlRpc::XmlRpcValue args, result, payload;
-  args[0] = ros::this_node::getName();
-  args[1] = std::string();
-  if (!ros::master::execute("getPublishedTopics", args, result, payload, false)) return false;
-  try {
-    for (int i = 0; i < payload.size(); ++i) topics.push_back(std::string(payload[i][0]));
-  } catch (const XmlRpc::XmlRpcException&) {
-    return false;
-  }
-  return true;
 }
 
 }  // namespace
@@ -217,14 +202,13 @@ void NodeMonitor::warnOfSilence() {
     silence_warned_at_ = now;
   }
   // Asked only here, once in a while: it is a call to the master.
-  std::vector<std::string> published;
-  const bool master_answers = publishedTopics(published);
+  const auto published = publishedTopics();
   std::ostringstream text;
   for (const Input& input : silent_inputs) {
     text << "\n  " << input.topic << ": ";
-    if (!master_answers) {
+    if (!published) {
       text << "the ROS master does not answer";
-    } else if (std::find(published.begin(), published.end(), input.topic) == published.end()) {
+    } else if (published->count(input.topic) == 0) {
       text << "nobody publishes it; " << input.remedy << " (or remap it)";
     } else if (input.arrived == 0) {
       text << "advertised, but no message came: is its publisher working, and the type right?";

@@ -6,10 +6,9 @@
 #include <image_transport/image_transport.h>
 #include <ros/master.h>
 #include <ros/ros.h>
+#include <xmlrpcpp/XmlRpcException.h>
 
 #include <algorithm>
-#include <set>
-#include <string>
 
 namespace all_in_focus {
 namespace {
@@ -35,17 +34,27 @@ image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const
   return {raw, ros::TransportHints(), private_nh};
 }
 
-void awaitPublishers(const std::vector<const ros::Subscriber*>& subscribers) {
+std::optional<std::set<std::string>> publishedTopics() {
   XmlRpc::XmlRpcValue request, response, published;
   request[0] = ros::this_node::getName();
   request[1] = "";
   if (!ros::master::execute("getPublishedTopics", request, response, published, /*wait_for_master=*/false))
-    return;
+    return std::nullopt;
   std::set<std::string> topics;
-  for (int i = 0; i < published.size(); ++i) topics.insert(std::string(published[i][0]));
+  try {
+    for (int i = 0; i < published.size(); ++i) topics.insert(std::string(published[i][0]));
+  } catch (const XmlRpc::XmlRpcException&) {
+    return std::nullopt;
+  }
+  return topics;
+}
+
+void awaitPublishers(const std::vector<const ros::Subscriber*>& subscribers) {
+  const auto published = publishedTopics();
+  if (!published) return;
   const ros::WallTime end = ros::WallTime::now() + kPatience;
   for (const ros::Subscriber* subscriber : subscribers) {
-    if (topics.count(subscriber->getTopic()) == 0) continue;
+    if (published->count(subscriber->getTopic()) == 0) continue;
     while (subscriber->getNumPublishers() == 0 && ros::WallTime::now() < end) kPoll.sleep();
   }
 }
