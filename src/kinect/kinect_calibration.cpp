@@ -7,7 +7,7 @@
 
 #include <boost/make_shared.hpp>
 #include <cmath>
-#include <sstream>
+#include <opencv2/core.hpp>
 
 namespace all_in_focus {
 namespace {
@@ -17,10 +17,6 @@ constexpr double kKinectDepthFov = 58.5 * kDegree, kKinectColorFov = 62.0 * kDeg
 
 bool isPossible(double fov) {
   return fov > 1 * kDegree && fov < 179 * kDegree;
-}
-
-std::string sizeOf(int width, int height) {
-  return std::to_string(width) + "x" + std::to_string(height);
 }
 
 }  // namespace
@@ -58,18 +54,17 @@ sensor_msgs::CameraInfoPtr KinectCalibration::cameraInfo(const KinectMode& mode)
     return info;
   }
   const sensor_msgs::CameraInfo guess = cameraInfoOf(stream_, mode);
-  std::ostringstream text;
-  text << parameters_.name;
-  if (calibrated) {
-    text << ": the calibration is for " << sizeOf(info->width, info->height) << " pixels, the images have "
-         << sizeOf(mode.width, mode.height);
-  } else {
-    text << " is not calibrated";
-  }
-  text << ": camera_info comes from the field of view, fx = fy = " << std::lround(guess.K[0])
-       << " pixels (calibrate, or give the calibration as *_camera_info_url)";
-  if (text.str() != warned_) monitor_.warn(text.str());
-  warned_ = text.str();
+  const std::string why = calibrated
+                              ? cv::format(": the calibration is for %ux%u pixels, the images have %dx%d",
+                                           info->width, info->height, mode.width, mode.height)
+                              : " is not calibrated";
+  const std::string warning = parameters_.name + why +
+                              cv::format(
+                                  ": camera_info comes from the field of view, fx = fy = %ld pixels "
+                                  "(calibrate, or give the calibration as *_camera_info_url)",
+                                  std::lround(guess.K[0]));
+  if (warning != warned_) monitor_.warn(warning);
+  warned_ = warning;
   *info = guess;
   return info;
 }

@@ -39,11 +39,9 @@ std::string openNiReason() {
 
 /// "URI" (name, vendor)
 std::string describe(const openni::DeviceInfo& info) {
-  std::ostringstream text;
-  text << '"' << info.getUri() << '"';
-  const std::string name = info.getName(), vendor = info.getVendor();
-  if (!name.empty()) text << " (" << name << (vendor.empty() ? "" : ", ") << vendor << ")";
-  return text.str();
+  const std::string uri = info.getUri(), name = info.getName(), vendor = info.getVendor();
+  const std::string what = name + (vendor.empty() ? "" : ", ") + vendor;
+  return '"' + uri + '"' + (name.empty() ? "" : " (" + what + ")");
 }
 
 /// All USB devices with their kernel numbers, which are new each time a device is plugged in.
@@ -100,12 +98,11 @@ std::string describeFound(const openni::Array<openni::DeviceInfo>& devices) {
     return "no camera was found: is it plugged in and powered, may this user open it (udev), and is its "
            "OpenNI2 driver installed (a Kinect needs libfreenect's, see docs/kinect.md)?";
   }
-  std::ostringstream text;
-  text << "found";
+  std::string text = "found";
   for (int i = 0; i < devices.getSize(); ++i) {
-    text << (i ? ", " : " ") << "#" << i + 1 << " " << describe(devices[i]);
+    text += (i ? ", #" : " #") + std::to_string(i + 1) + " " + describe(devices[i]);
   }
-  return text.str();
+  return text;
 }
 
 /// n of "#n", 0 for anything else.

@@ -6,7 +6,6 @@
 #include <sensor_msgs/image_encodings.h>
 
 #include <opencv2/imgproc.hpp>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 
@@ -39,25 +38,20 @@ const Layout& layoutOf(openni::PixelFormat format, KinectStream stream) {
 }
 
 void requireWhole(const KinectFrame& frame, std::size_t pixel_bytes) {
-  std::ostringstream text;
   if (frame.width != frame.mode.width || frame.height != frame.mode.height) {
-    text << "it has " << frame.width << "x" << frame.height << " pixels, the stream was set to "
-         << frame.mode.width << "x" << frame.mode.height;
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(cv::format("it has %dx%d pixels, the stream was set to %dx%d", frame.width,
+                                           frame.height, frame.mode.width, frame.mode.height));
   }
   if (frame.width <= 0 || frame.height <= 0 || frame.data == nullptr) {
     throw std::invalid_argument("it has no pixels");
   }
   const std::size_t row = frame.width * pixel_bytes;
   if (frame.stride < 0 || static_cast<std::size_t>(frame.stride) < row) {
-    text << "rows of " << row << " bytes cannot be " << frame.stride << " bytes apart";
-    throw std::invalid_argument(text.str());
+    throw std::invalid_argument(cv::format("rows of %zu bytes cannot be %d bytes apart", row, frame.stride));
   }
   const std::size_t needed = static_cast<std::size_t>(frame.stride) * (frame.height - 1) + row;
-  if (frame.bytes < needed) {
-    text << needed << " bytes are needed, " << frame.bytes << " came";
-    throw std::invalid_argument(text.str());
-  }
+  if (frame.bytes < needed)
+    throw std::invalid_argument(cv::format("%zu bytes are needed, %zu came", needed, frame.bytes));
 }
 
 }  // namespace

@@ -3,7 +3,7 @@
 
 #include "kinect_output.hpp"
 
-#include <cstdio>
+#include <opencv2/core.hpp>
 
 namespace all_in_focus {
 namespace {
@@ -87,10 +87,8 @@ void KinectOutput::report(const KinectMode& mode) {
   const auto passed = now - reported_at_;
   if (passed < kReportPeriod) return;
   const double rate = (published_ - reported_) / std::chrono::duration<double>(passed).count();
-  char text[100];
-  std::snprintf(text, sizeof text, "%dx%d at %d Hz, %llu images, now %.1f Hz", mode.width, mode.height,
-                mode.fps, static_cast<unsigned long long>(published_), rate);
-  monitor_.setValue(topic_, text);
+  monitor_.setValue(topic_, cv::format("%dx%d at %d Hz, %llu images, now %.1f Hz", mode.width, mode.height,
+                                       mode.fps, static_cast<unsigned long long>(published_), rate));
   reported_ = published_;
   reported_at_ = now;
 }

@@ -3,7 +3,7 @@
 
 #include "kinect_parameters.hpp"
 
-#include <sstream>
+#include <opencv2/core.hpp>
 
 namespace all_in_focus {
 namespace {
@@ -19,9 +19,7 @@ void readNumber(const ros::NodeHandle& nh, const char* name, double least, doubl
     value = read;
     return;
   }
-  std::ostringstream text;
-  text << name << " must be a number from " << least << " to " << most << ": using " << value;
-  monitor.error(text.str());
+  monitor.error(cv::format("%s must be a number from %g to %g: using %g", name, least, most, value));
 }
 
 // camera_info_manager accepts only URLs.

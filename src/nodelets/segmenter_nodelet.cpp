@@ -8,7 +8,6 @@
 #include <memory>
 #include <opencv2/imgproc.hpp>
 #include <pluginlib/class_list_macros.hpp>
-#include <sstream>
 #include <stdexcept>
 
 #include "all_in_focus/drawing.hpp"
@@ -130,10 +129,8 @@ void SegmenterNodelet::reconfigure(Config& config) {
   segmentation_.reset();
   optics_publisher_.publish(toMessage(opticsOf(config_)));
 
-  std::ostringstream optics;
-  optics << "f " << config.focal_length_mm << " mm, F " << config.aperture << ", circle of confusion "
-         << config.circle_of_confusion_mm << " mm";
-  monitor_->setValue("optics", optics.str());
+  monitor_->setValue("optics", cv::format("f %g mm, F %g, circle of confusion %g mm", config.focal_length_mm,
+                                          config.aperture, config.circle_of_confusion_mm));
   monitor_->setValue("dof_rule", config.dof_rule);
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <opencv2/core.hpp>
 #include <sstream>
 #include <utility>
 
@@ -28,13 +29,6 @@ constexpr std::pair<Outcome, const char*> kOutcomes[] = {{Outcome::kProcessed, "
 
 double seconds(std::chrono::steady_clock::duration d) {
   return std::chrono::duration<double>(d).count();
-}
-
-std::string formatSeconds(double s) {
-  std::ostringstream out;
-  out.precision(1);
-  out << std::fixed << s << " s";
-  return out.str();
 }
 
 // Exceptions of libraries may have several.
@@ -246,7 +240,7 @@ void NodeMonitor::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("backward time jumps", time_jumps_);
   for (const Input& input : inputs_) {
     std::string text = std::to_string(input.arrived) + " messages";
-    if (input.arrived > 0) text += ", last " + formatSeconds(seconds(now - input.last_arrival)) + " ago";
+    if (input.arrived > 0) text += cv::format(", last %.1f s ago", seconds(now - input.last_arrival));
     status.add(input.topic, text);
   }
   for (const auto& value : values_) status.add(value.first, value.second);

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstdio>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -19,10 +18,7 @@ constexpr double kMinScale = 0.35;    // smaller letters are not legible
 constexpr float kMinDistance = 0.8f;  // share of the greatest distance from the region's border
 
 std::string captionText(const Segment& segment) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%d: %.2f-%.2f m", segment.label, segment.min_mm / 1e3,
-                segment.max_mm / 1e3);
-  return text;
+  return cv::format("%d: %.2f-%.2f m", segment.label, segment.min_mm / 1e3, segment.max_mm / 1e3);
 }
 
 // Distance of each pixel from the border of its region, for all regions in one pass. The edge of the picture
