@@ -16,10 +16,6 @@ struct Optics {
 
 /// True if all members are equal.
 bool operator==(const Optics& a, const Optics& b);
-/// True if a member differs.
-inline bool operator!=(const Optics& a, const Optics& b) {
-  return !(a == b);
-}
 
 /// A range of possible values, both ends included.
 struct OpticsRange {

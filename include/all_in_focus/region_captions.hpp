@@ -13,7 +13,6 @@ namespace all_in_focus::core {
 /// The text on a region in a picture for people.
 struct RegionCaption {
   int label = 0;     ///< of the region
-  int area = 0;      ///< of the region, pixels
   int near_mm = 0;   ///< nearest depth of the region, mm
   cv::Point anchor;  ///< pixel inside the region, far from its border
   std::string text;  ///< label and depth range, "3: 0.92-1.05 m"

@@ -88,7 +88,6 @@ class NodeMonitor {
   void setValue(const std::string& key, const std::string& value);
 
   std::string resolved(int input) const;
-  const std::string& name() const { return name_; }
 
  private:
   using Clock = std::chrono::steady_clock;

@@ -114,7 +114,7 @@ std::vector<RegionCaption> captionRegions(const Segmentation& segmentation, doub
     const std::string text = captionText(segment);
     const cv::Rect box = textBox(text, anchor, labels.size());
     if (overlaps(box, captions)) continue;
-    captions.push_back({segment.label, segment.area, segment.min_mm, anchor, text, box});
+    captions.push_back({segment.label, segment.min_mm, anchor, text, box});
   }
   return captions;
 }
