@@ -60,24 +60,14 @@ inline void laplacianOf(const Pixel* north, const Pixel* here, const Pixel* sout
   }
 }
 
-ALL_IN_FOCUS_SIMD void laplacianOfCodes(const std::uint8_t* north, const std::uint8_t* here,
-                                        const std::uint8_t* south, int n, float* __restrict out) {
+ALL_IN_FOCUS_SIMD void laplacianInside(const std::uint8_t* north, const std::uint8_t* here,
+                                       const std::uint8_t* south, int n, float* __restrict out) {
   laplacianOf(north, here, south, n, 1.0f, out);
 }
 
-ALL_IN_FOCUS_SIMD void laplacianOfLevel(const std::uint16_t* north, const std::uint16_t* here,
-                                        const std::uint16_t* south, int n, float* __restrict out) {
+ALL_IN_FOCUS_SIMD void laplacianInside(const std::uint16_t* north, const std::uint16_t* here,
+                                       const std::uint16_t* south, int n, float* __restrict out) {
   laplacianOf(north, here, south, n, 1.0f / kUnit, out);
-}
-
-void laplacianInside(const std::uint8_t* north, const std::uint8_t* here, const std::uint8_t* south, int n,
-                     float* out) {
-  laplacianOfCodes(north, here, south, n, out);
-}
-
-void laplacianInside(const std::uint16_t* north, const std::uint16_t* here, const std::uint16_t* south, int n,
-                     float* out) {
-  laplacianOfLevel(north, here, south, n, out);
 }
 
 // Row y of the modified Laplacian, gray levels. Beyond its border the picture is continued by its last row or
