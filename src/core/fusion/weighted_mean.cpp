@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <opencv2/core/utility.hpp>
 
 #include "fusion/region_fusion.hpp"
 #include "util/rounding.hpp"
+#include "util/row_strips.hpp"
 #include "util/simd.hpp"
 
 namespace all_in_focus::core {
@@ -180,21 +180,16 @@ void WeightedMean::accumulate(const float* keep, const float* weight, const std:
 
 cv::Mat WeightedMean::image() const {
   cv::Mat image(mean_.size(), CV_8UC3);
-  cv::parallel_for_(cv::Range(0, image.rows), [&](const cv::Range& rows) {
-    for (int y = rows.start; y < rows.end; ++y)
-      toCodes(mean_.ptr<std::uint16_t>(y), 3 * image.cols, image.ptr(y));
-  });
+  forEachRow(image.rows, [&](int y) { toCodes(mean_.ptr<std::uint16_t>(y), 3 * image.cols, image.ptr(y)); });
   return image;
 }
 
 cv::Mat WeightedMean::confidence() const {
   cv::Mat confidence(weights_.size(), CV_8UC1, cv::Scalar(255));
   if (frames_ < 2) return confidence;
-  cv::parallel_for_(cv::Range(0, confidence.rows), [&](const cv::Range& rows) {
-    for (int y = rows.start; y < rows.end; ++y) {
-      rate(weights_.ptr<float>(y), most_.ptr<float>(y), static_cast<float>(frames_), confidence.cols,
-           confidence.ptr(y));
-    }
+  forEachRow(confidence.rows, [&](int y) {
+    rate(weights_.ptr<float>(y), most_.ptr<float>(y), static_cast<float>(frames_), confidence.cols,
+         confidence.ptr(y));
   });
   return confidence;
 }

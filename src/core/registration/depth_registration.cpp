@@ -50,14 +50,12 @@ DepthRegistration::DepthRegistration(const Rig& rig, Splat splat) : rig_(rig), s
   const bool distorted = in.distorted();
   // One column and one row more than the image: differences of rays give the sides of the last footprints.
   for (cv::Mat1f& component : ray_) component.create(in.size.height + 1, in.size.width + 1);
-  cv::parallel_for_(cv::Range(0, in.size.height + 1), [&](const cv::Range& range) {
-    for (int v = range.start; v < range.end; ++v) {
-      for (int u = 0; u <= in.size.width; ++u) {
-        const cv::Point2d seen((u - in.cx) / in.fx, (v - in.cy) / in.fy);  // equation 1, Z = 1
-        const cv::Point2d ideal = distorted ? in.undistort(seen) : seen;
-        const cv::Vec3d r = KR * cv::Vec3d(ideal.x, ideal.y, 1.0);  // equation 2
-        for (int i = 0; i < 3; ++i) ray_[i](v, u) = static_cast<float>(r[i]);
-      }
+  forEachRow(in.size.height + 1, [&](int v) {
+    for (int u = 0; u <= in.size.width; ++u) {
+      const cv::Point2d seen((u - in.cx) / in.fx, (v - in.cy) / in.fy);  // equation 1, Z = 1
+      const cv::Point2d ideal = distorted ? in.undistort(seen) : seen;
+      const cv::Vec3d r = KR * cv::Vec3d(ideal.x, ideal.y, 1.0);  // equation 2
+      for (int i = 0; i < 3; ++i) ray_[i](v, u) = static_cast<float>(r[i]);
     }
   });
 }
@@ -79,22 +77,18 @@ void DepthRegistration::compute(const cv::Mat& depth, cv::Mat& registered) {
   });
 
   registered.create(rig_.color.size, CV_16UC1);
-  cv::parallel_for_(
-      cv::Range(0, registered.rows),
-      [&](const cv::Range& range) {
-        for (int v = range.start; v < range.end; ++v) {
-          auto* const row = registered.ptr<std::uint16_t>(v);
-          bool reached = false;
-          for (int i = 0; i < count; ++i) {
-            const std::uint16_t* const stored = bands_[i].row(v);
-            if (!stored) continue;
-            (reached ? keepNearest : fromZBuffer)(stored, registered.cols, row);
-            reached = true;
-          }
-          if (!reached) std::fill_n(row, registered.cols, 0);
-        }
-      },
-      static_cast<double>(registered.total()) / kMinPixelsPerThread);
+  const auto merge = [&](int v) {
+    auto* const row = registered.ptr<std::uint16_t>(v);
+    bool reached = false;
+    for (int i = 0; i < count; ++i) {
+      const std::uint16_t* const stored = bands_[i].row(v);
+      if (!stored) continue;
+      (reached ? keepNearest : fromZBuffer)(stored, registered.cols, row);
+      reached = true;
+    }
+    if (!reached) std::fill_n(row, registered.cols, 0);
+  };
+  forEachRow(registered.rows, merge, static_cast<double>(registered.total()) / kMinPixelsPerThread);
 }
 
 void DepthRegistration::drawRows(const cv::Mat& depth, const cv::Range& rows, ZBuffer& nearest) const {

@@ -69,14 +69,10 @@ void dilateDepth(const cv::Mat& depth, cv::Mat& dilated) {
   const auto row = [&](int i) {
     return from.ptr<std::uint16_t>(std::min(std::max(i, 0), from.rows - 1));  // itself beyond the border
   };
-  cv::parallel_for_(
-      cv::Range(0, from.rows),
-      [&](const cv::Range& rows) {
-        for (int i = rows.start; i < rows.end; ++i) {
-          largestOfNine(row(i - 1), row(i), row(i + 1), from.cols, dilated.ptr<std::uint16_t>(i));
-        }
-      },
-      threadCount(from));
+  const auto dilate = [&](int i) {
+    largestOfNine(row(i - 1), row(i), row(i + 1), from.cols, dilated.ptr<std::uint16_t>(i));
+  };
+  forEachRow(from.rows, dilate, threadCount(from));
 }
 
 // Tabulates C d (equations 5 and 6) for whole mm. From 8 K on it is below 1e-25 mm, and taken for 0.

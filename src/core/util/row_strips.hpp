@@ -13,6 +13,17 @@ inline int stripCount(int rows, int min_rows = 64) {
   return std::clamp(rows / min_rows, 1, std::max(cv::getNumThreads(), 1));
 }
 
+/// Calls work(y) for the rows 0..rows-1, in parallel. parts: to divide them into, at most; < 0: any number.
+template <typename Work>
+void forEachRow(int rows, const Work& work, double parts = -1) {
+  cv::parallel_for_(
+      cv::Range(0, rows),
+      [&work](const cv::Range& range) {
+        for (int y = range.start; y < range.end; ++y) work(y);
+      },
+      parts);
+}
+
 /// The rows of an image, divided evenly into strips, one for each thread.
 class RowStrips {
  public:
