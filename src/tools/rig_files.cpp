@@ -45,6 +45,16 @@ std::vector<double> numbers(const YAML::Node& node, const std::string& key, std:
   return values;
 }
 
+// Puts the path before what the core finds wrong.
+template <typename Call>
+auto naming(const std::string& path, const Call& call) {
+  try {
+    return call();
+  } catch (const std::invalid_argument& e) {
+    fail(path, e.what());
+  }
+}
+
 Camera readCamera(const std::string& path) {
   const YAML::Node node = load(path);
   Camera camera;
@@ -55,17 +65,10 @@ Camera readCamera(const std::string& path) {
       node["distortion_model"] ? get<std::string>(node, "distortion_model", path) : "plumb_bob";
   if (node["distortion_coefficients"]) {
     const auto coefficients = numbers(node["distortion_coefficients"], "data", 0, path);
-    try {
-      camera.distortion = distortionOf(model, coefficients);
-    } catch (const std::invalid_argument& e) {
-      fail(path, std::string("distortion_coefficients: ") + e.what());
-    }
+    camera.distortion =
+        naming(path + ": distortion_coefficients", [&] { return distortionOf(model, coefficients); });
   }
-  try {
-    validate(camera, "this");
-  } catch (const std::invalid_argument& e) {
-    fail(path, e.what());
-  }
+  naming(path, [&] { validate(camera, "this"); });
   return camera;
 }
 
@@ -87,11 +90,9 @@ Rig readRig(const std::string& folder) {
   if (!(std::abs(std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]) - 1) <= 1e-3)) {
     fail(path, "rotation: expected a unit quaternion x, y, z, w");
   }
-  try {
-    rig.depth_to_color = RigidTransform::fromQuaternion(q[0], q[1], q[2], q[3], {t[0], t[1], t[2]});
-  } catch (const std::invalid_argument& e) {
-    fail(path, e.what());
-  }
+  rig.depth_to_color = naming(path, [&] {
+    return RigidTransform::fromQuaternion(q[0], q[1], q[2], q[3], {t[0], t[1], t[2]});
+  });
   return rig;
 }
 
@@ -100,11 +101,7 @@ Optics readOptics(const std::string& folder) {
   const YAML::Node node = load(path);
   const Optics optics{get<double>(node, "focal_length_mm", path), get<double>(node, "aperture", path),
                       get<double>(node, "circle_of_confusion_mm", path)};
-  try {
-    validate(optics);
-  } catch (const std::invalid_argument& e) {
-    fail(path, e.what());
-  }
+  naming(path, [&] { validate(optics); });
   return optics;
 }
 
