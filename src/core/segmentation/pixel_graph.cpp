@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <mutex>
 
 #include "util/simd.hpp"
 
@@ -12,10 +13,6 @@ namespace all_in_focus::core {
 namespace {
 
 constexpr int kMinStripRows = 32;
-
-struct DepthRange {
-  int nearest = 65536, farthest = 0;
-};
 
 // Extends the range by a row of depth. Unknown depth less one wraps round to 65535, which is never the
 // nearest.
@@ -45,24 +42,22 @@ void PixelGraph::reset(const cv::Mat& depth) {
   weights_.resize(4 * padded);
   labels_.resize(padded);
 
-  std::vector<DepthRange> ranges(strips_.count());
-  strips_.forEach([&](const cv::Range& rows, int strip) {
-    DepthRange range;
+  nearest_ = 65536;
+  farthest_ = 0;
+  std::mutex mutex;  // of these two
+  strips_.forEach([&](const cv::Range& rows, int) {
+    int nearest = 65536, farthest = 0;
     for (int y = rows.start; y < rows.end; ++y) {
-      extendRange(depthRow(y), cols(), range.nearest, range.farthest);
+      extendRange(depthRow(y), cols(), nearest, farthest);
       weighRow(y);
       labelRow(y)[cols()] = 0;
     }
-    ranges[strip] = range;
+    const std::lock_guard<std::mutex> lock(mutex);
+    nearest_ = std::min(nearest_, nearest);
+    farthest_ = std::max(farthest_, farthest);
   });
   std::fill_n(&weights_[static_cast<std::size_t>(rows()) * 4 * stride()], 4 * stride(), kHeavy);
   std::fill_n(labelRow(rows()), stride(), 0);
-  nearest_ = 65536;
-  farthest_ = 0;
-  for (const DepthRange& range : ranges) {
-    nearest_ = std::min(nearest_, range.nearest);
-    farthest_ = std::max(farthest_, range.farthest);
-  }
 }
 
 void PixelGraph::weighRow(int y) {
