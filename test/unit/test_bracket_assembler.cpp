@@ -12,19 +12,11 @@ using namespace all_in_focus;
 namespace {
 
 FrameInfo focus(std::uint32_t id, std::uint32_t index, std::uint32_t count = 0, bool last = false) {
-  FrameInfo frame;
-  frame.has_focus = true;
-  frame.bracket_id = id;
-  frame.index = index;
-  frame.count = count;
-  frame.last = last;
-  return frame;
+  return {0, true, id, index, count, last};
 }
 
 FrameInfo at(double stamp_s) {
-  FrameInfo frame;
-  frame.stamp_s = stamp_s;
-  return frame;
+  return {stamp_s};
 }
 
 // What becomes of a frame, as letters: ) closes the bracket before, ( begins, a digit is the index, x

@@ -252,11 +252,7 @@ TEST(Segments, AreInMetres) {
   config.span = DofSpan::kFull;
   Segmentation segmentation;
   segmentation.unknown_area = 5;
-  core::Segment segment;
-  segment.label = 1, segment.area = 10, segment.min_mm = 1000, segment.max_mm = 1500,
-  segment.median_mm = 1200;
-  segment.fits = true;
-  segmentation.segments = {segment, segment};
+  segmentation.segments.assign(2, {1, 10, 1000, 1500, 1200, true});
   const SegmentArrayPtr array = toMessage(segmentation, config);
   EXPECT_EQ(array->dof_rule, "full");
   EXPECT_EQ(array->optics.focal_length_mm, config.optics.focal_length_mm);

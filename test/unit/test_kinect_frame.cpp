@@ -21,15 +21,8 @@ using Bytes = std::vector<std::uint8_t>;
 
 KinectFrame frameOf(KinectStream stream, openni::PixelFormat format, int width, int height,
                     const Bytes& data) {
-  KinectFrame frame;
-  frame.stream = stream;
-  frame.format = format;
-  frame.width = frame.mode.width = width;
-  frame.height = frame.mode.height = height;
-  frame.stride = static_cast<int>(data.size()) / height;
-  frame.data = data.data();
-  frame.bytes = data.size();
-  return frame;
+  const int stride = static_cast<int>(data.size()) / height;
+  return {stream, {width, height}, 0, 0, format, width, height, stride, data.data(), data.size()};
 }
 
 Bytes bytesOf(const std::vector<std::uint16_t>& values) {
@@ -120,10 +113,7 @@ TEST(KinectFrame, BrokenOnesAreRefusedByName) {
 }
 
 TEST(KinectCalibration, PinholeOfTheFieldOfView) {
-  KinectMode mode;
-  mode.width = 640;
-  mode.height = 480;
-  mode.horizontal_fov = M_PI / 2;
+  KinectMode mode{640, 480, 30, M_PI / 2};
   const auto info = cameraInfoOf(KinectStream::kDepth, mode);
   EXPECT_NEAR(info.K[0], 320, 1e-9);
   EXPECT_EQ(info.K[0], info.K[4]);

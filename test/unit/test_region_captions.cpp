@@ -13,13 +13,7 @@ using namespace all_in_focus::core;
 namespace {
 
 Segment segment(const cv::Mat& labels, int label, int min_mm, int max_mm) {
-  Segment result;
-  result.label = label;
-  result.area = cv::countNonZero(labels == label);
-  result.min_mm = min_mm;
-  result.max_mm = max_mm;
-  result.median_mm = (min_mm + max_mm) / 2;
-  return result;
+  return {label, cv::countNonZero(labels == label), min_mm, max_mm, (min_mm + max_mm) / 2};
 }
 
 // A U of depth 0.92 to 1.05 m around a block of 2 m, a far speck; the rest is unknown.

@@ -70,11 +70,7 @@ TEST(SummarizeRegions, PixelsOfNoFrameAreTold) {
 }
 
 BracketScene scene(const cv::Mat& labels, const cv::Mat& depth) {
-  BracketScene scene;
-  scene.labels = labels;
-  scene.depth = depth;
-  scene.optics = {50, 2, 0.03};
-  return scene;
+  return {labels, depth, {}, {50, 2, 0.03}, {}};
 }
 
 // Region 1 at 1 m, region 2 at 4 m.

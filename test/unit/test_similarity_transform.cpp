@@ -108,12 +108,9 @@ TEST(SimilarityTransform, AFrameThatLiesOutsideShowsNothingOfTheReference) {
   const cv::Size size(640, 480);
   const cv::Point2d center(319.5, 239.5);
   for (const cv::Point2d& shift : {cv::Point2d(700, 0), {-700, 0}, {0, 500}, {0, -500}, {-700, 500}}) {
-    SimilarityTransform motion;
-    motion.shift = shift;
-    EXPECT_EQ(seenThrough(motion, size, center).area(), 0) << shift;
+    EXPECT_EQ(seenThrough({1, shift}, size, center).area(), 0) << shift;
   }
-  SimilarityTransform rolled;  // its corners cross: no upright rectangle fits
-  rolled.angle = 1;
+  const SimilarityTransform rolled{1, {}, 1};  // its corners cross: no upright rectangle fits
   EXPECT_EQ(seenThrough(rolled, size, center).area(), 0);
 }
 

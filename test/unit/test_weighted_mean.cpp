@@ -43,9 +43,7 @@ struct Evidence {
 };
 
 Evidence sharpness(float value) {
-  Evidence evidence;
-  evidence.sharpness = everywhere(value);
-  return evidence;
+  return {everywhere(value), {}};
 }
 
 void add(WeightedMean& mean, const cv::Mat& frame, const std::array<float, 256>& codes,
