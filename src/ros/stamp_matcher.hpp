@@ -5,7 +5,6 @@
 #include <message_filters/sync_policies/exact_time.h>
 #include <message_filters/synchronizer.h>
 
-#include <boost/function.hpp>
 #include <boost/make_shared.hpp>
 #include <cstddef>
 #include <cstdint>
@@ -81,12 +80,8 @@ class StampMatcher {
 
   void clear() {
     synchronizer_ = std::make_unique<Synchronizer>(Policy(static_cast<std::uint32_t>(most_)));
-    synchronizer_->registerCallback(
-        Function([this](const FirstPtr& first, const SecondPtr& second, Null, Null, Null, Null, Null, Null,
-                        Null) { onMatch(first, second); }));
-    synchronizer_->registerDropCallback(
-        Function([this](const FirstPtr& first, const SecondPtr& second, Null, Null, Null, Null, Null, Null,
-                        Null) { onDrop(first, second); }));
+    synchronizer_->registerCallback(&StampMatcher::onMatch, this);
+    synchronizer_->registerDropCallback(&StampMatcher::onDrop, this);
     stamps_.clear();
     image_bytes_.clear();
     bytes_ = 0;
@@ -95,9 +90,6 @@ class StampMatcher {
  private:
   using Policy = message_filters::sync_policies::ExactTime<First, Second>;
   using Synchronizer = message_filters::Synchronizer<Policy>;
-  using Null = const boost::shared_ptr<message_filters::NullType const>&;
-  using Function =
-      boost::function<void(const FirstPtr&, const SecondPtr&, Null, Null, Null, Null, Null, Null, Null)>;
 
   template <typename Message>
   static boost::shared_ptr<const Message> stamped(const ros::Time& stamp) {
