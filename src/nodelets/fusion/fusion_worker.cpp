@@ -58,6 +58,11 @@ void FusionWorker::configure(const FusionSettings& settings) {
   settings_ = settings;
 }
 
+FusionSettings FusionWorker::settings() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return settings_;
+}
+
 void FusionWorker::run() {
   while (!queue_.stopped()) {
     const std::optional<FusionTask> task = queue_.take();
@@ -71,7 +76,7 @@ void FusionWorker::run() {
       if (task->frame.image) monitor_.consumed(task->header, Outcome::kInvalid, e.what());
     }
     restorer_.setPaused(false);
-    if (restoresEvery()) restorer_.wait();
+    if (settings().restore_every) restorer_.wait();
     if (task->finished)
       restorer_.whenIdle([finished = task->finished, count = published_] { finished->set_value(count); });
   }
@@ -92,7 +97,7 @@ void FusionWorker::handle(const FusionTask& task) {
 }
 
 void FusionWorker::handleFrame(const FusionTask& task) {
-  if (task.step.begin) begin(task);
+  if (task.step.begin) bracket_ = std::make_unique<OpenBracket>(task, settings(), fusion_);
   if (!bracket_) {
     if (task.frame.image) monitor_.consumed(task.header, Outcome::kUnmatched, "its bracket was given up");
     return;
@@ -106,15 +111,6 @@ void FusionWorker::handleFrame(const FusionTask& task) {
     publish_(fused(/*complete=*/false));
   }
   acknowledge(fates);  // last: who hears of a frame may rely on its result
-}
-
-void FusionWorker::begin(const FusionTask& first) {
-  FusionSettings settings;
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    settings = settings_;
-  }
-  bracket_ = std::make_unique<OpenBracket>(first, settings, fusion_);
 }
 
 void FusionWorker::findScene(const ros::Time& first_frame) {
@@ -153,11 +149,6 @@ FusedBracket FusionWorker::fused(bool complete) {
     ++published_;
   }
   return bracket;
-}
-
-bool FusionWorker::restoresEvery() {
-  std::lock_guard<std::mutex> lock(mutex_);
-  return settings_.restore_every;
 }
 
 void FusionWorker::acknowledge(const FrameFates& fates) {

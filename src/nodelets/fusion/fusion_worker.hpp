@@ -31,11 +31,10 @@ class FusionWorker {
   void run();
   void handle(const FusionTask& task);
   void handleFrame(const FusionTask& task);
-  void begin(const FusionTask& first);
   void findScene(const ros::Time& first_frame);
   void endBracket(int missing);
   FusedBracket fused(bool complete);
-  bool restoresEvery();
+  FusionSettings settings();
   void acknowledge(const FrameFates& fates);
 
   NodeMonitor& monitor_;
