@@ -68,11 +68,6 @@ struct Session {
   std::string plugged_in;
   Clock::time_point started;
 
-  static Session& get() {
-    static Session session;
-    return session;
-  }
-
   bool isOutdated() const {
     return opened || Clock::now() - started > kStartAnyway || pluggedIn() != plugged_in;
   }
@@ -91,7 +86,7 @@ struct Session {
     if (running) openni::OpenNI::shutdown();
     running = false;
   }
-};
+} g_session;
 
 std::string describeFound(const openni::Array<openni::DeviceInfo>& devices) {
   if (devices.getSize() == 0) {
@@ -154,35 +149,30 @@ const std::vector<openni::PixelFormat> kFormats[] = {
 }  // namespace
 
 OpenNiKeeper::OpenNiKeeper() {
-  Session& session = Session::get();
-  std::lock_guard<std::mutex> lock(session.mutex);
-  ++session.keepers;
+  std::lock_guard<std::mutex> lock(g_session.mutex);
+  ++g_session.keepers;
 }
 
 OpenNiKeeper::~OpenNiKeeper() {
-  Session& session = Session::get();
-  std::lock_guard<std::mutex> lock(session.mutex);
-  if (--session.keepers == 0) session.stop();
+  std::lock_guard<std::mutex> lock(g_session.mutex);
+  if (--g_session.keepers == 0) g_session.stop();
 }
 
 OpenNiUse::OpenNiUse() {
-  Session& session = Session::get();
-  std::lock_guard<std::mutex> lock(session.mutex);
-  if (session.uses == 0 && session.running && session.isOutdated()) session.stop();
-  if (!session.running) session.start();
-  ++session.uses;
+  std::lock_guard<std::mutex> lock(g_session.mutex);
+  if (g_session.uses == 0 && g_session.running && g_session.isOutdated()) g_session.stop();
+  if (!g_session.running) g_session.start();
+  ++g_session.uses;
 }
 
 OpenNiUse::~OpenNiUse() {
-  Session& session = Session::get();
-  std::lock_guard<std::mutex> lock(session.mutex);
-  --session.uses;
+  std::lock_guard<std::mutex> lock(g_session.mutex);
+  --g_session.uses;
 }
 
 void OpenNiUse::deviceWasOpened() {
-  Session& session = Session::get();
-  std::lock_guard<std::mutex> lock(session.mutex);
-  session.opened = true;
+  std::lock_guard<std::mutex> lock(g_session.mutex);
+  g_session.opened = true;
 }
 
 /// Listeners that the drivers call from their own threads: they only set flags.
