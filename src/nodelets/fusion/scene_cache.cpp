@@ -28,32 +28,32 @@ constexpr double kSilentTimeout = 0.1;  // s of waiting for a topic that was wai
 void SceneCache::addLabels(const LabelSet& set) {
   std::lock_guard<std::mutex> lock(mutex_);
   const ros::Time stamp = set.labels->header.stamp;
-  entries_[stamp].labels = set;
+  entries_[stamp].segments = set.segments;
   any_labels_ = true;
-  silent_.labels = false;
   const double focal_length_mm = set.segments->optics.focal_length_mm;
   if (focal_length_mm_ == 0 && std::isfinite(focal_length_mm) && focal_length_mm > 0)
     focal_length_mm_ = focal_length_mm;
   // Labels come in the order of stamps: older depth images will get none.
   for (auto it = entries_.begin(); it->first < stamp;)
-    it = it->second.labels.labels ? std::next(it) : entries_.erase(it);
-  makeRoom(imageLimit(kMaxCached, *set.labels));
-  changed_.notify_all();
+    it = it->second.labels ? std::next(it) : entries_.erase(it);
+  add(set.labels, &Entry::labels, &SceneTopics::labels);
 }
 
 void SceneCache::addDepth(const sensor_msgs::ImageConstPtr& depth) {
   std::lock_guard<std::mutex> lock(mutex_);
-  entries_[depth->header.stamp].depth = depth;
-  silent_.depth = false;
-  makeRoom(imageLimit(kMaxCached, *depth));
-  changed_.notify_all();
+  add(depth, &Entry::depth, &SceneTopics::depth);
 }
 
 void SceneCache::addMeasured(const sensor_msgs::ImageConstPtr& measured) {
   std::lock_guard<std::mutex> lock(mutex_);
-  entries_[measured->header.stamp].measured = measured;
-  silent_.measured = false;
-  makeRoom(imageLimit(kMaxCached, *measured));
+  add(measured, &Entry::measured, &SceneTopics::measured);
+}
+
+// Holds mutex_.
+void SceneCache::add(const sensor_msgs::ImageConstPtr& image, Image as, bool SceneTopics::*topic) {
+  entries_[image->header.stamp].*as = image;
+  silent_.*topic = false;
+  makeRoom(imageLimit(kMaxCached, *image));
   changed_.notify_all();
 }
 
@@ -108,7 +108,7 @@ SceneCache::Entries::const_iterator SceneCache::mostDispensable(std::size_t most
   auto found = entries_.end();
   double smallest_gap = std::numeric_limits<double>::infinity();
   for (auto it = entries_.begin(); it != end; ++it) {
-    if (!it->second.labels.labels || needed.count(it->first) > 0) continue;
+    if (!it->second.labels || needed.count(it->first) > 0) continue;
     if (secondsBetween(it->first, newest) > max_age_s_ + latency) return it;
     if (it == entries_.begin()) continue;
     const double gap = secondsBetween(std::prev(it)->first, std::next(it)->first);
@@ -123,7 +123,7 @@ SceneCache::Entries::const_iterator SceneCache::mostDispensable(std::size_t most
 void SceneCache::drop(Entries::const_iterator entry) {
   ros::Time& evicted = entry == entries_.begin() ? evicted_ : entries_.at(std::prev(entry)->first).evicted;
   evicted = std::max(evicted, entry->second.evicted);
-  if (entry->second.labels.labels) evicted = std::max(evicted, entry->first);
+  if (entry->second.labels) evicted = std::max(evicted, entry->first);
   entries_.erase(entry);
 }
 
@@ -131,7 +131,7 @@ void SceneCache::drop(Entries::const_iterator entry) {
 SceneCache::Entries::const_iterator SceneCache::labelsFor(const ros::Time& frame) const {
   for (auto it = entries_.upper_bound(frame); it != entries_.begin();) {
     --it;
-    if (it->second.labels.labels) return it;
+    if (it->second.labels) return it;
   }
   return entries_.end();
 }
@@ -145,7 +145,7 @@ SceneMessages SceneCache::sceneAt(const ros::Time& stamp) const {
   SceneMessages scene;
   const auto found = entries_.find(stamp);
   if (found != entries_.end()) {
-    scene.labels = found->second.labels;
+    scene.labels = {found->second.labels, found->second.segments};
     scene.depth = found->second.depth;
     scene.measured = found->second.measured;
   }
@@ -156,11 +156,10 @@ SceneMessages SceneCache::sceneAt(const ros::Time& stamp) const {
 
 // Whether nothing can come any more that is newer, but not newer than `stamp`: once something at or after it
 // has come, unless that is left from before /clock jumped back.
-template <typename Has>
-bool SceneCache::isDecided(const ros::Time& stamp, const Has& has) const {
+bool SceneCache::isDecided(const ros::Time& stamp, Image image) const {
   const ros::Time latest = std::max(stamp, ros::Time::now());
   const auto next = std::find_if(entries_.lower_bound(stamp), entries_.end(),
-                                 [&](const auto& entry) { return has(entry.second); });
+                                 [&](const auto& entry) { return entry.second.*image != nullptr; });
   return next != entries_.end() && secondsBetween(latest, next->first) < kClockTolerance;
 }
 
@@ -211,18 +210,15 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double max_age_s, 
         lock, start + seconds(timeout), [&] { return !(expected_.*topic) || isOfBeforeJump() || isThere(); });
     if (!there) silent_.*topic = true;
   };
-  wait(&SceneTopics::labels, [&] {
-    return isDecided(first_frame, [](const Entry& entry) { return entry.labels.labels != nullptr; });
-  });
+  wait(&SceneTopics::labels, [&] { return isDecided(first_frame, &Entry::labels); });
 
   const auto labels = labelsFor(first_frame, max_age_s);
-  const LabelSet chosen = labels != entries_.end() ? labels->second.labels : LabelSet();
+  const LabelSet chosen =
+      labels != entries_.end() ? LabelSet{labels->second.labels, labels->second.segments} : LabelSet();
   const ros::Time stamp = chosen.labels ? labels->first : first_frame;
   if (whole && chosen.labels) {
-    wait(&SceneTopics::depth,
-         [&] { return isDecided(stamp, [](const Entry& entry) { return entry.depth != nullptr; }); });
-    wait(&SceneTopics::measured,
-         [&] { return isDecided(stamp, [](const Entry& entry) { return entry.measured != nullptr; }); });
+    wait(&SceneTopics::depth, [&] { return isDecided(stamp, &Entry::depth); });
+    wait(&SceneTopics::measured, [&] { return isDecided(stamp, &Entry::measured); });
     wait(&SceneTopics::camera, [&] { return camera_ != nullptr; });
   }
   if (isOfBeforeJump()) {
@@ -251,7 +247,7 @@ std::string SceneCache::whyNoLabels(const ros::Time& frame, double max_age_s) co
                       secondsBetween(found->first, frame), max_age_s);
   }
   for (const auto& [stamp, entry] : entries_) {
-    if (entry.labels.labels)
+    if (entry.labels)
       return cv::format("the oldest one is %.1f s newer than it", secondsBetween(frame, stamp));
   }
   return "none came since time went back";

@@ -78,20 +78,21 @@ class SceneCache {
 
  private:
   struct Entry {
-    LabelSet labels;
-    sensor_msgs::ImageConstPtr depth, measured;
-    ros::Time evicted;  // newest labels that were dropped between this and the next entry
+    sensor_msgs::ImageConstPtr labels, depth, measured;
+    SegmentArrayConstPtr segments;  // of the labels
+    ros::Time evicted;              // newest labels that were dropped between this and the next entry
   };
   using Entries = std::map<ros::Time, Entry>;
+  using Image = sensor_msgs::ImageConstPtr Entry::*;  // one of its three
 
+  void add(const sensor_msgs::ImageConstPtr& image, Image as, bool SceneTopics::*topic);
   void makeRoom(std::size_t most);
   Entries::const_iterator mostDispensable(std::size_t most) const;
   void drop(Entries::const_iterator entry);
   Entries::const_iterator labelsFor(const ros::Time& frame) const;
   Entries::const_iterator labelsFor(const ros::Time& frame, double max_age_s) const;
   SceneMessages sceneAt(const ros::Time& stamp) const;
-  template <typename Has>
-  bool isDecided(const ros::Time& stamp, const Has& has) const;
+  bool isDecided(const ros::Time& stamp, Image image) const;
   std::string whyNoLabels(const ros::Time& frame, double max_age_s) const;
 
   mutable std::mutex mutex_;  // guards all below
