@@ -47,16 +47,15 @@ FusionInputs::FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& pri
           [this](const auto& image, const auto& focus) {
             addFrame({image, focus});
           },
-          [this](const auto& image, const auto&) { onUnmatchedFrame(image); }),
+          [this](const auto& image, const auto&) {
+            onUnmatchedFrame(image, "colour frame without a rgb/focus message of the same stamp");
+          }),
       late_matcher_(
           kFramesWaiting,
           [this](const auto& image, const auto& focus) {
             frames_.add({image, focus}, unclear_ ? FrameQueue::Time::kUnclear : FrameQueue::Time::kBefore);
           },
-          [this](const auto& image, const auto&) {
-            image ? monitor_.consumed(image->header, Outcome::kUnmatched)
-                  : monitor_.count(Outcome::kUnmatched);
-          }),
+          [this](const auto& image, const auto&) { onUnmatchedFrame(image, ""); }),
       label_matcher_(
           kLabelsWaiting, [this](const auto& labels, const auto& segments) { onLabelSet(labels, segments); },
           [this](const auto&, const auto&) { monitor_.count(Outcome::kUnmatched); }),
@@ -198,13 +197,9 @@ void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
   frame_matcher_.add(focus);
 }
 
-void FusionInputs::onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image) {
-  if (image) {
-    monitor_.consumed(image->header, Outcome::kUnmatched,
-                      "colour frame without a rgb/focus message of the same stamp");
-  } else {
-    monitor_.count(Outcome::kUnmatched);
-  }
+// image: null where rgb/focus came alone.
+void FusionInputs::onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image, const char* reason) {
+  image ? monitor_.consumed(image->header, Outcome::kUnmatched, reason) : monitor_.count(Outcome::kUnmatched);
 }
 
 void FusionInputs::onLabelSet(const sensor_msgs::ImageConstPtr& labels,

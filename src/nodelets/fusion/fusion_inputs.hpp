@@ -47,7 +47,7 @@ class FusionInputs {
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFocus(const FocusFrameConstPtr& focus);
   void onLabelSet(const sensor_msgs::ImageConstPtr& labels, const SegmentArrayConstPtr& segments);
-  void onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image);
+  void onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image, const char* reason);
 
   ros::NodeHandle nh_, private_nh_;
   NodeMonitor& monitor_;
