@@ -73,10 +73,6 @@ ALL_IN_FOCUS_SIMD void evaluate(const std::array<float, kDegree + 1>& c, const f
   }
 }
 
-ALL_IN_FOCUS_SIMD void threeTimes(const float* from, int n, float* __restrict to) {
-  for (int i = 0; i < n; ++i) to[3 * i] = to[3 * i + 1] = to[3 * i + 2] = from[i];
-}
-
 ALL_IN_FOCUS_SIMD void toFloat(const std::uint8_t* from, int n, float* __restrict to) {
   for (int i = 0; i < n; ++i) to[i] = from[i];
 }

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "fusion/region_fusion.hpp"
+#include "util/image_rows.hpp"
 #include "util/rounding.hpp"
 #include "util/row_strips.hpp"
 #include "util/simd.hpp"
@@ -59,10 +60,6 @@ ALL_IN_FOCUS_SIMD void addWeights(const float* keep, const float* weight, int n,
     sum[i] = keep[i] * sum[i] + weight[i];
     share[i] = weight[i] / (sum[i] + kNoWeight);
   }
-}
-
-ALL_IN_FOCUS_SIMD void threeTimes(const float* share, int n, float* shares) {
-  for (int i = 0; i < n; ++i) shares[3 * i] = shares[3 * i + 1] = shares[3 * i + 2] = share[i];
 }
 
 // Moves the mean towards the values by their shares. n: of values, three a pixel; unit: what a value of 1 is

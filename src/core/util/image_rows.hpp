@@ -13,6 +13,9 @@
 
 namespace all_in_focus::core {
 
+/// Writes each of n values three times: one for each channel of a pixel.
+void threeTimes(const float* values, int n, float* out);
+
 /// Holds the last rows of an image: row y lies in line y modulo the number of lines.
 class LineBuffer {
  public:
