@@ -22,7 +22,6 @@ struct Segment {
 };
 
 /// How regions are cut.
-/// What DofSegmentation needs to know.
 struct SegmentationConfig {
   Optics optics;                   ///< lens of the colour camera
   DofSpan span = DofSpan::kPaper;  ///< how much depth one region may span
@@ -35,7 +34,6 @@ struct SegmentationConfig {
 /// True if all members are equal.
 bool operator==(const SegmentationConfig& a, const SegmentationConfig& b);
 
-/// A label image and what is known of its regions.
 /// A depth map divided into regions.
 struct Segmentation {
   cv::Mat labels;                 ///< CV_32SC1: 1..segments.size(), 0 = depth unknown

@@ -65,14 +65,11 @@ struct DofSegmentation::Work {
   // The labels are those of Kruskal's order if no region that reaches outside the tiles is refused over a
   // light edge, one up to `high`. Compare, edge by edge, with Kruskal's loop over all edges:
   // * Zones only merge early what it merges in the end. So our regions contain its regions at any time, and
-  // what
-  //   we merge fits the rule there, too, being smaller.
+  //   what we merge fits the rule there, too, being smaller.
   // * What we refuse over a heavier edge it refuses: by then both have merged all light edges, and the
-  // regions
-  //   are the same.
+  //   regions are the same.
   // * What we refuse over a light edge it refuses: both regions lie in the tiles, where zones are by `low`
-  // and
-  //   the edges that leave them are heavier, so nothing was merged early there.
+  //   and the edges that leave them are heavier, so nothing was merged early there.
   // If such a region does reach outside, the scene has changed: the image is segmented again with `low`.
   void segment(const DofRule& rule) {
     contested.resize({graph.cols(), graph.rows()});
