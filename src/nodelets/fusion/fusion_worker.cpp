@@ -83,16 +83,11 @@ void FusionWorker::run() {
 }
 
 void FusionWorker::handle(const FusionTask& task) {
-  switch (task.kind) {
-    case FusionTask::Kind::kFrame:
-      return handleFrame(task);
-    case FusionTask::Kind::kEnd:
-      return endBracket(task.missing);
-    case FusionTask::Kind::kAbandon:
-      bracket_.reset();
-      return restorer_.drop();
-    case FusionTask::Kind::kFinish:
-      return;
+  if (task.kind == FusionTask::Kind::kFrame) handleFrame(task);
+  if (task.kind == FusionTask::Kind::kEnd) endBracket(task.missing);
+  if (task.kind == FusionTask::Kind::kAbandon) {
+    bracket_.reset();
+    restorer_.drop();
   }
 }
 
