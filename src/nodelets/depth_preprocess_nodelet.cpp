@@ -53,7 +53,7 @@ class DepthPreprocessNodelet : public ConfiguredNodelet<DepthPreprocessConfig> {
   void registerAndPublish(const std_msgs::Header& header, const DepthImage& depth);
   void warnOfRig(const cv::Mat& depth, const cv::Mat& registered);
 
-  std::unique_ptr<TimeJumps> time_jumps_;
+  TimeJumps time_jumps_{[this](int input) { monitor_->timeWentBack(input); }};
   int depth_input_ = 0, depth_info_input_ = 0, rgb_info_input_ = 0;
   std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
   std::unique_ptr<TransformListener> tf_listener_;
@@ -79,7 +79,6 @@ DepthPreprocessNodelet::~DepthPreprocessNodelet() {
 
 void DepthPreprocessNodelet::onInit() {
   begin(kProcessedTopic);
-  time_jumps_ = std::make_unique<TimeJumps>([this](int input) { monitor_->timeWentBack(input); });
   depth_input_ = monitor_->addInput("depth/image_raw", Expect::kStream, "start the depth camera's driver");
   depth_info_input_ =
       monitor_->addInput("depth/camera_info", Expect::kOnce, "start the depth camera's driver");
@@ -166,13 +165,13 @@ void DepthPreprocessNodelet::unsubscribe() {
 
 void DepthPreprocessNodelet::onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot,
                                     const sensor_msgs::CameraInfoConstPtr& info) {
-  if (time_jumps_->arrived(input, info->header.stamp).jumped) giveUpWaiting(waiting_->size());
+  if (time_jumps_.arrived(input, info->header.stamp).jumped) giveUpWaiting(waiting_->size());
   slot = info;
   processWaiting();
 }
 
 void DepthPreprocessNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  if (time_jumps_->arrived(depth_input_, depth->header.stamp).jumped) giveUpWaiting(waiting_->size());
+  if (time_jumps_.arrived(depth_input_, depth->header.stamp).jumped) giveUpWaiting(waiting_->size());
   for (const auto& dropped : waiting_->push(depth, depth->data.size()))
     monitor_->consumed(dropped->header, Outcome::kUnmatched);
   processWaiting();

@@ -51,7 +51,7 @@ class SegmenterNodelet : public ConfiguredNodelet<SegmenterConfig> {
   void publishCaptioned(const std_msgs::Header& header);
   void publishPicture(const CaptionSet& captions);
 
-  std::unique_ptr<TimeJumps> time_jumps_;
+  TimeJumps time_jumps_{[this](int input) { monitor_->timeWentBack(input); }};
   int depth_input_ = 0;
   Mode mode_ = Mode::kRefined;
 
@@ -73,7 +73,6 @@ SegmenterNodelet::~SegmenterNodelet() {
 
 void SegmenterNodelet::onInit() {
   begin(kProcessedTopic);
-  time_jumps_ = std::make_unique<TimeJumps>([this](int input) { monitor_->timeWentBack(input); });
   depth_input_ = monitor_->addInput("depth_registered/image", Expect::kStream, "start depth_preprocess");
   markers_ = std::make_unique<SegmentMarkers>(getNodeHandle(), *monitor_, *guard_);
   optics_publisher_ = getNodeHandle().advertise<OpticsMsg>("rgb/optics", 1, true);
@@ -152,7 +151,7 @@ void SegmenterNodelet::connect() {
 }
 
 void SegmenterNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  time_jumps_->arrived(depth_input_, depth->header.stamp);  // only shown: nothing is cached
+  time_jumps_.arrived(depth_input_, depth->header.stamp);  // only shown: nothing is cached
   try {
     process(depth);
   } catch (const std::exception& e) {
