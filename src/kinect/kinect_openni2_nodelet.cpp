@@ -115,14 +115,13 @@ void KinectOpenni2Nodelet::onInit() {
     outputs_[indexOf(stream)] =
         std::make_unique<KinectOutput>(stream, getNodeHandle(), parameters_, *monitor_, on_connect);
   }
-  using StepService = boost::function<bool(std_srvs::Trigger::Request&, std_srvs::Trigger::Response&)>;
+  using Service = std_srvs::Trigger;
   auto on_step = guard_->wrap(getName(), [this](auto& response) { onStep(response); });
-  step_server_ = getMTPrivateNodeHandle().advertiseService(
-      "step",
-      StepService([on_step](std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) mutable {
+  step_server_ = getMTPrivateNodeHandle().advertiseService<Service::Request, Service::Response>(
+      "step", [on_step](auto& /*request*/, auto& response) mutable {
         on_step(response);
         return true;
-      }));
+      });
   monitor_->start();
   thread_ = std::thread(&KinectOpenni2Nodelet::run, this);
 }
