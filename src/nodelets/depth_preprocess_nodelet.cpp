@@ -26,6 +26,16 @@ constexpr double kRetryPeriod = 0.1;  // s, while a depth image waits for the tr
 constexpr double kPatience = 3.0;     // s, before waiting is an error; rig_publisher takes up to 2 s to start
 constexpr const char* kProcessedTopic = "depth_registered/processed";
 
+// Frame id as tf2 wants it.
+std::string withoutSlash(const std::string& frame) {
+  return !frame.empty() && frame[0] == '/' ? frame.substr(1) : frame;
+}
+
+void requireFrame(const std_msgs::Header& header, const std::string& topic) {
+  if (header.frame_id.empty())
+    throw std::invalid_argument(topic + ": frame_id is empty: set it in the camera's driver");
+}
+
 }  // namespace
 
 /// Registers depth images to the colour camera and fills their holes.

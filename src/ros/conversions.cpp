@@ -276,13 +276,4 @@ FocusPlanPtr toMessage(const std::vector<PlannedFocus>& plan, const core::Optics
   return message;
 }
 
-std::string withoutSlash(const std::string& frame) {
-  return !frame.empty() && frame[0] == '/' ? frame.substr(1) : frame;
-}
-
-void requireFrame(const std_msgs::Header& header, const std::string& topic) {
-  if (header.frame_id.empty())
-    throw std::invalid_argument(topic + ": frame_id is empty: set it in the camera's driver");
-}
-
 }  // namespace all_in_focus

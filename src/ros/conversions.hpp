@@ -84,7 +84,4 @@ SegmentArrayPtr toMessage(const Segmentation& segmentation, const SegmentationCo
 FocusPlanPtr toMessage(const std::vector<PlannedFocus>& plan, const core::Optics& optics,
                        std::size_t segments);
 
-std::string withoutSlash(const std::string& frame);  ///< frame id as tf2 wants it
-void requireFrame(const std_msgs::Header& header, const std::string& topic);
-
 }  // namespace all_in_focus
