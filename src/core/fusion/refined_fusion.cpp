@@ -66,15 +66,13 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
 
 std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm) {
   if (!config_.alignment || !alignment_.hasObserved(index)) observe(gray, index, focus_mm);
-  if (reference_ < 0) {
+  const bool is_reference = reference_ < 0;
+  if (is_reference) {
     reference_ = index;
     // The first frame of a sweep is mostly blurred, and so shows noise where the reference shows texture.
     if (config_.noise) noise_ = NoiseSpectrum::least(noise_, NoiseSpectrum::of(gray));
     mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice});
     exposure_.setReference(frame);
-    if (taker_) taker_({frame, cv::Rect({}, size_), 1, index, focus_mm});
-    addAligned(frame, gray, gainLut(1), cv::Rect({}, size_), index, focus_mm);
-    return "";
   }
   const Placement placement = config_.alignment ? alignment_.placement(index, reference_) : Placement();
   if (!placement.fits) {
@@ -89,7 +87,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     inside = seenThrough(placement, size_, center_);
   }
   const cv::Mat& in_place = placement.isIdentity() ? frame : aligned_;
-  const double gain = config_.exposure ? exposure_.gain(in_place) : 1;
+  const double gain = config_.exposure && !is_reference ? exposure_.gain(in_place) : 1;
   if (taker_) taker_({in_place, inside, gain, index, focus_mm});
   addAligned(in_place, placement.isIdentity() ? gray : aligned_gray_, gainLut(gain), inside, index, focus_mm);
   return "";
