@@ -188,7 +188,6 @@ FrameFates OpenBracket::add(const FusionTask& task, const Interrupted& interrupt
   const Frame frame{task.frame.image, focusOf(task.frame, index)};
   order_.arrived(index, task.step.last);
   waiting_[index] = frame;
-  FrameFates fates;
   if (order_.isHolding()) {
     try {
       const cv_bridge::CvImageConstPtr bgr = toBgr(frame.image);
