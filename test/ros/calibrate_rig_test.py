@@ -9,12 +9,11 @@ import cv2
 import cv_bridge
 import numpy as np
 import rospy
-import rostest
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
 from camera_testing import HERE, SCRIPTS, CameraTest
-from depth_testing import wait_until
+from depth_testing import run_tests, wait_until
 
 sys.path.insert(0, str(HERE.parent))
 from all_in_focus.files.rig import load_rig  # noqa: E402
@@ -138,5 +137,4 @@ class CalibrateRigTest(CameraTest):
 
 
 if __name__ == "__main__":
-    rospy.init_node("calibrate_rig_test")
-    rostest.rosrun("all_in_focus", "calibrate_rig", CalibrateRigTest)
+    run_tests(__file__)

@@ -6,7 +6,6 @@ import itertools
 
 import numpy as np
 import rospy
-import rostest
 from geometry_msgs.msg import TransformStamped, Vector3
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
@@ -14,7 +13,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from all_in_focus.msg import SegmentArray
-from depth_testing import HEIGHT, WIDTH, GraphTest, camera_info, image_message, pixels_of, two_planes, wait_until
+from depth_testing import HEIGHT, WIDTH, GraphTest, camera_info, image_message, pixels_of, run_tests, two_planes, wait_until
 
 OK, WARN, ERROR = 0, 1, 2
 STAMPS = itertools.count(1000)
@@ -242,5 +241,4 @@ class DepthPreprocessTest(GraphTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('depth_bad_input_test')
-    rostest.rosrun('all_in_focus', 'depth_bad_input', '__main__')
+    run_tests(__file__)

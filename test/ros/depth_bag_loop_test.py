@@ -5,11 +5,10 @@
 import time
 
 import rospy
-import rostest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 
-from depth_testing import GraphTest, Talker, image_message, two_planes, values_of
+from depth_testing import GraphTest, Talker, image_message, run_tests, two_planes, values_of
 
 START, FRAMES, LOOPS = 100, 4, 3
 
@@ -34,5 +33,4 @@ class BagLoopTest(GraphTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('depth_bag_loop_test')
-    rostest.rosrun('all_in_focus', 'depth_bag_loop', '__main__')
+    run_tests(__file__)

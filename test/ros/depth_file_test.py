@@ -5,12 +5,10 @@
 
 import cv2
 import numpy as np
-import rospy
-import rostest
 from sensor_msgs.msg import CameraInfo, Image
 
 from camera_testing import SCRIPTS, CameraTest
-from depth_testing import pixels_of, wait_until
+from depth_testing import pixels_of, run_tests, wait_until
 
 NODE = SCRIPTS / "depth_file_camera"
 SIZE = (64, 48)
@@ -45,5 +43,4 @@ class DepthFileTest(CameraTest):
 
 
 if __name__ == "__main__":
-    rospy.init_node("depth_file_test")
-    rostest.rosrun("all_in_focus", "depth_file", DepthFileTest)
+    run_tests(__file__)

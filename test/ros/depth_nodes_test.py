@@ -6,14 +6,13 @@ import itertools
 
 import numpy as np
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from all_in_focus.msg import FocusPlan, Optics, SegmentArray
 from depth_testing import (FAR_MM, HEIGHT, NEAR_MM, TIMEOUT, WIDTH, GraphTest, camera_info, image_message, pixels_of,
-                           subscribers_of, two_planes, values_of, wait_until)
+                           run_tests, subscribers_of, two_planes, values_of, wait_until)
 
 STAMPS = itertools.count(1000)
 DEFAULTS = {'focal_length_mm': 24.0, 'aperture': 4.0, 'circle_of_confusion_mm': 0.019, 'dof_rule': 'paper',
@@ -241,5 +240,4 @@ class ChainTest(GraphTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('depth_nodes_test')
-    rostest.rosrun('all_in_focus', 'depth_nodes', '__main__')
+    run_tests(__file__)

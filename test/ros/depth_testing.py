@@ -4,10 +4,12 @@
 import os
 import time
 import unittest
+from pathlib import Path
 
 import numpy as np
 import rosgraph
 import rospy
+import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import CameraInfo, Image
 
@@ -140,3 +142,10 @@ def subscribers_of(topic):
     """As the ROS master sees them."""
     subscriptions = rosgraph.Master('/test').getSystemState()[1]
     return next((nodes for name, nodes in subscriptions if name == topic), [])
+
+
+def run_tests(file):
+    """Runs the tests of a file, as a node of its name: the last line of each."""
+    name = Path(file).stem
+    rospy.init_node(name)
+    rostest.rosrun('all_in_focus', name[:-len('_test')], '__main__')

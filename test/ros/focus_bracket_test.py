@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import rospy
-import rostest
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -14,7 +13,7 @@ from std_srvs.srv import Trigger
 from all_in_focus.camera.interface import IO_WRITE, NO_SPACE
 from all_in_focus.msg import FocusPlan
 from camera_testing import HERE, SCRIPTS, TOPICS, CameraTest, places
-from depth_testing import FAR_MM, NEAR_MM, TIMEOUT, Diagnostics, Talker, image_message, two_planes, wait_until
+from depth_testing import FAR_MM, NEAR_MM, TIMEOUT, Diagnostics, Talker, image_message, run_tests, two_planes, wait_until
 
 LENS = 1000  # motor positions of the fake
 TABLE = "[{step: 0, mm: 500}, {step: 1000, mm: .inf}]"
@@ -225,5 +224,4 @@ class FocusBracketTest(CameraTest):
 
 
 if __name__ == "__main__":
-    rospy.init_node("focus_bracket_test")
-    rostest.rosrun("all_in_focus", "focus_bracket", FocusBracketTest)
+    run_tests(__file__)

@@ -6,10 +6,9 @@ import itertools
 import os
 
 import rospy
-import rostest
 
 from all_in_focus.msg import FocusFrame, SegmentArray
-from depth_testing import SANITIZED, camera_info, image_message, two_planes, wait_until
+from depth_testing import SANITIZED, camera_info, image_message, run_tests, two_planes, wait_until
 from fusion_testing import BRACKET_IDS, ERROR, PERIOD, WARN, FusionTest, colour_message, picture, regions
 from refined_testing import FRAMES, INDICES, MIDDLE, RefinedTest, pixels
 
@@ -136,5 +135,4 @@ class SilenceTest(FusionTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('fusion_faults_test')
-    rostest.rosrun('all_in_focus', 'fusion_faults', '__main__')
+    run_tests(__file__)

@@ -8,11 +8,10 @@ import xmlrpc.client
 import numpy as np
 import rosgraph
 import rospy
-import rostest
 from sensor_msgs.msg import Image
 
 from all_in_focus.msg import SegmentArray
-from depth_testing import HEIGHT, WIDTH, image_message, subscribers_of, wait_until
+from depth_testing import HEIGHT, WIDTH, image_message, run_tests, subscribers_of, wait_until
 from fusion_testing import (ERROR, OUTPUTS, PERIOD, WARN, FusionTest, array_of, colour_message, picture, regions,
                             scene)
 
@@ -246,5 +245,4 @@ class BadFramesTest(FusionTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('fusion_labels_test')
-    rostest.rosrun('all_in_focus', 'fusion_labels', '__main__')
+    run_tests(__file__)

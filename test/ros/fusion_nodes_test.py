@@ -7,11 +7,10 @@ import math
 
 import numpy as np
 import rospy
-import rostest
 from sensor_msgs.msg import CameraInfo, Image
 
 from all_in_focus.msg import FocusFrame
-from depth_testing import HEIGHT, WIDTH, camera_info, image_message, pixels_of, subscribers_of, two_planes, wait_until
+from depth_testing import HEIGHT, WIDTH, camera_info, image_message, pixels_of, run_tests, subscribers_of, two_planes, wait_until
 from fusion_testing import (BRACKET_IDS, DEFAULTS, NEAR, FAR, OK, OUTPUTS, PERIOD, WARN, FusionTest, array_of,
                             colour_message, scene)
 
@@ -297,5 +296,4 @@ class OutputsTest(FusionTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('fusion_nodes_test')
-    rostest.rosrun('all_in_focus', 'fusion_nodes', '__main__')
+    run_tests(__file__)

@@ -5,10 +5,8 @@
 import itertools
 
 import numpy as np
-import rospy
-import rostest
 
-from depth_testing import values_of, wait_until
+from depth_testing import run_tests, values_of, wait_until
 from fusion_testing import BRACKET_IDS, ERROR, PERIOD, array_of, colour_message
 from refined_testing import FRAMES, INDICES, MIDDLE, RefinedTest, another_scene, fused_by_files, pixels
 
@@ -100,5 +98,4 @@ class ReferenceTest(RefinedTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('fusion_refined_test')
-    rostest.rosrun('all_in_focus', 'fusion_refined', '__main__')
+    run_tests(__file__)

@@ -3,11 +3,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Mode restored: a bracket is published once it is restored, and gives way to the next one. Pixels are those of fuse_stack."""
 import numpy as np
-import rospy
-import rostest
 from sensor_msgs.msg import Image
 
-from depth_testing import SANITIZED, subscribers_of, values_of, wait_until
+from depth_testing import SANITIZED, run_tests, subscribers_of, values_of, wait_until
 from fusion_testing import BRACKET_IDS, PERIOD, WARN, array_of, colour_message
 from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest, fused_by_files, pixels
 
@@ -138,5 +136,4 @@ class RestoredTest(RefinedTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('fusion_restored_test')
-    rostest.rosrun('all_in_focus', 'fusion_restored', '__main__')
+    run_tests(__file__)

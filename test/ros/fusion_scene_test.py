@@ -4,10 +4,9 @@
 """Mode refined: what belongs to the scene of a bracket is waited for, but can be done without."""
 import numpy as np
 import rospy
-import rostest
 
 from all_in_focus.msg import Optics, SegmentArray
-from depth_testing import HEIGHT, WIDTH, camera_info, image_message, two_planes
+from depth_testing import HEIGHT, WIDTH, camera_info, image_message, run_tests, two_planes
 from fusion_testing import PERIOD, WARN, colour_message, regions
 from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest
 
@@ -139,5 +138,4 @@ class SceneTest(RefinedTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('fusion_scene_test')
-    rostest.rosrun('all_in_focus', 'fusion_scene', '__main__')
+    run_tests(__file__)

@@ -6,13 +6,12 @@ import itertools
 import unittest
 
 import rospy
-import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo
 
 from all_in_focus.msg import FocusFrame
-from depth_testing import camera_info, values_of, wait_until
+from depth_testing import camera_info, run_tests, values_of, wait_until
 from fusion_testing import BRACKET_IDS, PERIOD, FusionTest, colour_message, picture, regions
 
 STARTS = itertools.count(10000, 1000)
@@ -248,5 +247,4 @@ class JumpTest(TimeTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('fusion_time_test')
-    rostest.rosrun('all_in_focus', 'fusion_time', '__main__')
+    run_tests(__file__)

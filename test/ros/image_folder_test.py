@@ -9,13 +9,12 @@ import time
 import cv2
 import numpy as np
 import rospy
-import rostest
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
 from all_in_focus.camera.folder_node import MAX_UNPROCESSED
 from camera_testing import HERE, SCRIPTS, CameraTest, places
-from depth_testing import TIMEOUT, Talker, pixels_of, wait_until
+from depth_testing import TIMEOUT, Talker, pixels_of, run_tests, wait_until
 
 sys.path.insert(0, str(HERE.parent))
 from file_helpers import SIZE, pictures, write_stack, write_video  # noqa: E402
@@ -104,5 +103,4 @@ class ImageFolderTest(CameraTest):
 
 
 if __name__ == "__main__":
-    rospy.init_node("image_folder_test")
-    rostest.rosrun("all_in_focus", "image_folder", ImageFolderTest)
+    run_tests(__file__)

@@ -6,11 +6,10 @@ import tempfile
 from pathlib import Path
 
 import rospy
-import rostest
 from rosgraph_msgs.msg import Log
 from sensor_msgs.srv import SetCameraInfo
 
-from depth_testing import TIMEOUT, wait_until
+from depth_testing import TIMEOUT, run_tests, wait_until
 from kinect_testing import KinectNode, KinectTest, plug, unplug
 
 
@@ -77,5 +76,4 @@ class CalibrationTest(KinectTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('kinect_calibration_test')
-    rostest.rosrun('all_in_focus', 'kinect_calibration', '__main__')
+    run_tests(__file__)

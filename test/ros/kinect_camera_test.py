@@ -9,11 +9,10 @@ import unittest
 
 import numpy as np
 import rospy
-import rostest
 from rosgraph_msgs.msg import Log
 from std_srvs.srv import Trigger
 
-from depth_testing import SANITIZED, TIMEOUT, pixels_of, values_of, wait_until
+from depth_testing import SANITIZED, TIMEOUT, pixels_of, run_tests, values_of, wait_until
 from kinect_testing import (HEIGHT, SAMPLE, WIDTH, X, Y, KinectTest, depth_pattern, index_of,
                             is_running, plug, recorded_depth, unplug)
 
@@ -226,5 +225,4 @@ class FailuresTest(KinectTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('kinect_camera_test')
-    rostest.rosrun('all_in_focus', 'kinect_camera', '__main__')
+    run_tests(__file__)

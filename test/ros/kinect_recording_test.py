@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import rospy
-import rostest
 from std_srvs.srv import Trigger
 
-from depth_testing import TIMEOUT, pixels_of, values_of, wait_until
+from depth_testing import TIMEOUT, pixels_of, run_tests, values_of, wait_until
 from kinect_testing import (HEIGHT, WIDTH, KinectTest, depth_pattern, index_of, plug,
                             recorded_depth)
 
@@ -149,5 +148,4 @@ class RecordingTest(KinectTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('kinect_recording_test')
-    rostest.rosrun('all_in_focus', 'kinect_recording', '__main__')
+    run_tests(__file__)

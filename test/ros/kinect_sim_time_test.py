@@ -3,10 +3,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """With simulated time stamps are the time of arrival, exactly; without a clock there are no images."""
 import rospy
-import rostest
 from rosgraph_msgs.msg import Clock
 
-from depth_testing import Talker
+from depth_testing import Talker, run_tests
 from kinect_testing import KinectTest, plug
 
 
@@ -24,5 +23,4 @@ class SimTimeTest(KinectTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('kinect_sim_time_test')
-    rostest.rosrun('all_in_focus', 'kinect_sim_time', '__main__')
+    run_tests(__file__)

@@ -6,10 +6,8 @@ import os
 import tempfile
 from pathlib import Path
 
-import rospy
-import rostest
 
-from depth_testing import pixels_of, values_of
+from depth_testing import pixels_of, run_tests, values_of
 from kinect_testing import KinectNode, KinectTest, depth_pattern, index_of, plug
 
 OWN = 'own/kinect_openni2'
@@ -73,5 +71,4 @@ class StartTest(KinectTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('kinect_start_test')
-    rostest.rosrun('all_in_focus', 'kinect_start', '__main__')
+    run_tests(__file__)

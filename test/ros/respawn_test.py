@@ -8,12 +8,11 @@ import time
 
 import numpy as np
 import rospy
-import rostest
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 
-from depth_testing import TIMEOUT, GraphTest, camera_info, image_message, pixels_of, two_planes, wait_until
+from depth_testing import TIMEOUT, GraphTest, camera_info, image_message, pixels_of, run_tests, two_planes, wait_until
 from fusion_testing import regions
 from process_testing import kill, pid_of
 
@@ -83,5 +82,4 @@ class RespawnTest(GraphTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('respawn_test')
-    rostest.rosrun('all_in_focus', 'respawn', '__main__')
+    run_tests(__file__)

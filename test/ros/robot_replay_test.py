@@ -5,8 +5,8 @@
 import os
 
 import rospy
-import rostest
 
+from depth_testing import run_tests
 from robot_testing import LaunchTest, Scene, run_script, succeeded, whole
 
 ROUNDS = 2  # each starts with a pause of some seconds
@@ -73,5 +73,4 @@ class ReplayTest(LaunchTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_replay_test')
-    rostest.rosrun('all_in_focus', 'robot_replay', '__main__')
+    run_tests(__file__)

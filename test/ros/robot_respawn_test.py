@@ -6,10 +6,9 @@ import time
 
 import numpy as np
 import rospy
-import rostest
 from sensor_msgs.msg import Image
 
-from depth_testing import wait_until
+from depth_testing import run_tests, wait_until
 from process_testing import kill, pid_of
 from robot_testing import TIMEOUT, LaunchTest, Scene, whole
 
@@ -58,5 +57,4 @@ class RobotRespawnTest(LaunchTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_respawn_test')
-    rostest.rosrun('all_in_focus', 'robot_respawn', '__main__')
+    run_tests(__file__)

@@ -2,10 +2,9 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """robot.launch without hardware: the pixels of fuse_stack, whose parameters count, and recordings that come late."""
-import rospy
-import rostest
 import yaml
 
+from depth_testing import run_tests
 from robot_testing import FRAMES, LaunchTest, Scene, whole
 
 # Over args, which are over the rig.
@@ -47,5 +46,4 @@ class RobotTest(LaunchTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_test')
-    rostest.rosrun('all_in_focus', 'robot', '__main__')
+    run_tests(__file__)

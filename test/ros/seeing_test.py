@@ -9,7 +9,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from dynamic_reconfigure.msg import Config, ConfigDescription
 from sensor_msgs.msg import CameraInfo, Image
@@ -18,7 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from all_in_focus.rviz import screenshots as rviz_config
 from all_in_focus.msg import SegmentArray
 import depth_testing
-from depth_testing import FAR_MM, NEAR_MM, TIMEOUT, GraphTest, image_message, pixels_of, subscribers_of, wait_until
+from depth_testing import FAR_MM, NEAR_MM, TIMEOUT, GraphTest, image_message, pixels_of, run_tests, subscribers_of, wait_until
 
 STAMPS = itertools.count(1000)
 RVIZ_FILE = Path(__file__).resolve().parents[2] / 'rviz/all_in_focus.rviz'
@@ -251,5 +250,4 @@ class DescriptionTest(GraphTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('seeing_test')
-    rostest.rosrun('all_in_focus', 'seeing', '__main__')
+    run_tests(__file__)

@@ -5,10 +5,9 @@
 from pathlib import Path
 
 import rosgraph
-import rospy
-import rostest
 
 from all_in_focus.files.rig import load_rig, save_rig
+from depth_testing import run_tests
 from robot_testing import LaunchTest, Scene, whole
 
 LAUNCH = Path(__file__).resolve().with_name('two_rigs.launch')
@@ -39,5 +38,4 @@ class TwoRigsTest(LaunchTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('two_rigs_test')
-    rostest.rosrun('all_in_focus', 'two_rigs', '__main__')
+    run_tests(__file__)

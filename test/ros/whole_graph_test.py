@@ -6,14 +6,13 @@ import itertools
 
 import numpy as np
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 
 from all_in_focus.msg import SegmentArray
-from depth_testing import HEIGHT, TIMEOUT, WIDTH, camera_info, image_message, pixels_of, two_planes, wait_until
+from depth_testing import HEIGHT, TIMEOUT, WIDTH, camera_info, image_message, pixels_of, run_tests, two_planes, wait_until
 from fusion_testing import ERROR, FAR, NEAR, OK, WARN, FusionTest, array_of, regions, scene
 
 STAMPS = itertools.count(1000, 10)
@@ -164,5 +163,4 @@ class BadInputTest(RigTest):
 
 
 if __name__ == '__main__':
-    rospy.init_node('whole_graph_test')
-    rostest.rosrun('all_in_focus', 'whole_graph', '__main__')
+    run_tests(__file__)
