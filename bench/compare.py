@@ -27,7 +27,7 @@ import steps
 from all_in_focus.baselines import enfuse
 from all_in_focus.benchmark.methods import peer_command
 from all_in_focus.installed import run
-from all_in_focus.command_line import Parser, count
+from all_in_focus.command_line import Parser, count, run as run_program
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import read_depth
 from suite import MAKE_SCENE
@@ -54,7 +54,7 @@ def parse_arguments():
         parser.error(f"--tasks: expected some of {','.join(TASKS)}")
     if (args.rig is None) != (args.depth is None):
         parser.error("give --rig and --depth together")
-    return parser, args
+    return args
 
 
 def in_turn(programs, repetitions, title):
@@ -178,24 +178,21 @@ def compare_registrations(args):
 
 
 def main():
-    parser, args = parse_arguments()
+    args = parse_arguments()
     compare = {"registration": compare_registrations, "segmentation": compare_segmentation, "fusion": compare_fusion}
-    try:
-        with tempfile.TemporaryDirectory() as args.folder:
-            if args.scene is None:
-                args.scene = f"{args.folder}/scene"
-                subprocess.run([sys.executable, MAKE_SCENE, "--scene", "planes", "--size", "640x480", "--output", args.scene],
-                               check=True, stdout=subprocess.DEVNULL)
-            known = inputs(args.scene)
-            args.rig, args.depth = args.rig or known["rig"], args.depth or known["depth"]
-            compared = [row for task in args.tasks for row in compare[task](args)]
-        print(f"Medians of {args.repetitions} runs, in turn.\n")
-        print(steps.table(["task", "program", "median", "times ours"], compared, left=2))
-    except (ValueError, RuntimeError, OSError, subprocess.SubprocessError, cv2.error) as error:
-        parser.error(error)
+    with tempfile.TemporaryDirectory() as args.folder:
+        if args.scene is None:
+            args.scene = f"{args.folder}/scene"
+            subprocess.run([sys.executable, MAKE_SCENE, "--scene", "planes", "--size", "640x480", "--output", args.scene],
+                           check=True, stdout=subprocess.DEVNULL)
+        known = inputs(args.scene)
+        args.rig, args.depth = args.rig or known["rig"], args.depth or known["depth"]
+        compared = [row for task in args.tasks for row in compare[task](args)]
+    print(f"Medians of {args.repetitions} runs, in turn.\n")
+    print(steps.table(["task", "program", "median", "times ours"], compared, left=2))
     sys.stdout.flush()
     os._exit(0)  # rospy's threads may take long
 
 
 if __name__ == "__main__":
-    main()
+    run_program(main, RuntimeError, subprocess.SubprocessError, cv2.error)

@@ -23,7 +23,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from all_in_focus.files.rig_messages import camera_info, static_transform
-from all_in_focus.command_line import Parser, count, positive
+from all_in_focus.command_line import Parser, count, positive, run
 from all_in_focus.msg import FocusFrame
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import read_depth
@@ -138,10 +138,7 @@ def main():
     parser.add_argument("--listeners", type=count, default=1, help="wait for so many connections to the depth topic")
     args = parser.parse_args()
     rospy.init_node("graph_source", disable_signals=True)
-    try:
-        source = Source(args)
-    except (ValueError, OSError) as error:
-        parser.error(error)
+    source = Source(args)
     deadline = time.monotonic() + 20
     wanted = ["/depth/image_raw", "/depth/camera_info", "/rgb/camera_info"] + ["/rgb/image"] * (not args.depth_only)
     while any(source.publishers[topic].get_num_connections() < args.listeners for topic in wanted):
@@ -155,4 +152,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

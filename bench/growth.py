@@ -18,7 +18,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 import steps
-from all_in_focus.command_line import Parser, count
+from all_in_focus.command_line import Parser, count, run
 from suite import MAKE_SCENE
 
 FRAMES = (2, 5, 15, 50, 150, 540)
@@ -39,7 +39,7 @@ def parse_arguments():
     parser.add_argument("--repetitions", type=count, default=3, metavar="N", help="of each run, default %(default)s")
     parser.add_argument("--bench-steps", default=steps.BENCH_STEPS, metavar="PATH")
     parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
-    return parser, parser.parse_args()
+    return parser.parse_args()
 
 
 def make_stack(scene, frames, folder):
@@ -129,20 +129,14 @@ def draw(plt, figures, output):
 
 
 def main():
-    parser, args = parse_arguments()
-    try:
-        plt = import_pyplot()
-        if args.take:
-            figures = json.loads(Path(args.take).read_text(encoding="utf-8"))
-        else:
-            figures = measure(args)
-        if args.json:
-            Path(args.json).write_text(json.dumps(figures, indent=1), encoding="utf-8")
-        Path(args.output).absolute().parent.mkdir(parents=True, exist_ok=True)
-        draw(plt, figures, args.output)
-    except (ImportError, ValueError, KeyError, RuntimeError, OSError, subprocess.SubprocessError) as error:
-        parser.error(error)
+    args = parse_arguments()
+    plt = import_pyplot()
+    figures = json.loads(Path(args.take).read_text(encoding="utf-8")) if args.take else measure(args)
+    if args.json:
+        Path(args.json).write_text(json.dumps(figures, indent=1), encoding="utf-8")
+    Path(args.output).absolute().parent.mkdir(parents=True, exist_ok=True)
+    draw(plt, figures, args.output)
 
 
 if __name__ == "__main__":
-    main()
+    run(main, ImportError, KeyError, RuntimeError, subprocess.SubprocessError)

@@ -28,7 +28,7 @@ from tqdm import tqdm
 import steps
 import suite
 from all_in_focus.benchmark import methods, scenes, tasks
-from all_in_focus.command_line import Parser
+from all_in_focus.command_line import Parser, run
 from all_in_focus.files.stack import read_image
 from all_in_focus.metrics.kept_contrast import kept_contrast
 
@@ -66,12 +66,8 @@ def parse_arguments():
     parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
     args = parser.parse_args()
     peers = dict(args.peer)
-    try:
-        args.methods = {name: methods.find(name, peers, args.fuse_stack)
-                        for name in methods.split(args.methods) + list(peers)}
-    except ValueError as error:
-        parser.error(error)
-    return parser, args
+    args.methods = {name: methods.find(name, peers, args.fuse_stack) for name in methods.split(args.methods) + list(peers)}
+    return args
 
 
 def find_scenes(paths):
@@ -161,26 +157,23 @@ def depth_table(figures):
 
 
 def main():
-    parser, args = parse_arguments()
-    try:
-        paths = args.scenes + (suite.generate(args.generate, args.suite) if args.generate else [])
-        if not paths:
-            parser.error("give scene folders or --generate DIR")
-        found = find_scenes(paths)
-        figures = measure_all(args, found)
-        known = ["truth" in scene.beside for scene in found.values()]
-        shown = {**(TRUTH if any(known) else {}), **(CONTRAST if args.contrast or not all(known) else {}),
-                 **(SECONDS if args.time else {})}
-        tables = [table(figures, key) for key in shown] + [depth_table(figures)]
-        print("\n".join(filter(None, tables)), end="")
-        if args.json:
-            means = {method: {key: mean(figures, method, key) for key in MEASURES} for method in args.methods}
-            with open(args.json, "w", encoding="utf-8") as file:
-                json.dump({"scenes": figures, "mean_and_scenes": means}, file, indent=2)
-                file.write("\n")
-    except (ValueError, OSError, subprocess.CalledProcessError) as error:
-        parser.error(error)
+    args = parse_arguments()
+    paths = args.scenes + (suite.generate(args.generate, args.suite) if args.generate else [])
+    if not paths:
+        raise ValueError("give scene folders or --generate DIR")
+    found = find_scenes(paths)
+    figures = measure_all(args, found)
+    known = ["truth" in scene.beside for scene in found.values()]
+    shown = {**(TRUTH if any(known) else {}), **(CONTRAST if args.contrast or not all(known) else {}),
+             **(SECONDS if args.time else {})}
+    tables = [table(figures, key) for key in shown] + [depth_table(figures)]
+    print("\n".join(filter(None, tables)), end="")
+    if args.json:
+        means = {method: {key: mean(figures, method, key) for key in MEASURES} for method in args.methods}
+        with open(args.json, "w", encoding="utf-8") as file:
+            json.dump({"scenes": figures, "mean_and_scenes": means}, file, indent=2)
+            file.write("\n")
 
 
 if __name__ == "__main__":
-    main()
+    run(main, subprocess.CalledProcessError)

@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 
 import steps
-from all_in_focus.command_line import Parser, count
+from all_in_focus.command_line import Parser, count, run as run_program
 
 SIZES = ((640, 480), (4416, 1242))
 GRAPHS = (  # options of graph_rate
@@ -42,7 +42,7 @@ def parse_arguments():
     args.parts = args.parts.split(",")
     if not set(args.parts) <= set(PARTS):
         parser.error(f"--parts: expected some of {','.join(PARTS)}")
-    return parser, args
+    return args
 
 
 def run(program, *options):
@@ -96,17 +96,14 @@ def write_between_marks(path, part, text):
 
 
 def main():
-    parser, args = parse_arguments()
-    try:
-        for part in args.parts:
-            text = PARTS[part](args)
-            if args.write:
-                write_between_marks(args.write, part, text)
-            else:
-                print(text + "\n", flush=True)
-    except (ValueError, RuntimeError, OSError, subprocess.SubprocessError) as error:
-        parser.error(error)
+    args = parse_arguments()
+    for part in args.parts:
+        text = PARTS[part](args)
+        if args.write:
+            write_between_marks(args.write, part, text)
+        else:
+            print(text + "\n", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    run_program(main, RuntimeError, subprocess.SubprocessError)

@@ -2,21 +2,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A small bag that can be fused, message by message, to be damaged by tests."""
 import io
-import signal
-import sys
-from contextlib import redirect_stderr, redirect_stdout
 
 import cv2
 import genpy
 import numpy as np
-import pytest
 import rosbag
 from cv_bridge import CvBridge
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
-
-from file_helpers import SCRIPTS
 
 from all_in_focus.bag.image_messages import to_message
 from all_in_focus.files.rig_messages import camera_info
@@ -73,21 +67,6 @@ def copied(message):
     buffer = io.BytesIO()
     message.serialize(buffer)
     return type(message)().deserialize(buffer.getvalue())
-
-
-def call(script, *arguments):
-    """(exit code, stdout, stderr) of a script of the repository, run in this process: starting Python takes longer."""
-    path = SCRIPTS / script
-    out, err = io.StringIO(), io.StringIO()
-    old_arguments, old_handler = sys.argv, signal.getsignal(signal.SIGINT)
-    sys.argv = [str(path), *map(str, arguments)]
-    try:
-        with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as stop:
-            exec(compile(path.read_text(encoding="utf-8"), path, "exec"), {"__name__": "__main__"})
-    finally:
-        sys.argv = old_arguments
-        signal.signal(signal.SIGINT, old_handler)  # early_exit.py has set its own
-    return stop.value.code or 0, out.getvalue(), err.getvalue()
 
 
 def write(path, messages, compression="none"):

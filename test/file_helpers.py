@@ -1,14 +1,18 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Small stacks on disk, and the command line tools as people call them."""
+import io
 import os
+import signal
 import struct
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
 SIZE = (48, 32)  # width, height
@@ -53,3 +57,18 @@ def run_script(name, *arguments, timeout=300):
     path = os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")])
     return subprocess.run([sys.executable, SCRIPTS / name, *map(str, arguments)], stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE, universal_newlines=True, env=dict(os.environ, PATH=path), timeout=timeout)
+
+
+def call(script, *arguments):
+    """(exit code, stdout, stderr) of a script of the repository, run in this process: starting Python takes longer."""
+    path = SCRIPTS / script
+    out, err = io.StringIO(), io.StringIO()
+    old_arguments, old_handler = sys.argv, signal.getsignal(signal.SIGINT)
+    sys.argv = [str(path), *map(str, arguments)]
+    try:
+        with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as stop:
+            exec(compile(path.read_text(encoding="utf-8"), path, "exec"), {"__name__": "__main__"})
+    finally:
+        sys.argv = old_arguments
+        signal.signal(signal.SIGINT, old_handler)  # early_exit.py has set its own
+    return stop.value.code or 0, out.getvalue(), err.getvalue()

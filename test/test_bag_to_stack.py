@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from bag_helpers import (COLOR_CAMERA, DEPTH_CAMERA, DIOPTRES, SIZE, call, changed, compressed, depth_image,
+from bag_helpers import (COLOR_CAMERA, DEPTH_CAMERA, DIOPTRES, SIZE, changed, compressed, depth_image,
                          frames, good_messages, setting, without, write)
-from file_helpers import run_script
+from file_helpers import call, run_script
 from tool_helpers import check_equality, evaluate, fuse, read, run, snapshot, succeeded, tool, unchanged
 
 from all_in_focus.bag.export import millimetres

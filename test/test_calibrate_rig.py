@@ -1,8 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """calibrate_rig on rendered boards whose cameras are known, and on what is no calibration."""
-import contextlib
-import io
 import shutil
 
 import cv2
@@ -11,11 +9,10 @@ import pytest
 import yaml
 
 from all_in_focus import installed
-from all_in_focus.calibration.command import main
 from all_in_focus.files.rig import load_rig, save_camera, save_rig
 
 from board_rendering import board_poses, mapping_error, true_rig, write_views
-from file_helpers import ENDLESS_PICTURE, cut, run_script
+from file_helpers import ENDLESS_PICTURE, call, cut, run_script
 from tool_helpers import unchanged
 
 MOVED, HIDDEN = 7, 11
@@ -34,10 +31,9 @@ def views(tmp_path_factory):
 def calibrated(views, tmp_path_factory):
     """(rig folder, what was printed)."""
     output = tmp_path_factory.mktemp("calibrated") / "rig"
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        assert main(arguments(views, output) + ["--optics", "24,4,0.019", "--kinect"]) == 0
-    return output, printed.getvalue().splitlines()
+    code, printed, _ = call(*arguments(views, output), "--optics", "24,4,0.019", "--kinect")
+    assert code == 0
+    return output, printed.splitlines()
 
 
 def arguments(views, output, board="8x6"):
@@ -45,12 +41,10 @@ def arguments(views, output, board="8x6"):
             "--board", board, "--square", "45", "--output", str(output)]
 
 
-def refused(capsys, argv):
+def refused(command):
     """The one line of an error."""
-    with pytest.raises(SystemExit) as end:
-        main(argv)
-    said = capsys.readouterr().err
-    assert end.value.code == 2 and said.startswith("calibrate_rig: ")
+    code, _, said = call(*command)
+    assert code == 2 and said.startswith("calibrate_rig: ")
     return said.strip().splitlines()[-1]
 
 
@@ -106,25 +100,25 @@ def test_the_tools_in_cpp_read_the_rig(calibrated, tmp_path):
     assert abs(np.median(registered[registered > 0]) - 1521) < 25  # the depth camera is 21 mm behind
 
 
-def test_an_existing_rig_stays(calibrated, views, capsys):
+def test_an_existing_rig_stays(calibrated, views):
     before = (calibrated[0] / "depth.yaml").read_bytes()
-    assert "holds a rig already" in refused(capsys, arguments(views, calibrated[0]))
+    assert "holds a rig already" in refused(arguments(views, calibrated[0]))
     assert (calibrated[0] / "depth.yaml").read_bytes() == before
     assert sorted(path.name for path in calibrated[0].parent.iterdir()) == ["rig"]
 
 
-def test_force_does_not_replace_a_rig_of_others(views, tmp_path, capsys):
+def test_force_does_not_replace_a_rig_of_others(views, tmp_path):
     few, rig = subset(views, tmp_path / "few", 6), tmp_path / "rig"
     save_rig(str(rig), true_rig())
     with unchanged(rig):
-        assert "was not written by calibrate_rig" in refused(capsys, [*arguments(few, rig), "--force"])
+        assert "was not written by calibrate_rig" in refused([*arguments(few, rig), "--force"])
     shutil.rmtree(rig)
     for more in ([], ["--force"]):
-        assert main([*arguments(few, rig), *more]) == 0
+        assert call(*arguments(few, rig), *more)[0] == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["few", "rig"]
 
 
-def test_known_cameras_stay_as_they_are_and_force_replaces(views, tmp_path, capsys):
+def test_known_cameras_stay_as_they_are_and_force_replaces(views, tmp_path):
     truth, few, rig = true_rig(), subset(views, tmp_path / "few", 6), tmp_path / "rig"
     rig.mkdir()
     (rig / "optics.yaml").write_text("focal_length_mm: 35\naperture: 2\ncircle_of_confusion_mm: 0.02\n")
@@ -133,91 +127,87 @@ def test_known_cameras_stay_as_they_are_and_force_replaces(views, tmp_path, caps
         save_camera(str(tmp_path / f"{name}.yaml"), getattr(truth, name))
     known = ["--depth-info", str(tmp_path / "depth.yaml"), "--color-info", str(tmp_path / "color.yaml"), "--force",
              "--ir-offset", "-1.5,2"]
-    assert main(arguments(few, rig) + known) == 0
+    code, printed, _ = call(*arguments(few, rig), *known)
+    assert code == 0 and "(known)" in printed
     found = load_rig(str(rig))
     assert np.array_equal(found.color.K, truth.color.K) and np.array_equal(found.color.D, truth.color.D)
     assert np.allclose(found.depth.K - truth.depth.K, [[0, 0, -1.5], [0, 0, 2], [0, 0, 0]])
     assert np.linalg.norm(found.t - truth.t) < 0.002
     assert found.optics.focal_length_mm == 35 and (rig / "notes.txt").exists()
-    assert "(known)" in capsys.readouterr().out
 
 
-def test_pictures_that_cannot_be_read_are_named_and_left_out(views, tmp_path, capsys):
+def test_pictures_that_cannot_be_read_are_named_and_left_out(views, tmp_path):
     some = subset(views, tmp_path / "some", 8)
     cut(some / "depth" / "02.png")
     (some / "color" / "05.jpg").write_bytes(ENDLESS_PICTURE)
-    assert main(arguments(some, tmp_path / "rig")) == 0
-    told = capsys.readouterr()
+    code, out, err = call(*arguments(some, tmp_path / "rig"))
+    assert code == 0
     wrong = {"02": f"{some / 'depth' / '02.png'}: truncated or damaged",
              "05": f"{some / 'color' / '05.jpg'}: not a readable image"}
     for complaint in wrong.values():
-        assert f"calibrate_rig: warning: {complaint}: left out\n" in told.err and complaint in told.out
+        assert f"calibrate_rig: warning: {complaint}: left out\n" in err and complaint in out
     record = yaml.safe_load((tmp_path / "rig" / "calibration.yaml").read_text())
     assert {pair["pair"]: pair["remark"] for pair in record["pairs"] if pair["pair"] in wrong} == wrong
 
 
-def test_too_few_pictures_that_can_be_read(views, tmp_path, capsys):
+def test_too_few_pictures_that_can_be_read(views, tmp_path):
     few = subset(views, tmp_path / "few", 5)
     for name in ("00", "04"):
         (few / "depth" / f"{name}.png").write_bytes(b"")
-    with pytest.raises(SystemExit):
-        main(arguments(few, tmp_path / "rig"))
-    said = capsys.readouterr().err.splitlines()
-    assert [line.endswith("not a readable image: left out") for line in said] == [True, True, False]
+    code, _, err = call(*arguments(few, tmp_path / "rig"))
+    said = err.splitlines()
+    assert code == 2 and [line.endswith("not a readable image: left out") for line in said] == [True, True, False]
     assert "the depth camera: 3 usable views of the board, at least 5 are needed" in said[-1]
     for path in (few / "color").iterdir():
         cut(path, 0.1)
-    assert refused(capsys, arguments(few, tmp_path / "rig")) == (
-        f"calibrate_rig: {few / 'color'}: none of the 5 pictures can be read")
+    assert refused(arguments(few, tmp_path / "rig")) == f"calibrate_rig: {few / 'color'}: none of the 5 pictures can be read"
     assert not (tmp_path / "rig").exists()
 
 
-def test_too_few_views(views, tmp_path, capsys):
+def test_too_few_views(views, tmp_path):
     few = subset(views, tmp_path / "few", 3)
     assert "the depth camera: 3 usable views of the board, at least 5 are needed" in refused(
-        capsys, arguments(few, tmp_path / "rig"))
+        arguments(few, tmp_path / "rig"))
     assert not (tmp_path / "rig").exists()
 
 
-def test_a_board_of_another_size(views, tmp_path, capsys):
+def test_a_board_of_another_size(views, tmp_path):
     few = subset(views, tmp_path / "few", 2)
     (few / "depth" / "00.png").write_bytes(b"")
-    said = refused(capsys, arguments(few, tmp_path / "rig", "9x7"))
+    said = refused(arguments(few, tmp_path / "rig", "9x7"))
     assert "no board of 9x7 inner corners" in said
     assert "the pictures show one of 8x6: --board counts the corners inside" in said
 
 
-def test_no_board_anywhere(tmp_path, capsys):
+def test_no_board_anywhere(tmp_path):
     for camera in ("depth", "color"):
         (tmp_path / camera).mkdir()
         cv2.imwrite(str(tmp_path / camera / "0.png"), np.full((120, 160), 100, np.uint8))
-    said = refused(capsys, arguments(tmp_path, tmp_path / "rig"))
+    said = refused(arguments(tmp_path, tmp_path / "rig"))
     assert said.endswith("no board of 8x6 inner corners in any of 1 pairs")
 
 
-def test_pictures_of_different_sizes(tmp_path, capsys):
+def test_pictures_of_different_sizes(tmp_path):
     for camera in ("depth", "color"):
         (tmp_path / camera).mkdir()
         for number in (0, 1):
             cv2.imwrite(str(tmp_path / camera / f"{number}.png"), np.full((120, 160 + number), 100, np.uint8))
     assert "1.png: 161x120 pixels, but the depth camera's pictures before it have 160x120" in refused(
-        capsys, arguments(tmp_path, tmp_path / "rig"))
+        arguments(tmp_path, tmp_path / "rig"))
 
 
-def test_names_without_a_counterpart(tmp_path, capsys):
+def test_names_without_a_counterpart(tmp_path):
     for camera, names in (("depth", "ab"), ("color", "c")):
         (tmp_path / camera).mkdir()
         for name in names:
             cv2.imwrite(str(tmp_path / camera / f"{name}.png"), np.full((120, 160), 100, np.uint8))
     argv = arguments(tmp_path, tmp_path / "rig")
-    assert "has a counterpart of the same name" in refused(capsys, argv)
+    assert "has a counterpart of the same name" in refused(argv)
     (tmp_path / "color" / "a.png").write_bytes((tmp_path / "depth" / "a.png").read_bytes())
-    with pytest.raises(SystemExit):
-        main(argv)
-    said = capsys.readouterr().err
-    assert "is named like b: left out" in said and "is named like c: left out" in said
+    code, _, said = call(*argv)
+    assert code == 2 and "is named like b: left out" in said and "is named like c: left out" in said
     (tmp_path / "color" / "a.jpg").write_bytes(b"")
-    assert "a.jpg and a.png differ in their ending only" in refused(capsys, argv)
+    assert "a.jpg and a.png differ in their ending only" in refused(argv)
 
 
 @pytest.mark.parametrize("options, words", [
@@ -230,18 +220,18 @@ def test_names_without_a_counterpart(tmp_path, capsys):
     (["--depth-info", "none.yaml"], "none.yaml: No such file"),
     (["--depth-camera", "nowhere"], "nowhere: No such file or directory"),
 ])
-def test_wrong_arguments(tmp_path, capsys, options, words):
+def test_wrong_arguments(tmp_path, options, words):
     for camera in ("depth", "color"):
         (tmp_path / camera).mkdir()
-    assert words in refused(capsys, arguments(tmp_path, tmp_path / "rig") + options)
+    assert words in refused(arguments(tmp_path, tmp_path / "rig") + options)
 
 
 @pytest.mark.parametrize("source", ["--live", "--depth-camera=boards --color-camera=boards"])
-def test_a_folder_that_cannot_be_written_is_told_before_the_work(tmp_path, capsys, source):
+def test_a_folder_that_cannot_be_written_is_told_before_the_work(tmp_path, source):
     """Before there is a node, too: nobody has to take the views twice."""
     (tmp_path / "file").write_text("")
-    said = refused(capsys, ["calibrate_rig", *source.split(), "--board", "8x6", "--square", "45", "--output",
-                            str(tmp_path / "file" / "rig")])
+    said = refused(["calibrate_rig", *source.split(), "--board", "8x6", "--square", "45", "--output",
+                    str(tmp_path / "file" / "rig")])
     assert said.startswith(f"calibrate_rig: {tmp_path / 'file' / 'rig'}: cannot be written, ")
 
 

@@ -8,9 +8,9 @@ import genpy
 import numpy as np
 import pytest
 import rosbag
-from bag_helpers import (BRIDGE, SIZE, START, call, changed, compressed, depth_image, good_messages, setting, without,
+from bag_helpers import (BRIDGE, SIZE, START, changed, compressed, depth_image, good_messages, setting, without,
                          write)
-from file_helpers import cut, run_script
+from file_helpers import call, cut, run_script
 from tool_helpers import TwoPlanes, fuse_stack, rosrun, set_up_boards, succeeded, unchanged
 
 from all_in_focus.bag import check as bag_check

@@ -85,11 +85,7 @@ def parse_arguments(argv, description):
         arguments.board = Board.parse(arguments.board, arguments.square)
     except ValueError as error:
         parser.error(f"argument --board: {error}")
-    try:
-        arguments.known = tuple(load_camera(path) if path else None
-                                for path in (arguments.depth_info, arguments.color_info))
-    except ValueError as error:
-        parser.error(error)
+    arguments.known = tuple(load_camera(path) if path else None for path in (arguments.depth_info, arguments.color_info))
     arguments.ir_offset = arguments.ir_offset or (KINECT_IR_OFFSET if arguments.kinect else (0.0, 0.0))
     return parser, arguments
 
@@ -141,13 +137,10 @@ def main(argv):
         import rospy  # calibrating from files needs no ROS
         argv = rospy.myargv(argv)
     parser, arguments = parse_arguments(argv, DESCRIPTION)
-    try:
-        rig_folder.refuse_existing(arguments.output, arguments.force)
-        rig_folder.refuse_read_only(arguments.output)
-        if arguments.live:
-            from all_in_focus.calibration import live_node
-            return live_node.run(arguments, lambda pairs, sizes: calibrate(arguments, pairs, sizes))
-        _from_files(parser, arguments)
-    except (ValueError, OSError) as error:
-        parser.error(error)
+    rig_folder.refuse_existing(arguments.output, arguments.force)
+    rig_folder.refuse_read_only(arguments.output)
+    if arguments.live:
+        from all_in_focus.calibration import live_node
+        return live_node.run(arguments, lambda pairs, sizes: calibrate(arguments, pairs, sizes))
+    _from_files(parser, arguments)
     return 0
