@@ -58,6 +58,25 @@ def run(main, *errors):
     sys.exit(code)
 
 
+def node(name, description, body):
+    """The main of a ROS node, for run(). body: works until shutdown; returns the exit code, None is 0.
+
+    ValueError and OSError that leave it are told in one line on the log, exit code 2.
+    """
+    def main():
+        import rospy  # most programs need no ROS
+        Parser(prog=name, description=description).parse_args(rospy.myargv()[1:])
+        rospy.init_node(name)
+        try:
+            return body()
+        except rospy.ROSException:  # shutdown
+            return 0
+        except (ValueError, OSError) as error:
+            rospy.logfatal("%s", error)
+            return BAD_INPUT
+    return main
+
+
 def _interrupts():
     """Exceptions by which Ctrl-C leaves a program; rospy raises its own while it waits for a master."""
     rospy = sys.modules.get("rospy")

@@ -193,8 +193,6 @@ class FocusBracketCamera:
         return "" if self._plan.focus_distance else "the plan is empty: no region has a depth"
 
 
-def run(camera_at):
-    """camera_at(port, model) -> Camera. Returns the exit code."""
-    def shoot():
-        FocusBracketCamera(camera_at(parameters.text("port"), parameters.text("model"))).run()
-    return parameters.run_node("focus_bracket_camera", shoot)
+def shoot(camera_at):
+    """Until shutdown. camera_at(port, model) -> Camera."""
+    FocusBracketCamera(camera_at(parameters.text("port"), parameters.text("model"))).run()

@@ -37,7 +37,8 @@ class DepthFileCamera:
         self._image_publisher.publish(self._message)
 
 
-def _publish():
+def publish():
+    """Until shutdown; ValueError for wrong parameters and files."""
     paths = {name: parameters.text(name) for name in ("depth", "rig")}
     for name, path in paths.items():
         if not path:
@@ -47,8 +48,3 @@ def _publish():
     while not rospy.is_shutdown():
         camera.publish(rospy.Time.now())
         rate.sleep()
-
-
-def run():
-    """Returns the exit code."""
-    return parameters.run_node("depth_file_camera", _publish)

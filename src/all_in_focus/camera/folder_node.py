@@ -138,15 +138,11 @@ class Watcher:
             frames.publish(arrival.image, arrival.stamp, *place, self._distances.get(arrival.name, math.nan))
 
 
-def _publish():
+def publish():
+    """Until shutdown; ValueError for wrong parameters and files."""
     path = parameters.text("stack")
     if not path:
         raise parameters.ParameterError("~stack is missing: give a folder of images or a video")
     source = (Watcher if parameters.flag("watch", False) else Player)(path, parameters.text("focus"))
     frames = FramePublisher(parameters.text("rig"), parameters.whole("width", 0, 0), parameters.text("frame_id"))
     source.run(frames)
-
-
-def run():
-    """Returns the exit code."""
-    return parameters.run_node("image_folder_camera", _publish)

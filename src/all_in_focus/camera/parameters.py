@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Private parameters of a node, checked, and how a node ends that was given wrong ones."""
+"""Private parameters of a node, checked."""
 import math
 
 import rospy
@@ -40,19 +40,3 @@ def flag(name, default):
 
 def _at_least(low):
     return "" if low == -math.inf else f" of at least {low:g}"
-
-
-def run_node(name, body):
-    """Run body() as a node until shutdown. Wrong parameters and unreadable files end it with one line on the log.
-
-    Returns the exit code.
-    """
-    rospy.init_node(name)
-    try:
-        body()
-    except rospy.ROSException:  # shutdown
-        pass
-    except (ValueError, OSError) as error:
-        rospy.logfatal("%s", error)
-        return 2
-    return 0
