@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """A bag as input of the nodes: checks that everything is there, and reads the messages in order."""
+from itertools import chain
+
 from sensor_msgs.msg import CompressedImage
 from tf2_msgs.msg import TFMessage
 
@@ -10,7 +12,7 @@ from all_in_focus.bag.image_messages import ImageError, bgr, to_message
 __all__ = ["TYPES", "BagContents", "BagError", "Topics"]
 
 
-class BagContents:
+class BagContents(BagFile):
     """An opened bag that has everything the nodes need.
 
     start: time of the first message; counts: messages by kind; optics: the first Optics message or None;
@@ -19,28 +21,22 @@ class BagContents:
     """
 
     def __init__(self, path, topics=None):
-        self.path = path
-        self._file = BagFile(path, topics)
-        self._topics = self._file.topics
+        super().__init__(path, topics)
         self.problems = []
         self._check_topics()
-        self.counts = {kind: self._file.found[name].message_count for kind, name in self._topics.items()
-                       if name in self._file.found}
-        self.start = min(self._file.first(self._topics[kind])[1] for kind in ("depth", "rgb"))
-        self.depth_info = self._file.first(self._topics["depth_info"])[0]
-        self.rgb_info = self._file.first(self._topics["rgb_info"])[0]
-        self.optics = self._file.first(self._topics["optics"])[0] if self.counts.get("optics") else None
+        self.counts = {kind: self.found[name].message_count for kind, name in self.topics.items() if name in self.found}
+        self.start = min(self.first(self.topics[kind])[1] for kind in ("depth", "rgb"))
+        self.depth_info = self.first(self.topics["depth_info"])[0]
+        self.rgb_info = self.first(self.topics["rgb_info"])[0]
+        self.optics = self.first(self.topics["optics"])[0] if self.counts.get("optics") else None
         self.static_transforms = self._collect_static_transforms()
         self._check_transforms()
 
-    def close(self):
-        self._file.close()
-
     def messages(self):
         """Yields (kind, message, time) in recorded order; kinds are those of Topics, and "tf". Colour is decoded."""
-        kinds = {name: kind for kind, name in self._topics.items()}
+        kinds = {name: kind for kind, name in self.topics.items()}
         kinds["/tf"] = "tf"
-        for name, message, time in self._file.read(list(kinds)):
+        for name, message, time in self.read(list(kinds)):
             kind = kinds[absolute(name)]
             if kind == "rgb" and message._type == CompressedImage._type:
                 message = self._decoded(message, name)
@@ -48,33 +44,38 @@ class BagContents:
                 yield kind, message, time
 
     def _check_topics(self):
-        for kind in self._file.missing():
-            others = ", ".join(self._file.alternatives(kind))
-            raise BagError(f"{self.path}: no {REQUIRED[kind]}: nothing on {self._topics[kind]}"
+        for kind in self.missing():
+            others = ", ".join(self.alternatives(kind))
+            raise BagError(f"{self.path}: no {REQUIRED[kind]}: nothing on {self.topics[kind]}"
                            + (f" (there are {others})" if others else ""))
-        for _, problem in self._file.wrong_types():
+        for _, problem in self.wrong_types():
             raise BagError(f"{self.path}: {problem}")
 
     def _collect_static_transforms(self):
         """All static transforms in one message: a latched topic repeats only the last message of each publisher."""
         by_child = {}
-        for _, message, _ in self._file.read(["/tf_static"]):
+        for _, message, _ in self.read(["/tf_static"]):
             by_child.update((transform.child_frame_id, transform) for transform in message.transforms)
         return TFMessage(list(by_child.values()))
 
     def _check_transforms(self):
         """BagError unless tf connects both cameras."""
-        depth_frame = self._file.first(self._topics["depth"])[0].header.frame_id.lstrip("/")
+        depth_frame = self.first(self.topics["depth"])[0].header.frame_id.lstrip("/")
         rgb_frame = self.rgb_info.header.frame_id.lstrip("/")
-        tree = _Frames(self.static_transforms.transforms)
-        if tree.connected(depth_frame, rgb_frame):
-            return
-        if not self._file.has_topic("/tf") and not self._file.has_topic("/tf_static"):
-            raise BagError(f"{self.path}: no transform: nothing on /tf_static or /tf")
-        for _, message, _ in self._file.read(["/tf"]):
-            tree.add(message.transforms)
-            if tree.connected(depth_frame, rgb_frame):
+        above = {}  # frames that are connected have the same topmost one
+
+        def top(name):
+            while above.get(name, name) != name:
+                name = above[name]
+            return name
+
+        for message in chain([self.static_transforms], (message for _, message, _ in self.read(["/tf"]))):
+            for transform in message.transforms:
+                above[top(transform.child_frame_id.lstrip("/"))] = top(transform.header.frame_id.lstrip("/"))
+            if top(depth_frame) == top(rgb_frame):
                 return
+        if not self.has_topic("/tf") and not self.has_topic("/tf_static"):
+            raise BagError(f"{self.path}: no transform: nothing on /tf_static or /tf")
         raise BagError(f"{self.path}: no transform connects depth frame '{depth_frame}' with colour frame "
                        f"'{rgb_frame}'")
 
@@ -84,25 +85,3 @@ class BagContents:
         except ImageError as error:
             self.problems.append(f"{name}: image of {message.header.stamp.to_sec():.6f}: {error}")
             return None
-
-
-class _Frames:
-    """Disjoint sets of frames, merged by transforms."""
-
-    def __init__(self, transforms):
-        self._root = {}
-        self.add(transforms)
-
-    def add(self, transforms):
-        for transform in transforms:
-            child, parent = (self._find(name.lstrip("/"))
-                             for name in (transform.child_frame_id, transform.header.frame_id))
-            self._root[child] = parent
-
-    def connected(self, a, b):
-        return self._find(a) == self._find(b)
-
-    def _find(self, name):
-        while self._root.setdefault(name, name) != name:
-            name = self._root[name]
-        return name
