@@ -110,16 +110,14 @@ class BagFile:
         return self._bag.get_compression_info().compression
 
     def _open(self):
+        if Path(self.path).is_dir():
+            raise BagError(f"{self.path}: is a folder, not a bag")
         try:
-            if Path(self.path).is_dir():
-                raise BagError(f"{self.path}: is a folder, not a bag")
             return rosbag.Bag(str(self.path))
         except rosbag.ROSBagUnindexedException:
             raise BagError(f"{self.path}: has no index (recording or copy cut off?): try rosbag reindex")
         except OSError as error:
             raise BagError(f"{self.path}: {error.strerror or error}")
-        except BagError:
-            raise
         except UnicodeDecodeError:  # its first line is no text
             raise BagError(f"{self.path}: not a bag")
         except DAMAGE as error:
