@@ -2,34 +2,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Exports brackets of a bag to files that fuse_stack reads: stack/000.png ..., focus.yaml, depth.png, rig/."""
 import errno
-import shlex
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import List, Optional
+from typing import List
 
 import numpy as np
 import yaml
 from tqdm import tqdm
 
-from all_in_focus.bag.brackets import Rules, assemble
+from all_in_focus.bag.brackets import assemble
 from all_in_focus.bag.bag_file import BagError
 from all_in_focus.bag.image_messages import ImageError, bgr, check_color, depth_mm
 from all_in_focus.bag.recorded_rig import RecordedRigError, camera_at, color_frame, depth_problem, optics_at, pose
 from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import whole_folder
-from all_in_focus.files.rig import Optics, Rig, save_rig
+from all_in_focus.files.rig import Rig, save_rig
 from all_in_focus.files.stack import size_text
 
 DEFAULT_OPTICS = "24,4,0.019"  # of the segmenter
-
-
-@dataclass
-class Options:
-    """invalid_values: mm that mean unknown; optics: to use instead of those in the bag."""
-    rules: Rules = field(default_factory=Rules)
-    invalid_values: tuple = (0,)
-    optics: Optional[Optics] = None
 
 
 @dataclass
@@ -40,11 +31,12 @@ class Exported:
     warnings: List[str]
 
 
-def export(bag, output, which, options, force=False):
+def export(bag, output, which, rules, invalid_values=(0,), optics=None, force=False):
     """Writes bracket number `which` of a BagFile into `output`; None: all brackets, into output/bracket_0000 and so on.
 
-    Returns a list of Exported. On any error nothing is left behind and what was there stays. force: whether to replace
-    an earlier export. Raises BagError, OSError.
+    Returns a list of Exported. On any error nothing is left behind and what was there stays. invalid_values: mm that
+    mean unknown; optics: to use instead of those in the bag; force: whether to replace an earlier export. Raises
+    BagError, OSError.
     """
     if Path(output).is_dir() and any(Path(output).iterdir()) and not force:
         raise FileExistsError(errno.EEXIST, "is not empty: choose another folder; --force replaces an earlier export",
@@ -52,7 +44,7 @@ def export(bag, output, which, options, force=False):
     if not bag.has("rgb"):
         raise BagError(f"{bag.path}: no colour image: nothing on {bag.topics['rgb']}")
     found = scan(bag)
-    brackets = assemble(found, options.rules, [head for head in found.depth if not depth_problem(found, head)]).found
+    brackets = assemble(found, rules, [head for head in found.depth if not depth_problem(found, head)]).found
     if not brackets:
         raise BagError(f"{bag.path}: no colour image belongs to a bracket: see check_bag")
     if which is not None and which >= len(brackets):
@@ -65,7 +57,7 @@ def export(bag, output, which, options, force=False):
     with whole_folder(output, "bag_to_stack", results=["fused.png"]) as working, \
             tqdm(total=sum(len(bracket.frames) for bracket in chosen.values()), unit="frame", disable=None) as bar:
         for part, bracket in chosen.items():
-            writer = _BracketWriter(bag, found, bracket, options, working / part)
+            writer = _BracketWriter(bag, found, bracket, rules.max_age, invalid_values, optics, working / part)
             exported.append(writer.write(Path(output) / part, bar))
     return exported
 
@@ -73,8 +65,9 @@ def export(bag, output, which, options, force=False):
 class _BracketWriter:
     """Writes one bracket into one folder, a Path."""
 
-    def __init__(self, bag, found, bracket, options, folder):
-        self._bag, self._scan, self._bracket, self._options, self._folder = bag, found, bracket, options, folder
+    def __init__(self, bag, found, bracket, max_age, invalid_values, optics, folder):
+        self._bag, self._scan, self._bracket, self._folder = bag, found, bracket, folder
+        self._max_age, self._invalid_values, self._optics = max_age, invalid_values, optics
         self._digits = max(3, len(str(bracket.frames[-1].index)))  # names sort like the frames
         self._warnings = []
 
@@ -124,7 +117,7 @@ class _BracketWriter:
         if head is None:
             self._warnings.append(f"no depth: {self._no_depth()}")
             return False
-        self._write_png("depth.png", depth_mm(fetch(self._bag, "depth", head), self._options.invalid_values))
+        self._write_png("depth.png", depth_mm(fetch(self._bag, "depth", head), self._invalid_values))
         order = self._bracket.frames[0].head.order
         try:
             cameras = camera_at(self._scan, "depth", head.order), camera_at(self._scan, "rgb", head.order)
@@ -133,7 +126,7 @@ class _BracketWriter:
         except RecordedRigError as error:
             self._warnings.append(f"no rig, so depth.png is of no use: {error}")
             return False
-        optics = self._options.optics or optics_at(self._scan, order)
+        optics = self._optics or optics_at(self._scan, order)
         if optics is None:
             self._warnings.append(f"the bag does not say what the lens was: the nodes take {DEFAULT_OPTICS} "
                                   "(f,F,coc); --optics")
@@ -145,7 +138,7 @@ class _BracketWriter:
         if not self._scan.depth:
             return f"nothing on {self._bag.topics['depth']}"
         problem = depth_problem(self._scan, self._scan.depth[0])
-        return problem or f"none is at or before the first frame and not older than {self._options.rules.max_age:g} s"
+        return problem or f"none is at or before the first frame and not older than {self._max_age:g} s"
 
     def _write_focus(self, written):
         """Returns whether any focus distance is known."""
@@ -179,8 +172,3 @@ def millimetres(distance):
     mm = distance * 1000
     candidates = (round(mm, 6) if np.isfinite(mm) else mm, mm, np.nextafter(mm, 0), np.nextafter(mm, np.inf))
     return float(next((value for value in candidates if value / 1000 == distance), mm))
-
-
-def shell(command):
-    """The words of a command as one line for a shell."""
-    return " ".join(shlex.quote(part) for part in command)
