@@ -64,16 +64,15 @@ class _Checker:
     def _check(self, name):
         return Check(self._report, name)
 
-    def _skip(self, name):
-        self._report.skipped.append(name)
+    def _skip(self, *names):
+        self._report.skipped += names
 
     def _scan_has(self, kind):
         return self._scan.counts.get(kind, 0) > 0
 
     def _check_timing(self, brackets, assembled, usable):
         if not self._scan.rgb:
-            for name in ("stamps", "brackets", "depth in time"):
-                self._skip(name)
+            self._skip("stamps", "brackets", "depth in time")
             return
         alone = not any(bracket.depth for bracket in brackets)
         check_stamps(self._check("stamps"), self._bag, self._scan, alone)
@@ -101,8 +100,7 @@ class _Checker:
     def _check_depth(self, usable, said):
         """Returns the sampled depth images, mm."""
         if not usable:
-            self._skip("depth values")
-            self._skip("overlap")
+            self._skip("depth values", "overlap")
             return []
         messages = [fetch(self._bag, "depth", head) for head in sample(usable, DEPTH_SAMPLES)]
         images = [depth_mm(message, self._invalid_values) for message in messages]
@@ -123,8 +121,7 @@ class _Checker:
             bracket.frames = [frame for frame in bracket.frames if frame.head.order in fit]
         brackets = [bracket for bracket in brackets if bracket.frames]
         if not brackets:
-            for name in ("focus steps", "exposure", "focus change"):
-                self._skip(name)
+            self._skip("focus steps", "exposure", "focus change")
             return
         if self._report.failed("optics"):
             self._skip("focus steps")
