@@ -219,17 +219,13 @@ def shifted(path, columns, output):
 
 def _known(scene):
     """Arguments of fuse_stack for what is known beside the frames."""
-    beside, arguments = scene.beside, []
-    if "rig" in beside:
-        arguments += ["--rig", beside["rig"]]
-    if scene.optics:
-        arguments += ["--optics", scene.optics]
-    if "focus" in beside:
-        arguments += ["--focus", beside["focus"]]
+    beside = scene.beside
+    known = {"--rig": beside.get("rig"), "--optics": scene.optics, "--focus": beside.get("focus")}
     for key, option in (("depth", "--depth"), ("registered_depth", "--registered-depth"), ("label", "--label-map")):
         if key in beside:
-            return arguments + [option, beside[key]]
-    return arguments
+            known[option] = beside[key]
+            break
+    return [part for option, value in known.items() if value for part in (option, value)]
 
 
 def _stack(scene, folder):

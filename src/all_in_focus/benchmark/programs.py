@@ -4,6 +4,7 @@
 import hashlib
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -60,7 +61,9 @@ def versions():
         except ImportError:
             pass
     if shutil.which("enfuse"):
-        found["enfuse"] = _first_line(["enfuse", "--version"])
+        said = subprocess.run(["enfuse", "--version"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                              errors="replace").stdout
+        found["enfuse"] = said.strip().partition("\n")[0] or "unknown"
     found.update(code=code_digest(), fuse_stack=fusion_digest(), nodes=nodes_digest(), machine=platform.node(),
                  system=platform.platform(), processor=f"{os.cpu_count()} x {_processor()}")
     return found
@@ -73,18 +76,6 @@ def _package_version():
         return "from sources"
 
 
-def _first_line(command):
-    said = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
-                          errors="replace").stdout.strip().splitlines()
-    return said[0] if said else "unknown"
-
-
 def _processor():
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
-            for line in file:
-                if line.startswith("model name"):
-                    return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.machine()
+    model = re.search(r"^model name\s*:(.*)", Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace"), re.M)
+    return model[1].strip() if model else platform.machine()
