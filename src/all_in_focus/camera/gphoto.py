@@ -40,10 +40,13 @@ class GphotoCamera(Camera):
         except gp.GPhoto2Error as error:
             raise CameraError(error.code, doing, "; ".join(self._driver_messages) or error.string)
 
-    def _opened(self):
+    @contextlib.contextmanager
+    def _opened(self, doing):
+        """The open camera, whose errors become CameraError."""
         if self._camera is None:
             raise CameraError(IO, detail="not open")
-        return self._camera
+        with self._errors(doing):
+            yield self._camera
 
     def open(self):
         self.close()
@@ -86,8 +89,7 @@ class GphotoCamera(Camera):
                 camera.exit(self._context)
 
     def get_config(self, name):
-        camera = self._opened()
-        with self._errors(f"reading '{name}'"):
+        with self._opened(f"reading '{name}'") as camera:
             widget = camera.get_single_config(name, self._context)
             kind = widget.get_type()
             low, high = widget.get_range()[:2] if kind == gp.GP_WIDGET_RANGE else (None, None)
@@ -95,9 +97,8 @@ class GphotoCamera(Camera):
                           bool(widget.get_readonly()))
 
     def set_config(self, name, value):
-        camera = self._opened()
         doing = f"setting '{name}' to {value}"
-        with self._errors(doing):
+        with self._opened(doing) as camera:
             widget = camera.get_single_config(name, self._context)
             try:
                 widget.set_value(_typed(widget.get_type(), value))
@@ -106,8 +107,7 @@ class GphotoCamera(Camera):
             camera.set_single_config(name, widget, self._context)
 
     def capture(self):
-        camera = self._opened()
-        with self._errors("releasing the shutter"):
+        with self._opened("releasing the shutter") as camera:
             try:
                 camera.trigger_capture(self._context)
             except gp.GPhoto2Error as error:
@@ -119,26 +119,22 @@ class GphotoCamera(Camera):
     def wait_for_event(self, seconds):
         if self._captured:
             return Event(FILE_ADDED, self._captured.pop(0))
-        camera = self._opened()
-        with self._errors("waiting for the camera"):
+        with self._opened("waiting for the camera") as camera:
             kind, data = camera.wait_for_event(max(1, round(1000 * seconds)), self._context)
         if kind == gp.GP_EVENT_FILE_ADDED:
             return Event(FILE_ADDED, posixpath.join(data.folder, data.name))
         return None if kind == gp.GP_EVENT_TIMEOUT else Event(OTHER)
 
     def capture_preview(self):
-        camera = self._opened()
-        with self._errors("reading live view"):
+        with self._opened("reading live view") as camera:
             return _content(camera.capture_preview(*_NEW_FILE, self._context))
 
     def download(self, path):
-        camera = self._opened()
-        with self._errors(f"downloading {path}"):
+        with self._opened(f"downloading {path}") as camera:
             return _content(camera.file_get(*posixpath.split(path), gp.GP_FILE_TYPE_NORMAL, *_NEW_FILE, self._context))
 
     def delete(self, path):
-        camera = self._opened()
-        with self._errors(f"deleting {path}"):
+        with self._opened(f"deleting {path}") as camera:
             camera.file_delete(*posixpath.split(path), self._context)
 
 
