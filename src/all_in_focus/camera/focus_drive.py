@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from all_in_focus.camera.interface import BAD_PARAMETERS, CAMERA_ERROR, CameraError
+from all_in_focus.camera.interface import BAD_PARAMETERS, CAMERA_ERROR, CameraError, find_widget
 from all_in_focus.camera.makers import CHOICES, POSITION
 
 READ_BACK = 5.0  # s that the lens may take to reach an absolute position
@@ -43,13 +43,8 @@ class FocusDrive:
 
     def _find(self):
         for name in self.maker.widgets:
-            try:
-                widget = self._camera.get_config(name)
-            except CameraError as error:
-                if error.lost:
-                    raise
-                continue
-            if not widget.read_only:
+            widget = find_widget(self._camera, name)
+            if widget is not None and not widget.read_only:
                 return widget
         raise CameraError(BAD_PARAMETERS, "looking for the focus drive",
                           f"no widget {' or '.join(self.maker.widgets)}: is the lens in the mode in which the camera "

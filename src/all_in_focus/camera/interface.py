@@ -93,6 +93,16 @@ class Camera:
     """
 
 
+def find_widget(camera, name):
+    """The widget; None if the camera has none of this name. Raises CameraError only if the camera is lost."""
+    try:
+        return camera.get_config(name)
+    except CameraError as error:
+        if error.lost:
+            raise
+        return None
+
+
 class RetryingCamera:
     """Forwards every call to `camera` and repeats it for up to `patience` seconds while the camera is busy."""
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Fixes exposure, white balance and autofocus during a bracket, and restores them afterwards."""
-from all_in_focus.camera.interface import CameraError
+from all_in_focus.camera.interface import CameraError, find_widget
 
 MODES = ("autoexposuremode", "expprogram")
 # The values that the camera has metered: read before the exposure mode changes, and set again in the new mode.
@@ -27,7 +27,7 @@ class SettingsHold:
 
     def hold(self, warnings):
         """Raises CameraError only if the camera is lost."""
-        metered = [(name, self._read(name)) for name in EXPOSURE]
+        metered = [(name, find_widget(self._camera, name)) for name in EXPOSURE]
         untold = [name for name, widget in metered if widget is not None and _is_automatic(widget.value)]
         for name, values in self._holds.items():
             if untold and name in MODES:
@@ -35,11 +35,11 @@ class SettingsHold:
                 continue
             self._take(name, values, "the exposure or the focus may change within the bracket", warnings)
         for name, values in self._fixed.items():
-            widget = self._read(name)
+            widget = find_widget(self._camera, name)
             if widget is not None and _is_automatic(widget.value):
                 self._take(name, values, "it may change within the bracket", warnings)
         for name, before in metered:
-            now = self._read(name)
+            now = find_widget(self._camera, name)
             if before is not None and now is not None and now.value != before.value and before.value in now.choices:
                 self._set(name, before.value, now.value)
 
@@ -68,24 +68,15 @@ class SettingsHold:
         if first:
             raise first
 
-    def _read(self, name):
-        """The widget; None if the camera has none of this name."""
-        try:
-            return self._camera.get_config(name)
-        except CameraError as error:
-            if error.lost:
-                raise
-            return None
-
     def _warn_of_untold_exposure(self, name, values, untold, warnings):
         """Manual mode is left alone: without the metered values the pictures could have any exposure."""
-        widget = self._read(name)
+        widget = find_widget(self._camera, name)
         if widget is not None and str(widget.value) not in values:
             warnings.append(f"'{name}' is '{widget.value}' and the camera does not tell the '{untold}' that it has "
                             "metered: set it to manual yourself, the exposure may change within the bracket")
 
     def _take(self, name, values, consequence, warnings):
-        widget = self._read(name)
+        widget = find_widget(self._camera, name)
         if widget is None or str(widget.value) in values:
             return
         wanted = next((value for value in values if value in widget.choices), None)
