@@ -11,30 +11,7 @@ from std_msgs.msg import Header
 from all_in_focus.camera import parameters
 from all_in_focus.files.rig import load_camera
 from all_in_focus.files.rig_messages import camera_info
-from all_in_focus.files.stack import StackError, read_depth
-
-
-class DepthFileCamera:
-    """path: 16-bit image, mm; rig: folder with its depth.yaml."""
-
-    def __init__(self, path, rig, frame_id):
-        depth, self._camera = read_depth(path), load_camera(str(Path(rig) / "depth.yaml"))
-        height, width = depth.shape
-        if (self._camera.width, self._camera.height) != (width, height):
-            raise StackError(f"{path}: {width}x{height} pixels, but depth.yaml says "
-                             f"{self._camera.width}x{self._camera.height}")
-        self._message = cv_bridge.CvBridge().cv2_to_imgmsg(depth, "16UC1")
-        self._frame_id = frame_id
-        self._image_publisher = rospy.Publisher("depth/image_raw", Image, queue_size=1)
-        self._info_publisher = rospy.Publisher("depth/camera_info", CameraInfo, queue_size=1)
-
-    def publish(self, stamp):
-        """Publish the image and its camera_info, if somebody subscribes to either."""
-        if not (self._image_publisher.get_num_connections() or self._info_publisher.get_num_connections()):
-            return
-        self._message.header = Header(stamp=stamp, frame_id=self._frame_id)
-        self._info_publisher.publish(camera_info(self._camera, self._message.header))
-        self._image_publisher.publish(self._message)
+from all_in_focus.files.stack import read_depth
 
 
 def publish():
@@ -44,7 +21,14 @@ def publish():
         if not path:
             raise parameters.ParameterError(f"~{name} is missing")
     rate = rospy.Rate(parameters.number("rate", 5.0, 0.1))
-    camera = DepthFileCamera(paths["depth"], paths["rig"], parameters.text("frame_id", "depth_optical_frame"))
+    camera = load_camera(str(Path(paths["rig"], "depth.yaml")))
+    message = cv_bridge.CvBridge().cv2_to_imgmsg(read_depth(paths["depth"], camera), "16UC1")
+    frame_id = parameters.text("frame_id", "depth_optical_frame")
+    images = rospy.Publisher("depth/image_raw", Image, queue_size=1)
+    infos = rospy.Publisher("depth/camera_info", CameraInfo, queue_size=1)
     while not rospy.is_shutdown():
-        camera.publish(rospy.Time.now())
+        if images.get_num_connections() or infos.get_num_connections():
+            message.header = Header(stamp=rospy.Time.now(), frame_id=frame_id)
+            infos.publish(camera_info(camera, message.header))
+            images.publish(message)
         rate.sleep()

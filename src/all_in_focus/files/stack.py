@@ -156,11 +156,13 @@ def _silent_libraries():
         os.close(nowhere)
 
 
-def read_depth(path):
-    """Depth image in mm (16 bit, one channel), 0 = unknown."""
+def read_depth(path, camera=None):
+    """Depth image in mm (16 bit, one channel), 0 = unknown; camera: of depth.yaml, whose size it must have."""
     image = read_image(path, cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint16 or image.ndim != 2:
         raise StackError(f"{path}: expected a 16-bit image with one channel (depth in mm)")
+    if camera and image.shape != (camera.height, camera.width):
+        raise StackError(f"{path}: {size_text(image)} pixels, but depth.yaml says {camera.width}x{camera.height}")
     return image
 
 
