@@ -24,11 +24,6 @@ from suite import MAKE_SCENE
 FRAMES = (2, 5, 15, 50, 150, 540)
 SWEEP = 30  # different frames
 MODES = ("paper", "refined")
-# In a small process of its own: the kernel counts the memory of the one that starts a program as the program's, too.
-PEAK_MEMORY = """import os, resource, sys
-status = os.spawnv(os.P_WAIT, sys.argv[1], sys.argv[1:])
-sys.stderr.write(f"\\n{resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss}\\n")
-sys.exit(status)"""
 
 
 def parse_arguments():
@@ -55,16 +50,6 @@ def make_stack(scene, frames, folder):
     (folder / "focus.yaml").write_text("".join(entries), encoding="utf-8")
 
 
-def run_measured(command):
-    """What a program printed, and its peak memory in MB. RuntimeError where it fails."""
-    result = subprocess.run([sys.executable, "-S", "-c", PEAK_MEMORY, *command], stdout=subprocess.PIPE,
-                            stderr=subprocess.PIPE, universal_newlines=True, errors="replace")
-    *said, peak = result.stderr.splitlines()
-    if result.returncode:
-        raise RuntimeError(said[-1] if said else f"{command[0]} fails")
-    return result.stdout, int(peak) / 1024
-
-
 def measure_frames(program, repetitions, scene):
     """mode -> rows of number of frames, ms of fusion, peak memory in MB."""
     runs = {}
@@ -77,7 +62,7 @@ def measure_frames(program, repetitions, scene):
         todo = [(mode, frames) for _ in range(repetitions) for frames in FRAMES for mode in MODES]
         for mode, frames in tqdm(todo, unit="stack", disable=None):
             stack = folder / str(frames)
-            text, memory = run_measured([
+            text, _, _, memory = steps.run_measured([
                 program, "--stack", stack / "stack", "--focus", stack / "focus.yaml", "--mode", mode, "--rig", scene / "rig",
                 "--depth", scene / "depth.png", "--timings", "--output", folder / "fused.png"])
             fusion_ms = float(re.search(r"fusion ([-+.e\d]+) ms", text)[1])

@@ -8,12 +8,9 @@ the next. fuse_stack runs in mode refined without depth; enfuse beside it, if in
 another build of fuse_stack. Peak memory is that of the program alone.
 """
 import argparse
-import os
 import shlex
 import shutil
-import subprocess
 import tempfile
-import time
 from pathlib import Path
 
 import cv2
@@ -60,20 +57,6 @@ def make_pictures(folder, frames, megapixels):
     return width, height
 
 
-def run(command):
-    """Seconds, CPU seconds and peak MB of a program. Raises RuntimeError with its last line if it fails."""
-    begin = time.monotonic()
-    with tempfile.TemporaryFile("w+") as said:
-        process = subprocess.Popen(command, stdout=said, stderr=said)
-        status, usage = os.wait4(process.pid, 0)[1:]
-        seconds = time.monotonic() - begin
-        process.returncode = status
-        if status:
-            said.seek(0)
-            raise RuntimeError(f"{command[0]}: {(said.read().strip().splitlines() or ['failed'])[-1]}")
-    return seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
-
-
 def main():
     args = parse_arguments()
     with tempfile.TemporaryDirectory() as folder:
@@ -88,7 +71,8 @@ def main():
         commands.update(peer.split("=", 1) for peer in args.peer)
         runs = {name: [] for name in commands}
         for name in tqdm([name for _ in range(args.repetitions) for name in commands], disable=None):
-            runs[name].append(run(shlex.split(commands[name].format(stack=stack, files=files, output=output))))
+            command = shlex.split(commands[name].format(stack=stack, files=files, output=output))
+            runs[name].append(steps.run_measured(command)[1:])
     medians = {name: np.median(values, axis=0) for name, values in runs.items()}
     ours = next(iter(medians.values()))[0]
     runs_told = "one run" if args.repetitions == 1 else f"medians of {args.repetitions} runs"

@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs bench_steps and makes tables of what it says."""
+"""Runs bench_steps and makes tables of what it says; measures time and memory of other programs."""
 import json
 import re
 import statistics
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -29,6 +30,25 @@ TITLES = {
 }
 NAME = re.compile(r"(?P<step>.+?)/width:(?P<width>\d+)/height:(?P<height>\d+)/threads:(?P<threads>\d+)")
 COUNTERS = ("copies", "allocations", "allocated_bytes", "touched_bytes")
+
+# In a small process of its own: the kernel counts the memory of the one that starts a program as the program's, too.
+MEASURE = """import os, resource, sys, time
+begin = time.monotonic()
+status = os.spawnvp(os.P_WAIT, sys.argv[1], sys.argv[1:])
+seconds, usage = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+sys.stderr.write(f"\\n{seconds} {usage.ru_utime + usage.ru_stime} {usage.ru_maxrss}\\n")
+sys.exit(status)"""
+
+
+def run_measured(command):
+    """What a program printed, its seconds, CPU seconds and peak memory in MB. RuntimeError with its last line where it fails."""
+    result = subprocess.run([sys.executable, "-S", "-c", MEASURE, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                            universal_newlines=True, errors="replace")
+    *said, measured = filter(None, result.stderr.splitlines())
+    if result.returncode:
+        raise RuntimeError(said[-1] if said else f"{command[0]} fails")
+    seconds, cpu_seconds, peak_kb = map(float, measured.split())
+    return result.stdout, seconds, cpu_seconds, peak_kb / 1024
 
 
 def run(program=BENCH_STEPS, only=".", repetitions=5, sample=(), min_time=0.1):
