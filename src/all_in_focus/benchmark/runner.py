@@ -11,7 +11,6 @@ from tqdm import tqdm
 from all_in_focus.benchmark import methods, programs, scenes, tasks
 from all_in_focus.benchmark.engine import engine
 from all_in_focus.benchmark.output_files import Run
-from all_in_focus.benchmark.settings import SettingsError
 from all_in_focus.benchmark.store import Store
 
 
@@ -52,13 +51,10 @@ def find_scenes(settings):
 
 def evaluate(settings, fresh=False, say=None):
     """Run (see output_files.Run) and Store of checked settings. say(line): called for every failure and every lost
-    worker; fresh: ignore results of earlier runs. Raises BadInput, SettingsError, engine.EngineError."""
+    worker; fresh: ignore results of earlier runs. Raises ValueError (BadInput of scenes), engine.EngineError."""
     say = say or (lambda line: None)
     found = find_scenes(settings)
-    try:
-        names = methods.expand(settings.methods, found)
-    except ValueError as error:
-        raise SettingsError(error)
+    names = methods.expand(settings.methods, found)
     Path(settings.output).mkdir(parents=True, exist_ok=True)
     name = f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {os.getpid()}"
     run = Run(settings, [], names, {}, [], programs.versions(), name)

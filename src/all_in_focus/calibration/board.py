@@ -194,10 +194,7 @@ class PairFolders:
 
 def _images(folder):
     """File names by stem."""
-    try:
-        names = sorted(path.name for path in Path(folder).iterdir() if is_image_name(path.name))
-    except OSError as error:
-        raise CalibrationError(f"{folder}: {error.strerror}")
+    names = sorted(path.name for path in Path(folder).iterdir() if is_image_name(path.name))
     if not names:
         raise CalibrationError(f"{folder}: holds no images")
     by_stem = {}

@@ -41,7 +41,7 @@ def distortion_of(model, coefficients):
 
 
 class RigError(ValueError):
-    """A rig file that is missing or wrong; the message names the file and the key."""
+    """A rig file or a lens that is missing or wrong; the message names the file and the key."""
 
 
 @dataclass
@@ -89,16 +89,16 @@ class Optics:
         except ValueError:
             values = []
         if len(values) != 3 or not all(value > 0 for value in values):
-            raise ValueError(f"optics '{text}': expected three positive numbers f,F,coc")
+            raise RigError(f"optics '{text}': expected three positive numbers f,F,coc")
         optics = cls(*values)
         optics.validate(f"optics '{text}'")
         return optics
 
     def validate(self, where):
-        """Raises ValueError, which begins with `where`, unless a lens can have these values."""
+        """Raises RigError, which begins with `where`, unless a lens can have these values."""
         for name, (least, most) in OPTICS_RANGES.items():
             if not least <= getattr(self, name) <= most:
-                raise ValueError(f"{where}: {name} must be {least:g} to {most:g}, not {getattr(self, name):g}")
+                raise RigError(f"{where}: {name} must be {least:g} to {most:g}, not {getattr(self, name):g}")
 
 
 @dataclass
@@ -205,10 +205,7 @@ def load_optics(path):
     """Optics from optics.yaml."""
     file = _Reader(path)
     optics = Optics(file.positive("focal_length_mm"), file.positive("aperture"), file.positive("circle_of_confusion_mm"))
-    try:
-        optics.validate(path)
-    except ValueError as error:
-        raise RigError(str(error)) from error
+    optics.validate(path)
     return optics
 
 
