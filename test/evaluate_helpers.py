@@ -3,13 +3,11 @@
 """Runs of scripts/evaluate, and its page read back."""
 import csv
 import json
-import os
-import subprocess
 import sys
 from html.parser import HTMLParser
 
 import pytest
-from file_helpers import SCRIPTS, run_script
+from file_helpers import SCRIPTS, environment, run_script, start
 
 try:
     import distributed
@@ -20,24 +18,17 @@ METHODS = "paper,refined,gf,laplacian"
 needs_dask = pytest.mark.skipif(not distributed, reason="NOT TESTED WITH DASK: python3-distributed cannot be imported")
 
 
-def environment():
-    path = os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")])
-    return dict(os.environ, PATH=path, DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT="10s")
+DASK = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "10s"}
 
 
-def start(*arguments):
-    return subprocess.Popen([sys.executable, SCRIPTS / "evaluate", *map(str, arguments)],
-                            env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
+def start_evaluate(*arguments):
+    return start([sys.executable, SCRIPTS / "evaluate", *arguments], env=environment(**DASK))
 
 
 def evaluate(*arguments, timeout=300):
     """(exit code, stdout, stderr)."""
-    process = start(*arguments)
-    try:
-        out, err = process.communicate(timeout=timeout)
-    finally:
-        process.kill()
-    return process.returncode, out, err
+    done = run_script("evaluate", *arguments, env=environment(**DASK), timeout=timeout)
+    return done.returncode, done.stdout, done.stderr
 
 
 def make_scene(folder, scene="planes", seed=0):

@@ -7,6 +7,7 @@ import signal
 import struct
 import subprocess
 import sys
+import time
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import pytest
 
 SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
 SIZE = (48, 32)  # width, height
+AS_TEXT = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "universal_newlines": True, "errors": "replace"}
 # A BMP of 2^21 x 2^21 pixels, as far as its header goes: OpenCV does not even try.
 ENDLESS_PICTURE = b"BM" + struct.pack("<IHHI IiiHHIIiiII", 54, 0, 0, 54, 40, 1 << 21, 1 << 21, 1, 24, *(0,) * 6)
 
@@ -53,10 +55,33 @@ def focus_file(tmp_path, text):
     return path
 
 
-def run_script(name, *arguments, timeout=300):
-    path = os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")])
-    return subprocess.run([sys.executable, SCRIPTS / name, *map(str, arguments)], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, universal_newlines=True, env=dict(os.environ, PATH=path), timeout=timeout)
+def environment(**more):
+    """The distribution's Python first."""
+    return dict(os.environ, PATH=os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")]), **more)
+
+
+def start(command, **options):
+    """A program at work."""
+    return subprocess.Popen([str(part) for part in command], **{**AS_TEXT, **options})
+
+
+def run(command, **options):
+    """A program that has ended, with what it has printed."""
+    return subprocess.run([str(part) for part in command], **{**AS_TEXT, "timeout": 300, **options})
+
+
+def run_script(name, *arguments, **options):
+    return run([sys.executable, SCRIPTS / name, *arguments], **{"env": environment(), **options})
+
+
+def wait_until(condition, timeout=60.0):
+    """The first true value of condition(), or its last one."""
+    end = time.monotonic() + timeout
+    while True:
+        value = condition()
+        if value or time.monotonic() > end:
+            return value
+        time.sleep(0.02)
 
 
 def call(script, *arguments):

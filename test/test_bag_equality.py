@@ -4,9 +4,7 @@
 import contextlib
 import shutil
 import signal
-import subprocess
 import sys
-import time
 
 import cv2
 import numpy as np
@@ -14,7 +12,7 @@ import psutil
 import pytest
 import rosbag
 
-from file_helpers import SCRIPTS, cut
+from file_helpers import SCRIPTS, cut, start, wait_until
 from tool_helpers import (check_equality, evaluate, expect_refusal, fuse, fuse_stack, read, rosrun, succeeded, texture,
                           unchanged, write)
 
@@ -87,10 +85,10 @@ class Run:
 
     def __init__(self, scene, folder):
         self.output = folder / "out"
-        self.process = subprocess.Popen([sys.executable, SCRIPTS / "evaluate_bag", "--bag", scene.bag, "--output",
-                                         self.output], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.process = start([sys.executable, SCRIPTS / "evaluate_bag", "--bag", scene.bag, "--output", self.output])
         self.family = {}  # command line by process
         self.manager = wait_until(lambda: self.find("evaluation_player") and self.find("__name:=manager"))
+        assert self.manager, "not within a minute"
 
     def find(self, words):
         """The process below evaluate_bag whose command line has these words."""
@@ -105,18 +103,8 @@ class Run:
         assert (self.process.returncode, out) == (code, ""), err
         assert len(err.splitlines()) == (1 if words else 0) and all(word in err for word in words), err
         assert len(self.family) >= 7  # launcher, master, rosout, manager, three loaders, player
-        wait_until(lambda: not any(process.is_running() for process in self.family))
+        assert wait_until(lambda: not any(process.is_running() for process in self.family)), "not within a minute"
         assert not self.output.parent.exists() or not list(self.output.parent.iterdir())
-
-
-def wait_until(condition):
-    end = time.monotonic() + 60
-    while time.monotonic() < end:
-        found = condition()
-        if found:
-            return found
-        time.sleep(0.05)
-    raise AssertionError("not within a minute")
 
 
 @pytest.fixture

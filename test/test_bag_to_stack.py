@@ -9,8 +9,8 @@ import pytest
 import yaml
 from bag_helpers import (COLOR_CAMERA, DEPTH_CAMERA, DIOPTRES, SIZE, changed, compressed, depth_image,
                          frames, good_messages, setting, without, write)
-from file_helpers import call, run_script
-from tool_helpers import check_equality, evaluate, fuse, read, run, snapshot, succeeded, tool, unchanged
+from file_helpers import call, run, run_script
+from tool_helpers import check_equality, evaluate, fuse, read, snapshot, succeeded, tool, unchanged
 
 from all_in_focus.bag.export import millimetres
 from all_in_focus.bag.image_messages import to_message

@@ -4,8 +4,6 @@
 import math
 import os
 import resource
-import subprocess
-import sys
 
 import cv2
 import numpy as np
@@ -19,7 +17,7 @@ from all_in_focus.bag.contents import BagContents, BagError, Topics
 from all_in_focus.bag.writer import stamp_of, write_bag
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack
-from file_helpers import SCRIPTS, SIZE, cut, focus_file, pictures, run_script, write_stack
+from file_helpers import SIZE, cut, focus_file, pictures, run_script, write_stack
 
 ROTATION = [0.0, 0.0, 0.6, 0.8]
 
@@ -133,21 +131,16 @@ def test_make_bag_on_a_full_disk(tmp_path, rig, depth):
     folder = write_stack(tmp_path / "stack", [f"{index:02d}.png" for index in range(20)])
     (rig / "optics.yaml").unlink()
     before = sorted(os.listdir(tmp_path))
-    path = SCRIPTS / "make_bag"
-    done = subprocess.run([sys.executable, path, "--depth", str(tmp_path / "depth.png"), "--rig", rig, "--stack",
-                           folder, "--output", str(tmp_path / "x.bag")], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          universal_newlines=True,
-                          preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000)))
+    done = run_script("make_bag", "--depth", tmp_path / "depth.png", "--rig", rig, "--stack", folder, "--output",
+                      tmp_path / "x.bag", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000)))
     assert (done.returncode, done.stderr) == (2, f"make_bag: {tmp_path / 'x.bag'}: File too large\n")
     assert sorted(os.listdir(tmp_path)) == before
 
 
 def test_make_scene_on_a_full_disk(tmp_path):
     """One line, without one of the PNG library's."""
-    command = [sys.executable, SCRIPTS / "make_scene", "--scene", "planes", "--size", "160x120", "--frames", "2",
-               "--output", str(tmp_path / "scene")]
-    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
-                          preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)))
+    done = run_script("make_scene", "--scene", "planes", "--size", "160x120", "--frames", 2, "--output", tmp_path / "scene",
+                      preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)))
     assert done.returncode == 2
     assert done.stderr.startswith(f"make_scene: {tmp_path / 'scene'}") and done.stderr.endswith(": File too large\n")
     assert done.stderr.count("\n") == 1

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The benchmark programs: wrong arguments give one line; tables come out of what bench_steps writes."""
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from file_helpers import run
 
 BENCH = Path(__file__).resolve().parent.parent / "bench"
 sys.path.insert(0, str(BENCH))
@@ -20,8 +20,7 @@ import steps  # noqa: E402
     "report.py --rig x --depth x --parts steps --bench-steps /none"])
 def test_wrong_arguments_give_one_line(line, tmp_path):
     program, *arguments = line.split()
-    done = subprocess.run([sys.executable, BENCH / program, *arguments], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, universal_newlines=True, cwd=str(tmp_path), timeout=600)
+    done = run([sys.executable, BENCH / program, *arguments], cwd=str(tmp_path), timeout=600)
     assert (done.returncode, done.stdout) == (2, ""), done.stderr
     assert len(done.stderr.splitlines()) == 1 and done.stderr.startswith(program + ": "), done.stderr
     assert not list(tmp_path.iterdir())

@@ -9,8 +9,8 @@ import sys
 import time
 
 import pytest
-from file_helpers import SCRIPTS
-from tool_helpers import TwoPlanes, run, succeeded
+from file_helpers import SCRIPTS, run, start
+from tool_helpers import TwoPlanes, succeeded
 
 PROGRAMS = sorted(path.name for path in SCRIPTS.iterdir()
                   if path.is_file() and path.read_bytes().startswith(b"#!/usr/bin/python3")
@@ -41,8 +41,7 @@ run(main)
 
 
 def program(code, *arguments, **options):
-    return subprocess.Popen([sys.executable, "-c", code, *map(str, arguments)], stdout=subprocess.PIPE,
-                            stderr=subprocess.PIPE, universal_newlines=True, **options)
+    return start([sys.executable, "-c", code, *arguments], **options)
 
 
 def test_every_program_begins_and_ends_alike():
@@ -82,8 +81,7 @@ def test_a_program_at_work_leaves_nothing(tmp_path, name, options, number):
         os.link(str(planes.stack / "00.png"), str(planes.folder / "many" / f"{index:04d}.png"))
     (tmp_path / "out").mkdir()
     command = [word.format(tmp_path / "out", planes.folder) for word in options]
-    with subprocess.Popen([sys.executable, SCRIPTS / name, *command], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, universal_newlines=True) as process:
+    with start([sys.executable, SCRIPTS / name, *command]) as process:
         while not list((tmp_path / "out").iterdir()) and process.poll() is None:
             time.sleep(0.01)
         process.send_signal(number)
@@ -100,8 +98,7 @@ def test_an_interrupt_that_the_parent_ignores_stays_ignored():
 
 def test_a_node_that_waits_for_a_master_can_be_interrupted():
     environment = dict(os.environ, ROS_MASTER_URI="http://localhost:9", PYTHONUNBUFFERED="1")
-    with subprocess.Popen([sys.executable, SCRIPTS / "rig_publisher"], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          universal_newlines=True, env=environment) as process:
+    with start([sys.executable, SCRIPTS / "rig_publisher"], env=environment) as process:
         assert "master may not be running yet" in process.stdout.readline()
         while process.poll() is None:  # rospy may lose the first one, while it installs its own handlers
             process.send_signal(signal.SIGINT)
@@ -112,8 +109,7 @@ def test_a_node_that_waits_for_a_master_can_be_interrupted():
 
 def test_a_node_with_parameters_says_that_there_is_no_master():
     environment = dict(os.environ, ROS_MASTER_URI="http://localhost:9")
-    ended = subprocess.run([sys.executable, SCRIPTS / "rig_publisher", "_rig:=rig"], stderr=subprocess.PIPE,
-                           universal_newlines=True, env=environment, timeout=300)
+    ended = run([sys.executable, SCRIPTS / "rig_publisher", "_rig:=rig"], env=environment)
     assert ended.returncode == 2 and ended.stderr == (
         "rig_publisher: the ROS master at http://localhost:9 does not answer: start roscore, or compare ROS_MASTER_URI\n")
 

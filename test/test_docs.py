@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from all_in_focus.files.rig import Optics, load_rig
-from tool_helpers import run, tool
+from file_helpers import run
+from tool_helpers import tool
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]

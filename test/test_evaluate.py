@@ -10,7 +10,7 @@ import time
 import cv2
 import numpy as np
 import pytest
-from evaluate_helpers import METHODS, Page, evaluate, make_scene, needs_dask, results, rows, start
+from evaluate_helpers import METHODS, Page, evaluate, make_scene, needs_dask, results, rows, start_evaluate
 from tool_helpers import read, rosrun, succeeded
 
 from all_in_focus import metrics
@@ -208,7 +208,7 @@ def test_windows_where_images_differ_lie_apart_and_inside():
 
 
 def test_an_interrupted_run_says_so_and_keeps_what_it_has(scenes, tmp_path):
-    run = start(scenes / "planes", scenes / "pair", "--methods", METHODS, "--output", tmp_path)
+    run = start_evaluate(scenes / "planes", scenes / "pair", "--methods", METHODS, "--output", tmp_path)
 
     def kept_results():
         return [path for path in tmp_path.glob("results/*/*/result.json") if path.parent.suffix != ".incomplete"]

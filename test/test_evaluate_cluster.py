@@ -12,7 +12,8 @@ import time
 import urllib.request
 
 import pytest
-from evaluate_helpers import METHODS, environment, evaluate, make_scene, results, start
+from evaluate_helpers import DASK, METHODS, evaluate, make_scene, results, start_evaluate
+from file_helpers import environment
 
 from all_in_focus.benchmark.engine import engine
 
@@ -53,7 +54,7 @@ class Cluster:
     def _start(self, program, *arguments):
         log = (self._folder / f"{program}_{len(self.processes)}.log").open("w")
         self.processes.append(subprocess.Popen([sys.executable, "-m", "distributed.cli." + program, *arguments],
-                                               stdout=log, stderr=log, env=environment(), cwd=str(self._folder)))
+                                               stdout=log, stderr=log, env=environment(**DASK), cwd=str(self._folder)))
         return self.processes[-1]
 
     def add_worker(self):
@@ -87,7 +88,7 @@ def expect_same(folder, alone):
 
 
 def test_a_killed_worker_loses_nothing(scenes, alone, cluster, tmp_path):
-    run = start(*scenes, "--methods", METHODS, "--output", tmp_path / "out", "--scheduler", cluster.address)
+    run = start_evaluate(*scenes, "--methods", METHODS, "--output", tmp_path / "out", "--scheduler", cluster.address)
     try:
         deadline = time.monotonic() + 120
         while not list(tmp_path.glob("out/results/*/*/result.json")):
@@ -109,7 +110,7 @@ def test_a_killed_worker_loses_nothing(scenes, alone, cluster, tmp_path):
 
 def test_a_lost_scheduler_is_told_and_the_run_goes_on_later(scenes, alone, cluster, tmp_path):
     arguments = [*scenes, "--methods", METHODS, "--output", tmp_path / "out"]
-    run = start(*arguments, "--scheduler", cluster.address)
+    run = start_evaluate(*arguments, "--scheduler", cluster.address)
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob("out/results/*/*/result.json")):
         assert run.poll() is None and time.monotonic() < deadline, run.communicate()

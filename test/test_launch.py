@@ -14,15 +14,7 @@ import pytest
 import rosgraph
 
 from all_in_focus.replay.launch import Death, Launch, child_environment
-
-TIMEOUT = 60  # s
-
-
-def wait_until(condition):
-    end = time.monotonic() + TIMEOUT
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.05)
+from file_helpers import wait_until
 
 
 def is_alive(pid):
@@ -53,7 +45,7 @@ class Nodes:
 
     def pid(self, name):
         path = self.folder / name
-        wait_until(lambda: path.exists() and path.read_text())
+        assert wait_until(lambda: path.exists() and path.read_text())
         return int(path.read_text())
 
 
@@ -83,7 +75,7 @@ def test_the_death_of_a_required_node_ends_the_others_and_is_told(nodes):
     with nodes.launch() as launch:
         other = nodes.pid("other")
         os.kill(nodes.pid("victim"), signal.SIGKILL)
-        wait_until(launch.ended)
+        assert wait_until(launch.ended)
         assert [(death.node, death.code) for death in launch.deaths] == [("victim", -signal.SIGKILL)]
         assert launch.reason() == "victim was ended by SIGKILL"
         assert not is_alive(other)
@@ -95,14 +87,14 @@ def test_the_exit_code_and_the_last_words_of_a_node_are_told(nodes):
     for number in range(5):
         nodes.add(f"other_{number}", FOREVER)
     with nodes.launch() as launch:
-        wait_until(launch.ended)
+        assert wait_until(launch.ended)
         assert launch.reason() == "short ended with exit code 1: no such lens"
 
 
 def test_a_node_that_is_not_required_may_end(nodes):
     nodes.add("short", "sys.exit(4)").add("other", FOREVER)
     with nodes.launch() as launch:
-        wait_until(lambda: launch.deaths)
+        assert wait_until(lambda: launch.deaths)
         assert str(launch.deaths[0]) == "short ended with exit code 4"
         time.sleep(1.0)
         assert not launch.ended() and is_alive(nodes.pid("other"))
@@ -116,7 +108,7 @@ def test_a_node_that_is_not_required_may_end(nodes):
 def test_what_cannot_be_launched_is_told_in_one_line(tmp_path, text, reason):
     (tmp_path / "x.launch").write_text(text)
     with Launch(tmp_path, [tmp_path / "x.launch"]) as launch:
-        wait_until(launch.ended)
+        assert wait_until(launch.ended)
         assert reason in launch.reason() and "\n" not in launch.reason()
         assert not launch.deaths
 
@@ -137,16 +129,16 @@ def test_what_is_printed_goes_to_a_file(nodes, tmp_path):
     nodes.add("talker", f"print('this is said', flush=True)\n{FOREVER}", 'output="screen"')
     with open(tmp_path / "printed", "w+", encoding="utf-8") as printed:
         with nodes.launch(verbose=printed):
-            wait_until(lambda: printed.flush() or "this is said" in (tmp_path / "printed").read_text())
+            assert wait_until(lambda: printed.flush() or "this is said" in (tmp_path / "printed").read_text())
 
 
 def test_a_node_that_comes_again_is_known_by_its_new_process(nodes):
     nodes.add("phoenix", FOREVER, 'respawn="true"')
     with nodes.launch() as launch:
         pid = nodes.pid("phoenix")
-        wait_until(lambda: pid in launch._running.values())
+        assert wait_until(lambda: pid in launch._running.values())
         os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: nodes.pid("phoenix") != pid and nodes.pid("phoenix") in launch._running.values())
+        assert wait_until(lambda: nodes.pid("phoenix") != pid and nodes.pid("phoenix") in launch._running.values())
         assert str(launch.deaths[0]) == "phoenix was ended by SIGKILL"
 
 
@@ -157,7 +149,7 @@ def test_everything_started_is_ended(nodes):
     with nodes.launch(grace=(1.0, 1.0)) as launch:
         pids = [nodes.pid("stubborn"), nodes.pid("child")]
         assert rosgraph.is_master_online(launch.master_uri)
-    wait_until(lambda: not any(map(is_alive, pids)))
+    assert wait_until(lambda: not any(map(is_alive, pids)))
     assert not rosgraph.is_master_online(launch.master_uri)
     assert launch.ended() and launch.reason() is None
 
@@ -166,10 +158,10 @@ def test_nothing_stays_where_the_launcher_is_killed(nodes):
     nodes.add("stubborn", STUBBORN + FOREVER)
     with nodes.launch() as launch:
         pid = nodes.pid("stubborn")
-        wait_until(lambda: any(name.startswith("stubborn") for name in launch._running))
+        assert wait_until(lambda: any(name.startswith("stubborn") for name in launch._running))
         launch._process.kill()
-        wait_until(launch.ended)
-    wait_until(lambda: not is_alive(pid))
+        assert wait_until(launch.ended)
+    assert wait_until(lambda: not is_alive(pid))
     assert not rosgraph.is_master_online(launch.master_uri)
     assert launch.reason().startswith("the launcher was ended by SIGKILL")
 
@@ -185,4 +177,4 @@ def test_nothing_stays_where_the_caller_is_killed(nodes):
     master_uri, pid = caller.stdout.readline().strip(), nodes.pid("node")
     caller.kill()
     caller.communicate()
-    wait_until(lambda: not is_alive(pid) and not rosgraph.is_master_online(master_uri))
+    assert wait_until(lambda: not is_alive(pid) and not rosgraph.is_master_online(master_uri))

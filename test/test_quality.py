@@ -3,14 +3,13 @@
 """Measures of quality, and the program that compares methods by them."""
 import json
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from file_helpers import run_script
+from file_helpers import run, run_script
 from skimage.metrics import structural_similarity
 from tool_helpers import tool
 
@@ -30,8 +29,7 @@ COPY = "copy=cp {stack}/000.png {output}"
 
 def compare(*arguments):
     """Run bench/quality.py; its own output is parsed by `tables`."""
-    return subprocess.run([sys.executable, BENCH / "quality.py", *map(str, arguments)],
-                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=100)
+    return run([sys.executable, BENCH / "quality.py", *arguments])
 
 
 def tables(markdown):

@@ -3,9 +3,7 @@
 """Thin-lens bracket, depth camera and scenes of make_scene."""
 import filecmp
 import os
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 
 import cv2
 import numpy as np
@@ -21,14 +19,10 @@ from all_in_focus.simulation.photograph import peel_layers
 from all_in_focus.files.rig import Camera, Optics, load_rig
 from all_in_focus.metrics.truth import Truth
 from all_in_focus.simulation.presets import SCENES
+from file_helpers import run_script
 
-MAKE_SCENE = Path(__file__).resolve().parent.parent / "scripts" / "make_scene"
 OPTICS = Optics(50.0, 2.0, 0.03)
-
-
-def make_scene(*arguments):
-    return subprocess.run([sys.executable, MAKE_SCENE] + [str(a) for a in arguments], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, universal_newlines=True)
+make_scene = partial(run_script, "make_scene")
 
 
 def flat(color, depth, alpha=None, size=(80, 120)):

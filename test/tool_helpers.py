@@ -2,10 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """fuse_stack, segment_depth and the programs of the package as they are called at the command line."""
 import json
-import os
 import re
 import shutil
-import subprocess
 import sys
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +14,7 @@ import numpy as np
 import all_in_focus
 from all_in_focus.files.output_folder import MARK
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
+from file_helpers import environment, run
 
 # The space that the package is imported from: prefix/lib/python3/dist-packages/all_in_focus/__init__.py.
 PREFIX = Path(all_in_focus.__file__).absolute().parents[4]
@@ -23,11 +22,6 @@ SIZE = (64, 48)  # width, height
 NEAR, FAR = 1000, 3000  # mm; with OPTICS they never share a region
 OPTICS = Optics(24.0, 4.0, 0.019)
 HYPERFOCAL = 24.0 ** 2 / (4.0 * 0.019)
-
-
-def run(command, **options):
-    return subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          universal_newlines=True, errors="replace", timeout=100, **options)
 
 
 def tool(name):
@@ -47,8 +41,7 @@ def segment_depth(*arguments, **options):
 
 def rosrun(name, *arguments):
     """A program of the package through rosrun, in the space's own environment, the distribution's Python first."""
-    path = os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")])
-    return run([PREFIX / "env.sh", "rosrun", "all_in_focus", name, *arguments], env=dict(os.environ, PATH=path))
+    return run([PREFIX / "env.sh", "rosrun", "all_in_focus", name, *arguments], env=environment())
 
 
 def succeeded(done):

@@ -12,12 +12,11 @@ import rospy
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
-from camera_testing import HERE, SCRIPTS, CameraTest
+from all_in_focus.files.rig import load_rig
+from camera_testing import CameraTest
 from depth_testing import run_tests, wait_until
-
-sys.path.insert(0, str(HERE.parent))
-from all_in_focus.files.rig import load_rig  # noqa: E402
-from board_rendering import board_poses, in_color_camera, mapping_error, rays, render, true_rig  # noqa: E402
+from board_rendering import board_poses, in_color_camera, mapping_error, rays, render, true_rig
+from file_helpers import SCRIPTS, start
 
 PATIENCE = 300  # s
 
@@ -29,9 +28,7 @@ class CalibrateRigTest(CameraTest):
 
     def program(self, name, *options):
         """A script whose relative topics are in this test's namespace."""
-        program = subprocess.Popen([sys.executable, SCRIPTS / name, *map(str, options),
-                                    "__ns:=" + self.namespace],
-                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+        program = start([sys.executable, SCRIPTS / name, *options, "__ns:=" + self.namespace], stderr=subprocess.STDOUT)
         self.addCleanup(program.stdout.close)
         self.addCleanup(program.wait)
         self.addCleanup(program.kill)

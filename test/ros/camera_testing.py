@@ -1,11 +1,8 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Shared by the tests of the camera nodes: starts nodes as processes, and listens to their three topics."""
-import os
-import subprocess
 import sys
 import tempfile
-import threading
 import unittest
 from pathlib import Path
 
@@ -16,36 +13,20 @@ from sensor_msgs.msg import CameraInfo, Image
 from all_in_focus.msg import FocusFrame
 from all_in_focus.files.rig import Camera, Rig, save_rig
 from depth_testing import TIMEOUT, Listener, wait_until
+from process_testing import Talkative
 
 HERE = Path(__file__).resolve().parent
 SCRIPTS = HERE.parent.parent / "scripts"
 TOPICS = {"rgb/image": Image, "rgb/camera_info": CameraInfo, "rgb/focus": FocusFrame}
 
 
-class NodeProcess:
-    """A running node; its output is in `lines`."""
-
+class NodeProcess(Talkative):
     def __init__(self, path, namespace, **parameters):
         arguments = [f"_{name}:={value}" for name, value in parameters.items()]
-        self.lines = []
-        environment = dict(os.environ, PYTHONUNBUFFERED="1", ROSCONSOLE_FORMAT="${message}")
-        self._process = subprocess.Popen([sys.executable, path, "__ns:=" + namespace] + arguments, env=environment,
-                                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
-        self._reader = threading.Thread(target=lambda: self.lines.extend(iter(self._process.stdout.readline, "")))
-        self._reader.start()
-
-    def said(self, words, timeout=TIMEOUT):
-        """The first line with these words, None if it does not come."""
-        return wait_until(lambda: next((line for line in list(self.lines) if words in line), None), timeout)
+        super().__init__([sys.executable, path, "__ns:=" + namespace, *arguments], ROSCONSOLE_FORMAT="${message}")
 
     def exit_code(self):
-        return self._process.wait(timeout=TIMEOUT)
-
-    def stop(self):
-        self._process.terminate()
-        self._process.wait(timeout=TIMEOUT)
-        self._reader.join()
-        self._process.stdout.close()
+        return self.process.wait(timeout=TIMEOUT)
 
 
 class CameraTest(unittest.TestCase):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the tests of the depth nodes share: a scene of two planes, and patient talking and listening."""
 import os
-import time
+import sys
 import unittest
 from pathlib import Path
 
@@ -13,22 +13,15 @@ import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import CameraInfo, Image
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for all that import this
+from file_helpers import wait_until  # noqa: E402
+
 WIDTH, HEIGHT = 64, 48
 NEAR_MM, FAR_MM = 1000, 3000
 SANITIZED = bool(os.environ.get('SANITIZED_PREFIX'))  # nodes are compiled with a sanitizer, and many times slower
 TIMEOUT = 50.0  # s; long: a computer with much else to do is slow, and what comes is taken at once
 ENCODINGS = {'16UC1': np.uint16, 'mono16': np.uint16, '32FC1': np.float32, '32SC1': np.int32, 'rgb8': np.uint8,
              'bgr8': np.uint8}
-
-
-def wait_until(condition, timeout=TIMEOUT):
-    """The first true value of condition(), or its last one."""
-    end = time.monotonic() + timeout
-    while True:
-        value = condition()
-        if value or time.monotonic() > end:
-            return value
-        time.sleep(0.02)
 
 
 def two_planes():

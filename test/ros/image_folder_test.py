@@ -3,7 +3,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """image_folder_camera over ROS: a folder or a video played once or looped, and a folder that is watched."""
 import math
-import sys
 import time
 
 import cv2
@@ -13,11 +12,9 @@ from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
 from all_in_focus.camera.folder_node import MAX_UNPROCESSED
-from camera_testing import HERE, SCRIPTS, CameraTest, places
+from camera_testing import SCRIPTS, CameraTest, places
 from depth_testing import TIMEOUT, Talker, pixels_of, run_tests, wait_until
-
-sys.path.insert(0, str(HERE.parent))
-from file_helpers import SIZE, pictures, write_stack, write_video  # noqa: E402
+from file_helpers import SIZE, pictures, write_stack, write_video
 
 NODE = SCRIPTS / "image_folder_camera"
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the tests of mode refined share: a bracket, what belongs to its scene, and what fuse_stack makes of it."""
 import itertools
-import sys
 import tempfile
 from pathlib import Path
 
@@ -13,9 +12,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from depth_testing import FAR_MM, HEIGHT, NEAR_MM, WIDTH, camera_info, image_message, two_planes, wait_until
 from fusion_testing import BRACKET_IDS, OPTICS, PERIOD, FusionTest, array_of, colour_message, picture
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-from tool_helpers import fuse_stack, read, succeeded, write  # noqa: E402
+from tool_helpers import fuse_stack, read, succeeded, write
 
 STAMPS = itertools.count(200000, 10)
 # The frames of a bracket: what is sharp, where the lens is focused [m], how bright the frame is.

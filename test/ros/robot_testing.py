@@ -5,9 +5,7 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
-import threading
 import unittest
 from pathlib import Path
 
@@ -17,11 +15,10 @@ from sensor_msgs.msg import Image
 
 from all_in_focus.msg import FusionReport
 from depth_testing import wait_until
+from file_helpers import run_script
 from fusion_testing import array_of
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-from file_helpers import run_script  # noqa: E402
-from tool_helpers import fuse_stack, read, succeeded, write  # noqa: E402
+from process_testing import Talkative
+from tool_helpers import fuse_stack, read, succeeded, write
 
 WORLD = Path(os.environ['KINECT_TEST_WORLD'])
 FRAMES = 5  # of the sweep
@@ -68,31 +65,12 @@ class Scene:
         return {'kinect': self.recording, 'dslr': self.stack, 'focus': self.focus, 'rig': self.rig}
 
 
-class Launch:
-    """roslaunch, on the master of the test; what it and its nodes print is in `lines`."""
+class Launch(Talkative):
+    """roslaunch, on the master of the test."""
 
     def __init__(self, *files, **arguments):
-        command = ['roslaunch', *map(str, files), *(f'{name}:={value}' for name, value in arguments.items())]
-        environment = dict(os.environ, PATH='/usr/bin:/bin:' + os.environ['PATH'], PYTHONUNBUFFERED='1')
-        self.lines = []
-        self.process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                                        universal_newlines=True, errors='replace')
-        self._reader = threading.Thread(target=lambda: self.lines.extend(iter(self.process.stdout.readline, '')))
-        self._reader.start()
-
-    def said(self, words):
-        """The first line with these words, None if it does not come."""
-        return wait_until(lambda: next((line for line in list(self.lines) if words in line), None), TIMEOUT)
-
-    def stop(self):
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
-        try:
-            self.process.wait(TIMEOUT)
-        finally:
-            self.process.kill()
-            self._reader.join(TIMEOUT)
-            self.process.stdout.close()
+        super().__init__(['roslaunch', *files, *(f'{name}:={value}' for name, value in arguments.items())],
+                         PATH='/usr/bin:/bin:' + os.environ['PATH'])
 
 
 class Results:
@@ -132,7 +110,7 @@ class LaunchTest(unittest.TestCase):
 
     def launch(self, *files, **arguments):
         self.launched = Launch(*files, **arguments)
-        self.addCleanup(self.launched.stop)
+        self.addCleanup(self.launched.stop, signal.SIGINT)
 
     def results(self, namespace=''):
         results = Results(namespace)

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The three nodes under stress: all_in_focus.launch on a master of its own, good brackets, and what they must give."""
-import sys
 import time
 import xmlrpc.client
 from pathlib import Path
@@ -22,22 +21,11 @@ from all_in_focus.files.stack import focus_entries
 from all_in_focus.msg import FocusFrame, FusionReport
 from all_in_focus.replay.launch import Launch
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-from file_helpers import run_script  # noqa: E402
-from tool_helpers import fuse_stack, read, succeeded  # noqa: E402
+from file_helpers import run_script, wait_until
+from tool_helpers import fuse_stack, read, succeeded
 
 FRAMES = 5
 NODES = ("/all_in_focus_manager", "/depth_preprocess", "/segmenter", "/fusion", "/rig_publisher")
-
-
-def wait_until(condition, seconds):
-    """The first true value of condition(), or its last one."""
-    end = time.monotonic() + seconds
-    while True:
-        value = condition()
-        if value or time.monotonic() > end:
-            return value
-        time.sleep(0.02)
 
 
 class Scene:

@@ -23,8 +23,8 @@ from std_msgs.msg import Header
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.msg import FocusFrame, FusionReport, Segment, SegmentArray
-from file_helpers import run_script
-from graph import FRAMES, NODES, Graph, wait_until
+from file_helpers import run_script, wait_until
+from graph import FRAMES, NODES, Graph
 from mutation import mutate_message
 from tool_helpers import succeeded
 

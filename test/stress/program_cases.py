@@ -11,7 +11,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from file_helpers import SCRIPTS, run_script
+from file_helpers import SCRIPTS, run, run_script, start
 from mutation import mutate_bytes
 from tool_helpers import succeeded, tool
 
@@ -97,8 +97,7 @@ def fuzz_files(case, scene, seconds):
 def run_program(command, folder):
     with tempfile.TemporaryDirectory() as out:
         command = [str(part).replace("{FOLDER}", str(folder)).replace("{OUT}", out) for part in command]
-        return subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
-                              errors="replace", timeout=PROGRAM_TIMEOUT)
+        return run(command, timeout=PROGRAM_TIMEOUT)
 
 
 # --- disk -------------------------------------------------------------------------------------------------------------
@@ -115,8 +114,7 @@ def on_small_disk(command, kb, folder):
     place.mkdir()
     command = [str(part).replace("{OUT}", str(place)) for part in command]
     unshared = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", ON_SMALL_DISK, "sh", str(kb), str(place)]
-    done = subprocess.run([*unshared, str(listing), *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          universal_newlines=True, errors="replace", timeout=PROGRAM_TIMEOUT)
+    done = run([*unshared, str(listing), *command], timeout=PROGRAM_TIMEOUT)
     if not listing.exists():
         return None
     return done, dict(line.rsplit(" ", 1) for line in listing.read_text().splitlines())
@@ -130,8 +128,7 @@ def with_small_files(command, kb, folder):
     place = folder / "disk"
     place.mkdir(exist_ok=True)
     command = [str(part).replace("{OUT}", str(place)) for part in command]
-    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, errors="replace",
-                          timeout=PROGRAM_TIMEOUT, preexec_fn=limit, restore_signals=False)
+    done = run(command, timeout=PROGRAM_TIMEOUT, preexec_fn=limit, restore_signals=False)
     return done, {str(path.relative_to(place)): path.stat().st_size for path in place.rglob("*") if path.is_file()}
 
 
@@ -206,8 +203,7 @@ def send_signals(case, scene, seconds):
         output.parent.mkdir(exist_ok=True)
         runs += 1
         begin = time.monotonic()
-        process = subprocess.Popen([*map(str, commands[name]), str(output)], stdout=subprocess.DEVNULL,
-                                   stderr=subprocess.PIPE, universal_newlines=True)
+        process = start([*commands[name], output], stdout=subprocess.DEVNULL)
         time.sleep(case.rng.uniform(0, longest[name]))
         process.send_signal(number)
         try:
