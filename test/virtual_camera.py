@@ -5,10 +5,9 @@
 The virtual camera has no focus drive and gives a copy of the same picture for each release, at most 26 times in a process.
 PTP operation 0x9999 makes it report a picture that nobody released from here: the hand-pressed shutter.
 """
+import contextlib
 import itertools
 import os
-import socket
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -171,35 +170,24 @@ def test_keep_files_false_deletes_from_the_card(session):
         camera.download(path)
 
 
-@pytest.fixture
-def master(monkeypatch):
-    """A ROS master of its own."""
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        port = probe.getsockname()[1]
-    monkeypatch.setenv("ROS_MASTER_URI", f"http://localhost:{port}")
-    monkeypatch.setenv("ROS_HOSTNAME", "localhost")
-    process = subprocess.Popen(["rosmaster", "--core", "-p", str(port)], stdout=subprocess.DEVNULL)
-    yield
-    process.terminate()
-    process.wait()
-
-
-def test_the_node(master, picture, tmp_path):
+def test_the_node(picture):
     """focus_bracket_camera as a program: bracket by service, focus at the shutter, then the picture with its stamp."""
-    sys.path.insert(0, str(HERE / "ros"))
+    sys.path[:0] = [str(HERE / "ros"), str(HERE.parent / "bench")]
+    import ros_run
     import rospy
     from camera_testing import SCRIPTS, TOPICS, NodeProcess, wait_until
     from depth_testing import pixels_of
     from std_srvs.srv import Trigger
-    assert wait_until(rospy.core.rosgraph.is_master_online)
-    rospy.init_node("virtual_camera", disable_signals=True)
-    heard = {name: [] for name in TOPICS}
-    for name, kind in TOPICS.items():
-        rospy.Subscriber("/virtual/" + name, kind, lambda message, name=name: heard[name].append(
-            (message, time.monotonic())))
-    node = NodeProcess(SCRIPTS / "focus_bracket_camera", "/virtual", drive="none", count=4, settle=0.2)
-    try:
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(ros_run.Ros())
+        rospy.init_node("virtual_camera", disable_signals=True)
+        stack.callback(rospy.signal_shutdown, "done")
+        heard = {name: [] for name in TOPICS}
+        for name, kind in TOPICS.items():
+            rospy.Subscriber("/virtual/" + name, kind, lambda message, name=name: heard[name].append(
+                (message, time.monotonic())))
+        node = NodeProcess(SCRIPTS / "focus_bracket_camera", "/virtual", drive="none", count=4, settle=0.2)
+        stack.callback(node.stop)
         assert node.said("ready: Nikon DSC D750, focused by hand"), node.lines
         service = rospy.ServiceProxy("/virtual/focus_bracket_camera/bracket", Trigger)
         service.wait_for_service(10)
@@ -211,6 +199,3 @@ def test_the_node(master, picture, tmp_path):
             np.testing.assert_array_equal(pixels_of(image), picture)
         assert [(focus.index, focus.count, focus.last) for focus, _ in heard["rgb/focus"]] \
             == [(index, 4, index == 3) for index in range(4)]
-    finally:
-        node.stop()
-        rospy.signal_shutdown("done")
