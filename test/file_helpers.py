@@ -3,6 +3,7 @@
 """Small stacks on disk, and the command line tools as people call them."""
 import io
 import os
+import resource
 import signal
 import struct
 import subprocess
@@ -49,6 +50,13 @@ def cut(path, share=0.6):
     Path(path).write_bytes(data[:int(len(data) * share)])
 
 
+def hide_cut(avi):
+    """Writes a header that does not give away that a video was cut."""
+    data = bytearray(avi.read_bytes())
+    data[4:8] = (len(data) - 8).to_bytes(4, "little")
+    avi.write_bytes(data)
+
+
 def focus_file(tmp_path, text):
     path = tmp_path / "focus.yaml"
     path.write_text(text)
@@ -72,6 +80,14 @@ def run(command, **options):
 
 def run_script(name, *arguments, **options):
     return run([sys.executable, SCRIPTS / name, *arguments], **{"env": environment(), **options})
+
+
+def file_limit(kb):
+    """For preexec_fn, with restore_signals=False: a limit on the size of each file stands in for a full disk."""
+    def limit():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (kb * 1024, kb * 1024))
+    return limit
 
 
 def wait_until(condition, timeout=60.0):

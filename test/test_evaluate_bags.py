@@ -58,23 +58,31 @@ def test_what_the_nodes_refuse_stops_no_other_scene(scene, bag, tmp_path):
     assert code == 1 and err.splitlines()[0].startswith("evaluate: warning: planes refined: evaluate_bag: ")
 
 
+def several_times(bag, turns, output, change):
+    """A bag again and again, 100 s apart. change(turn, topic, message): may alter a message, returns whether to take it."""
+    with rosbag.Bag(str(bag)) as old, rosbag.Bag(str(output), "w") as new:
+        for turn in range(turns):
+            for topic, message, time in old.read_messages():
+                if hasattr(message, "header"):
+                    message.header.stamp.secs += 100 * turn
+                time.secs += 100 * turn
+                if change(turn, topic, message):
+                    new.write(topic, message, time)
+
+
 @pytest.mark.parametrize("ids", [(7, 6), (7, 7), None])
 def test_frames_go_to_their_brackets(bag, tmp_path, ids):
     """A bag twice over: two brackets of their own numbers, of the same number (a camera node that was started again,
     joined bags), or without focus messages."""
     frames, bridge = [], cv_bridge.CvBridge()
-    with rosbag.Bag(str(bag)) as old, rosbag.Bag(str(tmp_path / "two.bag"), "w") as new:
-        for turn in range(2):
-            for topic, message, time in old.read_messages():
-                if hasattr(message, "header"):
-                    message.header.stamp.secs += 100 * turn
-                if topic == "/rgb/focus":
-                    message.bracket_id = ids[turn] if ids else 0
-                if topic == "/rgb/image":
-                    frames.append(bridge.imgmsg_to_cv2(message, "bgr8"))
-                time.secs += 100 * turn
-                if topic != "/rgb/focus" or ids:
-                    new.write(topic, message, time)
+
+    def change(turn, topic, message):
+        if topic == "/rgb/focus" and ids:
+            message.bracket_id = ids[turn]
+        if topic == "/rgb/image":
+            frames.append(bridge.imgmsg_to_cv2(message, "bgr8"))
+        return topic != "/rgb/focus" or ids
+    several_times(bag, 2, tmp_path / "two.bag", change)
     for number in range(2):
         folder = tmp_path / "results" / f"bracket_{number:04d}"
         folder.mkdir(parents=True)
@@ -89,18 +97,13 @@ def test_frames_go_to_their_brackets(bag, tmp_path, ids):
 
 def test_a_bracket_of_which_nothing_was_made_shifts_no_other(bag, tmp_path):
     """Three brackets of one number; the nodes reported the second, which alone has two frames, and the third."""
-    with rosbag.Bag(str(bag)) as old, rosbag.Bag(str(tmp_path / "three.bag"), "w") as new:
-        for turn in range(3):
-            for topic, message, time in old.read_messages():
-                if hasattr(message, "header"):
-                    message.header.stamp.secs += 100 * turn
-                if topic == "/rgb/focus":
-                    message.bracket_id, message.count = 1, 2 if turn == 1 else 3
-                    message.last = message.index + 1 == message.count
-                    if message.index >= message.count:
-                        continue
-                time.secs += 100 * turn
-                new.write(topic, message, time)
+    def change(turn, topic, message):
+        if topic != "/rgb/focus":
+            return True
+        message.bracket_id, message.count = 1, 2 if turn == 1 else 3
+        message.last = message.index + 1 == message.count
+        return message.index < message.count
+    several_times(bag, 3, tmp_path / "three.bag", change)
     for number, frames in enumerate((2, 3)):
         folder = tmp_path / "results" / f"bracket_{number:04d}"
         folder.mkdir(parents=True)

@@ -8,12 +8,11 @@ import socket
 import subprocess
 import sys
 import tempfile
-import time
 import urllib.request
 
 import pytest
 from evaluate_helpers import DASK, METHODS, evaluate, make_scene, results, start_evaluate
-from file_helpers import environment
+from file_helpers import environment, wait_until
 
 from all_in_focus.benchmark.engine import engine
 
@@ -87,16 +86,23 @@ def expect_same(folder, alone):
     assert [str(path) for path in images if (folder / path).read_bytes() != (alone / path).read_bytes()] == []
 
 
+def wait_for_a_result(run, folder):
+    """Paths of the results that are there, one at least."""
+    def found():
+        assert run.poll() is None, run.communicate()
+        return list(folder.glob("results/*/*/result.json"))
+    there = wait_until(found, 120)
+    assert there, "no result within two minutes"
+    return there
+
+
 def test_a_killed_worker_loses_nothing(scenes, alone, cluster, tmp_path):
     run = start_evaluate(*scenes, "--methods", METHODS, "--output", tmp_path / "out", "--scheduler", cluster.address)
     try:
-        deadline = time.monotonic() + 120
-        while not list(tmp_path.glob("out/results/*/*/result.json")):
-            assert run.poll() is None and time.monotonic() < deadline, run.communicate()
-            time.sleep(0.01)
+        wait_for_a_result(run, tmp_path / "out")
         cluster.workers[0].send_signal(signal.SIGKILL)
         cluster.workers[0].wait()
-        done = len(list(tmp_path.glob("out/results/*/*/result.json")))
+        done = len(wait_for_a_result(run, tmp_path / "out"))
         out, err = run.communicate(timeout=300)
     finally:
         run.kill()
@@ -111,10 +117,7 @@ def test_a_killed_worker_loses_nothing(scenes, alone, cluster, tmp_path):
 def test_a_lost_scheduler_is_told_and_the_run_goes_on_later(scenes, alone, cluster, tmp_path):
     arguments = [*scenes, "--methods", METHODS, "--output", tmp_path / "out"]
     run = start_evaluate(*arguments, "--scheduler", cluster.address)
-    deadline = time.monotonic() + 120
-    while not list(tmp_path.glob("out/results/*/*/result.json")):
-        assert run.poll() is None and time.monotonic() < deadline, run.communicate()
-        time.sleep(0.01)
+    wait_for_a_result(run, tmp_path / "out")
     cluster.end()
     try:
         out, err = run.communicate(timeout=150)

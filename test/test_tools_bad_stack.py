@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Bad stacks, focus files and output paths of fuse_stack: exit code 2, one line that says why, nothing written."""
 import os
-import resource
-import signal
 
 import cv2
 import pytest
 
-from file_helpers import cut, pictures, write_video
+from file_helpers import cut, file_limit, hide_cut, pictures, write_video
 from tool_helpers import TwoPlanes, expect_refusal, fuse_stack, segment_depth, succeeded, texture, unchanged, write
 
 
@@ -84,9 +82,7 @@ def test_truncated_video(planes, arguments):
     arguments = planes.with_depth if arguments else []
     cut(path)
     planes.refused("cut short", *arguments, stack=path)
-    data = bytearray(open(path, "rb").read())  # the same with a header that does not give it away
-    data[4:8] = (len(data) - 8).to_bytes(4, "little")
-    open(path, "wb").write(data)
+    hide_cut(path)
     planes.refused("video", *arguments, stack=path)
 
 
@@ -170,11 +166,7 @@ def test_read_only_output_folder(planes):
 @pytest.mark.parametrize("output", ["old.png", "new.jpg", "new.bmp"])
 def test_full_disk(planes, kb, output):
     """Stood in for by a limit on the size of files: the picture has 9 kB and more in every format."""
-    def limit():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (kb * 1024, kb * 1024))
-
     write(planes.stack / "03.png", cv2.resize(texture(), (128, 96), interpolation=cv2.INTER_NEAREST))
     for name in ("00.png", "01.png", "02.png"):
         (planes.stack / name).unlink()
-    planes.refused("cannot be written", output=output, preexec_fn=limit, restore_signals=False)
+    planes.refused("cannot be written", output=output, preexec_fn=file_limit(kb), restore_signals=False)

@@ -24,10 +24,10 @@ ENCODINGS = {'16UC1': np.uint16, 'mono16': np.uint16, '32FC1': np.float32, '32SC
              'bgr8': np.uint8}
 
 
-def two_planes():
+def two_planes(width=WIDTH, height=HEIGHT):
     """Left half near, right half far [mm]."""
-    depth = np.full((HEIGHT, WIDTH), FAR_MM, np.uint16)
-    depth[:, :WIDTH // 2] = NEAR_MM
+    depth = np.full((height, width), FAR_MM, np.uint16)
+    depth[:, :width // 2] = NEAR_MM
     return depth
 
 

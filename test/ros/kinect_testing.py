@@ -22,7 +22,6 @@ DATA = Path(os.environ.get('ALL_IN_FOCUS_DATA', str(Path(__file__).resolve().par
 SAMPLE = DATA / 'kinect_dslr_sweep' / 'depth_raw.png'
 SENSORS = {'ir': 1, 'kinect_rgb': 2, 'depth': 3}
 X, Y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
-# s by which images may come later than those of a node without a sanitizer.
 
 
 def plug(name, faults=''):

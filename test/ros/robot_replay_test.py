@@ -18,17 +18,20 @@ class ReplayTest(LaunchTest):
         self.scene = Scene(self.folder / 'scene')
         self.expected = self.scene.fused()
 
+    def make_bag(self):
+        bag = self.folder / 'scene.bag'
+        succeeded(run_script('make_bag', '--depth', self.scene.depth, '--rig', self.scene.rig, '--stack', self.scene.stack,
+                             '--focus', self.scene.focus, '--output', bag))
+        self.addCleanup(lambda: rospy.delete_param('/use_sim_time'))
+        return bag
+
     def test_a_folder(self):
         results = self.results()
         self.launch('all_in_focus', 'replay.launch', rviz='false', folder=self.scene.folder)
         self.assert_same(self.result(results, whole)[0], self.expected)
 
     def test_a_bag_over_and_over_with_all_its_frames(self):
-        bag, reports = self.folder / 'scene.bag', []
-        succeeded(run_script('make_bag', '--depth', self.scene.depth, '--rig', self.scene.rig, '--stack', self.scene.stack,
-                             '--focus', self.scene.focus, '--output', bag))
-        self.addCleanup(lambda: rospy.delete_param('/use_sim_time'))
-        results = self.results()
+        bag, reports, results = self.make_bag(), [], self.results()
 
         def last_round(report):
             if not any(report is known for known in reports):
@@ -41,11 +44,7 @@ class ReplayTest(LaunchTest):
         self.assert_same(results.wait(whole)[0], self.expected)
 
     def test_a_bag_brings_its_lens(self):
-        bag = self.folder / 'scene.bag'
-        succeeded(run_script('make_bag', '--depth', self.scene.depth, '--rig', self.scene.rig, '--stack', self.scene.stack,
-                             '--focus', self.scene.focus, '--output', bag))
-        self.addCleanup(lambda: rospy.delete_param('/use_sim_time'))
-        results = self.results()
+        bag, results = self.make_bag(), self.results()
         self.launch('all_in_focus', 'replay.launch', rviz='false', bag=bag)
         self.assert_same(self.result(results, whole)[0], self.expected)
 

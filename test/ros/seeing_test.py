@@ -3,6 +3,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What people look at: captions in picture and space, the topics of the rviz file, the parameters' descriptions."""
 import ast
+import functools
 import itertools
 from pathlib import Path
 
@@ -25,6 +26,7 @@ TYPES = {'rviz/Image': 'sensor_msgs/Image', 'rviz/DepthCloud': 'sensor_msgs/Imag
          'rviz/MarkerArray': 'visualization_msgs/MarkerArray'}
 INFO = 'depth_registered/camera_info'
 WIDTH, HEIGHT = 320, 240  # large enough for captions side by side
+two_planes = functools.partial(depth_testing.two_planes, WIDTH, HEIGHT)
 
 
 def camera_info(stamp, focal_px=250.0):
@@ -32,13 +34,6 @@ def camera_info(stamp, focal_px=250.0):
     info.width, info.height = WIDTH, HEIGHT
     info.K = [focal_px, 0, WIDTH / 2, 0, focal_px, HEIGHT / 2, 0, 0, 1]
     return info
-
-
-def two_planes():
-    """Left half near, right half far [mm]."""
-    depth = np.full((HEIGHT, WIDTH), FAR_MM, np.uint16)
-    depth[:, :WIDTH // 2] = NEAR_MM
-    return depth
 
 
 def u_around_a_block():

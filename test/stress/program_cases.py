@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Cases for the programs: each takes (case, scene, seconds)."""
-import resource
 import shutil
 import signal
 import subprocess
@@ -11,7 +10,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from file_helpers import SCRIPTS, run, run_script, start
+from file_helpers import SCRIPTS, file_limit, run, run_script, start
 from mutation import mutate_bytes
 from tool_helpers import succeeded, tool
 
@@ -122,13 +121,10 @@ def on_small_disk(command, kb, folder):
 
 def with_small_files(command, kb, folder):
     """As on_small_disk(), for computers that allow no mount: a limit on the size of each file stands in for the disk."""
-    def limit():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (kb * 1024, kb * 1024))
     place = folder / "disk"
     place.mkdir(exist_ok=True)
     command = [str(part).replace("{OUT}", str(place)) for part in command]
-    done = run(command, timeout=PROGRAM_TIMEOUT, preexec_fn=limit, restore_signals=False)
+    done = run(command, timeout=PROGRAM_TIMEOUT, preexec_fn=file_limit(kb), restore_signals=False)
     return done, {str(path.relative_to(place)): path.stat().st_size for path in place.rglob("*") if path.is_file()}
 
 
