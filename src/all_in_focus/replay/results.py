@@ -78,16 +78,14 @@ def encode_labels(labels):
     return encode_png(labels.astype(np.uint16))
 
 
-class ResultFolder:
+class ResultFolder(OutputFolder):
     """The brackets of one run. commit() puts them in the place of an earlier run's; discard() must follow.
 
     Brackets that evaluate_bag did not write are an OSError; other things of the user in the folder stay there.
     """
 
     def __init__(self, path):
-        self._folder = OutputFolder(path, "evaluate_bag", parents=True,
-                                    may_keep=lambda name: not re.fullmatch(r"bracket_\d{4,}", name))
-        self.commit, self.discard = self._folder.commit, self._folder.discard
+        super().__init__(path, "evaluate_bag", lambda name: not re.fullmatch(r"bracket_\d{4,}", name), parents=True)
 
     @staticmethod
     def name(number):
@@ -96,8 +94,8 @@ class ResultFolder:
 
     def save(self, number, files, report):
         """Writes one bracket. files: PNG bytes by name, without suffix; report: plain dictionary."""
-        folder = self._folder.working / self.name(number)
-        with named(self._folder.path, self._folder.working):
+        folder = self.working / self.name(number)
+        with named(self.path, self.working):
             folder.mkdir()
             for name, data in files.items():
                 (folder / f"{name}.png").write_bytes(data)

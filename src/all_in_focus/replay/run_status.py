@@ -23,10 +23,9 @@ class RunStatus:
     total: int = 0
 
     def write(self, path):
-        """Replaces the file in one step, so that nobody reads half of it."""
-        if not path:
-            return
-        write_json(path, asdict(self))
+        """Replaces the file in one step, so that nobody reads half of it; does nothing without a path."""
+        if path:
+            write_json(path, asdict(self))
 
     @classmethod
     def read(cls, path):
