@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluation runs without a ROS master: results on disk, exit codes, ending what was started."""
+import contextlib
 import json
 import os
 
@@ -64,21 +65,27 @@ def feed(collector, stamp=genpy.Time(7, 500000000), label_stamp=genpy.Time(5), n
         collector.add("segments", label_stamp, segments_message())
 
 
-@pytest.mark.parametrize("report_first", [True, False])
-def test_bracket_is_saved_when_complete(tmp_path, report_first):
-    folder = ResultFolder(str(tmp_path / "out"))
-    collector = BracketCollector(folder)
-    collector.add("labels", genpy.Time(4), PNG)  # of an earlier depth image
-    if report_first:
-        collector.add_report(report_message())
-        assert collector.waiting
-    feed(collector)
-    if not report_first:
-        collector.add_report(report_message())
-    assert not collector.waiting and not (tmp_path / "out" / "bracket_0000").exists()
-    collector.finish()
+@contextlib.contextmanager
+def collecting(path):
+    """A BracketCollector, whose results are there at the end."""
+    folder = ResultFolder(str(path))
+    yield BracketCollector(folder)
     folder.commit()
     folder.discard()
+
+
+@pytest.mark.parametrize("report_first", [True, False])
+def test_bracket_is_saved_when_complete(tmp_path, report_first):
+    with collecting(tmp_path / "out") as collector:
+        collector.add("labels", genpy.Time(4), PNG)  # of an earlier depth image
+        if report_first:
+            collector.add_report(report_message())
+            assert collector.waiting
+        feed(collector)
+        if not report_first:
+            collector.add_report(report_message())
+        assert not collector.waiting and not (tmp_path / "out" / "bracket_0000").exists()
+        collector.finish()
     assert sorted(os.listdir(tmp_path / "out")) == [MARK, "bracket_0000"]
     assert sorted(os.listdir(tmp_path / "out" / "bracket_0000")) == [
         "confidence.png", "fused.png", "labels.png", "regions.png", "registered.png", "report.json",
@@ -90,25 +97,19 @@ def test_bracket_is_saved_when_complete(tmp_path, report_first):
 
 
 def test_two_brackets_may_share_a_label_image(tmp_path):
-    folder = ResultFolder(str(tmp_path))
-    collector = BracketCollector(folder)
-    feed(collector)
-    collector.add_report(report_message())
-    feed(collector, genpy.Time(9, 500000000), names=PICTURES)
-    collector.add_report(report_message(stamp=9))
-    folder.commit()
-    folder.discard()
+    with collecting(tmp_path) as collector:
+        feed(collector)
+        collector.add_report(report_message())
+        feed(collector, genpy.Time(9, 500000000), names=PICTURES)
+        collector.add_report(report_message(stamp=9))
     assert sorted(os.listdir(tmp_path)) == [MARK, "bracket_0000", "bracket_0001"]
 
 
 def test_bracket_without_labels_or_without_result(tmp_path):
-    folder = ResultFolder(str(tmp_path))
-    collector = BracketCollector(folder)
-    collector.add_report(report_message(used=0))
-    collector.add_report(report_message(stamp=8, has_labels=False))
-    feed(collector, genpy.Time(8, 500000000), names=[name for name in PICTURES if name != "registered"])
-    folder.commit()
-    folder.discard()
+    with collecting(tmp_path) as collector:
+        collector.add_report(report_message(used=0))
+        collector.add_report(report_message(stamp=8, has_labels=False))
+        feed(collector, genpy.Time(8, 500000000), names=[name for name in PICTURES if name != "registered"])
     assert os.listdir(tmp_path / "bracket_0000") == ["report.json"]
     assert len(os.listdir(tmp_path / "bracket_0001")) == 5
 

@@ -11,6 +11,14 @@ from all_in_focus.simulation.presets import kinect_beside
 OPTICS = Optics(50.0, 2.0, 0.03)
 
 
+def save_changed_rig(folder, name, old, new):
+    """A rig, in one file of which something else is written."""
+    save_rig(folder, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), OPTICS))
+    text = (folder / name).read_text()
+    assert old in text
+    (folder / name).write_text(text.replace(old, new))
+
+
 def test_rig_round_trip(tmp_path):
     rig = kinect_beside(Camera.pinhole("dslr", 741, 500, 994.978, 993.5, 311.193, 254.877), OPTICS)
     rig.color.D = np.array([0.1, -0.02, 1e-5, 2e-4, 0.0])
@@ -51,10 +59,7 @@ def test_rig_files_are_camera_info_files(tmp_path):
     ("optics.yaml", "aperture: 2.0", "aperture: .inf", "aperture: must be finite"),
 ])
 def test_rig_errors_name_file_and_key(tmp_path, name, old, new, message):
-    save_rig(tmp_path, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), OPTICS))
-    text = (tmp_path / name).read_text()
-    assert old in text
-    (tmp_path / name).write_text(text.replace(old, new))
+    save_changed_rig(tmp_path, name, old, new)
     with pytest.raises(RigError) as error:
         load_rig(tmp_path)
     assert f"{name}: {message}" in str(error.value) and "\n" not in str(error.value)
@@ -64,9 +69,7 @@ def test_rig_errors_name_file_and_key(tmp_path, name, old, new, message):
                                            ("'7'", "7"), ("my camera", "my camera")])
 def test_names_that_look_like_numbers(tmp_path, written, name):
     """camera_calibration writes serial numbers unquoted."""
-    save_rig(tmp_path, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), OPTICS))
-    text = (tmp_path / "color.yaml").read_text()
-    (tmp_path / "color.yaml").write_text(text.replace("camera_name: dslr", f"camera_name: {written}"))
+    save_changed_rig(tmp_path, "color.yaml", "camera_name: dslr", f"camera_name: {written}")
     rig = load_rig(tmp_path)
     assert rig.color.name == name
     save_rig(tmp_path / "again", rig)
@@ -76,20 +79,16 @@ def test_names_that_look_like_numbers(tmp_path, written, name):
 
 @pytest.mark.parametrize("written", ["", "~", "[1, 2]", "{a: b}"])
 def test_names_that_are_none(tmp_path, written):
-    save_rig(tmp_path, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), OPTICS))
-    text = (tmp_path / "color.yaml").read_text()
-    (tmp_path / "color.yaml").write_text(text.replace("camera_name: dslr", f"camera_name: {written}"))
+    save_changed_rig(tmp_path, "color.yaml", "camera_name: dslr", f"camera_name: {written}")
     with pytest.raises(RigError, match="camera_name: (expected a name|missing)"):
         load_rig(tmp_path)
 
 
 def test_distortion_of_eight_zeros(tmp_path):
     """Many drivers write eight numbers whatever the model."""
-    save_rig(tmp_path, kinect_beside(Camera.pinhole("dslr", 640, 480, 810, 811, 320, 240), OPTICS))
-    text = (tmp_path / "color.yaml").read_text()
     for last, good in (("0.0", True), ("0.1", False)):
-        eight = f"cols: 8\n  data: [0, 0, 0, 0, 0, 0, 0, {last}]"
-        (tmp_path / "color.yaml").write_text(text.replace("cols: 5\n  data: [0.0, 0.0, 0.0, 0.0, 0.0]", eight))
+        save_changed_rig(tmp_path, "color.yaml", "cols: 5\n  data: [0.0, 0.0, 0.0, 0.0, 0.0]",
+                         f"cols: 8\n  data: [0, 0, 0, 0, 0, 0, 0, {last}]")
         if good:
             assert not load_rig(tmp_path).color.D.any()
         else:
