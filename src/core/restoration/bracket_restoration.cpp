@@ -269,6 +269,10 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   // 3. The depth map that explains the frames.
   cv::Mat1f inverse_depth = depthFromBracket(bracket, *pictures, range);
   pictures.reset();  // by far the largest part of memory
+  if (!has_depth) {
+    cv::medianBlur(inverse_depth, bracket.filled, 5);  // without outliers, which nobody contradicts
+    bracket.filled.copyTo(inverse_depth);
+  }
   if (!proceed(0.4)) return std::nullopt;
 
   // 4. Its contours to the pixel, and the sharp picture that explains the frames better than the fused one;

@@ -18,16 +18,16 @@ constexpr int kSweeps = 4, kSweepsPerUpdate = 3;
 constexpr int kReachPx = 4;      // how far a contour may move
 constexpr int kStirPx = 2;       // a change is felt that far away
 constexpr float kSharpPx = 3;    // radius of frames that tell
-constexpr float kMostCost = 30;  // of a frame
-constexpr float kJumpWeight = 4;
-constexpr float kSideways = 0.5f;  // share of jumps along a contour: where it moves they move with it
-// What the nearer of two depths must explain better: the fused picture has the near object's blur on the far
-// surface, which explains the frames as if the object were that much fatter.
-constexpr float kNearExcess = 2;
-// What a depth that is nearer than the registered one, with its holes filled, must explain better besides:
-// registration, too, makes near objects too fat rather than too thin.
-constexpr float kNearerThanFilled = 2.5f;
-constexpr float kColorStep = 288;  // squared gray levels, of jumps that cost little
+constexpr float kMostCost = 60;  // of a frame
+constexpr float kJumpWeight = 5;
+constexpr float kSideways = 0.5f;       // share of jumps along a contour: where it moves they move with it
+constexpr float kNearExcess = 2.5f;     // what the nearer of two depths must explain better
+constexpr float kNearerThanFilled = 4;  // and better besides if registration says the farther one
+constexpr float kNearerThanAll = 20;    // the same if registration says nothing so near within kNearPx
+constexpr int kNearPx = 8;              // no contour of registration is farther off
+constexpr float kColorDeviation = 60;   // gray levels: of a pixel's colour from that of the fused picture
+constexpr float kDarkest = 40;          // gray level; darker ones change by as much light as this one
+constexpr float kColorStep = 288;       // squared gray levels, of jumps that cost little
 constexpr float kLeastJump = 0.05f;
 constexpr float kExplained = 1;  // cost of what needs no nearer depth
 
@@ -45,6 +45,10 @@ class Contours {
         sharp_(ImageFormation::withMargin(bracket.light)),
         stirred_(inverse_depth.size()) {
     findJumpCosts(stiffness);
+    if (!bracket.filled.empty()) {
+      cv::dilate(bracket.filled, nearest_,
+                 cv::getStructuringElement(cv::MORPH_RECT, {2 * kNearPx + 1, 2 * kNearPx + 1}));
+    }
     cv::dilate(jumps(inverse_depth, gap_), within_,
                cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * kReachPx + 1, 2 * kReachPx + 1}));
     within_.copyTo(stirred_);
@@ -84,6 +88,12 @@ class Contours {
     float to;
   };
 
+  // A pixel in a frame: as it is, and as two inverse depths predict it.
+  struct Sight {
+    cv::Vec3s seen;
+    ImageFormation::Prediction predictions[2];
+  };
+
   void stir(const cv::Point& p) {
     const cv::Rect around = cv::Rect(p.x - kStirPx, p.y - kStirPx, 2 * kStirPx + 1, 2 * kStirPx + 1) &
                             cv::Rect({}, inverse_depth_.size());
@@ -99,7 +109,7 @@ class Contours {
     for (const cv::Point& step : kNeighbours) {
       if (!inside(p + step)) continue;
       const float other = inverse_depth_(p + step);
-      if (std::abs(other - best) <= gap_) continue;
+      if (std::abs(other - best) <= gap_ || isNearerThanAll(p, other)) continue;
       const bool known = std::any_of(candidates.begin(), candidates.begin() + count,
                                      [&](float c) { return std::abs(c - other) < gap_ / 4; });
       if (known) continue;
@@ -144,24 +154,47 @@ class Contours {
 
   // How badly each of two inverse depths explains the frames at a pixel.
   std::array<float, 2> costsOf(const cv::Point& p, float now, float tried) const {
-    const LightCurve& curve = LightCurve::get();
     const float own[2] = {now, tried};
-    std::array<float, 2> sums = {0, 0};
+    std::array<Sight, 4> sights;
+    int count = 0;
     for (const int k : telling(now, tried, p)) {
       if (k < 0) break;
-      cv::Vec3f light[2];
-      formation_[k].predict(p, own, sharp_, light);
-      const cv::Vec3s& seen = bracket_.frames[k].codes(p);
-      for (int i = 0; i < 2; ++i) {
-        float squared = 0;
-        for (int c = 0; c < 3; ++c) {
-          const float difference = kCodeScale * curve.code(light[i][c]) - seen[c];
-          squared += difference * difference;
-        }
-        sums[i] += std::min(kMostCost, squared * cost_scale_);
+      formation_[k].predict(p, own, sharp_, sights[count].predictions);
+      sights[count++].seen = bracket_.frames[k].codes(p);
+    }
+    return {costOf(p, sights.data(), count, 0), costOf(p, sights.data(), count, 1)};
+  }
+
+  // i: of the predictions. The fused picture may show the blur or the colour of a nearer object at p, which
+  // the frames would contradict whatever the depth. So p has the colour that explains them best, by least
+  // squares.
+  float costOf(const cv::Point& p, const Sight* sights, int count, int i) const {
+    const LightCurve& curve = LightCurve::get();
+    std::array<float, 4> squared = {};
+    float cost = 0;
+    for (int c = 0; c < 3; ++c) {
+      const float fused = bracket_.light(p)[c];
+      const float deviation =
+          kColorDeviation / curve.slope(std::max(curve.code(fused), kDarkest));  // in light
+      float weight = 1 / cost_scale_, sum = 0;
+      for (int k = 0; k < count; ++k) {
+        const auto& [light, own_share] = sights[k].predictions[i];
+        const float code = curve.code(light[c]);
+        const float gain = kCodeScale * own_share * curve.slope(code) * deviation;
+        weight += gain * gain;
+        sum += gain * (sights[k].seen[c] - kCodeScale * code);
+      }
+      const float deviations = sum / weight;
+      cost += deviations * deviations;
+      const float change = std::clamp(fused + deviations * deviation, 0.0f, curve.light(255)) - fused;
+      for (int k = 0; k < count; ++k) {
+        const auto& [light, own_share] = sights[k].predictions[i];
+        const float left = kCodeScale * curve.code(light[c] + own_share * change) - sights[k].seen[c];
+        squared[k] += left * left;
       }
     }
-    return sums;
+    for (int k = 0; k < count; ++k) cost += std::min(kMostCost, squared[k] * cost_scale_);
+    return cost;
   }
 
   // Of a jump between a pixel and its right or lower neighbour: less at a colour edge.
@@ -184,9 +217,15 @@ class Contours {
     });
   }
 
+  bool isNearerThanAll(const cv::Point& p, float inverse_depth) const {
+    return !nearest_.empty() && nearest_(p) > 0 && inverse_depth - nearest_(p) > gap_;
+  }
+
+  // Registration and the blur beside near objects make these too fat rather than too thin. What registration
+  // has missed, on the other hand, only frames tell.
   float depthCost(const cv::Point& p, float inverse_depth) const {
-    if (bracket_.filled.empty()) return 0;
-    const float filled = bracket_.filled(p);
+    if (isNearerThanAll(p, inverse_depth)) return kNearerThanAll;
+    const float filled = bracket_.filled.empty() ? 0 : bracket_.filled(p);
     return filled > 0 && inverse_depth - filled > gap_ ? kNearerThanFilled : 0;
   }
 
@@ -209,6 +248,7 @@ class Contours {
   cv::Mat1f& inverse_depth_;
   float gap_, cost_scale_;
   cv::Mat4f sharp_;
+  cv::Mat1f nearest_;           // of the filled depth nearby
   cv::Mat1f right_, below_;     // cost of a jump to these neighbours
   cv::Mat1b within_, stirred_;  // within_: where contours may run
 };
@@ -220,7 +260,8 @@ void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& f
   Contours contours(bracket, formation, inverse_depth, stiffness);
   for (int i = 0; i < kSweeps; ++i) {
     if (!proceed(static_cast<double>(i) / kSweeps)) return;
-    if (contours.sweep(0) + contours.sweep(1) == 0) break;
+    const int moved = contours.sweep(0);  // the second sweep sees what the first one moved
+    if (contours.sweep(1) + moved == 0) break;
     if (i % kSweepsPerUpdate == kSweepsPerUpdate - 1) updateAll(formation);
   }
   updateAll(formation);

@@ -298,20 +298,22 @@ void ImageFormation::collect(const cv::Point& p, int half, const cv::Mat4f& shar
 }
 
 void ImageFormation::predict(const cv::Point& p, const float (&own)[2], const cv::Mat4f& sharp,
-                             cv::Vec3f (&light)[2]) const {
+                             Prediction (&predictions)[2]) const {
   const Candidate candidates[2] = {candidate(own[0]), candidate(own[1])};
   const cv::Vec4f& here = sharp(p.y + kMargin, p.x + kMargin);
-  // Light and share; as in gather().
-  const auto mixed = [&](const Candidate& one, const Layers& layers, int half) {
-    const float own_share = ownShare(p, one, half);
+  // Light and share of all parts, and the share of p itself; as in gather().
+  const auto mixed = [&](const Candidate& one, const Layers& layers, int half, float& own_share) {
+    const float own_light = ownShare(p, one, half);
     cv::Vec4f sum;
     std::uint64_t left = layers.present | std::uint64_t{1} << one.layer;
     for (; left != 0 && sum[3] < 1; left &= ~(std::uint64_t{1} << (63 - __builtin_clzll(left)))) {
       const int l = 63 - __builtin_clzll(left);
       cv::Vec4f of_layer;
       if (layers.present >> l & 1) of_layer = cv::Vec4f(layers.sums[l].data());
-      if (l == one.layer) of_layer += own_share * here;
-      sum += std::min((1 - sum[3]) / of_layer[3], 1.0f) * of_layer;
+      if (l == one.layer) of_layer += own_light * here;
+      const float taken = std::min((1 - sum[3]) / of_layer[3], 1.0f);
+      sum += taken * of_layer;
+      if (l == one.layer) own_share = taken * own_light;
     }
     return sum;
   };
@@ -321,18 +323,20 @@ void ImageFormation::predict(const cv::Point& p, const float (&own)[2], const cv
   for (int i = 0; i < 2; ++i) {
     const Candidate& one = candidates[i];
     cv::Vec4f sum;
+    float own_share = 0;
     if (isOnTop(p, one)) {
       if (one.reach == 0) {
-        light[i] = {here[0], here[1], here[2]};
+        predictions[i] = {{here[0], here[1], here[2]}, 1};
         continue;
       }
       collect(p, one.reach, sharp, near);
-      sum = mixed(one, near, one.reach);
+      sum = mixed(one, near, one.reach, own_share);
     }
     if (sum[3] < kWhole) {
       if (!has_all) collect(p, half, sharp, all);
       has_all = true;
-      sum = mixed(one, all, half);
+      own_share = 0;
+      sum = mixed(one, all, half, own_share);
     }
     if (sum[3] < kWhole) {
       const Hidden hidden = hiddenAt(p, one.layer);
@@ -343,7 +347,7 @@ void ImageFormation::predict(const cv::Point& p, const float (&own)[2], const cv
       }
       if (hidden.count > 0) sum += (1 - sum[3]) / hidden.sum * behind;
     }
-    light[i] = cv::Vec3f(sum[0], sum[1], sum[2]) / sum[3];
+    predictions[i] = {cv::Vec3f(sum[0], sum[1], sum[2]) / sum[3], own_share / sum[3]};
   }
 }
 

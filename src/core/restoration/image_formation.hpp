@@ -38,10 +38,15 @@ class ImageFormation {
   /// Light of the sharp picture as predict() reads it: a margin on all sides mirrors it.
   static cv::Mat4f withMargin(const cv::Mat3f& light);
 
-  /// The light of pixel p as its parts add up, for each of two inverse depths that it might have. sharp: see
-  /// withMargin().
+  /// A pixel of the blurred frame as its parts add up.
+  struct Prediction {
+    cv::Vec3f light;
+    float own_share = 1;  ///< of the same pixel of the sharp picture in it
+  };
+
+  /// Predicts pixel p for each of two inverse depths that it might have. sharp: see withMargin().
   void predict(const cv::Point& p, const float (&own)[2], const cv::Mat4f& sharp,
-               cv::Vec3f (&light)[2]) const;
+               Prediction (&predictions)[2]) const;
 
   float inverseDepth(const cv::Point& p) const { return inverse_depth_(p); }
   float radius(const cv::Point& p) const { return blur_.radius(inverse_depth_(p)); }
