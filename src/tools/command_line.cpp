@@ -9,6 +9,8 @@
 #include <opencv2/core/utils/logger.hpp>
 #include <stdexcept>
 
+#include "quiet_stderr.hpp"
+
 namespace po = boost::program_options;
 
 namespace all_in_focus {
@@ -42,7 +44,7 @@ int runTool(int argc, char** argv, const char* purpose, const po::options_descri
   } catch (const std::exception& e) {
     std::string line = e.what();
     std::replace(line.begin(), line.end(), '\n', ' ');
-    std::cerr << name << ": " << line << '\n';
+    printToStderr(std::string(name) + ": " + line);
     return 2;
   }
 }
