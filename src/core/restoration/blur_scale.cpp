@@ -19,7 +19,8 @@ constexpr int kScales = 21;  // 0.6..1.6
 constexpr float kClearPx = 5;
 constexpr int kGrid = 3;  // every third row and column is enough
 constexpr int kLeastSamples = 200;
-constexpr float kMostError = 100;  // squared gray levels
+constexpr float kMostError = 100;       // squared gray levels
+constexpr double kLeastContrast = 0.2;  // between the best and the worst scale, squared gray levels
 constexpr float kNearlySharpPx = 2;
 constexpr int kStripRows = 16;
 
@@ -47,7 +48,7 @@ BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures
   };
   const cv::Mat1f clear = distanceFromDoubt(bracket);
   // As many strips as ever, so that the sums do not depend on the number of threads.
-  const RowStrips strips({0, clear.rows / kGrid}, std::max(1, clear.rows / kStripRows));
+  const RowStrips strips({0, (clear.rows + 1) / kGrid}, std::max(1, clear.rows / kStripRows));
   std::vector<Sums> of_strips(strips.count());
   strips.forEach([&](const cv::Range& rows, int strip) {
     Sums& sums = of_strips[strip];
@@ -79,6 +80,9 @@ BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures
     all.sharp += sums.sharp;
   }
   if (all.samples < kLeastSamples || all.sharp == 0) return {};
+  const auto [least, most] = std::minmax_element(all.errors.begin(), all.errors.end());
+  const double compared = static_cast<double>(all.samples) * static_cast<double>(bracket.frames.size());
+  if (*most - *least < kLeastContrast * compared) return {};  // without texture every blur looks alike
   return {kFirst + kStep * lowest(all.errors.data(), kScales), all.residual / all.sharp};
 }
 

@@ -11,7 +11,7 @@ namespace all_in_focus::core {
 
 /// How well the optics explain the bracket where depth was measured.
 struct BlurScale {
-  double scale = 0;     ///< measured radius / predicted one; 0: too little was measured
+  double scale = 0;     ///< measured radius / predicted one; 0: unknown, for lack of depth or texture
   double residual = 0;  ///< mean squared error, gray levels of a channel, of what is nearly sharp
 };
 
