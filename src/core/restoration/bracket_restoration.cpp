@@ -32,6 +32,7 @@ constexpr int kLeastFrames = 2;
 // Pictures are reduced until the largest blur disc has this radius, for time grows with its area, and to so
 // many pixels, but no further than to so few.
 constexpr double kLargestBlurPx = 8, kMostPixels = 1200e3, kLeastPixels = 400e3;
+constexpr int kMostSampled = 640;  // columns and rows of depth that tell the largest disc
 constexpr std::array<float, 2> kStiffness = {1.5f, 1};  // of contours, by round
 
 cv::Mat reduced(const cv::Mat& image, const cv::Size& size) {
@@ -114,9 +115,12 @@ FrameBlur blurOf(const BracketScene& scene, double inverse_depth, int columns) {
 cv::Size workingSize(const BracketScene& scene, const cv::Size& size) {
   double pixels = kLeastPixels;
   if (scene.camera && !scene.depth.empty()) {
-    if (const auto range = rangeOf(inverseDepthOf(scene.depth, scene.depth.size()))) {
+    const cv::Size sampled(std::min(scene.depth.cols, kMostSampled),
+                           std::min(scene.depth.rows, kMostSampled));
+    if (const auto range = rangeOf(inverseDepthOf(scene.depth, sampled))) {
       const double blur = blurOf(scene, range->largest, size.width).radius(range->least) / kLargestBlurPx;
-      pixels = std::clamp(size.area() / std::max(blur * blur, 1e-6), kLeastPixels, kMostPixels);
+      // In this order, for blur is NaN where the depth is the focal length.
+      pixels = std::clamp(size.area() / std::max(1e-6, blur * blur), kLeastPixels, kMostPixels);
     }
   }
   const double scale = std::min(1.0, std::sqrt(pixels / size.area()));
