@@ -10,6 +10,8 @@
 #include <cstdint>
 #include <opencv2/core/hal/intrin.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
+#include <utility>
 
 #include "restoration/light.hpp"
 #include "util/row_strips.hpp"
@@ -23,7 +25,8 @@ constexpr double kBandSigma = 1.5;
 constexpr float kLeastShare = 0.05f;               // of the correction; where less would count it is 0
 constexpr float kSoftFrom = 0.4f, kSoftTo = 0.9f;  // radius of the sharpest frame, px
 constexpr float kSharpPx = 2.5f;                   // radius of frames that tell
-constexpr int kFarthestPart = 4;                   // px; parts farther away count as known
+constexpr int kSoftFrames = 3;    // at most, where no frame is sharp: whole pictures can be so
+constexpr int kFarthestPart = 4;  // px; parts farther away count as known
 constexpr double kModelVariance = 0.49, kModelError = 0.09;  // gray levels squared; by squared radius
 constexpr double kPriorShare = 0.49, kLeastVariance = 0.1;
 constexpr float kSmoothness = 0.1f;
@@ -45,16 +48,14 @@ cv::Mat1b neighbourhood(const cv::Mat1b& mask, int reach) {
 // work(y, x) for all pixels, rows at the same time.
 template <typename Work>
 void forEachPixel(const cv::Size& size, const Work& work) {
-  cv::parallel_for_({0, size.height}, [&](const cv::Range& rows) {
-    for (int y = rows.start; y < rows.end; ++y) {
-      for (int x = 0; x < size.width; ++x) work(y, x);
-    }
+  forEachRow(size.height, [&](int y) {
+    for (int x = 0; x < size.width; ++x) work(y, x);
   });
 }
 
 // One pixel of one frame.
 struct Row {
-  std::int16_t x, y;
+  int x, y;
   float weight;                // omega
   cv::Vec3f residual;          // of the fused picture, gray levels
   cv::Vec3f slope;             // d code / d light
@@ -76,17 +77,36 @@ struct Strip {
 
 class Equations {
  public:
-  Equations(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
-            const cv::Mat1b& solved)
+  // solved: how many frames a pixel takes at most; 0 = it is not solved for
+  Equations(const ObservedBracket& bracket, const cv::Mat1b& solved)
       : bracket_(bracket), solved_(solved), strips_({0, solved.rows}, std::max(1, solved.rows / kStripRows)) {
     cv::cvtColor(bracket.light, light_, cv::COLOR_BGR2BGRA);
-    equations_.resize(strips_.count());
-    strips_.forEach([&](const cv::Range& rows, int i) { build(formation, rows, equations_[i]); });
     slopes_.create(solved.size());
     const LightCurve& curve = LightCurve::get();
     forEachPixel(solved.size(), [&](int y, int x) {
       for (int c = 0; c < 3; ++c) slopes_(y, x)[c] = 1 / curve.slope(bracket.fused(y, x)[c]);
     });
+  }
+
+  // To be called first. False when proceed said stop.
+  bool build(const std::vector<ImageFormation>& formation, const std::function<bool(double)>& proceed) {
+    const int threads = std::max(1, cv::getNumThreads());
+    equations_.resize(strips_.count());
+    for (cv::Range group; group.end < strips_.count();) {
+      if (!proceed(static_cast<double>(group.end) / strips_.count())) return false;
+      group = {group.end, std::min(group.end + 4 * threads, strips_.count())};
+      cv::parallel_for_(
+          group,
+          [&](const cv::Range& strips) {
+            Strip built;  // grows once for all: new memory is slow
+            for (int i = strips.start; i < strips.end; ++i) {
+              buildStrip(formation, strips_[i], built);
+              equations_[i] = built;
+            }
+          },
+          threads);
+    }
+    return true;
   }
 
   // work(row, parts) for all rows, strips at the same time.
@@ -135,55 +155,64 @@ class Equations {
   const cv::Mat1b& solved() const { return solved_; }
 
  private:
-  void build(const std::vector<ImageFormation>& formation, const cv::Range& rows, Strip& strip) const {
-    // Grows once for all strips: new memory is slow.
-    thread_local Strip built;
-    built.rows.clear();
-    built.parts.clear();
-    const LightCurve& curve = LightCurve::get();
-    const std::ptrdiff_t stride = solved_.cols;
+  void buildStrip(const std::vector<ImageFormation>& formation, const cv::Range& rows, Strip& strip) const {
+    strip.rows.clear();
+    strip.parts.clear();
+    std::vector<std::pair<float, size_t>> telling;  // radius and frame
     std::vector<ImageFormation::Part> parts;
     for (int y = rows.start; y < rows.end; ++y) {
       for (int x = 0; x < solved_.cols; ++x) {
         if (!solved_(y, x)) continue;
+        telling.clear();
         for (size_t k = 0; k < formation.size(); ++k) {
-          const ObservedFrame& frame = bracket_.frames[k];
           const float radius = formation[k].radius({x, y});
-          if (radius >= kSharpPx || !frame.seen.contains({x, y})) continue;
+          if (radius < kSharpPx && bracket_.frames[k].seen.contains({x, y})) telling.emplace_back(radius, k);
+        }
+        std::sort(telling.begin(), telling.end());
+        if (telling.size() > solved_(y, x)) telling.resize(solved_(y, x));
+        for (const auto& [radius, k] : telling) {
           formation[k].partsOf({x, y}, formation[k].inverseDepth({x, y}), parts);
-          Row row;
-          row.x = static_cast<std::int16_t>(x);
-          row.y = static_cast<std::int16_t>(y);
-          row.weight = static_cast<float>(
-              1 / (bracket_.noise_variance + kModelVariance + kModelError * radius * radius));
-          const cv::Vec4f* light_here = &light_(y, x);
-          const std::uint8_t* solved_here = &solved_(y, x);
-          cv::v_float32x4 sum = cv::v_setzero_f32();
-          for (const ImageFormation::Part& part : parts)
-            sum += cv::v_load(light_here[part.dy * stride + part.dx].val) * cv::v_setall_f32(part.share);
-          row.first = static_cast<std::uint32_t>(built.parts.size());
-          built.parts.resize(row.first + parts.size());
-          Part* to = built.parts.data() + row.first;
-          for (const ImageFormation::Part& part : parts) {
-            if (std::max(std::abs(part.dx), std::abs(part.dy)) <= kFarthestPart &&
-                solved_here[part.dy * stride + part.dx])
-              *to++ = {static_cast<std::int8_t>(part.dx), static_cast<std::int8_t>(part.dy),
-                       static_cast<std::uint16_t>(part.share * kWholeShare + 0.5f)};
-          }
-          built.parts.resize(to - built.parts.data());
-          row.count = static_cast<std::uint32_t>(built.parts.size()) - row.first;
-          cv::Vec4f light;
-          cv::v_store(light.val, sum);
-          for (int c = 0; c < 3; ++c) {
-            const float code = curve.code(light[c]);
-            row.residual[c] = static_cast<float>(frame.codes(y, x)[c]) / kCodeScale - code;
-            row.slope[c] = curve.slope(code);
-          }
-          built.rows.push_back(row);
+          addRow({x, y}, bracket_.frames[k].codes(y, x), radius, parts, strip);
         }
       }
     }
-    strip = built;
+  }
+
+  // radius: of p's blur in that frame.
+  void addRow(const cv::Point& p, const cv::Vec3s& seen, float radius,
+              const std::vector<ImageFormation::Part>& parts, Strip& strip) const {
+    const LightCurve& curve = LightCurve::get();
+    const std::ptrdiff_t stride = solved_.cols;
+    const cv::Vec4f* light_here = &light_(p);
+    const std::uint8_t* solved_here = &solved_(p);
+    cv::v_float32x4 sum = cv::v_setzero_f32();
+    for (const ImageFormation::Part& part : parts)
+      sum += cv::v_load(light_here[part.dy * stride + part.dx].val) * cv::v_setall_f32(part.share);
+    cv::Vec4f light;
+    cv::v_store(light.val, sum);
+
+    Row row;
+    row.x = p.x;
+    row.y = p.y;
+    row.weight =
+        static_cast<float>(1 / (bracket_.noise_variance + kModelVariance + kModelError * radius * radius));
+    for (int c = 0; c < 3; ++c) {
+      const float code = curve.code(light[c]);
+      row.residual[c] = static_cast<float>(seen[c]) / kCodeScale - code;
+      row.slope[c] = curve.slope(code);
+    }
+    row.first = static_cast<std::uint32_t>(strip.parts.size());
+    strip.parts.resize(row.first + parts.size());
+    Part* to = strip.parts.data() + row.first;
+    for (const ImageFormation::Part& part : parts) {
+      if (std::max(std::abs(part.dx), std::abs(part.dy)) <= kFarthestPart &&
+          solved_here[part.dy * stride + part.dx])
+        *to++ = {static_cast<std::int8_t>(part.dx), static_cast<std::int8_t>(part.dy),
+                 static_cast<std::uint16_t>(part.share * kWholeShare + 0.5f)};
+    }
+    strip.parts.resize(to - strip.parts.data());
+    row.count = static_cast<std::uint32_t>(strip.parts.size()) - row.first;
+    strip.rows.push_back(row);
   }
 
   // out = sum over rows of factor(share) value(row): each strip into rows of its own, which are then added in
@@ -357,19 +386,21 @@ void gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weig
   });
 }
 
-// 0..1: where to correct. Beside jumps, and where no frame is sharp.
-cv::Mat1f regionOf(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth) {
-  cv::Mat1f region;
+// region, 0..1: where to correct. Beside jumps, and where no frame is sharp. solved: see Equations.
+void findRegion(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth, cv::Mat1f& region,
+                cv::Mat1b& solved) {
   neighbourhood(jumps(inverse_depth, bracket.gap(kBandJumpPx)), kBandPx).convertTo(region, CV_32F, 1 / 255.0);
   cv::GaussianBlur(region, region, {}, kBandSigma);
+  solved = region > kLeastShare;
   forEachPixel(region.size(), [&](int y, int x) {
     float least = kSoftTo;
     for (const ObservedFrame& frame : bracket.frames) {
       if (frame.seen.contains({x, y})) least = std::min(least, frame.blur.radius(inverse_depth(y, x)));
     }
-    region(y, x) = std::max(region(y, x), (least - kSoftFrom) / (kSoftTo - kSoftFrom));
+    const float soft = (least - kSoftFrom) / (kSoftTo - kSoftFrom);
+    region(y, x) = std::max(region(y, x), soft);
+    if (soft > kLeastShare && !solved(y, x)) solved(y, x) = kSoftFrames;
   });
-  return region;
 }
 
 }  // namespace
@@ -378,10 +409,12 @@ std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
                                     const std::vector<ImageFormation>& formation,
                                     const cv::Mat1f& inverse_depth,
                                     const std::function<bool(double)>& proceed) {
-  const cv::Mat1f region = regionOf(bracket, inverse_depth);
-  const cv::Mat1b solved = region > kLeastShare;
+  cv::Mat1f region;
+  cv::Mat1b solved;
+  findRegion(bracket, inverse_depth, region, solved);
   if (cv::countNonZero(solved) == 0) return cv::Mat3f(cv::Mat3f::zeros(solved.size()));
-  const Equations equations(bracket, formation, solved);
+  Equations equations(bracket, solved);
+  if (!equations.build(formation, [&](double done) { return proceed(0.4 * done); })) return std::nullopt;
   if (!proceed(0.4)) return std::nullopt;
   const cv::Mat1f excess = excessOf(equations, {}, bracket.noise_variance), weight = weightOf(equations);
   std::optional<cv::Mat3f> z = solve(equations, priorOf(excess, weight, bracket.noise_variance),
