@@ -20,6 +20,7 @@ constexpr float kClearPx = 5;
 constexpr int kGrid = 3;  // every third row and column is enough
 constexpr int kLeastSamples = 200;
 constexpr float kMostError = 100;       // squared gray levels
+constexpr float kSharpPx = 0.5f;        // radius of the sharpest frame, where the fused picture is sharp
 constexpr double kLeastContrast = 0.2;  // between the best and the worst scale, squared gray levels
 constexpr float kNearlySharpPx = 2;
 constexpr int kStripRows = 16;
@@ -43,8 +44,9 @@ cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket) {
 BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures& pictures) {
   struct Sums {
     std::array<double, kScales> errors{};
-    double residual = 0;
-    int samples = 0, sharp = 0;
+    int compared = 0, samples = 0;
+    std::array<double, 2> residual{};  // where no frame is sharp, and where one is
+    std::array<int, 2> count{};
   };
   const cv::Mat1f clear = distanceFromDoubt(bracket);
   // As many strips as ever, so that the sums do not depend on the number of threads.
@@ -56,18 +58,25 @@ BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures
       const int y = kGrid * row + kGrid / 2;
       for (int x = kGrid / 2; x < clear.cols; x += kGrid) {
         if (clear(y, x) <= kClearPx) continue;
-        ++sums.samples;
+        const bool is_sharp =
+            std::any_of(bracket.frames.begin(), bracket.frames.end(), [&](const ObservedFrame& frame) {
+              return frame.seen.contains({x, y}) && frame.blur.radius(bracket.measured(y, x)) < kSharpPx;
+            });
+        sums.samples += is_sharp;
         for (const ObservedFrame& frame : bracket.frames) {
           if (!frame.seen.contains({x, y})) continue;
           const float radius = frame.blur.radius(bracket.measured(y, x));
           const cv::Vec3s& seen = frame.codes(y, x);
-          for (int i = 0; i < kScales; ++i) {
-            const float scaled = static_cast<float>(kFirst + i * kStep) * radius;
-            sums.errors[i] += squaredError(pictures.at(scaled)(y, x), seen);
+          if (is_sharp) {
+            for (int i = 0; i < kScales; ++i) {
+              const float scaled = static_cast<float>(kFirst + i * kStep) * radius;
+              sums.errors[i] += squaredError(pictures.at(scaled)(y, x), seen);
+            }
+            ++sums.compared;
           }
           if (radius >= kNearlySharpPx) continue;
-          sums.residual += squaredError(pictures.at(radius)(y, x), seen);
-          ++sums.sharp;
+          sums.residual[is_sharp] += squaredError(pictures.at(radius)(y, x), seen);
+          ++sums.count[is_sharp];
         }
       }
     }
@@ -75,15 +84,21 @@ BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures
   Sums all;
   for (const Sums& sums : of_strips) {
     for (int i = 0; i < kScales; ++i) all.errors[i] += sums.errors[i];
-    all.residual += sums.residual;
+    all.compared += sums.compared;
     all.samples += sums.samples;
-    all.sharp += sums.sharp;
+    for (int i = 0; i < 2; ++i) {
+      all.residual[i] += sums.residual[i];
+      all.count[i] += sums.count[i];
+    }
   }
-  if (all.samples < kLeastSamples || all.sharp == 0) return {};
+  BlurScale found;
+  found.residual = (all.residual[0] + all.residual[1]) / std::max(1, all.count[0] + all.count[1]);
+  found.sharp_residual = all.residual[1] / std::max(1, all.count[1]);
   const auto [least, most] = std::minmax_element(all.errors.begin(), all.errors.end());
-  const double compared = static_cast<double>(all.samples) * static_cast<double>(bracket.frames.size());
-  if (*most - *least < kLeastContrast * compared) return {};  // without texture every blur looks alike
-  return {kFirst + kStep * lowest(all.errors.data(), kScales), all.residual / all.sharp};
+  // Without texture every blur looks alike.
+  if (all.samples >= kLeastSamples && *most - *least > kLeastContrast * all.compared)
+    found.scale = kFirst + kStep * lowest(all.errors.data(), kScales);
+  return found;
 }
 
 }  // namespace all_in_focus::core

@@ -12,7 +12,8 @@ namespace all_in_focus::core {
 /// How well the optics explain the bracket where depth was measured.
 struct BlurScale {
   double scale = 0;     ///< measured radius / predicted one; 0: unknown, for lack of depth or texture
-  double residual = 0;  ///< mean squared error, gray levels of a channel, of what is nearly sharp
+  double residual = 0;  ///< mean squared error, gray levels of a channel, of frames that are nearly sharp
+  double sharp_residual = 0;  ///< the same where one of the frames is sharp, and so the fused picture
 };
 
 /// Looks at measured pixels far from holes and jumps. Depth must be there.

@@ -268,7 +268,8 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
         "focus distances and calibration",
         result.blur_scale));
   }
-  bracket.noise_variance = std::max(bracket.noise_variance, found.residual - 1);
+  bracket.misfit_variance = std::max(bracket.noise_variance, found.residual - 1);
+  bracket.noise_variance = std::max(bracket.noise_variance, found.sharp_residual - 1);
 
   // 3. The depth map that explains the frames.
   cv::Mat1f inverse_depth = depthFromBracket(bracket, *pictures, range);

@@ -41,7 +41,7 @@ class Contours {
         formation_(formation),
         inverse_depth_(inverse_depth),
         gap_(bracket.gap(kJumpPx)),
-        cost_scale_(static_cast<float>(1 / (6 * (bracket.noise_variance + 1) * kCodeScale * kCodeScale))),
+        cost_scale_(static_cast<float>(1 / (6 * (bracket.misfit_variance + 1) * kCodeScale * kCodeScale))),
         sharp_(ImageFormation::withMargin(bracket.light)),
         stirred_(inverse_depth.size()) {
     findJumpCosts(stiffness);
