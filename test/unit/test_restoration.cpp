@@ -86,9 +86,9 @@ struct CardBeforeWall {
     return image;
   }
 
-  void addTo(BracketRestoration& restoration) const {
-    for (size_t i = 0; i < kSweep.size(); ++i) {
-      restoration.add({frame(kSweep[i]), cv::Rect({}, wall.size()), 1, static_cast<int>(i), kSweep[i]});
+  void addTo(BracketRestoration& restoration, const std::vector<double>& sweep = kSweep) const {
+    for (size_t i = 0; i < sweep.size(); ++i) {
+      restoration.add({frame(sweep[i]), cv::Rect({}, wall.size()), 1, static_cast<int>(i), sweep[i]});
     }
   }
 
@@ -128,7 +128,7 @@ double shareWrong(const cv::Mat& depth, const cv::Mat& truth) {
 TEST(Restoration, TakesTheBlurOffTheWallBesideTheCard) {
   const CardBeforeWall card;
   const RestorationResult result = restored(card, card.scene);
-  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth) + 1);
+  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth) + 5);
   EXPECT_TRUE(result.notes.empty());
   EXPECT_NEAR(result.blur_scale, 1, 0.1);
 }
@@ -138,6 +138,51 @@ TEST(Restoration, LeavesWhatIsFarFromDepthEdgesAlone) {
   const cv::Mat image = restored(card, card.scene).image, fused = card.fused();
   for (const cv::Rect& calm : {cv::Rect(0, 0, kSize.width, 15), cv::Rect(85, 65, 30, 20)})
     EXPECT_EQ(cv::norm(image(calm), fused(calm), cv::NORM_INF), 0) << calm;
+}
+
+TEST(Restoration, SharpensASurfaceBetweenTwoFoci) {
+  const CardBeforeWall wall(kSize, {});
+  BracketRestoration restoration;
+  restoration.begin(wall.scene);
+  wall.addTo(restoration, {1300, 1800});
+  const cv::Mat fused = wall.frame(1300);
+  const RestorationResult result = *restoration.restore(fused);
+  EXPECT_GT(decibels(result.image, wall.truth), decibels(fused, wall.truth) + 4.5);
+  EXPECT_EQ(result.blur_scale, 0);  // nothing is sharp enough to measure it
+}
+
+TEST(Restoration, TextureAloneTellsTheBlurScale) {
+  const CardBeforeWall card;
+  const cv::Mat black(kSize, CV_8UC3, cv::Scalar::all(0));
+  BracketRestoration restoration;
+  restoration.begin(card.scene);
+  for (const double focus : kSweep) restoration.add({black, cv::Rect({}, kSize), 1, 0, focus});
+  const RestorationResult result = *restoration.restore(black);
+  EXPECT_EQ(result.blur_scale, 0);
+  EXPECT_TRUE(result.notes.empty());
+}
+
+TEST(Restoration, ThinsAnObjectThatRegistrationMadeTooFat) {
+  const CardBeforeWall card;
+  BracketScene scene = card.scene;
+  scene.depth = cv::Mat();
+  cv::erode(card.scene.depth, scene.depth, cv::Mat(), {-1, -1}, 2);  // what is near grows by 2 px
+  const RestorationResult result = restored(card, scene);
+  EXPECT_LT(shareWrong(result.depth, card.scene.depth), 0.25 * shareWrong(scene.depth, card.scene.depth));
+  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth) + 5);
+}
+
+TEST(Restoration, PicturesOfAnyShapeAreCorrectedInFull) {
+  for (const cv::Size& size : {cv::Size(40000, 12), cv::Size(12, 40000)}) {
+    const CardBeforeWall card(
+        size, cv::Rect(std::max(3, size.width - 600), std::max(3, size.height - 600), 500, 500) &
+                  cv::Rect({}, size));
+    EXPECT_GT(decibels(restored(card, card.scene).image, card.truth), decibels(card.fused(), card.truth) + 6)
+        << size;
+  }
+  const cv::Size pixel(1, 1);
+  const CardBeforeWall card(pixel, {0, 0, 1, 1});
+  EXPECT_EQ(restored(card, card.scene).image.size(), pixel);
 }
 
 TEST(Restoration, ReadsNothingBesideTheDepth) {
