@@ -27,8 +27,9 @@ struct RestorationResult {
 /// explains the frames best is found first, then the correction of the fused picture that explains them
 /// better. See docs/algorithms.md.
 ///
-/// Holds at most kMostFrames frames, reduced to 1.2 million pixels or, where they are strongly blurred, to
-/// fewer; however long the bracket and however large its frames. The correction is enlarged. Not thread-safe.
+/// Holds at most kMostFrames frames, however long the bracket and however large its frames. They are reduced
+/// to 1.2 million pixels or, where depth tells of strong blur, to fewer; without depth to 0.4 million. The
+/// correction is enlarged. Not thread-safe.
 class BracketRestoration {
  public:
   static constexpr int kMostFrames = 12;
