@@ -25,9 +25,10 @@ constexpr float kNearExcess = 2.5f;     // what the nearer of two depths must ex
 constexpr float kNearerThanFilled = 4;  // and better besides if registration says the farther one
 constexpr float kNearerThanAll = 20;    // the same if registration says nothing so near within kNearPx
 constexpr int kNearPx = 8;              // no contour of registration is farther off
-constexpr float kColorDeviation = 60;   // gray levels: of a pixel's colour from that of the fused picture
-constexpr float kDarkest = 40;          // gray level; darker ones change by as much light as this one
-constexpr float kColorStep = 288;       // squared gray levels, of jumps that cost little
+// Gray levels: of a pixel's colour from that of the fused picture, if its depth is the farther or the nearer.
+constexpr float kFarColorDeviation = 60, kNearColorDeviation = 12;
+constexpr float kDarkest = 40;     // gray level; darker ones change by as much light as this one
+constexpr float kColorStep = 288;  // squared gray levels, of jumps that cost little
 constexpr float kLeastJump = 0.05f;
 constexpr float kExplained = 1;  // cost of what needs no nearer depth
 
@@ -76,7 +77,9 @@ class Contours {
         stir(move.at);
       }
     }
-    for (ImageFormation& one : formation_) one.update(changed);
+    cv::parallel_for_({0, static_cast<int>(formation_.size())}, [&](const cv::Range& range) {
+      for (int k = range.start; k < range.end; ++k) formation_[k].update(changed);
+    });
     return static_cast<int>(changed.size());
   }
 
@@ -162,20 +165,22 @@ class Contours {
       formation_[k].predict(p, own, sharp_, sights[count].predictions);
       sights[count++].seen = bracket_.frames[k].codes(p);
     }
-    return {costOf(p, sights.data(), count, 0), costOf(p, sights.data(), count, 1)};
+    const float first = now > tried ? kNearColorDeviation : kFarColorDeviation;
+    const float second = now > tried ? kFarColorDeviation : kNearColorDeviation;
+    return {costOf(p, sights.data(), count, 0, first), costOf(p, sights.data(), count, 1, second)};
   }
 
   // i: of the predictions. The fused picture may show the blur or the colour of a nearer object at p, which
   // the frames would contradict whatever the depth. So p has the colour that explains them best, by least
-  // squares.
-  float costOf(const cv::Point& p, const Sight* sights, int count, int i) const {
+  // squares. color_deviation: how far that may be from the fused picture's.
+  float costOf(const cv::Point& p, const Sight* sights, int count, int i, float color_deviation) const {
     const LightCurve& curve = LightCurve::get();
     std::array<float, 4> squared = {};
     float cost = 0;
     for (int c = 0; c < 3; ++c) {
       const float fused = bracket_.light(p)[c];
       const float deviation =
-          kColorDeviation / curve.slope(std::max(curve.code(fused), kDarkest));  // in light
+          color_deviation / curve.slope(std::max(curve.code(fused), kDarkest));  // in light
       float weight = 1 / cost_scale_, sum = 0;
       for (int k = 0; k < count; ++k) {
         const auto& [light, own_share] = sights[k].predictions[i];
