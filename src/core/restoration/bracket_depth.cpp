@@ -182,10 +182,10 @@ cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures
       aggregateAlongPaths(costsOf(bracket, pictures, levels), bracket.fused,
                           static_cast<int>(kSmallStep * kCostScale), static_cast<int>(kJump * kCostScale));
   cv::Mat1f inverse_depth(volume.size);
-  for (int y = 0; y < inverse_depth.rows; ++y) {
+  forEachRow(inverse_depth.rows, [&](int y) {
     for (int x = 0; x < inverse_depth.cols; ++x)
       inverse_depth(y, x) = levels.inverseDepth(lowest(volume.at(y, x), levels.count));
-  }
+  });
   if (bracket.measured.empty()) return inverse_depth;
   const cv::Mat1f clear = distanceFromDoubt(bracket);
   for (int y = 0; y < inverse_depth.rows; ++y) {

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <numeric>
 #include <opencv2/core/hal/intrin.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
@@ -132,25 +133,28 @@ class Equations {
 
   // out = A^T omega values(row, parts), by pixel.
   template <typename Values>
-  void transposed(const Values& values, cv::Mat3f& out) const {
+  void transposed(const Values& values, cv::Mat3f& out) {
     spread(
         [&](const Row& row, const Part* parts) { return (row.weight * values(row, parts)).mul(row.slope); },
-        [](float share) { return share; }, out);
-    out = out.mul(slopes_);
+        [](float factor) { return factor; }, out);
   }
 
   // Diagonal of A^T omega A.
-  cv::Mat3f diagonal() const {
-    cv::Mat3f out(solved_.size());
+  cv::Mat3f diagonal() {
+    cv::Mat3f out;
     spread([&](const Row& row, const Part*) { return row.weight * row.slope.mul(row.slope); },
-           [](float share) { return share * share; }, out);
-    return out.mul(slopes_).mul(slopes_);
+           [](float factor) { return factor * factor; }, out);
+    return out;
   }
 
-  cv::Mat4f toLight(const cv::Mat3f& z) const {
-    cv::Mat4f light;
-    cv::cvtColor(z.mul(slopes_), light, cv::COLOR_BGR2BGRA);
-    return light;
+  // z in linear light, valid until the next call; the last channel is 0.
+  const cv::Mat4f& toLight(const cv::Mat3f& z) {
+    z_light_.create(z.size());
+    forEachPixel(z.size(), [&](int y, int x) {
+      const cv::Vec3f light = z(y, x).mul(slopes_(y, x));
+      z_light_(y, x) = {light[0], light[1], light[2], 0};
+    });
+    return z_light_;
   }
   const cv::Mat1b& solved() const { return solved_; }
 
@@ -215,19 +219,20 @@ class Equations {
     strip.rows.push_back(row);
   }
 
-  // out = sum over rows of factor(share) value(row): each strip into rows of its own, which are then added in
-  // their order, so that the sum does not depend on the number of threads.
+  // out = sum over rows of factor(share) factor(slope) value(row): each strip into rows of its own, which are
+  // then added in their order, so that the sum does not depend on the number of threads.
   template <typename Value, typename Factor>
-  void spread(const Value& value, const Factor& factor, cv::Mat3f& out) const {
-    std::vector<cv::Mat4f> sums(strips_.count());
+  void spread(const Value& value, const Factor& factor, cv::Mat3f& out) {
+    sums_.resize(strips_.count());
     const std::ptrdiff_t stride = solved_.cols;
     strips_.forEach([&](const cv::Range& rows, int i) {
-      sums[i] = cv::Mat4f::zeros(rows.size() + 2 * kFarthestPart, solved_.cols);
+      sums_[i].create(rows.size() + 2 * kFarthestPart, solved_.cols);
+      sums_[i].setTo(cv::Scalar());
       for (const Row& row : equations_[i].rows) {
         const Part* parts = equations_[i].parts.data() + row.first;
         const cv::Vec3f wanted = value(row, parts);
         const cv::v_float32x4 here(wanted[0], wanted[1], wanted[2], 0);
-        cv::Vec4f* to = &sums[i](row.y - rows.start + kFarthestPart, row.x);
+        cv::Vec4f* to = &sums_[i](row.y - rows.start + kFarthestPart, row.x);
         for (std::uint32_t k = 0; k < row.count; ++k) {
           float* sum = to[parts[k].dy * stride + parts[k].dx].val;
           const float share = factor(static_cast<float>(parts[k].share) * (1 / kWholeShare));
@@ -236,16 +241,21 @@ class Equations {
       }
     });
     out.create(solved_.size());
-    out.setTo(cv::Scalar());
-    for (int i = 0; i < strips_.count(); ++i) {
-      const cv::Range rows = strips_[i];
-      const int top = std::max(0, rows.start - kFarthestPart),
-                bottom = std::min(out.rows, rows.end + kFarthestPart);
-      for (int y = top; y < bottom; ++y) {
-        const cv::Vec4f* from = sums[i][y - rows.start + kFarthestPart];
-        for (int x = 0; x < out.cols; ++x) out(y, x) += cv::Vec3f(from[x].val);
+    strips_.forEach([&](const cv::Range& rows, int i) {
+      for (int y = rows.start; y < rows.end; ++y) {
+        std::array<const cv::Vec4f*, 3> from;  // of this strip and its neighbours
+        int count = 0;
+        for (int k = std::max(0, i - 1); k < std::min(i + 2, strips_.count()); ++k) {
+          const int row = y - strips_[k].start + kFarthestPart;
+          if (row >= 0 && row < sums_[k].rows) from[count++] = sums_[k][row];
+        }
+        for (int x = 0; x < out.cols; ++x) {
+          cv::Vec4f sum;
+          for (int k = 0; k < count; ++k) sum += from[k][x];
+          for (int c = 0; c < 3; ++c) out(y, x)[c] = factor(slopes_(y, x)[c]) * sum[c];
+        }
       }
-    }
+    });
   }
 
   const ObservedBracket& bracket_;
@@ -254,6 +264,8 @@ class Equations {
   RowStrips strips_;
   std::vector<Strip> equations_;
   cv::Mat3f slopes_;  // d light / d code of the fused picture
+  std::vector<cv::Mat4f> sums_;
+  cv::Mat4f z_light_;
 };
 
 cv::Vec3f squared(const cv::Vec3f& v) {
@@ -295,8 +307,8 @@ cv::Mat1f priorOf(const cv::Mat1f& excess, const cv::Mat1f& weight, double noise
 }
 
 // (A^T omega A + 1 / s^2 + smoothness) z
-void apply(const Equations& equations, const cv::Mat1f& prior, const cv::Mat3f& z, cv::Mat3f& out) {
-  const cv::Mat4f light = equations.toLight(z);
+void apply(Equations& equations, const cv::Mat1f& prior, const cv::Mat3f& z, cv::Mat3f& out) {
+  const cv::Mat4f& light = equations.toLight(z);
   equations.transposed(
       [&](const Row& row, const Part* parts) { return Equations::predicted(row, parts, light); }, out);
   const cv::Mat1b& solved = equations.solved();
@@ -312,9 +324,17 @@ void apply(const Equations& equations, const cv::Mat1f& prior, const cv::Mat3f& 
   });
 }
 
-cv::Vec3d dot(const cv::Mat3f& a, const cv::Mat3f& b) {
-  const cv::Scalar sums = cv::sum(a.mul(b));
-  return {sums[0], sums[1], sums[2]};
+// The sum of value(y, x) over all pixels, the same for any number of threads.
+template <typename Value>
+cv::Vec3d sumOf(const cv::Size& size, const Value& value) {
+  const RowStrips strips({0, size.height}, std::max(1, size.height / kStripRows));
+  std::vector<cv::Vec3d> sums(strips.count());
+  strips.forEach([&](const cv::Range& rows, int i) {
+    for (int y = rows.start; y < rows.end; ++y) {
+      for (int x = 0; x < size.width; ++x) sums[i] += cv::Vec3d(value(y, x));
+    }
+  });
+  return std::accumulate(sums.begin(), sums.end(), cv::Vec3d());
 }
 
 void addScaled(cv::Mat3f& to, const cv::Mat3f& from, const cv::Vec3d& factor) {
@@ -329,7 +349,7 @@ cv::Vec3d ratio(const cv::Vec3d& a, const cv::Vec3d& b) {
 }
 
 // Conjugate gradients, preconditioned by the diagonal; channels on their own.
-std::optional<cv::Mat3f> solve(const Equations& equations, const cv::Mat1f& prior,
+std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior,
                                const std::function<bool(double)>& proceed) {
   cv::Mat3f residual, z = cv::Mat3f::zeros(prior.size()), product;
   equations.transposed([](const Row& row, const Part*) { return row.residual; }, residual);
@@ -337,21 +357,25 @@ std::optional<cv::Mat3f> solve(const Equations& equations, const cv::Mat1f& prio
   forEachPixel(z.size(), [&](int y, int x) {
     for (int c = 0; c < 3; ++c) inverse(y, x)[c] = 1 / (inverse(y, x)[c] + prior(y, x) + 4 * kSmoothness);
   });
+  const cv::Size size = z.size();
   residual.setTo(cv::Scalar(), equations.solved() == 0);
-  cv::Mat3f steepest = residual.mul(inverse), direction = steepest.clone();
-  cv::Vec3d energy = dot(residual, steepest);
+  const auto steepest = [&](int y, int x) { return residual(y, x).mul(inverse(y, x)); };
+  cv::Mat3f direction(size);
+  forEachPixel(size, [&](int y, int x) { direction(y, x) = steepest(y, x); });
+  const auto energyOf = [&] {
+    return sumOf(size, [&](int y, int x) { return residual(y, x).mul(steepest(y, x)); });
+  };
+  cv::Vec3d energy = energyOf();
   for (int i = 0; i < kSteps; ++i) {
     if (!proceed(static_cast<double>(i) / kSteps)) return std::nullopt;
     apply(equations, prior, direction, product);
-    const cv::Vec3d length = ratio(energy, dot(direction, product));
+    const cv::Vec3d length =
+        ratio(energy, sumOf(size, [&](int y, int x) { return direction(y, x).mul(product(y, x)); }));
     addScaled(z, direction, length);
     addScaled(residual, product, -length);
-    steepest = residual.mul(inverse);
-    const cv::Vec3d next = dot(residual, steepest);
-    const cv::Vec3d turn = ratio(next, energy);
-    forEachPixel(z.size(), [&](int y, int x) {
-      direction(y, x) = steepest(y, x) + cv::Vec3f(turn).mul(direction(y, x));
-    });
+    const cv::Vec3d next = energyOf();
+    const cv::Vec3f turn = ratio(next, energy);
+    forEachPixel(size, [&](int y, int x) { direction(y, x) = steepest(y, x) + turn.mul(direction(y, x)); });
     energy = next;
   }
   return z;

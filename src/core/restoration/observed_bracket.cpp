@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "restoration/light.hpp"
+#include "util/row_strips.hpp"
 
 namespace all_in_focus::core {
 namespace {
@@ -68,11 +69,11 @@ void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, cv::Mat
 cv::Mat3f linearLight(const cv::Mat& picture) {
   const LightCurve& curve = LightCurve::get();
   cv::Mat3f light(picture.size());
-  for (int y = 0; y < picture.rows; ++y) {
+  forEachRow(picture.rows, [&](int y) {
     const std::uint8_t* from = picture.ptr<std::uint8_t>(y);
     float* to = light.ptr<float>(y);
     for (int i = 0; i < 3 * picture.cols; ++i) to[i] = curve.light(from[i]);
-  }
+  });
   return light;
 }
 

@@ -106,6 +106,7 @@ void walk(const CostVolume& costs, const cv::Mat3b& picture, const JumpCosts& ju
   for (int i = 0; i < rows; ++i) {
     const int y = up ? rows - 1 - i : i;
     std::int16_t* sum = sums.at(y, 0);
+    std::fill_n(sum, static_cast<size_t>(cols) * costs.levels, std::int16_t{0});
     jumps.row(picture, y, back, 0, jump.data());
     walkRow(costs.at(y, 0), along, back, along, jump.data(), static_cast<std::int16_t>(small_step), cols,
             costs.levels, up, sum);
@@ -125,10 +126,7 @@ CostVolume aggregateAlongPaths(const CostVolume& costs, const cv::Mat3b& picture
   std::array<CostVolume, 2> sums = {CostVolume(costs.size, costs.levels),
                                     CostVolume(costs.size, costs.levels)};
   cv::parallel_for_({0, 2}, [&](const cv::Range& halves) {
-    for (int i = halves.start; i < halves.end; ++i) {
-      sums[i].costs = 0;
-      walk(costs, picture, jumps, small_step, i == 1, sums[i]);
-    }
+    for (int i = halves.start; i < halves.end; ++i) walk(costs, picture, jumps, small_step, i == 1, sums[i]);
   });
   sums[0].costs += sums[1].costs;
   return sums[0];
