@@ -18,6 +18,7 @@ STAMPS = itertools.count(200000, 10)
 # The frames of a bracket: what is sharp, where the lens is focused [m], how bright the frame is.
 FRAMES = (('none', 0.7, 1.0), ('near', NEAR_MM / 1000, 0.9), ('none', 1.5, 0.8), ('far', FAR_MM / 1000, 0.7), ('none', 9.0, 0.6))
 INDICES = range(len(FRAMES))
+FOCAL_PX = 50.0  # blur of these frames is less than a pixel by the optics
 MIDDLE = len(FRAMES) // 2
 
 
@@ -30,9 +31,9 @@ def another_scene(stamp):
     return colour_message(np.random.default_rng(2).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8), stamp)
 
 
-def fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True):
+def fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True, focal_px=FOCAL_PX):
     """What fuse_stack makes of some of the frames: {name of the output: pixels}; reference: one of the indices; enlarged: so
-    many pixels for one each way; focus: whether it is told the focus distances."""
+    many pixels for one each way; focus: whether it is told the focus distances; focal_px: of the colour camera."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / 'stack').mkdir()
@@ -40,7 +41,7 @@ def fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True):
             write(folder / 'stack' / f'{index}.png', pixels(index, enlarged))
         (folder / 'focus.yaml').write_text('frames:\n' + ''.join(f'- {{file: {i}.png, focus_mm: {FRAMES[i][1] * 1000!r}}}\n'
                                                                  for i in indices))
-        camera = Camera.pinhole('color', WIDTH, HEIGHT, 50.0, 50.0, WIDTH / 2, HEIGHT / 2)
+        camera = Camera.pinhole('color', WIDTH, HEIGHT, focal_px, focal_px, WIDTH / 2, HEIGHT / 2)
         optics = Optics(OPTICS.focal_length_mm, OPTICS.aperture, OPTICS.circle_of_confusion_mm)
         save_rig(str(folder / 'rig'), Rig(camera, camera, np.eye(3), [0.0, 0.0, 0.0], optics, 'color', 'depth'))
         files = {name: folder / (name + '.png') for name in ('image', 'source_index', 'confidence')}
@@ -58,6 +59,8 @@ def fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True):
 
 
 class RefinedTest(FusionTest):
+    focal_px = FOCAL_PX
+
     def setUp(self):
         super().setUp()
         self.reconfigure()
@@ -82,7 +85,7 @@ class RefinedTest(FusionTest):
         self.send_labels(stamp)
 
     def send_part(self, name, stamp):
-        self.scene[name].say(camera_info(stamp, 'color') if name == 'rgb/camera_info'
+        self.scene[name].say(camera_info(stamp, 'color', self.focal_px) if name == 'rgb/camera_info'
                              else image_message(two_planes(), stamp, '16UC1', 'color'))
 
     def send(self, stamp, indices=INDICES, replaced=None, bracket_id=None, **focus):
