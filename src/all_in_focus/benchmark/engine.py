@@ -118,12 +118,13 @@ class OnWorkers:
 
     def _result(self, future):
         from distributed import CancelledError
+        from distributed.comm import CommClosedError
         from distributed.scheduler import KilledWorker
         try:
             return future.result(timeout=self._patience)
         except KilledWorker:
             return {"error": "every worker that took this task was lost: see the workers' logs, memory first"}
-        except CancelledError:  # only a client that has lost its scheduler cancels tasks
+        except (CancelledError, CommClosedError):  # only for a client that has lost its scheduler
             raise EngineError(LOST)
         except Exception as error:
             self._check()
