@@ -46,7 +46,7 @@ KinectCalibration::KinectCalibration(KinectStream stream, const ros::NodeHandle&
       manager_(nh, parameters.name, parameters.info_url) {}
 
 sensor_msgs::CameraInfoPtr KinectCalibration::cameraInfo(const KinectMode& mode) {
-  const auto info = boost::make_shared<sensor_msgs::CameraInfo>(manager_.getCameraInfo());
+  auto info = boost::make_shared<sensor_msgs::CameraInfo>(manager_.getCameraInfo());
   const bool calibrated = info->K[0] != 0;
   if (calibrated && static_cast<int>(info->width) == mode.width &&
       static_cast<int>(info->height) == mode.height) {

@@ -222,7 +222,7 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double max_age_s, 
     wait(&SceneTopics::camera, [&] { return camera_ != nullptr; });
   }
   if (isOfBeforeJump()) {
-    const SceneMessages scene = before_jump_.at(first_frame);
+    SceneMessages scene = before_jump_.at(first_frame);
     before_jump_.erase(first_frame);
     return scene;
   }
