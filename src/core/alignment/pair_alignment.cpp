@@ -17,7 +17,7 @@ constexpr double kResidualFloor = 0.2;  // gray levels; rounding leaves as much
 
 constexpr int kMargin = 2;               // px at the border of a level which smoothing has spoilt
 constexpr int kIterations = 5;           // at each level
-constexpr double kSmallStep = 0.003;     // px of a level: converged
+constexpr double kSmallStep = 0.01;      // px of a level: converged; the next step would be a tenth of it
 constexpr double kLargestStep = 0.03;    // px of a level: not converged
 constexpr double kLargestMotion = 0.05;  // of the radius, or of the width
 constexpr double kSharedEdges = 4;       // neighbouring tiles err alike: so many count as one

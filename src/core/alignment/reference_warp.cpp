@@ -129,6 +129,10 @@ void ReferenceWarp::Taps::prepare(double begin, double step, int count, int leng
     evaluate(polynomials[k], fraction.data(), count, channels == 1 ? weight : single.data());
     if (channels == kChannels) threeTimes(single.data(), count, weight);
   }
+  ends.clear();
+  for (int u = 1; u <= count; ++u) {
+    if (u == count || first[u] != first[u - 1] + 1) ends.push_back(u);
+  }
 }
 
 void ReferenceWarp::compute(const cv::Mat& frame, const SimilarityTransform& transform,
@@ -177,11 +181,11 @@ void ReferenceWarp::computeStrip(const cv::Mat& frame, const SimilarityTransform
                             kChannels);
     }
     const Taps& taps = rolls ? strip.sheared : columns_;
-    // Where taps of neighbours are neighbours, one loop serves them all.
-    for (int x = 0, end = 0; x < columns; x = end) {
-      for (end = x + 1; end < columns && taps.first[end] - end == taps.first[x] - x;) ++end;
+    int x = 0;
+    for (const int end : taps.ends) {
       combineAlong(padded + kChannels * taps.first[x], taps.weights.data() + kChannels * x, values,
                    kChannels * (end - x), row + kChannels * x);
+      x = end;
     }
   };
   const auto tapRows = [&](int first) {
