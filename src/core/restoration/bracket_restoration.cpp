@@ -33,7 +33,14 @@ constexpr int kLeastFrames = 2;
 // many pixels, but no further than to so few.
 constexpr double kLargestBlurPx = 8, kMostPixels = 1200e3, kLeastPixels = 400e3;
 constexpr int kMostSampled = 640;  // columns and rows of depth that tell the largest disc
-constexpr std::array<float, 2> kStiffness = {1.5f, 1};  // of contours, by round
+
+// Contours and lens model are wrong here and there, and what is corrected too much costs more than what is
+// corrected too little. The second round can still take back what the first one corrects too much.
+struct Round {
+  float stiffness;  // of contours
+  CorrectionConfig correction;
+};
+constexpr std::array<Round, 2> kRounds = {Round{1.5f, {1, 1}}, Round{1, {2, 0.9f}}};
 
 cv::Mat reduced(const cv::Mat& image, const cv::Size& size) {
   if (image.size() == size) return image.clone();
@@ -289,21 +296,22 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   updateAll(formation);
   const cv::Mat3b given = bracket.fused;
   cv::Mat3f sum = cv::Mat3f::zeros(given.size());
-  for (size_t round = 0; round < kStiffness.size(); ++round) {
-    const double from = 0.4 + 0.3 * static_cast<double>(round);
+  double from = 0.4;
+  for (const Round& round : kRounds) {
     bool stopped = false;
-    moveContours(bracket, formation, inverse_depth, kStiffness[round], [&](double done) {
+    moveContours(bracket, formation, inverse_depth, round.stiffness, [&](double done) {
       stopped = !proceed(from + 0.15 * done);
       return !stopped;
     });
     if (stopped) return std::nullopt;
     const std::optional<cv::Mat3f> z =
-        correction(bracket, formation, inverse_depth, part(from + 0.15, from + 0.3));
+        correction(bracket, formation, inverse_depth, round.correction, part(from + 0.15, from + 0.3));
     if (!z) return std::nullopt;
     sum += *z;
     bracket.fused = given.clone();
     addTo(bracket.fused, sum);
     bracket.light = linearLight(bracket.fused);
+    from += 0.3;
   }
   result.image = fused.clone();
   addTo(result.image, sum);

@@ -32,12 +32,8 @@ constexpr double kModelVariance = 0.49, kModelError = 0.09;  // gray levels squa
 constexpr double kPriorShare = 0.49, kLeastVariance = 0.1;
 constexpr float kSmoothness = 0.1f;
 constexpr double kResidualSigma = 2;  // px
-constexpr int kSteps = 2;             // of conjugate gradients
 constexpr float kSpreadMargin = 2;    // gray levels
 constexpr float kGateFrom = 0.1f, kGateTo = 0.4f;
-// Of the correction: contours and lens model are wrong here and there, and what is corrected too much costs
-// more than what is corrected too little.
-constexpr float kTaken = 0.9f;
 constexpr int kStripRows = 16;
 
 cv::Mat1b neighbourhood(const cv::Mat1b& mask, int reach) {
@@ -349,7 +345,7 @@ cv::Vec3d ratio(const cv::Vec3d& a, const cv::Vec3d& b) {
 }
 
 // Conjugate gradients, preconditioned by the diagonal; channels on their own.
-std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior,
+std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior, int steps,
                                const std::function<bool(double)>& proceed) {
   cv::Mat3f residual, z = cv::Mat3f::zeros(prior.size()), product;
   equations.transposed([](const Row& row, const Part*) { return row.residual; }, residual);
@@ -366,19 +362,19 @@ std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior,
     return sumOf(size, [&](int y, int x) { return residual(y, x).mul(steepest(y, x)); });
   };
   cv::Vec3d energy = energyOf();
-  for (int i = 0; i < kSteps; ++i) {
-    if (!proceed(static_cast<double>(i) / kSteps)) return std::nullopt;
+  for (int i = 1;; ++i) {
+    if (!proceed(static_cast<double>(i - 1) / steps)) return std::nullopt;
     apply(equations, prior, direction, product);
     const cv::Vec3d length =
         ratio(energy, sumOf(size, [&](int y, int x) { return direction(y, x).mul(product(y, x)); }));
     addScaled(z, direction, length);
+    if (i == steps) return z;
     addScaled(residual, product, -length);
     const cv::Vec3d next = energyOf();
     const cv::Vec3f turn = ratio(next, energy);
     forEachPixel(size, [&](int y, int x) { direction(y, x) = steepest(y, x) + turn.mul(direction(y, x)); });
     energy = next;
   }
-  return z;
 }
 
 // |z| is at most what the frames differ by there; its colour stays.
@@ -402,11 +398,12 @@ void limit(const ObservedBracket& bracket, cv::Mat3f& z) {
   });
 }
 
-// By the share of the residual in excess of noise that z explains.
-void gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weight, cv::Mat3f& z) {
+// By the share of the residual in excess of noise that z explains. taken: of z where it explains enough.
+void gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weight, float taken,
+          cv::Mat3f& z) {
   forEachPixel(z.size(), [&](int y, int x) {
     const float share = (before(y, x) - after(y, x)) / std::max(before(y, x), 1e-3f * weight(y, x) + 1e-9f);
-    z(y, x) *= kTaken * std::clamp((share - kGateFrom) / (kGateTo - kGateFrom), 0.0f, 1.0f);
+    z(y, x) *= taken * std::clamp((share - kGateFrom) / (kGateTo - kGateFrom), 0.0f, 1.0f);
   });
 }
 
@@ -431,7 +428,7 @@ void findRegion(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth, 
 
 std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
                                     const std::vector<ImageFormation>& formation,
-                                    const cv::Mat1f& inverse_depth,
+                                    const cv::Mat1f& inverse_depth, const CorrectionConfig& config,
                                     const std::function<bool(double)>& proceed) {
   cv::Mat1f region;
   cv::Mat1b solved;
@@ -441,11 +438,12 @@ std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
   if (!equations.build(formation, [&](double done) { return proceed(0.4 * done); })) return std::nullopt;
   if (!proceed(0.4)) return std::nullopt;
   const cv::Mat1f excess = excessOf(equations, {}, bracket.noise_variance), weight = weightOf(equations);
-  std::optional<cv::Mat3f> z = solve(equations, priorOf(excess, weight, bracket.noise_variance),
+  std::optional<cv::Mat3f> z = solve(equations, priorOf(excess, weight, bracket.noise_variance), config.steps,
                                      [&](double done) { return proceed(0.4 + 0.5 * done); });
   if (!z) return z;
   limit(bracket, *z);
-  gate(excess, excessOf(equations, equations.toLight(*z), bracket.noise_variance), weight, *z);
+  gate(excess, excessOf(equations, equations.toLight(*z), bracket.noise_variance), weight, config.taken,
+       *z);
   forEachPixel(region.size(), [&](int y, int x) { (*z)(y, x) *= region(y, x); });
   return z;
 }
