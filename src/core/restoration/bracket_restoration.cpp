@@ -40,7 +40,7 @@ struct Round {
   float stiffness;  // of contours
   CorrectionConfig correction;
 };
-constexpr std::array<Round, 2> kRounds = {Round{1.5f, {1, 1}}, Round{1, {2, 0.9f}}};
+constexpr std::array<Round, 2> kRounds = {Round{2, {1, 1}}, Round{1, {2, 0.9f}}};
 
 cv::Mat reduced(const cv::Mat& image, const cv::Size& size) {
   if (image.size() == size) return image.clone();
