@@ -23,8 +23,9 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kUnusualLow = 0.85, kUnusualHigh = 1.06;  // blur scales that call for a correction
-constexpr double kUsualScale = 0.94;                       // the fused picture is not quite sharp itself
+// Deviations of the blur scale from 1: smaller ones may be errors of the measurement; larger ones call for a
+// note.
+constexpr double kNoticeable = 0.03, kUnusual = 0.1;
 constexpr double kLeastCorrection = 0.7, kLargestCorrection = 1.3;
 constexpr double kRangeMarginPx = 0.5;  // of blur, beyond the depth that was measured
 constexpr double kRangeShare = 0.005;   // of measured pixels that may lie beyond, at each end
@@ -266,10 +267,13 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   if (!proceed(0.2)) return std::nullopt;
   const BlurScale found = has_depth ? measureBlurScale(bracket, *pictures) : BlurScale();
   result.blur_scale = found.scale;
-  if (found.scale > 0 && (found.scale < kUnusualLow || found.scale > kUnusualHigh)) {
-    const double correction = std::clamp(found.scale / kUsualScale, kLeastCorrection, kLargestCorrection);
+  const double deviation = found.scale > 0 ? std::abs(found.scale - 1) : 0;
+  if (deviation > kNoticeable) {
+    const double correction = std::clamp(found.scale, kLeastCorrection, kLargestCorrection);
     for (ObservedFrame& frame : bracket.frames) frame.blur.px_mm *= correction;
     bracket.px_mm *= correction;
+  }
+  if (deviation > kUnusual) {
     result.notes.push_back(cv::format(
         "the frames are blurred %.2f times as much as the optics say: check focal length, aperture, "
         "focus distances and calibration",

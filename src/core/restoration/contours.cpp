@@ -19,6 +19,8 @@ constexpr int kReachPx = 4;      // how far a contour may move
 constexpr int kStirPx = 2;       // a change is felt that far away
 constexpr float kSharpPx = 3;    // radius of frames that tell
 constexpr float kMostCost = 60;  // of a frame
+// Gray levels squared: what is hidden beside a contour, and its place within a pixel, are not known.
+constexpr double kModelVariance = 9;
 constexpr float kJumpWeight = 5;
 constexpr float kSideways = 0.5f;       // share of jumps along a contour: where it moves they move with it
 constexpr float kNearExcess = 2.5f;     // what the nearer of two depths must explain better
@@ -30,7 +32,7 @@ constexpr float kFarColorDeviation = 60, kNearColorDeviation = 12;
 constexpr float kDarkest = 40;     // gray level; darker ones change by as much light as this one
 constexpr float kColorStep = 288;  // squared gray levels, of jumps that cost little
 constexpr float kLeastJump = 0.05f;
-constexpr float kExplained = 1;  // cost of what needs no nearer depth
+constexpr float kExplained = 0.4f;  // cost of what needs no nearer depth
 
 const std::array<cv::Point, 4> kNeighbours = {cv::Point(-1, 0), {1, 0}, {0, -1}, {0, 1}};
 
@@ -42,7 +44,8 @@ class Contours {
         formation_(formation),
         inverse_depth_(inverse_depth),
         gap_(bracket.gap(kJumpPx)),
-        cost_scale_(static_cast<float>(1 / (6 * (bracket.misfit_variance + 1) * kCodeScale * kCodeScale))),
+        cost_scale_(static_cast<float>(
+            1 / (6 * (bracket.misfit_variance + kModelVariance) * kCodeScale * kCodeScale))),
         sharp_(ImageFormation::withMargin(bracket.light)),
         stirred_(inverse_depth.size()) {
     findJumpCosts(stiffness);
