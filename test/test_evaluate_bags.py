@@ -58,6 +58,15 @@ def test_what_the_nodes_refuse_stops_no_other_scene(scene, bag, tmp_path):
     assert code == 1 and err.splitlines()[0].startswith("evaluate: warning: planes refined: evaluate_bag: ")
 
 
+def test_files_of_others_stay_and_are_no_results(bag, tmp_path):
+    theirs = tmp_path / "out/bags/planes/stacks/bracket_0000/000.png"
+    theirs.parent.mkdir(parents=True)
+    theirs.write_text("theirs")
+    code, _, err = evaluate(bag, "--methods", "laplacian", "--output", tmp_path / "out")
+    assert code == 1 and len(err.splitlines()) == 1 and "was not written by evaluate" in err
+    assert theirs.read_text() == "theirs" and results(tmp_path / "out")["results"] == {}
+
+
 def several_times(bag, turns, output, change):
     """A bag again and again, 100 s apart. change(turn, topic, message): may alter a message, returns whether to take it."""
     with rosbag.Bag(str(bag)) as old, rosbag.Bag(str(output), "w") as new:

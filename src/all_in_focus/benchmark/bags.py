@@ -5,7 +5,6 @@
 OUTPUT/bags/NAME/: MODE/bracket_0000/ as evaluate_bag writes it, stacks/bracket_0000/000.png and so on, bag.json.
 """
 import json
-import shutil
 from contextlib import closing
 from pathlib import Path
 
@@ -19,9 +18,10 @@ from all_in_focus.bag.image_messages import bgr
 from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.benchmark.methods import OWN
 from all_in_focus.benchmark.scenes import Scene, digest
+from all_in_focus.files.output_folder import whole_folder
 from all_in_focus.files.stack import read_image
 
-DONE = "bag.json"  # written last
+DONE = "bag.json"
 
 
 def topics(options):
@@ -55,20 +55,19 @@ def prepare(scene, modes, options, folder, mark):
             return done
     except (OSError, ValueError, KeyError):
         pass
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
     failed = {}
     arguments = [part for name, value in options.items() for part in ("--" + name, value)]
-    for mode in modes or OWN[:1]:  # without own methods, one run still tells the brackets
-        try:
-            installed.run([installed.find("evaluate_bag"), "--bag", scene.path, "--output", folder / mode,
-                           "--mode", mode, *arguments])  # without a time-out here: evaluate_bag has its own
-        except (RuntimeError, OSError) as error:
-            failed[mode] = str(error)
-    worked = [mode for mode in modes or OWN[:1] if mode not in failed]
-    if worked:
-        export(scene.path, topics(options), folder / worked[0], folder / "stacks", options)
-    (folder / DONE).write_text(json.dumps({"mark": mark, "failed": failed}), encoding="utf-8")
+    with whole_folder(folder, "evaluate", parents=True) as working:
+        for mode in modes or OWN[:1]:  # without own methods, one run still tells the brackets
+            try:
+                installed.run([installed.find("evaluate_bag"), "--bag", scene.path, "--output", working / mode,
+                               "--mode", mode, *arguments])  # without a time-out here: evaluate_bag has its own
+            except (RuntimeError, OSError) as error:
+                failed[mode] = str(error)
+        worked = [mode for mode in modes or OWN[:1] if mode not in failed]
+        if worked:
+            export(scene.path, topics(options), working / worked[0], working / "stacks", options)
+        (working / DONE).write_text(json.dumps({"mark": mark, "failed": failed}), encoding="utf-8")
     return {"failed": failed}
 
 

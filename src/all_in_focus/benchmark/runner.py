@@ -90,9 +90,13 @@ def _with_brackets(found, names, settings, workers, nodes, fail):
             fail(f"{name} {mode}: {reason}")
         if "error" in result:
             fail(f"{name}: {result['error']}")
+            del folders[name]  # what is there is not of this run
     replaced = []
     for scene in found:
-        replaced += bags.brackets(scene, modes, settings.bag, folders[scene.name]) if scene.is_bag else [scene]
+        if scene.name in folders:
+            replaced += bags.brackets(scene, modes, settings.bag, folders[scene.name])
+        elif not scene.is_bag:
+            replaced.append(scene)
     return replaced
 
 
