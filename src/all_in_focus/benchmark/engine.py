@@ -8,6 +8,7 @@ the function raises, or a lost worker, comes as result {"error": one line}. Engi
 import logging
 import tempfile
 import time
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager
 
 from all_in_focus.files.errors import one_line_with_type
@@ -117,7 +118,6 @@ class OnWorkers:
                 self._client.cancel(list(waiting))
 
     def _result(self, future):
-        from distributed import CancelledError
         from distributed.comm import CommClosedError
         from distributed.scheduler import KilledWorker
         try:
