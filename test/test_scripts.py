@@ -72,7 +72,8 @@ DEBIAN = {
     "roscpp": ["libroscpp-dev"], "roslaunch": ["ros-core"], "rospy": ["python3-rospy"], "rviz": [],
     "rostest": ["librostest-dev", "python3-rostest", "libgtest-dev"], "yaml-cpp": ["libyaml-cpp-dev"],
     "tf2_ros": ["libtf2-ros-dev", "tf2-tools", "python3-tf2-ros"],
-    "diagnostic_msgs": ["ros-diagnostic-msgs", "python3-diagnostic-msgs"],
+    "diagnostic_msgs": ["ros-diagnostic-msgs", "python3-diagnostic-msgs"], "tf2_py": ["python3-tf2"],
+    **{name: ["python3-" + name.replace("_", "-")] for name in ("genpy", "rosgraph", "rosgraph_msgs", "roslib", "tf2_msgs")},
     **{name: [f"lib{dashed}-dev", f"ros-{dashed}", f"python3-{dashed}"]
        for name in ("geometry_msgs", "sensor_msgs", "std_msgs", "std_srvs", "visualization_msgs")
        for dashed in [name.replace("_", "-")]}}
