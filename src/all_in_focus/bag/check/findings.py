@@ -21,7 +21,7 @@ class Finding:
 class BagReport:
     """All findings in the order in which a person would repair them. skipped: checks that need these repairs first.
 
-    brackets: dicts with number, frames and depth (whether it has one).
+    brackets: dicts with bracket_id, frames (how many) and depth (whether it has one).
     """
     bag: str
     findings: List[Finding] = field(default_factory=list)
