@@ -9,7 +9,6 @@ is not installed is said so. Needs a sourced setup.bash and bench_steps (see doc
 """
 import argparse
 import os
-import shlex
 import shutil
 import subprocess
 import sys
@@ -19,13 +18,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
 import compare_registration
 import graph_source
 import steps
 from all_in_focus.baselines import enfuse
-from all_in_focus.benchmark.methods import peer_command
+from all_in_focus.benchmark import methods, scenes
 from all_in_focus.installed import run
 from all_in_focus.command_line import Parser, count, run as run_program
 from all_in_focus.files.rig import load_rig
@@ -44,7 +42,7 @@ def parse_arguments():
     parser.add_argument("--depth", help="depth image of its depth camera; default: that of the scene")
     parser.add_argument("--tasks", default=",".join(TASKS), metavar="A,B", help="default %(default)s")
     parser.add_argument("--repetitions", type=count, default=5, metavar="N", help="default %(default)s")
-    parser.add_argument("--peer", type=peer_command, action="append", default=[], metavar="NAME=COMMAND",
+    parser.add_argument("--peer", type=methods.peer_command, action="append", default=[], metavar="NAME=COMMAND",
                         help="one more fusion; in COMMAND {stack} {focus} {rig} {depth} {output} are replaced")
     parser.add_argument("--bench-steps", default=steps.BENCH_STEPS, metavar="PATH")
     parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
@@ -55,15 +53,6 @@ def parse_arguments():
     if (args.rig is None) != (args.depth is None):
         parser.error("give --rig and --depth together")
     return args
-
-
-def in_turn(programs, repetitions, title):
-    """Medians of what the programs return, None for those that are None: name -> function () -> number or tuple."""
-    runs = {name: [] for name in programs}
-    todo = [name for _ in range(repetitions) for name in programs if programs[name]]
-    for name in tqdm(todo, desc=title, unit="run", disable=None):
-        runs[name].append(programs[name]())
-    return {name: np.median(values, axis=0) if values else None for name, values in runs.items()}
 
 
 def rows(task, medians, ours):
@@ -127,7 +116,7 @@ def compare_segmentation(args):
                     for mode in ("refined", "paper")}
         programs["OpenCV GraphSegmentation"] = opencv_segmentation(image)
         programs["scikit-image felzenszwalb"] = skimage_segmentation(image)
-        yield from rows(title, in_turn(programs, args.repetitions, title), "segment_depth (refined)")
+        yield from rows(title, steps.in_turn(programs, args.repetitions, title), "segment_depth (refined)")
 
 
 # --- fusion -----------------------------------------------------------------------------------------------------------
@@ -151,19 +140,18 @@ def enfuse_fusion(args):
     return program and (lambda: elapsed_ms(run, command))
 
 
-def peer_fusion(args, name, command):
-    paths = {**inputs(args.scene), "output": f"{args.folder}/{name}.png"}
-    parts = [part.format(**paths) for part in shlex.split(command)]
-    return lambda: elapsed_ms(run, parts)
+def peer_fusion(args, name):
+    method, scene = methods.find(name, dict(args.peer)), scenes.find({"path": Path(args.scene).absolute()})[0]
+    return lambda: 1000 * method(scene, args.folder).seconds
 
 
 def compare_fusion(args):
     programs = {"fuse_stack (refined)": own_fusion(args, "refined"),
                 "fuse_stack (refined, not aligned)": own_fusion(args, "refined", "--without", "alignment"),
                 "fuse_stack (paper)": own_fusion(args, "paper"), "enfuse": enfuse_fusion(args)}
-    programs.update({name: peer_fusion(args, name, command) for name, command in args.peer})
+    programs.update({name: peer_fusion(args, name) for name, _ in args.peer})
     title = f"fusion of {len(list(Path(inputs(args.scene)['stack']).iterdir()))} frames, files to file, ms"
-    yield from rows(title, in_turn(programs, args.repetitions, title), "fuse_stack (refined)")
+    yield from rows(title, steps.in_turn(programs, args.repetitions, title), "fuse_stack (refined)")
 
 
 # --- registration -----------------------------------------------------------------------------------------------------
@@ -171,7 +159,7 @@ def compare_fusion(args):
 def compare_registrations(args):
     with compare_registration.Runner(args.rig, args.depth) as runner:
         programs = runner.programs()
-        medians = in_turn(programs, args.repetitions, "registration")
+        medians = steps.in_turn(programs, args.repetitions, "registration")
     for i, title in enumerate(("registration, CPU time of the process a frame, ms", "registration, from stamp to result, ms")):
         yield from rows(title, {name: None if value is None else value[i] for name, value in medians.items()},
                         "depth_preprocess (refined)")
@@ -195,4 +183,4 @@ def main():
 
 
 if __name__ == "__main__":
-    run_program(main, RuntimeError, subprocess.SubprocessError, cv2.error)
+    run_program(main, KeyError, RuntimeError, subprocess.SubprocessError, cv2.error)

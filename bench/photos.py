@@ -15,10 +15,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
 import steps
-from all_in_focus.command_line import Parser, count
+from all_in_focus.baselines import enfuse
+from all_in_focus.benchmark.methods import peer_command
+from all_in_focus.command_line import Parser, count, run
 
 ASPECT = 1.5
 QUALITY = 92  # of the JPEGs
@@ -29,13 +30,10 @@ def parse_arguments():
     parser.add_argument("--frames", type=count, default=12, metavar="N", help="default %(default)s")
     parser.add_argument("--megapixels", type=float, default=20, metavar="MP", help="default %(default)s")
     parser.add_argument("--repetitions", type=count, default=3, metavar="N", help="default %(default)s")
-    parser.add_argument("--peer", action="append", default=[], metavar="NAME=COMMAND",
+    parser.add_argument("--peer", type=peer_command, action="append", default=[], metavar="NAME=COMMAND",
                         help="one more program; in COMMAND {stack} {files} {output} are replaced")
     parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
-    args = parser.parse_args()
-    if any("=" not in peer for peer in args.peer):
-        parser.error("--peer: expected NAME=COMMAND")
-    return args
+    return parser.parse_args()
 
 
 def make_pictures(folder, frames, megapixels):
@@ -66,14 +64,12 @@ def main():
         files = " ".join(shlex.quote(str(path)) for path in sorted(stack.iterdir()))
         commands = {"fuse_stack (refined)": f"{shlex.quote(str(args.fuse_stack))} --stack {{stack}} --output {{output}}"}
         if shutil.which("enfuse"):
-            commands["enfuse"] = "enfuse --exposure-weight=0 --saturation-weight=0 --contrast-weight=1 --hard-mask " \
-                                 "--output={output} {files}"
-        commands.update(peer.split("=", 1) for peer in args.peer)
-        runs = {name: [] for name in commands}
-        for name in tqdm([name for _ in range(args.repetitions) for name in commands], disable=None):
-            command = shlex.split(commands[name].format(stack=stack, files=files, output=output))
-            runs[name].append(steps.run_measured(command)[1:])
-    medians = {name: np.median(values, axis=0) for name, values in runs.items()}
+            commands["enfuse"] = f"enfuse {' '.join(enfuse.OPTIONS)} --output={{output}} {{files}}"
+        commands.update(args.peer)
+        filled = {name: shlex.split(command.format(stack=stack, files=files, output=output))
+                  for name, command in commands.items()}
+        medians = steps.in_turn({name: lambda command=command: steps.run_measured(command)[1:]
+                                 for name, command in filled.items()}, args.repetitions)
     ours = next(iter(medians.values()))[0]
     runs_told = "one run" if args.repetitions == 1 else f"medians of {args.repetitions} runs"
     print(f"{args.frames} JPEGs of {width}x{height}, {runs_told}, in turn.\n")
@@ -83,4 +79,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    run(main, KeyError, RuntimeError, cv2.error)

@@ -9,6 +9,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
+from tqdm import tqdm
+
 ROOT = Path(__file__).absolute().parent.parent
 BENCH_STEPS = str(ROOT / "build/devel/lib/all_in_focus/bench_steps")
 FUSE_STACK = str(ROOT / "build/.install/lib/all_in_focus/fuse_stack")
@@ -49,6 +52,15 @@ def run_measured(command):
         raise RuntimeError(said[-1] if said else f"{command[0]} fails")
     seconds, cpu_seconds, peak_kb = map(float, measured.split())
     return result.stdout, seconds, cpu_seconds, peak_kb / 1024
+
+
+def in_turn(programs, repetitions, title=None):
+    """Medians of what the programs return, None for those that are None: name -> function () -> number or tuple."""
+    runs = {name: [] for name in programs}
+    todo = [name for _ in range(repetitions) for name in programs if programs[name]]
+    for name in tqdm(todo, desc=title, unit="run", disable=None):
+        runs[name].append(programs[name]())
+    return {name: np.median(values, axis=0) if values else None for name, values in runs.items()}
 
 
 def run(program=BENCH_STEPS, only=".", repetitions=5, sample=(), min_time=0.1):
