@@ -3,12 +3,14 @@
 """A ROS master of one's own, on a free port, and the programs that run under it."""
 import os
 import shutil
-import socket
 import subprocess
 import time
 
+import psutil
 import roslib.packages
 import rosgraph
+
+from all_in_focus.replay.launch import free_port
 
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 PATIENCE_S = 30
@@ -18,8 +20,7 @@ class Ros:
     """with Ros() as ros: a master runs; what ros.start() starts ends with it."""
 
     def __enter__(self):
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            port = server.getsockname()[1]
+        port = free_port()
         os.environ.update(ROS_MASTER_URI=f"http://localhost:{port}", ROS_HOSTNAME="localhost")
         self.started = []
         self.start(["roscore", "-p", str(port)])
@@ -62,6 +63,5 @@ def program(package, name):
 
 def cpu_seconds(pid):
     """User and system time of a process so far, all its threads together."""
-    with open(f"/proc/{pid}/stat", encoding="ascii") as file:
-        fields = file.read().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    times = psutil.Process(pid).cpu_times()
+    return times.user + times.system
