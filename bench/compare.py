@@ -129,14 +129,14 @@ def inputs(scene):
 
 def own_fusion(args, mode, *options):
     given = [part for name, path in inputs(args.scene).items() for part in ("--" + name, path)]
-    command = [args.fuse_stack, *given, "--mode", mode, "--output", f"{args.folder}/own.png", *options]
+    command = [args.fuse_stack, *given, "--mode", mode, "--output", args.folder / "own.png", *options]
     return lambda: elapsed_ms(run, command)
 
 
 def enfuse_fusion(args):
     program = shutil.which("enfuse")
     frames = sorted(Path(inputs(args.scene)["stack"]).iterdir())
-    command = [program, *enfuse.OPTIONS, f"--output={args.folder}/enfuse.png", *frames]
+    command = [program, *enfuse.OPTIONS, f"--output={args.folder / 'enfuse.png'}", *frames]
     return program and (lambda: elapsed_ms(run, command))
 
 
@@ -168,9 +168,10 @@ def compare_registrations(args):
 def main():
     args = parse_arguments()
     compare = {"registration": compare_registrations, "segmentation": compare_segmentation, "fusion": compare_fusion}
-    with tempfile.TemporaryDirectory() as args.folder:
+    with tempfile.TemporaryDirectory() as folder:
+        args.folder = Path(folder)
         if args.scene is None:
-            args.scene = f"{args.folder}/scene"
+            args.scene = args.folder / "scene"
             subprocess.run([sys.executable, MAKE_SCENE, "--scene", "planes", "--size", "640x480", "--output", args.scene],
                            check=True, stdout=subprocess.DEVNULL)
         known = inputs(args.scene)

@@ -170,9 +170,8 @@ def main():
     print("\n".join(filter(None, tables)), end="")
     if args.json:
         means = {method: {key: mean(figures, method, key) for key in MEASURES} for method in args.methods}
-        with open(args.json, "w", encoding="utf-8") as file:
-            json.dump({"scenes": figures, "mean_and_scenes": means}, file, indent=2)
-            file.write("\n")
+        text = json.dumps({"scenes": figures, "mean_and_scenes": means}, indent=2) + "\n"
+        Path(args.json).write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

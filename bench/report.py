@@ -85,14 +85,12 @@ PARTS = {"steps": measure_steps, "growth": measure_growth, "comparison": measure
 
 
 def write_between_marks(path, part, text):
-    with open(path, encoding="utf-8") as file:
-        before = file.read()
-    after, found = re.subn(f"(<!-- {part} -->\n).*?(<!-- /{part} -->)", lambda m: m[1] + text.strip() + "\n" + m[2], before,
-                           flags=re.DOTALL)
+    path = Path(path)
+    after, found = re.subn(f"(<!-- {part} -->\n).*?(<!-- /{part} -->)", lambda m: m[1] + text.strip() + "\n" + m[2],
+                           path.read_text(encoding="utf-8"), flags=re.DOTALL)
     if found != 1:
         raise ValueError(f"{path}: has no <!-- {part} --> and <!-- /{part} -->")
-    with open(path, "w", encoding="utf-8") as file:
-        file.write(after)
+    path.write_text(after, encoding="utf-8")
 
 
 def main():

@@ -78,8 +78,7 @@ def run(program=BENCH_STEPS, only=".", repetitions=5, sample=(), min_time=0.1):
                                 timeout=TIMEOUT_S)
         if result.returncode:
             raise RuntimeError(result.stderr.strip().splitlines()[-1])
-        with output.open(encoding="utf-8") as file:
-            return read(json.load(file))
+        return read(json.loads(output.read_text(encoding="utf-8")))
 
 
 def read(data):
