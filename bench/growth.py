@@ -19,6 +19,7 @@ from tqdm import tqdm
 
 import steps
 from all_in_focus.command_line import Parser, count, run
+from all_in_focus.files.stack import focus_entries, save_focus
 from suite import MAKE_SCENE
 
 FRAMES = (2, 5, 15, 50, 150, 540)
@@ -39,15 +40,13 @@ def parse_arguments():
 
 def make_stack(scene, frames, folder):
     """Folder of links to the frames of the scene's sweep, and the focus distances of them."""
-    pictures = sorted((scene / "stack").iterdir())
-    distances = re.findall(r"focus_mm: ([\w.]+)", (scene / "focus.yaml").read_text(encoding="utf-8"))
+    sweep = focus_entries(scene / "focus.yaml")
+    taken = [sweep[i * len(sweep) // frames] for i in range(frames)]
+    names = [f"{i:04d}.png" for i in range(frames)]
     (folder / "stack").mkdir(parents=True)
-    entries = ["frames:\n"]
-    for i in range(frames):
-        taken = i * len(pictures) // frames
-        (folder / "stack" / f"{i:04d}.png").symlink_to(pictures[taken])
-        entries.append(f"  - {{file: {i:04d}.png, focus_mm: {distances[taken]}}}\n")
-    (folder / "focus.yaml").write_text("".join(entries), encoding="utf-8")
+    for name, (picture, _) in zip(names, taken):
+        (folder / "stack" / name).symlink_to(scene / "stack" / picture)
+    save_focus(folder / "focus.yaml", names, [1000 * distance for _, distance in taken])
 
 
 def measure_frames(program, repetitions, scene):

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import List
 
 import numpy as np
-import yaml
 from tqdm import tqdm
 
 from all_in_focus.bag.brackets import assemble
@@ -18,7 +17,7 @@ from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import whole_folder
 from all_in_focus.files.rig import Rig, save_rig
-from all_in_focus.files.stack import size_text
+from all_in_focus.files.stack import save_focus, size_text
 
 DEFAULT_OPTICS = "24,4,0.019"  # of the segmenter
 
@@ -142,17 +141,14 @@ class _BracketWriter:
 
     def _write_focus(self, written):
         """Returns whether any focus distance is known."""
-        entries = [{"file": self._name(frame), "focus_mm": millimetres(frame.distance)}
-                   for frame in written if frame.distance > 0]
+        known = [frame for frame in written if frame.distance > 0]
         impossible = sum(frame.distance <= 0 for frame in written)
         if impossible:
             self._warnings.append(f"{impossible} focus distances are not positive: they count as unknown")
-        if not entries:
+        if not known:
             self._warnings.append("no focus distances are known: no focus.yaml")
             return False
-        with (self._folder / "focus.yaml").open("w", encoding="utf-8") as file:
-            file.write("frames:\n")
-            file.writelines(f"- {yaml.safe_dump(entry, default_flow_style=True, width=1000)}" for entry in entries)
+        save_focus(self._folder / "focus.yaml", map(self._name, known), [millimetres(frame.distance) for frame in known])
         return True
 
     def _reference(self, written):

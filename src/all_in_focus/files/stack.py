@@ -13,6 +13,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import yaml
 from PIL import Image
 
 from all_in_focus.files import yaml_file
@@ -229,6 +230,13 @@ def load_focus(path, names, frames):
             index = names.index(name)
         distances[index] = distance
     return distances
+
+
+def save_focus(path, names, distances_mm):
+    """Writes focus distances as load_focus() reads them."""
+    entries = ({"file": name, "focus_mm": float(distance)} for name, distance in zip(names, distances_mm))
+    lines = "".join(f"- {yaml.safe_dump(entry, default_flow_style=True, width=1000)}" for entry in entries)
+    path.write_text(f"frames:\n{lines}", encoding="utf-8")
 
 
 def _metres(value, where):
