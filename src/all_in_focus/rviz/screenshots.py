@@ -16,6 +16,7 @@ import rospy
 import yaml
 from roslib.packages import find_node
 
+from all_in_focus.files import yaml_file
 from all_in_focus.replay.launch import Launch
 from all_in_focus.replay.player import BagPlayer, Limits, PlayError
 from all_in_focus.rviz.virtual_screen import ScreenError, VirtualScreen, changed_share, check_programs
@@ -24,18 +25,17 @@ TOPIC_KEYS = ("Image Topic", "Color Image Topic", "Depth Map Topic", "Marker Top
 
 
 def _read(path):
-    """Raises OSError, ValueError (one line)."""
-    with Path(path).open(encoding="utf-8") as file:
-        try:
-            config = yaml.safe_load(file)
-            config["Visualization Manager"]["Displays"], config["Visualization Manager"]["Global Options"]
-            return config
-        except (yaml.YAMLError, KeyError, TypeError) as error:
-            raise ValueError(f"{path}: not an rviz configuration ({' '.join(str(error).split())})") from error
+    """Raises ValueError (one line)."""
+    config = yaml_file.read(path, ValueError)
+    try:
+        config["Visualization Manager"]["Displays"], config["Visualization Manager"]["Global Options"]
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"{path}: not an rviz configuration ({error})") from error
+    return config
 
 
 def displays(path):
-    """Descriptions of the enabled displays of an .rviz file. Raises OSError, ValueError (one line)."""
+    """Descriptions of the enabled displays of an .rviz file. Raises ValueError (one line)."""
     return [display for display in _read(path)["Visualization Manager"]["Displays"] if display.get("Enabled", True)]
 
 
