@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from all_in_focus.files.rig import DEFAULT_OPTICS
+
 ROOT = Path(__file__).resolve().parent.parent
 NOT_OURS = {'.git', 'build', 'demo_output', '__pycache__', '.pytest_cache'}
 
@@ -270,6 +272,7 @@ def test_defaults_agree(file, name, default):
     for path in sorted((ROOT / 'config').glob('*.yaml')):
         for text in re.findall(rf'^\s*{name}:\s*([^\s#]+)', path.read_text(), re.M):
             assert same(value(text), default), f'{path.name}: {name}: {text}'
+    assert same(getattr(DEFAULT_OPTICS, name, default), default), 'files/rig.py'
     rows = re.findall(rf'^\|\s*`{name}`\s*\|(.*)\|\s*$', (ROOT / 'docs/reference.md').read_text(), re.M)
     assert rows, f'docs/reference.md: no row for {name}'
     for row in rows:

@@ -16,10 +16,8 @@ from all_in_focus.bag.recorded_rig import RecordedRigError, camera_at, color_fra
 from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import whole_folder
-from all_in_focus.files.rig import Rig, save_rig
+from all_in_focus.files.rig import DEFAULT_OPTICS, Rig, save_rig
 from all_in_focus.files.stack import save_focus, size_text
-
-DEFAULT_OPTICS = "24,4,0.019"  # of the segmenter
 
 
 @dataclass
@@ -78,7 +76,7 @@ class _BracketWriter:
         if self._write_depth_and_rig():
             parts += ["--depth", str(target / "depth.png"), "--rig", str(target / "rig")]
             if not (self._folder / "rig" / "optics.yaml").exists():
-                parts += ["--optics", DEFAULT_OPTICS]
+                parts += ["--optics", str(DEFAULT_OPTICS)]
         if self._write_focus(written):
             parts += ["--focus", str(target / "focus.yaml")]
         position = self._reference(written)

@@ -191,7 +191,7 @@ def fuse_stack_command(mode, variant, program, scene, folder):
     elif variant.startswith("optics"):
         known = scene.lens()
         longer = known.focal_length_mm * (1 + float(variant[len("optics"):]) / 100)
-        scene = replace(scene, optics=f"{longer:.9g},{known.aperture:.9g},{known.circle_of_confusion_mm:.9g}")
+        scene = replace(scene, optics=str(replace(known, focal_length_mm=longer)))
     elif variant.startswith("shift"):
         moved = folder / "shifted_depth.png"
         shifted(scene.beside["depth"], int(variant[len("shift"):]), moved)

@@ -94,11 +94,18 @@ class Optics:
         optics.validate(f"optics '{text}'")
         return optics
 
+    def __str__(self):
+        """As parse() reads it."""
+        return ",".join(f"{value:.9g}" for value in vars(self).values())
+
     def validate(self, where):
         """Raises RigError, which begins with `where`, unless a lens can have these values."""
         for name, (least, most) in OPTICS_RANGES.items():
             if not least <= getattr(self, name) <= most:
                 raise RigError(f"{where}: {name} must be {least:g} to {most:g}, not {getattr(self, name):g}")
+
+
+DEFAULT_OPTICS = Optics(24.0, 4.0, 0.019)  # of the segmenter
 
 
 @dataclass

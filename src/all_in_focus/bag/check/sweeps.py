@@ -7,6 +7,7 @@ from all_in_focus.bag.check.findings import PerBracket, share_text
 from all_in_focus.bag.check.recording import suggestion
 from all_in_focus.bag.scan import NS
 from all_in_focus.files.errors import counted
+from all_in_focus.files.rig import DEFAULT_OPTICS
 
 NOTICEABLE = 0.02  # share of the known depths
 
@@ -146,11 +147,11 @@ def check_optics(check, bag, scan, optics, given, nearest, warning):
         message = scan.optics[0].message
         check.warning(f"{bag.topics['optics']}: impossible (f = {message.focal_length_mm:g}, F = "
                       f"{message.aperture:g}, circle of confusion {message.circle_of_confusion_mm:g}): the nodes "
-                      "keep their default of 24, 4, 0.019; give --optics f,F,coc")
+                      f"keep their default of {DEFAULT_OPTICS}; give --optics f,F,coc")
     elif optics is None and not given:
         reason = "; ".join(filter(None, [f"nothing on {bag.topics['optics']}", suggestion(bag, "optics")]))
-        check.warning(f"{reason}: the nodes take their default, f = 24 mm, F = 4, circle of confusion 0.019 mm: give "
-                      "--optics f,F,coc, or optics.yaml to make_bag")
+        check.warning(f"{reason}: the nodes take their default, {_lens_text(DEFAULT_OPTICS)}: give --optics f,F,coc, or "
+                      "optics.yaml to make_bag")
     lens = given or optics
     if lens and nearest is not None and nearest <= lens.focal_length_mm:
         check.error(f"the focal length of {lens.focal_length_mm:g} mm is not below the nearest depth, {nearest:g} "
@@ -158,5 +159,9 @@ def check_optics(check, bag, scan, optics, given, nearest, warning):
     if warning:
         check.warning(warning)
     if lens:
-        check.ok(f"f = {lens.focal_length_mm:g} mm, F = {lens.aperture:g}, circle of confusion "
-                 f"{lens.circle_of_confusion_mm:g} mm{', as given' if given else ''}")
+        check.ok(f"{_lens_text(lens)}{', as given' if given else ''}")
+
+
+def _lens_text(lens):
+    return (f"f = {lens.focal_length_mm:g} mm, F = {lens.aperture:g}, circle of confusion "
+            f"{lens.circle_of_confusion_mm:g} mm")
