@@ -63,21 +63,6 @@ LABELS = "segmentation/labels"
 REPORT = "all_in_focus/report"
 CHANGED = {"rviz": 0.15, "labels": 0.01}  # share of the screen that results change, at least
 
-LAUNCH = """<launch>
-  <param name="/use_sim_time" value="true"/>
-  <include file="$(find all_in_focus)/launch/all_in_focus.launch"><arg name="mode" value={mode}/></include>
-  <node pkg="rviz" type="rviz" name="rviz" args={rviz_args} required="true">
-    <env name="DISPLAY" value={rviz_display}/>
-  </node>
-  {image_view}
-</launch>
-"""
-IMAGE_VIEW = """<node pkg="image_view" type="image_view" name="labels_view">
-    <remap from="image" to="segmentation/labels"/>
-    <param name="autosize" value="true"/>
-    <env name="DISPLAY" value={display}/>
-  </node>"""
-
 
 class RvizDied(ScreenError):
     """rviz crashed. Under load it does so now and then: DepthCloud uses Qt from a thread of its own."""
@@ -93,6 +78,24 @@ def has_image_view():
         return bool(find_node("image_view", "image_view"))
     except rospkg.ResourceNotFound:
         return False
+
+
+def launch_text(mode, config, screens):
+    """Launch XML of the nodes, rviz and, where it has a screen, image_view."""
+    image_view = f"""<node pkg="image_view" type="image_view" name="labels_view">
+    <remap from="image" to="{LABELS}"/>
+    <param name="autosize" value="true"/>
+    <env name="DISPLAY" value={quoteattr(screens['labels'].display)}/>
+  </node>""" if "labels" in screens else ""
+    return f"""<launch>
+  <param name="/use_sim_time" value="true"/>
+  <include file="$(find all_in_focus)/launch/all_in_focus.launch"><arg name="mode" value={quoteattr(mode)}/></include>
+  <node pkg="rviz" type="rviz" name="rviz" args={quoteattr(f'-d {config}')} required="true">
+    <env name="DISPLAY" value={quoteattr(screens['rviz'].display)}/>
+  </node>
+  {image_view}
+</launch>
+"""
 
 
 class Graph:
@@ -145,12 +148,9 @@ def take_pictures(contents, config, mode="refined", optics=None, timeout=60.0):
         stack.callback(lambda: [screen.close() for screen in screens.values()])
         if has_image_view():
             screens["labels"] = VirtualScreen(1600, 640)
-        view = IMAGE_VIEW.format(display=quoteattr(screens["labels"].display)) if "labels" in screens else ""
         own_config = Path(folder) / "own.rviz"
         write_with_frame(config, contents.rgb_info.header.frame_id.lstrip("/"), own_config)
-        launch = LAUNCH.format(mode=quoteattr(mode), rviz_args=quoteattr(f"-d {own_config}"),
-                               rviz_display=quoteattr(screens["rviz"].display), image_view=view)
-        graph = Graph(launch, folder, timeout)
+        graph = Graph(launch_text(mode, own_config, screens), folder, timeout)
         stack.callback(graph.close)
 
         graph.wait(rosgraph.is_master_online, "the master to answer")
@@ -160,7 +160,7 @@ def take_pictures(contents, config, mode="refined", optics=None, timeout=60.0):
         outputs = {topic: rospy.Subscriber(topic, rospy.AnyMsg, lambda _, topic=topic: seen.update({topic: True}))
                    for topic in [*wanted, f"/{LABELS}", f"/{REPORT}"]}
         graph.wait(lambda: hears("/rviz", wanted), f"rviz to listen to {', '.join(wanted)}")
-        if view:
+        if "labels" in screens:
             graph.wait(lambda: hears("/labels_view", [f"/{LABELS}"]), f"image_view to listen to /{LABELS}")
 
         player = BagPlayer(contents, Limits(connect=timeout), heartbeat=lambda done: graph.check())
