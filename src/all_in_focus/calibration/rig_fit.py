@@ -163,10 +163,7 @@ class RigFit:
     jointly: bool
     deviations: tuple = (None, None, None)
     missing: Dict[str, str] = field(default_factory=dict)
-
-    @property
-    def rms(self):
-        return float(np.sqrt(np.mean(np.square(list(self.errors.values())))))
+    rms = CameraFit.rms
 
 
 def fit_rig(board, pairs: List, sizes, known=(None, None), radial=2):
