@@ -6,10 +6,8 @@ from itertools import chain
 from sensor_msgs.msg import CompressedImage
 from tf2_msgs.msg import TFMessage
 
-from all_in_focus.bag.bag_file import REQUIRED, TYPES, BagError, BagFile, Topics, absolute
+from all_in_focus.bag.bag_file import REQUIRED, BagError, BagFile, absolute
 from all_in_focus.bag.image_messages import ImageError, bgr, to_message
-
-__all__ = ["TYPES", "BagContents", "BagError", "Topics"]
 
 
 class BagContents(BagFile):

@@ -19,7 +19,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
-from all_in_focus.bag.contents import TYPES
+from all_in_focus.bag.bag_file import TYPES
 
 TOPICS = {"depth": "depth/image_raw", "depth_info": "depth/camera_info", "rgb": "rgb/image",
           "rgb_info": "rgb/camera_info", "focus": "rgb/focus"}
