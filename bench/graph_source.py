@@ -54,7 +54,7 @@ def add_options(parser):
     parser.add_argument("--depth-only", action="store_true", help="no colour images: registration and segmentation alone")
 
 
-def check(args):
+def check_inputs(args):
     """ValueError or OSError where there is no such rig or depth image."""
     load_rig(args.rig)
     if not Path(args.depth).is_file():
@@ -92,7 +92,7 @@ class Source:
     """Publishers and their messages, made in advance: sending must not take long."""
 
     def __init__(self, args):
-        check(args)
+        check_inputs(args)
         self.args, self.rig, bridge = args, load_rig(args.rig), cv_bridge.CvBridge()
         if args.size:
             self.rig.color, self.rig.depth = (camera.scaled(*args.size) for camera in (self.rig.color, self.rig.depth))

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from all_in_focus.camera.interface import (BAD_PARAMETERS, BUSY, CAMERA_ERROR, ERROR, FILE_ADDED, FILE_NOT_FOUND,
-                                           IO_WRITE, MODEL_NOT_FOUND, OTHER, Camera, CameraError, Event, Widget)
+                                           IO_WRITE, MODEL_NOT_FOUND, OTHER, CameraDriver, CameraError, Event, Widget)
 
 SIZE = (48, 32)  # width, height of a picture
 LENS = 1000  # motor positions from the near limit, 0, to the far limit
@@ -28,7 +28,7 @@ def lens_of(picture):
     return float(np.mean(picture)) * LENS / 255
 
 
-class FakeCamera(Camera):
+class FakeCamera(CameraDriver):
     """make: a key of MODELS. All calls take `latency` seconds; a picture arrives `exposure` seconds after the release.
     cards: number of memory cards, each of which gets a copy; the second one `second_card` seconds after the first.
 

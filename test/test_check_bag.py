@@ -13,9 +13,9 @@ from bag_helpers import (BRIDGE, SIZE, START, changed, compressed, depth_image, 
 from file_helpers import call, cut, run_script
 from tool_helpers import TwoPlanes, fuse_stack, rosrun, set_up_boards, succeeded, unchanged
 
-from all_in_focus.bag import check as bag_check
 from all_in_focus.bag.brackets import Rules
 from all_in_focus.bag.bag_file import BagError, BagFile, Topics
+from all_in_focus.bag.check.checker import check_bag
 from all_in_focus.bag.image_messages import to_message
 from all_in_focus.files.rig import load_rig, save_rig
 
@@ -27,7 +27,7 @@ CHECKS = ["file", "topics", "depth image", "colour image", "depth camera", "colo
 def report_on(path, topics=None, **options):
     bag = BagFile(str(path), topics)
     try:
-        return bag_check.check(bag, options.pop("rules", Rules()), **options)
+        return check_bag(bag, options.pop("rules", Rules()), **options)
     finally:
         bag.close()
 

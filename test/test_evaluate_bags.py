@@ -97,8 +97,7 @@ def test_frames_go_to_their_brackets(bag, tmp_path, ids):
         folder.mkdir(parents=True)
         bracket_id = ids[number] if ids else number
         (folder / "report.json").write_text(f'{{"bracket_id": {bracket_id}, "frames_seen": 3}}')
-    bags.export(str(tmp_path / "two.bag"), bags.topics({}), str(tmp_path / "results"), str(tmp_path / "stacks"),
-                {})
+    bags.export_frames(str(tmp_path / "two.bag"), bags.topics({}), str(tmp_path / "results"), str(tmp_path / "stacks"), {})
     exported = [frame for number in range(2) for frame in Stack(str(tmp_path / "stacks" / f"bracket_{number:04d}"))]
     assert len(exported) == len(frames) == 6 and all(np.array_equal(*pair) for pair in zip(exported, frames))
     assert cv2.imread(str(tmp_path / "stacks" / "bracket_0001" / "003.png")) is None
@@ -117,7 +116,7 @@ def test_a_bracket_of_which_nothing_was_made_shifts_no_other(bag, tmp_path):
         folder = tmp_path / "results" / f"bracket_{number:04d}"
         folder.mkdir(parents=True)
         (folder / "report.json").write_text(f'{{"bracket_id": 1, "frames_seen": {frames}}}')
-    bags.export(str(tmp_path / "three.bag"), bags.topics({}), str(tmp_path / "results"), str(tmp_path / "stacks"), {})
+    bags.export_frames(str(tmp_path / "three.bag"), bags.topics({}), str(tmp_path / "results"), str(tmp_path / "stacks"), {})
     assert [len(Stack(str(tmp_path / "stacks" / f"bracket_{number:04d}"))) for number in range(2)] == [2, 3]
 
 

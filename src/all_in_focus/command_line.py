@@ -91,7 +91,7 @@ def _no_master(error):
     return None
 
 
-def number(accepts, expected, kind=float):
+def number_type(accepts, expected, kind=float):
     """argparse type: a number that accepts() lets pass; expected: says which those are."""
     def parse(text):
         try:
@@ -104,15 +104,15 @@ def number(accepts, expected, kind=float):
     return parse
 
 
-def whole(text):
-    """kind of number(): digits alone."""
+def digits(text):
+    """kind of number_type(): digits alone."""
     return int(text) if text.isdecimal() else math.nan
 
 
-positive = number(lambda value: 0 < value < math.inf, "a positive number")
-not_negative = number(lambda value: 0 <= value < math.inf, "a positive number, or 0")
-count = number(lambda value: value > 0, "a positive whole number", whole)
-count_or_zero = number(lambda value: value >= 0, "a positive whole number", whole)
+positive = number_type(lambda value: 0 < value < math.inf, "a positive number")
+not_negative = number_type(lambda value: 0 <= value < math.inf, "a positive number, or 0")
+count = number_type(lambda value: value > 0, "a positive whole number", digits)
+count_or_zero = number_type(lambda value: value >= 0, "a positive whole number", digits)
 
 
 def optics(text):

@@ -30,7 +30,7 @@ def topics(options):
     return Topics(**{kind: name for kind, name in given.items() if name})
 
 
-def check(scene, options):
+def check_bag_scene(scene, options):
     """BagError where the nodes could not use the bag. Sets digest."""
     BagContents(scene.path, topics(options)).close()
     for path in scene.beside.values():
@@ -66,12 +66,12 @@ def prepare(scene, modes, options, folder, mark):
                 failed[mode] = str(error)
         worked = [mode for mode in modes or OWN[:1] if mode not in failed]
         if worked:
-            export(scene.path, topics(options), working / worked[0], working / "stacks", options)
+            export_frames(scene.path, topics(options), working / worked[0], working / "stacks", options)
         (working / DONE).write_text(json.dumps({"mark": mark, "failed": failed}), encoding="utf-8")
     return {"failed": failed}
 
 
-def export(bag, names, results, folder, options):
+def export_frames(bag, names, results, folder, options):
     """Write the frames of each bracket to folder/bracket_0000/000.png and so on.
 
     results: folder with the reports of a run, one for each bracket. The frames of a bracket are found by the rules of

@@ -37,9 +37,9 @@ def find_scenes(settings):
         try:
             if scene.is_bag:
                 from all_in_focus.benchmark import bags  # with rosbag behind it
-                bags.check(scene, settings.bag)
+                bags.check_bag_scene(scene, settings.bag)
             else:
-                scenes.check(scene)
+                scenes.check_scene(scene)
         except OSError as error:
             wrong.append(f"{error.filename or scene.path}: {error.strerror}")
         except ValueError as error:

@@ -162,7 +162,7 @@ def _frames(entry, folder):
     return None, sources or [path for path in images if path.name not in known]
 
 
-def check(scene):
+def check_scene(scene):
     """Reads everything once. SceneError, or another ValueError of one line, for what is damaged or does not
     fit. Sets digest."""
     size, count = None, 0

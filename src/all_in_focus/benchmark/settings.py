@@ -84,7 +84,7 @@ def scene_entry(entry, folder):
             else _text(value, "scenes: " + key) for key, value in entry.items()}
 
 
-def check(settings):
+def check_settings(settings):
     """SettingsError for mistakes that can be found without reading files."""
     if not settings.scenes:
         raise SettingsError("no scenes: give folders of pictures or bags")

@@ -9,7 +9,7 @@ from tqdm import tqdm
 from all_in_focus.calibration import CalibrationError, fit_report, rig_folder
 from all_in_focus.calibration.board import CAMERAS, Board, PairFolders, find_corners
 from all_in_focus.calibration.rig_fit import fit_rig
-from all_in_focus.command_line import Parser, number, optics, whole
+from all_in_focus.command_line import Parser, digits, number_type, optics
 from all_in_focus.files.rig import load_camera
 
 DESCRIPTION = """Calibrate the rig of depth and colour camera from pictures of a chessboard that both take at the same
@@ -32,9 +32,9 @@ def offset(text):
     return values
 
 
-square = number(lambda value: 1 <= value <= 1000, "a positive number of mm, from 1 to 1000")  # side, of the board
-terms = number(lambda value: value in range(4), "0, 1, 2 or 3", whole)
-views = number(lambda value: value >= 5, "a whole number of at least 5", whole)
+square = number_type(lambda value: 1 <= value <= 1000, "a positive number of mm, from 1 to 1000")  # side, of the board
+terms = number_type(lambda value: value in range(4), "0, 1, 2 or 3", digits)
+views = number_type(lambda value: value >= 5, "a whole number of at least 5", digits)
 
 
 def _joined(argv):

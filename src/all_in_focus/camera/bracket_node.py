@@ -53,7 +53,7 @@ def read_config():
 
 
 class FocusBracketCamera:
-    """camera: a Camera, closed."""
+    """camera: a CameraDriver, closed."""
 
     def __init__(self, camera):
         self._session = Session(camera, read_config(), rospy.Time.now)
@@ -194,5 +194,5 @@ class FocusBracketCamera:
 
 
 def shoot(camera_at):
-    """Until shutdown. camera_at(port, model) -> Camera."""
+    """Until shutdown. camera_at(port, model) -> CameraDriver."""
     FocusBracketCamera(camera_at(parameters.text("port"), parameters.text("model"))).run()

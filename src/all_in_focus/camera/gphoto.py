@@ -7,14 +7,14 @@ import posixpath
 import gphoto2 as gp
 
 from all_in_focus.camera.interface import (BAD_PARAMETERS, FILE_ADDED, IO, MODEL_NOT_FOUND, NOT_SUPPORTED, OTHER,
-                                           UNKNOWN_PORT, Camera, CameraError, Event, Widget)
+                                           UNKNOWN_PORT, CameraDriver, CameraError, Event, Widget)
 
 _CHOICES = (gp.GP_WIDGET_RADIO, gp.GP_WIDGET_MENU)
 # Since version 2.5, python-gphoto2 wants a file to write into before the context, and makes one where it is None.
 _NEW_FILE = (None,) if [int(part) for part in gp.__version__.split(".")[:2]] >= [2, 5] else ()
 
 
-class GphotoCamera(Camera):
+class GphotoCamera(CameraDriver):
     """The camera at a port (usb:001,004 or disk:/folder), or the first one found.
 
     model: as libgphoto2 names it; needed for ports that cannot be asked for it.

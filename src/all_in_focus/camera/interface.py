@@ -79,7 +79,7 @@ class Event:
     path: str = ""
 
 
-class Camera:
+class CameraDriver:
     """The calls that a driver has to provide. All but close() may raise CameraError. A path is the full name of a file
     on the camera.
 

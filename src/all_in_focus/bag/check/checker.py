@@ -21,7 +21,7 @@ from all_in_focus.files.rig import Rig
 DEPTH_SAMPLES = 3
 
 
-def check(bag, rules, invalid_values=(0,), optics=None):
+def check_bag(bag, rules, invalid_values=(0,), optics=None):
     """BagReport of a BagFile. rules: of brackets; invalid_values: mm that mean unknown; optics: instead of the bag's.
 
     Raises BagError where it cannot be read to its end.
