@@ -47,7 +47,7 @@ void KinectOutput::publish(const KinectFrame& frame) {
   try {
     publishAs(header, frame);
   } catch (const std::exception& e) {
-    monitor_.consumed(
+    monitor_.acknowledge(
         header, Outcome::kInvalid,
         std::string(toString(stream_)) + " image " + std::to_string(frame.index) + " refused: " + e.what());
   }
@@ -56,8 +56,8 @@ void KinectOutput::publish(const KinectFrame& frame) {
 void KinectOutput::publishAs(std_msgs::Header& header, const KinectFrame& frame) {
   header.stamp = stampOf(frame);
   if (header.stamp.isZero()) {
-    monitor_.consumed(header, Outcome::kDropped,
-                      "use_sim_time is set, but nobody publishes /clock: no images");
+    monitor_.acknowledge(header, Outcome::kDropped,
+                         "use_sim_time is set, but nobody publishes /clock: no images");
     return;
   }
   const sensor_msgs::ImagePtr image = toImage(frame, header, parameters_.invalid_values);
@@ -65,7 +65,7 @@ void KinectOutput::publishAs(std_msgs::Header& header, const KinectFrame& frame)
   info->header = header;
   publisher_.publish(image, info);
   ++published_;
-  monitor_.consumed(header, Outcome::kProcessed);
+  monitor_.acknowledge(header, Outcome::kProcessed);
   report(frame.mode);
 }
 

@@ -183,7 +183,7 @@ void DepthPreprocessNodelet::onInfo(int input, sensor_msgs::CameraInfoConstPtr& 
 void DepthPreprocessNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
   if (time_jumps_.arrived(depth_input_, depth->header.stamp).jumped) giveUpWaiting(waiting_->size());
   for (const auto& dropped : waiting_->push(depth, depth->data.size()))
-    monitor_->consumed(dropped->header, Outcome::kUnmatched);
+    monitor_->acknowledge(dropped->header, Outcome::kUnmatched);
   processWaiting();
 }
 
@@ -203,7 +203,7 @@ void DepthPreprocessNodelet::processWaiting() {
     try {
       process(depth);
     } catch (const std::exception& e) {
-      monitor_->consumed(depth->header, Outcome::kInvalid, e.what());
+      monitor_->acknowledge(depth->header, Outcome::kInvalid, e.what());
     }
   }
   if (waiting_->empty()) return;
@@ -213,7 +213,7 @@ void DepthPreprocessNodelet::processWaiting() {
 }
 
 void DepthPreprocessNodelet::giveUpWaiting(std::size_t oldest) {
-  for (; oldest > 0; --oldest) monitor_->consumed(waiting_->pop()->header, Outcome::kUnmatched);
+  for (; oldest > 0; --oldest) monitor_->acknowledge(waiting_->pop()->header, Outcome::kUnmatched);
 }
 
 // True while something that may still come is missing; else transform_ is that of this image. What is broken
@@ -272,7 +272,7 @@ void DepthPreprocessNodelet::registerAndPublish(const std_msgs::Header& depth_he
   const sensor_msgs::ImagePtr registered_message = registered.take();
   registered_publisher_.publish(registered_message);
   filled_publisher_.publish(config_.fill_holes ? filled.take() : registered_message);
-  monitor_->consumed(depth_header, Outcome::kProcessed);
+  monitor_->acknowledge(depth_header, Outcome::kProcessed);
   warnOfRig(depth.mm, registered_mm);
 }
 

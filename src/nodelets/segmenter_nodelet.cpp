@@ -155,7 +155,7 @@ void SegmenterNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
   try {
     process(depth);
   } catch (const std::exception& e) {
-    monitor_->consumed(depth->header, Outcome::kInvalid, e.what());
+    monitor_->acknowledge(depth->header, Outcome::kInvalid, e.what());
   }
 }
 
@@ -180,8 +180,8 @@ void SegmenterNodelet::process(const sensor_msgs::ImageConstPtr& message) {
 
   const bool no_depth = result_.unknown_area == depth.mm.rows * depth.mm.cols;
   monitor_->setValue("segments", std::to_string(result_.segments.size()));
-  monitor_->consumed(message->header, Outcome::kProcessed,
-                     no_depth ? monitor_->resolved(depth_input_) + ": not one pixel has a depth" : "");
+  monitor_->acknowledge(message->header, Outcome::kProcessed,
+                        no_depth ? monitor_->resolved(depth_input_) + ": not one pixel has a depth" : "");
 }
 
 void SegmenterNodelet::publishPlan(const std_msgs::Header& header) {

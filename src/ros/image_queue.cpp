@@ -65,7 +65,7 @@ void ImageQueue::push(const sensor_msgs::ImageConstPtr& image) {
     dropped = waiting_.push(image, image->data.size());
   }
   for (const auto& each : dropped)
-    monitor_.consumed(each->header, Outcome::kDropped, "cannot keep up: oldest waiting image dropped");
+    monitor_.acknowledge(each->header, Outcome::kDropped, "cannot keep up: oldest waiting image dropped");
   if (dropped.empty()) own_queue_.addCallback(boost::make_shared<Call>(on_turn_));
 }
 

@@ -108,7 +108,7 @@ void NodeMonitor::timeWentBack(int input) {
   ROS_INFO_STREAM(name_ << ": time went back (" << inputs_.at(input).topic << "), starting afresh");
 }
 
-void NodeMonitor::consumed(const std_msgs::Header& header, Outcome outcome, const std::string& reason) {
+void NodeMonitor::acknowledge(const std_msgs::Header& header, Outcome outcome, const std::string& reason) {
   count(outcome);
   if (outcome == Outcome::kProcessed) {
     const ros::Time now = ros::Time::now();
@@ -122,7 +122,7 @@ void NodeMonitor::consumed(const std_msgs::Header& header, Outcome outcome, cons
   processed_publisher_.publish(header);
 }
 
-void NodeMonitor::kept(const std_msgs::Header& header) {
+void NodeMonitor::acknowledgeEarly(const std_msgs::Header& header) {
   processed_publisher_.publish(header);
 }
 

@@ -38,14 +38,14 @@ enum class Outcome {
 /// /diagnostics, named and throttled errors, a warning for silent inputs.
 ///
 /// In onInit(): addInput(), addOutput(), start(). On lazy subscription: setSubscribed(). First in every input
-/// callback: inputArrived() (CallbackGuard does it). When done with an input: consumed().
+/// callback: inputArrived() (CallbackGuard does it). When done with an input: acknowledge().
 ///
 /// All methods are thread-safe; add inputs and outputs before start().
 class NodeMonitor {
  public:
   /// name: of the node, for the log and the diagnostics. nh resolves the topics and runs the timer: the
   /// multi-threaded handle keeps diagnostics alive during long callbacks. processed_topic: gets the header of
-  /// every consumed input.
+  /// every acknowledged input.
   NodeMonitor(const std::string& name, const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
               const std::string& processed_topic);
   ~NodeMonitor();
@@ -70,9 +70,9 @@ class NodeMonitor {
 
   /// Acknowledges an input: counts it, and publishes its header on the processed topic. A reason is logged
   /// and reported like error() for kInvalid, like warn() otherwise.
-  void consumed(const std_msgs::Header& header, Outcome outcome, const std::string& reason = {});
-  /// One input is kept for later: its sender need not wait, but consumed() is still to come.
-  void kept(const std_msgs::Header& header);
+  void acknowledge(const std_msgs::Header& header, Outcome outcome, const std::string& reason = {});
+  /// The same before the input is used, so that its sender need not wait; acknowledge() is still to come.
+  void acknowledgeEarly(const std_msgs::Header& header);
   /// Counts inputs that are not announced on the processed topic (labels of the fusion, for example).
   void count(Outcome outcome, std::uint64_t n = 1);
 

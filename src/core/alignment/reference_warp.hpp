@@ -33,7 +33,8 @@ class ReferenceWarp {
     std::vector<int> first;               ///< pixel of the first tap
     std::vector<float> fraction, single;  ///< of the position, behind the third tap; buffer
     std::vector<float> weights;           ///< by tap, position, channel
-    std::vector<int> ends;  ///< of runs of positions whose first taps are neighbours: one loop serves them all
+    std::vector<int>
+        ends;  ///< of runs of positions whose first taps are neighbours: one loop serves them all
 
     /// Positions begin, begin + step, ..., where pixels 0..length-1 are. channels: 1 or 3.
     void prepare(double begin, double step, int count, int length, int channels);

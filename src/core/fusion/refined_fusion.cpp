@@ -14,9 +14,9 @@
 namespace all_in_focus::core {
 namespace {
 
-// By what a table of codes multiplies the contrast of middle gray.
-double contrastGain(const std::array<float, 256>& codes) {
-  return (codes[192] - codes[64]) / 128.0;
+// By what a LUT of gray levels multiplies the contrast of middle gray.
+double contrastGain(const std::array<float, 256>& lut) {
+  return (lut[192] - lut[64]) / 128.0;
 }
 
 }  // namespace
@@ -93,11 +93,11 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   return "";
 }
 
-void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& codes,
+void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& lut,
                                const cv::Rect& inside, int index, double focus_mm) {
   strips_.resize(stripCount(size_.height));
   const bool predicted = predicts_ && !std::isnan(focus_mm);
-  sharpness_.begin(gray, {noise_, contrastGain(codes), config_.scales, !predicted, prediction_.textureLevel(),
+  sharpness_.begin(gray, {noise_, contrastGain(lut), config_.scales, !predicted, prediction_.textureLevel(),
                           focus_known_ ? predicted_ : cv::Mat()});
   for (Strip& strip : strips_) sharpness_.begin(strip.sharpness);
   if (predicts_) {
@@ -106,7 +106,7 @@ void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const 
     prediction_.computeCoarse(focus_mm, squared_error_);
     for (Strip& strip : strips_) strip.squared_error.begin(squared_error_.size(), size_);
   }
-  mean_.beginFrame(index, codes);
+  mean_.beginFrame(index, lut);
   const RowStrips strips({inside.y, inside.br().y}, static_cast<int>(strips_.size()));
   strips.forEach([&](const cv::Range& rows, int i) {
     Strip& strip = strips_[i];

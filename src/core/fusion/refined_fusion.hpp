@@ -48,7 +48,7 @@ class RefinedFusion {
   cv::Mat confidence() const { return mean_.confidence(); }
 
  private:
-  void addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& codes,
+  void addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& lut,
                   const cv::Rect& inside, int index, double focus_mm);
 
   struct Strip {  ///< of the frame being added; each thread works at one

@@ -82,9 +82,9 @@ ALL_IN_FOCUS_SIMD void moveTowards(const std::uint16_t* values, const float* sha
   move(values, 1, shares, n, mean);
 }
 
-void decode(const std::uint8_t* codes, const std::array<std::uint16_t, 256>& value_of, int n,
+void decode(const std::uint8_t* codes, const std::array<std::uint16_t, 256>& lut, int n,
             std::uint16_t* values) {
-  for (int i = 0; i < n; ++i) values[i] = value_of[codes[i]];
+  for (int i = 0; i < n; ++i) values[i] = lut[codes[i]];
 }
 
 ALL_IN_FOCUS_SIMD void scale(const float* factor, int n, float* values) {
@@ -135,13 +135,13 @@ void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
   source_index_.setTo(kNoFrame);
 }
 
-void WeightedMean::beginFrame(int index, const std::array<float, 256>& codes) {
+void WeightedMean::beginFrame(int index, const std::array<float, 256>& lut) {
   ++frames_;
   index_ = static_cast<std::uint16_t>(index);
   plain_ = true;
   for (int code = 0; code < 256; ++code) {
-    values_[code] = static_cast<std::uint16_t>(std::lround(kUnit * std::clamp(codes[code], 0.0f, 255.0f)));
-    plain_ = plain_ && values_[code] == kUnit * code;
+    lut_[code] = static_cast<std::uint16_t>(std::lround(kUnit * std::clamp(lut[code], 0.0f, 255.0f)));
+    plain_ = plain_ && lut_[code] == kUnit * code;
   }
 }
 
@@ -171,7 +171,7 @@ void WeightedMean::accumulate(const float* keep, const float* weight, const std:
   auto* mean = mean_.ptr<std::uint16_t>(at.y) + 3 * at.x;
   if (plain_) return moveTowardsCodes(pixels, shares.data(), 3 * n, mean);
   std::array<std::uint16_t, 3 * kSpan> values;
-  decode(pixels, values_, 3 * n, values.data());
+  decode(pixels, lut_, 3 * n, values.data());
   moveTowards(values.data(), shares.data(), 3 * n, mean);
 }
 

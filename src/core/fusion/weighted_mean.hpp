@@ -34,9 +34,9 @@ class WeightedMean {
   /// noise: standard deviation of the frames' noise in gray levels, >= 0.
   void begin(const cv::Size& size, double noise, const Kind& kind);
 
-  /// The rows that follow are of this frame. codes: the value that each of its 8-bit values stands for,
-  /// clamped to 0 .. 255.
-  void beginFrame(int index, const std::array<float, 256>& codes);
+  /// The rows that follow are of this frame. lut: the value that each of its 8-bit values stands for, clamped
+  /// to 0 .. 255.
+  void beginFrame(int index, const std::array<float, 256>& lut);
 
   /// Adds row y. columns: those that the frame has seen; pixels: of the whole row, three bytes each. Other
   /// threads may add other rows at the same time.
@@ -53,13 +53,13 @@ class WeightedMean {
   bool soft_ = true, choice_ = true;
   int frames_ = 0;
   float error_floor_ = 1;
-  std::uint16_t index_ = 0;                // of the frame being added
-  std::array<std::uint16_t, 256> values_;  // of codes, in units of mean_
-  bool plain_ = true;                      // codes are their own values
-  cv::Mat mean_;                           // CV_16UC3, 256 times the gray level (hard: of the heaviest frame)
-  cv::Mat sharpest_;                       // CV_32FC1: greatest sharpness; a weight of 1 is its eighth power
-  cv::Mat weights_;                        // CV_32FC1: sums
-  cv::Mat most_;  // CV_32FC1: greatest weight; unused without choice_, as source_index_
+  std::uint16_t index_ = 0;             // of the frame being added
+  std::array<std::uint16_t, 256> lut_;  // in units of mean_
+  bool plain_ = true;                   // the LUT changes nothing
+  cv::Mat mean_;                        // CV_16UC3, 256 times the gray level (hard: of the heaviest frame)
+  cv::Mat sharpest_;                    // CV_32FC1: greatest sharpness; a weight of 1 is its eighth power
+  cv::Mat weights_;                     // CV_32FC1: sums
+  cv::Mat most_;                        // CV_32FC1: greatest weight; unused without choice_, as source_index_
   cv::Mat source_index_;
 };
 

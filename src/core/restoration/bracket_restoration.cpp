@@ -279,7 +279,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
         "focus distances and calibration",
         result.blur_scale));
   }
-  bracket.misfit_variance = std::max(bracket.noise_variance, found.residual - 1);
+  bracket.prediction_variance = std::max(bracket.noise_variance, found.residual - 1);
   bracket.noise_variance = std::max(bracket.noise_variance, found.sharp_residual - 1);
 
   // 3. The depth map that explains the frames.

@@ -45,7 +45,7 @@ class Contours {
         inverse_depth_(inverse_depth),
         gap_(bracket.gap(kJumpPx)),
         cost_scale_(static_cast<float>(
-            1 / (6 * (bracket.misfit_variance + kModelVariance) * kCodeScale * kCodeScale))),
+            1 / (6 * (bracket.prediction_variance + kModelVariance) * kCodeScale * kCodeScale))),
         sharp_(ImageFormation::withMargin(bracket.light)),
         stirred_(inverse_depth.size()) {
     findJumpCosts(stiffness);

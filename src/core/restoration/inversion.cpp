@@ -32,7 +32,7 @@ constexpr double kModelVariance = 0.49, kModelError = 0.09;  // gray levels squa
 constexpr double kPriorShare = 0.49, kLeastVariance = 0.1;
 constexpr float kSmoothness = 0.1f;
 constexpr double kResidualSigma = 2;  // px
-constexpr float kSpreadMargin = 2;    // gray levels
+constexpr float kRangeMargin = 2;     // gray levels
 constexpr float kGateFrom = 0.1f, kGateTo = 0.4f;
 constexpr int kStripRows = 16;
 
@@ -371,8 +371,8 @@ std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior, int
     if (i == steps) return z;
     addScaled(residual, product, -length);
     const cv::Vec3d next = energyOf();
-    const cv::Vec3f turn = ratio(next, energy);
-    forEachPixel(size, [&](int y, int x) { direction(y, x) = steepest(y, x) + turn.mul(direction(y, x)); });
+    const cv::Vec3f beta = ratio(next, energy);
+    forEachPixel(size, [&](int y, int x) { direction(y, x) = steepest(y, x) + beta.mul(direction(y, x)); });
     energy = next;
   }
 }
@@ -391,8 +391,8 @@ void limit(const ObservedBracket& bracket, cv::Mat3f& z) {
     }
     float factor = 1;
     for (int c = 0; c < 3; ++c) {
-      const float spread = static_cast<float>(most[c] - least[c]) / kCodeScale + kSpreadMargin;
-      if (std::abs(here[c]) > spread) factor = std::min(factor, spread / std::abs(here[c]));
+      const float range = static_cast<float>(most[c] - least[c]) / kCodeScale + kRangeMargin;
+      if (std::abs(here[c]) > range) factor = std::min(factor, range / std::abs(here[c]));
     }
     here *= factor;
   });
@@ -442,8 +442,7 @@ std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
                                      [&](double done) { return proceed(0.4 + 0.5 * done); });
   if (!z) return z;
   limit(bracket, *z);
-  gate(excess, excessOf(equations, equations.toLight(*z), bracket.noise_variance), weight, config.taken,
-       *z);
+  gate(excess, excessOf(equations, equations.toLight(*z), bracket.noise_variance), weight, config.taken, *z);
   forEachPixel(region.size(), [&](int y, int x) { (*z)(y, x) *= region(y, x); });
   return z;
 }

@@ -199,7 +199,8 @@ void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
 
 // image: null where rgb/focus came alone.
 void FusionInputs::onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image, const char* reason) {
-  image ? monitor_.consumed(image->header, Outcome::kUnmatched, reason) : monitor_.count(Outcome::kUnmatched);
+  image ? monitor_.acknowledge(image->header, Outcome::kUnmatched, reason)
+        : monitor_.count(Outcome::kUnmatched);
 }
 
 void FusionInputs::onLabelSet(const sensor_msgs::ImageConstPtr& labels,

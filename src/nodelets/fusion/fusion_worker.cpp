@@ -73,7 +73,7 @@ void FusionWorker::run() {
     } catch (const std::exception& e) {
       bracket_.reset();  // what it holds is uncertain
       monitor_.error(std::string("fusion: ") + e.what());
-      if (task->frame.image) monitor_.consumed(task->header, Outcome::kInvalid, e.what());
+      if (task->frame.image) monitor_.acknowledge(task->header, Outcome::kInvalid, e.what());
     }
     restorer_.setPaused(false);
     if (settings().restore_every) restorer_.wait();
@@ -94,7 +94,7 @@ void FusionWorker::handle(const FusionTask& task) {
 void FusionWorker::handleFrame(const FusionTask& task) {
   if (task.step.begin) bracket_ = std::make_unique<OpenBracket>(task, settings(), fusion_);
   if (!bracket_) {
-    if (task.frame.image) monitor_.consumed(task.header, Outcome::kUnmatched, "its bracket was given up");
+    if (task.frame.image) monitor_.acknowledge(task.header, Outcome::kUnmatched, "its bracket was given up");
     return;
   }
   if (task.frame.image && !bracket_->hasScene()) findScene(task.header.stamp);
@@ -150,9 +150,9 @@ void FusionWorker::acknowledge(const FrameFates& fates) {
   for (const FrameFate& fate : fates) {
     const bool is_used = fate.kind == FrameFate::Kind::kUsed;
     if (fate.kind == FrameFate::Kind::kHeld) {
-      monitor_.kept(fate.header);
+      monitor_.acknowledgeEarly(fate.header);
     } else {
-      monitor_.consumed(fate.header, is_used ? Outcome::kProcessed : Outcome::kInvalid, fate.reason);
+      monitor_.acknowledge(fate.header, is_used ? Outcome::kProcessed : Outcome::kInvalid, fate.reason);
     }
   }
 }
