@@ -23,7 +23,7 @@ namespace all_in_focus {
 namespace {
 
 constexpr double kRetryPeriod = 0.1;  // s, while a depth image waits for the transform
-constexpr double kPatience = 3.0;     // s, before waiting is an error; rig_publisher takes up to 2 s to start
+constexpr double kPatience = 3.0;     // s; a longer wait is an error. rig_publisher takes up to 2 s to start
 constexpr const char* kProcessedTopic = "depth_registered/processed";
 
 // Frame id as tf2 wants it.
@@ -70,9 +70,9 @@ class DepthPreprocessNodelet : public ConfiguredNodelet<DepthPreprocessConfig> {
   std::vector<int> invalid_values_{0, 2047};
   image_transport::Publisher registered_publisher_, filled_publisher_;
   ros::Publisher info_publisher_;
-  // For camera infos and transform.
+  // Waiting for camera infos and the transform.
   std::unique_ptr<WaitingList<sensor_msgs::ImageConstPtr>> waiting_;
-  ros::WallTime waiting_since_;  // zero: nothing had to wait lately
+  ros::WallTime waiting_since_;  // zero: nothing waits
   sensor_msgs::CameraInfoConstPtr depth_info_, rgb_info_;
   geometry_msgs::Transform transform_;
   std::unique_ptr<DepthPreprocessing> preprocessing_;  // of the current rig and mode
@@ -136,7 +136,7 @@ void DepthPreprocessNodelet::reconfigure(Config& config) {
   monitor_->setValue("mode", config.mode);
 }
 
-// Works only while somebody listens.
+// Works only while anybody subscribes.
 void DepthPreprocessNodelet::connect() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
   const bool wanted = registered_publisher_.getNumSubscribers() > 0 ||
@@ -169,7 +169,7 @@ void DepthPreprocessNodelet::unsubscribe() {
   rgb_info_subscriber_.shutdown();
   waiting_->clear();
   waiting_since_ = ros::WallTime();
-  depth_info_ = rgb_info_ = nullptr;  // may be out of date when the next listener comes
+  depth_info_ = rgb_info_ = nullptr;  // may be out of date when the next subscriber comes
   monitor_->setSubscribed(false);
 }
 
@@ -187,8 +187,8 @@ void DepthPreprocessNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
   processWaiting();
 }
 
-// Camera infos and transform usually come within a moment; a depth image may be the only one (in a bag), so
-// it waits.
+// Camera infos and the transform usually come within a moment. The depth image waits for them, because it may
+// be the only one in a bag.
 void DepthPreprocessNodelet::processWaiting() {
   std::string missing;
   for (std::size_t ready = 0; ready < waiting_->size();) {
@@ -196,7 +196,7 @@ void DepthPreprocessNodelet::processWaiting() {
       ++ready;
       continue;
     }
-    giveUpWaiting(ready);  // results come in the order of stamps
+    giveUpWaiting(ready);  // results are published in the order of stamps
     const sensor_msgs::ImageConstPtr depth = waiting_->pop();
     waiting_since_ = ros::WallTime();
     ready = 0;
@@ -216,8 +216,8 @@ void DepthPreprocessNodelet::giveUpWaiting(std::size_t oldest) {
   for (; oldest > 0; --oldest) monitor_->acknowledge(waiting_->pop()->header, Outcome::kUnmatched);
 }
 
-// True while something that may still come is missing; else transform_ is that of this image. What is broken
-// is not waited for: process() refuses it.
+// True while something is missing that may still come. When it returns false, transform_ is that of this
+// image. It does not wait for anything that is broken: process() refuses that.
 bool DepthPreprocessNodelet::isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason) {
   if (!depth_info_ || !rgb_info_) {
     reason = "depth waits for " + monitor_->resolved(depth_info_ ? rgb_info_input_ : depth_info_input_) +
@@ -276,7 +276,7 @@ void DepthPreprocessNodelet::registerAndPublish(const std_msgs::Header& depth_he
   warnOfRig(depth.mm, registered_mm);
 }
 
-// Warns of what is most likely a mistake in the rig, in the words of fuse_stack.
+// Warns of likely mistakes in the rig, in the words of fuse_stack.
 void DepthPreprocessNodelet::warnOfRig(const cv::Mat& depth, const cv::Mat& registered) {
   const std::string topic = monitor_->resolved(depth_input_) + ": ";
   if (cv::countNonZero(depth) == 0) {

@@ -71,7 +71,7 @@ void SegmentMarkers::listen(bool awake) {
     info_subscriber_.shutdown();
     info_subscriber_ = {};
     std::lock_guard<std::mutex> lock(mutex_);
-    camera_.reset();  // may be out of date when the next listener comes
+    camera_.reset();  // may be out of date when the next subscriber comes
     waiting_.reset();
   }
 }

@@ -26,18 +26,19 @@ struct CaptionSet {
   std::vector<RegionCaption> captions;
 };
 
-/// Publishes the captions as text in space, for rviz: each on the ray of its anchor, at the near end of its
-/// region, whose points would hide it further back. Where the rays go is told by the camera_info beside the
-/// depth image, listened to while somebody wants markers.
+/// Publishes the captions as text in space for rviz. Each lies on the ray of its anchor, at the near end of
+/// its region, because farther back the points of the region would hide it. The rays are computed from the
+/// camera_info beside the depth image, which is subscribed to while anybody wants markers.
 class SegmentMarkers {
  public:
   /// In onInit(), before monitor.start().
   SegmentMarkers(ros::NodeHandle& nh, NodeMonitor& monitor, const CallbackGuard& guard);
-  /// connect: called as listeners come and go.
+  /// connect: called when subscribers come or go.
   void advertise(const ros::SubscriberStatusCallback& connect);
 
   bool wanted() const { return publisher_.getNumSubscribers() > 0; }
-  /// Starts or stops listening to the camera, as wanted; `awake` false: stops. For one thread at a time.
+  /// Subscribes to the camera_info if markers are wanted and `awake` is true, else unsubscribes. Call from
+  /// one thread at a time.
   void listen(bool awake);
 
   /// Publishes them, or keeps them until the camera is known: its message may come after the image.

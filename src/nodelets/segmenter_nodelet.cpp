@@ -57,7 +57,7 @@ class SegmenterNodelet : public ConfiguredNodelet<SegmenterConfig> {
 
   ros::Publisher labels_publisher_;  // no image_transport: lossy plug-ins would destroy labels
   ros::Publisher segments_publisher_, plan_publisher_;
-  ros::Publisher optics_publisher_;  // latched: so that a bag tells the lens
+  ros::Publisher optics_publisher_;  // latched, so that every bag contains the lens
   image_transport::Publisher picture_publisher_;
   std::unique_ptr<SegmentMarkers> markers_;
 
@@ -133,7 +133,7 @@ void SegmenterNodelet::reconfigure(Config& config) {
   monitor_->setValue("dof_rule", config.dof_rule);
 }
 
-// Works only while somebody listens.
+// Works only while anybody subscribes.
 void SegmenterNodelet::connect() {
   std::lock_guard<std::mutex> lock(connect_mutex_);
   const bool wanted = labels_publisher_.getNumSubscribers() > 0 ||
@@ -151,7 +151,7 @@ void SegmenterNodelet::connect() {
 }
 
 void SegmenterNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  time_jumps_.arrived(depth_input_, depth->header.stamp);  // only shown: nothing is cached
+  time_jumps_.arrived(depth_input_, depth->header.stamp);  // reports time jumps; there is no cache to empty
   try {
     process(depth);
   } catch (const std::exception& e) {
@@ -172,7 +172,7 @@ void SegmenterNodelet::process(const sensor_msgs::ImageConstPtr& message) {
 
   publishCaptioned(message->header);
   publishPlan(message->header);
-  result_.labels.release();  // the memory is the message's
+  result_.labels.release();  // their memory belongs to the message
   const SegmentArrayPtr segments = toMessage(result_, segmentation_->config());
   segments->header = message->header;
   labels_publisher_.publish(labels.take());
@@ -192,11 +192,11 @@ void SegmenterNodelet::publishPlan(const std_msgs::Header& header) {
     plan->header = header;
     plan_publisher_.publish(plan);
   } catch (const std::invalid_argument& e) {
-    monitor_->warn(e.what());  // labels are good without it
+    monitor_->warn(e.what());  // the labels are right without the captions
   }
 }
 
-// The outputs with captions, which cost more than the labels do.
+// Publishes the outputs with captions, which take longer than the labels.
 void SegmenterNodelet::publishCaptioned(const std_msgs::Header& header) {
   if (picture_publisher_.getNumSubscribers() == 0 && !markers_->wanted()) return;
   CaptionSet captions{header, result_.labels.size(), static_cast<int>(result_.segments.size()), {}};

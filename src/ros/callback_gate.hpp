@@ -8,27 +8,28 @@
 
 namespace all_in_focus {
 
-/// Stands around callbacks that must not run after their object is gone. Shutting a subscriber, timer,
-/// service or publisher down does not promise that: ros::CallbackQueue::removeByID() does not wait for a
-/// callback under way. Callbacks hold the gate by a shared pointer. A call must not run another one.
-/// Thread-safe.
+/// Keeps callbacks from running after their object is destroyed. To shut down a subscriber, timer, service or
+/// publisher is not enough, because ros::CallbackQueue::removeByID() does not wait for a callback that is
+/// running. Callbacks hold the gate by a shared pointer. A callback must not call another one through the
+/// same gate. Thread-safe.
 class CallbackGate {
  public:
-  /// Calls it, unless the gate is closed.
+  /// Calls the function unless the gate is closed.
   template <typename Call>
   void run(const Call& call) {
     std::shared_lock<std::shared_mutex> lock(running_);
     if (!closed_) call();
   }
 
-  /// Waits for calls under way; after it there is none. Not to be called by one of them.
+  /// Closes the gate and waits for running calls. Must not be called from one of them, which would wait for
+  /// itself.
   void close() {
     closed_ = true;
     std::lock_guard<std::shared_mutex> lock(running_);
   }
 
  private:
-  std::shared_mutex running_;  // shared by the calls under way
+  std::shared_mutex running_;  // held, shared, by running calls
   std::atomic<bool> closed_{false};
 };
 

@@ -15,9 +15,9 @@
 
 namespace all_in_focus {
 
-/// Stands around every callback of a nodelet:
-///   * Nothing that a callback throws leaves it, because that would end the nodelet manager and all in it.
-///     The exception is counted as an invalid input and reported with the topic.
+/// Wraps every callback of a nodelet:
+///   * It catches all exceptions, because one that leaves a callback ends the nodelet manager and all its
+///     nodelets. It counts the exception as an invalid input and reports it with the topic.
 ///   * After close() no callback runs: CallbackGate.
 class CallbackGuard {
  public:
@@ -58,13 +58,13 @@ class CallbackGuard {
     return wrap(monitor.resolved(input), checked);
   }
 
-  /// Waits for callbacks under way. Not to be called by one of them.
+  /// Waits for running callbacks. Must not be called from one of them.
   void close() { state_->gate.close(); }
 
  private:
   struct State {
     explicit State(NodeMonitor& m) : monitor(m) {}
-    NodeMonitor& monitor;  // outlives close()
+    NodeMonitor& monitor;  // must live until close() returns
     CallbackGate gate;
   };
 

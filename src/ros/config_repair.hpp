@@ -9,8 +9,9 @@
 
 namespace all_in_focus {
 
-/// Puts the last good value in the place of each impossible one of a dynamic_reconfigure configuration.
-/// dynamic_reconfigure clamps before it calls, so the ranges in cfg/ admit impossible values for this to see.
+/// Replaces each impossible value of a dynamic_reconfigure configuration by the last good one.
+/// dynamic_reconfigure clamps values to the ranges in cfg/ before this sees them. So these ranges include
+/// impossible values: otherwise a wrong value would silently become another one.
 class ConfigRepair {
  public:
   template <typename T>
@@ -25,7 +26,7 @@ class ConfigRepair {
                   const char* name) {
     check(value, good, choices.count(value) > 0, name);
   }
-  /// A number that is to be 0 or more, and finite.
+  /// A number that must be finite, and 0 or more.
   template <typename T>
   void checkNotNegative(T& value, const T& good, const char* name) {
     check(value, good, std::isfinite(value) && value >= 0, name);

@@ -23,9 +23,9 @@ class ConfiguredNodelet : public nodelet::Nodelet {
  protected:
   using Config = Configuration;
 
-  /// What stands in `config` on return is shown to the user.
+  /// `config` as it is on return is shown to the user.
   virtual void reconfigure(Config& config) = 0;
-  /// Somebody came to listen, or went.
+  /// Called when subscribers come or go.
   virtual void connect() = 0;
 
   void begin(const char* processed_topic) {
@@ -42,9 +42,9 @@ class ConfiguredNodelet : public nodelet::Nodelet {
         guard_->wrap(getName(), [this](Config& config, std::uint32_t /*level*/) { reconfigure(config); }));
   }
 
-  /// Calls connect() once, for those who listen already. nodelet 1.10.1 drops callbacks while onInit() runs,
-  /// so there the call comes after it. What is subscribed in onInit() loses the latched messages of a topic
-  /// to which another nodelet of the process has subscribed already.
+  /// Calls connect() once for those who have subscribed already. nodelet 1.10.1 drops callbacks while
+  /// onInit() runs, so the call comes after it. What is subscribed in onInit() loses the latched messages of
+  /// a topic to which another nodelet of the process has subscribed already.
   void end() {
     monitor_->start();
     const auto once = [this](const ros::WallTimerEvent&) {

@@ -29,7 +29,7 @@ std::string sizeText(unsigned width, unsigned height) {
   return std::to_string(width) + "x" + std::to_string(height);
 }
 
-// What a cv::Mat over the message's memory relies on.
+// Checks what a cv::Mat over the message's memory needs.
 void checkLayout(const sensor_msgs::Image& image, std::size_t pixel_bytes, const std::string& topic) {
   if (image.width == 0 || image.height == 0) {
     fail(topic, "the image is empty (" + sizeText(image.width, image.height) + "): check its publisher");
@@ -52,7 +52,7 @@ void checkLayout(const sensor_msgs::Image& image, std::size_t pixel_bytes, const
   }
 }
 
-// The message's memory, not to be written to.
+// A view of the message's memory. Do not write to it.
 cv::Mat wrap(const sensor_msgs::Image& image, int type) {
   return cv::Mat(static_cast<int>(image.height), static_cast<int>(image.width), type,
                  const_cast<std::uint8_t*>(image.data.data()), image.step);

@@ -20,8 +20,8 @@
 #include "all_in_focus/optics.hpp"
 #include "all_in_focus/pipeline.hpp"
 
-/// Between ROS messages and the core. All functions throw std::invalid_argument with one line for people:
-/// what is wrong, where (a topic), what to do.
+/// Convert between ROS messages and the types of the core. All functions throw std::invalid_argument with one
+/// line that says what is wrong, where (a topic), and what to do.
 namespace all_in_focus {
 
 using namespace core;

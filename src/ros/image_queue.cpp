@@ -44,7 +44,7 @@ void ImageQueue::subscribe(const ros::NodeHandle& nh, const ros::NodeHandle& pri
     std::lock_guard<std::mutex> lock(mutex_);
     open_ = true;
   }
-  const std::uint32_t endless = 0;  // push() takes no time, and what waits is bounded here
+  const std::uint32_t endless = 0;  // push() returns at once, and waiting images are limited here
   subscriber_ =
       image_transport::ImageTransport(nh).subscribe(topic, endless, on_image_, ros::VoidPtr(), hints);
 }

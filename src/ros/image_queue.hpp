@@ -18,7 +18,7 @@ namespace all_in_focus {
 
 /// Subscribes to images that take long to process. They are received on the multi-threaded queue, wait here,
 /// and are processed one after the other on the nodelet's own queue. Where the node cannot keep up the oldest
-/// are dropped, counted and acknowledged; roscpp's own queue would drop them without telling anybody.
+/// are dropped, counted and acknowledged; roscpp's own queue would drop them silently.
 class ImageQueue {
  public:
   using Callback = std::function<void(const sensor_msgs::ImageConstPtr&)>;
@@ -30,7 +30,7 @@ class ImageQueue {
 
   /// nh: the multi-threaded one. private_nh: has the name of the transport.
   void subscribe(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, const std::string& topic);
-  void shutdown();  ///< and forgets what waits
+  void shutdown();  ///< unsubscribes and drops the waiting images
   explicit operator bool() const { return static_cast<bool>(subscriber_); }
 
  private:

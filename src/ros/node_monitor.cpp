@@ -31,7 +31,7 @@ double seconds(std::chrono::steady_clock::duration d) {
   return std::chrono::duration<double>(d).count();
 }
 
-// Exceptions of libraries may have several.
+// Messages of libraries' exceptions may have several lines.
 std::string oneLine(std::string text) {
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text;
@@ -195,7 +195,7 @@ void NodeMonitor::warnOfSilence() {
     if (silent_inputs.empty() || now - silence_warned_at_ < kSilenceThrottle) return;
     silence_warned_at_ = now;
   }
-  // Asked only here, once in a while: it is a call to the master.
+  // Asks only here, and rarely, because it is a call to the master.
   const auto published = publishedTopics();
   std::ostringstream text;
   for (const Input& input : silent_inputs) {

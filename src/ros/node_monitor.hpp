@@ -26,7 +26,7 @@ enum class Expect {
   kOptional,  ///< never warn
 };
 
-/// What became of one input message.
+/// What happened to an input message.
 enum class Outcome {
   kProcessed,  ///< a result was published
   kDropped,    ///< valid, but the node was busy or it came too late
@@ -34,8 +34,8 @@ enum class Outcome {
   kInvalid,    ///< refused: broken or impossible
 };
 
-/// What people see of a node besides its results: resolved topics at start, counters, rate and delay on
-/// /diagnostics, named and throttled errors, a warning for silent inputs.
+/// Shows people how a node is doing: it prints the resolved topics at start, publishes counters, rate and
+/// delay on /diagnostics, logs throttled errors, and warns of silent inputs.
 ///
 /// In onInit(): addInput(), addOutput(), start(). On lazy subscription: setSubscribed(). First in every input
 /// callback: inputArrived() (CallbackGuard does it). When done with an input: acknowledge().
@@ -65,7 +65,7 @@ class NodeMonitor {
   /// Changes how long an input may be silent.
   void setExpect(int input, Expect expect);
 
-  /// Counts a backward jump of time that showed on an input.
+  /// Counts a backward jump of time that an input has shown.
   void timeWentBack(int input);
 
   /// Acknowledges an input: counts it, and publishes its header on the processed topic. A reason is logged
@@ -81,7 +81,7 @@ class NodeMonitor {
   void error(const std::string& text);
   void warn(const std::string& text);
 
-  /// What was wrong is over: ends errors and warnings, as a processed input does.
+  /// Ends errors and warnings, as a processed input does.
   void recovered();
 
   /// Extra lines of the diagnostics, e.g. ("optics", "f 24 mm, F 4").

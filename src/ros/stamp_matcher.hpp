@@ -19,9 +19,10 @@
 
 namespace all_in_focus {
 
-/// Matches messages of two topics by equal stamps, images of the first with what belongs to them of the
-/// second. message_filters' ExactTime does it, fed by hand: so it can be made anew when time jumps back,
-/// before the first message of the new time is added, and images that wait can be bounded by their bytes.
+/// Matches the images of one topic with the messages of another that have the same stamp. It uses
+/// message_filters' ExactTime, and adds the messages itself instead of connecting subscribers. So it can
+/// replace the synchronizer when time jumps back, before it adds the first message of the new time, and it
+/// can limit the bytes of waiting images.
 template <typename First, typename Second>
 class StampMatcher {
  public:
@@ -29,8 +30,8 @@ class StampMatcher {
   using SecondPtr = boost::shared_ptr<const Second>;
   using Callback = std::function<void(const FirstPtr&, const SecondPtr&)>;
 
-  /// most: stamps that may wait. matched: gets pairs. dropped: gets what will not be matched any more, one of
-  /// its arguments is null.
+  /// most: how many stamps may wait. matched: receives pairs. dropped: receives messages that will not be
+  /// matched any more; one of its arguments is null.
   StampMatcher(std::size_t most, Callback matched, Callback dropped)
       : most_(most), matched_(std::move(matched)), dropped_(std::move(dropped)) {
     clear();
@@ -54,7 +55,8 @@ class StampMatcher {
     synchronizer_->template add<1>(message);
   }
 
-  /// Time went back to `now`: takes out what is newer and gives it to `forgotten`, as to `dropped`.
+  /// Call when time went back to `now`: removes newer messages and passes them to `forgotten`, as to
+  /// `dropped`.
   void forgetAfter(const ros::Time& now, const Callback& forgotten) {
     if (stamps_.empty()) return;
     // A pair that is newer than everything makes the synchronizer drop all that waits.
@@ -75,7 +77,7 @@ class StampMatcher {
     }
   }
 
-  /// Time went back to `now`: what is newer is dropped.
+  /// Call when time went back to `now`: drops newer messages.
   void forgetAfter(const ros::Time& now) { forgetAfter(now, dropped_); }
 
   void clear() {
@@ -122,7 +124,7 @@ class StampMatcher {
     image_bytes_.erase(found);
   }
 
-  // ExactTime is bounded by number alone; a partner that stands for none takes the oldest image out.
+  // ExactTime limits only the number of messages. An empty partner makes it release the oldest image.
   void dropOldest() {
     eviction_ = stamped<Second>(image_bytes_.begin()->first);
     synchronizer_->template add<1>(eviction_);
@@ -135,7 +137,7 @@ class StampMatcher {
   std::map<ros::Time, std::size_t> image_bytes_;  // of the images that wait
   std::size_t bytes_ = 0;                         // their sum
   SecondPtr eviction_;
-  std::vector<std::pair<FirstPtr, SecondPtr>>* drained_ = nullptr;  // set while all is taken out
+  std::vector<std::pair<FirstPtr, SecondPtr>>* drained_ = nullptr;  // set while all are being removed
 };
 
 }  // namespace all_in_focus

@@ -19,14 +19,14 @@ double secondsBetween(const ros::Time& from, const ros::Time& to);
 /// beyond a second.
 void requirePossible(const ros::Time& stamp);
 
-/// Notices that time jumped back (a bag in a loop, a clock that was set): by ros::Time::now() and by the
-/// stamps of each input. A jump shows on several inputs, one after the other, and counts once. Thread-safe.
+/// Detects that time jumped back (a bag in a loop, a clock that was set), by ros::Time::now() and by the
+/// stamps of each input. One jump shows on several inputs, one after the other, and counts once. Thread-safe.
 class TimeJumps {
  public:
   struct Arrival {
     bool jumped = false;    ///< this message is the first that shows a jump: empty all caches, then use it
-    bool leftover = false;  ///< it was sent before the last jump and took longer to arrive
-    bool unclear = false;   ///< the last jump was so short that stamps do not tell leftovers
+    bool leftover = false;  ///< it was sent before the last jump and arrived after it
+    bool unclear = false;   ///< maybe a leftover: the last jump was so short that stamps do not show it
   };
 
   /// report: called at each jump, with the input that showed it.

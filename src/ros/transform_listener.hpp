@@ -14,9 +14,8 @@
 
 namespace all_in_focus {
 
-/// Fills a tf2 buffer from /tf and /tf_static, as tf2_ros::TransformListener does. That one dies, and the
-/// whole process with it, of a transform with an impossible stamp; here such transforms are refused and
-/// reported.
+/// Fills a tf2 buffer from /tf and /tf_static, as tf2_ros::TransformListener does. A transform with an
+/// impossible stamp would end that one and the whole process; here it is refused and reported.
 class TransformListener {
  public:
   TransformListener(ros::NodeHandle nh, tf2_ros::Buffer& buffer, const CallbackGuard& guard)
@@ -40,7 +39,7 @@ class TransformListener {
  private:
   void add(const tf2_msgs::TFMessage& message, bool is_static) {
     const ros::Time now = ros::Time::now();
-    if (now < last_) buffer_.clear();  // time went back: all that moves is stale
+    if (now < last_) buffer_.clear();  // time went back: all moving transforms are out of date
     last_ = now;
     for (const geometry_msgs::TransformStamped& transform : message.transforms) {
       requirePossible(transform.header.stamp);

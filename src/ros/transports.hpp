@@ -15,12 +15,12 @@
 
 namespace all_in_focus {
 
-/// The image_transport to subscribe by, from the private parameter image_transport. One that is not installed
-/// is replaced with raw, with an error message: image_transport would throw.
+/// The image_transport for subscriptions, from the private parameter image_transport. If it is not installed,
+/// an error is logged and raw is used, because image_transport would throw.
 image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
                                                 NodeMonitor& monitor);
 
-/// The topics that somebody publishes; none: the master does not answer as a master does.
+/// The topics that are published. Nothing if the master gives no valid answer.
 std::optional<std::set<std::string>> publishedTopics();
 
 /// Waits until the topics that the master lists as published are connected: a subscriber that has just

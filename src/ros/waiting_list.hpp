@@ -15,7 +15,7 @@ namespace all_in_focus {
 constexpr std::size_t kMaxWaitingBytes = 256 << 20;  ///< of one kind of image in one place
 constexpr std::size_t kFewestWaiting = 4;            ///< images that may wait however large they are
 
-/// How many images of this size may wait: large ones fewer, so that memory stays bounded.
+/// How many images of this size may wait: fewer of large ones, so that memory stays limited.
 inline std::size_t imageLimit(std::size_t most, std::size_t image_bytes) {
   const std::size_t fitting = kMaxWaitingBytes / std::max<std::size_t>(image_bytes, 1);
   return std::min(most, std::max(kFewestWaiting, fitting));
@@ -30,7 +30,7 @@ class WaitingList {
  public:
   explicit WaitingList(std::size_t most) : most_(std::max<std::size_t>(most, 1)) {}
 
-  /// Returns the oldest items, which had to go to make room. The new one always stays.
+  /// Returns the oldest items, which were removed to make room. The new one always stays.
   std::vector<Item> push(const Item& item, std::size_t bytes) {
     items_.emplace_back(item, bytes);
     bytes_ += bytes;
@@ -44,7 +44,7 @@ class WaitingList {
   std::size_t size() const { return items_.size(); }
   const Item& operator[](std::size_t i) const { return items_[i].first; }
 
-  /// The oldest; there has to be one.
+  /// Removes and returns the oldest item. The list must not be empty.
   Item pop() {
     Item item = std::move(items_.front().first);
     bytes_ -= items_.front().second;

@@ -21,9 +21,10 @@ bool BracketAssembler::endsBefore(const FrameInfo& frame) const {
   std::string reason;
   if (!open_ || refuses(frame, reason)) return false;
   if (frame.has_focus != by_focus_) return true;
-  // The same number from the beginning again is another bracket: a looping bag, a restarted driver.
+  // A bracket number that begins again at index 0 is a new bracket: the bag loops, or the driver was
+  // restarted.
   if (frame.has_focus) return frame.bracket_id != id_ || frame.index == 0;
-  if (frame.stamp_s + kJitter < last_stamp_s_) return true;  // a looping bag, too
+  if (frame.stamp_s + kJitter < last_stamp_s_) return true;  // the bag loops
   return config_.gap_s > 0 && frame.stamp_s - last_stamp_s_ > config_.gap_s;
 }
 
@@ -39,7 +40,7 @@ bool BracketAssembler::refuses(const FrameInfo& frame, std::string& reason) cons
   if (frame.index >= kMaxFrames) {
     reason = bracket + ": frame index " + text(frame.index) + " is above 65534";
   } else if (frame.index == 0) {
-    return false;  // a beginning is always welcome
+    return false;  // the first frame of a bracket is always accepted
   } else if (hasBegunUnseen() || (skipping_ && frame.bracket_id == skip_id_)) {
     reason = bracket + " had begun before anybody listened: waiting for the next one";
   } else if (open_ && same && frame.index < next_) {

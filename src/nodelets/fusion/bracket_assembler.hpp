@@ -7,10 +7,10 @@
 
 namespace all_in_focus {
 
-/// What is known of a colour frame besides its pixels.
+/// What is known about a colour frame besides its pixels.
 struct FrameInfo {
   double stamp_s = 0;
-  bool has_focus = false;  ///< a FocusFrame of the same stamp came with it; the rest is from there
+  bool has_focus = false;  ///< a FocusFrame with the same stamp has come; the next fields are from it
   std::uint32_t bracket_id = 0;
   std::uint32_t index = 0;
   std::uint32_t count = 0;  ///< 0 = open
@@ -22,8 +22,8 @@ struct BracketConfig {
   double gap_s = 1;  ///< without FocusFrame a longer gap between stamps ends a bracket, 0 = never
 };
 
-/// Says where a focus bracket begins and ends and which of its frames is which: by FocusFrame where there is
-/// one, else by count and by gaps in time.
+/// Finds where a focus bracket begins and ends, and the index of each frame: from FocusFrame messages where
+/// there are some, else from the number of frames and from gaps in time.
 class BracketAssembler {
  public:
   /// What to do with a frame.
@@ -52,10 +52,10 @@ class BracketAssembler {
 
   /// Ends the open bracket.
   void close();
-  /// As after the start: a bracket whose beginning was not seen is left out.
+  /// Forgets all frames, as after the start: a bracket whose first frame was not seen is left out.
   void restart();
 
-  /// No frame came for longer than the gap.
+  /// Whether no frame has come for longer than the gap.
   bool gapElapsed(double now_s) const;
 
   bool open() const { return open_; }
@@ -67,7 +67,8 @@ class BracketAssembler {
 
  private:
   bool refuses(const FrameInfo& frame, std::string& reason) const;
-  /// A frame in mid-bracket is the first with a FocusFrame since the start, or since frames without.
+  /// Whether a frame from the middle of a bracket is the first one with a FocusFrame, since the start or
+  /// since frames without one.
   bool hasBegunUnseen() const { return (fresh_ || !by_focus_) && !skipping_; }
 
   BracketConfig config_;
@@ -79,7 +80,7 @@ class BracketAssembler {
   int missing_ = 0;
   double last_stamp_s_ = 0;
   bool fresh_ = true;      ///< nothing seen since the start
-  bool skipping_ = false;  ///< the rest of bracket skip_id_, whose beginning was not seen
+  bool skipping_ = false;  ///< leave out the rest of bracket skip_id_, whose first frame was not seen
   std::uint32_t skip_id_ = 0;
 };
 

@@ -97,7 +97,7 @@ void BracketRestorer::run() {
   }
 }
 
-// Afterwards the bracket is as it is to be published.
+// After this call the bracket can be published.
 void BracketRestorer::restore(FusedBracket& bracket) {
   const Stopwatch watch;
   std::string failure;

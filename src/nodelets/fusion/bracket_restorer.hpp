@@ -14,30 +14,33 @@
 
 namespace all_in_focus {
 
-/// Restores fused brackets, in a thread of its own, one at a time: fusing never waits for it, and it holds
-/// one bracket however many are fused meanwhile. Each bracket that is handed over is passed on once:
-/// corrected, or, when it was given up, as it was fused. Methods are for one thread, that of the worker.
+/// Restores fused brackets in a thread of its own, one at a time. Fusion never waits for it, and it holds
+/// only one bracket, however many are fused in the meantime. It passes on each bracket that it was given
+/// once: restored, or, if restoration was given up, as it was fused. Call all methods from the worker's
+/// thread.
 class BracketRestorer {
  public:
-  using Interrupted = std::function<bool()>;  ///< true: nobody wants any result; from any thread
-  /// Takes what is finished, in the restorer's thread.
+  using Interrupted = std::function<bool()>;  ///< true: nobody wants a result; called from any thread
+  /// Receives finished brackets in the restorer's thread.
   using Done = std::function<void(const FusedBracket&, const FrameFates&)>;
 
   BracketRestorer(NodeMonitor& monitor, Interrupted interrupted, Done done);
-  ~BracketRestorer();  ///< what is at work is dropped
+  ~BracketRestorer();  ///< drops the bracket that is being restored
 
-  /// bracket.restoration must not be null. The one before must be finished, or given up.
+  /// Starts to restore a bracket; its `restoration` must not be null. The bracket before must be finished or
+  /// given up.
   void start(const FusedBracket& bracket, const FrameFates& fates);
-  /// Passes on what is at work as it was fused, for `reason`; returns once it is out.
+  /// Stops restoring and passes the bracket on as it was fused, with `reason` in its report. Returns when
+  /// that is done.
   void giveUp(const std::string& reason);
-  /// Drops what is at work.
+  /// Stops restoring and drops the bracket.
   void drop();
-  /// Until nothing is at work.
+  /// Waits until no bracket is being restored.
   void wait();
-  /// Calls back when nothing is at work: now, or in the restorer's thread.
+  /// Calls back when no bracket is being restored: at once, or later in the restorer's thread.
   void whenIdle(std::function<void()> callback);
 
-  /// While paused, restoration stands still between two of its steps: the processor is for what is fused.
+  /// While paused, restoration waits between two of its steps, so that fusion has the processor.
   void setPaused(bool paused);
 
  private:
@@ -57,7 +60,7 @@ class BracketRestorer {
   std::condition_variable changed_;
   std::optional<Job> job_;  // until it was passed on or dropped
   std::vector<std::function<void()>> callbacks_;
-  std::string given_up_;  // why, "" = it was not
+  std::string given_up_;  // the reason; "" = it was not given up
   bool dropped_ = false, paused_ = false, stopped_ = false;
 
   std::thread thread_;

@@ -15,8 +15,8 @@
 namespace all_in_focus {
 namespace {
 
-constexpr std::chrono::milliseconds kIdlePeriod(50);  // how often a gap in time is looked for
-constexpr std::chrono::seconds kUnderWay(5);  // the longest that a frame sent before a jump of time takes
+constexpr std::chrono::milliseconds kIdlePeriod(50);  // between checks for a gap in time
+constexpr std::chrono::seconds kUnderWay(5);  // longest way of a frame that was sent before time jumped
 
 FrameInfo frameInfo(const BracketFrame& frame) {
   const double stamp_s = frame.image->header.stamp.toSec();
@@ -56,7 +56,7 @@ void FrameQueue::add(const BracketFrame& frame, Time time) {
   }
 }
 
-// Holds mutex_. Returns the images that had to make room.
+// Call with mutex_ held. Returns the images that were dropped to make room.
 std::vector<sensor_msgs::ImageConstPtr> FrameQueue::append(FusionTask& task, const FrameInfo& info) {
   std::vector<sensor_msgs::ImageConstPtr> dropped;
   task.step = assembler_.add(info);
@@ -65,7 +65,7 @@ std::vector<sensor_msgs::ImageConstPtr> FrameQueue::append(FusionTask& task, con
     task.step.missing = assembler_.missing();
   }
   if (!task.step.use) return dropped;
-  if (task.step.begin) scenes_.pin(task.header.stamp);  // before the worker can ask for it
+  if (task.step.begin) scenes_.pin(task.header.stamp);  // before the worker asks for the scene
   tasks_.push_back(task);
   ++images_;
   bytes_ += task.bytes;

@@ -21,7 +21,7 @@
 
 namespace all_in_focus {
 
-/// A colour frame with what rgb/focus said of it, if anything.
+/// A colour frame and its message from rgb/focus, if there is one.
 struct BracketFrame {
   sensor_msgs::ImageConstPtr image;
   FocusFrameConstPtr focus;
@@ -30,7 +30,7 @@ struct BracketFrame {
 /// What the worker is to do next.
 struct FusionTask {
   enum class Kind {
-    kFrame,    ///< a frame of the open bracket; step.begin: of a new one, step.last: which it ends
+    kFrame,    ///< a frame of the open bracket; step.begin: the first of a new one; step.last: the last
     kEnd,      ///< the open bracket has ended
     kFinish,   ///< set `finished`
     kAbandon,  ///< nobody wants the open bracket any more
@@ -39,18 +39,18 @@ struct FusionTask {
   int missing = 0;                                ///< kEnd: frames of the bracket that never came
   std::shared_ptr<std::promise<int>> finished{};  ///< kFinish
   // kFrame:
-  BracketFrame frame{};  ///< without an image: it had to make room for newer ones
+  BracketFrame frame{};  ///< without an image: it was dropped to make room for newer ones
   std_msgs::Header header{};
   std::size_t bytes = 0;  ///< of the image
   BracketAssembler::Step step{};
 };
 
-/// Colour frames on their way to the worker, as brackets: says where a bracket begins and ends while frames
-/// arrive. When too many wait, by number or by bytes, the oldest images are dropped; their frames stay, so
-/// that every bracket that began is reported. All methods are thread-safe and return at once, but take().
+/// Colour frames that wait for the worker. Finds where brackets begin and end while frames arrive. When too
+/// many wait, by number or by bytes, the oldest images are dropped; their frames stay, so that every bracket
+/// that began is reported. All methods are thread-safe and return at once, but take().
 class FrameQueue {
  public:
-  /// scenes: is told what belongs to the brackets that begin.
+  /// scenes: keeps the scene of each bracket that begins.
   FrameQueue(NodeMonitor& monitor, SceneCache& scenes) : monitor_(monitor), scenes_(scenes) {}
 
   /// most: images that may wait.
@@ -59,7 +59,7 @@ class FrameQueue {
   enum class Time {
     kNow,
     kBefore,  ///< sent before time went back: used only if the bracket that was open then lacks it
-    kUnclear  ///< not known: taken as kBefore if rgb/focus says that the open bracket lacks it, else as kNow
+    kUnclear  ///< unknown: kBefore if rgb/focus says that the open bracket lacks this frame, else kNow
   };
   void add(const BracketFrame& frame, Time time = Time::kNow);
   /// Time went back: the open bracket ends when the first frame of the new time comes, or after 5 s. The
@@ -70,12 +70,12 @@ class FrameQueue {
   /// Ends the open bracket. The future is ready when all frames so far are fused: brackets published since
   /// the start, or -1 after stop().
   std::future<int> finish();
-  /// No task comes any more.
+  /// Lets no task come any more.
   void stop();
 
-  /// The next task; none: nothing came for a while. Ends a bracket after its gap in time.
+  /// The next task, or nothing if none came for a while. Ends a bracket after its gap in time.
   std::optional<FusionTask> take();
-  /// The task at hand is of no use any more.
+  /// Whether the result of the current task is of no use any more.
   bool interrupted() const;
   bool stopped() const;
 
@@ -91,9 +91,9 @@ class FrameQueue {
   std::condition_variable changed_;
   BracketAssembler assembler_;
   std::deque<FusionTask> tasks_;
-  std::optional<std::chrono::steady_clock::time_point> went_back_;  // until the first frame of now
+  std::optional<std::chrono::steady_clock::time_point> went_back_;  // until a frame of the new time
   std::size_t most_ = 60, images_ = 0, bytes_ = 0;
-  double stamp_age_s_ = 0;  // of the last frame when it arrived: stamps may be of another clock
+  double stamp_age_s_ = 0;  // of the last frame at its arrival: stamps may come from another clock
   bool abandoned_ = false, stopped_ = false;
 };
 

@@ -61,7 +61,7 @@ FusionInputs::FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& pri
           [this](const auto&, const auto&) { monitor_.count(Outcome::kUnmatched); }),
       transport_(nh) {}
 
-// What was sent before time jumped back is not used.
+// Ignores messages that were sent before time jumped back.
 template <typename Message, typename Use>
 ros::Subscriber FusionInputs::subscribeTo(const char* topic, int input, Use use) {
   const auto on_message = [this, input, use](const auto& message) {
@@ -72,8 +72,8 @@ ros::Subscriber FusionInputs::subscribeTo(const char* topic, int input, Use use)
 
 void FusionInputs::subscribe() {
   const image_transport::TransportHints hints = chosenTransport(nh_, private_nh_, monitor_);
-  // Depth and labels go by plain ROS: lossy transports would destroy them. They are there before colour
-  // comes.
+  // Depth and labels use plain ROS, because lossy transports would destroy them. They are subscribed first,
+  // so that they are there when colour comes.
   updateMeasured();
   depth_subscriber_ = subscribeTo<sensor_msgs::Image>("depth_registered/image", depth_input_,
                                                       [this](const auto& depth) { scenes_.addDepth(depth); });
@@ -147,20 +147,20 @@ TimeJumps::Arrival FusionInputs::noticeJump(int input, const ros::Time& stamp, b
   return arrival;
 }
 
-// The order of a topic is kept: when a frame of the new time is whole, all of before have come.
+// A topic keeps its order: when a frame of the new time is complete, all older frames have come.
 void FusionInputs::addFrame(const BracketFrame& frame) {
   late_matcher_.forgetAfter({});
   frames_.add(frame, unclear_ ? FrameQueue::Time::kUnclear : FrameQueue::Time::kNow);
 }
 
-// Whether a frame, or what rgb/focus says of it, was sent before time went back.
+// Whether a frame, or its message from rgb/focus, was sent before time went back.
 bool FusionInputs::isLate(const TimeJumps::Arrival& arrival, const ros::Time& stamp) {
   unclear_ = arrival.unclear;
   return arrival.leftover || late_matcher_.holds(stamp);
 }
 
 void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
-  // Without its rgb/focus or its scene the first bracket would be another one.
+  // Without its messages from rgb/focus or its scene the first bracket would be cut or fused differently.
   if (!awaited_) {
     std::vector<const ros::Subscriber*> others = {&focus_subscriber_, &labels_subscriber_};
     if (measured_subscriber_)
@@ -172,7 +172,7 @@ void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
   const bool is_late = isLate(noticeJump(image_input_, stamp, /*is_frame=*/true), stamp);
   scenes_.expect({isPublished(labels_subscriber_), isPublished(depth_subscriber_),
                   isPublished(measured_subscriber_), isPublished(info_subscriber_)});
-  // Once rgb/focus is there, it says what a bracket is, and the camera may be silent between brackets.
+  // Once rgb/focus is there, it defines the brackets, and the camera may be silent between them.
   if (focus_seen_ || isPublished(focus_subscriber_)) {
     monitor_.setExpect(image_input_, Expect::kOnce);
     (is_late ? late_matcher_ : frame_matcher_).add(image);
@@ -183,7 +183,7 @@ void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
   }
 }
 
-// Sent at the shutter: the image may come much later.
+// rgb/focus is sent at the shutter; the image may come much later.
 void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
   const ros::Time stamp = focus->header.stamp;
   if (isLate(noticeJump(focus_input_, stamp, /*is_frame=*/true), stamp)) {
@@ -197,7 +197,7 @@ void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
   frame_matcher_.add(focus);
 }
 
-// image: null where rgb/focus came alone.
+// image: null if only rgb/focus came.
 void FusionInputs::onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image, const char* reason) {
   image ? monitor_.acknowledge(image->header, Outcome::kUnmatched, reason)
         : monitor_.count(Outcome::kUnmatched);

@@ -20,8 +20,8 @@
 
 namespace all_in_focus {
 
-/// What the fusion listens to. Matches frames with what rgb/focus says of them, and label images with the
-/// table of their regions; frames go to the queue, all else to the scene cache.
+/// The subscriptions of the fusion. Matches frames with their messages from rgb/focus, and label images with
+/// the tables of their regions. Frames go to the queue, everything else goes to the scene cache.
 ///
 /// Callbacks run on the queue of nh, one after the other; the methods are to be called there, too, or before.
 class FusionInputs {
@@ -34,7 +34,7 @@ class FusionInputs {
   void unsubscribe();
   bool subscribed() const { return static_cast<bool>(image_subscriber_); }
 
-  /// Whether depth before hole filling is of use: not in mode paper.
+  /// Sets whether depth before hole filling is needed; mode paper does not need it.
   void needMeasured(bool needed);
 
  private:
@@ -63,7 +63,7 @@ class FusionInputs {
   StampMatcher<sensor_msgs::Image, SegmentArray> label_matcher_;
 
   bool needs_measured_ = false;
-  bool unclear_ = false;                            // which frames are of before the last jump
+  bool unclear_ = false;                            // it is unknown which frames are older than the last jump
   bool focus_seen_ = false, awaited_ = false;       // since the subscription
   std::optional<std::uint32_t> announced_bracket_;  // the last one of rgb/focus
   image_transport::ImageTransport transport_;

@@ -30,8 +30,8 @@ constexpr std::chrono::seconds kFinishPatience(60);
 
 /// Fuses focus brackets into all-in-focus images: inputs -> queue -> worker -> outputs.
 ///
-/// Callbacks run one after the other on the nodelet's own queue and only hand over. ~finish waits for the
-/// worker, so it has a thread of its own.
+/// Callbacks run one after the other on the nodelet's own queue and only pass messages on. The service
+/// ~finish waits for the worker, so it has a thread of its own.
 class FusionNodelet : public ConfiguredNodelet<FusionConfig> {
  public:
   ~FusionNodelet() override;
@@ -53,7 +53,7 @@ class FusionNodelet : public ConfiguredNodelet<FusionConfig> {
   bool restore_every_ = false;
 };
 
-// Stopping the queue answers ~finish, which may wait for it. After that no callback runs that needs the
+// A call of ~finish may be waiting for the queue; to stop the queue ends it. After that no callback needs the
 // worker.
 FusionNodelet::~FusionNodelet() {
   if (frames_) frames_->stop();

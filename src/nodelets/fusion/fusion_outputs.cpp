@@ -31,8 +31,8 @@ sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string&
 
 }  // namespace
 
-// By plain ROS: image_transport publishes to present subscribers only, so late ones would get an older result
-// from its latch, or none.
+// Published by plain ROS: image_transport publishes to present subscribers only, so later ones would get an
+// older latched result, or none.
 void FusionOutputs::advertise(ros::NodeHandle& nh, NodeMonitor& monitor,
                               const std::function<void()>& connect) {
   monitor_ = &monitor;
@@ -63,7 +63,7 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
   const std_msgs::Header& header = bracket.report->header;
   const FusionResult& result = bracket.result;
   if (!result.image.empty()) {
-    // First: rviz's DepthCloud drops images that come before their camera is known.
+    // The camera comes first: rviz's DepthCloud drops images that come before it.
     if (bracket.camera) {
       const auto restamped = boost::make_shared<sensor_msgs::CameraInfo>(*bracket.camera);
       restamped->header = header;
@@ -91,7 +91,7 @@ void FusionOutputs::publishDepth(const std_msgs::Header& header, const sensor_ms
     if (message) {
       core::resizeDepth(toDepth(message, {}, "depth_registered/image").mm, size, out.mat);
     } else {
-      out.mat.setTo(0);  // unknown: that of an older result must not stay beside a newer picture
+      out.mat.setTo(0);  // unknown; the depth of an older result must not stay beside a newer picture
     }
     depth_.publish(out.take());
   } catch (const std::exception& e) {

@@ -12,12 +12,12 @@
 
 namespace all_in_focus {
 
-/// What the fusion publishes, all of one result with one header and latched.
+/// The topics that the fusion publishes. All messages of one result are latched and have the same header.
 class FusionOutputs {
  public:
   /// connect: called whenever a subscriber comes or goes, maybe before this returns: hold the mutex it takes.
   void advertise(ros::NodeHandle& nh, NodeMonitor& monitor, const std::function<void()>& connect);
-  /// Somebody listens.
+  /// Whether anybody subscribes.
   bool wanted() const;
   void publish(const FusedBracket& bracket);
 

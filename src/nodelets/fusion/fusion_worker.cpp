@@ -13,7 +13,7 @@
 namespace all_in_focus {
 namespace {
 
-// What is most likely a mistake in optics or depth, a line each, in the words of fuse_stack.
+// Likely mistakes in optics or depth, one line each, in the words of fuse_stack.
 std::vector<std::string> checkRig(const FusedBracket& bracket) {
   std::vector<std::string> warnings;
   try {
@@ -25,7 +25,7 @@ std::vector<std::string> checkRig(const FusedBracket& bracket) {
       warnings.push_back(core::checkMirroring(depth.mm, cv::Mat(), bracket.result.image));
     }
   } catch (const std::invalid_argument&) {
-    // Told where it is used.
+    // Reported where it is used.
   }
   warnings.erase(std::remove(warnings.begin(), warnings.end(), std::string()), warnings.end());
   return warnings;
@@ -105,7 +105,7 @@ void FusionWorker::handleFrame(const FusionTask& task) {
   } else if (bracket_->settings().sliding && std::any_of(fates.begin(), fates.end(), is_used)) {
     publish_(fused(/*complete=*/false));
   }
-  acknowledge(fates);  // last: who hears of a frame may rely on its result
+  acknowledge(fates);  // comes last: whoever gets the acknowledgement of a frame may rely on its result
 }
 
 void FusionWorker::findScene(const ros::Time& first_frame) {
@@ -132,7 +132,7 @@ void FusionWorker::endBracket(int missing) {
 
 FusedBracket FusionWorker::fused(bool complete) {
   FusedBracket bracket = bracket_->fused(complete);
-  if (!bracket.depth) bracket.depth = scenes_.depthAt(bracket_->depthStamp());  // labels may be faster
+  if (!bracket.depth) bracket.depth = scenes_.depthAt(bracket_->depthStamp());  // labels may come first
   bracket.camera = scenes_.camera();
   const std::string id = "bracket " + std::to_string(bracket.report->bracket_id) + ": ";
   if (complete) {

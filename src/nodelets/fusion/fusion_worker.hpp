@@ -15,8 +15,8 @@
 
 namespace all_in_focus {
 
-/// Fuses what is in the queue, in a thread of its own, so that callbacks never wait. In mode restored a
-/// bracket is published once it is restored; when the next one is fused first, as it was fused.
+/// Fuses the brackets in the queue in a thread of its own, so that callbacks never wait. In mode restored a
+/// bracket is published when it is restored; if the next one is fused first, it is published as it was fused.
 class FusionWorker {
  public:
   /// Called from the worker's thread or from that of restoration, one result after the other.
@@ -44,10 +44,10 @@ class FusionWorker {
   std::mutex mutex_;
   FusionSettings settings_;  // guarded by mutex_
 
-  // Of the worker's thread alone.
+  // Used by the worker's thread only.
   BracketFusion fusion_;
   std::unique_ptr<OpenBracket> bracket_;
-  int published_ = 0;  // or handed over to be
+  int published_ = 0;  // includes brackets that are being restored
 
   BracketRestorer restorer_;
   std::thread thread_;

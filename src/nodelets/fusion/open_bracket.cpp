@@ -51,7 +51,7 @@ void takeCamera(const SceneMessages& messages, SharedScene& shared) {
   shared.scene.camera = camera;
 }
 
-// The image without a copy where it is bgr8 already.
+// Does not copy an image that is bgr8 already.
 cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image) {
   const std::size_t least = std::size_t{image->step} * image->height;
   if (image->width == 0 || image->height == 0 || image->data.size() < least) {
@@ -93,7 +93,7 @@ void FusedBracket::setRestored(const RestorationResult& restored, double took_ms
   report->timing_ms.push_back(took_ms);
 }
 
-// The scene shares the memory of messages, which must live as long.
+// The scene uses the memory of the messages, so they must live as long as it.
 struct OpenBracket::Restoration {
   SharedScene scene;
   BracketRestoration restoration;
@@ -128,7 +128,7 @@ void OpenBracket::begin(const BracketScene& scene) {
   restoration_->restoration.begin(scene);
 }
 
-// Notes where it is another one than wanted.
+// Adds a note if this is not the wanted one.
 int OpenBracket::plannedReference(const FusionTask& first) {
   const int length = first.step.length, first_index = first.step.index;
   int reference = settings_.reference >= 0 ? settings_.reference : length / 2;
@@ -254,7 +254,7 @@ void OpenBracket::used(int index, const Frame& frame) {
   }
 }
 
-// NaN where it is unknown or impossible.
+// NaN if it is unknown or impossible.
 double OpenBracket::focusOf(const BracketFrame& frame, int index) {
   if (!frame.focus || std::isnan(frame.focus->focus_distance)) return BracketFusion::kUnknownFocus;
   const double focus_mm = frame.focus->focus_distance * kMmPerM;

@@ -27,24 +27,25 @@ struct FusionSettings {
   int max_held_frames = 64;
   double label_max_age_s = 1.0;
   double label_timeout_s = 2.0;
-  bool restore_every = false;  ///< mode restored: the next bracket waits for it; false: it gives way
+  bool restore_every = false;  ///< mode restored: the next bracket waits until this one is restored
 };
 
-/// What the messages say of a scene, as the core takes it.
+/// The scene of the messages in the types of the core.
 struct SharedScene {
   BracketScene scene;
-  std::vector<std::string> warnings;  ///< what is missing or refused and what that means, a line each
+  std::vector<std::string> warnings;  ///< what is missing or refused, and its effect, one line each
 
   // The scene reads the messages' own memory.
   cv_bridge::CvImageConstPtr labels;
   DepthImage depth, measured;
 };
 
-/// The scene for a mode: paper takes the labels alone, and without labels nothing is taken. Depth or camera
-/// that are missing or broken are left out. Throws on broken labels.
+/// The scene for a mode: mode paper uses the labels only, and nothing is used without labels. Depth or camera
+/// are left out if they are missing or broken. Throws on broken labels.
 SharedScene toScene(const SceneMessages& messages, Mode mode);
 
-/// One all-in-focus image and its story. `result.image` is empty when no frame of the bracket could be used.
+/// One all-in-focus image and the report on it. `result.image` is empty when no frame of the bracket could be
+/// used.
 struct FusedBracket {
   FusionResult result;
   FusionReportPtr report;
@@ -59,7 +60,7 @@ struct FusedBracket {
   void setRestored(const RestorationResult& restored, double took_ms);
 };
 
-/// What became of a frame.
+/// What happened to a frame.
 struct FrameFate {
   enum class Kind { kHeld, kUsed, kRejected };
   std_msgs::Header header;
@@ -72,9 +73,9 @@ using FrameFates = std::vector<FrameFate>;
 /// it. For one thread.
 class OpenBracket {
  public:
-  using Interrupted = std::function<bool()>;  ///< true: nobody wants the rest
+  using Interrupted = std::function<bool()>;  ///< true: nobody wants the result any more
 
-  /// first: the task that the bracket begins with. fusion: begun anew for this bracket; its buffers live on.
+  /// first: the first task of the bracket. fusion: starts anew for this bracket and reuses its buffers.
   OpenBracket(const FusionTask& first, const FusionSettings& settings, BracketFusion& fusion);
   ~OpenBracket();
   OpenBracket(const OpenBracket&) = delete;
@@ -83,14 +84,14 @@ class OpenBracket {
   const FusionSettings& settings() const { return settings_; }
 
   bool hasScene() const { return has_scene_; }
-  /// Once, before the first frame. waited_ms: for the scene. Returns lines to warn of: what is missing;
-  /// without usable labels sharpness decides.
+  /// Call once, before the first frame. waited_ms: how long the scene took to come. Returns warnings, one
+  /// line each, about what is missing. Without usable labels sharpness decides.
   std::vector<std::string> setScene(const SceneMessages& messages, double waited_ms);
 
-  /// The next frame; without an image: it was dropped. Fuses all frames whose turn has come.
+  /// Takes the next frame; a frame without an image was dropped. Fuses all frames that can be fused now.
   FrameFates add(const FusionTask& task, const Interrupted& interrupted);
-  /// No frame follows: fuses those that waited for the reference. missing: frames of the bracket that never
-  /// came.
+  /// Call when no frame follows: fuses the frames that waited for the reference. missing: how many frames of
+  /// the bracket never came.
   FrameFates close(int missing, const Interrupted& interrupted);
 
   /// The result so far. complete: no frame follows.

@@ -21,7 +21,7 @@ constexpr double kClockTolerance = 1;   // s that a stamp may be ahead of the cl
 constexpr double kAssumedLatency = 30;  // s that frames may be late, before the first one came
 constexpr double kLeastLatency = 5;     // s, afterwards
 constexpr double kLatencyMargin = 1.25;
-constexpr double kSilentTimeout = 0.1;  // s of waiting for a topic that was waited for in vain
+constexpr double kSilentTimeout = 0.1;  // s, for a topic whose last wait was in vain
 
 }  // namespace
 
@@ -33,7 +33,7 @@ void SceneCache::addLabels(const LabelSet& set) {
   const double focal_length_mm = set.segments->optics.focal_length_mm;
   if (focal_length_mm_ == 0 && std::isfinite(focal_length_mm) && focal_length_mm > 0)
     focal_length_mm_ = focal_length_mm;
-  // Labels come in the order of stamps: older depth images will get none.
+  // Labels come in the order of stamps, so older depth images will get none.
   for (auto it = entries_.begin(); it->first < stamp;)
     it = it->second.labels ? std::next(it) : entries_.erase(it);
   add(set.labels, &Entry::labels, &SceneTopics::labels);
@@ -127,7 +127,7 @@ void SceneCache::drop(Entries::const_iterator entry) {
   entries_.erase(entry);
 }
 
-// The entry with the newest labels at or before the frame.
+// Finds the entry with the newest labels at or before the frame.
 SceneCache::Entries::const_iterator SceneCache::labelsFor(const ros::Time& frame) const {
   for (auto it = entries_.upper_bound(frame); it != entries_.begin();) {
     --it;
@@ -154,8 +154,8 @@ SceneMessages SceneCache::sceneAt(const ros::Time& stamp) const {
   return scene;
 }
 
-// Whether nothing can come any more that is newer, but not newer than `stamp`: once something at or after it
-// has come, unless that is left from before /clock jumped back.
+// Whether no newer message with a stamp up to `stamp` can come any more. That is so once a message at or
+// after `stamp` has come, unless that message is from before /clock jumped back.
 bool SceneCache::isDecided(const ros::Time& stamp, Image image) const {
   const ros::Time latest = std::max(stamp, ros::Time::now());
   const auto next = std::find_if(entries_.lower_bound(stamp), entries_.end(),

@@ -20,14 +20,14 @@ struct LabelSet {
   SegmentArrayConstPtr segments;
 };
 
-/// What is known of a scene besides the frames of its bracket. What is missing is null.
+/// The messages about a scene besides the frames of its bracket. A missing one is null.
 struct SceneMessages {
   LabelSet labels;
   sensor_msgs::ImageConstPtr depth;     ///< that the labels were cut from: registered, holes filled
   sensor_msgs::ImageConstPtr measured;  ///< the same before its holes were filled
   sensor_msgs::CameraInfoConstPtr camera;
   double focal_length_mm = 0;  ///< that the camera was calibrated with; 0 = unknown
-  std::string no_labels;       ///< why there are no labels, for people
+  std::string no_labels;       ///< the reason why there are no labels, as text for people
 };
 
 /// Topics of the scene that somebody publishes.
@@ -35,13 +35,13 @@ struct SceneTopics {
   bool labels = false, depth = false, measured = false, camera = false;
 };
 
-/// What is known of the scene, to be found by the stamp of a frame that may come much later: a camera sends a
-/// picture after download and its next move of focus, 20 s after the shutter at worst.
+/// Keeps the messages about the scene until a frame with their stamp comes. That may be much later: a camera
+/// sends a picture after its download and the next move of focus, at worst 20 s after the shutter.
 ///
-/// Labels, depth and measured depth of one stamp are kept and dropped together, bounded by number and by
-/// bytes. When that is reached, what a pinned frame needs stays, the newest images stay, and of the older
-/// ones those go whose neighbours are nearest in time: so the whole time that a frame may be late stays
-/// covered. All methods are thread-safe.
+/// Labels, depth and measured depth of one stamp are kept and dropped together, limited in number and bytes.
+/// At the limit it keeps the newest images and those that a pinned frame needs. Of the older images it drops
+/// those whose neighbours are nearest in time, so that the whole time that a frame may be late stays covered.
+/// All methods are thread-safe.
 class SceneCache {
  public:
   void addLabels(const LabelSet& set);
@@ -49,28 +49,28 @@ class SceneCache {
   void addMeasured(const sensor_msgs::ImageConstPtr& measured);
   void setCamera(const sensor_msgs::CameraInfoConstPtr& camera);
 
-  /// Age of the oldest labels that a frame may use, before its stamp.
+  /// How much older than a frame its labels may be.
   void setMaxAge(double max_age_s);
-  /// Only what somebody publishes is waited for.
+  /// Tells which topics are published; await() waits for these only.
   void expect(const SceneTopics& published);
 
-  /// A bracket begins at this stamp: its scene is kept, whatever comes later, until await() has returned it.
+  /// Call when a bracket begins: its scene is kept, whatever comes later, until await() has returned it.
   void pin(const ros::Time& first_frame);
-  /// A frame has arrived: tells how late frames are.
+  /// Call when a frame has arrived, to measure how late frames are.
   void frameArrived(const ros::Time& stamp);
 
-  /// Time went back to `now`: what is newer is stale. The scenes of brackets that have begun stay for
+  /// Call when time went back to `now`: drops what is newer. The scenes of brackets that have begun stay for
   /// await().
   void forgetAfter(const ros::Time& now);
-  /// Forgets everything but the focal length, and lets go whoever waits.
+  /// Forgets everything but the focal length, and ends all waits.
   void clear();
-  /// Nobody has to wait any more, ever.
+  /// Ends all waits, also later ones.
   void close();
 
   /// The scene of a bracket: the label image with the newest stamp at or before the first frame, not older
   /// than max_age_s, and what has the stamp of that. Waits up to timeout_s for the labels, and with `whole`
-  /// for all the rest too. A topic that was waited for in vain is not waited for again, but for a moment,
-  /// until something comes.
+  /// for all the rest too. After a wait in vain for a topic the next waits are short, until one of its
+  /// messages comes.
   SceneMessages await(const ros::Time& first_frame, double max_age_s, double timeout_s, bool whole);
 
   sensor_msgs::ImageConstPtr depthAt(const ros::Time& stamp) const;  ///< null: there is none
