@@ -20,10 +20,10 @@ constexpr int kNoFrame = 65535;  ///< source index of a pixel that no frame has 
 enum class Mode {
   kPaper,     ///< Liu et al. 2019 as printed, for comparison
   kRefined,   ///< ours
-  kRestored,  ///< refined, then the blur beside occlusions taken off (BracketRestoration)
+  kRestored,  ///< refined; then BracketRestoration removes the blur beside occlusions
 };
 
-/// What is known of a scene before the first frame of its bracket. Everything may be missing.
+/// What is known about a scene before the first frame of its bracket. Every member may be missing.
 struct BracketScene {
   cv::Mat labels;    ///< CV_32SC1, >= 0, any size; empty = none
   cv::Mat depth;     ///< CV_16UC1 mm, 0 = unknown, seen from the colour camera, holes filled, any size
@@ -42,19 +42,19 @@ struct DefocusConfig {
   bool hole_doubt = true;        ///< trust filled depth less than measured
 };
 
-/// The ingredients of mode refined; each can be left out, to see what it is good for.
+/// The parts of mode refined. Each can be switched off, to measure what it brings.
 struct RefinedConfig {
-  bool alignment = true;   ///< frames are brought to the geometry of the reference
-  bool exposure = true;    ///< and to its exposure
-  bool prediction = true;  ///< depth and optics have a say (DefocusPrediction)
+  bool alignment = true;   ///< warp frames to the geometry of the reference
+  bool exposure = true;    ///< match their exposure to that of the reference
+  bool prediction = true;  ///< predict the blur from depth and optics (DefocusPrediction)
   DefocusConfig defocus;
-  bool scales = true;  ///< sharpness is looked for at every scale; false: at that of pixels alone
-  bool noise = true;   ///< weights know the noise
+  bool scales = true;  ///< measure sharpness at every scale; false: at the finest only
+  bool noise = true;   ///< weigh by the measured noise, too
   bool soft = true;    ///< weighted mean; false: the heaviest frame is copied
-  bool choice = true;  ///< tell which frame pixels come from; false: less memory
+  bool choice = true;  ///< record which frame each pixel comes from; false: takes less memory
 };
 
-/// What a bracket was fused by.
+/// How a bracket was fused.
 enum class FusedBy {
   kRegions,    ///< one frame a region (RegionFusion, mode paper with labels)
   kPixels,     ///< pixel by pixel, by sharpness, depth and optics (RefinedFusion)
@@ -62,7 +62,7 @@ enum class FusedBy {
   kRestored,   ///< as kPixels or kSharpness, then corrected beside depth edges (BracketRestoration)
 };
 
-/// As FusionReport names it: paper, refined, sharpness, restored.
+/// Its name in FusionReport: paper, refined, sharpness, restored.
 const char* name(FusedBy fused_by);
 
 /// Which frame a region was taken from.
@@ -74,14 +74,14 @@ struct RegionChoice {
   double confidence = 0;  ///< mean over the region, 0..1
 };
 
-/// What one bracket gives.
+/// The result of one bracket.
 struct FusionResult {
   cv::Mat image;  ///< CV_8UC3
   // Mode refined leaves these three empty without RefinedConfig::choice.
   cv::Mat source_index;  ///< CV_16UC1, the frame that a pixel was taken from, or mostly; kNoFrame = none
   cv::Mat confidence;    ///< CV_8UC1, margin of the choice, 0..255
   std::vector<RegionChoice> regions;  ///< by label; empty without labels
-  std::vector<std::string> notes;     ///< what a user should know: regions that no frame reaches
+  std::vector<std::string> notes;     ///< for the user: regions that are sharp in no frame
 };
 
 /// A frame as mode refined adds it: in the geometry of the reference.
@@ -112,8 +112,8 @@ class BracketFusion {
   /// neighbour. Throws std::invalid_argument on images of another type, a negative label, impossible optics.
   void begin(const BracketScene& scene, Mode mode, const RefinedConfig& config = {});
 
-  /// A frame that is to be added later, in the order of the bracket. As add() otherwise; nothing in mode
-  /// paper.
+  /// Shows a frame that will be added later; call in the order of the bracket. Otherwise as add(). Does
+  /// nothing in mode paper.
   void observe(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
 
   /// frame: CV_8UC3, not empty, of the size of the bracket's first (else std::invalid_argument, and the
@@ -121,8 +121,8 @@ class BracketFusion {
   /// infinite. Returns why the frame does not fit the others and was left out, or "".
   std::string add(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
 
-  /// Who else wants the aligned frames, from the next add() on, until it is replaced; called within add(),
-  /// the reference first. Mode paper aligns none.
+  /// Sets a function that receives each aligned frame from the next add() on, the reference first. add()
+  /// calls it. Mode paper aligns no frames.
   void handAlignedFramesTo(std::function<void(const AlignedFrame&)> taker);
 
   int frames() const { return static_cast<int>(focus_mm_.size()); }  ///< used since begin()

@@ -38,7 +38,7 @@ struct Camera {
 std::array<double, 8> distortionOf(const std::string& model, const std::vector<double>& coefficients);
 
 /// Throws std::invalid_argument unless size, fx and fy are positive and all values are finite. The message
-/// begins with `name` and tells the value.
+/// begins with `name` and gives the value.
 void validate(const Camera& camera, const char* name);
 
 /// x_to = R x_from + t, t in mm.

@@ -47,10 +47,10 @@ struct Segmentation {
 /// Efficient Graph-Based Image Segmentation, IJCV 2004, with the DoF rule in place of their criterion: edges
 /// are taken by weight, |depth difference|, and the regions at both ends are merged if they fit the rule
 /// together. Edges of equal weight are taken in raster order of their first pixel, then E, SW, S, SE. Unknown
-/// depth takes no part. docs/algorithms.md tells how this is computed without sorting all edges.
+/// depth takes no part. docs/algorithms.md describes how this is computed without sorting all edges.
 ///
-/// Buffers are reused between calls, and what is learnt from an image makes the next one of the same size
-/// faster. Results depend neither on that nor on the number of threads. Not thread-safe.
+/// Buffers are reused between calls, and statistics of an image make the next one of the same size faster.
+/// Results depend neither on that nor on the number of threads. Not thread-safe.
 class DofSegmentation {
  public:
   /// Throws std::invalid_argument if validate() refuses the optics or min_region_size is negative.

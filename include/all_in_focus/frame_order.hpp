@@ -23,19 +23,20 @@ class FrameOrder {
   /// reference: index of the reference frame, >= 0.
   FrameOrder(Mode mode, int reference);
 
-  /// A frame is here; call in ascending order of index. `last`: no frame follows it.
+  /// Call when a frame has arrived, in ascending order of index. `last`: no frame follows it.
   void arrived(int index, bool last = false);
 
-  /// No frame follows: where the reference never came, the frame nearest to it stands in.
+  /// Call when no frame follows. If the reference never came, the frame nearest to it becomes the reference.
   void close() { holding_ = false; }
 
-  /// Frames wait for the reference.
+  /// Whether frames wait for the reference.
   bool isHolding() const { return holding_; }
 
   /// Index of the frame to be fused now, if any.
   std::optional<int> next() const;
 
-  /// The frame was fused, or left out (`used` false). Also for a frame that is refused while it is held.
+  /// Call when the frame was fused, or left out (`used` false); also when a frame is refused while it is
+  /// held.
   void done(int index, bool used);
 
  private:

@@ -15,7 +15,7 @@
 
 namespace all_in_focus::core {
 
-/// Depth of the sensor to depth of every colour pixel: what the node depth_preprocess does.
+/// Turns depth of the sensor into depth of every colour pixel, as the node depth_preprocess does.
 class DepthPreprocessing {
  public:
   DepthPreprocessing(const Rig& rig, Mode mode);
@@ -50,7 +50,7 @@ class FrameSource {
 /// nothing.
 struct PipelineInput {
   cv::Mat depth;  ///< CV_16UC1 mm, seen from the depth camera; needs the rig
-  Rig rig;        ///< its colour camera alone serves registered depth: it tells the pixel pitch
+  Rig rig;        ///< with registered depth only its colour camera is used, for the pixel pitch
   bool has_rig = false;
   cv::Mat registered_depth;  ///< CV_16UC1 mm, seen from the colour camera, used as it is
   cv::Mat labels;            ///< CV_32SC1, any distinct values >= 0
@@ -65,7 +65,7 @@ struct PipelineInput {
   static constexpr int kAutoReference = -1;  ///< the middle one, N / 2
 };
 
-/// What one run gives.
+/// The result of one run.
 struct PipelineResult {
   cv::Mat registered, filled;  ///< empty when there was no depth
   Segmentation segmentation;   ///< no segments when labels were given; no labels when nothing was known

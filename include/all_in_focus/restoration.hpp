@@ -12,15 +12,15 @@
 
 namespace all_in_focus::core {
 
-/// What mode restored makes of a fused bracket.
+/// The result of mode restored.
 struct RestorationResult {
   cv::Mat image;  ///< CV_8UC3: the fused picture, corrected beside depth edges and where no frame is sharp
   cv::Mat depth;  ///< CV_16UC1 mm, known everywhere: estimated from the bracket, measured depth being a prior
   double blur_scale = 0;           ///< measured blur / blur that the optics predict; 0 = unknown
-  std::vector<std::string> notes;  ///< what a user should know: optics that the pictures contradict
+  std::vector<std::string> notes;  ///< for the user: optics that the pictures contradict
 };
 
-/// Mode restored: takes off what the blur of near objects left on the surfaces behind them.
+/// Mode restored: removes the blur of near objects from the surfaces behind them.
 ///
 /// Beside an occlusion no frame is right: in the frame that is focused on the far surface the near object's
 /// blur lies over it. But all frames of a bracket show one sharp picture through one lens. The depth map that
@@ -28,24 +28,24 @@ struct RestorationResult {
 /// better. See docs/algorithms.md.
 ///
 /// Holds at most kMostFrames frames, however long the bracket and however large its frames. They are reduced
-/// to 1.2 million pixels or, where depth tells of strong blur, to fewer; without depth to 0.4 million. The
+/// to 1.2 million pixels or, where depth predicts strong blur, to fewer; without depth to 0.4 million. The
 /// correction is enlarged. Not thread-safe.
 class BracketRestoration {
  public:
   static constexpr int kMostFrames = 12;
 
-  /// Told how much of the work is done, 0..1; false = stop.
+  /// Receives how much of the work is done, 0..1; returns false to stop it.
   using Progress = std::function<bool(double done)>;
 
   /// Starts a bracket. The scene's images are shared, not copied. Throws std::invalid_argument on impossible
   /// optics or an impossible camera.
   void begin(const BracketScene& scene);
 
-  /// Holds a frame, reduced; of too many, those spread most evenly in dioptres over the scene are kept. A
-  /// frame whose focus distance is unknown is passed over.
+  /// Holds a reduced copy of a frame. If there are too many frames, it keeps those that lie most evenly in
+  /// dioptres over the scene. It ignores a frame whose focus distance is unknown.
   void add(const AlignedFrame& frame);
 
-  /// Why there is nothing to restore by, in words for a user; "" = restore() will work.
+  /// What is missing for a restoration, as text for a user; "" = restore() will work.
   std::string missing() const;
 
   /// fused: CV_8UC3 of the frames' size, the result of mode refined. Empty when progress said stop. Throws

@@ -218,7 +218,7 @@ double coverage(const cv::Mat& registered, const Rig& rig) {
 }
 
 std::string checkCoverage(const cv::Mat& registered, const Rig& rig) {
-  // The quick answer, which is nearly always enough.
+  // Nearly always this quick check is enough.
   if (cv::countNonZero(registered) >= kLittleCoverage * static_cast<double>(registered.total())) return "";
   const double share = coverage(registered, rig);
   if (share == 0) {

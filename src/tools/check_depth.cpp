@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-// Says what is most likely wrong with a rig and a depth image, for check_bag.
+// Finds likely mistakes in a rig and a depth image, for check_bag.
 
 #include <iostream>
 #include <nlohmann/json.hpp>

@@ -36,11 +36,11 @@ int runTool(int argc, char** argv, const char* purpose, const po::options_descri
   keepFreedMemory();
   const std::string path = argv[0];
   const std::string name = path.substr(path.rfind('/') + 1);
-  // One line of ours says what is wrong: the decoders' own messages would bury it.
+  // The tool prints one line about what is wrong; the decoders' own messages would bury it.
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
   try {
-    // No guessing: an abbreviated option is an error, so that scripts do not break when options are added.
+    // An abbreviated option is an error, so that scripts do not break when options are added.
     const auto style = po::command_line_style::default_style & ~po::command_line_style::allow_guessing;
     po::variables_map values;
     po::positional_options_description none;

@@ -65,7 +65,7 @@ RefinedConfig parseWithout(const std::string& names) {
   return config;
 }
 
-// Notes what mode refined could use and does not have.
+// Adds notes about inputs that mode refined lacks.
 void explainMissing(const PipelineInput& input, Mode mode, ReportContext& context) {
   if (mode == Mode::kPaper) return;
   const bool has_depth = !input.depth.empty() || !input.registered_depth.empty();
@@ -112,7 +112,7 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
   if (!segments && labels.empty()) context.notes.push_back("no depth: fused by sharpness alone");
 }
 
-// What is possible, but most likely a mistake in rig or depth, a line each.
+// Likely mistakes in rig or depth, one line each.
 std::vector<std::string> checkRigAndDepth(const PipelineInput& input, StackReader& stack) {
   const auto picture = [&stack] { return stack.glance(); };
   if (!input.depth.empty()) {
@@ -180,7 +180,7 @@ void fuseStack(const po::variables_map& values) {
   } catch (const FileError&) {
     throw;
   } catch (const std::invalid_argument& e) {
-    // The core tells what is wrong. Add the file that it is about.
+    // The core says what is wrong; this adds the name of the file.
     const std::string depth = textOption(values, input.depth.empty() ? "registered-depth" : "depth");
     throw std::invalid_argument((stack.current().empty() ? depth : stack.current()) + ": " + e.what());
   }

@@ -43,7 +43,7 @@ void onSignal(int signal) {
   endBy(signal);
 }
 
-/// While it lives a signal waits.
+/// While it exists, signals wait.
 class Committing {
  public:
   Committing() { g_committing = true; }

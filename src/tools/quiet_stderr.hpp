@@ -6,8 +6,8 @@
 
 namespace all_in_focus {
 
-/// While one lives, in any thread, only printToStderr() reaches stderr: the codecs print warnings there,
-/// which would bury our one line.
+/// While one exists, in any thread, only printToStderr() reaches stderr. It keeps out the codecs' warnings,
+/// which would bury the tool's own line.
 class QuietStderr {
  public:
   QuietStderr();

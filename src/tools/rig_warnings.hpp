@@ -14,14 +14,14 @@ namespace all_in_focus {
 
 using namespace core;
 
-/// What the checks of rig_checks.hpp say of a rig and a depth image: a line each, empty if there is nothing
-/// to say.
+/// The warnings of the checks in rig_checks.hpp for a rig and a depth image, one line each; empty: no
+/// warning.
 struct RigWarnings {
   std::string unit, circle_of_confusion, pose, overlap, mirroring;
   bool apart = false;  ///< no depth falls into the picture, as `overlap` says: nothing can be registered
   cv::Mat registered;  ///< CV_16UC1 mm, depth seen from the colour camera
 
-  /// Those that say something.
+  /// The warnings that are not empty.
   std::vector<std::string> lines() const;
 };
 

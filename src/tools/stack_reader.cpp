@@ -122,7 +122,7 @@ cv::Mat StackReader::glance() {
     video_.read(frame);
     rewind();
   } catch (const std::invalid_argument&) {
-    // Told when it is read in its turn.
+    // The error is reported when the frame is read in its turn.
   }
   return frame;
 }

@@ -40,7 +40,7 @@ class StackReader : public core::FrameSource {
   /// File names of a folder's images, in order; empty for a video.
   const std::vector<std::string>& names() const { return names_; }
 
-  /// Something the user should know, or empty.
+  /// A warning for the user, or empty.
   const std::string& warning() const { return warning_; }
 
  private:

@@ -11,8 +11,8 @@
 
 namespace all_in_focus::core {
 
-/// What depth and optics say of a frame before it is looked at: the squared error, in gray levels, that each
-/// of its pixels is expected to have against the sharp picture.
+/// Predicts from depth and optics alone how blurred a frame is: the expected squared error, in gray levels,
+/// of each of its pixels against the sharp picture.
 ///
 /// A disc of diameter b, the blur circle, spreads light with variance b^2 / 16 along each axis, so that the
 /// picture changes by b^2 / 32 of its Laplacian. That is the largest any frame has shown nearby so far
@@ -29,15 +29,15 @@ class DefocusPrediction {
   void begin(const cv::Mat& depth, const cv::Mat& measured, const cv::Size& size, const Optics& optics,
              double pixel_pitch_mm);
 
-  /// Level of the Gaussian pyramid of a frame at which texture is looked for: 1 in a picture 640 wide, and as
+  /// Level of the Gaussian pyramid of a frame at which texture is measured: 1 in a picture 640 wide, and as
   /// coarse in a wider one, where blur is wider, too.
   std::size_t textureLevel() const { return texture_level_; }
 
-  /// A frame has that texture: modified Laplacian of that level, gray levels, CV_32FC1; noise: what noise
-  /// alone has there. Until a first frame is added all of the picture is taken for textured.
+  /// Adds the texture of a frame: modified Laplacian of that level, gray levels, CV_32FC1. noise: the same of
+  /// noise alone. Until the first frame is added, the whole picture counts as textured.
   void addTexture(const cv::Mat& sharpness, double noise);
 
-  /// Where depth and optics have a say: CV_8UC1 of that size, 255 or 0.
+  /// Where depth predicts the blur: CV_8UC1 of that size, 255 or 0.
   cv::Mat known(const cv::Size& size) const;
 
   /// squared_error: CV_32FC1 of the frames' size. The same for all frames where depth is unknown, and for a

@@ -45,7 +45,7 @@ const std::array<float, 256>& lightOfCode() {
 
 }  // namespace
 
-// Of the values' order only as much is found as it takes: the half that holds the median, and again.
+// Sorts no more than it must: finds the half that holds the median, then the half of that, and so on.
 double ExposureMatching::median(std::vector<Weighted>& values) {
   const auto less = [](const Weighted& a, const Weighted& b) { return a.value < b.value; };
   const auto add = [](double sum, const Weighted& v) { return sum + v.weight; };

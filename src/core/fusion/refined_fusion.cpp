@@ -14,7 +14,7 @@
 namespace all_in_focus::core {
 namespace {
 
-// By what a LUT of gray levels multiplies the contrast of middle gray.
+// The factor by which a LUT of gray levels changes the contrast of middle gray.
 double contrastGain(const std::array<float, 256>& lut) {
   return (lut[192] - lut[64]) / 128.0;
 }

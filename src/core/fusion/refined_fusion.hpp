@@ -21,8 +21,8 @@
 
 namespace all_in_focus::core {
 
-/// Pixel by pixel: the mean of all frames, weighted by how sharp each is and by how sharp depth and optics
-/// say it should be. See docs/algorithms.md.
+/// Computes the mean of all frames pixel by pixel, weighted by how sharp each frame is and by how sharp it
+/// should be by depth and optics. See docs/algorithms.md.
 ///
 /// The first frame added is the reference: the result keeps its geometry and exposure. Frames that come
 /// before it in the bracket are observed first, so that alignment can follow the lens from neighbour to

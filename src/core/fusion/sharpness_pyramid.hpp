@@ -16,9 +16,9 @@ namespace all_in_focus::core {
 /// s_l the modified Laplacian |I_xx| + |I_yy| (Nayar and Nakagawa 1994) of level l in a Gaussian window, each
 /// level enlarged to the size of the one below it; n_l = 0.75 + the greater of 3 times the sharpness of the
 /// noise there and 7.5 * 0.5^l times its deviation, so that frames which differ by noise alone are about as
-/// sharp. Fine texture speaks at the finest level, and a place that is flat there at the coarser ones, which
-/// reach farther. They also reach across depth edges, so where depth has a say (`predicted`) the product of
-/// the coarser ones counts by its square root.
+/// sharp. Fine texture is measured at the finest level. The coarser ones measure what is flat there; they
+/// reach farther. They also reach across depth edges, so where depth predicts the blur (`predicted`), the
+/// product of the coarser ones counts by its square root.
 ///
 /// With `trust` the product is multiplied by min(1, m / (4 + noise)), m the fourth root of the mean of s_t^4,
 /// less that of the noise: on bare surfaces far from all texture, where no scale tells frames apart, those
@@ -35,8 +35,8 @@ class SharpnessPyramid {
     bool scales = true;             ///< false: level 0 alone, for comparison
     bool trust = false;             ///< take a frame that is sharp nowhere for hardly sharp everywhere
     std::size_t texture_level = 1;  ///< whose sharpness texture() is to return, >= 1
-    /// CV_8UC1; not 0: depth has a say there; empty: nowhere. Its size is that of a level: the product of
-    /// that one and all coarser ones counts by its square root there.
+    /// CV_8UC1; not 0: depth predicts the blur there; empty: nowhere. Its size is that of a level: the
+    /// product of that one and all coarser ones counts by its square root there.
     cv::Mat predicted{};
   };
 

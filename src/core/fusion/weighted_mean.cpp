@@ -16,17 +16,17 @@
 namespace all_in_focus::core {
 namespace {
 
-// Rounding to 8 bits is noise as well; below it nothing can be told.
+// Rounding to 8 bits is noise, too; smaller errors cannot be measured.
 constexpr double kRounding = 1;
 
 // A gain from a frame below this share of the error's own noise is not worth the loss of a frame to average.
 constexpr double kNoiseVariances = 4;
 
-// Less sharp than this share of the sharpest frame is all the same: its eighth power, 1e-24, times any
+// Smaller shares of the sharpest frame's sharpness count as this one: its eighth power, 1e-24, times any
 // expected error must stay a normal number.
 constexpr float kLeastShare = 1e-3f;
 
-// Makes weights divisors where there is none, and disappears in all others.
+// Added to weights before they divide: it avoids a division by 0, and changes no other weight.
 constexpr float kNoWeight = std::numeric_limits<float>::min();
 
 constexpr int kUnit = 256;  // of a gray level in the mean

@@ -8,7 +8,7 @@
 
 namespace all_in_focus::core {
 
-/// What speaks for a row of a frame, pixel by pixel.
+/// How reliable a row of a frame is, pixel by pixel.
 struct EvidenceRow {
   const float* sharpness = nullptr;  ///< over all scales (SharpnessPyramid), > 0; never null
   const float* squared_error =

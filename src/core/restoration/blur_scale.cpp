@@ -49,7 +49,7 @@ BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures
     std::array<int, 2> count{};
   };
   const cv::Mat1f clear = distanceFromDoubt(bracket);
-  // As many strips as ever, so that the sums do not depend on the number of threads.
+  // The number of strips is fixed, so that the sums do not depend on the number of threads.
   const RowStrips strips({0, (clear.rows + 1) / kGrid}, std::max(1, clear.rows / kStripRows));
   std::vector<Sums> of_strips(strips.count());
   strips.forEach([&](const cv::Range& rows, int strip) {

@@ -28,7 +28,7 @@ constexpr double kCostScale = 24;  // of costs as integers
 constexpr int kWindow = 4;         // measured depth counts from that many pixels away
 constexpr float kNearWeight = 1.5f, kMeasuredWeight = 1.5f, kFilledWeight = 0.6f;
 constexpr float kAgreePx = 0.25f, kDifferPx = 0.75f;  // of blur
-constexpr float kTakePx = 0.45f;  // of blur: measured depth is the more exact if it is that near
+constexpr float kTakePx = 0.45f;  // of blur: nearer to the result, measured depth replaces it, being exacter
 constexpr float kClearPx = 6;
 
 // Levels of inverse depth.
@@ -67,7 +67,7 @@ std::vector<const ObservedFrame*> compared(const ObservedBracket& bracket) {
   return frames;
 }
 
-// What measured depth says against each level.
+// The cost of each level by measured depth.
 class MeasuredPrior {
  public:
   MeasuredPrior(const ObservedBracket& bracket, const Levels& levels)

@@ -17,7 +17,7 @@ namespace {
 constexpr int kSweeps = 4, kSweepsPerUpdate = 3;
 constexpr int kReachPx = 4;      // how far a contour may move
 constexpr int kStirPx = 2;       // a change is felt that far away
-constexpr float kSharpPx = 3;    // radius of frames that tell
+constexpr float kSharpPx = 3;    // radius of frames that are compared
 constexpr float kMostCost = 60;  // of a frame
 // Gray levels squared: what is hidden beside a contour, and its place within a pixel, are not known.
 constexpr double kModelVariance = 9;

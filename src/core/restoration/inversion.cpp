@@ -25,7 +25,7 @@ constexpr int kBandPx = 5;            // about them
 constexpr double kBandSigma = 1.5;
 constexpr float kLeastShare = 0.05f;               // of the correction; where less would count it is 0
 constexpr float kSoftFrom = 0.4f, kSoftTo = 0.9f;  // radius of the sharpest frame, px
-constexpr float kSharpPx = 2.5f;                   // radius of frames that tell
+constexpr float kSharpPx = 2.5f;                   // radius of frames that are used
 constexpr int kSoftFrames = 3;    // at most, where no frame is sharp: whole pictures can be so
 constexpr int kFarthestPart = 4;  // px; parts farther away count as known
 constexpr double kModelVariance = 0.49, kModelError = 0.09;  // gray levels squared; by squared radius

@@ -16,7 +16,7 @@ namespace {
 constexpr int kReduction = 8;          // of the pictures whose exposure is compared
 constexpr double kExposureSigma = 20;  // px
 constexpr float kLeastRatio = 0.8f, kLargestRatio = 1.25f;
-constexpr float kDark = 1e-3f;  // light; keeps ratios of black tame
+constexpr float kDark = 1e-3f;  // light; keeps ratios of black pixels small
 
 cv::Mat3f wideMean(const cv::Mat3f& light) {
   cv::Mat3f small;

@@ -10,17 +10,16 @@
 
 namespace all_in_focus::core {
 
-/// A frame of a bracket as restoration compares it with what it predicts.
+/// A frame of a bracket in the form in which restoration compares it with predictions.
 struct ObservedFrame {
   cv::Mat3s codes;  ///< 8-bit codes times kCodeScale, with the exposure of the fused picture
-  cv::Rect seen;    ///< other pixels say nothing
+  cv::Rect seen;    ///< other pixels are not valid
   FrameBlur blur;
 };
 
 constexpr int kCodeScale = 16;
 
-/// A bracket, the picture it was fused to, and what is known of its depth; all of one size, one geometry and
-/// one exposure.
+/// A bracket, the picture it was fused to, and its depth. All have one size, one geometry and one exposure.
 struct ObservedBracket {
   cv::Mat3b fused;
   cv::Mat3f light;                    ///< linear light of it, 0..1
