@@ -1,11 +1,12 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Time this package beside what one would take in its place, in one run and in turn, as a Markdown table of medians.
+"""Time this package and programs that do similar work, in turn, and print medians as a Markdown table.
 
 Registration: nodelet depth_image_proc/register, same images through a ROS master of its own. Segmentation: graph
-segmentation of OpenCV's contrib and of scikit-image, one thread each. Fusion: the program enfuse, from files to file. What
-is not installed is said so. Needs a sourced setup.bash and bench_steps (see docs/performance.md).
+segmentation of OpenCV's contrib and of scikit-image, one thread each. Fusion: the program enfuse, from files to file.
+A program that is not installed has `not installed` in its row. Needs a sourced setup.bash and bench_steps (see
+docs/performance.md).
 """
 import argparse
 import os

@@ -3,8 +3,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Draw how time grows with pixels, and time and memory with the number of frames, beside what linear would be.
 
-The least of several runs: whatever else the machine does only adds to it. Depth is generated, with 3 mm of noise on every
-pixel but for the segmentation of a Kinect's depth. Brackets of many frames are a sweep of 30 in which frames come again.
+Takes the minimum of several runs, because other programs can only make a run slower. Depth is generated, with 3 mm of noise
+on every pixel but for the segmentation of a Kinect's depth. A bracket of many frames repeats the frames of a sweep of 30.
 Needs a sourced setup.bash and bench_steps (see docs/performance.md).
 """
 import argparse

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Time programs on a focus bracket of large JPEGs, as a photographer has it, in turn, as a Markdown table of medians.
+"""Time programs on a focus bracket of large JPEGs, in turn, and print medians as a Markdown table.
 
 Pictures are generated: texture of several sizes, sharp in another band of each, and magnified a little more from one to
 the next. fuse_stack runs in mode refined without depth; enfuse beside it, if installed, and whatever --peer adds, such as

@@ -84,7 +84,7 @@ def test_an_exposure_that_the_camera_does_not_report_is_left_alone():
     warnings = shot_with_warnings(connected(camera),
                                   lambda shot: modes.append(camera.widgets["autoexposuremode"].value))
     assert modes == ["AV"] * 3 and len(warnings) == 1
-    assert "does not tell the 'shutterspeed' that it has metered: set it to manual yourself" in warnings[0]
+    assert "does not report the 'shutterspeed' that it has metered: set it to manual yourself" in warnings[0]
 
 
 @pytest.mark.parametrize("frames", ["still", "preview"])

@@ -112,7 +112,7 @@ def test_the_table_of_makers_is_the_one_in_the_documentation():
         cells = [cell.strip() for cell in re.search(rf"^\| {maker.name} \|.*$", text, re.M)[0].strip("|").split("|")]
         assert re.findall("`(.*?)`", cells[1]) == list(maker.widgets)
         assert cells[3:5] == [f"{maker.sizes[0]} to {maker.sizes[1]}, {maker.typical}", f"{maker.settle_s:g} s"]
-        assert (cells[5] == "on", cells[6] == "yes") == (maker.live_view, maker.tells_limit)
+        assert (cells[5] == "on", cells[6] == "yes") == (maker.live_view, maker.reports_limit)
         assert re.findall("`(.*?)`", cells[7]) == [name for name, _ in maker.holds]
 
 

@@ -29,8 +29,9 @@ class Parser(argparse.ArgumentParser):
 def run(main, *errors):
     """Runs a program and exits: the last line of every script.
 
-    main: returns the exit code, None is 0. ValueError, OSError and `errors` that leave it are told in one line, exit
-    code 2. SIGINT, SIGTERM and SIGHUP end it as exceptions do, so that it cleans up; exit code 128 + signal.
+    main: returns the exit code; None means 0. If it raises ValueError, OSError or one of `errors`, one line on stderr
+    says why, and the exit code is 2. SIGINT, SIGTERM and SIGHUP end it as exceptions do, so that it cleans up; exit
+    code 128 + signal.
     """
     def end(number, _):
         raise SystemExit(128 + number)
@@ -59,9 +60,9 @@ def run(main, *errors):
 
 
 def node(name, description, body):
-    """The main of a ROS node, for run(). body: works until shutdown; returns the exit code, None is 0.
+    """The main of a ROS node, for run(). body: works until shutdown; returns the exit code, None means 0.
 
-    ValueError and OSError that leave it are told in one line on the log, exit code 2.
+    If it raises ValueError or OSError, one line in the log says why, and the exit code is 2.
     """
     def main():
         import rospy  # most programs need no ROS

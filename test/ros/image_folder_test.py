@@ -37,7 +37,7 @@ class ImageFolderTest(CameraTest):
             self.assertEqual([image.header.frame_id, info.K[0], info.width], ["dslr", 60.0, SIZE[0]])
         distances = [focus.focus_distance for _, _, focus in frames]
         self.assertEqual([distances[0], distances[2], math.isnan(distances[1])], [0.855, math.inf, True])
-        self.assertTrue(node.said("all 3 frames are out"))
+        self.assertTrue(node.said("all 3 frames are published"))
         time.sleep(0.3)
         self.assertEqual(len(self.heard["rgb/image"].messages), 3)
 

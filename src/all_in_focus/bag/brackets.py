@@ -9,8 +9,8 @@ from all_in_focus.bag.scan import NS, Head
 
 MAX_FRAMES = 65535
 JITTER_NS = NS // 10  # stamps that go back by less are no time jump
-# Unacknowledged frames of evaluate_bag's player: depth recorded within so many frames after the first frame of a
-# bracket still counts for it.
+# evaluate_bag's player sends up to so many frames before it waits for an acknowledgement. So depth that was recorded
+# no more than so many frames after the first frame of a bracket can still be used for it.
 WINDOW = 8
 
 

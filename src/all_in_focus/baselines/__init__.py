@@ -3,8 +3,8 @@
 """Other ways to fuse a focus bracket, to compare with; none knows depth.
 
 Each is fuse(images) -> (fused, weights): images: non-empty list of N images of one size, H x W x 3 uint8 (BGR); fused:
-H x W x 3 uint8; weights: N x H x W float32, sum 1, how much each image has at a pixel, None where the method does not
-tell. Those that decide on gray images treat the colours alike.
+H x W x 3 uint8; weights: N x H x W float32, sum 1, how much each image has at a pixel, None where the method
+has none. Methods that decide on gray images take the same decision for all three colours.
 
 Written from the papers. What those leave open (levels, thresholds, scaling) was chosen by comparison with published
 results on two pairs of photographs; test_baselines.py tells how near each method comes to them.

@@ -69,5 +69,5 @@ def _most_energy(subbands, coarsest):
 
 
 def fuse(images):
-    """See all_in_focus.baselines; tells no weights."""
+    """See all_in_focus.baselines; returns no weights."""
     return fuse_by(images, _most_energy), None

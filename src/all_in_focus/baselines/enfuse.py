@@ -12,7 +12,7 @@ OPTIONS = ["--exposure-weight=0", "--saturation-weight=0", "--contrast-weight=1"
 
 
 def fuse(images):
-    """See all_in_focus.baselines; tells no weights. RuntimeError where enfuse is not installed or fails."""
+    """See all_in_focus.baselines; returns no weights. RuntimeError where enfuse is not installed or fails."""
     program = shutil.which("enfuse")
     if program is None:
         raise RuntimeError("enfuse is not installed")

@@ -44,7 +44,7 @@ def firing_counts(stimulus):
 
 
 def fuse(images):
-    """See all_in_focus.baselines; tells no weights."""
+    """See all_in_focus.baselines; returns no weights."""
     def choice(subbands, _):
         return np.argmax(list(pool.map(firing_counts, map(stimulus_of, subbands))), axis=0)
 

@@ -23,7 +23,7 @@ def transform(image):
 
 
 def fuse(images):
-    """See all_in_focus.baselines; tells no weights."""
+    """See all_in_focus.baselines; returns no weights."""
     height, width = images[0].shape[:2]
     grays = [transform(gray) for gray in grays_of(images)]
     winners = [[len(images) - 1 - np.argmax([np.abs(of[level][1][band]) for of in grays[::-1]], axis=0)

@@ -172,7 +172,7 @@ def _scene(run, scene, tables, store):
     silent = [name for name, image in maps.items() if image is None]
     rows = [("Sources and what is known", _known(scene, shown, windows)),
             ("Results", [_figure(name, image, caption=_caption(scene, name, tables)) for name, image in fused.items()]),
-            (f"Weight maps ({legend}){'; none told by ' + ', '.join(silent) if silent else ''}",
+            (f"Weight maps ({legend}){'; none from ' + ', '.join(silent) if silent else ''}",
              [_figure(name, image, "map") for name, image in maps.items() if image is not None]),
             ("Label maps", _labels(scene, worked, store)), *_crops(scene, shown, fused, windows)]
     return {"name": scene.name, "path": scene.path, "frames": len(titles), "rows": rows,

@@ -31,10 +31,10 @@ class Region:
 
 def max_dof(optics, min_mm, max_mm):
     """MaxDoF in mm, the larger one of b_DoF(Min) and f_DoF(Max): equations 9 and 10."""
-    spread = optics.aperture * optics.circle_of_confusion_mm
-    behind = optics.focal_length_mm ** 2 - spread * min_mm  # not positive beyond the hyperfocal distance
-    back = spread * min_mm ** 2 / behind if behind > 0 else np.inf
-    return max(back, spread * max_mm ** 2 / (optics.focal_length_mm ** 2 + spread * max_mm))
+    blur = optics.aperture * optics.circle_of_confusion_mm
+    behind = optics.focal_length_mm ** 2 - blur * min_mm  # not positive beyond the hyperfocal distance
+    back = blur * min_mm ** 2 / behind if behind > 0 else np.inf
+    return max(back, blur * max_mm ** 2 / (optics.focal_length_mm ** 2 + blur * max_mm))
 
 
 def graph_segmentation(depth, scale_mm, sigma, min_size):

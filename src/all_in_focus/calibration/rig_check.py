@@ -20,15 +20,15 @@ NEAR_COLOR, FAR_COLOR = (0, 140, 255), (255, 120, 40)  # BGR: orange, blue
 DIM = 0.75  # brightness of the picture under the overlay
 LINE = 24  # pixels
 WIDTH = 1000  # pixels: wider pictures are compared at this width
-REACH = 12  # pixels there: shifts that are tried, in each direction
+REACH = 12  # pixels at that width: shifts that are tried, in each direction
 SMOOTH = 1.2  # pixels: standard deviation, of the picture and of the scores
 SURROUNDINGS = 41  # pixels: side of the window to which an edge's gradient is compared
 BLOCK = 40  # pixels: borders within a block are one observation
 DRAWS = 300  # of the bootstrap
 ENOUGH = 10  # blocks, at least
-SURE = 1.5  # pixels there: greatest standard deviation of a shift that counts as known
+SURE = 1.5  # pixels at that width: greatest standard deviation of a shift that counts as known
 AWAY, FALL = 4, 0.2  # a peak falls by this share of its height at this distance in pixels
-SMALL = 1.5  # pixels there: a Kinect's own edges are no more precise
+SMALL = 1.5  # pixels at that width: a Kinect's own edges are no more precise
 
 
 @dataclass

@@ -83,7 +83,7 @@ class Player:
                 due = max(due + self._period, time.monotonic())
             bracket_id += 1
             if not self._loop:
-                rospy.loginfo("all %d frames are out", count)
+                rospy.loginfo("all %d frames are published", count)
                 rospy.spin()  # stay: slow subscribers are still fetching frames
 
     def _wait(self, frames):

@@ -20,7 +20,7 @@ class Maker:
     sizes: smallest and greatest step size; typical: the default.
     settle_s: how long the lens takes to come to rest.
     live_view: the drive works only while live view runs.
-    tells_limit: an error reports the end of the focus range; otherwise the lens just stops.
+    reports_limit: an error reports the end of the focus range; otherwise the lens just stops.
     holds: settings that are fixed during a bracket: widget -> values, of which the first that the camera has is set.
     """
     name: str
@@ -31,7 +31,7 @@ class Maker:
     typical: int
     settle_s: float
     live_view: bool
-    tells_limit: bool
+    reports_limit: bool
     holds: tuple
 
 

@@ -81,7 +81,7 @@ class Session:
         if self.config.drive == NONE:
             self.description = f"{self.model}, focused by hand"
         else:
-            limit = "" if maker.tells_limit else " (which do not report their focus limit)"
+            limit = "" if maker.reports_limit else " (which do not report their focus limit)"
             self.description = f"{self.model}, focused as {maker.name} cameras are{limit}"
 
     def _maker_of(self, model):

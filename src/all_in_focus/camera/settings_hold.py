@@ -28,10 +28,10 @@ class SettingsHold:
     def hold(self, warnings):
         """Raises CameraError only if the camera is lost."""
         metered = [(name, find_widget(self._camera, name)) for name in EXPOSURE]
-        untold = [name for name, widget in metered if widget is not None and _is_automatic(widget.value)]
+        unknown = [name for name, widget in metered if widget is not None and _is_automatic(widget.value)]
         for name, values in self._holds.items():
-            if untold and name in MODES:
-                self._warn_of_untold_exposure(name, values, untold[0], warnings)
+            if unknown and name in MODES:
+                self._warn_of_unknown_exposure(name, values, unknown[0], warnings)
                 continue
             self._take(name, values, "the exposure or the focus may change within the bracket", warnings)
         for name, values in self._fixed.items():
@@ -68,11 +68,11 @@ class SettingsHold:
         if first:
             raise first
 
-    def _warn_of_untold_exposure(self, name, values, untold, warnings):
+    def _warn_of_unknown_exposure(self, name, values, unknown, warnings):
         """Manual mode is left alone: without the metered values the pictures could have any exposure."""
         widget = find_widget(self._camera, name)
         if widget is not None and str(widget.value) not in values:
-            warnings.append(f"'{name}' is '{widget.value}' and the camera does not tell the '{untold}' that it has "
+            warnings.append(f"'{name}' is '{widget.value}' and the camera does not report the '{unknown}' that it has "
                             "metered: set it to manual yourself, the exposure may change within the bracket")
 
     def _take(self, name, values, consequence, warnings):

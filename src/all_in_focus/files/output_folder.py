@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writes whole folders: complete or not there, and never at the cost of files that somebody else made.
+"""Writes whole folders: a folder is complete or absent, and files that the program did not write are never removed.
 
 A run writes into a staging folder of its own beside the output. At the end the two change places in one step of the
 file system, and the former output is removed. A mark inside (MARK, a JSON file) names the program, the run and the
@@ -212,7 +212,7 @@ def _remove_stale(path):
     for folder in path.parent.glob(f".{glob.escape(path.name)}.{'[0-9a-f]' * 12}.incomplete"):
         if read_mark(folder):
             _remove(folder)
-        if folder.is_dir() and path.is_dir():  # killed before it could put back what others have there
+        if folder.is_dir() and path.is_dir():  # the run was killed before it moved the user's files back
             for entry in folder.iterdir():
                 if entry.name != MARK and not os.path.lexists(path / entry.name):
                     entry.rename(path / entry.name)
@@ -225,7 +225,7 @@ def _entries(folder):
 
 
 def _files(folder):
-    """Relative paths of all that is below a folder, apart from folders that hold something."""
+    """Relative paths of all files and empty folders below a folder."""
     found = set()
     for place, folders, files in os.walk(folder):
         empty = [name for name in folders if (Path(place) / name).is_symlink() or not os.listdir(Path(place) / name)]

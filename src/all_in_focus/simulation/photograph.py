@@ -20,9 +20,9 @@ SENSOR_WIDTH_MM = 36.0    # of a camera of which only the lens is known
 def peel_layers(color, depth, step, reach):
     """Cut one view with a depth map into layers, back to front.
 
-    color: H x W x 3 linear; depth: H x W mm; step: thickness of a layer in 1/mm; reach: how many pixels each layer
-    goes on, with the colour of its nearest known pixel, behind whatever is nearer. It ends halfway to a farther layer.
-    Otherwise all layers of a slanted object would end at its outline, and each of them would hide what is behind it.
+    color: H x W x 3 linear; depth: H x W mm; step: thickness of a layer in 1/mm; reach: by how many pixels each
+    layer is continued behind nearer ones, in the colour of its nearest known pixel, at most halfway towards a farther
+    layer. Without this, all layers of a slanted object would end at its outline, and each would hide what is behind it.
     """
     inverse_depth = 1 / depth
     slab = np.floor((inverse_depth - inverse_depth.min()) / step).astype(np.int32)

@@ -31,10 +31,10 @@ def _built(name, size, optics, near_mm, surfaces):
     color, seen_by_depth = _camera(size), None
     rig = kinect_beside(color, optics)
     margin = canvas_margin(rig, near_mm)
-    finer = int(color.K[0, 0] / (2 * rig.depth.K[0, 0]))  # than the depth camera needs to see every surface
+    finer = int(color.K[0, 0] / (2 * rig.depth.K[0, 0]))  # than the depth image needs, a factor
     if finer > 1:
         seen_by_depth = _built(name, (size[0] // finer, size[1] // finer), optics, near_mm, surfaces)
-        margin = tuple(min(side, size[0] // 16) for side in margin)  # that much blur and motion come in from outside
+        margin = tuple(min(side, size[0] // 16) for side in margin)  # nothing farther outside reaches the picture
     return LayeredScene(name, rig, margin, [surface.layer(color, margin) for surface in surfaces], seen_by_depth)
 
 

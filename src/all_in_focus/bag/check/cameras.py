@@ -26,8 +26,8 @@ def check_camera(check, bag, scan, kind, heads):
     _check_size(check, bag, kind, camera, heads)
     _check_frames(check, bag, kind, info, heads)
     if len(infos) > 1:
-        check.warning(f"{name} changes {len(infos) - 1} times: the nodes take the newest (a zoom? then each bracket "
-                      "has its own)")
+        check.warning(f"{name} changes {len(infos) - 1} times: the nodes always use the newest one. If the lens was "
+                      "zoomed, every bracket is fused with the calibration of its time")
     _check_rectification(check, bag, kind, info, camera)
     field = np.degrees(2 * np.arctan(camera.width / 2 / camera.K[0, 0]))
     inside = 0 <= camera.K[0, 2] < camera.width and 0 <= camera.K[1, 2] < camera.height
@@ -95,8 +95,8 @@ def check_transform(check, bag, scan, depth_head, ask):
     for transform in transforms(scan):
         if not is_possible(transform):
             check.warning(f"the transform from {transform.child_frame_id} to {transform.header.frame_id} is "
-                          "impossible (rotation no unit quaternion, or not finite) and refused: correct who "
-                          "publishes it")
+                          "impossible (rotation no unit quaternion, or not finite) and ignored: correct the "
+                          "node that publishes it")
             break
     try:
         found = pose(scan, child, parent, depth_head.order)
@@ -113,8 +113,8 @@ def check_transform(check, bag, scan, depth_head, ask):
         check.ok(f"both cameras have the frame '{parent}'")
         return ask(found)
     if found.late:
-        check.warning("the transform is recorded after the first depth image, which has to wait for it: start who "
-                      "publishes it before the recording")
+        check.warning("the transform is recorded after the first depth image, so that image has to wait for it: start "
+                      "the node that publishes the transform before you record")
     said = ask(found)
     if said and said.pose:
         check.warning(said.pose)

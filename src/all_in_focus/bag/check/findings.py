@@ -39,10 +39,10 @@ class BagReport:
 
     def summary(self):
         errors, warnings = (sum(finding.level == level for finding in self.findings) for level in (ERROR, WARNING))
-        text = "can be fused" if self.fusable else "cannot be fused as it should be"
+        text = "can be fused" if self.fusable else "cannot be fused correctly"
         counts = [counted(number, noun) for number, noun in ((errors, "error"), (warnings, "warning")) if number]
         text = f"{self.bag}: {text}" + (f": {', '.join(counts)}" if counts else "")
-        return text + ("; not looked at before that is repaired: " + ", ".join(self.skipped) if self.skipped else "")
+        return text + ("; not checked because of these errors: " + ", ".join(self.skipped) if self.skipped else "")
 
     def lines(self):
         width = max(len(finding.check) for finding in self.findings)

@@ -132,13 +132,13 @@ def _check_clocks(check, complain, delays):
     ahead = delays["rgb"] - delays["depth"] if len(delays) == 2 else 0  # s by which colour seems older
     longest = max(delays.values(), key=abs, default=0)
     if abs(ahead) > CLOCKS_APART:
-        complain(f"colour is stamped {duration(abs(ahead))} {'earlier' if ahead > 0 else 'later'} than depth, going "
-                 "by when both were recorded: the clocks of two machines differ: synchronise them (chrony), or "
+        complain(f"colour is stamped {duration(abs(ahead))} {'earlier' if ahead > 0 else 'later'} than depth, "
+                 "compared with the times of recording: the clocks of two machines differ: synchronise them (chrony), or "
                  "correct the stamps")
     elif abs(longest) > ODD_DELAY:
         check.warning(f"images were recorded {duration(abs(longest))} {'after' if longest > 0 else 'before'} their "
-                      "stamps: from another bag that was played, or by a machine whose clock is wrong; with tf that "
-                      "moves this matters live")
+                      "stamps: the bag was recorded from another bag, or the clock of a machine is wrong. It does no "
+                      "harm to this bag; live it would, if tf changes")
 
 
 def check_depth_in_time(check, brackets, usable, rules):

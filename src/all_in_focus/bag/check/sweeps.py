@@ -36,7 +36,7 @@ def check_brackets(check, bag, scan, assembled, rules):
     frames = [len(bracket.frames) for bracket in brackets]
     lengths = str(frames[0]) if min(frames) == max(frames) else f"{min(frames)} to {max(frames)}"
     kind = "by focus messages" if scan.focus else f"{rules.size} frames each" if rules.size \
-        else f"ended by gaps longer than {rules.gap:g} s" if rules.gap else "ended by nothing"
+        else f"ended by gaps longer than {rules.gap:g} s" if rules.gap else "not ended by anything"
     check.ok(f"{counted(len(brackets), 'bracket')} of {lengths} frames, {kind}")
 
 
