@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from std_msgs.msg import Header
 
-from all_in_focus.bag import contents as bag_contents
+from all_in_focus.bag import bag_file
 from all_in_focus.replay import graph as evaluation_graph, player as bag_player, results, run_status
 from all_in_focus.msg import FusionReport, Optics, Segment, SegmentArray, SegmentChoice
 from all_in_focus.files.output_file import encode_png
@@ -232,5 +232,5 @@ def test_acknowledgements():
 
 
 def test_every_kind_of_the_bag_is_known():
-    assert set(bag_contents.TYPES) == set(vars(bag_contents.Topics()))
-    assert set(bag_player.TOPICS) < set(bag_contents.TYPES)
+    assert set(bag_file.TYPES) == set(vars(bag_file.Topics()))
+    assert set(bag_player.TOPICS) < set(bag_file.TYPES)
