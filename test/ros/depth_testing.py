@@ -73,7 +73,7 @@ class Listener:
 
     def __init__(self, topic, message_type):
         self.messages = []
-        self.subscriber = rospy.Subscriber(topic, message_type, self.messages.append, queue_size=50)
+        self.subscriber = rospy.Subscriber(topic, message_type, self.messages.append)  # no queue_size: none is lost
         wait_until(lambda: self.subscriber.get_num_connections() > 0)
 
     def at(self, stamp, timeout=TIMEOUT):
