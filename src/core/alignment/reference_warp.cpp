@@ -9,7 +9,6 @@
 #include <cstdint>
 #include <stdexcept>
 
-#include "util/rounding.hpp"
 #include "util/row_strips.hpp"
 #include "util/simd.hpp"
 
@@ -63,49 +62,84 @@ Polynomials fitLanczos() {
   return polynomials;
 }
 
+// Fixed point: a product keeps the upper 16 of its 32 bits, so gray levels lose a bit with each pass. Six
+// cut-off remainders are three units too little on average.
+constexpr float kOne = 1 << 15;     // of weights
+constexpr int kLargest = 32767;     // of a weight; instead of 1
+constexpr int kInputBits = 7;       // behind the point of a gray level
+constexpr int kOutputBits = 5;      // after two passes
+constexpr int kCutOff = kTaps / 2;  // units
+
+inline int product(std::int16_t value, std::int16_t weight) {
+  return (value * weight) >> 16;
+}
+
+// Weights of one tap.
 ALL_IN_FOCUS_SIMD void evaluate(const std::array<float, kDegree + 1>& c, const float* fraction, int n,
-                                float* __restrict weight) {
+                                std::int16_t* __restrict weight) {
   for (int i = 0; i < n; ++i) {
     const float t = 2 * fraction[i] - 1;
     float sum = c[kDegree];
     for (int k = kDegree - 1; k >= 0; --k) sum = sum * t + c[k];
-    weight[i] = sum;
+    const int rounded = static_cast<int>(kOne * sum + (kOne + 0.5f)) - static_cast<int>(kOne);
+    weight[i] = static_cast<std::int16_t>(std::min(rounded, kLargest));
   }
 }
 
-ALL_IN_FOCUS_SIMD void toFloat(const std::uint8_t* from, int n, float* __restrict to) {
-  for (int i = 0; i < n; ++i) to[i] = from[i];
+// The third of six weights a position: what the others leave of 1, so that flat places keep their level.
+ALL_IN_FOCUS_SIMD void complete(std::int16_t* weights, int n) {
+  std::int16_t* __restrict third = weights + 2 * n;
+  const std::int16_t *a = weights, *b = a + n, *d = b + 2 * n, *e = d + n, *f = e + n;
+  for (int i = 0; i < n; ++i) {
+    third[i] = static_cast<std::int16_t>(std::min(kLargest + 1 - a[i] - b[i] - d[i] - e[i] - f[i], kLargest));
+  }
+}
+
+ALL_IN_FOCUS_SIMD void forEachChannel(const std::int16_t* weights, int n, std::int16_t* __restrict out) {
+  for (int i = 0; i < n; ++i) out[3 * i] = out[3 * i + 1] = out[3 * i + 2] = weights[i];
+}
+
+ALL_IN_FOCUS_SIMD void toFixedPoint(const std::uint8_t* from, int n, std::int16_t* __restrict to) {
+  for (int i = 0; i < n; ++i) to[i] = static_cast<std::int16_t>(from[i] << kInputBits);
 }
 
 // Every value has weights of its own: w[i], w[stride + i], ...
-ALL_IN_FOCUS_SIMD void combineAlong(const float* from, const float* w, size_t stride, int n,
-                                    float* __restrict to) {
+ALL_IN_FOCUS_SIMD void combineAlong(const std::int16_t* from, const std::int16_t* w, size_t stride, int n,
+                                    std::int16_t* __restrict to) {
   for (int i = 0; i < n; ++i) {
-    to[i] = w[i] * from[i] + w[stride + i] * from[i + kChannels] +
-            w[2 * stride + i] * from[i + 2 * kChannels] + w[3 * stride + i] * from[i + 3 * kChannels] +
-            w[4 * stride + i] * from[i + 4 * kChannels] + w[5 * stride + i] * from[i + 5 * kChannels];
+    to[i] = static_cast<std::int16_t>(product(from[i], w[i]) + product(from[i + kChannels], w[stride + i]) +
+                                      product(from[i + 2 * kChannels], w[2 * stride + i]) +
+                                      product(from[i + 3 * kChannels], w[3 * stride + i]) +
+                                      product(from[i + 4 * kChannels], w[4 * stride + i]) +
+                                      product(from[i + 5 * kChannels], w[5 * stride + i]) + kCutOff);
   }
 }
 
-using TapRows = std::array<const float*, kTaps>;
+using TapRows = std::array<const std::int16_t*, kTaps>;
 
-ALL_IN_FOCUS_SIMD void combineAcross(const TapRows& rows, const std::array<float, kTaps>& w, int n,
+inline std::uint8_t toCode(int sum) {
+  const auto rounded = static_cast<std::int16_t>(
+      static_cast<std::int16_t>(sum + kCutOff + (1 << (kOutputBits - 1))) >> kOutputBits);
+  return static_cast<std::uint8_t>(std::min<std::int16_t>(std::max<std::int16_t>(rounded, 0), 255));
+}
+
+ALL_IN_FOCUS_SIMD void combineAcross(const TapRows& rows, const std::array<std::int16_t, kTaps>& w, int n,
                                      std::uint8_t* __restrict to) {
-  const float *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3], *e = rows[4], *f = rows[5];
+  const std::int16_t *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3], *e = rows[4], *f = rows[5];
   for (int i = 0; i < n; ++i) {
-    const float sum = w[0] * a[i] + w[1] * b[i] + w[2] * c[i] + w[3] * d[i] + w[4] * e[i] + w[5] * f[i];
-    to[i] = roundToCode(sum);
+    to[i] = toCode(product(a[i], w[0]) + product(b[i], w[1]) + product(c[i], w[2]) + product(d[i], w[3]) +
+                   product(e[i], w[4]) + product(f[i], w[5]));
   }
 }
 
 // Values begin .. end - 1, each with weights of its own.
-ALL_IN_FOCUS_SIMD void combineAcrossRun(const TapRows& rows, const float* w, size_t stride, int begin,
+ALL_IN_FOCUS_SIMD void combineAcrossRun(const TapRows& rows, const std::int16_t* w, size_t stride, int begin,
                                         int end, std::uint8_t* __restrict to) {
-  const float *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3], *e = rows[4], *f = rows[5];
+  const std::int16_t *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3], *e = rows[4], *f = rows[5];
   for (int i = begin; i < end; ++i) {
-    const float sum = w[i] * a[i] + w[stride + i] * b[i] + w[2 * stride + i] * c[i] +
-                      w[3 * stride + i] * d[i] + w[4 * stride + i] * e[i] + w[5 * stride + i] * f[i];
-    to[i] = roundToCode(sum);
+    to[i] = toCode(product(a[i], w[i]) + product(b[i], w[stride + i]) + product(c[i], w[2 * stride + i]) +
+                   product(d[i], w[3 * stride + i]) + product(e[i], w[4 * stride + i]) +
+                   product(f[i], w[5 * stride + i]));
   }
 }
 
@@ -115,8 +149,9 @@ void ReferenceWarp::Taps::prepare(double begin, double step, int count, int leng
   static const Polynomials polynomials = fitLanczos();
   first.resize(count);
   fraction.resize(count);
-  single.resize(count);
   weights.resize(static_cast<size_t>(kTaps) * channels * count);
+  if (channels > 1) single.resize(static_cast<size_t>(kTaps) * count);
+  std::vector<std::int16_t>& of_positions = channels > 1 ? single : weights;
   for (int u = 0; u < count; ++u) {
     // Beyond the border all taps read the border pixel.
     const double inside = std::clamp(begin + step * u, -3.0, length + 2.0);
@@ -124,11 +159,11 @@ void ReferenceWarp::Taps::prepare(double begin, double step, int count, int leng
     fraction[u] = static_cast<float>(inside - whole);
     first[u] = whole - (kTaps / 2 - 1);
   }
-  for (int k = 0; k < kTaps; ++k) {
-    float* weight = weights.data() + static_cast<size_t>(k) * channels * count;
-    evaluate(polynomials[k], fraction.data(), count, channels == 1 ? weight : single.data());
-    if (channels == kChannels) threeTimes(single.data(), count, weight);
+  for (const int k : {0, 1, 3, 4, 5}) {
+    evaluate(polynomials[k], fraction.data(), count, &of_positions[static_cast<size_t>(k) * count]);
   }
+  complete(of_positions.data(), count);
+  if (channels == kChannels) forEachChannel(single.data(), kTaps * count, weights.data());
   ends.clear();
   for (int u = 1; u <= count; ++u) {
     if (u == count || first[u] != first[u - 1] + 1) ends.push_back(u);
@@ -166,10 +201,10 @@ void ReferenceWarp::computeStrip(const cv::Mat& frame, const SimilarityTransform
   const double cosine = std::cos(transform.angle), sine = std::sin(transform.angle);
   const bool rolls = transform.angle != 0;
   const int columns = frame.cols, values = kChannels * columns;
-  float* padded = strip.padded.data() + kChannels * kBorder;
+  std::int16_t* padded = strip.padded.data() + kChannels * kBorder;
 
-  const auto along = [&](int v, float* row) {
-    toFloat(frame.ptr(v), values, padded);
+  const auto along = [&](int v, std::int16_t* row) {
+    toFixedPoint(frame.ptr(v), values, padded);
     for (int i = 0; i < kChannels * kBorder; ++i) {
       padded[-1 - i] = padded[kChannels - 1 - i % kChannels];
       padded[values + i] = padded[values - kChannels + i % kChannels];
@@ -199,7 +234,7 @@ void ReferenceWarp::computeStrip(const cv::Mat& frame, const SimilarityTransform
   Taps& across = strip.across;
   for (int y = rows.start; y < rows.end; ++y) {
     if (!rolls) {
-      std::array<float, kTaps> weight;
+      std::array<std::int16_t, kTaps> weight;
       for (int k = 0; k < kTaps; ++k) weight[k] = rows_.weights[static_cast<size_t>(k) * frame.rows + y];
       combineAcross(tapRows(rows_.first[y]), weight, values, out.ptr(y));
       continue;

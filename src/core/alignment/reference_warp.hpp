@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -18,6 +19,8 @@ namespace all_in_focus::core {
 /// and across these rows, y is read at
 ///   v = cy + scale (sin (x - cx) + cos (y - cy)) + dy.
 /// Without a roll u is the same in all rows and v in all columns (Catmull and Smith 1980).
+///
+/// Computes in 16-bit integers, which is right to a few hundredths of a gray level before the last rounding.
 class ReferenceWarp {
  public:
   static constexpr int kTaps = 6;
@@ -30,9 +33,10 @@ class ReferenceWarp {
  private:
   /// Six taps at each of a row of positions that are equally far apart.
   struct Taps {
-    std::vector<int> first;               ///< pixel of the first tap
-    std::vector<float> fraction, single;  ///< of the position, behind the third tap; buffer
-    std::vector<float> weights;           ///< by tap, position, channel
+    std::vector<int> first;             ///< pixel of the first tap
+    std::vector<float> fraction;        ///< of the position, behind the third tap
+    std::vector<std::int16_t> single;   ///< by tap, position; times 2^15
+    std::vector<std::int16_t> weights;  ///< by tap, position, channel
     std::vector<int>
         ends;  ///< of runs of positions whose first taps are neighbours: one loop serves them all
 
@@ -40,9 +44,9 @@ class ReferenceWarp {
     void prepare(double begin, double step, int count, int length, int channels);
   };
   struct Strip {
-    LineBuffer along;  ///< rows of the frame that have been warped along x
-    std::vector<float> padded;
-    Taps sheared, across;  ///< of a transform that rolls: of a row of the frame; of the output
+    LineBuffer<std::int16_t> along;    ///< rows of the frame that have been warped along x; gray levels * 2^6
+    std::vector<std::int16_t> padded;  ///< a row of the frame and its borders; gray levels * 2^7
+    Taps sheared, across;              ///< of a transform that rolls: of a row of the frame; of the output
   };
 
   void computeStrip(const cv::Mat& frame, const SimilarityTransform& transform, const cv::Point2d& center,

@@ -48,12 +48,6 @@ ALL_IN_FOCUS_SIMD void threeTimes(const float* values, int n, float* __restrict 
   for (int i = 0; i < n; ++i) out[3 * i] = out[3 * i + 1] = out[3 * i + 2] = values[i];
 }
 
-void LineBuffer::begin(int lines, int width) {
-  width_ = static_cast<size_t>(width);
-  pixels_.resize(lines * width_);
-  y_of_line_.assign(lines, -1);
-}
-
 void GaussianRows::begin(const cv::Size& size, double sigma) {
   double sum = 0;
   std::array<double, kRadius + 1> window;

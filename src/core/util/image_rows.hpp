@@ -6,7 +6,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-/// Images of floats that are computed row by row, from top to bottom, when a row is asked for. Only a few
+/// Images that are computed row by row, from top to bottom, when a row is asked for. Only a few
 /// rows are in memory at a time, so what one step hands to the next stays in the cache.
 ///
 /// Rows are numbered 0..height-1.
@@ -17,17 +17,22 @@ namespace all_in_focus::core {
 void threeTimes(const float* values, int n, float* out);
 
 /// Holds the last rows of an image: row y lies in line y modulo the number of lines.
+template <typename Value>
 class LineBuffer {
  public:
   /// Forgets all rows. Keeps the memory.
-  void begin(int lines, int width);
+  void begin(int lines, int width) {
+    width_ = static_cast<size_t>(width);
+    pixels_.resize(lines * width_);
+    y_of_line_.assign(lines, -1);
+  }
 
-  /// Returns row y. If it is not in the buffer, calls compute(y, out), which writes `width` floats to out.
+  /// Returns row y. If it is not in the buffer, calls compute(y, out), which writes `width` values to out.
   /// The pointer is valid until another row takes the line.
   template <typename Compute>
-  const float* row(int y, const Compute& compute) {
+  const Value* row(int y, const Compute& compute) {
     const size_t line = static_cast<size_t>(y) % y_of_line_.size();
-    float* out = &pixels_[line * width_];
+    Value* out = &pixels_[line * width_];
     if (y_of_line_[line] != y) compute(y, out);
     y_of_line_[line] = y;
     return out;
@@ -35,7 +40,7 @@ class LineBuffer {
 
  private:
   size_t width_ = 0;
-  std::vector<float> pixels_;
+  std::vector<Value> pixels_;
   std::vector<int> y_of_line_;  ///< -1: empty
 };
 
@@ -69,8 +74,8 @@ class GaussianRows {
 
   cv::Size size_;
   Window window_;
-  LineBuffer horizontal_;      ///< input rows, convolved horizontally
-  std::vector<float> padded_;  ///< an input row with kRadius pixels more on both sides
+  LineBuffer<float> horizontal_;  ///< input rows, convolved horizontally
+  std::vector<float> padded_;     ///< an input row with kRadius pixels more on both sides
 };
 
 /// The image upsampled by linear interpolation, as cv::resize does with INTER_LINEAR.
@@ -92,8 +97,8 @@ class UpsampledRows {
 
   cv::Size input_, output_;
   Axis x_, y_;
-  LineBuffer horizontal_;   ///< input rows, upsampled horizontally
-  std::vector<float> out_;  ///< a row of the output
+  LineBuffer<float> horizontal_;  ///< input rows, upsampled horizontally
+  std::vector<float> out_;        ///< a row of the output
 };
 
 }  // namespace all_in_focus::core
