@@ -15,6 +15,7 @@ namespace {
 constexpr double kContrastFloor = 0.5;  // gray levels; below, contrast may be noise
 constexpr double kResidualFloor = 0.2;  // gray levels; rounding leaves as much
 
+constexpr double kMiddle = 3.5;          // of a tile, px from its first pixel
 constexpr int kMargin = 2;               // px at the border of a level which smoothing has spoilt
 constexpr int kIterations = 5;           // at each level
 constexpr double kSmallStep = 0.01;      // px of a level: converged; the next step would be a tenth of it
@@ -71,6 +72,22 @@ void subtract(float factor, const std::array<float, N>& b, std::array<float, N>&
   for (size_t i = 0; i < N; ++i) a[i] -= factor * b[i];
 }
 
+template <size_t N>
+void subtractMean(std::array<float, N>& a) {
+  std::array<float, N> ones;
+  ones.fill(1);
+  const float mean = dot(a, ones) / N;
+  for (float& value : a) value -= mean;
+}
+
+// To a norm of 1, but to 0 what is only rounding, as in a flat tile.
+template <size_t N>
+void normalize(std::array<float, N>& a) {
+  const float norm = std::sqrt(dot(a, a));
+  const float factor = norm > 1e-2f ? 1 / norm : 0;
+  for (float& value : a) value *= factor;
+}
+
 // Normalised correlation of the contrast of two frames; of two frames without any, 1. aligned: buffer.
 double correlation(const cv::Mat& key, const cv::Mat& frame, const SimilarityTransform& motion,
                    const cv::Point2d& center, cv::Mat& aligned) {
@@ -98,18 +115,15 @@ void PairAlignment::setKey(const ImagePyramid& key, const cv::Point2d& center) {
     level.tiles.resize(level.grid.area());
     for (int j = 0; j < level.grid.height; ++j) {
       for (int k = 0; k < level.grid.width; ++k) {
-        fill(level, key.level(i), level.origin + kTile * cv::Point(k, j),
-             level.tiles[j * level.grid.width + k]);
+        fill(key.level(i), level.origin + kTile * cv::Point(k, j), level.tiles[j * level.grid.width + k]);
       }
     }
   }
   key.contrast().copyTo(contrast_);
 }
 
-ALL_IN_FOCUS_SIMD void PairAlignment::fill(const Level& level, const cv::Mat& image, const cv::Point& corner,
-                                           Tile& tile) {
+ALL_IN_FOCUS_SIMD void PairAlignment::fill(const cv::Mat& image, const cv::Point& corner, Tile& tile) {
   // The spline and its derivatives at the pixels: [1 4 1] / 6, [-1 0 1] / 2, [1 -2 1].
-  tile.nuisance[0].fill(1.0f / kTile);
   for (int v = 0; v < kTile; ++v) {
     const float* north = image.ptr<float>(corner.y + v - 1) + corner.x;
     const float* here = image.ptr<float>(corner.y + v) + corner.x;
@@ -120,37 +134,27 @@ ALL_IN_FOCUS_SIMD void PairAlignment::fill(const Level& level, const cv::Mat& im
       slope[u] = (south[u - 1] - north[u - 1]) / 2;
       bend[u] = north[u - 1] - 2 * here[u - 1] + south[u - 1];
     }
-    const auto y = static_cast<float>((corner.y + v - level.center.y) / level.radius);
-    const auto x = static_cast<float>((corner.x - level.center.x) / level.radius);
-    const auto x_step = static_cast<float>(1 / level.radius);
     for (int u = 0; u < kTile; ++u) {
       const int i = kTile * v + u;
-      const float gx = (value[u + 2] - value[u]) / 2;
-      const float gy = (slope[u] + 4 * slope[u + 1] + slope[u + 2]) / 6;
-      tile.image[i] = tile.nuisance[1][i] = (value[u] + 4 * value[u + 1] + value[u + 2]) / 6;
-      tile.nuisance[2][i] =
+      tile.gradient[0][i] = (value[u + 2] - value[u]) / 2;
+      tile.gradient[1][i] = (slope[u] + 4 * slope[u + 1] + slope[u + 2]) / 6;
+      tile.nuisance[0][i] = (value[u] + 4 * value[u + 1] + value[u + 2]) / 6;
+      tile.nuisance[1][i] =
           value[u] - 2 * value[u + 1] + value[u + 2] + (bend[u] + 4 * bend[u + 1] + bend[u + 2]) / 6;
-      tile.jacobian[0][i] = gx * (x + x_step * static_cast<float>(u)) + gy * y;
-      tile.jacobian[1][i] = gy * (x + x_step * static_cast<float>(u)) - gx * y;
-      tile.jacobian[2][i] = gx;
-      tile.jacobian[3][i] = gy;
     }
   }
-  for (int n = 1; n < 3; ++n) {
-    Pixels& vector = tile.nuisance[n];
-    for (int m = 0; m < n; ++m) subtract(dot(vector, tile.nuisance[m]), tile.nuisance[m], vector);
-    const float norm = std::sqrt(dot(vector, vector));
-    const float factor = norm > 1e-2f ? 1 / norm : 0;  // rounding is all there is in a flat tile
-    for (float& value : vector) value *= factor;
+  auto& [gain, blur] = tile.nuisance;
+  subtractMean(gain);
+  normalize(gain);
+  subtractMean(blur);
+  subtract(dot(blur, gain), gain, blur);
+  normalize(blur);
+  auto& [gx, gy] = tile.gradient;
+  for (Pixels* gradient : {&gx, &gy}) {
+    subtractMean(*gradient);
+    for (const Pixels& nuisance : tile.nuisance) subtract(dot(*gradient, nuisance), nuisance, *gradient);
   }
-  for (int a = 0; a < 4; ++a) {
-    for (const Pixels& nuisance : tile.nuisance) {
-      subtract(dot(tile.jacobian[a], nuisance), nuisance, tile.jacobian[a]);
-    }
-    for (int b = 0; b <= a; ++b) {
-      tile.information(a, b) = tile.information(b, a) = dot(tile.jacobian[a], tile.jacobian[b]);
-    }
-  }
+  tile.information = {dot(gx, gx), dot(gx, gy), dot(gx, gy), dot(gy, gy)};
 }
 
 PairAlignment::Shears::Shears(const cv::Vec4d& motion, const Level& level, const cv::Size& size)
@@ -201,12 +205,15 @@ void PairAlignment::sampleRow(const cv::Mat& image, const Shears& shears, const 
   }
 }
 
-PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat& image,
-                                              const cv::Vec4d& guess) {
+ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat& image,
+                                                                const cv::Vec4d& guess) {
   const int width = level.grid.width * kTile;
   band_.resize(static_cast<size_t>(width) * kTile);
   // Where the pictures say nothing the guess stays, give or take the largest motion.
   const cv::Matx44d prior = cv::Matx44d::eye() * (1 / std::pow(kLargestMotion * level.radius, 2));
+
+  const double pitch = 1 / level.radius;
+  constexpr double kFreedom = kTile * kTile - 3;  // pixels less nuisances
 
   Estimate estimate{guess, cv::Matx44d::zeros(), 0};
   for (int iteration = 0; iteration < kIterations; ++iteration) {
@@ -218,23 +225,30 @@ PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat&
       for (int v = 0; v < kTile; ++v) {
         sampleRow(image, shears, {level.origin.x, top + v}, width, band_.data() + v * width);
       }
+      const double y = (top + kMiddle - level.center.y) * pitch;
+      const bool all_covered = shears.cover({level.origin.x, top, width, kTile});
       for (int k = 0; k < level.grid.width; ++k) {
         const int left = level.origin.x + k * kTile;
-        if (!shears.cover({left, top, kTile, kTile})) continue;
+        if (!all_covered && !shears.cover({left, top, kTile, kTile})) continue;
         const Tile& tile = level.tiles[j * level.grid.width + k];
         Pixels residual;
         for (int v = 0; v < kTile; ++v) {
           for (int u = 0; u < kTile; ++u) {
-            residual[kTile * v + u] = band_[v * width + k * kTile + u] - tile.image[kTile * v + u];
+            residual[kTile * v + u] = band_[v * width + k * kTile + u];
           }
         }
+        subtractMean(residual);
         double unexplained = dot(residual, residual);
         for (const Pixels& nuisance : tile.nuisance) unexplained -= std::pow(dot(residual, nuisance), 2);
-        const double variance = std::max(unexplained, 0.0) / (kTile * kTile - 3);  // three nuisances
-        const double weight = 1 / (variance + kResidualFloor * kResidualFloor);
-        cv::Vec4d pull;
-        for (int a = 0; a < 4; ++a) pull[a] = weight * dot(tile.jacobian[a], residual);
-        information += weight * tile.information;
+        // One over the variance of a pixel.
+        const double weight =
+            kFreedom / (std::max(unexplained, 0.0) + kFreedom * kResidualFloor * kResidualFloor);
+        // The tile's shift by the four numbers of the motion.
+        const double x = (left + kMiddle - level.center.x) * pitch;
+        const cv::Matx<double, 2, 4> shift(x, -y, 1, 0, y, x, 0, 1);
+        const cv::Vec2d tile_pull(dot(tile.gradient[0], residual), dot(tile.gradient[1], residual));
+        const cv::Vec4d pull = shift.t() * (weight * tile_pull);
+        information += shift.t() * (weight * tile.information) * shift;
         gradient += pull;
         scatter += kSharedEdges * pull * pull.t();
       }

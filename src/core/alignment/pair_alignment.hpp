@@ -26,7 +26,9 @@ struct PairMeasurement {
 /// too, in one sense for near and in the other for far parts, and the light may. So each tile of 8 x 8 pixels
 /// has three unknowns of its own,
 ///   I_b(T(p)) - I_a(p) = J(p) d + offset_t + gain_t I_a(p) + blur_t laplacian I_a(p),
-/// and a weight by what they leave unexplained. They are eliminated beforehand: J is made orthogonal to them.
+/// and a weight by what they leave unexplained. They are eliminated beforehand: the gradients that make up J
+/// are made orthogonal to them, and so I_a itself is not needed any more. Within a tile J is that of the
+/// tile's centre.
 ///
 /// Frames are read as coefficients of cubic B-splines. That smooths them, but unlike an interpolation it
 /// moves them by fractions of a pixel without bias.
@@ -43,10 +45,9 @@ class PairAlignment {
   using Pixels = std::array<float, kTile * kTile>;
 
   struct Tile {
-    Pixels image;                    ///< I_a
-    std::array<Pixels, 3> nuisance;  ///< offset, gain, blur; orthonormal
-    std::array<Pixels, 4> jacobian;  ///< J, orthogonal to the nuisances
-    cv::Matx44d information;         ///< J^T J
+    std::array<Pixels, 2> nuisance;  ///< gain, blur; orthonormal, and orthogonal to a constant, the offset
+    std::array<Pixels, 2> gradient;  ///< of I_a, along x and y; orthogonal to the three nuisances
+    cv::Matx22d information;         ///< of the tile's shift: products of the gradients
   };
   struct Level {
     cv::Size size, grid;  ///< pixels; tiles
@@ -77,7 +78,7 @@ class PairAlignment {
     void prepare(double begin, double step, int count, int length);
   };
 
-  static void fill(const Level& level, const cv::Mat& image, const cv::Point& corner, Tile& tile);
+  static void fill(const cv::Mat& image, const cv::Point& corner, Tile& tile);
   Estimate refine(const Level& level, const cv::Mat& image, const cv::Vec4d& guess);
   void sampleRow(const cv::Mat& image, const Shears& shears, const cv::Point& at, int width, float* out);
 
