@@ -34,10 +34,12 @@ double toCode(double light) {
   return 255 * (light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - 0.055);
 }
 
+// From kClipped on so much light that the mean of its block does not count.
 const std::array<float, 256>& lightOfCode() {
   static const std::array<float, 256> table = [] {
     std::array<float, 256> light;
-    for (int code = 0; code < 256; ++code) light[code] = static_cast<float>(toLight(code));
+    light.fill(1e6f);
+    for (int code = 0; code < kClipped; ++code) light[code] = static_cast<float>(toLight(code));
     return light;
   }();
   return table;
@@ -70,7 +72,6 @@ template <int kChannels>
 void ExposureMatching::findBlock(const cv::Mat& image, const cv::Point& corner, int step, Block* blocks) {
   const std::array<float, 256>& light = lightOfCode();
   std::array<float, kChannels> sum{}, squares{};
-  std::array<int, kChannels> brightest{};
   for (int v = 0; v < kSamples; ++v) {
     const auto* pixel = image.ptr<std::uint8_t>(corner.y + v * step) + corner.x * kChannels;
     for (int u = 0; u < kSamples; ++u, pixel += step * kChannels) {
@@ -78,7 +79,6 @@ void ExposureMatching::findBlock(const cv::Mat& image, const cv::Point& corner, 
         const float value = light[pixel[c]];
         sum[c] += value;
         squares[c] += value * value;
-        brightest[c] = std::max<int>(brightest[c], pixel[c]);
       }
     }
   }
@@ -86,8 +86,7 @@ void ExposureMatching::findBlock(const cv::Mat& image, const cv::Point& corner, 
     constexpr float n = kSamples * kSamples;
     Block& block = blocks[c];
     block.light = sum[c] / n;
-    const bool exposed =
-        block.light > light[kDark] && block.light < light[kBright] && brightest[c] < kClipped;
+    const bool exposed = block.light > light[kDark] && block.light < light[kBright];
     const float contrast = std::max(0.0f, n * squares[c] / (sum[c] * sum[c]) - 1);
     block.contrast = exposed && contrast < kTextured ? contrast : -1;
   }
@@ -132,10 +131,11 @@ double ExposureMatching::gain(const cv::Mat& frame) {
     squares += weight * weight;
   }
   const double exposure = median(ratios_);
+  if (!(std::abs(exposure) > kNoticeable)) return 1;
   for (Weighted& ratio : ratios_) ratio.value = std::abs(ratio.value - static_cast<float>(exposure));
   // Standard deviation of a median, from the median deviation, for normal errors.
   const double deviation = 1.2533 * 1.4826 * median(ratios_) * std::sqrt(squares) / sum;
-  if (!(std::abs(exposure) > std::max(kNoticeable, kSignificance * deviation))) return 1;
+  if (!(std::abs(exposure) > kSignificance * deviation)) return 1;
   return std::clamp(std::exp(exposure), 1 / kLargestGain, kLargestGain);
 }
 
