@@ -18,7 +18,7 @@ namespace {
 constexpr int kTaps = ReferenceWarp::kTaps;
 constexpr int kChannels = 3;
 constexpr int kBorder = 3 + kTaps;  // pixels that taps may lie beyond a border
-constexpr int kDegree = 8;          // of the polynomials for the kernel: right to 1e-6
+constexpr int kDegree = 6;          // of the polynomials for the kernel: right to 5e-5
 
 // Lanczos kernel sinc(x) sinc(x / 3) at x = fraction + 2, + 1, ... - 3; 0 <= fraction < 1; scaled to sum 1.
 std::array<double, kTaps> lanczos(double fraction) {
@@ -72,6 +72,18 @@ constexpr int kCutOff = kTaps / 2;  // units
 
 inline int product(std::int16_t value, std::int16_t weight) {
   return (value * weight) >> 16;
+}
+
+// Beyond the border all taps read the border pixel.
+ALL_IN_FOCUS_SIMD void findTaps(double begin, double step, int n, int length, int* __restrict first,
+                                float* __restrict fraction) {
+  const double last = length + 2;
+  for (int i = 0; i < n; ++i) {
+    const double inside = std::min(std::max(begin + step * i, -3.0), last);
+    const int whole = static_cast<int>(inside + 4) - 4;
+    first[i] = whole - (kTaps / 2 - 1);
+    fraction[i] = static_cast<float>(inside - whole);
+  }
 }
 
 // Weights of one tap.
@@ -152,13 +164,7 @@ void ReferenceWarp::Taps::prepare(double begin, double step, int count, int leng
   weights.resize(static_cast<size_t>(kTaps) * channels * count);
   if (channels > 1) single.resize(static_cast<size_t>(kTaps) * count);
   std::vector<std::int16_t>& of_positions = channels > 1 ? single : weights;
-  for (int u = 0; u < count; ++u) {
-    // Beyond the border all taps read the border pixel.
-    const double inside = std::clamp(begin + step * u, -3.0, length + 2.0);
-    const int whole = static_cast<int>(inside + 4) - 4;
-    fraction[u] = static_cast<float>(inside - whole);
-    first[u] = whole - (kTaps / 2 - 1);
-  }
+  findTaps(begin, step, count, length, first.data(), fraction.data());
   for (const int k : {0, 1, 3, 4, 5}) {
     evaluate(polynomials[k], fraction.data(), count, &of_positions[static_cast<size_t>(k) * count]);
   }
