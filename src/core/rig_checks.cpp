@@ -34,8 +34,9 @@ constexpr double kNearShare =
     0.05;  // of the edges that are nearer than the distance that moves by `parallax`
 constexpr int kParallax = kWidth / 5, kShift = kWidth / 8, kStep = 3;  // pixels that are tried either way
 constexpr int kSlack = 2;                                              // pixels that a good rig is off
-// How clear it must be, in mean rank, and in standard deviations of all shifts above their mean. Measured on
-// generated scenes and a recorded sweep with right, mirrored and shifted rigs.
+// How much better the mirrored image must fit, in mean rank, and how much better a fit must be than the mean
+// of all shifts, in their standard deviations. Measured on generated scenes and a recorded sweep with right,
+// mirrored and shifted rigs.
 constexpr double kClearlyBetter = 0.05;
 constexpr double kFitsInPlace = 2.5, kFitsSomewhere = 3.0;
 constexpr double kStillInPicture = 0.7;  // share of the edges

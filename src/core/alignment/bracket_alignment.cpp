@@ -19,7 +19,7 @@ constexpr double kModelRadius = 400;     // px: half the diagonal of 640 x 480
 constexpr double kSignificance = 3;      // standard deviations
 constexpr double kNoticeableRoll = 0.1;  // px at the corners; a warp without a roll takes half as long
 
-// What a motion may be wrong by, however well the tiles agree, px^2.
+// Variance that a motion has even where all tiles agree, px^2.
 double modelVariance(double radius) {
   return std::pow(kModelError * radius / kModelRadius, 2);
 }
@@ -61,7 +61,7 @@ void BracketAlignment::observe(const cv::Mat& gray, int index, double focus_mm) 
   } else if (found = measureFromKey(); found.correlation >= kSameScene) {
     place(found);
   } else if (scenes_ > 1 && (found = measureFrom(stray_, {})).correlation >= kSameScene) {
-    // Two frames against the key: the bracket goes on with theirs, and may return.
+    // Two frames in turn show another scene than the key: the bracket goes on with theirs. It may return.
     std::swap(last_, stray_);
     makeKey(last_);
     place(found);
@@ -140,7 +140,7 @@ Placement BracketAlignment::placement(int index, int reference) const {
                            between_keys * (variance(between_keys) < 0 ? -1.0 : 1.0) +
                            modelVariance(radius_) * cv::Matx44d::eye();
 
-  // What is measured, in pixels. Fixing one number moves the others as far as they were measured together.
+  // The measured motion, pixels. Fixing one number moves the others by their correlation with it.
   cv::Vec4d found(radius_ * (measured.scale - 1), radius_ * measured.angle, measured.shift.x,
                   measured.shift.y);
   const auto significant = [&](int i) {

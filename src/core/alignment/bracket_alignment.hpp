@@ -21,9 +21,9 @@ struct Placement : SimilarityTransform {
 
 /// Aligns the frames of a focus bracket as they come. Memory does not grow but for some numbers per frame.
 ///
-/// Every frame is measured against a key frame, so that errors add up only where the key changes: to the
-/// frame before, when the way over that one has become the more certain. The scale is that of
-/// FocusBreathing where focus distances are known and explain what is measured, else as measured.
+/// Every frame is measured against a key frame, so that errors add up only where the key changes. The frame
+/// before becomes the key when the way over it is more certain. The scale is that of FocusBreathing where
+/// focus distances are known and explain what is measured, else as measured.
 class BracketAlignment {
  public:
   static constexpr double kNoticeable = 0.35;  ///< px; a smaller motion is not worth resampling a frame

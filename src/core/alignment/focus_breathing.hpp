@@ -17,8 +17,8 @@ class FocusBreathing {
   /// x at a focus distance, which may be infinite; NaN unless both lengths are known and focus > f > 0.
   static double magnification(double focus_mm, double focal_length_mm);
 
-  /// A measured scale between two frames and its standard deviation, and their magnifications x. Unknown ones
-  /// count for nothing.
+  /// A measured scale between two frames and its standard deviation, and their magnifications x. Ignored
+  /// where one is unknown.
   void add(double from, double to, double scale, double deviation);
 
   /// Scale between two frames; nothing if a magnification is unknown, or nothing has been measured, or the

@@ -80,7 +80,7 @@ void subtractMean(std::array<float, N>& a) {
   for (float& value : a) value -= mean;
 }
 
-// To a norm of 1, but to 0 what is only rounding, as in a flat tile.
+// Scales to a norm of 1. Sets to 0 what is only rounding, as in a flat tile.
 template <size_t N>
 void normalize(std::array<float, N>& a) {
   const float norm = std::sqrt(dot(a, a));
@@ -209,7 +209,7 @@ ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& lev
                                                                 const cv::Vec4d& guess) {
   const int width = level.grid.width * kTile;
   band_.resize(static_cast<size_t>(width) * kTile);
-  // Where the pictures say nothing the guess stays, give or take the largest motion.
+  // The guess counts with the largest motion as its standard deviation: it stays where there is no texture.
   const cv::Matx44d prior = cv::Matx44d::eye() * (1 / std::pow(kLargestMotion * level.radius, 2));
 
   const double pitch = 1 / level.radius;
@@ -243,7 +243,7 @@ ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& lev
         // One over the variance of a pixel.
         const double weight =
             kFreedom / (std::max(unexplained, 0.0) + kFreedom * kResidualFloor * kResidualFloor);
-        // The tile's shift by the four numbers of the motion.
+        // Derivative of the tile's shift by the four numbers of the motion.
         const double x = (left + kMiddle - level.center.x) * pitch;
         const cv::Matx<double, 2, 4> shift(x, -y, 1, 0, y, x, 0, 1);
         const cv::Vec2d tile_pull(dot(tile.gradient[0], residual), dot(tile.gradient[1], residual));
@@ -280,7 +280,7 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const Similari
       continue;
     }
     motion = refined;
-    // Mostly the finest level; where all is blurred, what is fine is noise and traces of compression.
+    // The most certain level counts: mostly the finest, but in blurred pictures that has only noise.
     if (!result.converged || cv::trace(covariance) < cv::trace(result.covariance)) {
       result.motion = {1 + motion[0] / radius, {motion[2], motion[3]}, motion[1] / radius};
       result.covariance = covariance;

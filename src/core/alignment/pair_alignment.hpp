@@ -22,13 +22,12 @@ struct PairMeasurement {
 /// Magnification, roll and shift between two frames that are focused differently, to a few hundredths of a
 /// pixel.
 ///
-/// Gauss-Newton, coarse to fine, on I_b(T(p)) - I_a(p); a is the key frame. With the focus the blur changes
-/// too, in one sense for near and in the other for far parts, and the light may. So each tile of 8 x 8 pixels
-/// has three unknowns of its own,
+/// Gauss-Newton, coarse to fine, on I_b(T(p)) - I_a(p); a is the key frame. Refocusing also makes near parts
+/// more and far parts less blurred, or the other way round, and the light may change. So each tile of 8 x 8
+/// pixels has three unknowns of its own,
 ///   I_b(T(p)) - I_a(p) = J(p) d + offset_t + gain_t I_a(p) + blur_t laplacian I_a(p),
-/// and a weight by what they leave unexplained. They are eliminated beforehand: the gradients that make up J
-/// are made orthogonal to them, and so I_a itself is not needed any more. Within a tile J is that of the
-/// tile's centre.
+/// and a weight by what they leave unexplained. Making the gradients in J orthogonal to these three
+/// eliminates them, and with them I_a itself. All pixels of a tile move as its centre.
 ///
 /// Frames are read as coefficients of cubic B-splines. That smooths them, but unlike an interpolation it
 /// moves them by fractions of a pixel without bias.

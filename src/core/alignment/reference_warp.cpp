@@ -62,10 +62,10 @@ Polynomials fitLanczos() {
   return polynomials;
 }
 
-// Fixed point: a product keeps the upper 16 of its 32 bits, so gray levels lose a bit with each pass. Six
-// cut-off remainders are three units too little on average.
+// Fixed point. A product keeps the upper 16 of its 32 bits, so gray levels lose a bit with each pass. Six
+// products cut off three units on average, which kCutOff gives back.
 constexpr float kOne = 1 << 15;     // of weights
-constexpr int kLargest = 32767;     // of a weight; instead of 1
+constexpr int kLargest = 32767;     // weight, instead of 1
 constexpr int kInputBits = 7;       // behind the point of a gray level
 constexpr int kOutputBits = 5;      // after two passes
 constexpr int kCutOff = kTaps / 2;  // units
@@ -98,7 +98,8 @@ ALL_IN_FOCUS_SIMD void evaluate(const std::array<float, kDegree + 1>& c, const f
   }
 }
 
-// The third of six weights a position: what the others leave of 1, so that flat places keep their level.
+// Sets the third of the six weights of each position to what the others leave of 1: flat places keep their
+// level.
 ALL_IN_FOCUS_SIMD void complete(std::int16_t* weights, int n) {
   std::int16_t* __restrict third = weights + 2 * n;
   const std::int16_t *a = weights, *b = a + n, *d = b + 2 * n, *e = d + n, *f = e + n;

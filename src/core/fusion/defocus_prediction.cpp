@@ -28,7 +28,7 @@ constexpr double kPixelError = 0.5;  // px that no registration can better
 constexpr float kLeastKnown = 1e-3f;
 constexpr double kCellOfError = 1.5;  // side of a cell, of the deviation of edges
 
-// squared_error: of a textured picture; becomes that of one with the Laplacian kLeastLaplacian + l.
+// Scales squared_error from that of a textured picture to that of one with the Laplacian kLeastLaplacian + l.
 ALL_IN_FOCUS_SIMD void weigh(const float* l, float scale, int n, float* squared_error) {
   for (int i = 0; i < n; ++i) {
     const float share = std::min(static_cast<float>(kLeastLaplacian) + l[i], static_cast<float>(kLaplacian)) /
@@ -107,7 +107,7 @@ void DefocusPrediction::addTexture(const cv::Mat& sharpness, double noise) {
   if (sharpness.type() != CV_32FC1 || sharpness.empty()) {
     throw std::invalid_argument("defocus: texture must be CV_32FC1 and not empty");
   }
-  // That of a cell and its neighbours, whose light blur brings here.
+  // The largest of a cell and its neighbours, because blur brings their light here.
   cv::resize(sharpness, texture_, level_.size(), 0, 0, cv::INTER_AREA);
   cv::dilate(texture_, texture_, cv::Mat());
   cv::subtract(texture_, kNoiseMargin * noise, texture_);
@@ -146,10 +146,11 @@ void DefocusPrediction::computeCoarse(double focus_mm, cv::Mat& squared_error) {
   }
   cv::GaussianBlur(error_, squared_error, cv::Size(), edge_error_px_);
   cv::add(squared_error, constant_, squared_error);
-  // Mean over what is known; 0 for all frames alike where nothing is.
+  // The mean over known depth. Where there is none, all frames get 0 alike.
   cv::multiply(squared_error, known_, squared_error);
   if (laplacian_.empty()) return;
-  // In pixels of the level of the texture blur is narrower, by its fourth power.
+  // Texture was measured at a coarser level. Blur has fewer pixels there; the error goes by their fourth
+  // power.
   const auto scale = static_cast<float>(std::pow(16.0, 1.0 - static_cast<double>(texture_level_)));
   for (int v = 0; v < squared_error.rows; ++v)
     weigh(laplacian_.ptr<float>(v), scale, squared_error.cols, squared_error.ptr<float>(v));

@@ -34,7 +34,7 @@ double toCode(double light) {
   return 255 * (light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - 0.055);
 }
 
-// From kClipped on so much light that the mean of its block does not count.
+// Codes from kClipped on get so much light that their block counts as too bright.
 const std::array<float, 256>& lightOfCode() {
   static const std::array<float, 256> table = [] {
     std::array<float, 256> light;

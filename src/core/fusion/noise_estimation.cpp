@@ -15,29 +15,29 @@ namespace {
 
 constexpr double kMaskNorm = 6;                     // root of the sum of squares of the mask
 constexpr double kMedianOfNormal = 0.6745;          // median of |x|, x normal with deviation 1
-const double kMeanOfNormal = std::sqrt(2 / CV_PI);  // the same, mean
-constexpr int kRowStep = 2;                         // every other row is plenty for a median
+const double kMeanOfNormal = std::sqrt(2 / CV_PI);  // mean of |x|
+constexpr int kRowStep = 2;                         // every other row is enough for a median
 
-// Mean modified Laplacian of white noise, deviations: of the sum of two Laplacians of variance 6.
+// Mean modified Laplacian of white noise, in its standard deviations: a sum of two Laplacians of variance 6.
 const double kSharpnessOfWhite = 2 * std::sqrt(6) * std::sqrt(2 / CV_PI);
-// Of noise that is correlated over the pixels of a level, which the pyramid has smoothed on the way
-// there: 1.2 to 1.4 where white noise was enlarged 2 to 8 times, and a little more with texture.
+// The same of noise that is correlated over the pixels of a level. The pyramid has smoothed it on the way
+// there: 1.2 to 1.4 was measured where white noise was enlarged 2 to 8 times, and a little more with texture.
 constexpr double kSharpnessOfCorrelated = 1.5;
 
-// Such noise is less than white between neighbours, so its Laplacian is more than the mask's response says:
-// 1.7 to 2.5 times where it was enlarged 3 to 8 times, at the level where it is greatest. What is beyond is
-// texture.
+// Correlated noise differs little between neighbours, so its Laplacian is larger than the response to the
+// mask suggests: 1.7 to 2.5 times as large where noise was enlarged 3 to 8 times, at the level where it is
+// greatest. A larger Laplacian is texture.
 constexpr double kMostOfWhite = 2.5;
-constexpr double kLeastOfFiner = 0.4;  // sharpness of a level, of that of the finer one
+constexpr double kLeastOfFiner = 0.4;  // sharpness of a level / sharpness of the finer one
 
 constexpr int kUnit = 256;             // of a gray level, as in SharpnessPyramid
 constexpr int kBlock = 8;              // pixels
-constexpr std::size_t kBlocks = 300;   // that tell a tenth percentile
+constexpr std::size_t kBlocks = 300;   // fewest that give a tenth percentile
 constexpr double kQuiet = 0.1;         // share of the blocks
-constexpr double kQuietOfMean = 0.85;  // what that percentile is to the mean where there is noise alone
+constexpr double kQuietOfMean = 0.85;  // that percentile / mean, of noise alone
 constexpr int kDark = 8, kBright = 247;
 
-// Tenth percentile over the blocks, of what noise alone would have as its mean.
+// The mean of the noise, estimated from the tenth percentile of the blocks.
 double quietest(std::vector<float>& blocks) {
   const auto rank = static_cast<std::ptrdiff_t>(kQuiet * static_cast<double>(blocks.size()));
   std::nth_element(blocks.begin(), blocks.begin() + rank, blocks.end());

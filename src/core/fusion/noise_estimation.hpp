@@ -33,8 +33,8 @@ class NoiseSpectrum {
   /// with too few blocks are not measured. gray: CV_8UC1, not empty.
   static NoiseSpectrum of(const cv::Mat& gray);
 
-  /// Mean modified Laplacian at a level. From level to level it falls to 0.4 at the least, and just to that
-  /// where it was not measured: white noise falls to 0.27, that of a camera less.
+  /// Mean modified Laplacian at a level: at least 0.4 times that of the finer level, and exactly that where
+  /// it was not measured. (White noise has 0.27 times that of the finer level, noise of cameras has more.)
   double sharpness(std::size_t level) const;
 
   /// Standard deviation, gray levels, of a pixel.

@@ -36,7 +36,7 @@ class RefinedFusion {
   /// gray: CV_8UC1; index: ascending; focus_mm: NaN = unknown, may be infinite.
   void observe(const cv::Mat& gray, int index, double focus_mm);
 
-  /// frame: CV_8UC3; gray: CV_8UC1 of it. A frame that has not been observed is. Returns why the frame does
+  /// frame: CV_8UC3; gray: CV_8UC1 of it. Observes the frame unless it has been. Returns why the frame does
   /// not fit the others, which leaves it out, or "".
   std::string add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm);
 

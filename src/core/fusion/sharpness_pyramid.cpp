@@ -22,8 +22,8 @@ namespace {
 constexpr double kFinestPx = 0.85, kCoarserPx = 1.4;
 constexpr int kSmallestSide = 12;  // px of the coarsest level
 
-// The floor of a level, to which its sharpness is added in quadrature: rounding, gray levels, and so many
-// times what noise has. Frames are then as good as equal where there is nothing else.
+// The floor of a level, gray levels: rounding plus a multiple of the sharpness that noise has. The sharpness
+// of a frame is added to it in quadrature, so that frames count alike where they show only noise.
 constexpr double kRounding = 0.75, kNoiseFloor = 3;
 
 // The floor is at least so many standard deviations of the noise, times a factor for every coarser level.
@@ -36,8 +36,8 @@ double floorOf(const NoiseSpectrum& noise, size_t level) {
                               kDeviations * std::pow(kOfFinerLevel, level) * noise.deviation());
 }
 
-// Modified Laplacian of trustLevel(), gray levels above the noise, that a frame which is sharp anywhere has
-// in its sharpest places; and the least trust, which its eighth power makes a weight of 1e-9.
+// A frame that is sharp anywhere has this modified Laplacian, gray levels above the noise, in its sharpest
+// places at trustLevel(). The eighth power of the least trust is a weight of 1e-9.
 constexpr double kSharp = 4, kLeastTrust = 0.075;
 constexpr int kTrustWidth = 640;       // px
 constexpr double kNoiseMargin = 1.25;  // frames differ in their noise, and places in a frame

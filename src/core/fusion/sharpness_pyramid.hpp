@@ -33,7 +33,7 @@ class SharpnessPyramid {
     NoiseSpectrum noise;
     double contrast = 1;            ///< factor, > 0
     bool scales = true;             ///< false: level 0 alone, for comparison
-    bool trust = false;             ///< take a frame that is sharp nowhere for hardly sharp everywhere
+    bool trust = false;             ///< count a frame that is sharp nowhere as hardly sharp everywhere
     std::size_t texture_level = 1;  ///< whose sharpness texture() is to return, >= 1
     /// CV_8UC1; not 0: depth predicts the blur there; empty: nowhere. Its size is that of a level: the
     /// product of that one and all coarser ones counts by its square root there.

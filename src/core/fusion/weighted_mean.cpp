@@ -19,14 +19,15 @@ namespace {
 // Rounding to 8 bits is noise, too; smaller errors cannot be measured.
 constexpr double kRounding = 1;
 
-// A gain from a frame below this share of the error's own noise is not worth the loss of a frame to average.
+// Floor of the expected error, in variances of the noise: where errors are smaller, more frames in the mean
+// are worth more than better ones.
 constexpr double kNoiseVariances = 4;
 
-// Smaller shares of the sharpest frame's sharpness count as this one: its eighth power, 1e-24, times any
-// expected error must stay a normal number.
+// Least share of the sharpest frame's sharpness that a frame counts with. Its eighth power, 1e-24, must stay
+// a normal number when an expected error divides it.
 constexpr float kLeastShare = 1e-3f;
 
-// Added to weights before they divide: it avoids a division by 0, and changes no other weight.
+// Added to divisors. Avoids a division by 0 and changes no other weight.
 constexpr float kNoWeight = std::numeric_limits<float>::min();
 
 constexpr int kUnit = 256;  // of a gray level in the mean

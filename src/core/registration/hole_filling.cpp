@@ -89,7 +89,7 @@ void DiffusionFilling::tabulateFlows() {
 void DiffusionFilling::fill(cv::Mat& depth) {
   requireDepth(depth);
   if (!(conduction_mm > 0)) throw std::invalid_argument("hole filling: the conduction K must be positive");
-  if (hole_below_mm <= 0 || hole_below_mm > 65535) return;  // no holes, or nothing else
+  if (hole_below_mm <= 0 || hole_below_mm > 65535) return;  // no pixel is a hole, or all are
   tabulateFlows();
   const int reach = reach_;
   const double* const flows = flows_.data();

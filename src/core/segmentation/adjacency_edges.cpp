@@ -47,7 +47,7 @@ void AdjacencyEdges::findInRows(const PixelGraph& graph, int max_weight, const c
   strip.edges.assign(stride + 8, 0);
   strip.listed.resize(kMostBits(graph.cols()));
   for (auto& same : strip.same) same.assign(stride, 0);
-  // The row above the strip, and the column before the image, have no say about edges.
+  // The row above the strip and the column before the image drop no edges.
   for (auto& blocks : strip.blocks) blocks.assign(stride + 1, kKeepsBd | kKeepsCd);
   strip.count = 0;
 
