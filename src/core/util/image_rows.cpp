@@ -11,25 +11,24 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kRadius = GaussianRows::kRadius;
 using Window = GaussianRows::Window;
+using Taps = GaussianRows::Taps;
 
-ALL_IN_FOCUS_SIMD void convolveRow(const float* row, const Window& w, int n, float* __restrict out) {
+template <int kRadius>
+inline void convolveBy(const Taps& taps, const Window& w, int n, float* __restrict out) {
   for (int i = 0; i < n; ++i) {
-    const float* p = row + i;
-    out[i] = w[0] * p[0] + w[1] * (p[-1] + p[1]) + w[2] * (p[-2] + p[2]) + w[3] * (p[-3] + p[3]) +
-             w[4] * (p[-4] + p[4]) + w[5] * (p[-5] + p[5]);
+    float sum = w[0] * taps[kRadius][i];
+    for (int k = 1; k <= kRadius; ++k) sum += w[k] * (taps[kRadius - k][i] + taps[kRadius + k][i]);
+    out[i] = sum;
   }
 }
 
-ALL_IN_FOCUS_SIMD void convolveRows(const std::array<const float*, 2 * kRadius + 1>& rows, const Window& w,
-                                    int n, float* __restrict out) {
-  const float *n5 = rows[0], *n4 = rows[1], *n3 = rows[2], *n2 = rows[3], *n1 = rows[4], *here = rows[5];
-  const float *s1 = rows[6], *s2 = rows[7], *s3 = rows[8], *s4 = rows[9], *s5 = rows[10];
-  for (int i = 0; i < n; ++i) {
-    out[i] = w[0] * here[i] + w[1] * (n1[i] + s1[i]) + w[2] * (n2[i] + s2[i]) + w[3] * (n3[i] + s3[i]) +
-             w[4] * (n4[i] + s4[i]) + w[5] * (n5[i] + s5[i]);
-  }
+ALL_IN_FOCUS_SIMD void convolve7(const Taps& taps, const Window& w, int n, float* __restrict out) {
+  convolveBy<3>(taps, w, n, out);
+}
+
+ALL_IN_FOCUS_SIMD void convolve11(const Taps& taps, const Window& w, int n, float* __restrict out) {
+  convolveBy<5>(taps, w, n, out);
 }
 
 ALL_IN_FOCUS_SIMD void interpolateRow(const float* from, const int* first, const int* second,
@@ -49,31 +48,31 @@ ALL_IN_FOCUS_SIMD void threeTimes(const float* values, int n, float* __restrict 
 }
 
 void GaussianRows::begin(const cv::Size& size, double sigma) {
-  double sum = 0;
-  std::array<double, kRadius + 1> window;
-  for (int k = 0; k <= kRadius; ++k) {
-    window[k] = std::exp(-0.5 * k * k / (sigma * sigma));
-    sum += k == 0 ? window[k] : 2 * window[k];
-  }
-  for (int k = 0; k <= kRadius; ++k) window_[k] = static_cast<float>(window[k] / sum);
+  constexpr double kNegligible = 1e-4;
+  const auto weight = [&](int k) { return std::exp(-0.5 * k * k / (sigma * sigma)); };
+  radius_ = weight(4) < kNegligible ? 3 : kMostRadius;
+  double sum = weight(0);
+  for (int k = 1; k <= radius_; ++k) sum += 2 * weight(k);
+  for (int k = 0; k <= radius_; ++k) window_[k] = static_cast<float>(weight(k) / sum);
   size_ = size;
-  horizontal_.begin(2 * kRadius + 1, size.width);
-  padded_.resize(size.width + 2 * kRadius);
+  horizontal_.begin(2 * radius_ + 1, size.width);
+  padded_.resize(size.width + 2 * radius_);
 }
 
 void GaussianRows::convolvePadded(float* out) {
-  float* row = padded_.data() + kRadius;
-  for (int k = 1; k <= kRadius; ++k) {
+  float* row = padded_.data() + radius_;
+  for (int k = 1; k <= radius_; ++k) {
     const int end = size_.width - 1 + k;
     row[-k] = row[cv::borderInterpolate(-k, size_.width, cv::BORDER_REFLECT_101)];
     row[end] = row[cv::borderInterpolate(end, size_.width, cv::BORDER_REFLECT_101)];
   }
-  convolveRow(row, window_, size_.width, out);
+  Taps taps;
+  for (int k = -radius_; k <= radius_; ++k) taps[k + radius_] = row + k;
+  convolve(taps, out);
 }
 
-void GaussianRows::convolveVertically(const std::array<const float*, 2 * kRadius + 1>& rows,
-                                      float* out) const {
-  convolveRows(rows, window_, size_.width, out);
+void GaussianRows::convolve(const Taps& taps, float* out) const {
+  radius_ == 3 ? convolve7(taps, window_, size_.width, out) : convolve11(taps, window_, size_.width, out);
 }
 
 void UpsampledRows::begin(const cv::Size& input, const cv::Size& output) {

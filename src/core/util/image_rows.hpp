@@ -44,12 +44,13 @@ class LineBuffer {
   std::vector<int> y_of_line_;  ///< -1: empty
 };
 
-/// The image convolved with a Gaussian of 11 x 11 pixels, which is the window of cv::GaussianBlur for a sigma
-/// of 1.2 or 1.25 px. Borders as BORDER_REFLECT_101.
+/// The image convolved with a Gaussian of 11 x 11 pixels, or of 7 x 7 where the weights beyond are less than
+/// 1e-4 of the greatest (sigma < 0.93 px). Borders as BORDER_REFLECT_101.
 class GaussianRows {
  public:
-  static constexpr int kRadius = 5;
-  using Window = std::array<float, kRadius + 1>;  ///< weights from the middle outwards
+  static constexpr int kMostRadius = 5;
+  using Window = std::array<float, kMostRadius + 1>;           ///< weights from the middle outwards
+  using Taps = std::array<const float*, 2 * kMostRadius + 1>;  ///< of these the first 2 radius_ + 1
 
   /// sigma: pixels.
   void begin(const cv::Size& size, double sigma);
@@ -57,25 +58,26 @@ class GaussianRows {
   /// Writes row y to out. source(v, out) writes row v of the input to out.
   template <typename Source>
   void row(int y, const Source& source, float* out) {
-    std::array<const float*, 2 * kRadius + 1> rows;
-    for (int k = -kRadius; k <= kRadius; ++k) {
+    Taps rows;
+    for (int k = -radius_; k <= radius_; ++k) {
       const int mirrored = cv::borderInterpolate(y + k, size_.height, cv::BORDER_REFLECT_101);
-      rows[k + kRadius] = horizontal_.row(mirrored, [&](int v, float* convolved) {
-        source(v, padded_.data() + kRadius);
+      rows[k + radius_] = horizontal_.row(mirrored, [&](int v, float* convolved) {
+        source(v, padded_.data() + radius_);
         convolvePadded(convolved);
       });
     }
-    convolveVertically(rows, out);
+    convolve(rows, out);
   }
 
  private:
   void convolvePadded(float* out);
-  void convolveVertically(const std::array<const float*, 2 * kRadius + 1>& rows, float* out) const;
+  void convolve(const Taps& taps, float* out) const;
 
   cv::Size size_;
+  int radius_ = 0;  ///< 3 or 5
   Window window_;
   LineBuffer<float> horizontal_;  ///< input rows, convolved horizontally
-  std::vector<float> padded_;     ///< an input row with kRadius pixels more on both sides
+  std::vector<float> padded_;     ///< an input row with radius_ pixels more on both sides
 };
 
 /// The image upsampled by linear interpolation, as cv::resize does with INTER_LINEAR.
