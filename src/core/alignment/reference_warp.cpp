@@ -108,10 +108,6 @@ ALL_IN_FOCUS_SIMD void complete(std::int16_t* weights, int n) {
   }
 }
 
-ALL_IN_FOCUS_SIMD void forEachChannel(const std::int16_t* weights, int n, std::int16_t* __restrict out) {
-  for (int i = 0; i < n; ++i) out[3 * i] = out[3 * i + 1] = out[3 * i + 2] = weights[i];
-}
-
 ALL_IN_FOCUS_SIMD void toFixedPoint(const std::uint8_t* from, int n, std::int16_t* __restrict to) {
   for (int i = 0; i < n; ++i) to[i] = static_cast<std::int16_t>(from[i] << kInputBits);
 }
@@ -170,7 +166,7 @@ void ReferenceWarp::Taps::prepare(double begin, double step, int count, int leng
     evaluate(polynomials[k], fraction.data(), count, &of_positions[static_cast<size_t>(k) * count]);
   }
   complete(of_positions.data(), count);
-  if (channels == kChannels) forEachChannel(single.data(), kTaps * count, weights.data());
+  if (channels == kChannels) threeTimes(single.data(), kTaps * count, weights.data());
   ends.clear();
   for (int u = 1; u <= count; ++u) {
     if (u == count || first[u] != first[u - 1] + 1) ends.push_back(u);

@@ -22,8 +22,8 @@ struct EvidenceRow {
 ///   sharpness^8 / (predicted squared error + noise variance):
 /// the inverse of the variance that is expected of it, times a softmax, the power, of what is seen. As such
 /// powers overflow, weights are kept in units of the greatest sharpness so far. Each frame moves the mean
-/// by its share of all weights, so that no sum of colours is needed. The mean is rounded to 1/256 of a gray
-/// level: two bytes instead of the four of a float.
+/// by its share of all weights, so that no sum of colours is needed. The mean is rounded to 1/128 of a gray
+/// level: two bytes instead of the four of a float, and 16-bit arithmetic.
 class WeightedMean {
  public:
   struct Kind {
@@ -53,13 +53,13 @@ class WeightedMean {
   bool soft_ = true, choice_ = true;
   int frames_ = 0;
   float error_floor_ = 1;
-  std::uint16_t index_ = 0;             // of the frame being added
-  std::array<std::uint16_t, 256> lut_;  // in units of mean_
-  bool plain_ = true;                   // the LUT changes nothing
-  cv::Mat mean_;                        // CV_16UC3, 256 times the gray level (hard: of the heaviest frame)
-  cv::Mat sharpest_;                    // CV_32FC1: greatest sharpness; a weight of 1 is its eighth power
-  cv::Mat weights_;                     // CV_32FC1: sums
-  cv::Mat most_;                        // CV_32FC1: greatest weight; unused without choice_, as source_index_
+  std::uint16_t index_ = 0;            // of the frame being added
+  std::array<std::int16_t, 256> lut_;  // in units of mean_
+  bool plain_ = true;                  // the LUT changes nothing
+  cv::Mat mean_;                       // CV_16SC3, 128 times the gray level (hard: of the heaviest frame)
+  cv::Mat sharpest_;                   // CV_32FC1: greatest sharpness; a weight of 1 is its eighth power
+  cv::Mat weights_;                    // CV_32FC1: sums
+  cv::Mat most_;                       // CV_32FC1: greatest weight; unused without choice_, as source_index_
   cv::Mat source_index_;
 };
 

@@ -43,7 +43,7 @@ ALL_IN_FOCUS_SIMD void interpolateRows(const float* above, const float* below, f
 
 }  // namespace
 
-ALL_IN_FOCUS_SIMD void threeTimes(const float* values, int n, float* __restrict out) {
+ALL_IN_FOCUS_SIMD void threeTimes(const std::int16_t* values, int n, std::int16_t* __restrict out) {
   for (int i = 0; i < n; ++i) out[3 * i] = out[3 * i + 1] = out[3 * i + 2] = values[i];
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -14,7 +15,7 @@
 namespace all_in_focus::core {
 
 /// Writes each of n values three times: one for each channel of a pixel.
-void threeTimes(const float* values, int n, float* out);
+void threeTimes(const std::int16_t* values, int n, std::int16_t* out);
 
 /// Holds the last rows of an image: row y lies in line y modulo the number of lines.
 template <typename Value>
