@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstdint>
 #include <stdexcept>
 
 #include "alignment/reference_warp.hpp"
@@ -87,6 +89,57 @@ TEST(WarpToReference, SmallPicturesAndFarMotions) {
       EXPECT_EQ(cv::norm(plain, out, cv::NORM_INF), 0);
     }
   }
+}
+
+TEST(WarpToReference, FlatPicturesKeepTheirLevel) {
+  for (int level = 0; level < 256; ++level) {
+    const cv::Mat plain(24, 40, CV_8UC3, cv::Scalar(level, 255 - level, 128));
+    for (const double angle : {0.0, 0.03}) {
+      cv::Mat out;
+      ReferenceWarp().compute(plain, {1.037, {0.43, -0.21}, angle}, {20, 12}, out);
+      EXPECT_EQ(cv::norm(plain, out, cv::NORM_INF), 0) << level << ", " << angle;
+    }
+  }
+}
+
+// The sum over all taps of one channel, in double precision.
+double lanczosAt(const cv::Mat& image, double x, double y, int channel) {
+  const auto kernel = [](double d) {
+    if (std::abs(d) < 1e-9) return 1.0;
+    return std::abs(d) < 3 ? 3 * std::sin(CV_PI * d) * std::sin(CV_PI * d / 3) / (CV_PI * CV_PI * d * d)
+                           : 0.0;
+  };
+  double sum = 0, weights = 0;
+  for (int v = static_cast<int>(std::floor(y)) - 2; v <= std::floor(y) + 3; ++v) {
+    for (int u = static_cast<int>(std::floor(x)) - 2; u <= std::floor(x) + 3; ++u) {
+      const double weight = kernel(x - u) * kernel(y - v);
+      sum += weight * image.at<cv::Vec3b>(v, u)[channel];
+      weights += weight;
+    }
+  }
+  return sum / weights;
+}
+
+TEST(WarpToReference, IsALanczosKernelAlsoAtTheGreatestContrast) {
+  cv::Mat image(48, 64, CV_8UC3), out;
+  cv::RNG(1).fill(image, cv::RNG::UNIFORM, 0, 2);
+  image *= 255;
+  const SimilarityTransform motion{1.03, {0.4, -0.7}};
+  const cv::Point2d center(31.5, 23.5);
+  ReferenceWarp().compute(image, motion, center, out);
+  int different = 0, all = 0;
+  for (int y = 8; y < 40; ++y) {
+    for (int x = 8; x < 56; ++x) {
+      const cv::Point2d from = motion.apply(cv::Point2d(x, y), center);
+      for (int c = 0; c < 3; ++c, ++all) {
+        const int expected = cv::saturate_cast<std::uint8_t>(lanczosAt(image, from.x, from.y, c));
+        const int difference = std::abs(out.at<cv::Vec3b>(y, x)[c] - expected);
+        EXPECT_LE(difference, 1);
+        different += difference;
+      }
+    }
+  }
+  EXPECT_LT(different, all / 20);  // rounded the other way
 }
 
 TEST(WarpToReference, RefusesGray) {

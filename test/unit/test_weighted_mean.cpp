@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 #include <opencv2/core/utility.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "fusion/region_fusion.hpp"
 #include "fusion/weighted_mean.hpp"
@@ -142,6 +143,25 @@ TEST(WeightedMean, AveragesNoiseWhereFramesAgree) {
   EXPECT_NEAR(deviation[0], kNoise / std::sqrt(kFrames), 0.15);
   EXPECT_EQ(cv::countNonZero(mean.confidence()), 0);   // a draw
   EXPECT_EQ(cv::countNonZero(mean.sourceIndex()), 0);  // the first
+}
+
+TEST(WeightedMean, LongBracketsKeepTheirMean) {
+  constexpr int kFrames = 500;
+  WeightedMean mean;
+  mean.begin(kSize, 5, {});
+  cv::Mat sum(kSize, CV_32FC3, cv::Scalar::all(0));
+  for (int i = 0; i < kFrames; ++i) {
+    const cv::Mat frame = randomFrame(i, 90, 5);
+    add(mean, frame, asTheyAre(), sharpness(1), kWhole, i);
+    cv::accumulate(frame, sum);
+  }
+  const cv::Mat difference = [&] {
+    cv::Mat result;
+    mean.image().convertTo(result, CV_32FC3);
+    return cv::Mat(result - sum / kFrames);
+  }();
+  EXPECT_LT(cv::norm(difference, cv::NORM_INF), 0.6);  // half of it is the rounding of the result
+  EXPECT_NEAR(cv::mean(difference)[0], 0, 0.03);
 }
 
 TEST(WeightedMean, HardChoiceCopiesTheHeaviest) {
