@@ -15,11 +15,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tqdm import tqdm
-
 import steps
 from all_in_focus.command_line import Parser, count, run
 from all_in_focus.files.stack import focus_entries, save_focus
+from all_in_focus.progress import Progress
 from suite import MAKE_SCENE
 
 FRAMES = (2, 5, 15, 50, 150, 540)
@@ -59,7 +58,7 @@ def measure_frames(program, repetitions, scene):
         for frames in FRAMES:
             make_stack(scene, frames, folder / str(frames))
         todo = [(mode, frames) for _ in range(repetitions) for frames in FRAMES for mode in MODES]
-        for mode, frames in tqdm(todo, unit="stack", disable=None):
+        for mode, frames in Progress(todo, unit="stack"):
             stack = folder / str(frames)
             text, _, _, memory = steps.run_measured([
                 program, "--stack", stack / "stack", "--focus", stack / "focus.yaml", "--mode", mode, "--rig", scene / "rig",

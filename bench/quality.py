@@ -23,7 +23,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
 import steps
 import suite
@@ -31,6 +30,7 @@ from all_in_focus.benchmark import methods, scenes, tasks
 from all_in_focus.command_line import Parser, run
 from all_in_focus.files.stack import read_image
 from all_in_focus.metrics.kept_contrast import kept_contrast
+from all_in_focus.progress import Progress
 
 TRUTH = {"psnr": ("PSNR, dB", ".2f"), "ssim": ("SSIM", ".4f"),
          "psnr_edges": ("PSNR within 8 px of depth edges, dB", ".2f")}
@@ -100,7 +100,7 @@ def measure(method, scene, truth, output, args):
 def measure_all(args, found):
     """scene name -> method name -> figures, None where a method failed."""
     figures = {}
-    with tqdm(total=len(found) * len(args.methods), unit="result", disable=None) as bar:
+    with Progress(total=len(found) * len(args.methods), unit="result") as bar:
         for name, scene in found.items():
             folder = Path(args.output) / name
             folder.mkdir(parents=True, exist_ok=True)

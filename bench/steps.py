@@ -10,7 +10,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
+
+from all_in_focus.progress import Progress
 
 ROOT = Path(__file__).absolute().parent.parent
 BENCH_STEPS = str(ROOT / "build/devel/lib/all_in_focus/bench_steps")
@@ -58,7 +59,7 @@ def in_turn(programs, repetitions, title=None):
     """Medians of what the programs return, None for those that are None: name -> function () -> number or tuple."""
     runs = {name: [] for name in programs}
     todo = [name for _ in range(repetitions) for name in programs if programs[name]]
-    for name in tqdm(todo, desc=title, unit="run", disable=None):
+    for name in Progress(todo, desc=title, unit="run"):
         runs[name].append(programs[name]())
     return {name: np.median(values, axis=0) if values else None for name, values in runs.items()}
 

@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tqdm import tqdm
+from all_in_focus.progress import Progress
 
 MAKE_SCENE = Path(__file__).absolute().parent.parent / "scripts" / "make_scene"
 
@@ -51,7 +51,7 @@ def generate(folder, suites=("small",)):
     scenes = {name: options for suite in suites for name, options in SUITES[suite].items()}
     paths = [str(Path(folder) / name) for name in scenes]
     missing = [(path, options) for path, options in zip(paths, scenes.values()) if not Path(path).exists()]
-    for path, options in tqdm(missing, unit="scene", disable=None):
+    for path, options in Progress(missing, unit="scene"):
         size = [] if "--size" in options else ["--size", "640x480"]
         subprocess.run([sys.executable, MAKE_SCENE, "--output", path] + options.split() + size, check=True)
     return paths

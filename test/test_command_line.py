@@ -89,6 +89,22 @@ def test_a_program_at_work_leaves_nothing(tmp_path, name, options, number):
     assert not list((tmp_path / "out").iterdir())
 
 
+def test_a_bar_that_a_signal_interrupts_is_silent():
+    code = """
+import io, os, signal
+from all_in_focus.command_line import run
+from all_in_focus.progress import Progress
+
+class Terminal(io.StringIO):
+    def isatty(self):  # asked by the bar while it is made
+        os.kill(os.getpid(), signal.SIGTERM)
+
+run(lambda: Progress(file=Terminal()))
+"""
+    with program(code) as process:
+        assert process.stderr.read() == "" and process.wait(60) == 128 + signal.SIGTERM
+
+
 def test_an_interrupt_that_the_parent_ignores_stays_ignored():
     code = "import all_in_focus.early_exit, os, signal\nfrom all_in_focus.command_line import run\n" \
            "run(lambda: os.kill(os.getpid(), signal.SIGINT))"

@@ -26,17 +26,18 @@ ROOMS = {
     'files': [],
     'imaging': ['files'],
     'command_line': ['files'],
+    'progress': [],
     'early_exit': [],
     'installed': [],
     'metrics': ['files', 'imaging'],
     'baselines': ['imaging'],
     'simulation': ['files', 'imaging'],
     'camera': ['files'],
-    'calibration': ['files', 'imaging', 'command_line'],
-    'bag': ['files', 'imaging', 'command_line', 'installed'],
-    'replay': ['files', 'imaging', 'bag'],
+    'calibration': ['files', 'imaging', 'command_line', 'progress'],
+    'bag': ['files', 'imaging', 'command_line', 'progress', 'installed'],
+    'replay': ['files', 'imaging', 'progress', 'bag'],
     'rviz': ['files', 'replay'],
-    'benchmark': ['files', 'imaging', 'installed', 'metrics', 'baselines', 'simulation', 'bag'],
+    'benchmark': ['files', 'imaging', 'progress', 'installed', 'metrics', 'baselines', 'simulation', 'bag'],
 }
 
 # The rooms of C++ below src/: which others each uses besides itself. No circle: each names only rooms above it.

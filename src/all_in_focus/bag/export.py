@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import List
 
 import numpy as np
-from tqdm import tqdm
 
 from all_in_focus.bag.brackets import assemble
 from all_in_focus.bag.bag_file import BagError
@@ -18,6 +17,7 @@ from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import whole_folder
 from all_in_focus.files.rig import DEFAULT_OPTICS, Rig, save_rig
 from all_in_focus.files.stack import save_focus, size_text
+from all_in_focus.progress import Progress
 
 
 @dataclass
@@ -52,7 +52,7 @@ def export(bag, output, which, rules, invalid_values=(0,), optics=None, force=Fa
 
     exported = []
     with whole_folder(output, "bag_to_stack", results=["fused.png"]) as working, \
-            tqdm(total=sum(len(bracket.frames) for bracket in chosen.values()), unit="frame", disable=None) as bar:
+            Progress(total=sum(len(bracket.frames) for bracket in chosen.values()), unit="frame") as bar:
         for part, bracket in chosen.items():
             writer = _BracketWriter(bag, found, bracket, rules.max_age, invalid_values, optics, working / part)
             exported.append(writer.write(Path(output) / part, bar))

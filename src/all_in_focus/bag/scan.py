@@ -9,9 +9,9 @@ from typing import List, NamedTuple, Optional
 import genpy
 from sensor_msgs.msg import Image
 from tf2_msgs.msg import TFMessage
-from tqdm import tqdm
 
 from all_in_focus.bag.bag_file import TYPES, BagError, absolute
+from all_in_focus.progress import Progress
 
 NS = 10 ** 9  # in a second
 SMALL = {**TYPES, "tf": TFMessage, "tf_static": TFMessage}  # tf2 does not accept the classes that rosbag generates
@@ -71,7 +71,7 @@ def scan(bag, checksums=False):
     total = sum(bag.found[name].message_count for name in kinds if name in bag.found)
     last, infos = {}, {}  # (recorded, nth) by kind; the last camera info without its stamp
     messages = enumerate(bag.read(list(kinds), raw=True))
-    bar = tqdm(messages, total=total, unit="message", leave=False, disable=None)
+    bar = Progress(messages, total=total, unit="message", leave=False)
     for order, (name, (_, data, _, _, message_type), time) in bar:
         kind, recorded = kinds[absolute(name)], time.to_nsec()
         found.counts[kind] = found.counts.get(kind, 0) + 1

@@ -8,13 +8,13 @@ import genpy
 import rosbag
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
-from tqdm import tqdm
 
 from all_in_focus.bag.image_messages import to_message
 from all_in_focus.files.output_file import whole_file
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.rig_messages import camera_info, static_transform
 from all_in_focus.msg import FocusFrame, Optics
+from all_in_focus.progress import Progress
 
 START_NS = 1000 * 10 ** 9  # stamp of the first frame, ns; the same in every bag, so that bags can be compared
 
@@ -43,7 +43,7 @@ def _fill(bag, depth, rig_folder, stack, rate, with_focus):
     bag.write("/depth/camera_info", camera_info(rig.depth, header), start)
     bag.write("/depth/image_raw", to_message(depth, "16UC1", header), start)
 
-    for index, frame in enumerate(tqdm(stack, unit="frame", disable=None)):
+    for index, frame in enumerate(Progress(stack, unit="frame")):
         stamp = stamp_of(index, rate)
         header = Header(stamp=stamp, frame_id=rig.parent_frame)
         bag.write("/rgb/camera_info", camera_info(rig.color, header), stamp)

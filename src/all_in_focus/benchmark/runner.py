@@ -6,12 +6,11 @@ import sys
 import time
 from pathlib import Path
 
-from tqdm import tqdm
-
 from all_in_focus.benchmark import methods, programs, scenes, tasks
 from all_in_focus.benchmark.engine import engine
 from all_in_focus.benchmark.output_files import Run
 from all_in_focus.benchmark.store import Store
+from all_in_focus.progress import Progress
 
 
 class BadInput(ValueError):
@@ -33,7 +32,7 @@ def find_scenes(settings):
     names = [scene.name for scene in found]
     wrong += [f"two scenes are named {name}: give one of them a name" for name in sorted(set(names))
               if names.count(name) > 1]
-    for scene in tqdm(found, desc="check", unit="scene", disable=None):
+    for scene in Progress(found, desc="check", unit="scene"):
         try:
             if scene.is_bag:
                 from all_in_focus.benchmark import bags  # with rosbag behind it
@@ -61,7 +60,7 @@ def evaluate(settings, fresh=False, say=None):
     store = Store(settings.output)
 
     def print_line(line):
-        with tqdm.external_write_mode(file=sys.stderr):
+        with Progress.external_write_mode(file=sys.stderr):
             say(line)
 
     def fail(line):
@@ -85,7 +84,7 @@ def _with_brackets(found, names, settings, workers, nodes, fail):
     folders = {scene.name: Path(settings.output, "bags", scene.name) for scene in recorded}
     calls = {scene.name: (bags.prepare, (scene, modes, settings.bag, folders[scene.name],
                                          bags.fingerprint(scene, modes, settings.bag, nodes))) for scene in recorded}
-    for name, result in tqdm(workers.run(calls), total=len(calls), desc="bags", unit="bag", disable=None):
+    for name, result in Progress(workers.run(calls), total=len(calls), desc="bags", unit="bag"):
         for mode, reason in result.get("failed", {}).items():
             fail(f"{name} {mode}: {reason}")
         if "error" in result:
@@ -109,7 +108,7 @@ def _run_tasks(run, store, workers, fresh, fail):
     done = {key: None if fresh else store.load(*key, mark, run.settings.metrics) for key, mark in marks.items()}
     calls = {key: (tasks.run, (by_name[key[0]], key[1], run.settings.metrics, code))
              for key, result in done.items() if result is None}
-    with tqdm(total=len(marks), initial=len(marks) - len(calls), unit="result", disable=None) as bar:
+    with Progress(total=len(marks), initial=len(marks) - len(calls), unit="result") as bar:
         for key, result in workers.run(calls):
             bar.set_description(" ".join(key))
             done[key] = store.save(*key, marks[key], run.name, result)

@@ -4,13 +4,12 @@
 import argparse
 import math
 
-from tqdm import tqdm
-
 from all_in_focus.calibration import CalibrationError, fit_report, rig_folder
 from all_in_focus.calibration.board import CAMERAS, Board, PairFolders, find_corners
 from all_in_focus.calibration.rig_fit import fit_rig
 from all_in_focus.command_line import Parser, digits, number_type, optics
 from all_in_focus.files.rig import load_camera
+from all_in_focus.progress import Progress
 
 DESCRIPTION = """Calibrate the rig of depth and colour camera from pictures of a chessboard that both take at the same
 time: from files, or live. Writes the rig folder."""
@@ -120,7 +119,7 @@ def _from_files(parser, arguments):
     folders = PairFolders(arguments.depth_camera, arguments.color_camera)
     for warning in folders.warnings:
         parser.warn(warning)
-    pairs = list(tqdm(folders.pairs(arguments.board), total=len(folders.names), unit="pair", disable=None))
+    pairs = list(Progress(folders.pairs(arguments.board), total=len(folders.names), unit="pair"))
     for pair in pairs:
         if pair.unreadable:
             parser.warn(f"{pair.unreadable}: left out")

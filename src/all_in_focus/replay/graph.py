@@ -8,9 +8,9 @@ from pathlib import Path
 
 import rospkg
 from roslib.packages import find_node
-from tqdm import tqdm
 
 from all_in_focus.files.output_folder import remove_leftovers
+from all_in_focus.progress import Progress
 from all_in_focus.replay.launch import Launch
 from all_in_focus.replay.run_status import BAD_INPUT, RunStatus
 
@@ -65,7 +65,7 @@ def final_status(status, stopped_because, ended_because):
 def _watch(launch, status_file, timeout):
     """Returns when the run is over: None, or the reason to stop it."""
     last, changed = None, time.monotonic()
-    with tqdm(unit="message", disable=None) as bar:
+    with Progress(unit="message") as bar:
         while not launch.ended():
             status = RunStatus.read(status_file)
             if status is not None and status.code is not None:
