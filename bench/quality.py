@@ -7,10 +7,10 @@
 Needs a sourced setup.bash. Methods: single, oracle, true-depth (bounds that know the truth); dwt, nsct, im, gf, gf-same,
 nsct-pcnn, dsift, dcnn, laplacian, enfuse and each with +ecc (frames aligned first); paper, refined and restored (fuse_stack),
 refined:-alignment,exposure (without these steps), refined:no-depth, refined:optics+20 (focal length 20 % too long),
-refined:shift5 (depth 5 pixels to the right); whatever --peer names, such as
+refined:shift5 (depth 5 pixels to the right); whatever --peer names (with +ecc: frames aligned first), such as
 
   --peer 'focus-stack=sh -c "focus-stack --output={output} {stack}/*"'
-  --peer 'learned=python3 fuse_folder.py {stack} {output}'
+  --peer 'stackmff+ecc=openfocus --input {stack} --output {output}'     # StackMFF V3, from the PyPI package openfocus
 """
 import argparse
 import json

@@ -13,6 +13,7 @@ from file_helpers import run, run_script
 from skimage.metrics import structural_similarity
 from tool_helpers import tool
 
+from all_in_focus.baselines.alignment import align
 from all_in_focus.benchmark import methods, scenes as scenes_on_disk
 from all_in_focus.files.rig import Optics
 from all_in_focus.files.stack import read_image
@@ -224,16 +225,19 @@ def test_means_say_what_they_cover():
 
 def test_program_compares_and_keeps(scenes, tmp_path):
     arguments = [scenes / "still", scenes / "breathing", "--methods", "single,laplacian+ecc", "--peer", COPY, "--peer",
-                 "broken=false {output}", "--output", tmp_path / "out", "--json", tmp_path / "figures.json"]
+                 "copy+ecc=cp {stack}/0000.png {output}", "--peer", "broken=false {output}", "--output", tmp_path / "out",
+                 "--json", tmp_path / "figures.json"]
     result = compare(*arguments)
     assert result.returncode == 0
     assert result.stderr.splitlines() == [f"{scene} broken: false: exit code 1" for scene in ("still", "breathing")]
     written = sorted(str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.png"))
     assert written == [f"{scene}/{method}.png" for scene in ("breathing", "still")
-                       for method in ("copy", "laplacian+ecc", "single")]
+                       for method in ("copy+ecc", "copy", "laplacian+ecc", "single")]
     psnrs = tables(result.stdout)["PSNR, dB"]
     assert psnrs["still"]["broken"] == "-" and psnrs["mean (of scenes)"]["broken"] == "- (0)"
     assert float(psnrs["still"]["laplacian+ecc"]) > float(psnrs["still"]["single"]) >= float(psnrs["still"]["copy"])
+    aligned = align(list(scene_at(scenes / "breathing").frames()))[0]
+    np.testing.assert_array_equal(read_image(tmp_path / "out" / "breathing" / "copy+ecc.png"), aligned)
     assert list(tables(result.stdout)) == ["PSNR, dB", "SSIM", "PSNR within 8 px of depth edges, dB"]
     figures = json.loads((tmp_path / "figures.json").read_text())
     assert figures["scenes"]["still"]["broken"] is None and figures["mean_and_scenes"]["single"]["ssim"][1] == 2

@@ -89,7 +89,7 @@ def find(name, peers={}, program=None):
     kind, colon, variant = str(name).partition(":")
     plain = name[:-len("+ecc")] if name.endswith("+ecc") else name
     if name in peers:
-        return partial(_peer, peers[name])
+        return partial(_peer, peers[name], name.endswith("+ecc"))
     if kind in OWN and (not colon or VARIANTS.fullmatch(variant)):
         return partial(_own, kind, variant, program)
     if plain in BASELINES:
@@ -149,17 +149,20 @@ def _given(name, scene, folder):
 
 
 def peer_command(text):
-    """argparse type: (name, command line) of NAME=COMMAND; {stack} {focus} {rig} {depth} {output} in it are replaced."""
+    """argparse type: (name, command line) of NAME=COMMAND; {stack} {focus} {rig} {depth} {output} in it are replaced.
+
+    The frames are aligned first if NAME ends with +ecc.
+    """
     name, equals, command = text.partition("=")
     if not (name and equals and "{output}" in command) or "," in name:
         raise argparse.ArgumentTypeError(f"'{text}': expected NAME=COMMAND with {{output}} in it")
     return name, command
 
 
-def _peer(command, scene, folder):
+def _peer(command, aligned, scene, folder):
     """Somebody else's program, such as focus-stack or a learned method; without a file for a name, it gets ''."""
     output = Path(folder) / "fused.png"
-    paths = {"stack": _stack(scene, folder), "output": output,
+    paths = {"stack": _aligned_stack(scene, folder) if aligned else _stack(scene, folder), "output": output,
              **{key: scene.beside.get(key, "") for key in ("focus", "rig", "depth")}}
     parts = [part.format(**paths) for part in shlex.split(command)]
     begin = time.perf_counter()
@@ -237,6 +240,15 @@ def _stack(scene, folder):
     for path in scene.sources:
         (linked / path.name).symlink_to(path.absolute())
     return linked
+
+
+def _aligned_stack(scene, folder):
+    """Folder of the aligned frames, as PNG."""
+    made = Path(folder) / "aligned"
+    made.mkdir()
+    for number, frame in enumerate(align(list(scene.frames()))):
+        cv2.imwrite(str(made / f"{number:04d}.png"), frame)
+    return made
 
 
 # --- bounds: they know the truth --------------------------------------------------------------------------------------
