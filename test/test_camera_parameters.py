@@ -51,7 +51,7 @@ def test_a_ring_turned_by_hand_has_no_focus_distances(given):
     given.update(drive="none", step=0)
     assert read_config().drive == "none"
     given["focus_table"] = [{"step": 0, "mm": 500}]
-    with pytest.raises(parameters.ParameterError, match="~drive: none works without ~focus_table and ~home"):
+    with pytest.raises(parameters.ParameterError, match="~drive: none takes neither ~focus_table nor ~home"):
         read_config()
 
 

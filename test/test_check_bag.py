@@ -182,7 +182,7 @@ WARNINGS = {
     "nothing near": (focus([2, 3, 4, 5]), "focus steps", "nothing is sharp between 1 and 1.58 m, where 50 %"),
     "exposure": (changed("/rgb/image", brighter), "exposure", "the light changes by 2. %, most in frame 2"),
     "focus stands": (noisy_copies, "focus change", "all frames are equally sharp"),
-    "a frame twice": (copies, "focus change", "1 times a frame is the one before"),
+    "a frame twice": (copies, "focus change", "1 frame with exactly the pixels of the frame before"),
 }
 
 

@@ -119,7 +119,7 @@ int main(int argc, char** argv) {
   NodeletKeeper keeper(arguments[1], arguments[2]);
   while (!g_end_requested) {
     if (!keeper.isLoaded() && !loadIntoNextManager(keeper)) {
-      ROS_FATAL_STREAM(keeper.manager() << " cannot load " << arguments[1] << ": what it prints tells why");
+      ROS_FATAL_STREAM(keeper.manager() << " cannot load " << arguments[1] << ": its output tells why");
       return 1;
     }
     const ros::WallTime asked = ros::WallTime::now();

@@ -50,7 +50,7 @@ class ReferenceTest(RefinedTest):
             stamp = self.fuse(indices=came)
             self.finish()
             report = self.assert_as_files(stamp, came, reference)
-            self.assert_noted(report, 'frame 2, cannot be had', f'frame {reference} stands in')
+            self.assert_noted(report, 'frame 2, is missing or was rejected', f'frame {reference} takes its place')
             self.assert_noted(report, f'{len(FRAMES) - len(came)} frames never came')
 
     def test_a_new_bracket_ends_one_that_waits_for_its_reference(self):
@@ -66,7 +66,7 @@ class ReferenceTest(RefinedTest):
             stamp = self.fuse(replaced={MIDDLE: broken})
             report = self.assert_as_files(stamp, [0, 1, 3, 4], 1)
             self.assert_noted(report, 'frame 2 rejected', what)
-            self.assert_noted(report, 'frame 1 stands in')
+            self.assert_noted(report, 'frame 1 takes its place')
             self.assertEqual([report.frames_seen, report.frames_rejected], [5, 1])
 
     def test_sliding_takes_the_first_frame(self):

@@ -46,7 +46,7 @@ def read_config():
         names = ", ".join(maker.name for maker in MAKERS)
         raise parameters.ParameterError(f"~maker: '{config.maker}' is not one of {names}")
     if config.drive == NONE and (table or config.home != CURRENT):
-        raise parameters.ParameterError(f"~drive: {NONE} works without ~focus_table and ~home: focus is set by hand")
+        raise parameters.ParameterError(f"~drive: {NONE} takes neither ~focus_table nor ~home: focus is set by hand")
     if config.drive == MOTOR and config.step == 0 and config.count > 1:
         raise parameters.ParameterError(f"~step: 0 would take the same picture {config.count} times")
     return config

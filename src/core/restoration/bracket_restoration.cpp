@@ -209,9 +209,10 @@ void BracketRestoration::dropOne() {
 }
 
 std::string BracketRestoration::missing() const {
-  if (!scene_.camera) return "the pixel pitch is unknown, which the colour camera's calibration would tell";
+  if (!scene_.camera) return "the pixel pitch is unknown: the colour camera's calibration is missing";
   if (held_.size() < kLeastFrames)
-    return focus_unknown_ ? "the focus distances are unknown" : "it takes two frames at different distances";
+    return focus_unknown_ ? "the focus distances are unknown"
+                          : "two frames at different distances are needed";
   if (held_.front().inverse_depth == held_.back().inverse_depth)
     return "all frames are focused at the same distance";
   return "";

@@ -249,8 +249,8 @@ void OpenBracket::used(int index, const Frame& frame) {
   report_.reference = static_cast<std::uint32_t>(index);
   report_.header = frame.image->header;
   if (!is_paper && index != reference_) {
-    note("the reference, frame " + std::to_string(reference_) + ", cannot be had: frame " +
-         std::to_string(index) + " stands in");
+    note("the reference, frame " + std::to_string(reference_) + ", is missing or was rejected: frame " +
+         std::to_string(index) + " takes its place");
   }
 }
 

@@ -45,7 +45,8 @@ def check_images(check, bag, scan, kind):
     sizes = Counter(head.size for head in good)
     if len(sizes) > 1:
         counts = ", ".join(f"{size[0]}x{size[1]}: {number}" for size, number in sizes.most_common())
-        check.warning(f"{name}: sizes differ ({counts}): what is not like the first of a bracket is left out")
+        check.warning(f"{name}: sizes differ ({counts}): frames of another size than the first of their bracket "
+                      "are left out")
     encodings = sorted({head.encoding for head in good})
     for encoding in encodings:
         if encoding.startswith("bayer_"):
@@ -105,8 +106,8 @@ def check_depth_values(check, name, messages, images):
                       "in sunlight?")
     no_reading = (values == NO_READING).mean()
     if encoding != METRES and no_reading > NOTICEABLE:
-        check.warning(f"{name}: {share_text(no_reading)} of the pixels are exactly {NO_READING} mm, what a raw "
-                      f"Kinect stream gives for nothing: --invalid-values [0,{NO_READING}]")
+        check.warning(f"{name}: {share_text(no_reading)} of the pixels are exactly {NO_READING} mm, which means "
+                      f"unknown in a raw Kinect stream: --invalid-values [0,{NO_READING}]")
     if not unit and not NEAR_MM <= middle * 1000 <= FAR_MM:
         check.warning(f"{name}: half of the depths are {'below' if middle < 1 else 'above'} {middle:.3g} m: is the "
                       "unit right (16UC1: mm, 32FC1: m)?")
@@ -200,7 +201,7 @@ def check_focus_change(check, brackets, samples):
     for number, bracket in enumerate(brackets):
         same = sum(a.head.checksum == b.head.checksum for a, b in zip(bracket.frames, bracket.frames[1:]))
         if same:
-            complaints.warning(number, f"{same} times a frame is the one before to the last bit: did the camera "
+            complaints.warning(number, f"{counted(same, 'frame')} with exactly the pixels of the frame before: did the camera "
                                        "take a new picture?")
     for one in samples:
         if len(one.frames) < 2:

@@ -137,8 +137,8 @@ def _check_clocks(check, complain, delays):
                  "correct the stamps")
     elif abs(longest) > ODD_DELAY:
         check.warning(f"images were recorded {duration(abs(longest))} {'after' if longest > 0 else 'before'} their "
-                      "stamps: the bag was recorded from another bag, or the clock of a machine is wrong. It does no "
-                      "harm to this bag; live it would, if tf changes")
+                      "stamps: the bag was recorded from another bag, or the clock of a machine is wrong. This "
+                      "does no harm to the bag; in live use it would, if tf changes")
 
 
 def check_depth_in_time(check, brackets, usable, rules):

@@ -49,8 +49,8 @@ def _check_focus_messages(check, bag, scan, assembled):
         check.warning(f"{len(assembled.stray)} of {len(scan.focus)} messages on {name} have no image of the same "
                       f"stamp, the first of stamp {assembled.stray[0].header.stamp.to_sec():.6f}")
     if assembled.refused:
-        check.warning(f"{counted(len(assembled.refused), 'image')} left out: come twice, too late, or their bracket "
-                      f"began before the recording; the first of stamp {assembled.refused[0].stamp / NS:.6f}")
+        check.warning(f"{counted(len(assembled.refused), 'image')} left out (came twice or too late, or the bracket began "
+                      f"before the recording), the first of stamp {assembled.refused[0].stamp / NS:.6f}")
     per_bracket = PerBracket(check, len(assembled.found))
     for number, bracket in enumerate(assembled.found):
         for text in _inconsistent(bracket):
