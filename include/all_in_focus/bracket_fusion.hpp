@@ -96,8 +96,9 @@ struct AlignedFrame {
 class RefinedFusion;
 class RegionFusion;
 
-/// All-in-focus image of one bracket, frame by frame. Memory does not grow with the number of frames: sums
-/// are kept, not frames. Not thread-safe; buffers are reused from bracket to bracket.
+/// All-in-focus image of one bracket, frame by frame. Memory does not grow with the number of frames: the
+/// mean or the chosen pixels are kept, not the frames. Not thread-safe; buffers are reused from bracket to
+/// bracket.
 ///
 /// Mode paper takes frames in any order. Mode refined takes the reference first, after observing what comes
 /// before it in the bracket (see RefinedFusion).

@@ -5,9 +5,9 @@
 //   load_nodelet PACKAGE/TYPE MANAGER
 // Name, parameters and remappings are those of this node, as with `nodelet load`.
 //
-// `nodelet load` learns of a dead manager by a bond. Up to bondcpp 1.8.6 a bond whose other side dies after
-// its first sign of life stays for ever, one without a sign of life for 10 s. A connection ends with the
-// process.
+// `nodelet load` learns of a dead manager by a bond. Up to bondcpp 1.8.6 a bond stays for ever if its other
+// side dies between its first and its second sign of life, and for 10 s if it dies before the first. A
+// connection ends with the process.
 
 #include <nodelet/NodeletList.h>
 #include <nodelet/NodeletLoad.h>
