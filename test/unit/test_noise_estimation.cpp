@@ -85,18 +85,53 @@ TEST(NoiseSpectrum, BlackAndWhiteHideNone) {
   EXPECT_NEAR(NoiseSpectrum::of(gray).deviation(), 5, 1);
 }
 
-TEST(NoiseSpectrum, TheLeastOfTwoFramesIsTakenLevelByLevel) {
-  const NoiseSpectrum least = NoiseSpectrum::least(NoiseSpectrum({4, 3, 9}), NoiseSpectrum({2, 5, 8}));
-  EXPECT_EQ(least.sharpness(0), 2);
-  EXPECT_EQ(least.sharpness(1), 3);
-  EXPECT_EQ(least.sharpness(2), 8);
-  EXPECT_NEAR(least.sharpness(3), 3.2, 1e-9);
+TEST(NoiseSpectrum, OfACoarseLevelItIsAtLeastAShareOfTheFinerOne) {
+  const NoiseSpectrum noise({2, 3, 8});
+  EXPECT_EQ(noise.sharpness(0), 2);
+  EXPECT_EQ(noise.sharpness(1), 3);
+  EXPECT_EQ(noise.sharpness(2), 8);
+  EXPECT_NEAR(noise.sharpness(3), 3.2, 1e-9);
   EXPECT_EQ(NoiseSpectrum().sharpness(3), 0);
+}
+
+TEST(NoiseSpectrum, TheLeastOfTwoFramesIsTakenLevelByLevel) {
+  const cv::Mat white = noisyPicture(4, 0);
+  cv::Mat correlated;
+  cv::resize(noisyPicture(25, 0)(cv::Rect(0, 0, 160, 120)), correlated, white.size(), 0, 0, cv::INTER_CUBIC);
+  const NoiseSpectrum a = NoiseSpectrum::of(white), b = NoiseSpectrum::of(correlated);
+  ASSERT_LT(b.sharpness(0), a.sharpness(0));
+  ASSERT_LT(a.sharpness(2), b.sharpness(2));
+  for (const NoiseSpectrum& least :
+       {NoiseSpectrum::of(white, correlated), NoiseSpectrum::of(correlated, white)}) {
+    EXPECT_LE(least.sharpness(0), b.sharpness(0));
+    EXPECT_LE(least.sharpness(2), a.sharpness(2));
+  }
+}
+
+// Coarse texture everywhere, which both frames show alike, and noise of their own.
+TEST(NoiseSpectrum, TextureThatTwoFramesShareIsNoNoise) {
+  cv::Mat texture(120, 160, CV_8UC1), frames[2];
+  cv::RNG random(1);
+  random.fill(texture, cv::RNG::UNIFORM, 20, 236);
+  cv::resize(texture, texture, {640, 480}, 0, 0, cv::INTER_CUBIC);
+  for (cv::Mat& frame : frames) {
+    cv::Mat noise(texture.size(), CV_16SC1);
+    random.fill(noise, cv::RNG::NORMAL, 0, 3);
+    cv::add(texture, noise, frame, cv::noArray(), CV_8U);
+  }
+  EXPECT_GT(NoiseSpectrum::of(frames[0]).deviation(), 10);
+  EXPECT_NEAR(NoiseSpectrum::of(frames[0], frames[1]).deviation(), 3, 0.5);
+
+  // Where both are white they do not differ, and that is not counted.
+  for (cv::Mat& frame : frames) frame.colRange(0, 320) = 255;
+  EXPECT_NEAR(NoiseSpectrum::of(frames[0], frames[1]).deviation(), 3, 0.5);
 }
 
 TEST(NoiseSpectrum, SmallImagesHaveNone) {
   EXPECT_EQ(NoiseSpectrum::of(cv::Mat(3, 3, CV_8UC1, cv::Scalar(7))).deviation(), 0);
   EXPECT_EQ(NoiseSpectrum::of(cv::Mat(1, 1, CV_8UC1, cv::Scalar(7))).sharpness(0), 0);
+  const cv::Mat small(3, 3, CV_8UC1, cv::Scalar(7));
+  EXPECT_EQ(NoiseSpectrum::of(small, small).deviation(), 0);
 }
 
 }  // namespace

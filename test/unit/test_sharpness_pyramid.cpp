@@ -55,8 +55,8 @@ cv::Mat naiveProduct(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge) 
   }
   cv::Mat product;
   for (int l = static_cast<int>(levels.size()) - 1; l >= 0; --l) {
-    const double floor =
-        0.75 + std::max(3 * gauge.noise.sharpness(l), 7.5 * std::pow(0.5, l) * gauge.noise.deviation());
+    const double floor = 1.7 * std::pow(0.4, l) + std::max(3 * gauge.noise.sharpness(l),
+                                                           12 * std::pow(0.6, l) * gauge.noise.deviation());
     cv::Mat sharpness = gauge.contrast * smoothedLaplacian(levels[l], l == 0 ? 0.85 : 1.4);
     cv::sqrt(sharpness.mul(sharpness) + floor * floor, sharpness);
     product = product.empty() ? sharpness : sharpness.mul(enlarged(product, levels[l].size()));

@@ -8,7 +8,10 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
-#include <opencv2/imgproc.hpp>
+#include <functional>
+#include <optional>
+
+#include "util/image_rows.hpp"
 
 namespace all_in_focus::core {
 namespace {
@@ -30,7 +33,6 @@ constexpr double kSharpnessOfCorrelated = 1.5;
 constexpr double kMostOfWhite = 2.5;
 constexpr double kLeastOfFiner = 0.4;  // sharpness of a level / sharpness of the finer one
 
-constexpr int kUnit = 256;             // of a gray level, as in SharpnessPyramid
 constexpr int kBlock = 8;              // pixels
 constexpr std::size_t kBlocks = 300;   // fewest that give a tenth percentile
 constexpr double kQuiet = 0.1;         // share of the blocks
@@ -44,37 +46,92 @@ double quietest(std::vector<float>& blocks) {
   return blocks[rank] / kQuietOfMean;
 }
 
-// Means over every block that is neither black nor white, gray levels, of a CV_16UC1 level.
+// visit(x, y) for the first pixel of every block.
+template <typename Visit>
+void forEachBlock(const cv::Mat& level, const Visit& visit) {
+  for (int y = 1; y + kBlock < level.rows; y += kBlock) {
+    for (int x = 1; x + kBlock < level.cols; x += kBlock) visit(x, y);
+  }
+}
+
+int unitOf(const cv::Mat& level) {
+  return level.depth() == CV_8U ? 1 : kGrayUnit;
+}
+
+// By block: whether it is neither nearly black nor nearly white; noise is cut off there.
+std::vector<bool> exposedBlocks(const cv::Mat& level) {
+  std::vector<bool> exposed;
+  const int unit = unitOf(level);
+  forEachBlock(level, [&](int x, int y) {
+    const double mean = cv::mean(level(cv::Rect(x, y, kBlock, kBlock)))[0] / unit;
+    exposed.push_back(mean >= kDark && mean <= kBright);
+  });
+  return exposed;
+}
+
+// Means over every block that counts, gray levels.
 struct Blocks {
   std::vector<float> laplacian;  // modified
   std::vector<float> response;   // to the mask
 
-  explicit Blocks(const cv::Mat& level) {
-    for (int y = 1; y + kBlock < level.rows; y += kBlock) {
-      for (int x = 1; x + kBlock < level.cols; x += kBlock) add(level, x, y);
-    }
-  }
-
- private:
-  void add(const cv::Mat& level, int x, int y) {
-    constexpr int kPixels = kBlock * kBlock * kUnit;
-    int light = 0, laplacians = 0, responses = 0;
-    for (int v = y; v < y + kBlock; ++v) {
-      const auto* north = level.ptr<std::uint16_t>(v - 1);
-      const auto* here = level.ptr<std::uint16_t>(v);
-      const auto* south = level.ptr<std::uint16_t>(v + 1);
-      const auto column = [&](int u) { return north[u] - 2 * here[u] + south[u]; };
-      for (int u = x; u < x + kBlock; ++u) {
-        light += here[u];
-        laplacians += std::abs(column(u)) + std::abs(here[u - 1] - 2 * here[u] + here[u + 1]);
-        responses += std::abs(column(u - 1) - 2 * column(u) + column(u + 1));
+  // unit: of a gray level.
+  template <typename Pixel>
+  void measure(const cv::Mat& level, const std::vector<bool>& counts, double unit) {
+    const auto pixels = static_cast<float>(kBlock * kBlock * unit);
+    auto counted = counts.begin();
+    forEachBlock(level, [&](int x, int y) {
+      if (!*counted++) return;
+      int laplacians = 0, responses = 0;
+      for (int v = y; v < y + kBlock; ++v) {
+        const auto* north = level.ptr<Pixel>(v - 1);
+        const auto* here = level.ptr<Pixel>(v);
+        const auto* south = level.ptr<Pixel>(v + 1);
+        const auto column = [&](int u) { return north[u] - 2 * here[u] + south[u]; };
+        for (int u = x; u < x + kBlock; ++u) {
+          laplacians += std::abs(column(u)) + std::abs(here[u - 1] - 2 * here[u] + here[u + 1]);
+          responses += std::abs(column(u - 1) - 2 * column(u) + column(u + 1));
+        }
       }
-    }
-    if (light < kDark * kPixels || light > kBright * kPixels) return;
-    laplacian.push_back(static_cast<float>(laplacians) / kPixels);
-    response.push_back(static_cast<float>(responses) / kPixels);
+      laplacian.push_back(static_cast<float>(laplacians) / pixels);
+      response.push_back(static_cast<float>(responses) / pixels);
+    });
   }
 };
+
+// Sharpness of the noise of a level; none where too few blocks count.
+std::optional<double> noiseOf(Blocks blocks, bool is_finest) {
+  if (blocks.response.size() < (is_finest ? 1 : kBlocks)) return std::nullopt;
+  const double white = kSharpnessOfWhite * quietest(blocks.response) / (kMeanOfNormal * kMaskNorm);
+  return is_finest ? white : std::min(kMostOfWhite * white, quietest(blocks.laplacian));
+}
+
+std::optional<double> noiseOf(const cv::Mat& level, const std::vector<bool>& counts) {
+  Blocks blocks;
+  const bool is_finest = level.depth() == CV_8U;
+  if (is_finest) {
+    blocks.measure<std::uint8_t>(level, counts, 1);
+  } else {
+    blocks.measure<std::uint16_t>(level, counts, kGrayUnit);
+  }
+  return noiseOf(std::move(blocks), is_finest);
+}
+
+// Of the difference of two frames, divided by the root of 2.
+std::optional<double> noiseOfDifference(const cv::Mat& a, const cv::Mat& b, const std::vector<bool>& counts) {
+  constexpr int kUnit = kGrayUnit / 2;  // 16 bits hold 255 of them, and a sign
+  const double factor = static_cast<double>(kUnit) / unitOf(a);
+  cv::Mat difference;
+  cv::addWeighted(a, factor, b, -factor, 0, difference, CV_16S);
+  Blocks blocks;
+  blocks.measure<std::int16_t>(difference, counts, std::sqrt(2.0) * kUnit);
+  return noiseOf(std::move(blocks), a.depth() == CV_8U);
+}
+
+cv::Mat coarser(const cv::Mat& level) {
+  cv::Mat next;
+  downsample(level, next);
+  return next;
+}
 
 }  // namespace
 
@@ -104,17 +161,25 @@ NoiseSpectrum NoiseSpectrum::white(double deviation) {
 }
 
 NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray) {
-  std::vector<double> measured;
-  cv::Mat level, coarser;
-  gray.convertTo(level, CV_16U, kUnit);
-  for (Blocks blocks(level); blocks.response.size() >= (measured.empty() ? 1 : kBlocks);
-       blocks = Blocks(level)) {
-    const double white = kSharpnessOfWhite * quietest(blocks.response) / (kMeanOfNormal * kMaskNorm);
-    measured.push_back(measured.empty() ? white : std::min(kMostOfWhite * white, quietest(blocks.laplacian)));
-    cv::pyrDown(level, coarser);
-    std::swap(level, coarser);
+  NoiseSpectrum noise;
+  for (cv::Mat level = gray;; level = coarser(level)) {
+    const std::optional<double> found = noiseOf(level, exposedBlocks(level));
+    if (!found) return noise;
+    noise.measured_.push_back(*found);
   }
-  return NoiseSpectrum(std::move(measured));
+}
+
+NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray, const cv::Mat& other) {
+  NoiseSpectrum noise;
+  for (cv::Mat a = gray, b = other;; a = coarser(a), b = coarser(b)) {
+    std::vector<bool> exposed = exposedBlocks(a);
+    const std::vector<bool> exposed_in_b = exposedBlocks(b);
+    const std::optional<double> of_a = noiseOf(a, exposed), of_b = noiseOf(b, exposed_in_b);
+    if (!of_a || !of_b) return noise;
+    std::transform(exposed.begin(), exposed.end(), exposed_in_b.begin(), exposed.begin(),
+                   std::logical_and<>());
+    noise.measured_.push_back(std::min({*of_a, *of_b, noiseOfDifference(a, b, exposed).value_or(*of_a)}));
+  }
 }
 
 double NoiseSpectrum::sharpness(std::size_t level) const {
@@ -129,13 +194,6 @@ double NoiseSpectrum::deviation() const {
   for (std::size_t l = 1; l < measured_.size(); ++l)
     deviation = std::max(deviation, sharpness(l) / kSharpnessOfCorrelated);
   return deviation;
-}
-
-NoiseSpectrum NoiseSpectrum::least(const NoiseSpectrum& a, const NoiseSpectrum& b) {
-  NoiseSpectrum both;
-  const std::size_t levels = std::min(a.measured_.size(), b.measured_.size());
-  for (std::size_t l = 0; l < levels; ++l) both.measured_.push_back(std::min(a.measured_[l], b.measured_[l]));
-  return both;
 }
 
 }  // namespace all_in_focus::core

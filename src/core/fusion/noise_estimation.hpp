@@ -33,15 +33,17 @@ class NoiseSpectrum {
   /// with too few blocks are not measured. gray: CV_8UC1, not empty.
   static NoiseSpectrum of(const cv::Mat& gray);
 
+  /// Of two frames of a bracket: at each level the lowest of both and of their difference, divided by the
+  /// root of 2. Texture that both show alike is no part of the difference, noise is. The frames may differ in
+  /// blur, motion and exposure: that only adds to the difference. gray, other: CV_8UC1 of one size.
+  static NoiseSpectrum of(const cv::Mat& gray, const cv::Mat& other);
+
   /// Mean modified Laplacian at a level: at least 0.4 times that of the finer level, and exactly that where
   /// it was not measured. (White noise has 0.27 times that of the finer level, noise of cameras has more.)
   double sharpness(std::size_t level) const;
 
   /// Standard deviation, gray levels, of a pixel.
   double deviation() const;
-
-  /// The lower of the two at each level: of two frames of a bracket, the one with less texture there.
-  static NoiseSpectrum least(const NoiseSpectrum& a, const NoiseSpectrum& b);
 
  private:
   std::vector<double> measured_;

@@ -40,7 +40,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
   predicted_.release();
   focus_known_ = false;
   noise_ = {};
-  noise_seen_ = false;
+  first_ = -1;
   predicts_ = config.prediction && !scene.depth.empty() && pixel_pitch_mm > 0;
   if (predicts_) {
     prediction_ = DefocusPrediction(config.defocus);
@@ -60,8 +60,10 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
   }
   focus_known_ = focus_known_ || !std::isnan(focus_mm);
   if (config_.alignment) alignment_.observe(gray, index, focus_mm);
-  if (config_.noise && !noise_seen_) noise_ = NoiseSpectrum::of(gray);
-  noise_seen_ = true;
+  if (first_ < 0) {
+    first_ = index;
+    if (config_.noise) gray.copyTo(first_gray_);
+  }
 }
 
 std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm) {
@@ -69,8 +71,9 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   const bool is_reference = reference_ < 0;
   if (is_reference) {
     reference_ = index;
-    // The first frame of a sweep is mostly blurred, and so shows noise where the reference shows texture.
-    if (config_.noise) noise_ = NoiseSpectrum::least(noise_, NoiseSpectrum::of(gray));
+    if (config_.noise)
+      noise_ = first_ == index ? NoiseSpectrum::of(gray) : NoiseSpectrum::of(gray, first_gray_);
+    first_gray_.release();
     mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice});
     exposure_.setReference(frame);
   }

@@ -62,10 +62,10 @@ class RefinedFusion {
   double focal_length_mm_ = 0;  // 0 = unknown
   bool focus_known_ = false;    // of a frame that was observed
   bool predicts_ = false;
-  cv::Mat predicted_;        // CV_8UC1, see SharpnessPyramid::Gauge
-  bool noise_seen_ = false;  // in a frame before the reference
-  NoiseSpectrum noise_;      // of the bracket, as far as it was needed
-  int reference_ = -1;       // index; -1: none yet
+  cv::Mat predicted_;                // CV_8UC1, see SharpnessPyramid::Gauge
+  int first_ = -1, reference_ = -1;  // index of the first frame observed and of the reference; -1: none yet
+  cv::Mat first_gray_;               // until the reference comes: together they show the noise
+  NoiseSpectrum noise_;
   BracketAlignment alignment_;
   ReferenceWarp warp_;
   ExposureMatching exposure_;

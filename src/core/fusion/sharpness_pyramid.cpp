@@ -22,18 +22,20 @@ namespace {
 constexpr double kFinestPx = 0.85, kCoarserPx = 1.4;
 constexpr int kSmallestSide = 12;  // px of the coarsest level
 
-// The floor of a level, gray levels: rounding plus a multiple of the sharpness that noise has. The sharpness
-// of a frame is added to it in quadrature, so that frames count alike where they show only noise.
-constexpr double kRounding = 0.75, kNoiseFloor = 3;
+// The floor of a level, gray levels: a multiple of the sharpness that rounding to 8 bits has, plus one of
+// that of the noise. The sharpness of a frame is added to it in quadrature, so that frames count alike where
+// they show only noise.
+constexpr double kRounding = 1.7, kRoundingOfFiner = 0.4, kNoiseFloor = 3;
 
 // The floor is at least so many standard deviations of the noise, times a factor for every coarser level.
 // Noise that is correlated over pixels (demosaicing, JPEG, enlarging) needs this: the finest levels show
 // little of it, but what they show varies widely.
-constexpr double kDeviations = 7.5, kOfFinerLevel = 0.5;
+constexpr double kDeviations = 12, kOfFinerLevel = 0.6;
 
 double floorOf(const NoiseSpectrum& noise, size_t level) {
-  return kRounding + std::max(kNoiseFloor * noise.sharpness(level),
-                              kDeviations * std::pow(kOfFinerLevel, level) * noise.deviation());
+  return kRounding * std::pow(kRoundingOfFiner, level) +
+         std::max(kNoiseFloor * noise.sharpness(level),
+                  kDeviations * std::pow(kOfFinerLevel, level) * noise.deviation());
 }
 
 // A frame that is sharp anywhere has this modified Laplacian, gray levels above the noise, in its sharpest
@@ -41,7 +43,6 @@ double floorOf(const NoiseSpectrum& noise, size_t level) {
 constexpr double kSharp = 4, kLeastTrust = 0.075;
 constexpr int kTrustWidth = 640;       // px
 constexpr double kNoiseMargin = 1.25;  // frames differ in their noise, and places in a frame
-constexpr int kUnit = 256;             // of a gray level in a coarser level
 
 // Level 1 of a picture of kTrustWidth, and the level of that size in a larger one.
 size_t trustLevel(int width) {
@@ -67,7 +68,7 @@ ALL_IN_FOCUS_SIMD void laplacianInside(const std::uint8_t* north, const std::uin
 
 ALL_IN_FOCUS_SIMD void laplacianInside(const std::uint16_t* north, const std::uint16_t* here,
                                        const std::uint16_t* south, int n, float* __restrict out) {
-  laplacianOf(north, here, south, n, 1.0f / kUnit, out);
+  laplacianOf(north, here, south, n, 1.0f / kGrayUnit, out);
 }
 
 // Row y of the modified Laplacian, gray levels. Beyond its border the picture is continued by its last row or
@@ -138,24 +139,6 @@ void multiplyRow(const cv::Mat& coarser, int y, float contrast, float floor, int
   if (n % 2 == 1) s[n - 1] = aboveFloor(contrast * s[n - 1], squared_floor) * buffer[n / 2];
 }
 
-// Level 1: gray, downsampled in units of 1 / kUnit. A few rows at a time, so that no 16-bit copy of a whole
-// frame is made.
-void downsample(const cv::Mat& gray, cv::Mat& level) {
-  constexpr int kRows = 16;
-  level.create((gray.rows + 1) / 2, (gray.cols + 1) / 2, CV_16UC1);
-  RowStrips({0, level.rows}, stripCount(level.rows)).forEach([&](const cv::Range& strip, int) {
-    cv::Mat codes, downsampled;
-    for (int y = strip.start; y < strip.end; y += kRows) {
-      const cv::Range rows(y, std::min(y + kRows, strip.end));
-      // A row is made of those from two above to two below twice its number.
-      const int top = std::max(2 * rows.start - 2, 0), bottom = std::min(2 * rows.end + 1, gray.rows);
-      gray.rowRange(top, bottom).convertTo(codes, CV_16U, kUnit);
-      cv::pyrDown(codes, downsampled);
-      downsampled.rowRange(rows.start - top / 2, rows.end - top / 2).copyTo(level.rowRange(rows));
-    }
-  });
-}
-
 }  // namespace
 
 void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
@@ -173,8 +156,7 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
     levels_[l].floor = static_cast<float>(floorOf(gauge.noise, l));
   }
   if (count_ == 1) return;
-  downsample(gray, levels_[1].image);
-  for (size_t l = 2; l < count_; ++l) cv::pyrDown(levels_[l - 1].image, levels_[l].image);
+  for (size_t l = 1; l < count_; ++l) downsample(l == 1 ? gray : levels_[l - 1].image, levels_[l].image);
   const size_t trust_level = std::min(count_ - 1, trustLevel(gray.cols));
   for (size_t l = count_ - 1; l > 0; --l) {
     computeProduct(l);
@@ -217,7 +199,7 @@ void SharpnessPyramid::computeProduct(size_t level) {
     for (int y = rows.start; y < rows.end; ++y) {
       float* out = product.ptr<float>(y);
       strip.window_.row(
-          y, [&](int v, float* row) { laplacianRow<std::uint16_t>(image, v, kUnit, row); }, out);
+          y, [&](int v, float* row) { laplacianRow<std::uint16_t>(image, v, kGrayUnit, row); }, out);
       fourth_powers_[y] = sumOfFourthPowers(out, image.cols);
       if (level == texture_level_) scaled(out, contrast_, image.cols, texture_.ptr<float>(y));
       multiplyRow(coarser, y, contrast_, levels_[level].floor, image.cols, strip.coarser_, out);

@@ -14,11 +14,11 @@ namespace all_in_focus::core {
 /// How sharp a frame is at every scale, pixel by pixel:
 ///   product over the levels l of a Gaussian pyramid of  sqrt((contrast s_l)^2 + n_l^2),
 /// s_l the modified Laplacian |I_xx| + |I_yy| (Nayar and Nakagawa 1994) of level l in a Gaussian window, each
-/// level enlarged to the size of the one below it; n_l = 0.75 + the greater of 3 times the sharpness of the
-/// noise there and 7.5 * 0.5^l times its deviation, so that frames which differ by noise alone are about as
-/// sharp. Fine texture is measured at the finest level. The coarser ones measure what is flat there; they
-/// reach farther. They also reach across depth edges, so where depth predicts the blur (`predicted`), the
-/// product of the coarser ones counts by its square root.
+/// level enlarged to the size of the one below it; n_l = 1.7 * 0.4^l + the greater of 3 times the sharpness
+/// of the noise there and 12 * 0.6^l times its deviation, so that frames which differ by noise alone are
+/// about as sharp. Fine texture is measured at the finest level. The coarser ones measure what is flat there;
+/// they reach farther. They also reach across depth edges, so where depth predicts the blur (`predicted`),
+/// the product of the coarser ones counts by its square root.
 ///
 /// With `trust` the product is multiplied by min(1, m / (4 + noise)), m the fourth root of the mean of s_t^4,
 /// less that of the noise: on bare surfaces far from all texture, where no scale tells frames apart, those
@@ -65,7 +65,7 @@ class SharpnessPyramid {
 
  private:
   struct Level {
-    cv::Mat image;    ///< CV_16UC1, 256 times the gray level
+    cv::Mat image;    ///< CV_16UC1, see downsample()
     cv::Mat product;  ///< CV_32FC1, of this level and all coarser ones
     float floor = 0;  ///< n_l
   };

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 
+#include "util/row_strips.hpp"
 #include "util/simd.hpp"
 
 namespace all_in_focus::core {
@@ -45,6 +47,23 @@ ALL_IN_FOCUS_SIMD void interpolateRows(const float* above, const float* below, f
 
 ALL_IN_FOCUS_SIMD void threeTimes(const std::int16_t* values, int n, std::int16_t* __restrict out) {
   for (int i = 0; i < n; ++i) out[3 * i] = out[3 * i + 1] = out[3 * i + 2] = values[i];
+}
+
+void downsample(const cv::Mat& image, cv::Mat& level) {
+  constexpr int kRows = 16;
+  if (image.depth() != CV_8U) return cv::pyrDown(image, level);
+  level.create((image.rows + 1) / 2, (image.cols + 1) / 2, CV_16UC1);
+  RowStrips({0, level.rows}, stripCount(level.rows)).forEach([&](const cv::Range& strip, int) {
+    cv::Mat units, downsampled;
+    for (int y = strip.start; y < strip.end; y += kRows) {
+      const cv::Range rows(y, std::min(y + kRows, strip.end));
+      // A row is made of those from two above to two below twice its number.
+      const int top = std::max(2 * rows.start - 2, 0), bottom = std::min(2 * rows.end + 1, image.rows);
+      image.rowRange(top, bottom).convertTo(units, CV_16U, kGrayUnit);
+      cv::pyrDown(units, downsampled);
+      downsampled.rowRange(rows.start - top / 2, rows.end - top / 2).copyTo(level.rowRange(rows));
+    }
+  });
 }
 
 void GaussianRows::begin(const cv::Size& size, double sigma) {

@@ -17,6 +17,14 @@ namespace all_in_focus::core {
 /// Writes each of n values three times: one for each channel of a pixel.
 void threeTimes(const std::int16_t* values, int n, std::int16_t* out);
 
+/// Units of a gray level in a downsampled image.
+constexpr int kGrayUnit = 256;
+
+/// The next level of a Gaussian pyramid. image: CV_8UC1 gray levels, or CV_16UC1 in units of 1 / kGrayUnit;
+/// level: another image, CV_16UC1 in these units. Gray levels are taken a few rows at a time, so that no
+/// 16-bit copy of a whole frame is made.
+void downsample(const cv::Mat& image, cv::Mat& level);
+
 /// Holds the last rows of an image: row y lies in line y modulo the number of lines.
 template <typename Value>
 class LineBuffer {
