@@ -8,7 +8,7 @@
 
 #include "all_in_focus/bracket_fusion.hpp"
 #include "all_in_focus/drawing.hpp"
-#include "fusion/focus_measure.hpp"
+#include "fusion/region_fusion.hpp"
 
 using namespace all_in_focus::core;
 

@@ -7,9 +7,19 @@
 #include <vector>
 
 #include "all_in_focus/bracket_fusion.hpp"
-#include "fusion/focus_measure.hpp"
 
 namespace all_in_focus::core {
+
+/// Sums over the gray pixels of one region in one frame.
+struct GraySums {
+  std::uint64_t n = 0;
+  std::uint64_t sum = 0;
+  std::uint64_t sum_of_squares = 0;
+};
+
+/// Focus measure of a region: NV = 1 / (n mu) * sum (I - mu)^2, mu the mean gray value. 0 for an empty or
+/// black one.
+double normalizedVariance(const GraySums& sums);
 
 /// The paper's fusion (section 2.3): in every region the frame with the greatest normalised variance wins,
 /// its pixels are copied. The first of equal frames wins. Label 0, if there, is one region more.
