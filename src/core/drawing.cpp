@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "fusion/region_fusion.hpp"
+#include "all_in_focus/bracket_fusion.hpp"
 
 namespace all_in_focus::core {
 namespace {

@@ -6,8 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "fusion/refined_fusion.hpp"
-#include "fusion/region_fusion.hpp"
+#include "all_in_focus/bracket_fusion.hpp"
 
 namespace all_in_focus::core {
 
