@@ -13,8 +13,8 @@
 #include "guarded_depth.hpp"
 #include "restoration/disc_blur.hpp"
 #include "restoration/image_formation.hpp"
-#include "restoration/light.hpp"
 #include "restoration/semi_global_matching.hpp"
+#include "util/srgb.hpp"
 
 using namespace all_in_focus::core;
 

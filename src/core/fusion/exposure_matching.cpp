@@ -9,6 +9,8 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "util/srgb.hpp"
+
 namespace all_in_focus::core {
 namespace {
 
@@ -24,22 +26,12 @@ constexpr double kLargestGain = 2;
 constexpr double kSignificance = 4;    // standard deviations
 constexpr double kNoticeable = 0.002;  // a quarter of a code
 
-// sRGB, code 0..255 <-> linear light 0..1.
-double toLight(double code) {
-  const double v = code / 255;
-  return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
-}
-
-double toCode(double light) {
-  return 255 * (light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - 0.055);
-}
-
 // Codes from kClipped on get so much light that their block counts as too bright.
 const std::array<float, 256>& lightOfCode() {
   static const std::array<float, 256> table = [] {
     std::array<float, 256> light;
     light.fill(1e6f);
-    for (int code = 0; code < kClipped; ++code) light[code] = static_cast<float>(toLight(code));
+    for (int code = 0; code < kClipped; ++code) light[code] = static_cast<float>(lightOf(code));
     return light;
   }();
   return table;
@@ -142,7 +134,7 @@ double ExposureMatching::gain(const cv::Mat& frame) {
 std::array<float, 256> gainLut(double gain) {
   std::array<float, 256> table;
   for (int code = 0; code < 256; ++code) {
-    const double shown = gain == 1 ? code : toCode(gain * toLight(code));  // exactly itself
+    const double shown = gain == 1 ? code : codeOf(gain * lightOf(code));  // exactly itself
     table[code] = static_cast<float>(std::min(255.0, shown));
   }
   return table;

@@ -6,8 +6,8 @@
 #include <algorithm>
 
 #include "restoration/disc_blur.hpp"
-#include "restoration/light.hpp"
 #include "restoration/observed_bracket.hpp"
+#include "util/srgb.hpp"
 
 namespace all_in_focus::core {
 namespace {

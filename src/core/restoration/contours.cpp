@@ -8,8 +8,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "restoration/light.hpp"
 #include "util/row_strips.hpp"
+#include "util/srgb.hpp"
 
 namespace all_in_focus::core {
 namespace {

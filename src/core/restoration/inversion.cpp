@@ -14,8 +14,8 @@
 #include <optional>
 #include <utility>
 
-#include "restoration/light.hpp"
 #include "util/row_strips.hpp"
+#include "util/srgb.hpp"
 
 namespace all_in_focus::core {
 namespace {

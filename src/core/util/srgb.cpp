@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include "restoration/light.hpp"
+#include "util/srgb.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +12,8 @@ namespace {
 constexpr double kLinearLight = 0.0031308;  // up to there the curve is a straight line
 constexpr double kLinearSlope = 12.92;
 
+}  // namespace
+
 double codeOf(double light) {
   return 255 * (light <= kLinearLight ? kLinearSlope * light : 1.055 * std::pow(light, 1 / 2.4) - 0.055);
 }
@@ -20,8 +22,6 @@ double lightOf(double code) {
   const double v = code / 255;
   return v <= kLinearSlope * kLinearLight ? v / kLinearSlope : std::pow((v + 0.055) / 1.055, 2.4);
 }
-
-}  // namespace
 
 LightCurve::LightCurve() {
   for (int code = 0; code < 256; ++code) {

@@ -7,6 +7,10 @@
 namespace all_in_focus::core {
 
 /// sRGB: 8-bit codes (0..255, fractions allowed) and the linear light (0..1) that they stand for.
+double lightOf(double code);
+double codeOf(double light);
+
+/// The same from tables.
 class LightCurve {
  public:
   static const LightCurve& get();
