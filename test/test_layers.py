@@ -124,11 +124,9 @@ def test_python_rooms_use_only_those_above_them():
 
 
 def cpp_rooms():
-    """{file: room} of the C++ files of src/ and include/. A public header belongs to the room of its source file, or
-    to the room whose name it has."""
+    """{file: room} of the C++ files of src/ and include/. A public header belongs to the room of its source file."""
     rooms = {path: str(path.parent.relative_to(ROOT / 'src')) for path in (ROOT / 'src').rglob('*.[ch]pp')}
     of_source = {path.stem: room for path, room in rooms.items() if path.suffix == '.cpp' and room.startswith('core')}
-    of_source.update({room.split('/')[1]: room for room in CPP_ROOMS if room.startswith('core/')})
     rooms.update({path: of_source.get(path.stem, 'core') for path in (ROOT / 'include').rglob('*.hpp')})
     return rooms
 

@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
+#include "all_in_focus/restoration.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,7 +12,6 @@
 #include <stdexcept>
 
 #include "all_in_focus/depth_registration.hpp"
-#include "all_in_focus/restoration.hpp"
 #include "fusion/noise_estimation.hpp"
 #include "restoration/blur_scale.hpp"
 #include "restoration/blurred_pictures.hpp"
