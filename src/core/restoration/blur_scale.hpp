@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "restoration/blurred_pictures.hpp"
+#include "restoration/disc_blur.hpp"
 #include "restoration/observed_bracket.hpp"
 
 namespace all_in_focus::core {

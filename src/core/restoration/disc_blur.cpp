@@ -5,14 +5,25 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include "restoration/observed_bracket.hpp"
 #include "util/row_strips.hpp"
 #include "util/simd.hpp"
+#include "util/srgb.hpp"
 
 namespace all_in_focus::core {
 namespace {
 
 constexpr int kSamples = 16;            // along each axis of a pixel that the rim of a disc crosses
 constexpr float kSmallKernelPx = 2.6f;  // up to there plain convolution is quicker
+
+// Radii of BlurredPictures.
+constexpr float kFineStep = 0.25f, kCoarseStep = 0.5f;  // px
+constexpr int kFineSteps = 16;                          // then coarse: wide discs differ less
+constexpr float kFineEnd = kFineSteps * kFineStep;
+
+float radiusOf(int index) {
+  return index <= kFineSteps ? kFineStep * index : kFineEnd + kCoarseStep * (index - kFineSteps);
+}
 
 // Share of pixel (dx, dy) that a disc of this radius about (0, 0) covers.
 double coverage(double radius, int dx, int dy) {
@@ -146,6 +157,30 @@ void blurByDisc(const cv::Mat& image, float radius, cv::Mat& out) {
           kernels.shares(index)[DiscKernels::kSide * std::abs(dy) + std::abs(dx)];
   }
   cv::filter2D(image, out, -1, kernel, {-1, -1}, 0, cv::BORDER_REFLECT_101);
+}
+
+BlurredPictures::BlurredPictures(const cv::Mat3f& light, double largest) {
+  const LightCurve& curve = LightCurve::get();
+  cv::Mat blurred;
+  for (int i = 0;; ++i) {
+    const float radius = radiusOf(i);
+    if (radius > DiscKernels::kLargestPx || (i > 0 && radius > largest + kCoarseStep / 2)) break;
+    blurByDisc(light, radius, blurred);
+    cv::Mat3s codes(light.size());
+    forEachRow(light.rows, [&](int y) {
+      const float* from = blurred.ptr<float>(y);
+      short* to = codes.ptr<short>(y);
+      for (int k = 0; k < 3 * light.cols; ++k)
+        to[k] = static_cast<short>(kCodeScale * curve.code(from[k]) + 0.5f);
+    });
+    codes_.push_back(codes);
+  }
+}
+
+const cv::Mat3s& BlurredPictures::at(float radius) const {
+  const float place =
+      radius <= kFineEnd ? radius / kFineStep : kFineSteps + (radius - kFineEnd) / kCoarseStep;
+  return codes_[std::min(static_cast<size_t>(place + 0.5f), codes_.size() - 1)];
 }
 
 }  // namespace all_in_focus::core

@@ -56,4 +56,17 @@ class DiscKernels {
 /// image: CV_32FC3; out is not image. radius <= DiscKernels::kLargestPx.
 void blurByDisc(const cv::Mat& image, float radius, cv::Mat& out);
 
+/// A sharp picture as it looks at every amount of defocus: blurred by discs of growing radius.
+class BlurredPictures {
+ public:
+  /// light: linear light; largest: radius in px, cut at DiscKernels::kLargestPx.
+  BlurredPictures(const cv::Mat3f& light, double largest);
+
+  /// Codes times kCodeScale, of the radius nearest to this one.
+  const cv::Mat3s& at(float radius) const;
+
+ private:
+  std::vector<cv::Mat3s> codes_;
+};
+
 }  // namespace all_in_focus::core

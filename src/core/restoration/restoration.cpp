@@ -14,7 +14,6 @@
 #include "all_in_focus/depth_registration.hpp"
 #include "fusion/noise_estimation.hpp"
 #include "restoration/blur_scale.hpp"
-#include "restoration/blurred_pictures.hpp"
 #include "restoration/bracket_depth.hpp"
 #include "restoration/contours.hpp"
 #include "restoration/image_formation.hpp"
