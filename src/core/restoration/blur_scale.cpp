@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "util/row_strips.hpp"
@@ -33,13 +32,6 @@ float squaredError(const cv::Vec3s& a, const cv::Vec3s& b) {
 }
 
 }  // namespace
-
-cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket) {
-  cv::Mat1b doubt = jumps(bracket.measured, bracket.gap(kJumpPx)) | (bracket.measured == 0);
-  cv::Mat1f distance;
-  cv::distanceTransform(255 - doubt, distance, cv::DIST_L2, 3);
-  return distance;
-}
 
 BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures& pictures) {
   struct Sums {

@@ -29,7 +29,4 @@ double lowest(const Cost* costs, int count) {
   return curvature > 0 ? i + (costs[i - 1] - costs[i + 1]) / (2 * curvature) : i;
 }
 
-/// Distance, px, of each pixel from the nearest hole or jump of the measured depth: CV_32FC1.
-cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket);
-
 }  // namespace all_in_focus::core

@@ -208,19 +208,17 @@ class Contours {
   // Of a jump between a pixel and its right or lower neighbour: less at a colour edge.
   void findJumpCosts(float stiffness) {
     for (cv::Mat1f* costs : {&right_, &below_}) costs->create(inverse_depth_.size());
-    cv::parallel_for_({0, inverse_depth_.rows}, [&](const cv::Range& rows) {
-      for (int y = rows.start; y < rows.end; ++y) {
-        for (int x = 0; x < inverse_depth_.cols; ++x) {
-          const cv::Vec3b& here = bracket_.fused(y, x);
-          const auto cost = [&](const cv::Vec3b& other) {
-            float squared = 0;
-            for (int c = 0; c < 3; ++c)
-              squared += static_cast<float>((here[c] - other[c]) * (here[c] - other[c])) / 3;
-            return stiffness * kJumpWeight * (std::exp(-squared / kColorStep) + kLeastJump);
-          };
-          if (x + 1 < inverse_depth_.cols) right_(y, x) = cost(bracket_.fused(y, x + 1));
-          if (y + 1 < inverse_depth_.rows) below_(y, x) = cost(bracket_.fused(y + 1, x));
-        }
+    forEachRow(inverse_depth_.rows, [&](int y) {
+      for (int x = 0; x < inverse_depth_.cols; ++x) {
+        const cv::Vec3b& here = bracket_.fused(y, x);
+        const auto cost = [&](const cv::Vec3b& other) {
+          float squared = 0;
+          for (int c = 0; c < 3; ++c)
+            squared += static_cast<float>((here[c] - other[c]) * (here[c] - other[c])) / 3;
+          return stiffness * kJumpWeight * (std::exp(-squared / kColorStep) + kLeastJump);
+        };
+        if (x + 1 < inverse_depth_.cols) right_(y, x) = cost(bracket_.fused(y, x + 1));
+        if (y + 1 < inverse_depth_.rows) below_(y, x) = cost(bracket_.fused(y + 1, x));
       }
     });
   }

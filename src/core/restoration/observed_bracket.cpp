@@ -40,6 +40,13 @@ cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap) {
   return found;
 }
 
+cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket) {
+  cv::Mat1b doubt = jumps(bracket.measured, bracket.gap(kJumpPx)) | (bracket.measured == 0);
+  cv::Mat1f distance;
+  cv::distanceTransform(255 - doubt, distance, cv::DIST_L2, 3);
+  return distance;
+}
+
 void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, cv::Mat3s& codes) {
   const LightCurve& curve = LightCurve::get();
   cv::Mat3f own = linearLight(frame);
@@ -55,14 +62,12 @@ void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, cv::Mat
   }
   cv::resize(ratio, ratio, own.size(), 0, 0, cv::INTER_LINEAR);
   codes.create(own.size());
-  cv::parallel_for_({0, own.rows}, [&](const cv::Range& rows) {
-    for (int y = rows.start; y < rows.end; ++y) {
-      const float* from = own.ptr<float>(y);
-      const float* times = ratio.ptr<float>(y);
-      short* to = codes.ptr<short>(y);
-      for (int i = 0; i < 3 * own.cols; ++i)
-        to[i] = static_cast<short>(kCodeScale * curve.code(from[i] * times[i]) + 0.5f);
-    }
+  forEachRow(own.rows, [&](int y) {
+    const float* from = own.ptr<float>(y);
+    const float* times = ratio.ptr<float>(y);
+    short* to = codes.ptr<short>(y);
+    for (int i = 0; i < 3 * own.cols; ++i)
+      to[i] = static_cast<short>(kCodeScale * curve.code(from[i] * times[i]) + 0.5f);
   });
 }
 

@@ -39,6 +39,9 @@ constexpr double kJumpPx = 0.35;  ///< neighbours that differ by more do not lie
 /// CV_8UC1, 255 at both pixels of every pair of neighbours whose inverse depth differs by more than a gap.
 cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap);
 
+/// Distance, px, of each pixel from the nearest hole or jump of the measured depth.
+cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket);
+
 /// Brings a frame to the local exposure of the fused picture, which vignetting and flickering light change:
 /// light times the ratio of the wide means of both, 0.8..1.25. frame: CV_8UC3; gain: in linear light.
 void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, cv::Mat3s& codes);
