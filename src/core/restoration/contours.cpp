@@ -261,16 +261,17 @@ class Contours {
 
 }  // namespace
 
-void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
+bool moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
                   cv::Mat1f& inverse_depth, float stiffness, const std::function<bool(double)>& proceed) {
   Contours contours(bracket, formation, inverse_depth, stiffness);
   for (int i = 0; i < kSweeps; ++i) {
-    if (!proceed(static_cast<double>(i) / kSweeps)) return;
+    if (!proceed(static_cast<double>(i) / kSweeps)) return false;
     const int moved = contours.sweep(0);  // the second sweep sees what the first one moved
     if (contours.sweep(1) + moved == 0) break;
     if (i % kSweepsPerUpdate == kSweepsPerUpdate - 1) updateAll(formation);
   }
   updateAll(formation);
+  return true;
 }
 
 }  // namespace all_in_focus::core

@@ -15,8 +15,8 @@ namespace all_in_focus::core {
 /// inverse depth if the two frames that should be sharpest there are then predicted better, and the jump lies
 /// at a colour edge. inverse_depth: in place, shared by `formation` (one for each frame). stiffness: factor
 /// on what jumps cost. Stiff contours go to colour edges, even where the near object's rim is denser than the
-/// lens makes it; looser ones (1) follow what is thin. proceed: called now and then; false = stop.
-void moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
+/// lens makes it; looser ones (1) follow what is thin. False when proceed said stop.
+bool moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
                   cv::Mat1f& inverse_depth, float stiffness, const std::function<bool(double)>& proceed);
 
 }  // namespace all_in_focus::core

@@ -303,12 +303,8 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   cv::Mat3f sum = cv::Mat3f::zeros(given.size());
   double from = 0.4;
   for (const Round& round : kRounds) {
-    bool stopped = false;
-    moveContours(bracket, formation, inverse_depth, round.stiffness, [&](double done) {
-      stopped = !proceed(from + 0.15 * done);
-      return !stopped;
-    });
-    if (stopped) return std::nullopt;
+    if (!moveContours(bracket, formation, inverse_depth, round.stiffness, part(from, from + 0.15)))
+      return std::nullopt;
     const std::optional<cv::Mat3f> z =
         correction(bracket, formation, inverse_depth, round.correction, part(from + 0.15, from + 0.3));
     if (!z) return std::nullopt;
