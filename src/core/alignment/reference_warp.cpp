@@ -15,7 +15,7 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kTaps = ReferenceWarp::kTaps;
+constexpr int kTaps = 6;
 constexpr int kChannels = 3;
 constexpr int kBorder = 3 + kTaps;  // pixels that taps may lie beyond a border
 constexpr int kDegree = 6;          // of the polynomials for the kernel: right to 5e-5

@@ -23,8 +23,6 @@ namespace all_in_focus::core {
 /// Computes in 16-bit integers, which is right to a few hundredths of a gray level before the last rounding.
 class ReferenceWarp {
  public:
-  static constexpr int kTaps = 6;
-
   /// frame: CV_8UC3, else std::invalid_argument; not shared with out. transform: from the reference to the
   /// frame; its angle less than a radian, or the picture is too coarse.
   void compute(const cv::Mat& frame, const SimilarityTransform& transform, const cv::Point2d& center,
@@ -37,8 +35,7 @@ class ReferenceWarp {
     std::vector<float> fraction;        ///< of the position, behind the third tap
     std::vector<std::int16_t> single;   ///< by tap, position; times 2^15
     std::vector<std::int16_t> weights;  ///< by tap, position, channel
-    std::vector<int>
-        ends;  ///< of runs of positions whose first taps are neighbours: one loop serves them all
+    std::vector<int> ends;  ///< of runs of positions whose first taps lie side by side: one loop each
 
     /// Positions begin, begin + step, ..., where pixels 0..length-1 are. channels: 1 or 3.
     void prepare(double begin, double step, int count, int length, int channels);

@@ -52,7 +52,7 @@ inline std::int16_t step(const std::int16_t* cost, const std::int16_t* before, s
   return found;
 }
 
-// A row of one path. x: from, to, step; shift: column of the pixel before relative to this one.
+// A row of one path. shift: column of the pixel before relative to this one.
 ALL_IN_FOCUS_SIMD void walkRow(const std::int16_t* costs, PathRow& before, int shift, PathRow& path,
                                const std::int16_t* jump, std::int16_t small_step, int cols, int levels,
                                bool backwards, std::int16_t* sums) {
@@ -91,11 +91,10 @@ class JumpCosts {
 };
 
 // The four paths that come from above, or, with everything mirrored, from below.
-void walk(const CostVolume& costs, const cv::Mat3b& picture, const JumpCosts& jumps, int small_step, bool up,
-          CostVolume& sums) {
+void walk(const CostVolume& costs, const cv::Mat3b& picture, const JumpCosts& jumps, std::int16_t small_step,
+          bool up, CostVolume& sums) {
   const int cols = costs.size.width, rows = costs.size.height;
   const int back = up ? 1 : -1;  // rows and columns of the pixel before lie there
-  const std::array<int, 3> shifts = {-1, 0, 1};
   std::vector<PathRow> above, path;
   for (int i = 0; i < 3; ++i) {
     above.emplace_back(cols, costs.levels);
@@ -108,12 +107,11 @@ void walk(const CostVolume& costs, const cv::Mat3b& picture, const JumpCosts& ju
     std::int16_t* sum = sums.at(y, 0);
     std::fill_n(sum, static_cast<size_t>(cols) * costs.levels, std::int16_t{0});
     jumps.row(picture, y, back, 0, jump.data());
-    walkRow(costs.at(y, 0), along, back, along, jump.data(), static_cast<std::int16_t>(small_step), cols,
-            costs.levels, up, sum);
+    walkRow(costs.at(y, 0), along, back, along, jump.data(), small_step, cols, costs.levels, up, sum);
     for (int k = 0; k < 3; ++k) {
-      jumps.row(picture, y, shifts[k], back, jump.data());
-      walkRow(costs.at(y, 0), above[k], shifts[k], path[k], jump.data(),
-              static_cast<std::int16_t>(small_step), cols, costs.levels, false, sum);
+      jumps.row(picture, y, k - 1, back, jump.data());
+      walkRow(costs.at(y, 0), above[k], k - 1, path[k], jump.data(), small_step, cols, costs.levels, false,
+              sum);
     }
     std::swap(above, path);
   }
@@ -126,7 +124,8 @@ CostVolume aggregateAlongPaths(const CostVolume& costs, const cv::Mat3b& picture
   std::array<CostVolume, 2> sums = {CostVolume(costs.size, costs.levels),
                                     CostVolume(costs.size, costs.levels)};
   cv::parallel_for_({0, 2}, [&](const cv::Range& halves) {
-    for (int i = halves.start; i < halves.end; ++i) walk(costs, picture, jumps, small_step, i == 1, sums[i]);
+    for (int i = halves.start; i < halves.end; ++i)
+      walk(costs, picture, jumps, static_cast<std::int16_t>(small_step), i == 1, sums[i]);
   });
   sums[0].costs += sums[1].costs;
   return sums[0];

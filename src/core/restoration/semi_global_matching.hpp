@@ -9,7 +9,6 @@ namespace all_in_focus::core {
 
 /// Cost of every level (last index) of every pixel.
 struct CostVolume {
-  CostVolume() = default;
   CostVolume(const cv::Size& picture, int level_count)
       : size(picture), levels(level_count), costs(picture.height, picture.width * level_count) {}
 
@@ -19,7 +18,7 @@ struct CostVolume {
   }
 
   cv::Size size;
-  int levels = 0;
+  int levels;
   cv::Mat1s costs;
 };
 
