@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "fusion/defocus_prediction.hpp"
@@ -30,12 +31,19 @@ cv::Mat step(int near_mm, int far_mm, const cv::Size& size = kSize) {
   return depth;
 }
 
+// Of the size of the frames, as RefinedFusion reads it.
+cv::Mat errorOf(DefocusPrediction& prediction, double focus_mm, const cv::Size& size = kSize) {
+  cv::Mat coarse, error;
+  prediction.compute(focus_mm, coarse);
+  cv::resize(coarse, error, size, 0, 0, cv::INTER_LINEAR);
+  return error;
+}
+
 cv::Mat predict(const cv::Mat& depth, double focus_mm, const cv::Mat& measured = {},
                 const DefocusConfig& config = {}, const cv::Size& size = kSize, double pitch = kPitch) {
   DefocusPrediction prediction(config);
   prediction.begin(depth, measured, size, kOptics, pitch);
-  cv::Mat error;
-  prediction.compute(focus_mm, error);
+  const cv::Mat error = errorOf(prediction, focus_mm, size);
   EXPECT_EQ(error.type(), CV_32FC1);
   EXPECT_EQ(error.size(), size);
   return error;
@@ -180,11 +188,13 @@ TEST(DefocusPrediction, FramesMayHaveAnySize) {
 
 TEST(DefocusPrediction, CanBeginAnew) {
   DefocusPrediction prediction;
-  cv::Mat error;
   prediction.begin(step(1000, 3000), step(0, 3000), kSize, kOptics, kPitch);
-  prediction.compute(1000, error);
+  errorOf(prediction, 1000);
   prediction.begin(uniform(2000, {20, 10}), {}, {50, 25}, kOptics, 2 * kPitch);
-  prediction.compute(3000, error);
+  cv::Mat coarse;
+  prediction.compute(3000, coarse);
+  EXPECT_EQ(coarse.size(), cv::Size(17, 9));  // cells of three pixels
+  const cv::Mat error = errorOf(prediction, 3000, {50, 25});
   EXPECT_EQ(error.size(), cv::Size(50, 25));
   expectEverywhere(error, expected(2000, 3000, 2 * kPitch));
 }
@@ -213,17 +223,15 @@ TEST(DefocusPrediction, RefusesWhatItCannotUse) {
 TEST(DefocusPrediction, BareSurfacesErrLessThanTexturedOnes) {
   DefocusPrediction prediction;
   prediction.begin(uniform(2000), {}, kSize, kOptics, kPitch);
-  cv::Mat texture(30, 50, CV_32FC1, cv::Scalar(2)), error;
+  cv::Mat texture(30, 50, CV_32FC1, cv::Scalar(2));
   texture.colRange(0, 25) = 100;
   prediction.addTexture(texture, 1.6);  // noise that explains all of the bare side
-  prediction.compute(1500, error);
+  const cv::Mat error = errorOf(prediction, 1500);
   expectEverywhere(error.colRange(0, 40), expected(2000, 1500));
   expectEverywhere(error.colRange(60, 100), expected(2000, 1500) / 4);  // a Laplacian of 18, not 36
   // What one frame has shown, later ones that are blurred do not take back.
   prediction.addTexture(cv::Mat(30, 50, CV_32FC1, cv::Scalar(0)), 0);
-  cv::Mat later;
-  prediction.compute(1500, later);
-  EXPECT_EQ(cv::norm(error, later, cv::NORM_INF), 0);
+  EXPECT_EQ(cv::norm(error, errorOf(prediction, 1500), cv::NORM_INF), 0);
 }
 
 TEST(DefocusPrediction, TextureIsLookedForAtTheScaleOfTheSensor) {

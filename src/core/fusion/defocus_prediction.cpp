@@ -51,7 +51,6 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
   validate(optics);
   optics_ = optics;
   pixel_pitch_mm_ = pixel_pitch_mm;
-  size_ = size;
 
   const double columns = std::max(1.0, size.width / kSensorColumns);
   texture_level_ = 1 + static_cast<std::size_t>(std::lround(std::log2(columns)));
@@ -122,11 +121,6 @@ cv::Mat DefocusPrediction::known(const cv::Size& size) const {
 }
 
 void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
-  computeCoarse(focus_mm, coarse_);
-  cv::resize(coarse_, squared_error, size_, 0, 0, cv::INTER_LINEAR);
-}
-
-void DefocusPrediction::computeCoarse(double focus_mm, cv::Mat& squared_error) {
   if (focus_mm <= optics_.focal_length_mm) {
     throw std::invalid_argument(
         cv::format("defocus: focus distance %g mm is not beyond the focal length, %g mm", focus_mm,

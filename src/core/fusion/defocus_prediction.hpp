@@ -40,18 +40,15 @@ class DefocusPrediction {
   /// Where depth predicts the blur: CV_8UC1 of that size, 255 or 0.
   cv::Mat known(const cv::Size& size) const;
 
-  /// squared_error: CV_32FC1 of the frames' size. The same for all frames where depth is unknown, and for a
-  /// frame whose focus_mm is NaN. focus_mm may be infinite; throws std::invalid_argument unless beyond f.
+  /// squared_error: CV_32FC1, on a grid about as coarse as edges are uncertain; upsample it linearly to the
+  /// size of the frames. The same for all frames where depth is unknown, and for a frame whose focus_mm is
+  /// NaN. focus_mm may be infinite; throws std::invalid_argument unless beyond f.
   void compute(double focus_mm, cv::Mat& squared_error);
-
-  /// The same on a grid about as coarse as edges are uncertain: enlarged linearly it is what compute() gives.
-  void computeCoarse(double focus_mm, cv::Mat& squared_error);
 
  private:
   DefocusConfig config_;
   Optics optics_;
   double pixel_pitch_mm_ = 0;
-  cv::Size size_;
   double edge_error_px_ = 0;  // on the grid
   std::size_t texture_level_ = 1;
 
@@ -62,7 +59,7 @@ class DefocusPrediction {
   cv::Mat known_;      // CV_32FC1, 1 / share of known depth under the Gaussian; 0 where there is none
   cv::Mat laplacian_;  // CV_32FC1, largest so far above the noise; empty: not known
   std::vector<float> error_of_level_;
-  cv::Mat error_, coarse_, texture_;
+  cv::Mat error_, texture_;
 };
 
 }  // namespace all_in_focus::core

@@ -106,7 +106,7 @@ void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const 
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
       prediction_.addTexture(texture, noise_.sharpness(prediction_.textureLevel()));
-    prediction_.computeCoarse(focus_mm, squared_error_);
+    prediction_.compute(focus_mm, squared_error_);
     for (Strip& strip : strips_) strip.squared_error.begin(squared_error_.size(), size_);
   }
   mean_.beginFrame(index, lut);
