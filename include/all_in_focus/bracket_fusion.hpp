@@ -23,6 +23,11 @@ enum class Mode {
   kRestored,  ///< refined; then BracketRestoration removes the blur beside occlusions
 };
 
+/// Its name for people: paper, refined, restored.
+const char* name(Mode mode);
+/// The mode of that name. Throws std::invalid_argument.
+Mode parseMode(const std::string& text);
+
 /// What is known about a scene before the first frame of its bracket. Every member may be missing.
 struct BracketScene {
   cv::Mat labels;    ///< CV_32SC1, >= 0, any size; empty = none

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 namespace all_in_focus::core {
 
@@ -60,6 +61,11 @@ enum class DofSpan {
   kPaper,  ///< 1/H: the lens is focused on one end of the region (the rule as printed)
   kFull,   ///< 2/H: the lens is focused in the dioptric middle of the region
 };
+
+/// Its name for people: paper, full.
+const char* name(DofSpan span);
+/// The span of that name. Throws std::invalid_argument.
+DofSpan parseDofSpan(const std::string& text);
 
 /// The DoF rule: max - min < MaxDoF.
 ///

@@ -250,7 +250,7 @@ void DepthPreprocessNodelet::process(const sensor_msgs::ImageConstPtr& message) 
   const Rig rig = currentRig();
   requireSize(depth, rig.depth, topic, monitor_->resolved(depth_info_input_));
   if (!preprocessing_ || !(preprocessing_->rig() == rig) || preprocessing_mode_ != config_.mode) {
-    preprocessing_ = std::make_unique<DepthPreprocessing>(rig, toMode(config_.mode));
+    preprocessing_ = std::make_unique<DepthPreprocessing>(rig, parseMode(config_.mode));
     preprocessing_mode_ = config_.mode;
   }
   registerAndPublish(message->header, depth);

@@ -87,11 +87,11 @@ void SegmenterNodelet::onInit() {
 
 void SegmenterNodelet::readMode() {
   try {
-    mode_ = toMode(getPrivateNodeHandle().param("mode", std::string(toString(mode_))));
+    mode_ = parseMode(getPrivateNodeHandle().param("mode", std::string(name(mode_))));
   } catch (const std::invalid_argument& e) {
-    monitor_->error(std::string(e.what()) + "; using " + toString(mode_));
+    monitor_->error(std::string(e.what()) + "; using " + name(mode_));
   }
-  monitor_->setValue("mode", toString(mode_));
+  monitor_->setValue("mode", name(mode_));
 }
 
 void SegmenterNodelet::advertise() {
@@ -162,8 +162,8 @@ void SegmenterNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
 void SegmenterNodelet::process(const sensor_msgs::ImageConstPtr& message) {
   const DepthImage depth = toDepth(message, {}, monitor_->resolved(depth_input_));
   if (!segmentation_) {
-    segmentation_ = std::make_unique<DofSegmentation>(
-        segmentationConfig(mode_, opticsOf(config_), toDofSpan(config_.dof_rule), config_.min_region_size));
+    segmentation_ = std::make_unique<DofSegmentation>(segmentationConfig(
+        mode_, opticsOf(config_), parseDofSpan(config_.dof_rule), config_.min_region_size));
   }
   OutgoingImage labels(message->header, sensor_msgs::image_encodings::TYPE_32SC1, depth.mm.size());
   result_.labels = labels.mat;

@@ -220,31 +220,10 @@ core::Optics toOptics(const OpticsMsg& message) {
   return optics;
 }
 
-Mode toMode(const std::string& mode) {
-  if (mode == "paper") return Mode::kPaper;
-  if (mode == "refined") return Mode::kRefined;
-  if (mode == "restored") return Mode::kRestored;
-  throw std::invalid_argument("mode \"" + mode + "\" does not exist: use paper, refined or restored");
-}
-
-const char* toString(Mode mode) {
-  return mode == Mode::kPaper ? "paper" : mode == Mode::kRefined ? "refined" : "restored";
-}
-
-DofSpan toDofSpan(const std::string& dof_rule) {
-  if (dof_rule == "paper") return DofSpan::kPaper;
-  if (dof_rule == "full") return DofSpan::kFull;
-  throw std::invalid_argument("dof_rule is \"" + dof_rule + "\": use paper or full");
-}
-
-const char* toString(DofSpan span) {
-  return span == DofSpan::kFull ? "full" : "paper";
-}
-
 SegmentArrayPtr toMessage(const Segmentation& segmentation, const SegmentationConfig& config) {
   auto array = boost::make_shared<SegmentArray>();
   array->optics = toMessage(config.optics);
-  array->dof_rule = toString(config.span);
+  array->dof_rule = name(config.span);
   array->unknown_area = static_cast<std::uint32_t>(segmentation.unknown_area);
   array->segments.reserve(segmentation.segments.size());
   for (const core::Segment& segment : segmentation.segments) {

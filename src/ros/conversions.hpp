@@ -71,12 +71,6 @@ RigidTransform toRigidTransform(const geometry_msgs::Transform& transform);
 OpticsMsg toMessage(const core::Optics& optics);
 core::Optics toOptics(const OpticsMsg& message);
 
-Mode toMode(const std::string& mode);  ///< "paper", "refined" or "restored"
-const char* toString(Mode mode);
-
-DofSpan toDofSpan(const std::string& dof_rule);  ///< "paper" or "full"
-const char* toString(DofSpan span);
-
 /// All but the header.
 SegmentArrayPtr toMessage(const Segmentation& segmentation, const SegmentationConfig& config);
 

@@ -70,17 +70,4 @@ std::string textOption(const po::variables_map& values, const char* name) {
   return values.count(name) ? values[name].as<std::string>() : std::string();
 }
 
-Mode parseMode(const std::string& text) {
-  if (text == "paper") return Mode::kPaper;
-  if (text == "refined") return Mode::kRefined;
-  if (text == "restored") return Mode::kRestored;
-  throw std::invalid_argument("mode '" + text + "' is none of paper, refined, restored");
-}
-
-DofSpan parseDofRule(const std::string& text) {
-  if (text == "paper") return DofSpan::kPaper;
-  if (text == "full") return DofSpan::kFull;
-  throw std::invalid_argument("DoF rule '" + text + "' is neither paper nor full");
-}
-
 }  // namespace all_in_focus

@@ -6,11 +6,7 @@
 #include <functional>
 #include <string>
 
-#include "all_in_focus/pipeline.hpp"
-
 namespace all_in_focus {
-
-using namespace core;
 
 /// Parses the command line, runs the tool and turns errors into one line and exit code 2. --help prints
 /// `options`.
@@ -20,11 +16,5 @@ int runTool(int argc, char** argv, const char* purpose,
 
 /// Value of a string option, "" if not given.
 std::string textOption(const boost::program_options::variables_map& values, const char* name);
-
-/// Throws std::invalid_argument unless "paper", "refined" or "restored".
-Mode parseMode(const std::string& text);
-
-/// Throws std::invalid_argument unless "paper" or "full".
-DofSpan parseDofRule(const std::string& text);
 
 }  // namespace all_in_focus

@@ -157,7 +157,7 @@ void fuseStack(const po::variables_map& values) {
   ReportContext context;
   readDepthInput(values, input, context);
   context.dof_rule = values["dof-rule"].as<std::string>();
-  input.span = parseDofRule(context.dof_rule);
+  input.span = parseDofSpan(context.dof_rule);
 
   StackReader stack(values["stack"].as<std::string>());
   if (!stack.warning().empty()) context.notes.push_back(stack.warning());

@@ -21,7 +21,7 @@ void segmentDepth(const po::variables_map& values) {
   const std::string rule = values["dof-rule"].as<std::string>();
   const Mode mode = parseMode(values["mode"].as<std::string>());
   Segmentation result;
-  DofSegmentation(segmentationConfig(mode, optics, parseDofRule(rule), values["min-region-size"].as<int>()))
+  DofSegmentation(segmentationConfig(mode, optics, parseDofSpan(rule), values["min-region-size"].as<int>()))
       .compute(readDepth(values["depth"].as<std::string>()), result);
 
   OutputFiles outputs;

@@ -243,8 +243,8 @@ TEST(OpticsMessage, ThereAndBack) {
   OpticsMsg wrong = toMessage(optics);
   wrong.aperture = 0;
   EXPECT_THROW(toOptics(wrong), std::invalid_argument);
-  for (const DofSpan span : {DofSpan::kPaper, DofSpan::kFull}) EXPECT_EQ(toDofSpan(toString(span)), span);
-  EXPECT_THROW(toDofSpan(""), std::invalid_argument);
+  for (const DofSpan span : {DofSpan::kPaper, DofSpan::kFull}) EXPECT_EQ(parseDofSpan(name(span)), span);
+  EXPECT_THROW(parseDofSpan(""), std::invalid_argument);
 }
 
 TEST(Segments, AreInMetres) {

@@ -72,4 +72,15 @@ double dioptricMiddle(double min_mm, double max_mm) {
   return 2.0 / (1.0 / min_mm + 1.0 / max_mm);
 }
 
+const char* name(DofSpan span) {
+  return span == DofSpan::kFull ? "full" : "paper";
+}
+
+DofSpan parseDofSpan(const std::string& text) {
+  for (const DofSpan span : {DofSpan::kPaper, DofSpan::kFull}) {
+    if (text == name(span)) return span;
+  }
+  throw std::invalid_argument("DoF rule '" + text + "' is neither paper nor full");
+}
+
 }  // namespace all_in_focus::core

@@ -99,7 +99,7 @@ void FusionNodelet::reconfigure(Config& config) {
   config_ = config;
 
   const FusionSettings settings{
-      toMode(config.mode),    config.reference,     config.bracket_mode == "sliding",
+      parseMode(config.mode), config.reference,     config.bracket_mode == "sliding",
       config.max_held_frames, config.label_max_age, config.label_timeout,
       restore_every_};
   frames_->configure({config.bracket_size, config.bracket_gap}, queue_size_);
