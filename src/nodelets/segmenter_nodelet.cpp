@@ -13,7 +13,6 @@
 #include "all_in_focus/drawing.hpp"
 #include "all_in_focus/focus_plan.hpp"
 #include "all_in_focus/pipeline.hpp"
-#include "config_repair.hpp"
 #include "configured_nodelet.hpp"
 #include "conversions.hpp"
 #include "image_queue.hpp"

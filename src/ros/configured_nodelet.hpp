@@ -7,14 +7,48 @@
 #include <ros/ros.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <set>
+#include <sstream>
+#include <string>
 
 #include "callback_guard.hpp"
 #include "node_monitor.hpp"
 
 namespace all_in_focus {
+
+/// Replaces each impossible value of a dynamic_reconfigure configuration by the last good one.
+/// dynamic_reconfigure clamps values to the ranges in cfg/ before this sees them. So these ranges include
+/// impossible values: otherwise a wrong value would silently become another one.
+class ConfigRepair {
+ public:
+  template <typename T>
+  void check(T& value, const T& good, bool possible, const char* name) {
+    if (possible) return;
+    warnings_ << (warnings_.tellp() > 0 ? ", " : "impossible configuration: ") << name << " = " << value
+              << " (keeping " << good << ")";
+    value = good;
+  }
+
+  void checkOneOf(std::string& value, const std::string& good, const std::set<std::string>& choices,
+                  const char* name) {
+    check(value, good, choices.count(value) > 0, name);
+  }
+  /// A number that must be finite, and 0 or more.
+  template <typename T>
+  void checkNotNegative(T& value, const T& good, const char* name) {
+    check(value, good, std::isfinite(value) && value >= 0, name);
+  }
+
+  /// One line for people, "" when nothing was repaired.
+  std::string warnings() const { return warnings_.str(); }
+
+ private:
+  std::ostringstream warnings_;
+};
 
 /// What the nodelets with a dynamic_reconfigure configuration share. Their onInit() calls begin() first and
 /// end() last, and takeConfiguration() where reconfigure() can be called. Their destructors close the guard.

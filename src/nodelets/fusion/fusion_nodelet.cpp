@@ -11,7 +11,6 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <string>
 
-#include "config_repair.hpp"
 #include "configured_nodelet.hpp"
 #include "conversions.hpp"
 #include "frame_queue.hpp"
