@@ -80,21 +80,21 @@ class NodeletKeeper {
   ros::ServiceClient manager_process_;  // a connection, not a name: it ends with the process
 };
 
-const ros::WallDuration kPoll(0.1);            // a dead manager is noticed within this time
-const ros::WallDuration kAskAgain(1.0);        // a nodelet that somebody unloaded within this
-const ros::WallDuration kTellOfWaiting(10.0);  // without a manager
+const ros::WallDuration kPoll(0.1);         // a dead manager is noticed within this time
+const ros::WallDuration kAskAgain(1.0);     // a nodelet that somebody unloaded within this
+const ros::WallDuration kWarnPeriod(10.0);  // without a manager
 
 /// Waits for the manager. False if it refuses the nodelet.
 bool loadIntoNextManager(NodeletKeeper& keeper) {
-  ros::WallTime told = ros::WallTime::now();
+  ros::WallTime warned = ros::WallTime::now();
   for (; !g_end_requested; kPoll.sleep()) {
     if (keeper.isManagerThere()) {
       if (keeper.load()) return true;
       if (keeper.isConnected()) return false;
     }
-    if (ros::WallTime::now() - told > kTellOfWaiting) {
+    if (ros::WallTime::now() - warned > kWarnPeriod) {
       ROS_WARN_STREAM("no nodelet manager " << keeper.manager() << ": start it, or name another one");
-      told = ros::WallTime::now();
+      warned = ros::WallTime::now();
     }
   }
   return true;

@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kSweeps = 4, kSweepsPerUpdate = 3;
 constexpr int kReachPx = 4;      // how far a contour may move
-constexpr int kStirPx = 2;       // a change is felt that far away
+constexpr int kEffectPx = 2;     // a pixel that changes has an effect on others up to there
 constexpr float kSharpPx = 3;    // radius of frames that are compared
 constexpr float kMostCost = 60;  // of a frame
 // Gray levels squared: what is hidden beside a contour, and its place within a pixel, are not known.
@@ -47,7 +47,7 @@ class Contours {
         cost_scale_(static_cast<float>(
             1 / (6 * (bracket.prediction_variance + kModelVariance) * kCodeScale * kCodeScale))),
         sharp_(ImageFormation::withMargin(bracket.light)),
-        stirred_(inverse_depth.size()) {
+        pending_(inverse_depth.size()) {
     findJumpCosts(stiffness);
     if (!bracket.filled.empty()) {
       cv::dilate(bracket.filled, nearest_,
@@ -55,18 +55,18 @@ class Contours {
     }
     cv::dilate(jumps(inverse_depth, gap_), within_,
                cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * kReachPx + 1, 2 * kReachPx + 1}));
-    within_.copyTo(stirred_);
+    within_.copyTo(pending_);
   }
 
-  // Tries every second pixel near which something has changed since it was tried last; returns how many move.
+  // Tries every second pixel of those that are pending; returns how many change.
   int sweep(int parity) {
     const RowStrips strips({0, inverse_depth_.rows}, std::max(1, inverse_depth_.rows / 16));
     std::vector<std::vector<Move>> moves(strips.count());
     strips.forEach([&](const cv::Range& rows, int strip) {
       for (int y = rows.start; y < rows.end; ++y) {
         for (int x = (y + parity) % 2; x < inverse_depth_.cols; x += 2) {
-          if (!stirred_(y, x)) continue;
-          stirred_(y, x) = 0;
+          if (!pending_(y, x)) continue;
+          pending_(y, x) = 0;
           const float own = inverse_depth_(y, x), best = bestOf({x, y});
           if (best != own) moves[strip].push_back({{x, y}, best});
         }
@@ -77,7 +77,7 @@ class Contours {
       for (const Move& move : of_strip) {
         inverse_depth_(move.at) = move.to;
         changed.push_back(move.at);
-        stir(move.at);
+        setPending(move.at);
       }
     }
     cv::parallel_for_({0, static_cast<int>(formation_.size())}, [&](const cv::Range& range) {
@@ -95,15 +95,15 @@ class Contours {
   };
 
   // A pixel in a frame: as it is, and as two inverse depths predict it.
-  struct Sight {
+  struct FramePixel {
     cv::Vec3s seen;
     ImageFormation::Prediction predictions[2];
   };
 
-  void stir(const cv::Point& p) {
-    const cv::Rect around = cv::Rect(p.x - kStirPx, p.y - kStirPx, 2 * kStirPx + 1, 2 * kStirPx + 1) &
+  void setPending(const cv::Point& p) {
+    const cv::Rect around = cv::Rect(p.x - kEffectPx, p.y - kEffectPx, 2 * kEffectPx + 1, 2 * kEffectPx + 1) &
                             cv::Rect({}, inverse_depth_.size());
-    cv::bitwise_or(stirred_(around), within_(around), stirred_(around));
+    cv::bitwise_or(pending_(around), within_(around), pending_(around));
   }
 
   // The inverse depth of a pixel or of a neighbour, whichever explains the frames best.
@@ -135,7 +135,7 @@ class Contours {
   }
 
   // The two frames that are sharpest at either inverse depth, those that are not too blurred; -1 = none.
-  std::array<int, 4> telling(float a, float b, const cv::Point& p) const {
+  std::array<int, 4> sharpestFrames(float a, float b, const cv::Point& p) const {
     std::array<int, 4> frames = {-1, -1, -1, -1};
     size_t count = 0;
     for (const float inverse_depth : {a, b}) {
@@ -161,22 +161,22 @@ class Contours {
   // How badly each of two inverse depths explains the frames at a pixel.
   std::array<float, 2> costsOf(const cv::Point& p, float now, float tried) const {
     const float own[2] = {now, tried};
-    std::array<Sight, 4> sights;
+    std::array<FramePixel, 4> pixels;
     int count = 0;
-    for (const int k : telling(now, tried, p)) {
+    for (const int k : sharpestFrames(now, tried, p)) {
       if (k < 0) break;
-      formation_[k].predict(p, own, sharp_, sights[count].predictions);
-      sights[count++].seen = bracket_.frames[k].codes(p);
+      formation_[k].predict(p, own, sharp_, pixels[count].predictions);
+      pixels[count++].seen = bracket_.frames[k].codes(p);
     }
     const float first = now > tried ? kNearColorDeviation : kFarColorDeviation;
     const float second = now > tried ? kFarColorDeviation : kNearColorDeviation;
-    return {costOf(p, sights.data(), count, 0, first), costOf(p, sights.data(), count, 1, second)};
+    return {costOf(p, pixels.data(), count, 0, first), costOf(p, pixels.data(), count, 1, second)};
   }
 
   // i: of the predictions. The fused picture may show the blur or the colour of a nearer object at p, which
   // the frames would contradict whatever the depth. So p has the colour that explains them best, by least
   // squares. color_deviation: how far that may be from the fused picture's.
-  float costOf(const cv::Point& p, const Sight* sights, int count, int i, float color_deviation) const {
+  float costOf(const cv::Point& p, const FramePixel* pixels, int count, int i, float color_deviation) const {
     const LightCurve& curve = LightCurve::get();
     std::array<float, 4> squared = {};
     float cost = 0;
@@ -186,18 +186,18 @@ class Contours {
           color_deviation / curve.slope(std::max(curve.code(fused), kDarkest));  // in light
       float weight = 1 / cost_scale_, sum = 0;
       for (int k = 0; k < count; ++k) {
-        const auto& [light, own_share] = sights[k].predictions[i];
+        const auto& [light, own_share] = pixels[k].predictions[i];
         const float code = curve.code(light[c]);
         const float gain = kCodeScale * own_share * curve.slope(code) * deviation;
         weight += gain * gain;
-        sum += gain * (sights[k].seen[c] - kCodeScale * code);
+        sum += gain * (pixels[k].seen[c] - kCodeScale * code);
       }
       const float deviations = sum / weight;
       cost += deviations * deviations;
       const float change = std::clamp(fused + deviations * deviation, 0.0f, curve.light(255)) - fused;
       for (int k = 0; k < count; ++k) {
-        const auto& [light, own_share] = sights[k].predictions[i];
-        const float left = kCodeScale * curve.code(light[c] + own_share * change) - sights[k].seen[c];
+        const auto& [light, own_share] = pixels[k].predictions[i];
+        const float left = kCodeScale * curve.code(light[c] + own_share * change) - pixels[k].seen[c];
         squared[k] += left * left;
       }
     }
@@ -228,7 +228,7 @@ class Contours {
   }
 
   // Registration and the blur beside near objects make these too fat rather than too thin. What registration
-  // has missed, on the other hand, only frames tell.
+  // has missed, on the other hand, only the frames show.
   float depthCost(const cv::Point& p, float inverse_depth) const {
     if (isNearerThanAll(p, inverse_depth)) return kNearerThanAll;
     const float filled = bracket_.filled.empty() ? 0 : bracket_.filled(p);
@@ -254,9 +254,10 @@ class Contours {
   cv::Mat1f& inverse_depth_;
   float gap_, cost_scale_;
   cv::Mat4f sharp_;
-  cv::Mat1f nearest_;           // of the filled depth nearby
-  cv::Mat1f right_, below_;     // cost of a jump to these neighbours
-  cv::Mat1b within_, stirred_;  // within_: where contours may run
+  cv::Mat1f nearest_;        // of the filled depth nearby
+  cv::Mat1f right_, below_;  // cost of a jump to these neighbours
+  cv::Mat1b within_;         // where contours may run
+  cv::Mat1b pending_;        // something nearby has changed since the pixel was tried
 };
 
 }  // namespace

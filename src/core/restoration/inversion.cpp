@@ -158,19 +158,20 @@ class Equations {
   void buildStrip(const std::vector<ImageFormation>& formation, const cv::Range& rows, Strip& strip) const {
     strip.rows.clear();
     strip.parts.clear();
-    std::vector<std::pair<float, size_t>> telling;  // radius and frame
+    std::vector<std::pair<float, size_t>> nearly_sharp;  // radius and frame
     std::vector<ImageFormation::Part> parts;
     for (int y = rows.start; y < rows.end; ++y) {
       for (int x = 0; x < solved_.cols; ++x) {
         if (!solved_(y, x)) continue;
-        telling.clear();
+        nearly_sharp.clear();
         for (size_t k = 0; k < formation.size(); ++k) {
           const float radius = formation[k].radius({x, y});
-          if (radius < kSharpPx && bracket_.frames[k].seen.contains({x, y})) telling.emplace_back(radius, k);
+          if (radius < kSharpPx && bracket_.frames[k].seen.contains({x, y}))
+            nearly_sharp.emplace_back(radius, k);
         }
-        std::sort(telling.begin(), telling.end());
-        if (telling.size() > solved_(y, x)) telling.resize(solved_(y, x));
-        for (const auto& [radius, k] : telling) {
+        std::sort(nearly_sharp.begin(), nearly_sharp.end());
+        if (nearly_sharp.size() > solved_(y, x)) nearly_sharp.resize(solved_(y, x));
+        for (const auto& [radius, k] : nearly_sharp) {
           formation[k].partsOf({x, y}, formation[k].inverseDepth({x, y}), parts);
           addRow({x, y}, bracket_.frames[k].codes(y, x), radius, parts, strip);
         }
