@@ -27,9 +27,9 @@ struct RestorationResult {
 /// explains the frames best is found first, then the correction of the fused picture that explains them
 /// better. See docs/algorithms.md.
 ///
-/// Holds at most kMostFrames frames, however long the bracket and however large its frames. They are reduced
-/// to 1.2 million pixels or, where depth predicts strong blur, to fewer; without depth to 0.4 million. The
-/// correction is enlarged. Not thread-safe.
+/// Holds at most kMostFrames frames, however long the bracket and however large its frames. They are
+/// downsampled to 1.2 million pixels or, where depth predicts strong blur, to fewer; without depth to 0.4
+/// million. The correction is upsampled. Not thread-safe.
 class BracketRestoration {
  public:
   static constexpr int kMostFrames = 12;
@@ -41,8 +41,8 @@ class BracketRestoration {
   /// optics or an impossible camera.
   void begin(const BracketScene& scene);
 
-  /// Holds a reduced copy of a frame. If there are too many frames, it keeps those that lie most evenly in
-  /// dioptres over the scene. It ignores a frame whose focus distance is unknown.
+  /// Holds a downsampled copy of a frame. If there are too many frames, it keeps those that lie most evenly
+  /// in dioptres over the scene. It ignores a frame whose focus distance is unknown.
   void add(const AlignedFrame& frame);
 
   /// What is missing for a restoration, as text for a user; "" = restore() will work.
@@ -54,7 +54,7 @@ class BracketRestoration {
 
  private:
   struct HeldFrame {
-    cv::Mat image;  ///< CV_8UC3, reduced
+    cv::Mat image;  ///< CV_8UC3, downsampled
     cv::Rect seen;
     double gain = 1;
     double inverse_depth = 0;  ///< 1 / focus distance, 1/mm

@@ -80,9 +80,9 @@ void drawLabels(const cv::Mat& labels, int count, cv::Mat& picture) {
 void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture) {
   if (picture.type() != CV_8UC3) throw std::invalid_argument("drawing: captions go on a CV_8UC3 picture");
   const CaptionStyle style = captionStyle(picture.size());
-  const auto write = [&](const RegionCaption& caption, int grey, int thickness) {
+  const auto write = [&](const RegionCaption& caption, int gray, int thickness) {
     const cv::Point base(caption.box.x, caption.box.y + caption.box.height);
-    cv::putText(picture, caption.text, base, style.font, style.scale, cv::Scalar::all(grey), thickness,
+    cv::putText(picture, caption.text, base, style.font, style.scale, cv::Scalar::all(gray), thickness,
                 cv::LINE_AA);
   };
   for (const RegionCaption& caption : captions) {

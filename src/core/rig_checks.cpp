@@ -96,11 +96,11 @@ DepthEdges findEdges(const cv::Mat& depth) {
 
 // For each pixel the share of the picture whose brightness changes less from left to right: 0.5 on average.
 cv::Mat1f rankOfGradient(const cv::Mat& picture) {
-  cv::Mat grey, small, gradient;
+  cv::Mat gray, small, gradient;
   cv::resize(picture, small, reducedSize(picture.size()), 0, 0, cv::INTER_AREA);
-  cv::cvtColor(small, grey, cv::COLOR_BGR2GRAY);
-  cv::GaussianBlur(grey, grey, cv::Size(), 1);
-  cv::Sobel(grey, gradient, CV_16S, 1, 0);
+  cv::cvtColor(small, gray, cv::COLOR_BGR2GRAY);
+  cv::GaussianBlur(gray, gray, cv::Size(), 1);
+  cv::Sobel(gray, gradient, CV_16S, 1, 0);
   gradient = cv::abs(gradient);
   cv::dilate(gradient, gradient, cv::Mat::ones(1, 3, CV_8U));
 

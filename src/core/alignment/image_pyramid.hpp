@@ -7,8 +7,9 @@
 
 namespace all_in_focus::core {
 
-/// A gray frame, smoothed and reduced: all that alignment keeps of it. Level 0 has half its size (or less, at
-/// most a megapixel), every next level half of that. Pixel p of the frame is p / reduction(i) of level i.
+/// A gray frame, smoothed and downsampled: all that alignment keeps of it. Level 0 has half its size (or
+/// less, at most a megapixel), every next level half of that. Pixel p of the frame is p / reduction(i) of
+/// level i.
 class ImagePyramid {
  public:
   /// gray: CV_8UC1. Buffers are reused.

@@ -14,7 +14,7 @@ namespace all_in_focus::core {
 /// How sharp a frame is at every scale, pixel by pixel:
 ///   product over the levels l of a Gaussian pyramid of  sqrt((contrast s_l)^2 + n_l^2),
 /// s_l the modified Laplacian |I_xx| + |I_yy| (Nayar and Nakagawa 1994) of level l in a Gaussian window, each
-/// level enlarged to the size of the one below it; n_l = 1.7 * 0.4^l + the greater of 3 times the sharpness
+/// level upsampled to the size of the one below it; n_l = 1.7 * 0.4^l + the greater of 3 times the sharpness
 /// of the noise there and 12 * 0.6^l times its deviation, so that frames which differ by noise alone are
 /// about as sharp. Fine texture is measured at the finest level. The coarser ones measure what is flat there;
 /// they reach farther. They also reach across depth edges, so where depth predicts the blur (`predicted`),

@@ -30,8 +30,8 @@ constexpr double kLeastCorrection = 0.7, kLargestCorrection = 1.3;
 constexpr double kRangeMarginPx = 0.5;  // of blur, beyond the depth that was measured
 constexpr double kRangeShare = 0.005;   // of measured pixels that may lie beyond, at each end
 constexpr int kLeastFrames = 2;
-// Pictures are reduced until the largest blur disc has this radius, for time grows with its area, and to so
-// many pixels, but no further than to so few.
+// Pictures are downsampled until the largest blur disc has this radius, for time grows with its area, and to
+// so many pixels, but no further than to so few.
 constexpr double kLargestBlurPx = 8, kMostPixels = 1200e3, kLeastPixels = 400e3;
 constexpr int kMostSampled = 640;  // columns and rows of depth that tell the largest disc
 
@@ -43,14 +43,14 @@ struct Round {
 };
 constexpr std::array<Round, 2> kRounds = {Round{2, {1, 1}}, Round{1, {2, 0.9f}}};
 
-cv::Mat reduced(const cv::Mat& image, const cv::Size& size) {
+cv::Mat downsampled(const cv::Mat& image, const cv::Size& size) {
   if (image.size() == size) return image.clone();
   cv::Mat small;
   cv::resize(image, small, size, 0, 0, cv::INTER_AREA);
   return small;
 }
 
-cv::Rect reduced(const cv::Rect& seen, const cv::Size& from, const cv::Size& to) {
+cv::Rect downsampled(const cv::Rect& seen, const cv::Size& from, const cv::Size& to) {
   if (from == to) return seen;
   const double x = static_cast<double>(to.width) / from.width,
                y = static_cast<double>(to.height) / from.height;
@@ -162,10 +162,10 @@ double noiseVariance(const std::vector<cv::Mat>& frames) {
 }
 
 void addTo(cv::Mat& image, const cv::Mat3f& correction) {
-  cv::Mat3f enlarged = correction;
+  cv::Mat3f upsampled = correction;
   if (correction.size() != image.size())
-    cv::resize(correction, enlarged, image.size(), 0, 0, cv::INTER_LINEAR);
-  cv::add(image, enlarged, image, cv::noArray(), CV_8U);
+    cv::resize(correction, upsampled, image.size(), 0, 0, cv::INTER_LINEAR);
+  cv::add(image, upsampled, image, cv::noArray(), CV_8U);
 }
 
 }  // namespace
@@ -187,8 +187,8 @@ void BracketRestoration::add(const AlignedFrame& frame) {
   }
   if (held_.empty()) working_size_ = workingSize(scene_, size_);
   HeldFrame held;
-  held.image = reduced(frame.image, working_size_);
-  held.seen = reduced(frame.seen, size_, working_size_);
+  held.image = downsampled(frame.image, working_size_);
+  held.seen = downsampled(frame.seen, size_, working_size_);
   held.gain = frame.gain;
   held.inverse_depth = 1 / frame.focus_mm;
   const auto place = std::upper_bound(
@@ -231,7 +231,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
 
   // 1. All pictures in one size and one exposure.
   ObservedBracket bracket;
-  bracket.fused = reduced(fused, working_size_);
+  bracket.fused = downsampled(fused, working_size_);
   bracket.light = linearLight(bracket.fused);
   std::vector<cv::Mat> images;
   bracket.frames.resize(held_.size());
