@@ -36,6 +36,11 @@ struct BracketScene {
   Optics optics;
   std::optional<Camera> camera;  ///< the colour camera; none: the blur of frames cannot be predicted
   double pixel_pitch_mm = 0;     ///< of that camera at its calibrated size; 0 = f / fx
+
+  /// The same, never 0. There must be a camera.
+  double calibratedPitch() const {
+    return pixel_pitch_mm > 0 ? pixel_pitch_mm : optics.focal_length_mm / camera->fx;
+  }
 };
 
 /// What the prediction of blur assumes about the registered depth.

@@ -33,9 +33,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
     // The camera may have been calibrated at another resolution.
     const double scale = static_cast<double>(size.width) / scene.camera->size.width;
     center_ = {(scene.camera->cx + 0.5) * scale - 0.5, (scene.camera->cy + 0.5) * scale - 0.5};
-    const double calibrated =
-        scene.pixel_pitch_mm > 0 ? scene.pixel_pitch_mm : scene.optics.focal_length_mm / scene.camera->fx;
-    pixel_pitch_mm = calibrated / scale;
+    pixel_pitch_mm = scene.calibratedPitch() / scale;
   }
   predicted_.release();
   focus_known_ = false;

@@ -114,8 +114,7 @@ InverseDepthRange rangeOf(const ObservedBracket& bracket) {
 // Blur of a frame in pictures of that many columns.
 FrameBlur blurOf(const BracketScene& scene, double inverse_depth, int columns) {
   const double f = scene.optics.focal_length_mm;
-  const double calibrated = scene.pixel_pitch_mm > 0 ? scene.pixel_pitch_mm : f / scene.camera->fx;
-  const double pitch = calibrated * scene.camera->size.width / columns;
+  const double pitch = scene.calibratedPitch() * scene.camera->size.width / columns;
   return {inverse_depth, f * f / (2 * scene.optics.aperture * pitch) / (1 - f * inverse_depth)};
 }
 
