@@ -104,10 +104,6 @@ double meanSquare(const cv::Mat& a, const cv::Mat& b) {
   return cv::norm(a, b, cv::NORM_L2SQR) / (3.0 * static_cast<double>(a.total()));
 }
 
-double decibels(const cv::Mat& image, const cv::Mat& truth) {
-  return 10 * std::log10(255 * 255 / meanSquare(image, truth));
-}
-
 RestorationResult restored(const CardBeforeWall& card, const BracketScene& scene) {
   BracketRestoration restoration;
   restoration.begin(scene);
@@ -153,7 +149,7 @@ class GuardedDepth {
 TEST(Restoration, TakesTheBlurOffTheWallBesideTheCard) {
   const CardBeforeWall card;
   const RestorationResult result = restored(card, card.scene);
-  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth) + 5);
+  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 5);
   EXPECT_TRUE(result.notes.empty());
   EXPECT_NEAR(result.blur_scale, 1, 0.1);
 }
@@ -172,7 +168,7 @@ TEST(Restoration, SharpensASurfaceBetweenTwoFoci) {
   wall.addTo(restoration, {1300, 1800});
   const cv::Mat fused = wall.frame(1300);
   const RestorationResult result = *restoration.restore(fused);
-  EXPECT_GT(decibels(result.image, wall.truth), decibels(fused, wall.truth) + 4.5);
+  EXPECT_GT(cv::PSNR(result.image, wall.truth), cv::PSNR(fused, wall.truth) + 4.5);
   EXPECT_EQ(result.blur_scale, 0);  // nothing is sharp enough to measure it
 }
 
@@ -194,7 +190,7 @@ TEST(Restoration, ThinsAnObjectThatRegistrationMadeTooFat) {
   cv::erode(card.scene.depth, scene.depth, cv::Mat(), {-1, -1}, 2);  // what is near grows by 2 px
   const RestorationResult result = restored(card, scene);
   EXPECT_LT(shareWrong(result.depth, card.scene.depth), 0.25 * shareWrong(scene.depth, card.scene.depth));
-  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth) + 5);
+  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 5);
 }
 
 TEST(Restoration, PicturesOfAnyShapeAreCorrectedInFull) {
@@ -202,7 +198,7 @@ TEST(Restoration, PicturesOfAnyShapeAreCorrectedInFull) {
     const CardBeforeWall card(
         size, cv::Rect(std::max(3, size.width - 600), std::max(3, size.height - 600), 500, 500) &
                   cv::Rect({}, size));
-    EXPECT_GT(decibels(restored(card, card.scene).image, card.truth), decibels(card.fused(), card.truth) + 6)
+    EXPECT_GT(cv::PSNR(restored(card, card.scene).image, card.truth), cv::PSNR(card.fused(), card.truth) + 6)
         << size;
   }
   const cv::Size pixel(1, 1);
@@ -224,7 +220,7 @@ TEST(Restoration, FindsDepthFromTheBracketAlone) {
   scene.depth = cv::Mat();
   const RestorationResult result = restored(card, scene);
   EXPECT_LT(shareWrong(result.depth, card.scene.depth), 0.05);
-  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth) + 0.5);
+  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 0.5);
   EXPECT_EQ(result.blur_scale, 0);
 }
 
@@ -254,7 +250,7 @@ TEST(Restoration, WrongOpticsAreSaidAndMadeUpFor) {
   ASSERT_EQ(result.notes.size(), 1u);
   EXPECT_NE(result.notes[0].find("check focal length, aperture"), std::string::npos);
   EXPECT_NEAR(result.blur_scale, 0.8, 0.08);
-  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth) + 0.5);
+  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 0.5);
 }
 
 TEST(Restoration, OnOneSurfaceNothingChanges) {
@@ -269,7 +265,7 @@ TEST(Restoration, LargePicturesAreCorrectedOnAReducedCopy) {
   const RestorationResult result = restored(card, scene);
   EXPECT_EQ(result.image.size(), large);
   EXPECT_EQ(result.depth.size(), large);
-  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth));
+  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth));
 }
 
 TEST(Restoration, SaysWhatIsMissing) {
@@ -341,7 +337,7 @@ TEST(Restoration, LongSweepsAreThinnedOut) {
     restoration.add({card.frame(focus), cv::Rect({}, kSize), 1, i, focus});
   }
   const RestorationResult result = *restoration.restore(card.fused());
-  EXPECT_GT(decibels(result.image, card.truth), decibels(card.fused(), card.truth) + 1);
+  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 1);
 }
 
 TEST(DiscBlur, WideDiscsAreSummedByChordsAsTheyAreByKernels) {
