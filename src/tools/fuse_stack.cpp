@@ -192,7 +192,6 @@ void fuseStack(const po::variables_map& values) {
     context.notes.insert(context.notes.end(), lines->begin(), lines->end());
   }
   context.notes.insert(context.notes.begin(), warnings.begin(), warnings.end());
-  context.mode = name(result.fused_by);
   if (!input.labels.empty() && values["unknown-label"].as<int>() >= 0) {
     result.segmentation.unknown_area =
         static_cast<int>(input.labels.total()) - cv::countNonZero(input.labels);

@@ -70,7 +70,7 @@ std::string fusionReport(const PipelineResult& result, const ReportContext& cont
   }
   const Json report = {{"version", kReportVersion},
                        {"bracket_id", 0},
-                       {"mode", context.mode},
+                       {"mode", name(result.fused_by)},
                        {"frames_seen", result.frames},
                        {"frames_used", result.frames - static_cast<int>(result.rejections.size())},
                        {"frames_rejected", result.rejections.size()},

@@ -13,7 +13,6 @@ using namespace core;
 
 /// What a report needs beyond the pipeline's result.
 struct ReportContext {
-  std::string mode;  ///< what ran: paper, refined, restored or sharpness
   std::string dof_rule = "paper";
   bool has_optics = false;  ///< regions were cut for the optics
   Optics optics;
