@@ -16,11 +16,10 @@ struct BlurScale {
   double sharp_residual = 0;  ///< the same where one of the frames is sharp, and so the fused picture
 };
 
-/// Looks at measured pixels far from holes and jumps. Depth must be there.
+/// Uses measured pixels far from holes and jumps. The bracket must have depth.
 BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures& pictures);
 
-/// Place of the least of `count` costs, to a fraction: the minimum of a parabola through it and its
-/// neighbours.
+/// Index of the least of `count` costs, refined to a fraction by a parabola through it and its neighbours.
 template <typename Cost>
 double lowest(const Cost* costs, int count) {
   const int i = static_cast<int>(std::min_element(costs, costs + count) - costs);

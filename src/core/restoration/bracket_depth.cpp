@@ -20,15 +20,15 @@ namespace {
 constexpr int kMostLevels = 48;
 constexpr double kLevelPx = 0.22;  // of blur, between levels
 constexpr int kMostFrames = 10;
-constexpr float kMostCost = 12;       // of a frame: what it shows may be hidden from the others
+constexpr float kMostCost = 12;       // of a frame; larger costs are cut, as it may show what no other does
 constexpr double kVariance = 1;       // gray levels squared: of the fused picture
 constexpr double kModelError = 0.36;  // and of the lens model, by squared radius
 constexpr double kSmallStep = 1.5, kJump = 6;
 constexpr double kCostScale = 24;  // of costs as integers
-constexpr int kWindow = 4;         // measured depth counts from that many pixels away
+constexpr int kWindow = 4;         // px; measured depth counts that far around its pixel
 constexpr float kNearWeight = 1.5f, kMeasuredWeight = 1.5f, kFilledWeight = 0.6f;
 constexpr float kAgreePx = 0.25f, kDifferPx = 0.75f;  // of blur
-constexpr float kTakePx = 0.45f;  // of blur: nearer to the result, measured depth replaces it, being exacter
+constexpr float kTakePx = 0.45f;  // of blur; measured depth that differs by less replaces the estimate
 constexpr float kClearPx = 6;
 
 // Levels of inverse depth.

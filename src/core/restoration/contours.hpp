@@ -14,8 +14,8 @@ namespace all_in_focus::core {
 /// Moves the jumps of a depth map to where they explain the frames: pixels beside a jump take a neighbour's
 /// inverse depth if the two frames that should be sharpest there are then predicted better, and the jump lies
 /// at a colour edge. inverse_depth: in place, shared by `formation` (one for each frame). stiffness: factor
-/// on what jumps cost. Stiff contours go to colour edges, even where the near object's rim is denser than the
-/// lens makes it; looser ones (1) follow what is thin. False when proceed said stop.
+/// on the cost of jumps. Stiff contours (2) keep to colour edges, even where the rim of a near object hides
+/// more than the lens model predicts; loose ones (1) follow thin objects. False when proceed said stop.
 bool moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
                   cv::Mat1f& inverse_depth, float stiffness, const std::function<bool(double)>& proceed);
 

@@ -21,12 +21,12 @@ class ImageFormation {
     float share;
   };
 
-  /// inverse_depth: shared, not copied; may change by what moves jumps by a pixel or two before the next
-  /// update(). The first one must come before anything else. layer_gap: pixels whose inverse depth differs by
-  /// less do not cover each other.
+  /// inverse_depth: shared, not copied. Call update() before anything else, and again before its jumps have
+  /// moved by more than two pixels. layer_gap: pixels whose inverse depth differs by less do not cover each
+  /// other.
   ImageFormation(const cv::Mat1f& inverse_depth, const FrameBlur& blur, float layer_gap);
 
-  /// Follows the inverse depth: all that is needed, or only what changed in a few pixels.
+  /// Takes over the inverse depth: of all pixels, or only of those that have changed.
   void update();
   void update(const std::vector<cv::Point>& changed);
 

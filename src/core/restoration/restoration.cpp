@@ -197,7 +197,7 @@ void BracketRestoration::add(const AlignedFrame& frame) {
   if (held_.size() > kMostFrames) dropOne();
 }
 
-// The frame nearest to its neighbours.
+// Drops the frame that is nearest to its neighbours.
 void BracketRestoration::dropOne() {
   size_t dropped = 1;
   for (size_t i = 2; i + 1 < held_.size(); ++i) {

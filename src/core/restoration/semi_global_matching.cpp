@@ -18,7 +18,7 @@ constexpr double kLeastJump = 0.08;  // of a jump's cost that is left across the
 constexpr double kColorStep = 200;   // mean squared difference, gray levels squared
 constexpr std::int16_t kFar = 16000;
 
-// Costs of ways that end at the pixels of a row, with a pixel of none and a level of none on each side.
+// Path costs of a row of pixels, with one pixel and one level of padding on each side.
 class PathRow {
  public:
   PathRow(int cols, int levels)
@@ -34,7 +34,8 @@ class PathRow {
   std::vector<std::int16_t> least_;
 };
 
-// One step of one path. before: at the pixel before, least: the least of it. Returns the least cost.
+// One step of a path. before: path costs of the previous pixel; least: their minimum. Adds the path costs of
+// this pixel to `sum` and returns their minimum.
 inline std::int16_t step(const std::int16_t* cost, const std::int16_t* before, std::int16_t least,
                          std::int16_t small_step, std::int16_t jump, int levels, std::int16_t* path,
                          std::int16_t* sum) {
