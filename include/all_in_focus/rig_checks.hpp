@@ -32,8 +32,7 @@ std::string checkCoverage(const cv::Mat& registered, const Rig& rig);
 /// the colour camera.
 std::string checkCircleOfConfusion(const Optics& optics, const Camera& color);
 
-/// A mirrored depth image: its edges fit the picture better when it is turned from left to right. Nothing is
-/// said unless that is clear.
+/// A mirrored depth image: its edges clearly fit the picture better when it is flipped.
 /// registered: CV_16UC1 mm, 0 = unknown, seen from the colour camera. mirrored: what registering the mirrored
 /// depth image gives; empty: not known, then shifts that baseline and principal point can cause are tried.
 /// picture: CV_8UC3 of the colour camera, of any resolution. Other types and shapes are not looked at.

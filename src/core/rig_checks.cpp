@@ -47,9 +47,9 @@ struct DepthEdges {
   std::vector<float> inverse_depth;  // of the nearer side; 1 at the near end of the scene
 
   DepthEdges mirrored() const {
-    DepthEdges turned = *this;
-    for (cv::Point2f& place : turned.places) place.x = kWidth - 1 - place.x;
-    return turned;
+    DepthEdges flipped = *this;
+    for (cv::Point2f& place : flipped.places) place.x = kWidth - 1 - place.x;
+    return flipped;
   }
 };
 
@@ -247,12 +247,12 @@ std::string checkMirroring(const cv::Mat& registered, const cv::Mat& mirrored, c
       !isAlike(registered.size(), picture.size()))
     return "";
   const DepthEdges edges = findEdges(registered);
-  const DepthEdges turned = mirrored.empty() ? edges.mirrored() : findEdges(mirrored);
-  if (edges.places.empty() || turned.places.empty()) return "";
+  const DepthEdges flipped = mirrored.empty() ? edges.mirrored() : findEdges(mirrored);
+  if (edges.places.empty() || flipped.places.empty()) return "";
   const cv::Mat1f ranks = rankOfGradient(picture);
   const Fit straight = fitOf(edges, ranks);
   if (straight.in_place > straight.mean + kFitsSomewhere * straight.sigma) return "";
-  const Fit mirror = fitOf(turned, ranks);
+  const Fit mirror = fitOf(flipped, ranks);
   const bool is_mirrored = mirrored.empty() ? mirror.best > mirror.mean + kFitsSomewhere * mirror.sigma &&
                                                   mirror.best > straight.best + kClearlyBetter
                                             : mirror.in_place > mirror.mean + kFitsInPlace * mirror.sigma &&

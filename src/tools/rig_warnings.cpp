@@ -33,9 +33,9 @@ RigWarnings checkRig(const Rig& rig, const Optics* optics, const cv::Mat& depth,
     found.apart = true;
     return found;
   }
-  cv::Mat turned, mirrored;
-  cv::flip(depth, turned, 1);
-  registration.compute(turned, mirrored);
+  cv::Mat flipped, mirrored;
+  cv::flip(depth, flipped, 1);
+  registration.compute(flipped, mirrored);
   found.mirroring = checkMirroring(found.registered, mirrored, picture());
   return found;
 }

@@ -33,7 +33,7 @@ constexpr int kLeastFrames = 2;
 // Pictures are downsampled until the largest blur disc has this radius, for time grows with its area, and to
 // so many pixels, but no further than to so few.
 constexpr double kLargestBlurPx = 8, kMostPixels = 1200e3, kLeastPixels = 400e3;
-constexpr int kMostSampled = 640;  // columns and rows of depth that tell the largest disc
+constexpr int kMostSampled = 640;  // columns and rows of depth, to find the largest disc
 
 // Contours and lens model are wrong here and there, and what is corrected too much costs more than what is
 // corrected too little. The second round can still take back what the first one corrects too much.
