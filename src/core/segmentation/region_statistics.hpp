@@ -7,7 +7,7 @@
 
 #include "all_in_focus/dof_segmentation.hpp"
 #include "segmentation/pixel_graph.hpp"
-#include "segmentation/region_node.hpp"
+#include "segmentation/quasi_flat_zones.hpp"
 
 namespace all_in_focus::core {
 
