@@ -74,9 +74,9 @@ void NodeMonitor::start() {
     ROS_INFO_STREAM(name_ << ":" << text.str());
   }
   updater_.add("processing", this, &NodeMonitor::fill);
-  timer_ = nh_.createWallTimer(
-      ros::WallDuration(1.0),
-      [this, gate = gate_](const ros::WallTimerEvent& event) { gate->run([&] { tick(event); }); });
+  timer_ = nh_.createWallTimer(ros::WallDuration(1.0), [this, gate = gate_](const ros::WallTimerEvent&) {
+    gate->run([this] { tick(); });
+  });
 }
 
 void NodeMonitor::setSubscribed(bool subscribed) {
@@ -213,7 +213,7 @@ void NodeMonitor::warnOfSilence() {
   ROS_WARN_STREAM(name_ << ": no data for " << kSilence.count() << " s on" << text.str());
 }
 
-void NodeMonitor::tick(const ros::WallTimerEvent&) {
+void NodeMonitor::tick() {
   warnOfSilence();
   updater_.force_update();  // update() starves after a backward jump of ROS time
 }

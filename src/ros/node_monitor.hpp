@@ -110,7 +110,7 @@ class NodeMonitor {
   bool silent(const Input& input, Clock::time_point now) const;
   void warnOfSilence();
   void fill(diagnostic_updater::DiagnosticStatusWrapper& status);
-  void tick(const ros::WallTimerEvent&);
+  void tick();
 
   const std::string name_;
   ros::NodeHandle nh_;
