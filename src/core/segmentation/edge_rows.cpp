@@ -104,14 +104,14 @@ void gatherLinks(const BlockRow* blocks, const BlockRow* blocks_above, int n, st
 }
 
 ALL_IN_FOCUS_SIMD
-void takeFirstLinks(std::uint8_t* links, int first, int stride, int n, std::int32_t* parents) {
+void takeFirstLinks(std::uint8_t* links, int first, int stride, int n, std::int32_t* linked_to) {
   for (int x = 0; x < n; ++x) {
     const std::int32_t link = links[x];
     std::int32_t back = (link & kNorthWest) != 0 ? stride + 1 : 0;
     back = (link & kNorthEast) != 0 ? stride - 1 : back;
     back = (link & kNorth) != 0 ? stride : back;
     back = (link & kWest) != 0 ? 1 : back;
-    parents[x] = first + x - back;
+    linked_to[x] = first + x - back;
   }
   for (int x = 0; x < n; ++x) links[x] &= links[x] - 1;
 }
