@@ -33,7 +33,7 @@ class BracketAssembler {
     int index = 0;       ///< its place in the bracket
     bool last = false;   ///< the bracket ends with it: close() is due
     std::uint32_t bracket_id = 0;
-    int length = 0;   ///< of the bracket, as BracketAssembler::length()
+    int length = 0;   ///< frames that the bracket will have, where that is known in advance, else 0
     int missing = 0;  ///< frames of the bracket that did not come before this one
     std::string reason;
   };
@@ -59,9 +59,6 @@ class BracketAssembler {
   bool gapElapsed(double now_s) const;
 
   bool open() const { return open_; }
-  std::uint32_t bracketId() const { return id_; }
-  /// Frames the bracket will have, where that is known in advance, else 0.
-  int length() const { return static_cast<int>(count_); }
   /// Frames of the bracket announced so far (all of them, once it is complete) that did not come.
   int missing() const { return missing_; }
 
