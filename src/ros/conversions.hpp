@@ -18,7 +18,6 @@
 #include "all_in_focus/dof_segmentation.hpp"
 #include "all_in_focus/focus_plan.hpp"
 #include "all_in_focus/optics.hpp"
-#include "all_in_focus/pipeline.hpp"
 
 /// Convert between ROS messages and the types of the core. All functions throw std::invalid_argument with one
 /// line that says what is wrong, where (a topic), and what to do.
