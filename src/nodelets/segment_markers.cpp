@@ -33,7 +33,7 @@ visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& c
     const double z = caption.near_mm / 1e3;
     const cv::Point2d ray = camera.undistort(
         {(caption.anchor.x - camera.cx) / camera.fx, (caption.anchor.y - camera.cy) / camera.fy});
-    const cv::Vec3b color = colors.at(caption.label);
+    const cv::Vec3b& color = colors.at(caption.label);
     marker.id = caption.label;
     marker.text = caption.text;
     marker.pose.position.x = ray.x * z;
