@@ -13,8 +13,7 @@ import yaml
 from cv_bridge import CvBridge
 from sensor_msgs.msg import Image
 
-from all_in_focus.bag.bag_file import BagError, Topics
-from all_in_focus.bag.contents import BagContents
+from all_in_focus.bag.bag_file import BagContents, BagError, Topics
 from all_in_focus.bag.writer import stamp_of, write_bag
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack

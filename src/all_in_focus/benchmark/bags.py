@@ -11,9 +11,8 @@ from pathlib import Path
 import cv2
 
 from all_in_focus import installed
-from all_in_focus.bag.bag_file import BagFile, Topics
+from all_in_focus.bag.bag_file import BagContents, BagFile, Topics
 from all_in_focus.bag.brackets import Rules, assemble
-from all_in_focus.bag.contents import BagContents
 from all_in_focus.bag.image_messages import bgr
 from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.benchmark.methods import OWN

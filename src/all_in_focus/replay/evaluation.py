@@ -6,8 +6,7 @@ from pathlib import Path
 
 import rospy
 
-from all_in_focus.bag.bag_file import BagError, Topics
-from all_in_focus.bag.contents import BagContents
+from all_in_focus.bag.bag_file import BagContents, BagError, Topics
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.rig import Optics, RigError
 from all_in_focus.replay.player import BagPlayer, Limits, PlayError
