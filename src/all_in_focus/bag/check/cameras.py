@@ -1,13 +1,23 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Are the cameras calibrated for these images, where do they stand, and how much of the picture gets a depth?"""
+import json
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 
+from all_in_focus import installed
 from all_in_focus.bag.check.findings import share_text
 from all_in_focus.bag.recorded_rig import RecordedRigError, camera_of, color_frame, is_possible, pose, transforms
+from all_in_focus.files.output_file import write_picture
+from all_in_focus.files.rig import save_rig
+from all_in_focus.imaging import shrunk
 
 FIELD_OF_VIEW = (3, 150)  # degrees; beyond is a mistake
+WIDTH = 640  # pixels to which larger pictures are reduced: enough for the check of mirroring
 
 
 def check_camera(check, bag, scan, kind, heads):
@@ -87,6 +97,36 @@ def _check_rectification(check, bag, kind, info, camera):
     elif not camera.D.any() and P[0, 0] > 0 and not np.allclose(P, np.array(info.K).reshape(3, 3), rtol=0.01, atol=1):
         check.warning(f"{name} has no distortion, but P (fx {P[0, 0]:.1f}) is not K (fx {info.K[0]:.1f}), as of "
                       "rectified images: the nodes use K and D")
+
+
+class RigWarnings(NamedTuple):
+    """What fuse_stack and the nodes say of rig and depth: one line each, empty where there is nothing to say. apart: no depth
+    falls into the picture, as overlap says. coverage: share of the picture that gets a depth."""
+    unit: str
+    circle_of_confusion: str
+    pose: str
+    overlap: str
+    mirroring: str
+    apart: bool
+    coverage: float
+
+
+def rig_warnings(rig, quaternion, depth, picture):
+    """rig: Rig; quaternion: of its pose, x, y, z, w; depth: H x W mm; picture: H x W x 3 of the colour camera, or None.
+
+    Returns RigWarnings. Raises RuntimeError where check_depth, a program of this package, cannot be run.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        save_rig(folder / "rig", rig, quaternion)
+        write_picture(folder / "depth.png", depth)
+        command = [installed.find("check_depth"), "--rig", str(folder / "rig"), "--depth", str(folder / "depth.png")]
+        if rig.optics:
+            command += ["--optics", ",".join(repr(float(value)) for value in vars(rig.optics).values())]
+        if picture is not None:
+            write_picture(folder / "color.png", shrunk(picture, WIDTH))
+            command += ["--color", str(folder / "color.png")]
+        return RigWarnings(**json.loads(installed.run(command)))
 
 
 def check_transform(check, bag, scan, depth_head, ask):

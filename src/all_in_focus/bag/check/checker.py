@@ -6,9 +6,8 @@ from functools import partial
 import numpy as np
 
 from all_in_focus.bag.brackets import assemble
-from all_in_focus.bag.check import rig_warnings
 from all_in_focus.bag.check.sweeps import check_brackets, check_focus_steps, check_optics
-from all_in_focus.bag.check.cameras import check_camera, check_overlap, check_transform
+from all_in_focus.bag.check.cameras import check_camera, check_overlap, check_transform, rig_warnings
 from all_in_focus.bag.check.pixels import (BRACKETS, FRAMES, Sample, check_depth_values, check_exposure,
                                            check_focus_change, check_images, sample)
 from all_in_focus.bag.check.findings import BagReport, Check
@@ -95,7 +94,7 @@ class _Checker:
             picture = None if picture is None else bgr(fetch(self._bag, "rgb", picture))
         except (RecordedRigError, ImageError):
             return None
-        return rig_warnings.ask(rig, pose.quaternion, depth, picture) if depth.any() else None
+        return rig_warnings(rig, pose.quaternion, depth, picture) if depth.any() else None
 
     def _check_depth(self, usable, said):
         """Returns the sampled depth images, mm."""
