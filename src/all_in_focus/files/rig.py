@@ -95,8 +95,8 @@ class Optics:
         return optics
 
     def __str__(self):
-        """As parse() reads it."""
-        return ",".join(f"{value:.9g}" for value in vars(self).values())
+        """As parse() reads it, to the last bit."""
+        return ",".join(np.format_float_positional(value, trim="-") for value in vars(self).values())
 
     def validate(self, where):
         """Raises RigError, which begins with `where`, unless a lens can have these values."""

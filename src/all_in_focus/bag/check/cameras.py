@@ -122,7 +122,7 @@ def rig_warnings(rig, quaternion, depth, picture):
         write_picture(folder / "depth.png", depth)
         command = [installed.find("check_depth"), "--rig", str(folder / "rig"), "--depth", str(folder / "depth.png")]
         if rig.optics:
-            command += ["--optics", ",".join(repr(float(value)) for value in vars(rig.optics).values())]
+            command += ["--optics", str(rig.optics)]
         if picture is not None:
             write_picture(folder / "color.png", shrunk(picture, WIDTH))
             command += ["--color", str(folder / "color.png")]
