@@ -16,7 +16,7 @@ from all_in_focus import metrics
 from all_in_focus.metrics import METRICS, evaluate
 from all_in_focus.metrics import images as shared
 from all_in_focus.metrics.images import remembered, stretched
-from all_in_focus.metrics.phase_congruency import phase_congruency
+from all_in_focus.metrics.phase import phase_congruency
 from all_in_focus.metrics.truth import psnr, ssim
 
 NAIVE = {"Q_MI": naive_metrics.q_mi, "Q_NCIE": naive_metrics.q_ncie, "Q_G": naive_metrics.q_g,
