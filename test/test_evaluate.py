@@ -15,7 +15,7 @@ from tool_helpers import read, rosrun, succeeded
 
 from all_in_focus import metrics
 from all_in_focus.baselines import guided_filtering, laplacian_maximum
-from all_in_focus.benchmark import pictures
+from all_in_focus.benchmark.page import differences
 from all_in_focus.metrics.truth import Truth, psnr, ssim
 from all_in_focus.files.stack import Stack
 
@@ -200,11 +200,11 @@ def test_windows_where_images_differ_lie_apart_and_inside():
     images = [np.zeros((100, 300, 3), np.uint8), np.zeros((100, 300, 3), np.uint8)]
     images[1][40:60, 280:] = 200
     images[1][40:60, :20] = 100
-    windows = pictures.differences(images)
+    windows = differences(images)
     assert [side for _, _, side in windows] == [25, 25]
     assert windows[0][0] >= 270 and windows[1][0] <= 10
     assert all(0 <= x <= 275 and 30 <= y <= 45 for x, y, _ in windows)
-    assert pictures.differences(images[:1]) == [] == pictures.differences([images[0]] * 2)
+    assert differences(images[:1]) == [] == differences([images[0]] * 2)
 
 
 def test_an_interrupted_run_says_so_and_keeps_what_it_has(scenes, tmp_path):

@@ -3,5 +3,5 @@
 """Many methods on many scenes, measured, scored and put into one report: the library behind `evaluate`.
 
 scenes, bags: what is fused; methods: who fuses; tasks: one method on one scene; engine: where tasks run; store:
-results on disk; tables, pictures, page, output_files: what is made of them. segmentation: for compare_segmentation.
+results on disk; tables, page, output_files: what is made of them. segmentation: for compare_segmentation.
 """

@@ -1,19 +1,22 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The report as one HTML page that needs nothing but itself."""
+import base64
 from typing import NamedTuple, Optional
 
 import cv2
 import jinja2
 import numpy as np
 
-from all_in_focus.benchmark import pictures
 from all_in_focus.benchmark import tables as t
 from all_in_focus.files.errors import counted
 from all_in_focus.files.stack import read_depth, read_image
-from all_in_focus.imaging import picture, shrunk
+from all_in_focus.imaging import NO_FRAME, index_picture, picture, shrunk
 
-SHOWN_FRAMES = 4  # of a long sweep: the first, the last and some between
+SHOWN_FRAMES = 4     # of a long sweep: the first, the last and some between
+WIDTH = 420          # of a small copy, pixels
+CROP, CROPS = 96, 3  # side of a crop in pixels, a quarter of a small image at most; how many
+UNDECIDED = (200, 80, 200)  # BGR of pixels that no frame has won: a colour that the others do not have
 
 TEMPLATE = """
 {%- macro table(it) -%}
@@ -162,11 +165,11 @@ def _scene(run, scene, tables, store):
     results = run.results[scene.name]
     worked = [name for name in tables.methods if "error" not in results[name]]
     fused = {name: read_image(store.picture(scene.name, name, "fused")) for name in worked}
-    windows = pictures.differences(list(fused.values()))
+    windows = differences(list(fused.values()))
     titles = scene.names()
     wanted = {round(i * (len(titles) - 1) / (SHOWN_FRAMES - 1)) for i in range(SHOWN_FRAMES)}
     shown = {titles[n]: frame for n, frame in enumerate(scene.frames()) if n in wanted}
-    maps = {name: pictures.read_weights(store, scene.name, name, len(titles)) for name in worked}
+    maps = {name: read_weights(store, scene.name, name, len(titles)) for name in worked}
     legend = ("black: first frame, white: second" if len(titles) == 2 else
               "a colour for each frame, from violet for the first to dark red for the last")
     silent = [name for name, image in maps.items() if image is None]
@@ -181,8 +184,8 @@ def _scene(run, scene, tables, store):
 
 def _figure(title, image, kind="", caption=""):
     if kind != "crop":  # maps keep their colours
-        image = shrunk(image, pictures.WIDTH, cv2.INTER_NEAREST if kind == "map" else cv2.INTER_AREA)
-    return Figure(title, pictures.inline(image, bool(kind)), kind, caption)
+        image = shrunk(image, WIDTH, cv2.INTER_NEAREST if kind == "map" else cv2.INTER_AREA)
+    return Figure(title, inline(image, bool(kind)), kind, caption)
 
 
 def _known(scene, shown, windows):
@@ -191,7 +194,7 @@ def _known(scene, shown, windows):
         known["truth"] = read_image(scene.beside["truth"])
     *plain, last = known
     return [*(_figure(title, known[title]) for title in plain),
-            _figure(last, pictures.marked(known[last], windows), caption="with the crops below"),
+            _figure(last, marked(known[last], windows), caption="with the crops below"),
             *(_figure(key.replace("_", " "), picture(read_depth(scene.beside[key])), "map")
               for key in ("depth", "registered_depth") if key in scene.beside)]
 
@@ -207,7 +210,7 @@ def _caption(scene, method, tables):
 def _labels(scene, worked, store):
     figures = []
     if "label" in scene.beside:
-        figures.append(_figure("given", pictures.read_labels(scene.beside["label"]), "map"))
+        figures.append(_figure("given", read_labels(scene.beside["label"]), "map"))
         if not {"depth", "registered_depth"} & set(scene.beside):
             return figures  # the package's methods have used this label map
     for name in worked:
@@ -215,7 +218,7 @@ def _labels(scene, worked, store):
         if path:
             drawn = store.picture(scene.name, name, "regions")
             regions = np.count_nonzero(np.unique(read_image(path, cv2.IMREAD_UNCHANGED)))
-            shown = read_image(drawn) if drawn else pictures.read_labels(path)
+            shown = read_image(drawn) if drawn else read_labels(path)
             figures.append(_figure(name, shown, "map", f"regions: {regions}"))
     return figures
 
@@ -226,4 +229,66 @@ def _crops(scene, shown, fused, windows):
         beside["truth"] = read_image(scene.beside["truth"])
     for number, (x, y, side) in enumerate(windows, 1):
         yield (f"Where the methods differ most, {number}: {side} x {side} pixels at ({x}, {y})",
-               [_figure(name, pictures.crop(image, (x, y, side)), "crop") for name, image in {**beside, **fused}.items()])
+               [_figure(name, image[y:y + side, x:x + side], "crop") for name, image in {**beside, **fused}.items()])
+
+
+# --- pictures ---------------------------------------------------------------------------------------------------------
+
+def inline(image, lossless=False):
+    """data: address of an image, PNG or JPEG."""
+    good, data = cv2.imencode(".png" if lossless else ".jpg", image, [] if lossless else [cv2.IMWRITE_JPEG_QUALITY, 88])
+    if not good:
+        raise ValueError(f"an image of type {image.dtype} and shape {image.shape} cannot be shown")
+    kind = "png" if lossless else "jpeg"
+    return f"data:image/{kind};base64,{base64.b64encode(data.tobytes()).decode()}"
+
+
+def read_weights(store, scene, method, frames):
+    """Picture of which frame has the most weight in a stored result; None where the method does not tell. Of two frames the
+    first is black and the second white (W of equation 11); of more each has a colour, the same for all methods."""
+    path = store.picture(scene, method, "source_index")
+    if path:
+        index = read_image(path, cv2.IMREAD_UNCHANGED)
+        coloured = picture(np.uint8(255 * (index == 1))) if frames == 2 else index_picture(index, frames)
+        coloured[index == NO_FRAME] = UNDECIDED
+        return coloured
+    path = store.picture(scene, method, "weights")
+    return picture((read_image(path, cv2.IMREAD_UNCHANGED) >> 8).astype(np.uint8)) if path else None
+
+
+def read_labels(path):
+    """Picture of a label map."""
+    labels = read_image(path, cv2.IMREAD_UNCHANGED)
+    return picture(labels) if labels.dtype == np.uint16 else cv2.cvtColor(labels, cv2.COLOR_GRAY2BGR)
+
+
+def differences(fused):
+    """Windows (x, y, side), at most CROPS, apart from each other, where fused images (H x W x 3 uint8) differ most."""
+    if len(fused) < 2:
+        return []
+    grays = np.stack([cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in fused]).astype(np.float32)
+    height, width = grays.shape[1:]
+    side = min(CROP, max(8, min(height, width) // 4), height, width)
+    deviation = cv2.boxFilter(grays.std(axis=0), -1, (side, side), borderType=cv2.BORDER_CONSTANT)
+    inner = np.zeros_like(deviation)  # by centres of windows that lie inside
+    centres = (slice(side // 2, height - side + side // 2 + 1), slice(side // 2, width - side + side // 2 + 1))
+    inner[centres] = deviation[centres]
+    windows = []
+    for _ in range(CROPS):
+        y, x = np.unravel_index(int(inner.argmax()), inner.shape)
+        if inner[y, x] <= 0:
+            break
+        windows.append((int(x) - side // 2, int(y) - side // 2, side))
+        inner[max(0, y - side):y + side, max(0, x - side):x + side] = 0
+    return windows
+
+
+def marked(image, windows):
+    """A copy with numbered frames around the windows."""
+    image = image.copy()
+    for number, (x, y, side) in enumerate(windows, 1):
+        thickness = max(1, round(image.shape[1] / 320))
+        cv2.rectangle(image, (x, y), (x + side - 1, y + side - 1), (0, 0, 255), thickness)
+        cv2.putText(image, str(number), (x + 5 * thickness, y + 14 * thickness), cv2.FONT_HERSHEY_SIMPLEX,
+                    0.5 * thickness, (0, 0, 255), thickness, cv2.LINE_AA)
+    return image
