@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Which versions of what are at work."""
-import hashlib
 import os
 import platform
 import re
@@ -15,6 +14,7 @@ import rospkg
 
 import all_in_focus
 from all_in_focus import baselines, metrics
+from all_in_focus.benchmark.scenes import digest
 from all_in_focus.files import stack
 from all_in_focus.installed import find, prefix
 
@@ -26,30 +26,23 @@ def code_digest():
     folders = [Path(room.__file__).parent for room in (metrics, baselines)]
     paths = [Path(stack.__file__), Path(__file__).with_name("methods.py")]
     paths += [path for folder in folders for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]
-    return _digest(sorted(paths, key=lambda path: path.name))
+    return digest(sorted(paths, key=lambda path: path.name))
 
 
 def fusion_digest():
     """Digest of fuse_stack and of the library with the method."""
-    return _digest([find("fuse_stack"), *_libraries("core")])
+    return digest([Path(find("fuse_stack")), *_libraries("core")])
 
 
 def nodes_digest():
     """Digest of what makes images of bags: the nodes' libraries, and the code that starts them and plays bags to them."""
     folder = Path(all_in_focus.__file__).parent
     played = [path for room in ("replay", "bag") for path in sorted((folder / room).rglob("*.py"))]
-    return _digest([*played, find("evaluate_bag"), *_libraries("*")])
+    return digest([*played, Path(find("evaluate_bag")), *_libraries("*")])
 
 
 def _libraries(name):
     return sorted((prefix() / "lib").glob(f"liball_in_focus_{name}.so"))
-
-
-def _digest(paths):
-    total = hashlib.sha256()
-    for path in paths:
-        total.update(Path(path).read_bytes())
-    return total.hexdigest()[:16]
 
 
 def versions():
