@@ -14,7 +14,7 @@ refined:shift5 (depth 5 pixels to the right); whatever --peer names (with +ecc: 
 """
 import argparse
 import json
-import math
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -119,7 +119,7 @@ def measure_all(args, found):
 def mean(figures, method, key):
     """Mean over the scenes that have a value, and how many those are; (None, 0) if none has."""
     values = [of[method][key] for of in figures.values() if of[method] and of[method][key] is not None]
-    return (math.fsum(values) / len(values), len(values)) if values else (None, 0)
+    return (statistics.fmean(values), len(values)) if values else (None, 0)
 
 
 def table(figures, key):

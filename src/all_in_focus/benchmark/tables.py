@@ -5,6 +5,7 @@ as in T3, their sums as in T4."""
 import math
 from collections import Counter
 from dataclasses import dataclass
+from statistics import fmean
 from typing import Dict, List, Optional
 
 from scipy.stats import rankdata
@@ -73,7 +74,7 @@ class Tables:
     def mean_seconds(self, method):
         """Mean over the scenes that have a time, None without."""
         times = [of[method] for of in self.seconds.values() if of[method] is not None]
-        return math.fsum(times) / len(times) if times else None
+        return fmean(times) if times else None
 
 
 def build(results, methods, metric_names):
