@@ -9,19 +9,25 @@ A program that is not installed has `not installed` in its row. Needs a sourced 
 docs/performance.md).
 """
 import argparse
+import json
 import os
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
+import rospkg
+import rospy
+from skimage.segmentation import felzenszwalb
 
-import compare_registration
 import graph_source
+import ros_run
 import steps
 from all_in_focus.baselines import enfuse
 from all_in_focus.benchmark import methods, scenes
@@ -34,6 +40,17 @@ from suite import MAKE_SCENE
 TASKS = ("registration", "segmentation", "fusion")
 NOISE_MM = 3
 NOT_INSTALLED = "not installed"
+
+FRAMES, RATE = 100, 30
+NODE = "registration"
+
+# Class of the nodelet, topic of its result, remappings, parameters.
+NODELETS = {
+    "depth_preprocess (refined)": ("all_in_focus/depth_preprocess", "depth_registered/image", [], {"mode": "refined"}),
+    "depth_preprocess (paper)": ("all_in_focus/depth_preprocess", "depth_registered/image", [], {"mode": "paper"}),
+    "depth_image_proc/register": ("depth_image_proc/register", "depth_registered/image_rect",
+                                  ["depth/image_rect:=depth/image_raw"], {}),
+}
 
 
 def parse_arguments():
@@ -91,10 +108,6 @@ def opencv_segmentation(depth):
 
 
 def skimage_segmentation(depth):
-    try:
-        from skimage.segmentation import felzenszwalb
-    except ImportError:
-        return None
     return lambda: elapsed_ms(lambda: felzenszwalb(np.float64(depth), scale=300, sigma=0.5, min_size=10))
 
 
@@ -157,9 +170,45 @@ def compare_fusion(args):
 
 # --- registration -----------------------------------------------------------------------------------------------------
 
-def compare_registrations(args):
-    with compare_registration.Runner(args.rig, args.depth) as runner:
-        programs = runner.programs()
+def register(ros, source, nodelet, topic, remappings, parameters):
+    """CPU time a frame, latency, in ms, of a nodelet that is alone in a process. source: the command that sends the images."""
+    for name, value in parameters.items():
+        rospy.set_param(f"/{NODE}/{name}", value)
+    process = ros.start([ros_run.program("nodelet", "nodelet"), "standalone", nodelet, "__name:=" + NODE, *remappings])
+    latencies = []
+    subscriber = rospy.Subscriber(topic, rospy.AnyMsg, lambda m: latencies.append(age_ms(m)), queue_size=FRAMES)
+    try:
+        playing = subprocess.Popen(source, stdout=subprocess.PIPE, universal_newlines=True)
+        time.sleep(2)  # until it is up; images come later still
+        before = ros_run.cpu_seconds(process.pid)
+        said = playing.stdout.readline()
+        if not said or json.loads(said)["sent"] != FRAMES:
+            raise RuntimeError(f"{nodelet}: the cameras could not be played")
+        time.sleep(0.3)
+        cpu = ros_run.cpu_seconds(process.pid) - before
+        playing.wait(60)
+    finally:
+        subscriber.unregister()
+        ros.stop(process)
+    if len(latencies) < FRAMES // 2:
+        raise RuntimeError(f"{nodelet}: {len(latencies)} results for {FRAMES} images")
+    return 1000 * cpu / len(latencies), float(np.median(latencies))
+
+
+def age_ms(message):
+    """Of a message that begins with a Header: sequence number, seconds, nanoseconds."""
+    _, seconds, nanoseconds = struct.unpack_from("<3I", message._buff)
+    return (rospy.Time.now() - rospy.Time(seconds, nanoseconds)).to_sec() * 1000
+
+
+def compare_registration(args):
+    source = [sys.executable, graph_source.__file__, "--rig", args.rig, "--depth", args.depth, "--depth-only", "--rate",
+              str(RATE), "--frames", str(FRAMES)]
+    packages = rospkg.RosPack().list()
+    with ros_run.Ros() as ros:
+        rospy.init_node("compare", disable_signals=True)
+        programs = {name: partial(register, ros, source, *nodelet) if nodelet[0].split("/")[0] in packages else None
+                    for name, nodelet in NODELETS.items()}
         medians = steps.in_turn(programs, args.repetitions, "registration")
     for i, title in enumerate(("registration, CPU time of the process a frame, ms", "registration, from stamp to result, ms")):
         yield from rows(title, {name: None if value is None else value[i] for name, value in medians.items()},
@@ -168,7 +217,7 @@ def compare_registrations(args):
 
 def main():
     args = parse_arguments()
-    compare = {"registration": compare_registrations, "segmentation": compare_segmentation, "fusion": compare_fusion}
+    compare = {"registration": compare_registration, "segmentation": compare_segmentation, "fusion": compare_fusion}
     with tempfile.TemporaryDirectory() as folder:
         args.folder = Path(folder)
         if args.scene is None:
