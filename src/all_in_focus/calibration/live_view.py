@@ -28,7 +28,7 @@ def measure(outline, size):
 
     size: (width, height) of the picture.
     """
-    area = 0.5 * abs(_cross(outline[2] - outline[0], outline[3] - outline[1]))
+    area = cv2.contourArea(outline.astype(np.float32))
     side = np.sqrt(area)
     middle = outline.mean(axis=0)
     place = np.clip((middle - side / 2) / np.maximum(np.array(size) - side, 1), 0, 1)
@@ -36,10 +36,6 @@ def measure(outline, size):
     cosine = edges[0] @ edges[1] / np.prod(np.linalg.norm(edges, axis=1))
     tilt = min(1, 2 * abs(np.pi / 2 - np.arccos(np.clip(cosine, -1, 1))))
     return np.array([*place, np.sqrt(area / np.prod(size)), tilt])
-
-
-def _cross(a, b):
-    return a[0] * b[1] - a[1] * b[0]
 
 
 class Coverage:
