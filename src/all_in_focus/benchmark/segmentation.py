@@ -5,7 +5,7 @@ T2 of the paper, for any depth map and for the labels of any segmentation."""
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
+from scipy import ndimage
 from skimage.segmentation import felzenszwalb
 
 HEADING = ["region", "pixels", "Min", "Max", "Diff", "MaxDoF", "Diff < MaxDoF?"]
@@ -46,7 +46,7 @@ def graph_segmentation(depth, scale_mm, sigma, min_size):
     known = depth > 0
     if not known.any():
         return np.zeros(depth.shape, np.int32)
-    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
     filled = depth[tuple(nearest)].astype(np.float64)
     labels = felzenszwalb(filled, scale=255 * scale_mm, sigma=sigma, min_size=min_size)  # it divides the scale by 255
     return np.where(known, labels + 1, 0).astype(np.int32)
@@ -54,17 +54,10 @@ def graph_segmentation(depth, scale_mm, sigma, min_size):
 
 def regions(labels, depth, optics):
     """Region of each label but 0, the nearest (by median depth) first."""
-    order = np.argsort(labels, axis=None, kind="stable")
-    sorted_labels, sorted_depth = labels.ravel()[order], depth.ravel()[order]
-    begins = np.flatnonzero(np.r_[True, np.diff(sorted_labels) > 0])
-    found = []
-    for begin, end in zip(begins, np.r_[begins[1:], len(sorted_labels)]):
-        values = sorted_depth[begin:end]
-        if sorted_labels[begin] != 0:
-            low, high = int(values.min()), int(values.max())
-            found.append((np.median(values), Region(int(sorted_labels[begin]), end - begin, low, high,
-                                                    max_dof(optics, low, high))))
-    return [region for _, region in sorted(found, key=lambda item: (item[0], item[1].label))]
+    known, areas = np.unique(labels[labels != 0], return_counts=True)
+    medians, lows, highs = (of(depth.astype(float), labels, known) for of in (ndimage.median, ndimage.minimum, ndimage.maximum))
+    return [Region(int(label), int(area), int(low), int(high), max_dof(optics, int(low), int(high)))
+            for _, label, area, low, high in sorted(zip(medians, known, areas, lows, highs))]
 
 
 def cells(found, count):
