@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from all_in_focus.msg import FusionReport, Optics, Segment, SegmentChoice
-from file_helpers import write_video
+from file_helpers import focus_file, write_video
 from tool_helpers import (FAR, NEAR, SIZE, TwoPlanes, fuse_stack, max_dof, normalized_variance, peak_mb, read,
                           read_report, run, snapshot, succeeded, texture, tool, without_timings, write)
 
@@ -171,8 +171,7 @@ def test_video_with_focus_gives_what_its_decoded_frames_give(planes):
     planes.stack = write_video(planes.folder / "v.avi", frames)
     video = cv2.VideoCapture(str(planes.stack), cv2.CAP_FFMPEG)
     decoded = [video.read()[1] for _ in frames]
-    focus = planes.folder / "focus.yaml"
-    focus.write_text("frames: [{focus_mm: 900}, {focus_mm: .inf}]\n")
+    focus = focus_file(planes.folder, "frames: [{focus_mm: 900}, {focus_mm: .inf}]\n")
     results = fuse_all(planes, *planes.with_depth, "--focus", focus)
     labels = cv2.resize(results["labels"], (32, 24), interpolation=cv2.INTER_NEAREST)
     check_fusion(results, decoded, labels)
@@ -180,9 +179,8 @@ def test_video_with_focus_gives_what_its_decoded_frames_give(planes):
 
 def test_stack_with_focus_by_name(planes):
     plain = fuse_all(planes, *planes.with_depth)
-    focus = planes.folder / "focus.yaml"
-    focus.write_text("frames: [{file: 02.png, focus_mm: 3000.0}, {file: stack/01.png, focus_mm: 1000.0}, "
-                     "{file: 00.png, focus_mm: null}]\n")
+    focus = focus_file(planes.folder, "frames: [{file: 02.png, focus_mm: 3000.0}, {file: stack/01.png, focus_mm: 1000.0}, "
+                                      "{file: 00.png, focus_mm: null}]\n")
     assert np.array_equal(fuse_all(planes, *planes.with_depth, "--focus", focus)["fused"], plain["fused"])
 
 
