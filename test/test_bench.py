@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from file_helpers import run
+from tool_helpers import expect_refusal
 
 BENCH = Path(__file__).resolve().parent.parent / "bench"
 sys.path.insert(0, str(BENCH))
@@ -20,9 +21,7 @@ import steps  # noqa: E402
     "report.py --rig x --depth x --parts steps --bench-steps /none"])
 def test_wrong_arguments_give_one_line(line, tmp_path):
     program, *arguments = line.split()
-    done = run([sys.executable, BENCH / program, *arguments], cwd=str(tmp_path), timeout=600)
-    assert (done.returncode, done.stdout) == (2, ""), done.stderr
-    assert len(done.stderr.splitlines()) == 1 and done.stderr.startswith(program + ": "), done.stderr
+    expect_refusal(run([sys.executable, BENCH / program, *arguments], cwd=str(tmp_path), timeout=600), program)
     assert not list(tmp_path.iterdir())
 
 

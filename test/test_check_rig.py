@@ -11,6 +11,7 @@ from all_in_focus.files.rig import save_rig
 
 from board_rendering import project, true_rig
 from file_helpers import run_script
+from tool_helpers import expect_refusal, unchanged
 
 WALL = 3.0  # m
 CARDS = [(-0.5, -0.3, 0.24, 0.3, 1.2), (-0.1, -0.35, 0.22, 0.16, 1.5), (0.25, -0.2, 0.26, 0.36, 1.1),
@@ -144,8 +145,6 @@ def test_wrong_input_ends_in_one_line(tmp_path, change, words):
     cv2.imwrite(str(tmp_path / "color.png"), color)
     given = {"rig": "rig", "depth": "depth.png", "color": "color.png", "output": "o.png", **change}
     live = ["--live"] if given.pop("live", False) else []
-    before = sorted(tmp_path.iterdir())
     options = [word for key, name in given.items() for word in (f"--{key}", tmp_path / name)]
-    result = run_script("check_rig", *live, *options)
-    assert result.returncode == 2 and words in result.stderr and len(result.stderr.splitlines()) == 1
-    assert sorted(tmp_path.iterdir()) == before
+    with unchanged(tmp_path):
+        expect_refusal(run_script("check_rig", *live, *options), "check_rig", words)

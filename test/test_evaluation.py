@@ -18,6 +18,7 @@ from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import MARK
 from all_in_focus.replay.results import BracketCollector, ResultError, ResultFolder, encode_labels
 from file_helpers import run_script
+from tool_helpers import expect_refusal
 
 
 # ---- results
@@ -215,7 +216,7 @@ def test_evaluate_bag_refuses_bad_input_in_one_line(tmp_path):
                                       ("text.bag", ["--mode", "best"], "invalid choice"),
                                       ("text.bag", ["--optics", "1,2"], "f,F,coc")):
         done = run_script("evaluate_bag", "--bag", tmp_path / bag_name, "--output", tmp_path / "out", *more)
-        assert done.returncode == 2 and complaint in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
+        expect_refusal(done, "evaluate_bag", complaint)
     assert not (tmp_path / "out").exists()
 
 

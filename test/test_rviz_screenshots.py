@@ -13,6 +13,7 @@ from all_in_focus.bag.writer import write_bag
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack
 from file_helpers import focus_file, run_script, write_stack
+from tool_helpers import expect_refusal
 
 WIDTH, HEIGHT = 160, 120
 # Inside of the panels on the screen of 1600 x 1000: x, y, width, height.
@@ -41,12 +42,6 @@ def bag(tmp_path_factory):
     return path
 
 
-def refused(done, *words):
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1 and "Traceback" not in done.stderr
-    assert all(word in done.stderr for word in words), done.stderr
-
-
 @pytest.mark.skipif(not HAS_RVIZ, reason="Xvfb, import (ImageMagick) or rviz is missing: scripts/build --with-rviz")
 def test_every_display_is_filled(bag, tmp_path):
     done = run_script("rviz_screenshots", "--bag", bag, "--output", tmp_path / "out", "--timeout", 90, timeout=300)
@@ -61,11 +56,12 @@ def test_every_display_is_filled(bag, tmp_path):
 
 
 def test_what_is_missing_is_named(bag, tmp_path):
-    refused(run_script("rviz_screenshots", "--bag", tmp_path / "no.bag", "--output", tmp_path / "out"), "no.bag")
+    done = run_script("rviz_screenshots", "--bag", tmp_path / "no.bag", "--output", tmp_path / "out")
+    expect_refusal(done, "rviz_screenshots", "no.bag")
     broken = tmp_path / "broken.rviz"
     broken.write_text("Visualization Manager: 3\n")
-    refused(run_script("rviz_screenshots", "--bag", bag, "--output", tmp_path / "out", "--config", broken),
-            "broken.rviz")
+    done = run_script("rviz_screenshots", "--bag", bag, "--output", tmp_path / "out", "--config", broken)
+    expect_refusal(done, "rviz_screenshots", "broken.rviz")
     assert not (tmp_path / "out").exists()
 
 

@@ -22,6 +22,7 @@ from all_in_focus.metrics.truth import Truth
 from all_in_focus.simulation.presets import SCENES
 from all_in_focus.simulation.surfaces import Ball, Plane, disc, lit, marked, plain, shaded_under, twigs
 from file_helpers import run_script
+from tool_helpers import expect_refusal
 
 OPTICS, BRIGHT_LENS = Optics(50.0, 2.0, 0.03), Optics(50.0, 1.8, 0.03)
 CAMERA = Camera.pinhole("test", 160, 120, 200, 200, 79.5, 59.5)
@@ -449,8 +450,7 @@ def test_program_renders_any_picture(tmp_path):
     (("--focal-px", "0"), {}, "expected a positive number"),
 ])
 def test_bad_pictures(tmp_path, arguments, options, reason):
-    _, result = make_picture_scene(tmp_path, *arguments, **options)
-    assert result.returncode == 2 and result.stderr.count("\n") == 1 and reason in result.stderr
+    expect_refusal(make_picture_scene(tmp_path, *arguments, **options)[1], "make_scene", reason)
     assert not (tmp_path / "scene").exists()
 
 
@@ -535,14 +535,11 @@ def test_enlarged_scene_is_the_small_one(tmp_path):
     (["--enlarge", "4"], "expected an odd number"),
 ])
 def test_bad_arguments(tmp_path, arguments, reason):
-    result = make_scene("--scene", "planes", "--output", tmp_path / "scene", *arguments)
-    assert result.returncode == 2 and result.stdout == ""
-    assert result.stderr.count("\n") == 1 and reason in result.stderr
+    expect_refusal(make_scene("--scene", "planes", "--output", tmp_path / "scene", *arguments), "make_scene", reason)
     assert os.listdir(tmp_path) == []
 
 
 def test_never_overwrites_what_it_did_not_make(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    result = make_scene("--scene", "planes", "--output", tmp_path)
-    assert result.returncode == 2 and "was not written by make_scene" in result.stderr
+    expect_refusal(make_scene("--scene", "planes", "--output", tmp_path), "make_scene", "was not written by make_scene")
     assert os.listdir(tmp_path) == ["notes.txt"]
