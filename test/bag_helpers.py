@@ -76,6 +76,17 @@ def write(path, messages, compression="none"):
     return str(path)
 
 
+def rewritten(source, target, change):
+    """Copy of a bag. change(topic, message): may alter the message; returns False to leave it out, another (topic, message) to
+    write instead, or anything else."""
+    with rosbag.Bag(str(source)) as old, rosbag.Bag(str(target), "w") as new:
+        for topic, message, when in old.read_messages():
+            changed = change(topic, message)
+            if changed is not False:
+                new.write(*(changed if isinstance(changed, tuple) else (topic, message)), when)
+    return target
+
+
 # --- damages: functions that take the list of messages, and change it or return a new one ----------------------------
 
 def changed(prefix, change):

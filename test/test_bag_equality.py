@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import psutil
 import pytest
-import rosbag
 
+from bag_helpers import rewritten
 from file_helpers import SCRIPTS, cut, start, wait_until
 from tool_helpers import (check_equality, evaluate, expect_refusal, fuse, fuse_stack, read, rosrun, succeeded, texture,
                           unchanged, write)
@@ -128,15 +128,6 @@ def test_signals_end_a_run_with_all_its_nodes(running, number):
 
 # --- what cannot be evaluated -----------------------------------------------------------------------------------------
 
-def rewritten(scene, name, change):
-    """Copy of the bag; change(topic, message) may change the message, or return False to leave it out."""
-    with rosbag.Bag(str(scene.bag)) as old, rosbag.Bag(str(scene.folder / name), "w") as new:
-        for topic, message, when in old.read_messages():
-            if change(topic, message) is not False:
-                new.write(topic, message, when)
-    return scene.folder / name
-
-
 def check_refusal(scene, bag, complaint, *options):
     """An earlier result stays; without one there is no folder."""
     earlier = scene.folder / "earlier"
@@ -151,7 +142,7 @@ def check_refusal(scene, bag, complaint, *options):
     ("/depth/camera_info", "no camera info of the depth camera"),
     ("/rgb/camera_info", "no camera info of the colour camera"), ("/tf_static", "no transform")])
 def test_bag_without_something_needed(scene, missing, complaint):
-    bag = rewritten(scene, "without.bag", lambda topic, message: topic != missing)
+    bag = rewritten(scene.bag, scene.folder / "without.bag", lambda topic, message: topic != missing)
     check_refusal(scene, bag, complaint)
     expect_refusal(rosrun("evaluate_bag", "--bag", bag, "--output", scene.folder / "new"), "evaluate_bag", complaint)
     assert not (scene.folder / "new").exists()
@@ -194,7 +185,7 @@ def no_focal_length(topic, message):
 
 @pytest.mark.parametrize("change", [unknown_depth, small_depth, no_focal_length])
 def test_depth_that_fuse_stack_would_refuse(scene, change):
-    check_refusal(scene, rewritten(scene, f"{change.__name__}.bag", change), "")
+    check_refusal(scene, rewritten(scene.bag, scene.folder / f"{change.__name__}.bag", change), "")
 
 
 def test_make_bag_refuses_what_fuse_stack_refuses(scene, tmp_path):

@@ -17,6 +17,7 @@ from all_in_focus.bag.bag_file import BagContents, BagError, Topics
 from all_in_focus.bag.writer import stamp_of, write_bag
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack
+from bag_helpers import compressed, rewritten
 from file_helpers import SIZE, cut, focus_file, pictures, run_script, write_stack
 from tool_helpers import expect_refusal
 
@@ -155,29 +156,18 @@ def test_contents_of_a_good_bag(bag):
     assert kinds.index("depth") < kinds.index("rgb") and kinds.count("rgb") == 5
 
 
-def rewritten(source, target, change):
-    """Copy of a bag; change(topic, message) gives the new (topic, message), or None to leave it out."""
-    with rosbag.Bag(source) as old, rosbag.Bag(target, "w") as new:
-        for topic, message, when in old.read_messages():
-            changed = change(topic, message)
-            if changed:
-                new.write(*changed, when)
-    return target
-
-
 @pytest.mark.parametrize("missing, complaint", [
     ("/depth/image_raw", "no depth image: nothing on /depth/image_raw .there are /rgb/image"),
     ("/depth/camera_info", "no camera info of the depth camera"), ("/rgb/camera_info", "no camera info of the colour"),
     ("/rgb/image", "no colour image: nothing on /rgb/image"), ("/tf_static", "no transform")])
 def test_bag_without_something_needed(tmp_path, bag, missing, complaint):
-    path = rewritten(bag[0], str(tmp_path / "y.bag"), lambda topic, m: None if topic == missing else (topic, m))
+    path = rewritten(bag[0], str(tmp_path / "y.bag"), lambda topic, _: topic != missing)
     with pytest.raises(BagError, match=complaint):
         BagContents(path)
 
 
 def test_bag_without_the_optional(tmp_path, bag):
-    path = rewritten(bag[0], str(tmp_path / "y.bag"),
-                     lambda topic, m: None if topic in ("/rgb/optics", "/rgb/focus") else (topic, m))
+    path = rewritten(bag[0], str(tmp_path / "y.bag"), lambda topic, _: topic not in ("/rgb/optics", "/rgb/focus"))
     contents = BagContents(path)
     assert contents.optics is None and "focus" not in contents.counts
 
@@ -186,11 +176,10 @@ def test_transforms_must_connect_the_cameras(tmp_path, bag):
     def elsewhere(topic, message):
         if topic == "/tf_static":
             message.transforms[0].child_frame_id = "other"
-        return topic, message
 
     with pytest.raises(BagError, match="'depth_frame' with colour frame 'color_frame'"):
         BagContents(rewritten(bag[0], str(tmp_path / "y.bag"), elsewhere))
-    moving = rewritten(bag[0], str(tmp_path / "z.bag"), lambda topic, m: ("/tf" if topic == "/tf_static" else topic, m))
+    moving = rewritten(bag[0], str(tmp_path / "z.bag"), lambda topic, m: topic != "/tf_static" or ("/tf", m))
     assert [kind for kind, _, _ in BagContents(moving).messages()].count("tf") == 1
 
 
@@ -199,12 +188,7 @@ def test_other_topic_names_and_compressed_color(tmp_path, bag):
     names = {"/depth/image_raw": "/kinect/depth", "/rgb/image": "/dslr/image/compressed"}
 
     def renamed(topic, message):
-        if topic == "/rgb/image":
-            bridge = CvBridge()
-            header = message.header
-            message = bridge.cv2_to_compressed_imgmsg(bridge.imgmsg_to_cv2(message), "png")
-            message.header = header
-        return names.get(topic, topic), message
+        return names.get(topic, topic), compressed(message, 0) if topic == "/rgb/image" else message
 
     path = rewritten(bag[0], str(tmp_path / "y.bag"), renamed)
     contents = BagContents(path, Topics(depth="kinect/depth", rgb="/dslr/image"))
@@ -216,7 +200,6 @@ def test_other_topic_names_and_compressed_color(tmp_path, bag):
     def broken(topic, message):
         if topic.endswith("compressed") and message.header.stamp == stamp_of(2, 20.0):
             message.data = b"nonsense"
-        return topic, message
 
     contents = BagContents(rewritten(path, str(tmp_path / "z.bag"), broken), Topics("/kinect/depth", rgb="/dslr/image"))
     assert [kind for kind, _, _ in contents.messages()].count("rgb") == 4
