@@ -4,7 +4,7 @@
 import cv2
 import numpy as np
 
-from all_in_focus.baselines.common import one_hot
+from all_in_focus.baselines.common import choose, one_hot
 
 WINDOW_SIGMA = 2.0  # pixels, of the Gaussian window in which sharpness is summed
 
@@ -20,9 +20,5 @@ def sharpness(image):
 
 def fuse(images):
     """See all_in_focus.baselines; of equally sharp images the first."""
-    fused, index, best = images[0].copy(), np.zeros(images[0].shape[:2], int), sharpness(images[0])
-    for number, image in enumerate(images[1:], 1):
-        score = sharpness(image)
-        better = score > best
-        fused[better], index[better], best[better] = image[better], number, score[better]
-    return fused, one_hot(index, len(images))
+    index = np.argmax([sharpness(image) for image in images], axis=0)
+    return choose(images, index), one_hot(index, len(images))
