@@ -59,10 +59,9 @@ CPP_ROOMS = {
     'tools': ['core'],
 }
 
-# Type, name = literal; another config's member in its place is not compared, it cannot differ.
-
 
 def literal_defaults(name, text):
+    """Of `type name = literal`; another config's member in the literal's place cannot differ and is not compared."""
     return re.findall(rf'\w[\w:]*\s+{name}\s*=\s*([-\w.:"]+)\s*[;,)]', text)
 
 
