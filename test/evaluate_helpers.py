@@ -31,9 +31,9 @@ def evaluate(*arguments, timeout=300):
     return done.returncode, done.stdout, done.stderr
 
 
-def make_scene(folder, scene="planes", seed=0):
+def make_scene(folder, scene="planes", seed=0, breathing=0):
     done = run_script("make_scene", "--scene", scene, "--size", "160x120", "--frames", 3, "--optics", "50,1.8,0.03",
-                      "--seed", seed, "--output", folder)
+                      "--seed", seed, "--breathing", breathing, "--output", folder)
     assert (done.returncode, done.stderr) == (0, "")
     return folder
 

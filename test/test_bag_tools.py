@@ -19,7 +19,7 @@ from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack
 from bag_helpers import compressed, rewritten
 from file_helpers import SIZE, cut, focus_file, pictures, run_script, write_stack
-from tool_helpers import expect_refusal
+from tool_helpers import expect_refusal, succeeded
 
 ROTATION = [0.0, 0.0, 0.6, 0.8]
 
@@ -108,8 +108,7 @@ def test_make_bag_command(tmp_path, rig, depth):
     cv2.imwrite(str(tmp_path / "depth.png"), depth)
     folder = write_stack(tmp_path / "stack", ["0.png", "1.png"])
     arguments = ["--depth", tmp_path / "depth.png", "--rig", rig, "--stack", folder, "--output", tmp_path / "x.bag"]
-    done = run_script("make_bag", *arguments, "--no-focus")
-    assert done.returncode == 0, done.stderr
+    succeeded(run_script("make_bag", *arguments, "--no-focus"))
     assert len(messages(str(tmp_path / "x.bag"), "/rgb/image")) == 2
     assert not messages(str(tmp_path / "x.bag"), "/rgb/focus")
 

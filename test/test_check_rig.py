@@ -11,7 +11,7 @@ from all_in_focus.files.rig import save_rig
 
 from board_rendering import project, true_rig
 from file_helpers import run_script
-from tool_helpers import expect_refusal, unchanged
+from tool_helpers import expect_refusal, succeeded, unchanged
 
 WALL = 3.0  # m
 CARDS = [(-0.5, -0.3, 0.24, 0.3, 1.2), (-0.1, -0.35, 0.22, 0.16, 1.5), (0.25, -0.2, 0.26, 0.36, 1.1),
@@ -50,9 +50,8 @@ def check(folder, rig, depth, color):
     save_rig(str(folder / "rig"), rig)
     cv2.imwrite(str(folder / "depth.png"), depth)
     cv2.imwrite(str(folder / "color.png"), color)
-    result = run_script("check_rig", "--rig", folder / "rig", "--depth", folder / "depth.png", "--color",
-                        folder / "color.png", "--output", folder / "out.png")
-    assert result.returncode == 0, result.stderr
+    result = succeeded(run_script("check_rig", "--rig", folder / "rig", "--depth", folder / "depth.png", "--color",
+                                  folder / "color.png", "--output", folder / "out.png"))
     assert cv2.imread(str(folder / "out.png")).shape[1] == color.shape[1]
     return result.stdout.splitlines()
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from all_in_focus import imaging
 from file_helpers import run_script
-from tool_helpers import expect_refusal
+from tool_helpers import expect_refusal, succeeded
 
 
 def test_contact_sheet(tmp_path):
@@ -15,9 +15,8 @@ def test_contact_sheet(tmp_path):
     labels[:, 20:40], labels[:, 40:] = 2, 0
     cv2.imwrite(str(tmp_path / "labels.png"), labels)
     sheet = tmp_path / "sheet.png"
-    done = run_script("contact_sheet", "--output", sheet, "--columns", 2, "--width", 60, tmp_path / "a.png",
-                      f"{tmp_path / 'labels.png'}:seven regions", tmp_path / "a.png")
-    assert done.returncode == 0, done.stderr
+    succeeded(run_script("contact_sheet", "--output", sheet, "--columns", 2, "--width", 60, tmp_path / "a.png",
+                         f"{tmp_path / 'labels.png'}:seven regions", tmp_path / "a.png"))
     image = cv2.imread(str(sheet))
     assert image.shape == (2 * (30 + 24) + 18, 2 * 66 + 6, 3)
     assert (image[40, 20] == (10, 20, 30)).all() and (image[40, 6 + 66 + 50] == 0).all()

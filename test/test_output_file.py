@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from file_helpers import run_script
-from tool_helpers import TwoPlanes, snapshot
+from tool_helpers import TwoPlanes, snapshot, succeeded
 
 from all_in_focus.files.output_file import named, whole_file, write_picture
 
@@ -62,8 +62,7 @@ def test_a_missing_folder_is_told_with_the_file_as_it_was_given(scene, tmp_path,
 
 def test_so_it_is_for_a_folder(scene, tmp_path):
     bag, output = scene.folder / "scene.bag", tmp_path / "none" / "stack"
-    done = run_script("make_bag", *scene.with_depth, "--stack", scene.stack, "--output", bag)
-    assert done.returncode == 0, done.stderr
+    succeeded(run_script("make_bag", *scene.with_depth, "--stack", scene.stack, "--output", bag))
     done = run_script("bag_to_stack", bag, "--output", output)
     assert done.returncode == 2 and done.stderr == f"bag_to_stack: {output}: No such file or directory\n"
     (tmp_path / "file").write_text("")

@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from evaluate_helpers import make_scene
 from file_helpers import run, run_script
 from skimage.metrics import structural_similarity
 from tool_helpers import expect_refusal, tool
@@ -47,9 +48,7 @@ def scenes(tmp_path_factory):
     """Two small scenes of three frames, the second with breathing."""
     folder = tmp_path_factory.mktemp("scenes")
     for name, breathing in (("still", 0), ("breathing", 1)):
-        result = run_script("make_scene", "--scene", "planes", "--size", "160x120", "--frames", 3, "--breathing",
-                            breathing, "--optics", "50,1.8,0.03", "--output", folder / name)
-        assert (result.returncode, result.stderr) == (0, "")
+        make_scene(folder / name, breathing=breathing)
     return folder
 
 

@@ -13,7 +13,7 @@ from all_in_focus.bag.writer import write_bag
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack
 from file_helpers import focus_file, run_script, write_stack
-from tool_helpers import expect_refusal
+from tool_helpers import expect_refusal, succeeded
 
 WIDTH, HEIGHT = 160, 120
 # Inside of the panels on the screen of 1600 x 1000: x, y, width, height.
@@ -44,8 +44,7 @@ def bag(tmp_path_factory):
 
 @pytest.mark.skipif(not HAS_RVIZ, reason="Xvfb, import (ImageMagick) or rviz is missing: scripts/build --with-rviz")
 def test_every_display_is_filled(bag, tmp_path):
-    done = run_script("rviz_screenshots", "--bag", bag, "--output", tmp_path / "out", "--timeout", 90, timeout=300)
-    assert done.returncode == 0, done.stderr
+    succeeded(run_script("rviz_screenshots", "--bag", bag, "--output", tmp_path / "out", "--timeout", 90, timeout=300))
     screen = cv2.imread(str(tmp_path / "out" / "rviz.png"))
     assert screen.shape == (1000, 1600, 3)
     for name, (x, y, width, height) in PANELS.items():
