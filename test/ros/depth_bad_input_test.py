@@ -6,16 +6,14 @@ import itertools
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import TransformStamped, Vector3
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
-from all_in_focus.msg import SegmentArray
-from depth_testing import HEIGHT, WIDTH, GraphTest, camera_info, image_message, pixels_of, run_tests, two_planes, wait_until
+from depth_testing import (ERROR, HEIGHT, OK, WARN, WIDTH, AloneTest, GraphTest, camera_info, image_message, pixels_of, run_tests,
+                           transform, two_planes, wait_until)
 
-OK, WARN, ERROR = 0, 1, 2
 STAMPS = itertools.count(1000)
 LAST_STAMP = rospy.Time(4294967295, 950000000)
 
@@ -40,12 +38,9 @@ def bad_images():
     yield 'endian', changed(good(), is_bigendian=1)
 
 
-class SegmenterTest(GraphTest):
+class SegmenterTest(AloneTest):
     def setUp(self):
         super().setUp()
-        self.depth = self.talk('/alone/depth_registered/image', Image)
-        self.labels = self.listen('/alone/segmentation/labels', Image)
-        self.segments = self.listen('/alone/segmentation/segments', SegmentArray)
         self.processed = self.listen('/alone/segmentation/processed', Header)
 
     def assert_good_depth_is_processed(self):
@@ -107,13 +102,10 @@ class DepthPreprocessTest(GraphTest):
         self.raw = self.listen('/chain/depth_registered/image_raw', Image)
         self.processed = self.listen('/chain/depth_registered/processed', Header)
 
-    def send(self, pixels=None, frame='depth', encoding='16UC1', **infos):
-        """Camera infos first: they hold for the depth."""
+    def send(self, *arguments, **options):
+        """Returns the stamp."""
         stamp = next(STAMPS)
-        for name, info in {'depth': camera_info(stamp, 'depth'), 'rgb': camera_info(stamp, 'color'), **infos}.items():
-            self.infos[name].say(info)
-        rospy.sleep(0.1)
-        self.depth.say(image_message(two_planes() if pixels is None else pixels, stamp, encoding, frame))
+        self.send_depth(stamp, *arguments, **options)
         return stamp
 
     def assert_error(self, *words):
@@ -143,13 +135,9 @@ class DepthPreprocessTest(GraphTest):
         self.assert_good_depth_is_processed()
 
     def test_an_impossible_stamp_of_a_transform_ends_no_node(self):
-        transform = TransformStamped(child_frame_id='somewhere')
-        transform.header.frame_id, transform.header.stamp = 'color', LAST_STAMP
-        transform.transform.rotation.w = 1.0
-        talker = self.talk('/tf', TFMessage)
-        for stamp in (LAST_STAMP, rospy.Time(1)):
-            transform.header.stamp = stamp
-            talker.say(TFMessage([transform]))
+        pose, talker = transform('somewhere'), self.talk('/tf', TFMessage)
+        for pose.header.stamp in (LAST_STAMP, rospy.Time(1)):
+            talker.say(TFMessage([pose]))
         self.assert_error('/tf', 'is impossible')
         self.assert_good_depth_is_processed()
 
@@ -230,10 +218,7 @@ class DepthPreprocessTest(GraphTest):
         talker = self.talk('/tf_static', TFMessage)
         for level, frame, place, depth, words in cases:
             if place is not None:
-                transform = TransformStamped(header=Header(frame_id='color'), child_frame_id=frame)
-                transform.transform.translation = Vector3(*place)
-                transform.transform.rotation.w = 1.0
-                talker.say(TFMessage([transform]))
+                talker.say(TFMessage([transform(frame, place)]))
                 rospy.sleep(0.2)
             self.assertIsNotNone(self.raw.at(self.send(depth, frame=frame)), words)
             self.diagnostics.wait(self.NODE, lambda s: s.level == level and '/chain/depth/image_raw: ' + words in s.message)

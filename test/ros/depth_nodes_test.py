@@ -11,7 +11,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from all_in_focus.msg import FocusPlan, Optics, SegmentArray
-from depth_testing import (FAR_MM, HEIGHT, NEAR_MM, TIMEOUT, WIDTH, GraphTest, camera_info, image_message, pixels_of,
+from depth_testing import (FAR_MM, HEIGHT, NEAR_MM, TIMEOUT, WIDTH, AloneTest, GraphTest, camera_info, image_message, pixels_of,
                            run_tests, subscribers_of, two_planes, values_of, wait_until)
 
 STAMPS = itertools.count(1000)
@@ -19,12 +19,9 @@ DEFAULTS = {'focal_length_mm': 24.0, 'aperture': 4.0, 'circle_of_confusion_mm': 
             'min_region_size': 10}
 
 
-class SegmenterTest(GraphTest):
+class SegmenterTest(AloneTest):
     def setUp(self):
         super().setUp()
-        self.depth = self.talk('/alone/depth_registered/image', Image)
-        self.labels = self.listen('/alone/segmentation/labels', Image)
-        self.segments = self.listen('/alone/segmentation/segments', SegmentArray)
         self.client = Client('/alone/segmenter', timeout=TIMEOUT)
         self.client.update_configuration(DEFAULTS)
 

@@ -11,13 +11,18 @@ import rosgraph
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
+
+from all_in_focus.msg import SegmentArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for all that import this
 from file_helpers import wait_until  # noqa: E402
 
 WIDTH, HEIGHT = 64, 48
 NEAR_MM, FAR_MM = 1000, 3000
+OK, WARN, ERROR = 0, 1, 2  # levels of diagnostics
 SANITIZED = bool(os.environ.get('SANITIZED_PREFIX'))  # nodes are compiled with a sanitizer, and many times slower
 TIMEOUT = 50.0  # s; long: a computer with much else to do is slow, and what comes is taken at once
 ENCODINGS = {'16UC1': np.uint16, 'mono16': np.uint16, '32FC1': np.float32, '32SC1': np.int32, 'rgb8': np.uint8,
@@ -49,6 +54,12 @@ def camera_info(stamp, frame, focal_px=50.0, model='plumb_bob'):
     info.K = [focal_px, 0, WIDTH / 2, 0, focal_px, HEIGHT / 2, 0, 0, 1 if focal_px else 0]
     info.header.stamp, info.header.frame_id = rospy.Time.from_sec(stamp), frame
     return info
+
+
+def transform(child, translation=(0, 0, 0), rotation=(0, 0, 0, 1)):
+    """Pose of a frame in that of the colour camera, as a message of /tf."""
+    pose = Transform(Vector3(*translation), Quaternion(*rotation))
+    return TransformStamped(Header(frame_id='color'), child, pose)
 
 
 class Talker:
@@ -125,6 +136,23 @@ class GraphTest(unittest.TestCase):
     def listen(self, topic, message_type):
         self.listeners.append(Listener(topic, message_type))
         return self.listeners[-1]
+
+    def send_depth(self, stamp, pixels=None, encoding='16UC1', frame='depth', **infos):
+        """By self.depth, after the camera infos, by self.infos: they hold for the depth."""
+        for name, info in {'depth': camera_info(stamp, 'depth'), 'rgb': camera_info(stamp, 'color'), **infos}.items():
+            self.infos[name].say(info)
+        rospy.sleep(0.1)
+        self.depth.say(image_message(two_planes() if pixels is None else pixels, stamp, encoding, frame))
+
+
+class AloneTest(GraphTest):
+    """A segmenter on its own."""
+
+    def setUp(self):
+        super().setUp()
+        self.depth = self.talk('/alone/depth_registered/image', Image)
+        self.labels = self.listen('/alone/segmentation/labels', Image)
+        self.segments = self.listen('/alone/segmentation/segments', SegmentArray)
 
 
 def values_of(status):

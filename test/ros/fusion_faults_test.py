@@ -8,8 +8,8 @@ import os
 import rospy
 
 from all_in_focus.msg import FocusFrame, SegmentArray
-from depth_testing import SANITIZED, camera_info, image_message, run_tests, two_planes, wait_until
-from fusion_testing import BRACKET_IDS, ERROR, PERIOD, WARN, FusionTest, colour_message, picture, regions
+from depth_testing import ERROR, SANITIZED, WARN, camera_info, image_message, run_tests, two_planes, wait_until
+from fusion_testing import BRACKET_IDS, PERIOD, FusionTest, colour_message, picture, regions
 from refined_testing import FRAMES, INDICES, MIDDLE, RefinedTest, pixels
 
 STAMPS = itertools.count(400000, 200)

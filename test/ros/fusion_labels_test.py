@@ -11,9 +11,8 @@ import rospy
 from sensor_msgs.msg import Image
 
 from all_in_focus.msg import SegmentArray
-from depth_testing import HEIGHT, WIDTH, image_message, run_tests, subscribers_of, wait_until
-from fusion_testing import (ERROR, OUTPUTS, PERIOD, WARN, FusionTest, array_of, colour_message, picture, regions,
-                            scene)
+from depth_testing import ERROR, HEIGHT, WARN, WIDTH, image_message, run_tests, subscribers_of, wait_until
+from fusion_testing import OUTPUTS, PERIOD, FusionTest, array_of, colour_message, picture, regions, scene
 
 STAMPS = itertools.count(100000, 10)
 

@@ -10,9 +10,9 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 
 from all_in_focus.msg import FocusFrame
-from depth_testing import HEIGHT, WIDTH, camera_info, image_message, pixels_of, run_tests, subscribers_of, two_planes, wait_until
-from fusion_testing import (BRACKET_IDS, DEFAULTS, NEAR, FAR, OK, OUTPUTS, PERIOD, WARN, FusionTest, array_of,
-                            colour_message, scene)
+from depth_testing import (HEIGHT, OK, WARN, WIDTH, camera_info, image_message, pixels_of, run_tests, subscribers_of,
+                           two_planes, wait_until)
+from fusion_testing import BRACKET_IDS, DEFAULTS, FAR, NEAR, OUTPUTS, PERIOD, FusionTest, array_of, colour_message, scene
 
 STAMPS = itertools.count(1000, 10)
 

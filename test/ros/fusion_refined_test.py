@@ -6,8 +6,8 @@ import itertools
 
 import numpy as np
 
-from depth_testing import run_tests, values_of, wait_until
-from fusion_testing import BRACKET_IDS, ERROR, PERIOD, array_of, colour_message
+from depth_testing import ERROR, run_tests, values_of, wait_until
+from fusion_testing import BRACKET_IDS, PERIOD, array_of, colour_message
 from refined_testing import FRAMES, INDICES, MIDDLE, RefinedTest, another_scene, fused_by_files, pixels
 
 

@@ -5,8 +5,8 @@
 import numpy as np
 from sensor_msgs.msg import Image
 
-from depth_testing import SANITIZED, run_tests, subscribers_of, values_of, wait_until
-from fusion_testing import BRACKET_IDS, PERIOD, WARN, array_of, colour_message
+from depth_testing import SANITIZED, WARN, run_tests, subscribers_of, values_of, wait_until
+from fusion_testing import BRACKET_IDS, PERIOD, array_of, colour_message
 from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest, fused_by_files, pixels
 
 ENLARGED = 6 if SANITIZED else 12  # then restoration takes long enough for the next bracket to come first

@@ -6,8 +6,8 @@ import numpy as np
 import rospy
 
 from all_in_focus.msg import Optics, SegmentArray
-from depth_testing import HEIGHT, WIDTH, camera_info, image_message, run_tests, two_planes
-from fusion_testing import PERIOD, WARN, colour_message, regions
+from depth_testing import HEIGHT, WARN, WIDTH, camera_info, image_message, run_tests, two_planes
+from fusion_testing import PERIOD, colour_message, regions
 from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest
 
 

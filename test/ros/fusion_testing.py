@@ -14,7 +14,6 @@ from std_srvs.srv import Trigger
 from all_in_focus.msg import FocusFrame, FusionReport, Optics, SegmentArray
 from depth_testing import HEIGHT, NEAR_MM, TIMEOUT, WIDTH, GraphTest, image_message, two_planes, wait_until
 
-OK, WARN, ERROR = 0, 1, 2
 NEAR, FAR = np.s_[:, :WIDTH // 2], np.s_[:, WIDTH // 2:]  # halves of the image
 PERIOD = 0.125  # s between frames, exact in binary
 OPTICS = Optics(focal_length_mm=24.0, aperture=4.0, circle_of_confusion_mm=0.019)
@@ -148,12 +147,12 @@ class FusionTest(GraphTest):
             self.assertGreater((index[half] == frame).mean(), 0.8)
         return report
 
-    def assert_diagnosed(self, level, *words):
+    def assert_diagnosed(self, level, *words, node='fusion'):
         """The node said so since the test began."""
-        name = self.topic('fusion').lstrip('/') + ':'
+        name = self.topic(node).lstrip('/') + ':'
         matching = lambda: [s for s in self.diagnostics.statuses if s.name.startswith(name)]
         found = lambda: any(s.level == level and all(word in s.message for word in words) for s in matching())
-        self.assertTrue(wait_until(found), (words, {(s.level, s.message) for s in matching()}))
+        self.assertTrue(wait_until(found), (node, words, {(s.level, s.message) for s in matching()}))
 
     def assert_next_bracket_is_good(self, stamp):
         """stamp: a moment after all others of the test."""

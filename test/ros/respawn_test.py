@@ -8,11 +8,10 @@ import time
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 
-from depth_testing import TIMEOUT, GraphTest, camera_info, image_message, pixels_of, run_tests, two_planes, wait_until
+from depth_testing import TIMEOUT, GraphTest, camera_info, image_message, pixels_of, run_tests, transform, two_planes, wait_until
 from fusion_testing import regions
 from process_testing import kill, pid_of
 
@@ -24,10 +23,7 @@ class RespawnTest(GraphTest):
     def setUp(self):
         super().setUp()
         self.transforms = rospy.Publisher('/tf_static', TFMessage, queue_size=1, latch=True)
-        transform = TransformStamped(child_frame_id='depth')
-        transform.header.frame_id = 'color'
-        transform.transform.rotation.w = 1.0
-        self.transforms.publish(TFMessage([transform]))
+        self.transforms.publish(TFMessage([transform('depth')]))
         self.depth = rospy.Publisher('/rig/depth/image_raw', Image, queue_size=5)
         self.infos = {name: rospy.Publisher(f'/rig/{name}/camera_info', CameraInfo, queue_size=5, latch=True)
                       for name in ('depth', 'rgb')}

@@ -7,13 +7,12 @@ import itertools
 import numpy as np
 import rospy
 from dynamic_reconfigure.client import Client
-from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 
 from all_in_focus.msg import SegmentArray
-from depth_testing import HEIGHT, TIMEOUT, WIDTH, camera_info, image_message, pixels_of, run_tests, two_planes, wait_until
-from fusion_testing import ERROR, FAR, NEAR, OK, WARN, FusionTest, array_of, regions, scene
+from depth_testing import ERROR, HEIGHT, OK, TIMEOUT, WARN, WIDTH, camera_info, pixels_of, run_tests, transform
+from fusion_testing import FAR, NEAR, FusionTest, array_of, regions, scene
 
 STAMPS = itertools.count(1000, 10)
 OPTICS = {'focal_length_mm': 24.0, 'aperture': 4.0, 'circle_of_confusion_mm': 0.019}
@@ -27,15 +26,7 @@ class RigTest(FusionTest):
     def setUpClass(cls):
         cls.optics = Client('/rig/segmenter', timeout=TIMEOUT)
         cls.transforms = rospy.Publisher('/tf_static', TFMessage, queue_size=10, latch=True)
-        cls.publish_transform('depth')
-
-    @classmethod
-    def publish_transform(cls, *frames):
-        message = TFMessage([TransformStamped(child_frame_id=frame) for frame in frames])
-        for transform in message.transforms:
-            transform.header.frame_id = 'color'
-            transform.transform.rotation.w = 1.0
-        cls.transforms.publish(message)
+        cls.transforms.publish(TFMessage([transform('depth')]))
 
     def setUp(self):
         super().setUp()
@@ -44,18 +35,6 @@ class RigTest(FusionTest):
         self.infos = {name: self.talk(self.topic(name + '/camera_info'), CameraInfo) for name in ('depth', 'rgb')}
         self.labels = self.listen(self.topic('segmentation/labels'), Image)
         self.segments = self.listen(self.topic('segmentation/segments'), SegmentArray)
-
-    def send_depth(self, stamp, pixels=None, encoding='16UC1', frame='depth', **infos):
-        """Camera infos first: they hold for the depth."""
-        for name, info in {'depth': camera_info(stamp, 'depth'), 'rgb': camera_info(stamp, 'color'), **infos}.items():
-            self.infos[name].say(info)
-        rospy.sleep(0.1)
-        self.depth.say(image_message(two_planes() if pixels is None else pixels, stamp, encoding, frame))
-
-    def assert_node_said(self, node, level, *words):
-        said = lambda: [s for s in self.diagnostics.statuses if s.name.startswith(f'rig/{node}:')]
-        found = lambda: any(s.level == level and all(word in s.message for word in words) for s in said())
-        self.assertTrue(wait_until(found), (node, words, {(s.level, s.message) for s in said()}))
 
     def assert_good_bracket_is_fused(self):
         """Registration may move the edge between the planes by a pixel. Returns labels, table and report."""
@@ -116,12 +95,12 @@ class BadInputTest(RigTest):
 
     def assert_fused_without_labels(self, stamp):
         self.assert_fused_by_sharpness(self.send_bracket(stamp))
-        self.assert_node_said('fusion', WARN, 'sharpness alone')
+        self.assert_diagnosed(WARN, 'sharpness alone')
 
     def test_depth_of_a_wrong_type(self):
         stamp = next(STAMPS)
         self.send_depth(stamp, np.zeros((HEIGHT, WIDTH, 3), np.uint8), 'rgb8')
-        self.assert_node_said('depth_preprocess', ERROR, 'rgb8', '/rig/depth/image_raw')
+        self.assert_diagnosed(ERROR, 'rgb8', '/rig/depth/image_raw', node='depth_preprocess')
         self.assert_fused_without_labels(stamp)
         self.assert_good_bracket_is_fused()
 
@@ -133,14 +112,14 @@ class BadInputTest(RigTest):
             report = self.report(self.send_bracket(stamp, ('none', 'both', 'far')))
             self.assertEqual([(s.label, s.frame) for s in report.segments], [(0, 1)])  # all of it is unknown
             for node in ('depth_preprocess', 'segmenter'):
-                self.assert_node_said(node, WARN, 'not one pixel')
+                self.assert_diagnosed(WARN, 'not one pixel', node=node)
             self.assert_good_bracket_is_fused()
 
     def test_uncalibrated_cameras(self):
         for name, frame in (('depth', 'depth'), ('rgb', 'color')):
             stamp = next(STAMPS)
             self.send_depth(stamp, **{name: camera_info(stamp, frame, 0.0)})
-            self.assert_node_said('depth_preprocess', ERROR, f'/rig/{name}/camera_info', 'not calibrated')
+            self.assert_diagnosed(ERROR, f'/rig/{name}/camera_info', 'not calibrated', node='depth_preprocess')
             self.assert_fused_without_labels(stamp)
             self.assert_good_bracket_is_fused()
 
@@ -149,8 +128,8 @@ class BadInputTest(RigTest):
         stamp = next(STAMPS)
         self.send_depth(stamp, frame='latecomer')
         middle = self.send_bracket(stamp)
-        self.assert_node_said('depth_preprocess', ERROR, 'latecomer', 'color', 'static_transform_publisher')
-        self.publish_transform('depth', 'latecomer')
+        self.assert_diagnosed(ERROR, 'latecomer', 'color', 'static_transform_publisher', node='depth_preprocess')
+        self.transforms.publish(TFMessage([transform('depth'), transform('latecomer')]))
         self.assertTrue(self.report(middle).has_labels)
         self.assert_good_bracket_is_fused()
 
@@ -158,7 +137,7 @@ class BadInputTest(RigTest):
         stamp = next(STAMPS)
         self.send_depth(stamp, frame='nowhere')
         self.assert_fused_without_labels(stamp)
-        self.assert_node_said('depth_preprocess', ERROR, 'nowhere', 'color')
+        self.assert_diagnosed(ERROR, 'nowhere', 'color', node='depth_preprocess')
         self.assert_good_bracket_is_fused()
 
 
