@@ -11,8 +11,8 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
-from depth_testing import (ERROR, HEIGHT, OK, WARN, WIDTH, AloneTest, GraphTest, camera_info, image_message, pixels_of, run_tests,
-                           transform, two_planes, wait_until)
+from depth_testing import (ERROR, HEIGHT, OK, WARN, WIDTH, AloneTest, GraphTest, Talker, camera_info, image_message, pixels_of,
+                           run_tests, transform, two_planes, wait_until)
 
 STAMPS = itertools.count(1000)
 LAST_STAMP = rospy.Time(4294967295, 950000000)
@@ -108,6 +108,12 @@ class DepthPreprocessTest(GraphTest):
         self.send_depth(stamp, *arguments, **options)
         return stamp
 
+    def talk_of_transforms(self, topic):
+        """Nodes listen to transforms all the time: close() would wait in vain for the end of that."""
+        talker = Talker(topic, TFMessage)
+        self.addCleanup(talker.publisher.unregister)
+        return talker
+
     def assert_error(self, *words):
         self.diagnostics.wait(self.NODE, lambda s: s.level == ERROR and all(word in s.message for word in words))
 
@@ -135,7 +141,7 @@ class DepthPreprocessTest(GraphTest):
         self.assert_good_depth_is_processed()
 
     def test_an_impossible_stamp_of_a_transform_ends_no_node(self):
-        pose, talker = transform('somewhere'), self.talk('/tf', TFMessage)
+        pose, talker = transform('somewhere'), self.talk_of_transforms('/tf')
         for pose.header.stamp in (LAST_STAMP, rospy.Time(1)):
             talker.say(TFMessage([pose]))
         self.assert_error('/tf', 'is impossible')
@@ -215,7 +221,7 @@ class DepthPreprocessTest(GraphTest):
                  (WARN, 'depth', None, two_planes() // 1000, 'half of the depths are 1 or less: m, but a depth image means mm'),
                  (ERROR, 'depth_aside', (50, 0, 0), two_planes(),
                   'no depth falls into the colour picture: check the transform and both calibrations')]
-        talker = self.talk('/tf_static', TFMessage)
+        talker = self.talk_of_transforms('/tf_static')
         for level, frame, place, depth, words in cases:
             if place is not None:
                 talker.say(TFMessage([transform(frame, place)]))
