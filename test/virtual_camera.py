@@ -175,8 +175,9 @@ def test_the_node(picture):
     sys.path[:0] = [str(HERE / "ros"), str(HERE.parent / "bench")]
     import ros_run
     import rospy
-    from camera_testing import SCRIPTS, TOPICS, NodeProcess, wait_until
+    from camera_testing import TOPICS, NodeProcess, wait_until
     from depth_testing import pixels_of
+    from file_helpers import SCRIPTS
     from std_srvs.srv import Trigger
     with contextlib.ExitStack() as stack:
         stack.enter_context(ros_run.Ros())

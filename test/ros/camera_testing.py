@@ -16,7 +16,6 @@ from depth_testing import TIMEOUT, Listener, wait_until
 from process_testing import Talkative
 
 HERE = Path(__file__).resolve().parent
-SCRIPTS = HERE.parent.parent / "scripts"
 TOPICS = {"rgb/image": Image, "rgb/camera_info": CameraInfo, "rgb/focus": FocusFrame}
 
 

@@ -2,13 +2,13 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """depth_file_camera over ROS: an image again and again, and what it refuses."""
-
 import cv2
 import numpy as np
 from sensor_msgs.msg import CameraInfo, Image
 
-from camera_testing import SCRIPTS, CameraTest
+from camera_testing import CameraTest
 from depth_testing import pixels_of, run_tests, wait_until
+from file_helpers import SCRIPTS
 
 NODE = SCRIPTS / "depth_file_camera"
 SIZE = (64, 48)

@@ -12,15 +12,13 @@ from std_srvs.srv import Trigger
 
 from all_in_focus.camera.interface import IO_WRITE, NO_SPACE
 from all_in_focus.msg import FocusPlan
-from camera_testing import HERE, SCRIPTS, TOPICS, CameraTest, places
-from depth_testing import FAR_MM, NEAR_MM, TIMEOUT, Diagnostics, Talker, image_message, run_tests, two_planes, wait_until
+from camera_testing import HERE, TOPICS, CameraTest, places
+from depth_testing import (FAR_MM, NEAR_MM, TIMEOUT, Diagnostics, Talker, image_message, pixels_of, run_tests, two_planes,
+                           wait_until)
+from fake_camera import LENS, lens_of
+from file_helpers import SCRIPTS
 
-LENS = 1000  # motor positions of the fake
 TABLE = "[{step: 0, mm: 500}, {step: 1000, mm: .inf}]"
-
-
-def lens_of(image):
-    return float(np.frombuffer(image.data, np.uint8).mean()) * LENS / 255
 
 
 class FocusBracketTest(CameraTest):
@@ -53,7 +51,7 @@ class FocusBracketTest(CameraTest):
             frames = self.frames(3 * bracket + 3)[-3:]
             self.assertEqual(places(frames), [(bracket, index, 3, index == 2) for index in range(3)])
             for (image, info, focus), lens in zip(frames, (390, 400, 410)):
-                self.assertLess(abs(lens_of(image) - lens), 4)
+                self.assertLess(abs(lens_of(pixels_of(image)) - lens), 4)
                 self.assertEqual([image.header.frame_id, image.encoding, image.width], ["dslr", "bgr8", 48])
                 self.assertEqual([info.width, info.height, info.K[0]], [48, 32, 30.0])  # half the calibrated size
                 self.assertTrue(math.isnan(focus.focus_distance))
@@ -96,7 +94,7 @@ class FocusBracketTest(CameraTest):
         self.assertTrue(node.said("left out IMG_0001.JPG: taken by hand"))
         self.succeed()
         for (image, _, _), lens in zip(self.frames(3), (400, 410, 420)):
-            self.assertLess(abs(lens_of(image) - lens), 4)
+            self.assertLess(abs(lens_of(pixels_of(image)) - lens), 4)
 
     def test_live_view_at_a_rate(self):
         self.fake(frames="preview", rate=10.0, count=2)
@@ -166,7 +164,7 @@ class FocusBracketTest(CameraTest):
         frames = self.frames(3)
         self.assertEqual([focus.index for _, _, focus in frames], [0, 1, 2])
         for (image, _, _), lens in zip(frames, (400, 410, 420)):  # where it was at the beginning
-            self.assertLess(abs(lens_of(image) - lens), 4)
+            self.assertLess(abs(lens_of(pixels_of(image)) - lens), 4)
         diagnostics, name = Diagnostics(), self.namespace[1:] + "/focus_bracket_camera"
         self.addCleanup(diagnostics.close)
         for provoked, level, words in (("busy 100000", 1, "the camera is busy"), ("busy 0", 0, "ready")):
@@ -201,7 +199,7 @@ class FocusBracketTest(CameraTest):
         frames = self.frames(2)
         for (image, _, focus), mm in zip(frames, (NEAR_MM, FAR_MM)):
             self.assertAlmostEqual(focus.focus_distance * 1000, mm, delta=0.01 * mm)
-            self.assertLess(abs(lens_of(image) - LENS * (1 - 500 / mm)), 4)
+            self.assertLess(abs(lens_of(pixels_of(image)) - LENS * (1 - 500 / mm)), 4)
 
     def test_planned_brackets_at_a_rate(self):
         node = self.fake(make="Nikon", step_size=10, focus_table=TABLE.replace("1000", "100"), rate=20.0, plan=True)

@@ -12,9 +12,9 @@ from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
 from all_in_focus.camera.folder_node import MAX_UNPROCESSED
-from camera_testing import SCRIPTS, CameraTest, places
+from camera_testing import CameraTest, places
 from depth_testing import TIMEOUT, Talker, pixels_of, run_tests, wait_until
-from file_helpers import SIZE, pictures, write_stack, write_video
+from file_helpers import SCRIPTS, SIZE, pictures, write_stack, write_video
 
 NODE = SCRIPTS / "image_folder_camera"
 

@@ -14,12 +14,11 @@ from roslib.packages import find_node
 from sensor_msgs.msg import CameraInfo, Image
 
 from depth_testing import TIMEOUT, GraphTest, wait_until
+from test_recorded_sample import SWEEP
 
 WIDTH, HEIGHT = 640, 480
 CAMERAS = Path(os.environ['KINECT_TEST_DIR'])
-# A Kinect's own depth, not part of the repository: see test/test_recorded_sample.py.
-DATA = Path(os.environ.get('ALL_IN_FOCUS_DATA', str(Path(__file__).resolve().parents[3] / 'shared' / 'data')))
-SAMPLE = DATA / 'kinect_dslr_sweep' / 'depth_raw.png'
+SAMPLE = SWEEP / 'depth_raw.png'  # a Kinect's own depth
 SENSORS = {'ir': 1, 'kinect_rgb': 2, 'depth': 3}
 X, Y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
 
