@@ -14,9 +14,9 @@ GRACE_S = 30.0  # for a program to end what it has started
 
 
 def prefix():
-    """Where the package is installed, or its devel space: the package is imported from lib/python3/dist-packages.
+    """Where the package is installed, or its devel space: the package is imported from lib/python3/dist-packages below it.
 
-    Worker processes of a devel space import it from its sources: there this folder holds nothing of the package.
+    Worker processes of a devel space import the package from its sources. For them this folder is of no use.
     """
     return Path(os.path.abspath(Path(all_in_focus.__file__).parent / "../../../.."))
 

@@ -18,7 +18,7 @@ def add_topics(parser):
 
 
 def add_nodes(parser):
-    """Options that replace what the bag does not say, with the names of evaluate_bag's."""
+    """Options for what the bag does not say, named as those of evaluate_bag."""
     parser.add_argument("--optics", type=optics, metavar="f,F,coc", help="default: what the bag says")
     fusion = parser.add_argument_group("brackets, where the bag has no focus messages")
     fusion.add_argument("--bracket-size", type=count_or_zero, metavar="N", help="frames in a bracket; 0: by gaps")

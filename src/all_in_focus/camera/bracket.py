@@ -39,7 +39,7 @@ class Photographer:
 
     A picture belongs to a shot by the order of the camera's events: it is the first new one after the release. Pictures
     that are reported before the release were taken by hand or came late. A picture with the name of a frame in another
-    folder is its copy on a second card. Both are left out, and told by take_warnings().
+    folder is its copy on a second card. Both are left out; take_warnings() names them.
     """
 
     def __init__(self, camera, clock, frames=STILL, timeout=10.0, keep_files=True):

@@ -11,8 +11,8 @@ import cv2
 
 @contextlib.contextmanager
 def named(path, working):
-    """Re-raises OSErrors of the temporary file or folder `working` with the user's path instead, and those that name no file, as
-    of a full disk, with it."""
+    """Re-raises OSErrors about the temporary file or folder `working` with the user's path instead. An OSError that names no
+    file, as that of a full disk, gets the user's path, too."""
     path, working = Path(path), Path(working)
     try:
         yield

@@ -75,8 +75,8 @@ def near_depth_edges(depth_mm, step_dioptres):
 
 
 def depth_errors(depth_mm, truth_mm, blur_px_mm):
-    """(share of the pixels whose blur the depth would predict wrong by more than 1 px of radius, a hole being wrong; root
-    mean square error of the others and of those in 1/m, without the holes).
+    """(share of the pixels that are holes, or for which the depth predicts a blur radius more than 1 px off; root mean square
+    error in 1/m of all pixels but the holes).
 
     depth_mm, truth_mm: H x W, 0 = unknown, which does not count in the truth; blur_px_mm: radius in px per difference in
     1/depth in 1/mm, see blur_per_inverse_depth().
