@@ -3,7 +3,6 @@
 """Bags: what make_bag writes, what the player finds in one."""
 import math
 import os
-import resource
 
 import cv2
 import numpy as np
@@ -18,7 +17,7 @@ from all_in_focus.bag.writer import stamp_of, write_bag
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack
 from bag_helpers import compressed, rewritten
-from file_helpers import SIZE, cut, focus_file, pictures, run_script, write_stack
+from file_helpers import SIZE, cut, file_limit, focus_file, pictures, run_script, write_stack
 from tool_helpers import expect_refusal, succeeded
 
 ROTATION = [0.0, 0.0, 0.6, 0.8]
@@ -131,7 +130,7 @@ def test_make_bag_on_a_full_disk(tmp_path, rig, depth):
     (rig / "optics.yaml").unlink()
     before = sorted(os.listdir(tmp_path))
     done = run_script("make_bag", "--depth", tmp_path / "depth.png", "--rig", rig, "--stack", folder, "--output",
-                      tmp_path / "x.bag", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000)))
+                      tmp_path / "x.bag", preexec_fn=file_limit(20))
     assert (done.returncode, done.stderr) == (2, f"make_bag: {tmp_path / 'x.bag'}: File too large\n")
     assert sorted(os.listdir(tmp_path)) == before
 
@@ -139,7 +138,7 @@ def test_make_bag_on_a_full_disk(tmp_path, rig, depth):
 def test_make_scene_on_a_full_disk(tmp_path):
     """One line, without one of the PNG library's."""
     done = run_script("make_scene", "--scene", "planes", "--size", "160x120", "--frames", 2, "--output", tmp_path / "scene",
-                      preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)))
+                      preexec_fn=file_limit(5))
     assert done.returncode == 2
     assert done.stderr.startswith(f"make_scene: {tmp_path / 'scene'}") and done.stderr.endswith(": File too large\n")
     assert done.stderr.count("\n") == 1

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from file_helpers import run_script
 from test_recorded_sample import SWEEP, needs_sweep
+from test_segment_depth import GOLDEN
 from tool_helpers import OPTICS, fuse_stack, max_dof, read, succeeded, texture, write
 
 from all_in_focus.benchmark import segmentation
@@ -23,13 +24,10 @@ def tables(*arguments):
     return found
 
 
-@pytest.mark.parametrize("low, high, dof, fits", [
-    (2722, 3115, 1526, True), (2417, 2639, 1132, True), (832, 1360, 207, False),  # table T1
-    (2463, 3140, 1186, True), (855, 962, 109, True), (950, 1085, 136, True), (1088, 1269, 182, True),  # table T2
-    (1273, 1412, 257, True)])
-def test_rows_of_the_paper(low, high, dof, fits):
+@pytest.mark.parametrize("low, high, diff, dof, fits", GOLDEN)
+def test_rows_of_the_paper(low, high, diff, dof, fits):
     region = segmentation.regions(np.array([[1, 1]]), np.array([[low, high]], np.uint16), OPTICS)[0]
-    assert (region.area, region.diff_mm, region.fits) == (2, high - low, fits)
+    assert (region.area, region.diff_mm, region.fits) == (2, diff, fits)
     assert round(region.max_dof_mm) == dof and region.max_dof_mm == pytest.approx(max_dof(low, high))
     assert segmentation.max_dof(OPTICS, 8000, 9000) == np.inf
 

@@ -79,6 +79,16 @@ def several_times(bag, turns, output, change):
                     new.write(topic, message, time)
 
 
+def exported(bag, folder, *reports):
+    """The exported stack of each report; reports: (bracket_id, frames_seen), as of a run of evaluate_bag."""
+    names = [f"bracket_{number:04d}" for number in range(len(reports))]
+    for name, (bracket_id, frames) in zip(names, reports):
+        (folder / "results" / name).mkdir(parents=True)
+        (folder / "results" / name / "report.json").write_text(f'{{"bracket_id": {bracket_id}, "frames_seen": {frames}}}')
+    bags.export_frames(str(bag), bags.topics({}), str(folder / "results"), str(folder / "stacks"), {})
+    return [Stack(str(folder / "stacks" / name)) for name in names]
+
+
 @pytest.mark.parametrize("ids", [(7, 6), (7, 7), None])
 def test_frames_go_to_their_brackets(bag, tmp_path, ids):
     """A bag twice over: two brackets of their own numbers, of the same number (a camera node that was started again,
@@ -92,14 +102,9 @@ def test_frames_go_to_their_brackets(bag, tmp_path, ids):
             frames.append(bridge.imgmsg_to_cv2(message, "bgr8"))
         return topic != "/rgb/focus" or ids
     several_times(bag, 2, tmp_path / "two.bag", change)
-    for number in range(2):
-        folder = tmp_path / "results" / f"bracket_{number:04d}"
-        folder.mkdir(parents=True)
-        bracket_id = ids[number] if ids else number
-        (folder / "report.json").write_text(f'{{"bracket_id": {bracket_id}, "frames_seen": 3}}')
-    bags.export_frames(str(tmp_path / "two.bag"), bags.topics({}), str(tmp_path / "results"), str(tmp_path / "stacks"), {})
-    exported = [frame for number in range(2) for frame in Stack(str(tmp_path / "stacks" / f"bracket_{number:04d}"))]
-    assert len(exported) == len(frames) == 6 and all(np.array_equal(*pair) for pair in zip(exported, frames))
+    stacks = exported(tmp_path / "two.bag", tmp_path, *((number, 3) for number in ids or range(2)))
+    found = [frame for stack in stacks for frame in stack]
+    assert len(found) == len(frames) == 6 and all(np.array_equal(*pair) for pair in zip(found, frames))
     assert cv2.imread(str(tmp_path / "stacks" / "bracket_0001" / "003.png")) is None
 
 
@@ -112,12 +117,7 @@ def test_a_bracket_of_which_nothing_was_made_shifts_no_other(bag, tmp_path):
         message.last = message.index + 1 == message.count
         return message.index < message.count
     several_times(bag, 3, tmp_path / "three.bag", change)
-    for number, frames in enumerate((2, 3)):
-        folder = tmp_path / "results" / f"bracket_{number:04d}"
-        folder.mkdir(parents=True)
-        (folder / "report.json").write_text(f'{{"bracket_id": 1, "frames_seen": {frames}}}')
-    bags.export_frames(str(tmp_path / "three.bag"), bags.topics({}), str(tmp_path / "results"), str(tmp_path / "stacks"), {})
-    assert [len(Stack(str(tmp_path / "stacks" / f"bracket_{number:04d}"))) for number in range(2)] == [2, 3]
+    assert [len(stack) for stack in exported(tmp_path / "three.bag", tmp_path, (1, 2), (1, 3))] == [2, 3]
 
 
 def test_results_of_a_bag_depend_on_the_nodes(tmp_path, monkeypatch):
