@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The three nodes under stress: all_in_focus.launch on a master of its own, good brackets, and what they must give."""
 import time
-import xmlrpc.client
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -22,6 +21,7 @@ from all_in_focus.msg import FocusFrame, FusionReport
 from all_in_focus.replay.launch import Launch
 
 from file_helpers import run_script, wait_until
+from process_testing import pid_of
 from tool_helpers import fuse_stack, read, succeeded
 
 FRAMES = 5
@@ -135,14 +135,8 @@ class Graph:
 
     def pids(self):
         """Process of each node, by the node's own answer; those that do not answer are missing."""
-        found = {}
-        for node in NODES:
-            try:
-                uri = rosgraph.Master("/stress").lookupNode(node)
-                found[node] = xmlrpc.client.ServerProxy(uri).getPid("/stress")[2]
-            except (rosgraph.MasterException, OSError, xmlrpc.client.Error):
-                pass
-        return found
+        found = {node: pid_of(node) for node in NODES}
+        return {node: pid for node, pid in found.items() if pid}
 
     def deaths(self):
         """Processes that ended, a line each."""

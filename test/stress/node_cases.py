@@ -221,8 +221,7 @@ def loop_bag(case, scene, seconds):
     the report of another must say what it lacks.
     """
     tight, quiet = case.folder / "loop_tight.bag", case.folder / "loop_quiet.bag"
-    succeeded(run_script("make_bag", "--stack", scene.folder / "stack", "--depth", scene.folder / "depth.png", "--rig",
-                         scene.rig, "--focus", scene.folder / "focus.yaml", "--rate", 5, "--output", tight))
+    succeeded(run_script("make_bag", *scene.files, "--rate", 5, "--output", tight))
     shutil.copyfile(str(tight), str(quiet))
     with rosbag.Bag(str(quiet), "a") as bag:
         end = rospy.Time.from_sec(bag.get_end_time() + 1.5)

@@ -130,17 +130,15 @@ def with_small_files(command, kb, folder):
 
 def fill_disk(case, scene, seconds):
     """A disk that gets full at any byte: all outputs are there, or one line tells why not, and none is."""
-    inputs = ["--stack", scene.folder / "stack", "--focus", scene.folder / "focus.yaml", "--depth", scene.folder / "depth.png",
-              "--rig", scene.rig]
     bag = case.folder / "disk.bag"
-    succeeded(run_script("make_bag", *inputs, "--output", bag))
+    succeeded(run_script("make_bag", *scene.files, "--output", bag))
     scripts, python = Path(SCRIPTS), sys.executable
     commands = {
-        "fuse_stack": [tool("fuse_stack"), *inputs, "--output", "{OUT}/out.png", "--save-labels", "{OUT}/labels.png",
+        "fuse_stack": [tool("fuse_stack"), *scene.files, "--output", "{OUT}/out.png", "--save-labels", "{OUT}/labels.png",
                        "--save-registered", "{OUT}/depth.png", "--save-weights", "{OUT}/weights.png", "--report", "{OUT}/r.json"],
         "segment_depth": [tool("segment_depth"), "--depth", scene.folder / "depth.png", "--optics", "24,4,0.019", "--output",
                           "{OUT}/out.png", "--report", "{OUT}/out.json"],
-        "make_bag": [python, scripts / "make_bag", *inputs, "--output", "{OUT}/out.bag"],
+        "make_bag": [python, scripts / "make_bag", *scene.files, "--output", "{OUT}/out.bag"],
         "bag_to_stack": [python, scripts / "bag_to_stack", bag, "--output", "{OUT}/out"],
         "make_scene": [python, scripts / "make_scene", "--scene", "planes", "--size", "160x120", "--frames", 3, "--output",
                        "{OUT}/out"]}
