@@ -3,14 +3,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Which label image the fusion takes, how long it waits for one, and what it does with bad input."""
 import itertools
-import xmlrpc.client
 
 import numpy as np
-import rosgraph
 import rospy
 from sensor_msgs.msg import Image
 
 from all_in_focus.msg import SegmentArray
+from all_in_focus.rviz.screenshots import hears
 from depth_testing import ERROR, HEIGHT, WARN, WIDTH, image_message, run_tests, subscribers_of, wait_until
 from fusion_testing import OUTPUTS, PERIOD, FusionTest, array_of, colour_message, picture, regions, scene
 
@@ -20,13 +19,6 @@ STAMPS = itertools.count(100000, 10)
 class LabelsTest(FusionTest):
     def assert_labels_used(self, stamp, label_stamp):
         self.assertEqual(self.assert_fused(stamp).label_stamp, rospy.Time.from_sec(label_stamp))
-
-    @staticmethod
-    def hears(node, topic):
-        """Its own idea of whether anybody publishes the topic."""
-        address = rosgraph.Master('/test').lookupNode(node)
-        links = xmlrpc.client.ServerProxy(address).getBusInfo('/test')[2]
-        return any(link[2] == 'i' and link[4] == topic for link in links)
 
     def test_the_newest_at_or_before_the_first_frame_is_taken(self):
         self.expect_labels()
@@ -100,7 +92,7 @@ class LabelsTest(FusionTest):
         for talker in (self.labels, self.segments):
             talker.publisher.unregister()
             self.talkers.remove(talker)
-        self.assertTrue(wait_until(lambda: not self.hears(node, self.topic('segmentation/labels'))))
+        self.assertTrue(wait_until(lambda: not hears(node, [self.topic('segmentation/labels')])))
         self.assert_fused_by_sharpness(self.send_bracket(stamp + 5))
 
     def test_labels_of_another_size(self):
