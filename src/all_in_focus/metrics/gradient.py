@@ -3,6 +3,7 @@
 """Metric of preserved edges: Q_G."""
 import cv2
 import numpy as np
+from scipy.special import expit
 
 from all_in_focus.metrics.images import remembered
 
@@ -21,10 +22,6 @@ def gradient(gray):
 _source_gradient = remembered(gradient)
 
 
-def sigmoid(values, slope, middle):
-    return 1 / (1 + np.exp(-slope * (values - middle)))
-
-
 def q_g(sources, fused):
     """Xydeas, Petrovic, "Objective image fusion performance measure", Electronics Letters 36(4), 2000. Arguments: see
     the package. Range 0..1, 0.987 at most.
@@ -41,6 +38,6 @@ def q_g(sources, fused):
         strength = np.where(source_magnitude > magnitude, magnitude / weight, weight / floored)
         magnitude = floored  # from then on for all sources: so it is in the published values
         angle = np.abs(np.abs(source_direction - direction) - np.pi / 2) * 2 / np.pi
-        preserved = sigmoid(strength, STRENGTH_SLOPE, STRENGTH_MIDDLE) * sigmoid(angle, ANGLE_SLOPE, ANGLE_MIDDLE)
+        preserved = expit(STRENGTH_SLOPE * (strength - STRENGTH_MIDDLE)) * expit(ANGLE_SLOPE * (angle - ANGLE_MIDDLE))
         weighted, weights = weighted + preserved * weight, weights + weight
     return float((weighted / weights).mean())

@@ -28,13 +28,6 @@ def stretched(gray):
     return gray if low == high else np.floor((gray - low) / (high - low) * 255 + 0.5)
 
 
-def gaussian(size, sigma):
-    """One axis of a Gaussian window of size x size pixels (odd), sum 1."""
-    x = np.arange(size) - size // 2
-    window = np.exp(-x ** 2 / (2 * sigma ** 2))
-    return window / window.sum()
-
-
 def windowed(image, window):
     """Correlate H x W float64 with the separable window, zeros outside, same size."""
     return cv2.sepFilter2D(image, cv2.CV_64F, window, window, borderType=cv2.BORDER_CONSTANT)

@@ -4,10 +4,11 @@
 import functools
 from concurrent.futures import ThreadPoolExecutor
 
+import cv2
 import numpy as np
 from scipy.fftpack import fft2, ifft2  # scipy.fft begins with SciPy 1.4
 
-from all_in_focus.metrics.images import gaussian, ratio, remembered, windowed
+from all_in_focus.metrics.images import ratio, remembered, windowed
 
 SIZE, SIGMA = 11, 1.5  # pixels, of the Gaussian window
 FEATURE = 0.1          # phase congruency above which a pixel counts
@@ -37,7 +38,7 @@ class _Map:
 
 
 def local_mean(values):
-    return windowed(values, gaussian(SIZE, SIGMA))
+    return windowed(values, cv2.getGaussianKernel(SIZE, SIGMA))
 
 
 def q_p(sources, fused):

@@ -3,10 +3,11 @@
 """Metric of structural similarity: Q_Y."""
 from itertools import combinations
 
+import cv2
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from all_in_focus.metrics.images import gaussian, ratio, remembered, windowed
+from all_in_focus.metrics.images import ratio, remembered, windowed
 
 SIZE, SIGMA = 7, 1.5  # pixels, of the Gaussian window
 C = 2e-16             # of SSIM, twice; keeps 0 / 0 away
@@ -38,7 +39,7 @@ def inside(image):
 
 
 def local_mean(values):
-    return inside(windowed(values, gaussian(SIZE, SIGMA)))
+    return inside(windowed(values, cv2.getGaussianKernel(SIZE, SIGMA)))
 
 
 @remembered
