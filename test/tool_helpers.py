@@ -14,7 +14,7 @@ import numpy as np
 import all_in_focus
 from all_in_focus.files.output_folder import MARK
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
-from file_helpers import environment, run
+from file_helpers import environment, run, run_script
 
 # The space that the package is imported from: prefix/lib/python3/dist-packages/all_in_focus/__init__.py.
 PREFIX = Path(all_in_focus.__file__).absolute().parents[4]
@@ -155,6 +155,22 @@ class TwoPlanes:
                    "--output", self.output(output), "--report", self.output("new.json"), *arguments]
         with unchanged(self.folder):
             expect_refusal(run(command), "segment_depth", complaint)
+
+
+class MadeScene:
+    """A folder as make_scene writes it, made if it is not there. files: arguments of fuse_stack and make_bag."""
+
+    def __init__(self, folder, frames):
+        self.folder, self.rig, self.stack = folder, folder / "rig", folder / "stack"
+        self.focus, self.depth = folder / "focus.yaml", folder / "depth.png"
+        self.files = ["--stack", self.stack, "--focus", self.focus, "--depth", self.depth, "--rig", self.rig]
+        if not folder.exists():
+            succeeded(run_script("make_scene", "--scene", "planes", "--size", "160x120", "--frames", frames, "--output", folder))
+
+    def fused(self, *options):
+        """What fuse_stack makes of it."""
+        succeeded(fuse_stack(*self.files, "--output", self.folder / "fused.png", *options))
+        return read(self.folder / "fused.png")
 
 
 def boards():

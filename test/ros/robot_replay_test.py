@@ -7,7 +7,9 @@ import os
 import rospy
 
 from depth_testing import run_tests
-from robot_testing import LaunchTest, Scene, run_script, succeeded, whole
+from file_helpers import run_script
+from robot_testing import LaunchTest, Scene, whole
+from tool_helpers import succeeded
 
 ROUNDS = 2  # each starts with a pause of some seconds
 
@@ -20,8 +22,7 @@ class ReplayTest(LaunchTest):
 
     def make_bag(self):
         bag = self.folder / 'scene.bag'
-        succeeded(run_script('make_bag', '--depth', self.scene.depth, '--rig', self.scene.rig, '--stack', self.scene.stack,
-                             '--focus', self.scene.focus, '--output', bag))
+        succeeded(run_script('make_bag', *self.scene.files, '--output', bag))
         self.addCleanup(lambda: rospy.delete_param('/use_sim_time'))
         return bag
 

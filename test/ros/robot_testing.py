@@ -15,10 +15,9 @@ from sensor_msgs.msg import Image
 
 from all_in_focus.msg import FusionReport
 from depth_testing import wait_until
-from file_helpers import run_script
 from fusion_testing import array_of
 from process_testing import Talkative
-from tool_helpers import fuse_stack, read, succeeded, write
+from tool_helpers import MadeScene, read, write
 
 WORLD = Path(os.environ['KINECT_TEST_WORLD'])
 FRAMES = 5  # of the sweep
@@ -26,15 +25,12 @@ RECORDED = 12  # depth images; the recorder loses the first
 TIMEOUT = 60.0  # s; a machine may have much else to do
 
 
-class Scene:
-    """A folder as make_scene writes it, and its depth as recording.oni."""
+class Scene(MadeScene):
+    """With its depth as recording.oni."""
 
     def __init__(self, folder):
-        self.folder, self.rig, self.stack = folder, folder / 'rig', folder / 'stack'
-        self.focus, self.depth, self.recording = folder / 'focus.yaml', folder / 'depth.png', folder / 'recording.oni'
-        if not folder.exists():
-            succeeded(run_script('make_scene', '--scene', 'planes', '--size', '160x120', '--frames', FRAMES,
-                                 '--output', folder))
+        super().__init__(folder, FRAMES)
+        self.recording = folder / 'recording.oni'
 
     def copy_upside_down(self, folder):
         """Another scene, at less cost than making one."""
@@ -52,13 +48,6 @@ class Scene:
         environment = dict(os.environ, KINECT_TEST_DIR=str(cameras), LD_LIBRARY_PATH=str(WORLD))
         subprocess.run([str(WORLD / 'record_oni'), 'frames:scene', str(self.recording), str(RECORDED), '0'], check=True,
                        timeout=TIMEOUT, env=environment)
-
-    def fused(self, *options):
-        """What fuse_stack makes of it."""
-        output = self.folder / 'fused.png'
-        succeeded(fuse_stack('--stack', self.stack, '--focus', self.focus, '--depth', self.depth, '--rig', self.rig,
-                             '--output', output, *options))
-        return read(output)
 
     def arguments(self):
         """For robot.launch."""

@@ -20,29 +20,22 @@ from all_in_focus.files.stack import focus_entries
 from all_in_focus.msg import FocusFrame, FusionReport
 from all_in_focus.replay.launch import Launch
 
-from file_helpers import run_script, wait_until
+from file_helpers import wait_until
 from process_testing import pid_of
-from tool_helpers import fuse_stack, read, succeeded
+from tool_helpers import MadeScene, read
 
 FRAMES = 5
 NODES = ("/all_in_focus_manager", "/depth_preprocess", "/segmenter", "/fusion", "/rig_publisher")
 
 
-class Scene:
-    """A scene on disk, and the pixels that fuse_stack makes of it."""
+class Scene(MadeScene):
+    """With its pictures, and the pixels that fuse_stack makes of it."""
 
     def __init__(self, folder):
-        self.folder, self.rig = folder, folder / "rig"
-        if not folder.exists():
-            succeeded(run_script("make_scene", "--scene", "planes", "--size", "160x120", "--frames", FRAMES, "--output",
-                                 folder))
-        self.files = ["--stack", folder / "stack", "--focus", folder / "focus.yaml", "--depth", folder / "depth.png",
-                      "--rig", self.rig]
-        succeeded(fuse_stack(*self.files, "--output", folder.parent / "fused.png"))
-        self.fused = read(folder.parent / "fused.png")
-        self.frames = [read(path) for path in sorted((folder / "stack").iterdir())]
-        self.distances = [distance for _, distance in focus_entries(str(folder / "focus.yaml"))]
-        self.depth = read(folder / "depth.png")
+        super().__init__(folder, FRAMES)
+        self.expected, self.depth_image = self.fused(), read(self.depth)
+        self.frames = [read(path) for path in sorted(self.stack.iterdir())]
+        self.distances = [distance for _, distance in focus_entries(self.focus)]
 
 
 class Graph:
@@ -92,7 +85,7 @@ class Graph:
         if found is None:
             return "no result came"
         image = self._images[found.header.stamp]
-        if not np.array_equal(self._bridge.imgmsg_to_cv2(image, "bgr8"), self.scene.fused):
+        if not np.array_equal(self._bridge.imgmsg_to_cv2(image, "bgr8"), self.scene.expected):
             return f"other pixels than those of fuse_stack ({found.mode}, {found.frames_seen} frames: {found.notes})"
         return ""
 
@@ -109,7 +102,7 @@ class Graph:
         publish(self._publishers["/rgb/camera_info"], camera_info(self._rig.color, rgb))
         publish(self._publishers["/depth/camera_info"], camera_info(self._rig.depth, depth))
         time.sleep(0.05)
-        publish(self._publishers["/depth/image_raw"], to_message(self.scene.depth, "16UC1", depth))
+        publish(self._publishers["/depth/image_raw"], to_message(self.scene.depth_image, "16UC1", depth))
 
     def _send_frames(self, stamp, publish):
         self._bracket_id += 1

@@ -65,7 +65,7 @@ def plausible_messages(scene):
     depth, rgb = (Header(stamp=rospy.Time.now(), frame_id=frame) for frame in (rig.child_frame, rig.parent_frame))
     registered = np.full(scene.frames[0].shape[:2], 1000, np.uint16)
     labels = np.ones(scene.frames[0].shape[:2], np.int32)
-    return {"/depth/image_raw": bridge.cv2_to_imgmsg(scene.depth, "16UC1", depth),
+    return {"/depth/image_raw": bridge.cv2_to_imgmsg(scene.depth_image, "16UC1", depth),
             "/depth/camera_info": camera_info(rig.depth, depth),
             "/rgb/camera_info": camera_info(rig.color, rgb),
             "/rgb/image": bridge.cv2_to_imgmsg(scene.frames[0], "bgr8", rgb),
@@ -176,7 +176,7 @@ def lose_messages(case, scene, seconds):
         elif report.has_labels and report.frames_seen == FRAMES:
             whole += 1
             picture = pictures.get(report.header.stamp)
-            if picture is not None and not np.array_equal(CvBridge().imgmsg_to_cv2(picture, "bgr8"), scene.fused):
+            if picture is not None and not np.array_equal(CvBridge().imgmsg_to_cv2(picture, "bgr8"), scene.expected):
                 case.fail(f"bracket {bracket} is whole, with other pixels than those of fuse_stack: {report.notes}")
         elif not report.notes and not report.frames_missing:
             case.fail(f"the report of bracket {bracket} does not tell what it lacks")
@@ -232,7 +232,7 @@ def loop_bag(case, scene, seconds):
         for path in (quiet, tight):
             pictures, reports, rounds, deaths = play_in_loop(case, scene, path, seconds / 2)
             whole = [report for report in reports if report.has_labels and report.frames_seen == FRAMES]
-            right = sum(np.array_equal(CvBridge().imgmsg_to_cv2(picture, "bgr8"), scene.fused) for picture in pictures)
+            right = sum(np.array_equal(CvBridge().imgmsg_to_cv2(picture, "bgr8"), scene.expected) for picture in pictures)
             if not whole:
                 case.fail(f"{path.name}: no bracket was whole: {reports[-1].notes if reports else 'none was reported'}")
             if path == tight and len(whole) <= len(reports) / 2:
