@@ -13,7 +13,7 @@ import pytest
 
 from bag_helpers import rewritten
 from file_helpers import SCRIPTS, cut, start, wait_until
-from tool_helpers import (check_equality, evaluate, expect_refusal, fuse, fuse_stack, read, rosrun, succeeded, texture,
+from tool_helpers import (check_equality, evaluate_bag, expect_refusal, fuse, fuse_stack, read, rosrun, succeeded, texture,
                           unchanged, write)
 
 FRAMES = 6
@@ -39,7 +39,7 @@ class Scene:
 
     def check_equality(self, name, bag, evaluate_options, fuse_options, **files):
         """Returns the report."""
-        report = check_equality(evaluate(self.folder / f"{name}_bag", bag, *evaluate_options),
+        report = check_equality(evaluate_bag(self.folder / f"{name}_bag", bag, *evaluate_options),
                                 fuse(self.folder / f"{name}_files", *self.files(**files), *fuse_options))
         assert report["has_labels"] and len(report["segments"]) > 4 and len(report["segment_table"]) > 4
         assert report["frames_used"] + report["frames_rejected"] == FRAMES

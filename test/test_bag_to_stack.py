@@ -10,7 +10,7 @@ import yaml
 from bag_helpers import (COLOR_CAMERA, DEPTH_CAMERA, DIOPTRES, SIZE, changed, compressed, depth_image,
                          frames, good_messages, setting, without, write)
 from file_helpers import call, run, run_script
-from tool_helpers import check_equality, evaluate, fuse, read, snapshot, succeeded, tool, unchanged
+from tool_helpers import check_equality, evaluate_bag, fuse, read, snapshot, succeeded, tool, unchanged
 
 from all_in_focus.bag.export import millimetres
 from all_in_focus.bag.image_messages import to_message
@@ -105,7 +105,7 @@ def test_the_same_pixels(files, tmp_path):
     for name in parts(original):
         if name.endswith(".png"):
             assert np.array_equal(read(exported / name), read(original / name)), name
-    assert check_equality(evaluate(tmp_path / "evaluated", files.folder / "x.bag"), exported)["has_labels"]
+    assert check_equality(evaluate_bag(tmp_path / "evaluated", files.folder / "x.bag"), exported)["has_labels"]
     export(files.folder / "x.bag", tmp_path / "out", "--force")  # fused.png is no obstacle
     assert parts(tmp_path / "out") == ["depth.png", "focus.yaml", "rig", "stack"]
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tool_helpers import (check_equality, evaluate, fits, fuse, fuse_stack, peak_mb, read, read_report, rosrun,
+from tool_helpers import (check_equality, evaluate_bag, fits, fuse, fuse_stack, peak_mb, read, read_report, rosrun,
                           segment_depth, succeeded)
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -141,7 +141,7 @@ def test_three_planned_frames_show_all_that_the_sweep_does(tmp_path, fused):
 @needs_sweep
 def test_nodes_give_the_pixels_of_fuse_stack(tmp_path, fused, sweep_bag):
     mode, folder = fused
-    assert check_equality(evaluate(tmp_path / mode, sweep_bag, "--mode", mode), folder)["frames_used"] == 540
+    assert check_equality(evaluate_bag(tmp_path / mode, sweep_bag, "--mode", mode), folder)["frames_used"] == 540
 
 
 @needs_sweep

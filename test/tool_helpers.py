@@ -208,7 +208,7 @@ def fuse(folder, *arguments):
     return folder
 
 
-def evaluate(folder, bag, *options):
+def evaluate_bag(folder, bag, *options):
     """Folder with what evaluate_bag makes of the only bracket of a bag."""
     succeeded(rosrun("evaluate_bag", "--bag", bag, "--output", folder, *options))
     assert sorted(path.name for path in folder.iterdir()) == [MARK, "bracket_0000"]
