@@ -24,7 +24,7 @@ class EngineError(RuntimeError):
 
 
 @contextmanager
-def engine(jobs, scheduler, patience=PATIENCE_S, say=lambda line: None):
+def engine(jobs, scheduler, say=lambda line: None):
     """jobs: processes of this machine; scheduler: address such as tcp://host:8786, or empty; say(line): called for
     every worker that is lost."""
     if jobs == 1 and not scheduler:
@@ -40,7 +40,7 @@ def engine(jobs, scheduler, patience=PATIENCE_S, say=lambda line: None):
             logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as opened:
         cluster = None if scheduler else opened.enter_context(_local_cluster(distributed, jobs))
-        yield opened.enter_context(_workers(distributed, cluster, scheduler, patience, say))
+        yield opened.enter_context(_workers(distributed, cluster, scheduler, say))
 
 
 @contextmanager
@@ -64,7 +64,7 @@ def _local_cluster(distributed, jobs):
 
 
 @contextmanager
-def _workers(distributed, cluster, scheduler, patience, say):
+def _workers(distributed, cluster, scheduler, say):
     try:
         client = distributed.Client(cluster or scheduler, timeout=ANSWER_S)
     except (OSError, ValueError, TimeoutError) as error:
@@ -72,7 +72,7 @@ def _workers(distributed, cluster, scheduler, patience, say):
     try:
         if cluster:
             client.wait_for_workers(len(cluster.worker_spec))
-        yield OnWorkers(client, patience, say)
+        yield OnWorkers(client, say)
     finally:
         client.close(timeout=ANSWER_S)
 
@@ -92,8 +92,8 @@ class InProcess:
 class OnWorkers:
     """On whatever workers the scheduler has; a task whose worker is lost goes to another one, three times at most."""
 
-    def __init__(self, client, patience, say):
-        self._client, self._patience, self._say = client, patience, say
+    def __init__(self, client, say):
+        self._client, self._say = client, say
         self._last_seen, self._known = time.monotonic(), {}
 
     @property
@@ -121,7 +121,7 @@ class OnWorkers:
         from distributed.comm import CommClosedError
         from distributed.scheduler import KilledWorker
         try:
-            return future.result(timeout=self._patience)
+            return future.result(timeout=PATIENCE_S)
         except KilledWorker:
             return {"error": "every worker that took this task was lost: see the workers' logs, memory first"}
         except (CancelledError, CommClosedError):  # only for a client that has lost its scheduler
@@ -148,5 +148,5 @@ class OnWorkers:
             raise EngineError(LOST)
         if self._client.status == "running" and self._workers():
             self._last_seen = now
-        elif now - self._last_seen > self._patience:
-            raise EngineError(f"no Dask worker for {self._patience:g} s" if self._client.status == "running" else LOST)
+        elif now - self._last_seen > PATIENCE_S:
+            raise EngineError(f"no Dask worker for {PATIENCE_S:g} s" if self._client.status == "running" else LOST)

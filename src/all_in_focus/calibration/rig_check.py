@@ -194,7 +194,7 @@ def _distinct(score, shift):
     return np.array([score.max() - score.max(axis=axis)[far].max() > FALL * height for axis, far in zip((0, 1), away)])
 
 
-def fit_edges(image, contours, seed=0):
+def fit_edges(image, contours):
     """EdgeFit of Contours on a BGR picture of 8 bit."""
     scale = min(1.0, WIDTH / image.shape[1])
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else image
@@ -213,7 +213,7 @@ def fit_edges(image, contours, seed=0):
 
     whole = score(np.ones(len(blocks)))
     # Bootstrap: how far the peak varies when the blocks are drawn again from these, with replacement.
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     draws = rng.multinomial(len(blocks), np.full(len(blocks), 1 / len(blocks)), DRAWS)
     peaks = np.array([_peak(score(draw)) for draw in draws])
     shift, deviation = _peak(whole), peaks.std(axis=0)

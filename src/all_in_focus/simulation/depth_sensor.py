@@ -90,8 +90,9 @@ def _correlated(rng, shape, deviation, correlation):
     return noise * (deviation / noise.std())
 
 
-def measure(depth, focal_px, rng, model=KinectModel()):
+def measure(depth, focal_px, rng):
     """What the sensor reports (uint16 mm) where the true depth is `depth`; focal_px: of the depth camera."""
+    model = KinectModel()
     z = np.where(projector_shadow(depth, focal_px, model.baseline_mm), 0, depth)
 
     rows, cols = np.indices(depth.shape)
@@ -110,6 +111,6 @@ def measure(depth, focal_px, rng, model=KinectModel()):
     return np.rint(z).astype(np.uint16)
 
 
-def simulate(scene, seed=0, model=KinectModel()):
+def simulate(scene, seed=0):
     """Raw depth picture (uint16 mm) of a scene."""
-    return measure(warp_to_depth_camera(scene), scene.rig.depth.K[0, 0], np.random.default_rng([seed, 2]), model)
+    return measure(warp_to_depth_camera(scene), scene.rig.depth.K[0, 0], np.random.default_rng([seed, 2]))

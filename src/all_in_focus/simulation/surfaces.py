@@ -20,6 +20,7 @@ from all_in_focus.files.rig import rotation_matrix
 NEAR, FAR = 0.1, 100.0           # metres; surfaces end there
 LIGHT = (-0.45, -0.75, -0.485)   # unit vector to the lamp: up, to the left, behind the camera
 AMBIENT = 0.4                    # share of the light that comes from everywhere
+BLOCK = 128                      # pixels, see in_blocks()
 
 
 class Surface:
@@ -185,12 +186,12 @@ def shaded_under(shade, spots):
     return paint
 
 
-def in_blocks(shade, size=128):
+def in_blocks(shade):
     """The same shade, evaluated block by block: a shade of many small things then tests only those near the block."""
     def paint(a, b):
         color, exists = np.empty(a.shape + (3,), np.float32), np.empty(a.shape, bool)
-        for row, col in product(*(range(0, count, size) for count in a.shape)):
-            block = slice(row, row + size), slice(col, col + size)
+        for row, col in product(*(range(0, count, BLOCK) for count in a.shape)):
+            block = slice(row, row + BLOCK), slice(col, col + BLOCK)
             color[block], exists[block] = shade(a[block], b[block])
         return color, exists
     return paint
