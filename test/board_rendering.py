@@ -34,14 +34,14 @@ def project(camera, points):
     return cv2.projectPoints(points, np.zeros(3), np.zeros(3), camera.K, camera.D)[0][:, 0]
 
 
-def board_poses(rig, count, seed=0, near=0.6, far=1.6, tilt=45):
+def board_poses(rig, count, seed=0, near=0.6):
     """Poses of the board (R 3x3, t of its middle, m) in the depth camera: spread, tilted, whole in both pictures."""
     rng = np.random.default_rng(seed)
     poses = []
     while len(poses) < count:
-        z = rng.uniform(near, far)
+        z = rng.uniform(near, 1.6)
         middle = np.array([rng.uniform(-0.5, 0.5) * z, rng.uniform(-0.38, 0.38) * z, z])
-        turn = Rotation.from_euler("zyx", rng.uniform(-1, 1, 3) * [min(25, tilt), tilt, tilt], degrees=True)
+        turn = Rotation.from_euler("zyx", rng.uniform(-1, 1, 3) * [25, 45, 45], degrees=True)
         pose = (rotation_matrix(turn), middle)
         if all(_in_picture(camera, corner_points(seen))
                for camera, seen in ((rig.depth, pose), (rig.color, in_color_camera(rig, pose)))):
@@ -49,9 +49,9 @@ def board_poses(rig, count, seed=0, near=0.6, far=1.6, tilt=45):
     return poses
 
 
-def _in_picture(camera, points, margin=25):
+def _in_picture(camera, points):
     u, v = project(camera, points).T
-    return min(u.min(), v.min(), camera.width - u.max(), camera.height - v.max()) > margin
+    return min(u.min(), v.min(), camera.width - u.max(), camera.height - v.max()) > 25
 
 
 def seen_pairs(rig, poses, noise=0.05, seed=0):
@@ -119,16 +119,16 @@ def render(camera_rays, pose, black=35.0, white=215.0, background=90.0, blur=0.7
     return np.clip(np.rint(image * scale), 0, 65535 if scale > 1 else 255).astype(np.uint16 if scale > 1 else np.uint8)
 
 
-def write_views(folder, rig, poses, moved=(), **how):
+def write_views(folder, rig, poses, moved):
     """folder/depth and folder/color: the board at each pose, 16-bit infrared and colour; moved: pose numbers at which
     the board lies 2 cm farther right in the colour picture."""
     camera_rays = rays(rig.depth), rays(rig.color)
     for name in ("depth", "color"):
         (folder / name).mkdir(parents=True)
     for number, pose in enumerate(poses):
-        ir = render(camera_rays[0], pose, 40, 110, 60, blur=1.1, noise=2, seed=number, scale=8, **how)
+        ir = render(camera_rays[0], pose, 40, 110, 60, blur=1.1, noise=2, seed=number, scale=8)
         shifted = (pose[0], pose[1] + [0.02 * (number in moved), 0, 0])
-        color = render(camera_rays[1], in_color_camera(rig, shifted), blur=0.8, noise=3, seed=1000 + number, **how)
+        color = render(camera_rays[1], in_color_camera(rig, shifted), blur=0.8, noise=3, seed=1000 + number)
         cv2.imwrite(str(folder / "depth" / f"{number:02d}.png"), ir)
         cv2.imwrite(str(folder / "color" / f"{number:02d}.jpg"), cv2.cvtColor(color, cv2.COLOR_GRAY2BGR),
                     [cv2.IMWRITE_JPEG_QUALITY, 97])

@@ -33,9 +33,9 @@ def sharp_picture():
     return np.ascontiguousarray(np.dstack([texture, texture // 2 + 60, skimage.data.brick()[:240, :320]]))
 
 
-def half_sharp(truth, sigma=3):
+def half_sharp(truth):
     """Two pictures, sharp in the left and in the right half."""
-    blurred, middle = cv2.GaussianBlur(truth, (0, 0), sigma), truth.shape[1] // 2
+    blurred, middle = cv2.GaussianBlur(truth, (0, 0), 3), truth.shape[1] // 2
     return [np.hstack([truth[:, :middle], blurred[:, middle:]]), np.hstack([blurred[:, :middle], truth[:, middle:]])]
 
 

@@ -28,13 +28,13 @@ def tilted(yaw, pitch, roll, position):
     return rotation_matrix(Rotation.from_euler("zyx", [roll, yaw, pitch], degrees=True)), np.array(position)
 
 
-def corner_error(camera, picture, pose, board=BOARD):
+def corner_error(camera, picture, pose):
     """RMS in pixels; None where no board is found."""
-    found = find_corners(picture, board)
+    found = find_corners(picture, BOARD)
     if found is None:
         return None
-    truth = project(camera, corner_points(pose, (board.columns, board.rows, board.square)))
-    return min(np.sqrt(np.mean(np.sum((order - truth) ** 2, axis=1))) for order in board.orders(found))
+    truth = project(camera, corner_points(pose))
+    return min(np.sqrt(np.mean(np.sum((order - truth) ** 2, axis=1))) for order in BOARD.orders(found))
 
 
 @pytest.mark.parametrize("width, height, focal, kind, expected", [
@@ -56,9 +56,9 @@ def test_no_corners_where_there_is_no_board():
     assert find_corners(noise, BOARD) is None and find_corners(np.zeros((240, 320), np.uint16), BOARD) is None
 
 
-def shuffled(pairs, board, seed=1):
+def shuffled(pairs, board):
     """Every picture's corners in any of the orders that a search may give."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
 
     def any_order(corners):
         orders = board.orders(corners)
@@ -67,8 +67,8 @@ def shuffled(pairs, board, seed=1):
     return [Pair(pair.name, any_order(pair.depth), any_order(pair.color)) for pair in pairs]
 
 
-def rig_of(fit, sizes=SIZES):
-    return build_rig(fit, NAMES, sizes)
+def rig_of(fit):
+    return build_rig(fit, NAMES, SIZES)
 
 
 @pytest.mark.parametrize("roll", [0, 90, 180])

@@ -32,9 +32,9 @@ def test_rows_of_the_paper(low, high, diff, dof, fits):
     assert segmentation.max_dof(OPTICS, 8000, 9000) == np.inf
 
 
-def slope_before_wall(size=(120, 160)):
+def slope_before_wall():
     """A wall at 3 m; before it something whose depth runs from 832 to 1360 mm; a part is unknown."""
-    depth = np.full(size, 3000, np.uint16)
+    depth = np.full((120, 160), 3000, np.uint16)
     depth[40:, 20:140] = np.linspace(832, 1360, 120).astype(np.uint16)
     depth[60:80, 60:100] = 0
     return depth

@@ -24,11 +24,11 @@ from tool_helpers import expect_refusal
 # ---- results
 
 
-def report_message(stamp=7, label_stamp=5, used=3, has_labels=True):
+def report_message(stamp=7, used=3, has_labels=True):
     choice = SegmentChoice(label=1, frame=2, score=float("nan"), margin=0.5, confidence=0.25)
     return FusionReport(header=Header(seq=9, stamp=genpy.Time(stamp, 500000000), frame_id="color_frame"), bracket_id=4,
                         mode="refined", frames_seen=3, frames_used=used, has_labels=has_labels,
-                        label_stamp=genpy.Time(label_stamp), optics=Optics(24.0, 4.0, 0.019), segments=[choice],
+                        label_stamp=genpy.Time(5), optics=Optics(24.0, 4.0, 0.019), segments=[choice],
                         notes=[] if used else ["no frame could be used"], timing_names=["fusion"], timing_ms=[1.5])
 
 
@@ -59,11 +59,11 @@ PNG = encode_png(np.zeros((2, 2), np.uint8))
 PICTURES = ("fused", "registered", "source_index", "confidence", "weights")
 
 
-def feed(collector, stamp=genpy.Time(7, 500000000), label_stamp=genpy.Time(5), names=None):
+def feed(collector, stamp=genpy.Time(7, 500000000), names=None):
     for name in names or (*PICTURES, "labels"):
-        collector.add(name, label_stamp if name == "labels" else stamp, PNG)
+        collector.add(name, genpy.Time(5) if name == "labels" else stamp, PNG)
     if names is None:
-        collector.add("segments", label_stamp, segments_message())
+        collector.add("segments", genpy.Time(5), segments_message())
 
 
 @contextlib.contextmanager

@@ -98,8 +98,9 @@ def test_depth_errors_of_known_maps():
     assert rmse == pytest.approx(1000 / blur * np.sqrt((50 * 1.1 ** 2 + 40 * 0.9 ** 2) / 179), rel=0.01)
 
 
-def two_frames(size=(256, 320)):
+def two_frames():
     """(near, far, all in focus): texture of every scale, of which each frame shows one half blurred, and a flat corner."""
+    size = (256, 320)
     random, sharp = np.random.default_rng(0), np.zeros(size)
     for sigma in (0.7, 2, 6, 18):
         texture = cv2.GaussianBlur(random.normal(size=size), (0, 0), sigma)

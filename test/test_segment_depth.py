@@ -27,9 +27,9 @@ def segmented(folder, depth, *options, optics="24,4,0.019"):
     return labels, read_report(folder / "r.json")
 
 
-def ramp(smallest, greatest, rows=6):
-    """Every millimetre once in a row."""
-    return np.tile(np.arange(smallest, greatest + 1), (rows, 1))
+def ramp(smallest, greatest):
+    """Every millimetre once in each of six rows."""
+    return np.tile(np.arange(smallest, greatest + 1), (6, 1))
 
 
 def rough_scene():
