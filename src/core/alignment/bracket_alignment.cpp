@@ -11,13 +11,14 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kSameScene = 0.8;       // correlation; frames far out of focus reach 0.9, other scenes 0.5
-constexpr double kCertain = 0.05;        // px; no better key frame is looked for
-constexpr double kFarFromKey = 0.03;     // magnification relative to the key frame
-constexpr double kModelError = 0.05;     // px of 640 x 480; contours that blur shift all tiles by as much
-constexpr double kModelRadius = 400;     // px: half the diagonal of 640 x 480
-constexpr double kSignificance = 3;      // standard deviations
-constexpr double kNoticeableRoll = 0.1;  // px at the corners; a warp without a roll takes half as long
+constexpr double kSameScene = 0.8;    // correlation; frames far out of focus reach 0.9, other scenes 0.5
+constexpr double kCertain = 0.05;     // px; no better key frame is looked for
+constexpr double kFarFromKey = 0.03;  // magnification relative to the key frame
+constexpr double kModelError = 0.05;  // px of 640 x 480; contours that blur shift all tiles by as much
+constexpr double kModelRadius = 400;  // px: half the diagonal of 640 x 480
+constexpr double kSignificance = 3;   // standard deviations
+constexpr double kShiftSignificance = 3.44;  // which noise exceeds as seldom in two dimensions
+constexpr double kNoticeableRoll = 0.1;      // px at the corners; a warp without a roll takes half as long
 
 // Variance that a motion has even where all tiles agree, px^2.
 double modelVariance(double radius) {
@@ -160,7 +161,7 @@ Placement BracketAlignment::placement(int index, int reference) const {
   const cv::Vec2d shift(found[2], found[3]);
   const cv::Matx22d shift_covariance = covariance.get_minor<2, 2>(2, 2);
   const double deviations = std::sqrt(shift.dot(shift_covariance.inv() * shift));
-  if (deviations > kSignificance) result.shift = cv::Point2d(shift[0], shift[1]);
+  if (deviations > kShiftSignificance) result.shift = cv::Point2d(shift[0], shift[1]);
 
   if (largestDisplacement(result, size_, center_) < kNoticeable)
     static_cast<SimilarityTransform&>(result) = {};
