@@ -40,7 +40,7 @@ LARGE = {
                    " --breathing 0.3 --vignetting 0.3 --exposure-jitter 0.02 --sag 0.05,6,10",                          # 80
 }
 
-# Each small scene, every pixel made five pixels wide and high. A method that finds the right scale loses nothing by that.
+# Each small scene, five times as wide and high. A method that finds the right scale loses nothing by that.
 ENLARGED = {name + "_x5": options + " --enlarge 5" for name, options in SMALL.items() if "--size" not in options}
 
 SUITES = {"small": SMALL, "large": LARGE, "enlarged": ENLARGED}

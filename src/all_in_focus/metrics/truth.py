@@ -20,7 +20,7 @@ EDGE_REACH_PX = 8  # how far from a depth edge a pixel still counts as near it
 @dataclass
 class Truth:
     """What a scene folder (see make_scene) should be fused to; image: H x W x 3 uint8 (BGR), edges: H x W bool, the
-    pixels near depth edges; enlarge: the frames have a block of enlarge x enlarge equal pixels for one pixel of these."""
+    pixels near depth edges; enlarge: the frames have enlarge x enlarge pixels for one of these, the middle one equal to it."""
     image: np.ndarray
     edges: np.ndarray
     enlarge: int = 1
