@@ -2,72 +2,193 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Zhang, Guo, "Multifocus image fusion using the nonsubsampled contourlet transform", Signal Processing 89(7), 2009.
 
-The transform (da Cunha, Zhou, Do 2006) has a pyramid without subsampling, each level split by direction. Here the
-filters are made in the frequency domain, maximally flat low passes and smooth wedges that sum to 1, so that the sum of
-all subbands is the image. Directional coefficients come from the image with most energy around them, in place of
-the paper's directional contrast; the coarsest level is the mean.
+The paper's comparison calls it NSCT, but its images come from the contourlet transform with subsampling (Do, Vetterli
+2005): a Laplacian pyramid, each level split by direction with the ladder filters of Phoong, Kim, Vaidyanathan and
+Ansari (1995). Directional coefficients come from the image with most energy around them, those at the border of a
+subband from the last image; the coarsest level is the mean.
 """
-import cv2
+from functools import lru_cache
+
 import numpy as np
+import pywt
+from scipy.ndimage import convolve1d, correlate
 
 from all_in_focus.baselines.common import choose, grays_of, to_8_bit
 
-DIRECTIONS = (4, 4, 4)  # finest level first
-MARGIN = 32             # pixels, mirrored: the FFT wraps around
-WINDOW = 3              # pixels, in which energy is summed
+DIRECTIONS = (6, 5, 3, 1)  # log2 of their number, finest level first
+SIDE = 32                  # pixels; the transform takes sides that are multiples of it
+NEIGHBOURS = np.array([[0.6, 0.8, 0.6], [0.8, 1, 0.9], [0.6, 0.8, 0.6]])  # of the energy; not symmetric, as published
+BIORTHOGONAL = pywt.Wavelet("bior4.4")
+ANALYSIS, SYNTHESIS = BIORTHOGONAL.dec_lo[1:], BIORTHOGONAL.rec_lo[1:-2]  # low passes of 9 and 7 taps
+LADDER = (0.63, 0.193, 0.0972, 0.0526, 0.0272, 0.0144)  # half of the antisymmetric filter between two pixels
+TAPS = np.array(LADDER[::-1] + tuple(-tap for tap in LADDER))
 
 
-def smooth_step(x):
-    """0 below 0, 1 above 1, two derivatives continuous."""
-    x = np.clip(x, 0, 1)
-    return x ** 3 * (10 - 15 * x + 6 * x ** 2)
+# --- pyramid: arrays are H x W or H x W x C, and wrap around ----------------------------------------------------------
+
+def low_pass(image, taps):
+    return convolve1d(convolve1d(image, taps, axis=0, mode="wrap"), taps, axis=1, mode="wrap")
 
 
-def low_pass(frequency, step):
-    """Maximally flat half-band low pass along one axis, its taps `step` pixels apart."""
-    return smooth_step((1 + np.cos(2 * np.pi * frequency * step)) / 2)
+def expand(coarse):
+    """Image of twice the size."""
+    image = np.zeros((2 * coarse.shape[0], 2 * coarse.shape[1]) + coarse.shape[2:])
+    image[::2, ::2] = coarse
+    return low_pass(image, SYNTHESIS)
 
 
-def wedges(y, x, count):
-    """Filters of `count` directions with sum 1; y, x: frequencies."""
-    sector = np.arctan2(y, x) / np.pi * count
-    for k in range(count):
-        distance = np.abs((sector - k - 0.5 + count / 2) % count - count / 2)
-        yield np.cos(np.pi / 2 * smooth_step(2 * distance - 0.5)) ** 2
+def shrink(image):
+    """Image of half the size."""
+    return low_pass(image, ANALYSIS)[::2, ::2]
 
 
-def filters(shape):
-    """Of all subbands in the order of rfft2, the coarsest last; they sum to 1."""
-    y, x = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])[None]
-    rest = np.ones((shape[0], x.size))
-    for level, count in enumerate(DIRECTIONS):
-        coarse = rest * low_pass(y, 2 ** level) * low_pass(x, 2 ** level)
-        yield from ((rest - coarse) * wedge for wedge in wedges(y, x, count))
-        rest = coarse
-    yield rest
+# --- directions -------------------------------------------------------------------------------------------------------
+
+@lru_cache(maxsize=64)
+def phases(shape, kind):
+    """Rows and columns of either half of the pixels of an H x W array, each H / 2 x W.
+
+    kind 0: the colours of a checkerboard, turned by 45 degrees; 1, 2: every other row, sheared to one side or the other.
+    """
+    height, width = shape
+    row, column = np.indices((height // 2, width), sparse=True)
+    places = []
+    for phase in (0, 1):
+        rows, columns = 2 * row + phase, (column - row if kind == 2 else column + row + phase) % width
+        places.append(((rows - columns) % height if kind == 0 else rows, columns))
+    return places
 
 
-def fuse_by(images, choice):
-    """Fused uint8 image; choice(gray subbands, is it the coarsest) gives the index of the image to take, None: mean."""
-    margins = ((MARGIN, MARGIN), (MARGIN, MARGIN))
-    shape = tuple(size + 2 * MARGIN for size in images[0].shape[:2])
+def ladder(values, before, twist):
+    """`values` filtered along both axes, `before` taps above and left of a pixel.
 
-    def spectrum(image):
-        return np.fft.rfft2(np.pad(image, margins + ((0, 0),) * (image.ndim - 2), mode="symmetric"), axes=(0, 1))
+    twist: half the width away beyond the upper and lower border, as checkerboards of square images go on.
+    """
+    height, width = values.shape[:2]
+    rows = np.arange(-before, height + len(TAPS) - 1 - before)
+    extended = values[rows % height]
+    if twist:
+        beyond = rows // height % 2 == 1
+        extended[beyond] = np.roll(extended[beyond], width // 2, axis=1)
+    first = len(LADDER) - 1
+    return convolve1d(convolve1d(extended, TAPS, axis=0, mode="constant")[first:first + height], TAPS, axis=1,
+                      mode="wrap", origin=first - before)
 
-    grays, colours = [spectrum(gray) for gray in grays_of(images)], [spectrum(np.float64(image)) for image in images]
-    fused, bands = 0, list(filters(shape))
-    for number, band in enumerate(bands):
-        index = choice([np.fft.irfft2(gray * band, shape) for gray in grays], number == len(bands) - 1)
-        subbands = [np.fft.irfft2(colour * band[..., None], shape, axes=(0, 1)) for colour in colours]
-        fused = fused + (sum(subbands) / len(subbands) if index is None else choose(subbands, index))
-    return to_8_bit(fused[MARGIN:-MARGIN, MARGIN:-MARGIN])
+
+def split(image, kind, twist=False):
+    """High and low subband, each of half the height."""
+    even, odd = (image[place] for place in phases(image.shape[:2], kind))
+    low = (even - ladder(odd, len(LADDER), twist)) / 2 ** 0.5
+    return [-2 ** 0.5 * odd - ladder(low, len(LADDER) - 1, twist), low]
 
 
-def _most_energy(subbands, coarsest):
-    return None if coarsest else np.argmax([cv2.blur(band * band, (WINDOW, WINDOW)) for band in subbands], axis=0)
+def join(high, low, kind, twist=False):
+    """Inverse of `split`."""
+    odd = -(high + ladder(low, len(LADDER) - 1, twist)) / 2 ** 0.5
+    even = 2 ** 0.5 * low + ladder(odd, len(LADDER), twist)
+    image = np.empty((2 * low.shape[0],) + low.shape[1:])
+    for place, half in zip(phases(image.shape[:2], kind), (even, odd)):
+        image[place] = half
+    return image
+
+
+@lru_cache(maxsize=256)
+def upright(shape, levels, number):
+    """Rows and columns of the coefficients of a subband, H x W, so that neighbours lie as in the image."""
+    row, column = np.indices(shape, sparse=True)
+    if levels == 1:
+        row = (row + column // 2) % shape[0]
+        return row, (column - row) % shape[1]
+    return row, (column + (2 * (number // 2) + 1 - 2 ** (levels - 2)) * row) % shape[1]
+
+
+def turned(bands):
+    return [np.swapaxes(band, 0, 1) for band in bands]
+
+
+def fan(bands, levels):
+    """The subbands of half of the directions, or of all of 2, from what the first splits gave."""
+    for _ in range(2, levels):
+        bands = [band for number, whole in enumerate(bands) for band in split(whole, 1 + number % 2)]
+    return [band[upright(band.shape[:2], levels, number)] for number, band in enumerate(bands)]
+
+
+def fan_closed(subbands, levels):
+    """Inverse of `fan`."""
+    bands = [np.empty_like(subband) for subband in subbands]
+    for number, (band, subband) in enumerate(zip(bands, subbands)):
+        band[upright(band.shape[:2], levels, number)] = subband
+    for _ in range(2, levels):
+        bands = [join(*pair, 1 + number % 2) for number, pair in enumerate(zip(bands[::2], bands[1::2]))]
+    return bands
+
+
+def directions(image, levels):
+    """2 ** levels subbands of an image: first those of steep edges, then those of flat ones."""
+    flat, steep = split(image, 0, twist=True)
+    if levels == 1:
+        return fan([steep, flat], levels)
+    return fan(turned(split(*turned([steep]), 0)), levels) + turned(fan(split(*turned([flat]), 0), levels))
+
+
+def undirected(subbands):
+    """Inverse of `directions`."""
+    half = len(subbands) // 2
+    levels = half.bit_length()
+    if levels == 1:
+        steep, flat = fan_closed(subbands, levels)
+    else:
+        steep, flat = turned([join(*turned(fan_closed(subbands[:half], levels)), 0),
+                              join(*fan_closed(turned(subbands[half:]), levels), 0)])
+    return join(flat, steep, 0, twist=True)
+
+
+# --- the transform ----------------------------------------------------------------------------------------------------
+
+def transform(image):
+    """(coarsest level, for each level, the finest first, its subbands); the sides must be multiples of SIDE."""
+    levels = []
+    for count in DIRECTIONS:
+        coarse = shrink(image)
+        levels.append(directions(image - expand(coarse), count))
+        image = coarse
+    return image, levels
+
+
+def inverse(coarsest, levels):
+    """The image of which `transform` gives this."""
+    image = coarsest
+    for subbands in levels[::-1]:
+        detail = undirected(subbands)
+        image = expand(image - shrink(detail)) + detail
+    return image
+
+
+def winner(subbands):
+    """Which image has most energy around a coefficient, as an index image; the last at the border."""
+    index = np.argmax([correlate(band * band, NEIGHBOURS, mode="constant") for band in subbands], axis=0)
+    index[[0, -1]] = index[:, [0, -1]] = len(subbands) - 1
+    return index
+
+
+def margins(shape):
+    """Rows and columns to add before and after: none, as published, where the sides are multiples of SIDE."""
+    if all(size % SIDE == 0 for size in shape):
+        return [(0, 0), (0, 0)]
+    return [(SIDE, SIDE + -size % SIDE) for size in shape]
 
 
 def fuse(images):
     """See all_in_focus.baselines; returns no weights."""
-    return fuse_by(images, _most_energy), None
+    around = margins(images[0].shape[:2])
+
+    def transformed(image):
+        return transform(np.pad(np.float64(image), around + [(0, 0)] * (image.ndim - 2), mode="symmetric"))
+
+    grays = [transformed(gray)[1] for gray in grays_of(images)]
+    coarsest, colours = zip(*map(transformed, images))
+    fused = inverse(sum(coarsest) / len(images), [
+        [choose(coloured, winner(subbands)) for subbands, coloured in zip(zip(*of_gray), zip(*of_colour))]
+        for of_gray, of_colour in zip(zip(*grays), zip(*colours))])
+    height, width = images[0].shape[:2]
+    return to_8_bit(fused[around[0][0]:, around[1][0]:][:height, :width]), None

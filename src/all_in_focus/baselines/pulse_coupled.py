@@ -4,14 +4,14 @@
 nonsubsampled contourlet transform domain", Acta Automatica Sinica 34(12), 2008.
 
 In every subband each pixel is a neuron fed by the local spatial frequency and linked to its neighbours; the image whose
-neuron fires most often gives the coefficient, of equal ones the first. The transform is that of contourlet.py.
+neuron fires most often gives the coefficient, of equal ones the first. The transform is that of nonsubsampled.py.
 """
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
 
-from all_in_focus.baselines import contourlet
+from all_in_focus.baselines import nonsubsampled
 from all_in_focus.baselines.common import spatial_frequency
 
 WINDOW = 3                              # pixels, of the spatial frequency
@@ -49,4 +49,4 @@ def fuse(images):
         return np.argmax(list(pool.map(firing_counts, map(stimulus_of, subbands))), axis=0)
 
     with ThreadPoolExecutor() as pool:  # OpenCV releases the interpreter lock
-        return contourlet.fuse_by(images, choice), None
+        return nonsubsampled.fuse_by(images, choice), None
