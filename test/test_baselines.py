@@ -96,7 +96,7 @@ PUBLISHED = {
     "gf": ("gf_diff", False, 62, 0.002),      # rounding of colours before they are made gray
     "gf-same": ("gf_same", False, 62, 0.002),
     "dsift": ("dsift", False, 43, 0.01),      # undecided pixels are not matched between the sources
-    "im": ("im", False, 42, 0.02),            # other rules for the certain pixels, other matting windows
+    "im": ("im", False, 42, 0.02),            # weights that do not sum to 1, other rules for the certain pixels
     "nsct": ("nsct", True, 60, 0.002),        # equal but where two energies are nearly the same
     "nsct-pcnn": ("pcnn", True, 35, 0.05),    # other filters
 }
