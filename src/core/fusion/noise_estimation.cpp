@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <functional>
+#include <numeric>
 #include <optional>
 
 #include "util/image_rows.hpp"
@@ -35,6 +36,7 @@ constexpr double kLeastOfFiner = 0.4;  // sharpness of a level / sharpness of th
 
 constexpr int kBlock = 8;              // pixels
 constexpr std::size_t kBlocks = 300;   // fewest that give a tenth percentile
+constexpr std::size_t kPlenty = 1200;  // half of which give it well
 constexpr double kQuiet = 0.1;         // share of the blocks
 constexpr double kQuietOfMean = 0.85;  // that percentile / mean, of noise alone
 constexpr int kDark = 8, kBright = 247;
@@ -46,10 +48,11 @@ double quietest(std::vector<float>& blocks) {
   return blocks[rank] / kQuietOfMean;
 }
 
-// visit(x, y) for the first pixel of every block.
+// visit(x, y) for the first pixel of every block; of every other row of blocks where that leaves plenty.
 template <typename Visit>
 void forEachBlock(const cv::Mat& level, const Visit& visit) {
-  for (int y = 1; y + kBlock < level.rows; y += kBlock) {
+  const int step = level.total() > kPlenty * kBlock * kBlock ? 2 * kBlock : kBlock;
+  for (int y = 1; y + kBlock < level.rows; y += step) {
     for (int x = 1; x + kBlock < level.cols; x += kBlock) visit(x, y);
   }
 }
@@ -59,14 +62,23 @@ int unitOf(const cv::Mat& level) {
 }
 
 // By block: whether it is neither nearly black nor nearly white; noise is cut off there.
+template <typename Pixel>
 std::vector<bool> exposedBlocks(const cv::Mat& level) {
+  const int unit = kBlock * kBlock * unitOf(level);
   std::vector<bool> exposed;
-  const int unit = unitOf(level);
   forEachBlock(level, [&](int x, int y) {
-    const double mean = cv::mean(level(cv::Rect(x, y, kBlock, kBlock)))[0] / unit;
-    exposed.push_back(mean >= kDark && mean <= kBright);
+    int light = 0;
+    for (int v = y; v < y + kBlock; ++v) {
+      const Pixel* row = level.ptr<Pixel>(v) + x;
+      light = std::accumulate(row, row + kBlock, light);
+    }
+    exposed.push_back(light >= kDark * unit && light <= kBright * unit);
   });
   return exposed;
+}
+
+std::vector<bool> exposedBlocks(const cv::Mat& level) {
+  return level.depth() == CV_8U ? exposedBlocks<std::uint8_t>(level) : exposedBlocks<std::uint16_t>(level);
 }
 
 // Means over every block that counts, gray levels.
