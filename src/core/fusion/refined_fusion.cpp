@@ -14,6 +14,8 @@
 namespace all_in_focus::core {
 namespace {
 
+constexpr size_t kMostScenes = 3;  // whose first frames are held
+
 // The factor by which a LUT of gray levels changes the contrast of middle gray.
 double contrastGain(const std::array<float, 256>& lut) {
   return (lut[192] - lut[64]) / 128.0;
@@ -38,7 +40,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
   predicted_.release();
   focus_known_ = false;
   noise_ = {};
-  first_ = -1;
+  firsts_.clear();
   predicts_ = config.prediction && !scene.depth.empty() && pixel_pitch_mm > 0;
   if (predicts_) {
     prediction_ = DefocusPrediction(config.defocus);
@@ -58,10 +60,17 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
   }
   focus_known_ = focus_known_ || !std::isnan(focus_mm);
   if (config_.alignment) alignment_.observe(gray, index, focus_mm);
-  if (first_ < 0) {
-    first_ = index;
-    if (config_.noise) gray.copyTo(first_gray_);
-  }
+  if (!config_.noise || reference_ >= 0 || firstOfScene(index) || firsts_.size() == kMostScenes) return;
+  firsts_.push_back({index, gray.clone()});
+}
+
+// The first frame that shows what a frame shows; null: none is held.
+const RefinedFusion::FirstFrame* RefinedFusion::firstOfScene(int index) const {
+  const auto fits = [&](const FirstFrame& first) {
+    return !config_.alignment || alignment_.placement(first.index, index).fits;
+  };
+  const auto found = std::find_if(firsts_.begin(), firsts_.end(), fits);
+  return found == firsts_.end() ? nullptr : &*found;
 }
 
 std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm) {
@@ -69,9 +78,12 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   const bool is_reference = reference_ < 0;
   if (is_reference) {
     reference_ = index;
-    if (config_.noise)
-      noise_ = first_ == index ? NoiseSpectrum::of(gray) : NoiseSpectrum::of(gray, first_gray_);
-    first_gray_.release();
+    if (config_.noise) {
+      const FirstFrame* first = firstOfScene(index);
+      const bool is_alone = !first || first->index == index;
+      noise_ = is_alone ? NoiseSpectrum::of(gray) : NoiseSpectrum::of(gray, first->gray);
+    }
+    firsts_.clear();
     mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice});
     exposure_.setReference(frame);
   }

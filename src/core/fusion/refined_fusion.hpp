@@ -51,6 +51,12 @@ class RefinedFusion {
   void addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& lut,
                   const cv::Rect& inside, int index, double focus_mm);
 
+  struct FirstFrame {
+    int index;
+    cv::Mat gray;
+  };
+  const FirstFrame* firstOfScene(int index) const;
+
   struct Strip {  ///< of the frame being added; each thread works at one
     SharpnessPyramid::Rows sharpness;
     UpsampledRows squared_error;
@@ -62,10 +68,10 @@ class RefinedFusion {
   double focal_length_mm_ = 0;  // 0 = unknown
   bool focus_known_ = false;    // of a frame that was observed
   bool predicts_ = false;
-  cv::Mat predicted_;                // CV_8UC1, see SharpnessPyramid::Gauge
-  int first_ = -1, reference_ = -1;  // index of the first frame observed and of the reference; -1: none yet
-  cv::Mat first_gray_;               // until the reference comes: together they show the noise
+  cv::Mat predicted_;               // CV_8UC1, see SharpnessPyramid::Gauge
+  std::vector<FirstFrame> firsts_;  // of what the bracket shows, until the reference comes
   NoiseSpectrum noise_;
+  int reference_ = -1;  // index; -1: none yet
   BracketAlignment alignment_;
   ReferenceWarp warp_;
   ExposureMatching exposure_;
