@@ -88,6 +88,13 @@ def test_images_without_any_texture(name):
     check([flat] * 3, fused, weights, name)
 
 
+@pytest.mark.parametrize("name", sorted(set(BASELINES) - {"dsift", "enfuse"}))  # dsift refuses less than 8x8 pixels
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (5, 2)])
+def test_tiny_images(name, shape):
+    images = [np.full(shape + (3,), value, np.uint8) for value in (100, 120)]
+    check(images, *BASELINES[name](images), name)
+
+
 # --- published results ------------------------------------------------------------------------------------------------
 
 # Published image; does the method see gray images; dB to it and distance of the metrics that are reached.

@@ -9,7 +9,7 @@ from all_in_focus.imaging import to_gray
 
 def grays_of(images):
     """H x W float64, 0..255, of each H x W x 3 uint8 image (BGR)."""
-    return [np.float64(to_gray(image)) for image in images]
+    return [to_gray(image).astype(np.float64) for image in images]
 
 
 def one_hot(index, count):

@@ -183,7 +183,7 @@ def fuse(images):
     around = margins(images[0].shape[:2])
 
     def transformed(image):
-        return transform(np.pad(np.float64(image), around + [(0, 0)] * (image.ndim - 2), mode="symmetric"))
+        return transform(np.pad(image.astype(np.float64), around + [(0, 0)] * (image.ndim - 2), mode="symmetric"))
 
     grays = [transformed(gray)[1] for gray in grays_of(images)]
     coarsest, colours = zip(*map(transformed, images))

@@ -19,7 +19,7 @@ HAAR = pywt.Wavelet("Haar of means", filter_bank=([0.5, 0.5], [-0.5, 0.5], [1, 1
 def transform(image):
     """Of H x W, mirrored beyond its border: for each level, the coarsest first, approximation and three details."""
     margins = [(MARGIN, MARGIN - size % MARGIN) for size in image.shape]
-    return pywt.swt2(np.pad(np.float64(image), margins, mode="symmetric"), HAAR, LEVELS)
+    return pywt.swt2(np.pad(image.astype(np.float64), margins, mode="symmetric"), HAAR, LEVELS)
 
 
 def fuse(images):
