@@ -127,6 +127,17 @@ TEST(NoiseSpectrum, TextureThatTwoFramesShareIsNoNoise) {
   EXPECT_NEAR(NoiseSpectrum::of(frames[0], frames[1]).deviation(), 3, 0.5);
 }
 
+TEST(NoiseSpectrum, AFrameThatIsBlackOrWhiteDoesNotCount) {
+  const cv::Mat noisy = noisyPicture(5, 0);
+  const NoiseSpectrum alone = NoiseSpectrum::of(noisy);
+  for (const int level : {0, 255}) {
+    const cv::Mat flat(noisy.size(), CV_8UC1, cv::Scalar(level));
+    for (const NoiseSpectrum& noise : {NoiseSpectrum::of(noisy, flat), NoiseSpectrum::of(flat, noisy)}) {
+      for (std::size_t l = 0; l < 4; ++l) EXPECT_EQ(noise.sharpness(l), alone.sharpness(l));
+    }
+  }
+}
+
 TEST(NoiseSpectrum, SmallImagesHaveNone) {
   EXPECT_EQ(NoiseSpectrum::of(cv::Mat(3, 3, CV_8UC1, cv::Scalar(7))).deviation(), 0);
   EXPECT_EQ(NoiseSpectrum::of(cv::Mat(1, 1, CV_8UC1, cv::Scalar(7))).sharpness(0), 0);

@@ -187,10 +187,11 @@ NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray, const cv::Mat& other) {
     std::vector<bool> exposed = exposedBlocks(a);
     const std::vector<bool> exposed_in_b = exposedBlocks(b);
     const std::optional<double> of_a = noiseOf(a, exposed), of_b = noiseOf(b, exposed_in_b);
-    if (!of_a || !of_b) return noise;
+    if (!of_a && !of_b) return noise;
+    const double least = of_a && of_b ? std::min(*of_a, *of_b) : of_a.value_or(of_b.value_or(0));
     std::transform(exposed.begin(), exposed.end(), exposed_in_b.begin(), exposed.begin(),
                    std::logical_and<>());
-    noise.measured_.push_back(std::min({*of_a, *of_b, noiseOfDifference(a, b, exposed).value_or(*of_a)}));
+    noise.measured_.push_back(std::min(least, noiseOfDifference(a, b, exposed).value_or(least)));
   }
 }
 

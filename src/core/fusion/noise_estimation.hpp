@@ -35,7 +35,8 @@ class NoiseSpectrum {
 
   /// Of two frames of a bracket: at each level the lowest of both and of their difference, divided by the
   /// root of 2. Texture that both show alike is no part of the difference, noise is. The frames may differ in
-  /// blur, motion and exposure: that only adds to the difference. gray, other: CV_8UC1 of one size.
+  /// blur, motion and exposure: that only adds to the difference. Where one of them has too few blocks, as
+  /// a black or white frame has, the other counts alone. gray, other: CV_8UC1 of one size.
   static NoiseSpectrum of(const cv::Mat& gray, const cv::Mat& other);
 
   /// Mean modified Laplacian at a level: at least 0.4 times that of the finer level, and exactly that where
