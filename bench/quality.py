@@ -10,7 +10,7 @@ refined:-alignment,exposure (without these steps), refined:no-depth, refined:opt
 refined:shift5 (depth 5 pixels to the right); whatever --peer names (with +ecc: frames aligned first), such as
 
   --peer 'focus-stack=sh -c "focus-stack --output={output} {stack}/*"'
-  --peer 'stackmff+ecc=openfocus --input {stack} --output {output}'     # StackMFF V3, from the PyPI package openfocus
+  --peer 'stackmff+ecc=openfocus --input {stack} --output {output}'     # StackMFF V3, of the Python package openfocus
 """
 import argparse
 import json
