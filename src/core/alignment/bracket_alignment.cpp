@@ -17,7 +17,7 @@ constexpr double kFarFromKey = 0.03;  // magnification relative to the key frame
 constexpr double kModelError = 0.05;  // px of 640 x 480; contours that blur shift all tiles by as much
 constexpr double kModelRadius = 400;  // px: half the diagonal of 640 x 480
 constexpr double kSignificance = 3;   // standard deviations
-constexpr double kShiftSignificance = 3.44;  // which noise exceeds as seldom in two dimensions
+constexpr double kShiftSignificance = 3.44;  // of two components; as rare as 3 of a single number
 constexpr double kNoticeableRoll = 0.1;      // px at the corners; a warp without a roll takes half as long
 
 // Variance that a motion has even where all tiles agree, px^2.
