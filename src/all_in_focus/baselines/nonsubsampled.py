@@ -53,11 +53,11 @@ def branch(y, x, level, number):
 
 def directions(y, x, levels):
     """(filter of analysis, of synthesis) of 2 ** levels directions."""
-    filters = [(1.0, 1.0)]
+    found = [(1.0, 1.0)]
     for level in range(levels):
-        filters = [(one * further, other * back) for number, (one, other) in enumerate(filters)
-                   for further, back in branch(y, x, level, number)]
-    return filters
+        found = [(one * further, other * back) for number, (one, other) in enumerate(found)
+                 for further, back in branch(y, x, level, number)]
+    return found
 
 
 def filters(shape):
