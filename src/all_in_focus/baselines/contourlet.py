@@ -190,5 +190,7 @@ def fuse(images):
     fused = inverse(sum(coarsest) / len(images), [
         [choose(coloured, winner(subbands)) for subbands, coloured in zip(zip(*of_gray), zip(*of_colour))]
         for of_gray, of_colour in zip(zip(*grays), zip(*colours))])
+    for cached in (phases, upright):
+        cached.cache_clear()  # as large as many pictures
     height, width = images[0].shape[:2]
     return to_8_bit(fused[around[0][0]:, around[1][0]:][:height, :width]), None
