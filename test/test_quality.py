@@ -225,7 +225,7 @@ def test_means_say_what_they_cover():
 
 def test_program_compares_and_keeps(scenes, tmp_path):
     arguments = [scenes / "still", scenes / "breathing", "--methods", "single,laplacian+ecc", "--peer", COPY, "--peer",
-                 "copy+ecc=cp {stack}/0000.png {output}", "--peer", "broken=false {output}", "--output", tmp_path / "out",
+                 "copy+ecc=cp {stack}/000.png {output}", "--peer", "broken=false {output}", "--output", tmp_path / "out",
                  "--json", tmp_path / "figures.json"]
     result = compare(*arguments)
     assert result.returncode == 0

@@ -30,6 +30,7 @@ from all_in_focus import installed
 from all_in_focus.baselines import BASELINES
 from all_in_focus.baselines.alignment import align
 from all_in_focus.benchmark.scenes import digest
+from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.rig import Optics, load_rig
 from all_in_focus.files.stack import read_depth, read_image
 from all_in_focus.metrics.truth import psnr
@@ -243,11 +244,11 @@ def _stack(scene, folder):
 
 
 def _aligned_stack(scene, folder):
-    """Folder of the aligned frames, as PNG."""
+    """Folder of the aligned frames, as PNG under the names that {focus} has where the frames are PNG, too."""
     made = Path(folder) / "aligned"
     made.mkdir()
-    for number, frame in enumerate(align(list(scene.frames()))):
-        cv2.imwrite(str(made / f"{number:04d}.png"), frame)
+    for name, frame in zip(scene.names(), align(list(scene.frames()))):
+        (made / name).with_suffix(".png").write_bytes(encode_png(frame))
     return made
 
 
