@@ -15,11 +15,11 @@
 #include <string>
 #include <thread>
 
+#include "acknowledger.hpp"
 #include "callback_guard.hpp"
 #include "kinect_device.hpp"
 #include "kinect_output.hpp"
 #include "kinect_parameters.hpp"
-#include "node_monitor.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -65,7 +65,7 @@ class KinectOpenni2Nodelet : public nodelet::Nodelet {
   void pause(Clock::duration duration);
 
   KinectParameters parameters_;
-  std::unique_ptr<NodeMonitor> monitor_;
+  std::unique_ptr<Acknowledger> monitor_;
   std::unique_ptr<CallbackGuard> guard_;
 
   // Used by the thread only.
@@ -102,8 +102,8 @@ KinectOpenni2Nodelet::~KinectOpenni2Nodelet() {
 }
 
 void KinectOpenni2Nodelet::onInit() {
-  monitor_ =
-      std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), "kinect/processed");
+  monitor_ = std::make_unique<Acknowledger>(getName(), getMTNodeHandle(), getPrivateNodeHandle(),
+                                            "kinect/processed");
   parameters_ = readKinectParameters(getPrivateNodeHandle(), *monitor_);
   guard_ = std::make_unique<CallbackGuard>(*monitor_);
   const auto on_connect = guard_->wrap(getName(), [this] {

@@ -19,7 +19,7 @@ std::string topicOf(KinectStream stream) {
 }  // namespace
 
 KinectOutput::KinectOutput(KinectStream stream, const ros::NodeHandle& nh, const KinectParameters& parameters,
-                           NodeMonitor& monitor, const std::function<void()>& on_connect)
+                           Acknowledger& monitor, const std::function<void()>& on_connect)
     : stream_(stream),
       parameters_(parameters),
       of_stream_(parameters.streams[indexOf(stream)]),

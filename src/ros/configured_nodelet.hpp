@@ -15,8 +15,8 @@
 #include <sstream>
 #include <string>
 
+#include "acknowledger.hpp"
 #include "callback_guard.hpp"
-#include "node_monitor.hpp"
 
 namespace all_in_focus {
 
@@ -64,7 +64,7 @@ class ConfiguredNodelet : public nodelet::Nodelet {
 
   void begin(const char* processed_topic) {
     monitor_ =
-        std::make_unique<NodeMonitor>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), processed_topic);
+        std::make_unique<Acknowledger>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), processed_topic);
     guard_ = std::make_unique<CallbackGuard>(*monitor_);
     queue_size_ = std::max(1, getPrivateNodeHandle().param("queue_size", queue_size_));
   }
@@ -92,7 +92,7 @@ class ConfiguredNodelet : public nodelet::Nodelet {
     after_init_.start();
   }
 
-  std::unique_ptr<NodeMonitor> monitor_;
+  std::unique_ptr<Acknowledger> monitor_;
   std::unique_ptr<CallbackGuard> guard_;
   Config config_ = Config::__getDefault__();  // always possible
   int queue_size_ = 5;

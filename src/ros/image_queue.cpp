@@ -27,7 +27,7 @@ class Call : public ros::CallbackInterface {
 
 }  // namespace
 
-ImageQueue::ImageQueue(ros::CallbackQueueInterface& own_queue, std::size_t size, NodeMonitor& monitor,
+ImageQueue::ImageQueue(ros::CallbackQueueInterface& own_queue, std::size_t size, Acknowledger& monitor,
                        const CallbackGuard& guard, int input, Callback process)
     : own_queue_(own_queue),
       monitor_(monitor),

@@ -10,8 +10,8 @@
 #include <mutex>
 #include <string>
 
+#include "acknowledger.hpp"
 #include "callback_guard.hpp"
-#include "node_monitor.hpp"
 #include "waiting_list.hpp"
 
 namespace all_in_focus {
@@ -25,7 +25,7 @@ class ImageQueue {
 
   /// own_queue: the nodelet's. guard: of the nodelet, closed before this is destroyed. input: the number of
   /// the topic in the monitor. process: gets the images.
-  ImageQueue(ros::CallbackQueueInterface& own_queue, std::size_t size, NodeMonitor& monitor,
+  ImageQueue(ros::CallbackQueueInterface& own_queue, std::size_t size, Acknowledger& monitor,
              const CallbackGuard& guard, int input, Callback process);
 
   /// nh: the multi-threaded one. private_nh: has the name of the transport.
@@ -38,7 +38,7 @@ class ImageQueue {
   void processOldest();
 
   ros::CallbackQueueInterface& own_queue_;
-  NodeMonitor& monitor_;
+  Acknowledger& monitor_;
   const Callback process_;
   const boost::function<void(const sensor_msgs::ImageConstPtr&)> on_image_;
   const std::function<void()> on_turn_;

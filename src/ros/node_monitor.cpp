@@ -40,10 +40,8 @@ std::string oneLine(std::string text) {
 }  // namespace
 
 NodeMonitor::NodeMonitor(const std::string& name, const ros::NodeHandle& nh,
-                         const ros::NodeHandle& private_nh, const std::string& processed_topic)
+                         const ros::NodeHandle& private_nh)
     : name_(name), nh_(nh), updater_(nh, private_nh, name) {
-  processed_publisher_ = nh_.advertise<std_msgs::Header>(processed_topic, 100);
-  outputs_.push_back(processed_publisher_.getTopic());
   updater_.setHardwareID(name_);
 }
 
@@ -108,22 +106,17 @@ void NodeMonitor::timeWentBack(int input) {
   ROS_INFO_STREAM(name_ << ": time went back (" << inputs_.at(input).topic << "), starting afresh");
 }
 
-void NodeMonitor::acknowledge(const std_msgs::Header& header, Outcome outcome, const std::string& reason) {
+void NodeMonitor::finished(const ros::Time& stamp, Outcome outcome, const std::string& reason) {
   count(outcome);
   if (outcome == Outcome::kProcessed) {
     const ros::Time now = ros::Time::now();
     std::lock_guard<std::mutex> lock(mutex_);
     processed_at_.push_back(Clock::now());
-    delay_known_ = !header.stamp.isZero() && !now.isZero();
-    if (delay_known_) delay_ms_ = secondsBetween(header.stamp, now) * 1e3;
+    delay_known_ = !stamp.isZero() && !now.isZero();
+    if (delay_known_) delay_ms_ = secondsBetween(stamp, now) * 1e3;
     current_ = {};
   }
   if (!reason.empty()) outcome == Outcome::kInvalid ? error(reason) : warn(reason);
-  processed_publisher_.publish(header);
-}
-
-void NodeMonitor::acknowledgeEarly(const std_msgs::Header& header) {
-  processed_publisher_.publish(header);
 }
 
 void NodeMonitor::count(Outcome outcome, std::uint64_t n) {

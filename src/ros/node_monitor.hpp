@@ -4,7 +4,6 @@
 
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/ros.h>
-#include <std_msgs/Header.h>
 
 #include <chrono>
 #include <cstdint>
@@ -38,16 +37,14 @@ enum class Outcome {
 /// delay on /diagnostics, logs throttled errors, and warns of silent inputs.
 ///
 /// In onInit(): addInput(), addOutput(), start(). On lazy subscription: setSubscribed(). First in every input
-/// callback: inputArrived() (CallbackGuard does it). When done with an input: acknowledge().
+/// callback: inputArrived() (CallbackGuard does it). When done with an input: finished().
 ///
 /// All methods are thread-safe; add inputs and outputs before start().
 class NodeMonitor {
  public:
   /// name: of the node, for the log and the diagnostics. nh resolves the topics and runs the timer: the
-  /// multi-threaded handle keeps diagnostics alive during long callbacks. processed_topic: gets the header of
-  /// every acknowledged input.
-  NodeMonitor(const std::string& name, const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-              const std::string& processed_topic);
+  /// multi-threaded handle keeps diagnostics alive during long callbacks.
+  NodeMonitor(const std::string& name, const ros::NodeHandle& nh, const ros::NodeHandle& private_nh);
   ~NodeMonitor();
   NodeMonitor(const NodeMonitor&) = delete;
   NodeMonitor& operator=(const NodeMonitor&) = delete;
@@ -68,12 +65,10 @@ class NodeMonitor {
   /// Counts a backward jump of time that an input has shown.
   void timeWentBack(int input);
 
-  /// Acknowledges an input: counts it, and publishes its header on the processed topic. A reason is logged
-  /// and reported like error() for kInvalid, like warn() otherwise.
-  void acknowledge(const std_msgs::Header& header, Outcome outcome, const std::string& reason = {});
-  /// The same before the input is used, so that its sender need not wait; acknowledge() is still to come.
-  void acknowledgeEarly(const std_msgs::Header& header);
-  /// Counts inputs that are not announced on the processed topic (labels of the fusion, for example).
+  /// Counts an input of that stamp; processed ones tell rate and delay. A reason is logged and reported like
+  /// error() for kInvalid, like warn() otherwise.
+  void finished(const ros::Time& stamp, Outcome outcome, const std::string& reason = {});
+  /// Counts inputs that have no rate of their own (labels of the fusion, for example).
   void count(Outcome outcome, std::uint64_t n = 1);
 
   /// One line for people. Logged at most once a second per text (numbers in it do not make it another text);
@@ -114,7 +109,6 @@ class NodeMonitor {
 
   const std::string name_;
   ros::NodeHandle nh_;
-  ros::Publisher processed_publisher_;
   diagnostic_updater::Updater updater_;
   ros::WallTimer timer_;
   const std::shared_ptr<CallbackGate> gate_ = std::make_shared<CallbackGate>();  // of tick()

@@ -26,8 +26,9 @@ bool isPublished(const ros::Subscriber& subscriber) {
 
 }  // namespace
 
-FusionInputs::FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, NodeMonitor& monitor,
-                           const CallbackGuard& guard, SceneCache& scenes, FrameQueue& frames)
+FusionInputs::FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
+                           Acknowledger& monitor, const CallbackGuard& guard, SceneCache& scenes,
+                           FrameQueue& frames)
     : nh_(nh),
       private_nh_(private_nh),
       monitor_(monitor),

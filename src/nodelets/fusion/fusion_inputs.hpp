@@ -11,9 +11,9 @@
 
 #include <optional>
 
+#include "acknowledger.hpp"
 #include "callback_guard.hpp"
 #include "frame_queue.hpp"
-#include "node_monitor.hpp"
 #include "scene_cache.hpp"
 #include "stamp_matcher.hpp"
 #include "time_jumps.hpp"
@@ -27,7 +27,7 @@ namespace all_in_focus {
 class FusionInputs {
  public:
   /// Adds the inputs to the monitor, subscribes nothing.
-  FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, NodeMonitor& monitor,
+  FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, Acknowledger& monitor,
                const CallbackGuard& guard, SceneCache& scenes, FrameQueue& frames);
 
   void subscribe();
@@ -50,7 +50,7 @@ class FusionInputs {
   void onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image, const char* reason);
 
   ros::NodeHandle nh_, private_nh_;
-  NodeMonitor& monitor_;
+  Acknowledger& monitor_;
   const CallbackGuard& guard_;
   SceneCache& scenes_;
   FrameQueue& frames_;

@@ -33,7 +33,7 @@ std::vector<std::string> checkRig(const FusedBracket& bracket) {
 
 }  // namespace
 
-FusionWorker::FusionWorker(NodeMonitor& monitor, FrameQueue& queue, SceneCache& scenes, Publish publish)
+FusionWorker::FusionWorker(Acknowledger& monitor, FrameQueue& queue, SceneCache& scenes, Publish publish)
     : monitor_(monitor),
       queue_(queue),
       scenes_(scenes),
