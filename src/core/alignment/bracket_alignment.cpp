@@ -3,6 +3,7 @@
 
 #include "alignment/bracket_alignment.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -14,15 +15,17 @@ namespace {
 constexpr double kSameScene = 0.8;    // correlation; frames far out of focus reach 0.9, other scenes 0.5
 constexpr double kCertain = 0.05;     // px; no better key frame is looked for
 constexpr double kFarFromKey = 0.03;  // magnification relative to the key frame
-constexpr double kModelError = 0.05;  // px of 640 x 480; contours that blur shift all tiles by as much
-constexpr double kModelRadius = 400;  // px: half the diagonal of 640 x 480
-constexpr double kSignificance = 3;   // standard deviations
+// Contours that blur shift all of their tiles alike: px of 640 x 480, where the motion is told by so many
+// tiles. Fewer are the contours of bare surfaces; among many, shifts of contours cancel each other.
+constexpr double kModelError = 0.05, kModelTiles = 100, kFewestTiles = 40;
+constexpr double kModelRadius = 400;         // px: half the diagonal of 640 x 480
+constexpr double kSignificance = 3;          // standard deviations
 constexpr double kShiftSignificance = 3.44;  // of two components; as rare as 3 of a single number
 constexpr double kNoticeableRoll = 0.1;      // px at the corners; a warp without a roll takes half as long
 
 // Variance that a motion has even where all tiles agree, px^2.
-double modelVariance(double radius) {
-  return std::pow(kModelError * radius / kModelRadius, 2);
+double modelVariance(double radius, double tiles) {
+  return std::pow(kModelError * radius / kModelRadius, 2) * kModelTiles / std::max(kFewestTiles, tiles);
 }
 
 double variance(const cv::Matx44d& covariance) {
@@ -117,13 +120,16 @@ void BracketAlignment::place(const PairMeasurement& measurement) {
     frame.motion = last_.frame.motion;
     frame.key_covariance = last_.frame.key_covariance;
     frame.covariance = last_.frame.covariance;
+    frame.tiles = last_.frame.tiles;
     return;
   }
   frame.motion = compose(key_.motion, measurement.motion);
   frame.key_covariance = key_.key_covariance;
   frame.covariance = measurement.covariance;
-  breathing_.add(key_.magnification, frame.magnification, measurement.motion.scale,
-                 std::sqrt(measurement.covariance(0, 0) + modelVariance(radius_)) / radius_);
+  frame.tiles = measurement.tiles;
+  breathing_.add(
+      key_.magnification, frame.magnification, measurement.motion.scale,
+      std::sqrt(measurement.covariance(0, 0) + modelVariance(radius_, measurement.tiles)) / radius_);
 }
 
 Placement BracketAlignment::placement(int index, int reference) const {
@@ -139,7 +145,7 @@ Placement BracketAlignment::placement(int index, int reference) const {
   const cv::Matx44d between_keys = to.key_covariance - from.key_covariance;
   cv::Matx44d covariance = to.covariance + from.covariance +
                            between_keys * (variance(between_keys) < 0 ? -1.0 : 1.0) +
-                           modelVariance(radius_) * cv::Matx44d::eye();
+                           modelVariance(radius_, std::min(to.tiles, from.tiles)) * cv::Matx44d::eye();
 
   // The measured motion, pixels. Fixing one number moves the others by their correlation with it.
   cv::Vec4d found(radius_ * (measured.scale - 1), radius_ * measured.angle, measured.shift.x,

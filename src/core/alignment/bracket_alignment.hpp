@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <limits>
 #include <map>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -53,6 +54,7 @@ class BracketAlignment {
     SimilarityTransform motion;  ///< from the first frame of the scene
     cv::Matx44d key_covariance;  ///< of the key frame's motion, px^2, as in PairMeasurement
     cv::Matx44d covariance;      ///< of the motion from there
+    double tiles = std::numeric_limits<double>::infinity();  ///< that tell it, see PairMeasurement
     bool measured = true;
     double correlation = 1;
   };

@@ -215,11 +215,12 @@ ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& lev
   const double pitch = 1 / level.radius;
   constexpr double kFreedom = kTile * kTile - 3;  // pixels less nuisances
 
-  Estimate estimate{guess, cv::Matx44d::zeros(), 0};
+  Estimate estimate{guess, cv::Matx44d::zeros(), 0, 0};
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     const Shears shears(estimate.motion, level, image.size());
     cv::Matx44d information = prior, scatter = prior;
     cv::Vec4d gradient;
+    double texture = 0, squared_texture = 0;
     for (int j = 0; j < level.grid.height; ++j) {
       const int top = level.origin.y + j * kTile;
       for (int v = 0; v < kTile; ++v) {
@@ -251,6 +252,9 @@ ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& lev
         information += shift.t() * (weight * tile.information) * shift;
         gradient += pull;
         scatter += kSharedEdges * pull * pull.t();
+        const double of_tile = weight * cv::trace(tile.information);
+        texture += of_tile;
+        squared_texture += of_tile * of_tile;
       }
     }
     const cv::Matx44d inverse = information.inv(cv::DECOMP_CHOLESKY);
@@ -258,6 +262,7 @@ ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& lev
     estimate.motion -= step;
     // Uncertain as far as the tiles disagree: A^-1 sum(g g^T) A^-1, the "sandwich" estimate.
     estimate.covariance = inverse * scatter * inverse;
+    estimate.tiles = squared_texture > 0 ? texture * texture / squared_texture : 0;
     estimate.step = cv::norm(step);
     if (estimate.step < kSmallStep) break;
   }
@@ -284,6 +289,7 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const Similari
     if (!result.converged || cv::trace(covariance) < cv::trace(result.covariance)) {
       result.motion = {1 + motion[0] / radius, {motion[2], motion[3]}, motion[1] / radius};
       result.covariance = covariance;
+      result.tiles = estimate.tiles;
       result.converged = true;
     }
   }

@@ -15,6 +15,7 @@ struct PairMeasurement {
   SimilarityTransform motion;  ///< from the key frame to the frame
   /// px^2, of magnification and roll (both at half a diagonal from the centre) and shift x, y
   cv::Matx44d covariance;
+  double tiles = 0;        ///< how many of equal texture would tell as much
   bool converged = false;  ///< otherwise the motion is the guess
   double correlation = 0;  ///< of the local contrast of both frames, once aligned
 };
@@ -58,6 +59,7 @@ class PairAlignment {
   struct Estimate {
     cv::Vec4d motion;  ///< magnification and roll at the radius, shift x, y; pixels of the level
     cv::Matx44d covariance;
+    double tiles = 0;
     double step = 0;  ///< the last one
   };
 
