@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
@@ -49,9 +50,10 @@ cv::Mat predict(const cv::Mat& depth, double focus_mm, const cv::Mat& measured =
   return error;
 }
 
-double expected(double depth_mm, double focus_mm, double pitch = kPitch) {
+double expected(double depth_mm, double focus_mm, double pitch = kPitch, int columns = 640) {
   const double b = blurCircle(kOptics, depth_mm, focus_mm) / pitch;
-  return std::pow(36.0 / 32 * b * b, 2);
+  const double pixels = std::pow(4.0, std::round(std::log2(std::max(columns, 640) / 640.0)));
+  return std::pow(36 * std::min(b * b / 32 / pixels, 4.0), 2);
 }
 
 void expectEverywhere(const cv::Mat& error, double value) {
@@ -67,6 +69,12 @@ TEST(DefocusPrediction, OfAPlaneIsTheBlurTimesTheLaplacian) {
     expectEverywhere(predict(uniform(2000), focus), expected(2000, focus));
   }
   EXPECT_GT(expected(2000, kInfinity), 1);
+}
+
+TEST(DefocusPrediction, AWideDiscChangesNoMoreThanTheContrast) {
+  EXPECT_NEAR(expected(2000, 500), std::pow(36 * 4, 2), 1e-6);
+  expectEverywhere(predict(uniform(2000), 500), expected(2000, 500));
+  expectEverywhere(predict(uniform(2000), 300), expected(2000, 500));
 }
 
 TEST(DefocusPrediction, GrowsWithDefocusOnBothSides) {
@@ -105,7 +113,7 @@ TEST(DefocusPrediction, EdgesAreAsUncertainAsThePictureIsWide) {
     const cv::Size size(width, 20);
     const cv::Mat error = predict(step(1000, 3000, size), 1000, {}, config, size);
     const cv::Mat near = error.row(10).colRange(0, width / 2);
-    return cv::countNonZero(near > 0.02 * expected(3000, 1000));  // two deviations of the edge
+    return cv::countNonZero(near > 0.02 * expected(3000, 1000, kPitch, width));  // two deviations of the edge
   };
   const double deviation = DefocusConfig().edge_error_px;
   EXPECT_NEAR(reach(640, {}), 2 * deviation, deviation);
@@ -162,8 +170,8 @@ TEST(DefocusPrediction, FilledDepthIsTrustedLess) {
 }
 
 TEST(DefocusPrediction, ThePixelPitchScalesTheBlur) {
-  expectEverywhere(predict(uniform(2000), 1500, {}, {}, kSize, kPitch / 2), expected(2000, 1500, kPitch / 2));
-  EXPECT_NEAR(expected(2000, 1500, kPitch / 2), 16 * expected(2000, 1500), 1e-6 * expected(2000, 1500));
+  expectEverywhere(predict(uniform(2000), 1700, {}, {}, kSize, kPitch / 2), expected(2000, 1700, kPitch / 2));
+  EXPECT_NEAR(expected(2000, 1700, kPitch / 2), 16 * expected(2000, 1700), 1e-6 * expected(2000, 1700));
 }
 
 TEST(DefocusPrediction, DepthMayHaveAnySize) {
@@ -181,7 +189,7 @@ TEST(DefocusPrediction, FramesMayHaveAnySize) {
   for (const cv::Size& size : {cv::Size(1, 1), cv::Size(1, 7), cv::Size(7, 1), cv::Size(2, 3),
                                cv::Size(641, 3), cv::Size(1999, 5)}) {
     for (const cv::Mat& depth : {uniform(2000, size), uniform(2000, {13, 9})}) {
-      expectEverywhere(predict(depth, 3000, {}, {}, size), expected(2000, 3000));
+      expectEverywhere(predict(depth, 3000, {}, {}, size), expected(2000, 3000, kPitch, size.width));
     }
   }
 }
@@ -228,7 +236,7 @@ TEST(DefocusPrediction, BareSurfacesErrLessThanTexturedOnes) {
   prediction.addTexture(texture, 1.6);  // noise that explains all of the bare side
   const cv::Mat error = errorOf(prediction, 1500);
   expectEverywhere(error.colRange(0, 40), expected(2000, 1500));
-  expectEverywhere(error.colRange(60, 100), expected(2000, 1500) / 4);  // a Laplacian of 18, not 36
+  expectEverywhere(error.colRange(60, 100), expected(2000, 1500) / 144);  // a Laplacian of 3, not 36
   // What one frame has shown, later ones that are blurred do not take back.
   prediction.addTexture(cv::Mat(30, 50, CV_32FC1, cv::Scalar(0)), 0);
   EXPECT_EQ(cv::norm(error, errorOf(prediction, 1500), cv::NORM_INF), 0);

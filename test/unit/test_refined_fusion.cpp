@@ -114,9 +114,8 @@ TEST(RefinedFusion, TheImageIsTheSameWithoutTheChoice) {
   }
 }
 
-TEST(RefinedFusion, ThePredictionDecidesWhereThereIsNoTexture) {
-  // Hardly any contrast under much noise: a frame more or less is all that can be told apart.
-  const TwoPlanes planes(3);
+TEST(RefinedFusion, ThePredictionDecidesWhereNoiseHidesTheTexture) {
+  const TwoPlanes planes(12);
   RefinedFusion fusion;
   fusion.begin(planes.scene, inPlace(), kSize);
   for (std::size_t i = 0; i < kSweep.size(); ++i) {
@@ -125,6 +124,17 @@ TEST(RefinedFusion, ThePredictionDecidesWhereThereIsNoTexture) {
   const int last = static_cast<int>(kSweep.size()) - 1;
   EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kNear) == 0), 0.8 * kNear.area());
   EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kFar) == last), 0.8 * kFar.area());
+  RefinedConfig without_prediction = inPlace();
+  without_prediction.prediction = false;
+  EXPECT_GT(psnr(fusion.image(), planes.truth),
+            psnr(fuse(planes, planes.scene, without_prediction, 2), planes.truth) + 0.5);
+}
+
+TEST(RefinedFusion, WhereThereIsNearlyNoTextureFramesAreAveraged) {
+  // A blurred frame is no worse there, and every frame more has less noise.
+  const TwoPlanes planes(1);
+  const double one_frame = psnr(planes.frame(kNearMm, 4)(kNear), planes.truth(kNear));
+  EXPECT_GT(psnr(fuse(planes, planes.scene, inPlace(), 4)(kNear), planes.truth(kNear)), one_frame + 4);
 }
 
 TEST(RefinedFusion, SharpnessAloneServesWithoutDepthCameraOrFocus) {

@@ -15,10 +15,12 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kLaplacian = 36;       // of a textured picture, gray levels; results hardly depend on it
-constexpr double kLeastLaplacian = 18;  // light of blurred things may lie on the barest surface
-constexpr double kNoiseMargin = 1.25;   // frames differ in their noise, and places in a frame
-constexpr double kHoleError = 10;  // gray levels; added for filled depth, which may be any surface nearby
+constexpr double kLaplacian = 36;      // of a textured picture, gray levels; results hardly depend on it
+constexpr double kLeastLaplacian = 3;  // light of blurred things may lie on the barest surface
+constexpr double kPeak = 2;            // of the Laplacian, in units of its mean over a window
+constexpr double kMostLaplacians = 4;  // by which blur changes a picture; a wider disc changes it no more
+constexpr double kNoiseMargin = 1.25;  // frames differ in their noise, and places in a frame
+constexpr double kHoleError = 10;      // gray levels; added for filled depth, which may be any surface nearby
 constexpr double kUnknownFocusError = 10;  // gray levels: neither sharp nor much blurred
 
 constexpr int kLevels = 1024;  // of inverse depth, for the table
@@ -28,12 +30,13 @@ constexpr double kPixelError = 0.5;  // px that no registration can better
 constexpr float kLeastKnown = 1e-3f;
 constexpr double kCellOfError = 1.5;  // side of a cell, of the deviation of edges
 
-// Scales squared_error from that of a textured picture to that of one with the Laplacian kLeastLaplacian + l.
-ALL_IN_FOCUS_SIMD void weigh(const float* l, float scale, int n, float* squared_error) {
+// Scales squared_error from that of a textured picture to that of one with the modified Laplacian l, a mean
+// over a window.
+ALL_IN_FOCUS_SIMD void weigh(const float* l, int n, float* squared_error) {
   for (int i = 0; i < n; ++i) {
-    const float share = std::min(static_cast<float>(kLeastLaplacian) + l[i], static_cast<float>(kLaplacian)) /
-                        static_cast<float>(kLaplacian);
-    squared_error[i] *= scale * share * share;
+    const float laplacian = static_cast<float>(kLeastLaplacian) + static_cast<float>(kPeak) * l[i];
+    const float share = std::min(laplacian / static_cast<float>(kLaplacian), 1.0f);
+    squared_error[i] *= share * share;
   }
 }
 
@@ -126,10 +129,13 @@ void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
         cv::format("defocus: focus distance %g mm is not beyond the focal length, %g mm", focus_mm,
                    optics_.focal_length_mm));
   }
+  // The texture is that of a coarser level: its pixels are the unit of the blur circle.
+  const double unit_mm = pixel_pitch_mm_ * std::pow(2.0, static_cast<double>(texture_level_) - 1);
   error_of_level_.assign(kLevels + 1, 0.0f);
   for (int i = 0; i < kLevels && least_ > 0; ++i) {
-    const double b = blurCircle(optics_, 1 / (least_ + i * level_step_), focus_mm) / pixel_pitch_mm_;
-    const double error = std::isnan(focus_mm) ? kUnknownFocusError : kLaplacian / 32 * b * b;
+    const double b = blurCircle(optics_, 1 / (least_ + i * level_step_), focus_mm) / unit_mm;
+    const double error =
+        std::isnan(focus_mm) ? kUnknownFocusError : kLaplacian * std::min(b * b / 32, kMostLaplacians);
     error_of_level_[i] = static_cast<float>(error * error);
   }
   error_.create(level_.size(), CV_32FC1);
@@ -142,12 +148,9 @@ void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
   cv::add(squared_error, constant_, squared_error);
   // The mean over known depth. Where there is none, all frames get 0 alike.
   cv::multiply(squared_error, known_, squared_error);
-  if (laplacian_.empty()) return;
-  // Texture was measured at a coarser level. Blur has fewer pixels there; the error goes by their fourth
-  // power.
-  const auto scale = static_cast<float>(std::pow(16.0, 1.0 - static_cast<double>(texture_level_)));
+  if (laplacian_.empty() || std::isnan(focus_mm)) return;
   for (int v = 0; v < squared_error.rows; ++v)
-    weigh(laplacian_.ptr<float>(v), scale, squared_error.cols, squared_error.ptr<float>(v));
+    weigh(laplacian_.ptr<float>(v), squared_error.cols, squared_error.ptr<float>(v));
 }
 
 }  // namespace all_in_focus::core

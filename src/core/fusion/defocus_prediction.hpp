@@ -15,7 +15,8 @@ namespace all_in_focus::core {
 /// of each of its pixels against the sharp picture.
 ///
 /// A disc of diameter b, the blur circle, spreads light with variance b^2 / 16 along each axis, so that the
-/// picture changes by b^2 / 32 of its Laplacian. That is the largest any frame has shown nearby so far
+/// picture changes by b^2 / 32 of its Laplacian, and by 4 times that at most: even a wide disc takes away no
+/// more than the contrast there is. The Laplacian is the largest any frame has shown nearby so far
 /// (addTexture), at most that of a textured picture: on bare surfaces more frames will do, and their mean has
 /// less noise. As depth edges are uncertain, the expectation is taken over their displacement: a Gaussian
 /// mean. Beside an edge, frames in which either surface is blurred are thus expected to err, and sharpness
