@@ -43,10 +43,15 @@ LARGE = {
 # Each small scene, five times as wide and high. A method that finds the right scale loses nothing by that.
 ENLARGED = {name + "_x5": options + " --enlarge 5" for name, options in SMALL.items() if "--size" not in options}
 
-# In noise, on bare surfaces above all, it counts how many frames are averaged.
-NOISY = {f"{kind}_noise{noise}": f"--scene {kind} --frames 12 --optics 50,2.4,0.03 --noise {noise} --seed {seed}"
-         for kind, noise, seed in [("plain", 2, 5), ("plain", 5, 6), ("slope", 2, 5), ("clutter", 2, 5), ("planes", 2, 5),
-                                   ("occluders", 2, 5)]}
+# How many frames are averaged shows in noise, above all on bare surfaces.
+NOISY = {
+    "plain_noise2": "--scene plain --frames 12 --optics 50,2.4,0.03 --noise 2 --seed 5",
+    "plain_noise5": "--scene plain --frames 12 --optics 50,2.4,0.03 --noise 5 --seed 6",
+    "slope_noise2": "--scene slope --frames 12 --optics 50,2.4,0.03 --noise 2 --seed 5",
+    "clutter_noise2": "--scene clutter --frames 12 --optics 50,2.4,0.03 --noise 2 --seed 5",
+    "planes_noise2": "--scene planes --frames 12 --optics 50,2.4,0.03 --noise 2 --seed 5",
+    "occluders_noise2": "--scene occluders --frames 12 --optics 50,2.4,0.03 --noise 2 --seed 5",
+}
 
 SUITES = {"small": SMALL, "large": LARGE, "enlarged": ENLARGED, "noisy": NOISY}
 
