@@ -6,9 +6,9 @@ Morphological top-hats tell where an image is clearly the sharpest; from these p
 others. The matting is that of Levin, Lischinski, Weiss, "A closed-form solution to natural image matting", PAMI 30(2),
 2008: solved on a small image, then enlarged as a linear function of the colours of each window.
 
-As in the authors' program the share of the first of two images, being enlarged, may leave 0..1; what it leaves to the
-second is limited to that range and rounded to 8 bits. So the shares do not sum to 1 everywhere, and there the result is
-brighter or darker than both images. With more images such errors would add up: then the shares are limited.
+As in the authors' program, the share of the first of two images may leave 0..1, because it was enlarged. The share of the
+second is the rest, limited to 0..1 and rounded to 8 bits. Where both do not sum to 1, the result is brighter or darker than
+both images. With more images such errors would add up, so all shares are limited.
 """
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 from skimage.morphology import disk, thin
 
-from all_in_focus.baselines.common import mixed, one_after_the_other
+from all_in_focus.baselines.common import mixed, one_after_the_other, to_8_bit
 from all_in_focus.imaging import to_gray
 
 TOP_HAT = disk(2)
@@ -131,4 +131,4 @@ def fuse(images):
         return one_after_the_other(images, _limited)
     share = _share(*images)
     limited = np.clip(share, 0, 1)
-    return (mixed(images, [share, 1 - np.floor(255 * limited + 0.5) / 255]), np.float32([limited, 1 - limited]))
+    return (mixed(images, [share, 1 - to_8_bit(255 * limited) / 255]), np.float32([limited, 1 - limited]))
