@@ -131,7 +131,7 @@ TEST(RefinedFusion, ThePredictionDecidesWhereNoiseHidesTheTexture) {
 }
 
 TEST(RefinedFusion, WhereThereIsNearlyNoTextureFramesAreAveraged) {
-  // A blurred frame is no worse there, and every frame more has less noise.
+  // A blurred frame is no worse there, and each further frame lowers the noise.
   const TwoPlanes planes(1);
   const double one_frame = psnr(planes.frame(kNearMm, 4)(kNear), planes.truth(kNear));
   EXPECT_GT(psnr(fuse(planes, planes.scene, inPlace(), 4)(kNear), planes.truth(kNear)), one_frame + 4);

@@ -15,8 +15,9 @@ namespace {
 constexpr double kSameScene = 0.8;    // correlation; frames far out of focus reach 0.9, other scenes 0.5
 constexpr double kCertain = 0.05;     // px; no better key frame is looked for
 constexpr double kFarFromKey = 0.03;  // magnification relative to the key frame
-// Contours that blur shift all of their tiles alike: px of 640 x 480, where the motion is told by so many
-// tiles. Fewer are the contours of bare surfaces; among many, shifts of contours cancel each other.
+// A contour whose blur changes shifts all of its tiles alike. This error is kModelError px of 640 x 480 where
+// kModelTiles tell the motion. It falls with the root of their number, because the shifts of many contours
+// cancel each other.
 constexpr double kModelError = 0.05, kModelTiles = 100, kFewestTiles = 40;
 constexpr double kModelRadius = 400;         // px: half the diagonal of 640 x 480
 constexpr double kSignificance = 3;          // standard deviations

@@ -15,7 +15,7 @@ struct PairMeasurement {
   SimilarityTransform motion;  ///< from the key frame to the frame
   /// px^2, of magnification and roll (both at half a diagonal from the centre) and shift x, y
   cv::Matx44d covariance;
-  double tiles = 0;        ///< how many of equal texture would tell as much
+  double tiles = 0;        ///< so many tiles of equal texture would tell as much
   bool converged = false;  ///< otherwise the motion is the guess
   double correlation = 0;  ///< of the local contrast of both frames, once aligned
 };
