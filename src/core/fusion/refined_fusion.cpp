@@ -4,6 +4,7 @@
 #include "fusion/refined_fusion.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
@@ -101,33 +102,41 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   }
   const cv::Mat& in_place = placement.isIdentity() ? frame : aligned_;
   const double gain = config_.exposure && !is_reference ? exposure_.gain(in_place) : 1;
-  if (taker_) taker_({in_place, inside, gain, index, focus_mm});
-  addAligned(in_place, placement.isIdentity() ? gray : aligned_gray_, gainLut(gain), inside, index, focus_mm);
+  const AlignedFrame aligned{in_place, inside, gain, index, focus_mm};
+  if (taker_) taker_(aligned);
+  addAligned(aligned, placement.isIdentity() ? gray : aligned_gray_, !placement.isIdentity());
   return "";
 }
 
-void RefinedFusion::addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& lut,
-                               const cv::Rect& inside, int index, double focus_mm) {
+void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, bool resampled) {
   strips_.resize(stripCount(size_.height));
-  const bool predicted = predicts_ && !std::isnan(focus_mm);
-  sharpness_.begin(gray, {noise_, contrastGain(lut), config_.scales, !predicted, prediction_.textureLevel(),
-                          focus_known_ ? predicted_ : cv::Mat()});
+  const std::array<float, 256> lut = gainLut(frame.gain);
+  SharpnessPyramid::Gauge gauge;
+  gauge.noise = noise_;
+  gauge.contrast = contrastGain(lut);
+  gauge.resampled = resampled;
+  gauge.scales = config_.scales;
+  gauge.trust = !predicts_ || std::isnan(frame.focus_mm);
+  gauge.texture_level = prediction_.textureLevel();
+  if (focus_known_) gauge.predicted = predicted_;
+  sharpness_.begin(gray, gauge);
   for (Strip& strip : strips_) sharpness_.begin(strip.sharpness);
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
       prediction_.addTexture(texture, noise_.sharpness(prediction_.textureLevel()));
-    prediction_.compute(focus_mm, squared_error_);
+    prediction_.compute(frame.focus_mm, squared_error_);
     for (Strip& strip : strips_) strip.squared_error.begin(squared_error_.size(), size_);
   }
-  mean_.beginFrame(index, lut);
-  const RowStrips strips({inside.y, inside.br().y}, static_cast<int>(strips_.size()));
+  mean_.beginFrame(frame.index, lut);
+  const cv::Rect& seen = frame.seen;
+  const RowStrips strips({seen.y, seen.br().y}, static_cast<int>(strips_.size()));
   strips.forEach([&](const cv::Range& rows, int i) {
     Strip& strip = strips_[i];
     for (int y = rows.start; y < rows.end; ++y) {
       EvidenceRow evidence;
       evidence.sharpness = sharpness_.row(y, strip.sharpness);
       if (predicts_) evidence.squared_error = strip.squared_error.row(y, squared_error_);
-      mean_.addRow(y, {inside.x, inside.br().x}, frame.ptr<std::uint8_t>(y), evidence);
+      mean_.addRow(y, {seen.x, seen.br().x}, frame.image.ptr<std::uint8_t>(y), evidence);
     }
   });
 }

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
 #include <functional>
 #include <opencv2/core.hpp>
 #include <string>
@@ -48,8 +47,7 @@ class RefinedFusion {
   cv::Mat confidence() const { return mean_.confidence(); }
 
  private:
-  void addAligned(const cv::Mat& frame, const cv::Mat& gray, const std::array<float, 256>& lut,
-                  const cv::Rect& inside, int index, double focus_mm);
+  void addAligned(const AlignedFrame& frame, const cv::Mat& gray, bool resampled);
 
   struct FirstFrame {
     int index;

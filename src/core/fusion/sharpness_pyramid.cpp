@@ -22,6 +22,14 @@ namespace {
 constexpr double kFinestPx = 0.85, kCoarserPx = 1.4;
 constexpr int kSmallestSide = 12;  // px of the coarsest level
 
+// Resampling takes away the finest detail, and its errors look like detail. Where a resampled frame shows as
+// much at the finest level as one that was not, the other is nearer to the truth.
+constexpr double kResampled = 0.85;
+
+// Power of the product of this level and all coarser ones. Their windows look across thin things.
+constexpr size_t kFarLevel = 2;
+constexpr double kFarPower = 0.75;
+
 // The floor of a level, gray levels: a multiple of the sharpness that rounding to 8 bits has, plus one of
 // that of the noise. The sharpness of a frame is added to it in quadrature, so that frames count alike where
 // they show only noise.
@@ -147,6 +155,7 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
   }
   gray_ = gray;
   contrast_ = static_cast<float>(gauge.contrast);
+  finest_contrast_ = static_cast<float>(gauge.resampled ? kResampled * gauge.contrast : gauge.contrast);
   trust_ = 1;
   texture_level_ = gauge.texture_level;
   const int side = std::min(gray.cols, gray.rows);
@@ -161,10 +170,11 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
   for (size_t l = count_ - 1; l > 0; --l) {
     computeProduct(l);
     if (gauge.trust && l == trust_level) trust_ = static_cast<float>(trust(l, gauge.noise.sharpness(l)));
-    if (levels_[l].product.size() == gauge.predicted.size()) {
-      cv::sqrt(levels_[l].product, root_);
-      root_.copyTo(levels_[l].product, gauge.predicted);
-    }
+    cv::Mat& product = levels_[l].product;
+    const bool predicted = product.size() == gauge.predicted.size();
+    if (predicted) cv::sqrt(product, root_);
+    if (l == kFarLevel) cv::pow(product, kFarPower, product);
+    if (predicted) root_.copyTo(product, gauge.predicted);
   }
 }
 
@@ -217,7 +227,8 @@ const float* SharpnessPyramid::row(int y, Rows& rows) const {
   rows.window_.row(
       y, [this](int v, float* row) { laplacianRow<std::uint8_t>(gray_, v, 1, row); }, out);
   const cv::Mat coarser = count_ > 1 ? levels_[1].product : cv::Mat();
-  multiplyRow(coarser, y, trust_ * contrast_, trust_ * levels_[0].floor, gray_.cols, rows.coarser_, out);
+  multiplyRow(coarser, y, trust_ * finest_contrast_, trust_ * levels_[0].floor, gray_.cols, rows.coarser_,
+              out);
   return out;
 }
 

@@ -12,13 +12,17 @@
 namespace all_in_focus::core {
 
 /// How sharp a frame is at every scale, pixel by pixel:
-///   product over the levels l of a Gaussian pyramid of  sqrt((contrast s_l)^2 + n_l^2),
-/// s_l the modified Laplacian |I_xx| + |I_yy| (Nayar and Nakagawa 1994) of level l in a Gaussian window, each
-/// level upsampled to the size of the one below it; n_l = 1.7 * 0.4^l + the greater of 3 times the sharpness
-/// of the noise there and 12 * 0.6^l times its deviation, so that frames which differ by noise alone are
-/// about as sharp. Fine texture is measured at the finest level. The coarser ones measure what is flat there;
-/// they reach farther. They also reach across depth edges, so where depth predicts the blur (`predicted`),
-/// the product of the coarser ones counts by its square root.
+///   t_0 t_1 (t_2 t_3 ...)^(3/4),  t_l = sqrt((contrast s_l)^2 + n_l^2)  at level l of a Gaussian pyramid,
+/// s_l the modified Laplacian |I_xx| + |I_yy| (Nayar and Nakagawa 1994) of that level in a Gaussian window,
+/// each level upsampled to the size of the one below it; n_l = 1.7 * 0.4^l + the greater of 3 times the
+/// sharpness of the noise there and 12 * 0.6^l times its deviation, so that frames which differ by noise
+/// alone are about as sharp. Fine texture is measured at the finest level. The coarser ones measure what is
+/// flat there; they reach farther, across thin things, too, so those from level 2 on count a little less.
+/// They also reach across depth edges, so where depth predicts the blur (`predicted`), the product of the
+/// coarser ones counts by its square root (of level 2 and coarser ones: instead of by the power 3/4).
+///
+/// Of a frame that was `resampled`, s_0 counts 0.85: resampling takes away the finest detail, and its errors
+/// look like detail.
 ///
 /// With `trust` the product is multiplied by min(1, m / (4 + noise)), m the fourth root of the mean of s_t^4,
 /// less that of the noise: on bare surfaces far from all texture, where no scale tells frames apart, those
@@ -38,6 +42,7 @@ class SharpnessPyramid {
     /// CV_8UC1; not 0: depth predicts the blur there; empty: nowhere. Its size is that of a level: the
     /// product of that one and all coarser ones counts by its square root there.
     cv::Mat predicted{};
+    bool resampled = false;  ///< the frame was brought into the geometry of another
   };
 
   /// What a thread that reads rows keeps from one to the next. Reusable.
@@ -74,7 +79,7 @@ class SharpnessPyramid {
   double trust(size_t level, double noise) const;
 
   cv::Mat gray_;
-  float contrast_ = 1, trust_ = 1;
+  float contrast_ = 1, finest_contrast_ = 1, trust_ = 1;
   size_t count_ = 0;  ///< of levels
   size_t texture_level_ = 1;
   std::vector<Level> levels_;  ///< maybe more, from a larger frame before; level 0 has no image: gray_
