@@ -178,16 +178,17 @@ def test_bounds_know_the_truth(scenes):
         assert values["single"] < values["oracle"] and values["single"] + 1 < values["true-depth"]
 
 
-@pytest.mark.parametrize("variant, expected", [
-    ("", ["--rig", "--depth", "--mode refined"]),
-    ("-alignment,gain", ["--depth", "--without alignment,gain"]),
-    ("no-depth", ["--focus"]),
-    ("optics-20", ["--optics 40,1.8,0.03"]),
+@pytest.mark.parametrize("mode, variant, expected, hidden", [
+    ("refined", "", ["--rig", "--depth", "--mode refined"], []),
+    ("refined", "-alignment,gain", ["--rig", "--depth", "--without alignment,gain"], []),
+    ("refined", "no-depth", ["--focus"], ["--depth", "--rig"]),
+    ("restored", "no-depth", ["--focus", "--rig", "--mode restored", "--save-depth"], ["--depth"]),
+    ("refined", "optics-20", ["--rig", "--depth", "--optics 40,1.8,0.03"], []),
 ])
-def test_variants_of_fuse_stack(scenes, tmp_path, variant, expected):
-    said = " ".join(methods.fuse_stack_command("refined", variant, "fuse_stack", scene_at(scenes / "still"), str(tmp_path)))
-    assert all(option in said for option in expected)
-    assert ("--depth" in said) == ("--rig" in said) == (variant != "no-depth")
+def test_variants_of_fuse_stack(scenes, tmp_path, mode, variant, expected, hidden):
+    said = methods.fuse_stack_command(mode, variant, "fuse_stack", scene_at(scenes / "still"), str(tmp_path))
+    assert all(option in " ".join(said) for option in expected)
+    assert not set(hidden) & set(said)
 
 
 def test_shifted_depth(tmp_path):

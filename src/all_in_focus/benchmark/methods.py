@@ -3,8 +3,9 @@
 """Methods by name:
 
 paper, refined, restored   this package (through the nodes where the scene is a bag); refined:-alignment,exposure: without
-                           those steps; refined:no-depth; refined:optics+20: focal length 20 % too long; refined:shift5:
-                           depth 5 pixels to the right
+                           those steps; refined:no-depth: with the focus distances alone; restored:no-depth: with the
+                           rig, too, which it needs; refined:optics+20: focal length 20 % too long; refined:shift5: depth
+                           5 pixels to the right
 the names of BASELINES     each with +ecc, too: frames aligned first
 given:NAME                 an image fused_NAME.png that lies beside the sources
 single, oracle, true-depth bounds that know the truth
@@ -190,8 +191,11 @@ def fuse_stack_command(mode, variant, program, scene, folder):
     if variant.startswith("-"):
         extra = ["--without", variant[1:]]
     elif variant == "no-depth":
-        beside = {key: path for key, path in scene.beside.items() if key not in ("depth", "registered_depth", "label", "rig")}
-        scene = replace(scene, beside=beside, optics="")
+        hidden = ("depth", "registered_depth", "label")
+        if mode != "restored":
+            hidden += ("rig",)
+            scene = replace(scene, optics="")
+        scene = replace(scene, beside={key: path for key, path in scene.beside.items() if key not in hidden})
     elif variant.startswith("optics"):
         known = scene.lens()
         longer = known.focal_length_mm * (1 + float(variant[len("optics"):]) / 100)
