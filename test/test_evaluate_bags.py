@@ -141,6 +141,14 @@ def test_results_of_a_bag_depend_on_the_nodes(tmp_path, monkeypatch):
     assert digests[0][0] != digests[1][0] and digests[0][1] == digests[1][1]
 
 
+def test_a_program_of_another_build_runs_with_its_own_libraries(tmp_path):
+    program = tmp_path / "lib" / "all_in_focus" / "fuse_stack"
+    program.parent.mkdir(parents=True)
+    program.write_text('#!/bin/sh\necho "$LD_LIBRARY_PATH"\n')
+    program.chmod(0o755)
+    assert installed.run([str(program)]).startswith(f"{tmp_path / 'lib'}:")
+
+
 def test_a_program_that_takes_too_long_may_clean_up(tmp_path):
     program = tmp_path / "slow"
     program.write_text(f"#!/bin/sh\ntrap 'echo ended > {tmp_path / 'said'}; exit 1' TERM\nwhile :; do sleep 0.1; done\n")

@@ -43,8 +43,11 @@ def run(command, timeout=None):
     If an exception such as KeyboardInterrupt comes meanwhile, the program is ended by SIGTERM, so that evaluate_bag
     ends its nodes.
     """
-    libraries = os.pathsep.join([str(prefix() / "lib"), os.environ.get("LD_LIBRARY_PATH", "")])
-    name, started = Path(command[0]).name, []
+    program = Path(command[0])
+    of_a_build = program.parent.name == "all_in_focus"  # maybe of another one, which has its own libraries
+    libraries = os.pathsep.join([str(program.parent.parent if of_a_build else prefix() / "lib"),
+                                 os.environ.get("LD_LIBRARY_PATH", "")])
+    name, started = program.name, []
 
     def start():
         started.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
