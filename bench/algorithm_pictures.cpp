@@ -175,7 +175,7 @@ void drawAll(const po::variables_map& values) {
   const BracketScene bracket{{}, result.filled, result.registered, scene.input.optics, scene.input.rig.color};
   const cv::Mat gray = grayOf(scene.frames[kShown]);
   save("sharpness", colored(decades(sharpnessOf(gray, false)), 0, 2));
-  save("sharpness_scales", colored(decades(sharpnessOf(gray, true)), 2, 11));
+  save("sharpness_scales", colored(decades(sharpnessOf(gray, true)), 1, 9));
   cv::Mat squared_error;
   DefocusPrediction prediction;
   prediction.begin(bracket.depth, bracket.measured, scene.truth.size(), bracket.optics,

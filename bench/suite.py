@@ -53,7 +53,18 @@ NOISY = {
     "occluders_noise2": "--scene occluders --frames 12 --optics 50,2.4,0.03 --noise 2 --seed 5",
 }
 
-SUITES = {"small": SMALL, "large": LARGE, "enlarged": ENLARGED, "noisy": NOISY}
+# Thin leaves and stalks, which coarse windows look across; lenses that breathe but hardly blur, where resampling costs most.
+THIN_AND_MILD = {
+    "garden_noise": "--scene garden --frames 8 --optics 50,2.8,0.03 --noise 3 --breathing 0.8 --vignetting 0.3 --seed 531",
+    "garden_jitter": "--scene garden --frames 8 --optics 50,2.8,0.03 --exposure-jitter 0.02 --breathing 0.8 --vignetting 0.3"
+                     " --seed 823",
+    "garden_sag": "--scene garden --frames 4 --optics 24,2.8,0.03 --noise 1 --sag 0.05,3,4 --seed 352",
+    "clutter_mild": "--scene clutter --frames 6 --optics 24,4,0.03 --noise 1 --breathing 0.3 --vignetting 0.3 --seed 693",
+    "occluders_mild": "--scene occluders --frames 20 --optics 35,4,0.03 --noise 1 --breathing 0.8 --exposure-jitter 0.05"
+                      " --seed 303",
+}
+
+SUITES = {"small": SMALL, "large": LARGE, "enlarged": ENLARGED, "noisy": NOISY, "thin_and_mild": THIN_AND_MILD}
 
 
 def generate(folder, suites=("small",)):
