@@ -185,6 +185,25 @@ TEST(RefinedFusion, AveragesNoiseOnBareSurfaces) {
   EXPECT_LT(deviation[0], 1.4 * kNoise / std::sqrt(kFrames));
 }
 
+TEST(RefinedFusion, PrefersAFrameThatWasNotResampledToOneThatIsAsSharp) {
+  cv::Mat picture(260, 340, CV_8UC3);
+  cv::RNG random(5);
+  random.fill(picture, cv::RNG::NORMAL, 128, 40);
+  cv::GaussianBlur(picture, picture, {}, 0.8);
+  const auto frame = [&](const cv::Point& corner) {
+    cv::Mat grain(240, 320, CV_8SC3), sum;
+    random.fill(grain, cv::RNG::NORMAL, 0, 1);
+    cv::add(picture(cv::Rect(corner, grain.size())), grain, sum, cv::noArray(), CV_8U);
+    return sum;
+  };
+  RefinedFusion fusion;
+  fusion.begin({}, {}, {320, 240});
+  EXPECT_EQ(add(fusion, frame({10, 10}), 0), "");
+  EXPECT_EQ(add(fusion, frame({16, 14}), 1), "");
+  const cv::Mat seen = fusion.sourceIndex()(cv::Rect(20, 20, 280, 200));
+  EXPECT_GT(cv::countNonZero(seen == 0), 0.85 * static_cast<double>(seen.total()));  // by chance: half
+}
+
 TEST(RefinedFusion, TheCameraMayBeCalibratedAtAnotherSize) {
   const TwoPlanes planes;
   BracketScene twice = planes.scene, pitch = planes.scene;
