@@ -26,9 +26,8 @@ constexpr int kSmallestSide = 12;  // px of the coarsest level
 // much at the finest level as one that was not, the other is nearer to the truth.
 constexpr double kResampled = 0.85;
 
-// Power of the product of this level and all coarser ones. Their windows look across thin things.
+// Windows of this level and of coarser ones look across thin things: their product counts by its power 3/4.
 constexpr size_t kFarLevel = 2;
-constexpr double kFarPower = 0.75;
 
 // The floor of a level, gray levels: a multiple of the sharpness that rounding to 8 bits has, plus one of
 // that of the noise. The sharpness of a frame is added to it in quadrature, so that frames count alike where
@@ -173,7 +172,11 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
     cv::Mat& product = levels_[l].product;
     const bool predicted = product.size() == gauge.predicted.size();
     if (predicted) cv::sqrt(product, root_);
-    if (l == kFarLevel) cv::pow(product, kFarPower, product);
+    if (l == kFarLevel) {
+      cv::sqrt(product, far_root_);
+      cv::sqrt(far_root_, product);
+      cv::multiply(far_root_, product, product);
+    }
     if (predicted) root_.copyTo(product, gauge.predicted);
   }
 }

@@ -84,7 +84,7 @@ class SharpnessPyramid {
   size_t texture_level_ = 1;
   std::vector<Level> levels_;  ///< maybe more, from a larger frame before; level 0 has no image: gray_
   std::vector<Rows> strips_;
-  cv::Mat texture_, root_;
+  cv::Mat texture_, root_, far_root_;
   std::vector<double> fourth_powers_;  ///< by row of the level computed last: sums of s_l^4
 };
 
