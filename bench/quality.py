@@ -7,7 +7,8 @@
 Needs a sourced setup.bash. Methods: single, oracle, true-depth (bounds that know the truth); dwt, nsct, im, gf, gf-same,
 nsct-pcnn, dsift, dcnn, laplacian, enfuse and each with +ecc (frames aligned first); paper, refined and restored (fuse_stack),
 refined:-alignment,exposure (without these steps), refined:no-depth (focus distances alone; restored:no-depth knows the rig,
-too), refined:optics+20 (focal length 20 % too long), refined:shift5 (depth 5 pixels to the right); whatever --peer names (with +ecc: frames aligned first), such as
+too), refined:optics+20 (focal length 20 % too long), refined:shift5 (depth 5 pixels to the right); whatever --peer
+names (with +ecc: frames aligned first), such as
 
   --peer 'focus-stack=sh -c "focus-stack --output={output} {stack}/*"'
   --peer 'stackmff+ecc=openfocus --input {stack} --output {output}'     # StackMFF V3, of the Python package openfocus
