@@ -204,6 +204,21 @@ TEST(RefinedFusion, PrefersAFrameThatWasNotResampledToOneThatIsAsSharp) {
   EXPECT_GT(cv::countNonZero(seen == 0), 0.85 * static_cast<double>(seen.total()));  // by chance: half
 }
 
+TEST(RefinedFusion, LightsStaySmall) {
+  // A lamp is so bright that blur makes its white disc larger and no fainter; only its rim is softer.
+  cv::Mat sharp(240, 320, CV_8UC3, cv::Scalar::all(80)), blurred = sharp.clone();
+  cv::circle(sharp, {160, 120}, 2, cv::Scalar::all(255), cv::FILLED);
+  cv::circle(blurred, {160, 120}, 4, cv::Scalar::all(255), cv::FILLED);
+  cv::GaussianBlur(blurred, blurred, {}, 1);
+  for (const bool sharp_first : {false, true}) {
+    RefinedFusion fusion;
+    fusion.begin({}, inPlace(), sharp.size());
+    add(fusion, sharp_first ? sharp : blurred, 0);
+    add(fusion, sharp_first ? blurred : sharp, 1);
+    EXPECT_GT(psnr(fusion.image(), sharp), 40) << sharp_first;
+  }
+}
+
 TEST(RefinedFusion, TheCameraMayBeCalibratedAtAnotherSize) {
   const TwoPlanes planes;
   BracketScene twice = planes.scene, pitch = planes.scene;

@@ -206,6 +206,26 @@ TEST(SharpnessPyramid, TheRootIsTakenFromTheLevelOfThatSize) {
   }
 }
 
+TEST(SharpnessPyramid, NearLightsCoarserLevelsShowLittle) {
+  // Of two white discs the larger one, with a softer rim, is the more blurred light.
+  cv::Mat sharp(240, 320, CV_8UC1, cv::Scalar(80)), blurred = sharp.clone();
+  cv::circle(sharp, {160, 120}, 2, 255, cv::FILLED);
+  cv::circle(blurred, {160, 120}, 6, 255, cv::FILLED);
+  cv::GaussianBlur(blurred, blurred, {}, 1);
+  SharpnessPyramid::Gauge lit;
+  lit.lights = cv::Mat(120, 160, CV_8UC1, cv::Scalar(0));
+  lit.lights(cv::Rect(60, 40, 40, 40)) = 255;
+  const cv::Point rim(160, 127);
+  const auto ratio = [&](const SharpnessPyramid::Gauge& gauge) {
+    return product(blurred, gauge).at<float>(rim) / product(sharp, gauge).at<float>(rim);
+  };
+  EXPECT_GT(ratio({}), 10 * ratio(lit));
+  const cv::Rect far(0, 0, 60, 60);
+  EXPECT_EQ(cv::norm(product(blurred, {})(far), product(blurred, lit)(far), cv::NORM_INF), 0);
+  lit.lights = lit.lights(cv::Rect(50, 40, 60, 45)).clone();  // levels 1 and 2 are much finer than that
+  EXPECT_GT(ratio({}), ratio(lit));
+}
+
 TEST(SharpnessPyramid, HandsOutTheSharpnessOfALevel) {
   const cv::Mat gray = randomGray({200, 120});
   SharpnessPyramid pyramid;

@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "fusion/clipped_lights.hpp"
 #include "util/row_strips.hpp"
 
 namespace all_in_focus::core {
@@ -39,6 +40,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
     pixel_pitch_mm = scene.calibratedPitch() / scale;
   }
   predicted_.release();
+  lights_.release();
   focus_known_ = false;
   noise_ = {};
   firsts_.clear();
@@ -85,6 +87,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
       noise_ = is_alone ? NoiseSpectrum::of(gray) : NoiseSpectrum::of(gray, first->gray);
     }
     firsts_.clear();
+    lights_ = clippedLights(gray);
     mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice});
     exposure_.setReference(frame);
   }
@@ -119,6 +122,7 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   gauge.trust = !predicts_ || std::isnan(frame.focus_mm);
   gauge.texture_level = prediction_.textureLevel();
   if (focus_known_) gauge.predicted = predicted_;
+  gauge.lights = lights_;
   sharpness_.begin(gray, gauge);
   for (Strip& strip : strips_) sharpness_.begin(strip.sharpness);
   if (predicts_) {

@@ -66,7 +66,7 @@ class RefinedFusion {
   double focal_length_mm_ = 0;  // 0 = unknown
   bool focus_known_ = false;    // of a frame that was observed
   bool predicts_ = false;
-  cv::Mat predicted_;               // CV_8UC1, see SharpnessPyramid::Gauge
+  cv::Mat predicted_, lights_;      // CV_8UC1, see SharpnessPyramid::Gauge
   std::vector<FirstFrame> firsts_;  // of what the bracket shows, until the reference comes
   NoiseSpectrum noise_;
   int reference_ = -1;  // index; -1: none yet

@@ -29,6 +29,11 @@ constexpr double kResampled = 0.85;
 // Windows of this level and of coarser ones look across thin things: their product counts by its power 3/4.
 constexpr size_t kFarLevel = 2;
 
+// A level shows no more near clipped lights, gray levels, if it is not much finer than their map: levels that
+// are finer tell apart what is closer together than discs are wide.
+constexpr float kMostNearLights = 3;
+constexpr double kFinestOfLights = 1.5;
+
 // The floor of a level, gray levels: a multiple of the sharpness that rounding to 8 bits has, plus one of
 // that of the noise. The sharpness of a frame is added to it in quadrature, so that frames count alike where
 // they show only noise.
@@ -123,6 +128,11 @@ ALL_IN_FOCUS_SIMD float sumOfFourthPowers(const float* s, int n) {
   return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
 }
 
+// lights: 255 or 0
+ALL_IN_FOCUS_SIMD void limitNear(const std::uint8_t* lights, float most, int n, float* s) {
+  for (int i = 0; i < n; ++i) s[i] = lights[i] > 0 && s[i] > most ? most : s[i];
+}
+
 ALL_IN_FOCUS_SIMD void scaled(const float* s, float contrast, int n, float* __restrict out) {
   for (int i = 0; i < n; ++i) out[i] = contrast * s[i];
 }
@@ -164,7 +174,14 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
     levels_[l].floor = static_cast<float>(floorOf(gauge.noise, l));
   }
   if (count_ == 1) return;
-  for (size_t l = 1; l < count_; ++l) downsample(l == 1 ? gray : levels_[l - 1].image, levels_[l].image);
+  for (size_t l = 1; l < count_; ++l) {
+    Level& level = levels_[l];
+    downsample(l == 1 ? gray : levels_[l - 1].image, level.image);
+    if (level.image.cols > kFinestOfLights * gauge.lights.cols)
+      level.lights.release();
+    else
+      cv::resize(gauge.lights, level.lights, level.image.size(), 0, 0, cv::INTER_NEAREST);
+  }
   const size_t trust_level = std::min(count_ - 1, trustLevel(gray.cols));
   for (size_t l = count_ - 1; l > 0; --l) {
     computeProduct(l);
@@ -198,7 +215,7 @@ double SharpnessPyramid::trust(size_t level, double noise) const {
 }
 
 void SharpnessPyramid::computeProduct(size_t level) {
-  const cv::Mat& image = levels_[level].image;
+  const cv::Mat &image = levels_[level].image, &lights = levels_[level].lights;
   const cv::Mat coarser = level + 1 < count_ ? levels_[level + 1].product : cv::Mat();
   cv::Mat& product = levels_[level].product;
   product.create(image.size(), CV_32FC1);
@@ -215,6 +232,7 @@ void SharpnessPyramid::computeProduct(size_t level) {
           y, [&](int v, float* row) { laplacianRow<std::uint16_t>(image, v, kGrayUnit, row); }, out);
       fourth_powers_[y] = sumOfFourthPowers(out, image.cols);
       if (level == texture_level_) scaled(out, contrast_, image.cols, texture_.ptr<float>(y));
+      if (!lights.empty()) limitNear(lights.ptr(y), kMostNearLights / contrast_, image.cols, out);
       multiplyRow(coarser, y, contrast_, levels_[level].floor, image.cols, strip.coarser_, out);
     }
   });

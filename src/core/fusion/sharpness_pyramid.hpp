@@ -24,6 +24,9 @@ namespace all_in_focus::core {
 /// Of a frame that was `resampled`, s_0 counts 0.85: resampling takes away the finest detail, and its errors
 /// look like detail.
 ///
+/// Near `lights`, which are the same for all frames, s_l is at most 3 gray levels: it would grow with the
+/// blur there. Levels much finer than the map of the lights are not limited.
+///
 /// With `trust` the product is multiplied by min(1, m / (4 + noise)), m the fourth root of the mean of s_t^4,
 /// less that of the noise: on bare surfaces far from all texture, where no scale tells frames apart, those
 /// that are sharp nowhere hardly count. They would spread the light of blurred things there. Level t is 1 for
@@ -43,6 +46,7 @@ class SharpnessPyramid {
     /// product of that one and all coarser ones counts by its square root there.
     cv::Mat predicted{};
     bool resampled = false;  ///< the frame was brought into the geometry of another
+    cv::Mat lights{};        ///< CV_8UC1 of any size, see clippedLights(); empty: none
   };
 
   /// What a thread that reads rows keeps from one to the next. Reusable.
@@ -72,6 +76,7 @@ class SharpnessPyramid {
   struct Level {
     cv::Mat image;    ///< CV_16UC1, see downsample()
     cv::Mat product;  ///< CV_32FC1, of this level and all coarser ones
+    cv::Mat lights;   ///< CV_8UC1; empty: none
     float floor = 0;  ///< n_l
   };
 
