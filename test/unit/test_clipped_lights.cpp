@@ -34,6 +34,9 @@ TEST(ClippedLights, AreAsLargeInALargePicture) {
   ASSERT_EQ(lights.size(), cv::Size(320, 240));
   EXPECT_EQ(lights.at<uchar>(50, 205), 255);
   EXPECT_EQ(lights.at<uchar>(50, 210), 0);
+  gray = dark({3200, 2400});
+  gray(cv::Rect(2000, 500, 5, 5)) = 255;  // a single pixel of a picture that was enlarged
+  EXPECT_TRUE(clippedLights(gray).empty());
 }
 
 TEST(ClippedLights, AreNeitherSinglePixelsNorBrightWalls) {

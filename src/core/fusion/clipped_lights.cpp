@@ -10,10 +10,10 @@ namespace all_in_focus::core {
 namespace {
 
 constexpr int kWhite = 250;
-constexpr int kBlock = 2;            // px that must be white along each axis; one alone may be texture
-constexpr double kWidth = 320;       // of the result, px
-constexpr int kReach = 6;            // of its pixels
-constexpr double kMostWhite = 0.15;  // share of the window; a bright sky or wall is no light
+constexpr double kBlock = 2.0 / 640;  // of the width: white along each axis; what is smaller may be texture
+constexpr double kWidth = 320;        // of the result, px
+constexpr int kReach = 6;             // of its pixels
+constexpr double kMostWhite = 0.15;   // share of the window; a bright sky or wall is no light
 
 }  // namespace
 
@@ -24,7 +24,8 @@ cv::Mat clippedLights(const cv::Mat& gray) {
   const double scale = std::max(1.0, gray.cols / kWidth);
   const cv::Size size(cvRound(gray.cols / scale), std::max(1, cvRound(gray.rows / scale)));
   cv::Mat blocks, block_share, white_share, lights;
-  cv::erode(white, blocks, cv::Mat::ones(kBlock, kBlock, CV_8U));
+  const int block = std::max(2, cvRound(kBlock * gray.cols));
+  cv::erode(white, blocks, cv::Mat::ones(block, block, CV_8U));
   cv::resize(blocks, block_share, size, 0, 0, cv::INTER_AREA);
   cv::resize(white, white_share, size, 0, 0, cv::INTER_AREA);
   cv::blur(white_share, white_share, window);

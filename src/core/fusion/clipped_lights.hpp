@@ -10,9 +10,9 @@ namespace all_in_focus::core {
 /// lamps, reflections, gaps in leaves. They are clipped, so that blur does not make them fainter: the more
 /// such a light is blurred, the larger its white disc is, and the sharper the picture looks from afar.
 ///
-/// gray: CV_8UC1, not empty. White is 250 and more in four neighbouring pixels. An area is small if it fills
-/// less than 15 % of the window. Returns CV_8UC1, about 320 px wide, 255 there, else 0; empty if there are no
-/// lights.
+/// gray: CV_8UC1, not empty. White is 250 and more in a block of 2 x 2 px (again of 640). An area is small if
+/// it fills less than 15 % of the window. Returns CV_8UC1, about 320 px wide, 255 there, else 0; empty if
+/// there are no lights.
 cv::Mat clippedLights(const cv::Mat& gray);
 
 }  // namespace all_in_focus::core
