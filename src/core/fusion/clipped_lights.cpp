@@ -9,11 +9,11 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kWhite = 250;
-constexpr double kBlock = 2.0 / 640;  // of the width: white along each axis; what is smaller may be texture
+constexpr int kWhite = 250;           // gray levels
+constexpr double kBlock = 2.0 / 640;  // of the width: side of a light; what is smaller may be texture
 constexpr double kWidth = 320;        // of the result, px
-constexpr int kReach = 6;             // of its pixels
-constexpr double kMostWhite = 0.15;   // share of the window; a bright sky or wall is no light
+constexpr int kReach = 6;             // of these pixels
+constexpr double kMostWhite = 0.15;   // share of the pixels around; a bright sky or wall is no light
 
 }  // namespace
 

@@ -6,13 +6,14 @@
 
 namespace all_in_focus::core {
 
-/// Where small white areas lie amid darker ones, and what is within 12 px of them (in a picture 640 px wide):
-/// lamps, reflections, gaps in leaves. They are clipped, so that blur does not make them fainter: the more
-/// such a light is blurred, the larger its white disc is, and the sharper the picture looks from afar.
+/// Lamps, reflections and gaps in leaves, and what lies near them: a map of small white areas amid darker
+/// ones. Such a light is clipped, so blur makes its disc larger but no fainter, and the coarse levels of a
+/// sharpness measure grow with the blur.
 ///
-/// gray: CV_8UC1, not empty. White is 250 and more in a block of 2 x 2 px (again of 640). An area is small if
-/// it fills less than 15 % of the window. Returns CV_8UC1, about 320 px wide, 255 there, else 0; empty if
-/// there are no lights.
+/// gray: CV_8UC1, not empty. Lengths hold for a picture 640 px wide and grow with the width. A light is a
+/// block of 2 x 2 px of at least 250 gray levels, if less than 15 % of the 26 x 26 px around it are as
+/// bright. Near is within 12 px. Returns CV_8UC1 of half that size, 320 px wide: 255 near lights, else 0;
+/// empty if there are no lights. Smaller pictures are not reduced.
 cv::Mat clippedLights(const cv::Mat& gray);
 
 }  // namespace all_in_focus::core

@@ -22,15 +22,17 @@ namespace {
 constexpr double kFinestPx = 0.85, kCoarserPx = 1.4;
 constexpr int kSmallestSide = 12;  // px of the coarsest level
 
-// Resampling takes away the finest detail, and its errors look like detail. Where a resampled frame shows as
-// much at the finest level as one that was not, the other is nearer to the truth.
+// Factor of the finest level of a resampled frame. Resampling takes away the finest detail, and its errors
+// look like detail: of two frames that look equally sharp, the one that was not resampled is nearer to the
+// truth.
 constexpr double kResampled = 0.85;
 
-// Windows of this level and of coarser ones look across thin things: their product counts by its power 3/4.
+// The product of this level and all coarser ones counts by its power 3/4: their windows look across thin
+// things.
 constexpr size_t kFarLevel = 2;
 
-// A level shows no more near clipped lights, gray levels, if it is not much finer than their map: levels that
-// are finer tell apart what is closer together than discs are wide.
+// Limit of s_l near clipped lights, gray levels, and the finest level that it holds for: at most so many
+// times as wide as the map of the lights. Windows of finer levels are smaller than the discs of lights.
 constexpr float kMostNearLights = 3;
 constexpr double kFinestOfLights = 1.5;
 

@@ -21,11 +21,11 @@ namespace all_in_focus::core {
 /// They also reach across depth edges, so where depth predicts the blur (`predicted`), the product of the
 /// coarser ones counts by its square root (of level 2 and coarser ones: instead of by the power 3/4).
 ///
-/// Of a frame that was `resampled`, s_0 counts 0.85: resampling takes away the finest detail, and its errors
+/// s_0 of a `resampled` frame is multiplied by 0.85: resampling takes away the finest detail, and its errors
 /// look like detail.
 ///
-/// Near `lights`, which are the same for all frames, s_l is at most 3 gray levels: it would grow with the
-/// blur there. Levels much finer than the map of the lights are not limited.
+/// Near `lights` s_l would grow with the blur. There it is at most 3 gray levels, at levels from 1 on that
+/// are no more than 1.5 times as wide as the map of the lights.
 ///
 /// With `trust` the product is multiplied by min(1, m / (4 + noise)), m the fourth root of the mean of s_t^4,
 /// less that of the noise: on bare surfaces far from all texture, where no scale tells frames apart, those
@@ -46,7 +46,7 @@ class SharpnessPyramid {
     /// product of that one and all coarser ones counts by its square root there.
     cv::Mat predicted{};
     bool resampled = false;  ///< the frame was brought into the geometry of another
-    cv::Mat lights{};        ///< CV_8UC1 of any size, see clippedLights(); empty: none
+    cv::Mat lights{};        ///< CV_8UC1, see clippedLights(), the same for all frames; empty: none
   };
 
   /// What a thread that reads rows keeps from one to the next. Reusable.
