@@ -142,6 +142,15 @@ TEST(NoiseSpectrum, AFrameThatIsBlackOrWhiteDoesNotCount) {
   }
 }
 
+TEST(NoiseSpectrum, TheLeastOfTwoIsTheLowerAtEveryLevel) {
+  const NoiseSpectrum a(std::vector<double>{4, 2}), b(std::vector<double>{3, 2.5, 1.5});
+  for (const NoiseSpectrum& least : {NoiseSpectrum::least(a, b), NoiseSpectrum::least(b, a)}) {
+    EXPECT_EQ(least.sharpness(0), 3);
+    EXPECT_EQ(least.sharpness(1), 2);
+    EXPECT_EQ(least.sharpness(2), 1.5);  // measured in b alone
+  }
+}
+
 TEST(NoiseSpectrum, SmallImagesHaveNone) {
   EXPECT_EQ(NoiseSpectrum::of(cv::Mat(3, 3, CV_8UC1, cv::Scalar(7))).deviation(), 0);
   EXPECT_EQ(NoiseSpectrum::of(cv::Mat(1, 1, CV_8UC1, cv::Scalar(7))).sharpness(0), 0);

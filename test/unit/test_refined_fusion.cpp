@@ -185,6 +185,42 @@ TEST(RefinedFusion, AveragesNoiseOnBareSurfaces) {
   EXPECT_LT(deviation[0], 1.4 * kNoise / std::sqrt(kFrames));
 }
 
+// The mean of a reference, `planes` with noise, and a frame that differs from it by noise and blur; the
+// frames of `before` (by index) are only observed. How much noise they show decides the weights.
+cv::Mat meanAfter(const std::vector<std::pair<int, cv::Mat>>& before, const TwoPlanes& planes,
+                  int reference) {
+  RefinedFusion fusion;
+  fusion.begin({}, inPlace(), kSize);
+  for (const auto& [index, frame] : before) fusion.observe(gray(frame), index, kUnknownFocus);
+  add(fusion, planes.frame(1500, 3), reference);
+  add(fusion, planes.frame(3000, 3), reference + 1);
+  return fusion.image();
+}
+
+TEST(RefinedFusion, MeasuresNoiseAgainstTheFrameBeforeTheReference) {
+  const TwoPlanes planes;
+  const cv::Mat neighbour = planes.frame(1400, 3), reference = planes.frame(1500, 3);
+  cv::Mat copied = reference.clone();  // the codec of a video changed one pixel
+  copied.at<cv::Vec3b>(5, 5) += cv::Vec3b(9, 9, 9);
+  const auto differs = [](const cv::Mat& a, const cv::Mat& b) { return cv::norm(a, b, cv::NORM_INF) > 0; };
+
+  const cv::Mat expected = meanAfter({{5, neighbour}}, planes, 6);
+  EXPECT_TRUE(differs(expected, meanAfter({}, planes, 6)));
+  // A frame far from the reference differs by its blur as well.
+  EXPECT_TRUE(differs(expected, meanAfter({{0, planes.frame(1000, 3)}}, planes, 6)));
+  EXPECT_FALSE(differs(expected, meanAfter({{0, planes.frame(1000, 3)}, {5, neighbour}}, planes, 6)));
+  // The first of many frames is compared, too.
+  const cv::Mat blurred = planes.frame(1000, 3);
+  EXPECT_FALSE(differs(
+      expected,
+      meanAfter({{0, neighbour}, {1, blurred}, {2, blurred}, {3, blurred}, {4, blurred}, {5, blurred}},
+                planes, 6)));
+  // Copies of the reference have no noise of their own.
+  EXPECT_FALSE(differs(expected, meanAfter({{4, neighbour}, {5, reference}}, planes, 6)));
+  EXPECT_TRUE(differs(expected, meanAfter({{4, neighbour}, {5, copied}}, planes, 6)));
+  EXPECT_FALSE(differs(expected, meanAfter({{36, neighbour}, {39, copied}}, planes, 40)));
+}
+
 TEST(RefinedFusion, PrefersAFrameThatWasNotResampledToOneThatIsAsSharp) {
   cv::Mat picture(260, 340, CV_8UC3);
   cv::RNG random(5);

@@ -196,6 +196,13 @@ NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray, const cv::Mat& other) {
   }
 }
 
+NoiseSpectrum NoiseSpectrum::least(const NoiseSpectrum& a, const NoiseSpectrum& b) {
+  NoiseSpectrum least = a.measured_.size() < b.measured_.size() ? b : a;
+  for (std::size_t l = 0; l < std::min(a.measured_.size(), b.measured_.size()); ++l)
+    least.measured_[l] = std::min(a.measured_[l], b.measured_[l]);
+  return least;
+}
+
 double NoiseSpectrum::sharpness(std::size_t level) const {
   double sharpness = 0;
   for (std::size_t l = 0; l <= level; ++l)

@@ -39,6 +39,9 @@ class NoiseSpectrum {
   /// a black or white frame has, the other counts alone. gray, other: CV_8UC1 of one size.
   static NoiseSpectrum of(const cv::Mat& gray, const cv::Mat& other);
 
+  /// The lower of both at every level; where one was not measured, the other.
+  static NoiseSpectrum least(const NoiseSpectrum& a, const NoiseSpectrum& b);
+
   /// Mean modified Laplacian at a level: at least 0.4 times that of the finer level, and exactly that where
   /// it was not measured. (White noise has 0.27 times that of the finer level, noise of cameras has more.)
   double sharpness(std::size_t level) const;

@@ -16,7 +16,15 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr size_t kMostScenes = 3;  // whose first frames are held
+// Frames that are held until the reference comes, which may be one of them: the first, and the last ones, of
+// which some may show another scene.
+constexpr size_t kMostHeld = 4;
+
+// Whether two frames may be compared for their noise. Neighbours differ least in blur and motion. But the
+// codec of a video copies noise from frame to frame, so where frames are many, some must lie between.
+bool areApart(int index, int earlier) {
+  return index - earlier > index / 16;
+}
 
 // The factor by which a LUT of gray levels changes the contrast of middle gray.
 double contrastGain(const std::array<float, 256>& lut) {
@@ -43,7 +51,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
   lights_.release();
   focus_known_ = false;
   noise_ = {};
-  firsts_.clear();
+  held_.clear();
   predicts_ = config.prediction && !scene.depth.empty() && pixel_pitch_mm > 0;
   if (predicts_) {
     prediction_ = DefocusPrediction(config.defocus);
@@ -63,17 +71,29 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
   }
   focus_known_ = focus_known_ || !std::isnan(focus_mm);
   if (config_.alignment) alignment_.observe(gray, index, focus_mm);
-  if (!config_.noise || reference_ >= 0 || firstOfScene(index) || firsts_.size() == kMostScenes) return;
-  firsts_.push_back({index, gray.clone()});
+  if (!config_.noise || reference_ >= 0) return;
+  if (!held_.empty() && !areApart(index, held_.front().index)) return;
+  const bool is_full = held_.size() == kMostHeld;
+  if (!is_full) held_.emplace_back();
+  const auto spare = held_.end() - (is_full ? 2 : 1);  // the first frame stays
+  std::rotate(held_.begin(), spare, spare + 1);
+  held_.front().index = index;
+  gray.copyTo(held_.front().gray);
 }
 
-// The first frame that shows what a frame shows; null: none is held.
-const RefinedFusion::FirstFrame* RefinedFusion::firstOfScene(int index) const {
-  const auto fits = [&](const FirstFrame& first) {
-    return !config_.alignment || alignment_.placement(first.index, index).fits;
+// Least of what the reference shows and what its differences to two frames before it show: to the nearest,
+// which differs least by blur and motion, and to the first, if they show the same with other noise.
+NoiseSpectrum RefinedFusion::noiseOf(const cv::Mat& reference) const {
+  const auto fits = [&](const HeldFrame& held) {
+    return areApart(reference_, held.index) && cv::norm(held.gray, reference, cv::NORM_INF) > 0 &&
+           (!config_.alignment || alignment_.placement(held.index, reference_).fits);
   };
-  const auto found = std::find_if(firsts_.begin(), firsts_.end(), fits);
-  return found == firsts_.end() ? nullptr : &*found;
+  const auto nearest = std::find_if(held_.begin(), held_.end(), fits);
+  if (nearest == held_.end()) return NoiseSpectrum::of(reference);
+  NoiseSpectrum noise = NoiseSpectrum::of(reference, nearest->gray);
+  const HeldFrame& first = held_.back();
+  if (first.index == nearest->index || !fits(first)) return noise;
+  return NoiseSpectrum::least(noise, NoiseSpectrum::of(reference, first.gray));
 }
 
 std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm) {
@@ -81,12 +101,8 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   const bool is_reference = reference_ < 0;
   if (is_reference) {
     reference_ = index;
-    if (config_.noise) {
-      const FirstFrame* first = firstOfScene(index);
-      const bool is_alone = !first || first->index == index;
-      noise_ = is_alone ? NoiseSpectrum::of(gray) : NoiseSpectrum::of(gray, first->gray);
-    }
-    firsts_.clear();
+    if (config_.noise) noise_ = noiseOf(gray);
+    held_.clear();
     lights_ = clippedLights(gray);
     mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice});
     exposure_.setReference(frame);

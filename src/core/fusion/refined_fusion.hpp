@@ -49,11 +49,11 @@ class RefinedFusion {
  private:
   void addAligned(const AlignedFrame& frame, const cv::Mat& gray, bool resampled);
 
-  struct FirstFrame {
+  struct HeldFrame {
     int index;
     cv::Mat gray;
   };
-  const FirstFrame* firstOfScene(int index) const;
+  NoiseSpectrum noiseOf(const cv::Mat& reference) const;
 
   struct Strip {  ///< of the frame being added; each thread works at one
     SharpnessPyramid::Rows sharpness;
@@ -66,8 +66,8 @@ class RefinedFusion {
   double focal_length_mm_ = 0;  // 0 = unknown
   bool focus_known_ = false;    // of a frame that was observed
   bool predicts_ = false;
-  cv::Mat predicted_, lights_;      // CV_8UC1, see SharpnessPyramid::Gauge
-  std::vector<FirstFrame> firsts_;  // of what the bracket shows, until the reference comes
+  cv::Mat predicted_, lights_;   // CV_8UC1, see SharpnessPyramid::Gauge
+  std::vector<HeldFrame> held_;  // of those observed, the latest first, until the reference comes
   NoiseSpectrum noise_;
   int reference_ = -1;  // index; -1: none yet
   BracketAlignment alignment_;
