@@ -64,7 +64,25 @@ THIN_AND_MILD = {
                       " --seed 303",
 }
 
-SUITES = {"small": SMALL, "large": LARGE, "enlarged": ENLARGED, "noisy": NOISY, "thin_and_mild": THIN_AND_MILD}
+# Scenes that stand still, hardly blurred and with little noise: fine texture, and which of two nearly equal frames is better.
+# The widest blur circle, in pixels, beside each.
+MILD = {
+    "clutter_24mm": "--scene clutter --frames 10 --optics 24,2.8,0.03 --noise 0.7 --seed 11",        # 7
+    "clutter_35mm": "--scene clutter --frames 8 --optics 35,4,0.03 --noise 1 --seed 12",             # 7
+    "clutter_50mm": "--scene clutter --frames 12 --optics 50,4,0.03 --seed 19",                      # 10
+    "clutter_24_frames": "--scene clutter --frames 24 --optics 35,2.8,0.03 --noise 1 --seed 22",     # 9
+    "garden_24mm": "--scene garden --frames 8 --optics 24,2.8,0.03 --noise 0.7 --seed 17",           # 7
+    "motorcycle_50mm": "--scene motorcycle --frames 8 --optics 50,2.8,0.03 --noise 0.7 --seed 18",   # 5
+    "occluders_28mm": "--scene occluders --frames 10 --optics 28,2.8,0.03 --noise 0.7 --seed 14",    # 8
+    "plain_35mm": "--scene plain --frames 8 --optics 35,2,0.03 --noise 1 --seed 16",                 # 11
+    "planes_24mm": "--scene planes --frames 10 --optics 24,2.8,0.03 --noise 0.7 --seed 13",          # 7
+    "planes_20_frames": "--scene planes --frames 20 --optics 35,4,0.03 --noise 2 --seed 21",         # 7
+    "slope_35mm": "--scene slope --frames 10 --optics 35,2.8,0.03 --noise 0.7 --seed 15",            # 11
+    "slope_24mm": "--scene slope --frames 8 --optics 24,2,0.03 --seed 20",                           # 10
+}
+
+SUITES = {"small": SMALL, "large": LARGE, "enlarged": ENLARGED, "noisy": NOISY, "thin_and_mild": THIN_AND_MILD,
+          "mild": MILD}
 
 
 def generate(folder, suites=("small",)):
