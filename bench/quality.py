@@ -138,23 +138,23 @@ def table(figures, key):
 
 
 def depth_table(figures):
-    """Markdown: rows scenes, columns the depth maps that this package's methods used or found; '' where there is none."""
-    titles = {"measured": "as measured", "registered": "holes filled", "depth": "restored"}
-    found = {name: {key: errors for figure in of.values() if figure for key, errors in figure["depths"].items()}
-             for name, of in figures.items()}
+    """Markdown: rows scenes, columns the depth maps that this package's methods used, and what each found; '' for none."""
+    given = {"measured": "as measured", "registered": "holes filled"}  # the same for every method that has them
+    found = {name: {given.get(key, method): errors for method, figure in of.items() if figure
+                    for key, errors in figure["depths"].items()} for name, of in figures.items()}
     found = {name: of for name, of in found.items() if of}
     if not found:
         return ""
-    columns = [key for key in titles if any(key in of for of in found.values())]
+    columns = [title for title in [*given.values(), *next(iter(figures.values()))] if any(title in of for of in found.values())]
 
     def cells(of):
-        return [f"{100 * of[key][0]:.2f} / {of[key][1]:.3f}" if key in of else "-" for key in columns]
+        return [f"{100 * of[title][0]:.2f} / {of[title][1]:.3f}" if title in of else "-" for title in columns]
 
-    shared = {key: [of[key] for of in found.values() if key in of] for key in columns}
+    shared = {title: [of[title] for of in found.values() if title in of] for title in columns}
     rows = [[name] + cells(of) for name, of in found.items()]
-    rows.append(["mean"] + cells({key: np.mean(errors, axis=0) for key, errors in shared.items()}))
+    rows.append(["mean"] + cells({title: np.mean(errors, axis=0) for title, errors in shared.items()}))
     return ("Depth: share wrong by more than 1 px of blur (holes too), % / RMSE without holes, 1/m\n\n"
-            + steps.table(["scene"] + [titles[key] for key in columns], rows) + "\n")
+            + steps.table(["scene"] + columns, rows) + "\n")
 
 
 def main():
