@@ -64,7 +64,7 @@ THIN_AND_MILD = {
                       " --seed 303",
 }
 
-# Scenes that stand still, hardly blurred and with little noise: fine texture, and which of two nearly equal frames is better.
+# Scenes that stand still, with little blur and noise: much depends on which of two nearly equal frames is taken.
 # The widest blur circle, in pixels, beside each.
 MILD = {
     "clutter_24mm": "--scene clutter --frames 10 --optics 24,2.8,0.03 --noise 0.7 --seed 11",        # 7

@@ -39,7 +39,7 @@ class NoiseSpectrum {
   /// a black or white frame has, the other counts alone. gray, other: CV_8UC1 of one size.
   static NoiseSpectrum of(const cv::Mat& gray, const cv::Mat& other);
 
-  /// The lower of both at every level; where one was not measured, the other.
+  /// At every level the lower of both; at a level that only one has measured, that one.
   static NoiseSpectrum least(const NoiseSpectrum& a, const NoiseSpectrum& b);
 
   /// Mean modified Laplacian at a level: at least 0.4 times that of the finer level, and exactly that where

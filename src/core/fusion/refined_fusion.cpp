@@ -16,8 +16,8 @@
 namespace all_in_focus::core {
 namespace {
 
-// Frames that are held until the reference comes, which may be one of them: the first, and the last ones, of
-// which some may show another scene.
+// At most so many frames are held until the reference comes: the first one and the latest ones. Some may show
+// another scene.
 constexpr size_t kMostHeld = 4;
 
 // Whether two frames may be compared for their noise. Neighbours differ least in blur and motion. But the
@@ -81,8 +81,9 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
   gray.copyTo(held_.front().gray);
 }
 
-// Least of what the reference shows and what its differences to two frames before it show: to the nearest,
-// which differs least by blur and motion, and to the first, if they show the same with other noise.
+// The noise of the reference, measured against two earlier frames; the lower value counts. One is the
+// nearest, which differs least in blur and motion, the other is the first. A frame that shows another scene,
+// or a copy of the reference, does not count.
 NoiseSpectrum RefinedFusion::noiseOf(const cv::Mat& reference) const {
   const auto fits = [&](const HeldFrame& held) {
     return areApart(reference_, held.index) && cv::norm(held.gray, reference, cv::NORM_INF) > 0 &&

@@ -67,7 +67,7 @@ class RefinedFusion {
   bool focus_known_ = false;    // of a frame that was observed
   bool predicts_ = false;
   cv::Mat predicted_, lights_;   // CV_8UC1, see SharpnessPyramid::Gauge
-  std::vector<HeldFrame> held_;  // of those observed, the latest first, until the reference comes
+  std::vector<HeldFrame> held_;  // until the reference comes: the latest first, the first frame last
   NoiseSpectrum noise_;
   int reference_ = -1;  // index; -1: none yet
   BracketAlignment alignment_;
