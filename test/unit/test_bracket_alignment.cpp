@@ -233,7 +233,9 @@ TEST(BracketAlignment, UnnoticeableMotionsAreNone) {
   BracketAlignment alignment = begun();
   alignment.observe(frame({}), 0, kUnknown);
   alignment.observe(frame({1, {0.3, 0}}), 1, kUnknown);
+  EXPECT_FALSE(alignment.moves(0));
   alignment.observe(frame({1, {0.4, 0}}), 2, kUnknown);
+  EXPECT_TRUE(alignment.moves(0));
   EXPECT_TRUE(alignment.placement(1, 0).isIdentity());
   EXPECT_FALSE(alignment.placement(2, 0).isIdentity());
 }

@@ -175,6 +175,12 @@ Placement BracketAlignment::placement(int index, int reference) const {
   return result;
 }
 
+bool BracketAlignment::moves(int reference) const {
+  return std::any_of(observations_.begin(), observations_.end(), [&](const auto& observation) {
+    return !placement(observation.first, reference).isIdentity();
+  });
+}
+
 std::optional<double> BracketAlignment::breathing(int reference) const {
   return breathing_.b(observations_.at(reference).magnification);
 }

@@ -43,6 +43,9 @@ class BracketAlignment {
   /// that is not significant or not noticeable is none at all.
   Placement placement(int index, int reference) const;
 
+  /// Whether a frame observed so far, which fits the reference, has a motion from it.
+  bool moves(int reference) const;
+
   /// b of the lens, if known.
   std::optional<double> breathing(int reference) const;
 

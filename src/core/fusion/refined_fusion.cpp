@@ -105,7 +105,8 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     if (config_.noise) noise_ = noiseOf(gray);
     held_.clear();
     lights_ = clippedLights(gray);
-    mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice});
+    const bool resampled = config_.alignment && alignment_.moves(reference_);
+    mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice, resampled});
     exposure_.setReference(frame);
   }
   const Placement placement = config_.alignment ? alignment_.placement(index, reference_) : Placement();
