@@ -13,6 +13,7 @@
 #include <stdexcept>
 
 #include "all_in_focus/restoration.hpp"
+#include "restoration/contours.hpp"
 #include "restoration/disc_blur.hpp"
 #include "restoration/image_formation.hpp"
 #include "restoration/semi_global_matching.hpp"
@@ -379,6 +380,37 @@ TEST(ImageFormation, NearPixelsComeFirstAndSharesSumUpToOne) {
     EXPECT_LE(near_share, x == 3 ? 0.0f : x < 20 ? 0.5f : 1.001f) << x;
     EXPECT_GE(near_share, x == 36 ? 0.999f : 0.0f) << x;
   }
+}
+
+TEST(Contours, DoNotExplainTheFramesWhereTheyAreAPixelOff) {
+  CardBeforeWall card;  // a white one before a black wall
+  card.front.convertTo(card.front, -1, 0.3, 0.7);
+  card.wall.convertTo(card.wall, -1, 0.1);
+  const double pitch = kFocalLength / kPixels;
+  ObservedBracket bracket;
+  bracket.fused = card.frame(0);
+  bracket.light = linearLight(bracket.fused);
+  bracket.frames.resize(kSweep.size());
+  for (size_t i = 0; i < kSweep.size(); ++i) {
+    ObservedFrame& frame = bracket.frames[i];
+    const double focus = kSweep[kSweep.size() - 1 - i];  // far first
+    equalize(card.frame(focus), 1, bracket.light, frame.codes);
+    frame.seen = cv::Rect({}, kSize);
+    frame.blur = {1 / focus,
+                  kFocalLength * kFocalLength / (2 * kAperture * pitch) / (1 - kFocalLength / focus)};
+    bracket.px_mm = std::max(bracket.px_mm, frame.blur.px_mm);
+  }
+  const auto unexplained = [&](int shift) {
+    cv::Mat1f inverse_depth(kSize, 1.0f / kFarMm);
+    inverse_depth(card.card_at + cv::Point(shift, 0)) = 1.0f / kNearMm;
+    std::vector<ImageFormation> formation;
+    for (const ObservedFrame& frame : bracket.frames)
+      formation.emplace_back(inverse_depth, frame.blur, bracket.gap(kJumpPx));
+    updateAll(formation);
+    return cv::countNonZero(explainedShare(bracket, formation, inverse_depth) < 0.5);
+  };
+  EXPECT_EQ(unexplained(0), 0);
+  EXPECT_GT(unexplained(1), 30);
 }
 
 TEST(SemiGlobalMatching, KeepsAStepAndMendsSinglePixels) {

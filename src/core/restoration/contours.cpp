@@ -33,8 +33,141 @@ constexpr float kDarkest = 40;     // gray level; darker ones change by as much 
 constexpr float kColorStep = 288;  // squared gray levels, of jumps that cost little
 constexpr float kLeastJump = 0.05f;
 constexpr float kExplained = 0.4f;  // cost of what needs no nearer depth
+// A pixel beside a jump is doubtful if its depth costs as much as one and a half frames that nothing
+// explains. From three on, of at most four, it counts as unexplained.
+constexpr float kDoubtful = 1.5f * kMostCost, kUnexplained = 3 * kMostCost;
+constexpr int kBesidePx = 2;
 
 const std::array<cv::Point, 4> kNeighbours = {cv::Point(-1, 0), {1, 0}, {0, -1}, {0, 1}};
+
+bool inside(const cv::Mat& picture, const cv::Point& p) {
+  return cv::Rect({}, picture.size()).contains(p);
+}
+
+// How well depth explains the frames.
+class Explanation {
+ public:
+  Explanation(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
+              const cv::Mat1f& inverse_depth)
+      : bracket_(bracket),
+        formation_(formation),
+        inverse_depth_(inverse_depth),
+        gap_(bracket.gap(kJumpPx)),
+        cost_scale_(static_cast<float>(
+            1 / (6 * (bracket.prediction_variance + kModelVariance) * kCodeScale * kCodeScale))),
+        sharp_(ImageFormation::withMargin(bracket.light)) {}
+
+  // How badly each of two inverse depths explains the frames at a pixel.
+  std::array<float, 2> costsOf(const cv::Point& p, float now, float tried) const {
+    const float own[2] = {now, tried};
+    std::array<FramePixel, 4> pixels;
+    int count = 0;
+    for (const int k : sharpestFrames(now, tried, p)) {
+      if (k < 0) break;
+      formation_[k].predict(p, own, sharp_, pixels[count].predictions);
+      pixels[count++].seen = bracket_.frames[k].codes(p);
+    }
+    const float first = now > tried ? kNearColorDeviation : kFarColorDeviation;
+    const float second = now > tried ? kFarColorDeviation : kNearColorDeviation;
+    return {costOf(p, pixels.data(), count, 0, first), costOf(p, pixels.data(), count, 1, second)};
+  }
+
+  // See explainedShare().
+  cv::Mat1f explained() const {
+    cv::Mat1f explained(inverse_depth_.size(), 1.0f);
+    forEachRow(explained.rows, [&](int y) {
+      for (int x = 0; x < explained.cols; ++x) {
+        const float own = inverse_depth_(y, x), other = acrossJump({x, y});
+        if (other == own) continue;
+        const float cost = costsOf({x, y}, own, other)[0];
+        explained(y, x) = std::clamp((kUnexplained - cost) / (kUnexplained - kDoubtful), 0.0f, 1.0f);
+      }
+    });
+    return explained;
+  }
+
+ private:
+  // A pixel in a frame: as it is, and as two inverse depths predict it.
+  struct FramePixel {
+    cv::Vec3s seen;
+    ImageFormation::Prediction predictions[2];
+  };
+
+  // The inverse depth on the other side of the nearest jump, along rows and columns; the pixel's own if there
+  // is none.
+  float acrossJump(const cv::Point& p) const {
+    for (int px = 1; px <= kBesidePx; ++px) {
+      for (const cv::Point& step : kNeighbours) {
+        const cv::Point q = p + px * step;
+        if (inside(inverse_depth_, q) && std::abs(inverse_depth_(q) - inverse_depth_(p)) > gap_)
+          return inverse_depth_(q);
+      }
+    }
+    return inverse_depth_(p);
+  }
+
+  // The two frames that are sharpest at either inverse depth, those that are not too blurred; -1 = none.
+  std::array<int, 4> sharpestFrames(float a, float b, const cv::Point& p) const {
+    std::array<int, 4> frames = {-1, -1, -1, -1};
+    size_t count = 0;
+    for (const float inverse_depth : {a, b}) {
+      std::array<int, 2> sharpest = {-1, -1};
+      for (int k = 0; k < static_cast<int>(bracket_.frames.size()); ++k) {
+        if (!bracket_.frames[k].seen.contains(p)) continue;
+        const auto radius = [&](int i) { return bracket_.frames[i].blur.radius(inverse_depth); };
+        if (radius(k) > kSharpPx) continue;
+        if (sharpest[0] < 0 || radius(k) < radius(sharpest[0])) {
+          sharpest[1] = sharpest[0];
+          sharpest[0] = k;
+        } else if (sharpest[1] < 0 || radius(k) < radius(sharpest[1])) {
+          sharpest[1] = k;
+        }
+      }
+      for (const int k : sharpest) {
+        if (k >= 0 && std::find(frames.begin(), frames.end(), k) == frames.end()) frames[count++] = k;
+      }
+    }
+    return frames;
+  }
+
+  // i: of the predictions. The fused picture may show the blur or the colour of a nearer object at p, which
+  // the frames would contradict whatever the depth. So p has the colour that explains them best, by least
+  // squares. color_deviation: how far that may be from the fused picture's.
+  float costOf(const cv::Point& p, const FramePixel* pixels, int count, int i, float color_deviation) const {
+    const LightCurve& curve = LightCurve::get();
+    std::array<float, 4> squared = {};
+    float cost = 0;
+    for (int c = 0; c < 3; ++c) {
+      const float fused = bracket_.light(p)[c];
+      const float deviation =
+          color_deviation / curve.slope(std::max(curve.code(fused), kDarkest));  // in light
+      float weight = 1 / cost_scale_, sum = 0;
+      for (int k = 0; k < count; ++k) {
+        const auto& [light, own_share] = pixels[k].predictions[i];
+        const float code = curve.code(light[c]);
+        const float gain = kCodeScale * own_share * curve.slope(code) * deviation;
+        weight += gain * gain;
+        sum += gain * (pixels[k].seen[c] - kCodeScale * code);
+      }
+      const float deviations = sum / weight;
+      cost += deviations * deviations;
+      const float change = std::clamp(fused + deviations * deviation, 0.0f, curve.light(255)) - fused;
+      for (int k = 0; k < count; ++k) {
+        const auto& [light, own_share] = pixels[k].predictions[i];
+        const float left = kCodeScale * curve.code(light[c] + own_share * change) - pixels[k].seen[c];
+        squared[k] += left * left;
+      }
+    }
+    for (int k = 0; k < count; ++k) cost += std::min(kMostCost, squared[k] * cost_scale_);
+    return cost;
+  }
+
+  const ObservedBracket& bracket_;
+  const std::vector<ImageFormation>& formation_;
+  const cv::Mat1f& inverse_depth_;
+  float gap_, cost_scale_;
+  cv::Mat4f sharp_;
+};
 
 class Contours {
  public:
@@ -44,9 +177,7 @@ class Contours {
         formation_(formation),
         inverse_depth_(inverse_depth),
         gap_(bracket.gap(kJumpPx)),
-        cost_scale_(static_cast<float>(
-            1 / (6 * (bracket.prediction_variance + kModelVariance) * kCodeScale * kCodeScale))),
-        sharp_(ImageFormation::withMargin(bracket.light)),
+        explanation_(bracket, formation, inverse_depth),
         pending_(inverse_depth.size()) {
     findJumpCosts(stiffness);
     if (!bracket.filled.empty()) {
@@ -87,17 +218,9 @@ class Contours {
   }
 
  private:
-  bool inside(const cv::Point& p) const { return cv::Rect({}, inverse_depth_.size()).contains(p); }
-
   struct Move {
     cv::Point at;
     float to;
-  };
-
-  // A pixel in a frame: as it is, and as two inverse depths predict it.
-  struct FramePixel {
-    cv::Vec3s seen;
-    ImageFormation::Prediction predictions[2];
   };
 
   void setPending(const cv::Point& p) {
@@ -113,7 +236,7 @@ class Contours {
     std::array<bool, 4> across_x;
     int count = 0;
     for (const cv::Point& step : kNeighbours) {
-      if (!inside(p + step)) continue;
+      if (!inside(inverse_depth_, p + step)) continue;
       const float other = inverse_depth_(p + step);
       if (std::abs(other - best) <= gap_ || isNearerThanAll(p, other)) continue;
       const bool known = std::any_of(candidates.begin(), candidates.begin() + count,
@@ -124,7 +247,7 @@ class Contours {
     }
     for (int i = 0; i < count; ++i) {
       const float tried = candidates[i];
-      const std::array<float, 2> costs = costsOf(p, best, tried);
+      const std::array<float, 2> costs = explanation_.costsOf(p, best, tried);
       const bool is_farther = tried < best;
       if (costs[0] < kExplained && !is_farther) continue;
       const float now = costs[0] + jumpCost(p, best, across_x[i]) + depthCost(p, best) +
@@ -132,77 +255,6 @@ class Contours {
       if (costs[1] + jumpCost(p, tried, across_x[i]) + depthCost(p, tried) < now) best = tried;
     }
     return best;
-  }
-
-  // The two frames that are sharpest at either inverse depth, those that are not too blurred; -1 = none.
-  std::array<int, 4> sharpestFrames(float a, float b, const cv::Point& p) const {
-    std::array<int, 4> frames = {-1, -1, -1, -1};
-    size_t count = 0;
-    for (const float inverse_depth : {a, b}) {
-      std::array<int, 2> sharpest = {-1, -1};
-      for (int k = 0; k < static_cast<int>(bracket_.frames.size()); ++k) {
-        if (!bracket_.frames[k].seen.contains(p)) continue;
-        const auto radius = [&](int i) { return bracket_.frames[i].blur.radius(inverse_depth); };
-        if (radius(k) > kSharpPx) continue;
-        if (sharpest[0] < 0 || radius(k) < radius(sharpest[0])) {
-          sharpest[1] = sharpest[0];
-          sharpest[0] = k;
-        } else if (sharpest[1] < 0 || radius(k) < radius(sharpest[1])) {
-          sharpest[1] = k;
-        }
-      }
-      for (const int k : sharpest) {
-        if (k >= 0 && std::find(frames.begin(), frames.end(), k) == frames.end()) frames[count++] = k;
-      }
-    }
-    return frames;
-  }
-
-  // How badly each of two inverse depths explains the frames at a pixel.
-  std::array<float, 2> costsOf(const cv::Point& p, float now, float tried) const {
-    const float own[2] = {now, tried};
-    std::array<FramePixel, 4> pixels;
-    int count = 0;
-    for (const int k : sharpestFrames(now, tried, p)) {
-      if (k < 0) break;
-      formation_[k].predict(p, own, sharp_, pixels[count].predictions);
-      pixels[count++].seen = bracket_.frames[k].codes(p);
-    }
-    const float first = now > tried ? kNearColorDeviation : kFarColorDeviation;
-    const float second = now > tried ? kFarColorDeviation : kNearColorDeviation;
-    return {costOf(p, pixels.data(), count, 0, first), costOf(p, pixels.data(), count, 1, second)};
-  }
-
-  // i: of the predictions. The fused picture may show the blur or the colour of a nearer object at p, which
-  // the frames would contradict whatever the depth. So p has the colour that explains them best, by least
-  // squares. color_deviation: how far that may be from the fused picture's.
-  float costOf(const cv::Point& p, const FramePixel* pixels, int count, int i, float color_deviation) const {
-    const LightCurve& curve = LightCurve::get();
-    std::array<float, 4> squared = {};
-    float cost = 0;
-    for (int c = 0; c < 3; ++c) {
-      const float fused = bracket_.light(p)[c];
-      const float deviation =
-          color_deviation / curve.slope(std::max(curve.code(fused), kDarkest));  // in light
-      float weight = 1 / cost_scale_, sum = 0;
-      for (int k = 0; k < count; ++k) {
-        const auto& [light, own_share] = pixels[k].predictions[i];
-        const float code = curve.code(light[c]);
-        const float gain = kCodeScale * own_share * curve.slope(code) * deviation;
-        weight += gain * gain;
-        sum += gain * (pixels[k].seen[c] - kCodeScale * code);
-      }
-      const float deviations = sum / weight;
-      cost += deviations * deviations;
-      const float change = std::clamp(fused + deviations * deviation, 0.0f, curve.light(255)) - fused;
-      for (int k = 0; k < count; ++k) {
-        const auto& [light, own_share] = pixels[k].predictions[i];
-        const float left = kCodeScale * curve.code(light[c] + own_share * change) - pixels[k].seen[c];
-        squared[k] += left * left;
-      }
-    }
-    for (int k = 0; k < count; ++k) cost += std::min(kMostCost, squared[k] * cost_scale_);
-    return cost;
   }
 
   // Of a jump between a pixel and its right or lower neighbour: less at a colour edge.
@@ -252,8 +304,8 @@ class Contours {
   const ObservedBracket& bracket_;
   std::vector<ImageFormation>& formation_;
   cv::Mat1f& inverse_depth_;
-  float gap_, cost_scale_;
-  cv::Mat4f sharp_;
+  float gap_;
+  Explanation explanation_;
   cv::Mat1f nearest_;        // of the filled depth nearby
   cv::Mat1f right_, below_;  // cost of a jump to these neighbours
   cv::Mat1b within_;         // where contours may run
@@ -273,6 +325,11 @@ bool moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& f
   }
   updateAll(formation);
   return true;
+}
+
+cv::Mat1f explainedShare(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
+                         const cv::Mat1f& inverse_depth) {
+  return Explanation(bracket, formation, inverse_depth).explained();
 }
 
 }  // namespace all_in_focus::core
