@@ -225,6 +225,24 @@ TEST(Restoration, FindsDepthFromTheBracketAlone) {
   EXPECT_EQ(result.blur_scale, 0);
 }
 
+TEST(Restoration, LightFromOutsideThePictureDoesNotMisleadItsBorder) {
+  CardBeforeWall card(kSize + cv::Size(60, 60), cv::Rect(0, 110, 260, 100));  // reaches beyond the picture
+  card.scene.optics.aperture = 1.4;
+  const cv::Rect seen(cv::Point(30, 30), kSize);
+  BracketScene scene = card.scene;
+  scene.camera = CardBeforeWall().scene.camera;
+  scene.depth = cv::Mat();
+  BracketRestoration restoration;
+  restoration.begin(scene);
+  const std::vector<double> sweep = {1000, 1090, 1200, 1330, 1500, 2000, 3000};
+  for (size_t i = 0; i < sweep.size(); ++i)
+    restoration.add({card.frame(sweep[i])(seen), cv::Rect({}, kSize), 1, static_cast<int>(i), sweep[i]});
+  const RestorationResult result = *restoration.restore(card.fused()(seen).clone());
+  const cv::Mat truth = card.scene.depth(seen);
+  for (const cv::Range& rows : {cv::Range(0, 2), cv::Range(148, 150)})
+    EXPECT_LT(shareWrong(result.depth.rowRange(rows), truth.rowRange(rows)), 0.01);
+}
+
 TEST(Restoration, MeasuredHolesAndFrayedEdgesAreMended) {
   const CardBeforeWall card;
   BracketScene scene = card.scene;

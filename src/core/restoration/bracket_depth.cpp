@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <opencv2/core.hpp>
 #include <vector>
 
 #include "restoration/blur_scale.hpp"
@@ -30,6 +31,7 @@ constexpr float kNearWeight = 1.5f, kMeasuredWeight = 1.5f, kFilledWeight = 0.6f
 constexpr float kAgreePx = 0.25f, kDifferPx = 0.75f;  // of blur
 constexpr float kTakePx = 0.45f;  // of blur; measured depth that differs by less replaces the estimate
 constexpr float kClearPx = 6;
+constexpr int kBorder = 3;  // px
 
 // Levels of inverse depth.
 struct Levels {
@@ -174,6 +176,15 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
   return volume;
 }
 
+// At the border blur brings in light from outside the picture, which no prediction knows. The estimate is
+// replaced by that of the nearest pixel farther inside.
+void continueAtBorder(cv::Mat1f& inverse_depth) {
+  const cv::Rect inside(kBorder, kBorder, inverse_depth.cols - 2 * kBorder, inverse_depth.rows - 2 * kBorder);
+  if (inside.width <= 0 || inside.height <= 0) return;
+  cv::copyMakeBorder(inverse_depth(inside).clone(), inverse_depth, kBorder, kBorder, kBorder, kBorder,
+                     cv::BORDER_REPLICATE);
+}
+
 }  // namespace
 
 cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures& pictures,
@@ -187,7 +198,10 @@ cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures
     for (int x = 0; x < inverse_depth.cols; ++x)
       inverse_depth(y, x) = levels.inverseDepth(lowest(volume.at(y, x), levels.count));
   });
-  if (bracket.measured.empty()) return inverse_depth;
+  if (bracket.measured.empty()) {
+    continueAtBorder(inverse_depth);
+    return inverse_depth;
+  }
   const cv::Mat1f clear = distanceFromDoubt(bracket);
   for (int y = 0; y < inverse_depth.rows; ++y) {
     for (int x = 0; x < inverse_depth.cols; ++x) {
