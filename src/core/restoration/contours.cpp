@@ -37,6 +37,7 @@ constexpr float kExplained = 0.4f;  // cost of what needs no nearer depth
 // explains. From three on, of at most four, it counts as unexplained.
 constexpr float kDoubtful = 1.5f * kMostCost, kUnexplained = 3 * kMostCost;
 constexpr int kBesidePx = 2;
+constexpr double kLeastCorrection = 0.5;  // gray levels; a smaller one does no harm
 
 const std::array<cv::Point, 4> kNeighbours = {cv::Point(-1, 0), {1, 0}, {0, -1}, {0, 1}};
 
@@ -72,18 +73,11 @@ class Explanation {
     return {costOf(p, pixels.data(), count, 0, first), costOf(p, pixels.data(), count, 1, second)};
   }
 
-  // See explainedShare().
-  cv::Mat1f explained() const {
-    cv::Mat1f explained(inverse_depth_.size(), 1.0f);
-    forEachRow(explained.rows, [&](int y) {
-      for (int x = 0; x < explained.cols; ++x) {
-        const float own = inverse_depth_(y, x), other = acrossJump({x, y});
-        if (other == own) continue;
-        const float cost = costsOf({x, y}, own, other)[0];
-        explained(y, x) = std::clamp((kUnexplained - cost) / (kUnexplained - kDoubtful), 0.0f, 1.0f);
-      }
-    });
-    return explained;
+  // 1: well; 0: hardly at all, whatever the pixel's colour. Asked beside jumps, 1 elsewhere.
+  float shareExplained(const cv::Point& p) const {
+    const float own = inverse_depth_(p), other = acrossJump(p);
+    if (other == own) return 1;
+    return std::clamp((kUnexplained - costsOf(p, own, other)[0]) / (kUnexplained - kDoubtful), 0.0f, 1.0f);
   }
 
  private:
@@ -327,9 +321,15 @@ bool moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& f
   return true;
 }
 
-cv::Mat1f explainedShare(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
-                         const cv::Mat1f& inverse_depth) {
-  return Explanation(bracket, formation, inverse_depth).explained();
+void takeBackUnexplained(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
+                         const cv::Mat1f& inverse_depth, cv::Mat3f& correction) {
+  const Explanation explanation(bracket, formation, inverse_depth);
+  forEachRow(correction.rows, [&](int y) {
+    for (int x = 0; x < correction.cols; ++x) {
+      cv::Vec3f& z = correction(y, x);
+      if (cv::norm(z, cv::NORM_INF) > kLeastCorrection) z *= explanation.shareExplained({x, y});
+    }
+  });
 }
 
 }  // namespace all_in_focus::core

@@ -19,9 +19,10 @@ namespace all_in_focus::core {
 bool moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
                   cv::Mat1f& inverse_depth, float stiffness, const std::function<bool(double)>& proceed);
 
-/// How well the fused picture explains the frames beside jumps, by pixel: 1 well, and everywhere else; 0
-/// hardly at all, whatever the pixel's colour. There the contour is wrong.
-cv::Mat1f explainedShare(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
-                         const cv::Mat1f& inverse_depth);
+/// Takes back the correction of pixels beside jumps where the corrected picture does not explain the frames,
+/// whatever the pixel's colour: there the contour is wrong. bracket: with the corrected picture; correction:
+/// gray levels, in place.
+void takeBackUnexplained(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
+                         const cv::Mat1f& inverse_depth, cv::Mat3f& correction);
 
 }  // namespace all_in_focus::core

@@ -313,11 +313,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     bracket.light = linearLight(bracket.fused);
     from += 0.3;
   }
-  // Where contours are wrong nevertheless, the pixel stays as it was.
-  const cv::Mat1f explained = explainedShare(bracket, formation, inverse_depth);
-  for (int y = 0; y < sum.rows; ++y) {
-    for (int x = 0; x < sum.cols; ++x) sum(y, x) *= explained(y, x);
-  }
+  takeBackUnexplained(bracket, formation, inverse_depth, sum);
   result.image = fused.clone();
   addTo(result.image, sum);
   result.depth = depthOf(inverse_depth, size_);
