@@ -172,35 +172,27 @@ NoiseSpectrum NoiseSpectrum::white(double deviation) {
   return NoiseSpectrum(std::vector<double>{kSharpnessOfWhite * deviation});
 }
 
-NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray) {
+NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray, std::vector<cv::Mat> others) {
+  const auto is_copy = [&](const cv::Mat& other) { return cv::norm(gray, other, cv::NORM_INF) == 0; };
+  others.erase(std::remove_if(others.begin(), others.end(), is_copy), others.end());
   NoiseSpectrum noise;
   for (cv::Mat level = gray;; level = coarser(level)) {
-    const std::optional<double> found = noiseOf(level, exposedBlocks(level));
-    if (!found) return noise;
-    noise.measured_.push_back(*found);
+    std::optional<double> least;
+    const auto lower = [&](const std::optional<double>& found) {
+      if (found) least = std::min(*found, least.value_or(*found));
+    };
+    const std::vector<bool> exposed = exposedBlocks(level);
+    lower(noiseOf(level, exposed));
+    for (const cv::Mat& other : others) {
+      std::vector<bool> in_both = exposedBlocks(other);
+      lower(noiseOf(other, in_both));
+      std::transform(exposed.begin(), exposed.end(), in_both.begin(), in_both.begin(), std::logical_and<>());
+      lower(noiseOfDifference(level, other, in_both));
+    }
+    if (!least) return noise;
+    noise.measured_.push_back(*least);
+    std::transform(others.begin(), others.end(), others.begin(), coarser);
   }
-}
-
-NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray, const cv::Mat& other) {
-  if (cv::norm(gray, other, cv::NORM_INF) == 0) return of(gray);  // a camera that repeats itself
-  NoiseSpectrum noise;
-  for (cv::Mat a = gray, b = other;; a = coarser(a), b = coarser(b)) {
-    std::vector<bool> exposed = exposedBlocks(a);
-    const std::vector<bool> exposed_in_b = exposedBlocks(b);
-    const std::optional<double> of_a = noiseOf(a, exposed), of_b = noiseOf(b, exposed_in_b);
-    if (!of_a && !of_b) return noise;
-    const double least = of_a && of_b ? std::min(*of_a, *of_b) : of_a.value_or(of_b.value_or(0));
-    std::transform(exposed.begin(), exposed.end(), exposed_in_b.begin(), exposed.begin(),
-                   std::logical_and<>());
-    noise.measured_.push_back(std::min(least, noiseOfDifference(a, b, exposed).value_or(least)));
-  }
-}
-
-NoiseSpectrum NoiseSpectrum::least(const NoiseSpectrum& a, const NoiseSpectrum& b) {
-  NoiseSpectrum least = a.measured_.size() < b.measured_.size() ? b : a;
-  for (std::size_t l = 0; l < std::min(a.measured_.size(), b.measured_.size()); ++l)
-    least.measured_[l] = std::min(a.measured_[l], b.measured_[l]);
-  return least;
 }
 
 double NoiseSpectrum::sharpness(std::size_t level) const {

@@ -30,17 +30,14 @@ class NoiseSpectrum {
   /// Of a picture: that of its quietest places, the tenth percentile of blocks of 8 x 8 pixels, by a mask
   /// that is blind to planes and edges (see noiseDeviation); texture lifts it only where it covers nine
   /// tenths of a level. Blocks that are nearly black or white do not count: noise is cut off there. Levels
-  /// with too few blocks are not measured. gray: CV_8UC1, not empty.
-  static NoiseSpectrum of(const cv::Mat& gray);
-
-  /// Of two frames of a bracket: at each level the lowest of both and of their difference, divided by the
-  /// root of 2. Texture that both show alike is no part of the difference, noise is. The frames may differ in
-  /// blur, motion and exposure: that only adds to the difference. Where one of them has too few blocks, as
-  /// a black or white frame has, the other counts alone. gray, other: CV_8UC1 of one size.
-  static NoiseSpectrum of(const cv::Mat& gray, const cv::Mat& other);
-
-  /// At every level the lower of both; at a level that only one has measured, that one.
-  static NoiseSpectrum least(const NoiseSpectrum& a, const NoiseSpectrum& b);
+  /// with too few blocks are not measured.
+  ///
+  /// others: frames of the same bracket. At each level the lowest of all frames and of the differences to the
+  /// picture, divided by the root of 2, counts. Texture that two frames show alike is no part of their
+  /// difference, noise is. Frames may differ in blur, motion and exposure: that only adds to the difference.
+  /// One that has too few blocks, as a black or white one, does not count, nor does a copy of the picture.
+  /// gray, others: CV_8UC1 of one size, not empty.
+  static NoiseSpectrum of(const cv::Mat& gray, std::vector<cv::Mat> others = {});
 
   /// Mean modified Laplacian at a level: at least 0.4 times that of the finer level, and exactly that where
   /// it was not measured. (White noise has 0.27 times that of the finer level, noise of cameras has more.)

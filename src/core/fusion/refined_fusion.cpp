@@ -91,10 +91,10 @@ NoiseSpectrum RefinedFusion::noiseOf(const cv::Mat& reference) const {
   };
   const auto nearest = std::find_if(held_.begin(), held_.end(), fits);
   if (nearest == held_.end()) return NoiseSpectrum::of(reference);
-  NoiseSpectrum noise = NoiseSpectrum::of(reference, nearest->gray);
+  std::vector<cv::Mat> others = {nearest->gray};
   const HeldFrame& first = held_.back();
-  if (first.index == nearest->index || !fits(first)) return noise;
-  return NoiseSpectrum::least(noise, NoiseSpectrum::of(reference, first.gray));
+  if (first.index != nearest->index && fits(first)) others.push_back(first.gray);
+  return NoiseSpectrum::of(reference, std::move(others));
 }
 
 std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm) {
