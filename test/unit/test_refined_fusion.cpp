@@ -256,7 +256,7 @@ TEST(RefinedFusion, AveragesMoreWhereFramesAreResampled) {
     EXPECT_EQ(add(fusion, moved, is_known_before ? 0 : 2), "");
     return cv::mean(fusion.confidence())[0];
   };
-  EXPECT_LT(confidence(true), 0.97 * confidence(false));
+  EXPECT_LT(confidence(true), 0.98 * confidence(false));
 }
 
 TEST(RefinedFusion, LightsStaySmall) {

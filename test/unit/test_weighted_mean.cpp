@@ -102,7 +102,7 @@ TEST(WeightedMean, WeightsAreThePowersOfTheEvidence) {
       for (int k = 0; k < 4; ++k) {
         const int i = backwards ? 3 - k : k;
         add(mean, plain(values[i]), asTheyAre(), evidence[i], kWhole, i);
-        const double weight = std::pow(evidence[i].sharpness.at<float>(0), resampled ? 6 : 8) /
+        const double weight = std::pow(evidence[i].sharpness.at<float>(0), resampled ? 7 : 8) /
                               (evidence[i].squared_error.at<float>(0) + error_floor);
         sum += weight * values[i];
         sum_of_weights += weight;

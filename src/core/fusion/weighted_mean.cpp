@@ -36,7 +36,7 @@ constexpr int kSpan = 512;  // pixels worked on at a time: what they need stays 
 
 // What follows works on a span of one row, n <= kSpan pixels.
 
-// weight: sharpness^8, or sharpness^6 of resampled frames, in units of the sharpest frame's, this one
+// weight: sharpness^8, or sharpness^7 of resampled frames, in units of the sharpest frame's, this one
 // included; keep: what remains of older sums in these units.
 ALL_IN_FOCUS_SIMD void weighSharpness(const float* sharpness, bool resampled, int n, float* sharpest,
                                       float* keep, float* weight) {
@@ -44,7 +44,7 @@ ALL_IN_FOCUS_SIMD void weighSharpness(const float* sharpness, bool resampled, in
     const float less = std::min(sharpness[i], sharpest[i]), more = std::max(sharpness[i], sharpest[i]);
     const float share = std::max(less / more, kLeastShare);
     const float square = share * share, fourth = square * square;
-    const float power = fourth * (resampled ? square : fourth);
+    const float power = fourth * (resampled ? square * share : fourth);
     const bool sharper = sharpness[i] > sharpest[i];
     keep[i] = sharper ? power : 1;
     weight[i] = sharper ? 1 : power;

@@ -21,7 +21,7 @@ struct EvidenceRow {
 /// A frame weighs
 ///   sharpness^8 / (predicted squared error + noise variance):
 /// the inverse of the variance that is expected of it, times a softmax, the power, of what is seen. The power
-/// is 6 where frames are `resampled`: the errors of resampling look like detail, and a mean of more frames
+/// is 7 where frames are `resampled`: the errors of resampling look like detail, and a mean of more frames
 /// has less of them. As such powers overflow, weights are kept in units of the greatest sharpness so far.
 /// Each frame moves the mean by its share of all weights, so that no sum of colours is needed. The mean is
 /// rounded to 1/128 of a gray level: two bytes instead of the four of a float, and 16-bit arithmetic.
