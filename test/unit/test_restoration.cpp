@@ -401,7 +401,8 @@ TEST(ImageFormation, NearPixelsComeFirstAndSharesSumUpToOne) {
 }
 
 TEST(Contours, DoNotExplainTheFramesWhereTheyAreAPixelOff) {
-  CardBeforeWall card;  // a white one before a black wall
+  CardBeforeWall card;  // a white one before a black wall, little blurred
+  card.scene.optics.aperture = 5.6;
   card.front.convertTo(card.front, -1, 0.3, 0.7);
   card.wall.convertTo(card.wall, -1, 0.1);
   const double pitch = kFocalLength / kPixels;
@@ -414,8 +415,8 @@ TEST(Contours, DoNotExplainTheFramesWhereTheyAreAPixelOff) {
     const double focus = kSweep[kSweep.size() - 1 - i];  // far first
     equalize(card.frame(focus), 1, bracket.light, frame.codes);
     frame.seen = cv::Rect({}, kSize);
-    frame.blur = {1 / focus,
-                  kFocalLength * kFocalLength / (2 * kAperture * pitch) / (1 - kFocalLength / focus)};
+    frame.blur = {1 / focus, kFocalLength * kFocalLength / (2 * card.scene.optics.aperture * pitch) /
+                                 (1 - kFocalLength / focus)};
     bracket.px_mm = std::max(bracket.px_mm, frame.blur.px_mm);
   }
   const auto unexplained = [&](int shift) {

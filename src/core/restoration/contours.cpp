@@ -33,9 +33,10 @@ constexpr float kDarkest = 40;     // gray level; darker ones change by as much 
 constexpr float kColorStep = 288;  // squared gray levels, of jumps that cost little
 constexpr float kLeastJump = 0.05f;
 constexpr float kExplained = 0.4f;  // cost of what needs no nearer depth
-// A pixel beside a jump is doubtful if its depth costs as much as one and a half frames that nothing
-// explains. From three on, of at most four, it counts as unexplained.
-constexpr float kDoubtful = 1.5f * kMostCost, kUnexplained = 3 * kMostCost;
+// A pixel beside a jump is doubtful if its depth costs as much as two and a half frames that nothing
+// explains. From three on, of at most four, it counts as unexplained. Where less is unexplained, photographs
+// still gain.
+constexpr float kDoubtful = 2.5f * kMostCost, kUnexplained = 3 * kMostCost;
 constexpr int kBesidePx = 2;
 constexpr double kLeastCorrection = 0.5;  // gray levels; a smaller one does no harm
 
