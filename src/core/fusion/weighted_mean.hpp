@@ -59,7 +59,7 @@ class WeightedMean {
   std::array<std::int16_t, 256> lut_;  // in units of mean_
   bool plain_ = true;                  // the LUT changes nothing
   cv::Mat mean_;                       // CV_16SC3, 128 times the gray level (hard: of the heaviest frame)
-  cv::Mat sharpest_;                   // CV_32FC1: greatest sharpness; a weight of 1 is its power
+  cv::Mat sharpest_;                   // CV_32FC1: greatest sharpness; a weight of 1 is its 8th or 7th power
   cv::Mat weights_;                    // CV_32FC1: sums
   cv::Mat most_;                       // CV_32FC1: greatest weight; unused without choice_, as source_index_
   cv::Mat source_index_;
