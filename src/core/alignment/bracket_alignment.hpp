@@ -43,7 +43,8 @@ class BracketAlignment {
   /// that is not significant or not noticeable is none at all.
   Placement placement(int index, int reference) const;
 
-  /// Whether a frame observed so far, which fits the reference, has a motion from it.
+  /// Whether any frame observed so far has moved from the reference. Frames that show something else do not
+  /// count.
   bool moves(int reference) const;
 
   /// b of the lens, if known.

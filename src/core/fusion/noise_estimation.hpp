@@ -32,10 +32,11 @@ class NoiseSpectrum {
   /// tenths of a level. Blocks that are nearly black or white do not count: noise is cut off there. Levels
   /// with too few blocks are not measured.
   ///
-  /// others: frames of the same bracket. At each level the lowest of all frames and of the differences to the
-  /// picture, divided by the root of 2, counts. Texture that two frames show alike is no part of their
-  /// difference, noise is. Frames may differ in blur, motion and exposure: that only adds to the difference.
-  /// One that has too few blocks, as a black or white one, does not count, nor does a copy of the picture.
+  /// others: frames of the same bracket. At each level the lowest of these values counts: the noise of the
+  /// picture, that of each other frame, and that of its difference to the picture, divided by the root of 2.
+  /// Texture that two frames show alike is no part of their difference, noise is. Frames may differ in blur,
+  /// motion and exposure: that only adds to the difference. A frame with too few blocks, as a black or white
+  /// one, does not count, nor does a copy of the picture.
   /// gray, others: CV_8UC1 of one size, not empty.
   static NoiseSpectrum of(const cv::Mat& gray, std::vector<cv::Mat> others = {});
 

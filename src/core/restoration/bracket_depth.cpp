@@ -198,7 +198,7 @@ cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures
     for (int x = 0; x < inverse_depth.cols; ++x)
       inverse_depth(y, x) = levels.inverseDepth(lowest(volume.at(y, x), levels.count));
   });
-  if (bracket.measured.empty()) {
+  if (bracket.measured.empty()) {  // else measured depth knows the border better than the pixels inside do
     continueAtBorder(inverse_depth);
     return inverse_depth;
   }

@@ -34,8 +34,8 @@ constexpr float kColorStep = 288;  // squared gray levels, of jumps that cost li
 constexpr float kLeastJump = 0.05f;
 constexpr float kExplained = 0.4f;  // cost of what needs no nearer depth
 // A pixel beside a jump is doubtful if its depth costs as much as two and a half frames that nothing
-// explains. From three on, of at most four, it counts as unexplained. Where less is unexplained, photographs
-// still gain.
+// explains. From three on, of at most four, it counts as unexplained. At lower costs the correction of
+// photographs is still right more often than wrong.
 constexpr float kDoubtful = 2.5f * kMostCost, kUnexplained = 3 * kMostCost;
 constexpr int kBesidePx = 2;
 constexpr double kLeastCorrection = 0.5;  // gray levels; a smaller one does no harm
@@ -74,7 +74,8 @@ class Explanation {
     return {costOf(p, pixels.data(), count, 0, first), costOf(p, pixels.data(), count, 1, second)};
   }
 
-  // 1: well; 0: hardly at all, whatever the pixel's colour. Asked beside jumps, 1 elsewhere.
+  // How well a pixel's depth explains the frames, whatever the pixel's colour: 1 well, and wherever no jump
+  // is near; 0 hardly at all.
   float shareExplained(const cv::Point& p) const {
     const float own = inverse_depth_(p), other = acrossJump(p);
     if (other == own) return 1;
