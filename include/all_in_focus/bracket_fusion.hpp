@@ -58,10 +58,11 @@ struct RefinedConfig {
   bool exposure = true;    ///< match their exposure to that of the reference
   bool prediction = true;  ///< predict the blur from depth and optics (DefocusPrediction)
   DefocusConfig defocus;
-  bool scales = true;  ///< measure sharpness at every scale; false: at the finest only
-  bool noise = true;   ///< weigh by the measured noise, too
-  bool soft = true;    ///< weighted mean; false: the heaviest frame is copied
-  bool choice = true;  ///< record which frame each pixel comes from; false: takes less memory
+  bool scales = true;      ///< measure sharpness at every scale; false: at the finest only
+  bool brightness = true;  ///< of frames that look equally sharp, prefer the darker
+  bool noise = true;       ///< weigh by the measured noise, too
+  bool soft = true;        ///< weighted mean; false: the heaviest frame is copied
+  bool choice = true;      ///< record which frame each pixel comes from; false: takes less memory
 };
 
 /// How a bracket was fused.

@@ -50,6 +50,7 @@ RefinedConfig parseWithout(const std::string& names) {
                                                     {"edge-error", &config.defocus.edge_uncertainty},
                                                     {"hole-doubt", &config.defocus.hole_doubt},
                                                     {"scales", &config.scales},
+                                                    {"brightness", &config.brightness},
                                                     {"noise", &config.noise},
                                                     {"soft", &config.soft}};
   std::istringstream list(names);
@@ -259,7 +260,7 @@ int main(int argc, char** argv) {
       ("mode", text()->default_value("refined"), "paper, refined or restored")                           //
       ("without", text(),
        "ingredients of mode refined to leave out: alignment, exposure, prediction, edge-error, hole-doubt, "
-       "scales, noise, soft")  //
+       "scales, brightness, noise, soft")  //
       ("reference", text()->default_value("auto"),
        "frame whose geometry and exposure the result keeps; auto: the middle one")                          //
       ("save-registered", text(), "depth seen from the colour camera, holes filled, 16-bit PNG, mm")        //

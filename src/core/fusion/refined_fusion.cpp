@@ -107,6 +107,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     lights_ = clippedLights(gray);
     const bool resampled = config_.alignment && alignment_.moves(reference_);
     mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice, resampled});
+    brightness_.begin(noise_.deviation(), resampled);
     exposure_.setReference(frame);
   }
   const Placement placement = config_.alignment ? alignment_.placement(index, reference_) : Placement();
@@ -142,6 +143,7 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   if (focus_known_) gauge.predicted = predicted_;
   gauge.lights = lights_;
   sharpness_.begin(gray, gauge);
+  if (config_.brightness) brightness_.beginFrame(gray, lut);
   for (Strip& strip : strips_) sharpness_.begin(strip.sharpness);
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
@@ -156,7 +158,9 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
     Strip& strip = strips_[i];
     for (int y = rows.start; y < rows.end; ++y) {
       EvidenceRow evidence;
-      evidence.sharpness = sharpness_.row(y, strip.sharpness);
+      float* sharpness = sharpness_.row(y, strip.sharpness);
+      if (config_.brightness) brightness_.weigh(y, sharpness);
+      evidence.sharpness = sharpness;
       if (predicts_) evidence.squared_error = strip.squared_error.row(y, squared_error_);
       mean_.addRow(y, {seen.x, seen.br().x}, frame.image.ptr<std::uint8_t>(y), evidence);
     }

@@ -11,6 +11,7 @@
 #include "alignment/bracket_alignment.hpp"
 #include "alignment/reference_warp.hpp"
 #include "all_in_focus/bracket_fusion.hpp"
+#include "fusion/brightness_penalty.hpp"
 #include "fusion/defocus_prediction.hpp"
 #include "fusion/exposure_matching.hpp"
 #include "fusion/noise_estimation.hpp"
@@ -74,6 +75,7 @@ class RefinedFusion {
   ReferenceWarp warp_;
   ExposureMatching exposure_;
   SharpnessPyramid sharpness_;
+  BrightnessPenalty brightness_;
   DefocusPrediction prediction_;
   WeightedMean mean_;
   std::function<void(const AlignedFrame&)> taker_;

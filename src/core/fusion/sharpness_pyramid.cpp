@@ -245,7 +245,7 @@ void SharpnessPyramid::begin(Rows& rows) const {
   rows.out_.resize(gray_.cols);
 }
 
-const float* SharpnessPyramid::row(int y, Rows& rows) const {
+float* SharpnessPyramid::row(int y, Rows& rows) const {
   float* out = rows.out_.data();
   rows.window_.row(
       y, [this](int v, float* row) { laplacianRow<std::uint8_t>(gray_, v, 1, row); }, out);

@@ -67,7 +67,7 @@ class SharpnessPyramid {
 
   /// Row y of the product, > 0; valid until the next call with the same `rows`. Quickest top down. Products
   /// stay below 1e38 for frames of up to a gigapixel.
-  const float* row(int y, Rows& rows) const;
+  float* row(int y, Rows& rows) const;
 
   /// contrast s_l of the frame at gauge.texture_level, CV_32FC1; empty if there is no such level.
   cv::Mat texture() const { return texture_level_ < count_ ? texture_ : cv::Mat(); }
