@@ -19,6 +19,7 @@
 #include "restoration/image_formation.hpp"
 #include "restoration/inversion.hpp"
 #include "restoration/observed_bracket.hpp"
+#include "util/row_strips.hpp"
 
 namespace all_in_focus::core {
 namespace {
@@ -158,6 +159,25 @@ double noiseVariance(const std::vector<cv::Mat>& frames) {
     deviation = std::min(deviation, noiseDeviation(green));
   }
   return deviation * deviation;
+}
+
+// A channel of the fused picture that is this dark is not brightened, one this bright as the equations say;
+// gray levels.
+constexpr float kNeverBrightened = 20, kFreelyBrightened = 100;
+
+// Blur raises dark values by much and lowers bright ones by little, and the fused picture prefers dark
+// frames. So what it shows as dark is rarely too dark.
+void keepDark(const cv::Mat3b& fused, cv::Mat3f& correction) {
+  forEachRow(fused.rows, [&](int y) {
+    for (int x = 0; x < fused.cols; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        float& z = correction(y, x)[c];
+        const float brightness = static_cast<float>(fused(y, x)[c]);
+        const float share = (brightness - kNeverBrightened) / (kFreelyBrightened - kNeverBrightened);
+        if (z > 0) z *= std::clamp(share, 0.0f, 1.0f);
+      }
+    }
+  });
 }
 
 void addTo(cv::Mat& image, const cv::Mat3f& correction) {
@@ -314,6 +334,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     from += 0.3;
   }
   takeBackUnexplained(bracket, formation, inverse_depth, sum);
+  keepDark(given, sum);
   result.image = fused.clone();
   addTo(result.image, sum);
   result.depth = depthOf(inverse_depth, size_);
