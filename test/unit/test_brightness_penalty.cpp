@@ -3,7 +3,6 @@
 // The darker of two frames counts more, in the exposure of the reference and whatever noise does.
 #include <gtest/gtest.h>
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -12,15 +11,9 @@
 namespace all_in_focus::core {
 namespace {
 
-std::array<float, 256> codesTimes(float gain) {
-  std::array<float, 256> lut{};
-  for (int code = 0; code < 256; ++code) lut[code] = gain * static_cast<float>(code);
-  return lut;
-}
-
 // In the middle of a picture of 5 x 5 px.
-float penaltyOf(BrightnessPenalty& penalty, const cv::Mat& gray, float gain = 1) {
-  penalty.beginFrame(gray, codesTimes(gain));
+float penaltyOf(BrightnessPenalty& penalty, const cv::Mat& gray, double contrast = 1) {
+  penalty.beginFrame(gray, contrast);
   std::vector<float> sharpness(gray.cols, 1.0f);
   penalty.weigh(2, sharpness.data());
   return sharpness[2];

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
 #include <opencv2/core.hpp>
 
 namespace all_in_focus::core {
@@ -21,16 +20,16 @@ class BrightnessPenalty {
   /// noise: standard deviation, gray levels; resampled: frames of the bracket are.
   void begin(double noise, bool resampled);
 
-  /// gray: CV_8UC1, must outlive the rows; lut: gray levels in the exposure of the reference.
-  void beginFrame(const cv::Mat& gray, const std::array<float, 256>& lut);
+  /// gray: CV_8UC1, must outlive the rows; contrast: factor that brings its levels to the exposure of the
+  /// reference.
+  void beginFrame(const cv::Mat& gray, double contrast);
 
   /// Multiplies row y of the frame's sharpness by the penalty.
   void weigh(int y, float* sharpness) const;
 
  private:
-  double median_share_ = 0;
-  std::array<float, 256> penalty_{};
-  cv::Mat brightness_, median_;
+  float median_share_ = 0, contrast_ = 1;
+  cv::Mat gray_, median_;
 };
 
 }  // namespace all_in_focus::core

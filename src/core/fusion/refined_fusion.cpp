@@ -143,7 +143,7 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   if (focus_known_) gauge.predicted = predicted_;
   gauge.lights = lights_;
   sharpness_.begin(gray, gauge);
-  if (config_.brightness) brightness_.beginFrame(gray, lut);
+  if (config_.brightness) brightness_.beginFrame(gray, gauge.contrast);
   for (Strip& strip : strips_) sharpness_.begin(strip.sharpness);
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
