@@ -34,6 +34,7 @@ constexpr float kSmoothness = 0.1f;
 constexpr double kResidualSigma = 2;  // px
 constexpr float kRangeMargin = 2;     // gray levels
 constexpr float kGateFrom = 0.1f, kGateTo = 0.4f;
+constexpr double kChance = 0.3;  // of the variance of noise: less excess may be chance
 constexpr int kStripRows = 16;
 
 cv::Mat1b neighbourhood(const cv::Mat1b& mask, int reach) {
@@ -400,10 +401,11 @@ void limit(const ObservedBracket& bracket, cv::Mat3f& z) {
 }
 
 // By the share of the residual in excess of noise that z explains. taken: of z where it explains enough.
-void gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weight, float taken,
-          cv::Mat3f& z) {
+void gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weight, double noise_variance,
+          float taken, cv::Mat3f& z) {
+  const auto chance = static_cast<float>(kChance * noise_variance) + 1e-3f;
   forEachPixel(z.size(), [&](int y, int x) {
-    const float share = (before(y, x) - after(y, x)) / std::max(before(y, x), 1e-3f * weight(y, x) + 1e-9f);
+    const float share = (before(y, x) - after(y, x)) / std::max(before(y, x), chance * weight(y, x) + 1e-9f);
     z(y, x) *= taken * std::clamp((share - kGateFrom) / (kGateTo - kGateFrom), 0.0f, 1.0f);
   });
 }
@@ -443,7 +445,8 @@ std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
                                      [&](double done) { return proceed(0.4 + 0.5 * done); });
   if (!z) return z;
   limit(bracket, *z);
-  gate(excess, excessOf(equations, equations.toLight(*z), bracket.noise_variance), weight, config.taken, *z);
+  const cv::Mat1f left = excessOf(equations, equations.toLight(*z), bracket.noise_variance);
+  gate(excess, left, weight, bracket.noise_variance, config.taken, *z);
   forEachPixel(region.size(), [&](int y, int x) { (*z)(y, x) *= region(y, x); });
   return z;
 }
