@@ -44,12 +44,11 @@ cv::Mat3f texture(int seed, const cv::Size& size) {
   return light;
 }
 
-cv::Mat toCodes(const cv::Mat3f& light) {
+cv::Mat toCodes(const cv::Mat3f& light, const LightCurve& curve) {
   cv::Mat codes(light.size(), CV_8UC3);
   for (int y = 0; y < codes.rows; ++y) {
     for (int i = 0; i < 3 * codes.cols; ++i)
-      codes.ptr<std::uint8_t>(y)[i] =
-          static_cast<std::uint8_t>(LightCurve::get().code(light.ptr<float>(y)[i]) + 0.5f);
+      codes.ptr<std::uint8_t>(y)[i] = static_cast<std::uint8_t>(curve.code(light.ptr<float>(y)[i]) + 0.5f);
   }
   return codes;
 }
@@ -57,7 +56,9 @@ cv::Mat toCodes(const cv::Mat3f& light) {
 // A textured card before a textured wall, and what a lens makes of it: the wall is blurred, then the card
 // with the rim that its blur makes translucent is laid over it.
 struct CardBeforeWall {
-  explicit CardBeforeWall(const cv::Size& size = kSize, const cv::Rect& card = kCard) : card_at(card) {
+  explicit CardBeforeWall(const cv::Size& size = kSize, const cv::Rect& card = kCard,
+                          const LightCurve& of_camera = LightCurve::srgb())
+      : card_at(card), curve(of_camera) {
     wall = texture(1, size);
     front = texture(2, size);
     scene.optics = {kFocalLength, kAperture, 0.03};
@@ -79,7 +80,7 @@ struct CardBeforeWall {
     blurByDisc(mask, radius(kNearMm), covered);
     blurByDisc(front.mul(mask), radius(kNearMm), near_light);
     blurByDisc(wall, radius(kFarMm), far_light);
-    return toCodes(cv::Mat3f(near_light + far_light.mul(cv::Scalar::all(1) - covered)));
+    return toCodes(cv::Mat3f(near_light + far_light.mul(cv::Scalar::all(1) - covered)), curve);
   }
 
   // The best frame of each surface: what fusion can give without restoration.
@@ -96,6 +97,7 @@ struct CardBeforeWall {
   }
 
   cv::Rect card_at;
+  const LightCurve& curve;
   cv::Mat3f wall, front;
   cv::Mat truth;
   BracketScene scene;
@@ -152,6 +154,13 @@ TEST(Restoration, TakesTheBlurOffTheWallBesideTheCard) {
   const RestorationResult result = restored(card, card.scene);
   EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 5);
   EXPECT_TRUE(result.notes.empty());
+  EXPECT_NEAR(result.blur_scale, 1, 0.1);
+}
+
+TEST(Restoration, CodesMayBeInProportionToLight) {
+  const CardBeforeWall card(kSize, kCard, LightCurve::proportional());
+  const RestorationResult result = restored(card, card.scene);
+  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 5);
   EXPECT_NEAR(result.blur_scale, 1, 0.1);
 }
 
@@ -408,12 +417,12 @@ TEST(Contours, DoNotExplainTheFramesWhereTheyAreAPixelOff) {
   const double pitch = kFocalLength / kPixels;
   ObservedBracket bracket;
   bracket.fused = card.frame(0);
-  bracket.light = linearLight(bracket.fused);
+  bracket.light = linearLight(bracket.fused, *bracket.curve);
   bracket.frames.resize(kSweep.size());
   for (size_t i = 0; i < kSweep.size(); ++i) {
     ObservedFrame& frame = bracket.frames[i];
     const double focus = kSweep[kSweep.size() - 1 - i];  // far first
-    equalize(card.frame(focus), 1, bracket.light, frame.codes);
+    equalize(card.frame(focus), 1, bracket.light, *bracket.curve, frame.codes);
     frame.seen = cv::Rect({}, kSize);
     frame.blur = {1 / focus, kFocalLength * kFocalLength / (2 * card.scene.optics.aperture * pitch) /
                                  (1 - kFocalLength / focus)};

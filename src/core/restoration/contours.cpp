@@ -130,7 +130,7 @@ class Explanation {
   // the frames would contradict whatever the depth. So p has the colour that explains them best, by least
   // squares. color_deviation: how far that may be from the fused picture's.
   float costOf(const cv::Point& p, const FramePixel* pixels, int count, int i, float color_deviation) const {
-    const LightCurve& curve = LightCurve::get();
+    const LightCurve& curve = *bracket_.curve;
     std::array<float, 4> squared = {};
     float cost = 0;
     for (int c = 0; c < 3; ++c) {

@@ -8,7 +8,6 @@
 #include "restoration/observed_bracket.hpp"
 #include "util/row_strips.hpp"
 #include "util/simd.hpp"
-#include "util/srgb.hpp"
 
 namespace all_in_focus::core {
 namespace {
@@ -159,8 +158,7 @@ void blurByDisc(const cv::Mat& image, float radius, cv::Mat& out) {
   cv::filter2D(image, out, -1, kernel, {-1, -1}, 0, cv::BORDER_REFLECT_101);
 }
 
-BlurredPictures::BlurredPictures(const cv::Mat3f& light, double largest) {
-  const LightCurve& curve = LightCurve::get();
+BlurredPictures::BlurredPictures(const cv::Mat3f& light, const LightCurve& curve, double largest) {
   cv::Mat blurred;
   for (int i = 0;; ++i) {
     const float radius = radiusOf(i);

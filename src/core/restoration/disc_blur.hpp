@@ -8,6 +8,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "util/srgb.hpp"
+
 namespace all_in_focus::core {
 
 /// How far a frame is out of focus: radius of the blur disc, px, of a point at inverse depth w = 1 / depth,
@@ -59,8 +61,8 @@ void blurByDisc(const cv::Mat& image, float radius, cv::Mat& out);
 /// A sharp picture as it looks at every amount of defocus: blurred by discs of growing radius.
 class BlurredPictures {
  public:
-  /// light: linear light; largest: radius in px, cut at DiscKernels::kLargestPx.
-  BlurredPictures(const cv::Mat3f& light, double largest);
+  /// light: linear light; curve: of the camera; largest: radius in px, cut at DiscKernels::kLargestPx.
+  BlurredPictures(const cv::Mat3f& light, const LightCurve& curve, double largest);
 
   /// Codes times kCodeScale, of the radius nearest to this one.
   const cv::Mat3s& at(float radius) const;

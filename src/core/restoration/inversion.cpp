@@ -80,7 +80,7 @@ class Equations {
       : bracket_(bracket), solved_(solved), strips_({0, solved.rows}, std::max(1, solved.rows / kStripRows)) {
     cv::cvtColor(bracket.light, light_, cv::COLOR_BGR2BGRA);
     slopes_.create(solved.size());
-    const LightCurve& curve = LightCurve::get();
+    const LightCurve& curve = *bracket.curve;
     forEachPixel(solved.size(), [&](int y, int x) {
       for (int c = 0; c < 3; ++c) slopes_(y, x)[c] = 1 / curve.slope(bracket.fused(y, x)[c]);
     });
@@ -183,7 +183,7 @@ class Equations {
   // radius: of p's blur in that frame.
   void addRow(const cv::Point& p, const cv::Vec3s& seen, float radius,
               const std::vector<ImageFormation::Part>& parts, Strip& strip) const {
-    const LightCurve& curve = LightCurve::get();
+    const LightCurve& curve = *bracket_.curve;
     const std::ptrdiff_t stride = solved_.cols;
     const cv::Vec4f* light_here = &light_(p);
     const std::uint8_t* solved_here = &solved_(p);

@@ -18,12 +18,8 @@ constexpr double kExposureSigma = 20;  // px
 constexpr float kLeastRatio = 0.8f, kLargestRatio = 1.25f;
 constexpr float kDark = 1e-3f;  // light; keeps ratios of black pixels small
 
-cv::Mat3f wideMean(const cv::Mat3f& light) {
-  cv::Mat3f small;
-  cv::resize(light, small, {std::max(1, light.cols / kReduction), std::max(1, light.rows / kReduction)}, 0, 0,
-             cv::INTER_AREA);
-  cv::GaussianBlur(small, small, {}, kExposureSigma / kReduction, 0, cv::BORDER_REFLECT_101);
-  return small;
+cv::Size reduced(const cv::Size& size) {
+  return {std::max(1, size.width / kReduction), std::max(1, size.height / kReduction)};
 }
 
 }  // namespace
@@ -47,10 +43,28 @@ cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket) {
   return distance;
 }
 
-void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, cv::Mat3s& codes) {
-  const LightCurve& curve = LightCurve::get();
-  cv::Mat3f own = linearLight(frame);
-  own *= gain;
+cv::Mat wideMean(const cv::Mat& light) {
+  cv::Mat small;
+  cv::resize(light, small, reduced(light.size()), 0, 0, cv::INTER_AREA);
+  cv::GaussianBlur(small, small, {}, kExposureSigma / kReduction, 0, cv::BORDER_REFLECT_101);
+  return small;
+}
+
+cv::Rect validInWideMean(const cv::Rect& seen, const cv::Size& size) {
+  const int margin = static_cast<int>(2 * kExposureSigma) / kReduction + 1;
+  const cv::Size small = reduced(size);
+  const cv::Point first(seen.x > 0 ? seen.x / kReduction + margin : 0,
+                        seen.y > 0 ? seen.y / kReduction + margin : 0);
+  const cv::Point last(seen.br().x < size.width ? seen.br().x / kReduction - margin : small.width,
+                       seen.br().y < size.height ? seen.br().y / kReduction - margin : small.height);
+  if (first.x >= last.x || first.y >= last.y) return {};
+  return {first, last};
+}
+
+void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, const LightCurve& curve,
+              cv::Mat3s& codes) {
+  cv::Mat3f own = linearLight(frame, curve);
+  own *= curve.gainOf(gain);
   cv::Mat3f ratio = wideMean(own), wanted = wideMean(light);
   for (int y = 0; y < ratio.rows; ++y) {
     for (int x = 0; x < ratio.cols; ++x) {
@@ -71,8 +85,7 @@ void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, cv::Mat
   });
 }
 
-cv::Mat3f linearLight(const cv::Mat& picture) {
-  const LightCurve& curve = LightCurve::get();
+cv::Mat3f linearLight(const cv::Mat& picture, const LightCurve& curve) {
   cv::Mat3f light(picture.size());
   forEachRow(picture.rows, [&](int y) {
     const std::uint8_t* from = picture.ptr<std::uint8_t>(y);

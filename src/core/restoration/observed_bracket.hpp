@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "restoration/disc_blur.hpp"
+#include "util/srgb.hpp"
 
 namespace all_in_focus::core {
 
@@ -22,10 +23,11 @@ constexpr int kCodeScale = 16;
 /// A bracket, the picture it was fused to, and its depth. All have one size, one geometry and one exposure.
 struct ObservedBracket {
   cv::Mat3b fused;
-  cv::Mat3f light;                    ///< linear light of it, 0..1
-  std::vector<ObservedFrame> frames;  ///< by inverse depth of focus, far first
-  double noise_variance = 0;          ///< gray levels squared, of a channel
-  double prediction_variance = 0;     ///< the same of a prediction from the fused picture, which is blurred
+  const LightCurve* curve = &LightCurve::srgb();  ///< of the camera
+  cv::Mat3f light;                                ///< linear light of it, 0..1
+  std::vector<ObservedFrame> frames;              ///< by inverse depth of focus, far first
+  double noise_variance = 0;                      ///< gray levels squared, of a channel
+  double prediction_variance = 0;  ///< the same of a prediction from the fused picture, which is blurred
   cv::Mat1f measured;  ///< inverse depth (1 / depth, 1/mm) that a sensor measured, 0 = unknown; may be empty
   cv::Mat1f filled;    ///< the same with filled holes
   double px_mm = 0;    ///< the largest of the frames' FrameBlur::px_mm
@@ -43,10 +45,18 @@ cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap);
 cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket);
 
 /// Brings a frame to the local exposure of the fused picture, which vignetting and flickering light change:
-/// light times the ratio of the wide means of both, 0.8..1.25. frame: CV_8UC3; gain: in linear light.
-void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, cv::Mat3s& codes);
+/// light times the ratio of the wide means of both, 0.8..1.25. frame: CV_8UC3; gain: of sRGB's
+/// light.
+void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, const LightCurve& curve,
+              cv::Mat3s& codes);
+
+/// Means over 20 px, of a picture reduced to an eighth.
+cv::Mat wideMean(const cv::Mat& light);
+
+/// Pixels of wideMean() of a picture of that size that no pixel outside `seen` reaches; may be empty.
+cv::Rect validInWideMean(const cv::Rect& seen, const cv::Size& size);
 
 /// Linear light of 8-bit codes.
-cv::Mat3f linearLight(const cv::Mat& picture);
+cv::Mat3f linearLight(const cv::Mat& picture, const LightCurve& curve);
 
 }  // namespace all_in_focus::core

@@ -15,6 +15,7 @@
 #include "fusion/noise_estimation.hpp"
 #include "restoration/blur_scale.hpp"
 #include "restoration/bracket_depth.hpp"
+#include "restoration/camera_curve.hpp"
 #include "restoration/contours.hpp"
 #include "restoration/image_formation.hpp"
 #include "restoration/inversion.hpp"
@@ -251,12 +252,18 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   // 1. All pictures in one size and one exposure.
   ObservedBracket bracket;
   bracket.fused = downsampled(fused, working_size_);
-  bracket.light = linearLight(bracket.fused);
   std::vector<cv::Mat> images;
+  std::vector<cv::Rect> seen;
+  for (const HeldFrame& held : held_) {
+    images.push_back(held.image);
+    seen.push_back(held.seen);
+  }
+  bracket.curve = &cameraCurve(bracket.fused, images, seen);
+  bracket.light = linearLight(bracket.fused, *bracket.curve);
   bracket.frames.resize(held_.size());
   cv::parallel_for_({0, static_cast<int>(held_.size())}, [&](const cv::Range& range) {
     for (int k = range.start; k < range.end; ++k)
-      equalize(held_[k].image, held_[k].gain, bracket.light, bracket.frames[k].codes);
+      equalize(held_[k].image, held_[k].gain, bracket.light, *bracket.curve, bracket.frames[k].codes);
   });
   for (size_t k = 0; k < held_.size(); ++k) {
     const HeldFrame& held = held_[k];
@@ -264,7 +271,6 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     frame.seen = held.seen;
     frame.blur = blurOf(scene_, held.inverse_depth, working_size_.width);
     bracket.px_mm = std::max(bracket.px_mm, frame.blur.px_mm);
-    images.push_back(held.image);
   }
   bracket.noise_variance = noiseVariance(images);
   const bool has_depth = !scene_.depth.empty();
@@ -282,8 +288,8 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
 
   // 2. The fused picture at every amount of blur; whether the optics predict the right one, and how well.
   RestorationResult result;
-  auto pictures =
-      std::make_unique<BlurredPictures>(bracket.light, kLargestCorrection * largestRadius(bracket, range));
+  auto pictures = std::make_unique<BlurredPictures>(bracket.light, *bracket.curve,
+                                                    kLargestCorrection * largestRadius(bracket, range));
   if (!proceed(0.2)) return std::nullopt;
   const BlurScale found = has_depth ? measureBlurScale(bracket, *pictures) : BlurScale();
   result.blur_scale = found.scale;
@@ -330,7 +336,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     sum += *z;
     bracket.fused = given.clone();
     addTo(bracket.fused, sum);
-    bracket.light = linearLight(bracket.fused);
+    bracket.light = linearLight(bracket.fused, *bracket.curve);
     from += 0.3;
   }
   takeBackUnexplained(bracket, formation, inverse_depth, sum);

@@ -11,6 +11,12 @@ namespace {
 
 constexpr double kLinearLight = 0.0031308;  // up to there the curve is a straight line
 constexpr double kLinearSlope = 12.92;
+constexpr double kMiddleGray = 128;
+
+// d code / d light
+double srgbSlope(double light) {
+  return 255 * (light <= kLinearLight ? kLinearSlope : 1.055 / 2.4 * std::pow(light, 1 / 2.4 - 1));
+}
 
 }  // namespace
 
@@ -23,20 +29,29 @@ double lightOf(double code) {
   return v <= kLinearSlope * kLinearLight ? v / kLinearSlope : std::pow((v + 0.055) / 1.055, 2.4);
 }
 
-LightCurve::LightCurve() {
+LightCurve::LightCurve(Function light_of, Function code_of, Function slope_at) : light_of_(light_of) {
   for (int code = 0; code < 256; ++code) {
-    const double light = lightOf(code);
+    const double light = light_of(code);
     light_[code] = static_cast<float>(light);
-    slope_[code] = static_cast<float>(
-        255 * (light <= kLinearLight ? kLinearSlope : 1.055 / 2.4 * std::pow(light, 1 / 2.4 - 1)));
+    slope_[code] = static_cast<float>(slope_at(light));
   }
   for (int i = 0; i <= kSteps + 1; ++i)
-    code_[i] = static_cast<float>(codeOf(std::min(1.0, static_cast<double>(i) / kSteps)));
+    code_[i] = static_cast<float>(code_of(std::min(1.0, static_cast<double>(i) / kSteps)));
 }
 
-const LightCurve& LightCurve::get() {
-  static const LightCurve curve;
+const LightCurve& LightCurve::srgb() {
+  static const LightCurve curve(lightOf, codeOf, srgbSlope);
   return curve;
+}
+
+const LightCurve& LightCurve::proportional() {
+  static const LightCurve curve([](double code) { return code / 255; },
+                                [](double light) { return 255 * light; }, [](double) { return 255.0; });
+  return curve;
+}
+
+double LightCurve::gainOf(double srgb_gain) const {
+  return light_of_(codeOf(srgb_gain * lightOf(kMiddleGray))) / light_of_(kMiddleGray);
 }
 
 }  // namespace all_in_focus::core

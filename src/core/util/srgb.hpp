@@ -10,10 +10,14 @@ namespace all_in_focus::core {
 double lightOf(double code);
 double codeOf(double light);
 
-/// The same from tables.
+/// 8-bit codes and the linear light (0..1) that they stand for, from tables.
 class LightCurve {
  public:
-  static const LightCurve& get();
+  static const LightCurve& srgb();
+
+  /// Codes in proportion to light: of many machine-vision cameras, and of pictures that software blurred
+  /// without regard to light.
+  static const LightCurve& proportional();
 
   float light(int code) const { return light_[code]; }
 
@@ -27,10 +31,15 @@ class LightCurve {
   /// d code / d light at a code.
   float slope(float code) const { return slope_[static_cast<int>(code + 0.5f)]; }
 
+  /// The gain that does to middle gray what a gain of sRGB's light does to it.
+  double gainOf(double srgb_gain) const;
+
  private:
-  LightCurve();
+  using Function = double (*)(double);
+  LightCurve(Function light_of, Function code_of, Function slope_at);
 
   static constexpr int kSteps = 4096;
+  Function light_of_;
   std::array<float, 256> light_, slope_;
   std::array<float, kSteps + 2> code_;
 };
