@@ -81,8 +81,11 @@ MILD = {
     "slope_24mm": "--scene slope --frames 8 --optics 24,2,0.03 --seed 20",                           # 10
 }
 
+# A machine-vision camera without gamma: codes in proportion to light.
+LINEAR = {name + "_linear": options + " --linear" for name, options in MILD.items()}
+
 SUITES = {"small": SMALL, "large": LARGE, "enlarged": ENLARGED, "noisy": NOISY, "thin_and_mild": THIN_AND_MILD,
-          "mild": MILD}
+          "mild": MILD, "linear": LINEAR}
 
 
 def generate(folder, suites=("small",)):

@@ -500,6 +500,15 @@ def test_program_writes_a_complete_scene_and_repeats_itself(tmp_path):
     assert len(os.listdir(tmp_path / "a" / "stack")) == 2
 
 
+def test_linear_codes_are_in_proportion_to_light(tmp_path):
+    options = ["--scene", "planes", "--frames", 2, "--size", "64x48"]
+    assert make_scene("--output", tmp_path / "srgb", *options).returncode == 0
+    assert make_scene("--output", tmp_path / "linear", "--linear", *options).returncode == 0
+    for name in ("truth.png", "stack/000.png"):
+        srgb, linear = (cv2.imread(str(tmp_path / curve / name)) for curve in ("srgb", "linear"))
+        assert np.abs(255 * imaging.srgb_to_linear(srgb) - linear).max() < 2
+
+
 def test_enlarged_scene_is_the_small_one(tmp_path):
     options = ["--scene", "planes", "--frames", 2, "--size", "64x48", "--noise", 2, "--sag", "1,1,1"]
     assert make_scene("--output", tmp_path / "small", *options).returncode == 0

@@ -233,11 +233,15 @@ def render_frame(scene, optics, s, matrix=np.eye(2, 3)):
     return warp(light, matrix)[offset[1]:offset[1] + camera.height, offset[0]:offset[0] + camera.width]
 
 
-def expose(light, rng=None, gain=1.0, noise=0.0):
-    """Linear light -> 8-bit picture, with a gain in linear light and gaussian noise in 8-bit units."""
+def expose(light, rng=None, gain=1.0, noise=0.0, linear=False):
+    """Linear light -> 8-bit picture, with a gain in linear light and gaussian noise in 8-bit units.
+
+    linear: codes in proportion to light instead of sRGB.
+    """
     image = np.empty(light.shape, np.uint8)
     for row in range(0, len(light), NOISE_ROWS):
-        code = linear_to_srgb(light[row:row + NOISE_ROWS] * np.float32(gain))
+        gained = light[row:row + NOISE_ROWS] * np.float32(gain)
+        code = 255 * np.minimum(gained, 1) if linear else linear_to_srgb(gained)
         if noise > 0:
             code = code + rng.normal(0, noise, code.shape)
         image[row:row + NOISE_ROWS] = np.clip(np.rint(code), 0, 255)
@@ -254,8 +258,11 @@ class Disturbance:
     sag: Sag = Sag()
 
 
-def render_bracket(scene, optics, distances, disturbance=Disturbance(), seed=0):
-    """Yield the 8-bit frames of a bracket, one per focus distance; frame N // 2 stays in place and keeps gain 1."""
+def render_bracket(scene, optics, distances, disturbance=Disturbance(), seed=0, linear=False):
+    """Yield the 8-bit frames of a bracket, one per focus distance; frame N // 2 stays in place and keeps gain 1.
+
+    linear: see expose().
+    """
     rng = np.random.default_rng([seed, 1])
     reference, camera = len(distances) // 2, scene.rig.color
     gains = np.exp(rng.normal(0, disturbance.exposure_jitter, len(distances)))
@@ -265,4 +272,4 @@ def render_bracket(scene, optics, distances, disturbance=Disturbance(), seed=0):
         light = render_frame(scene, optics, s, matrix)
         if disturbance.vignetting > 0:
             light *= vignette(camera, disturbance.vignetting, optics.focal_length_mm, s, distances[reference])[..., None]
-        yield expose(light, rng, gain, disturbance.noise)
+        yield expose(light, rng, gain, disturbance.noise, linear)
