@@ -102,6 +102,7 @@ struct AlignedFrame {
   double gain = 1;  ///< in linear light (sRGB), to the exposure of the reference
   int index = 0;
   double focus_mm = 0;  ///< NaN = unknown, may be infinite
+  bool linear = false;  ///< the bracket's codes are in proportion to light, not sRGB
 };
 
 class RefinedFusion;

@@ -64,7 +64,7 @@ class BracketRestoration {
   BracketScene scene_;
   cv::Size size_;          // of the frames; empty before the first
   cv::Size working_size_;  // of those held
-  bool focus_unknown_ = false;
+  bool focus_unknown_ = false, linear_ = false;
   std::vector<HeldFrame> held_;  // by inverse depth
 };
 

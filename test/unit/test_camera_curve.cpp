@@ -7,71 +7,59 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "restoration/camera_curve.hpp"
+#include "fusion/camera_curve.hpp"
+#include "util/srgb.hpp"
 
 namespace all_in_focus::core {
 namespace {
 
-const cv::Size kSize(320, 240);
-const cv::Rect kAll({}, kSize);
-
-// Black and white squares of light, with a dim right half.
-cv::Mat3f checkerboard() {
-  cv::Mat3f light(kSize);
+// Squares of light, dim in the right half.
+cv::Mat1f checkerboard(const cv::Size& size, int square) {
+  cv::Mat1f light(size);
   for (int y = 0; y < light.rows; ++y) {
     for (int x = 0; x < light.cols; ++x) {
-      const float white = x < light.cols / 2 ? 0.9f : 0.3f;
-      light(y, x) = cv::Vec3f::all((x / 4 + y / 4) % 2 > 0 ? white : 0.02f);
+      const float bright = x < light.cols / 2 ? 0.9f : 0.3f;
+      light(y, x) = (x / square + y / square) % 2 > 0 ? bright : 0.02f;
     }
   }
   return light;
 }
 
-cv::Mat3b shown(const cv::Mat3f& light, const LightCurve& curve) {
-  cv::Mat3b codes(light.size());
+cv::Mat shown(const cv::Mat1f& light, const LightCurve& curve) {
+  cv::Mat gray(light.size(), CV_8UC1);
   for (int y = 0; y < light.rows; ++y) {
-    for (int x = 0; x < light.cols; ++x) {
-      for (int c = 0; c < 3; ++c)
-        codes(y, x)[c] = static_cast<std::uint8_t>(curve.code(light(y, x)[c]) + 0.5f);
-    }
+    for (int x = 0; x < light.cols; ++x)
+      gray.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(curve.code(light(y, x)) + 0.5f);
   }
-  return codes;
+  return gray;
 }
 
-// A bracket of which each frame shows half of the scene blurred.
-std::vector<cv::Mat> halfBlurred(const LightCurve& curve) {
-  std::vector<cv::Mat> frames;
-  for (const int x : {0, kSize.width / 2}) {
-    cv::Mat3f light = checkerboard(), blurred;
-    cv::GaussianBlur(light, blurred, {}, 4);
-    const cv::Rect half(x, 0, kSize.width / 2, kSize.height);
-    blurred(half).copyTo(light(half));
-    frames.push_back(shown(light, curve));
-  }
-  return frames;
+// Shows the right half out of focus.
+cv::Mat halfBlurred(const cv::Mat1f& light, double sigma, const LightCurve& curve) {
+  cv::Mat1f blurred, half = light.clone();
+  cv::GaussianBlur(light, blurred, {}, sigma);
+  const cv::Rect right(light.cols / 2, 0, light.cols / 2, light.rows);
+  blurred(right).copyTo(half(right));
+  return shown(half, curve);
 }
 
 TEST(CameraCurve, IsTheOneThatKeepsTheSumOfLight) {
-  for (const LightCurve* curve : {&LightCurve::srgb(), &LightCurve::proportional()})
-    EXPECT_EQ(&cameraCurve(shown(checkerboard(), *curve), halfBlurred(*curve), {kAll, kAll}), curve);
+  for (const int scale : {1, 9}) {  // of a small picture and of a large one
+    const cv::Mat1f light = checkerboard(cv::Size(320, 240) * scale, 4 * scale);
+    for (const LightCurve* curve : {&LightCurve::srgb(), &LightCurve::linear()})
+      EXPECT_EQ(hasLinearCodes(shown(light, *curve), {halfBlurred(light, 4 * scale, *curve)}),
+                curve == &LightCurve::linear())
+          << scale;
+  }
 }
 
 TEST(CameraCurve, IsSrgbWhereNothingTells) {
-  const cv::Mat flat(kSize, CV_8UC3, cv::Scalar::all(90));
-  EXPECT_EQ(&cameraCurve(flat, {flat, flat}, {kAll, kAll}), &LightCurve::srgb());
-  EXPECT_EQ(&cameraCurve(flat, {flat}, {cv::Rect(0, 0, 20, 20)}), &LightCurve::srgb());  // too little is seen
-}
-
-TEST(CameraCurve, PixelsThatAFrameDoesNotShowDoNotCount) {
-  const LightCurve& curve = LightCurve::proportional();
-  std::vector<cv::Mat> frames = halfBlurred(curve);
-  const cv::Rect seen(20, 20, kSize.width - 40, kSize.height - 40);
-  for (cv::Mat& frame : frames) {
-    cv::Mat framed(kSize, CV_8UC3, cv::Scalar::all(0));
-    frame(seen).copyTo(framed(seen));
-    frame = framed;
-  }
-  EXPECT_EQ(&cameraCurve(shown(checkerboard(), curve), frames, {seen, seen}), &curve);
+  const cv::Mat flat(240, 320, CV_8UC1, cv::Scalar(90));
+  EXPECT_FALSE(hasLinearCodes(flat, {flat, flat}));
+  EXPECT_FALSE(hasLinearCodes(flat, {}));
+  const cv::Mat1f tiny = checkerboard({40, 30}, 4);
+  const LightCurve& linear = LightCurve::linear();
+  EXPECT_FALSE(hasLinearCodes(shown(tiny, linear), {halfBlurred(tiny, 4, linear)}));
 }
 
 }  // namespace

@@ -92,7 +92,8 @@ struct CardBeforeWall {
 
   void addTo(BracketRestoration& restoration, const std::vector<double>& sweep = kSweep) const {
     for (size_t i = 0; i < sweep.size(); ++i) {
-      restoration.add({frame(sweep[i]), cv::Rect({}, wall.size()), 1, static_cast<int>(i), sweep[i]});
+      restoration.add({frame(sweep[i]), cv::Rect({}, wall.size()), 1, static_cast<int>(i), sweep[i],
+                       &curve == &LightCurve::linear()});
     }
   }
 
@@ -158,7 +159,7 @@ TEST(Restoration, TakesTheBlurOffTheWallBesideTheCard) {
 }
 
 TEST(Restoration, CodesMayBeInProportionToLight) {
-  const CardBeforeWall card(kSize, kCard, LightCurve::proportional());
+  const CardBeforeWall card(kSize, kCard, LightCurve::linear());
   const RestorationResult result = restored(card, card.scene);
   EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 5);
   EXPECT_NEAR(result.blur_scale, 1, 0.1);

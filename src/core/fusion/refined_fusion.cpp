@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "fusion/camera_curve.hpp"
 #include "fusion/clipped_lights.hpp"
 #include "util/row_strips.hpp"
 
@@ -51,6 +52,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
   lights_.release();
   focus_known_ = false;
   noise_ = {};
+  linear_ = false;
   held_.clear();
   predicts_ = config.prediction && !scene.depth.empty() && pixel_pitch_mm > 0;
   if (predicts_) {
@@ -71,7 +73,7 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
   }
   focus_known_ = focus_known_ || !std::isnan(focus_mm);
   if (config_.alignment) alignment_.observe(gray, index, focus_mm);
-  if (!config_.noise || reference_ >= 0) return;
+  if (reference_ >= 0) return;
   if (!held_.empty() && !areApart(index, held_.front().index)) return;
   const bool is_full = held_.size() == kMostHeld;
   if (!is_full) held_.emplace_back();
@@ -81,14 +83,16 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
   gray.copyTo(held_.front().gray);
 }
 
+// Not where it shows another scene, or is a copy of the reference.
+bool RefinedFusion::isComparable(const HeldFrame& held, const cv::Mat& reference) const {
+  return areApart(reference_, held.index) && cv::norm(held.gray, reference, cv::NORM_INF) > 0 &&
+         (!config_.alignment || alignment_.placement(held.index, reference_).fits);
+}
+
 // The noise of the reference, measured against two earlier frames; the lower value counts. One is the
-// nearest, which differs least in blur and motion, the other is the first. A frame that shows another scene,
-// or a copy of the reference, does not count.
+// nearest, which differs least in blur and motion, the other is the first.
 NoiseSpectrum RefinedFusion::noiseOf(const cv::Mat& reference) const {
-  const auto fits = [&](const HeldFrame& held) {
-    return areApart(reference_, held.index) && cv::norm(held.gray, reference, cv::NORM_INF) > 0 &&
-           (!config_.alignment || alignment_.placement(held.index, reference_).fits);
-  };
+  const auto fits = [&](const HeldFrame& held) { return isComparable(held, reference); };
   const auto nearest = std::find_if(held_.begin(), held_.end(), fits);
   if (nearest == held_.end()) return NoiseSpectrum::of(reference);
   std::vector<cv::Mat> others = {nearest->gray};
@@ -97,12 +101,21 @@ NoiseSpectrum RefinedFusion::noiseOf(const cv::Mat& reference) const {
   return NoiseSpectrum::of(reference, std::move(others));
 }
 
+bool RefinedFusion::isLinear(const cv::Mat& reference) const {
+  std::vector<cv::Mat> others;
+  for (const HeldFrame& held : held_) {
+    if (isComparable(held, reference)) others.push_back(held.gray);
+  }
+  return hasLinearCodes(reference, others);
+}
+
 std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm) {
   if (!config_.alignment || !alignment_.hasObserved(index)) observe(gray, index, focus_mm);
   const bool is_reference = reference_ < 0;
   if (is_reference) {
     reference_ = index;
     if (config_.noise) noise_ = noiseOf(gray);
+    linear_ = isLinear(gray);
     held_.clear();
     lights_ = clippedLights(gray);
     const bool resampled = config_.alignment && alignment_.moves(reference_);
@@ -124,7 +137,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   }
   const cv::Mat& in_place = placement.isIdentity() ? frame : aligned_;
   const double gain = config_.exposure && !is_reference ? exposure_.gain(in_place) : 1;
-  const AlignedFrame aligned{in_place, inside, gain, index, focus_mm};
+  const AlignedFrame aligned{in_place, inside, gain, index, focus_mm, linear_};
   if (taker_) taker_(aligned);
   addAligned(aligned, placement.isIdentity() ? gray : aligned_gray_, !placement.isIdentity());
   return "";
@@ -143,7 +156,8 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   if (focus_known_) gauge.predicted = predicted_;
   gauge.lights = lights_;
   sharpness_.begin(gray, gauge);
-  if (config_.brightness) brightness_.beginFrame(gray, gauge.contrast);
+  const bool prefers_dark = config_.brightness && !linear_;
+  if (prefers_dark) brightness_.beginFrame(gray, gauge.contrast);
   for (Strip& strip : strips_) sharpness_.begin(strip.sharpness);
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
@@ -159,7 +173,7 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
     for (int y = rows.start; y < rows.end; ++y) {
       EvidenceRow evidence;
       float* sharpness = sharpness_.row(y, strip.sharpness);
-      if (config_.brightness) brightness_.weigh(y, sharpness);
+      if (prefers_dark) brightness_.weigh(y, sharpness);
       evidence.sharpness = sharpness;
       if (predicts_) evidence.squared_error = strip.squared_error.row(y, squared_error_);
       mean_.addRow(y, {seen.x, seen.br().x}, frame.image.ptr<std::uint8_t>(y), evidence);

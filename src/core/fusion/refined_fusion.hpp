@@ -54,7 +54,9 @@ class RefinedFusion {
     int index;
     cv::Mat gray;
   };
+  bool isComparable(const HeldFrame& held, const cv::Mat& reference) const;
   NoiseSpectrum noiseOf(const cv::Mat& reference) const;
+  bool isLinear(const cv::Mat& reference) const;
 
   struct Strip {  ///< of the frame being added; each thread works at one
     SharpnessPyramid::Rows sharpness;
@@ -70,7 +72,8 @@ class RefinedFusion {
   cv::Mat predicted_, lights_;   // CV_8UC1, see SharpnessPyramid::Gauge
   std::vector<HeldFrame> held_;  // until the reference comes: the latest first, the first frame last
   NoiseSpectrum noise_;
-  int reference_ = -1;  // index; -1: none yet
+  bool linear_ = false;  // codes are in proportion to light
+  int reference_ = -1;   // index; -1: none yet
   BracketAlignment alignment_;
   ReferenceWarp warp_;
   ExposureMatching exposure_;

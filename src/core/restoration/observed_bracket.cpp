@@ -18,8 +18,12 @@ constexpr double kExposureSigma = 20;  // px
 constexpr float kLeastRatio = 0.8f, kLargestRatio = 1.25f;
 constexpr float kDark = 1e-3f;  // light; keeps ratios of black pixels small
 
-cv::Size reduced(const cv::Size& size) {
-  return {std::max(1, size.width / kReduction), std::max(1, size.height / kReduction)};
+cv::Mat3f wideMean(const cv::Mat3f& light) {
+  cv::Mat3f small;
+  cv::resize(light, small, {std::max(1, light.cols / kReduction), std::max(1, light.rows / kReduction)}, 0, 0,
+             cv::INTER_AREA);
+  cv::GaussianBlur(small, small, {}, kExposureSigma / kReduction, 0, cv::BORDER_REFLECT_101);
+  return small;
 }
 
 }  // namespace
@@ -41,24 +45,6 @@ cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket) {
   cv::Mat1f distance;
   cv::distanceTransform(255 - doubt, distance, cv::DIST_L2, 3);
   return distance;
-}
-
-cv::Mat wideMean(const cv::Mat& light) {
-  cv::Mat small;
-  cv::resize(light, small, reduced(light.size()), 0, 0, cv::INTER_AREA);
-  cv::GaussianBlur(small, small, {}, kExposureSigma / kReduction, 0, cv::BORDER_REFLECT_101);
-  return small;
-}
-
-cv::Rect validInWideMean(const cv::Rect& seen, const cv::Size& size) {
-  const int margin = static_cast<int>(2 * kExposureSigma) / kReduction + 1;
-  const cv::Size small = reduced(size);
-  const cv::Point first(seen.x > 0 ? seen.x / kReduction + margin : 0,
-                        seen.y > 0 ? seen.y / kReduction + margin : 0);
-  const cv::Point last(seen.br().x < size.width ? seen.br().x / kReduction - margin : small.width,
-                       seen.br().y < size.height ? seen.br().y / kReduction - margin : small.height);
-  if (first.x >= last.x || first.y >= last.y) return {};
-  return {first, last};
 }
 
 void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, const LightCurve& curve,

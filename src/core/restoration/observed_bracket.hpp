@@ -45,16 +45,10 @@ cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap);
 cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket);
 
 /// Brings a frame to the local exposure of the fused picture, which vignetting and flickering light change:
-/// light times the ratio of the wide means of both, 0.8..1.25. frame: CV_8UC3; gain: of sRGB's
-/// light.
+/// light times the ratio of the wide means of both, 0.8..1.25. frame: CV_8UC3; gain: of the
+/// light that sRGB stands for.
 void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, const LightCurve& curve,
               cv::Mat3s& codes);
-
-/// Means over 20 px, of a picture reduced to an eighth.
-cv::Mat wideMean(const cv::Mat& light);
-
-/// Pixels of wideMean() of a picture of that size that no pixel outside `seen` reaches; may be empty.
-cv::Rect validInWideMean(const cv::Rect& seen, const cv::Size& size);
 
 /// Linear light of 8-bit codes.
 cv::Mat3f linearLight(const cv::Mat& picture, const LightCurve& curve);

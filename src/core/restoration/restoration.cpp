@@ -15,7 +15,6 @@
 #include "fusion/noise_estimation.hpp"
 #include "restoration/blur_scale.hpp"
 #include "restoration/bracket_depth.hpp"
-#include "restoration/camera_curve.hpp"
 #include "restoration/contours.hpp"
 #include "restoration/image_formation.hpp"
 #include "restoration/inversion.hpp"
@@ -167,7 +166,7 @@ double noiseVariance(const std::vector<cv::Mat>& frames) {
 constexpr float kNeverBrightened = 20, kFreelyBrightened = 100;
 
 // Blur raises dark values by much and lowers bright ones by little, and the fused picture prefers dark
-// frames. So what it shows as dark is rarely too dark.
+// frames. So what it shows as dark is rarely too dark. Neither holds where codes are in proportion to light.
 void keepDark(const cv::Mat3b& fused, cv::Mat3f& correction) {
   forEachRow(fused.rows, [&](int y) {
     for (int x = 0; x < fused.cols; ++x) {
@@ -195,7 +194,7 @@ void BracketRestoration::begin(const BracketScene& scene) {
   if (scene.camera) validate(*scene.camera, "colour camera");
   scene_ = scene;
   size_ = working_size_ = {};
-  focus_unknown_ = false;
+  focus_unknown_ = linear_ = false;
   held_.clear();
 }
 
@@ -211,6 +210,7 @@ void BracketRestoration::add(const AlignedFrame& frame) {
   held.seen = downsampled(frame.seen, size_, working_size_);
   held.gain = frame.gain;
   held.inverse_depth = 1 / frame.focus_mm;
+  linear_ = frame.linear;
   const auto place = std::upper_bound(
       held_.begin(), held_.end(), held,
       [](const HeldFrame& a, const HeldFrame& b) { return a.inverse_depth < b.inverse_depth; });
@@ -252,14 +252,9 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   // 1. All pictures in one size and one exposure.
   ObservedBracket bracket;
   bracket.fused = downsampled(fused, working_size_);
-  std::vector<cv::Mat> images;
-  std::vector<cv::Rect> seen;
-  for (const HeldFrame& held : held_) {
-    images.push_back(held.image);
-    seen.push_back(held.seen);
-  }
-  bracket.curve = &cameraCurve(bracket.fused, images, seen);
+  bracket.curve = linear_ ? &LightCurve::linear() : &LightCurve::srgb();
   bracket.light = linearLight(bracket.fused, *bracket.curve);
+  std::vector<cv::Mat> images;
   bracket.frames.resize(held_.size());
   cv::parallel_for_({0, static_cast<int>(held_.size())}, [&](const cv::Range& range) {
     for (int k = range.start; k < range.end; ++k)
@@ -271,6 +266,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     frame.seen = held.seen;
     frame.blur = blurOf(scene_, held.inverse_depth, working_size_.width);
     bracket.px_mm = std::max(bracket.px_mm, frame.blur.px_mm);
+    images.push_back(held.image);
   }
   bracket.noise_variance = noiseVariance(images);
   const bool has_depth = !scene_.depth.empty();
@@ -340,7 +336,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     from += 0.3;
   }
   takeBackUnexplained(bracket, formation, inverse_depth, sum);
-  keepDark(given, sum);
+  if (!linear_) keepDark(given, sum);
   result.image = fused.clone();
   addTo(result.image, sum);
   result.depth = depthOf(inverse_depth, size_);

@@ -44,7 +44,7 @@ const LightCurve& LightCurve::srgb() {
   return curve;
 }
 
-const LightCurve& LightCurve::proportional() {
+const LightCurve& LightCurve::linear() {
   static const LightCurve curve([](double code) { return code / 255; },
                                 [](double light) { return 255 * light; }, [](double) { return 255.0; });
   return curve;

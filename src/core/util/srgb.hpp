@@ -17,7 +17,7 @@ class LightCurve {
 
   /// Codes in proportion to light: of many machine-vision cameras, and of pictures that software blurred
   /// without regard to light.
-  static const LightCurve& proportional();
+  static const LightCurve& linear();
 
   float light(int code) const { return light_[code]; }
 
