@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <opencv2/imgproc.hpp>
 
 #include "util/srgb.hpp"
@@ -43,14 +44,24 @@ cv::Mat1f wideCodes(const cv::Mat& gray, const LightCurve& curve) {
   return codes;
 }
 
-// Sum over the others: mean absolute deviation of their ratio to the reference from its mean.
+float median(std::vector<float>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Sum over the others: median deviation of their ratio to the reference from its median. Clipped lights,
+// occlusions and what moved change some places by much, with any curve.
 double difference(const cv::Mat& reference, const std::vector<cv::Mat>& others, const LightCurve& curve) {
   const cv::Mat1f of_reference = wideCodes(reference, curve);
   if (of_reference.empty()) return 0;
   double sum = 0;
   for (const cv::Mat& other : others) {
     const cv::Mat1f ratio = wideCodes(other, curve) / cv::max(of_reference, kDark);
-    sum += cv::norm(ratio - cv::mean(ratio)[0], cv::NORM_L1) / static_cast<double>(ratio.total());
+    std::vector<float> values(ratio.begin(), ratio.end());
+    const float usual = median(values);
+    for (float& value : values) value = std::abs(value - usual);
+    sum += median(values);
   }
   return sum;
 }
