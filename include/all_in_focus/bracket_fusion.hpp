@@ -59,7 +59,7 @@ struct RefinedConfig {
   bool prediction = true;  ///< predict the blur from depth and optics (DefocusPrediction)
   DefocusConfig defocus;
   bool scales = true;      ///< measure sharpness at every scale; false: at the finest only
-  bool brightness = true;  ///< of frames that look equally sharp, prefer the darker
+  bool brightness = true;  ///< of frames that look equally sharp, prefer the darker, if codes are sRGB
   bool noise = true;       ///< weigh by the measured noise, too
   bool soft = true;        ///< weighted mean; false: the heaviest frame is copied
   bool choice = true;      ///< record which frame each pixel comes from; false: takes less memory

@@ -17,7 +17,7 @@
 #include "restoration/disc_blur.hpp"
 #include "restoration/image_formation.hpp"
 #include "restoration/semi_global_matching.hpp"
-#include "util/srgb.hpp"
+#include "util/linear_light.hpp"
 
 using namespace all_in_focus::core;
 

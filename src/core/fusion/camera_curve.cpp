@@ -8,18 +8,16 @@
 #include <cstddef>
 #include <opencv2/imgproc.hpp>
 
-#include "util/srgb.hpp"
+#include "util/linear_light.hpp"
 
 namespace all_in_focus::core {
 namespace {
 
-// Every so many pixels of a picture are taken that it has about this width. Means of pixels would hide from
-// the curve what their codes are.
+// Large pictures are sampled to about this width. Means of their pixels would not do: they would be means of
+// codes, not of light.
 constexpr double kWidth = 800;
 
-constexpr int kReduction = 8;
-constexpr double kSigma = 2.5;    // of the wide mean, reduced pixels
-constexpr int kBorder = 5;        // reduced pixels, which light from outside the picture may reach
+constexpr int kBorder = 5;        // pixels of wideMean() which light from outside the picture may reach
 constexpr double kDark = 8;       // codes; keeps ratios of black places small
 constexpr double kClearly = 0.9;  // less of a difference than with sRGB, to be believed
 
@@ -32,13 +30,9 @@ cv::Mat sampled(const cv::Mat& gray) {
 
 // Wide means of light, as codes, without the border; empty for tiny pictures.
 cv::Mat1f wideCodes(const cv::Mat& gray, const LightCurve& curve) {
-  const cv::Size reduced = gray.size() / kReduction, inner = reduced - cv::Size(2 * kBorder, 2 * kBorder);
+  const cv::Mat light = wideMean(linearLight(gray, curve));
+  const cv::Size inner = light.size() - cv::Size(2 * kBorder, 2 * kBorder);
   if (inner.width <= 0 || inner.height <= 0) return {};
-  cv::Mat1f table(1, 256), light;
-  for (int code = 0; code < 256; ++code) table(code) = curve.light(code);
-  cv::LUT(gray, table, light);
-  cv::resize(light, light, reduced, 0, 0, cv::INTER_AREA);
-  cv::GaussianBlur(light, light, {}, kSigma);
   cv::Mat1f codes = light(cv::Rect({kBorder, kBorder}, inner)).clone();
   for (float& value : codes) value = curve.code(value);
   return codes;

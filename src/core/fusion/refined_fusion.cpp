@@ -83,30 +83,25 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
   gray.copyTo(held_.front().gray);
 }
 
-// Not where it shows another scene, or is a copy of the reference.
-bool RefinedFusion::isComparable(const HeldFrame& held, const cv::Mat& reference) const {
-  return areApart(reference_, held.index) && cv::norm(held.gray, reference, cv::NORM_INF) > 0 &&
-         (!config_.alignment || alignment_.placement(held.index, reference_).fits);
-}
-
-// The noise of the reference, measured against two earlier frames; the lower value counts. One is the
-// nearest, which differs least in blur and motion, the other is the first.
-NoiseSpectrum RefinedFusion::noiseOf(const cv::Mat& reference) const {
-  const auto fits = [&](const HeldFrame& held) { return isComparable(held, reference); };
-  const auto nearest = std::find_if(held_.begin(), held_.end(), fits);
-  if (nearest == held_.end()) return NoiseSpectrum::of(reference);
-  std::vector<cv::Mat> others = {nearest->gray};
-  const HeldFrame& first = held_.back();
-  if (first.index != nearest->index && fits(first)) others.push_back(first.gray);
-  return NoiseSpectrum::of(reference, std::move(others));
-}
-
-bool RefinedFusion::isLinear(const cv::Mat& reference) const {
-  std::vector<cv::Mat> others;
+// Measures the noise of the reference and finds the camera's curve, by earlier frames. One that shows another
+// scene, or a copy of the reference, does not count.
+void RefinedFusion::compareWithEarlier(const cv::Mat& reference) {
+  std::vector<cv::Mat> others;  // the nearest first
+  bool has_first = false;
   for (const HeldFrame& held : held_) {
-    if (isComparable(held, reference)) others.push_back(held.gray);
+    if (!areApart(reference_, held.index) || cv::norm(held.gray, reference, cv::NORM_INF) == 0) continue;
+    if (config_.alignment && !alignment_.placement(held.index, reference_).fits) continue;
+    others.push_back(held.gray);
+    has_first = &held == &held_.back();
   }
-  return hasLinearCodes(reference, others);
+  linear_ = hasLinearCodes(reference, others);
+  if (!config_.noise) return;
+  // The lowest noise counts: against the nearest frame, which differs least in blur and motion, and the
+  // first.
+  std::vector<cv::Mat> compared;
+  if (!others.empty()) compared.push_back(others.front());
+  if (has_first && others.size() > 1) compared.push_back(others.back());
+  noise_ = NoiseSpectrum::of(reference, std::move(compared));
 }
 
 std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm) {
@@ -114,8 +109,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   const bool is_reference = reference_ < 0;
   if (is_reference) {
     reference_ = index;
-    if (config_.noise) noise_ = noiseOf(gray);
-    linear_ = isLinear(gray);
+    compareWithEarlier(gray);
     held_.clear();
     lights_ = clippedLights(gray);
     const bool resampled = config_.alignment && alignment_.moves(reference_);

@@ -54,9 +54,7 @@ class RefinedFusion {
     int index;
     cv::Mat gray;
   };
-  bool isComparable(const HeldFrame& held, const cv::Mat& reference) const;
-  NoiseSpectrum noiseOf(const cv::Mat& reference) const;
-  bool isLinear(const cv::Mat& reference) const;
+  void compareWithEarlier(const cv::Mat& reference);
 
   struct Strip {  ///< of the frame being added; each thread works at one
     SharpnessPyramid::Rows sharpness;

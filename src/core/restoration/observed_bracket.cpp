@@ -7,24 +7,14 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "util/linear_light.hpp"
 #include "util/row_strips.hpp"
-#include "util/srgb.hpp"
 
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kReduction = 8;          // of the pictures whose exposure is compared
-constexpr double kExposureSigma = 20;  // px
 constexpr float kLeastRatio = 0.8f, kLargestRatio = 1.25f;
 constexpr float kDark = 1e-3f;  // light; keeps ratios of black pixels small
-
-cv::Mat3f wideMean(const cv::Mat3f& light) {
-  cv::Mat3f small;
-  cv::resize(light, small, {std::max(1, light.cols / kReduction), std::max(1, light.rows / kReduction)}, 0, 0,
-             cv::INTER_AREA);
-  cv::GaussianBlur(small, small, {}, kExposureSigma / kReduction, 0, cv::BORDER_REFLECT_101);
-  return small;
-}
 
 }  // namespace
 
@@ -69,16 +59,6 @@ void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, const L
     for (int i = 0; i < 3 * own.cols; ++i)
       to[i] = static_cast<short>(kCodeScale * curve.code(from[i] * times[i]) + 0.5f);
   });
-}
-
-cv::Mat3f linearLight(const cv::Mat& picture, const LightCurve& curve) {
-  cv::Mat3f light(picture.size());
-  forEachRow(picture.rows, [&](int y) {
-    const std::uint8_t* from = picture.ptr<std::uint8_t>(y);
-    float* to = light.ptr<float>(y);
-    for (int i = 0; i < 3 * picture.cols; ++i) to[i] = curve.light(from[i]);
-  });
-  return light;
 }
 
 }  // namespace all_in_focus::core

@@ -50,7 +50,4 @@ cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket);
 void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, const LightCurve& curve,
               cv::Mat3s& codes);
 
-/// Linear light of 8-bit codes.
-cv::Mat3f linearLight(const cv::Mat& picture, const LightCurve& curve);
-
 }  // namespace all_in_focus::core
