@@ -34,7 +34,7 @@ constexpr float kSmoothness = 0.1f;
 constexpr double kResidualSigma = 2;  // px
 constexpr float kRangeMargin = 2;     // gray levels
 constexpr float kGateFrom = 0.1f, kGateTo = 0.4f;
-constexpr double kChance = 0.3;  // of the variance of noise: less excess may be chance
+constexpr double kChance = 0.3;  // of the variance of the noise; a smaller excess may be chance
 constexpr int kStripRows = 16;
 
 cv::Mat1b neighbourhood(const cv::Mat1b& mask, int reach) {

@@ -45,8 +45,8 @@ cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap);
 cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket);
 
 /// Brings a frame to the local exposure of the fused picture, which vignetting and flickering light change:
-/// light times the ratio of the wide means of both, 0.8..1.25. frame: CV_8UC3; gain: of the
-/// light that sRGB stands for.
+/// light times the ratio of the wide means of both, 0.8..1.25. frame: CV_8UC3; gain: in
+/// linear light, as if codes were sRGB.
 void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, const LightCurve& curve,
               cv::Mat3s& codes);
 

@@ -31,7 +31,7 @@ class LightCurve {
   /// d code / d light at a code.
   float slope(float code) const { return slope_[static_cast<int>(code + 0.5f)]; }
 
-  /// The gain that does to middle gray what a gain of sRGB's light does to it.
+  /// The gain of this curve's light that changes the code of middle gray as much as a gain of sRGB's light.
   double gainOf(double srgb_gain) const;
 
  private:
