@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 
 import steps
-from all_in_focus.command_line import Parser, count, run
+from all_in_focus.command_line import Input, Output, Parser, count, run
 from all_in_focus.files.stack import focus_entries, save_focus
 from all_in_focus.progress import Progress
 from suite import MAKE_SCENE
@@ -28,9 +28,9 @@ MODES = ("paper", "refined")
 
 def parse_arguments():
     parser = Parser(prog="growth.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--output", required=True, metavar="PNG")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
-    parser.add_argument("--take", metavar="FILE", help="draw these figures, as --json wrote them; measure nothing")
+    parser.add_argument("--output", type=Output, required=True, metavar="PNG")
+    parser.add_argument("--json", type=Output, metavar="FILE", help="write the figures there")
+    parser.add_argument("--take", type=Input, metavar="FILE", help="draw these figures, as --json wrote them; measure nothing")
     parser.add_argument("--repetitions", type=count, default=3, metavar="N", help="of each run, default %(default)s")
     parser.add_argument("--bench-steps", default=steps.BENCH_STEPS, metavar="PATH")
     parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")

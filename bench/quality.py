@@ -28,7 +28,7 @@ import numpy as np
 import steps
 import suite
 from all_in_focus.benchmark import methods, scenes, tasks
-from all_in_focus.command_line import Parser, run
+from all_in_focus.command_line import Input, Output, Parser, run
 from all_in_focus.files.stack import read_image
 from all_in_focus.metrics.kept_contrast import kept_contrast
 from all_in_focus.progress import Progress
@@ -51,7 +51,7 @@ def suites_of(text):
 
 def parse_arguments():
     parser = Parser(prog="quality.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="folders that make_scene wrote, or of photos")
+    parser.add_argument("scenes", nargs="*", type=Input, metavar="SCENE", help="folders that make_scene wrote, or of photos")
     parser.add_argument("--generate", metavar="DIR", help="take scenes of bench/suite.py, made in DIR where missing")
     parser.add_argument("--suite", type=suites_of, default=["small"], metavar="A,B",
                         help=f"which of its suites: {', '.join(suite.SUITES)}; default small")
@@ -60,10 +60,10 @@ def parse_arguments():
     parser.add_argument("--peer", type=methods.peer_command, action="append", default=[], metavar="NAME=COMMAND",
                         help="one more method; in COMMAND {stack} {focus} {rig} {depth} {output} are replaced")
     parser.add_argument("--contrast", action="store_true", help="measure the contrast that is kept where a truth is known, too")
-    parser.add_argument("--output", required=True, metavar="DIR", help="for DIR/SCENE/METHOD.png")
+    parser.add_argument("--output", type=Output, required=True, metavar="DIR", help="for DIR/SCENE/METHOD.png")
     parser.add_argument("--keep", action="store_true", help="take results that are there already")
     parser.add_argument("--time", action="store_true", help="print a table of times too")
-    parser.add_argument("--json", metavar="FILE", help="write the figures there")
+    parser.add_argument("--json", type=Output, metavar="FILE", help="write the figures there")
     parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
     args = parser.parse_args()
     peers = dict(args.peer)

@@ -85,7 +85,7 @@ def test_programs_and_launch_files_exist(page):
             assert named <= args, f'{name_of(page)}: {launch} has no {named - args}'
 
 
-@pytest.mark.parametrize('program', ['check_depth', 'fuse_stack', 'segment_depth'])
+@pytest.mark.parametrize('program', ['check_depth', 'fuse_stack', 'list_stack', 'segment_depth'])
 def test_the_reference_names_every_option(program):
     text = run([tool(program), '--help']).stdout
     options = set(re.findall(r'^ +--([a-z-]+)', text, re.M)) - {'help'}

@@ -23,12 +23,12 @@ OS_PATH_FUNCTIONS = {'abspath', 'relpath', 'lexists', 'samestat'}
 
 # The rooms of src/all_in_focus: which others each uses besides itself. No circle: each names only rooms above it.
 ROOMS = {
-    'files': [],
+    'installed': [],
+    'files': ['installed'],
     'imaging': ['files'],
     'command_line': ['files'],
     'progress': [],
     'early_exit': [],
-    'installed': [],
     'metrics': ['files', 'imaging'],
     'baselines': ['imaging'],
     'simulation': ['files', 'imaging'],

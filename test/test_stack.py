@@ -7,6 +7,7 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from all_in_focus.files.stack import Stack, StackError, read_depth, read_image
 from file_helpers import SIZE, cut, focus_file, hide_cut, pictures, run_script, write_stack, write_video
@@ -18,18 +19,53 @@ def test_folder_goes_in_name_order_and_skips_what_is_no_image(tmp_path):
     (tmp_path / "stack" / "notes.txt").write_text("x")
     (tmp_path / "stack" / "deeper").mkdir()
     stack = Stack(folder)
-    assert stack.names == ["C.PNG", "a.png", "b.png"] and not stack.warnings
-    for read, expected in zip(stack, [frames[2], frames[1], frames[0]]):
+    assert stack.names == ["a.png", "b.png", "C.PNG"] and not stack.warnings
+    for read, expected in zip(stack, [frames[1], frames[0], frames[2]]):
         assert np.array_equal(read, expected)
     assert all(math.isnan(d) for d in stack.distances)
 
 
-@pytest.mark.parametrize("names, warns", [(["2.png", "10.png"], True), (["02.png", "10.png"], False),
-                                          (["a2b.png", "a10b.png"], True), (["1.png", "2.png"], False)])
-def test_numbers_without_zeros_are_warned_of(tmp_path, names, warns):
-    stack = Stack(write_stack(tmp_path / "stack", names))
-    assert len(stack.warnings) == (1 if warns else 0)
-    assert not warns or names[0] in stack.warnings[0] and names[1] in stack.warnings[0]
+@pytest.mark.parametrize("names", [
+    ["2.png", "10.png"], ["02.png", "3.png", "010.png"], ["a2b.png", "a10b.png"], ["img (1).png", "img (2).png", "img (10).png"],
+    ["1_focus.png", "2_focus.png", "10_focus.png"], ["z-20.png", "z-03.png", "z+00.png", "z+15.png"],
+    ["z-20.png", "z-3.png", "z0.png", "z15.png"], ["IMG-2.png", "IMG-10.png"], ["2026-01-02 9.png", "2026-01-02 10.png"],
+    ["DSC_9998.JPG", "DSC_9999.JPG", "DSC_0001.JPG", "DSC_0002.JPG"], ["a1.png", "B2.png", "c1.png"],
+    ["7.png", "20260101123000.png", "99999999999999999999999999.png"]])
+def test_order_is_that_of_the_numbers(tmp_path, names):
+    assert Stack(write_stack(tmp_path / "stack", names[::-1])).names == names
+
+
+def with_exif_times(folder, times):
+    """A JPEG of each name, taken at that second."""
+    folder.mkdir()
+    for name, second in times.items():
+        exif = Image.Exif()
+        exif[0x8769] = {0x9003: f"2026:05:01 12:00:{int(second):02d}", 0x9291: f"{second % 1:.2f}"[2:]}
+        Image.fromarray(pictures(1)[0]).save(folder / name, exif=exif)
+    return folder
+
+
+def test_times_that_disagree_with_names_are_said(tmp_path):
+    stack = Stack(with_exif_times(tmp_path / "same", {"1.jpg": 1, "2.jpg": 1.5, "10.jpg": 2}))
+    assert stack.names == ["1.jpg", "2.jpg", "10.jpg"] and not stack.warnings
+    stack = Stack(with_exif_times(tmp_path / "other", {"1.jpg": 1, "2.jpg": 1.7, "3.jpg": 1.2}))
+    assert stack.names == ["1.jpg", "2.jpg", "3.jpg"]
+    assert "2.jpg was taken after 3.jpg; the order is that of the names" in stack.warnings[0]
+    # A time decides between names of equal numbers, and against a counter that has not begun anew.
+    assert Stack(with_exif_times(tmp_path / "tie", {"01.jpg": 2, "1.jpg": 1})).names == ["1.jpg", "01.jpg"]
+    gap = {"0001.jpg": 1, "0002.jpg": 2, "9998.jpg": 3, "9999.jpg": 4}
+    assert Stack(with_exif_times(tmp_path / "gap", gap)).names == list(gap)
+
+
+def test_pictures_that_cannot_be_read_are_named(tmp_path):
+    folder = write_stack(tmp_path / "stack", ["1.png", "2.png"])
+    (folder / "3.NEF").write_bytes(b"raw")
+    (folder / "4.heic").write_bytes(b"phone")
+    (folder / "5.png").symlink_to(tmp_path / "nowhere.png")
+    stack = Stack(folder)
+    assert stack.names == ["1.png", "2.png"] and len(stack.warnings) == 3
+    for part in ("3.NEF: camera raw files cannot be read", "4.heic: pictures of this format", "5.png: no file is there"):
+        assert any(part in warning for warning in stack.warnings)
 
 
 def test_alpha_gray_and_16_bit_are_read_as_8_bit_color(tmp_path):
@@ -89,7 +125,7 @@ def test_bad_stacks_are_named(tmp_path):
     (tmp_path / "text.avi").write_text("no video")
     (tmp_path / "zero.png").write_bytes(b"")
     sizes = write_stack(tmp_path / "sizes", ["0.png", "1.png"], pictures(1) + pictures(1, (20, 10)))
-    for path, complaint in ((tmp_path / "none", "no such"), (empty, "no images"),
+    for path, complaint in ((tmp_path / "none", "no such"), (empty, "no image"),
                             (tmp_path / "text.avi", "not a readable video"), (sizes, "1.png: 20x10"),
                             (sizes / "0.png", "single image")):
         with pytest.raises(StackError, match=complaint) as error:

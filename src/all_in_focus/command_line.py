@@ -11,12 +11,33 @@ from pathlib import Path
 
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.rig import Optics
+from all_in_focus.files.separate import require_separate
 
 BAD_INPUT = 2  # exit code
 
 
+class Input(str):
+    """argparse type: a file or folder that the program reads."""
+
+
+class Output(str):
+    """argparse type: a file or folder that the program writes."""
+
+
 class Parser(argparse.ArgumentParser):
-    """Argument parser whose errors are one line and exit code 2, without the usage text."""
+    """Argument parser whose errors are one line and exit code 2, without the usage text.
+
+    Before anything is read it refuses an argument of type Output that would harm one of type Input, or another output.
+    """
+
+    def parse_args(self, *arguments, **options):
+        parsed = super().parse_args(*arguments, **options)
+        values = list(_flat(vars(parsed).values()))
+        try:
+            require_separate(*([value for value in values if isinstance(value, kind)] for kind in (Input, Output)))
+        except OSError as error:
+            self.error(error)
+        return parsed
 
     def error(self, message):
         """message: text, or an exception."""
@@ -24,6 +45,15 @@ class Parser(argparse.ArgumentParser):
 
     def warn(self, message):
         print(f"{self.prog}: warning: {message}", file=sys.stderr)
+
+
+def _flat(values):
+    """The values, and those in lists and tuples among them."""
+    for value in values:
+        if isinstance(value, (list, tuple)):
+            yield from _flat(value)
+        else:
+            yield value
 
 
 def run(main, *errors):

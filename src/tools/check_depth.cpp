@@ -46,6 +46,9 @@ int main(int argc, char** argv) {
       ("depth", text()->required(), "depth of the sensor, 16-bit PNG, mm, 0 = unknown")         //
       ("color", text(), "picture of the colour camera, of any resolution: is depth mirrored?")  //
       ("optics", text(), "f,F,coc in mm, as in 24,4,0.019");
-  return runTool(argc, argv, "what is most likely wrong with a rig and a depth image, as JSON", options,
-                 checkDepth);
+  runTool(argc, argv, options,
+          {"what is most likely wrong with a rig and a depth image, as JSON",
+           {"rig", "depth", "color"},
+           {},
+           checkDepth});
 }

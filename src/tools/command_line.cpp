@@ -6,18 +6,27 @@
 #include <malloc.h>
 
 #include <algorithm>
+#include <csignal>
 #include <cstdlib>
+#include <exception>
 #include <iostream>
 #include <limits>
+#include <new>
+#include <opencv2/core.hpp>
 #include <opencv2/core/utils/logger.hpp>
 #include <stdexcept>
+#include <system_error>
 
+#include "output_files.hpp"
 #include "quiet_stderr.hpp"
 
 namespace po = boost::program_options;
 
 namespace all_in_focus {
 namespace {
+
+constexpr int kBadInput = 2;  // exit code
+constexpr const char* kNoMemory = "memory is short: end other programs, or use smaller pictures";
 
 // Freed memory stays with the process: the kernel clears every page that it hands out, which would take a
 // tenth of restoration's time.
@@ -29,16 +38,52 @@ void keepFreedMemory() {
 #endif
 }
 
-}  // namespace
+std::vector<NamedPath> given(const po::variables_map& values, const std::vector<const char*>& names) {
+  std::vector<NamedPath> paths;
+  for (const char* name : names) {
+    if (values.count(name)) paths.push_back({name, values[name].as<std::string>()});
+  }
+  return paths;
+}
 
-int runTool(int argc, char** argv, const char* purpose, const po::options_description& options,
-            const std::function<void(const po::variables_map&)>& tool) {
+// What is wrong, as one line.
+std::string describe(const std::exception_ptr& error) {
+  std::string line = "unknown error";
+  try {
+    std::rethrow_exception(error);
+  } catch (const std::bad_alloc&) {
+    line = kNoMemory;
+  } catch (const std::system_error& e) {
+    line = e.code() == std::errc::resource_unavailable_try_again ? kNoMemory
+                                                                 : e.what();  // no thread could start
+  } catch (const cv::Exception& e) {
+    line = e.code == cv::Error::StsNoMem ? kNoMemory : e.what();
+  } catch (const std::exception& e) {
+    line = e.what();
+  }
+  std::replace(line.begin(), line.end(), '\n', ' ');
+  return line;
+}
+
+std::string g_name;  // of the program
+
+// For an exception that nobody can catch, such as one of a thread that a library has started.
+[[noreturn]] void endAtOnce() {
+  removeTemporaryFiles();
+  printToStderr(g_name + ": " +
+                (std::current_exception() ? describe(std::current_exception()) : "ended by itself"));
+  std::_Exit(kBadInput);
+}
+
+int parseAndRun(int argc, char** argv, const po::options_description& options, const Tool& tool) {
   keepFreedMemory();
   const std::string path = argv[0];
-  const std::string name = path.substr(path.rfind('/') + 1);
+  g_name = path.substr(path.rfind('/') + 1);
   // The tool prints one line about what is wrong; the decoders' own messages would bury it.
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
+  std::signal(SIGPIPE, SIG_IGN);  // a reader that has gone is an error of writing
+  std::set_terminate(endAtOnce);
   try {
     // An abbreviated option is an error, so that scripts do not break when options are added.
     const auto style = po::command_line_style::default_style & ~po::command_line_style::allow_guessing;
@@ -47,7 +92,7 @@ int runTool(int argc, char** argv, const char* purpose, const po::options_descri
     po::store(po::command_line_parser(argc, argv).options(options).positional(none).style(style).run(),
               values);
     if (values.count("help")) {
-      std::cout << name << ": " << purpose << "\n\n" << options;
+      std::cout << g_name << ": " << tool.purpose << "\n\n" << options;
       return 0;
     }
     po::notify(values);
@@ -56,14 +101,22 @@ int runTool(int argc, char** argv, const char* purpose, const po::options_descri
       const bool is_flag = options.find(option, /*approx=*/false).semantic()->max_tokens() == 0;
       if (text && text->empty() && !is_flag) throw std::invalid_argument("--" + option + " is empty");
     }
-    tool(values);
+    requireSeparate(given(values, tool.reads), given(values, tool.writes));
+    tool.run(values);
     return 0;
-  } catch (const std::exception& e) {
-    std::string line = e.what();
-    std::replace(line.begin(), line.end(), '\n', ' ');
-    printToStderr(std::string(name) + ": " + line);
-    return 2;
+  } catch (...) {
+    printToStderr(g_name + ": " + describe(std::current_exception()));
+    return kBadInput;
   }
+}
+
+}  // namespace
+
+void runTool(int argc, char** argv, const po::options_description& options, const Tool& tool) {
+  const int code = parseAndRun(argc, argv, options, tool);
+  std::cout.flush();
+  // Libraries' own clean-up hangs where memory is short: OpenBLAS waits for threads that wait for memory.
+  std::_Exit(code);
 }
 
 std::string textOption(const po::variables_map& values, const char* name) {

@@ -5,14 +5,21 @@
 #include <boost/program_options.hpp>
 #include <functional>
 #include <string>
+#include <vector>
 
 namespace all_in_focus {
 
-/// Parses the command line, runs the tool and turns errors into one line and exit code 2. --help prints
-/// `options`.
-int runTool(int argc, char** argv, const char* purpose,
-            const boost::program_options::options_description& options,
-            const std::function<void(const boost::program_options::variables_map&)>& tool);
+/// A program for files.
+struct Tool {
+  const char* purpose;
+  std::vector<const char*> reads, writes;  ///< options that name files or folders
+  std::function<void(const boost::program_options::variables_map&)> run;
+};
+
+/// Parses the command line, refuses outputs that would harm an input, see requireSeparate(), runs the tool
+/// and turns errors into one line and exit code 2. --help prints `options`. Ends the process.
+[[noreturn]] void runTool(int argc, char** argv, const boost::program_options::options_description& options,
+                          const Tool& tool);
 
 /// Value of a string option, "" if not given.
 std::string textOption(const boost::program_options::variables_map& values, const char* name);

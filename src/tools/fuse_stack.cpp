@@ -161,10 +161,10 @@ void fuseStack(const po::variables_map& values) {
   input.span = parseDofSpan(context.dof_rule);
 
   StackReader stack(values["stack"].as<std::string>());
-  if (!stack.warning().empty()) context.notes.push_back(stack.warning());
+  context.notes.insert(context.notes.end(), stack.notes().begin(), stack.notes().end());
   const std::string focus = textOption(values, "focus");
   const std::vector<double> distances =
-      focus.empty() ? std::vector<double>() : readFocus(focus, stack.names());
+      focus.empty() ? std::vector<double>() : readFocus(focus, stack.names(), stack.leftOut());
   if (context.has_optics) checkFocus(focus, distances, input.optics);
   input.focus_mm = distances;
   input.reference = parseReference(values["reference"].as<std::string>());
@@ -246,7 +246,7 @@ int main(int argc, char** argv) {
   po::options_description options("Options");
   const auto text = [] { return po::value<std::string>(); };
   options.add_options()("help", "this text")                                                     //
-      ("stack", text()->required(), "focus bracket: folder of images (in name order) or video")  //
+      ("stack", text()->required(), "focus bracket: folder of images or video")                  //
       ("output", text()->required(), "all-in-focus image")                                       //
       ("rig", text(), "rig folder: depth.yaml, color.yaml, extrinsics.yaml, optics.yaml")        //
       ("depth", text(), "depth of the sensor, 16-bit PNG, mm, 0 = unknown; needs --rig")         //
@@ -273,5 +273,10 @@ int main(int argc, char** argv) {
       ("save-confidence", text(), "how clear the choice was, 8-bit PNG, 255 = no rival")                    //
       ("report", text(), "JSON report")                                                                     //
       ("timings", "print how long each step took");
-  return runTool(argc, argv, "all-in-focus image of a focus bracket, assisted by depth", options, fuseStack);
+  runTool(argc, argv, options,
+          {"all-in-focus image of a focus bracket, assisted by depth",
+           {"stack", "rig", "depth", "registered-depth", "label-map", "focus"},
+           {"output", "save-registered", "save-measured", "save-depth", "save-labels", "save-regions",
+            "save-source-index", "save-weights", "save-confidence", "report"},
+           fuseStack});
 }

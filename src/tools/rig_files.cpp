@@ -117,7 +117,8 @@ Optics parseOptics(const std::string& text) {
   return optics;
 }
 
-std::vector<double> readFocus(const std::string& path, const std::vector<std::string>& names) {
+std::vector<double> readFocus(const std::string& path, const std::vector<std::string>& names,
+                              const std::vector<std::string>& left_out) {
   const YAML::Node frames = get<YAML::Node>(load(path), "frames", path);
   if (!frames.IsSequence()) fail(path, "key 'frames' must be a list");
   const double unknown = std::numeric_limits<double>::quiet_NaN();
@@ -141,6 +142,7 @@ std::vector<double> readFocus(const std::string& path, const std::vector<std::st
     focus.push_back(found == by_name.end() ? unknown : found->second);
     by_name.erase(name);
   }
+  for (const std::string& name : left_out) by_name.erase(name);
   if (!by_name.empty()) fail(path, "the stack holds no file '" + by_name.begin()->first + "'");
   return focus;
 }

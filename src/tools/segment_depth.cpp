@@ -55,6 +55,9 @@ int main(int argc, char** argv) {
        "paper: small regions are merged whatever the rule says; refined: they stay")  //
       ("min-region-size", po::value<int>()->default_value(SegmentationConfig().min_region_size),
        "what is small, pixels (mode paper)");
-  return runTool(argc, argv, "regions of a depth map that each fit inside one depth of field", options,
-                 segmentDepth);
+  runTool(argc, argv, options,
+          {"regions of a depth map that each fit inside one depth of field",
+           {"depth"},
+           {"output", "save-regions", "report"},
+           segmentDepth});
 }

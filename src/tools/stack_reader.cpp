@@ -4,11 +4,9 @@
 #include "stack_reader.hpp"
 
 #include <algorithm>
-#include <cctype>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
-#include <set>
 #include <stdexcept>
 
 #include "file_error.hpp"
@@ -18,24 +16,6 @@ namespace fs = std::filesystem;
 
 namespace all_in_focus {
 namespace {
-
-bool isImage(const fs::path& path) {
-  static const std::set<std::string> endings = {".png",  ".jpg", ".jpeg", ".tif",
-                                                ".tiff", ".bmp", ".ppm",  ".webp"};
-  return path.filename().string()[0] != '.' && endings.count(ending(path.string())) > 0;
-}
-
-// True if numbers at the end of the names have different lengths: name order then puts 10.png before 2.png.
-bool mixesNumberLengths(const std::vector<std::string>& names) {
-  std::set<std::size_t> lengths;
-  for (const std::string& name : names) {
-    const std::size_t dot = name.rfind('.');
-    std::size_t begin = dot;
-    while (begin > 0 && std::isdigit(static_cast<unsigned char>(name[begin - 1]))) --begin;
-    if (begin < dot) lengths.insert(dot - begin);
-  }
-  return lengths.size() > 1;
-}
 
 // Refuses an AVI that is shorter than its header says.
 void requireWholeAvi(const std::string& path) {
@@ -51,22 +31,16 @@ void requireWholeAvi(const std::string& path) {
 
 StackReader::StackReader(const std::string& path) : path_(path) {
   if (fs::is_directory(path)) {
-    for (const auto& entry : fs::directory_iterator(path)) {
-      if (entry.is_regular_file() && isImage(entry.path()))
-        names_.push_back(entry.path().filename().string());
-    }
-    if (names_.empty()) fail(path, "the folder holds no image");
-    std::sort(names_.begin(), names_.end());
-    if (mixesNumberLengths(names_))
-      warning_ = path + ": numbers of different length, read in name order (10 before 2)";
-    images_ = std::make_unique<ReadAhead>(
-        static_cast<int>(names_.size()),
-        [folder = fs::path(path), names = names_](int i) { return readColor((folder / names[i]).string()); });
+    files_ = listStack(path);
+    images_ = std::make_unique<ReadAhead>(static_cast<int>(names().size()),
+                                          [folder = fs::path(path), names = names()](int i) {
+                                            return readColor((folder / names[i]).string());
+                                          });
     return;
   }
   if (!fs::is_regular_file(path)) fail(path, "no such folder or video");
   // OpenCV would open it as a video, together with the images numbered after it.
-  if (isImage(path)) fail(path, "a single image: give its folder, or a video");
+  if (isPictureName(path)) fail(path, "a single image: give its folder, or a video");
   requireWholeAvi(path);
   open();
 }
@@ -80,8 +54,8 @@ void StackReader::open() {
 }
 
 bool StackReader::next(cv::Mat& frame) {
-  if (!names_.empty()) {
-    if (read_ == static_cast<int>(names_.size())) {
+  if (!names().empty()) {
+    if (read_ == static_cast<int>(names().size())) {
       frame.release();  // what follows may need the memory
       return false;
     }
@@ -98,11 +72,11 @@ bool StackReader::next(cv::Mat& frame) {
 
 void StackReader::rewind() {
   read_ = 0;
-  if (names_.empty()) open();
+  if (names().empty()) open();
 }
 
 int StackReader::count() {
-  if (!names_.empty()) return static_cast<int>(names_.size());
+  if (!names().empty()) return static_cast<int>(names().size());
   if (count_ < 0) {
     rewind();
     while (video_.grab()) ++read_;
@@ -116,7 +90,7 @@ int StackReader::count() {
 cv::Mat StackReader::glance() {
   cv::Mat frame;
   try {
-    if (!names_.empty()) return readHalfColor((fs::path(path_) / names_[names_.size() / 2]).string());
+    if (!names().empty()) return readHalfColor((fs::path(path_) / names()[names().size() / 2]).string());
     const int middle = count() / 2;
     for (int i = 0; i < middle; ++i) video_.grab();
     video_.read(frame);
@@ -138,7 +112,7 @@ void StackReader::requireWhole() const {
 }
 
 std::string StackReader::current() const {
-  return names_.empty() || read_ == 0 ? path_ : (fs::path(path_) / names_[read_ - 1]).string();
+  return names().empty() || read_ == 0 ? path_ : (fs::path(path_) / names()[read_ - 1]).string();
 }
 
 }  // namespace all_in_focus

@@ -10,10 +10,11 @@
 
 #include "all_in_focus/pipeline.hpp"
 #include "read_ahead.hpp"
+#include "stack_files.hpp"
 
 namespace all_in_focus {
 
-/// The frames of a focus bracket, one after the other: the images of a folder in name order, or a video.
+/// The frames of a focus bracket, one after the other: the pictures of a folder, see listStack(), or a video.
 /// Images are decoded ahead, on threads of their own. Videos are decoded in sequence: seeking lands on other
 /// frames, and the reported count is a guess.
 class StackReader : public core::FrameSource {
@@ -37,20 +38,20 @@ class StackReader : public core::FrameSource {
   /// The file that the last frame came from.
   std::string current() const;
 
-  /// File names of a folder's images, in order; empty for a video.
-  const std::vector<std::string>& names() const { return names_; }
-
-  /// A warning for the user, or empty.
-  const std::string& warning() const { return warning_; }
+  /// File names of a folder's frames, in order; empty for a video.
+  const std::vector<std::string>& names() const { return files_.frames; }
+  /// Names of pictures in the folder that are no frames.
+  const std::vector<std::string>& leftOut() const { return files_.left_out; }
+  /// Lines for the user about the files of the folder.
+  const std::vector<std::string>& notes() const { return files_.notes; }
 
  private:
   void open();
   void requireWhole() const;
 
   std::string path_;
-  std::vector<std::string> names_;
-  std::unique_ptr<ReadAhead> images_;  // of names_
-  std::string warning_;
+  StackFiles files_;
+  std::unique_ptr<ReadAhead> images_;  // of the folder's frames
   cv::VideoCapture video_;
   int read_ = 0;
   int count_ = -1;  // of a video, -1 = not yet counted

@@ -171,7 +171,7 @@ TEST_F(Files, StackInNameOrder) {
     EXPECT_EQ(frame.at<cv::Vec3b>(0, 0)[0], letter);
   }
   EXPECT_FALSE(stack.next(frame));
-  EXPECT_TRUE(stack.warning().empty());
+  EXPECT_TRUE(stack.notes().empty());
 }
 
 TEST_F(Files, StackTellsOfABrokenImageInItsTurn) {
@@ -201,10 +201,10 @@ TEST_F(Files, ReadsAheadInOrderAndNoFartherThanTwo) {
   }
 }
 
-TEST_F(Files, StackWarnsOfUnpaddedNumbers) {
+TEST_F(Files, NumbersInNamesCountAsNumbers) {
   cv::imwrite(path("2.png"), cv::Mat(4, 4, CV_8UC3));
   cv::imwrite(path("10.png"), cv::Mat(4, 4, CV_8UC3));
-  EXPECT_FALSE(StackReader(folder_.string()).warning().empty());
+  EXPECT_EQ(StackReader(folder_.string()).names(), (std::vector<std::string>{"2.png", "10.png"}));
 }
 
 TEST_F(Files, StackErrors) {

@@ -13,6 +13,7 @@ from tf2_msgs.msg import TFMessage
 
 from all_in_focus.bag.image_messages import ImageError, bgr, to_message
 from all_in_focus.files.errors import one_line
+from all_in_focus.files.input_file import require_regular
 from all_in_focus.msg import FocusFrame, Optics
 
 
@@ -116,6 +117,7 @@ class BagFile:
         if Path(self.path).is_dir():
             raise BagError(f"{self.path}: is a folder, not a bag")
         try:
+            require_regular(self.path)
             return rosbag.Bag(str(self.path))
         except rosbag.ROSBagUnindexedException:
             raise BagError(f"{self.path}: has no index (recording or copy cut off?): try rosbag reindex")

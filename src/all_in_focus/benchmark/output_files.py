@@ -46,13 +46,19 @@ class Run:
         return " ".join(notes)
 
 
+NAMES = ("results.csv", "scores.csv", "results.json", "configuration.yaml", "report.html")
+
+
+def paths(settings):
+    """Paths of the files that write() makes."""
+    return [Path(settings.output, name) for name in NAMES]
+
+
 def write(run, store):
     """Write everything; each file takes the place of an older one at once. Returns the tables."""
     tables = t.build(run.results, run.methods, run.settings.metrics)
-    files = {"results.csv": results_csv(run), "scores.csv": scores_csv(tables), "results.json": as_json(run, tables),
-             "configuration.yaml": run.settings.as_yaml(), "report.html": page(run, tables, store)}
-    for name, text in files.items():
-        path = Path(run.settings.output, name)
+    texts = (results_csv(run), scores_csv(tables), as_json(run, tables), run.settings.as_yaml(), page(run, tables, store))
+    for path, text in zip(paths(run.settings), texts):
         with whole_file(path) as working, working.open("w", encoding="utf-8", newline="") as file:
             file.write(text)
     return tables

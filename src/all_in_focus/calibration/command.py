@@ -7,7 +7,7 @@ import math
 from all_in_focus.calibration import CalibrationError, fit_report, rig_folder
 from all_in_focus.calibration.board import CAMERAS, Board, PairFolders, find_corners
 from all_in_focus.calibration.rig_fit import fit_rig
-from all_in_focus.command_line import Parser, digits, number_type, optics
+from all_in_focus.command_line import Input, Output, Parser, digits, number_type, optics
 from all_in_focus.files.rig import load_camera
 from all_in_focus.progress import Progress
 
@@ -53,18 +53,19 @@ def parse_arguments(argv, description):
     """(parser, arguments); arguments.board is a Board, .known the two known cameras or None, .ir_offset (x, y)."""
     parser = Parser(prog="calibrate_rig", description=description)
     files = parser.add_argument_group("from files")
-    files.add_argument("--depth-camera", metavar="DIR", help="pictures of the depth (infrared) camera, 8 or 16 bit")
-    files.add_argument("--color-camera", metavar="DIR", help="pictures of the colour camera, of the same names")
+    files.add_argument("--depth-camera", type=Input, metavar="DIR", help="pictures of the depth (infrared) camera, 8 or 16 bit")
+    files.add_argument("--color-camera", type=Input, metavar="DIR", help="pictures of the colour camera, of the same names")
     live = parser.add_argument_group("live")
     live.add_argument("--live", action="store_true", help="from the topics ir/image and rgb/image (remap with :=)")
     live.add_argument("--views", type=views, default=25, metavar="N", help="pairs to take, at least; default 25")
-    live.add_argument("--save-pictures", metavar="DIR", help="keep them, as DIR/depth and DIR/color")
+    live.add_argument("--save-pictures", type=Output, metavar="DIR", help="keep them, as DIR/depth and DIR/color")
     board = parser.add_argument_group("board")
     board.add_argument("--board", required=True, metavar="CxR", help="inner corners, e.g. 8x6 for 9x7 squares")
     board.add_argument("--square", required=True, type=square, metavar="MM", help="side of a square, as measured")
     cameras = parser.add_argument_group("cameras")
-    cameras.add_argument("--depth-info", metavar="FILE", help="camera_info of the depth camera's pictures: stays fixed")
-    cameras.add_argument("--color-info", metavar="FILE", help="of the colour camera: stays fixed")
+    cameras.add_argument("--depth-info", type=Input, metavar="FILE",
+                         help="camera_info of the depth camera's pictures: stays fixed")
+    cameras.add_argument("--color-info", type=Input, metavar="FILE", help="of the colour camera: stays fixed")
     cameras.add_argument("--kinect", action="store_true", help="a Kinect v1: --ir-offset "
                                                                f"{KINECT_IR_OFFSET[0]:g},{KINECT_IR_OFFSET[1]:g}")
     cameras.add_argument("--ir-offset", type=offset, metavar="X,Y",
@@ -74,7 +75,7 @@ def parse_arguments(argv, description):
     cameras.add_argument("--depth-name", default="kinect_depth", metavar="NAME", help="default kinect_depth")
     cameras.add_argument("--color-name", default="dslr", metavar="NAME", help="default dslr")
     cameras.add_argument("--optics", type=optics, metavar="f,F,coc", help="the colour camera's lens: mm, f-number, mm")
-    parser.add_argument("--output", required=True, metavar="RIG", help="the rig folder")
+    parser.add_argument("--output", type=Output, required=True, metavar="RIG", help="the rig folder")
     parser.add_argument("--force", action="store_true", help="replace the files of a rig that is there")
     arguments = parser.parse_args(_joined(argv[1:]))
     given = (arguments.depth_camera, arguments.color_camera)

@@ -2,11 +2,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Writes files that are complete or not there: beside their place first, then renamed in one step."""
 import contextlib
+import errno
 import json
 import os
+import shutil
+import stat
+import sys
+import tempfile
 from pathlib import Path
 
 import cv2
+
+from all_in_focus.files.result_mark import marked
 
 
 @contextlib.contextmanager
@@ -25,16 +32,60 @@ def named(path, working):
 
 @contextlib.contextmanager
 def whole_file(path):
-    """Yields the Path to write to. It replaces `path` at the end, in one step; on an error nothing is left behind."""
-    path = Path(path)
-    working = path.with_name(f".{os.getpid()}.{path.name}")  # keeps the suffix, which may choose the format
+    """Yields the Path to write to. It replaces `path` at the end, in one step; on an error nothing is left behind. A
+    symbolic link stays, and what it names is replaced. Into what is no regular file (a FIFO, /dev/stdout) the content is
+    copied."""
+    stream = _is_stream(path)
+    target = Path(path).resolve() if Path(path).is_symlink() and not stream else Path(path)
+    folder = Path(tempfile.mkdtemp()) if stream else target.parent
+    working = folder / f".{os.getpid()}.{target.name}"  # keeps the suffix, which may choose the format
     try:
         with named(path, working):
+            _require_writable(target)
             yield working
-            os.replace(working, path)
+            if stream:
+                _copy_into(working, path)
+            else:
+                if target.exists():
+                    shutil.copymode(target, working)
+                os.replace(working, target)
     finally:
         if working.exists():
             working.unlink()
+        if stream:
+            folder.rmdir()
+
+
+def _require_writable(path):
+    """PermissionError for an existing file that nobody may write to: replacing it would go around that."""
+    if path.is_file() and not path.stat().st_mode & 0o222:
+        raise PermissionError(errno.EACCES, "is write-protected", str(path))
+
+
+def _standard_stream(path):
+    """The number of this program's stdout or stderr, where that is what the path names, or None."""
+    with contextlib.suppress(OSError):
+        named_file = Path(path).stat()
+        return next((number for number in (1, 2) if os.path.samestat(os.fstat(number), named_file)), None)
+    return None
+
+
+def _is_stream(path):
+    """Whether the path names something that is written to as it is: no regular file, or what this program's own output goes
+    to. OSError for what cannot be written to like a file."""
+    with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+        mode = Path(path).stat().st_mode
+        if stat.S_ISBLK(mode) or stat.S_ISSOCK(mode):
+            raise OSError(errno.EINVAL, "is a device or socket, not a file to write", str(path))
+        return stat.S_ISCHR(mode) or stat.S_ISFIFO(mode) or _standard_stream(path) is not None
+    return False
+
+
+def _copy_into(working, path):
+    sys.stdout.flush()
+    number = _standard_stream(path)
+    with open(working, "rb") as file, open(path if number is None else os.dup(number), "wb") as stream:
+        shutil.copyfileobj(file, stream)
 
 
 def write_picture(path, image):
@@ -44,7 +95,7 @@ def write_picture(path, image):
     except cv2.error:
         raise ValueError(f"{path}: no image format has this ending: use .png") from None
     with whole_file(path) as working:
-        working.write_bytes(data)
+        working.write_bytes(marked(data))
 
 
 def write_json(path, data):

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A focus stack on disk: a folder of images in name order, or a video; with the focus distances, if known."""
+"""A focus stack on disk: a folder of images, or a video; with the focus distances, if known."""
 import contextlib
 import io
+import json
 import math
 import os
-import re
 import struct
 import sys
 import threading
@@ -16,7 +16,9 @@ import numpy as np
 import yaml
 from PIL import Image
 
+from all_in_focus import installed
 from all_in_focus.files import yaml_file
+from all_in_focus.files.input_file import require_regular
 
 Image.MAX_IMAGE_PIXELS = None  # OpenCV has a limit of its own
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".webp")
@@ -38,9 +40,14 @@ class Stack:
         self.warnings = []
         if not self.path.exists():
             raise StackError(f"{path}: no such folder or video")
+        try:
+            require_regular(path)
+        except OSError as error:
+            raise StackError(f"{path}: {error.strerror}")
+        self._left_out = []  # names of pictures that are no frames
         self.names = self._list() if self.path.is_dir() else None
         self._count = len(self.names) if self.names is not None else self._count_video()
-        self.distances = load_focus(focus, self.names, self._count) if focus else [math.nan] * self._count
+        self.distances = load_focus(focus, self.names, self._count, self._left_out) if focus else [math.nan] * self._count
 
     def __len__(self):
         return self._count
@@ -55,15 +62,14 @@ class Stack:
             yield frame
 
     def _list(self):
-        names = sorted(path.name for path in self.path.iterdir() if is_image_name(path.name) and path.is_file())
-        if not names:
-            raise StackError(f"{self.path}: holds no images")
-        for first, second in zip(names, names[1:]):
-            if _natural(first) > _natural(second):
-                self.warnings.append(f"{self.path}: frames go in plain name order, {first} comes before {second}: "
-                                     "pad the numbers with zeros")
-                break
-        return names
+        """Names of the frames in their order. One program knows the rule for all, those in C++ and those in Python."""
+        try:
+            listing = json.loads(installed.run([installed.find("list_stack"), "--stack", str(self.path)]))
+        except RuntimeError as error:
+            raise StackError(str(error).replace("list_stack: ", "", 1))
+        self.warnings += listing["notes"]
+        self._left_out = listing["left_out"]
+        return listing["frames"]
 
     def _count_video(self):
         """Number of frames, by decoding them: the number in the header is an estimate."""
@@ -107,11 +113,6 @@ def is_image_name(name):
     return name.lower().endswith(IMAGE_SUFFIXES) and not name.startswith(".")
 
 
-def _natural(name):
-    """Sort key that reads digits as numbers."""
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"([0-9]+)", name)]
-
-
 def size_text(image):
     """Width and height for messages: 640x480."""
     return f"{image.shape[1]}x{image.shape[0]}"
@@ -120,6 +121,7 @@ def size_text(image):
 def read_image(path, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
     """Image as OpenCV decodes it; BGR, 8 bit by default. StackError, also for truncated files, which OpenCV pads."""
     try:
+        require_regular(path)
         data = Path(path).read_bytes()
     except OSError as error:
         raise StackError(f"{path}: {error.strerror}")
@@ -207,10 +209,11 @@ def focus_entries(path):
     return found
 
 
-def load_focus(path, names, frames):
+def load_focus(path, names, frames, left_out=()):
     """Focus distances of a stack in m, NaN = unknown; see focus_entries().
 
-    names: file names of the stack, None for a video: its entries are in frame order and name no file.
+    names: file names of the stack, None for a video: its entries are in frame order and name no file. Entries for names in
+    left_out, pictures that are no frames, count for nothing.
     """
     entries = focus_entries(path)
     if names is None and len(entries) > frames:
@@ -222,6 +225,8 @@ def load_focus(path, names, frames):
         if names is not None:
             where = f"{path}: entry {number}"
             name = Path(str(name)).name  # stack/00.png is 00.png
+            if name in left_out:
+                continue
             if name not in names:
                 raise StackError(f"{where}: no frame is named '{name}'")
             if name in listed:

@@ -1,0 +1,30 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace all_in_focus {
+
+/// The pictures in a stack folder, sorted out: one rule for all programs.
+struct StackFiles {
+  std::vector<std::string> frames;    ///< names in the order in which the camera numbered them
+  std::vector<std::string> left_out;  ///< names of pictures that are no frames
+  std::vector<std::string> notes;  ///< a line for people about each oddity: what was left out, what disagrees
+};
+
+/// Looks at the files of a folder, without their pixels.
+///
+/// Frames are all pictures but: results of this package, pictures of another size than most, a picture that
+/// was made long after all others, and files that cannot be read as pictures. Hidden files do not count.
+/// Order: numbers in names count as numbers, with their signs; a counter that begins anew at 0 goes on; the
+/// time of exposure in EXIF decides between equal names.
+///
+/// Throws FileError where the folder cannot be read or holds no frame.
+StackFiles listStack(const std::string& folder);
+
+/// Whether a file of this name may be a picture, as a camera writes it.
+bool isPictureName(const std::string& name);
+
+}  // namespace all_in_focus
