@@ -205,7 +205,7 @@ def test_folders_that_are_there(tmp_path):
     export(bag, tmp_path / "empty")
     with unchanged(tmp_path):
         refused("is not empty", bag, "--output", tmp_path / "empty")
-        refused("is no folder", bag, "--output", bag)
+        refused("is an input of this run", bag, "--output", bag)
         refused("No such file", bag, "--output", tmp_path / "none" / "out")
         refused("was not written by bag_to_stack", bag, "--output", tmp_path, "--force")
     export(bag, tmp_path / "empty", "--bracket", "all", "--force")

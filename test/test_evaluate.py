@@ -163,7 +163,10 @@ def test_runs_go_on_where_they_were_interrupted(scenes, output, tmp_path):
     shutil.copytree(output, tmp_path / "out")
     shutil.rmtree(tmp_path / "out" / "results" / "pair" / "gf")
     kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("result.json")}
-    code, _, _ = evaluate("--config", tmp_path / "out" / "configuration.yaml", "--output", tmp_path / "out")
+    configuration = tmp_path / "out" / "configuration.yaml"
+    configuration.write_text(f"# mine\n{configuration.read_text()}")
+    code, _, _ = evaluate("--config", configuration, "--output", tmp_path / "out")
+    assert configuration.read_text().startswith("# mine\n")  # what the run has read stays
     again = results(tmp_path / "out")
     assert code == 1 and {path: path.stat().st_mtime_ns for path in kept} == kept
     assert again["results"]["pair"]["gf"]["values"] == results(output)["results"]["pair"]["gf"]["values"]

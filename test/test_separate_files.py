@@ -82,7 +82,7 @@ def test_two_outputs_are_two_files(planes):
     for first, second in (("a.png", "a.png"), ("a.png", "../out/a.png"), ("other.png", "link.png")):
         with unchanged(planes.folder):
             expect_refusal(fuse_stack("--stack", planes.stack, "--output", planes.output(first), "--save-weights",
-                                      planes.output(second)), "fuse_stack", "--output and --save-weights are to go into")
+                                      planes.output(second)), "fuse_stack", "--output and --save-weights are two outputs for")
 
 
 @pytest.mark.parametrize("program, arguments", [

@@ -157,7 +157,7 @@ void requireSeparate(const std::vector<NamedPath>& inputs, const std::vector<Nam
     for (std::size_t j = 0; j < i; ++j) {
       const fs::path other = target(outputs[j].path);
       if (same(place, other) || fs::weakly_canonical(place) == fs::weakly_canonical(other)) {
-        fail(path, "--" + outputs[j].option + " and --" + option + " are to go into this one file");
+        fail(path, "--" + outputs[j].option + " and --" + option + " are two outputs for this one file");
       }
     }
   }

@@ -46,19 +46,18 @@ class Run:
         return " ".join(notes)
 
 
-NAMES = ("results.csv", "scores.csv", "results.json", "configuration.yaml", "report.html")
+def write(run, store, keep=None):
+    """Write everything; each file takes the place of an older one at once. Returns the tables.
 
-
-def paths(settings):
-    """Paths of the files that write() makes."""
-    return [Path(settings.output, name) for name in NAMES]
-
-
-def write(run, store):
-    """Write everything; each file takes the place of an older one at once. Returns the tables."""
+    keep: path of the configuration that the run has read, or None. Where it lies in the output folder it stays as it is.
+    """
     tables = t.build(run.results, run.methods, run.settings.metrics)
-    texts = (results_csv(run), scores_csv(tables), as_json(run, tables), run.settings.as_yaml(), page(run, tables, store))
-    for path, text in zip(paths(run.settings), texts):
+    files = {"results.csv": results_csv(run), "scores.csv": scores_csv(tables), "results.json": as_json(run, tables),
+             "configuration.yaml": run.settings.as_yaml(), "report.html": page(run, tables, store)}
+    for name, text in files.items():
+        path = Path(run.settings.output, name)
+        if keep and path.exists() and path.samefile(keep):
+            continue
         with whole_file(path) as working, working.open("w", encoding="utf-8", newline="") as file:
             file.write(text)
     return tables
