@@ -41,10 +41,9 @@ void checkDepth(const po::variables_map& values) {
 int main(int argc, char** argv) {
   po::options_description options("Options");
   const auto text = [] { return po::value<std::string>(); };
-  options.add_options()("help", "this text")                                                    //
-      ("rig", text()->required(), "rig folder: depth.yaml, color.yaml, extrinsics.yaml")        //
-      ("depth", text()->required(), "depth of the sensor, 16-bit PNG, mm, 0 = unknown")         //
-      ("color", text(), "picture of the colour camera, of any resolution: is depth mirrored?")  //
+  options.add_options()("rig", text()->required(), "rig folder: depth.yaml, color.yaml, extrinsics.yaml")  //
+      ("depth", text()->required(), "depth of the sensor, 16-bit PNG, mm, 0 = unknown")                    //
+      ("color", text(), "picture of the colour camera, of any resolution: is depth mirrored?")             //
       ("optics", text(), "f,F,coc in mm, as in 24,4,0.019");
   runTool(argc, argv, options,
           {"what is most likely wrong with a rig and a depth image, as JSON",

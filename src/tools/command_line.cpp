@@ -88,17 +88,24 @@ int parseAndRun(int argc, char** argv, const po::options_description& options, c
     // An abbreviated option is an error, so that scripts do not break when options are added.
     const auto style = po::command_line_style::default_style & ~po::command_line_style::allow_guessing;
     po::variables_map values;
-    po::positional_options_description none;
-    po::store(po::command_line_parser(argc, argv).options(options).positional(none).style(style).run(),
+    po::positional_options_description positional;
+    if (tool.positional) positional.add(tool.positional, 1);
+    po::options_description all = options;
+    all.add_options()("help,h", "this text")("version", "print the version of the package");
+    po::store(po::command_line_parser(argc, argv).options(all).positional(positional).style(style).run(),
               values);
     if (values.count("help")) {
-      std::cout << g_name << ": " << tool.purpose << "\n\n" << options;
+      std::cout << g_name << ": " << tool.purpose << "\n\n" << all;
+      return 0;
+    }
+    if (values.count("version")) {
+      std::cout << g_name << " of all_in_focus " << ALL_IN_FOCUS_VERSION << '\n';
       return 0;
     }
     po::notify(values);
     for (const auto& [option, value] : values) {
       const auto* text = boost::any_cast<std::string>(&value.value());
-      const bool is_flag = options.find(option, /*approx=*/false).semantic()->max_tokens() == 0;
+      const bool is_flag = all.find(option, /*approx=*/false).semantic()->max_tokens() == 0;
       if (text && text->empty() && !is_flag) throw std::invalid_argument("--" + option + " is empty");
     }
     requireSeparate(given(values, tool.reads), given(values, tool.writes));

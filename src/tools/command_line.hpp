@@ -14,10 +14,12 @@ struct Tool {
   const char* purpose;
   std::vector<const char*> reads, writes;  ///< options that name files or folders
   std::function<void(const boost::program_options::variables_map&)> run;
+  const char* positional = nullptr;  ///< the option that an argument without a name belongs to
 };
 
 /// Parses the command line, refuses outputs that would harm an input, see requireSeparate(), runs the tool
-/// and turns errors into one line and exit code 2. --help prints `options`. Ends the process.
+/// and turns errors into one line and exit code 2. --help prints `options`, --version that of the package.
+/// Ends the process.
 [[noreturn]] void runTool(int argc, char** argv, const boost::program_options::options_description& options,
                           const Tool& tool);
 

@@ -3,8 +3,10 @@
 
 // The whole method on files: from a focus bracket and what is known about depth to the all-in-focus image.
 
+#include <chrono>
 #include <iostream>
 #include <map>
+#include <opencv2/imgproc.hpp>
 #include <sstream>
 
 #include "all_in_focus/drawing.hpp"
@@ -68,7 +70,11 @@ RefinedConfig parseWithout(const std::string& names) {
 
 // Adds notes about inputs that mode refined lacks.
 void explainMissing(const PipelineInput& input, Mode mode, ReportContext& context) {
-  if (mode == Mode::kPaper) return;
+  if (mode == Mode::kPaper) {
+    if (input.depth.empty() && input.registered_depth.empty() && input.labels.empty())
+      context.notes.push_back("mode paper needs depth or a label map: fused by sharpness alone");
+    return;
+  }
   const bool has_depth = !input.depth.empty() || !input.registered_depth.empty();
   const auto without = [&](const std::string& missing) {
     context.notes.push_back(missing + ": depth and optics have no say in the fusion");
@@ -110,7 +116,6 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
   if (!depth.empty()) input.depth = readDepth(depth);
   if (!registered.empty()) input.registered_depth = readDepth(registered);
   if (!labels.empty()) input.labels = readLabelMap(labels, values["unknown-label"].as<int>());
-  if (!segments && labels.empty()) context.notes.push_back("no depth: fused by sharpness alone");
 }
 
 // Likely mistakes in rig or depth, one line each.
@@ -152,7 +157,49 @@ void checkFocus(const std::string& path, const std::vector<double>& distances, c
   }
 }
 
+// Sizes of pictures that belong to what is known about depth.
+std::vector<cv::Size> calibratedSizes(const PipelineInput& input) {
+  std::vector<cv::Size> sizes;
+  if (input.has_rig) sizes.push_back(input.rig.color.size);
+  for (const cv::Mat* map : {&input.registered_depth, &input.labels}) {
+    if (!map->empty()) sizes.push_back(map->size());
+  }
+  return sizes;
+}
+
+int parseQuality(const po::variables_map& values) {
+  const int quality = values["quality"].as<int>();
+  if (quality < 1 || quality > 100) throw std::invalid_argument("--quality must be from 1 to 100");
+  return quality;
+}
+
+// The result for a quick look: of that width, but never enlarged.
+cv::Mat ofWidth(const cv::Mat& image, int width) {
+  if (width <= 0) throw std::invalid_argument("--width must be a positive number of pixels");
+  if (width >= image.cols) return image;
+  cv::Mat small;
+  cv::resize(image, small, {width, std::max(1, cvRound(double(image.rows) * width / image.cols))}, 0, 0,
+             cv::INTER_AREA);
+  return small;
+}
+
+// The last line: what was written, and from what.
+std::string summary(const std::string& output, const PipelineResult& result, const StackReader& stack,
+                    double seconds) {
+  const int used = result.frames - static_cast<int>(result.rejections.size());
+  const std::string counted = std::to_string(used) + " of " + std::to_string(result.frames) + " frames";
+  std::string line = "wrote " + output + ": " + counted;
+  if (2 * used < result.frames) line = "only " + counted + " were used, see the notes; wrote " + output;
+  if (result.frames == 1) line = "wrote " + output + ": of one frame, there was nothing to fuse";
+  const std::string reference = stack.names().empty()
+                                    ? "frame " + std::to_string(result.reference)
+                                    : stack.names()[static_cast<std::size_t>(result.reference)];
+  return line + ", reference " + reference + cv::format(", %.1f s", seconds);
+}
+
 void fuseStack(const po::variables_map& values) {
+  const auto begin = std::chrono::steady_clock::now();
+  const int quality = parseQuality(values);
   const Mode mode = parseMode(values["mode"].as<std::string>());
   PipelineInput input;
   ReportContext context;
@@ -160,7 +207,7 @@ void fuseStack(const po::variables_map& values) {
   context.dof_rule = values["dof-rule"].as<std::string>();
   input.span = parseDofSpan(context.dof_rule);
 
-  StackReader stack(values["stack"].as<std::string>());
+  StackReader stack(values["stack"].as<std::string>(), calibratedSizes(input));
   context.notes.insert(context.notes.end(), stack.notes().begin(), stack.notes().end());
   const std::string focus = textOption(values, "focus");
   const std::vector<double> distances =
@@ -199,7 +246,11 @@ void fuseStack(const po::variables_map& values) {
   }
 
   OutputFiles outputs;
-  outputs.addImage(values["output"].as<std::string>(), result.fusion.image);
+  const std::string output = values["output"].as<std::string>();
+  const cv::Mat image =
+      values.count("width") ? ofWidth(result.fusion.image, values["width"].as<int>()) : result.fusion.image;
+  outputs.addImage(output, image, {stack.path(result.reference), stack.names(), stack.orientation()},
+                   quality);
   const auto save = [&](const char* option, const cv::Mat& image, const char* missing) {
     const std::string path = textOption(values, option);
     if (path.empty()) return;
@@ -231,6 +282,8 @@ void fuseStack(const po::variables_map& values) {
 
   for (std::size_t i = warnings.size(); i < context.notes.size(); ++i)
     printToStderr("fuse_stack: note: " + context.notes[i]);
+  const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - begin;
+  printToStderr("fuse_stack: " + summary(output, result, stack, passed.count()));
   if (values.count("timings")) {
     std::cout << "depth " << result.depth_ms << " ms, segmentation " << result.segmentation_ms
               << " ms, fusion " << result.fusion_ms << " ms for " << result.frames << " frames ("
@@ -245,9 +298,11 @@ void fuseStack(const po::variables_map& values) {
 int main(int argc, char** argv) {
   po::options_description options("Options");
   const auto text = [] { return po::value<std::string>(); };
-  options.add_options()("help", "this text")                                                     //
-      ("stack", text()->required(), "focus bracket: folder of images or video")                  //
-      ("output", text()->required(), "all-in-focus image")                                       //
+  options.add_options()("stack", text()->required(), "focus bracket: folder of images or video")  //
+      ("output", text()->required(), "all-in-focus image; its ending chooses the format")(
+          "quality", po::value<int>()->default_value(kDefaultQuality), "of JPEG and WebP, 1 to 100")(
+          "width", po::value<int>(),
+          "width of the all-in-focus image, for a quick look; default: that of the frames")      //
       ("rig", text(), "rig folder: depth.yaml, color.yaml, extrinsics.yaml, optics.yaml")        //
       ("depth", text(), "depth of the sensor, 16-bit PNG, mm, 0 = unknown; needs --rig")         //
       ("registered-depth", text(), "depth seen from the colour camera instead, 16-bit PNG, mm")  //
@@ -278,5 +333,6 @@ int main(int argc, char** argv) {
            {"stack", "rig", "depth", "registered-depth", "label-map", "focus"},
            {"output", "save-registered", "save-measured", "save-depth", "save-labels", "save-regions",
             "save-source-index", "save-weights", "save-confidence", "report"},
-           fuseStack});
+           fuseStack,
+           "stack"});
 }

@@ -3,8 +3,13 @@
 
 #include "image_files.hpp"
 
+#include <jpeglib.h>  // needs stdio.h before it
+
 #include <algorithm>
 #include <cctype>
+#include <csetjmp>
+#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
@@ -72,6 +77,51 @@ cv::Mat decode(const std::string& path, int flags) {
   return image;
 }
 
+/// libjpeg's errors, which leave its functions by longjmp().
+struct JpegErrors {
+  jpeg_error_mgr base;  // the first member: libjpeg knows only this one
+  jmp_buf failed;
+};
+
+void leaveJpeg(j_common_ptr jpeg) {
+  longjmp(reinterpret_cast<JpegErrors*>(jpeg->err)->failed, 1);
+}
+
+// JPEG with colour at full resolution; OpenCV halves it, and before 4.7 cannot be told otherwise. Empty where
+// it fails.
+std::string encodeJpeg(const cv::Mat& image, int quality) {
+  JpegErrors errors{};
+  jpeg_compress_struct jpeg{};
+  unsigned char* data = nullptr;
+  unsigned long size = 0;
+  jpeg.err = jpeg_std_error(&errors.base);
+  errors.base.error_exit = leaveJpeg;
+  if (setjmp(errors.failed) == 0) {
+    jpeg_create_compress(&jpeg);
+    jpeg_mem_dest(&jpeg, &data, &size);
+    jpeg.image_width = static_cast<JDIMENSION>(image.cols);
+    jpeg.image_height = static_cast<JDIMENSION>(image.rows);
+    jpeg.input_components = image.channels();
+    jpeg.in_color_space = image.channels() == 1 ? JCS_GRAYSCALE : JCS_EXT_BGR;
+    jpeg_set_defaults(&jpeg);
+    jpeg_set_quality(&jpeg, quality, TRUE);
+    for (int i = 0; i < jpeg.num_components; ++i)
+      jpeg.comp_info[i].h_samp_factor = jpeg.comp_info[i].v_samp_factor = 1;
+    jpeg_start_compress(&jpeg, TRUE);
+    while (jpeg.next_scanline < jpeg.image_height) {
+      auto* row = const_cast<unsigned char*>(image.ptr<unsigned char>(static_cast<int>(jpeg.next_scanline)));
+      jpeg_write_scanlines(&jpeg, &row, 1);
+    }
+    jpeg_finish_compress(&jpeg);
+  } else {
+    size = 0;
+  }
+  jpeg_destroy_compress(&jpeg);
+  std::string encoded(reinterpret_cast<const char*>(data), size);
+  std::free(data);
+  return encoded;
+}
+
 }  // namespace
 
 std::string ending(const std::string& path) {
@@ -125,15 +175,22 @@ cv::Mat labels16(const cv::Mat& labels) {
   return out;
 }
 
-std::string encodeImage(const std::string& path, const cv::Mat& image) {
+std::string encodeImage(const std::string& path, const cv::Mat& image, int quality) {
   static const std::set<std::string> wide = {".png", ".tif", ".tiff"};
   if (image.depth() == CV_16U && wide.count(ending(path)) == 0) {
     fail(path, "16-bit values do not fit this format (use .png)");
   }
+  if (ending(path) == ".jpg" || ending(path) == ".jpeg") {
+    std::string jpeg = encodeJpeg(image, quality);
+    if (jpeg.empty()) fail(path, "too large for a JPEG (65500 pixels a side at most), or memory is short");
+    return jpeg;
+  }
   std::vector<unsigned char> data;
   try {
     const QuietStderr quiet;
-    cv::imencode(fs::path(path).extension().string(), image, data);
+    std::vector<int> options;
+    if (ending(path) == ".webp") options = {cv::IMWRITE_WEBP_QUALITY, quality};
+    cv::imencode(fs::path(path).extension().string(), image, data, options);
   } catch (const cv::Exception&) {
     data.clear();
   }

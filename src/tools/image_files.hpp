@@ -29,8 +29,11 @@ cv::Mat readLabelMap(const std::string& path, int unknown);
 /// Labels as CV_16UC1, for a 16-bit PNG. Throws std::invalid_argument if one exceeds 65535.
 cv::Mat labels16(const cv::Mat& labels);
 
-/// The image in the format of the path's ending. Throws std::invalid_argument that names the path if no
-/// format has it, or one with 8 bits for a 16-bit image, which OpenCV would write without a warning.
-std::string encodeImage(const std::string& path, const cv::Mat& image);
+constexpr int kDefaultQuality = 95;
+
+/// The image in the format of the path's ending. quality: of JPEG and lossy WebP, 1 to 100; JPEG keeps colour
+/// at full resolution (4:4:4). Throws std::invalid_argument that names the path if no format has it, or one
+/// with 8 bits for a 16-bit image, which OpenCV would write without a warning.
+std::string encodeImage(const std::string& path, const cv::Mat& image, int quality = kDefaultQuality);
 
 }  // namespace all_in_focus

@@ -14,8 +14,7 @@ using namespace all_in_focus;
 
 int main(int argc, char** argv) {
   po::options_description options("Options");
-  options.add_options()("help", "this text")("stack", po::value<std::string>()->required(),
-                                             "folder of pictures");
+  options.add_options()("stack", po::value<std::string>()->required(), "folder of pictures");
   const auto list = [](const po::variables_map& values) {
     const StackFiles files = listStack(values["stack"].as<std::string>());
     std::cout << nlohmann::json{{"frames", files.frames},

@@ -18,8 +18,6 @@
 #include <system_error>
 
 #include "file_error.hpp"
-#include "image_files.hpp"
-#include "photo_metadata.hpp"
 #include "stack_files.hpp"
 
 namespace fs = std::filesystem;
@@ -178,9 +176,11 @@ OutputFiles::~OutputFiles() {
   }
 }
 
-void OutputFiles::addImage(const std::string& path, const cv::Mat& image) {
-  std::string data = encodeImage(isStream(path) && ending(path).empty() ? path + ".png" : path, image);
-  const bool marked = markAsResult(data);
+void OutputFiles::addImage(const std::string& path, const cv::Mat& image, const PhotoSource& source,
+                           int quality) {
+  std::string data =
+      encodeImage(isStream(path) && ending(path).empty() ? path + ".png" : path, image, quality);
+  const bool marked = markAsResult(data, source);
   add(path, data);
   if (!marked && !isStream(path)) {
     add(markBeside(path),

@@ -6,6 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "image_files.hpp"
+#include "photo_metadata.hpp"
+
 namespace all_in_focus {
 
 /// A file or folder as the user named it, and the option that named it.
@@ -34,7 +37,9 @@ class OutputFiles {
   OutputFiles(const OutputFiles&) = delete;
   OutputFiles& operator=(const OutputFiles&) = delete;
 
-  void addImage(const std::string& path, const cv::Mat& image);  ///< see encodeImage()
+  /// See encodeImage() and markAsResult().
+  void addImage(const std::string& path, const cv::Mat& image, const PhotoSource& source = {},
+                int quality = kDefaultQuality);
   void addText(const std::string& path, const std::string& text);
   void commit();
 

@@ -41,9 +41,9 @@ void segmentDepth(const po::variables_map& values) {
 
 int main(int argc, char** argv) {
   po::options_description options("Options");
-  options.add_options()("help", "this text")                                                            //
-      ("depth", po::value<std::string>()->required(), "registered depth, 16-bit PNG, mm, 0 = unknown")  //
-      ("optics", po::value<std::string>()->required(), "f,F,coc in mm, as in 24,4,0.019")               //
+  options.add_options()("depth", po::value<std::string>()->required(),
+                        "registered depth, 16-bit PNG, mm, 0 = unknown")                   //
+      ("optics", po::value<std::string>()->required(), "f,F,coc in mm, as in 24,4,0.019")  //
       ("output", po::value<std::string>()->required(),
        "label image, 16-bit PNG, 0 = unknown, 1.. near to far")  //
       ("save-regions", po::value<std::string>(),

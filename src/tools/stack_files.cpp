@@ -176,6 +176,7 @@ class Listing {
     if (pictures_.empty())
       fail(folder_, "the folder holds no image" + (files_.notes.empty() ? "" : ": " + files_.notes[0]));
     compareTimes();
+    findOrientation();
     for (const Picture& picture : pictures_) files_.frames.push_back(picture.name);
     return files_;
   }
@@ -285,6 +286,17 @@ class Listing {
            "; the order is that of the names");
       return;
     }
+  }
+
+  // A camera on a stand does not turn within a bracket.
+  void findOrientation() {
+    std::map<Orientation, std::size_t> count;
+    for (const Picture& picture : pictures_) ++count[picture.about.orientation];
+    const auto most = std::max_element(count.begin(), count.end(),
+                                       [](const auto& a, const auto& b) { return a.second < b.second; });
+    files_.orientation = most->first;
+    if (count.size() > 1)
+      note("the EXIF orientation differs from frame to frame: that of most counts for all");
   }
 
   const std::string folder_;

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "photo_metadata.hpp"
+
 namespace all_in_focus {
 
 /// The pictures in a stack folder, sorted out: one rule for all programs.
@@ -12,6 +14,7 @@ struct StackFiles {
   std::vector<std::string> frames;    ///< names in the order in which the camera numbered them
   std::vector<std::string> left_out;  ///< names of pictures that are no frames
   std::vector<std::string> notes;  ///< a line for people about each oddity: what was left out, what disagrees
+  Orientation orientation = 1;     ///< of most frames; a camera that looks down tells others at random
 };
 
 /// Looks at the files of a folder, without their pixels.

@@ -29,13 +29,12 @@ void requireWholeAvi(const std::string& path) {
 
 }  // namespace
 
-StackReader::StackReader(const std::string& path) : path_(path) {
+StackReader::StackReader(const std::string& path, const std::vector<cv::Size>& calibrated) : path_(path) {
   if (fs::is_directory(path)) {
     files_ = listStack(path);
+    decideOrientation(calibrated);
     images_ = std::make_unique<ReadAhead>(static_cast<int>(names().size()),
-                                          [folder = fs::path(path), names = names()](int i) {
-                                            return readColor((folder / names[i]).string());
-                                          });
+                                          [this](int i) { return turned(readColor(this->path(i))); });
     return;
   }
   if (!fs::is_regular_file(path)) fail(path, "no such folder or video");
@@ -43,6 +42,29 @@ StackReader::StackReader(const std::string& path) : path_(path) {
   if (isPictureName(path)) fail(path, "a single image: give its folder, or a video");
   requireWholeAvi(path);
   open();
+}
+
+void StackReader::decideOrientation(const std::vector<cv::Size>& calibrated) {
+  if (files_.orientation == 1) return;
+  const cv::Size stored = readPhotoMetadata(path(0)).size, shown = uprightSize(stored, files_.orientation);
+  const auto fits = [&calibrated](const cv::Size& size) {
+    return std::find(calibrated.begin(), calibrated.end(), size) != calibrated.end();
+  };
+  turned_ = !fits(stored) && (calibrated.empty() || fits(shown));
+  if (calibrated.empty()) return;
+  files_.notes.push_back(path_ + ": EXIF says that the pictures are to be turned; " +
+                         (turned_
+                              ? "they are, as the calibration has them"
+                              : "they are used as they are stored, as the calibration has them; the result "
+                                "keeps the EXIF orientation"));
+}
+
+cv::Mat StackReader::turned(const cv::Mat& image) const {
+  return turned_ ? upright(image, files_.orientation) : image;
+}
+
+std::string StackReader::path(int i) const {
+  return names().empty() ? path_ : (fs::path(path_) / names()[static_cast<std::size_t>(i)]).string();
 }
 
 void StackReader::open() {
@@ -90,7 +112,7 @@ int StackReader::count() {
 cv::Mat StackReader::glance() {
   cv::Mat frame;
   try {
-    if (!names().empty()) return readHalfColor((fs::path(path_) / names()[names().size() / 2]).string());
+    if (!names().empty()) return turned(readHalfColor(path(static_cast<int>(names().size() / 2))));
     const int middle = count() / 2;
     for (int i = 0; i < middle; ++i) video_.grab();
     video_.read(frame);
@@ -112,7 +134,7 @@ void StackReader::requireWhole() const {
 }
 
 std::string StackReader::current() const {
-  return names().empty() || read_ == 0 ? path_ : (fs::path(path_) / names()[read_ - 1]).string();
+  return read_ == 0 ? path_ : path(read_ - 1);
 }
 
 }  // namespace all_in_focus

@@ -19,8 +19,10 @@ namespace all_in_focus {
 /// frames, and the reported count is a guess.
 class StackReader : public core::FrameSource {
  public:
+  /// calibrated: sizes of the pictures that a calibration or a depth map belongs to, if there are some.
+  /// Frames are turned as their EXIF data say, but not where they fit a calibrated size as they are stored.
   /// Throws std::invalid_argument when there is nothing to read.
-  explicit StackReader(const std::string& path);
+  explicit StackReader(const std::string& path, const std::vector<cv::Size>& calibrated = {});
 
   /// CV_8UC3. False at the end. Throws std::invalid_argument on a broken image or a video that is cut short.
   bool next(cv::Mat& frame) override;
@@ -42,15 +44,22 @@ class StackReader : public core::FrameSource {
   const std::vector<std::string>& names() const { return files_.frames; }
   /// Names of pictures in the folder that are no frames.
   const std::vector<std::string>& leftOut() const { return files_.left_out; }
+  /// Path of frame i; of a video, its own.
+  std::string path(int i) const;
+  /// How the frames, as they are read, are still to be turned before they are shown.
+  Orientation orientation() const { return turned_ ? 1 : files_.orientation; }
   /// Lines for the user about the files of the folder.
   const std::vector<std::string>& notes() const { return files_.notes; }
 
  private:
+  void decideOrientation(const std::vector<cv::Size>& calibrated);
+  cv::Mat turned(const cv::Mat& image) const;
   void open();
   void requireWhole() const;
 
   std::string path_;
   StackFiles files_;
+  bool turned_ = false;                // the frames are turned when they are read
   std::unique_ptr<ReadAhead> images_;  // of the folder's frames
   cv::VideoCapture video_;
   int read_ = 0;
