@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """fuse_stack on photographs as cameras write them: orientation, metadata, colour profile, and what it says at the end."""
 import json
+import struct
 
 import cv2
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from PIL import Image, ImageCms
 
 from all_in_focus.files.rig import Camera, Rig, save_rig
+from all_in_focus.files.stack import Stack
 from tool_helpers import OPTICS, SIZE, TwoPlanes, expect_refusal, fuse_stack, read, segment_depth, succeeded, unchanged
 
 MAKE, ORIENTATION, ARTIST, PHOTO, TIME = 0x10f, 0x112, 0x13b, 0x8769, 0x9003
@@ -61,6 +63,32 @@ def test_a_camera_that_looks_down_tells_orientations_at_random(planes):
     done = succeeded(fuse_stack(planes.stack, "--output", planes.output("fused.png")))
     assert "the EXIF orientation differs from frame to frame" in done.stderr
     assert "3 of 3 frames" in done.stderr
+
+
+def turned_video(path, frames, degrees):
+    """A video whose container says that it is to be turned clockwise."""
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), 30, frames[0].shape[1::-1])
+    for frame in frames:
+        video.write(frame)
+    video.release()
+    data = bytearray(path.read_bytes())
+    at = data.index(b"tkhd") + 44  # the matrix, in fixed point
+    cosine, sine = {90: (0, 1), 180: (-1, 0), 270: (0, -1)}[degrees]
+    data[at:at + 36] = struct.pack(">9i", *(part << 16 for part in (cosine, sine, 0, -sine, cosine, 0, 0, 0)), 1 << 30)
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("degrees", [90, 180, 270])
+def test_a_video_stands_upright(planes, degrees):
+    shown = [cv2.resize(frame, None, fx=4, fy=4) for frame in planes.frames]
+    truth = cv2.resize(planes.truth, None, fx=4, fy=4)
+    stored = [np.ascontiguousarray(np.rot90(frame, degrees // 90)) for frame in shown]
+    video = turned_video(planes.folder / "sweep.mp4", stored, degrees)
+    succeeded(fuse_stack(video, "--output", planes.output("fused.png")))
+    fused = read(planes.output("fused.png"))
+    assert fused.shape == truth.shape and cv2.PSNR(fused, truth) > cv2.PSNR(fused[::-1, ::-1], truth) + 3
+    assert next(iter(Stack(video))).shape == stored[0].shape  # nodes and bags take it as it is stored
 
 
 @pytest.mark.parametrize("size, turned", [(SIZE, True), (SIZE[::-1], False)])

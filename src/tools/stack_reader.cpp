@@ -27,12 +27,39 @@ void requireWholeAvi(const std::string& path) {
   if (fs::file_size(path) < length + 8) fail(path, "video is cut short: copy it again");
 }
 
+// OpenCV 4.5.5 to 4.6 turn videos the wrong way: we do it.
+void keepAsStored(cv::VideoCapture& video) {
+#if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 405
+  video.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
+#endif
+}
+
+// What the container says. Before 4.5 OpenCV does not tell it.
+Orientation orientationOf(const cv::VideoCapture& video) {
+#if CV_VERSION_MAJOR * 100 + CV_VERSION_MINOR >= 405
+  constexpr int kVersion = CV_VERSION_MAJOR * 10000 + CV_VERSION_MINOR * 100 + CV_VERSION_REVISION;
+  constexpr bool kCounterclockwise = kVersion >= 40505 && kVersion < 40700;
+  const int told = cvRound(video.get(cv::CAP_PROP_ORIENTATION_META));
+  switch (kCounterclockwise ? (360 - told) % 360 : told) {  // degrees, clockwise
+    case 90:
+      return 6;
+    case 180:
+      return 3;
+    case 270:
+      return 8;
+    default:
+      break;
+  }
+#endif
+  return 1;
+}
+
 }  // namespace
 
 StackReader::StackReader(const std::string& path, const std::vector<cv::Size>& calibrated) : path_(path) {
   if (fs::is_directory(path)) {
     files_ = listStack(path);
-    decideOrientation(calibrated);
+    decideOrientation(readPhotoMetadata(this->path(0)).size, calibrated);
     images_ = std::make_unique<ReadAhead>(static_cast<int>(names().size()),
                                           [this](int i) { return turned(readColor(this->path(i))); });
     return;
@@ -42,21 +69,25 @@ StackReader::StackReader(const std::string& path, const std::vector<cv::Size>& c
   if (isPictureName(path)) fail(path, "a single image: give its folder, or a video");
   requireWholeAvi(path);
   open();
+  files_.orientation = orientationOf(video_);
+  decideOrientation({static_cast<int>(video_.get(cv::CAP_PROP_FRAME_WIDTH)),
+                     static_cast<int>(video_.get(cv::CAP_PROP_FRAME_HEIGHT))},
+                    calibrated);
 }
 
-void StackReader::decideOrientation(const std::vector<cv::Size>& calibrated) {
+void StackReader::decideOrientation(const cv::Size& stored, const std::vector<cv::Size>& calibrated) {
   if (files_.orientation == 1) return;
-  const cv::Size stored = readPhotoMetadata(path(0)).size, shown = uprightSize(stored, files_.orientation);
+  const cv::Size shown = uprightSize(stored, files_.orientation);
   const auto fits = [&calibrated](const cv::Size& size) {
     return std::find(calibrated.begin(), calibrated.end(), size) != calibrated.end();
   };
   turned_ = !fits(stored) && (calibrated.empty() || fits(shown));
   if (calibrated.empty()) return;
-  files_.notes.push_back(path_ + ": EXIF says that the pictures are to be turned; " +
+  files_.notes.push_back(path_ + ": the file says that its pictures are to be turned; " +
                          (turned_
                               ? "they are, as the calibration has them"
                               : "they are used as they are stored, as the calibration has them; the result "
-                                "keeps the EXIF orientation"));
+                                "says how to turn it"));
 }
 
 cv::Mat StackReader::turned(const cv::Mat& image) const {
@@ -73,6 +104,7 @@ void StackReader::open() {
   } catch (const cv::Exception&) {
   }
   if (!video_.isOpened()) fail(path_, "not a video that can be read");
+  keepAsStored(video_);
 }
 
 bool StackReader::next(cv::Mat& frame) {
@@ -86,6 +118,7 @@ bool StackReader::next(cv::Mat& frame) {
   }
   if (video_.read(frame) && !frame.empty()) {
     ++read_;
+    frame = turned(frame);
     return true;
   }
   requireWhole();
@@ -115,7 +148,7 @@ cv::Mat StackReader::glance() {
     if (!names().empty()) return turned(readHalfColor(path(static_cast<int>(names().size() / 2))));
     const int middle = count() / 2;
     for (int i = 0; i < middle; ++i) video_.grab();
-    video_.read(frame);
+    if (video_.read(frame)) frame = turned(frame);
     rewind();
   } catch (const std::invalid_argument&) {
     // The error is reported when the frame is read in its turn.

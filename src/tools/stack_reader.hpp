@@ -52,7 +52,7 @@ class StackReader : public core::FrameSource {
   const std::vector<std::string>& notes() const { return files_.notes; }
 
  private:
-  void decideOrientation(const std::vector<cv::Size>& calibrated);
+  void decideOrientation(const cv::Size& stored, const std::vector<cv::Size>& calibrated);
   cv::Mat turned(const cv::Mat& image) const;
   void open();
   void requireWhole() const;

@@ -92,6 +92,8 @@ class Stack:
         video = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG)
         if not video.isOpened():
             raise StackError(f"{self.path}: not a readable video")
+        if hasattr(cv2, "CAP_PROP_ORIENTATION_AUTO"):
+            video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)  # as stored, like pictures: the calibration is of the sensor
         return video
 
     def _frames(self):
