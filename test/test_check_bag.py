@@ -169,7 +169,7 @@ WARNINGS = {
     "counts": (changed("/rgb/focus", lambda message, number: setattr(message, "count", 4 + number % 2)), "brackets",
                "count is 4 and 5"),
     "raw Kinect": (depth(np.where(np.arange(SIZE[0]) < 20, 2047, depth_image())), "depth values",
-                   r"31 % .* 2047 mm.*--invalid-values \[0,2047\]"),
+                   r"31 % .* 2047 mm.*--invalid-values \[0,2047,65535\]"),
     "little depth": (depth(np.pad(depth_image()[:12, 31:34], ((0, SIZE[1] - 12), (31, SIZE[0] - 34)))), "overlap",
                      "only [1-4].* % of the colour picture gets a depth: check the transform and both calibrations"),
     "circle of confusion": (setting("/rgb/optics", circle_of_confusion_mm=1.9), "optics",

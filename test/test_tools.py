@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from all_in_focus.msg import FusionReport, Optics, Segment, SegmentChoice
+from all_in_focus.files.stack import read_depth
 from file_helpers import focus_file, write_video
 from tool_helpers import (FAR, NEAR, SIZE, TwoPlanes, fuse_stack, max_dof, normalized_variance, peak_mb, read,
                           read_report, run, snapshot, succeeded, texture, tool, without_timings, write)
@@ -273,3 +274,17 @@ def test_rig_files_of_camera_calibration_are_read(planes):
     camera["camera_matrix"] = {"data": camera["camera_matrix"]["data"], "cols": 3, "rows": 3}
     path.write_text(yaml.safe_dump(dict(camera, vendor="x")))
     assert fuse_all(planes, *planes.with_depth)["labels"].max() == 2
+
+
+def test_what_means_unknown_depth(planes):
+    """0 and 65535, or what --invalid-values says."""
+    depth = planes.depth.copy()
+    depth[10:20, 5:15], depth[20:30, 5:15] = 65535, 2047
+    write(planes.depth_file, depth)
+    arguments = ["--registered-depth", planes.depth_file, "--optics", "24,4,0.019"]
+    for options, unknown in (([], 100), (["--invalid-values", "0,2047,65535"], 200), (["--invalid-values", "0"], 0)):
+        results = fuse_all(planes, *arguments, *options, mode="refined")
+        assert np.count_nonzero(results["registered"] == 0) == unknown
+    for bad in ("x", "1,,2", "70000", "-1"):
+        planes.refused("is not a list of mm", *arguments, "--invalid-values", bad)
+    assert np.count_nonzero(read_depth(planes.depth_file) == 0) == 100

@@ -40,7 +40,7 @@ KinectParameters readKinectParameters(const ros::NodeHandle& nh, NodeMonitor& mo
   nh.getParam("repeat", p.playback.repeat);
   nh.getParam("single_step", p.playback.single_step);
   if (nh.hasParam("invalid_values") && !nh.getParam("invalid_values", p.invalid_values)) {
-    monitor.error("invalid_values is not a list of integers (mm): using [0, 2047]");
+    monitor.error("invalid_values is not a list of integers (mm): using [0, 2047, 65535]");
   }
   readNumber(nh, "time_offset", -kMostSeconds, kMostSeconds, p.time_offset, monitor);
   readNumber(nh, "reconnect_period", 0.1, kMostSeconds, p.reconnect_period, monitor);

@@ -23,7 +23,7 @@ struct KinectStreamParameters {
 struct KinectParameters {
   std::string device;  ///< see KinectDevice
   KinectPlayback playback;
-  std::vector<int> invalid_values{0, 2047};  ///< depths in mm that mean "unknown"
+  std::vector<int> invalid_values{0, 2047, 65535};  ///< depths in mm that mean "unknown"
   double time_offset = 0.0;       ///< s, added to the stamps; minus the delay from exposure to arrival
   double reconnect_period = 1.0;  ///< s between attempts to open the camera
   double silence_timeout = 5.0;   ///< s without an image after which the camera is reopened; 0: never

@@ -106,7 +106,7 @@ class DepthPreprocessNodelet : public ConfiguredNodelet<DepthPreprocessConfig> {
   int depth_input_ = 0, depth_info_input_ = 0, rgb_info_input_ = 0;
   std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
   std::unique_ptr<TransformListener> tf_listener_;
-  std::vector<int> invalid_values_{0, 2047};
+  std::vector<int> invalid_values_{0, 2047, 65535};
   image_transport::Publisher registered_publisher_, filled_publisher_;
   ros::Publisher info_publisher_;
   // Waiting for camera infos and the transform.
@@ -135,7 +135,7 @@ void DepthPreprocessNodelet::onInit() {
 
   ros::NodeHandle& private_nh = getPrivateNodeHandle();
   if (private_nh.hasParam("invalid_values") && !private_nh.getParam("invalid_values", invalid_values_)) {
-    monitor_->error("invalid_values is not a list of integers (mm): using [0, 2047]");
+    monitor_->error("invalid_values is not a list of integers (mm): using [0, 2047, 65535]");
   }
 
   tf_buffer_ = std::make_unique<tf2_ros::Buffer>();

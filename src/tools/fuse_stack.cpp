@@ -113,8 +113,9 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
   context.has_optics = !optics.empty() || !rig.empty();
   context.optics = input.optics;
 
-  if (!depth.empty()) input.depth = readDepth(depth);
-  if (!registered.empty()) input.registered_depth = readDepth(registered);
+  const std::vector<int> invalid = parseInvalidValues(values["invalid-values"].as<std::string>());
+  if (!depth.empty()) input.depth = readDepth(depth, invalid);
+  if (!registered.empty()) input.registered_depth = readDepth(registered, invalid);
   if (!labels.empty()) input.labels = readLabelMap(labels, values["unknown-label"].as<int>());
 }
 
@@ -306,7 +307,8 @@ int main(int argc, char** argv) {
       ("rig", text(), "rig folder: depth.yaml, color.yaml, extrinsics.yaml, optics.yaml")        //
       ("depth", text(), "depth of the sensor, 16-bit PNG, mm, 0 = unknown; needs --rig")         //
       ("registered-depth", text(), "depth seen from the colour camera instead, 16-bit PNG, mm")  //
-      ("label-map", text(), "regions instead of depth: every distinct value is one")             //
+      ("invalid-values", text()->default_value("0,65535"), "depths that mean unknown, mm")(
+          "label-map", text(), "regions instead of depth: every distinct value is one")  //
       ("unknown-label", po::value<int>()->default_value(-1),
        "value of the label map that means unknown, -1 = none")                                           //
       ("optics", text(), "f,F,coc in mm, as in 24,4,0.019 (default: optics.yaml of the rig folder)")     //

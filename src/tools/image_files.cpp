@@ -14,6 +14,7 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 #include <vector>
 
@@ -140,11 +141,28 @@ cv::Mat readHalfColor(const std::string& path) {
   return decode(path, cv::IMREAD_REDUCED_COLOR_2 | cv::IMREAD_IGNORE_ORIENTATION);
 }
 
-cv::Mat readDepth(const std::string& path) {
+cv::Mat readDepth(const std::string& path, const std::vector<int>& invalid_values) {
   cv::Mat depth = decode(path, cv::IMREAD_UNCHANGED);
   if (depth.type() != CV_16UC1) fail(path, "depth must be a 16-bit image of one channel, in mm");
+  for (const int value : invalid_values) {
+    if (value != 0) depth.setTo(0, depth == value);
+  }
   if (cv::countNonZero(depth) == 0) fail(path, "depth is unknown (0) at every pixel");
   return depth;
+}
+
+std::vector<int> parseInvalidValues(const std::string& text) {
+  std::vector<int> values;
+  std::istringstream list(text);
+  for (std::string part; std::getline(list, part, ',');) {
+    const bool digits = !part.empty() && part.find_first_not_of("0123456789") == std::string::npos;
+    if (!digits || part.size() > 5 || std::stoi(part) > 65535) {
+      throw std::invalid_argument("--invalid-values: '" + text +
+                                  "' is not a list of mm from 0 to 65535, as in 0,65535");
+    }
+    values.push_back(std::stoi(part));
+  }
+  return values;
 }
 
 cv::Mat readLabelMap(const std::string& path, int unknown) {

@@ -4,6 +4,7 @@
 
 #include <opencv2/core.hpp>
 #include <string>
+#include <vector>
 
 namespace all_in_focus {
 
@@ -17,9 +18,15 @@ cv::Mat readColor(const std::string& path);
 /// The same at half the width and height, decoded faster where the format allows it.
 cv::Mat readHalfColor(const std::string& path);
 
-/// Depth map: 16-bit one-channel PNG, mm, 0 = unknown. Throws std::invalid_argument, also when no pixel is
-/// known.
-cv::Mat readDepth(const std::string& path);
+/// What sensors write besides 0 where they have measured nothing: the highest value of 16 bits.
+inline const std::vector<int> kInvalidDepths{0, 65535};  // mm
+
+/// Depth map: 16-bit one-channel PNG, mm, 0 = unknown; so are the invalid values, which become 0. Throws
+/// std::invalid_argument, also when no pixel is known.
+cv::Mat readDepth(const std::string& path, const std::vector<int>& invalid_values = kInvalidDepths);
+
+/// Parses whole numbers separated by commas, "0,65535". Throws std::invalid_argument.
+std::vector<int> parseInvalidValues(const std::string& text);
 
 /// Label map: 8- or 16-bit image of one channel, as CV_32SC1. Every distinct value is a region. With unknown
 /// >= 0 that value becomes label 0 instead, and if 0 was a region, all other labels grow by one. Throws

@@ -22,7 +22,9 @@ void segmentDepth(const po::variables_map& values) {
   const Mode mode = parseMode(values["mode"].as<std::string>());
   Segmentation result;
   DofSegmentation(segmentationConfig(mode, optics, parseDofSpan(rule), values["min-region-size"].as<int>()))
-      .compute(readDepth(values["depth"].as<std::string>()), result);
+      .compute(readDepth(values["depth"].as<std::string>(),
+                         parseInvalidValues(values["invalid-values"].as<std::string>())),
+               result);
 
   OutputFiles outputs;
   outputs.addImage(values["output"].as<std::string>(), labels16(result.labels));
@@ -46,9 +48,10 @@ int main(int argc, char** argv) {
       ("optics", po::value<std::string>()->required(), "f,F,coc in mm, as in 24,4,0.019")  //
       ("output", po::value<std::string>()->required(),
        "label image, 16-bit PNG, 0 = unknown, 1.. near to far")  //
-      ("save-regions", po::value<std::string>(),
-       "picture of the regions for people: red is near; captions and legend in m")  //
-      ("report", po::value<std::string>(), "JSON with the table of regions")        //
+      ("invalid-values", po::value<std::string>()->default_value("0,65535"), "depths that mean unknown, mm")(
+          "save-regions", po::value<std::string>(),
+          "picture of the regions for people: red is near; captions and legend in m")  //
+      ("report", po::value<std::string>(), "JSON with the table of regions")           //
       ("dof-rule", po::value<std::string>()->default_value("paper"),
        "dioptre span of a region: paper = 1/H, full = 2/H")  //
       ("mode", po::value<std::string>()->default_value("refined"),

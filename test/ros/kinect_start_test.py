@@ -35,7 +35,7 @@ class StartTest(KinectTest):
 
     def test_impossible_parameters_are_named_and_the_defaults_taken(self):
         image, said = self.assert_runs_and_names({
-            '_invalid_values:=none': 'invalid_values is not a list of integers (mm): using [0, 2047]',
+            '_invalid_values:=none': 'invalid_values is not a list of integers (mm): using [0, 2047, 65535]',
             '_queue_size:=0': 'queue_size must be a number from 1 to 1000: using 5',
             '_time_offset:=soon': 'time_offset must be a number from -3600 to 3600: using 0',
             '_silence_timeout:=-1': 'silence_timeout must be a number from 0 to 3600: using 5'})

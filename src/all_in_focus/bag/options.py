@@ -26,7 +26,7 @@ def add_nodes(parser):
                         help="a longer gap ends a bracket, 0: none does; default 1")
     fusion.add_argument("--label-max-age", type=positive, metavar="S", help="oldest depth to use; default 1")
     parser.add_argument("--invalid-values", type=_list_of_mm, metavar="[MM,...]",
-                        help="depths that mean unknown; default [0], as in the files; [0,2047] for raw Kinect streams")
+                        help="depths that mean unknown; default [0,65535], as in the files; with 2047 for raw Kinect streams")
 
 
 def option_of(kind):
@@ -46,7 +46,7 @@ def rules(args):
 
 def invalid_values(args):
     """List of mm."""
-    return [0] if args.invalid_values is None else yaml.safe_load(args.invalid_values)
+    return [0, 65535] if args.invalid_values is None else yaml.safe_load(args.invalid_values)
 
 
 def _list_of_mm(text):
@@ -56,5 +56,5 @@ def _list_of_mm(text):
     except yaml.YAMLError:
         values = None
     if not isinstance(values, list) or not all(type(value) is int for value in values):
-        raise argparse.ArgumentTypeError(f"'{text}': expected a list of whole numbers, such as [0,2047]")
+        raise argparse.ArgumentTypeError(f"'{text}': expected a list of whole numbers, such as [0,2047,65535]")
     return text

@@ -21,6 +21,7 @@ from all_in_focus.files import yaml_file
 from all_in_focus.files.input_file import require_regular
 
 Image.MAX_IMAGE_PIXELS = None  # OpenCV has a limit of its own
+INVALID_DEPTH = 65535  # mm; what sensors write besides 0 where they have measured nothing
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".webp")
 
 
@@ -162,12 +163,14 @@ def _silent_libraries():
 
 
 def read_depth(path, camera=None):
-    """Depth image in mm (16 bit, one channel), 0 = unknown; camera: of depth.yaml, whose size it must have."""
+    """Depth image in mm (16 bit, one channel), 0 = unknown; so is INVALID_DEPTH. camera: of depth.yaml, whose size it must
+    have."""
     image = read_image(path, cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint16 or image.ndim != 2:
         raise StackError(f"{path}: expected a 16-bit image with one channel (depth in mm)")
     if camera and image.shape != (camera.height, camera.width):
         raise StackError(f"{path}: {size_text(image)} pixels, but depth.yaml says {camera.width}x{camera.height}")
+    image[image == INVALID_DEPTH] = 0
     return image
 
 
