@@ -49,8 +49,8 @@ struct Segmentation {
 /// together. Edges of equal weight are taken in raster order of their first pixel, then E, SW, S, SE. Unknown
 /// depth takes no part. docs/algorithms.md describes how this is computed without sorting all edges.
 ///
-/// Buffers are reused between calls, and statistics of an image make the next one of the same size faster.
-/// Results depend neither on that nor on the number of threads. Not thread-safe.
+/// Buffers are reused between calls. Results depend neither on that nor on the number of threads. Not
+/// thread-safe.
 class DofSegmentation {
  public:
   /// Throws std::invalid_argument if validate() refuses the optics or min_region_size is negative.
@@ -71,7 +71,7 @@ class DofSegmentation {
 
   SegmentationConfig config_;
   DofRule rule_;
-  std::unique_ptr<Work> work_;  ///< buffers, and what was learnt from the last image
+  std::unique_ptr<Work> work_;  ///< buffers
 };
 
 /// The fewest exposures that make every region sharp all over (focus_plan.hpp).

@@ -34,12 +34,6 @@ void AdjacencyEdges::find(const PixelGraph& graph) {
   });
 }
 
-const AdjacencyEdges::Edge* AdjacencyEdges::heavierThan(int weight) const {
-  // find() has moved each place to the end of its edges; those of the last strip are the last of a weight.
-  const std::vector<int>& place = strips_.back().place;
-  return sorted_.data() + place[std::min<std::size_t>(weight, place.size() - 1)];
-}
-
 void AdjacencyEdges::findInRows(const PixelGraph& graph, int max_weight, const cv::Range& rows,
                                 Strip& strip) {
   const int stride = graph.stride();

@@ -29,9 +29,6 @@ class AdjacencyEdges {
   const Edge* begin() const { return sorted_.data(); }
   const Edge* end() const { return sorted_.data() + count_; }
 
-  /// Where edges heavier than `weight` mm begin.
-  const Edge* heavierThan(int weight) const;
-
  private:
   struct WeightedEdge {
     int a, b, weight;

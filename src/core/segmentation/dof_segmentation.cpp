@@ -11,21 +11,15 @@
 #include "segmentation/pixel_graph.hpp"
 #include "segmentation/quasi_flat_zones.hpp"
 #include "segmentation/region_statistics.hpp"
-#include "segmentation/tile_set.hpp"
 
 namespace all_in_focus::core {
 namespace {
 
-// Shares of the lightest edges of an image. Only speed depends on them, not labels.
-//
-// Up to the first share edges make quasi-flat zones everywhere. With more than about two fifths of the edges
-// of a noisy image, zones grow over whole surfaces, break the rule and must be found again.
-constexpr double kContestedShare = 0.36;
-// An image is noisy if the weight changes up to this share. Without noise the first share has nearly all
-// edges already, and contested tiles are not worth their time.
-constexpr double kNoiseShare = 0.6;
-// Up to this share edges of a noisy image make zones outside the contested tiles.
-constexpr double kCalmShare = 0.97;
+// Zones are found by the weight that the first share of the edges does not exceed, those that break the rule
+// again by that of the second: with more than about two fifths of the edges of a noisy image, zones grow over
+// whole surfaces. Without noise the second share has nearly all edges already, and begins. That is so if the
+// weight does not change up to the third share. Only speed depends on these shares, not the labels.
+constexpr double kFirstShare = 0.97, kSecondShare = 0.36, kShareWithoutNoise = 0.6;
 
 }  // namespace
 
@@ -46,80 +40,29 @@ struct DofSegmentation::Work {
   QuasiFlatZones zones;
   AdjacencyEdges edges;
   RegionStatistics statistics;
-  TileSet contested;  // where regions refused each other over light edges in the last image, dilated
-  TileSet refused_tiles;
   std::vector<RegionNode> nodes;    // zones 1..node_count; parent: the region 1..region_count, in the end
   std::vector<RegionNode> regions;  // 1..region_count
   std::vector<RegionNode> merged;   // regions after small ones have been merged
-  std::vector<std::uint8_t> refused, region_refused;  // by node, by region: refused over a light edge
   std::vector<int> areas;
   int node_count = 0, region_count = 0;
 
   RegionMap regionMap() const { return {graph, nodes.data(), node_count, regions.data(), region_count}; }
 
-  // In noise, zones by a limit that fits everywhere are small, and most time would go into sorting the edges
-  // between them. Order matters only where regions refuse each other, though, and from image to image that is
-  // in nearly the same tiles. So zones are found with the limit `high` outside the contested tiles of the
-  // last image, and with `low` in them.
-  //
-  // The labels are those of Kruskal's order if no region that reaches outside the tiles is refused over a
-  // light edge, one up to `high`. Compare, edge by edge, with Kruskal's loop over all edges:
-  // * Zones only merge early what it merges in the end. So our regions contain its regions at any time, and
-  //   what we merge fits the rule there, too, being smaller.
-  // * What we refuse over a heavier edge it refuses: by then both have merged all light edges, and the
-  //   regions are the same.
-  // * What we refuse over a light edge it refuses: both regions lie in the tiles, where zones are by `low`
-  //   and the edges that leave them are heavier, so nothing was merged early there.
-  // If such a region does reach outside, the scene has changed: the image is segmented again with `low`.
   void segment(const DofRule& rule) {
-    contested.resize({graph.cols(), graph.rows()});
-    const int low = std::max(0, graph.weightQuantile(kContestedShare));
-    const bool noisy = graph.weightQuantile(kNoiseShare) > low;
-    const int high = noisy ? graph.weightQuantile(kCalmShare) : low;
-    while (!segment(rule, low, high)) contested.addAll();
-  }
-
-  // False if a region outside the contested tiles is refused over a light edge.
-  bool segment(const DofRule& rule, int low, int high) {
-    node_count = zones.find(graph, rule, low, high, contested, nodes);
+    const int second = std::max(0, graph.weightQuantile(kSecondShare));
+    const bool noisy = graph.weightQuantile(kShareWithoutNoise) > second;
+    const int first = noisy ? graph.weightQuantile(kFirstShare) : second;
+    node_count = zones.find(graph, rule, first, second, nodes);
     edges.find(graph);
-    refused.assign(node_count + 1, 0);
-    const AdjacencyEdges::Edge* const heavy = edges.heavierThan(high);
-    mergeAlong(edges.begin(), heavy, rule, [this](int a, int b) { refused[a] = refused[b] = 1; });
-    mergeAlong(heavy, edges.end(), rule, [](int, int) {});
+    RegionNode* const node = nodes.data();
+    for (const AdjacencyEdges::Edge& edge : edges) {
+      const int a = findRoot(node, edge.a), b = findRoot(node, edge.b);
+      if (a != b && rule.fits(std::min(node[a].min, node[b].min), std::max(node[a].max, node[b].max)))
+        mergeRoots(node, a, b);
+    }
     regions.resize(std::max(regions.size(), nodes.size() + 1));
     regions[0] = {0, 0, 0};
-    region_count = relabelSets(nodes.data(), node_count, regions.data());
-    return high == low || findContested();
-  }
-
-  // Kruskal's loop. onRefusal(a, b): called with the roots of two regions that do not fit together.
-  template <typename OnRefusal>
-  void mergeAlong(const AdjacencyEdges::Edge* begin, const AdjacencyEdges::Edge* end, const DofRule& rule,
-                  const OnRefusal& onRefusal) {
-    RegionNode* const node = nodes.data();
-    for (const AdjacencyEdges::Edge* edge = begin; edge != end; ++edge) {
-      const int a = findRoot(node, edge->a), b = findRoot(node, edge->b);
-      if (a == b) continue;
-      if (rule.fits(std::min(node[a].min, node[b].min), std::max(node[a].max, node[b].max))) {
-        mergeRoots(node, a, b);
-      } else {
-        onRefusal(a, b);
-      }
-    }
-  }
-
-  // The tiles of refused regions become the contested ones. False if one of them was not contested before.
-  bool findContested() {
-    region_refused.assign(region_count + 1, 0);
-    for (int i = 1; i <= node_count; ++i) region_refused[nodes[i].parent] |= refused[i];
-    for (int i = 1; i <= node_count; ++i) refused[i] = region_refused[nodes[i].parent];
-    refused_tiles.resize({graph.cols(), graph.rows()});
-    refused_tiles.assign(graph, refused.data());
-    const bool known = contested.contains(refused_tiles);
-    std::swap(contested, refused_tiles);
-    contested.dilate();  // for what moves until the next image
-    return known;
+    region_count = relabelSets(node, node_count, regions.data());
   }
 
   // As printed in the paper: along the same edges, whatever the rule says.

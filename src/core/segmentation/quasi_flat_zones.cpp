@@ -72,11 +72,10 @@ int numberRow(PixelGraph& graph, int y, int last, RegionNode* zones) {
 
 }  // namespace
 
-int QuasiFlatZones::find(PixelGraph& graph, const DofRule& rule, int low, int high, TileSet& tiles,
+int QuasiFlatZones::find(PixelGraph& graph, const DofRule& rule, int first, int second,
                          std::vector<RegionNode>& zones) {
   limits_.assign(static_cast<std::size_t>(graph.rows() + 1) * graph.stride(),
-                 static_cast<std::uint8_t>(high));
-  if (low < high) limitTiles(graph, low, tiles);
+                 static_cast<std::uint8_t>(first));
   for (;;) {
     const int count = label(graph, zones);
     broken_.assign(count + 1, 0);
@@ -87,39 +86,19 @@ int QuasiFlatZones::find(PixelGraph& graph, const DofRule& rule, int low, int hi
       any |= broken_[i] != 0;
     }
     if (!any) return count;
-    if (low < high) {
-      broken_tiles_.resize(cv::Size(graph.cols(), graph.rows()));
-      broken_tiles_.assign(graph, broken_.data());
-      if (!tiles.contains(broken_tiles_)) {
-        tiles.add(broken_tiles_);
-        limitTiles(graph, low, tiles);
-        continue;
-      }
-    }
-    halveLimits(graph, broken_);
+    lowerBrokenLimits(graph, second);
   }
 }
 
-// Lowers the limits in the tiles to at most `limit`.
-void QuasiFlatZones::limitTiles(const PixelGraph& graph, int limit, const TileSet& tiles) {
-  graph.strips().forEach([&](const cv::Range& rows, int) {
-    for (int y = rows.start; y < rows.end; ++y) {
-      std::uint8_t* const row = &limits_[static_cast<std::size_t>(y) * graph.stride()];
-      tiles.forEachIn(y, [&](const cv::Range& cols) {
-        for (int x = cols.start; x < cols.end; ++x)
-          row[x] = std::min(row[x], static_cast<std::uint8_t>(limit));
-      });
-    }
-  });
-}
-
-// Halves the limits of pixels whose labels are flagged.
-void QuasiFlatZones::halveLimits(const PixelGraph& graph, const std::vector<std::uint8_t>& flags) {
+void QuasiFlatZones::lowerBrokenLimits(const PixelGraph& graph, int second) {
   const std::int32_t* const labels = graph.labelRow(0);
   graph.strips().forEach([&](const cv::Range& rows, int) {
     const std::int32_t* const end = graph.labelRow(rows.end);
-    for (const std::int32_t* label = graph.labelRow(rows.start); label != end; ++label)
-      limits_[label - labels] >>= flags[*label];
+    for (const std::int32_t* label = graph.labelRow(rows.start); label != end; ++label) {
+      if (broken_[*label] == 0) continue;
+      std::uint8_t& limit = limits_[label - labels];
+      limit = static_cast<std::uint8_t>(limit > second ? second : limit / 2);
+    }
   });
 }
 

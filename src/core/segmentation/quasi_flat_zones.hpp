@@ -8,7 +8,6 @@
 
 #include "all_in_focus/optics.hpp"
 #include "segmentation/pixel_graph.hpp"
-#include "segmentation/tile_set.hpp"
 #include "util/disjoint_sets.hpp"
 
 namespace all_in_focus::core {
@@ -33,16 +32,15 @@ inline void mergeRoots(RegionNode* nodes, int a, int b) {
 /// A zone that fits the rule as a whole is the start of one region, whatever the order of merging: nothing
 /// can refuse a merge inside it, and all edges that leave it are heavier and come later. So its edges need
 /// not be sorted, not even stored, and zones are found like any connected components, in parallel. A zone
-/// that breaks the rule is divided by half the limit, again and again; at limit 0 it has one depth.
+/// that breaks the rule is divided by the second limit, then by half the limit, again and again; at limit 0
+/// it has one depth.
 class QuasiFlatZones {
  public:
   /// Labels the graph with zones 1..n in the order of their first pixels, 0 where depth is unknown, and
   /// describes them in zones[1..n], each a set of its own. Returns n.
   ///
-  /// low, high: limits in mm inside the tiles and elsewhere, 0 <= low <= high <= 254. Where zones by `high`
-  /// break the rule their tiles are added to `tiles`.
-  int find(PixelGraph& graph, const DofRule& rule, int low, int high, TileSet& tiles,
-           std::vector<RegionNode>& zones);
+  /// first, second: limits, mm, 0 <= second <= first <= 254.
+  int find(PixelGraph& graph, const DofRule& rule, int first, int second, std::vector<RegionNode>& zones);
 
  private:
   struct Strip {
@@ -53,8 +51,7 @@ class QuasiFlatZones {
     int first_zone, zones;
   };
 
-  void limitTiles(const PixelGraph& graph, int limit, const TileSet& tiles);
-  void halveLimits(const PixelGraph& graph, const std::vector<std::uint8_t>& flags);
+  void lowerBrokenLimits(const PixelGraph& graph, int second);
   int label(PixelGraph& graph, std::vector<RegionNode>& zones);
   void findRow(const PixelGraph& graph, int y, BlockRow* blocks) const;
   void linkPixels(PixelGraph& graph, const cv::Range& rows, Strip& strip) const;
@@ -63,7 +60,6 @@ class QuasiFlatZones {
   std::vector<Strip> strips_;
   std::vector<std::uint8_t> limits_;  // by pixel
   std::vector<std::uint8_t> broken_;  // by zone: it breaks the rule
-  TileSet broken_tiles_;
 };
 
 }  // namespace all_in_focus::core
