@@ -96,16 +96,15 @@ KinectOpenni2Nodelet::~KinectOpenni2Nodelet() {
     closing_ = true;
   }
   changed_.notify_all();
-  step_server_.shutdown();
-  if (guard_) guard_->close();
+  if (guard_) guard_->stop();
   if (thread_.joinable()) thread_.join();
 }
 
 void KinectOpenni2Nodelet::onInit() {
-  monitor_ = std::make_unique<Acknowledger>(getName(), getMTNodeHandle(), getPrivateNodeHandle(),
-                                            "kinect/processed");
+  monitor_ =
+      std::make_unique<Acknowledger>(getName(), getNodeHandle(), getPrivateNodeHandle(), "kinect/processed");
   parameters_ = readKinectParameters(getPrivateNodeHandle(), *monitor_);
-  guard_ = std::make_unique<CallbackGuard>(*monitor_);
+  guard_ = std::make_unique<CallbackGuard>(getNodeHandle(), getPrivateNodeHandle(), *monitor_);
   const auto on_connect = guard_->wrap(getName(), [this] {
     std::lock_guard<std::mutex> lock(mutex_);
     connections_changed_ = true;
@@ -113,16 +112,16 @@ void KinectOpenni2Nodelet::onInit() {
   });
   for (const KinectStream stream : kKinectStreams) {
     outputs_[indexOf(stream)] =
-        std::make_unique<KinectOutput>(stream, getNodeHandle(), parameters_, *monitor_, on_connect);
+        std::make_unique<KinectOutput>(stream, guard_->quick_nh, parameters_, *monitor_, on_connect);
   }
   using Service = std_srvs::Trigger;
   auto on_step = guard_->wrap(getName(), [this](auto& response) { onStep(response); });
-  step_server_ = getMTPrivateNodeHandle().advertiseService<Service::Request, Service::Response>(
+  step_server_ = guard_->private_nh.advertiseService<Service::Request, Service::Response>(
       "step", [on_step](auto& /*request*/, auto& response) mutable {
         on_step(response);
         return true;
       });
-  monitor_->start();
+  guard_->start();
   thread_ = std::thread(&KinectOpenni2Nodelet::run, this);
 }
 

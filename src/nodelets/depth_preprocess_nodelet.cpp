@@ -3,7 +3,6 @@
 
 #include <all_in_focus/DepthPreprocessConfig.h>
 #include <image_transport/image_transport.h>
-#include <ros/callback_queue.h>
 #include <sensor_msgs/image_encodings.h>
 #include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/buffer.h>
@@ -41,15 +40,11 @@ void requireFrame(const std_msgs::Header& header, const std::string& topic) {
 /// impossible stamp would end that one and the whole process; here it is refused and reported.
 class TransformListener {
  public:
-  TransformListener(ros::NodeHandle nh, tf2_ros::Buffer& buffer, const CallbackGuard& guard)
-      : buffer_(buffer) {
-    // Uses the queue of the process instead of the nodelet's, of which nodelet 1.10.1 drops all callbacks
-    // while onInit() runs: a static transform comes only once.
-    nh.setCallbackQueue(ros::getGlobalCallbackQueue());
+  TransformListener(CallbackGuard& guard, tf2_ros::Buffer& buffer) : buffer_(buffer) {
     constexpr std::uint32_t kQueueSize = 100;
     const auto subscribe = [&](const std::string& topic, bool is_static) {
       using Callback = boost::function<void(const tf2_msgs::TFMessageConstPtr&)>;
-      return nh.subscribe<tf2_msgs::TFMessage>(
+      return guard.quick_nh.subscribe<tf2_msgs::TFMessage>(
           topic, kQueueSize,
           Callback(guard.wrap(topic, [this, is_static](const tf2_msgs::TFMessageConstPtr& message) {
             add(*message, is_static);
@@ -79,8 +74,7 @@ class TransformListener {
 
 /// Registers depth images to the colour camera and fills their holes.
 ///
-/// All callbacks run one after the other on the nodelet's own queue, except that connect() may be called
-/// while onInit() runs.
+/// All callbacks run one after the other, except that transforms are also taken while an image is processed.
 class DepthPreprocessNodelet : public ConfiguredNodelet<DepthPreprocessConfig> {
  public:
   ~DepthPreprocessNodelet() override;
@@ -123,7 +117,7 @@ class DepthPreprocessNodelet : public ConfiguredNodelet<DepthPreprocessConfig> {
 };
 
 DepthPreprocessNodelet::~DepthPreprocessNodelet() {
-  if (guard_) guard_->close();
+  if (guard_) guard_->stop();
 }
 
 void DepthPreprocessNodelet::onInit() {
@@ -139,22 +133,21 @@ void DepthPreprocessNodelet::onInit() {
   }
 
   tf_buffer_ = std::make_unique<tf2_ros::Buffer>();
-  tf_listener_ = std::make_unique<TransformListener>(getNodeHandle(), *tf_buffer_, *guard_);
+  tf_listener_ = std::make_unique<TransformListener>(*guard_, *tf_buffer_);
   takeConfiguration();
   waiting_ = std::make_unique<WaitingList<sensor_msgs::ImageConstPtr>>(queue_size_);
   depth_queue_ =
-      std::make_unique<ImageQueue>(getSTCallbackQueue(), queue_size_, *monitor_, *guard_, depth_input_,
+      std::make_unique<ImageQueue>(queue_size_, *monitor_, *guard_, depth_input_,
                                    [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
-  end();
+  guard_->start();
 }
 
 void DepthPreprocessNodelet::advertise() {
-  ros::NodeHandle& nh = getNodeHandle();
+  ros::NodeHandle& nh = guard_->nh;
   image_transport::ImageTransport transport(nh);
   const auto on_connect = guard_->wrap(getName(), [this](const auto& /*subscriber*/) { connect(); });
 
-  std::lock_guard<std::mutex> lock(connect_mutex_);
   registered_publisher_ = transport.advertise("depth_registered/image_raw", 1, on_connect, on_connect);
   filled_publisher_ = transport.advertise("depth_registered/image", 1, on_connect, on_connect);
   info_publisher_ =
@@ -177,7 +170,6 @@ void DepthPreprocessNodelet::reconfigure(Config& config) {
 
 // Works only while anybody subscribes.
 void DepthPreprocessNodelet::connect() {
-  std::lock_guard<std::mutex> lock(connect_mutex_);
   const bool wanted = registered_publisher_.getNumSubscribers() > 0 ||
                       filled_publisher_.getNumSubscribers() > 0 || info_publisher_.getNumSubscribers() > 0;
   if (wanted && !*depth_queue_) subscribe();
@@ -185,7 +177,7 @@ void DepthPreprocessNodelet::connect() {
 }
 
 void DepthPreprocessNodelet::subscribe() {
-  ros::NodeHandle& nh = getNodeHandle();
+  ros::NodeHandle& nh = guard_->nh;
   const auto subscribe = [&](const char* topic, int input, sensor_msgs::CameraInfoConstPtr& slot) {
     return nh.subscribe<sensor_msgs::CameraInfo>(
         topic, queue_size_,
@@ -194,7 +186,7 @@ void DepthPreprocessNodelet::subscribe() {
   };
   depth_info_subscriber_ = subscribe("depth/camera_info", depth_info_input_, depth_info_);
   rgb_info_subscriber_ = subscribe("rgb/camera_info", rgb_info_input_, rgb_info_);
-  depth_queue_->subscribe(getMTNodeHandle(), getPrivateNodeHandle(), "depth/image_raw");
+  depth_queue_->subscribe("depth/image_raw");
   retry_timer_ =
       nh.createWallTimer(ros::WallDuration(kRetryPeriod),
                          guard_->wrap(getName(), [this](const ros::WallTimerEvent&) { processWaiting(); }));

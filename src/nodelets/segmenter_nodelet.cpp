@@ -32,8 +32,7 @@ core::Optics opticsOf(const SegmenterConfig& config) {
 
 /// Cuts registered depth images into regions that fit into the depth of field.
 ///
-/// All callbacks run one after the other on the nodelet's own queue, except that connect() may be called
-/// while onInit() runs.
+/// All callbacks run one after the other.
 class SegmenterNodelet : public ConfiguredNodelet<SegmenterConfig> {
  public:
   ~SegmenterNodelet() override;
@@ -67,21 +66,21 @@ class SegmenterNodelet : public ConfiguredNodelet<SegmenterConfig> {
 };
 
 SegmenterNodelet::~SegmenterNodelet() {
-  if (guard_) guard_->close();
+  if (guard_) guard_->stop();
 }
 
 void SegmenterNodelet::onInit() {
   begin(kProcessedTopic);
   depth_input_ = monitor_->addInput("depth_registered/image", Expect::kStream, "start depth_preprocess");
-  markers_ = std::make_unique<SegmentMarkers>(getNodeHandle(), *monitor_, *guard_);
-  optics_publisher_ = getNodeHandle().advertise<OpticsMsg>("rgb/optics", 1, true);
+  markers_ = std::make_unique<SegmentMarkers>(guard_->nh, *monitor_, *guard_);
+  optics_publisher_ = guard_->nh.advertise<OpticsMsg>("rgb/optics", 1, true);
   readMode();
   takeConfiguration();
   depth_queue_ =
-      std::make_unique<ImageQueue>(getSTCallbackQueue(), queue_size_, *monitor_, *guard_, depth_input_,
+      std::make_unique<ImageQueue>(queue_size_, *monitor_, *guard_, depth_input_,
                                    [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
   advertise();
-  end();
+  guard_->start();
 }
 
 void SegmenterNodelet::readMode() {
@@ -94,11 +93,10 @@ void SegmenterNodelet::readMode() {
 }
 
 void SegmenterNodelet::advertise() {
-  ros::NodeHandle& nh = getNodeHandle();
+  ros::NodeHandle& nh = guard_->nh;
   image_transport::ImageTransport transport(nh);
   const auto on_connect = guard_->wrap(getName(), [this](const auto& /*subscriber*/) { connect(); });
 
-  std::lock_guard<std::mutex> lock(connect_mutex_);
   labels_publisher_ = nh.advertise<sensor_msgs::Image>("segmentation/labels", 1, on_connect, on_connect);
   segments_publisher_ = nh.advertise<SegmentArray>("segmentation/segments", 1, on_connect, on_connect);
   plan_publisher_ = nh.advertise<FocusPlan>("segmentation/focus_plan", 1, on_connect, on_connect);
@@ -134,14 +132,13 @@ void SegmenterNodelet::reconfigure(Config& config) {
 
 // Works only while anybody subscribes.
 void SegmenterNodelet::connect() {
-  std::lock_guard<std::mutex> lock(connect_mutex_);
   const bool wanted = labels_publisher_.getNumSubscribers() > 0 ||
                       segments_publisher_.getNumSubscribers() > 0 ||
                       plan_publisher_.getNumSubscribers() > 0 || picture_publisher_.getNumSubscribers() > 0 ||
                       markers_->wanted();
   markers_->listen(wanted);
   if (wanted && !*depth_queue_) {
-    depth_queue_->subscribe(getMTNodeHandle(), getPrivateNodeHandle(), "depth_registered/image");
+    depth_queue_->subscribe("depth_registered/image");
     monitor_->setSubscribed(true);
   } else if (!wanted && *depth_queue_) {
     depth_queue_->shutdown();

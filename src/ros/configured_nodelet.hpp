@@ -10,7 +10,6 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <set>
 #include <sstream>
 #include <string>
@@ -51,7 +50,8 @@ class ConfigRepair {
 };
 
 /// What the nodelets with a dynamic_reconfigure configuration share. Their onInit() calls begin() first and
-/// end() last, and takeConfiguration() where reconfigure() can be called. Their destructors close the guard.
+/// guard_->start() last, and takeConfiguration() where reconfigure() can be called. Their destructors stop
+/// the guard.
 template <typename Configuration>
 class ConfiguredNodelet : public nodelet::Nodelet {
  protected:
@@ -64,42 +64,24 @@ class ConfiguredNodelet : public nodelet::Nodelet {
 
   void begin(const char* processed_topic) {
     monitor_ =
-        std::make_unique<Acknowledger>(getName(), getMTNodeHandle(), getPrivateNodeHandle(), processed_topic);
-    guard_ = std::make_unique<CallbackGuard>(*monitor_);
+        std::make_unique<Acknowledger>(getName(), getNodeHandle(), getPrivateNodeHandle(), processed_topic);
+    guard_ = std::make_unique<CallbackGuard>(getNodeHandle(), getPrivateNodeHandle(), *monitor_);
     queue_size_ = std::max(1, getPrivateNodeHandle().param("queue_size", queue_size_));
   }
 
   /// Calls reconfigure(), now and whenever somebody changes the configuration.
   void takeConfiguration() {
-    reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(getPrivateNodeHandle());
+    reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(guard_->private_nh);
     reconfigure_server_->setCallback(
         guard_->wrap(getName(), [this](Config& config, std::uint32_t /*level*/) { reconfigure(config); }));
-  }
-
-  /// Calls connect() once for those who have subscribed already. nodelet 1.10.1 drops callbacks while
-  /// onInit() runs, so the call comes after it. What is subscribed in onInit() loses the latched messages of
-  /// a topic to which another nodelet of the process has subscribed already.
-  void end() {
-    monitor_->start();
-    const auto once = [this](const ros::WallTimerEvent&) {
-      after_init_.stop();
-      connect();
-    };
-    constexpr double kPeriod = 0.02;  // s
-    after_init_ = getNodeHandle().createWallTimer(ros::WallDuration(kPeriod), guard_->wrap(getName(), once),
-                                                  /*oneshot=*/false,
-                                                  /*autostart=*/false);  // `once` needs after_init_
-    after_init_.start();
   }
 
   std::unique_ptr<Acknowledger> monitor_;
   std::unique_ptr<CallbackGuard> guard_;
   Config config_ = Config::__getDefault__();  // always possible
   int queue_size_ = 5;
-  std::mutex connect_mutex_;  // held while advertising: connect() may be called before onInit() is through
 
  private:
-  ros::WallTimer after_init_;
   std::unique_ptr<dynamic_reconfigure::Server<Config>> reconfigure_server_;
 };
 

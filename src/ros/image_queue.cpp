@@ -27,26 +27,25 @@ class Call : public ros::CallbackInterface {
 
 }  // namespace
 
-ImageQueue::ImageQueue(ros::CallbackQueueInterface& own_queue, std::size_t size, Acknowledger& monitor,
-                       const CallbackGuard& guard, int input, Callback process)
-    : own_queue_(own_queue),
-      monitor_(monitor),
+ImageQueue::ImageQueue(std::size_t size, Acknowledger& monitor, CallbackGuard& guard, int input,
+                       Callback process)
+    : monitor_(monitor),
+      guard_(guard),
       process_(std::move(process)),
       on_image_(guard.input<sensor_msgs::Image>(
           input, [this](const sensor_msgs::ImageConstPtr& image) { push(image); })),
       on_turn_(guard.wrap(monitor.resolved(input), [this] { processOldest(); })),
       waiting_(size) {}
 
-void ImageQueue::subscribe(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-                           const std::string& topic) {
-  const image_transport::TransportHints hints = chosenTransport(nh, private_nh, monitor_);
+void ImageQueue::subscribe(const std::string& topic) {
+  const image_transport::TransportHints hints = chosenTransport(guard_.quick_nh, guard_.private_nh, monitor_);
   {
     std::lock_guard<std::mutex> lock(mutex_);
     open_ = true;
   }
   const std::uint32_t endless = 0;  // push() returns at once, and waiting images are limited here
-  subscriber_ =
-      image_transport::ImageTransport(nh).subscribe(topic, endless, on_image_, ros::VoidPtr(), hints);
+  subscriber_ = image_transport::ImageTransport(guard_.quick_nh)
+                    .subscribe(topic, endless, on_image_, ros::VoidPtr(), hints);
 }
 
 void ImageQueue::shutdown() {
@@ -66,7 +65,7 @@ void ImageQueue::push(const sensor_msgs::ImageConstPtr& image) {
   }
   for (const auto& each : dropped)
     monitor_.acknowledge(each->header, Outcome::kDropped, "cannot keep up: oldest waiting image dropped");
-  if (dropped.empty()) own_queue_.addCallback(boost::make_shared<Call>(on_turn_));
+  if (dropped.empty()) guard_.queue().addCallback(boost::make_shared<Call>(on_turn_));
 }
 
 void ImageQueue::processOldest() {

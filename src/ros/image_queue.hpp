@@ -3,7 +3,6 @@
 #pragma once
 
 #include <image_transport/image_transport.h>
-#include <ros/callback_queue_interface.h>
 
 #include <cstddef>
 #include <functional>
@@ -16,20 +15,18 @@
 
 namespace all_in_focus {
 
-/// Subscribes to images that take long to process. They are received on the multi-threaded queue, wait here,
-/// and are processed one after the other on the nodelet's own queue. Where the node cannot keep up the oldest
+/// Subscribes to images that take long to process. They are received at once, wait here, and are processed
+/// one after the other among the guard's other callbacks. Where the node cannot keep up the oldest
 /// are dropped, counted and acknowledged; roscpp's own queue would drop them silently.
 class ImageQueue {
  public:
   using Callback = std::function<void(const sensor_msgs::ImageConstPtr&)>;
 
-  /// own_queue: the nodelet's. guard: of the nodelet, closed before this is destroyed. input: the number of
-  /// the topic in the monitor. process: gets the images.
-  ImageQueue(ros::CallbackQueueInterface& own_queue, std::size_t size, Acknowledger& monitor,
-             const CallbackGuard& guard, int input, Callback process);
+  /// guard: of the nodelet, stopped before this is destroyed. input: the number of the topic in the monitor.
+  /// process: gets the images.
+  ImageQueue(std::size_t size, Acknowledger& monitor, CallbackGuard& guard, int input, Callback process);
 
-  /// nh: the multi-threaded one. private_nh: has the name of the transport.
-  void subscribe(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, const std::string& topic);
+  void subscribe(const std::string& topic);
   void shutdown();  ///< unsubscribes and drops the waiting images
   explicit operator bool() const { return static_cast<bool>(subscriber_); }
 
@@ -37,14 +34,14 @@ class ImageQueue {
   void push(const sensor_msgs::ImageConstPtr& image);
   void processOldest();
 
-  ros::CallbackQueueInterface& own_queue_;
   Acknowledger& monitor_;
+  CallbackGuard& guard_;
   const Callback process_;
   const boost::function<void(const sensor_msgs::ImageConstPtr&)> on_image_;
   const std::function<void()> on_turn_;
   std::mutex mutex_;  // guards the two below
   bool open_ = false;
-  WaitingList<sensor_msgs::ImageConstPtr> waiting_;  // for each one call in own_queue_
+  WaitingList<sensor_msgs::ImageConstPtr> waiting_;  // for each one call in the guard's queue
   image_transport::Subscriber subscriber_;
 };
 

@@ -45,11 +45,6 @@ NodeMonitor::NodeMonitor(const std::string& name, const ros::NodeHandle& nh,
   updater_.setHardwareID(name_);
 }
 
-NodeMonitor::~NodeMonitor() {
-  timer_.stop();
-  gate_->close();
-}
-
 int NodeMonitor::addInput(const std::string& topic, Expect expect, const std::string& remedy) {
   std::lock_guard<std::mutex> lock(mutex_);
   inputs_.push_back({nh_.resolveName(topic), expect, remedy, 0, false, {}});
@@ -72,9 +67,6 @@ void NodeMonitor::start() {
     ROS_INFO_STREAM(name_ << ":" << text.str());
   }
   updater_.add("processing", this, &NodeMonitor::fill);
-  timer_ = nh_.createWallTimer(ros::WallDuration(1.0), [this, gate = gate_](const ros::WallTimerEvent&) {
-    gate->run([this] { tick(); });
-  });
 }
 
 void NodeMonitor::setSubscribed(bool subscribed) {

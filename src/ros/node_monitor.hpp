@@ -9,12 +9,9 @@
 #include <cstdint>
 #include <deque>
 #include <map>
-#include <memory>
 #include <mutex>
 #include <string>
 #include <vector>
-
-#include "callback_gate.hpp"
 
 namespace all_in_focus {
 
@@ -42,18 +39,18 @@ enum class Outcome {
 /// All methods are thread-safe; add inputs and outputs before start().
 class NodeMonitor {
  public:
-  /// name: of the node, for the log and the diagnostics. nh resolves the topics and runs the timer: the
-  /// multi-threaded handle keeps diagnostics alive during long callbacks.
+  /// name: of the node, for the log and the diagnostics. nh resolves the topics.
   NodeMonitor(const std::string& name, const ros::NodeHandle& nh, const ros::NodeHandle& private_nh);
-  ~NodeMonitor();
   NodeMonitor(const NodeMonitor&) = delete;
   NodeMonitor& operator=(const NodeMonitor&) = delete;
 
   /// topic: as given to subscribe(). remedy: what to do when nobody publishes it. Returns the input's number.
   int addInput(const std::string& topic, Expect expect, const std::string& remedy);
   void addOutput(const std::string& topic);
-  /// Prints the resolved topics, starts the diagnostics.
+  /// Prints the resolved topics.
   void start();
+  /// Publishes the diagnostics, warns of silent inputs. Call once a second, also during long callbacks.
+  void tick();
 
   /// Lazy subscription: silence counts only while subscribed. Ends errors and warnings when it becomes false.
   void setSubscribed(bool subscribed);
@@ -105,13 +102,10 @@ class NodeMonitor {
   bool silent(const Input& input, Clock::time_point now) const;
   void warnOfSilence();
   void fill(diagnostic_updater::DiagnosticStatusWrapper& status);
-  void tick();
 
   const std::string name_;
   ros::NodeHandle nh_;
   diagnostic_updater::Updater updater_;
-  ros::WallTimer timer_;
-  const std::shared_ptr<CallbackGate> gate_ = std::make_shared<CallbackGate>();  // of tick()
 
   mutable std::mutex mutex_;  // guards all below
   std::vector<Input> inputs_;

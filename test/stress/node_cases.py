@@ -27,6 +27,7 @@ from file_helpers import run_script, wait_until
 from graph import FRAMES, NODES, Graph
 from mutation import mutate_message
 from tool_helpers import succeeded
+from unload_testing import Manager
 
 BATCH = 100  # mutated messages between two good brackets
 RATE = 400  # mutated messages a second at most
@@ -210,6 +211,29 @@ def kill_processes(case, scene, seconds):
                     case.fail(f"{node} was killed: not right again within {limit:.0f} s: {wrong}")
     longest, node = max(times, default=(0, "none"))
     case.summary = f"{rounds} rounds of {len(NODES)}, right again after {longest:.1f} s at most ({node})"
+
+
+def unload_nodelets(case, scene, seconds):
+    """Nodelets are unloaded at work, and loaded again by load_nodelet: the manager lives, results are right again within 10 s."""
+    times, end = [], time.monotonic() + seconds
+    with working_graph(case, scene) as graph:
+        manager = Manager("/all_in_focus_manager")
+        while time.monotonic() < end and not case.failures:
+            graph.send_bracket(lambda publisher, message: publisher.publish(message))
+            try:
+                for nodelet in case.rng.sample(("depth_preprocess", "segmenter", "fusion"), 3):
+                    time.sleep(case.rng.uniform(0, 0.1))
+                    manager.unload(nodelet)
+            except (AssertionError, rospy.ServiceException) as error:
+                case.fail(f"round {len(times) + 1}: {error}")
+                break
+            took, wrong = graph.good_within(recovery())
+            times.append(took or 0)
+            if wrong:
+                case.fail(f"round {len(times)}: not right again within {recovery():.0f} s: {wrong}")
+        for line in graph.deaths():
+            case.fail(line)
+    case.summary = f"{len(times)} rounds, right again after {max(times, default=0):.1f} s at most"
 
 
 # --- bags -------------------------------------------------------------------------------------------------------------

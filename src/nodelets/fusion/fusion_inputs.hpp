@@ -23,7 +23,7 @@ namespace all_in_focus {
 /// The subscriptions of the fusion. Matches frames with their messages from rgb/focus, and label images with
 /// the tables of their regions. Frames go to the queue, everything else goes to the scene cache.
 ///
-/// Callbacks run on the queue of nh, one after the other; the methods are to be called there, too, or before.
+/// Callbacks run one after the other; the methods are to be called from one of them, or before the first.
 class FusionInputs {
  public:
   /// Adds the inputs to the monitor, subscribes nothing.

@@ -29,7 +29,7 @@ constexpr std::chrono::seconds kFinishPatience(60);
 
 /// Fuses focus brackets into all-in-focus images: inputs -> queue -> worker -> outputs.
 ///
-/// Callbacks run one after the other on the nodelet's own queue and only pass messages on. The service
+/// Callbacks run one after the other and only pass messages on. The service
 /// ~finish waits for the worker, so it has a thread of its own.
 class FusionNodelet : public ConfiguredNodelet<FusionConfig> {
  public:
@@ -58,7 +58,7 @@ FusionNodelet::~FusionNodelet() {
   if (frames_) frames_->stop();
   finish_server_.shutdown();
   finish_spinner_.reset();
-  if (guard_) guard_->close();
+  if (guard_) guard_->stop();
   worker_.reset();
 }
 
@@ -68,8 +68,7 @@ void FusionNodelet::onInit() {
   ros::NodeHandle& private_nh = getPrivateNodeHandle();
   restore_every_ = private_nh.param("restore_every_bracket", restore_every_);
   frames_ = std::make_unique<FrameQueue>(*monitor_, scenes_);
-  inputs_ =
-      std::make_unique<FusionInputs>(getNodeHandle(), private_nh, *monitor_, *guard_, scenes_, *frames_);
+  inputs_ = std::make_unique<FusionInputs>(guard_->nh, private_nh, *monitor_, *guard_, scenes_, *frames_);
   worker_ = std::make_unique<FusionWorker>(
       *monitor_, *frames_, scenes_, [this](const FusedBracket& bracket) { outputs_.publish(bracket); });
   takeConfiguration();
@@ -78,11 +77,8 @@ void FusionNodelet::onInit() {
   finish_server_ = finish_nh.advertiseService("finish", &FusionNodelet::finish, this);
   finish_spinner_ = std::make_unique<ros::AsyncSpinner>(1, &finish_queue_);
   finish_spinner_->start();
-  {
-    std::lock_guard<std::mutex> lock(connect_mutex_);
-    outputs_.advertise(getNodeHandle(), *monitor_, guard_->wrap(getName(), [this] { connect(); }));
-  }
-  end();
+  outputs_.advertise(guard_->nh, *monitor_, guard_->wrap(getName(), [this] { connect(); }));
+  guard_->start();
 }
 
 void FusionNodelet::reconfigure(Config& config) {
@@ -103,13 +99,11 @@ void FusionNodelet::reconfigure(Config& config) {
       restore_every_};
   frames_->configure({config.bracket_size, config.bracket_gap}, queue_size_);
   worker_->configure(settings);
-  std::lock_guard<std::mutex> lock(connect_mutex_);
   inputs_->needMeasured(settings.mode != Mode::kPaper);
 }
 
 // Works only while somebody listens.
 void FusionNodelet::connect() {
-  std::lock_guard<std::mutex> lock(connect_mutex_);
   const bool is_wanted = outputs_.wanted();
   if (is_wanted && !inputs_->subscribed()) {
     inputs_->subscribe();

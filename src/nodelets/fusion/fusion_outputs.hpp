@@ -15,7 +15,7 @@ namespace all_in_focus {
 /// The topics that the fusion publishes. All messages of one result are latched and have the same header.
 class FusionOutputs {
  public:
-  /// connect: called whenever a subscriber comes or goes, maybe before this returns: hold the mutex it takes.
+  /// connect: called whenever a subscriber comes or goes.
   void advertise(ros::NodeHandle& nh, NodeMonitor& monitor, const std::function<void()>& connect);
   /// Whether anybody subscribes.
   bool wanted() const;
