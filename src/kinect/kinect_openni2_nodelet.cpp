@@ -8,18 +8,19 @@
 #include <array>
 #include <chrono>
 #include <condition_variable>
+#include <future>
 #include <memory>
 #include <mutex>
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
 #include <string>
-#include <thread>
 
 #include "acknowledger.hpp"
 #include "callback_guard.hpp"
 #include "kinect_device.hpp"
 #include "kinect_output.hpp"
 #include "kinect_parameters.hpp"
+#include "lasting_thread.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -87,7 +88,7 @@ class KinectOpenni2Nodelet : public nodelet::Nodelet {
   // Declared last, so that they are destroyed first: they call the members above.
   std::array<std::unique_ptr<KinectOutput>, 3> outputs_;
   ros::ServiceServer step_server_;
-  std::thread thread_;
+  std::future<void> thread_;
 };
 
 KinectOpenni2Nodelet::~KinectOpenni2Nodelet() {
@@ -97,7 +98,7 @@ KinectOpenni2Nodelet::~KinectOpenni2Nodelet() {
   }
   changed_.notify_all();
   if (guard_) guard_->stop();
-  if (thread_.joinable()) thread_.join();
+  if (thread_.valid()) thread_.wait();
 }
 
 void KinectOpenni2Nodelet::onInit() {
@@ -122,7 +123,7 @@ void KinectOpenni2Nodelet::onInit() {
         return true;
       });
   guard_->start();
-  thread_ = std::thread(&KinectOpenni2Nodelet::run, this);
+  thread_ = runInLastingThread([this] { run(); });
 }
 
 void KinectOpenni2Nodelet::onStep(std_srvs::Trigger::Response& response) {
