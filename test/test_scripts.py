@@ -68,7 +68,7 @@ DEBIAN = {
     "image_transport": ["libimage-transport-dev"], "libboost-program-options-dev": ["libboost-program-options-dev"],
     "message_filters": ["libmessage-filters-dev", "python3-message-filters"], "message_runtime": [],
     "message_generation": ["ros-message-generation"], "nlohmann-json-dev": ["nlohmann-json3-dev"],
-    "nodelet": ["libnodeletlib-dev", "libnodeletlib-tools"], "pluginlib": ["pluginlib-dev"], "rosbag": ["ros-core"],
+    "nodelet": ["libnodeletlib-dev", "libnodeletlib-tools", "python3-nodelet"], "pluginlib": ["pluginlib-dev"], "rosbag": ["ros-core"],
     "roscpp": ["libroscpp-dev"], "roslaunch": ["ros-core"], "rospy": ["python3-rospy"], "rviz": [],
     "rostest": ["librostest-dev", "python3-rostest", "libgtest-dev"], "yaml-cpp": ["libyaml-cpp-dev"],
     "tf2_ros": ["libtf2-ros-dev", "tf2-tools", "python3-tf2-ros"],

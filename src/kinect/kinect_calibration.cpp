@@ -39,10 +39,10 @@ sensor_msgs::CameraInfo cameraInfoOf(KinectStream stream, const KinectMode& mode
 }
 
 KinectCalibration::KinectCalibration(KinectStream stream, const ros::NodeHandle& nh,
-                                     const KinectStreamParameters& parameters, NodeMonitor& monitor)
+                                     const KinectStreamParameters& parameters, NodeStatus& status)
     : stream_(stream),
       parameters_(parameters),
-      monitor_(monitor),
+      status_(status),
       manager_(nh, parameters.name, parameters.info_url) {}
 
 sensor_msgs::CameraInfoPtr KinectCalibration::cameraInfo(const KinectMode& mode) {
@@ -63,7 +63,7 @@ sensor_msgs::CameraInfoPtr KinectCalibration::cameraInfo(const KinectMode& mode)
                                   ": camera_info comes from the field of view, fx = fy = %ld pixels "
                                   "(calibrate, or give the calibration as *_camera_info_url)",
                                   std::lround(guess.K[0]));
-  if (warning != warned_) monitor_.warn(warning);
+  if (warning != warned_) status_.warn(warning);
   warned_ = warning;
   *info = guess;
   return info;

@@ -22,7 +22,7 @@ class KinectCalibration {
  public:
   /// nh: namespace of the images and of the service set_camera_info.
   KinectCalibration(KinectStream stream, const ros::NodeHandle& nh, const KinectStreamParameters& parameters,
-                    NodeMonitor& monitor);
+                    NodeStatus& status);
 
   /// The camera_info, without its header.
   sensor_msgs::CameraInfoPtr cameraInfo(const KinectMode& mode);
@@ -30,7 +30,7 @@ class KinectCalibration {
  private:
   const KinectStream stream_;
   const KinectStreamParameters parameters_;
-  NodeMonitor& monitor_;
+  NodeStatus& status_;
   camera_info_manager::CameraInfoManager manager_;
   std::string warned_;
 };

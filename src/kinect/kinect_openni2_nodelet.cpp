@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include <nodelet/nodelet.h>
 #include <std_srvs/Trigger.h>
 
 #include <algorithm>
@@ -15,12 +14,11 @@
 #include <stdexcept>
 #include <string>
 
-#include "acknowledger.hpp"
-#include "callback_guard.hpp"
 #include "kinect_device.hpp"
 #include "kinect_output.hpp"
 #include "kinect_parameters.hpp"
 #include "lasting_thread.hpp"
+#include "nodelet_of.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -41,14 +39,18 @@ Clock::duration seconds(double s) {
 ///
 /// One thread does everything with the camera: it opens it, starts streams, waits for images, publishes them,
 /// closes it, and opens it again after an error.
-class KinectOpenni2Nodelet : public nodelet::Nodelet {
+class KinectOpenni2 {
  public:
-  ~KinectOpenni2Nodelet() override;
+  static constexpr const char* kProcessedTopic = "kinect/processed";
+
+  KinectOpenni2(CallbackGuard& guard, NodeStatus& status);
+  ~KinectOpenni2();
+  KinectOpenni2(const KinectOpenni2&) = delete;
+  KinectOpenni2& operator=(const KinectOpenni2&) = delete;
 
  private:
   enum class Step { kNone, kWanted, kDone };
 
-  void onInit() override;
   void onStep(std_srvs::Trigger::Response& response);
 
   void run();
@@ -65,9 +67,8 @@ class KinectOpenni2Nodelet : public nodelet::Nodelet {
   bool isStepWanted();
   void pause(Clock::duration duration);
 
-  KinectParameters parameters_;
-  std::unique_ptr<Acknowledger> monitor_;
-  std::unique_ptr<CallbackGuard> guard_;
+  NodeStatus& status_;
+  const KinectParameters parameters_;
 
   // Used by the thread only.
   OpenNiKeeper openni_;
@@ -91,42 +92,37 @@ class KinectOpenni2Nodelet : public nodelet::Nodelet {
   std::future<void> thread_;
 };
 
-KinectOpenni2Nodelet::~KinectOpenni2Nodelet() {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    closing_ = true;
-  }
-  changed_.notify_all();
-  if (guard_) guard_->stop();
-  if (thread_.valid()) thread_.wait();
-}
-
-void KinectOpenni2Nodelet::onInit() {
-  monitor_ =
-      std::make_unique<Acknowledger>(getName(), getNodeHandle(), getPrivateNodeHandle(), "kinect/processed");
-  parameters_ = readKinectParameters(getPrivateNodeHandle(), *monitor_);
-  guard_ = std::make_unique<CallbackGuard>(getNodeHandle(), getPrivateNodeHandle(), *monitor_);
-  const auto on_connect = guard_->wrap(getName(), [this] {
+KinectOpenni2::KinectOpenni2(CallbackGuard& guard, NodeStatus& status)
+    : status_(status), parameters_(readKinectParameters(guard.private_nh, status)) {
+  const auto on_connect = guard.wrap(status.name(), [this] {
     std::lock_guard<std::mutex> lock(mutex_);
     connections_changed_ = true;
     changed_.notify_all();
   });
   for (const KinectStream stream : kKinectStreams) {
     outputs_[indexOf(stream)] =
-        std::make_unique<KinectOutput>(stream, guard_->quick_nh, parameters_, *monitor_, on_connect);
+        std::make_unique<KinectOutput>(stream, guard.quick_nh, parameters_, status, on_connect);
   }
   using Service = std_srvs::Trigger;
-  auto on_step = guard_->wrap(getName(), [this](auto& response) { onStep(response); });
-  step_server_ = guard_->private_nh.advertiseService<Service::Request, Service::Response>(
+  auto on_step = guard.wrap(status.name(), [this](auto& response) { onStep(response); });
+  step_server_ = guard.private_nh.advertiseService<Service::Request, Service::Response>(
       "step", [on_step](auto& /*request*/, auto& response) mutable {
         on_step(response);
         return true;
       });
-  guard_->start();
   thread_ = runInLastingThread([this] { run(); });
 }
 
-void KinectOpenni2Nodelet::onStep(std_srvs::Trigger::Response& response) {
+KinectOpenni2::~KinectOpenni2() {
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    closing_ = true;
+  }
+  changed_.notify_all();
+  thread_.wait();
+}
+
+void KinectOpenni2::onStep(std_srvs::Trigger::Response& response) {
   std::unique_lock<std::mutex> lock(mutex_);
   response.success = false;
   if (!parameters_.playback.single_step) {
@@ -144,7 +140,7 @@ void KinectOpenni2Nodelet::onStep(std_srvs::Trigger::Response& response) {
   }
 }
 
-void KinectOpenni2Nodelet::run() {
+void KinectOpenni2::run() {
   while (!isClosing()) {
     try {
       open();
@@ -153,28 +149,28 @@ void KinectOpenni2Nodelet::run() {
       reportError(e.what());
       finishStep(false, e.what());
       device_.reset();
-      monitor_->setValue("device", "none");
+      status_.setValue("device", "none");
       pause(seconds(parameters_.reconnect_period));
     }
   }
   device_.reset();
 }
 
-void KinectOpenni2Nodelet::open() {
+void KinectOpenni2::open() {
   device_ = std::make_unique<KinectDevice>(parameters_.device, parameters_.playback);
-  monitor_->recovered();
+  status_.recovered();
   if (parameters_.playback.single_step && !device_->isFile()) {
-    monitor_->warn("single_step has no effect on a camera");
+    status_.warn("single_step has no effect on a camera");
   }
   ended_ = false;
   last_error_.clear();
   start_again_ = {};
-  monitor_->setValue("device", device_->description());
-  ROS_INFO_STREAM(getName() << ": opened " << device_->description());
+  status_.setValue("device", device_->description());
+  ROS_INFO_STREAM(status_.name() << ": opened " << device_->description());
 }
 
 // Returns when the device shall be opened again without a pause.
-void KinectOpenni2Nodelet::serve() {
+void KinectOpenni2::serve() {
   const bool stepping = device_->isFile() && parameters_.playback.single_step;
   while (!isClosing()) {
     if (device_->isUnplugged())
@@ -199,7 +195,7 @@ void KinectOpenni2Nodelet::serve() {
 }
 
 /// Starts the streams that somebody subscribes to, stops the others. True if one runs.
-bool KinectOpenni2Nodelet::chooseStreams() {
+bool KinectOpenni2::chooseStreams() {
   bool wanted = false, running = false;
   for (const auto& output : outputs_) {
     const KinectStream stream = output->stream();
@@ -216,12 +212,12 @@ bool KinectOpenni2Nodelet::chooseStreams() {
     }
     running = running || device_->isRunning(stream);
   }
-  monitor_->setSubscribed(wanted && !ended_);
+  status_.setSubscribed(wanted && !ended_);
   return running;
 }
 
 // A Kinect delivers either IR or colour: both use the same USB pipe.
-bool KinectOpenni2Nodelet::mayStart(const KinectOutput& output) {
+bool KinectOpenni2::mayStart(const KinectOutput& output) {
   const auto stream = output.stream();
   if (Clock::now() < start_again_[indexOf(stream)]) return false;
   if (stream == KinectStream::kDepth || device_->isFile()) return true;
@@ -232,7 +228,7 @@ bool KinectOpenni2Nodelet::mayStart(const KinectOutput& output) {
   return false;
 }
 
-void KinectOpenni2Nodelet::readOne() {
+void KinectOpenni2::readOne() {
   KinectFrame frame;
   if (!device_->next(frame, kPollMs)) {
     if (device_->hasEnded()) finishRecording();
@@ -248,7 +244,7 @@ void KinectOpenni2Nodelet::readOne() {
   finishStep(true, std::string(toString(frame.stream)) + " image " + std::to_string(frame.index));
 }
 
-void KinectOpenni2Nodelet::finishStep(bool success, const std::string& message) {
+void KinectOpenni2::finishStep(bool success, const std::string& message) {
   std::lock_guard<std::mutex> lock(mutex_);
   if (step_ != Step::kWanted) return;
   step_response_.success = success;
@@ -257,16 +253,16 @@ void KinectOpenni2Nodelet::finishStep(bool success, const std::string& message) 
   changed_.notify_all();
 }
 
-void KinectOpenni2Nodelet::finishRecording() {
+void KinectOpenni2::finishRecording() {
   if (parameters_.playback.repeat)
     throw std::runtime_error(device_->description() + " lacks its end: playing it again");
   ended_ = true;
-  ROS_INFO_STREAM(getName() << ": " << device_->description() << " is at its end");
-  monitor_->setValue("device", device_->description() + ", at its end");
+  ROS_INFO_STREAM(status_.name() << ": " << device_->description() << " is at its end");
+  status_.setValue("device", device_->description() + ", at its end");
 }
 
 // Each reopening leaks memory (see OpenNiUse), so a camera that stays silent is reopened ever more rarely.
-void KinectOpenni2Nodelet::checkSilence() {
+void KinectOpenni2::checkSilence() {
   if (device_->isFile() || parameters_.silence_timeout <= 0) return;
   const double limit = parameters_.silence_timeout * (1 << std::min(silences_, 6));
   for (const auto& output : outputs_) {
@@ -279,30 +275,32 @@ void KinectOpenni2Nodelet::checkSilence() {
 }
 
 // Attempts may go on for hours, so an unchanged error is repeated only now and then.
-void KinectOpenni2Nodelet::reportError(const std::string& text) {
+void KinectOpenni2::reportError(const std::string& text) {
   const auto now = Clock::now();
   if (text == last_error_ && now - last_error_at_ < kRepeatError) return;
   last_error_ = text;
   last_error_at_ = now;
-  monitor_->error(text);
+  status_.error(text);
 }
 
-bool KinectOpenni2Nodelet::isClosing() {
+bool KinectOpenni2::isClosing() {
   std::lock_guard<std::mutex> lock(mutex_);
   return closing_;
 }
 
-bool KinectOpenni2Nodelet::isStepWanted() {
+bool KinectOpenni2::isStepWanted() {
   std::lock_guard<std::mutex> lock(mutex_);
   return step_ == Step::kWanted;
 }
 
-void KinectOpenni2Nodelet::pause(Clock::duration duration) {
+void KinectOpenni2::pause(Clock::duration duration) {
   std::unique_lock<std::mutex> lock(mutex_);
   changed_.wait_for(lock, duration,
                     [this] { return closing_ || connections_changed_ || step_ == Step::kWanted; });
   connections_changed_ = false;
 }
+
+using KinectOpenni2Nodelet = NodeletOf<KinectOpenni2>;
 
 }  // namespace all_in_focus
 

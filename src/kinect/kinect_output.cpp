@@ -19,18 +19,18 @@ std::string topicOf(KinectStream stream) {
 }  // namespace
 
 KinectOutput::KinectOutput(KinectStream stream, const ros::NodeHandle& nh, const KinectParameters& parameters,
-                           Acknowledger& monitor, const std::function<void()>& on_connect)
+                           NodeStatus& status, const std::function<void()>& on_connect)
     : stream_(stream),
       parameters_(parameters),
       of_stream_(parameters.streams[indexOf(stream)]),
-      monitor_(monitor),
+      status_(status),
       topic_(topicOf(stream) + "/image_raw"),
-      calibration_(stream, ros::NodeHandle(nh, topicOf(stream)), of_stream_, monitor) {
+      calibration_(stream, ros::NodeHandle(nh, topicOf(stream)), of_stream_, status) {
   const auto connect = [on_connect](const auto& /*subscriber*/) { on_connect(); };
   publisher_ = image_transport::ImageTransport(nh).advertiseCamera(topic_, parameters.queue_size, connect,
                                                                    connect, connect, connect);
-  monitor_.addOutput(topic_);
-  monitor_.addOutput(topicOf(stream) + "/camera_info");
+  status_.addOutput(topic_);
+  status_.addOutput(topicOf(stream) + "/camera_info");
 }
 
 void KinectOutput::begin(double rate) {
@@ -47,7 +47,7 @@ void KinectOutput::publish(const KinectFrame& frame) {
   try {
     publishAs(header, frame);
   } catch (const std::exception& e) {
-    monitor_.acknowledge(
+    status_.acknowledge(
         header, Outcome::kInvalid,
         std::string(toString(stream_)) + " image " + std::to_string(frame.index) + " refused: " + e.what());
   }
@@ -56,8 +56,8 @@ void KinectOutput::publish(const KinectFrame& frame) {
 void KinectOutput::publishAs(std_msgs::Header& header, const KinectFrame& frame) {
   header.stamp = stampOf(frame);
   if (header.stamp.isZero()) {
-    monitor_.acknowledge(header, Outcome::kDropped,
-                         "use_sim_time is set, but nobody publishes /clock: no images");
+    status_.acknowledge(header, Outcome::kDropped,
+                        "use_sim_time is set, but nobody publishes /clock: no images");
     return;
   }
   const sensor_msgs::ImagePtr image = toImage(frame, header, parameters_.invalid_values);
@@ -65,7 +65,7 @@ void KinectOutput::publishAs(std_msgs::Header& header, const KinectFrame& frame)
   info->header = header;
   publisher_.publish(image, info);
   ++published_;
-  monitor_.acknowledge(header, Outcome::kProcessed);
+  status_.acknowledge(header, Outcome::kProcessed);
   report(frame.mode);
 }
 
@@ -78,7 +78,7 @@ ros::Time KinectOutput::stampOf(const KinectFrame& frame) {
 
 void KinectOutput::countLost(const KinectFrame& frame) {
   const int lost = frame.index - last_index_ - 1;
-  if (last_index_ > 0 && lost > 0 && lost < kMaxGap) monitor_.count(Outcome::kDropped, lost);
+  if (last_index_ > 0 && lost > 0 && lost < kMaxGap) status_.count(Outcome::kDropped, lost);
   last_index_ = frame.index;
 }
 
@@ -87,8 +87,8 @@ void KinectOutput::report(const KinectMode& mode) {
   const auto passed = now - reported_at_;
   if (passed < kReportPeriod) return;
   const double rate = (published_ - reported_) / std::chrono::duration<double>(passed).count();
-  monitor_.setValue(topic_, cv::format("%dx%d at %d Hz, %llu images, now %.1f Hz", mode.width, mode.height,
-                                       mode.fps, static_cast<unsigned long long>(published_), rate));
+  status_.setValue(topic_, cv::format("%dx%d at %d Hz, %llu images, now %.1f Hz", mode.width, mode.height,
+                                      mode.fps, static_cast<unsigned long long>(published_), rate));
   reported_ = published_;
   reported_at_ = now;
 }

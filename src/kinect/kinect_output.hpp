@@ -9,11 +9,11 @@
 #include <functional>
 #include <string>
 
-#include "acknowledger.hpp"
 #include "kinect_calibration.hpp"
 #include "kinect_clock.hpp"
 #include "kinect_frame.hpp"
 #include "kinect_parameters.hpp"
+#include "node_status.hpp"
 
 namespace all_in_focus {
 
@@ -25,7 +25,7 @@ class KinectOutput {
 
   /// on_connect: called from any thread whenever subscribers come or go.
   KinectOutput(KinectStream stream, const ros::NodeHandle& nh, const KinectParameters& parameters,
-               Acknowledger& monitor, const std::function<void()>& on_connect);
+               NodeStatus& status, const std::function<void()>& on_connect);
 
   KinectStream stream() const { return stream_; }
   const std::string& topic() const { return topic_; }
@@ -46,7 +46,7 @@ class KinectOutput {
   const KinectStream stream_;
   const KinectParameters& parameters_;
   const KinectStreamParameters& of_stream_;
-  Acknowledger& monitor_;
+  NodeStatus& status_;
   std::string topic_;
   KinectCalibration calibration_;
   image_transport::CameraPublisher publisher_;

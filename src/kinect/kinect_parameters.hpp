@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "kinect_device.hpp"
-#include "node_monitor.hpp"
+#include "node_status.hpp"
 
 namespace all_in_focus {
 
@@ -31,7 +31,7 @@ struct KinectParameters {
   std::array<KinectStreamParameters, 3> streams;  ///< indexed by KinectStream
 };
 
-/// Reads the private parameters. An impossible value is reported to the monitor, and replaced by the default.
-KinectParameters readKinectParameters(const ros::NodeHandle& private_nh, NodeMonitor& monitor);
+/// Reads the private parameters. An impossible value is reported to the status, and replaced by the default.
+KinectParameters readKinectParameters(const ros::NodeHandle& private_nh, NodeStatus& status);
 
 }  // namespace all_in_focus

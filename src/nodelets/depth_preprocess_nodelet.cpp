@@ -8,23 +8,23 @@
 #include <tf2_ros/buffer.h>
 
 #include <boost/make_shared.hpp>
+#include <deque>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
 
 #include "all_in_focus/pipeline.hpp"
 #include "all_in_focus/rig_checks.hpp"
-#include "configured_nodelet.hpp"
 #include "conversions.hpp"
-#include "image_queue.hpp"
+#include "image_limit.hpp"
+#include "nodelet_of.hpp"
+#include "parameters.hpp"
 #include "time_jumps.hpp"
-#include "waiting_list.hpp"
 
 namespace all_in_focus {
 namespace {
 
 constexpr double kRetryPeriod = 0.1;  // s, while a depth image waits for the transform
 constexpr double kPatience = 3.0;     // s; a longer wait is an error. rig_publisher takes up to 2 s to start
-constexpr const char* kProcessedTopic = "depth_registered/processed";
 
 // Frame id as tf2 wants it.
 std::string withoutSlash(const std::string& frame) {
@@ -75,15 +75,16 @@ class TransformListener {
 /// Registers depth images to the colour camera and fills their holes.
 ///
 /// All callbacks run one after the other, except that transforms are also taken while an image is processed.
-class DepthPreprocessNodelet : public ConfiguredNodelet<DepthPreprocessConfig> {
+class DepthPreprocess {
  public:
-  ~DepthPreprocessNodelet() override;
+  static constexpr const char* kProcessedTopic = "depth_registered/processed";
+
+  DepthPreprocess(CallbackGuard& guard, NodeStatus& status);
 
  private:
-  void onInit() override;
   void advertise();
-  void reconfigure(Config& config) override;
-  void connect() override;
+  void reconfigure(DepthPreprocessConfig& config);
+  void connect();
   void subscribe();
   void unsubscribe();
   void onDepth(const sensor_msgs::ImageConstPtr& depth);
@@ -96,57 +97,49 @@ class DepthPreprocessNodelet : public ConfiguredNodelet<DepthPreprocessConfig> {
   void registerAndPublish(const std_msgs::Header& header, const DepthImage& depth);
   void warnOfRig(const cv::Mat& depth, const cv::Mat& registered);
 
-  TimeJumps time_jumps_{[this](int input) { monitor_->timeWentBack(input); }};
-  int depth_input_ = 0, depth_info_input_ = 0, rgb_info_input_ = 0;
-  std::unique_ptr<tf2_ros::Buffer> tf_buffer_;
-  std::unique_ptr<TransformListener> tf_listener_;
+  CallbackGuard& guard_;
+  NodeStatus& status_;
+  const int depth_input_, depth_info_input_, rgb_info_input_;
+  TimeJumps time_jumps_{[this](int input) { status_.timeWentBack(input); }};
+  tf2_ros::Buffer tf_buffer_;
+  TransformListener tf_listener_;
+  int queue_size_ = 5;
   std::vector<int> invalid_values_{0, 2047, 65535};
+  DepthPreprocessConfig config_ = DepthPreprocessConfig::__getDefault__();  // always possible
   image_transport::Publisher registered_publisher_, filled_publisher_;
   ros::Publisher info_publisher_;
-  // Waiting for camera infos and the transform.
-  std::unique_ptr<WaitingList<sensor_msgs::ImageConstPtr>> waiting_;
-  ros::WallTime waiting_since_;  // zero: nothing waits
+  std::deque<sensor_msgs::ImageConstPtr> waiting_;  // for camera infos and the transform, oldest first
+  ros::WallTime waiting_since_;                     // zero: nothing waits
   sensor_msgs::CameraInfoConstPtr depth_info_, rgb_info_;
   geometry_msgs::Transform transform_;
   std::unique_ptr<DepthPreprocessing> preprocessing_;  // of the current rig and mode
   std::string preprocessing_mode_;
 
-  std::unique_ptr<ImageQueue> depth_queue_;
+  image_transport::Subscriber depth_subscriber_;
   ros::Subscriber depth_info_subscriber_, rgb_info_subscriber_;
   ros::WallTimer retry_timer_;
+  std::unique_ptr<dynamic_reconfigure::Server<DepthPreprocessConfig>> configuration_;
 };
 
-DepthPreprocessNodelet::~DepthPreprocessNodelet() {
-  if (guard_) guard_->stop();
-}
-
-void DepthPreprocessNodelet::onInit() {
-  begin(kProcessedTopic);
-  depth_input_ = monitor_->addInput("depth/image_raw", Expect::kStream, "start the depth camera's driver");
-  depth_info_input_ =
-      monitor_->addInput("depth/camera_info", Expect::kOnce, "start the depth camera's driver");
-  rgb_info_input_ = monitor_->addInput("rgb/camera_info", Expect::kOnce, "start the colour camera's driver");
-
-  ros::NodeHandle& private_nh = getPrivateNodeHandle();
-  if (private_nh.hasParam("invalid_values") && !private_nh.getParam("invalid_values", invalid_values_)) {
-    monitor_->error("invalid_values is not a list of integers (mm): using [0, 2047, 65535]");
-  }
-
-  tf_buffer_ = std::make_unique<tf2_ros::Buffer>();
-  tf_listener_ = std::make_unique<TransformListener>(*guard_, *tf_buffer_);
-  takeConfiguration();
-  waiting_ = std::make_unique<WaitingList<sensor_msgs::ImageConstPtr>>(queue_size_);
-  depth_queue_ =
-      std::make_unique<ImageQueue>(queue_size_, *monitor_, *guard_, depth_input_,
-                                   [this](const sensor_msgs::ImageConstPtr& depth) { onDepth(depth); });
+DepthPreprocess::DepthPreprocess(CallbackGuard& guard, NodeStatus& status)
+    : guard_(guard),
+      status_(status),
+      depth_input_(status.addInput("depth/image_raw", Expect::kStream, "start the depth camera's driver")),
+      depth_info_input_(
+          status.addInput("depth/camera_info", Expect::kOnce, "start the depth camera's driver")),
+      rgb_info_input_(status.addInput("rgb/camera_info", Expect::kOnce, "start the colour camera's driver")),
+      tf_listener_(guard, tf_buffer_) {
+  readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
+  readParameter(guard.private_nh, "invalid_values", invalid_values_, status);
+  configuration_ =
+      serveConfiguration<DepthPreprocessConfig>(guard, status, [this](auto& config) { reconfigure(config); });
   advertise();
-  guard_->start();
 }
 
-void DepthPreprocessNodelet::advertise() {
-  ros::NodeHandle& nh = guard_->nh;
+void DepthPreprocess::advertise() {
+  ros::NodeHandle& nh = guard_.nh;
   image_transport::ImageTransport transport(nh);
-  const auto on_connect = guard_->wrap(getName(), [this](const auto& /*subscriber*/) { connect(); });
+  const auto on_connect = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) { connect(); });
 
   registered_publisher_ = transport.advertise("depth_registered/image_raw", 1, on_connect, on_connect);
   filled_publisher_ = transport.advertise("depth_registered/image", 1, on_connect, on_connect);
@@ -154,111 +147,108 @@ void DepthPreprocessNodelet::advertise() {
       nh.advertise<sensor_msgs::CameraInfo>("depth_registered/camera_info", 1, on_connect, on_connect);
   for (const char* topic :
        {"depth_registered/image_raw", "depth_registered/image", "depth_registered/camera_info"}) {
-    monitor_->addOutput(topic);
+    status_.addOutput(topic);
   }
 }
 
-void DepthPreprocessNodelet::reconfigure(Config& config) {
-  if (config.mode != "paper" && config.mode != "refined") {
-    monitor_->warn("mode \"" + config.mode + "\" does not exist (use paper or refined): keeping " +
-                   config_.mode);
-    config.mode = config_.mode;
-  }
+void DepthPreprocess::reconfigure(DepthPreprocessConfig& config) {
+  repair(config.mode, config_.mode, config.mode == "paper" || config.mode == "refined", "mode",
+         "paper or refined", status_);
   config_ = config;
-  monitor_->setValue("mode", config.mode);
+  status_.setValue("mode", config.mode);
 }
 
 // Works only while anybody subscribes.
-void DepthPreprocessNodelet::connect() {
+void DepthPreprocess::connect() {
   const bool wanted = registered_publisher_.getNumSubscribers() > 0 ||
                       filled_publisher_.getNumSubscribers() > 0 || info_publisher_.getNumSubscribers() > 0;
-  if (wanted && !*depth_queue_) subscribe();
-  if (!wanted && *depth_queue_) unsubscribe();
+  if (wanted && !depth_subscriber_) subscribe();
+  if (!wanted && depth_subscriber_) unsubscribe();
 }
 
-void DepthPreprocessNodelet::subscribe() {
-  ros::NodeHandle& nh = guard_->nh;
-  const auto subscribe = [&](const char* topic, int input, sensor_msgs::CameraInfoConstPtr& slot) {
-    return nh.subscribe<sensor_msgs::CameraInfo>(
-        topic, queue_size_,
-        guard_->input<sensor_msgs::CameraInfo>(
-            input, [this, input, &slot](const auto& info) { onInfo(input, slot, info); }));
+void DepthPreprocess::subscribe() {
+  const auto subscribe = [&](int input, sensor_msgs::CameraInfoConstPtr& slot) {
+    return guard_.subscribe<sensor_msgs::CameraInfo>(
+        input, queue_size_, [this, input, &slot](const auto& info) { onInfo(input, slot, info); });
   };
-  depth_info_subscriber_ = subscribe("depth/camera_info", depth_info_input_, depth_info_);
-  rgb_info_subscriber_ = subscribe("rgb/camera_info", rgb_info_input_, rgb_info_);
-  depth_queue_->subscribe("depth/image_raw");
-  retry_timer_ =
-      nh.createWallTimer(ros::WallDuration(kRetryPeriod),
-                         guard_->wrap(getName(), [this](const ros::WallTimerEvent&) { processWaiting(); }));
-  monitor_->setSubscribed(true);
+  depth_info_subscriber_ = subscribe(depth_info_input_, depth_info_);
+  rgb_info_subscriber_ = subscribe(rgb_info_input_, rgb_info_);
+  depth_subscriber_ =
+      guard_.subscribeToImages(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
+  retry_timer_ = guard_.nh.createWallTimer(
+      ros::WallDuration(kRetryPeriod),
+      guard_.wrap(status_.name(), [this](const ros::WallTimerEvent&) { processWaiting(); }));
+  status_.setSubscribed(true);
 }
 
-void DepthPreprocessNodelet::unsubscribe() {
+void DepthPreprocess::unsubscribe() {
   retry_timer_.stop();
-  depth_queue_->shutdown();
-  depth_info_subscriber_.shutdown();
-  rgb_info_subscriber_.shutdown();
-  waiting_->clear();
+  depth_subscriber_ = {};
+  depth_info_subscriber_ = rgb_info_subscriber_ = {};
+  waiting_.clear();
   waiting_since_ = ros::WallTime();
   depth_info_ = rgb_info_ = nullptr;  // may be out of date when the next subscriber comes
-  monitor_->setSubscribed(false);
+  status_.setSubscribed(false);
 }
 
-void DepthPreprocessNodelet::onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot,
-                                    const sensor_msgs::CameraInfoConstPtr& info) {
-  if (time_jumps_.arrived(input, info->header.stamp).jumped) giveUpWaiting(waiting_->size());
+void DepthPreprocess::onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot,
+                             const sensor_msgs::CameraInfoConstPtr& info) {
+  if (time_jumps_.arrived(input, info->header.stamp).jumped) giveUpWaiting(waiting_.size());
   slot = info;
   processWaiting();
 }
 
-void DepthPreprocessNodelet::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  if (time_jumps_.arrived(depth_input_, depth->header.stamp).jumped) giveUpWaiting(waiting_->size());
-  for (const auto& dropped : waiting_->push(depth, depth->data.size()))
-    monitor_->acknowledge(dropped->header, Outcome::kUnmatched);
+void DepthPreprocess::onDepth(const sensor_msgs::ImageConstPtr& depth) {
+  if (time_jumps_.arrived(depth_input_, depth->header.stamp).jumped) giveUpWaiting(waiting_.size());
+  waiting_.push_back(depth);
+  const std::size_t most = imageLimit(queue_size_, *depth);
+  if (waiting_.size() > most) giveUpWaiting(waiting_.size() - most);
   processWaiting();
 }
 
 // Camera infos and the transform usually come within a moment. The depth image waits for them, because it may
 // be the only one in a bag.
-void DepthPreprocessNodelet::processWaiting() {
+void DepthPreprocess::processWaiting() {
   std::string missing;
-  for (std::size_t ready = 0; ready < waiting_->size();) {
-    if (isSomethingMissing(*(*waiting_)[ready], missing)) {
+  for (std::size_t ready = 0; ready < waiting_.size();) {
+    if (isSomethingMissing(*waiting_[ready], missing)) {
       ++ready;
       continue;
     }
     giveUpWaiting(ready);  // results are published in the order of stamps
-    const sensor_msgs::ImageConstPtr depth = waiting_->pop();
+    const sensor_msgs::ImageConstPtr depth = waiting_.front();
+    waiting_.pop_front();
     waiting_since_ = ros::WallTime();
     ready = 0;
     try {
       process(depth);
     } catch (const std::exception& e) {
-      monitor_->acknowledge(depth->header, Outcome::kInvalid, e.what());
+      status_.acknowledge(depth->header, Outcome::kInvalid, e.what());
     }
   }
-  if (waiting_->empty()) return;
+  if (waiting_.empty()) return;
   const ros::WallTime now = ros::WallTime::now();
   if (waiting_since_.isZero()) waiting_since_ = now;
-  if ((now - waiting_since_).toSec() > kPatience) monitor_->error(missing);
+  if ((now - waiting_since_).toSec() > kPatience) status_.error(missing);
 }
 
-void DepthPreprocessNodelet::giveUpWaiting(std::size_t oldest) {
-  for (; oldest > 0; --oldest) monitor_->acknowledge(waiting_->pop()->header, Outcome::kUnmatched);
+void DepthPreprocess::giveUpWaiting(std::size_t oldest) {
+  for (; oldest > 0; --oldest, waiting_.pop_front())
+    status_.acknowledge(waiting_.front()->header, Outcome::kUnmatched);
 }
 
 // True while something is missing that may still come. When it returns false, transform_ is that of this
 // image. It does not wait for anything that is broken: process() refuses that.
-bool DepthPreprocessNodelet::isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason) {
+bool DepthPreprocess::isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason) {
   if (!depth_info_ || !rgb_info_) {
-    reason = "depth waits for " + monitor_->resolved(depth_info_ ? rgb_info_input_ : depth_info_input_) +
+    reason = "depth waits for " + status_.resolved(depth_info_ ? rgb_info_input_ : depth_info_input_) +
              ": publish the camera's calibration there, or remap it";
     return true;
   }
   const std::string from = withoutSlash(depth.header.frame_id), to = withoutSlash(rgb_info_->header.frame_id);
   if (from.empty() || to.empty()) return false;
   try {
-    transform_ = tf_buffer_->lookupTransform(to, from, ros::Time(0)).transform;
+    transform_ = tf_buffer_.lookupTransform(to, from, ros::Time(0)).transform;
     return false;
   } catch (const tf2::TransformException& e) {
     reason = "no transform from depth frame \"" + from + "\" to colour frame \"" + to +
@@ -268,18 +258,18 @@ bool DepthPreprocessNodelet::isSomethingMissing(const sensor_msgs::Image& depth,
   }
 }
 
-Rig DepthPreprocessNodelet::currentRig() const {
-  return {toCamera(*depth_info_, monitor_->resolved(depth_info_input_)),
-          toCamera(*rgb_info_, monitor_->resolved(rgb_info_input_)), toRigidTransform(transform_)};
+Rig DepthPreprocess::currentRig() const {
+  return {toCamera(*depth_info_, status_.resolved(depth_info_input_)),
+          toCamera(*rgb_info_, status_.resolved(rgb_info_input_)), toRigidTransform(transform_)};
 }
 
-void DepthPreprocessNodelet::process(const sensor_msgs::ImageConstPtr& message) {
-  const std::string topic = monitor_->resolved(depth_input_);
+void DepthPreprocess::process(const sensor_msgs::ImageConstPtr& message) {
+  const std::string topic = status_.resolved(depth_input_);
   requireFrame(message->header, topic);
-  requireFrame(rgb_info_->header, monitor_->resolved(rgb_info_input_));
+  requireFrame(rgb_info_->header, status_.resolved(rgb_info_input_));
   const DepthImage depth = toDepth(message, invalid_values_, topic);
   const Rig rig = currentRig();
-  requireSize(depth, rig.depth, topic, monitor_->resolved(depth_info_input_));
+  requireSize(depth, rig.depth, topic, status_.resolved(depth_info_input_));
   if (!preprocessing_ || !(preprocessing_->rig() == rig) || preprocessing_mode_ != config_.mode) {
     preprocessing_ = std::make_unique<DepthPreprocessing>(rig, parseMode(config_.mode));
     preprocessing_mode_ = config_.mode;
@@ -287,8 +277,7 @@ void DepthPreprocessNodelet::process(const sensor_msgs::ImageConstPtr& message) 
   registerAndPublish(message->header, depth);
 }
 
-void DepthPreprocessNodelet::registerAndPublish(const std_msgs::Header& depth_header,
-                                                const DepthImage& depth) {
+void DepthPreprocess::registerAndPublish(const std_msgs::Header& depth_header, const DepthImage& depth) {
   std_msgs::Header header = depth_header;
   header.frame_id = rgb_info_->header.frame_id;
   const cv::Size size = preprocessing_->rig().color.size;
@@ -303,19 +292,19 @@ void DepthPreprocessNodelet::registerAndPublish(const std_msgs::Header& depth_he
   const sensor_msgs::ImagePtr registered_message = registered.take();
   registered_publisher_.publish(registered_message);
   filled_publisher_.publish(config_.fill_holes ? filled.take() : registered_message);
-  monitor_->acknowledge(depth_header, Outcome::kProcessed);
+  status_.acknowledge(depth_header, Outcome::kProcessed);
   warnOfRig(depth.mm, registered_mm);
 }
 
 // Warns of likely mistakes in the rig, in the words of fuse_stack.
-void DepthPreprocessNodelet::warnOfRig(const cv::Mat& depth, const cv::Mat& registered) {
-  const std::string topic = monitor_->resolved(depth_input_) + ": ";
+void DepthPreprocess::warnOfRig(const cv::Mat& depth, const cv::Mat& registered) {
+  const std::string topic = status_.resolved(depth_input_) + ": ";
   if (cv::countNonZero(depth) == 0) {
-    monitor_->warn(topic + "not one pixel has a depth: is something too near, or the sensor covered?");
+    status_.warn(topic + "not one pixel has a depth: is something too near, or the sensor covered?");
     return;
   }
   const auto warn = [&](const std::string& warning) {
-    if (!warning.empty()) monitor_->warn(topic + warning);
+    if (!warning.empty()) status_.warn(topic + warning);
   };
   const Rig& rig = preprocessing_->rig();
   warn(core::checkDepthUnit(depth));
@@ -323,9 +312,11 @@ void DepthPreprocessNodelet::warnOfRig(const cv::Mat& depth, const cv::Mat& regi
   try {
     warn(core::checkCoverage(registered, rig));
   } catch (const std::invalid_argument& e) {
-    monitor_->error(topic + e.what());
+    status_.error(topic + e.what());
   }
 }
+
+using DepthPreprocessNodelet = NodeletOf<DepthPreprocess>;
 
 }  // namespace all_in_focus
 

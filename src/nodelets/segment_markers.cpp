@@ -51,26 +51,23 @@ visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& c
 
 }  // namespace
 
-SegmentMarkers::SegmentMarkers(ros::NodeHandle& nh, NodeMonitor& monitor, const CallbackGuard& guard)
-    : nh_(nh), monitor_(monitor), guard_(guard) {
-  info_input_ = monitor_.addInput(kInfoTopic, Expect::kOptional, "start depth_preprocess");
-}
+SegmentMarkers::SegmentMarkers(CallbackGuard& guard, NodeStatus& status)
+    : guard_(guard),
+      status_(status),
+      info_input_(status.addInput(kInfoTopic, Expect::kOptional, "start depth_preprocess")) {}
 
 void SegmentMarkers::advertise(const ros::SubscriberStatusCallback& connect) {
-  publisher_ = nh_.advertise<visualization_msgs::MarkerArray>(kMarkersTopic, 1, connect, connect);
-  monitor_.addOutput(kMarkersTopic);
+  publisher_ = guard_.nh.advertise<visualization_msgs::MarkerArray>(kMarkersTopic, 1, connect, connect);
+  status_.addOutput(kMarkersTopic);
 }
 
 void SegmentMarkers::listen(bool awake) {
   const bool want = awake && wanted();
   if (want && !info_subscriber_) {
-    info_subscriber_ = nh_.subscribe<sensor_msgs::CameraInfo>(
-        kInfoTopic, 1,
-        guard_.input<sensor_msgs::CameraInfo>(info_input_, [this](const auto& info) { onInfo(info); }));
+    info_subscriber_ =
+        guard_.subscribe<sensor_msgs::CameraInfo>(info_input_, 1, [this](const auto& info) { onInfo(info); });
   } else if (!want && info_subscriber_) {
-    info_subscriber_.shutdown();
     info_subscriber_ = {};
-    std::lock_guard<std::mutex> lock(mutex_);
     camera_.reset();  // may be out of date when the next subscriber comes
     waiting_.reset();
   }
@@ -78,27 +75,24 @@ void SegmentMarkers::listen(bool awake) {
 
 void SegmentMarkers::publish(const CaptionSet& captions) {
   if (!wanted()) return;
-  std::lock_guard<std::mutex> lock(mutex_);
   const bool second = waiting_ != nullptr;
   waiting_ = std::make_unique<CaptionSet>(captions);
   if (publishWaiting() || !second) return;
-  monitor_.warn(
-      "markers wait for " + monitor_.resolved(info_input_) +
+  status_.warn(
+      "markers wait for " + status_.resolved(info_input_) +
       ": nothing came that fits the depth image; publish its camera's calibration there, or remap it");
 }
 
 void SegmentMarkers::onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
-  std::lock_guard<std::mutex> lock(mutex_);
   try {
-    camera_ = std::make_unique<Camera>(toCamera(*info, monitor_.resolved(info_input_)));
+    camera_ = std::make_unique<Camera>(toCamera(*info, status_.resolved(info_input_)));
     publishWaiting();
   } catch (const std::exception& e) {
     camera_.reset();
-    monitor_.error(e.what());
+    status_.error(e.what());
   }
 }
 
-// Holds mutex_.
 bool SegmentMarkers::publishWaiting() {
   if (!waiting_ || !camera_ || camera_->size != waiting_->size) return false;
   publisher_.publish(toMarkers(*waiting_, *camera_));

@@ -7,14 +7,13 @@
 #include <std_msgs/Header.h>
 
 #include <memory>
-#include <mutex>
 #include <opencv2/core.hpp>
 #include <vector>
 
 #include "all_in_focus/region_captions.hpp"
 #include "callback_guard.hpp"
 #include "conversions.hpp"
-#include "node_monitor.hpp"
+#include "node_status.hpp"
 
 namespace all_in_focus {
 
@@ -28,17 +27,15 @@ struct CaptionSet {
 
 /// Publishes the captions as text in space for rviz. Each lies on the ray of its anchor, at the near end of
 /// its region, because farther back the points of the region would hide it. The rays are computed from the
-/// camera_info beside the depth image, which is subscribed to while anybody wants markers.
+/// camera_info beside the depth image, which is subscribed to while anybody wants markers. For one thread.
 class SegmentMarkers {
  public:
-  /// In onInit(), before monitor.start().
-  SegmentMarkers(ros::NodeHandle& nh, NodeMonitor& monitor, const CallbackGuard& guard);
+  SegmentMarkers(CallbackGuard& guard, NodeStatus& status);
   /// connect: called when subscribers come or go.
   void advertise(const ros::SubscriberStatusCallback& connect);
 
   bool wanted() const { return publisher_.getNumSubscribers() > 0; }
-  /// Subscribes to the camera_info if markers are wanted and `awake` is true, else unsubscribes. Call from
-  /// one thread at a time.
+  /// Subscribes to the camera_info if markers are wanted and `awake` is true, else unsubscribes.
   void listen(bool awake);
 
   /// Publishes them, or keeps them until the camera is known: its message may come after the image.
@@ -48,13 +45,11 @@ class SegmentMarkers {
   void onInfo(const sensor_msgs::CameraInfoConstPtr& info);
   bool publishWaiting();
 
-  ros::NodeHandle nh_;
-  NodeMonitor& monitor_;
-  const CallbackGuard& guard_;
-  int info_input_ = 0;
+  CallbackGuard& guard_;
+  NodeStatus& status_;
+  const int info_input_;
   ros::Publisher publisher_;
 
-  std::mutex mutex_;  // guards these two
   std::unique_ptr<Camera> camera_;
   std::unique_ptr<CaptionSet> waiting_;  // the newest, for the camera
 

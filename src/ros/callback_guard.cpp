@@ -3,25 +3,51 @@
 
 #include "callback_guard.hpp"
 
+#include <image_transport/image_transport.h>
+
+#include <boost/make_shared.hpp>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include "image_limit.hpp"
+#include "transports.hpp"
+
 namespace all_in_focus {
 namespace {
 
-const ros::WallDuration kDiagnosticsPeriod(1.0);
+constexpr std::uint32_t kArriving = 10;  // images; they are taken at once
+
+class Call : public ros::CallbackInterface {
+ public:
+  explicit Call(std::function<void()> function) : function_(std::move(function)) {}
+  CallResult call() override {
+    function_();
+    return Success;
+  }
+
+ private:
+  const std::function<void()> function_;
+};
+
+struct WaitingImages {
+  std::mutex mutex;
+  std::deque<sensor_msgs::ImageConstPtr> images;  // oldest first; for each a call in the queue
+};
 
 }  // namespace
 
 CallbackGuard::CallbackGuard(const ros::NodeHandle& nodelet_nh, const ros::NodeHandle& nodelet_private_nh,
-                             NodeMonitor& monitor)
-    : nh(nodelet_nh), private_nh(nodelet_private_nh), quick_nh(nodelet_nh), monitor_(monitor) {
+                             NodeStatus& status)
+    : nh(nodelet_nh), private_nh(nodelet_private_nh), quick_nh(nodelet_nh), status_(status) {
   nh.setCallbackQueue(&working_.queue);
   private_nh.setCallbackQueue(&working_.queue);
   quick_nh.setCallbackQueue(&quick_.queue);
 }
 
 void CallbackGuard::start() {
-  monitor_.start();
-  diagnostics_timer_ = quick_nh.createWallTimer(
-      kDiagnosticsPeriod, wrap("diagnostics", [this](const ros::WallTimerEvent&) { monitor_.tick(); }));
   working_.spinner.start();
   quick_.spinner.start();
 }
@@ -29,7 +55,39 @@ void CallbackGuard::start() {
 void CallbackGuard::stop() {
   working_.spinner.stop();
   quick_.spinner.stop();
-  diagnostics_timer_.stop();
+}
+
+image_transport::Subscriber CallbackGuard::subscribeToImages(int input, std::size_t most,
+                                                             const ImageCallback& process) {
+  // The subscription owns what waits: nothing of it is processed after it ends.
+  const auto waiting = std::make_shared<WaitingImages>();
+  const auto turn = wrap(status_.resolved(input), [waits = std::weak_ptr<WaitingImages>(waiting), process] {
+    const auto waiting = waits.lock();
+    if (!waiting) return;
+    sensor_msgs::ImageConstPtr oldest;
+    {
+      std::lock_guard<std::mutex> lock(waiting->mutex);
+      if (waiting->images.empty()) return;
+      oldest = std::move(waiting->images.front());
+      waiting->images.pop_front();
+    }
+    process(oldest);
+  });
+  const auto arrive = [this, waiting, most, turn](const sensor_msgs::ImageConstPtr& image) {
+    std::vector<sensor_msgs::ImageConstPtr> dropped;
+    {
+      std::lock_guard<std::mutex> lock(waiting->mutex);
+      waiting->images.push_back(image);
+      for (; waiting->images.size() > imageLimit(most, *image); waiting->images.pop_front())
+        dropped.push_back(std::move(waiting->images.front()));
+    }
+    for (const auto& each : dropped)
+      status_.acknowledge(each->header, Outcome::kDropped, "cannot keep up: oldest waiting image dropped");
+    if (dropped.empty()) working_.queue.addCallback(boost::make_shared<Call>(turn));
+  };
+  const image_transport::TransportHints hints = chosenTransport(quick_nh, private_nh, status_);
+  return image_transport::ImageTransport(quick_nh).subscribe(
+      status_.topic(input), kArriving, checked<sensor_msgs::Image>(input, arrive), ros::VoidPtr(), hints);
 }
 
 }  // namespace all_in_focus

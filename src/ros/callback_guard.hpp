@@ -2,15 +2,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <image_transport/subscriber.h>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
+#include <sensor_msgs/Image.h>
 #include <xmlrpcpp/XmlRpcException.h>
 
 #include <boost/function.hpp>
 #include <boost/shared_ptr.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <string>
 
-#include "node_monitor.hpp"
+#include "node_status.hpp"
 #include "time_jumps.hpp"
 
 namespace all_in_focus {
@@ -23,8 +28,10 @@ namespace all_in_focus {
 ///     too late for the manager's queues, which are gone by then, and beside the nodelet that is loaded next.
 class CallbackGuard {
  public:
-  /// nh, private_nh: those of the nodelet. monitor: must live until stop() returns.
-  CallbackGuard(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, NodeMonitor& monitor);
+  using ImageCallback = std::function<void(const sensor_msgs::ImageConstPtr&)>;
+
+  /// nh, private_nh: those of the nodelet. status: must live until stop() returns.
+  CallbackGuard(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, NodeStatus& status);
   ~CallbackGuard() { stop(); }
   CallbackGuard(const CallbackGuard&) = delete;
   CallbackGuard& operator=(const CallbackGuard&) = delete;
@@ -33,10 +40,8 @@ class CallbackGuard {
   ros::NodeHandle nh, private_nh;
   /// Its callbacks run beside those of `nh`, one after the other, and must be short.
   ros::NodeHandle quick_nh;
-  /// Of nh.
-  ros::CallbackQueueInterface& queue() { return working_.queue; }
 
-  /// Starts the threads and the diagnostics. What comes before waits.
+  /// Starts the threads. What comes before waits.
   void start();
   /// Waits for running callbacks. Must not be called from one of them.
   void stop();
@@ -44,30 +49,31 @@ class CallbackGuard {
   /// Guarded, a call of any arguments that returns nothing. place: begins the message of an error.
   template <typename Function>
   auto wrap(const std::string& place, Function function) const {
-    return [&monitor = monitor_, place, function](auto&&... arguments) mutable {
+    return [&status = status_, place, function](auto&&... arguments) mutable {
       try {
         function(arguments...);
       } catch (const std::exception& e) {
-        monitor.count(Outcome::kInvalid);
-        monitor.error(place + ": " + e.what());
+        status.count(Outcome::kInvalid);
+        status.error(place + ": " + e.what());
       } catch (const XmlRpc::XmlRpcException& e) {  // of parameters and the master; not a std::exception
-        monitor.count(Outcome::kInvalid);
-        monitor.error(place + ": " + e.getMessage());
+        status.count(Outcome::kInvalid);
+        status.error(place + ": " + e.getMessage());
       }
     };
   }
 
-  /// Guarded, the callback of a subscription. input: its number in the monitor, which counts the arrival.
-  /// Messages with an impossible stamp are refused.
+  /// Subscribes to an input of the status, which counts the arrivals. Messages with an impossible stamp are
+  /// refused.
   template <typename Message, typename Function>
-  boost::function<void(const boost::shared_ptr<const Message>&)> input(int input, Function function) const {
-    const auto checked = [&monitor = monitor_, input, function](const auto& message) mutable {
-      monitor.inputArrived(input);
-      requirePossible(message->header.stamp);
-      function(message);
-    };
-    return wrap(monitor_.resolved(input), checked);
+  ros::Subscriber subscribe(int input, std::uint32_t queue_size, Function function) {
+    return nh.subscribe<Message>(status_.topic(input), queue_size, checked<Message>(input, function));
   }
+
+  /// The same for images that take long to process, by the image_transport of the parameters. They are
+  /// received beside the other callbacks and wait for their turn among them. Where the node cannot keep up
+  /// the oldest are dropped, counted and acknowledged; roscpp's own queue would drop them silently. most: how
+  /// many may wait, within imageLimit().
+  image_transport::Subscriber subscribeToImages(int input, std::size_t most, const ImageCallback& process);
 
  private:
   struct Thread {
@@ -75,9 +81,18 @@ class CallbackGuard {
     ros::AsyncSpinner spinner{1, &queue};
   };
 
-  NodeMonitor& monitor_;
+  template <typename Message, typename Function>
+  boost::function<void(const boost::shared_ptr<const Message>&)> checked(int input, Function function) const {
+    const auto check_and_call = [&status = status_, input, function](const auto& message) mutable {
+      status.inputArrived(input);
+      requirePossible(message->header.stamp);
+      function(message);
+    };
+    return wrap(status_.resolved(input), check_and_call);
+  }
+
+  NodeStatus& status_;
   Thread working_, quick_;
-  ros::WallTimer diagnostics_timer_;
 };
 
 }  // namespace all_in_focus

@@ -9,6 +9,9 @@
 #include <xmlrpcpp/XmlRpcException.h>
 
 #include <algorithm>
+#include <chrono>
+#include <thread>
+#include <utility>
 
 namespace all_in_focus {
 namespace {
@@ -16,25 +19,7 @@ namespace {
 const ros::WallDuration kPatience(1.0);
 const ros::WallDuration kPoll(0.01);
 
-}  // namespace
-
-image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-                                                NodeMonitor& monitor) {
-  const std::string raw = "raw", package = "image_transport/";
-  const std::string wanted = private_nh.param("image_transport", raw);
-  if (wanted != raw) {
-    const std::vector<std::string> installed = image_transport::ImageTransport(nh).getLoadableTransports();
-    if (std::find(installed.begin(), installed.end(), package + wanted) == installed.end()) {
-      std::string names;
-      for (const std::string& name : installed) names += " " + name.substr(package.size());
-      monitor.error("~image_transport: '" + wanted + "' is not installed here, only" + names + ": using raw");
-      private_nh.setParam("image_transport", raw);
-    }
-  }
-  return {raw, ros::TransportHints(), private_nh};
-}
-
-std::optional<std::set<std::string>> publishedTopics() {
+std::optional<std::set<std::string>> askForPublishedTopics() {
   XmlRpc::XmlRpcValue request, response, published;
   request[0] = ros::this_node::getName();
   request[1] = "";
@@ -49,10 +34,37 @@ std::optional<std::set<std::string>> publishedTopics() {
   return topics;
 }
 
+}  // namespace
+
+image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
+                                                NodeStatus& status) {
+  const std::string raw = "raw", package = "image_transport/";
+  const std::string wanted = private_nh.param("image_transport", raw);
+  if (wanted != raw) {
+    const std::vector<std::string> installed = image_transport::ImageTransport(nh).getLoadableTransports();
+    if (std::find(installed.begin(), installed.end(), package + wanted) == installed.end()) {
+      std::string names;
+      for (const std::string& name : installed) names += " " + name.substr(package.size());
+      status.error("~image_transport: '" + wanted + "' is not installed here, only" + names + ": using raw");
+      private_nh.setParam("image_transport", raw);
+    }
+  }
+  return {raw, ros::TransportHints(), private_nh};
+}
+
+std::future<std::optional<std::set<std::string>>> publishedTopics() {
+  std::packaged_task<std::optional<std::set<std::string>>()> ask(askForPublishedTopics);
+  auto published = ask.get_future();
+  std::thread(std::move(ask)).detach();
+  return published;
+}
+
 void awaitPublishers(const std::vector<const ros::Subscriber*>& subscribers) {
-  const auto published = publishedTopics();
-  if (!published) return;
   const ros::WallTime end = ros::WallTime::now() + kPatience;
+  auto answer = publishedTopics();
+  if (answer.wait_for(std::chrono::duration<double>(kPatience.toSec())) != std::future_status::ready) return;
+  const auto published = answer.get();
+  if (!published) return;
   for (const ros::Subscriber* subscriber : subscribers) {
     if (published->count(subscriber->getTopic()) == 0) continue;
     while (subscriber->getNumPublishers() == 0 && ros::WallTime::now() < end) kPoll.sleep();

@@ -6,26 +6,27 @@
 #include <ros/node_handle.h>
 #include <ros/subscriber.h>
 
+#include <future>
 #include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
-#include "node_monitor.hpp"
+#include "node_status.hpp"
 
 namespace all_in_focus {
 
 /// The image_transport for subscriptions, from the private parameter image_transport. If it is not installed,
 /// an error is logged and raw is used, because image_transport would throw.
 image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-                                                NodeMonitor& monitor);
+                                                NodeStatus& status);
 
-/// The topics that are published. Nothing if the master gives no valid answer.
-std::optional<std::set<std::string>> publishedTopics();
+/// Asks the master for the topics that are published, in a thread of its own: a master that hangs never
+/// answers. The future need not be waited for. Nothing if the answer is not valid.
+std::future<std::optional<std::set<std::string>>> publishedTopics();
 
 /// Waits until the topics that the master lists as published are connected: a subscriber that has just
-/// started may not be connected to all of them yet. Gives up after a second of wall time; does not wait for
-/// the master.
+/// started may not be connected to all of them yet. Gives up after a second of wall time.
 void awaitPublishers(const std::vector<const ros::Subscriber*>& subscribers);
 
 }  // namespace all_in_focus

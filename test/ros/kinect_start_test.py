@@ -35,19 +35,19 @@ class StartTest(KinectTest):
 
     def test_impossible_parameters_are_named_and_the_defaults_taken(self):
         image, said = self.assert_runs_and_names({
-            '_invalid_values:=none': 'invalid_values is not a list of integers (mm): using [0, 2047, 65535]',
-            '_queue_size:=0': 'queue_size must be a number from 1 to 1000: using 5',
-            '_time_offset:=soon': 'time_offset must be a number from -3600 to 3600: using 0',
-            '_silence_timeout:=-1': 'silence_timeout must be a number from 0 to 3600: using 5'})
+            '_invalid_values:=none': "invalid_values must be a list of whole numbers, not 'none': using [0, 2047, 65535]",
+            '_queue_size:=0': 'queue_size must be a whole number from 1 to 1000, not 0: using 5',
+            '_time_offset:=soon': "time_offset must be a number from -3600 to 3600, not 'soon': using 0",
+            '_silence_timeout:=-1': 'silence_timeout must be a number from 0 to 3600, not -1: using 5'})
         depth = pixels_of(image)  # in the first there is no 2047
         self.assertEqual(depth[depth_pattern(index_of(depth)) == 2047].max(), 0)
         self.assertEqual(said.count('kinect_depth is not calibrated'), 1, said)
 
     def test_numbers_that_no_clock_adds_and_no_camera_has(self):
         self.assert_runs_and_names({
-            '_queue_size:=1e300': 'queue_size must be a number from 1 to 1000: using 5',
-            '_time_offset:=1e300': 'time_offset must be a number from -3600 to 3600: using 0',
-            '_reconnect_period:=.nan': 'reconnect_period must be a number from 0.1 to 3600: using 1',
+            '_queue_size:=1e300': 'queue_size must be a whole number from 1 to 1000, not 1e+300: using 5',
+            '_time_offset:=1e300': 'time_offset must be a number from -3600 to 3600, not 1e+300: using 0',
+            '_reconnect_period:=.nan': "reconnect_period must be a number from 0.1 to 3600, not '.nan': using 1",
             '_playback_rate:=1e-300': 'playback_rate must be 0 or at least 0.001: using 1'})
 
     def test_camera_by_its_uri_among_others(self):

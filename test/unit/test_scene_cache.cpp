@@ -12,10 +12,10 @@
 #include <thread>
 #include <vector>
 
+#include "image_limit.hpp"
 #include "open_bracket.hpp"
 #include "scene_cache.hpp"
 #include "stopwatch.hpp"
-#include "waiting_list.hpp"
 
 using namespace all_in_focus;
 
@@ -260,18 +260,6 @@ TEST(ImageLimit, BoundsNumberAndBytes) {
   image.data.resize(100 << 20);
   EXPECT_EQ(imageLimit(64, image), 4u);
   EXPECT_EQ(imageLimit(0, image), 0u);
-}
-
-TEST(WaitingList, DropsTheOldestBeyondNumberOrBytes) {
-  using Items = std::vector<int>;
-  WaitingList<int> list(3);
-  for (const int item : {1, 2, 3}) EXPECT_TRUE(list.push(item, 1).empty());
-  EXPECT_EQ(list.push(4, 1), (Items{1}));
-  WaitingList<int> large(64);
-  for (const int item : {1, 2, 3, 4}) EXPECT_TRUE(large.push(item, kMaxWaitingBytes / 2).empty());
-  EXPECT_EQ(large.push(5, kMaxWaitingBytes / 2), (Items{1}));
-  EXPECT_EQ(large.pop(), 2);
-  EXPECT_EQ(large.size(), 3u);
 }
 
 TEST_F(SceneCacheTest, WhatAnAnnouncedFrameNeedsStaysWhateverComesLater) {

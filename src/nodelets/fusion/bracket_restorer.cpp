@@ -18,8 +18,8 @@ constexpr const char* kProgress = "restoration";      // key of the diagnostics
 
 }  // namespace
 
-BracketRestorer::BracketRestorer(NodeMonitor& monitor, Interrupted interrupted, Done done)
-    : monitor_(monitor),
+BracketRestorer::BracketRestorer(NodeStatus& status, Interrupted interrupted, Done done)
+    : status_(status),
       interrupted_(std::move(interrupted)),
       done_(std::move(done)),
       thread_([this] { run(); }) {}
@@ -114,16 +114,16 @@ void BracketRestorer::restore(FusedBracket& bracket) {
     failure = e.what();
   }
   bracket.restoration.reset();
-  monitor_.setValue(kProgress, "idle");
+  status_.setValue(kProgress, "idle");
   if (failure.empty()) return;
   const std::string note = "not restored: " + failure;
   bracket.report->notes.push_back(note);
-  monitor_.warn("bracket " + std::to_string(bracket.report->bracket_id) + ": " + note);
+  status_.warn("bracket " + std::to_string(bracket.report->bracket_id) + ": " + note);
 }
 
 bool BracketRestorer::proceed(const FusedBracket& bracket, double done) {
-  monitor_.setValue(kProgress, "bracket " + std::to_string(bracket.report->bracket_id) + ": " +
-                                   std::to_string(std::lround(100 * done)) + " %");
+  status_.setValue(kProgress, "bracket " + std::to_string(bracket.report->bracket_id) + ": " +
+                                  std::to_string(std::lround(100 * done)) + " %");
   std::unique_lock<std::mutex> lock(mutex_);
   const auto unwanted = [this] { return dropped_ || !given_up_.empty() || interrupted_(); };
   while (paused_ && !unwanted()) changed_.wait_for(lock, kPollPeriod);

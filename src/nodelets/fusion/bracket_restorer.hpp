@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "node_monitor.hpp"
+#include "node_status.hpp"
 #include "open_bracket.hpp"
 
 namespace all_in_focus {
@@ -24,7 +24,7 @@ class BracketRestorer {
   /// Receives finished brackets in the restorer's thread.
   using Done = std::function<void(const FusedBracket&, const FrameFates&)>;
 
-  BracketRestorer(NodeMonitor& monitor, Interrupted interrupted, Done done);
+  BracketRestorer(NodeStatus& status, Interrupted interrupted, Done done);
   ~BracketRestorer();  ///< drops the bracket that is being restored
 
   /// Starts to restore a bracket; its `restoration` must not be null. The bracket before must be finished or
@@ -53,7 +53,7 @@ class BracketRestorer {
   void restore(FusedBracket& bracket);
   bool proceed(const FusedBracket& bracket, double done);
 
-  NodeMonitor& monitor_;
+  NodeStatus& status_;
   const Interrupted interrupted_;
   const Done done_;
   std::mutex mutex_;  // guards all below

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "image_limit.hpp"
 #include "time_jumps.hpp"
-#include "waiting_list.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -49,10 +49,10 @@ void FrameQueue::add(const BracketFrame& frame, Time time) {
   }
   if (time != Time::kBefore) scenes_.frameArrived(task.header.stamp);
   changed_.notify_all();
-  if (!task.step.use) monitor_.acknowledge(task.header, Outcome::kUnmatched, task.step.reason);
+  if (!task.step.use) status_.acknowledge(task.header, Outcome::kUnmatched, task.step.reason);
   for (const sensor_msgs::ImageConstPtr& image : dropped) {
-    monitor_.acknowledge(image->header, Outcome::kDropped,
-                         "fusion cannot keep up: oldest waiting colour frame dropped");
+    status_.acknowledge(image->header, Outcome::kDropped,
+                        "fusion cannot keep up: oldest waiting colour frame dropped");
   }
 }
 

@@ -15,8 +15,8 @@
 #include <optional>
 #include <vector>
 
-#include "acknowledger.hpp"
 #include "bracket_assembler.hpp"
+#include "node_status.hpp"
 #include "scene_cache.hpp"
 
 namespace all_in_focus {
@@ -51,7 +51,7 @@ struct FusionTask {
 class FrameQueue {
  public:
   /// scenes: keeps the scene of each bracket that begins.
-  FrameQueue(Acknowledger& monitor, SceneCache& scenes) : monitor_(monitor), scenes_(scenes) {}
+  FrameQueue(NodeStatus& status, SceneCache& scenes) : status_(status), scenes_(scenes) {}
 
   /// most: images that may wait.
   void configure(const BracketConfig& config, std::size_t most);
@@ -85,7 +85,7 @@ class FrameQueue {
   std::vector<sensor_msgs::ImageConstPtr> append(FusionTask& task, const FrameInfo& info);
   sensor_msgs::ImageConstPtr dropOldest();
 
-  Acknowledger& monitor_;
+  NodeStatus& status_;
   SceneCache& scenes_;
   mutable std::mutex mutex_;  // guards all below
   std::condition_variable changed_;

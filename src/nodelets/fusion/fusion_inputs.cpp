@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "image_limit.hpp"
 #include "transports.hpp"
 
 namespace all_in_focus {
@@ -18,7 +19,8 @@ namespace enc = sensor_msgs::image_encodings;
 constexpr std::size_t kFramesWaiting =
     1024;  // stamps: a camera may send the pictures of a sweep after its end
 constexpr std::size_t kLabelsWaiting = 64;
-constexpr std::uint32_t kEndless = 0;  // callbacks hand over at once; what waits is bounded and counted there
+// Callbacks hand over at once; what waits there is bounded and counted.
+constexpr std::uint32_t kArrivingImages = 64, kArrivingMessages = 1000;
 
 bool isPublished(const ros::Subscriber& subscriber) {
   return subscriber && subscriber.getNumPublishers() > 0;
@@ -26,23 +28,19 @@ bool isPublished(const ros::Subscriber& subscriber) {
 
 }  // namespace
 
-FusionInputs::FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-                           Acknowledger& monitor, const CallbackGuard& guard, SceneCache& scenes,
-                           FrameQueue& frames)
-    : nh_(nh),
-      private_nh_(private_nh),
-      monitor_(monitor),
-      guard_(guard),
+FusionInputs::FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache& scenes, FrameQueue& frames)
+    : guard_(guard),
+      status_(status),
       scenes_(scenes),
       frames_(frames),
-      image_input_(monitor.addInput("rgb/image", Expect::kStream, "start the colour camera's driver")),
-      focus_input_(monitor.addInput("rgb/focus", Expect::kOptional, "")),
-      info_input_(monitor.addInput("rgb/camera_info", Expect::kOnce, "start the colour camera's driver")),
-      labels_input_(monitor.addInput("segmentation/labels", Expect::kOnce, "start the segmenter")),
-      segments_input_(monitor.addInput("segmentation/segments", Expect::kOnce, "start the segmenter")),
-      depth_input_(monitor.addInput("depth_registered/image", Expect::kOnce, "start depth_preprocess")),
-      measured_input_(monitor.addInput("depth_registered/image_raw", Expect::kOptional, "")),
-      time_jumps_([this](int input) { monitor_.timeWentBack(input); }),
+      image_input_(status.addInput("rgb/image", Expect::kStream, "start the colour camera's driver")),
+      focus_input_(status.addInput("rgb/focus", Expect::kOptional, "")),
+      info_input_(status.addInput("rgb/camera_info", Expect::kOnce, "start the colour camera's driver")),
+      labels_input_(status.addInput("segmentation/labels", Expect::kOnce, "start the segmenter")),
+      segments_input_(status.addInput("segmentation/segments", Expect::kOnce, "start the segmenter")),
+      depth_input_(status.addInput("depth_registered/image", Expect::kOnce, "start depth_preprocess")),
+      measured_input_(status.addInput("depth_registered/image_raw", Expect::kOptional, "")),
+      time_jumps_([this](int input) { status_.timeWentBack(input); }),
       frame_matcher_(
           kFramesWaiting,
           [this](const auto& image, const auto& focus) {
@@ -59,59 +57,49 @@ FusionInputs::FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& pri
           [this](const auto& image, const auto&) { onUnmatchedFrame(image, ""); }),
       label_matcher_(
           kLabelsWaiting, [this](const auto& labels, const auto& segments) { onLabelSet(labels, segments); },
-          [this](const auto&, const auto&) { monitor_.count(Outcome::kUnmatched); }),
-      transport_(nh) {}
+          [this](const auto&, const auto&) { status_.count(Outcome::kUnmatched); }) {}
 
 // Ignores messages that were sent before time jumped back.
 template <typename Message, typename Use>
-ros::Subscriber FusionInputs::subscribeTo(const char* topic, int input, Use use) {
+ros::Subscriber FusionInputs::subscribeTo(int input, std::uint32_t queue_size, Use use) {
   const auto on_message = [this, input, use](const auto& message) {
-    noticeJump(input, message->header.stamp).leftover ? monitor_.count(Outcome::kUnmatched) : use(message);
+    noticeJump(input, message->header.stamp).leftover ? status_.count(Outcome::kUnmatched) : use(message);
   };
-  return nh_.subscribe<Message>(topic, kEndless, guard_.input<Message>(input, on_message));
+  return guard_.subscribe<Message>(input, queue_size, on_message);
 }
 
 void FusionInputs::subscribe() {
-  const image_transport::TransportHints hints = chosenTransport(nh_, private_nh_, monitor_);
   // Depth and labels use plain ROS, because lossy transports would destroy them. They are subscribed first,
   // so that they are there when colour comes.
   updateMeasured();
-  depth_subscriber_ = subscribeTo<sensor_msgs::Image>("depth_registered/image", depth_input_,
+  depth_subscriber_ = subscribeTo<sensor_msgs::Image>(depth_input_, kArrivingImages,
                                                       [this](const auto& depth) { scenes_.addDepth(depth); });
   labels_subscriber_ = subscribeTo<sensor_msgs::Image>(
-      "segmentation/labels", labels_input_, [this](const auto& labels) { label_matcher_.add(labels); });
-  segments_subscriber_ =
-      subscribeTo<SegmentArray>("segmentation/segments", segments_input_,
-                                [this](const auto& segments) { label_matcher_.add(segments); });
+      labels_input_, kArrivingImages, [this](const auto& labels) { label_matcher_.add(labels); });
+  segments_subscriber_ = subscribeTo<SegmentArray>(
+      segments_input_, kArrivingMessages, [this](const auto& segments) { label_matcher_.add(segments); });
   info_subscriber_ = subscribeTo<sensor_msgs::CameraInfo>(
-      "rgb/camera_info", info_input_, [this](const auto& info) { scenes_.setCamera(info); });
-  focus_subscriber_ = nh_.subscribe<FocusFrame>(
-      "rgb/focus", kEndless,
-      guard_.input<FocusFrame>(focus_input_, [this](const auto& focus) { onFocus(focus); }));
-  image_subscriber_ = transport_.subscribe(
-      "rgb/image", kEndless,
-      guard_.input<sensor_msgs::Image>(image_input_, [this](const auto& image) { onImage(image); }),
-      ros::VoidPtr(), hints);
-  monitor_.setSubscribed(true);
+      info_input_, kArrivingMessages, [this](const auto& info) { scenes_.setCamera(info); });
+  focus_subscriber_ = guard_.subscribe<FocusFrame>(focus_input_, kArrivingMessages,
+                                                   [this](const auto& focus) { onFocus(focus); });
+  image_subscriber_ =
+      guard_.subscribeToImages(image_input_, kMostWaiting, [this](const auto& image) { onImage(image); });
+  status_.setSubscribed(true);
 }
 
 void FusionInputs::unsubscribe() {
-  image_subscriber_.shutdown();
   image_subscriber_ = {};
-  for (ros::Subscriber* s : {&depth_subscriber_, &measured_subscriber_, &labels_subscriber_,
-                             &segments_subscriber_, &info_subscriber_, &focus_subscriber_}) {
-    s->shutdown();
-    *s = {};
-  }
+  depth_subscriber_ = measured_subscriber_ = labels_subscriber_ = segments_subscriber_ = info_subscriber_ =
+      focus_subscriber_ = {};
   frame_matcher_.clear();
   late_matcher_.clear();
   label_matcher_.clear();
   focus_seen_ = awaited_ = false;
   announced_bracket_.reset();
-  monitor_.setExpect(image_input_, Expect::kStream);
+  status_.setExpect(image_input_, Expect::kStream);
   frames_.abandon();
   scenes_.clear();
-  monitor_.setSubscribed(false);
+  status_.setSubscribed(false);
 }
 
 void FusionInputs::needMeasured(bool needed) {
@@ -121,11 +109,9 @@ void FusionInputs::needMeasured(bool needed) {
 
 void FusionInputs::updateMeasured() {
   if (needs_measured_ && !measured_subscriber_) {
-    measured_subscriber_ =
-        subscribeTo<sensor_msgs::Image>("depth_registered/image_raw", measured_input_,
-                                        [this](const auto& measured) { scenes_.addMeasured(measured); });
+    measured_subscriber_ = subscribeTo<sensor_msgs::Image>(
+        measured_input_, kArrivingImages, [this](const auto& measured) { scenes_.addMeasured(measured); });
   } else if (!needs_measured_ && measured_subscriber_) {
-    measured_subscriber_.shutdown();
     measured_subscriber_ = {};
   }
 }
@@ -175,7 +161,7 @@ void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
                   isPublished(measured_subscriber_), isPublished(info_subscriber_)});
   // Once rgb/focus is there, it defines the brackets, and the camera may be silent between them.
   if (focus_seen_ || isPublished(focus_subscriber_)) {
-    monitor_.setExpect(image_input_, Expect::kOnce);
+    status_.setExpect(image_input_, Expect::kOnce);
     (is_late ? late_matcher_ : frame_matcher_).add(image);
   } else if (is_late) {
     frames_.add({image, nullptr}, FrameQueue::Time::kBefore);
@@ -192,7 +178,7 @@ void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
     return;
   }
   focus_seen_ = true;
-  monitor_.setExpect(image_input_, Expect::kOnce);
+  status_.setExpect(image_input_, Expect::kOnce);
   if (focus->index == 0 || announced_bracket_ != focus->bracket_id) scenes_.pin(stamp);
   announced_bracket_ = focus->bracket_id;
   frame_matcher_.add(focus);
@@ -200,17 +186,17 @@ void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
 
 // image: null if only rgb/focus came.
 void FusionInputs::onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image, const char* reason) {
-  image ? monitor_.acknowledge(image->header, Outcome::kUnmatched, reason)
-        : monitor_.count(Outcome::kUnmatched);
+  image ? status_.acknowledge(image->header, Outcome::kUnmatched, reason)
+        : status_.count(Outcome::kUnmatched);
 }
 
 void FusionInputs::onLabelSet(const sensor_msgs::ImageConstPtr& labels,
                               const SegmentArrayConstPtr& segments) {
   if (labels->encoding != enc::TYPE_32SC1 ||
       labels->data.size() < std::size_t{labels->step} * labels->height || labels->data.empty()) {
-    monitor_.count(Outcome::kInvalid);
-    monitor_.error(monitor_.resolved(labels_input_) + ": labels must be 32SC1 and not empty, not " +
-                   labels->encoding);
+    status_.count(Outcome::kInvalid);
+    status_.error(status_.resolved(labels_input_) + ": labels must be 32SC1 and not empty, not " +
+                  labels->encoding);
     return;
   }
   scenes_.addLabels({labels, segments});

@@ -4,16 +4,17 @@
 
 #include <all_in_focus/FocusFrame.h>
 #include <all_in_focus/SegmentArray.h>
-#include <image_transport/image_transport.h>
+#include <image_transport/subscriber.h>
 #include <ros/ros.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
+#include <cstdint>
 #include <optional>
 
-#include "acknowledger.hpp"
 #include "callback_guard.hpp"
 #include "frame_queue.hpp"
+#include "node_status.hpp"
 #include "scene_cache.hpp"
 #include "stamp_matcher.hpp"
 #include "time_jumps.hpp"
@@ -26,9 +27,8 @@ namespace all_in_focus {
 /// Callbacks run one after the other; the methods are to be called from one of them, or before the first.
 class FusionInputs {
  public:
-  /// Adds the inputs to the monitor, subscribes nothing.
-  FusionInputs(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, Acknowledger& monitor,
-               const CallbackGuard& guard, SceneCache& scenes, FrameQueue& frames);
+  /// Adds the inputs to the status, subscribes nothing.
+  FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache& scenes, FrameQueue& frames);
 
   void subscribe();
   void unsubscribe();
@@ -39,7 +39,7 @@ class FusionInputs {
 
  private:
   template <typename Message, typename Use>
-  ros::Subscriber subscribeTo(const char* topic, int input, Use use);
+  ros::Subscriber subscribeTo(int input, std::uint32_t queue_size, Use use);
   void updateMeasured();
   TimeJumps::Arrival noticeJump(int input, const ros::Time& stamp, bool is_frame = false);
   bool isLate(const TimeJumps::Arrival& arrival, const ros::Time& stamp);
@@ -49,9 +49,8 @@ class FusionInputs {
   void onLabelSet(const sensor_msgs::ImageConstPtr& labels, const SegmentArrayConstPtr& segments);
   void onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image, const char* reason);
 
-  ros::NodeHandle nh_, private_nh_;
-  Acknowledger& monitor_;
-  const CallbackGuard& guard_;
+  CallbackGuard& guard_;
+  NodeStatus& status_;
   SceneCache& scenes_;
   FrameQueue& frames_;
   const int image_input_, focus_input_, info_input_, labels_input_, segments_input_, depth_input_,
@@ -66,7 +65,6 @@ class FusionInputs {
   bool unclear_ = false;                            // it is unknown which frames are older than the last jump
   bool focus_seen_ = false, awaited_ = false;       // since the subscription
   std::optional<std::uint32_t> announced_bracket_;  // the last one of rgb/focus
-  image_transport::ImageTransport transport_;
   image_transport::Subscriber image_subscriber_;
   ros::Subscriber focus_subscriber_, info_subscriber_, labels_subscriber_, segments_subscriber_,
       depth_subscriber_, measured_subscriber_;

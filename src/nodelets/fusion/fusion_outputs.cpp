@@ -33,12 +33,11 @@ sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string&
 
 // Published by plain ROS: image_transport publishes to present subscribers only, so later ones would get an
 // older latched result, or none.
-void FusionOutputs::advertise(ros::NodeHandle& nh, NodeMonitor& monitor,
-                              const std::function<void()>& connect) {
-  monitor_ = &monitor;
+void FusionOutputs::advertise(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect) {
+  status_ = &status;
   const ros::SubscriberStatusCallback on_connect = [connect](const auto&) { connect(); };
   const auto advertise = [&](auto type, const char* topic, int queue_size = kQueueSize) {
-    monitor.addOutput(topic);
+    status.addOutput(topic);
     return nh.advertise<decltype(type)>(topic, queue_size, on_connect, on_connect, ros::VoidConstPtr(),
                                         /*latch=*/true);
   };
@@ -95,7 +94,7 @@ void FusionOutputs::publishDepth(const std_msgs::Header& header, const sensor_ms
     }
     depth_.publish(out.take());
   } catch (const std::exception& e) {
-    monitor_->error(e.what());
+    status_->error(e.what());
   }
 }
 

@@ -7,7 +7,7 @@
 
 #include <functional>
 
-#include "node_monitor.hpp"
+#include "node_status.hpp"
 #include "open_bracket.hpp"
 
 namespace all_in_focus {
@@ -16,7 +16,7 @@ namespace all_in_focus {
 class FusionOutputs {
  public:
   /// connect: called whenever a subscriber comes or goes.
-  void advertise(ros::NodeHandle& nh, NodeMonitor& monitor, const std::function<void()>& connect);
+  void advertise(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect);
   /// Whether anybody subscribes.
   bool wanted() const;
   void publish(const FusedBracket& bracket);
@@ -25,7 +25,7 @@ class FusionOutputs {
   void publishDepth(const std_msgs::Header& header, const sensor_msgs::ImageConstPtr& depth,
                     const cv::Size& size);
 
-  NodeMonitor* monitor_ = nullptr;
+  NodeStatus* status_ = nullptr;
   ros::Publisher image_, weights_, depth_, depth_restored_, source_index_, confidence_, info_, report_;
 };
 

@@ -33,13 +33,13 @@ std::vector<std::string> checkRig(const FusedBracket& bracket) {
 
 }  // namespace
 
-FusionWorker::FusionWorker(Acknowledger& monitor, FrameQueue& queue, SceneCache& scenes, Publish publish)
-    : monitor_(monitor),
+FusionWorker::FusionWorker(NodeStatus& status, FrameQueue& queue, SceneCache& scenes, Publish publish)
+    : status_(status),
       queue_(queue),
       scenes_(scenes),
       publish_(std::move(publish)),
       restorer_(
-          monitor, [this] { return queue_.interrupted(); },
+          status, [this] { return queue_.interrupted(); },
           [this](const FusedBracket& bracket, const FrameFates& fates) {
             publish_(bracket);
             acknowledge(fates);
@@ -72,8 +72,8 @@ void FusionWorker::run() {
       handle(*task);
     } catch (const std::exception& e) {
       bracket_.reset();  // what it holds is uncertain
-      monitor_.error(std::string("fusion: ") + e.what());
-      if (task->frame.image) monitor_.acknowledge(task->header, Outcome::kInvalid, e.what());
+      status_.error(std::string("fusion: ") + e.what());
+      if (task->frame.image) status_.acknowledge(task->header, Outcome::kInvalid, e.what());
     }
     restorer_.setPaused(false);
     if (settings().restore_every) restorer_.wait();
@@ -94,7 +94,7 @@ void FusionWorker::handle(const FusionTask& task) {
 void FusionWorker::handleFrame(const FusionTask& task) {
   if (task.step.begin) bracket_ = std::make_unique<OpenBracket>(task, settings(), fusion_);
   if (!bracket_) {
-    if (task.frame.image) monitor_.acknowledge(task.header, Outcome::kUnmatched, "its bracket was given up");
+    if (task.frame.image) status_.acknowledge(task.header, Outcome::kUnmatched, "its bracket was given up");
     return;
   }
   if (task.frame.image && !bracket_->hasScene()) findScene(task.header.stamp);
@@ -113,7 +113,7 @@ void FusionWorker::findScene(const ros::Time& first_frame) {
   const Stopwatch watch;
   const SceneMessages scene = scenes_.await(first_frame, settings.label_max_age_s, settings.label_timeout_s,
                                             /*whole=*/settings.mode != Mode::kPaper);
-  for (const std::string& warning : bracket_->setScene(scene, watch.milliseconds())) monitor_.warn(warning);
+  for (const std::string& warning : bracket_->setScene(scene, watch.milliseconds())) status_.warn(warning);
 }
 
 void FusionWorker::endBracket(int missing) {
@@ -140,7 +140,7 @@ FusedBracket FusionWorker::fused(bool complete) {
       bracket.report->notes.push_back(warning);
       bracket.warnings.push_back(warning);
     }
-    for (const std::string& warning : bracket.warnings) monitor_.warn(id + warning);
+    for (const std::string& warning : bracket.warnings) status_.warn(id + warning);
     ++published_;
   }
   return bracket;
@@ -150,9 +150,9 @@ void FusionWorker::acknowledge(const FrameFates& fates) {
   for (const FrameFate& fate : fates) {
     const bool is_used = fate.kind == FrameFate::Kind::kUsed;
     if (fate.kind == FrameFate::Kind::kHeld) {
-      monitor_.acknowledgeEarly(fate.header);
+      status_.acknowledgeEarly(fate.header);
     } else {
-      monitor_.acknowledge(fate.header, is_used ? Outcome::kProcessed : Outcome::kInvalid, fate.reason);
+      status_.acknowledge(fate.header, is_used ? Outcome::kProcessed : Outcome::kInvalid, fate.reason);
     }
   }
 }

@@ -7,9 +7,9 @@
 #include <mutex>
 #include <thread>
 
-#include "acknowledger.hpp"
 #include "bracket_restorer.hpp"
 #include "frame_queue.hpp"
+#include "node_status.hpp"
 #include "open_bracket.hpp"
 #include "scene_cache.hpp"
 
@@ -22,7 +22,7 @@ class FusionWorker {
   /// Called from the worker's thread or from that of restoration, one result after the other.
   using Publish = std::function<void(const FusedBracket&)>;
 
-  FusionWorker(Acknowledger& monitor, FrameQueue& queue, SceneCache& scenes, Publish publish);
+  FusionWorker(NodeStatus& status, FrameQueue& queue, SceneCache& scenes, Publish publish);
   ~FusionWorker();  ///< stops the queue and closes the scene cache
 
   void configure(const FusionSettings& settings);  ///< from the next bracket on
@@ -37,7 +37,7 @@ class FusionWorker {
   FusionSettings settings();
   void acknowledge(const FrameFates& fates);
 
-  Acknowledger& monitor_;
+  NodeStatus& status_;
   FrameQueue& queue_;
   SceneCache& scenes_;
   const Publish publish_;

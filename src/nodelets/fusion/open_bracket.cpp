@@ -11,8 +11,8 @@
 #include <cstdlib>
 #include <stdexcept>
 
+#include "image_limit.hpp"
 #include "stopwatch.hpp"
-#include "waiting_list.hpp"
 
 namespace all_in_focus {
 namespace {

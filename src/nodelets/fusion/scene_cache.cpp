@@ -10,8 +10,8 @@
 #include <limits>
 #include <opencv2/core.hpp>
 
+#include "image_limit.hpp"
 #include "time_jumps.hpp"
-#include "waiting_list.hpp"
 
 namespace all_in_focus {
 namespace {

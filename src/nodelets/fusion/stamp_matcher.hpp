@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "waiting_list.hpp"
+#include "image_limit.hpp"
 
 namespace all_in_focus {
 

@@ -4,12 +4,16 @@
 
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/ros.h>
+#include <std_msgs/Header.h>
 
 #include <chrono>
 #include <cstdint>
 #include <deque>
+#include <future>
 #include <map>
 #include <mutex>
+#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -30,21 +34,26 @@ enum class Outcome {
   kInvalid,    ///< refused: broken or impossible
 };
 
-/// Shows people how a node is doing: it prints the resolved topics at start, publishes counters, rate and
-/// delay on /diagnostics, logs throttled errors, and warns of silent inputs.
+/// Tells how a node is doing. People: it prints the resolved topics at start, publishes counters, rate and
+/// delay on /diagnostics, logs throttled errors, and warns of silent inputs. Senders of images: it publishes
+/// the headers of those that the node is done with, so that a player never outruns the node.
 ///
-/// In onInit(): addInput(), addOutput(), start(). On lazy subscription: setSubscribed(). First in every input
-/// callback: inputArrived() (CallbackGuard does it). When done with an input: finished().
+/// When a node is made: addInput(), addOutput(). On lazy subscription: setSubscribed(). First in every input
+/// callback: inputArrived() (CallbackGuard does it). When done with an input: acknowledge().
 ///
 /// All methods are thread-safe; add inputs and outputs before start().
-class NodeMonitor {
+class NodeStatus {
  public:
-  /// name: of the node, for the log and the diagnostics. nh resolves the topics.
-  NodeMonitor(const std::string& name, const ros::NodeHandle& nh, const ros::NodeHandle& private_nh);
-  NodeMonitor(const NodeMonitor&) = delete;
-  NodeMonitor& operator=(const NodeMonitor&) = delete;
+  /// name: of the node, for the log and the diagnostics. nh resolves the topics. processed_topic: gets the
+  /// header of every acknowledged input.
+  NodeStatus(const std::string& name, ros::NodeHandle nh, const ros::NodeHandle& private_nh,
+             const std::string& processed_topic);
+  NodeStatus(const NodeStatus&) = delete;
+  NodeStatus& operator=(const NodeStatus&) = delete;
 
-  /// topic: as given to subscribe(). remedy: what to do when nobody publishes it. Returns the input's number.
+  const std::string& name() const { return name_; }
+
+  /// topic: not resolved. remedy: what to do when nobody publishes it. Returns the input's number.
   int addInput(const std::string& topic, Expect expect, const std::string& remedy);
   void addOutput(const std::string& topic);
   /// Prints the resolved topics.
@@ -62,10 +71,13 @@ class NodeMonitor {
   /// Counts a backward jump of time that an input has shown.
   void timeWentBack(int input);
 
-  /// Counts an input of that stamp; processed ones tell rate and delay. A reason is logged and reported like
-  /// error() for kInvalid, like warn() otherwise.
-  void finished(const ros::Time& stamp, Outcome outcome, const std::string& reason = {});
-  /// Counts inputs that have no rate of their own (labels of the fusion, for example).
+  /// The node is done with an input: counts it; processed ones tell rate and delay. A reason is logged and
+  /// reported like error() for kInvalid, like warn() otherwise.
+  void acknowledge(const std_msgs::Header& header, Outcome outcome, const std::string& reason = {});
+  /// Tells the sender of an input that it need not wait, before the input is used; acknowledge() is still to
+  /// come.
+  void acknowledgeEarly(const std_msgs::Header& header) { processed_.publish(header); }
+  /// Counts inputs that nobody waits for (labels of the fusion, for example).
   void count(Outcome outcome, std::uint64_t n = 1);
 
   /// One line for people. Logged at most once a second per text (numbers in it do not make it another text);
@@ -79,13 +91,14 @@ class NodeMonitor {
   /// Extra lines of the diagnostics, e.g. ("optics", "f 24 mm, F 4").
   void setValue(const std::string& key, const std::string& value);
 
-  std::string resolved(int input) const;
+  std::string topic(int input) const;     ///< as it was added
+  std::string resolved(int input) const;  ///< for people
 
  private:
   using Clock = std::chrono::steady_clock;
 
   struct Input {
-    std::string topic;  // resolved
+    std::string topic, resolved;
     Expect expect;
     std::string remedy;
     std::uint64_t arrived;
@@ -101,11 +114,15 @@ class NodeMonitor {
   bool throttled(const std::string& text);
   bool silent(const Input& input, Clock::time_point now) const;
   void warnOfSilence();
+  void warnOfSilence(const std::optional<std::set<std::string>>& published);
   void fill(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   const std::string name_;
   ros::NodeHandle nh_;
   diagnostic_updater::Updater updater_;
+  ros::Publisher processed_;
+  std::future<std::optional<std::set<std::string>>>
+      published_;  // topics, asked for because inputs are silent
 
   mutable std::mutex mutex_;  // guards all below
   std::vector<Input> inputs_;

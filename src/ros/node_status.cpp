@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include "node_monitor.hpp"
+#include "node_status.hpp"
 
 #include <algorithm>
 #include <cctype>
@@ -39,37 +39,41 @@ std::string oneLine(std::string text) {
 
 }  // namespace
 
-NodeMonitor::NodeMonitor(const std::string& name, const ros::NodeHandle& nh,
-                         const ros::NodeHandle& private_nh)
-    : name_(name), nh_(nh), updater_(nh, private_nh, name) {
+NodeStatus::NodeStatus(const std::string& name, ros::NodeHandle nh, const ros::NodeHandle& private_nh,
+                       const std::string& processed_topic)
+    : name_(name),
+      nh_(nh),
+      updater_(nh, private_nh, name),
+      processed_(nh.advertise<std_msgs::Header>(processed_topic, 100)) {
   updater_.setHardwareID(name_);
+  addOutput(processed_topic);
 }
 
-int NodeMonitor::addInput(const std::string& topic, Expect expect, const std::string& remedy) {
+int NodeStatus::addInput(const std::string& topic, Expect expect, const std::string& remedy) {
   std::lock_guard<std::mutex> lock(mutex_);
-  inputs_.push_back({nh_.resolveName(topic), expect, remedy, 0, false, {}});
+  inputs_.push_back({topic, nh_.resolveName(topic), expect, remedy, 0, false, {}});
   return static_cast<int>(inputs_.size()) - 1;
 }
 
-void NodeMonitor::addOutput(const std::string& topic) {
+void NodeStatus::addOutput(const std::string& topic) {
   std::lock_guard<std::mutex> lock(mutex_);
   outputs_.push_back(nh_.resolveName(topic));
 }
 
-void NodeMonitor::start() {
+void NodeStatus::start() {
   {
     std::lock_guard<std::mutex> lock(mutex_);
     std::ostringstream text;
     for (const Input& input : inputs_) {
-      text << "\n  subscribes " << input.topic << (input.expect == Expect::kOptional ? " (optional)" : "");
+      text << "\n  subscribes " << input.resolved << (input.expect == Expect::kOptional ? " (optional)" : "");
     }
     for (const std::string& output : outputs_) text << "\n  publishes  " << output;
     ROS_INFO_STREAM(name_ << ":" << text.str());
   }
-  updater_.add("processing", this, &NodeMonitor::fill);
+  updater_.add("processing", this, &NodeStatus::fill);
 }
 
-void NodeMonitor::setSubscribed(bool subscribed) {
+void NodeStatus::setSubscribed(bool subscribed) {
   std::lock_guard<std::mutex> lock(mutex_);
   if (subscribed == subscribed_) return;
   subscribed_ = subscribed;
@@ -79,7 +83,7 @@ void NodeMonitor::setSubscribed(bool subscribed) {
   if (!subscribed) current_ = {};
 }
 
-void NodeMonitor::inputArrived(int input) {
+void NodeStatus::inputArrived(int input) {
   std::lock_guard<std::mutex> lock(mutex_);
   Input& in = inputs_.at(input);
   ++in.arrived;
@@ -87,60 +91,61 @@ void NodeMonitor::inputArrived(int input) {
   in.last_arrival = Clock::now();
 }
 
-void NodeMonitor::setExpect(int input, Expect expect) {
+void NodeStatus::setExpect(int input, Expect expect) {
   std::lock_guard<std::mutex> lock(mutex_);
   inputs_.at(input).expect = expect;
 }
 
-void NodeMonitor::timeWentBack(int input) {
+void NodeStatus::timeWentBack(int input) {
   std::lock_guard<std::mutex> lock(mutex_);
   ++time_jumps_;
-  ROS_INFO_STREAM(name_ << ": time went back (" << inputs_.at(input).topic << "), starting afresh");
+  ROS_INFO_STREAM(name_ << ": time went back (" << inputs_.at(input).resolved << "), starting afresh");
 }
 
-void NodeMonitor::finished(const ros::Time& stamp, Outcome outcome, const std::string& reason) {
+void NodeStatus::acknowledge(const std_msgs::Header& header, Outcome outcome, const std::string& reason) {
   count(outcome);
   if (outcome == Outcome::kProcessed) {
     const ros::Time now = ros::Time::now();
     std::lock_guard<std::mutex> lock(mutex_);
     processed_at_.push_back(Clock::now());
-    delay_known_ = !stamp.isZero() && !now.isZero();
-    if (delay_known_) delay_ms_ = secondsBetween(stamp, now) * 1e3;
+    delay_known_ = !header.stamp.isZero() && !now.isZero();
+    if (delay_known_) delay_ms_ = secondsBetween(header.stamp, now) * 1e3;
     current_ = {};
   }
   if (!reason.empty()) outcome == Outcome::kInvalid ? error(reason) : warn(reason);
+  processed_.publish(header);
 }
 
-void NodeMonitor::count(Outcome outcome, std::uint64_t n) {
+void NodeStatus::count(Outcome outcome, std::uint64_t n) {
   std::lock_guard<std::mutex> lock(mutex_);
   counts_[outcome] += n;
 }
 
-void NodeMonitor::error(const std::string& reason) {
+void NodeStatus::error(const std::string& reason) {
   const std::string text = oneLine(reason);
   raise(DiagnosticStatus::ERROR, text);
   if (!throttled(text)) ROS_ERROR_STREAM(name_ << ": " << text);
 }
 
-void NodeMonitor::warn(const std::string& reason) {
+void NodeStatus::warn(const std::string& reason) {
   const std::string text = oneLine(reason);
   raise(DiagnosticStatus::WARN, text);
   if (!throttled(text)) ROS_WARN_STREAM(name_ << ": " << text);
 }
 
-void NodeMonitor::recovered() {
+void NodeStatus::recovered() {
   std::lock_guard<std::mutex> lock(mutex_);
   current_ = {};
 }
 
-void NodeMonitor::raise(unsigned char level, const std::string& text) {
+void NodeStatus::raise(unsigned char level, const std::string& text) {
   std::lock_guard<std::mutex> lock(mutex_);
   if (level == DiagnosticStatus::ERROR) last_error_ = text;
   if (level >= current_.level) current_ = {level, text};
   if (level >= unreported_.level) unreported_ = {level, text};
 }
 
-bool NodeMonitor::throttled(const std::string& text) {
+bool NodeStatus::throttled(const std::string& text) {
   std::string key = text;
   key.erase(std::remove_if(key.begin(), key.end(), [](unsigned char c) { return std::isdigit(c); }),
             key.end());
@@ -153,41 +158,53 @@ bool NodeMonitor::throttled(const std::string& text) {
   return false;
 }
 
-void NodeMonitor::setValue(const std::string& key, const std::string& value) {
+void NodeStatus::setValue(const std::string& key, const std::string& value) {
   std::lock_guard<std::mutex> lock(mutex_);
   values_[key] = value;
 }
 
-std::string NodeMonitor::resolved(int input) const {
+std::string NodeStatus::topic(int input) const {
   std::lock_guard<std::mutex> lock(mutex_);
   return inputs_.at(input).topic;
 }
 
-bool NodeMonitor::silent(const Input& input, Clock::time_point now) const {
+std::string NodeStatus::resolved(int input) const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return inputs_.at(input).resolved;
+}
+
+bool NodeStatus::silent(const Input& input, Clock::time_point now) const {
   if (!subscribed_ || input.expect == Expect::kOptional) return false;
   if (input.expect == Expect::kOnce && input.since_subscribed) return false;
   return now - (input.since_subscribed ? input.last_arrival : subscribed_at_) > kSilence;
 }
 
-void NodeMonitor::warnOfSilence() {
-  std::vector<Input> silent_inputs;
-  const auto now = Clock::now();
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    for (const Input& input : inputs_) {
-      if (silent(input, now)) silent_inputs.push_back(input);
-    }
-    if (silent_inputs.empty() || now - silence_warned_at_ < kSilenceThrottle) return;
-    silence_warned_at_ = now;
+// Asks the master only here, and rarely. Its answer may take for ever, so the next tick looks for it.
+void NodeStatus::warnOfSilence() {
+  if (published_.valid()) {
+    if (published_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
+      warnOfSilence(published_.get());
+    return;
   }
-  // Asks only here, and rarely, because it is a call to the master.
-  const auto published = publishedTopics();
+  const auto now = Clock::now();
+  std::lock_guard<std::mutex> lock(mutex_);
+  const auto is_silent = [&](const Input& input) { return silent(input, now); };
+  if (now - silence_warned_at_ < kSilenceThrottle || std::none_of(inputs_.begin(), inputs_.end(), is_silent))
+    return;
+  silence_warned_at_ = now;
+  published_ = publishedTopics();
+}
+
+void NodeStatus::warnOfSilence(const std::optional<std::set<std::string>>& published) {
   std::ostringstream text;
-  for (const Input& input : silent_inputs) {
-    text << "\n  " << input.topic << ": ";
+  const auto now = Clock::now();
+  std::lock_guard<std::mutex> lock(mutex_);
+  for (const Input& input : inputs_) {
+    if (!silent(input, now)) continue;
+    text << "\n  " << input.resolved << ": ";
     if (!published) {
       text << "the ROS master does not answer";
-    } else if (published->count(input.topic) == 0) {
+    } else if (published->count(input.resolved) == 0) {
       text << "nobody publishes it; " << input.remedy << " (or remap it)";
     } else if (input.arrived == 0) {
       text << "advertised, but no message came: is its publisher working, and the type right?";
@@ -195,15 +212,16 @@ void NodeMonitor::warnOfSilence() {
       text << "its publisher went silent: stopped, paused, or at the end of a bag?";
     }
   }
-  ROS_WARN_STREAM(name_ << ": no data for " << kSilence.count() << " s on" << text.str());
+  if (!text.str().empty())
+    ROS_WARN_STREAM(name_ << ": no data for " << kSilence.count() << " s on" << text.str());
 }
 
-void NodeMonitor::tick() {
+void NodeStatus::tick() {
   warnOfSilence();
   updater_.force_update();  // update() starves after a backward jump of ROS time
 }
 
-void NodeMonitor::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
+void NodeStatus::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
   std::lock_guard<std::mutex> lock(mutex_);
   const auto now = Clock::now();
   while (!processed_at_.empty() && now - processed_at_.front() > kRateWindow) processed_at_.pop_front();
@@ -213,7 +231,7 @@ void NodeMonitor::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
   if (worst.level == DiagnosticStatus::OK) worst.text = subscribed_ ? "processing" : "idle: nobody listens";
   status.summary(worst.level, worst.text);
   for (const Input& input : inputs_) {
-    if (silent(input, now)) status.mergeSummary(DiagnosticStatus::WARN, "no data on " + input.topic);
+    if (silent(input, now)) status.mergeSummary(DiagnosticStatus::WARN, "no data on " + input.resolved);
   }
 
   for (const auto& [outcome, key] : kOutcomes) status.add(key, counts_[outcome]);
@@ -226,7 +244,7 @@ void NodeMonitor::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
   for (const Input& input : inputs_) {
     std::string text = std::to_string(input.arrived) + " messages";
     if (input.arrived > 0) text += cv::format(", last %.1f s ago", seconds(now - input.last_arrival));
-    status.add(input.topic, text);
+    status.add(input.resolved, text);
   }
   for (const auto& value : values_) status.add(value.first, value.second);
 }

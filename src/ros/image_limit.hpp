@@ -1,0 +1,25 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <sensor_msgs/Image.h>
+
+#include <algorithm>
+#include <cstddef>
+
+namespace all_in_focus {
+
+constexpr std::size_t kMaxWaitingBytes = 256 << 20;  ///< of one kind of image in one place
+constexpr std::size_t kFewestWaiting = 4;            ///< images that may wait however large they are
+constexpr int kMostWaiting = 1000;  ///< images, however small they are: the largest ~queue_size
+
+/// How many images of this size may wait: fewer of large ones, so that memory stays limited.
+inline std::size_t imageLimit(std::size_t most, std::size_t image_bytes) {
+  const std::size_t fitting = kMaxWaitingBytes / std::max<std::size_t>(image_bytes, 1);
+  return std::min(most, std::max(kFewestWaiting, fitting));
+}
+inline std::size_t imageLimit(std::size_t most, const sensor_msgs::Image& image) {
+  return imageLimit(most, image.data.size());
+}
+
+}  // namespace all_in_focus

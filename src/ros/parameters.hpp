@@ -1,0 +1,79 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <dynamic_reconfigure/server.h>
+#include <ros/node_handle.h>
+
+#include <boost/any.hpp>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "callback_guard.hpp"
+#include "node_status.hpp"
+
+/// Parameters of a node. No value of a user is replaced silently: one line names the parameter, what is wrong
+/// with it, and the value that is used.
+namespace all_in_focus {
+
+/// Reads a parameter if it is set. Text that is nothing but a number, or true or false, is converted where
+/// such a value is expected, and that is said. Anything else of another type leaves `value` as it is.
+/// T: bool, int, double, std::string, std::vector<int>.
+template <typename T>
+void readParameter(const ros::NodeHandle& nh, const std::string& name, T& value, NodeStatus& status);
+
+/// The same for a number from `least` to `most`. T: int, double.
+template <typename T>
+void readNumber(const ros::NodeHandle& nh, const std::string& name, T least, T most, T& value,
+                NodeStatus& status);
+
+/// Replaces an impossible value of a dynamic_reconfigure configuration by the last good one. expected: which
+/// values are possible.
+/// dynamic_reconfigure clamps values to the ranges in cfg/ before this sees them. So these ranges include
+/// impossible values: otherwise a wrong value would silently become another one.
+template <typename T>
+void repair(T& value, const T& good, bool possible, const char* name, const std::string& expected,
+            NodeStatus& status) {
+  if (possible) return;
+  std::ostringstream text;
+  text << "impossible configuration: " << name << " = " << value << ", must be " << expected << ": keeping "
+       << good;
+  status.warn(text.str());
+  value = good;
+}
+template <typename T>
+void repairNegative(T& value, const T& good, const char* name, NodeStatus& status) {
+  repair(value, good, std::isfinite(value) && value >= 0, name, "0 or more", status);
+}
+
+/// Calls `reconfigure` with the configuration from the parameters, and whenever somebody changes it.
+/// Configuration as it is on return is shown to the user.
+template <typename Config>
+std::unique_ptr<dynamic_reconfigure::Server<Config>> serveConfiguration(
+    CallbackGuard& guard, NodeStatus& status, const std::function<void(Config&)>& reconfigure) {
+  // The server takes the default for a parameter of another type, without a word.
+  const auto check = [&](const std::string& name, auto value) {
+    if (!guard.private_nh.hasParam(name)) return;
+    readParameter(guard.private_nh, name, value, status);
+    guard.private_nh.setParam(name, value);
+  };
+  for (const auto& parameter : Config::__getParamDescriptions__()) {
+    boost::any standard;
+    parameter->getValue(Config::__getDefault__(), standard);
+    if (parameter->type == "bool") check(parameter->name, boost::any_cast<bool>(standard));
+    if (parameter->type == "int") check(parameter->name, boost::any_cast<int>(standard));
+    if (parameter->type == "double") check(parameter->name, boost::any_cast<double>(standard));
+    if (parameter->type == "str") check(parameter->name, boost::any_cast<std::string>(standard));
+  }
+  auto server = std::make_unique<dynamic_reconfigure::Server<Config>>(guard.private_nh);
+  server->setCallback(guard.wrap(
+      status.name(), [reconfigure](Config& config, std::uint32_t /*level*/) { reconfigure(config); }));
+  return server;
+}
+
+}  // namespace all_in_focus

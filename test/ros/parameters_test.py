@@ -1,0 +1,63 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Parameters of a wrong type or out of range: one line names each, and the value that is used."""
+import unittest
+
+import rospy
+from roslib.packages import find_node
+
+from depth_testing import run_tests
+from process_testing import Talkative
+
+# node -> parameter -> (what the user gives, what the node says, what it then uses)
+CASES = {
+    'depth_preprocess': {
+        'queue_size': (-5, 'queue_size must be a whole number from 1 to 1000, not -5: using 5', None),
+        'invalid_values': ('none', "invalid_values must be a list of whole numbers, not 'none': using [0, 2047, 65535]", None),
+        'mode': ('best', 'mode = best, must be paper or refined: keeping refined', 'refined'),
+        'fill_holes': ('false', "fill_holes is text: 'false' is taken as false; write it without quotes", False)},
+    'segmenter': {
+        'queue_size': (2.5, 'queue_size must be a whole number from 1 to 1000, not 2.5: using 5', None),
+        'mode': (3, "mode must be text, not 3: using 'refined'", None),
+        'focal_length_mm': ('35', "focal_length_mm is text: '35' is taken as 35; write it without quotes", 35.0),
+        'aperture': ('wide', "aperture must be a number, not 'wide': using 4", 4.0),
+        'circle_of_confusion_mm': (0, 'circle_of_confusion_mm = 0, must be from 1e-06 to 10: keeping 0.019', 0.019),
+        'min_region_size': (7.0, None, 7)},
+    'fusion': {
+        'queue_size': ('many', "queue_size must be a whole number from 1 to 1000, not 'many': using 60", None),
+        'restore_every_bracket': (1, 'restore_every_bracket must be true or false, not 1: using false', None),
+        'mode': (3, "mode must be text, not 3: using 'refined'", 'refined'),
+        'bracket_size': ('five', "bracket_size must be a whole number, not 'five': using 0", 0),
+        'bracket_gap': (True, 'bracket_gap must be a number, not true: using 1', 1.0),
+        'label_timeout': ([1, 2], 'label_timeout must be a number, not {1,2}: using 2', 2.0),
+        'label_max_age': (3, None, 3.0)}}
+
+
+class ParametersTest(unittest.TestCase):
+    def start(self, node, parameters):
+        rospy.set_param('/' + node, parameters)
+        process = Talkative([find_node('all_in_focus', node)[0]], ROSCONSOLE_STDOUT_LINE_BUFFERED='1')
+        self.addCleanup(process.stop)
+        self.assertTrue(process.said('publishes  /'))
+        return process
+
+    def test_each_is_named_once_and_what_is_used_is_shown(self):
+        for node, cases in CASES.items():
+            process = self.start(node, {name: given for name, (given, _, _) in cases.items()})
+            for name, (_, line, used) in cases.items():
+                if line:
+                    self.assertTrue(process.said(f'/{node}: '))
+                    self.assertTrue(process.said(line), (line, process.lines))
+                self.assertEqual(sum(name in said for said in process.lines), 1 if line else 0, process.lines)
+                if used is not None:
+                    self.assertEqual(rospy.get_param(f'/{node}/{name}'), used)
+
+    def test_good_ones_are_used_without_a_word(self):
+        for node in CASES:
+            process = self.start(node, {'queue_size': 7})
+            self.assertFalse([line for line in process.lines if 'WARN' in line or 'ERROR' in line])
+
+
+if __name__ == '__main__':
+    run_tests(__file__)
