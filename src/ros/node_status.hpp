@@ -58,7 +58,7 @@ class NodeStatus {
   void addOutput(const std::string& topic);
   /// Prints the resolved topics.
   void start();
-  /// Publishes the diagnostics, warns of silent inputs. Call once a second, also during long callbacks.
+  /// Publishes the diagnostics, warns of silent inputs. Call regularly, also during long callbacks.
   void tick();
 
   /// Lazy subscription: silence counts only while subscribed. Ends errors and warnings when it becomes false.

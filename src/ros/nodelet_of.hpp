@@ -8,6 +8,7 @@
 
 #include "callback_guard.hpp"
 #include "node_status.hpp"
+#include "parameters.hpp"
 
 namespace all_in_focus {
 
@@ -27,8 +28,10 @@ class NodeletOf : public nodelet::Nodelet {
     guard_ = std::make_unique<CallbackGuard>(getNodeHandle(), getPrivateNodeHandle(), *status_);
     node_ = std::make_unique<Node>(*guard_, *status_);
     status_->start();
+    double period = 1;  // s; the name of the parameter is that of diagnostic_updater
+    readNumber(getPrivateNodeHandle(), "diagnostic_period", 0.01, 3600.0, period, *status_);
     diagnostics_timer_ = guard_->quick_nh.createWallTimer(
-        ros::WallDuration(1.0),
+        ros::WallDuration(period),
         guard_->wrap("diagnostics", [this](const ros::WallTimerEvent&) { status_->tick(); }));
     guard_->start();
   }

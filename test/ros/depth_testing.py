@@ -66,16 +66,20 @@ class Talker:
     """Publishes as soon as somebody is there to hear."""
 
     def __init__(self, topic, message_type):
-        self.publisher = rospy.Publisher(topic, message_type, queue_size=50)
+        self.publisher = rospy.Publisher(topic, message_type, queue_size=100)
+        self.topic = self.publisher.resolved_name
+
+    def wait_for(self, nodes):
+        if not wait_until(lambda: self.publisher.get_num_connections() >= nodes):
+            raise AssertionError(f'fewer than {nodes} subscribe {self.topic}')
 
     def say(self, message):
-        if not wait_until(lambda: self.publisher.get_num_connections() > 0):
-            raise AssertionError('nobody subscribes ' + self.publisher.resolved_name)
+        self.wait_for(1)
         self.publisher.publish(message)
 
     def close(self):
         # Nodes stop listening a moment after nobody listens to them: not to be taken for listeners by the next test.
-        wait_until(lambda: not subscribers_of(self.publisher.resolved_name))
+        wait_until(lambda: not subscribers_of(self.topic))
         self.publisher.unregister()
 
 
@@ -104,6 +108,10 @@ class Diagnostics:
         self.statuses = []
         self.subscriber = rospy.Subscriber('/diagnostics', DiagnosticArray,
                                            lambda array: self.statuses.extend(array.status))
+
+    def next(self, node):
+        """The next status of a node."""
+        return self.wait(node, lambda status: True)
 
     def wait(self, node, accept):
         """The next status of a node that is accepted; fails with what came instead."""
@@ -137,11 +145,24 @@ class GraphTest(unittest.TestCase):
         self.listeners.append(Listener(topic, message_type))
         return self.listeners[-1]
 
+    def deliver(self, node, *messages):
+        """Says messages, (talker, message) each, and returns when the node has taken them. What is said on another topic
+        after that comes after them."""
+        talkers = {talker.topic: talker for talker, _ in messages}
+        taken = lambda status: {topic: int(values_of(status)[topic].split()[0]) for topic in talkers}
+        wanted = taken(self.diagnostics.wait(node, lambda status: 'nobody listens' not in status.message))
+        for talker in talkers.values():  # the node listens now, perhaps not the only one
+            talker.wait_for(len(subscribers_of(talker.topic)))
+        for talker, message in messages:
+            talker.say(message)
+            wanted[talker.topic] += 1
+        self.diagnostics.wait(node, lambda status: all(count >= wanted[topic] for topic, count in taken(status).items()))
+
     def send_depth(self, stamp, pixels=None, encoding='16UC1', frame='depth', **infos):
         """By self.depth, after the camera infos, by self.infos: they hold for the depth."""
-        for name, info in {'depth': camera_info(stamp, 'depth'), 'rgb': camera_info(stamp, 'color'), **infos}.items():
-            self.infos[name].say(info)
-        rospy.sleep(0.1)
+        infos = {'depth': camera_info(stamp, 'depth'), 'rgb': camera_info(stamp, 'color'), **infos}
+        node = self.depth.topic[1:].replace('depth/image_raw', 'depth_preprocess')
+        self.deliver(node, *((self.infos[name], info) for name, info in infos.items()))
         self.depth.say(image_message(two_planes() if pixels is None else pixels, stamp, encoding, frame))
 
 

@@ -17,7 +17,6 @@ from all_in_focus.camera.makers import MAKERS, maker_of
 from all_in_focus.camera.session import CURRENT, FAR, MOTOR, NEAR, NONE, Config, Session
 from all_in_focus.msg import FocusPlan
 
-CHECK_PERIOD = 1.0  # s
 LONGEST_CHECK = 0.5  # s; a request waits for a check of the camera, but not for a bracket
 
 
@@ -60,6 +59,7 @@ class FocusBracketCamera:
         self._rate = parameters.number("rate", 0, 0)
         self._planned = parameters.flag("plan", False)
         self._reconnect = parameters.number("reconnect", 2.0, 0.05)
+        self._check_period = parameters.number("diagnostic_period", 1.0, 0.01)
         if self._planned and self._session.scale is None:
             raise parameters.ParameterError("~plan: needs a ~focus_table, which gives the focus distance of each step")
         self._frames = FramePublisher(parameters.text("rig"), parameters.whole("width", 0, 0),
@@ -86,7 +86,7 @@ class FocusBracketCamera:
                 with self._lock:
                     self._check()
                     self._diagnose()
-                next_check = time.monotonic() + (CHECK_PERIOD if self._session.connected else self._reconnect)
+                next_check = time.monotonic() + (self._check_period if self._session.connected else self._reconnect)
             # At a rate only while somebody subscribes to the pictures: each of them wears the shutter.
             if self._rate and self._session.connected and now >= next_bracket and self._frames.has_listeners():
                 next_bracket = max(next_bracket + 1 / self._rate, now)
