@@ -224,8 +224,7 @@ class DepthPreprocessTest(GraphTest):
         talker = self.talk_of_transforms('/tf_static')
         for level, frame, place, depth, words in cases:
             if place is not None:
-                talker.say(TFMessage([transform(frame, place)]))
-                rospy.sleep(0.2)
+                talker.say(TFMessage([transform(frame, place)]))  # depth waits for it
             self.assertIsNotNone(self.raw.at(self.send(depth, frame=frame)), words)
             self.diagnostics.wait(self.NODE, lambda s: s.level == level and '/chain/depth/image_raw: ' + words in s.message)
             self.assert_good_depth_is_processed()

@@ -16,6 +16,7 @@ START, FRAMES, LOOPS = 100, 4, 3
 class BagLoopTest(GraphTest):
     def test_frames_before_and_after_the_clock(self):
         clock = Talker('/clock', Clock)
+        self.addCleanup(clock.publisher.unregister)
         depth = self.talk('/alone/depth_registered/image', Image)
         labels = self.listen('/alone/segmentation/labels', Image)
         for loop in range(LOOPS):

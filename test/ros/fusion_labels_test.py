@@ -176,7 +176,7 @@ class BadFramesTest(FusionTest):
             self.assert_noted(report, 'frame 2 rejected', what)
         self.assert_diagnosed(ERROR, '')
         self.assert_next_bracket_is_good(stamp + 1)
-        self.diagnostics.wait('focus/fusion', lambda s: s.level < ERROR)  # no data on what this test does not send is a warning
+        self.diagnostics.wait(self.node, lambda s: s.level < ERROR)  # no data on what this test does not send is a warning
 
     def test_a_broken_first_frame(self):
         stamp = next(STAMPS)

@@ -211,9 +211,8 @@ class OutputsTest(FusionTest):
     def send_depth_and_bracket(self, stamp):
         """Twice the size of the colour."""
         depth = two_planes().repeat(2, axis=0).repeat(2, axis=1)
-        self.depth.say(image_message(depth, stamp, '16UC1', 'color'))
-        self.info.say(camera_info(stamp - 1, 'another'))
-        rospy.sleep(0.2)  # other connections than that of the frames
+        self.deliver(self.node, (self.depth, image_message(depth, stamp, '16UC1', 'color')),
+                     (self.info, camera_info(stamp - 1, 'another')))
         self.send_labels(stamp)
         return self.send_bracket(stamp)
 
@@ -275,7 +274,7 @@ class OutputsTest(FusionTest):
 
     def test_diagnostics_count_frames(self):
         self.send_depth_and_bracket(next(STAMPS))
-        self.diagnostics.wait('focus/fusion', lambda s: s.level == OK and s.message == 'processing')
+        self.diagnostics.wait(self.node, lambda s: s.level == OK and s.message == 'processing')
 
     def test_two_rigs_do_not_meet(self):
         other = PlainBracketTest()

@@ -9,7 +9,8 @@ from depth_testing import SANITIZED, WARN, run_tests, subscribers_of, values_of,
 from fusion_testing import BRACKET_IDS, PERIOD, array_of, colour_message
 from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest, fused_by_files, pixels
 
-ENLARGED = 6 if SANITIZED else 12  # then restoration takes long enough for the next bracket to come first
+ENLARGED = 3 if SANITIZED else 6  # then restoration goes on while the next bracket is fused
+LARGE = {i: lambda stamp, frame=pixels(i, ENLARGED): colour_message(frame, stamp) for i in INDICES}
 AT_REFERENCE = MIDDLE * PERIOD
 
 
@@ -24,18 +25,6 @@ class RestoredTest(RefinedTest):
     def assert_pixels(self, stamp, mode, **files):
         for name, wanted in fused_by_files(INDICES, MIDDLE, mode, **files).items():
             np.testing.assert_array_equal(array_of(self.outputs[name].at(stamp + AT_REFERENCE)), wanted, name)
-
-    def fuse_large(self, count):
-        """Sends that many large brackets as fast as it can; returns their stamps."""
-        if not self.scene:
-            self.expect_scene()
-        stamps = [next(STAMPS) for _ in range(count)]
-        for stamp in stamps:
-            self.send_scene(stamp)
-        large = {i: lambda stamp, frame=pixels(i, ENLARGED): colour_message(frame, stamp) for i in INDICES}
-        for stamp in stamps:
-            self.send(stamp, replaced=large)
-        return stamps
 
     def reports(self, stamps):
         return [self.report(stamp + AT_REFERENCE) for stamp in stamps]
@@ -54,13 +43,14 @@ class RestoredTest(RefinedTest):
 
     def test_the_next_bracket_goes_first(self):
         """The older one is published as refined at that moment; each bracket once, in their order."""
-        for _ in range(5):
-            stamps = self.fuse_large(2)
-            older, newer = self.reports(stamps)
-            self.assertEqual(newer.mode, 'restored', newer.notes)
-            if older.mode == 'refined':
-                break
-        self.assertEqual(older.mode, 'refined', 'no bracket ever gave way')
+        self.expect_scene()
+        stamps, late = [next(STAMPS), next(STAMPS)], 'depth_registered/image_raw'
+        self.send_scene(*stamps, but=[late])
+        self.deliver(self.node, *(part for stamp in stamps for part in self.frames_of(stamp, replaced=LARGE)))
+        for stamp in stamps:  # both brackets wait for it
+            self.send_part(late, stamp)
+        older, newer = self.reports(stamps)
+        self.assertEqual([older.mode, newer.mode], ['refined', 'restored'], newer.notes)
         self.assert_noted(older, 'not restored: the next bracket was fused first')
         self.assert_diagnosed(WARN, 'not restored: the next bracket was fused first')
         self.assertEqual(older.blur_scale, 0)
@@ -75,19 +65,24 @@ class RestoredTest(RefinedTest):
                 self.acknowledged(stamp + index * PERIOD)
 
     def test_a_bracket_of_another_mode_goes_first_too(self):
-        for _ in range(5):
-            restored, = self.fuse_large(1)
-            self.acknowledged(restored + (len(FRAMES) - 2) * PERIOD)
-            self.reconfigure(mode='refined')
-            refined, = self.fuse_large(1)
-            older, newer = self.reports([restored, refined])
-            self.assertEqual([newer.mode, list(newer.notes)], ['refined', []])
-            self.reconfigure()
-            stamps = [r.header.stamp.to_sec() for r in self.outputs['report'].messages]
-            self.assertLess(stamps.index(restored + AT_REFERENCE), stamps.index(refined + AT_REFERENCE))
+        self.expect_scene()
+        restored, refined = stamps = [next(STAMPS), next(STAMPS)]
+        self.send_scene(*stamps)
+        bracket = {'bracket_id': next(BRACKET_IDS), 'replaced': LARGE}
+        self.send(restored, INDICES[:-1], **bracket)
+        self.acknowledged(restored + INDICES[-2] * PERIOD)
+        self.reconfigure(mode='refined')
+        self.send(restored, INDICES[-1:], **bracket)
+        self.send(refined, replaced=LARGE)
+        older, newer = self.reports(stamps)
+        self.assertEqual([newer.mode, list(newer.notes)], ['refined', []])
+        if older.mode != 'restored':  # it may have been done before
+            self.assert_noted(older, 'not restored: the next bracket was fused first')
+        reported = [r.header.stamp.to_sec() - AT_REFERENCE for r in self.outputs['report'].messages]
+        self.assertLess(reported.index(restored), reported.index(refined))
 
     def test_finish_answers_when_it_is_restored(self):
-        stamp, = self.fuse_large(1)
+        stamp = self.fuse(replaced=LARGE)
         self.acknowledged(stamp + PERIOD)
         answer = self.finish()
         self.assertTrue(answer.success, answer.message)
@@ -121,13 +116,13 @@ class RestoredTest(RefinedTest):
             self.assert_noted(report, 'not restored: bracket_mode sliding')
 
     def test_who_goes_away_meanwhile_breaks_nothing(self):
-        stamp, = self.fuse_large(1)
+        stamp = self.fuse(replaced=LARGE)
         self.acknowledged(stamp + (len(FRAMES) - 2) * PERIOD)
         for output in self.outputs.values():
             output.close()
         self.assertTrue(wait_until(lambda: not subscribers_of(self.topic('rgb/image'))))
         state = lambda status: values_of(status).get('restoration') == 'idle'
-        self.diagnostics.wait('focus/fusion', state)
+        self.diagnostics.wait(self.node, state)
         self.outputs = {name: self.listen(self.topic('all_in_focus/' + name), kind)
                         for name, kind in (('image', Image), ('depth_restored', Image))}
         self.scene = {}

@@ -5,9 +5,9 @@
 import numpy as np
 import rospy
 
-from all_in_focus.msg import Optics, SegmentArray
+from all_in_focus.msg import Optics
 from depth_testing import HEIGHT, WARN, WIDTH, camera_info, image_message, run_tests, two_planes
-from fusion_testing import PERIOD, colour_message, regions
+from fusion_testing import PERIOD, colour_message
 from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest
 
 
@@ -57,28 +57,22 @@ class SceneTest(RefinedTest):
     def test_a_depth_image_that_was_lost_is_not_waited_for(self):
         self.expect_scene()
         stamp = next(STAMPS)
-        for name in self.scene:
-            self.send_part(name, stamp + (0.25 if name == 'depth_registered/image' else 0))
-        rospy.sleep(0.1)
-        self.send_labels(stamp)
+        self.deliver(self.node, *(self.part_of(name, stamp + (0.25 if name == 'depth_registered/image' else 0))
+                                  for name in self.scene), *self.labels_of(stamp))
         self.send(stamp)
         self.assert_fused_without(stamp, 'no depth_registered/image in time', 'no say')
 
     def test_broken_parts_are_left_out(self):
         self.expect_scene()
-        good = image_message(two_planes(), 0, '16UC1', 'color')
         for name, message, words in (
                 ('depth_registered/image', image_message(two_planes(), 0, 'rgb8', 'color'), ('encoding "rgb8"', 'no say')),
                 ('depth_registered/image_raw', image_message(np.ascontiguousarray(two_planes()[::2]), 0, '16UC1', 'color'),
                  ('not of the size', 'counts as measured')),
                 ('rgb/camera_info', camera_info(0, 'color', 0.0), ('not calibrated', 'no say'))):
             stamp = next(STAMPS)
-            for part in self.scene:
-                sent = message if part == name else camera_info(0, 'color') if part == 'rgb/camera_info' else good
-                sent.header.stamp = rospy.Time.from_sec(stamp)
-                self.scene[part].say(sent)
-            rospy.sleep(0.1)
-            self.send_labels(stamp)
+            message.header.stamp = rospy.Time.from_sec(stamp)
+            self.deliver(self.node, *((self.scene[part], message) if part == name else self.part_of(part, stamp)
+                                      for part in self.scene), *self.labels_of(stamp))
             self.send(stamp)
             self.assert_fused_without(stamp, name, *words)
         self.assert_as_files(self.fuse(), INDICES, MIDDLE)
@@ -107,12 +101,7 @@ class SceneTest(RefinedTest):
         """In the words of fuse_stack. The camera's sensor is 30.7 mm wide."""
         self.expect_scene()
         stamp = next(STAMPS)
-        for name in self.scene:
-            self.send_part(name, stamp)
-        rospy.sleep(0.1)
-        message = image_message(regions(), stamp, '32SC1', 'color')
-        self.labels.say(message)
-        self.segments.say(SegmentArray(header=message.header, optics=Optics(24.0, 4.0, 2.0)))
+        self.send_scene(stamp, optics=Optics(24.0, 4.0, 2.0))
         self.send(stamp)
         words = 'the circle of confusion, 2 mm, is over a fiftieth of the sensor, which is 30.7 mm wide'
         self.assert_noted(self.report(stamp + MIDDLE * PERIOD), words)
@@ -123,13 +112,9 @@ class SceneTest(RefinedTest):
             boards[y:y + height, x:x + width] = 900 + 300 * number
         light = np.repeat((boards // 20).astype(np.uint8)[..., None], 3, axis=2)
         stamp = next(STAMPS)
-        for name in self.scene:
-            if name == 'rgb/camera_info':
-                self.send_part(name, stamp)
-            else:
-                self.scene[name].say(image_message(np.ascontiguousarray(boards[:, ::-1]), stamp, '16UC1', 'color'))
-        rospy.sleep(0.1)
-        self.send_labels(stamp)
+        mirrored = image_message(np.ascontiguousarray(boards[:, ::-1]), stamp, '16UC1', 'color')
+        self.deliver(self.node, *(self.part_of(name, stamp) if name == 'rgb/camera_info' else (self.scene[name], mirrored)
+                                  for name in self.scene), *self.labels_of(stamp))
         self.send(stamp, replaced={index: lambda at: colour_message(light, at) for index in INDICES})
         words = 'fit the picture better when it is mirrored: turn off mirroring'
         self.assert_noted(self.report(stamp + MIDDLE * PERIOD), words)

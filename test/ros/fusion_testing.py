@@ -67,6 +67,11 @@ class FusionTest(GraphTest):
     """A camera that feeds one fusion node, and listeners to what comes out."""
     RIG = '/focus'
 
+    @property
+    def node(self):
+        """As diagnostics name it."""
+        return self.topic('fusion')[1:]
+
     def setUp(self):
         super().setUp()
         wait_until(lambda: self.diagnostics.subscriber.get_num_connections() >= len(publishers_of('/diagnostics')))
@@ -97,23 +102,41 @@ class FusionTest(GraphTest):
         self.segments = self.talk(self.topic('segmentation/segments'), SegmentArray)
         self.assertTrue(wait_until(lambda: self.labels.publisher.get_num_connections() > 0))
 
-    def send_labels(self, stamp, labels=None, encoding='32SC1'):
+    def labels_of(self, stamp, labels=None, encoding='32SC1', optics=OPTICS):
+        """(talker, message) for labels and segments."""
         message = image_message(regions() if labels is None else labels, stamp, encoding, 'color')
-        self.labels.say(message)
-        self.segments.say(SegmentArray(header=message.header, optics=OPTICS))
+        return (self.labels, message), (self.segments, SegmentArray(header=message.header, optics=optics))
+
+    def send_labels(self, stamp, *labels, **options):
+        for talker, message in self.labels_of(stamp, *labels, **options):
+            talker.say(message)
+
+    def deliver_labels(self, stamp):
+        """What is sent after that comes after them."""
+        self.deliver(self.node, *self.labels_of(stamp))
+
+    def frame_of(self, stamp, sharp, **focus):
+        """(talker, message) for the image and its FocusFrame. sharp: see picture(), or the message itself; focus: fields of the
+        FocusFrame, none = there is none."""
+        image = colour_message(picture(sharp), stamp) if isinstance(sharp, str) else sharp
+        yield self.image, image
+        if focus:
+            yield self.focus, FocusFrame(**{'header': image.header, 'focus_distance': float('nan'), **focus})
 
     def send_frame(self, stamp, sharp, **focus):
-        """sharp: see picture(), or the message itself; focus: fields of the FocusFrame, none = there is none."""
-        message = colour_message(picture(sharp), stamp) if isinstance(sharp, str) else sharp
-        self.image.say(message)
-        if focus:
-            self.focus.say(FocusFrame(**{'header': message.header, 'focus_distance': float('nan'), **focus}))
+        for talker, message in self.frame_of(stamp, sharp, **focus):
+            talker.say(message)
 
-    def send_bracket(self, stamp, frames=('none', 'near', 'far'), **focus):
-        """Frames from `stamp` on; returns the stamp of the middle one, which the result is to carry."""
+    def bracket_of(self, stamp, frames=('none', 'near', 'far'), **focus):
+        """(talker, message) for all frames, which are from `stamp` on."""
         focus = {'bracket_id': next(BRACKET_IDS), 'count': len(frames), **focus}
         for index, sharp in enumerate(frames):
-            self.send_frame(stamp + index * PERIOD, sharp, index=index, **focus)
+            yield from self.frame_of(stamp + index * PERIOD, sharp, index=index, **focus)
+
+    def send_bracket(self, stamp, frames=('none', 'near', 'far'), **focus):
+        """Returns the stamp of the middle frame, which the result is to carry."""
+        for talker, message in self.bracket_of(stamp, frames, **focus):
+            talker.say(message)
         return stamp + len(frames) // 2 * PERIOD
 
     def acknowledged(self, stamp):

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """What the tests of mode refined share: a bracket, what belongs to its scene, and what fuse_stack makes of it."""
+import functools
 import itertools
 import tempfile
 from pathlib import Path
 
 import numpy as np
-import rospy
 from sensor_msgs.msg import CameraInfo, Image
 
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
@@ -31,9 +31,15 @@ def another_scene(stamp):
     return colour_message(np.random.default_rng(2).integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8), stamp)
 
 
-def fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True, focal_px=FOCAL_PX):
-    """What fuse_stack makes of some of the frames: {name of the output: pixels}; reference: one of the indices; enlarged: so
-    many pixels for one each way; focus: whether it is told the focus distances; focal_px: of the colour camera."""
+def fused_by_files(indices, *arguments, **options):
+    """What fuse_stack makes of some of the frames: {name of the output: pixels}; see _fused_by_files."""
+    return _fused_by_files(tuple(indices), *arguments, **options)
+
+
+@functools.lru_cache(maxsize=None)
+def _fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True, focal_px=FOCAL_PX):
+    """reference: one of the indices; enlarged: so many pixels for one each way; focus: whether it is told the focus distances;
+    focal_px: of the colour camera."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / 'stack').mkdir()
@@ -50,7 +56,7 @@ def fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True, f
             files['depth_restored'] = folder / 'depth_restored.png'
             arguments += ['--save-depth', files['depth_restored']]
         succeeded(fuse_stack('--stack', folder / 'stack', '--registered-depth', write(folder / 'z.png', two_planes()), '--rig',
-                             folder / 'rig', '--mode', mode, '--reference', list(indices).index(reference), '--output',
+                             folder / 'rig', '--mode', mode, '--reference', indices.index(reference), '--output',
                              files['image'], '--save-source-index', files['source_index'], '--save-confidence',
                              files['confidence'], *arguments))
         results = {name: read(path) for name, path in files.items()}
@@ -78,23 +84,34 @@ class RefinedTest(FusionTest):
             self.scene[name] = self.talk(self.topic(name), kinds[name])
         self.assertTrue(wait_until(lambda: all(t.publisher.get_num_connections() > 0 for t in self.scene.values())))
 
-    def send_scene(self, stamp):
-        for name in self.scene:
-            self.send_part(name, stamp)
-        rospy.sleep(0.1)  # other connections than that of the labels
-        self.send_labels(stamp)
+    def part_of(self, name, stamp):
+        """(talker, message) of a topic of the scene."""
+        return self.scene[name], (camera_info(stamp, 'color', self.focal_px) if name == 'rgb/camera_info' else
+                                  image_message(two_planes(), stamp, '16UC1', 'color'))
+
+    def send_scene(self, *stamps, but=(), **replaced):
+        """All that belongs to the brackets that begin at these stamps, without the topics of `but`. Returns when the node has
+        taken it. replaced: see labels_of()."""
+        self.deliver(self.node, *itertools.chain.from_iterable(
+            [*(self.part_of(name, stamp) for name in self.scene if name not in but), *self.labels_of(stamp, **replaced)]
+            for stamp in stamps))
 
     def send_part(self, name, stamp):
-        self.scene[name].say(camera_info(stamp, 'color', self.focal_px) if name == 'rgb/camera_info'
-                             else image_message(two_planes(), stamp, '16UC1', 'color'))
+        talker, message = self.part_of(name, stamp)
+        talker.say(message)
 
-    def send(self, stamp, indices=INDICES, replaced=None, bracket_id=None, **focus):
-        """replaced: functions of the stamp that make a message in the place of a frame, by index; focus: see send_frame()."""
+    def frames_of(self, stamp, indices=INDICES, replaced=None, bracket_id=None, **focus):
+        """(talker, message) for some frames of a bracket. replaced: functions of the stamp that make a message in the place of
+        a frame, by index; focus: see frame_of()."""
         bracket = {'count': len(FRAMES), 'bracket_id': bracket_id or next(BRACKET_IDS)}
         for index in indices:
             at = stamp + index * PERIOD
             message = replaced[index](at) if index in (replaced or {}) else colour_message(pixels(index), at)
-            self.send_frame(at, message, index=index, **{'focus_distance': FRAMES[index][1], **bracket, **focus})
+            yield from self.frame_of(at, message, index=index, **{'focus_distance': FRAMES[index][1], **bracket, **focus})
+
+    def send(self, stamp, *indices, **options):
+        for talker, message in self.frames_of(stamp, *indices, **options):
+            talker.say(message)
 
     def assert_as_files(self, stamp, indices, reference, focus=True):
         """The result, of the bracket that began at `stamp`, is that of fuse_stack; returns the report."""
