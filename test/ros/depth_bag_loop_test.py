@@ -8,7 +8,7 @@ import rospy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 
-from depth_testing import GraphTest, Talker, image_message, run_tests, two_planes, values_of
+from depth_testing import GraphTest, Talker, image_message, run_tests, subscribers_of, two_planes, values_of
 
 START, FRAMES, LOOPS = 100, 4, 3
 
@@ -17,6 +17,7 @@ class BagLoopTest(GraphTest):
     def test_frames_before_and_after_the_clock(self):
         clock = Talker('/clock', Clock)
         self.addCleanup(clock.publisher.unregister)
+        clock.wait_for(len(subscribers_of('/clock')))  # this process is one
         depth = self.talk('/alone/depth_registered/image', Image)
         labels = self.listen('/alone/segmentation/labels', Image)
         for loop in range(LOOPS):

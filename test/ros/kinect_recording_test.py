@@ -48,12 +48,14 @@ class RecordingTest(KinectTest):
     def setUp(self):
         super().setUp()
         if not MIRRORED.exists():
-            DEPTH.tofile(WORLD / 'noise.raw')
+            pixels = NOISE.with_suffix('.raw')
+            self.addCleanup(pixels.unlink)
+            DEPTH.tofile(pixels)
             # Whoever comes first also sees that a file which is not there yet is waited for.
             self.status('steps/kinect_openni2', f'cannot open "{NOISE}" (parameter device): there is no such file')
             answer = rospy.ServiceProxy('/steps/kinect_openni2/step', Trigger)()
             self.assertEqual((answer.success, 'there is no such file' in answer.message), (False, True))
-            plug('noise', f'recorded={WORLD / "noise.raw"}')
+            plug('noise', f'recorded={pixels}')
             plug('pattern')
             record('noise', NOISE, False)
             record('pattern', MIRRORED, True)
@@ -124,7 +126,8 @@ class RecordingTest(KinectTest):
         self.assertIn('lacks its end', values_of(self.status('damaged/kinect_openni2', 'processing'))['last error'])
 
     def test_step_by_step(self):
-        step = rospy.ServiceProxy('/steps/kinect_openni2/step', Trigger)
+        step = rospy.ServiceProxy('/steps/kinect_openni2/step', Trigger, persistent=True)
+        self.addCleanup(step.close)
         answer = step()
         self.assertEqual((answer.success, answer.message[:18]), (False, 'nobody subscribes '))
         depth = self.images('/steps/depth/image_raw')

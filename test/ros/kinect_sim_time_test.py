@@ -5,7 +5,7 @@
 import rospy
 from rosgraph_msgs.msg import Clock
 
-from depth_testing import Talker, run_tests
+from depth_testing import Talker, run_tests, subscribers_of
 from kinect_testing import KinectTest, plug
 
 
@@ -16,6 +16,7 @@ class SimTimeTest(KinectTest):
         depth = self.images('/depth/image_raw')
         self.status('kinect_openni2', 'nobody publishes /clock')
         self.assertFalse(depth.messages)
+        clock.wait_for(len(subscribers_of('/clock')))  # this process is one
         for time in (1000.25, 1234.5, 10.125):  # back, as a bag does that starts again
             clock.say(Clock(rospy.Time.from_sec(time)))
             stamps = [message.header.stamp.to_sec() for message in depth.wait(8)]

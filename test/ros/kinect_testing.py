@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """What the tests of the Kinect node share: cameras without hardware (test/openni2), plugged in and out."""
+import atexit
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -17,10 +19,12 @@ from depth_testing import TIMEOUT, GraphTest, wait_until
 from test_recorded_sample import SWEEP
 
 WIDTH, HEIGHT = 640, 480
-CAMERAS = Path(os.environ['KINECT_TEST_DIR'])
+CAMERAS = Path(os.environ['KINECT_TEST_DIR'])  # of this .test file alone
 SAMPLE = SWEEP / 'depth_raw.png'  # a Kinect's own depth
 SENSORS = {'ir': 1, 'kinect_rgb': 2, 'depth': 3}
 X, Y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
+CAMERAS.mkdir(exist_ok=True)
+atexit.register(shutil.rmtree, str(CAMERAS), True)
 
 
 def plug(name, faults=''):
@@ -89,7 +93,8 @@ class KinectNode:
 
     def __init__(self, *arguments, **environment):
         program = find_node('all_in_focus', 'kinect_openni2')[0]
-        self.process = subprocess.Popen([program, '__ns:=/own', '_reconnect_period:=0.2', *arguments],
+        self.process = subprocess.Popen([program, '__ns:=/own', '_reconnect_period:=0.2', '_diagnostic_period:=0.05',
+                                         *arguments],
                                         env=dict(os.environ, **environment), stdout=subprocess.PIPE,
                                         stderr=subprocess.STDOUT, universal_newlines=True)
 
