@@ -32,8 +32,8 @@ class FakeCamera(CameraDriver):
     """make: a key of MODELS. All calls take `latency` seconds; a picture arrives `exposure` seconds after the release.
     cards: number of memory cards, each of which gets a copy; the second one `second_card` seconds after the first.
 
-    To provoke errors: busy (the next so many calls are refused as busy), unplug(), plug(), open_errors (the error codes
-    of the next calls of open()), fail (code, n: the n-th call from now on fails).
+    See also press() and develop(). To provoke errors: busy (the next so many calls are refused as busy), unplug(), plug(),
+    open_errors (the error codes of the next calls of open()), fail (code, n: the n-th call from now on fails).
     """
 
     def __init__(self, make="Canon EOS", lens=400, latency=0.0, exposure=0.01, raw=False, cards=1, second_card=0.0):
@@ -83,6 +83,10 @@ class FakeCamera(CameraDriver):
         was, self.lens = self.lens, lens
         self._release()
         self.lens = was
+
+    def develop(self):
+        """The pictures that were taken are there at once."""
+        self._pending = [(0.0, event) for _, event in self._pending]
 
     def picture(self):
         """What the camera sees: the grey level of the lens position or, with `texture`, a random pattern: "moves" is

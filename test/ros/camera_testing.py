@@ -44,11 +44,17 @@ class CameraTest(unittest.TestCase):
         self.addCleanup(node.stop)
         return node
 
-    def assert_refused(self, node, words):
-        """The node has ended with exit code 2 and one line, which holds these words."""
-        self.assertEqual(node.exit_code(), 2)
-        self.assertTrue(node.said(words), node.lines)
-        self.assertEqual(len([line for line in node.lines if line.strip()]), 1, node.lines)
+    def assert_all_refused(self, path, cases):
+        """cases: parameters, words. With these parameters the node ends with exit code 2 and one line, which holds the words."""
+        nodes = [NodeProcess(path, f"{self.namespace}/case_{number}", **parameters)
+                 for number, (parameters, _) in enumerate(cases)]
+        for node in nodes:
+            self.addCleanup(node.stop)
+        for node, (_, words) in zip(nodes, cases):
+            with self.subTest(words):
+                self.assertEqual(node.exit_code(), 2)
+                self.assertTrue(node.said(words), node.lines)
+                self.assertEqual(len([line for line in node.lines if line.strip()]), 1, node.lines)
 
     def topic(self, name):
         return self.namespace + "/" + name

@@ -35,11 +35,10 @@ class DepthFileTest(CameraTest):
 
     def test_wrong_parameters_end_in_one_line(self):
         rig = self.save_rig((32, 24))
-        for parameters, words in (({}, "~depth is missing"),
-                                  ({"depth": self.folder / "none.png", "rig": rig}, "none.png: No such file"),
-                                  ({"depth": self.folder / "depth.png", "rig": rig}, "depth.yaml says 32x24")):
-            with self.subTest(words):
-                self.assert_refused(self.start(NODE, **parameters), words)
+        self.assert_all_refused(NODE, [
+            ({}, "~depth is missing"),
+            ({"depth": self.folder / "none.png", "rig": rig}, "none.png: No such file"),
+            ({"depth": self.folder / "depth.png", "rig": rig}, "depth.yaml says 32x24")])
 
 
 if __name__ == "__main__":

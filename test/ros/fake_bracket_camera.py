@@ -4,8 +4,8 @@
 """focus_bracket_camera with a fake camera: ~make, ~lens, ~claimed (times it cannot be opened at first),
 ~exposure (s until a picture arrives).
 
-The topic ~provoke (std_msgs/String) takes "unplug", "plug", "press LENS", "busy N" and "fail CODE N" (the Nth call from then on
-fails).
+The topic ~provoke (std_msgs/String) takes "unplug", "plug", "press LENS", "develop" (pictures arrive at once), "busy N" and
+"fail CODE N" (the Nth call from then on fails).
 """
 import sys
 from pathlib import Path

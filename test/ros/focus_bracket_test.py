@@ -3,6 +3,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """focus_bracket_camera over ROS: brackets on request, at a rate, as planned, and cameras that come and go."""
 import math
+import threading
 
 import numpy as np
 import rospy
@@ -12,7 +13,7 @@ from std_srvs.srv import Trigger
 
 from all_in_focus.camera.interface import IO_WRITE, NO_SPACE
 from all_in_focus.msg import FocusPlan
-from camera_testing import HERE, TOPICS, CameraTest, places
+from camera_testing import HERE, CameraTest, places
 from depth_testing import (FAR_MM, NEAR_MM, TIMEOUT, Diagnostics, Talker, image_message, pixels_of, run_tests, two_planes,
                            wait_until)
 from fake_camera import LENS, lens_of
@@ -23,7 +24,8 @@ TABLE = "[{step: 0, mm: 500}, {step: 1000, mm: .inf}]"
 
 class FocusBracketTest(CameraTest):
     def fake(self, **parameters):
-        node = self.start(HERE / "fake_bracket_camera.py", settle=0.0, reconnect=0.1, **parameters)
+        node = self.start(HERE / "fake_bracket_camera.py",
+                          **{"settle": 0.0, "reconnect": 0.1, "diagnostic_period": 0.05, **parameters})
         self.provoke = Talker(self.topic("focus_bracket_camera/provoke"), String)
         return node
 
@@ -62,20 +64,21 @@ class FocusBracketTest(CameraTest):
 
     def test_the_focus_frame_comes_at_the_shutter_and_the_image_later(self):
         """So that the fusion can keep the regions of that moment. Both have the stamp of the shutter."""
-        self.fake(count=2, exposure=1.0)
+        node = self.fake(count=2, exposure=1000, timeout=1000)
         self.listen_to_all()
-        arrivals = {"rgb/focus": {}, "rgb/image": {}}  # stamp -> time of arrival, s
-        for name, times in arrivals.items():
-            note = lambda message, times=times: times.setdefault(message.header.stamp, rospy.get_time())
-            self.addCleanup(rospy.Subscriber(self.topic(name), TOPICS[name], note).unregister)
-        self.succeed()
-        self.assertTrue(wait_until(lambda: len(arrivals["rgb/image"]) == 2))
-        self.assertEqual(list(arrivals["rgb/focus"]), list(arrivals["rgb/image"]))
-        image, focus = (np.array(list(times.values())) for times in (arrivals["rgb/image"], arrivals["rgb/focus"]))
-        shutter = np.array([stamp.to_sec() for stamp in arrivals["rgb/focus"]])
-        # Of the two frames: what else the computer does may delay one.
-        self.assertGreater((image - focus).max(), 0.7)
-        self.assertLess(np.abs(focus - shutter).min(), 0.5)
+        images, focus = (self.heard[name].messages for name in ("rgb/image", "rgb/focus"))
+        self.assertTrue(node.said("ready"))
+        begin, bracket = rospy.Time.now(), threading.Thread(target=self.call)
+        bracket.start()
+        self.addCleanup(bracket.join)
+        self.addCleanup(node.stop)
+        for index in range(2):
+            self.assertTrue(wait_until(lambda: len(focus) > index))
+            self.assertTrue(begin < focus[index].header.stamp < rospy.Time.now())
+            begin = focus[index].header.stamp
+            self.assertEqual(len(images), index)
+            self.assertTrue(wait_until(lambda: self.provoke.say(String("develop")) or len(images) > index))
+            self.assertEqual(images[index].header.stamp, focus[index].header.stamp)
 
     def test_a_focus_ring_that_is_turned_by_hand(self):
         node = self.fake(make="none", drive="none", count=3)
@@ -110,7 +113,7 @@ class FocusBracketTest(CameraTest):
         self.addCleanup(diagnostics.close)
 
         def shot():
-            """Number of brackets in the next diagnostics of a ready camera, which come once a second."""
+            """Number of brackets in the next diagnostics of a ready camera."""
             name = self.namespace[1:] + "/focus_bracket_camera"
             return int(diagnostics.wait(name, lambda status: status.level == 0).values[0].value)
         self.fake(rate=20.0, count=1)
@@ -212,7 +215,9 @@ class FocusBracketTest(CameraTest):
         np.testing.assert_allclose(distances, [0.6, 2.0, 0.6, 2.0], rtol=0.01)
 
     def test_wrong_parameters_end_in_one_line(self):
-        self.assert_refused(self.fake(focus_table="[1]"), "focus_table: expected")
+        self.assert_all_refused(HERE / "fake_bracket_camera.py", [
+            ({"focus_table": "[1]"}, "focus_table: expected"),
+            ({"diagnostic_period": 0}, "~diagnostic_period: expected a number of at least 0.01, not '0'")])
 
     def test_without_a_camera_the_real_node_waits(self):
         node = self.start(SCRIPTS / "focus_bracket_camera", port="usb:999,999", model="Canon EOS 80D",
