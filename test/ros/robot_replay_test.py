@@ -3,6 +3,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """replay.launch: a folder, and a bag round after round, end in the pixels of fuse_stack."""
 import os
+import tempfile
+from pathlib import Path
 
 import rospy
 
@@ -15,54 +17,53 @@ ROUNDS = 2  # each starts with a pause of some seconds
 
 
 class ReplayTest(LaunchTest):
+    @classmethod
+    def setUpClass(cls):
+        cls.shared = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(cls.shared.cleanup)
+        cls.scene = Scene(Path(cls.shared.name) / 'scene')
+        cls.expected = cls.scene.fused()
+        cls.bag = Path(cls.shared.name) / 'scene.bag'
+        succeeded(run_script('make_bag', *cls.scene.files, '--output', cls.bag))
+
     def setUp(self):
         super().setUp()
-        self.scene = Scene(self.folder / 'scene')
-        self.expected = self.scene.fused()
+        self.addCleanup(rospy.set_param, '/use_sim_time', False)  # bags set it
 
-    def make_bag(self):
-        bag = self.folder / 'scene.bag'
-        succeeded(run_script('make_bag', *self.scene.files, '--output', bag))
-        self.addCleanup(lambda: rospy.delete_param('/use_sim_time'))
-        return bag
+    def launch_bag(self, bag, **arguments):
+        self.launch('all_in_focus', 'replay.launch', rviz='false', bag=bag, **arguments)
 
-    def test_a_folder(self):
+    def test_a_folder_whose_name_is_relative_to_where_it_is_called(self):
+        self.addCleanup(os.chdir, os.getcwd())
+        self.addCleanup(os.environ.update, PWD=os.environ['PWD'])
+        os.chdir(self.shared.name)
+        os.environ['PWD'] = self.shared.name  # as a shell does
         results = self.results()
-        self.launch('all_in_focus', 'replay.launch', rviz='false', folder=self.scene.folder)
+        self.launch('all_in_focus', 'replay.launch', rviz='false', folder=self.scene.folder.name)
         self.assert_same(self.result(results, whole)[0], self.expected)
 
     def test_a_bag_over_and_over_with_all_its_frames(self):
-        bag, reports, results = self.make_bag(), [], self.results()
+        reports, results = [], self.results()
 
         def last_round(report):
             if not any(report is known for known in reports):
                 reports.append(report)
             return len(reports) == ROUNDS
-        self.launch('all_in_focus', 'replay.launch', rviz='false', bag=bag, rig=self.scene.rig)
+        self.launch_bag(self.bag, rig=self.scene.rig)
         self.result(results, last_round)
         for report in reports:
             self.assertTrue(whole(report), report)
         self.assert_same(results.wait(whole)[0], self.expected)
 
     def test_a_bag_brings_its_lens(self):
-        bag, results = self.make_bag(), self.results()
-        self.launch('all_in_focus', 'replay.launch', rviz='false', bag=bag)
-        self.assert_same(self.result(results, whole)[0], self.expected)
-
-    def test_names_are_relative_to_where_it_is_called(self):
-        self.addCleanup(os.chdir, os.getcwd())
-        self.addCleanup(os.environ.update, PWD=os.environ['PWD'])
-        os.chdir(self.folder)
-        os.environ['PWD'] = str(self.folder)  # as a shell does
         results = self.results()
-        self.launch('all_in_focus', 'replay.launch', rviz='false', folder=self.scene.folder.name)
+        self.launch_bag(self.bag)
         self.assert_same(self.result(results, whole)[0], self.expected)
 
     def test_a_bag_that_cannot_be_played_ends_it(self):
         (self.folder / 'text.bag').write_text('no bag')
-        self.addCleanup(lambda: rospy.delete_param('/use_sim_time'))
         for bag, complaint in (('none.bag', 'none.bag: No such file or directory'), ('text.bag', 'not a bag')):
-            self.launch('all_in_focus', 'replay.launch', rviz='false', bag=self.folder / bag)
+            self.launch_bag(self.folder / bag)
             self.assert_said(complaint)
             self.assertEqual(sum(complaint in line for line in self.launched.lines), 1, self.launched.lines)
             self.launched.process.wait(30)
