@@ -28,6 +28,8 @@ constexpr double kFocalLength = 50, kAperture = 2.8, kPixels = 1000;  // mm, F, 
 const cv::Size kSize(200, 150);
 const cv::Rect kCard(60, 40, 80, 70);  // the near one
 const std::vector<double> kSweep = {1000, 1090, 1200, 1330, 1500};
+constexpr double kTolerableScale =
+    0.1;  // of the blur, beyond which restoration tells that the optics are wrong
 
 cv::Mat3f texture(int seed, const cv::Size& size) {
   cv::Mat3f light(size);
@@ -108,6 +110,17 @@ double meanSquare(const cv::Mat& a, const cv::Mat& b) {
   return cv::norm(a, b, cv::NORM_L2SQR) / (3.0 * static_cast<double>(a.total()));
 }
 
+// Share of the squared error of the fused picture that restoration leaves. The limits below are at most twice
+// the figures beside them, which were measured: a change of the method by 3 dB fails, another compiler does
+// not.
+double errorLeft(const cv::Mat& image, const cv::Mat& fused, const cv::Mat& truth) {
+  return meanSquare(image, truth) / meanSquare(fused, truth);
+}
+
+double errorLeft(const RestorationResult& result, const CardBeforeWall& card) {
+  return errorLeft(result.image, card.fused(), card.truth);
+}
+
 RestorationResult restored(const CardBeforeWall& card, const BracketScene& scene) {
   BracketRestoration restoration;
   restoration.begin(scene);
@@ -153,16 +166,16 @@ class GuardedDepth {
 TEST(Restoration, TakesTheBlurOffTheWallBesideTheCard) {
   const CardBeforeWall card;
   const RestorationResult result = restored(card, card.scene);
-  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 5);
+  EXPECT_LT(errorLeft(result, card), 0.26);  // 0.13
   EXPECT_TRUE(result.notes.empty());
-  EXPECT_NEAR(result.blur_scale, 1, 0.1);
+  EXPECT_NEAR(result.blur_scale, 1, kTolerableScale);  // 0.98
 }
 
 TEST(Restoration, CodesMayBeInProportionToLight) {
   const CardBeforeWall card(kSize, kCard, LightCurve::linear());
   const RestorationResult result = restored(card, card.scene);
-  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 5);
-  EXPECT_NEAR(result.blur_scale, 1, 0.1);
+  EXPECT_LT(errorLeft(result, card), 0.28);            // 0.14
+  EXPECT_NEAR(result.blur_scale, 1, kTolerableScale);  // 0.98
 }
 
 TEST(Restoration, LeavesWhatIsFarFromDepthEdgesAlone) {
@@ -179,8 +192,8 @@ TEST(Restoration, SharpensASurfaceBetweenTwoFoci) {
   wall.addTo(restoration, {1300, 1800});
   const cv::Mat fused = wall.frame(1300);
   const RestorationResult result = *restoration.restore(fused);
-  EXPECT_GT(cv::PSNR(result.image, wall.truth), cv::PSNR(fused, wall.truth) + 4.5);
-  EXPECT_EQ(result.blur_scale, 0);  // nothing is sharp enough to measure it
+  EXPECT_LT(errorLeft(result.image, fused, wall.truth), 0.35);  // 0.28
+  EXPECT_EQ(result.blur_scale, 0);                              // nothing is sharp enough to measure it
 }
 
 TEST(Restoration, TextureAloneTellsTheBlurScale) {
@@ -200,8 +213,9 @@ TEST(Restoration, ThinsAnObjectThatRegistrationMadeTooFat) {
   scene.depth = cv::Mat();
   cv::erode(card.scene.depth, scene.depth, cv::Mat(), {-1, -1}, 2);  // what is near grows by 2 px
   const RestorationResult result = restored(card, scene);
+  // Half a pixel may be left of the two all around; 0.02 of them are.
   EXPECT_LT(shareWrong(result.depth, card.scene.depth), 0.25 * shareWrong(scene.depth, card.scene.depth));
-  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 5);
+  EXPECT_LT(errorLeft(result, card), 0.26);  // 0.13
 }
 
 TEST(Restoration, PicturesOfAnyShapeAreCorrectedInFull) {
@@ -209,8 +223,7 @@ TEST(Restoration, PicturesOfAnyShapeAreCorrectedInFull) {
     const CardBeforeWall card(
         size, cv::Rect(std::max(3, size.width - 600), std::max(3, size.height - 600), 500, 500) &
                   cv::Rect({}, size));
-    EXPECT_GT(cv::PSNR(restored(card, card.scene).image, card.truth), cv::PSNR(card.fused(), card.truth) + 6)
-        << size;
+    EXPECT_LT(errorLeft(restored(card, card.scene), card), 0.2) << size;  // 0.10, 0.09
   }
   const cv::Size pixel(1, 1);
   const CardBeforeWall card(pixel, {0, 0, 1, 1});
@@ -230,8 +243,9 @@ TEST(Restoration, FindsDepthFromTheBracketAlone) {
   BracketScene scene = card.scene;
   scene.depth = cv::Mat();
   const RestorationResult result = restored(card, scene);
-  EXPECT_LT(shareWrong(result.depth, card.scene.depth), 0.05);
-  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 0.5);
+  // A pixel along the whole contour of the card may be wrong, 1 % of the picture; a tenth of that is.
+  EXPECT_LT(shareWrong(result.depth, card.scene.depth), 2.0 * (kCard.width + kCard.height) / kSize.area());
+  EXPECT_LT(errorLeft(result, card), 0.3);  // 0.15
   EXPECT_EQ(result.blur_scale, 0);
 }
 
@@ -250,7 +264,7 @@ TEST(Restoration, LightFromOutsideThePictureDoesNotMisleadItsBorder) {
   const RestorationResult result = *restoration.restore(card.fused()(seen).clone());
   const cv::Mat truth = card.scene.depth(seen);
   for (const cv::Range& rows : {cv::Range(0, 2), cv::Range(148, 150)})
-    EXPECT_LT(shareWrong(result.depth.rowRange(rows), truth.rowRange(rows)), 0.01);
+    EXPECT_LT(shareWrong(result.depth.rowRange(rows), truth.rowRange(rows)), 0.01);  // 4 of 400 pixels; none
 }
 
 TEST(Restoration, MeasuredHolesAndFrayedEdgesAreMended) {
@@ -268,7 +282,8 @@ TEST(Restoration, MeasuredHolesAndFrayedEdgesAreMended) {
   scene.depth(cv::Rect(20, 100, 40, 30)) = kNearMm;
   const RestorationResult result = restored(card, scene);
   EXPECT_EQ(cv::countNonZero(result.depth == 0), 0);
-  EXPECT_LT(shareWrong(result.depth, card.scene.depth), 0.4 * shareWrong(scene.depth, card.scene.depth));
+  // Of what is wrong the hole is more than a half, the frayed edges are the rest; 0.01 is left.
+  EXPECT_LT(shareWrong(result.depth, card.scene.depth), 0.1 * shareWrong(scene.depth, card.scene.depth));
 }
 
 TEST(Restoration, WrongOpticsAreSaidAndMadeUpFor) {
@@ -278,8 +293,8 @@ TEST(Restoration, WrongOpticsAreSaidAndMadeUpFor) {
   const RestorationResult result = restored(card, scene);
   ASSERT_EQ(result.notes.size(), 1u);
   EXPECT_NE(result.notes[0].find("check focal length, aperture"), std::string::npos);
-  EXPECT_NEAR(result.blur_scale, 0.8, 0.08);
-  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 0.5);
+  EXPECT_NEAR(result.blur_scale, 0.8, 0.8 * kTolerableScale);  // 0.78
+  EXPECT_LT(errorLeft(result, card), 0.4);                     // 0.20
 }
 
 TEST(Restoration, OnOneSurfaceNothingChanges) {
@@ -294,7 +309,7 @@ TEST(Restoration, LargePicturesAreCorrectedOnAReducedCopy) {
   const RestorationResult result = restored(card, scene);
   EXPECT_EQ(result.image.size(), large);
   EXPECT_EQ(result.depth.size(), large);
-  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth));
+  EXPECT_LT(errorLeft(result, card), 0.6);  // 0.30
 }
 
 TEST(Restoration, SaysWhatIsMissing) {
@@ -331,7 +346,7 @@ TEST(Restoration, ProgressGrowsAndCanStop) {
     told.push_back(done);
     return true;
   }));
-  EXPECT_GE(told.size(), 8u);
+  EXPECT_GE(told.size(), 8u);  // 21; while it is not asked, the next bracket waits
   EXPECT_TRUE(std::is_sorted(told.begin(), told.end()));
   EXPECT_EQ(told.front(), 0);
   EXPECT_EQ(told.back(), 1);
@@ -366,7 +381,7 @@ TEST(Restoration, LongSweepsAreThinnedOut) {
     restoration.add({card.frame(focus), cv::Rect({}, kSize), 1, i, focus});
   }
   const RestorationResult result = *restoration.restore(card.fused());
-  EXPECT_GT(cv::PSNR(result.image, card.truth), cv::PSNR(card.fused(), card.truth) + 1);
+  EXPECT_LT(errorLeft(result, card), 0.14);  // 0.07
 }
 
 TEST(DiscBlur, WideDiscsAreSummedByChordsAsTheyAreByKernels) {
@@ -383,30 +398,41 @@ TEST(DiscBlur, WideDiscsAreSummedByChordsAsTheyAreByKernels) {
     }
     EXPECT_NEAR(cv::sum(kernel)[0], 1, 1e-5);
     cv::filter2D(light, expected, -1, kernel, {-1, -1}, 0, cv::BORDER_REFLECT_101);
-    EXPECT_LT(cv::norm(blurred, expected, cv::NORM_INF), 0.01) << radius;
+    // Of light from 0 to 1: a third and a 16th of a step of 8 bits; measured 0.003 and the square of 0.0007.
+    EXPECT_LT(cv::norm(blurred, expected, cv::NORM_INF), 0.004) << radius;
     EXPECT_LT(meanSquare(blurred, expected), 1e-6) << radius;
   }
 }
 
 TEST(ImageFormation, NearPixelsComeFirstAndSharesSumUpToOne) {
+  constexpr int kEdge = 20;
+  constexpr float kRadius = 3;  // px, of the near half
   cv::Mat1f inverse_depth(40, 40, 1.0f / kFarMm);
-  inverse_depth.colRange(20, 40) = 1.0f / kNearMm;
-  const FrameBlur far_is_sharp = {1.0 / kFarMm, 9000};  // the near half has a radius of 3 px
+  inverse_depth.colRange(kEdge, 40) = 1.0f / kNearMm;
+  const FrameBlur far_is_sharp = {1.0 / kFarMm, kRadius / (1.0 / kNearMm - 1.0 / kFarMm)};
+  // The part of the near half's disc about a column that lies right of the edge.
+  const auto right_of_edge = [](int column) {
+    const DiscKernels& kernels = DiscKernels::get();
+    const int index = DiscKernels::index(kRadius), reach = kernels.reach(index);
+    float sum = 0;
+    for (int dy = -reach; dy <= reach; ++dy) {
+      for (int dx = std::max(-reach, kEdge - column); dx <= reach; ++dx)
+        sum += kernels.shares(index)[DiscKernels::kSide * std::abs(dy) + std::abs(dx)];
+    }
+    return sum;
+  };
   ImageFormation formation(inverse_depth, far_is_sharp, 1e-5f);
   formation.update();
   std::vector<ImageFormation::Part> parts;
-  for (const int x : {3, 16, 18, 19, 20, 22, 36}) {
+  for (const int x : {3, 16, 17, 18, 19, 20, 21, 22, 36}) {
     formation.partsOf({x, 20}, inverse_depth(20, x), parts);
     float sum = 0, near_share = 0;
     for (const ImageFormation::Part& part : parts) {
       sum += part.share;
-      if (x + part.dx >= 20) near_share += part.share;
+      if (x + part.dx >= kEdge) near_share += part.share;
     }
     EXPECT_NEAR(sum, 1, 1e-4) << x;
-    const bool beside = x >= 18 && x <= 20;  // there the near half's light lies over the sharp wall
-    EXPECT_GE(near_share, beside ? 0.1f : 0.0f) << x;
-    EXPECT_LE(near_share, x == 3 ? 0.0f : x < 20 ? 0.5f : 1.001f) << x;
-    EXPECT_GE(near_share, x == 36 ? 0.999f : 0.0f) << x;
+    EXPECT_NEAR(near_share, right_of_edge(x), 1e-4) << x;
   }
 }
 
@@ -443,7 +469,7 @@ TEST(Contours, DoNotExplainTheFramesWhereTheyAreAPixelOff) {
     return cv::countNonZero(one < 0.5);
   };
   EXPECT_EQ(unexplained(0), 0);
-  EXPECT_GT(unexplained(1), 30);
+  EXPECT_GT(unexplained(1), kCard.height);  // 72 of the pixels at its left and right edge
 }
 
 TEST(SemiGlobalMatching, KeepsAStepAndMendsSinglePixels) {
