@@ -24,7 +24,7 @@ TEST(ClippedLights, AreSmallWhiteAreasAndWhatIsNear) {
   EXPECT_EQ(lights.at<uchar>(50, 200), 255);
   EXPECT_EQ(lights.at<uchar>(50, 205), 255);
   EXPECT_EQ(lights.at<uchar>(50, 210), 0);
-  EXPECT_LT(cv::countNonZero(lights), 200);
+  EXPECT_LT(cv::countNonZero(lights), 200);  // 148
 }
 
 TEST(ClippedLights, AreAsLargeInALargePicture) {

@@ -84,15 +84,21 @@ double psnr(const cv::Mat& a, const cv::Mat& b) {
   return cv::PSNR(a, b);
 }
 
+// Whether pictures differ by less than a gray level, root mean square. Here 0.4 is the most of what
+// is sharp, 13 the least of what is not.
+bool areAlike(const cv::Mat& a, const cv::Mat& b) {
+  return psnr(a, b) > 20 * std::log10(255);
+}
+
 TEST(RefinedFusion, TwoPlanesComeOutSharp) {
   const TwoPlanes planes;
-  for (const double focus : kSweep) EXPECT_LT(psnr(planes.frame(focus), planes.truth), 30);
-  EXPECT_GT(psnr(fuse(planes, planes.scene, inPlace()), planes.truth), 40);
+  for (const double focus : kSweep) EXPECT_FALSE(areAlike(planes.frame(focus), planes.truth));
+  EXPECT_TRUE(areAlike(fuse(planes, planes.scene, inPlace()), planes.truth));
 }
 
 TEST(RefinedFusion, TwoPlanesComeOutSharpWithAllSteps) {
   const TwoPlanes planes;
-  EXPECT_GT(psnr(fuse(planes, planes.scene, {}), planes.truth), 38);
+  EXPECT_TRUE(areAlike(fuse(planes, planes.scene, {}), planes.truth));
 }
 
 TEST(RefinedFusion, TheMeanIsBetterThanTheChoice) {
@@ -122,18 +128,20 @@ TEST(RefinedFusion, ThePredictionDecidesWhereNoiseHidesTheTexture) {
     add(fusion, planes.frame(kSweep[i], 2), static_cast<int>(i), kSweep[i]);
   }
   const int last = static_cast<int>(kSweep.size()) - 1;
+  // 0.86 and 0.84 of the pixels; a fifth each by chance
   EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kNear) == 0), 0.8 * kNear.area());
   EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kFar) == last), 0.8 * kFar.area());
   RefinedConfig without_prediction = inPlace();
   without_prediction.prediction = false;
   EXPECT_GT(psnr(fusion.image(), planes.truth),
-            psnr(fuse(planes, planes.scene, without_prediction, 2), planes.truth) + 0.5);
+            psnr(fuse(planes, planes.scene, without_prediction, 2), planes.truth) + 0.5);  // 0.8 dB
 }
 
 TEST(RefinedFusion, WhereThereIsNearlyNoTextureFramesAreAveraged) {
   // A blurred frame is no worse there, and each further frame lowers the noise.
   const TwoPlanes planes(1);
   const double one_frame = psnr(planes.frame(kNearMm, 4)(kNear), planes.truth(kNear));
+  // The mean of the sweep's five frames could gain 7 dB; it gains 5.9.
   EXPECT_GT(psnr(fuse(planes, planes.scene, inPlace(), 4)(kNear), planes.truth(kNear)), one_frame + 4);
 }
 
@@ -145,7 +153,7 @@ TEST(RefinedFusion, SharpnessAloneServesWithoutDepthCameraOrFocus) {
   RefinedConfig without_prediction = inPlace();
   without_prediction.prediction = false;
   const cv::Mat expected = fuse(planes, planes.scene, without_prediction);
-  EXPECT_GT(psnr(expected, planes.truth), 38);
+  EXPECT_TRUE(areAlike(expected, planes.truth));
   EXPECT_EQ(cv::norm(fuse(planes, without_depth, inPlace()), expected, cv::NORM_INF), 0);
   EXPECT_EQ(cv::norm(fuse(planes, without_camera, inPlace()), expected, cv::NORM_INF), 0);
   EXPECT_EQ(cv::norm(fuse(planes, {}, inPlace()), expected, cv::NORM_INF), 0);
@@ -182,7 +190,7 @@ TEST(RefinedFusion, AveragesNoiseOnBareSurfaces) {
   }
   cv::Scalar mean, deviation;
   cv::meanStdDev(fusion.image().reshape(1), mean, deviation);
-  EXPECT_LT(deviation[0], 1.4 * kNoise / std::sqrt(kFrames));
+  EXPECT_LT(deviation[0], 1.4 * kNoise / std::sqrt(kFrames));  // 1.14; of eight frames: 1.41
 }
 
 // The mean of a reference, `planes` with noise, and a frame that differs from it by noise and blur; the
@@ -237,7 +245,7 @@ TEST(RefinedFusion, PrefersAFrameThatWasNotResampledToOneThatIsAsSharp) {
   EXPECT_EQ(add(fusion, frame({10, 10}), 0), "");
   EXPECT_EQ(add(fusion, frame({16, 14}), 1), "");
   const cv::Mat seen = fusion.sourceIndex()(cv::Rect(20, 20, 280, 200));
-  EXPECT_GT(cv::countNonZero(seen == 0), 0.85 * static_cast<double>(seen.total()));  // by chance: half
+  EXPECT_GT(cv::countNonZero(seen == 0), 0.85 * static_cast<double>(seen.total()));  // 0.90; by chance: half
 }
 
 TEST(RefinedFusion, AveragesMoreWhereFramesAreResampled) {
@@ -256,7 +264,7 @@ TEST(RefinedFusion, AveragesMoreWhereFramesAreResampled) {
     EXPECT_EQ(add(fusion, moved, is_known_before ? 0 : 2), "");
     return cv::mean(fusion.confidence())[0];
   };
-  EXPECT_LT(confidence(true), 0.98 * confidence(false));
+  EXPECT_LT(confidence(true), 0.98 * confidence(false));  // 0.975
 }
 
 TEST(RefinedFusion, LightsStaySmall) {
@@ -270,7 +278,8 @@ TEST(RefinedFusion, LightsStaySmall) {
     fusion.begin({}, inPlace(), sharp.size());
     add(fusion, sharp_first ? sharp : blurred, 0);
     add(fusion, sharp_first ? blurred : sharp, 1);
-    EXPECT_GT(psnr(fusion.image(), sharp), 40) << sharp_first;
+    // 44 dB, 1.5 gray levels; the blurred frame alone: 39 dB, 3.
+    EXPECT_GT(psnr(fusion.image(), sharp), 42) << sharp_first;
   }
 }
 
@@ -292,8 +301,8 @@ TEST(RefinedFusion, AnyFrameMayBeTheReference) {
     fusion.begin(planes.scene, config, kSize);
     for (int i = 0; i < 3; ++i) fusion.observe(gray(planes.frame(kSweep[i])), i, kSweep[i]);
     for (const int i : {3, 0, 1, 2, 4}) EXPECT_EQ(add(fusion, planes.frame(kSweep[i]), i, kSweep[i]), "");
-    EXPECT_GT(psnr(fusion.image(), fuse(planes, planes.scene, config)), 45);
-    EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kNear) == 0), 0.9 * kNear.area());
+    EXPECT_TRUE(areAlike(fusion.image(), fuse(planes, planes.scene, config)));
+    EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kNear) == 0), 0.9 * kNear.area());  // all but a few
     EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kFar) == 4), 0.9 * kFar.area());
   }
 }
@@ -308,7 +317,7 @@ TEST(RefinedFusion, FewFramesAreEnough) {
   EXPECT_EQ(cv::countNonZero(fusion.sourceIndex()), 0);
   EXPECT_EQ(cv::countNonZero(fusion.confidence() != 255), 0);
   add(fusion, far, 1, kFarMm);
-  EXPECT_GT(psnr(fusion.image(), planes.truth), 38);
+  EXPECT_TRUE(areAlike(fusion.image(), planes.truth));
 }
 
 TEST(RefinedFusion, SmallFrames) {

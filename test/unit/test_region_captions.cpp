@@ -107,7 +107,7 @@ TEST(DrawCaptions, WritesInsideThePicture) {
   cv::Mat picture = plain.clone(), written;
   drawCaptions(captions, picture);
   cv::absdiff(plain, picture, written);
-  EXPECT_GT(cv::countNonZero(written.reshape(1)), 300);
+  EXPECT_GT(cv::countNonZero(written.reshape(1)), 300);  // 4742: it is not only a corner of a letter
   EXPECT_EQ(cv::countNonZero(written.col(0).clone().reshape(1)), 0);  // nothing is cut off
   EXPECT_EQ(cv::countNonZero(written.row(0).clone().reshape(1)), 0);
   const cv::Rect about = captions[0].box + cv::Point(-4, -4) + cv::Size(8, 12);

@@ -28,8 +28,7 @@ constexpr double kFocalLength = 50, kAperture = 2.8, kPixels = 1000;  // mm, F, 
 const cv::Size kSize(200, 150);
 const cv::Rect kCard(60, 40, 80, 70);  // the near one
 const std::vector<double> kSweep = {1000, 1090, 1200, 1330, 1500};
-constexpr double kTolerableScale =
-    0.1;  // of the blur, beyond which restoration tells that the optics are wrong
+constexpr double kTolerableScale = 0.1;  // farther from 1, restoration says that the optics are wrong
 
 cv::Mat3f texture(int seed, const cv::Size& size) {
   cv::Mat3f light(size);
