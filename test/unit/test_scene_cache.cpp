@@ -24,7 +24,8 @@ namespace {
 namespace enc = sensor_msgs::image_encodings;
 
 constexpr int kWidth = 8, kHeight = 6;
-constexpr double kFarTooLong = 20;  // s
+constexpr double kFarTooLong = 60;  // s, of waiting that a test does not expect
+constexpr int kSoon = 30000;        // ms, also on a computer with much else to do
 constexpr SceneTopics kAll{true, true, true, true};
 
 sensor_msgs::ImageConstPtr image(double stamp_s, const std::string& encoding = enc::TYPE_16UC1,
@@ -90,7 +91,7 @@ TEST_F(SceneCacheTest, WhatNobodyPublishesIsNotWaitedFor) {
   const SceneMessages scene = cache_.await(ros::Time(10), 1, kFarTooLong, true);
   EXPECT_TRUE(scene.labels.labels);
   EXPECT_FALSE(scene.depth || scene.measured || scene.camera);
-  EXPECT_LT(watch.milliseconds(), 1000);
+  EXPECT_LT(watch.milliseconds(), kSoon);
 }
 
 TEST_F(SceneCacheTest, TheNewestLabelsAtOrBeforeTheFrameAreTaken) {
@@ -142,7 +143,7 @@ TEST_F(SceneCacheTest, WaitingEndsInTime) {
   const Stopwatch watch;
   cache_.await(ros::Time(10), 1, 0.1, true);
   EXPECT_GE(watch.milliseconds(), 99);
-  EXPECT_LT(watch.milliseconds(), 1000);
+  EXPECT_LT(watch.milliseconds(), kSoon);
 }
 
 TEST_F(SceneCacheTest, WaitingEndsWhenAPublisherGoes) {
@@ -151,20 +152,20 @@ TEST_F(SceneCacheTest, WaitingEndsWhenAPublisherGoes) {
   auto scene = await();
   EXPECT_FALSE(isReady(scene));
   cache_.expect({true, false, false, false});
-  EXPECT_TRUE(isReady(scene, 1000));
+  EXPECT_TRUE(isReady(scene, kSoon));
 }
 
 TEST_F(SceneCacheTest, ClearingAndClosingLetGo) {
   cache_.expect(kAll);
   auto cleared = await();
   cache_.clear();
-  EXPECT_TRUE(isReady(cleared, 1000));
+  EXPECT_TRUE(isReady(cleared, kSoon));
   cache_.expect(kAll);
   auto closed = await();
   cache_.close();
-  EXPECT_TRUE(isReady(closed, 1000));
+  EXPECT_TRUE(isReady(closed, kSoon));
   cache_.expect(kAll);
-  EXPECT_TRUE(isReady(await(), 1000));
+  EXPECT_TRUE(isReady(await(), kSoon));
 }
 
 TEST_F(SceneCacheTest, ThePixelPitchIsThatOfTheFirstLens) {
@@ -236,7 +237,7 @@ TEST_F(SceneCacheTest, ABracketThatWaitsForItsSceneGetsItWhenTimeJumpsBack) {
   auto scene = await();
   EXPECT_FALSE(isReady(scene));
   cache_.forgetAfter(ros::Time(1));
-  ASSERT_TRUE(isReady(scene, 5000));
+  ASSERT_TRUE(isReady(scene, kSoon));
   EXPECT_TRUE(scene.get().labels.labels);
 }
 
@@ -317,7 +318,7 @@ TEST_F(SceneCacheTest, SilenceIsWaitedForOnce) {
   cache_.await(ros::Time(10), 1, 0.5, true);
   EXPECT_GE(watch.milliseconds(), 499);
   for (int i = 1; i < 20; ++i) cache_.await(ros::Time(10 + i), 1, kFarTooLong, true);
-  EXPECT_LT(watch.milliseconds(), 10000);
+  EXPECT_LT(watch.milliseconds(), kSoon);
   cache_.addLabels(labels(50));  // it speaks again
   auto scene =
       std::async(std::launch::async, [&] { return cache_.await(ros::Time(50.5), 1, kFarTooLong, false); });
