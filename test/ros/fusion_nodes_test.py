@@ -33,13 +33,6 @@ class FocusBracketTest(FusionTest):
             self.assertTrue(all(s.score > 0 and 0 < s.margin <= 1 for s in report.segments))
             self.assertEqual(list(report.notes), [])
 
-    def test_last_ends_an_open_bracket_which_its_first_frame_stands_for(self):
-        stamp, bracket_id = next(STAMPS), next(BRACKET_IDS)
-        for index, sharp in enumerate(('far', 'none', 'near')):
-            self.send_frame(stamp + index * PERIOD, sharp, bracket_id=bracket_id, index=index, last=index == 2)
-        report = self.assert_fused_by_sharpness(stamp, near=2, far=0)
-        self.assertEqual([report.frames_used, report.reference], [3, 0])
-
     def test_a_new_id_closes_the_bracket_before_and_missing_frames_are_reported(self):
         self.expect_labels()
         stamp, bracket_id = next(STAMPS), next(BRACKET_IDS)
@@ -68,13 +61,6 @@ class FocusBracketTest(FusionTest):
         self.assert_diagnosed(WARN, 'is finished already')
         self.assertIsNotNone(self.report(self.send_bracket(stamp + 5)))
         self.assertEqual(len([r for r in self.outputs['report'].messages if r.bracket_id == bracket['bracket_id']]), 1)
-
-    def test_the_same_id_from_the_beginning_is_another_bracket(self):
-        stamp, bracket_id = next(STAMPS), next(BRACKET_IDS)
-        self.send_frame(stamp, 'both', bracket_id=bracket_id, index=0, count=3)
-        report = self.report(self.send_bracket(stamp + 1, bracket_id=bracket_id))
-        self.assertEqual([report.frames_used, report.frames_missing], [3, 0])
-        self.assertEqual(self.report(stamp).frames_missing, 2)
 
     def test_who_starts_listening_in_mid_bracket_gets_the_next_one(self):
         stamp, cut, whole = next(STAMPS), next(BRACKET_IDS), next(BRACKET_IDS)
@@ -140,22 +126,6 @@ class PlainBracketTest(FusionTest):
     def send(self, stamps, frames):
         for stamp, sharp in zip(stamps, frames):
             self.send_frame(stamp, sharp)
-
-    def test_size_ends_a_bracket(self):
-        self.reconfigure(bracket_size=3)
-        self.expect_labels()
-        stamp = next(STAMPS)
-        self.send_labels(stamp)
-        self.send_labels(stamp + 3 * PERIOD)
-        self.send([stamp + i * PERIOD for i in range(6)], ('near', 'far', 'none', 'none', 'far', 'near'))
-        reports = [self.assert_fused(stamp + PERIOD, near=0, far=1), self.assert_fused(stamp + 4 * PERIOD, near=2, far=1)]
-        self.assertEqual(reports[1].bracket_id, reports[0].bracket_id + 1)
-
-    def test_a_gap_between_stamps_ends_a_bracket(self):
-        self.reconfigure(bracket_gap=3.0)
-        stamp = next(STAMPS)
-        self.send((stamp, stamp + 2.5, stamp + 5, stamp + 8.5), ('near', 'none', 'far', 'both'))
-        self.assertEqual(self.assert_fused_by_sharpness(stamp, near=0, far=2).frames_used, 3)
 
     def test_stamps_of_another_clock_do_not_cut_brackets_short(self):
         self.reconfigure(bracket_gap=30.0)  # but the stamps are decades old
