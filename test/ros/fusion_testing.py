@@ -167,7 +167,8 @@ class FusionTest(GraphTest):
         self.assert_noted(report, 'sharpness alone')
         index = array_of(self.outputs['source_index'].at(stamp))
         for half, frame in ((NEAR, near), (FAR, far)):
-            self.assertGreater((index[half] == frame).mean(), 0.8)
+            # All but, at most, the column beside the edge; by chance a third.
+            self.assertGreaterEqual((index[half] == frame).mean(), 1 - 2 / WIDTH)
         return report
 
     def assert_diagnosed(self, level, *words, node='fusion'):
