@@ -21,44 +21,6 @@ CORE_NAMES = {'dof_rule': 'span'}
 # folder, to find a link that leads nowhere, to compare an open file with one on disk.
 OS_PATH_FUNCTIONS = {'abspath', 'relpath', 'lexists', 'samestat'}
 
-# The rooms of src/all_in_focus: which others each uses besides itself. No circle: each names only rooms above it.
-ROOMS = {
-    'installed': [],
-    'files': ['installed'],
-    'imaging': ['files'],
-    'command_line': ['files'],
-    'progress': [],
-    'early_exit': [],
-    'metrics': ['files', 'imaging'],
-    'baselines': ['imaging'],
-    'simulation': ['files', 'imaging'],
-    'camera': ['files'],
-    'calibration': ['files', 'imaging', 'command_line', 'progress'],
-    'bag': ['files', 'imaging', 'command_line', 'progress', 'installed'],
-    'replay': ['files', 'imaging', 'progress', 'bag'],
-    'rviz': ['files', 'replay'],
-    'benchmark': ['files', 'imaging', 'progress', 'installed', 'metrics', 'baselines', 'simulation', 'bag'],
-}
-
-# The rooms of C++ below src/: which others each uses besides itself. No circle: each names only rooms above it.
-# Seen from outside, `core` is the public headers.
-CPP_ROOMS = {
-    'core/util': [],
-    'core/optics': [],
-    'core/registration': ['core/util'],
-    'core/segmentation': ['core/util', 'core/optics'],
-    'core/alignment': ['core/util'],
-    'core/fusion': ['core/util', 'core/optics', 'core/registration', 'core/alignment'],
-    'core/restoration': ['core/util', 'core/registration', 'core/fusion'],
-    'core': ['core/optics', 'core/registration', 'core/segmentation', 'core/fusion', 'core/restoration'],
-    'ros': ['core'],
-    'nodelets': ['core', 'ros'],
-    'nodelets/fusion': ['core', 'ros'],
-    'kinect': ['ros'],
-    'nodes': [],
-    'tools': ['core'],
-}
-
 
 def literal_defaults(name, text):
     """Of `type name = literal`; another config's member in the literal's place cannot differ and is not compared."""
@@ -110,16 +72,31 @@ def python_imports(path):
                 yield parts[1]
 
 
-def test_python_rooms_use_only_those_above_them():
-    package = ROOT / 'src/all_in_focus'
-    found = {path.stem if path.suffix else path.name for path in package.iterdir() if not path.name.startswith('__')}
-    assert found == set(ROOMS)
-    order = list(ROOMS)
-    for room, allowed in ROOMS.items():
-        assert all(order.index(name) < order.index(room) for name in allowed), f'{room}: a circle'
-        files = (package / room).rglob('*.py') if (package / room).is_dir() else [package / f'{room}.py']
-        used = {name: path for path in files for name in python_imports(path) if name != room}
-        assert set(used) == set(allowed), used
+def documented_rooms(heading):
+    """{room: rooms that it may use} of the table in docs/architecture.md whose first column is called so, in its order."""
+    text = (ROOT / 'docs/architecture.md').read_text()
+    table = re.search(rf'^\| {re.escape(heading)} \|.*\n\|[-| ]+\|\n((?:\|.*\n)+)', text, re.M)[1]
+    rows = [row.strip('|').split('|') for row in table.splitlines()]
+    return {re.sub(r'^ `src/(all_in_focus/)?|/?(\.py)?` $', '', cells[0]): re.findall(r'`([^`]+)`', cells[2]) for cells in rows}
+
+
+def compare_rooms(heading, found):
+    """found: {room: {room that it uses: a file that does}}"""
+    above, documented = set(), documented_rooms(heading)
+    assert set(documented) == set(found)
+    for room, uses in documented.items():
+        assert set(uses) <= above, f'{room} uses what does not stand above it'
+        assert set(uses) == set(found[room]), f'{room} uses {found[room]}'
+        above.add(room)
+
+
+def test_the_map_of_the_python_rooms_is_true():
+    found = {}
+    for path in (ROOT / 'src/all_in_focus').rglob('*.py'):
+        room = path.relative_to(ROOT / 'src/all_in_focus').parts[0].replace('.py', '')
+        found.setdefault(room, {}).update({used: path for used in python_imports(path) if used != room})
+    assert not found.pop('__init__')
+    compare_rooms('Python room', found)
 
 
 def cpp_rooms():
@@ -133,31 +110,24 @@ def cpp_rooms():
 def included(path, rooms):
     """Files of ours that a file includes: with quotes, below include/, beside it, or by their path from a folder of src/."""
     for name in re.findall(r'^\s*#\s*include\s*"([^"]+)"', path.read_text(), re.M):
-        candidates = [ROOT / 'include' / name, path.parent / name]
-        candidates += [ROOT / 'src' / folder / name
-                       for folder in ('core', 'ros', 'nodelets', 'nodelets/fusion', 'kinect', 'tools')]
-        found = [candidate.resolve() for candidate in candidates if candidate.resolve() in rooms]
+        folders = [ROOT / 'include', path.parent, *(ROOT / 'src' / room for room in sorted(set(rooms.values())))]
+        found = [(folder / name).resolve() for folder in folders if (folder / name).resolve() in rooms]
         assert found, f'{path.relative_to(ROOT)}: where is "{name}"?'
         yield found[0]
 
 
-def test_cpp_rooms_use_only_those_above_them():
+def test_the_map_of_the_cpp_rooms_is_true():
+    """Seen from outside, `core` is the public headers."""
     rooms = cpp_rooms()
-    assert set(rooms.values()) <= set(CPP_ROOMS), 'a room that is not in CPP_ROOMS'
-    order = list(CPP_ROOMS)
-    for room, allowed in CPP_ROOMS.items():
-        assert all(order.index(name) < order.index(room) for name in allowed), f'{room}: a circle'
-    found = {}
+    found = {room: {} for room in rooms.values()}
     for path, room in rooms.items():
         for header in included(path, rooms):
             used = rooms[header]
             if not room.startswith('core') and used.startswith('core'):
                 used = 'core' if (ROOT / 'include') in header.parents else f'private header {header.name} of {used}'
             if used != room:
-                found[room, used] = f'{path.relative_to(ROOT)} uses {used} ({header.name})'
-    allowed = {(room, used) for room, rooms_used in CPP_ROOMS.items() for used in rooms_used}
-    assert not [found[arrow] for arrow in set(found) - allowed]
-    assert not allowed - set(found), 'an arrow that is not used any more'
+                found[room][used] = path
+    compare_rooms('C++ room', found)
 
 
 def test_tools_know_no_ros_and_only_kinect_knows_openni():
@@ -166,20 +136,6 @@ def test_tools_know_no_ros_and_only_kinect_knows_openni():
         text = path.read_text()
         assert not (room == 'tools' and ros.search(text)), path
         assert room == 'kinect' or not re.search(r'<(OpenNI|Oni)\w*\.h>', text), path
-
-
-def documented_rooms(heading):
-    """{room: [rooms it may use]} of the table in docs/architecture.md whose first column is called so."""
-    text = (ROOT / 'docs/architecture.md').read_text()
-    table = re.search(rf'^\| {heading} \|.*\n\|[-| ]+\|\n((?:\|.*\n)+)', text, re.M)[1]
-    rows = [row.strip('|').split('|') for row in table.splitlines()]
-    return {cells[0].strip().strip('`'): re.findall(r'`([^`]+)`', cells[2]) for cells in rows}
-
-
-def test_the_map_in_the_documentation_is_true():
-    assert documented_rooms('C\\+\\+ room') == {f'src/{room}/': uses for room, uses in CPP_ROOMS.items()}
-    python = {re.sub(r'^src/all_in_focus/|/$|\.py$', '', room): uses for room, uses in documented_rooms('Python room').items()}
-    assert python == ROOMS
 
 
 def test_no_two_python_modules_share_a_name():
