@@ -20,6 +20,7 @@ LOST_WORKER = r"evaluate: warning: Dask worker tcp://\S+ is lost; its tasks go t
 
 distributed = pytest.importorskip("distributed", reason="NOT TESTED ON A CLUSTER: python3-distributed is not installed")
 psutil = pytest.importorskip("psutil")  # comes with it
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

@@ -1,35 +1,74 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The scripts that build, test and check."""
+import re
 import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import psutil
 import pytest
 import yaml
 
-import run_pytest
+from file_helpers import run
 
-ROOT = Path(__file__).resolve().parent.parent
-
-
-def test_a_hanging_test_is_ended_and_named(tmp_path):
-    hanging = tmp_path / 'test_hanging.py'
-    hanging.write_text('import time\n\n\ndef test_hangs():\n    time.sleep(10000)\n')
-    results = tmp_path / 'results.xml'
-    assert run_pytest.main(results, hanging, limit_s=5) == 1
-    failure = ET.parse(str(results)).find('.//failure')
-    assert 'timed out after 5 s' in failure.get('message')
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+GOOD = """echo "<testsuite><testcase classname='Case' name='passes' time='1'/></testsuite>" >$0"""
 
 
-def test_results_of_tests_that_end_are_those_of_pytest(tmp_path):
-    passing = tmp_path / 'test_passing.py'
-    passing.write_text('def test_passes():\n    pass\n\n\ndef test_fails():\n    assert False\n')
-    results = tmp_path / 'results.xml'
-    assert run_pytest.main(results, passing) == 1
-    assert [len(case.findall('failure')) for case in ET.parse(str(results)).iter('testcase')] == [0, 1]
+def run_tests(build, *options, **commands):
+    """test/run on tests that are lines of sh, whose $0 is the result file."""
+    build.mkdir()
+    lines = [f'add_test({name} sh -c [==[{command}]==] "{build}/test_results/gtest-{name}.xml")'
+             for name, command in commands.items()]
+    (build / 'CTestTestfile.cmake').write_text('\n'.join([*lines, 'set_tests_properties(rare PROPERTIES LABELS "slow;waits")']))
+    return run([ROOT / 'test/run', *options, build])
+
+
+def test_what_crashes_hangs_or_fails_is_counted_and_named(tmp_path):
+    done = run_tests(tmp_path / 'build', '--limit', '8', good=GOOD, crashes='kill -9 $$', hangs='sleep 1000',
+                     fails=f'{GOOD}; exit 7', rare=GOOD)
+    assert done.returncode == 1, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[-1] == '2 passed, 3 failed'
+    assert [line.split(':')[1].strip() for line in lines if line.startswith('failed: ')] == [
+        'gtest-crashes', 'gtest-hangs', 'gtest-fails']
+    assert 'minutes of CPU time' in lines[-2]
+    assert lines[lines.index('The 10 slowest files:') + 1].endswith(' s  gtest-hangs')
+
+
+def test_slow_tests_run_only_if_all_do(tmp_path):
+    assert run_tests(tmp_path / 'default', good=GOOD, rare='exit 1').stdout.endswith('\n1 passed, 0 failed\n')
+    assert run_tests(tmp_path / 'all', '--all', good=GOOD, rare='exit 1').stdout.endswith('\n1 passed, 1 failed\n')
+
+
+def test_what_a_test_leaves_running_is_ended(tmp_path):
+    left = tmp_path / 'left'
+    run_tests(tmp_path / 'build', '--all', rare=f'setsid sleep 1000 & echo $! >{left}; {GOOD}')
+    assert not psutil.pid_exists(int(left.read_text()))
+
+
+def test_a_python_test_that_hangs_is_ended_and_the_others_run(tmp_path):
+    tests, results = tmp_path / 'test_two.py', tmp_path / 'results.xml'
+    tests.write_text('import time\n\n\ndef test_hangs():\n    time.sleep(10000)\n\n\ndef test_passes():\n    pass\n')
+    run([sys.executable, '-m', 'pytest', '-c', ROOT / 'test/pytest.ini', '--rootdir', tmp_path, '-n1', '--timeout=3',
+         '--junitxml', results, tests])
+    errors = {case.get('name'): case.find('error') for case in ET.parse(str(results)).iter('testcase')}
+    assert errors['test_passes'] is None and "crashed while running 'test_two.py::test_hangs'" in errors['test_hangs'].text
+
+
+def test_every_slow_test_is_named_with_its_reason():
+    node_tests = re.search(r'set\(slow_node_tests ([^)]*)', (HERE / 'CMakeLists.txt').read_text())[1].split()
+    slow = [f'{name}.test' for name in node_tests]
+    for path in HERE.glob('test_*.py'):
+        text = path.read_text()
+        slow += [path.name] if re.search(r'^pytestmark = pytest\.mark\.slow$', text, re.M) else []
+        slow += re.findall(r'^ *@pytest\.mark\.slow\n(?:@.*\n)*def (\w+)', text, re.M)
+    reasons = (ROOT / 'CONTRIBUTING.md').read_text()
+    assert len(slow) > 2 and [name for name in slow if f'`{name}`' not in reasons] == []
 
 
 def test_lint_names_what_it_finds(tmp_path):
@@ -41,6 +80,7 @@ def test_lint_names_what_it_finds(tmp_path):
     assert subprocess.run([*lint, 'no_such_check'], capture_output=True).returncode == 2
 
 
+@pytest.mark.slow
 def test_the_installation_can_be_moved(tmp_path):
     installed = ROOT / 'build/.install'
     if not (installed / 'setup.bash').exists():
