@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The scripts that build, test and check."""
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -78,6 +79,20 @@ def test_lint_names_what_it_finds(tmp_path):
     assert run.returncode == 0, run.stdout
     assert [case.get('name') for case in ET.parse(str(results)).iter('testcase')] == ['python_3_8']
     assert subprocess.run([*lint, 'no_such_check'], capture_output=True).returncode == 2
+
+
+def test_clang_tidy_checks_what_has_changed_and_what_includes_it():
+    lint = runpy.run_path(str(ROOT / 'scripts/lint'))
+    answers = {'rev-parse': ['new'], 'merge-base': ['old'], 'diff': ['include/all_in_focus/optics.hpp'], 'ls-files': []}
+    lint['changes'].__globals__['git'] = lambda command, *_: answers.get(command)
+    chosen, why = lint['tidy_sources']()
+    assert why.startswith('what has changed since origin/main')
+    assert {'src/core/optics/optics.cpp', 'src/tools/segment_depth.cpp'} <= set(chosen)  # this one through dof_segmentation.hpp
+    assert 'src/core/util/srgb.cpp' not in chosen
+    every = lint['tidy_sources'](every=True)[0]
+    answers['merge-base'] = answers['rev-parse']  # the only commit
+    some, why = lint['tidy_sources']()
+    assert 'no older commit' in why and 20 < len(some) < len(every)
 
 
 @pytest.mark.slow
