@@ -118,7 +118,8 @@ python3 -c 'import all_in_focus; print(all_in_focus.__file__)'
 # Debian packages whose names are not those of their keys in package.xml.
 KEYS = {'build-essential': 'catkin', 'cmake': 'catkin', 'libgtest-dev': 'rostest', 'nlohmann-json3-dev': 'nlohmann-json-dev',
         'libdynamic-reconfigure-config-init-mutex-dev': 'dynamic_reconfigure', 'libnodeletlib-dev': 'nodelet',
-        'libnodeletlib-tools': 'nodelet', 'python3-tf2': 'tf2_py', 'ros-core': 'rosbag', 'tf2-tools': 'tf2_ros'}
+        'libnodeletlib-tools': 'nodelet', 'python3-tf2': 'tf2_py', 'ros-core': 'rosbag', 'tf2-tools': 'tf2_ros',
+        'zlib1g-dev': 'zlib'}
 # Runs what message_generation has made; comes with ros-core; of a group of its own.
 WITHOUT_PACKAGE = {'message_runtime', 'roslaunch', 'rviz'}
 
