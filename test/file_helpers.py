@@ -1,15 +1,20 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Small stacks on disk, and the command line tools as people call them."""
-import io
+import atexit
+import ctypes
+import fcntl
 import os
+import re
 import resource
+import shutil
 import signal
 import struct
 import subprocess
 import sys
+import tempfile
 import time
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import cv2
@@ -68,9 +73,15 @@ def environment(**more):
     return dict(os.environ, PATH=os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")]), **more)
 
 
+def listen_to_signals():
+    """For preexec_fn: signals end the program also where the tests run in the background or under nohup, which ignore some."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def start(command, **options):
     """A program at work."""
-    return subprocess.Popen([str(part) for part in command], **{**AS_TEXT, **options})
+    return subprocess.Popen([str(part) for part in command], **{**AS_TEXT, "preexec_fn": listen_to_signals, **options})
 
 
 def run(command, **options):
@@ -100,16 +111,81 @@ def wait_until(condition, timeout=60.0):
         time.sleep(0.02)
 
 
+@contextmanager
+def captured():
+    """A list that holds stdout and stderr afterwards: what is printed meanwhile in this process, by C and C++, too."""
+    said = []
+    with ExitStack() as at_the_end:
+        files = [at_the_end.enter_context(tempfile.TemporaryFile("w+", 1, encoding="utf-8", errors="replace"))
+                 for _ in range(2)]
+        sys.stdout.flush()
+        loud = [os.dup(number) for number in (1, 2)]
+        try:
+            for number, file in zip((1, 2), files):
+                os.dup2(file.fileno(), number)
+            with redirect_stdout(files[0]), redirect_stderr(files[1]):
+                yield said
+        finally:
+            ctypes.CDLL(None).fflush(None)
+            for number, old in zip((1, 2), loud):
+                os.dup2(old, number)
+                os.close(old)
+        for file in files:
+            file.seek(0)
+            said.append(file.read())
+
+
+class VirtualTime:
+    """Stands in for the module `time` in some modules: who sleeps only moves the clock."""
+
+    def __init__(self, monkeypatch, *modules):
+        self._now = 1000.0
+        for module in modules:
+            monkeypatch.setattr(module, "time", self)
+
+    def monotonic(self):
+        return self._now
+
+    def sleep(self, seconds):
+        self._now += seconds
+
+
 def call(script, *arguments):
-    """(exit code, stdout, stderr) of a script of the repository, run in this process: starting Python takes longer."""
+    """Like run_script(), but in this process: to start Python and to import OpenCV takes longer than most tests. Not for
+    what a process has of its own: signals, environment, limits."""
     path = SCRIPTS / script
-    out, err = io.StringIO(), io.StringIO()
     old_arguments, old_handler = sys.argv, signal.getsignal(signal.SIGINT)
     sys.argv = [str(path), *map(str, arguments)]
     try:
-        with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as stop:
-            exec(compile(path.read_text(encoding="utf-8"), path, "exec"), {"__name__": "__main__"})
+        with captured() as said, pytest.raises(SystemExit) as stop:
+            exec(compile(path.read_text(encoding="utf-8"), path, "exec"), {"__name__": "__main__", "__file__": str(path)})
     finally:
         sys.argv = old_arguments
         signal.signal(signal.SIGINT, old_handler)  # early_exit.py has set its own
-    return stop.value.code or 0, out.getvalue(), err.getvalue()
+    return subprocess.CompletedProcess([str(path), *arguments], stop.value.code or 0, *said)
+
+
+# --- made once for all tests ------------------------------------------------------------------------------------------
+
+def cache_folder():
+    """ALL_IN_FOCUS_TEST_CACHE, which tests that run side by side share; without it a folder until this process ends."""
+    name = "ALL_IN_FOCUS_TEST_CACHE"
+    if name not in os.environ:
+        os.environ[name] = tempfile.mkdtemp(prefix="all_in_focus_test_cache.")
+        atexit.register(shutil.rmtree, os.environ[name], ignore_errors=True)
+    return Path(os.environ[name])
+
+
+def made_once(make, *key):
+    """The path that make(path) has made, the same for the same key; whoever needs it first makes it. To be read only."""
+    name = re.sub(r"[\s/]+", "_", " ".join(map(str, key)))
+    folder = cache_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    path, working = folder / name, folder / f"new_{name}"
+    with open(str(folder / f"lock_{name}"), "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not path.exists():
+            shutil.rmtree(str(working), ignore_errors=True)
+            make(working)
+            working.rename(path)
+    return path

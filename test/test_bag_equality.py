@@ -11,10 +11,10 @@ import numpy as np
 import psutil
 import pytest
 
-from bag_helpers import rewritten
-from file_helpers import SCRIPTS, cut, start, wait_until
-from tool_helpers import (check_equality, evaluate_bag, expect_refusal, fuse, fuse_stack, read, rosrun, succeeded, texture,
-                          unchanged, write)
+from bag_helpers import good_messages, rewritten, write as write_bag
+from file_helpers import SCRIPTS, call, cut, start, wait_until
+from tool_helpers import (check_equality, evaluate_bag, expect_refusal, fuse, fuse_stack, made_scene, read, succeeded,
+                          texture, unchanged, write)
 
 FRAMES = 6
 
@@ -24,8 +24,7 @@ class Scene:
 
     def __init__(self, folder):
         self.folder = folder
-        succeeded(rosrun("make_scene", "--scene", "planes", "--size", "160x120", "--frames", FRAMES, "--noise", 1,
-                         "--output", folder / "scene"))
+        shutil.copytree(made_scene("--scene", "planes", "--size", "160x120", "--frames", FRAMES, "--noise", 1), folder / "scene")
         self.bag = self.make_bag("sweep.bag")
 
     def files(self, stack="stack", focus=True):
@@ -34,7 +33,7 @@ class Scene:
                 *(["--focus", scene / "focus.yaml"] if focus else [])]
 
     def make_bag(self, name, *options, **files):
-        succeeded(rosrun("make_bag", *self.files(**files), *options, "--output", self.folder / name))
+        succeeded(call("make_bag", *self.files(**files), *options, "--output", self.folder / name))
         return self.folder / name
 
     def check_equality(self, name, bag, evaluate_options, fuse_options, **files):
@@ -80,12 +79,18 @@ def test_both_leave_out_frames_that_do_not_fit(scene):
 
 # --- what ends a run --------------------------------------------------------------------------------------------------
 
+@pytest.fixture(scope="module")
+def long_bag(tmp_path_factory):
+    """A bag that is not over before a test has ended its run."""
+    return write_bag(tmp_path_factory.mktemp("long") / "x.bag", good_messages(brackets=30))
+
+
 class Run:
     """evaluate_bag at work, beside a master that is already there."""
 
-    def __init__(self, scene, folder):
+    def __init__(self, bag, folder):
         self.output = folder / "out"
-        self.process = start([sys.executable, SCRIPTS / "evaluate_bag", "--bag", scene.bag, "--output", self.output])
+        self.process = start([sys.executable, SCRIPTS / "evaluate_bag", "--bag", bag, "--output", self.output])
         self.family = {}  # command line by process
         self.manager = wait_until(lambda: self.find("evaluation_player") and self.find("__name:=manager"))
         assert self.manager, "not within a minute"
@@ -108,8 +113,8 @@ class Run:
 
 
 @pytest.fixture
-def running(scene, tmp_path):
-    run = Run(scene, tmp_path / "results")
+def running(long_bag, tmp_path):
+    run = Run(long_bag, tmp_path / "results")
     yield run
     run.process.kill()
     run.process.communicate()
@@ -134,7 +139,7 @@ def check_refusal(scene, bag, complaint, *options):
     (earlier / "bracket_0000").mkdir(parents=True, exist_ok=True)
     (earlier / "bracket_0000" / "fused.png").write_text("an earlier result")
     with unchanged(earlier):
-        expect_refusal(rosrun("evaluate_bag", "--bag", bag, "--output", earlier, *options), "evaluate_bag", complaint)
+        expect_refusal(call("evaluate_bag", "--bag", bag, "--output", earlier, *options), "evaluate_bag", complaint)
 
 
 @pytest.mark.parametrize("missing, complaint", [
@@ -144,7 +149,7 @@ def check_refusal(scene, bag, complaint, *options):
 def test_bag_without_something_needed(scene, missing, complaint):
     bag = rewritten(scene.bag, scene.folder / "without.bag", lambda topic, message: topic != missing)
     check_refusal(scene, bag, complaint)
-    expect_refusal(rosrun("evaluate_bag", "--bag", bag, "--output", scene.folder / "new"), "evaluate_bag", complaint)
+    expect_refusal(call("evaluate_bag", "--bag", bag, "--output", scene.folder / "new"), "evaluate_bag", complaint)
     assert not (scene.folder / "new").exists()
 
 
@@ -197,5 +202,5 @@ def test_make_bag_refuses_what_fuse_stack_refuses(scene, tmp_path):
     for name in ("8.png", "small.png", "cut.png", "none.png"):
         arguments = [*scene.files()[2:], "--depth", tmp_path / name, "--output"]
         with unchanged(tmp_path):
-            expect_refusal(rosrun("make_bag", *arguments, tmp_path / "x.bag"), "make_bag", name)
+            expect_refusal(call("make_bag", *arguments, tmp_path / "x.bag"), "make_bag", name)
             expect_refusal(fuse_stack(*arguments, tmp_path / "x.png"), "fuse_stack", "" if name == "small.png" else name)

@@ -10,7 +10,7 @@ import yaml
 from bag_helpers import (COLOR_CAMERA, DEPTH_CAMERA, DIOPTRES, SIZE, changed, compressed, depth_image,
                          frames, good_messages, setting, without, write)
 from file_helpers import call, run, run_script
-from tool_helpers import check_equality, evaluate_bag, fuse, read, snapshot, succeeded, tool, unchanged
+from tool_helpers import check_equality, evaluate_bag, expect_refusal, fuse, read, snapshot, succeeded, tool, unchanged
 
 from all_in_focus.bag.export import millimetres
 from all_in_focus.bag.image_messages import to_message
@@ -55,14 +55,12 @@ def files(tmp_path_factory):
 
 def export(bag, folder, *options):
     """(commands, warnings), a list of lines each."""
-    code, out, err = call("bag_to_stack", bag, "--output", folder, *options)
-    assert code == 0, err
-    return out.splitlines(), err.splitlines()
+    done = succeeded(call("bag_to_stack", bag, "--output", folder, *options))
+    return done.stdout.splitlines(), done.stderr.splitlines()
 
 
 def refused(complaint, *arguments):
-    code, out, err = call("bag_to_stack", *arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("bag_to_stack: ") and complaint in err, err
+    expect_refusal(call("bag_to_stack", *arguments), "bag_to_stack", complaint)
 
 
 def parts(folder):

@@ -17,7 +17,7 @@ from all_in_focus.bag.writer import stamp_of, write_bag
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack
 from bag_helpers import compressed, rewritten
-from file_helpers import SIZE, cut, file_limit, focus_file, pictures, run_script, write_stack
+from file_helpers import SIZE, call, cut, file_limit, focus_file, pictures, run_script, write_stack
 from tool_helpers import expect_refusal, succeeded
 
 ROTATION = [0.0, 0.0, 0.6, 0.8]
@@ -118,7 +118,7 @@ def test_make_bag_command(tmp_path, rig, depth):
                            (["--depth", tmp_path / "none.png"], "No such file"), (["--rig", tmp_path], "yaml"),
                            (["--rate", "0"], "positive"), (["--output", tmp_path / "none" / "x.bag"], "No such file"),
                            (["--output", tmp_path], "is a folder")):
-        expect_refusal(run_script("make_bag", *arguments, *bad), "make_bag", complaint)
+        expect_refusal(call("make_bag", *arguments, *bad), "make_bag", complaint)
     assert (tmp_path / "x.bag").read_bytes() == before
     assert not [name for name in os.listdir(tmp_path) if name.startswith(".")]
 

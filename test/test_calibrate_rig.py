@@ -13,7 +13,7 @@ from all_in_focus.files.rig import load_rig, save_camera, save_rig
 
 from board_rendering import board_poses, mapping_error, true_rig, write_views
 from file_helpers import ENDLESS_PICTURE, call, cut, run_script
-from tool_helpers import expect_refusal, unchanged
+from tool_helpers import expect_refusal, succeeded, unchanged
 
 MOVED, HIDDEN = 7, 11
 
@@ -31,9 +31,8 @@ def views(tmp_path_factory):
 def calibrated(views, tmp_path_factory):
     """(rig folder, what was printed)."""
     output = tmp_path_factory.mktemp("calibrated") / "rig"
-    code, printed, _ = call(*arguments(views, output), "--optics", "24,4,0.019", "--kinect")
-    assert code == 0
-    return output, printed.splitlines()
+    done = succeeded(call(*arguments(views, output), "--optics", "24,4,0.019", "--kinect"))
+    return output, done.stdout.splitlines()
 
 
 def arguments(views, output, board="8x6"):
@@ -43,9 +42,9 @@ def arguments(views, output, board="8x6"):
 
 def refused(command):
     """The one line of an error."""
-    code, _, said = call(*command)
-    assert code == 2 and said.startswith("calibrate_rig: ")
-    return said.strip().splitlines()[-1]
+    done = call(*command)
+    assert done.returncode == 2 and done.stderr.startswith("calibrate_rig: ")
+    return done.stderr.strip().splitlines()[-1]
 
 
 def subset(views, folder, count):
@@ -114,7 +113,7 @@ def test_force_does_not_replace_a_rig_of_others(views, tmp_path):
         assert "was not written by calibrate_rig" in refused([*arguments(few, rig), "--force"])
     shutil.rmtree(rig)
     for more in ([], ["--force"]):
-        assert call(*arguments(few, rig), *more)[0] == 0
+        succeeded(call(*arguments(few, rig), *more))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["few", "rig"]
 
 
@@ -127,8 +126,7 @@ def test_known_cameras_stay_as_they_are_and_force_replaces(views, tmp_path):
         save_camera(str(tmp_path / f"{name}.yaml"), getattr(truth, name))
     known = ["--depth-info", str(tmp_path / "depth.yaml"), "--color-info", str(tmp_path / "color.yaml"), "--force",
              "--ir-offset", "-1.5,2"]
-    code, printed, _ = call(*arguments(few, rig), *known)
-    assert code == 0 and "(known)" in printed
+    assert "(known)" in succeeded(call(*arguments(few, rig), *known)).stdout
     found = load_rig(str(rig))
     assert np.array_equal(found.color.K, truth.color.K) and np.array_equal(found.color.D, truth.color.D)
     assert np.allclose(found.depth.K - truth.depth.K, [[0, 0, -1.5], [0, 0, 2], [0, 0, 0]])
@@ -140,12 +138,11 @@ def test_pictures_that_cannot_be_read_are_named_and_left_out(views, tmp_path):
     some = subset(views, tmp_path / "some", 8)
     cut(some / "depth" / "02.png")
     (some / "color" / "05.jpg").write_bytes(ENDLESS_PICTURE)
-    code, out, err = call(*arguments(some, tmp_path / "rig"))
-    assert code == 0
+    done = succeeded(call(*arguments(some, tmp_path / "rig")))
     wrong = {"02": f"{some / 'depth' / '02.png'}: truncated or damaged",
              "05": f"{some / 'color' / '05.jpg'}: not a readable image"}
     for complaint in wrong.values():
-        assert f"calibrate_rig: warning: {complaint}: left out\n" in err and complaint in out
+        assert f"calibrate_rig: warning: {complaint}: left out\n" in done.stderr and complaint in done.stdout
     record = yaml.safe_load((tmp_path / "rig" / "calibration.yaml").read_text())
     assert {pair["pair"]: pair["remark"] for pair in record["pairs"] if pair["pair"] in wrong} == wrong
 
@@ -154,9 +151,9 @@ def test_too_few_pictures_that_can_be_read(views, tmp_path):
     few = subset(views, tmp_path / "few", 5)
     for name in ("00", "04"):
         (few / "depth" / f"{name}.png").write_bytes(b"")
-    code, _, err = call(*arguments(few, tmp_path / "rig"))
-    said = err.splitlines()
-    assert code == 2 and [line.endswith("not a readable image: left out") for line in said] == [True, True, False]
+    done = call(*arguments(few, tmp_path / "rig"))
+    said = done.stderr.splitlines()
+    assert done.returncode == 2 and [line.endswith("not a readable image: left out") for line in said] == [True, True, False]
     assert "the depth camera: 3 usable views of the board, at least 5 are needed" in said[-1]
     for path in (few / "color").iterdir():
         cut(path, 0.1)
@@ -204,8 +201,8 @@ def test_names_without_a_counterpart(tmp_path):
     argv = arguments(tmp_path, tmp_path / "rig")
     assert "has a counterpart of the same name" in refused(argv)
     (tmp_path / "color" / "a.png").write_bytes((tmp_path / "depth" / "a.png").read_bytes())
-    code, _, said = call(*argv)
-    assert code == 2 and "is named like b: left out" in said and "is named like c: left out" in said
+    done = call(*argv)
+    assert done.returncode == 2 and all(f"is named like {name}: left out" in done.stderr for name in "bc")
     (tmp_path / "color" / "a.jpg").write_bytes(b"")
     assert "a.jpg and a.png differ in their ending only" in refused(argv)
 

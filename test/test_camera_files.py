@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Pictures that come as files: from libgphoto2's own camera of a folder, and into a folder that is watched."""
 import itertools
-import time
 
 import cv2
 import numpy as np
 import pytest
 
+from all_in_focus.camera import folder_watch
 from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
 from all_in_focus.camera.interface import FILE_NOT_FOUND, NOT_SUPPORTED, CameraError
 from all_in_focus.files.stack import StackError
-from file_helpers import cut, pictures
+from file_helpers import VirtualTime, cut, pictures
 
 gphoto = pytest.importorskip("all_in_focus.camera.gphoto", reason="python3-gphoto2 is not installed")
 
@@ -81,6 +81,11 @@ def test_names_that_libgphoto2_does_not_know(port, model):
         gphoto.GphotoCamera(port, model).open()
 
 
+@pytest.fixture(autouse=True)
+def virtual_time(monkeypatch):
+    return VirtualTime(monkeypatch, folder_watch)
+
+
 @pytest.fixture
 def watched(tmp_path):
     """A folder with an old picture and its watch."""
@@ -128,12 +133,12 @@ def test_a_picture_is_read_when_it_is_complete(watched, suffix):
     assert names == ["slow." + suffix] and not watch.warnings
 
 
-def test_a_damaged_picture_is_given_up(watched):
+def test_a_damaged_picture_is_given_up(watched, virtual_time):
     folder, watch = watched
     cv2.imwrite(str(folder / "bad.png"), pictures(1)[0])
     cut(folder / "bad.png")
     assert polled(watch) == []
-    time.sleep(0.1)
+    virtual_time.sleep(0.1)
     assert polled(watch) == []
     assert [line for line in watch.warnings if "bad.png: truncated or damaged; left out" in line] == watch.warnings
     assert len(watch.warnings) == 1
@@ -155,12 +160,12 @@ def test_brackets_of_known_size():
     assert grouper.tick() == []
 
 
-def test_brackets_that_end_with_a_pause():
+def test_brackets_that_end_with_a_pause(virtual_time):
     grouper = BracketGrouper(gap=0.05)
     assert grouper.add("a") == [] and grouper.tick() == []
     assert grouper.add("b") == [("a", 0, 0, 0, False)]
-    time.sleep(0.06)
+    virtual_time.sleep(0.06)
     assert grouper.tick() == [("b", 0, 1, 2, True)] and grouper.tick() == []
     assert grouper.add("c") == []
-    time.sleep(0.06)
+    virtual_time.sleep(0.06)
     assert grouper.tick() == [("c", 1, 0, 1, True)]

@@ -11,7 +11,7 @@ import rosbag
 from bag_helpers import (BRIDGE, SIZE, START, changed, compressed, depth_image, good_messages, setting, without,
                          write)
 from file_helpers import call, cut, run_script
-from tool_helpers import TwoPlanes, fuse_stack, rosrun, set_up_boards, succeeded, unchanged
+from tool_helpers import TwoPlanes, expect_refusal, fuse_stack, set_up_boards, succeeded, unchanged
 
 from all_in_focus.bag.brackets import Rules
 from all_in_focus.bag.bag_file import BagError, BagFile, Topics
@@ -221,8 +221,8 @@ def test_the_rig_is_checked_in_the_words_of_fuse_stack(tmp_path):
         save_rig(planes.rig, rig, quaternion)
         done = succeeded(fuse_stack("--stack", planes.stack, *planes.with_depth, "--output", planes.output("o.png")))
         said = {line.partition("warning: ")[2] for line in done.stderr.splitlines() if "warning: " in line}
-        succeeded(run_script("make_bag", "--depth", planes.depth_file, "--rig", planes.rig, "--stack", planes.stack,
-                             "--output", bag))
+        succeeded(call("make_bag", "--depth", planes.depth_file, "--rig", planes.rig, "--stack", planes.stack,
+                       "--output", bag))
         found = {finding.text for finding in report_on(bag).findings
                  if finding.level == "warning" and finding.check in ("transform", "overlap")}
         assert said and said <= found, (said, found)
@@ -261,10 +261,10 @@ def test_options(tmp_path):
     messages = moved(good_messages(), "/depth/image_raw", "/kinect/depth")
     path = write(tmp_path / "x.bag", without("/rgb/optics")(messages))
     assert report_on(path, Topics(depth="kinect/depth")).fusable
-    code, out, err = call("check_bag", path)
-    assert code == 1 and "--depth-topic /kinect/depth" in out and err == ""
-    code, out, err = call("check_bag", path, "--depth-topic", "/kinect/depth", "--optics", "24,4,0.019")
-    assert (code, err) == (0, "") and "warning" not in out
+    done = call("check_bag", path)
+    assert done.returncode == 1 and "--depth-topic /kinect/depth" in done.stdout and done.stderr == ""
+    done = succeeded(call("check_bag", path, "--depth-topic", "/kinect/depth", "--optics", "24,4,0.019"))
+    assert done.stderr == "" and "warning" not in done.stdout
 
 
 def test_bad_input_is_one_line(tmp_path):
@@ -279,8 +279,7 @@ def test_bad_input_is_one_line(tmp_path):
                                      ([tmp_path / "cut.bag"], "rosbag reindex"), ([tmp_path], "is a folder"),
                                      ([path, "--invalid-values", "many"], "list of whole numbers"),
                                      ([path, "--json", tmp_path / "none" / "r.json"], "No such file")):
-            code, out, err = call("check_bag", *arguments)
-            assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("check_bag: ") and complaint in err
+            expect_refusal(call("check_bag", *arguments), "check_bag", complaint)
 
 
 def test_what_is_no_image(tmp_path):
@@ -315,11 +314,11 @@ def test_damage_inside_a_bag(tmp_path):
 def test_the_nodes_agree(tmp_path):
     """What can be fused is fused with depth; what cannot be is refused."""
     bag = write(tmp_path / "good.bag", good_messages())
-    succeeded(rosrun("evaluate_bag", "--bag", bag, "--output", tmp_path / "good"))
+    succeeded(call("evaluate_bag", "--bag", bag, "--output", tmp_path / "good"))
     report = json.loads((tmp_path / "good" / "bracket_0000" / "report.json").read_text())
     assert report["has_labels"] and report["frames_used"] == 4
     messages = good_messages()
     ERRORS["depth too late"][0](messages)
     bag = write(tmp_path / "late.bag", messages)
-    done = rosrun("evaluate_bag", "--bag", bag, "--output", tmp_path / "late")
+    done = call("evaluate_bag", "--bag", bag, "--output", tmp_path / "late")
     assert done.returncode == 2 and "no region came of the bag's depth" in done.stderr

@@ -10,7 +10,7 @@ import pytest
 from all_in_focus.files.rig import save_rig
 
 from board_rendering import project, true_rig
-from file_helpers import run_script
+from file_helpers import call, run_script
 from tool_helpers import expect_refusal, succeeded, unchanged
 
 WALL = 3.0  # m
@@ -50,8 +50,8 @@ def check(folder, rig, depth, color):
     save_rig(str(folder / "rig"), rig)
     cv2.imwrite(str(folder / "depth.png"), depth)
     cv2.imwrite(str(folder / "color.png"), color)
-    result = succeeded(run_script("check_rig", "--rig", folder / "rig", "--depth", folder / "depth.png", "--color",
-                                  folder / "color.png", "--output", folder / "out.png"))
+    result = succeeded(call("check_rig", "--rig", folder / "rig", "--depth", folder / "depth.png", "--color",
+                            folder / "color.png", "--output", folder / "out.png"))
     assert cv2.imread(str(folder / "out.png")).shape[1] == color.shape[1]
     return result.stdout.splitlines()
 
@@ -123,8 +123,8 @@ def test_the_offset_between_a_depth_image_and_its_infrared_picture(tmp_path):
     depth, infrared = scene(rig, CARDS)
     cv2.imwrite(str(tmp_path / "depth.png"), np.roll(depth, (-4, -5), axis=(0, 1)))
     cv2.imwrite(str(tmp_path / "ir.png"), infrared[..., 1].astype(np.uint16) * 3 + 50)
-    result = run_script("check_rig", "--registered-depth", tmp_path / "depth.png", "--color", tmp_path / "ir.png",
-                        "--output", tmp_path / "o.png")
+    result = call("check_rig", "--registered-depth", tmp_path / "depth.png", "--color", tmp_path / "ir.png",
+                  "--output", tmp_path / "o.png")
     x, y, *_ = shift_in(result.stdout)
     assert "edges fit best when shifted by" in result.stdout and abs(x - 5) < 0.7 and abs(y - 4) < 0.7
 
@@ -146,4 +146,4 @@ def test_wrong_input_ends_in_one_line(tmp_path, change, words):
     live = ["--live"] if given.pop("live", False) else []
     options = [word for key, name in given.items() for word in (f"--{key}", tmp_path / name)]
     with unchanged(tmp_path):
-        expect_refusal(run_script("check_rig", *live, *options), "check_rig", words)
+        expect_refusal(call("check_rig", *live, *options), "check_rig", words)

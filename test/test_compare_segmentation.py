@@ -4,7 +4,7 @@
 import cv2
 import numpy as np
 import pytest
-from file_helpers import run_script
+from file_helpers import call
 from test_recorded_sample import SWEEP, needs_sweep
 from test_segment_depth import GOLDEN
 from tool_helpers import OPTICS, fuse_stack, max_dof, read, succeeded, texture, write
@@ -16,7 +16,7 @@ LENS = "24,4,0.019"
 
 def tables(*arguments):
     """[(title, rows as dictionaries)] of what compare_segmentation prints."""
-    blocks = succeeded(run_script("compare_segmentation", *arguments)).stdout.strip().split("\n\n")
+    blocks = succeeded(call("compare_segmentation", *arguments)).stdout.strip().split("\n\n")
     found = []
     for title, block in zip(blocks[::2], blocks[1::2]):
         heading, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines())

@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 
 from all_in_focus import imaging
-from file_helpers import run_script
+from file_helpers import call, run_script
 from tool_helpers import expect_refusal, succeeded
 
 
@@ -23,7 +23,7 @@ def test_contact_sheet(tmp_path):
     assert (image[40, 6 + 66 + 5] != image[40, 6 + 66 + 30]).any()
     assert (image[6:30, 6:66] < 128).any()  # a title
     for bad in (["none.png"], [str(tmp_path / "a.png"), "--columns", "0"]):
-        expect_refusal(run_script("contact_sheet", "--output", tmp_path / "no.png", *bad), "contact_sheet")
+        expect_refusal(call("contact_sheet", "--output", tmp_path / "no.png", *bad), "contact_sheet")
         assert not (tmp_path / "no.png").exists()
 
 

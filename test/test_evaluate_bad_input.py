@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import pytest
 from evaluate_helpers import evaluate, needs_dask, results, rows
-from file_helpers import cut, pictures, run_script, write_stack
+from file_helpers import call, cut, pictures, run_script, write_stack
+from tool_helpers import expect_refusal
 
 from all_in_focus.baselines import BASELINES
 from all_in_focus.benchmark import engine, methods, runner, settings
@@ -42,14 +43,15 @@ def refused(*arguments):
     (["--config", "nowhere.yaml"], "nowhere.yaml: No such file or directory"),
     (["SCENE", "--bag-option", "timeout"], "expected NAME=VALUE"),
 ])
-def test_arguments(scene, tmp_path, arguments, complaint):
+def test_arguments(scene, tmp_path, monkeypatch, arguments, complaint):
+    monkeypatch.setattr(engine, "ANSWER_S", 0.5)
     lines = refused(*[scene if part == "SCENE" else part for part in arguments], "--output", tmp_path / "out")
     assert len(lines) == 1 and lines[0].startswith("evaluate: ") and complaint in lines[0]
     assert not (tmp_path / "out" / "results.csv").exists()
 
 
 def test_output_is_needed(scene):
-    assert refused(scene) == ["evaluate: --output is needed: the folder for the results"]
+    expect_refusal(run_script("evaluate", scene), "evaluate", "evaluate: --output is needed: the folder for the results\n")
 
 
 @pytest.mark.parametrize("text, complaint", [
@@ -177,7 +179,7 @@ def test_failures_stand_beside_the_results(scene, tmp_path):
 ])
 def test_compare_segmentation(tmp_path, arguments, complaint):
     cv2.imwrite(str(tmp_path / "z.png"), np.full((20, 20), 1000, np.uint16))
-    done = run_script("compare_segmentation", "--depth", tmp_path / "z.png", "--optics", "24,4,0.019", *arguments)
+    done = call("compare_segmentation", "--depth", tmp_path / "z.png", "--optics", "24,4,0.019", *arguments)
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and complaint in done.stderr, done.stderr
 
 

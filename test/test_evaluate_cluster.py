@@ -12,7 +12,8 @@ import urllib.request
 
 import pytest
 from evaluate_helpers import DASK, METHODS, evaluate, make_scene, results, start_evaluate
-from file_helpers import environment, wait_until
+from file_helpers import environment, run_script, wait_until
+from tool_helpers import succeeded
 
 from all_in_focus.benchmark.engine import engine
 
@@ -131,8 +132,8 @@ def test_a_lost_scheduler_is_told_and_the_run_goes_on_later(scenes, alone, clust
 
 
 def test_jobs_on_this_machine(scenes, alone, tmp_path):
-    code, out, err = evaluate(*scenes, "--methods", METHODS, "--output", tmp_path / "out", "--jobs", 2)
-    assert (code, err) == (0, "") and "2 tasks ran side by side" in out
+    done = succeeded(run_script("evaluate", *scenes, "--methods", METHODS, "--output", tmp_path / "out", "--jobs", 2))
+    assert done.stderr == "" and "2 tasks ran side by side" in done.stdout
     expect_same(tmp_path / "out", alone)
 
 

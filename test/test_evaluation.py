@@ -17,7 +17,7 @@ from all_in_focus.msg import FusionReport, Optics, Segment, SegmentArray, Segmen
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import MARK
 from all_in_focus.replay.results import BracketCollector, ResultError, ResultFolder, encode_labels
-from file_helpers import run_script
+from file_helpers import call
 from tool_helpers import expect_refusal
 
 
@@ -215,7 +215,7 @@ def test_evaluate_bag_refuses_bad_input_in_one_line(tmp_path):
     for bag_name, more, complaint in (("none.bag", [], "No such file"), ("text.bag", [], "not a bag"),
                                       ("text.bag", ["--mode", "best"], "invalid choice"),
                                       ("text.bag", ["--optics", "1,2"], "f,F,coc")):
-        done = run_script("evaluate_bag", "--bag", tmp_path / bag_name, "--output", tmp_path / "out", *more)
+        done = call("evaluate_bag", "--bag", tmp_path / bag_name, "--output", tmp_path / "out", *more)
         expect_refusal(done, "evaluate_bag", complaint)
     assert not (tmp_path / "out").exists()
 

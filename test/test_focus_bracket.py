@@ -6,16 +6,23 @@ import math
 
 import pytest
 
+import fake_camera
+from all_in_focus.camera import bracket, focus_drive, interface
 from all_in_focus.camera.focus_drive import FocusLimit
 from all_in_focus.camera.interface import (BUSY, CAMERA_ERROR, CORRUPTED, FILE_ADDED, IO_WRITE, MODEL_NOT_FOUND,
                                            NO_SPACE, USB_CLAIM, CameraError, Event)
 from all_in_focus.camera.session import Config, Session
 from fake_camera import LENS, MODELS, FakeCamera, lens_of
-from file_helpers import ENDLESS_PICTURE
+from file_helpers import ENDLESS_PICTURE, VirtualTime
 
 MAKES = [make for make in MODELS if make != "none"]
 SETTINGS = ("iso", "whitebalance", "shutterspeed", "autofocus", "autoexposuremode", "expprogram")
 TABLE = [{"step": 0, "mm": 500}, {"step": 100, "mm": math.inf}]  # of all 1000 motor positions
+
+
+@pytest.fixture(autouse=True)
+def virtual_time(monkeypatch):
+    return VirtualTime(monkeypatch, bracket, fake_camera, focus_drive, interface)
 
 
 def connected(camera, **config):

@@ -7,13 +7,21 @@ from pathlib import Path
 
 import pytest
 
+import fake_camera
+from all_in_focus.camera import bracket, focus_drive, interface
 from all_in_focus.camera.focus_drive import FocusDrive, FocusLimit, FocusScale, ScaleError
 from all_in_focus.camera.interface import BUSY, CAMERA_ERROR, CameraError, RetryingCamera
 from all_in_focus.camera.makers import MAKERS, maker_of
 from fake_camera import LENS, MODELS, FakeCamera
+from file_helpers import VirtualTime
 
 # Motor positions of one step of the size that the table takes by default.
 STEP = {"Canon EOS": 10, "Nikon": 100, "Sony": 10, "Fuji": 10, "Panasonic": 10}
+
+
+@pytest.fixture(autouse=True)
+def virtual_time(monkeypatch):
+    return VirtualTime(monkeypatch, bracket, fake_camera, focus_drive, interface)
 
 
 def drive_of(make, lens=400, **options):

@@ -3,7 +3,7 @@
 """Files that are whole or not there, and errors that name the file that was asked for."""
 import numpy as np
 import pytest
-from file_helpers import run_script
+from file_helpers import call
 from tool_helpers import TwoPlanes, snapshot, succeeded
 
 from all_in_focus.files.output_file import named, whole_file, write_picture
@@ -55,18 +55,18 @@ def scene(tmp_path_factory):
 ])
 def test_a_missing_folder_is_told_with_the_file_as_it_was_given(scene, tmp_path, name, options):
     output = str(tmp_path / "none" / "o.png")
-    done = run_script(name, *options.format(scene.folder).split(), "--output", output)
+    done = call(name, *options.format(scene.folder).split(), "--output", output)
     assert done.returncode == 2 and done.stderr.splitlines()[-1] == f"{name}: {output}: No such file or directory"
     assert not list(tmp_path.iterdir())
 
 
 def test_so_it_is_for_a_folder(scene, tmp_path):
     bag, output = scene.folder / "scene.bag", tmp_path / "none" / "stack"
-    succeeded(run_script("make_bag", *scene.with_depth, "--stack", scene.stack, "--output", bag))
-    done = run_script("bag_to_stack", bag, "--output", output)
+    succeeded(call("make_bag", *scene.with_depth, "--stack", scene.stack, "--output", bag))
+    done = call("bag_to_stack", bag, "--output", output)
     assert done.returncode == 2 and done.stderr == f"bag_to_stack: {output}: No such file or directory\n"
     (tmp_path / "file").write_text("")
     output = tmp_path / "file" / "scene"
-    done = run_script("make_scene", "--scene", "planes", "--output", output)
+    done = call("make_scene", "--scene", "planes", "--output", output)
     assert done.returncode == 2 and done.stderr.endswith(f"make_scene: {output}: Not a directory\n")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from evaluate_helpers import make_scene
-from file_helpers import run, run_script
+from file_helpers import call
 from skimage.metrics import structural_similarity
 from tool_helpers import expect_refusal, tool
 
@@ -31,7 +31,7 @@ COPY = "copy=cp {stack}/000.png {output}"
 
 def compare(*arguments):
     """Run bench/quality.py; its own output is parsed by `tables`."""
-    return run([sys.executable, BENCH / "quality.py", *arguments])
+    return call(BENCH / "quality.py", *arguments)
 
 
 def tables(markdown):
@@ -211,7 +211,7 @@ def test_suites_name_each_scene_once():
 def test_large_scenes_are_rendered(name, tmp_path):
     """As small pictures: the real ones take minutes each."""
     options = re.sub(r"--size \S+", "--size 96x64", re.sub(r"--frames \d+", "--frames 2", suite.LARGE[name])).split()
-    result = run_script("make_scene", "--output", tmp_path / name, *options)
+    result = call("make_scene", "--output", tmp_path / name, *options)
     assert (result.returncode, result.stderr) == (0, "")
 
 

@@ -7,15 +7,12 @@ import pytest
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import load_focus
 from all_in_focus.metrics.truth import Truth, blur_per_inverse_depth, depth_errors, psnr
-from tool_helpers import (expect_refusal, fuse_stack, read, read_report, rosrun, succeeded, without_timings)
+from tool_helpers import (expect_refusal, fuse_stack, made_scene, read, read_report, succeeded, without_timings)
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("scenes") / "clutter"
-    succeeded(rosrun("make_scene", "--scene", "clutter", "--frames", "6", "--optics", "50,2.8,0.03", "--size", "320x240",
-                     "--output", folder))
-    return folder
+def scene():
+    return made_scene("--scene", "clutter", "--frames", "6", "--optics", "50,2.8,0.03", "--size", "320x240")
 
 
 def fuse(scene, folder, mode, *arguments, depth=True, focus=True):
@@ -70,8 +67,8 @@ def test_without_depth_it_is_found_from_the_bracket(scene, tmp_path):
 
 
 def test_beside_thin_things_its_depth_is_right_more_often_than_the_registered_one(tmp_path):
-    scene, frames = tmp_path / "occluders", 12
-    succeeded(rosrun("make_scene", "--scene", "occluders", "--frames", str(frames), "--output", scene))
+    frames = 8
+    scene = made_scene("--scene", "occluders", "--frames", frames, "--size", "400x300")
     fuse(scene, tmp_path, "restored", "--save-depth", tmp_path / "restored.png", "--save-registered", tmp_path / "filled.png")
     rig = load_rig(scene / "rig")
     names = [f"{index:03d}.png" for index in range(frames)]

@@ -12,7 +12,7 @@ from all_in_focus.rviz import screenshots as rviz_config
 from all_in_focus.bag.writer import write_bag
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack
-from file_helpers import focus_file, run_script, write_stack
+from file_helpers import call, focus_file, run_script, write_stack
 from tool_helpers import expect_refusal, succeeded
 
 WIDTH, HEIGHT = 160, 120
@@ -55,11 +55,11 @@ def test_every_display_is_filled(bag, tmp_path):
 
 
 def test_what_is_missing_is_named(bag, tmp_path):
-    done = run_script("rviz_screenshots", "--bag", tmp_path / "no.bag", "--output", tmp_path / "out")
+    done = call("rviz_screenshots", "--bag", tmp_path / "no.bag", "--output", tmp_path / "out")
     expect_refusal(done, "rviz_screenshots", "no.bag")
     broken = tmp_path / "broken.rviz"
     broken.write_text("Visualization Manager: 3\n")
-    done = run_script("rviz_screenshots", "--bag", bag, "--output", tmp_path / "out", "--config", broken)
+    done = call("rviz_screenshots", "--bag", bag, "--output", tmp_path / "out", "--config", broken)
     expect_refusal(done, "rviz_screenshots", "broken.rviz")
     assert not (tmp_path / "out").exists()
 

@@ -98,17 +98,18 @@ def test_two_outputs_are_two_files(planes):
 def test_no_output_of_the_other_programs_is_an_input(planes, program, arguments):
     (planes.folder / "scene.bag").write_bytes(b"#ROSBAG V2.0\n")  # refused before anything is read
     with unchanged(planes.folder):
-        code, out, err = call(program, *arguments.format(planes.folder).split())
-    assert (code, out) == (2, "") and err.count("\n") == 1 and "is an input of this run" in err
+        done = call(program, *arguments.format(planes.folder).split())
+    assert (done.returncode, done.stdout) == (2, "") and done.stderr.count("\n") == 1
+    assert "is an input of this run" in done.stderr
 
 
 def test_a_scene_is_not_made_from_what_it_replaces(tmp_path):
     scene = tmp_path / "scene"
     succeeded(run_script("make_scene", "--scene", "planes", "--size", "64x48", "--frames", "2", "--output", scene))
     with unchanged(tmp_path):
-        code, _, err = call("make_scene", "--scene", "picture", "--picture", scene / "truth.png", "--depth",
-                            scene / "truth_depth.png", "--output", scene)
-    assert code == 2 and "is an input of this run" in err
+        done = call("make_scene", "--scene", "picture", "--picture", scene / "truth.png", "--depth",
+                    scene / "truth_depth.png", "--output", scene)
+    assert done.returncode == 2 and "is an input of this run" in done.stderr
 
 
 # --- results among the photos -----------------------------------------------------------------------------------------

@@ -12,8 +12,8 @@ import pytest
 import yaml
 
 from file_helpers import cut, file_limit, focus_file, hide_cut, pictures, write_video
-from tool_helpers import (SIZE, TwoPlanes, expect_refusal, fuse_stack, read_report, segment_depth, set_up_boards, succeeded,
-                          texture, unchanged, write)
+from tool_helpers import (SIZE, TwoPlanes, expect_refusal, fuse_stack, read_report, run_tool, segment_depth, set_up_boards,
+                          succeeded, texture, unchanged, write)
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def test_missing_options(arguments, complaint):
     (["--depth", "x", "--output", "y"], "'--optics' is required"),
     (["--optics", "24,4,0.019", "--output", "y"], "'--depth' is required")])
 def test_missing_options_of_segment_depth(arguments, complaint):
-    expect_refusal(segment_depth(*arguments), "segment_depth", complaint)
+    expect_refusal(run_tool("segment_depth", *arguments), "segment_depth", complaint)
 
 
 @pytest.mark.parametrize("arguments, complaint", [

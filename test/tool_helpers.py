@@ -14,7 +14,7 @@ import numpy as np
 import all_in_focus
 from all_in_focus.files.output_folder import MARK
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
-from file_helpers import environment, run, run_script
+from file_helpers import call, environment, made_once, run
 
 # The space that the package is imported from: prefix/lib/python3/dist-packages/all_in_focus/__init__.py.
 PREFIX = Path(all_in_focus.__file__).absolute().parents[4]
@@ -31,12 +31,16 @@ def tool(name):
     return path
 
 
+def run_tool(name, *arguments, **options):
+    return run([tool(name), *arguments], **options)
+
+
 def fuse_stack(*arguments, **options):
-    return run([tool("fuse_stack"), *arguments], **options)
+    return run_tool("fuse_stack", *arguments, **options)
 
 
 def segment_depth(*arguments, **options):
-    return run([tool("segment_depth"), *arguments], **options)
+    return run_tool("segment_depth", *arguments, **options)
 
 
 def rosrun(name, *arguments):
@@ -145,16 +149,23 @@ class TwoPlanes:
         (self.folder / "out").mkdir()
 
     def refused(self, complaint, *arguments, stack=None, output="old.png", prefix=(), **options):
-        command = [*prefix, tool("fuse_stack"), "--stack", stack or self.stack, "--output", self.output(output),
-                   "--report", self.output("new.json"), *arguments]
+        """prefix, options: of a process of its own."""
+        command = ["--stack", stack or self.stack, "--output", self.output(output), "--report", self.output("new.json"),
+                   *arguments]
         with unchanged(self.folder):
-            expect_refusal(run(command, **options), "fuse_stack", complaint)
+            done = run([*prefix, tool("fuse_stack"), *command], **options)
+            expect_refusal(done, "fuse_stack", complaint)
 
     def refused_by_segment_depth(self, complaint, *arguments, depth=None, optics="24,4,0.019", output="old.png"):
-        command = [tool("segment_depth"), "--depth", depth or self.depth_file, "--optics", optics,
-                   "--output", self.output(output), "--report", self.output("new.json"), *arguments]
         with unchanged(self.folder):
-            expect_refusal(run(command), "segment_depth", complaint)
+            done = segment_depth("--depth", depth or self.depth_file, "--optics", optics, "--output", self.output(output),
+                                 "--report", self.output("new.json"), *arguments)
+            expect_refusal(done, "segment_depth", complaint)
+
+
+def made_scene(*options):
+    """Folder as make_scene writes it, the same for all tests: to be read only."""
+    return made_once(lambda folder: succeeded(call("make_scene", *options, "--output", folder)), "scene", *options)
 
 
 class MadeScene:
@@ -165,11 +176,11 @@ class MadeScene:
         self.focus, self.depth = folder / "focus.yaml", folder / "depth.png"
         self.files = ["--stack", self.stack, "--focus", self.focus, "--depth", self.depth, "--rig", self.rig]
         if not folder.exists():
-            succeeded(run_script("make_scene", "--scene", "planes", "--size", "160x120", "--frames", frames, "--output", folder))
+            shutil.copytree(str(made_scene("--scene", "planes", "--size", "160x120", "--frames", frames)), str(folder))
 
     def fused(self, *options):
         """What fuse_stack makes of it."""
-        succeeded(fuse_stack(*self.files, "--output", self.folder / "fused.png", *options))
+        succeeded(run_tool("fuse_stack", *self.files, "--output", self.folder / "fused.png", *options))
         return read(self.folder / "fused.png")
 
 
@@ -210,7 +221,7 @@ def fuse(folder, *arguments):
 
 def evaluate_bag(folder, bag, *options):
     """Folder with what evaluate_bag makes of the only bracket of a bag."""
-    succeeded(rosrun("evaluate_bag", "--bag", bag, "--output", folder, *options))
+    succeeded(call("evaluate_bag", "--bag", bag, "--output", folder, *options))
     assert sorted(path.name for path in folder.iterdir()) == [MARK, "bracket_0000"]
     return folder / "bracket_0000"
 

@@ -12,7 +12,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from depth_testing import FAR_MM, HEIGHT, NEAR_MM, WIDTH, camera_info, image_message, two_planes, wait_until
 from fusion_testing import BRACKET_IDS, OPTICS, PERIOD, FusionTest, array_of, colour_message, picture
-from tool_helpers import fuse_stack, read, succeeded, write
+from tool_helpers import read, run_tool, succeeded, write
 
 STAMPS = itertools.count(200000, 10)
 # The frames of a bracket: what is sharp, where the lens is focused [m], how bright the frame is.
@@ -55,10 +55,10 @@ def _fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True, 
         if mode == 'restored':
             files['depth_restored'] = folder / 'depth_restored.png'
             arguments += ['--save-depth', files['depth_restored']]
-        succeeded(fuse_stack('--stack', folder / 'stack', '--registered-depth', write(folder / 'z.png', two_planes()), '--rig',
-                             folder / 'rig', '--mode', mode, '--reference', indices.index(reference), '--output',
-                             files['image'], '--save-source-index', files['source_index'], '--save-confidence',
-                             files['confidence'], *arguments))
+        succeeded(run_tool('fuse_stack', '--stack', folder / 'stack', '--registered-depth',
+                           write(folder / 'z.png', two_planes()), '--rig', folder / 'rig', '--mode', mode, '--reference',
+                           indices.index(reference), '--output', files['image'], '--save-source-index',
+                           files['source_index'], '--save-confidence', files['confidence'], *arguments))
         results = {name: read(path) for name, path in files.items()}
     results['source_index'] = np.array(indices, np.uint16)[results['source_index']]
     return results
