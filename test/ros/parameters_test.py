@@ -26,6 +26,7 @@ CASES = {
         'min_region_size': (7.0, None, 7)},
     'fusion': {
         'queue_size': ('many', "queue_size must be a whole number from 1 to 1000, not 'many': using 60", None),
+        'diagnostic_period': (0, 'diagnostic_period must be a number from 0.01 to 3600, not 0: using 1', None),
         'restore_every_bracket': (1, 'restore_every_bracket must be true or false, not 1: using false', None),
         'mode': (3, "mode must be text, not 3: using 'refined'", 'refined'),
         'bracket_size': ('five', "bracket_size must be a whole number, not 'five': using 0", 0),
