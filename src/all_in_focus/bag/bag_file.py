@@ -54,7 +54,7 @@ class BagFile:
         self._bag = self._open()
         info = self._bag.get_type_and_topic_info()
         self.found = {absolute(name): topic for name, topic in info.topics.items()}
-        self._md5sums = info.msg_types
+        self._types = self._types_of_topics()
         compressed = f"{self.topics['rgb']}/compressed"
         if self.topics["rgb"] not in self.found and compressed in self.found:
             self.topics["rgb"] = compressed
@@ -89,13 +89,14 @@ class BagFile:
     def wrong_types(self):
         """Yields (kind, one line) for topics of another type."""
         for kind, expected in TYPES.items():
-            name = self.topics[kind]
-            found = self.found.get(name)
-            if found is None or kind == "rgb" and found.msg_type == CompressedImage._type:
+            name, found = self.topics[kind], self._types.get(self.topics[kind], {})
+            if len(found) > 1:
+                yield kind, f"{name} holds {' and '.join(sorted(found))}: record one publisher of it, of {expected._type}"
+            elif not found or kind == "rgb" and CompressedImage._type in found:
                 continue
-            if found.msg_type != expected._type:
-                yield kind, f"{name} holds {found.msg_type}, not {expected._type}"
-            elif self._md5sums.get(expected._type) != expected._md5sum:
+            elif expected._type not in found:
+                yield kind, f"{name} holds {next(iter(found))}, not {expected._type}"
+            elif found[expected._type] != {expected._md5sum}:
                 yield kind, f"{name}: {expected._type} was recorded in another version of that message"
 
     def alternatives(self, kind):
@@ -112,6 +113,16 @@ class BagFile:
     def compression(self):
         """none, bz2 or lz4."""
         return self._bag.get_compression_info().compression
+
+    def _types_of_topics(self):
+        """topic -> type -> checksums of its definition. rosbag's own list knows one type of each topic."""
+        found = {}
+
+        def note(topic, datatype, md5sum, *_):
+            found.setdefault(absolute(topic), {}).setdefault(datatype, set()).add(md5sum)
+        for _ in self._bag.read_messages(connection_filter=note):  # no connection passes
+            pass
+        return found
 
     def _open(self):
         if Path(self.path).is_dir():
