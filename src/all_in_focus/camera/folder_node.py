@@ -28,27 +28,31 @@ class FlowControl:
     """Delays frames while the fusion is behind: it would drop frames that wait too long, and large ones fill memory."""
 
     def __init__(self):
-        self._unprocessed = []  # stamps, oldest first
-        self._acknowledged_at = 0.0
+        self._unprocessed = []  # stamps, oldest first; guarded by _changed, which tells of acknowledgements
+        self._changed = threading.Condition()
         self._subscriber = rospy.Subscriber("all_in_focus/processed", Header, self._on_processed)
 
     def _on_processed(self, header):
-        self._acknowledged_at = time.monotonic()
-        self._unprocessed = [stamp for stamp in self._unprocessed if stamp > header.stamp]
+        with self._changed:
+            self._unprocessed = [stamp for stamp in self._unprocessed if stamp > header.stamp]
+            self._changed.notify_all()
 
     def wait(self, fusion_listens):
         """Call before each frame. Gives up on a fusion that acknowledges nothing for ACKNOWLEDGE_TIMEOUT seconds."""
-        if not fusion_listens:
-            self._unprocessed = []
-        self._acknowledged_at = time.monotonic()
-        while len(self._unprocessed) >= MAX_UNPROCESSED and self._subscriber.get_num_connections() \
-                and not rospy.is_shutdown():
-            if time.monotonic() - self._acknowledged_at > ACKNOWLEDGE_TIMEOUT:
+        end = time.monotonic() + ACKNOWLEDGE_TIMEOUT
+        with self._changed:
+            if not fusion_listens:
                 self._unprocessed = []
-            time.sleep(0.01)
+            while len(self._unprocessed) >= MAX_UNPROCESSED and self._subscriber.get_num_connections() \
+                    and not rospy.is_shutdown():
+                if self._changed.wait(POLL_PERIOD):
+                    end = time.monotonic() + ACKNOWLEDGE_TIMEOUT
+                elif time.monotonic() > end:
+                    self._unprocessed = []
 
     def published(self, stamp):
-        self._unprocessed.append(stamp)
+        with self._changed:
+            self._unprocessed.append(stamp)
 
 
 class Player:

@@ -1,0 +1,49 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""How the node of a folder waits for the fusion."""
+import threading
+from types import SimpleNamespace
+
+import pytest
+import rospy
+
+from all_in_focus.camera.folder_node import MAX_UNPROCESSED, FlowControl
+
+
+@pytest.fixture
+def flow(monkeypatch):
+    monkeypatch.setattr(rospy, "Subscriber", lambda *_: SimpleNamespace(get_num_connections=lambda: 1))
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: False)
+    return FlowControl()
+
+
+class SlowList(list):
+    """After it was iterated over, `meanwhile` gets 0.2 s to run in another thread."""
+
+    def __init__(self, items, meanwhile):
+        super().__init__(items)
+        self.thread = threading.Thread(target=meanwhile)
+
+    def __iter__(self):
+        yield from tuple(super().__iter__())
+        self.thread.start()
+        self.thread.join(0.2)
+
+
+def test_a_frame_that_is_published_during_an_acknowledgement_counts(flow):
+    flow._unprocessed = unprocessed = SlowList([1], lambda: flow.published(2))
+    flow._on_processed(SimpleNamespace(stamp=0))
+    unprocessed.thread.join()
+    assert flow._unprocessed == [1, 2]
+
+
+def test_it_waits_until_frames_are_acknowledged(flow):
+    for stamp in range(MAX_UNPROCESSED):
+        flow.published(stamp)
+    waiting = threading.Thread(target=flow.wait, args=(True,))
+    waiting.start()
+    waiting.join(0.3)
+    assert waiting.is_alive()
+    flow._on_processed(SimpleNamespace(stamp=0))
+    waiting.join()
+    assert flow._unprocessed == list(range(1, MAX_UNPROCESSED))
