@@ -169,13 +169,19 @@ void Segmenter::process(const sensor_msgs::ImageConstPtr& message) {
   segmentation_->compute(depth.mm, result_);
   labels.mat = result_.labels;
 
-  publishCaptioned(message->header);
-  publishPlan(message->header);
-  result_.labels.release();  // their memory belongs to the message
+  // The labels come first: whatever fails or takes long afterwards, the fusion has them.
   const SegmentArrayPtr segments = toMessage(result_, segmentation_->config());
   segments->header = message->header;
-  labels_publisher_.publish(labels.take());
+  const sensor_msgs::ImagePtr labels_message = labels.take();  // owns the pixels of result_
+  labels_publisher_.publish(labels_message);
   segments_publisher_.publish(segments);
+  try {
+    publishCaptioned(message->header);
+    publishPlan(message->header);
+  } catch (const std::exception& e) {
+    status_.error(std::string("labels are published, but not all that is drawn of them: ") + e.what());
+  }
+  result_.labels.release();
 
   const bool no_depth = result_.unknown_area == depth.mm.rows * depth.mm.cols;
   status_.setValue("segments", std::to_string(result_.segments.size()));
