@@ -3,7 +3,6 @@
 
 #include "conversions.hpp"
 
-#include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
@@ -29,13 +28,14 @@ std::string sizeText(unsigned width, unsigned height) {
   return std::to_string(width) + "x" + std::to_string(height);
 }
 
-// Checks what a cv::Mat over the message's memory needs.
-void checkLayout(const sensor_msgs::Image& image, std::size_t pixel_bytes, const std::string& topic) {
+// Checks what a cv::Mat over the message's memory needs. value_bytes: of one channel of a pixel.
+void checkLayout(const sensor_msgs::Image& image, std::size_t value_bytes, const std::string& topic,
+                 std::size_t channels = 1) {
   if (image.width == 0 || image.height == 0) {
     fail(topic, "the image is empty (" + sizeText(image.width, image.height) + "): check its publisher");
   }
-  const std::size_t row_bytes = image.width * pixel_bytes;
-  if (image.step < row_bytes || image.step % pixel_bytes != 0) {
+  const std::size_t row_bytes = image.width * value_bytes * channels;
+  if (image.step < row_bytes || image.step % value_bytes != 0) {
     fail(topic, "step is " + std::to_string(image.step) + " bytes, but a row of " +
                     std::to_string(image.width) + " " + image.encoding + " pixels has " +
                     std::to_string(row_bytes) + ": check its publisher");
@@ -46,7 +46,7 @@ void checkLayout(const sensor_msgs::Image& image, std::size_t pixel_bytes, const
                     sizeText(image.width, image.height) + " " + image.encoding + " needs " +
                     std::to_string(bytes) + ": check its publisher");
   }
-  if ((image.is_bigendian != 0) != kIsBigEndian) {
+  if (value_bytes > 1 && (image.is_bigendian != 0) != kIsBigEndian) {
     fail(topic, std::string("the image is ") + (image.is_bigendian ? "big" : "little") +
                     "-endian, this computer is not: publish it in host byte order");
   }
@@ -106,6 +106,24 @@ DepthImage toDepth(const sensor_msgs::ImageConstPtr& message, const std::vector<
   }
   if (shared) depth.owner = message;
   return depth;
+}
+
+cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const std::string& topic) {
+  const std::string remedy = "\": publish bgr8 or rgb8, or remap the topic";
+  std::size_t value_bytes = 0, channels = 0;
+  try {
+    value_bytes = static_cast<std::size_t>(enc::bitDepth(image->encoding)) / 8;
+    channels = static_cast<std::size_t>(enc::numChannels(image->encoding));
+  } catch (const std::runtime_error&) {
+    fail(topic, "unknown encoding \"" + image->encoding + remedy);
+  }
+  checkLayout(*image, value_bytes, topic, channels);
+  try {
+    return cv_bridge::toCvShare(image, enc::BGR8);
+  } catch (const std::runtime_error&) {  // cv_bridge::Exception
+  } catch (const cv::Exception&) {
+  }
+  fail(topic, "no colour can be made of encoding \"" + image->encoding + remedy);
 }
 
 void setToUnknown(cv::Mat& mm, int value) {
@@ -198,6 +216,17 @@ Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {
     fail(topic, std::string("impossible calibration,") + e.what());
   }
   return camera;
+}
+
+void requireRegion(const sensor_msgs::CameraInfo& info, const cv::Size& image, const std::string& topic) {
+  const sensor_msgs::RegionOfInterest& roi = info.roi;
+  const bool is_whole =
+      roi.width == 0 || roi.height == 0 || (roi.width == info.width && roi.height == info.height);
+  const cv::Size size = toCamera(info, topic).size;
+  if (is_whole || image == size) return;
+  fail(topic, "its region of interest gives images of " + sizeText(size.width, size.height) +
+                  ", but they have " + sizeText(image.width, image.height) +
+                  ": publish the region that they show, or none");
 }
 
 RigidTransform toRigidTransform(const geometry_msgs::Transform& transform) {

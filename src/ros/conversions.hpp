@@ -5,6 +5,7 @@
 #include <all_in_focus/FocusPlan.h>
 #include <all_in_focus/FusionReport.h>
 #include <all_in_focus/SegmentArray.h>
+#include <cv_bridge/cv_bridge.h>
 #include <geometry_msgs/Transform.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
@@ -46,6 +47,9 @@ void setToUnknown(cv::Mat& mm, int value);
 void requireSize(const DepthImage& depth, const Camera& camera, const std::string& topic,
                  const std::string& info_topic);
 
+/// The picture of a colour frame. An image that is bgr8 already is not copied.
+cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const std::string& topic);
+
 /// An image message that the core writes into.
 class OutgoingImage {
  public:
@@ -64,6 +68,10 @@ class OutgoingImage {
 /// Models plumb_bob, rational_polynomial and "" (no distortion). Binning and region of interest are applied:
 /// the camera is the one of the images on the wire. topic: of the camera_info.
 Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic);
+
+/// Throws if a region of interest is not that of images of this size: the camera would not be theirs. Without
+/// a region images may have another resolution than the camera. topic: of the camera_info.
+void requireRegion(const sensor_msgs::CameraInfo& info, const cv::Size& image, const std::string& topic);
 
 RigidTransform toRigidTransform(const geometry_msgs::Transform& transform);
 

@@ -31,13 +31,13 @@ double seconds(std::chrono::steady_clock::duration d) {
   return std::chrono::duration<double>(d).count();
 }
 
-// Messages of libraries' exceptions may have several lines.
+}  // namespace
+
 std::string oneLine(std::string text) {
+  text.erase(text.find_last_not_of(" \n") + 1);
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text;
 }
-
-}  // namespace
 
 NodeStatus::NodeStatus(const std::string& name, ros::NodeHandle nh, const ros::NodeHandle& private_nh,
                        const std::string& processed_topic)

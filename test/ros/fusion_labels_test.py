@@ -136,8 +136,8 @@ class BadFramesTest(FusionTest):
         yield 'the bracket began with 64x48', colour_message(scene()[:24, :32], stamp)
         yield '16UC1', colour_message(scene()[:, :, 0].astype(np.uint16), stamp, '16UC1')
         for what, fields in (('what', {'encoding': 'what'}), ('', {'encoding': ''}),
-                             ('size 0', {'width': 0, 'height': 0, 'step': 0, 'data': b''}), ('size 0', {'height': 0}),
-                             ('too little data', {'data': scene().tobytes()[:-1]}), ('too little data', {'height': 2 ** 32 - 1}),
+                             ('the image is empty', {'width': 0, 'height': 0, 'step': 0, 'data': b''}), ('the image is empty', {'height': 0}),
+                             ('data holds', {'data': scene().tobytes()[:-1]}), ('data holds', {'height': 2 ** 32 - 1}),
                              ('', {'step': WIDTH}), ('', {'width': 2 * WIDTH})):
             message = good()
             for name, value in fields.items():

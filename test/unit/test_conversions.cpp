@@ -133,6 +133,35 @@ TEST(Depth, SizeMustBeTheCalibratedOne) {
   expectRefused([&] { requireSize(depth, camera, "/topic", "/info"); }, "2x1, but /info is for 1x2");
 }
 
+TEST(Colour, BecomesBgr) {
+  const auto colours = imageOf<std::uint8_t>({10, 20, 30, 40, 50, 60}, 6, enc::RGB8, 2);
+  colours->width = 2;
+  colours->is_bigendian = 1;  // says nothing of bytes
+  EXPECT_EQ(toBgr(colours, "/topic")->image.at<cv::Vec3b>(0, 1), cv::Vec3b(60, 50, 40));
+  const auto bgr = imageOf<std::uint8_t>({10, 20, 30}, 3, enc::BGR8);
+  bgr->width = 1;
+  EXPECT_EQ(toBgr(bgr, "/topic")->image.data, bgr->data.data());
+  const auto deep = imageOf<std::uint16_t>({256, 512, 65535}, 3, enc::BGR16);
+  deep->width = 1;
+  EXPECT_EQ(toBgr(deep, "/topic")->image.at<cv::Vec3b>(0, 0), cv::Vec3b(1, 2, 255));
+}
+
+TEST(Colour, BrokenImagesAreRefusedWithPlaceAndReason) {
+  const auto refused = [](const std::function<void(sensor_msgs::Image&)>& spoil, const std::string& word) {
+    const auto image = imageOf<std::uint16_t>({1, 2, 3, 4, 5, 6}, 6, enc::BGR16);
+    image->width = 2;
+    spoil(*image);
+    expectRefused([&] { toBgr(image, "/topic"); }, word);
+  };
+  refused([](auto& image) { image.is_bigendian = !image.is_bigendian; }, "endian");
+  refused([](auto& image) { image.encoding = "what"; }, "unknown encoding \"what\"");
+  refused([](auto& image) { image.encoding = enc::TYPE_16UC2; },
+          "no colour can be made of encoding \"16UC2\"");
+  refused([](auto& image) { image.height = 0; }, "empty");
+  refused([](auto& image) { image.step = 10; }, "step");
+  refused([](auto& image) { image.data.pop_back(); }, "data");
+}
+
 TEST(OutgoingImage, IsWrittenInPlace) {
   std_msgs::Header header;
   header.frame_id = "color";
@@ -209,6 +238,22 @@ TEST(Camera, ImpossibleCalibrationsAreRefused) {
   refused([](auto& info) { info.roi.width = info.roi.height = 46000; }, "region of interest (46000x46000");
   refused([](auto& info) { info.roi.width = 10, info.roi.x_offset = 4294967295u; }, "region of interest");
   refused([](auto& info) { info.binning_y = 4294967295u; }, "640x0");
+}
+
+TEST(Camera, ARegionOfInterestIsThatOfTheImages) {
+  sensor_msgs::CameraInfo info = calibration();
+  EXPECT_NO_THROW(requireRegion(info, {320, 240}, "/topic"));  // another resolution
+  info.roi.width = 320, info.roi.height = 240, info.roi.x_offset = 100;
+  EXPECT_NO_THROW(requireRegion(info, {320, 240}, "/topic"));
+  expectRefused(
+      [&] {
+        requireRegion(info, {640, 480}, "/topic");
+      },
+      "region of interest gives images of 320x240, but they have 640x480");
+  info.binning_x = info.binning_y = 2;
+  EXPECT_NO_THROW(requireRegion(info, {160, 120}, "/topic"));
+  info.roi.width = 640, info.roi.height = 480, info.roi.x_offset = 0;
+  EXPECT_NO_THROW(requireRegion(info, {640, 480}, "/topic"));  // the whole sensor
 }
 
 TEST(Camera, BinningAndRegionOfInterestAreApplied) {

@@ -215,6 +215,13 @@ TEST_F(SceneCacheTest, WhatIsMissingOrBrokenIsLeftOutAndToldOf) {
             std::string::npos);
   EXPECT_NE(warningOf([](SceneMessages& s) { s.camera = cameraInfo(0); }).find("not calibrated"),
             std::string::npos);
+  EXPECT_NE(warningOf([](SceneMessages& s) {
+              const auto info = cameraInfo();
+              info->roi.width = 4, info->roi.height = 3;
+              s.camera = info;
+              s.frame_size = {kWidth, kHeight};
+            }).find("region of interest gives images of 4x3, but they have 8x6"),
+            std::string::npos);
   EXPECT_TRUE(toScene({}, Mode::kRefined).scene.labels.empty());
 }
 

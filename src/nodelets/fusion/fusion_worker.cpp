@@ -97,7 +97,7 @@ void FusionWorker::handleFrame(const FusionTask& task) {
     if (task.frame.image) status_.acknowledge(task.header, Outcome::kUnmatched, "its bracket was given up");
     return;
   }
-  if (task.frame.image && !bracket_->hasScene()) findScene(task.header.stamp);
+  if (task.frame.image && !bracket_->hasScene()) findScene(*task.frame.image);
   const FrameFates fates = bracket_->add(task, [this] { return queue_.interrupted(); });
   const auto is_used = [](const FrameFate& fate) { return fate.kind == FrameFate::Kind::kUsed; };
   if (task.step.last) {
@@ -108,11 +108,13 @@ void FusionWorker::handleFrame(const FusionTask& task) {
   acknowledge(fates);  // comes last: whoever gets the acknowledgement of a frame may rely on its result
 }
 
-void FusionWorker::findScene(const ros::Time& first_frame) {
+void FusionWorker::findScene(const sensor_msgs::Image& first_frame) {
   const FusionSettings& settings = bracket_->settings();
   const Stopwatch watch;
-  const SceneMessages scene = scenes_.await(first_frame, settings.label_max_age_s, settings.label_timeout_s,
-                                            /*whole=*/settings.mode != Mode::kPaper);
+  SceneMessages scene =
+      scenes_.await(first_frame.header.stamp, settings.label_max_age_s, settings.label_timeout_s,
+                    /*whole=*/settings.mode != Mode::kPaper);
+  scene.frame_size = cv::Size(static_cast<int>(first_frame.width), static_cast<int>(first_frame.height));
   for (const std::string& warning : bracket_->setScene(scene, watch.milliseconds())) status_.warn(warning);
 }
 

@@ -31,7 +31,7 @@ class FusionWorker {
   void run();
   void handle(const FusionTask& task);
   void handleFrame(const FusionTask& task);
-  void findScene(const ros::Time& first_frame);
+  void findScene(const sensor_msgs::Image& first_frame);
   void endBracket(int missing);
   FusedBracket fused(bool complete);
   FusionSettings settings();

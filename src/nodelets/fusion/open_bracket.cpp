@@ -22,6 +22,7 @@ constexpr double kMmPerM = 1000;
 constexpr const char* kDepthTopic = "depth_registered/image";
 constexpr const char* kMeasuredTopic = "depth_registered/image_raw";
 constexpr const char* kCameraTopic = "rgb/camera_info";
+constexpr const char* kColourTopic = "rgb/image";
 constexpr const char* kNoSay = ": depth and optics have no say in the fusion";
 
 std::string missing(const char* topic) {
@@ -46,18 +47,10 @@ void takeCamera(const SceneMessages& messages, SharedScene& shared) {
   shared.scene.optics = toOptics(messages.labels.segments->optics);
   if (!messages.camera) throw std::invalid_argument(missing(kCameraTopic));
   const Camera camera = toCamera(*messages.camera, kCameraTopic);
+  requireRegion(*messages.camera, messages.frame_size, kCameraTopic);
   // The sensor does not change with the lens: a zoom leaves its pixels as they are.
   shared.scene.pixel_pitch_mm = messages.focal_length_mm / camera.fx;
   shared.scene.camera = camera;
-}
-
-// Does not copy an image that is bgr8 already.
-cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image) {
-  const std::size_t least = std::size_t{image->step} * image->height;
-  if (image->width == 0 || image->height == 0 || image->data.size() < least) {
-    throw std::invalid_argument("colour image of size 0 or with too little data: check the camera's driver");
-  }
-  return cv_bridge::toCvShare(image, sensor_msgs::image_encodings::BGR8);
 }
 
 }  // namespace
@@ -74,7 +67,7 @@ SharedScene toScene(const SceneMessages& messages, Mode mode) {
       take(messages, shared);
       return true;
     } catch (const std::exception& e) {
-      shared.warnings.push_back(e.what() + std::string(consequence));
+      shared.warnings.push_back(oneLine(e.what()) + consequence);
       return false;
     }
   };
@@ -161,7 +154,7 @@ std::vector<std::string> OpenBracket::setScene(const SceneMessages& messages, do
     scene_ = toScene(messages, settings_.mode);
     begin(scene_.scene);
   } catch (const std::exception& e) {
-    error = std::string("label image refused, fused by sharpness alone: ") + e.what();
+    error = "label image refused, fused by sharpness alone: " + oneLine(e.what());
     scene_ = {};
     begin({});
   }
@@ -190,7 +183,7 @@ FrameFates OpenBracket::add(const FusionTask& task, const Interrupted& interrupt
   waiting_[index] = frame;
   if (order_.isHolding()) {
     try {
-      const cv_bridge::CvImageConstPtr bgr = toBgr(frame.image);
+      const cv_bridge::CvImageConstPtr bgr = toBgr(frame.image, kColourTopic);
       const Stopwatch watch;
       fusion_.observe(bgr->image, index, frame.focus_mm);
       fusion_ms_ += watch.milliseconds();
@@ -227,7 +220,7 @@ FrameFates OpenBracket::fuseReady(const Interrupted& interrupted) {
 // Returns why the frame was rejected, or "".
 std::string OpenBracket::fuse(int index, const Frame& frame) {
   try {
-    const cv_bridge::CvImageConstPtr bgr = toBgr(frame.image);
+    const cv_bridge::CvImageConstPtr bgr = toBgr(frame.image, kColourTopic);
     const Stopwatch watch;
     const std::string rejection = fusion_.add(bgr->image, index, frame.focus_mm);
     fusion_ms_ += watch.milliseconds();
@@ -277,7 +270,7 @@ std::string OpenBracket::reject(int index, const std::string& reason) {
 }
 
 void OpenBracket::note(const std::string& text) {
-  if (report_.notes.size() < kMaxNotes) report_.notes.push_back(text);
+  if (report_.notes.size() < kMaxNotes) report_.notes.push_back(oneLine(text));
 }
 
 FusedBracket OpenBracket::fused(bool complete) const {

@@ -9,6 +9,7 @@
 #include <condition_variable>
 #include <map>
 #include <mutex>
+#include <opencv2/core.hpp>
 #include <set>
 #include <string>
 
@@ -26,6 +27,7 @@ struct SceneMessages {
   sensor_msgs::ImageConstPtr depth;     ///< that the labels were cut from: registered, holes filled
   sensor_msgs::ImageConstPtr measured;  ///< the same before its holes were filled
   sensor_msgs::CameraInfoConstPtr camera;
+  cv::Size frame_size;         ///< of the bracket
   double focal_length_mm = 0;  ///< that the camera was calibrated with; 0 = unknown
   std::string no_labels;       ///< the reason why there are no labels, as text for people
 };
