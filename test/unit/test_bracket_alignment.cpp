@@ -79,6 +79,17 @@ TEST(PairAlignment, HasNoBiasTowardsWholePixels) {
   }
 }
 
+TEST(PairAlignment, WhatCannotBeComputedIsNoMotion) {
+  ImagePyramid key, other;
+  key.build(frame({}));
+  other.build(frame({1, {2, 1}}));
+  PairAlignment alignment;
+  for (const double far : {1e161, 1e300, kInfinity}) {
+    alignment.setKey(key, {far, far});
+    EXPECT_FALSE(alignment.measure(other, {}).converged) << far;
+  }
+}
+
 TEST(FocusBreathing, FollowsTheThinLens) {
   const double f = 50, b = 0.7;
   const auto v = [&](double s) { return 1 / (1 / f - 1 / s); };

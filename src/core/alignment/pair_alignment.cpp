@@ -31,12 +31,12 @@ inline float spline(float a, float b, float c, float d, float f) {
          (g * g * g * a + (4 - 3 * f * f * (2 - f)) * b + (4 - 3 * g * g * (2 - g)) * c + f * f * f * d);
 }
 
-// Floats are right to 1e-4 px in levels of this size.
+// Floats are right to 1e-4 px in levels of this size. NaN gives the first taps.
 ALL_IN_FOCUS_SIMD void findTaps(float begin, float step, int n, int length, int* __restrict first,
                                 float* __restrict fraction) {
   const auto last = static_cast<float>(length - 2);
   for (int i = 0; i < n; ++i) {
-    const float inside = std::min(std::max(begin + step * static_cast<float>(i), 1.0f), last);
+    const float inside = std::min(std::max(1.0f, begin + step * static_cast<float>(i)), last);
     const int whole = std::min(static_cast<int>(inside), length - 3);
     first[i] = whole - 1;
     fraction[i] = inside - static_cast<float>(whole);
@@ -280,10 +280,10 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const Similari
     const Estimate estimate = refine(levels_[i], frame.level(i), motion / reduction);
     const cv::Vec4d refined = estimate.motion * reduction;
     const cv::Matx44d covariance = estimate.covariance * (reduction * reduction);
-    if (estimate.step > kLargestStep || std::hypot(refined[0], refined[1]) > kLargestMotion * radius ||
-        std::hypot(refined[2], refined[3]) > kLargestMotion * width) {
-      continue;
-    }
+    const bool converged = estimate.step <= kLargestStep &&
+                           std::hypot(refined[0], refined[1]) <= kLargestMotion * radius &&
+                           std::hypot(refined[2], refined[3]) <= kLargestMotion * width;
+    if (!converged) continue;  // NaN is not
     motion = refined;
     // The most certain level counts: mostly the finest, but in blurred pictures that has only noise.
     if (!result.converged || cv::trace(covariance) < cv::trace(result.covariance)) {
