@@ -26,7 +26,8 @@ constexpr int kUnitSamples = 100000;      // pixels
 
 // Depth edges and picture are compared at this width, so that a sharp frame is not needed.
 constexpr int kWidth = 320;
-constexpr double kDepthStep = 1.1;  // ratio of two depths side by side that makes an edge
+constexpr double kMostElongated = 20;  // of a picture: longer over shorter side
+constexpr double kDepthStep = 1.1;     // ratio of two depths side by side that makes an edge
 constexpr int kWidestHole = kWidth / 8;
 constexpr std::size_t kEdges = 1000;  // so many are compared at most ...
 constexpr std::size_t kFewEdges = 100;
@@ -167,6 +168,10 @@ bool isAlike(const cv::Size& one, const cv::Size& other) {
   return std::abs(one.aspectRatio() / other.aspectRatio() - 1) <= 0.01;
 }
 
+bool isElongated(const cv::Size& size) {
+  return std::max(size.width, size.height) > kMostElongated * std::min(size.width, size.height);
+}
+
 }  // namespace
 
 std::string checkPose(const RigidTransform& depth_to_color) {
@@ -244,7 +249,7 @@ std::string checkCircleOfConfusion(const Optics& optics, const Camera& color) {
 
 std::string checkMirroring(const cv::Mat& registered, const cv::Mat& mirrored, const cv::Mat& picture) {
   if (registered.empty() || picture.empty() || registered.type() != CV_16UC1 || picture.type() != CV_8UC3 ||
-      !isAlike(registered.size(), picture.size()))
+      isElongated(picture.size()) || !isAlike(registered.size(), picture.size()))
     return "";
   const DepthEdges edges = findEdges(registered);
   const DepthEdges flipped = mirrored.empty() ? edges.mirrored() : findEdges(mirrored);

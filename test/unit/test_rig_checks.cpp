@@ -139,4 +139,8 @@ TEST(RigChecks, NothingIsSaidOfMirroringWhereItIsNotClear) {
   EXPECT_EQ(checkMirroring(turned(boards.depth), boards.depth, boards.picture.rowRange(0, 100)),
             "");  // shape
   EXPECT_EQ(checkMirroring(turned(boards.depth), boards.depth, cv::Mat()), "");
+  // At the width of the comparison this would have 160 million rows.
+  cv::Mat column(500000, 1, CV_16UC1);
+  cv::randu(column, 500, 5000);
+  EXPECT_EQ(checkMirroring(column, column, cv::Mat(column.size(), CV_8UC3, cv::Scalar::all(9))), "");
 }
