@@ -24,7 +24,8 @@ class DiffusionFilling {
 
   /// depth: CV_16UC1 mm. The first three rows have no rows above them and stay as they are. Beyond the first
   /// and the last column the gradient is 0. A hole stays one if the pixel two rows above is still a hole.
-  /// Throws std::invalid_argument on another type, an empty image or a conduction that is not positive.
+  /// Throws std::invalid_argument on another type, an empty image, a conduction that is not positive or an
+  /// impossible lambda.
   void fill(cv::Mat& depth);
 
  private:

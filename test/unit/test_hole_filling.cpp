@@ -106,6 +106,21 @@ TEST(FarSideFilling, AHoleAtTheSideIsFilledFromAboveAndBelow) {
   EXPECT_EQ(cv::countNonZero(filledFromFarSide(depth) == 1500), 20);
 }
 
+TEST(DiffusionFilling, RefusesStepsThatGiveDepthsOfNothing) {
+  DiffusionFilling filling;
+  cv::Mat depth = cv::Mat::zeros(4, 4, CV_16UC1);
+  depth.row(1) = 1010;
+  depth(cv::Rect(0, 0, 1, 2)) = 1000;
+  for (const double lambda : {0.26, -0.1, 1e80, std::nan("")}) {
+    filling.lambda = lambda;
+    EXPECT_THROW(filling.fill(depth), std::invalid_argument) << lambda;
+  }
+  for (const double lambda : {0.0, 0.25}) {
+    filling.lambda = lambda;
+    EXPECT_NO_THROW(filling.fill(depth)) << lambda;
+  }
+}
+
 TEST(HoleFilling, RefusesOtherTypes) {
   cv::Mat depth(4, 4, CV_32FC1), out, none;
   EXPECT_THROW(dilateDepth(depth, out), std::invalid_argument);

@@ -89,6 +89,9 @@ void DiffusionFilling::tabulateFlows() {
 void DiffusionFilling::fill(cv::Mat& depth) {
   requireDepth(depth);
   if (!(conduction_mm > 0)) throw std::invalid_argument("hole filling: the conduction K must be positive");
+  if (!(lambda >= 0 && lambda <= 0.25)) {  // more would give depths that no neighbour has
+    throw std::invalid_argument(cv::format("hole filling: lambda must be 0 to 0.25, not %g", lambda));
+  }
   if (hole_below_mm <= 0 || hole_below_mm > 65535) return;  // no pixel is a hole, or all are
   tabulateFlows();
   const int reach = reach_;
