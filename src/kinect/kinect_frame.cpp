@@ -37,7 +37,7 @@ const Layout& layoutOf(openni::PixelFormat format, KinectStream stream) {
   throw std::invalid_argument("its pixel format " + std::to_string(format) + " is not supported");
 }
 
-void requireWhole(const KinectFrame& frame, std::size_t pixel_bytes) {
+void requireWhole(const KinectFrame& frame, int cv_type) {
   if (frame.width != frame.mode.width || frame.height != frame.mode.height) {
     throw std::invalid_argument(cv::format("it has %dx%d pixels, the stream was set to %dx%d", frame.width,
                                            frame.height, frame.mode.width, frame.mode.height));
@@ -45,11 +45,12 @@ void requireWhole(const KinectFrame& frame, std::size_t pixel_bytes) {
   if (frame.width <= 0 || frame.height <= 0 || frame.data == nullptr) {
     throw std::invalid_argument("it has no pixels");
   }
-  const std::size_t row = frame.width * pixel_bytes;
-  if (frame.stride < 0 || static_cast<std::size_t>(frame.stride) < row) {
+  const std::size_t stride = frame.stride,
+                    row = static_cast<std::size_t>(frame.width) * CV_ELEM_SIZE(cv_type);
+  if (frame.stride < 0 || stride < row || stride % CV_ELEM_SIZE1(cv_type) != 0) {
     throw std::invalid_argument(cv::format("rows of %zu bytes cannot be %d bytes apart", row, frame.stride));
   }
-  const std::size_t needed = static_cast<std::size_t>(frame.stride) * (frame.height - 1) + row;
+  const std::size_t needed = stride * (frame.height - 1) + row;
   if (frame.bytes < needed)
     throw std::invalid_argument(cv::format("%zu bytes are needed, %zu came", needed, frame.bytes));
 }
@@ -64,7 +65,7 @@ const char* toString(KinectStream stream) {
 sensor_msgs::ImagePtr toImage(const KinectFrame& frame, const std_msgs::Header& header,
                               const std::vector<int>& invalid_values) {
   const Layout& layout = layoutOf(frame.format, frame.stream);
-  requireWhole(frame, CV_ELEM_SIZE(layout.cv_type));
+  requireWhole(frame, layout.cv_type);
 
   const cv::Mat camera(frame.height, frame.width, layout.cv_type, const_cast<void*>(frame.data),
                        frame.stride);

@@ -100,9 +100,11 @@ TEST(KinectFrame, BrokenOnesAreRefusedByName) {
   EXPECT_EQ(refusal([](KinectFrame&) {}), "accepted");
   EXPECT_EQ(refusal([](KinectFrame& f) { f.bytes = 11; }), "12 bytes are needed, 11 came");
   EXPECT_EQ(refusal([](KinectFrame& f) { f.stride = 5; }), "rows of 6 bytes cannot be 5 bytes apart");
+  EXPECT_EQ(refusal([](KinectFrame& f) { f.height = f.mode.height = 1, f.stride = 7; }),
+            "rows of 6 bytes cannot be 7 bytes apart");  // the second would begin amid a pixel
   EXPECT_EQ(refusal([](KinectFrame& f) { f.stride = -6; }), "rows of 6 bytes cannot be -6 bytes apart");
-  EXPECT_EQ(refusal([](KinectFrame& f) { f.stride = std::numeric_limits<int>::max(); }),
-            "2147483653 bytes are needed, 12 came");
+  EXPECT_EQ(refusal([](KinectFrame& f) { f.stride = std::numeric_limits<int>::max() - 1; }),
+            "2147483652 bytes are needed, 12 came");
   EXPECT_EQ(refusal([](KinectFrame& f) { f.width = 4; }), "it has 4x2 pixels, the stream was set to 3x2");
   EXPECT_EQ(refusal([](KinectFrame& f) { f.width = f.mode.width = -3; }), "it has no pixels");
   EXPECT_EQ(refusal([](KinectFrame& f) { f.data = nullptr; }), "it has no pixels");
