@@ -5,7 +5,6 @@
 
 #include <malloc.h>
 
-#include <algorithm>
 #include <csignal>
 #include <cstdlib>
 #include <exception>
@@ -46,23 +45,22 @@ std::vector<NamedPath> given(const po::variables_map& values, const std::vector<
   return paths;
 }
 
-// What is wrong, as one line.
+// What is wrong.
 std::string describe(const std::exception_ptr& error) {
-  std::string line = "unknown error";
   try {
     std::rethrow_exception(error);
   } catch (const std::bad_alloc&) {
-    line = kNoMemory;
+    return kNoMemory;
   } catch (const std::system_error& e) {
-    line = e.code() == std::errc::resource_unavailable_try_again ? kNoMemory
+    return e.code() == std::errc::resource_unavailable_try_again ? kNoMemory
                                                                  : e.what();  // no thread could start
   } catch (const cv::Exception& e) {
-    line = e.code == cv::Error::StsNoMem ? kNoMemory : e.what();
+    return e.code == cv::Error::StsNoMem ? kNoMemory : e.what();
   } catch (const std::exception& e) {
-    line = e.what();
+    return e.what();
+  } catch (...) {
+    return "unknown error";
   }
-  std::replace(line.begin(), line.end(), '\n', ' ');
-  return line;
 }
 
 std::string g_name;  // of the program

@@ -6,6 +6,8 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <mutex>
 
@@ -35,7 +37,9 @@ QuietStderr::~QuietStderr() {
   loud = -1;
 }
 
-void printToStderr(const std::string& line) {
+void printToStderr(std::string line) {
+  std::replace_if(
+      line.begin(), line.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
   const std::lock_guard<std::mutex> lock(mutex);
   dprintf(loud >= 0 ? loud : STDERR_FILENO, "%s\n", line.c_str());
 }

@@ -16,7 +16,8 @@ class QuietStderr {
   QuietStderr& operator=(const QuietStderr&) = delete;
 };
 
-/// Writes a line to stderr, also while another thread decodes an image.
-void printToStderr(const std::string& line);
+/// Writes one line to stderr, also while another thread decodes an image. Control characters, which names of
+/// files may hold, become blanks.
+void printToStderr(std::string line);
 
 }  // namespace all_in_focus

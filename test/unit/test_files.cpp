@@ -293,6 +293,12 @@ TEST_F(Files, LinesReachStderrWhileImagesAreDecoded) {
   EXPECT_EQ(testing::internal::GetCapturedStderr(), lines);
 }
 
+TEST_F(Files, WhatIsPrintedIsOneLine) {
+  testing::internal::CaptureStderr();
+  printToStderr("a\nb\x1b[2J.png: no\r\timage");
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "a b [2J.png: no  image\n");
+}
+
 TEST_F(Files, ASignalLeavesNoTemporaryFile) {
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     const auto write_and_end = [&] {
