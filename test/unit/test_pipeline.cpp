@@ -1,0 +1,40 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "all_in_focus/pipeline.hpp"
+
+using namespace all_in_focus::core;
+
+namespace {
+
+class EqualFrames : public FrameSource {
+ public:
+  explicit EqualFrames(int count) : count_(count) {}
+  bool next(cv::Mat& frame) override {
+    frame = cv::Mat(40, 48, CV_8UC3, cv::Scalar::all(100));
+    return next_++ < count_;
+  }
+  void rewind() override { next_ = 0; }
+  int count() override { return count_; }
+
+ private:
+  int count_, next_ = 0;
+};
+
+TEST(Pipeline, ReferencesThatAreNoFramesAreRefused) {
+  for (const Mode mode : {Mode::kPaper, Mode::kRefined, Mode::kRestored}) {
+    for (const int reference : {-16, -2, 3, 1000}) {
+      EqualFrames frames(3);
+      PipelineInput input;
+      input.frames = &frames;
+      input.reference = reference;
+      EXPECT_THROW(Pipeline(mode).run(input), std::invalid_argument) << name(mode) << ' ' << reference;
+    }
+  }
+}
+
+}  // namespace
