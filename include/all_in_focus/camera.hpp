@@ -37,8 +37,8 @@ struct Camera {
 /// model is not 0.
 std::array<double, 8> distortionOf(const std::string& model, const std::vector<double>& coefficients);
 
-/// Throws std::invalid_argument unless size, fx and fy are positive and all values are finite. The message
-/// begins with `name` and gives the value.
+/// Throws std::invalid_argument unless the image has a size and all values are what a camera can have. The
+/// message begins with `name` and gives the value.
 void validate(const Camera& camera, const char* name);
 
 /// x_to = R x_from + t, t in mm.

@@ -229,8 +229,12 @@ TEST(Camera, ImpossibleCalibrationsAreRefused) {
   refused([](auto& info) { info.K[0] = NAN; }, "not calibrated");
   refused([](auto& info) { info.K[4] = -1; }, "not calibrated");
   refused([](auto& info) { info.K[0] = INFINITY; }, "impossible");
+  refused([](auto& info) { info.K[0] = info.K[4] = 1e-3; }, "fx = 0.001, fy = 0.001");
+  refused([](auto& info) { info.K[4] = 1e8; }, "fy = 1e+08");
   refused([](auto& info) { info.K[2] = NAN; }, "impossible");
+  refused([](auto& info) { info.K[5] = -1e161; }, "principal point is 320, -1e+161");
   refused([](auto& info) { info.D[1] = NAN; }, "impossible");
+  refused([](auto& info) { info.D[1] = 1e7; }, "a distortion coefficient is 1e+07");
   refused([](auto& info) { info.width = 0; }, "0x480");
   refused([](auto& info) { info.height = 4000000000u; }, "640x4000000000");
   refused([](auto& info) { info.binning_x = 1000; }, "0x480");

@@ -182,6 +182,7 @@ TEST(DepthRegistration, RefusesWhatItCannotUse) {
   rig.color.fx = 0;
   EXPECT_THROW(DepthRegistration{rig}, std::invalid_argument);
   EXPECT_THROW(RigidTransform::fromQuaternion(0, 0, 0, 0, {0, 0, 0}), std::invalid_argument);
+  EXPECT_THROW(RigidTransform::fromQuaternion(0, 0, 0, 1, {1e307, 0, 0}), std::invalid_argument);  // in mm
 }
 
 TEST(DepthRegistration, WritesIntoPartOfAnImage) {

@@ -14,6 +14,11 @@ namespace {
 constexpr int kUndistortIterations = 50;
 constexpr double kUndistortTolerance = 1e-12;
 
+// What a camera can have, and pixels that single precision can compute with.
+constexpr double kLeastFocalLength = 0.01, kMostFocalLength = 1e7;  // pixels
+constexpr double kMostPrincipalPoint = 1e6;                         // pixels, either way
+constexpr double kMostDistortion = 1e6;                             // of a coefficient, either way
+
 }  // namespace
 
 bool Camera::distorted() const {
@@ -83,12 +88,19 @@ void validate(const Camera& camera, const char* name) {
   if (camera.size.width <= 0 || camera.size.height <= 0) {
     fail(cv::format("image size is %dx%d", camera.size.width, camera.size.height));
   }
-  if (!(std::isfinite(camera.fx) && camera.fx > 0 && std::isfinite(camera.fy) && camera.fy > 0)) {
-    fail(cv::format("fx = %g, fy = %g: not calibrated (both must be positive)", camera.fx, camera.fy));
+  for (const double f : {camera.fx, camera.fy}) {
+    if (f >= kLeastFocalLength && f <= kMostFocalLength) continue;
+    fail(cv::format("fx = %g, fy = %g: not calibrated (both must be %g to %g pixels)", camera.fx, camera.fy,
+                    kLeastFocalLength, kMostFocalLength));
   }
-  if (!std::isfinite(camera.cx) || !std::isfinite(camera.cy)) fail("principal point is not finite");
+  for (const double c : {camera.cx, camera.cy}) {
+    if (std::abs(c) <= kMostPrincipalPoint) continue;
+    fail(cv::format("principal point is %g, %g: at most %g pixels either way are possible", camera.cx,
+                    camera.cy, kMostPrincipalPoint));
+  }
   for (const double k : camera.distortion) {
-    if (!std::isfinite(k)) fail("a distortion coefficient is not finite");
+    if (std::abs(k) <= kMostDistortion) continue;
+    fail(cv::format("a distortion coefficient is %g: at most %g either way is possible", k, kMostDistortion));
   }
 }
 
@@ -98,16 +110,16 @@ RigidTransform RigidTransform::fromQuaternion(double x, double y, double z, doub
   if (!(std::isfinite(norm) && norm > 1e-6)) {
     throw std::invalid_argument("pose of the depth camera: the rotation quaternion is zero or not finite");
   }
-  for (const double t : translation_m.val) {
-    if (!std::isfinite(t))
-      throw std::invalid_argument("pose of the depth camera: the translation is not finite");
-  }
   x /= norm, y /= norm, z /= norm, w /= norm;
   RigidTransform pose;
   pose.rotation = {1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
                    2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
                    2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)};
   pose.translation_mm = translation_m * 1000.0;
+  for (const double t : pose.translation_mm.val) {
+    if (!std::isfinite(t))
+      throw std::invalid_argument("pose of the depth camera: the translation is not finite");
+  }
   return pose;
 }
 
