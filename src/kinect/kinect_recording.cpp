@@ -9,6 +9,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -129,7 +130,8 @@ class Recording {
       fields.skip(16);  // first and last time
       if (type == kNodeAdded5) return;
       const std::uint64_t index = is_old_ ? fields.number<std::uint32_t>() : fields.number<std::uint64_t>();
-      const std::uint64_t end = index + headerBytes() + (std::uint64_t{images} + 1) * (is_old_ ? 16 : 20);
+      const std::uint64_t table = headerBytes() + (std::uint64_t{images} + 1) * (is_old_ ? 16 : 20);
+      const std::uint64_t end = index + std::min(table, std::numeric_limits<std::uint64_t>::max() - index);
       if (images > 0 && index > 0 && end > size_) {
         throw Damage("it is cut short: it has " + std::to_string(size_) + " bytes of at least " +
                      std::to_string(end));

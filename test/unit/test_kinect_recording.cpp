@@ -11,44 +11,13 @@
 #include <string>
 
 #include "kinect_recording.hpp"
+#include "oni_bytes.hpp"
 
 namespace all_in_focus {
 namespace {
 
 namespace fs = std::filesystem;
-
-template <typename T>
-std::string bytesOf(T value) {
-  return {reinterpret_cast<const char*>(&value), sizeof value};
-}
-
-std::string textOf(const std::string& text) {
-  return bytesOf<std::uint32_t>(text.size() + 1) + text + '\0';
-}
-
-std::string fileHeader(std::uint32_t last_node = 1, std::uint16_t version = 1,
-                       std::uint16_t maintenance = 1) {
-  return "NI10" + bytesOf(version) + bytesOf(maintenance) + bytesOf<std::uint32_t>(0) +
-         bytesOf<std::uint64_t>(0) + bytesOf(last_node);
-}
-
-std::string record(std::uint32_t type, const std::string& fields, std::uint32_t node = 1) {
-  return std::string("NIR\0", 4) + bytesOf(type) + bytesOf(node) +
-         bytesOf<std::uint32_t>(28 + fields.size()) + bytesOf<std::uint32_t>(0) + bytesOf<std::uint64_t>(0) +
-         fields;
-}
-
-std::string added(std::uint64_t index, std::uint32_t images = 12) {
-  return record(13, textOf("Depth") + "\2\0\0\0" + std::string("\0\0\0", 3) + "16zT" + bytesOf(images) +
-                        bytesOf<std::uint64_t>(0) + bytesOf<std::uint64_t>(9) + bytesOf(index));
-}
-
-const std::string kNumber =
-    record(3, textOf("xnMirror") + bytesOf<std::uint32_t>(8) + bytesOf<std::uint64_t>(1));
-const std::string kText = record(5, textOf("xnName") + textOf("depth"));
-const std::string kTable = record(6, textOf("S2D") + bytesOf<std::uint32_t>(3) + "abc");
-const std::string kImage = record(10, bytesOf<std::uint64_t>(0) + bytesOf<std::uint32_t>(1)) + "pixels";
-const std::string kWhole = fileHeader() + added(0) + kNumber + kText + kTable + record(9, "") + kImage;
+using namespace oni;
 
 class RecordingTest : public testing::Test {
  protected:
@@ -117,6 +86,7 @@ TEST_F(RecordingTest, OtherFilesAndDamagedOnes) {
   for (std::size_t bytes : {4, 23, 24, 60, 150})
     expectRefused(kWhole.substr(0, bytes), "it ends before its first image");
   expectRefused(fileHeader() + added(5000) + kImage, "it is cut short: it has 144 bytes of at least 5288");
+  expectRefused(fileHeader() + added(UINT64_MAX - 99) + kImage, "it is cut short");
   expectRefused(fileHeader() + added(0, 0) + record(7, "") + record(11, "", 0), "it holds no images");
   expectRefused(fileHeader() + added(0) + "rubbish" + kWhole, "does not begin where it should (byte 98)");
   expectRefused(fileHeader() + added(0) + record(99, ""), "a record is of an unknown kind");
