@@ -18,7 +18,9 @@
 namespace all_in_focus {
 namespace {
 
-constexpr std::uint32_t kArriving = 10;  // images; they are taken at once
+// Images. They are taken at once, but on a busy computer a thread waits for its turn, and what roscpp drops
+// is not counted.
+constexpr std::uint32_t kArriving = 64;
 
 class Call : public ros::CallbackInterface {
  public:
