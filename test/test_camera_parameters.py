@@ -4,7 +4,7 @@
 import pytest
 import rospy
 
-from all_in_focus.camera import parameters
+from all_in_focus import parameters
 from all_in_focus.camera.bracket_node import read_config
 from all_in_focus.camera.session import Config
 from all_in_focus.files.rig import Camera
@@ -39,12 +39,25 @@ def test_defaults_are_those_of_the_config(given):
     ("home", "far away", "~home: 'far away' is not one of current, near, far"),
     ("timeout", float("inf"), "~timeout: expected a number"),
     ("timeout", float("nan"), "~timeout: expected a number"),
-    ("keep_files", 1, "~keep_files: expected true or false, not '1'")])
+    ("keep_files", 1, "~keep_files: expected true or false, not '1'"),
+    ("white_balance", True, "~white_balance: expected text, not True: write it in quotes"),
+    ("iso", [100], "~iso: expected text, not [100]")])
 def test_impossible_parameters_are_named(given, name, value, words):
     given[name] = value
     with pytest.raises(parameters.ParameterError) as failure:
         read_config()
     assert str(failure.value).startswith(words)
+
+
+def test_text_that_means_a_number_is_taken_as_that(given, monkeypatch):
+    said = []
+    monkeypatch.setattr(rospy, "logwarn", lambda line, *values: said.append(line % values))
+    given.update(count="5", settle="0.5", keep_files="true", iso=100)
+    config = read_config()
+    assert (config.count, config.settle_s, config.keep_files, config.iso) == (5, 0.5, True, "100")
+    assert said == ["settle is text: '0.5' is taken as 0.5; write it without quotes",
+                    "count is text: '5' is taken as 5; write it without quotes",
+                    "keep_files is text: 'true' is taken as true; write it without quotes"]
 
 
 def test_a_ring_turned_by_hand_has_no_focus_distances(given):

@@ -136,7 +136,7 @@ class BadFramesTest(FusionTest):
         yield 'the bracket began with 64x48', colour_message(scene()[:24, :32], stamp)
         yield '16UC1', colour_message(scene()[:, :, 0].astype(np.uint16), stamp, '16UC1')
         for what, fields in (('what', {'encoding': 'what'}), ('', {'encoding': ''}),
-                             ('the image is empty', {'width': 0, 'height': 0, 'step': 0, 'data': b''}), ('the image is empty', {'height': 0}),
+                             ('empty', {'width': 0, 'height': 0, 'step': 0, 'data': b''}), ('empty', {'height': 0}),
                              ('data holds', {'data': scene().tobytes()[:-1]}), ('data holds', {'height': 2 ** 32 - 1}),
                              ('', {'step': WIDTH}), ('', {'width': 2 * WIDTH})):
             message = good()

@@ -8,7 +8,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_srvs.srv import Trigger, TriggerResponse
 
-from all_in_focus.camera import parameters
+from all_in_focus import parameters
 from all_in_focus.camera.bracket import PREVIEW, STILL
 from all_in_focus.camera.focus_drive import FocusLimit
 from all_in_focus.camera.frame_publisher import FramePublisher

@@ -8,7 +8,7 @@ import time
 import rospy
 from std_msgs.msg import Header
 
-from all_in_focus.camera import parameters
+from all_in_focus import parameters
 from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
 from all_in_focus.camera.frame_publisher import FramePublisher
 from all_in_focus.files.stack import Stack, StackError, focus_entries

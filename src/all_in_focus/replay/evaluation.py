@@ -4,11 +4,10 @@
 import time
 from pathlib import Path
 
-import rospy
-
 from all_in_focus.bag.bag_file import BagContents, BagError, Topics
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.rig import Optics, RigError
+from all_in_focus.parameters import ParameterError, number, text
 from all_in_focus.replay.player import BagPlayer, Limits, PlayError
 from all_in_focus.replay.results import ResultError, ResultFolder, ResultSaver
 from all_in_focus.replay.run_status import BAD_INPUT, OK, RunStatus, conclude
@@ -16,14 +15,9 @@ from all_in_focus.replay.run_status import BAD_INPUT, OK, RunStatus, conclude
 STATUS_PERIOD = 0.5  # s
 
 
-def _text(name, default=""):
-    """A private parameter of this node."""
-    return str(rospy.get_param(f"~{name}", default))
-
-
 def _path(name):
-    """As _text(), relative to ~working_directory."""
-    return str(Path(_text("working_directory"), _text(name))) if _text(name) else ""
+    """A path, relative to ~working_directory, "" if none is given."""
+    return str(Path(text("working_directory"), text(name))) if text(name) else ""
 
 
 class _Reporter:
@@ -47,7 +41,7 @@ def run():
     reporter = _Reporter(status_file)
     try:
         status = _run(_path("bag"), output, reporter)
-    except (BagError, PlayError, ResultError, RigError) as error:
+    except (BagError, ParameterError, PlayError, ResultError, RigError) as error:
         status = RunStatus(BAD_INPUT, str(error))
     except OSError as error:
         status = RunStatus(BAD_INPUT, one_line(error, output))
@@ -60,10 +54,10 @@ def _run(bag, output, reporter):
     """~optics: f,F,coc, or empty: that of the bag."""
     if not bag or not output:
         raise BagError("the parameters ~bag and ~output are needed")
-    optics = Optics.parse(_text("optics")) if _text("optics") else None
-    topics = Topics(**{kind: _text(f"{kind}_topic", default) or default for kind, default in vars(Topics()).items()})
-    limits = Limits(connect=float(rospy.get_param("~timeout", Limits.connect)),
-                    acknowledge=float(rospy.get_param("~acknowledge_timeout", Limits.acknowledge)))
+    optics = Optics.parse(text("optics")) if text("optics") else None
+    topics = Topics(**{kind: text(f"{kind}_topic", default) or default for kind, default in vars(Topics()).items()})
+    limits = Limits(connect=number("timeout", Limits.connect, 0),
+                    acknowledge=number("acknowledge_timeout", Limits.acknowledge, 0))
     contents = BagContents(bag, topics)
     reporter.status.total = sum(contents.counts.values())
     reporter(0)
