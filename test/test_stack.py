@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Focus stacks: order, completeness, focus distances."""
 import math
+import struct
 import zlib
 
 import cv2
@@ -45,6 +46,17 @@ def with_exif_times(folder, times):
     return folder
 
 
+def tiff(order, big, orientation):
+    """A gray row of three pixels; order: of the bytes; big: BigTIFF."""
+    head, count, offset = (16, "Q", "Q") if big else (8, "H", "I")
+    tags = {256: 3, 257: 1, 258: 8, 259: 1, 262: 1, 273: head, 274: orientation, 277: 1, 278: 1, 279: 3}
+    mark = {"<": b"II", ">": b"MM"}[order] + struct.pack(order + "H", 43 if big else 42)
+    entries = b"".join(struct.pack(order + "HH" + offset, tag, 3, 1) + struct.pack(order + "H", value).ljust(
+        struct.calcsize(offset), b"\0") for tag, value in tags.items())
+    return (mark + (struct.pack(order + "HH", 8, 0) if big else b"") + struct.pack(order + offset, head + 4)
+            + bytes([10, 20, 30, 0]) + struct.pack(order + count, len(tags)) + entries + bytes(8))
+
+
 def test_times_that_disagree_with_names_are_said(tmp_path):
     stack = Stack(with_exif_times(tmp_path / "same", {"1.jpg": 1, "2.jpg": 1.5, "10.jpg": 2}))
     assert stack.names == ["1.jpg", "2.jpg", "10.jpg"] and not stack.warnings
@@ -74,6 +86,17 @@ def test_alpha_gray_and_16_bit_are_read_as_8_bit_color(tmp_path):
     cv2.imwrite(str(tmp_path / "c.png"), np.full((4, 5), 77, np.uint8))
     for frame in Stack(str(tmp_path)):
         assert frame.dtype == np.uint8 and frame.shape == (4, 5, 3) and (frame == 77).all()
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("big", [False, True])
+def test_a_tiff_is_read_as_it_is_stored(tmp_path, order, big):
+    """OpenCV turns it whatever it is told."""
+    path = tmp_path / "a.tif"
+    for orientation in range(1, 9):
+        path.write_bytes(tiff(order, big, orientation))
+        assert read_image(path)[..., 0].tolist() == [[10, 20, 30]], orientation
+        assert read_image(path, cv2.IMREAD_UNCHANGED).tolist() == [[10, 20, 30]], orientation
 
 
 @pytest.mark.parametrize("ending", [".png", ".jpg"])

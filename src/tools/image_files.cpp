@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cctype>
 #include <csetjmp>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -51,6 +52,46 @@ bool isWholeJpeg(const std::string& data) {
   return false;
 }
 
+/// The numbers in the bytes of a TIFF file.
+class TiffNumbers {
+ public:
+  explicit TiffNumbers(std::string& data) : data_(data), big_endian_(startsWith(data, "MM")) {}
+
+  std::uint64_t size() const { return data_.size(); }
+  /// bytes: that the number has. It lies in the file.
+  std::uint64_t get(std::uint64_t at, int bytes) const {
+    std::uint64_t value = 0;
+    for (int i = 0; i < bytes; ++i)
+      value = value << 8 | static_cast<unsigned char>(data_[at + (big_endian_ ? i : bytes - 1 - i)]);
+    return value;
+  }
+  void set(std::uint64_t at, std::uint8_t value) {  // of two bytes
+    data_[at + (big_endian_ ? 0 : 1)] = 0;
+    data_[at + (big_endian_ ? 1 : 0)] = static_cast<char>(value);
+  }
+
+ private:
+  std::string& data_;
+  const bool big_endian_;
+};
+
+// OpenCV turns a TIFF as its first page says, whatever the flags are: the page is made to say "not at all".
+void keepTiffAsStored(std::string& data) {
+  constexpr std::uint64_t kOrientation = 274, kClassic = 42, kBig = 43;
+  if ((!startsWith(data, "II") && !startsWith(data, "MM")) || data.size() < 16) return;
+  TiffNumbers tiff(data);
+  const std::uint64_t version = tiff.get(2, 2);
+  if (version != kClassic && version != kBig) return;
+  const bool big = version == kBig;
+  const int offset_bytes = big ? 8 : 4, count_bytes = big ? 8 : 2, entry_bytes = big ? 20 : 12;
+  std::uint64_t at = tiff.get(big ? 8 : 4, offset_bytes);
+  if (at > tiff.size() - count_bytes) return;
+  std::uint64_t count = tiff.get(at, count_bytes);
+  for (at += count_bytes; count > 0 && at <= tiff.size() - entry_bytes; --count, at += entry_bytes) {
+    if (tiff.get(at, 2) == kOrientation) tiff.set(at + entry_bytes - offset_bytes, 1);
+  }
+}
+
 std::string readFile(const std::string& path) {
   if (!fs::exists(path)) fail(path, "no such file");
   if (!fs::is_regular_file(path)) fail(path, "not a file");
@@ -66,6 +107,7 @@ cv::Mat decode(const std::string& path, int flags) {
   if (startsWith(data, "\x89PNG\r\n\x1a\n") && !isWholePng(data))
     fail(path, "PNG is cut short: copy it again");
   if (startsWith(data, "\xff\xd8") && !isWholeJpeg(data)) fail(path, "JPEG is cut short: copy it again");
+  keepTiffAsStored(data);
   cv::Mat image;
   if (!data.empty()) {
     const QuietStderr quiet;

@@ -207,6 +207,19 @@ TEST_F(Files, NumbersInNamesCountAsNumbers) {
   EXPECT_EQ(StackReader(folder_.string()).names(), (std::vector<std::string>{"2.png", "10.png"}));
 }
 
+TEST_F(Files, TiffsAreReadAsTheyAreStored) {
+  cv::Mat noise(3, 4, CV_16UC1);
+  cv::randu(noise, 1, 65535);
+  for (int orientation = 1; orientation <= 8; ++orientation) {
+    std::string data = encodeImage("x.tif", noise);
+    ASSERT_TRUE(markAsResult(data, {"", {}, orientation}));
+    write("x.tif", data);
+    EXPECT_EQ(readPhotoMetadata(path("x.tif")).orientation, orientation);
+    const cv::Mat depth = readDepth(path("x.tif"), {});
+    EXPECT_TRUE(depth.size() == noise.size() && cv::norm(depth, noise, cv::NORM_INF) == 0) << orientation;
+  }
+}
+
 TEST_F(Files, StackErrors) {
   expectError([&] { StackReader(folder_.string()); }, "holds no image");
   expectError([&] { StackReader(path("none.avi")); }, "no such folder or video");

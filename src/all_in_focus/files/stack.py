@@ -22,6 +22,7 @@ from all_in_focus.files.input_file import require_regular
 
 Image.MAX_IMAGE_PIXELS = None  # OpenCV has a limit of its own
 INVALID_DEPTH = 65535  # mm; what sensors write besides 0 where they have measured nothing
+TIFF_ORIENTATION = 274  # tag
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".webp")
 
 
@@ -140,9 +141,29 @@ def decode_image(data, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
     """Image as OpenCV decodes it; None where the bytes are no image."""
     try:
         with _silent_libraries():
-            return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+            return cv2.imdecode(np.frombuffer(_tiff_as_stored(data), np.uint8), flags) if data else None
     except cv2.error:  # the header announces an impossible size
         return None
+
+
+def _tiff_as_stored(data):
+    """OpenCV turns a TIFF as its first page says, whatever the flags are: the page is made to say "not at all"."""
+    order = {b"II": "<", b"MM": ">"}.get(data[:2])
+    if not order:
+        return data
+    try:
+        big = {42: False, 43: True}[struct.unpack_from(order + "H", data, 2)[0]]
+        at, = struct.unpack_from(order + ("Q" if big else "I"), data, 8 if big else 4)
+        count_format, entry_bytes, to_value = (order + "Q", 20, 12) if big else (order + "H", 12, 8)
+        begin = at + struct.calcsize(count_format)
+        entries = range(begin, min(begin + struct.unpack_from(count_format, data, at)[0] * entry_bytes, len(data)), entry_bytes)
+        changed = bytearray(data)
+        for entry in entries:
+            if struct.unpack_from(order + "H", data, entry)[0] == TIFF_ORIENTATION:
+                struct.pack_into(order + "H", changed, entry + to_value, 1)
+        return bytes(changed)
+    except (KeyError, struct.error):  # no TIFF, or a damaged one
+        return data
 
 
 @contextlib.contextmanager
