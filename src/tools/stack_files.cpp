@@ -91,9 +91,9 @@ class Signs {
     return isSigned(name, i) && mark(name.text[i]) == '-';
   }
 
-  /// The text before number i, without its sign.
+  /// The text before number i, without its sign; behind the last number, the text there.
   std::string before(const Parts& name, std::size_t i) const {
-    return isSigned(name, i) ? stem(name.text[i]) : name.text[i];
+    return i < name.numbers.size() && isSigned(name, i) ? stem(name.text[i]) : name.text[i];
   }
 
  private:
@@ -119,7 +119,7 @@ int compareNames(const Parts& a, const Parts& b, const Signs& signs) {
     if (const int number = compareDigits(a.numbers[i], b.numbers[i]); number != 0)
       return minus_a ? -number : number;
   }
-  if (const int text = a.text[numbers].compare(b.text[numbers]); text != 0) return text;
+  if (const int text = signs.before(a, numbers).compare(signs.before(b, numbers)); text != 0) return text;
   return sign(a.numbers.size(), b.numbers.size());
 }
 

@@ -207,6 +207,17 @@ TEST_F(Files, NumbersInNamesCountAsNumbers) {
   EXPECT_EQ(StackReader(folder_.string()).names(), (std::vector<std::string>{"2.png", "10.png"}));
 }
 
+TEST_F(Files, TheOrderOfNamesDoesNotDependOnTheFolder) {
+  // A minus before a number is a sign here, and what stands in its place otherwise is compared as text.
+  const std::vector<std::string> names = {"x1-5.png", "x1+5.png", "x1,.png"};
+  for (const std::string& name : names) cv::imwrite(path(name), cv::Mat(4, 4, CV_8UC3));
+  EXPECT_EQ(StackReader(folder_.string()).names(), names);
+  for (const std::string& name : names) fs::remove(path(name));
+  for (auto name = names.rbegin(); name != names.rend(); ++name)
+    cv::imwrite(path(*name), cv::Mat(4, 4, CV_8UC3));
+  EXPECT_EQ(StackReader(folder_.string()).names(), names);
+}
+
 TEST_F(Files, TiffsAreReadAsTheyAreStored) {
   cv::Mat noise(3, 4, CV_16UC1);
   cv::randu(noise, 1, 65535);
