@@ -89,7 +89,8 @@ void fuseFrames(const PipelineInput& input, Mode mode, BracketFusion& fusion, Pi
   }
   if (order.isHolding() || result.frames == 0) refuseReference(first, result.frames);
   result.reference = middle ? result.frames / 2 : input.reference;
-  if (result.reference < 0 || result.reference >= result.frames) refuseReference(result.reference, result.frames);
+  if (result.reference < 0 || result.reference >= result.frames)
+    refuseReference(result.reference, result.frames);
 }
 
 // Corrects a result of mode refined, or says why it cannot.

@@ -90,9 +90,10 @@ class ReferenceRegistration {
     }
   }
 
-  // Limited to what is well outside every image.
-  static int nearest(float value) {
-    return static_cast<int>(std::floor(std::min(std::max(-1.0f, value), 1e4f) + 1.5f)) - 1;
+  // Limited to what is just outside the image.
+  int nearest(float value) const {
+    const auto outside = static_cast<float>(std::max(rig_.color.size.width, rig_.color.size.height));
+    return static_cast<int>(std::floor(std::min(std::max(-1.0f, value), outside) + 1.5f)) - 1;
   }
 
   static void keepNearest(int u, int v, std::uint16_t mm, cv::Mat& registered) {
