@@ -107,7 +107,7 @@ def check_depth_values(check, name, messages, images):
     no_reading = (values == NO_READING).mean()
     if encoding != METRES and no_reading > NOTICEABLE:
         check.warning(f"{name}: {share_text(no_reading)} of the pixels are exactly {NO_READING} mm, which means "
-                      f"unknown in a raw Kinect stream: --invalid-values [0,{NO_READING}]")
+                      f"unknown in a raw Kinect stream: --invalid-values [0,{NO_READING},65535]")
     if not unit and not NEAR_MM <= middle * 1000 <= FAR_MM:
         check.warning(f"{name}: half of the depths are {'below' if middle < 1 else 'above'} {middle:.3g} m: is the "
                       "unit right (16UC1: mm, 32FC1: m)?")
