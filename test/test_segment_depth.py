@@ -116,7 +116,7 @@ def test_refined_regions_cannot_grow(tmp_path):
 
 def test_beyond_the_hyperfocal_distance_all_is_sharp(tmp_path):
     depth = ramp(int(HYPERFOCAL) + 1, 9000)
-    depth[:, -1] = 65535
+    depth[:, -1] = 65534  # 65535 means unknown
     labels, report = segmented(tmp_path, depth)
     check_table(depth, labels, report)
     assert (labels == 1).all() and report["segment_table"][0]["max_dof"] is None

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from all_in_focus.files.stack import Stack, StackError, read_depth, read_image
-from file_helpers import SIZE, call, cut, focus_file, hide_cut, pictures, write_stack, write_video
+from file_helpers import SIZE, cut, focus_file, hide_cut, pictures, run_script, write_stack, write_video
 
 
 def test_folder_goes_in_name_order_and_skips_what_is_no_image(tmp_path):
@@ -138,7 +138,7 @@ def test_libraries_print_nothing_beside_our_errors(tmp_path):
     length = int.from_bytes(data[at - 4:at], "big")
     chunk = b"IDAT" + b"nonsense" * (length // 8) + b"x" * (length % 8)
     path.write_bytes(data[:at] + chunk + zlib.crc32(chunk).to_bytes(4, "big") + data[at + 8 + length:])
-    done = call("contact_sheet", "--output", tmp_path / "sheet.png", path)
+    done = run_script("contact_sheet", "--output", tmp_path / "sheet.png", path)
     assert (done.returncode, done.stderr) == (2, f"contact_sheet: {path}: not a readable image\n")
 
 
