@@ -152,7 +152,7 @@ class VirtualTime:
 
 def call(script, *arguments):
     """Like run_script(), but in this process: to start Python and to import OpenCV takes longer than most tests. Not for
-    what a process has of its own: signals, environment, limits."""
+    what a process has of its own: signals, environment, limits, and that it has one thread."""
     path = SCRIPTS / script
     old_arguments, old_handler = sys.argv, signal.getsignal(signal.SIGINT)
     sys.argv = [str(path), *map(str, arguments)]
