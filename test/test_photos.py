@@ -11,7 +11,8 @@ from PIL import Image, ImageCms
 
 from all_in_focus.files.rig import Camera, Rig, save_rig
 from all_in_focus.files.stack import Stack
-from tool_helpers import OPTICS, SIZE, TwoPlanes, expect_refusal, fuse_stack, read, segment_depth, succeeded, unchanged
+from tool_helpers import (OPTICS, SIZE, TwoPlanes, expect_refusal, fuse_stack, read, run_tool, segment_depth, succeeded,
+                          unchanged)
 
 MAKE, ORIENTATION, ARTIST, PHOTO, TIME = 0x10f, 0x112, 0x13b, 0x8769, 0x9003
 # How a camera stores a picture that is to be shown upright, by EXIF orientation.
@@ -168,4 +169,5 @@ def test_results_in_formats_without_exif_can_be_read(planes):
         with Image.open(planes.output(f"fused.{ending}")) as image:
             image.load()
         assert planes.output(f"fused.{ending}.all_in_focus").is_file()
-    assert not json.loads(fuse_stack(planes.stack, "--output", planes.output("x.png"), "--report", "/dev/stdout").stdout)["notes"]
+    done = run_tool("fuse_stack", planes.stack, "--output", planes.output("x.png"), "--report", "/dev/stdout")
+    assert not json.loads(done.stdout)["notes"]

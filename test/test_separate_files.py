@@ -19,7 +19,8 @@ from all_in_focus.files.output_file import whole_file, write_picture
 from all_in_focus.files.result_mark import is_result
 from all_in_focus.files.stack import Stack, StackError, read_image
 from file_helpers import call, run, run_script
-from tool_helpers import TwoPlanes, expect_refusal, fuse_stack, read, read_report, segment_depth, succeeded, tool, unchanged
+from tool_helpers import (TwoPlanes, expect_refusal, fuse_stack, read, read_report, run_tool, succeeded, tool,
+                          unchanged)
 
 
 @pytest.fixture
@@ -184,13 +185,15 @@ def test_devices_and_pipes_are_written_to(planes):
     os.mkfifo(fifo)
     for device, get in ((fifo, True), ("/dev/stdout", False)):
         reader = subprocess.Popen(["cat", str(device)], stdout=subprocess.PIPE) if get else None
-        done = succeeded(fuse_stack("--stack", planes.stack, "--output", planes.output("fused.png"), "--report", device))
+        done = succeeded(run_tool("fuse_stack", "--stack", planes.stack, "--output", planes.output("fused.png"),
+                                  "--report", device))
         text = reader.communicate(timeout=60)[0] if get else done.stdout
         assert json.loads(text)["frames_seen"] == 3
     assert stat.S_ISFIFO(os.stat(fifo).st_mode)
-    done = run([tool("fuse_stack"), "--stack", planes.stack, "--output", "/dev/stdout"], universal_newlines=False, errors=None)
+    done = run_tool("fuse_stack", "--stack", planes.stack, "--output", "/dev/stdout", universal_newlines=False,
+                    errors=None)
     assert np.array_equal(cv2.imdecode(np.frombuffer(done.stdout, np.uint8), 1), read(planes.output("fused.png")))
-    succeeded(fuse_stack("--stack", planes.stack, "--output", planes.output("fused.png"), "--report", "/dev/null"))
+    succeeded(run_tool("fuse_stack", "--stack", planes.stack, "--output", planes.output("fused.png"), "--report", "/dev/null"))
     assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
 
 
@@ -245,7 +248,8 @@ def test_no_reader_waits_for_a_fifo(planes, alarm):
     assert Stack(planes.stack).names == ["00.png", "01.png", "02.png"]
     for option in ("--stack", "--focus", "--label-map"):
         given = {"--stack": planes.stack, "--output": planes.output("fused.png"), option: fifo}
-        expect_refusal(fuse_stack(*(part for pair in given.items() for part in pair), timeout=60), "fuse_stack", str(fifo))
+        done = run_tool("fuse_stack", *(part for pair in given.items() for part in pair), timeout=60)
+        expect_refusal(done, "fuse_stack", str(fifo))
 
 
 @pytest.mark.parametrize("program, arguments", [
@@ -271,6 +275,6 @@ def test_little_memory_ends_fuse_stack(planes, megabytes):
 
 
 def test_segment_depth_follows_the_same_rules(planes):
-    done = succeeded(segment_depth("--depth", planes.depth_file, "--optics", "24,4,0.019", "--output",
-                                   planes.output("labels.png"), "--report", "/dev/stdout"))
+    done = succeeded(run_tool("segment_depth", "--depth", planes.depth_file, "--optics", "24,4,0.019", "--output",
+                              planes.output("labels.png"), "--report", "/dev/stdout"))
     assert json.loads(done.stdout)["version"] == 1 and is_result(planes.output("labels.png"))

@@ -1,11 +1,16 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """fuse_stack, segment_depth and the programs of the package as they are called at the command line."""
+import atexit
 import json
+import os
 import re
 import shutil
+import subprocess
 import sys
+import tempfile
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -35,12 +40,33 @@ def run_tool(name, *arguments, **options):
     return run([tool(name), *arguments], **options)
 
 
-def fuse_stack(*arguments, **options):
-    return run_tool("fuse_stack", *arguments, **options)
+@lru_cache(maxsize=None)
+def tool_server(name):
+    library = PREFIX / "lib" / f"lib{name}_called.so"
+    assert library.is_file(), f"{library} is missing: build the target tests"
+    server = subprocess.Popen([sys.executable, str(Path(__file__).with_name("tool_server.py")), str(library)], bufsize=1,
+                              universal_newlines=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    atexit.register(server.wait)
+    atexit.register(server.terminate)  # first
+    return server
 
 
-def segment_depth(*arguments, **options):
-    return run_tool("segment_depth", *arguments, **options)
+def fork_tool(name, *arguments):
+    """Like run_tool(), but in a fork of a process that has linked OpenCV already."""
+    command = [str(part) for part in (tool(name), *arguments)]
+    server = tool_server(name)
+    with tempfile.NamedTemporaryFile("r", errors="replace") as out, tempfile.NamedTemporaryFile("r", errors="replace") as err:
+        print(json.dumps({"command": command, "cwd": os.getcwd(), "environment": dict(os.environ),
+                          "output": [out.name, err.name]}), file=server.stdin)
+        return subprocess.CompletedProcess(command, int(server.stdout.readline()), out.read(), err.read())
+
+
+def fuse_stack(*arguments):
+    return fork_tool("fuse_stack", *arguments)
+
+
+def segment_depth(*arguments):
+    return fork_tool("segment_depth", *arguments)
 
 
 def rosrun(name, *arguments):
@@ -153,7 +179,7 @@ class TwoPlanes:
         command = ["--stack", stack or self.stack, "--output", self.output(output), "--report", self.output("new.json"),
                    *arguments]
         with unchanged(self.folder):
-            done = run([*prefix, tool("fuse_stack"), *command], **options)
+            done = run([*prefix, tool("fuse_stack"), *command], **options) if prefix or options else fuse_stack(*command)
             expect_refusal(done, "fuse_stack", complaint)
 
     def refused_by_segment_depth(self, complaint, *arguments, depth=None, optics="24,4,0.019", output="old.png"):
