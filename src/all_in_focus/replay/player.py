@@ -62,7 +62,8 @@ class Limits:
     connect: float = 60.0      # for nodes to connect, and for the last result
     acknowledge: float = 10.0  # for one input
     follow_up: float = 3.0     # for the segmenter once depth_preprocess is done with a depth image
-    window: int = 8            # colour images under way
+    window: int = 8            # colour images under way...
+    window_bytes: int = 1 << 28  # ...and their size, so that the fusion need not drop any; 4 may always wait
 
 
 class Acknowledgements:
@@ -214,7 +215,8 @@ class BagPlayer:
             self.problems["depth_preprocess refused a depth image, or the segmenter never got it"] += 1
 
     def _send_color(self, message):
-        self._wait_for_color(self._limits.window)
+        fitting = self._limits.window_bytes // max(1, len(message.data))
+        self._wait_for_color(min(self._limits.window, max(4, fitting)))
         self._acknowledged["fusion"].sent(message.header.stamp.to_nsec())
         self._publishers["rgb"].publish(message)
 
