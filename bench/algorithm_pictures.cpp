@@ -185,18 +185,18 @@ void drawAll(const po::variables_map& values) {
   save("predicted_error", colored(decades(squared_error), 0, 5));
   save("share", colored(shareOf(kShown, scene, bracket), 0, 255));
 
-  drawWeights(result.fusion.source_index, result.fusion.confidence, count, picture);
+  drawWeights(result.bracket.source_index, result.bracket.confidence, count, picture);
   save("winners", picture, cv::INTER_NEAREST);
-  save("confidence", colored(result.fusion.confidence, 128, 255));
-  save("result", result.fusion.image);
+  save("confidence", colored(result.bracket.confidence, 128, 255));
+  save("result", result.bracket.image);
 
-  save_depth("depth_restored", restored.restored_depth);
+  save_depth("depth_restored", restored.bracket.restored_depth);
   cv::Mat correction;
-  cv::subtract(restored.fusion.image, result.fusion.image, correction, cv::noArray(), CV_16S);
+  cv::subtract(restored.bracket.image, result.bracket.image, correction, cv::noArray(), CV_16S);
   correction.convertTo(correction, CV_8U, kCorrectionGain, 128);
   save("correction", correction);
-  const std::vector<cv::Mat> compared = {bestSingleFrame(scene), paper.fusion.image, result.fusion.image,
-                                         restored.fusion.image, scene.truth};
+  const std::vector<cv::Mat> compared = {bestSingleFrame(scene), paper.bracket.image, result.bracket.image,
+                                         restored.bracket.image, scene.truth};
   for (const CloseUp& close_up : kCloseUps) {
     write(output + "/" + close_up.name + ".jpg", enlarge(compared, close_up.place));
   }

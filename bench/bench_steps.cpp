@@ -136,16 +136,17 @@ void segment(benchmark::State& state, Mode mode, Sensor sensor) {
 void fuse(benchmark::State& state, Mode mode, bool alignment) {
   const BracketScene& scene = Samples::scene(Samples::get(sizeOf(state), Sensor::kNoisy));
   const std::vector<cv::Mat>& frames = Samples::sweep(sizeOf(state));
-  RefinedConfig config;
-  config.alignment = alignment;
-  BracketFusion fusion;
+  BracketSettings settings;
+  settings.mode = mode;
+  settings.refined.alignment = alignment;
+  Bracket bracket;
   int index = 0;
   const auto add = [&] {
-    fusion.add(frames[index % frames.size()], index, 1000 + 200 * index);
+    bracket.add(frames[index % frames.size()], index, 1000 + 200 * index);
     ++index;
   };
   const auto begin = [&] {
-    fusion.begin(scene, mode, config);
+    bracket.begin(scene, settings, {});
     index = 0;
     add();  // the reference: sets up, and is never warped
   };

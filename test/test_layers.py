@@ -59,7 +59,7 @@ def test_core_includes_only_std_and_opencv_core_and_imgproc():
 
 
 def python_imports(path):
-    """Rooms of our own package that a Python file imports, also inside functions; its generated messages are no room."""
+    """Rooms of our own package that a Python file imports, also inside functions; its generated messages are no module."""
     for node in ast.walk(ast.parse(path.read_text())):
         names = []
         if isinstance(node, ast.Import):
@@ -72,70 +72,70 @@ def python_imports(path):
                 yield parts[1]
 
 
-def documented_rooms(heading):
-    """{room: rooms that it may use} of the table in docs/architecture.md whose first column is called so, in its order."""
+def documented_modules(heading):
+    """{module: modules that it may use} of the table in docs/architecture.md whose first column is called so, in its order."""
     text = (ROOT / 'docs/architecture.md').read_text()
     table = re.search(rf'^\| {re.escape(heading)} \|.*\n\|[-| ]+\|\n((?:\|.*\n)+)', text, re.M)[1]
     rows = [row.strip('|').split('|') for row in table.splitlines()]
     return {re.sub(r'^ `src/(all_in_focus/)?|/?(\.py)?` $', '', cells[0]): re.findall(r'`([^`]+)`', cells[2]) for cells in rows}
 
 
-def compare_rooms(heading, found):
-    """found: {room: {room that it uses: a file that does}}"""
-    above, documented = set(), documented_rooms(heading)
+def compare_modules(heading, found):
+    """found: {module: {module that it uses: a file that does}}"""
+    above, documented = set(), documented_modules(heading)
     assert set(documented) == set(found)
-    for room, uses in documented.items():
-        assert set(uses) <= above, f'{room} uses what does not stand above it'
-        assert set(uses) == set(found[room]), f'{room} uses {found[room]}'
-        above.add(room)
+    for module, uses in documented.items():
+        assert set(uses) <= above, f'{module} uses what does not stand above it'
+        assert set(uses) == set(found[module]), f'{module} uses {found[module]}'
+        above.add(module)
 
 
-def test_the_map_of_the_python_rooms_is_true():
+def test_the_map_of_the_python_modules_is_true():
     found = {}
     for path in (ROOT / 'src/all_in_focus').rglob('*.py'):
-        room = path.relative_to(ROOT / 'src/all_in_focus').parts[0].replace('.py', '')
-        found.setdefault(room, {}).update({used: path for used in python_imports(path) if used != room})
+        module = path.relative_to(ROOT / 'src/all_in_focus').parts[0].replace('.py', '')
+        found.setdefault(module, {}).update({used: path for used in python_imports(path) if used != module})
     assert not found.pop('__init__')
-    compare_rooms('Python room', found)
+    compare_modules('Python module', found)
 
 
-def cpp_rooms():
-    """{file: room} of the C++ files of src/ and include/. A public header belongs to the room of its source file."""
-    rooms = {path: str(path.parent.relative_to(ROOT / 'src')) for path in (ROOT / 'src').rglob('*.[ch]pp')}
-    of_source = {path.stem: room for path, room in rooms.items() if path.suffix == '.cpp' and room.startswith('core')}
-    rooms.update({path: of_source.get(path.stem, 'core') for path in (ROOT / 'include').rglob('*.hpp')})
-    return rooms
+def cpp_modules():
+    """{file: module} of the C++ files of src/ and include/. A public header belongs to the module of its source file."""
+    modules = {path: str(path.parent.relative_to(ROOT / 'src')) for path in (ROOT / 'src').rglob('*.[ch]pp')}
+    of_source = {path.stem: module for path, module in modules.items() if path.suffix == '.cpp' and module.startswith('core')}
+    modules.update({path: of_source.get(path.stem, 'core') for path in (ROOT / 'include').rglob('*.hpp')})
+    return modules
 
 
-def included(path, rooms):
+def included(path, modules):
     """Files of ours that a file includes: with quotes, below include/, beside it, or by their path from a folder of src/."""
     for name in re.findall(r'^\s*#\s*include\s*"([^"]+)"', path.read_text(), re.M):
-        folders = [ROOT / 'include', path.parent, *(ROOT / 'src' / room for room in sorted(set(rooms.values())))]
-        found = [(folder / name).resolve() for folder in folders if (folder / name).resolve() in rooms]
+        folders = [ROOT / 'include', path.parent, *(ROOT / 'src' / module for module in sorted(set(modules.values())))]
+        found = [(folder / name).resolve() for folder in folders if (folder / name).resolve() in modules]
         assert found, f'{path.relative_to(ROOT)}: where is "{name}"?'
         yield found[0]
 
 
-def test_the_map_of_the_cpp_rooms_is_true():
+def test_the_map_of_the_cpp_modules_is_true():
     """Seen from outside, `core` is the public headers."""
-    rooms = cpp_rooms()
-    found = {room: {} for room in rooms.values()}
-    for path, room in rooms.items():
-        for header in included(path, rooms):
-            used = rooms[header]
-            if not room.startswith('core') and used.startswith('core'):
+    modules = cpp_modules()
+    found = {module: {} for module in modules.values()}
+    for path, module in modules.items():
+        for header in included(path, modules):
+            used = modules[header]
+            if not module.startswith('core') and used.startswith('core'):
                 used = 'core' if (ROOT / 'include') in header.parents else f'private header {header.name} of {used}'
-            if used != room:
-                found[room][used] = path
-    compare_rooms('C++ room', found)
+            if used != module:
+                found[module][used] = path
+    compare_modules('C++ module', found)
 
 
 def test_tools_know_no_ros_and_only_kinect_knows_openni():
     ros = re.compile(r'<(ros|nodelet|image_transport|cv_bridge|dynamic_reconfigure|tf2_ros|\w+_msgs|\w+_srvs|all_in_focus)/')
-    for path, room in cpp_rooms().items():
+    for path, module in cpp_modules().items():
         text = path.read_text()
-        assert not (room == 'tools' and ros.search(text)), path
-        assert room == 'kinect' or not re.search(r'<(OpenNI|Oni)\w*\.h>', text), path
+        assert not (module == 'tools' and ros.search(text)), path
+        assert module == 'kinect' or not re.search(r'<(OpenNI|Oni)\w*\.h>', text), path
 
 
 def test_no_two_python_modules_share_a_name():
@@ -216,7 +216,7 @@ def test_defaults_agree(file, name, default):
     default = float(default) if type(default) is int else default
     for path in sorted((ROOT / 'include').rglob('*.hpp')):
         member = CORE_NAMES.get(name, name)
-        header = re.sub(r'^struct \w+Result \{.*?^\};', '', path.read_text(), flags=re.M | re.S)  # no parameters there
+        header = re.sub(r'^struct \w+Result\b[^{;]*\{.*?^\};', '', path.read_text(), flags=re.M | re.S)  # no parameters there
         constants = dict(re.findall(r'constexpr \w+ (k\w+) = ([^;]+);', header))
         for text in literal_defaults(member, header):
             assert same(value(constants.get(text, text)), default), f'{path.name}: {member} = {text}'

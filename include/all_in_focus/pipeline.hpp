@@ -7,11 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "all_in_focus/bracket_fusion.hpp"
+#include "all_in_focus/bracket.hpp"
 #include "all_in_focus/depth_registration.hpp"
 #include "all_in_focus/dof_segmentation.hpp"
 #include "all_in_focus/hole_filling.hpp"
-#include "all_in_focus/restoration.hpp"
 
 namespace all_in_focus::core {
 
@@ -52,33 +51,24 @@ struct PipelineInput {
   cv::Mat depth;  ///< CV_16UC1 mm, seen from the depth camera; needs the rig
   Rig rig;        ///< with registered depth only its colour camera is used, for the pixel pitch
   bool has_rig = false;
-  cv::Mat registered_depth;  ///< CV_16UC1 mm, seen from the colour camera, used as it is
-  cv::Mat labels;            ///< CV_32SC1, any distinct values >= 0
+  double pixel_pitch_mm = 0;  ///< of the colour camera; 0 = the lens is that of the calibration: f / fx
+  cv::Mat registered_depth;   ///< CV_16UC1 mm, seen from the colour camera, used as it is
+  cv::Mat labels;             ///< CV_32SC1, any distinct values >= 0
   Optics optics;
   DofSpan span = DofSpan::kPaper;
   FrameSource* frames = nullptr;
-  std::vector<double> focus_mm;    ///< of each frame, NaN = unknown; empty: of none
-  int reference = kAutoReference;  ///< frame whose geometry and exposure mode refined keeps
+  std::vector<double> focus_mm;                 ///< of each frame, NaN = unknown; empty: of none
+  int reference = BracketSettings().reference;  ///< auto: the middle one, N / 2
   RefinedConfig refined;
-  BracketRestoration::Progress progress;  ///< of the restoration; false = stop: the result is refined
-
-  static constexpr int kAutoReference = -1;  ///< the middle one, N / 2
+  Bracket::Progress progress;  ///< of the restoration; false = stop: the result is refined
 };
 
 /// The result of one run.
 struct PipelineResult {
   cv::Mat registered, filled;  ///< empty when there was no depth
   Segmentation segmentation;   ///< no segments when labels were given; no labels when nothing was known
-  FusionResult fusion;
-  cv::Mat restored_depth;  ///< CV_16UC1 mm, from the bracket (RestorationResult); empty unless restored
-  double blur_scale = 0;   ///< measured blur / blur that the optics predict; 0 = unknown, or not restored
-  FusedBy fused_by = FusedBy::kSharpness;
-  int frames = 0;                       ///< in the bracket
-  int reference = 0;                    ///< index of the reference frame
-  std::vector<std::string> rejections;  ///< frames left out, a line each: "frame 3 rejected: why"
+  BracketResult bracket;
   double depth_ms = 0, segmentation_ms = 0;
-  double fusion_ms = 0;  ///< all frames, without reading them
-  double restoration_ms = 0;
 };
 
 /// The whole method, from a depth map and a focus bracket to the all-in-focus image. Buffers, and what
@@ -92,11 +82,12 @@ class Pipeline {
   PipelineResult run(const PipelineInput& input);
 
  private:
+  BracketResult fuse(const PipelineInput& input, const BracketScene& scene);
+
   Mode mode_;
   std::unique_ptr<DepthPreprocessing> preprocessing_;
   std::unique_ptr<DofSegmentation> segmentation_;
-  BracketFusion fusion_;
-  BracketRestoration restoration_;
+  Bracket bracket_;
 };
 
 }  // namespace all_in_focus::core

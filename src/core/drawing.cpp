@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "all_in_focus/bracket_fusion.hpp"
+#include "all_in_focus/fusion.hpp"
 
 namespace all_in_focus::core {
 namespace {

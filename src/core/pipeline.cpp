@@ -3,36 +3,10 @@
 
 #include "all_in_focus/pipeline.hpp"
 
-#include <chrono>
-#include <functional>
-#include <optional>
-#include <stdexcept>
-
-#include "all_in_focus/frame_order.hpp"
+#include "util/stopwatch.hpp"
 
 namespace all_in_focus::core {
 namespace {
-
-class Stopwatch {
- public:
-  /// Milliseconds since construction or the last lap.
-  double lap() {
-    const auto now = std::chrono::steady_clock::now();
-    const double ms = std::chrono::duration<double, std::milli>(now - start_).count();
-    start_ = now;
-    return ms;
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
-
-[[noreturn]] void refuseReference(int reference, int frames) {
-  throw std::invalid_argument(
-      frames == 0 ? std::string("fusion: the bracket holds no frame")
-                  : cv::format("fusion: frame %d cannot be the reference: the bracket holds frames 0 to %d",
-                               reference, frames - 1));
-}
 
 // Reads frames by index from a source that only goes forward: a frame that has been read already costs a
 // rewind.
@@ -58,59 +32,6 @@ class FrameReader {
   cv::Mat frame_;
   int next_ = 0;  // index that source_.next() gives
 };
-
-// Fuses all frames in the order of FrameOrder.
-void fuseFrames(const PipelineInput& input, Mode mode, BracketFusion& fusion, PipelineResult& result) {
-  const auto focus = [&](int index) {
-    return index < static_cast<int>(input.focus_mm.size()) ? input.focus_mm[index]
-                                                           : BracketFusion::kUnknownFocus;
-  };
-  const bool middle = input.reference == PipelineInput::kAutoReference;
-  const int first = mode == Mode::kPaper ? 0 : middle ? input.frames->count() / 2 : input.reference;
-  FrameReader reader(*input.frames);
-  FrameOrder order(mode, first);
-  Stopwatch watch;
-  for (result.frames = 0; reader.read(result.frames); ++result.frames) {
-    order.arrived(result.frames);
-    if (order.isHolding()) {
-      watch.lap();
-      fusion.observe(reader.frame(), result.frames, focus(result.frames));
-      result.fusion_ms += watch.lap();
-    }
-    while (const std::optional<int> index = order.next()) {
-      reader.read(*index);
-      watch.lap();
-      const std::string rejection = fusion.add(reader.frame(), *index, focus(*index));
-      result.fusion_ms += watch.lap();
-      order.done(*index, rejection.empty());
-      if (!rejection.empty())
-        result.rejections.push_back("frame " + std::to_string(*index) + " rejected: " + rejection);
-    }
-  }
-  if (order.isHolding() || result.frames == 0) refuseReference(first, result.frames);
-  result.reference = middle ? result.frames / 2 : input.reference;
-  if (result.reference < 0 || result.reference >= result.frames)
-    refuseReference(result.reference, result.frames);
-}
-
-// Corrects a result of mode refined, or says why it cannot.
-void restore(const BracketRestoration& restoration, const BracketRestoration::Progress& progress,
-             PipelineResult& result) {
-  if (!restoration.missing().empty()) {
-    result.fusion.notes.push_back("not restored: " + restoration.missing());
-    return;
-  }
-  const std::optional<RestorationResult> restored = restoration.restore(result.fusion.image, progress);
-  if (!restored) {
-    result.fusion.notes.push_back("not restored: stopped");
-    return;
-  }
-  result.fusion.image = restored->image;
-  result.restored_depth = restored->depth;
-  result.blur_scale = restored->blur_scale;
-  result.fusion.notes.insert(result.fusion.notes.end(), restored->notes.begin(), restored->notes.end());
-  result.fused_by = FusedBy::kRestored;
-}
 
 }  // namespace
 
@@ -157,29 +78,41 @@ PipelineResult Pipeline::run(const PipelineInput& input) {
   result.segmentation_ms = watch.lap();
 
   // 3. Mode paper: every region from the frame in which it is sharpest (normalised variance; equation 11 with
-  // W = 0 or 1). Mode refined: a weighted mean, pixel by pixel.
+  // W = 0 or 1). Mode refined: a weighted mean, pixel by pixel. Mode restored: then the correction that makes
+  // the result explain the frames beside occlusions.
   BracketScene scene;
   scene.labels = result.segmentation.labels;
   scene.depth = result.filled;
   if (!input.depth.empty()) scene.measured = result.registered;
   scene.optics = input.optics;
+  scene.pixel_pitch_mm = input.pixel_pitch_mm;
   if (input.has_rig) scene.camera = input.rig.color;
-  const bool restores = mode_ == Mode::kRestored;
-  fusion_.begin(scene, mode_, input.refined);
-  if (restores) restoration_.begin(scene);
-  fusion_.handAlignedFramesTo(restores ? [this](const AlignedFrame& frame) { restoration_.add(frame); }
-                                       : std::function<void(const AlignedFrame&)>());
-  fuseFrames(input, mode_, fusion_, result);
-  result.fused_by = fusion_.fusedBy();
-  watch.lap();
-  result.fusion = fusion_.result();
-  result.fusion_ms += watch.lap();
+  result.bracket = fuse(input, scene);
+  return result;
+}
 
-  // 4. Mode restored: the correction that makes the result explain the frames beside occlusions.
-  if (restores) {
-    restore(restoration_, input.progress, result);
-    result.restoration_ms = watch.lap();
+BracketResult Pipeline::fuse(const PipelineInput& input, const BracketScene& scene) {
+  const bool middle = input.reference == BracketSettings::kAutoReference;
+  BracketSettings settings;
+  settings.mode = mode_;
+  settings.refined = input.refined;
+  settings.reference = input.reference;
+  if (middle && mode_ != Mode::kPaper) settings.length = input.frames->count();
+  settings.strict = true;
+  FrameReader reader(*input.frames);
+  bracket_.begin(scene, settings, [&reader](int index) {
+    reader.read(index);
+    return reader.frame();
+  });
+  int count = 0;
+  for (; reader.read(count); ++count) {
+    const bool has_focus = count < static_cast<int>(input.focus_mm.size());
+    bracket_.add(reader.frame(), count, has_focus ? input.focus_mm[count] : kUnknownFocus);
   }
+  BracketResult result = bracket_.finish(input.progress);
+  if (result.stopped) result.notes.emplace_back("not restored: stopped");
+  // Mode paper has no use for the reference, so the frames need not be counted in advance.
+  if (middle && mode_ == Mode::kPaper) result.reference = count / 2;
   return result;
 }
 

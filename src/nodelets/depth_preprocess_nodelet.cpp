@@ -90,6 +90,7 @@ class DepthPreprocess {
   void onDepth(const sensor_msgs::ImageConstPtr& depth);
   void onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot, const sensor_msgs::CameraInfoConstPtr& info);
   void processWaiting();
+  void startAfresh(int input);
   void giveUpWaiting(std::size_t oldest);
   bool isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason);
   Rig currentRig() const;
@@ -100,7 +101,7 @@ class DepthPreprocess {
   CallbackGuard& guard_;
   NodeStatus& status_;
   const int depth_input_, depth_info_input_, rgb_info_input_;
-  TimeJumps time_jumps_{[this](int input) { status_.timeWentBack(input); }};
+  TimeJumps time_jumps_;
   tf2_ros::Buffer tf_buffer_;
   TransformListener tf_listener_;
   int queue_size_ = 5;
@@ -193,13 +194,13 @@ void DepthPreprocess::unsubscribe() {
 
 void DepthPreprocess::onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot,
                              const sensor_msgs::CameraInfoConstPtr& info) {
-  if (time_jumps_.arrived(input, info->header.stamp).jumped) giveUpWaiting(waiting_.size());
+  if (time_jumps_.clockWentBack()) startAfresh(input);
   slot = info;
   processWaiting();
 }
 
 void DepthPreprocess::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  if (time_jumps_.arrived(depth_input_, depth->header.stamp).jumped) giveUpWaiting(waiting_.size());
+  if (time_jumps_.streamWentBack(depth->header.stamp)) startAfresh(depth_input_);
   waiting_.push_back(depth);
   const std::size_t most = imageLimit(queue_size_, *depth);
   if (waiting_.size() > most) giveUpWaiting(waiting_.size() - most);
@@ -230,6 +231,11 @@ void DepthPreprocess::processWaiting() {
   const ros::WallTime now = ros::WallTime::now();
   if (waiting_since_.isZero()) waiting_since_ = now;
   if ((now - waiting_since_).toSec() > kPatience) status_.error(missing);
+}
+
+void DepthPreprocess::startAfresh(int input) {
+  status_.timeWentBack(input);
+  giveUpWaiting(waiting_.size());
 }
 
 void DepthPreprocess::giveUpWaiting(std::size_t oldest) {

@@ -51,7 +51,7 @@ class Segmenter {
 
   CallbackGuard& guard_;
   NodeStatus& status_;
-  TimeJumps time_jumps_{[this](int input) { status_.timeWentBack(input); }};
+  TimeJumps time_jumps_;
   const int depth_input_;
   int queue_size_ = 5;
   Mode mode_ = Mode::kRefined;
@@ -150,7 +150,8 @@ void Segmenter::connect() {
 }
 
 void Segmenter::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  time_jumps_.arrived(depth_input_, depth->header.stamp);  // reports time jumps; there is no cache to empty
+  // There is no cache to empty.
+  if (time_jumps_.streamWentBack(depth->header.stamp)) status_.timeWentBack(depth_input_);
   try {
     process(depth);
   } catch (const std::exception& e) {

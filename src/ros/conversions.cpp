@@ -222,8 +222,9 @@ void requireRegion(const sensor_msgs::CameraInfo& info, const cv::Size& image, c
   const sensor_msgs::RegionOfInterest& roi = info.roi;
   const bool is_whole =
       roi.width == 0 || roi.height == 0 || (roi.width == info.width && roi.height == info.height);
+  if (is_whole) return;
   const cv::Size size = toCamera(info, topic).size;
-  if (is_whole || image == size) return;
+  if (image == size) return;
   fail(topic, "its region of interest gives images of " + sizeText(size.width, size.height) +
                   ", but they have " + sizeText(image.width, image.height) +
                   ": publish the region that they show, or none");

@@ -77,8 +77,7 @@ class NodeStatus {
   /// The node is done with an input: counts it; processed ones tell rate and delay. A reason is logged and
   /// reported like error() for kInvalid, like warn() otherwise.
   void acknowledge(const std_msgs::Header& header, Outcome outcome, const std::string& reason = {});
-  /// Tells the sender of an input that it need not wait, before the input is used; acknowledge() is still to
-  /// come.
+  /// Tells the sender of an input that it need not wait, before the input is used; count() is still to come.
   void acknowledgeEarly(const std_msgs::Header& header) { processed_.publish(header); }
   /// Counts inputs that nobody waits for (labels of the fusion, for example).
   void count(Outcome outcome, std::uint64_t n = 1);

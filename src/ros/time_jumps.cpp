@@ -7,12 +7,12 @@
 #include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace all_in_focus {
 namespace {
 
-constexpr double kJitter = 0.1;    // s that stamps may go back while time does not
-constexpr double kUnderWay = 1.0;  // s that a message of before a jump is newer than the last one, at most
+constexpr double kClockJitter = 0.1;  // s that ros::Time::now() may go back, as NTP corrects it
 constexpr std::uint32_t kYear2100 = 4102444800;
 constexpr std::uint32_t kNanoseconds = 1000000000;
 
@@ -29,36 +29,37 @@ void requirePossible(const ros::Time& stamp) {
                               " ns is impossible: check the clock of its publisher");
 }
 
-TimeJumps::Arrival TimeJumps::arrived(int input, const ros::Time& stamp) {
+void TimeJumps::setTolerance(double tolerance_s) {
   std::lock_guard<std::mutex> lock(mutex_);
-  Input& in = inputs_[input];
-  const ros::Time now = ros::Time::now();
-  const double clock_back = secondsBetween(now, last_now_);
-  const double stamp_back = stamp.isZero() ? 0 : secondsBetween(stamp, in.newest);
+  tolerance_s_ = tolerance_s;
+}
+
+bool TimeJumps::clockWentBack() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return clockWentBack(ros::Time::now());
+}
+
+// Holds mutex_.
+bool TimeJumps::clockWentBack(const ros::Time& now) {
+  const bool went_back = secondsBetween(now, last_now_) > kClockJitter;
   last_now_ = now;
+  if (!went_back || std::exchange(clock_lags_, false)) return false;
+  newest_ = ros::Time();
+  return true;
+}
 
-  Arrival arrival;
-  bool clock_jumped = clock_back > kJitter;
-  if (clock_jumped && clock_lags_) clock_jumped = clock_lags_ = false;
-  if (clock_jumped || stamp_back > kJitter) {
-    arrival.jumped = true;
-    clock_lags_ = !clock_jumped && ros::Time::isSimTime();
-    is_short_ = std::max(clock_back, stamp_back) <= kUnderWay;  // old and new stamps overlap
-    for (auto& [number, each] : inputs_) {
-      if (!each.newest.isZero()) each.before = is_short_ ? ros::Time() : each.newest;
-      each.newest = ros::Time();
-    }
-    report_(input);
+bool TimeJumps::streamWentBack(const ros::Time& stamp) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  const ros::Time now = ros::Time::now();
+  bool went_back = clockWentBack(now);
+  if (stamp.isZero()) return went_back;
+  if (secondsBetween(stamp, newest_) > tolerance_s_) {
+    clock_lags_ = !went_back && ros::Time::isSimTime();
+    went_back = true;
+    newest_ = ros::Time();
   }
-  arrival.unclear = is_short_;
-  if (stamp.isZero()) return arrival;
-
-  const double newer = secondsBetween(in.before, stamp);
-  arrival.leftover = !in.before.isZero() && newer > -kJitter && newer < kUnderWay;
-  if (!arrival.leftover) in.before = ros::Time();
-  const bool ahead_of_clock = ros::Time::isSimTime() && secondsBetween(now, stamp) > kJitter;
-  if (!arrival.leftover && !ahead_of_clock) in.newest = std::max(in.newest, stamp);
-  return arrival;
+  newest_ = std::max(newest_, std::min(stamp, now));
+  return went_back;
 }
 
 }  // namespace all_in_focus

@@ -4,10 +4,7 @@
 
 #include <ros/time.h>
 
-#include <functional>
-#include <map>
 #include <mutex>
-#include <utility>
 
 namespace all_in_focus {
 
@@ -19,34 +16,28 @@ double secondsBetween(const ros::Time& from, const ros::Time& to);
 /// beyond a second.
 void requirePossible(const ros::Time& stamp);
 
-/// Detects that time jumped back (a bag in a loop, a clock that was set), by ros::Time::now() and by the
-/// stamps of each input. One jump shows on several inputs, one after the other, and counts once. Thread-safe.
+/// Notices that time went back (a bag in a loop, a clock that was set): by ros::Time::now(), and by the
+/// stamps of the one stream that sets the pace of a node. Thread-safe.
 class TimeJumps {
  public:
-  struct Arrival {
-    bool jumped = false;    ///< this message is the first that shows a jump: empty all caches, then use it
-    bool leftover = false;  ///< it was sent before the last jump and arrived after it
-    bool unclear = false;   ///< maybe a leftover: the last jump was so short that stamps do not show it
-  };
+  /// By how much stamps may go back while time does not, s.
+  void setTolerance(double tolerance_s);
 
-  /// report: called at each jump, with the input that showed it.
-  explicit TimeJumps(std::function<void(int input)> report) : report_(std::move(report)) {}
-
-  /// Call first for every message. input: any number that tells the inputs apart.
-  Arrival arrived(int input, const ros::Time& stamp);
+  /// Call for every message of other streams, before it is used. True: the clock went back since the last
+  /// message.
+  bool clockWentBack();
+  /// Call for every message of the stream, before it is used. True: the clock or the stamps went back. A
+  /// stamp ahead of the clock counts as now: it may be from before the clock jumped.
+  bool streamWentBack(const ros::Time& stamp);
 
  private:
-  struct Input {
-    ros::Time newest;  // stamp since the last jump
-    ros::Time before;  // newest stamp before the last jump, until something newer arrives
-  };
+  bool clockWentBack(const ros::Time& now);
 
-  const std::function<void(int input)> report_;
   std::mutex mutex_;  // guards all below
-  std::map<int, Input> inputs_;
+  double tolerance_s_ = 1;
   ros::Time last_now_;
-  bool is_short_ = false;    // the last jump
-  bool clock_lags_ = false;  // stamps jumped, /clock is still to follow
+  ros::Time newest_;         // stamp since the last jump
+  bool clock_lags_ = false;  // the stream went back, /clock is still to follow: the same jump
 };
 
 }  // namespace all_in_focus

@@ -9,15 +9,12 @@
 #include <xmlrpcpp/XmlRpcException.h>
 
 #include <algorithm>
-#include <chrono>
 #include <thread>
 #include <utility>
+#include <vector>
 
 namespace all_in_focus {
 namespace {
-
-const ros::WallDuration kPatience(1.0);
-const ros::WallDuration kPoll(0.01);
 
 std::optional<std::set<std::string>> askForPublishedTopics() {
   XmlRpc::XmlRpcValue request, response, published;
@@ -57,18 +54,6 @@ std::future<std::optional<std::set<std::string>>> publishedTopics() {
   auto published = ask.get_future();
   std::thread(std::move(ask)).detach();
   return published;
-}
-
-void awaitPublishers(const std::vector<const ros::Subscriber*>& subscribers) {
-  const ros::WallTime end = ros::WallTime::now() + kPatience;
-  auto answer = publishedTopics();
-  if (answer.wait_for(std::chrono::duration<double>(kPatience.toSec())) != std::future_status::ready) return;
-  const auto published = answer.get();
-  if (!published) return;
-  for (const ros::Subscriber* subscriber : subscribers) {
-    if (published->count(subscriber->getTopic()) == 0) continue;
-    while (subscriber->getNumPublishers() == 0 && ros::WallTime::now() < end) kPoll.sleep();
-  }
 }
 
 }  // namespace all_in_focus

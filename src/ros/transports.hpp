@@ -4,13 +4,11 @@
 
 #include <image_transport/transport_hints.h>
 #include <ros/node_handle.h>
-#include <ros/subscriber.h>
 
 #include <future>
 #include <optional>
 #include <set>
 #include <string>
-#include <vector>
 
 #include "node_status.hpp"
 
@@ -24,9 +22,5 @@ image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const
 /// Asks the master for the topics that are published, in a thread of its own: a master that hangs never
 /// answers. The future need not be waited for. Nothing if the answer is not valid.
 std::future<std::optional<std::set<std::string>>> publishedTopics();
-
-/// Waits until the topics that the master lists as published are connected: a subscriber that has just
-/// started may not be connected to all of them yet. Gives up after a second of wall time.
-void awaitPublishers(const std::vector<const ros::Subscriber*>& subscribers);
 
 }  // namespace all_in_focus

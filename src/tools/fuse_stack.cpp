@@ -27,7 +27,7 @@ using namespace all_in_focus::core;
 
 namespace {
 
-constexpr int kAutoReference = PipelineInput::kAutoReference;
+constexpr int kAutoReference = BracketSettings::kAutoReference;
 
 int parseReference(const std::string& text) {
   if (text == "auto") return kAutoReference;
@@ -77,14 +77,12 @@ void explainMissing(const PipelineInput& input, Mode mode, ReportContext& contex
   }
   const bool has_depth = !input.depth.empty() || !input.registered_depth.empty();
   const auto without = [&](const std::string& missing) {
-    context.notes.push_back(missing + ": depth and optics have no say in the fusion");
+    context.notes.push_back(missing + ": depth and lens data are not used");
   };
   if (!has_depth && !input.labels.empty()) {
     without("a label map tells no distances");
   } else if (has_depth && !input.has_rig) {
     without("no rig, the pixel pitch is unknown");
-  } else if (has_depth && input.focus_mm.empty()) {
-    without("no focus distances");
   }
 }
 
@@ -104,6 +102,9 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
   const bool segments = !depth.empty() || !registered.empty();
   if (!optics.empty()) {
     input.optics = parseOptics(optics);
+    // The rig was calibrated with its own lens, if it tells one.
+    if (input.has_rig && hasOptics(rig))
+      input.pixel_pitch_mm = readOptics(rig).focal_length_mm / input.rig.color.fx;
   } else if (!rig.empty()) {
     input.optics = readOptics(rig);
   } else if (segments) {
@@ -187,14 +188,16 @@ cv::Mat ofWidth(const cv::Mat& image, int width) {
 // The last line: what was written, and from what.
 std::string summary(const std::string& output, const PipelineResult& result, const StackReader& stack,
                     double seconds) {
-  const int used = result.frames - static_cast<int>(result.rejections.size());
-  const std::string counted = std::to_string(used) + " of " + std::to_string(result.frames) + " frames";
+  const BracketResult& bracket = result.bracket;
+  const std::string counted =
+      std::to_string(bracket.used) + " of " + std::to_string(bracket.length) + " frames";
   std::string line = "wrote " + output + ": " + counted;
-  if (2 * used < result.frames) line = "only " + counted + " were used, see the notes; wrote " + output;
-  if (result.frames == 1) line = "wrote " + output + ": of one frame, there was nothing to fuse";
+  if (2 * bracket.used < bracket.length)
+    line = "only " + counted + " were used, see the notes; wrote " + output;
+  if (bracket.length == 1) line = "wrote " + output + ": of one frame, there was nothing to fuse";
   const std::string reference = stack.names().empty()
-                                    ? "frame " + std::to_string(result.reference)
-                                    : stack.names()[static_cast<std::size_t>(result.reference)];
+                                    ? "frame " + std::to_string(bracket.reference)
+                                    : stack.names()[static_cast<std::size_t>(bracket.reference)];
   return line + ", reference " + reference + cv::format(", %.1f s", seconds);
 }
 
@@ -233,13 +236,12 @@ void fuseStack(const po::variables_map& values) {
     const std::string depth = textOption(values, input.depth.empty() ? "registered-depth" : "depth");
     throw std::invalid_argument((stack.current().empty() ? depth : stack.current()) + ": " + e.what());
   }
-  if (distances.size() > static_cast<std::size_t>(result.frames)) {
+  const BracketResult& bracket = result.bracket;
+  if (distances.size() > bracket.frames.size()) {
     throw std::invalid_argument(focus + ": " + std::to_string(distances.size()) + " entries for " +
-                                std::to_string(result.frames) + " frames");
+                                std::to_string(bracket.frames.size()) + " frames");
   }
-  for (const auto* lines : {&result.rejections, &result.fusion.notes}) {
-    context.notes.insert(context.notes.end(), lines->begin(), lines->end());
-  }
+  context.notes.insert(context.notes.end(), bracket.notes.begin(), bracket.notes.end());
   context.notes.insert(context.notes.begin(), warnings.begin(), warnings.end());
   if (!input.labels.empty() && values["unknown-label"].as<int>() >= 0) {
     result.segmentation.unknown_area =
@@ -249,8 +251,8 @@ void fuseStack(const po::variables_map& values) {
   OutputFiles outputs;
   const std::string output = values["output"].as<std::string>();
   const cv::Mat image =
-      values.count("width") ? ofWidth(result.fusion.image, values["width"].as<int>()) : result.fusion.image;
-  outputs.addImage(output, image, {stack.path(result.reference), stack.names(), stack.orientation()},
+      values.count("width") ? ofWidth(bracket.image, values["width"].as<int>()) : bracket.image;
+  outputs.addImage(output, image, {stack.path(bracket.reference), stack.names(), stack.orientation()},
                    quality);
   const auto save = [&](const char* option, const cv::Mat& image, const char* missing) {
     const std::string path = textOption(values, option);
@@ -260,7 +262,7 @@ void fuseStack(const po::variables_map& values) {
   };
   save("save-registered", result.filled, "depth: give --depth or --registered-depth");
   save("save-measured", result.registered, "depth: give --depth or --registered-depth");
-  save("save-depth", result.restored_depth, "depth from the bracket: only --mode restored estimates it");
+  save("save-depth", bracket.restored_depth, "depth from the bracket: only --mode restored estimates it");
   const bool wants_labels = !textOption(values, "save-labels").empty();
   save("save-labels",
        wants_labels && !result.segmentation.labels.empty() ? labels16(result.segmentation.labels) : cv::Mat(),
@@ -271,11 +273,11 @@ void fuseStack(const po::variables_map& values) {
       drawRegions(result.segmentation, captionRegions(result.segmentation), regions);
     save("save-regions", regions, "region with a depth: give --depth or --registered-depth");
   }
-  save("save-source-index", result.fusion.source_index, "source index");
-  save("save-confidence", result.fusion.confidence, "confidence");
+  save("save-source-index", bracket.source_index, "source index");
+  save("save-confidence", bracket.confidence, "confidence");
   if (values.count("save-weights")) {
     cv::Mat weights;
-    drawWeights(result.fusion.source_index, result.fusion.confidence, result.frames, weights);
+    drawWeights(bracket.source_index, bracket.confidence, bracket.length, weights);
     save("save-weights", weights, "weights");
   }
   if (values.count("report")) outputs.addText(textOption(values, "report"), fusionReport(result, context));
@@ -287,9 +289,9 @@ void fuseStack(const po::variables_map& values) {
   printToStderr("fuse_stack: " + summary(output, result, stack, passed.count()));
   if (values.count("timings")) {
     std::cout << "depth " << result.depth_ms << " ms, segmentation " << result.segmentation_ms
-              << " ms, fusion " << result.fusion_ms << " ms for " << result.frames << " frames ("
-              << result.fusion_ms / result.frames << " ms each)";
-    if (mode == Mode::kRestored) std::cout << ", restoration " << result.restoration_ms << " ms";
+              << " ms, fusion " << bracket.fusion_ms << " ms for " << bracket.length << " frames ("
+              << bracket.fusion_ms / bracket.length << " ms each)";
+    if (mode == Mode::kRestored) std::cout << ", restoration " << bracket.restoration_ms << " ms";
     std::cout << '\n';
   }
 }

@@ -54,8 +54,9 @@ Json planJson(const Segmentation& segmentation, const Optics& optics) {
 }  // namespace
 
 std::string fusionReport(const PipelineResult& result, const ReportContext& context) {
+  const BracketResult& bracket = result.bracket;
   Json segments = Json::array();
-  for (const RegionChoice& choice : result.fusion.regions) {
+  for (const RegionChoice& choice : bracket.regions) {
     segments.push_back({{"label", choice.label},
                         {"frame", choice.frame},
                         {"score", choice.score},
@@ -63,25 +64,25 @@ std::string fusionReport(const PipelineResult& result, const ReportContext& cont
                         {"confidence", choice.confidence}});
   }
   Json timing_names = {"depth", "segmentation", "fusion"};
-  Json timing_ms = {result.depth_ms, result.segmentation_ms, result.fusion_ms};
-  if (result.fused_by == FusedBy::kRestored) {
+  Json timing_ms = {result.depth_ms, result.segmentation_ms, bracket.fusion_ms};
+  if (bracket.fused_by == FusedBy::kRestored) {
     timing_names.push_back("restoration");
-    timing_ms.push_back(result.restoration_ms);
+    timing_ms.push_back(bracket.restoration_ms);
   }
   const Json report = {{"version", kReportVersion},
                        {"bracket_id", 0},
-                       {"mode", name(result.fused_by)},
-                       {"frames_seen", result.frames},
-                       {"frames_used", result.frames - static_cast<int>(result.rejections.size())},
-                       {"frames_rejected", result.rejections.size()},
+                       {"mode", name(bracket.fused_by)},
+                       {"frames_seen", bracket.frames.size()},
+                       {"frames_used", bracket.used},
+                       {"frames_rejected", bracket.rejected},
                        {"frames_missing", 0},
-                       {"reference", result.reference},
-                       {"has_labels", !result.segmentation.labels.empty()},
+                       {"reference", bracket.reference},
+                       {"has_labels", bracket.has_labels},
                        {"label_stamp", nullptr},
                        {"optics", context.has_optics ? opticsJson(context.optics) : Json()},
                        {"segments", segments},
                        {"notes", context.notes},
-                       {"blur_scale", result.blur_scale},
+                       {"blur_scale", bracket.blur_scale},
                        {"timing_names", timing_names},
                        {"timing_ms", timing_ms},
                        {"dof_rule", context.dof_rule},

@@ -96,6 +96,10 @@ Rig readRig(const std::string& folder) {
   return rig;
 }
 
+bool hasOptics(const std::string& folder) {
+  return std::filesystem::is_regular_file(folder + "/optics.yaml");
+}
+
 Optics readOptics(const std::string& folder) {
   const std::string path = folder + "/optics.yaml";
   const YAML::Node node = load(path);

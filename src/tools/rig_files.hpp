@@ -17,6 +17,9 @@ using namespace core;
 /// quaternion x, y, z, w). Throws std::invalid_argument that names file and key.
 Rig readRig(const std::string& folder);
 
+/// Whether the rig folder tells the lens.
+bool hasOptics(const std::string& folder);
+
 /// Reads optics.yaml of the folder: focal_length_mm, aperture, circle_of_confusion_mm. Throws
 /// std::invalid_argument that names file and key.
 Optics readOptics(const std::string& folder);

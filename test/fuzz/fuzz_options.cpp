@@ -3,7 +3,7 @@
 
 // Values of command line options. What is accepted can be written, and is read as the same again.
 
-#include "all_in_focus/bracket_fusion.hpp"
+#include "all_in_focus/fusion.hpp"
 #include "image_files.hpp"
 #include "rig_files.hpp"
 #include "target.hpp"

@@ -52,17 +52,18 @@ void readKnown(Input& input, const cv::Size& size, PipelineInput& bracket) {
 }
 
 void requireResult(const PipelineResult& result, const cv::Mat& frame, int frames) {
-  require(result.frames == frames, "another number of frames");
-  require(result.reference >= 0 && result.reference < frames, "a reference that is none of the frames");
-  require(result.fusion.image.size() == frame.size() && result.fusion.image.type() == CV_8UC3, "no image");
-  if (!result.fusion.source_index.empty()) {
-    require(result.fusion.source_index.size() == frame.size(), "a source index of another size");
-    for (const std::uint16_t index : cv::Mat1w(result.fusion.source_index))
+  const BracketResult& bracket = result.bracket;
+  require(static_cast<int>(bracket.frames.size()) == frames, "another number of frames");
+  require(bracket.reference >= 0 && bracket.reference < frames, "a reference that is none of the frames");
+  require(bracket.image.size() == frame.size() && bracket.image.type() == CV_8UC3, "no image");
+  if (!bracket.source_index.empty()) {
+    require(bracket.source_index.size() == frame.size(), "a source index of another size");
+    for (const std::uint16_t index : cv::Mat1w(bracket.source_index))
       require(index < frames || index == kNoFrame, "a source that is none of the frames");
     cv::Mat weights;
-    drawWeights(result.fusion.source_index, result.fusion.confidence, result.frames, weights);
+    drawWeights(bracket.source_index, bracket.confidence, bracket.length, weights);
   }
-  for (const std::string& note : result.fusion.notes)
+  for (const std::string& note : bracket.notes)
     require(note.find('\n') == std::string::npos, "not one line: " + note);
   const auto report = nlohmann::json::parse(fusionReport(result, {}));
   require(report["frames_seen"] == frames, "another report");
@@ -93,10 +94,10 @@ void fuse(Input& input) {
   bracket.frames = &source;
   Pipeline pipeline(mode);
   const PipelineResult result = pipeline.run(bracket);
-  requireResult(result, frames[result.reference], static_cast<int>(frames.size()));
+  requireResult(result, frames[result.bracket.reference], static_cast<int>(frames.size()));
   source.rewind();
   const PipelineResult again = pipeline.run(bracket);
-  require(isSame(result.fusion.image, again.fusion.image), "another image in the second run");
+  require(isSame(result.bracket.image, again.bracket.image), "another image in the second run");
 }
 
 void run(Input& input) {

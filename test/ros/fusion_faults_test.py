@@ -40,13 +40,13 @@ class StampTest(RefinedTest):
 
 
 class JumpTest(FusionTest):
-    def test_frames_that_wait_for_their_focus_are_forgotten_when_another_input_shows_a_jump(self):
+    def test_frames_that_wait_for_their_focus_do_not_disturb_those_after_a_jump(self):
         self.expect_labels()
         stamp = next(STAMPS)
         self.send_labels(stamp + 50)
         frames = [colour_message(picture('both'), stamp + 50 + index * DEPTH_PERIOD) for index in range(64)]
         self.deliver(self.node, *((self.image, frame) for frame in frames))
-        self.deliver_labels(stamp)  # shows the jump
+        self.deliver_labels(stamp)
         self.assert_fused(self.send_bracket(stamp))
 
 

@@ -133,7 +133,7 @@ class BadFramesTest(FusionTest):
     def broken(stamp):
         """Sharper than all others, but broken."""
         good = lambda: colour_message(scene(), stamp)
-        yield 'the bracket began with 64x48', colour_message(scene()[:24, :32], stamp)
+        yield 'most of the bracket is 64x48', colour_message(scene()[:24, :32], stamp)
         yield '16UC1', colour_message(scene()[:, :, 0].astype(np.uint16), stamp, '16UC1')
         for what, fields in (('what', {'encoding': 'what'}), ('', {'encoding': ''}),
                              ('empty', {'width': 0, 'height': 0, 'step': 0, 'data': b''}), ('empty', {'height': 0}),

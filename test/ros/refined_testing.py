@@ -10,6 +10,7 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo, Image
 
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
+from all_in_focus.msg import Optics as OpticsMessage
 from depth_testing import FAR_MM, HEIGHT, NEAR_MM, WIDTH, camera_info, image_message, two_planes, wait_until
 from fusion_testing import BRACKET_IDS, OPTICS, PERIOD, FusionTest, array_of, colour_message, picture
 from tool_helpers import read, run_tool, succeeded, write
@@ -18,6 +19,7 @@ STAMPS = itertools.count(200000, 10)
 # The frames of a bracket: what is sharp, where the lens is focused [m], how bright the frame is.
 FRAMES = (('none', 0.7, 1.0), ('near', NEAR_MM / 1000, 0.9), ('none', 1.5, 0.8), ('far', FAR_MM / 1000, 0.7), ('none', 9.0, 0.6))
 INDICES = range(len(FRAMES))
+LENS = (OPTICS.focal_length_mm, OPTICS.aperture, OPTICS.circle_of_confusion_mm)
 FOCAL_PX = 50.0  # blur of these frames is less than a pixel by the optics
 MIDDLE = len(FRAMES) // 2
 
@@ -37,9 +39,9 @@ def fused_by_files(indices, *arguments, **options):
 
 
 @functools.lru_cache(maxsize=None)
-def _fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True, focal_px=FOCAL_PX):
+def _fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True, focal_px=FOCAL_PX, lens=LENS):
     """reference: one of the indices; enlarged: so many pixels for one each way; focus: whether it is told the focus distances;
-    focal_px: of the colour camera."""
+    focal_px: of the colour camera; lens: of the rig."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / 'stack').mkdir()
@@ -48,7 +50,7 @@ def _fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True, 
         (folder / 'focus.yaml').write_text('frames:\n' + ''.join(f'- {{file: {i}.png, focus_mm: {FRAMES[i][1] * 1000!r}}}\n'
                                                                  for i in indices))
         camera = Camera.pinhole('color', WIDTH, HEIGHT, focal_px, focal_px, WIDTH / 2, HEIGHT / 2)
-        optics = Optics(OPTICS.focal_length_mm, OPTICS.aperture, OPTICS.circle_of_confusion_mm)
+        optics = Optics(*lens)
         save_rig(str(folder / 'rig'), Rig(camera, camera, np.eye(3), [0.0, 0.0, 0.0], optics, 'color', 'depth'))
         files = {name: folder / (name + '.png') for name in ('image', 'source_index', 'confidence')}
         arguments = ['--focus', folder / 'focus.yaml'] if focus else []
@@ -66,6 +68,7 @@ def _fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True, 
 
 class RefinedTest(FusionTest):
     focal_px = FOCAL_PX
+    lens = LENS  # on rgb/optics
 
     def setUp(self):
         super().setUp()
@@ -79,7 +82,8 @@ class RefinedTest(FusionTest):
 
     def expect_scene(self, *names):
         """Publishers of all that belongs to the scene, or of some."""
-        kinds = {'depth_registered/image': Image, 'depth_registered/image_raw': Image, 'rgb/camera_info': CameraInfo}
+        kinds = {'depth_registered/image': Image, 'depth_registered/image_raw': Image, 'rgb/camera_info': CameraInfo,
+                 'rgb/optics': OpticsMessage}
         for name in names or kinds:
             self.scene[name] = self.talk(self.topic(name), kinds[name])
         self.assertTrue(wait_until(lambda: all(t.publisher.get_num_connections() > 0 for t in self.scene.values())))
@@ -87,6 +91,7 @@ class RefinedTest(FusionTest):
     def part_of(self, name, stamp):
         """(talker, message) of a topic of the scene."""
         return self.scene[name], (camera_info(stamp, 'color', self.focal_px) if name == 'rgb/camera_info' else
+                                  OpticsMessage(*self.lens) if name == 'rgb/optics' else
                                   image_message(two_planes(), stamp, '16UC1', 'color'))
 
     def send_scene(self, *stamps, but=(), **replaced):

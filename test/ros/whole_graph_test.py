@@ -39,7 +39,7 @@ class OpticsTest(RigTest):
         self.reconfigure(mode='refined')
         _, report = self.fuse()
         self.assertEqual([report.mode, report.frames_used, report.reference], ['refined', 3, 1])
-        self.assertEqual(list(report.notes), ['no focus distances: depth and optics have no say in the fusion'])
+        self.assertEqual(list(report.notes), ['no focus distances: depth and lens data are not used'])
         self.assertEqual([(s.label, s.frame) for s in report.segments], [(1, 1), (2, 2)])
 
 

@@ -110,13 +110,8 @@ TEST(BracketAssembler, BracketByGap) {
   EXPECT_FALSE(a.gapElapsed(1.8));
   EXPECT_TRUE(a.gapElapsed(2.0));
   EXPECT_EQ(feed(a, at(2.5)), ")(0");
-}
-
-TEST(BracketAssembler, StampsThatGoBackEndABracketWithoutFocus) {
-  BracketAssembler a({0, 100.0});
-  feed(a, at(50));
-  EXPECT_EQ(feed(a, at(49.95)), "1");  // jitter
-  EXPECT_EQ(feed(a, at(10)), ")(0");   // a looping bag
+  EXPECT_EQ(feed(a, at(1.6)), "1");
+  EXPECT_EQ(feed(a, at(0.5)), ")(0");
 }
 
 TEST(BracketAssembler, ACountBeyondAllReasonIsLimited) {
@@ -138,18 +133,8 @@ TEST(BracketAssembler, FocusMessagesThatAppearBeginABracket) {
   feed(a, at(0));
   EXPECT_EQ(feed(a, focus(3, 0)), ")(0");
   EXPECT_FALSE(a.gapElapsed(1000));  // a focus bracket takes its time
+  EXPECT_TRUE(a.open() && a.byFocus());
+  EXPECT_EQ(a.id(), 3u);
 }
 
 }  // namespace
-
-TEST(BracketAssembler, KnowsWhichFramesItExpectsStill) {
-  BracketAssembler assembler;
-  EXPECT_FALSE(assembler.goesOn(focus(7, 0, 3)));
-  assembler.add(focus(7, 0, 3));
-  assembler.add(focus(7, 1, 3));
-  EXPECT_TRUE(assembler.goesOn(focus(7, 2, 3)));
-  for (const FrameInfo& other : {focus(7, 0, 3), focus(7, 1, 3), focus(8, 2, 3), at(1)})
-    EXPECT_FALSE(assembler.goesOn(other));
-  assembler.close();
-  EXPECT_FALSE(assembler.goesOn(focus(7, 2, 3)));
-}

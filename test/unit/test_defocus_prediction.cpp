@@ -16,7 +16,6 @@ using namespace all_in_focus::core;
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kUnknownFocus = std::numeric_limits<double>::quiet_NaN();
 constexpr double kPitch = 0.03;
 const Optics kOptics{50, 2, 0.03};
 const cv::Size kSize(100, 60);

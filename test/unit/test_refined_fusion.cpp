@@ -14,7 +14,6 @@ using namespace all_in_focus::core;
 
 namespace {
 
-constexpr double kUnknownFocus = std::numeric_limits<double>::quiet_NaN();
 constexpr int kNearMm = 1000, kFarMm = 3000;
 const std::vector<double> kSweep = {1000, 1200, 1500, 2000, 3000};
 const cv::Size kSize(160, 120);

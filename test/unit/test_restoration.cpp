@@ -12,10 +12,10 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-#include "all_in_focus/restoration.hpp"
 #include "restoration/contours.hpp"
 #include "restoration/disc_blur.hpp"
 #include "restoration/image_formation.hpp"
+#include "restoration/restoration.hpp"
 #include "restoration/semi_global_matching.hpp"
 #include "util/linear_light.hpp"
 

@@ -12,10 +12,9 @@
 #include <thread>
 #include <vector>
 
+#include "bracket_scene.hpp"
 #include "image_limit.hpp"
-#include "open_bracket.hpp"
 #include "scene_cache.hpp"
-#include "stopwatch.hpp"
 
 using namespace all_in_focus;
 
@@ -24,9 +23,10 @@ namespace {
 namespace enc = sensor_msgs::image_encodings;
 
 constexpr int kWidth = 8, kHeight = 6;
-constexpr double kFarTooLong = 60;  // s, of waiting that a test does not expect
-constexpr int kSoon = 30000;        // ms, also on a computer with much else to do
-constexpr SceneTopics kAll{true, true, true, true};
+constexpr double kFarTooLong = 20;  // s
+const cv::Size kFrame(kWidth, kHeight);
+const std::vector<SceneTopic> kAll = {SceneTopic::kDepth, SceneTopic::kMeasured, SceneTopic::kLabels,
+                                      SceneTopic::kCamera, SceneTopic::kOptics};
 
 sensor_msgs::ImageConstPtr image(double stamp_s, const std::string& encoding = enc::TYPE_16UC1,
                                  const cv::Size& size = {kWidth, kHeight}) {
@@ -37,12 +37,8 @@ sensor_msgs::ImageConstPtr image(double stamp_s, const std::string& encoding = e
   return out.take();
 }
 
-LabelSet labels(double stamp_s, double focal_length_mm = 24) {
-  const auto segments = boost::make_shared<SegmentArray>();
-  segments->optics.focal_length_mm = focal_length_mm;
-  segments->optics.aperture = 4;
-  segments->optics.circle_of_confusion_mm = 0.019;
-  return {image(stamp_s, enc::TYPE_32SC1), segments};
+OpticsPtr lens(double focal_length_mm = 24) {
+  return boost::make_shared<OpticsMsg>(toMessage(core::Optics{focal_length_mm, 4, 0.019}));
 }
 
 sensor_msgs::CameraInfoPtr cameraInfo(double fx = 50) {
@@ -52,27 +48,42 @@ sensor_msgs::CameraInfoPtr cameraInfo(double fx = 50) {
   return info;
 }
 
+void addLabels(SceneCache& cache, double stamp) {
+  cache.addLabels(image(stamp, enc::TYPE_32SC1), boost::make_shared<SegmentArray>());
+}
+
 // A scene of which everything has the stamp 10.
-void fill(SceneCache& cache, double focal_length_mm = 24) {
-  cache.addLabels(labels(10, focal_length_mm));
+void fill(SceneCache& cache) {
   cache.addDepth(image(10));
   cache.addMeasured(image(10));
+  addLabels(cache, 10);
   cache.setCamera(cameraInfo());
+  cache.setOptics(lens());
 }
 
 bool isWhole(const SceneMessages& scene) {
-  return scene.labels.labels && scene.depth && scene.measured && scene.camera;
+  return scene.depth && scene.measured && scene.camera && scene.optics;
 }
 
 class SceneCacheTest : public testing::Test {
  protected:
   static void SetUpTestSuite() { ros::Time::init(); }
 
+  void publish(const std::vector<SceneTopic>& topics = kAll) {
+    for (const SceneTopic topic : kAll) cache_.setPublished(topic, false);
+    for (const SceneTopic topic : topics) cache_.setPublished(topic, true);
+  }
   // What has come of waiting, a while after the call.
-  std::future<SceneMessages> await(bool whole = true) {
-    auto scene = std::async(std::launch::async,
-                            [this, whole] { return cache_.await(ros::Time(10), 1, kFarTooLong, whole); });
+  std::future<SceneMessages> await(double stamp = 10) {
+    auto scene =
+        std::async(std::launch::async, [this, stamp] { return cache_.await(ros::Time(stamp), kFarTooLong); });
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    return scene;
+  }
+  // Without waiting, and without a trace.
+  SceneMessages found(double stamp) {
+    const SceneMessages scene = cache_.await(ros::Time(stamp), 0);
+    cache_.release(ros::Time(stamp));
     return scene;
   }
   static bool isReady(const std::future<SceneMessages>& scene, int ms = 0) {
@@ -85,30 +96,39 @@ class SceneCacheTest : public testing::Test {
 }  // namespace
 
 TEST_F(SceneCacheTest, WhatNobodyPublishesIsNotWaitedFor) {
-  const Stopwatch watch;
-  EXPECT_FALSE(cache_.await(ros::Time(10), 1, kFarTooLong, true).labels.labels);
-  cache_.addLabels(labels(10));
-  const SceneMessages scene = cache_.await(ros::Time(10), 1, kFarTooLong, true);
-  EXPECT_TRUE(scene.labels.labels);
-  EXPECT_FALSE(scene.depth || scene.measured || scene.camera);
-  EXPECT_LT(watch.milliseconds(), kSoon);
+  EXPECT_FALSE(cache_.await(ros::Time(10), kFarTooLong).depth);
+  cache_.addDepth(image(20));
+  const SceneMessages scene = cache_.await(ros::Time(20), kFarTooLong);
+  EXPECT_TRUE(scene.depth);
+  EXPECT_FALSE(scene.labels || scene.measured || scene.camera || scene.optics);
 }
 
-TEST_F(SceneCacheTest, TheNewestLabelsAtOrBeforeTheFrameAreTaken) {
-  for (const double stamp : {8.5, 9.5, 10.5}) cache_.addLabels(labels(stamp));
-  EXPECT_EQ(cache_.await(ros::Time(10), 1, 0, false).labels.labels->header.stamp, ros::Time(9.5));
-  EXPECT_FALSE(cache_.await(ros::Time(10), 0.25, 0, false).labels.labels);
-  EXPECT_FALSE(cache_.await(ros::Time(8), 1, 0, false).labels.labels);
+TEST_F(SceneCacheTest, TheNewestDepthAtOrBeforeTheFrameIsTaken) {
+  for (const double stamp : {8.5, 9.5, 10.5}) cache_.addDepth(image(stamp));
+  EXPECT_EQ(found(10).depth->header.stamp, ros::Time(9.5));
+  EXPECT_FALSE(found(8).depth);
+  cache_.configure(/*by_labels=*/false, 0.25);
+  EXPECT_FALSE(found(10).depth);
 }
 
-TEST_F(SceneCacheTest, EachPartIsWaitedForInAnyOrder) {
-  cache_.expect(kAll);
-  const std::vector<std::function<void()>> parts = {
-      [this] { cache_.addLabels(labels(10)); }, [this] { cache_.addDepth(image(10)); },
-      [this] { cache_.addMeasured(image(10)); }, [this] { cache_.setCamera(cameraInfo()); }};
+TEST_F(SceneCacheTest, ModePaperGoesByLabels) {
+  cache_.configure(/*by_labels=*/true, 1);
+  for (const double stamp : {8.5, 9.5, 10.5}) addLabels(cache_, stamp);
+  cache_.addDepth(image(9.75));
+  cache_.addDepth(image(9.5));
+  const SceneMessages scene = found(10);
+  EXPECT_EQ(scene.labels->header.stamp, ros::Time(9.5));
+  EXPECT_EQ(scene.depth->header.stamp, ros::Time(9.5));
+}
+
+TEST_F(SceneCacheTest, EachPartIsWaitedForInAnyOrderButNotLabels) {
+  const std::vector<std::function<void()>> parts = {[this] { cache_.addDepth(image(10)); },
+                                                    [this] { cache_.addMeasured(image(10)); },
+                                                    [this] { cache_.setCamera(cameraInfo()); }};
   for (std::size_t first = 0; first < parts.size(); ++first) {
     cache_.clear();
-    cache_.expect(kAll);
+    publish();
+    cache_.setOptics(lens());
     auto scene = await();
     for (std::size_t i = 0; i < parts.size(); ++i) {
       EXPECT_FALSE(isReady(scene, 20));
@@ -118,72 +138,86 @@ TEST_F(SceneCacheTest, EachPartIsWaitedForInAnyOrder) {
   }
 }
 
-TEST_F(SceneCacheTest, LabelsAloneAreEnoughForModePaper) {
-  cache_.expect(kAll);
-  cache_.addLabels(labels(10));
-  EXPECT_TRUE(cache_.await(ros::Time(10), 1, kFarTooLong, false).labels.labels);
+TEST_F(SceneCacheTest, LabelsThatComeLateJoinTheSceneUntilItIsReleased) {
+  cache_.addDepth(image(9.5));
+  EXPECT_FALSE(cache_.await(ros::Time(10), 0).labels);
+  cache_.addDepth(image(9.75));  // too late to be chosen
+  addLabels(cache_, 9.75);
+  EXPECT_FALSE(cache_.current(ros::Time(10)).labels);
+  for (int i = 0; i < 1000; ++i) cache_.addDepth(image(20 + i));  // drives its entry out
+  addLabels(cache_, 9.5);
+  EXPECT_EQ(cache_.current(ros::Time(10)).labels->header.stamp, ros::Time(9.5));
+  EXPECT_EQ(cache_.current(ros::Time(10)).depth->header.stamp, ros::Time(9.5));
+  cache_.release(ros::Time(10));
+  EXPECT_FALSE(cache_.current(ros::Time(10)).depth);
 }
 
 TEST_F(SceneCacheTest, WhatWasLostIsNotWaitedFor) {
-  cache_.expect(kAll);
+  publish();
   fill(cache_);
   cache_.forgetAfter(ros::Time(9));
-  for (const double stamp : {9.5, 10.5}) {
-    cache_.addLabels(labels(stamp));
-    cache_.addMeasured(image(stamp));
-  }
-  cache_.addDepth(image(10.5));
-  const SceneMessages scene = cache_.await(ros::Time(10), 1, kFarTooLong, true);
-  EXPECT_FALSE(scene.depth);
-  EXPECT_EQ(scene.measured->header.stamp, ros::Time(9.5));
+  for (const double stamp : {9.5, 10.5}) cache_.addDepth(image(stamp));
+  cache_.addMeasured(image(10.5));
+  const SceneMessages scene = cache_.await(ros::Time(10), kFarTooLong);
+  EXPECT_EQ(scene.depth->header.stamp, ros::Time(9.5));
+  EXPECT_FALSE(scene.measured);
 }
 
 TEST_F(SceneCacheTest, WaitingEndsInTime) {
-  cache_.expect(kAll);
-  const Stopwatch watch;
-  cache_.await(ros::Time(10), 1, 0.1, true);
-  EXPECT_GE(watch.milliseconds(), 99);
-  EXPECT_LT(watch.milliseconds(), kSoon);
+  publish();
+  const auto start = std::chrono::steady_clock::now();
+  cache_.await(ros::Time(10), 0.1);
+  EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(99));
 }
 
 TEST_F(SceneCacheTest, WaitingEndsWhenAPublisherGoes) {
-  cache_.expect(kAll);
-  cache_.addLabels(labels(10));
+  publish();
+  cache_.addDepth(image(10));
   auto scene = await();
   EXPECT_FALSE(isReady(scene));
-  cache_.expect({true, false, false, false});
-  EXPECT_TRUE(isReady(scene, kSoon));
+  publish({SceneTopic::kDepth});
+  EXPECT_TRUE(isReady(scene, 5000));
 }
 
-TEST_F(SceneCacheTest, ClearingAndClosingLetGo) {
-  cache_.expect(kAll);
+TEST_F(SceneCacheTest, ClearingAndCancellingLetGo) {
+  publish();
   auto cleared = await();
   cache_.clear();
-  EXPECT_TRUE(isReady(cleared, kSoon));
-  cache_.expect(kAll);
-  auto closed = await();
-  cache_.close();
-  EXPECT_TRUE(isReady(closed, kSoon));
-  cache_.expect(kAll);
-  EXPECT_TRUE(isReady(await(), kSoon));
+  EXPECT_TRUE(isReady(cleared, 5000));
+  publish();
+  auto cancelled = await();
+  cache_.cancel();
+  EXPECT_TRUE(isReady(cancelled, 5000));
+  EXPECT_TRUE(isReady(await(), 5000));
 }
 
-TEST_F(SceneCacheTest, ThePixelPitchIsThatOfTheFirstLens) {
-  fill(cache_, 24);
-  cache_.clear();
-  fill(cache_, 35);
-  SharedScene shared = toScene(cache_.await(ros::Time(10), 1, 0, true), Mode::kRefined);
-  EXPECT_TRUE(shared.warnings.empty());
-  EXPECT_EQ(shared.scene.optics.focal_length_mm, 35);
-  EXPECT_EQ(shared.scene.pixel_pitch_mm, 24 / 50.0);
-  cache_.setCamera(cameraInfo(100));
-  shared = toScene(cache_.await(ros::Time(10), 1, 0, true), Mode::kRefined);
-  EXPECT_EQ(shared.scene.pixel_pitch_mm, 24 / 100.0);
+TEST_F(SceneCacheTest, ThePixelPitchIsThatOfTheCalibration) {
+  fill(cache_);
+  const SceneMessages scene = found(10);
+  const auto pitch = [](const SceneMessages& messages, const CalibrationLens& calibration) {
+    const SharedScene shared = toScene(messages, Mode::kRefined, kFrame, calibration);
+    EXPECT_TRUE(shared.warnings.empty());
+    EXPECT_EQ(shared.scene.optics.focal_length_mm, messages.optics ? messages.optics->focal_length_mm : 18);
+    return shared.scene.calibratedPitch();
+  };
+  CalibrationLens of_rig, by_parameter;
+  of_rig.optics = lens(18);
+  by_parameter.optics = lens(18);
+  by_parameter.pixel_pitch_mm = 0.004;
+  SceneMessages corrected = scene, without_lens = scene;
+  corrected.optics = lens(35);
+  without_lens.optics.reset();
+  EXPECT_EQ(pitch(scene, {}), 24 / 50.0);
+  EXPECT_EQ(pitch(corrected, {}), 35 / 50.0) << "a lens that was wrong at the start";
+  for (const SceneMessages& messages : {scene, corrected, without_lens}) {
+    EXPECT_EQ(pitch(messages, of_rig), 18 / 50.0);
+    EXPECT_EQ(pitch(messages, by_parameter), 0.004);
+  }
 }
 
 TEST_F(SceneCacheTest, ModePaperTakesLabelsAlone) {
   fill(cache_);
-  const SharedScene shared = toScene(cache_.await(ros::Time(10), 1, 0, true), Mode::kPaper);
+  const SharedScene shared = toScene(found(10), Mode::kPaper, kFrame, {});
   EXPECT_FALSE(shared.scene.labels.empty());
   EXPECT_TRUE(shared.scene.depth.empty() && shared.scene.measured.empty() && !shared.scene.camera);
   EXPECT_TRUE(shared.warnings.empty());
@@ -191,72 +225,52 @@ TEST_F(SceneCacheTest, ModePaperTakesLabelsAlone) {
 
 TEST_F(SceneCacheTest, WhatIsMissingOrBrokenIsLeftOutAndToldOf) {
   fill(cache_);
-  const SceneMessages whole = cache_.await(ros::Time(10), 1, 0, true);
+  const SceneMessages whole = found(10);
   const auto warningOf = [&](auto change) {
     SceneMessages scene = whole;
     change(scene);
-    const SharedScene shared = toScene(scene, Mode::kRefined);
+    const SharedScene shared = toScene(scene, Mode::kRefined, kFrame, {});
     EXPECT_EQ(shared.warnings.size(), 1u);
-    EXPECT_FALSE(shared.scene.labels.empty());
     return shared.warnings.empty() ? "" : shared.warnings[0];
   };
-  const std::string no_say = ": depth and optics have no say in the fusion";
-  const std::string as_measured = ": filled depth counts as measured";
-  EXPECT_EQ(warningOf([](SceneMessages& s) { s.depth.reset(); }),
-            "no depth_registered/image in time" + no_say);
+  const std::string not_used = ": depth and lens data are not used";
   EXPECT_EQ(warningOf([](SceneMessages& s) { s.measured.reset(); }),
-            "no depth_registered/image_raw in time" + as_measured);
-  EXPECT_EQ(warningOf([](SceneMessages& s) { s.camera.reset(); }), "no rgb/camera_info in time" + no_say);
-  EXPECT_EQ(warningOf([](SceneMessages& s) {
-              s.measured = image(10, enc::TYPE_16UC1, {4, 3});
-            }),
-            "depth_registered/image_raw is not of the size of depth_registered/image" + as_measured);
-  EXPECT_NE(warningOf([](SceneMessages& s) { s.labels = labels(10, 0); }).find("focal length"),
-            std::string::npos);
+            "no depth_registered/image_raw in time: filled depth counts as measured");
+  EXPECT_EQ(warningOf([](SceneMessages& s) { s.camera.reset(); }), "no rgb/camera_info in time" + not_used);
+  EXPECT_EQ(warningOf([](SceneMessages& s) { s.optics.reset(); }), "no rgb/optics in time" + not_used);
+  EXPECT_NE(warningOf([](SceneMessages& s) { s.optics = lens(0); }).find("focal length"), std::string::npos);
   EXPECT_NE(warningOf([](SceneMessages& s) { s.camera = cameraInfo(0); }).find("not calibrated"),
             std::string::npos);
-  EXPECT_NE(warningOf([](SceneMessages& s) {
-              const auto info = cameraInfo();
-              info->roi.width = 4, info->roi.height = 3;
-              s.camera = info;
-              s.frame_size = {kWidth, kHeight};
-            }).find("region of interest gives images of 4x3, but they have 8x6"),
+  EXPECT_NE(warningOf([](SceneMessages& s) { s.depth = image(10, enc::RGB8); }).find("rgb8"),
             std::string::npos);
-  EXPECT_TRUE(toScene({}, Mode::kRefined).scene.labels.empty());
+  const SharedScene none = toScene({}, Mode::kRefined, kFrame, {});
+  EXPECT_TRUE(none.scene.depth.empty() && none.warnings.empty());
+}
+
+TEST_F(SceneCacheTest, ARegionOfInterestThatIsNotThatOfTheFramesIsRefused) {
+  fill(cache_);
+  SceneMessages scene = found(10);
+  const auto info = cameraInfo();
+  info->roi.width = kWidth / 2, info->roi.height = kHeight / 2;
+  scene.camera = info;
+  const SharedScene refused = toScene(scene, Mode::kRefined, kFrame, {});
+  ASSERT_EQ(refused.warnings.size(), 1u);
+  EXPECT_NE(refused.warnings[0].find("region of interest gives images of 4x3, but they have 8x6"),
+            std::string::npos);
+  EXPECT_TRUE(refused.scene.depth.empty() && refused.scene.labels.empty() && !refused.scene.camera);
+  const SharedScene good = toScene(scene, Mode::kRefined, {kWidth / 2, kHeight / 2}, {});
+  EXPECT_TRUE(good.warnings.empty());
+  EXPECT_TRUE(good.scene.camera);
 }
 
 TEST_F(SceneCacheTest, ABracketThatHasBegunKeepsItsSceneWhenTimeJumpsBack) {
-  cache_.expect(kAll);
+  publish();
   fill(cache_);
   cache_.pin(ros::Time(10));
-  cache_.pin(ros::Time(5));  // has no labels
   cache_.forgetAfter(ros::Time(1));
-  EXPECT_FALSE(cache_.depthAt(ros::Time(10)));
-  EXPECT_TRUE(isWhole(cache_.await(ros::Time(10), 1, kFarTooLong, true)));
-  EXPECT_FALSE(cache_.await(ros::Time(10), 1, 0, true).labels.labels) << "asked for again";
-  EXPECT_FALSE(cache_.await(ros::Time(5), 1, 0, true).labels.labels);
-}
-
-TEST_F(SceneCacheTest, ABracketThatWaitsForItsSceneGetsItWhenTimeJumpsBack) {
-  cache_.expect(kAll);
-  cache_.pin(ros::Time(10));
-  cache_.addLabels(labels(10));
-  auto scene = await();
-  EXPECT_FALSE(isReady(scene));
-  cache_.forgetAfter(ros::Time(1));
-  ASSERT_TRUE(isReady(scene, kSoon));
-  EXPECT_TRUE(scene.get().labels.labels);
-}
-
-TEST_F(SceneCacheTest, TheSceneOfBeforeAJumpIsNotThatOfALaterBracketOfTheSameStamp) {
-  cache_.expect(kAll);
-  cache_.addLabels(labels(10, 24));
-  cache_.pin(ros::Time(10));
-  cache_.forgetAfter(ros::Time(1));
-  cache_.pin(ros::Time(10));
-  cache_.addLabels(labels(10, 50));
-  const SceneMessages scene = cache_.await(ros::Time(10), 1, 0, false);
-  EXPECT_EQ(scene.labels.segments->optics.focal_length_mm, 50);
+  for (const double stamp : {0.5, 1.5}) cache_.addDepth(image(stamp));
+  EXPECT_TRUE(isWhole(cache_.await(ros::Time(10), 0)));
+  EXPECT_FALSE(found(9.9).depth) << "not pinned";
 }
 
 TEST(ImageLimit, BoundsNumberAndBytes) {
@@ -276,13 +290,13 @@ TEST_F(SceneCacheTest, WhatAnAnnouncedFrameNeedsStaysWhateverComesLater) {
     const double stamp = 10 + i / 30.0;
     cache_.addDepth(image(stamp));
     cache_.addMeasured(image(stamp));
-    cache_.addLabels(labels(stamp));
+    addLabels(cache_, stamp);
   }
-  const SceneMessages scene = cache_.await(ros::Time(10.51), 1, 0, true);
-  ASSERT_TRUE(scene.labels.labels && scene.depth && scene.measured);
-  EXPECT_EQ(scene.labels.labels->header.stamp, ros::Time(10 + 15 / 30.0));
-  EXPECT_EQ(scene.depth->header.stamp, scene.labels.labels->header.stamp);
-  EXPECT_EQ(scene.measured->header.stamp, scene.labels.labels->header.stamp);
+  cache_.pin(ros::Time(10.51));  // it has been announced, and begins
+  const SceneMessages scene = found(10.51);
+  ASSERT_TRUE(scene.labels && scene.depth && scene.measured);
+  for (const auto& each : {scene.depth, scene.measured, scene.labels})
+    EXPECT_EQ(each->header.stamp, ros::Time(10 + 15 / 30.0));
 }
 
 TEST_F(SceneCacheTest, FramesThatNobodyAnnouncedMayBeLate) {
@@ -290,61 +304,69 @@ TEST_F(SceneCacheTest, FramesThatNobodyAnnouncedMayBeLate) {
     const double stamp = 10 + i / 30.0;
     cache_.addDepth(image(stamp));
     cache_.addMeasured(image(stamp));
-    cache_.addLabels(labels(stamp));
+    addLabels(cache_, stamp);
   }
   for (const double late : {0.1, 1.5, 3.0, 5.0, 20.0}) {
     const ros::Time frame(70.01 - late);
     cache_.frameArrived(frame);
-    const SceneMessages scene = cache_.await(frame, 1, 0, true);
-    ASSERT_TRUE(scene.labels.labels && scene.depth && scene.measured) << late << " s: " << scene.no_labels;
+    const SceneMessages scene = found(frame.toSec());
+    ASSERT_TRUE(scene.labels && scene.depth && scene.measured) << late << " s";
     if (late < 0.5) {
-      EXPECT_GT(scene.labels.labels->header.stamp, frame - ros::Duration(0.04));
+      EXPECT_GT(scene.depth->header.stamp, frame - ros::Duration(0.04));
     }
   }
 }
 
 TEST_F(SceneCacheTest, TheCacheIsBoundedByBytes) {
-  const int height = 1242, width = 4416;  // 22 MB of labels
-  for (int i = 0; i < 40; ++i) {
-    LabelSet set = labels(10 + i);
-    const auto large = boost::make_shared<sensor_msgs::Image>(*set.labels);
-    large->data.resize(static_cast<std::size_t>(width) * height * 4);
-    set.labels = large;
-    cache_.addLabels(set);
+  const std::size_t bytes = std::size_t{4416} * 1242 * 2;  // 11 MB
+  cache_.configure(/*by_labels=*/false, 0.5);
+  for (int i = 0; i < 60; ++i) {
+    const auto large = boost::make_shared<sensor_msgs::Image>(*image(10 + i));
+    large->data.resize(bytes);
+    cache_.addDepth(large);
   }
   int kept = 0;
-  for (int i = 0; i < 40; ++i)
-    kept += cache_.await(ros::Time(10 + i), 0.5, 0, false).labels.labels != nullptr;
-  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / (std::size_t{width} * height * 4)));
+  for (int i = 0; i < 60; ++i) kept += found(10 + i).depth != nullptr;
+  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / bytes));
   EXPECT_GE(kept, 4);
 }
 
 TEST_F(SceneCacheTest, SilenceIsWaitedForOnce) {
-  cache_.expect(kAll);
-  const Stopwatch watch;
-  cache_.await(ros::Time(10), 1, 0.5, true);
-  EXPECT_GE(watch.milliseconds(), 499);
-  for (int i = 1; i < 20; ++i) cache_.await(ros::Time(10 + i), 1, kFarTooLong, true);
-  EXPECT_LT(watch.milliseconds(), kSoon);
-  cache_.addLabels(labels(50));  // it speaks again
-  auto scene =
-      std::async(std::launch::async, [&] { return cache_.await(ros::Time(50.5), 1, kFarTooLong, false); });
+  publish();
+  const auto start = std::chrono::steady_clock::now();
+  cache_.await(ros::Time(10), 0.5);
+  EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(499));
+  for (int i = 1; i < 20; ++i) cache_.await(ros::Time(10 + i), kFarTooLong);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(19)) << "less than one time-out";
+  publish({SceneTopic::kDepth});
+  cache_.addDepth(image(50));  // it speaks again
+  auto scene = await(50.5);
   EXPECT_FALSE(isReady(scene, 500));
-  cache_.addLabels(labels(51));
-  EXPECT_EQ(scene.get().labels.labels->header.stamp, ros::Time(50));
+  cache_.addDepth(image(51));
+  EXPECT_EQ(scene.get().depth->header.stamp, ros::Time(50));
 }
 
-TEST_F(SceneCacheTest, SaysWhyThereAreNoLabels) {
-  const auto why = [this](double stamp) { return cache_.await(ros::Time(stamp), 1, 0, false).no_labels; };
+TEST_F(SceneCacheTest, ATopicThatSendsLittleIsNotTakenForSilent) {
+  publish({SceneTopic::kDepth});
+  cache_.addDepth(image(10));
+  EXPECT_TRUE(cache_.await(ros::Time(10.5), 0.1).depth);  // waited in vain for a better one
+  auto scene = await(20);
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));  // late, but far within the time-out
+  EXPECT_FALSE(isReady(scene));
+  cache_.addDepth(image(20));
+  EXPECT_TRUE(scene.get().depth);
+}
+
+TEST_F(SceneCacheTest, SaysWhyThereIsNoScene) {
+  const auto why = [this](double stamp) { return cache_.whyNone(ros::Time(stamp)); };
   const auto contains = [](const std::string& text, const std::string& part) {
     return text.find(part) != std::string::npos ? testing::AssertionSuccess()
                                                 : testing::AssertionFailure() << text;
   };
+  EXPECT_TRUE(contains(why(10), "is depth_preprocess running?"));
+  cache_.configure(/*by_labels=*/true, 1);
   EXPECT_TRUE(contains(why(10), "is the segmenter running?"));
-  cache_.addLabels(labels(10));
+  addLabels(cache_, 10);
   EXPECT_TRUE(contains(why(13.5), "3.5 s older"));
   EXPECT_TRUE(contains(why(8), "2.0 s newer"));
-  EXPECT_EQ(why(10.5), "");
-  for (int i = 0; i < 6000; ++i) cache_.addLabels(labels(10 + i / 30.0));
-  EXPECT_TRUE(contains(why(20), "no longer in memory"));
 }

@@ -12,8 +12,6 @@ using namespace all_in_focus;
 
 namespace {
 
-constexpr int kImage = 0, kLabels = 1;
-
 // As a message may hold it; the constructor of ros::Time refuses what is beyond a second.
 ros::Time received(std::uint32_t sec, std::uint32_t nsec) {
   ros::Time time;
@@ -26,57 +24,66 @@ const ros::Time kLast = received(4294967295u, 950000000u);
 class TimeJumpsTest : public testing::Test {
  protected:
   static void SetUpTestSuite() { ros::Time::init(); }
+  void TearDown() override { ros::Time::init(); }
 
-  bool jumped(int input, double stamp) { return jumps_.arrived(input, ros::Time(stamp)).jumped; }
-  bool leftover(int input, double stamp) { return jumps_.arrived(input, ros::Time(stamp)).leftover; }
+  static void setClock(double now) { ros::Time::setNow(ros::Time(now)); }
+  bool streamWentBack(double stamp) { return jumps_.streamWentBack(ros::Time(stamp)); }
 
-  int reported_ = 0;
-  TimeJumps jumps_{[this](int) { ++reported_; }};
+  TimeJumps jumps_;
 };
 
 }  // namespace
 
-TEST_F(TimeJumpsTest, CountsAJumpOnceHoweverManyInputsShowIt) {
-  for (int i = 0; i < 3; ++i) {
-    EXPECT_FALSE(jumped(kImage, 100 + i));
-    EXPECT_FALSE(jumped(kLabels, 100 + i));
+TEST_F(TimeJumpsTest, AStreamMayGoBackByTheTolerance) {
+  for (const double tolerance : {0.5, 3.0}) {
+    TimeJumps jumps;
+    jumps.setTolerance(tolerance);
+    EXPECT_FALSE(jumps.streamWentBack(ros::Time(100)));
+    EXPECT_FALSE(jumps.streamWentBack(ros::Time(100 - 0.9 * tolerance)));
+    EXPECT_FALSE(jumps.streamWentBack(ros::Time(100)));
+    EXPECT_TRUE(jumps.streamWentBack(ros::Time(100 - 1.1 * tolerance)));
+    EXPECT_FALSE(jumps.streamWentBack(ros::Time(100 - 1.1 * tolerance)));
   }
-  EXPECT_TRUE(jumped(kLabels, 10));
-  EXPECT_FALSE(jumped(kImage, 10));
-  EXPECT_EQ(reported_, 1);
 }
 
-TEST_F(TimeJumpsTest, JitterIsNoJump) {
-  jumped(kImage, 100);
-  EXPECT_FALSE(jumped(kImage, 99.95));
-  EXPECT_TRUE(jumped(kImage, 99.8));
+TEST_F(TimeJumpsTest, TheClockTellsOnceWhoeverAsksFirst) {
+  setClock(100);
+  EXPECT_FALSE(jumps_.clockWentBack());
+  EXPECT_FALSE(streamWentBack(100));
+  setClock(99.95);
+  EXPECT_FALSE(jumps_.clockWentBack()) << "NTP";
+  setClock(10);
+  EXPECT_TRUE(jumps_.clockWentBack());
+  EXPECT_FALSE(streamWentBack(10)) << "the same jump";
+  setClock(5);
+  EXPECT_TRUE(streamWentBack(5));
+  EXPECT_FALSE(jumps_.clockWentBack());
 }
 
-TEST_F(TimeJumpsTest, WhatWasSentBeforeTheJumpIsALeftover) {
-  jumped(kImage, 100);
-  jumped(kLabels, 100);
-  EXPECT_TRUE(jumped(kImage, 10));
-  EXPECT_TRUE(leftover(kLabels, 100.5));
-  EXPECT_FALSE(jumped(kLabels, 10));  // and does not make a second jump of the same
-  EXPECT_FALSE(leftover(kLabels, 10.5));
-  EXPECT_FALSE(leftover(kLabels, 100.2));  // time may go on to there
-  EXPECT_EQ(reported_, 1);
+TEST_F(TimeJumpsTest, AClockThatFollowsTheStreamMakesNoSecondJump) {
+  for (int i = 0; i < 3; ++i) {
+    setClock(100);
+    EXPECT_FALSE(streamWentBack(100));
+    EXPECT_TRUE(streamWentBack(10));
+    EXPECT_FALSE(streamWentBack(10.2));
+    setClock(10);
+    EXPECT_FALSE(jumps_.clockWentBack());
+    EXPECT_FALSE(streamWentBack(10.4));
+  }
 }
 
-TEST_F(TimeJumpsTest, AfterAShortJumpNothingIsALeftover) {
-  jumped(kImage, 100);
-  jumped(kLabels, 100);
-  EXPECT_TRUE(jumped(kImage, 99.5));
-  EXPECT_FALSE(leftover(kLabels, 100.1));
-  EXPECT_TRUE(jumps_.arrived(kImage, ros::Time(99.6)).unclear);
-  EXPECT_FALSE(jumps_.arrived(kImage, ros::Time(10)).unclear) << "a long jump";
+TEST_F(TimeJumpsTest, AFrameOfBeforeTheJumpMakesNoSecondOne) {
+  setClock(100);
+  streamWentBack(100);
+  setClock(10);
+  EXPECT_TRUE(jumps_.clockWentBack());
+  EXPECT_FALSE(streamWentBack(100.2));
+  EXPECT_FALSE(streamWentBack(10.1));
 }
 
 TEST_F(TimeJumpsTest, NoStampThrows) {
-  for (const ros::Time& stamp : {kLast, ros::Time(), received(4294967295u, 4294967295u), kLast}) {
-    EXPECT_NO_THROW(jumps_.arrived(kImage, stamp));
-    EXPECT_NO_THROW(jumps_.arrived(kLabels, stamp));
-  }
+  for (const ros::Time& stamp : {kLast, ros::Time(), received(4294967295u, 4294967295u), kLast})
+    EXPECT_NO_THROW(jumps_.streamWentBack(stamp));
 }
 
 TEST(Stamps, DifferencesHaveNoLimits) {

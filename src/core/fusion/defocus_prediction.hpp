@@ -6,7 +6,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "all_in_focus/bracket_fusion.hpp"
+#include "all_in_focus/fusion.hpp"
 #include "all_in_focus/optics.hpp"
 
 namespace all_in_focus::core {

@@ -132,7 +132,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   const cv::Mat& in_place = placement.isIdentity() ? frame : aligned_;
   const double gain = config_.exposure && !is_reference ? exposure_.gain(in_place) : 1;
   const AlignedFrame aligned{in_place, inside, gain, index, focus_mm, linear_};
-  if (taker_) taker_(aligned);
+  if (on_aligned_) on_aligned_(aligned);
   addAligned(aligned, placement.isIdentity() ? gray : aligned_gray_, !placement.isIdentity());
   return "";
 }

@@ -10,7 +10,7 @@
 
 #include "alignment/bracket_alignment.hpp"
 #include "alignment/reference_warp.hpp"
-#include "all_in_focus/bracket_fusion.hpp"
+#include "fusion/bracket_fusion.hpp"
 #include "fusion/brightness_penalty.hpp"
 #include "fusion/defocus_prediction.hpp"
 #include "fusion/exposure_matching.hpp"
@@ -41,7 +41,9 @@ class RefinedFusion {
   std::string add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm);
 
   /// See BracketFusion.
-  void handAlignedFramesTo(std::function<void(const AlignedFrame&)> taker) { taker_ = std::move(taker); }
+  void setAlignedFrameCallback(std::function<void(const AlignedFrame&)> callback) {
+    on_aligned_ = std::move(callback);
+  }
 
   cv::Mat image() const { return mean_.image(); }
   const cv::Mat& sourceIndex() const { return mean_.sourceIndex(); }
@@ -79,7 +81,7 @@ class RefinedFusion {
   BrightnessPenalty brightness_;
   DefocusPrediction prediction_;
   WeightedMean mean_;
-  std::function<void(const AlignedFrame&)> taker_;
+  std::function<void(const AlignedFrame&)> on_aligned_;
   cv::Mat aligned_, aligned_gray_, squared_error_;
   std::vector<Strip> strips_;
 };

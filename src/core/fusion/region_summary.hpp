@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "all_in_focus/bracket_fusion.hpp"
+#include "all_in_focus/fusion.hpp"
 
 namespace all_in_focus::core {
 

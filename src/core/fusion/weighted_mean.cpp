@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "all_in_focus/bracket_fusion.hpp"
+#include "all_in_focus/fusion.hpp"
 #include "util/image_rows.hpp"
 #include "util/rounding.hpp"
 #include "util/row_strips.hpp"

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include "all_in_focus/restoration.hpp"
+#include "restoration/restoration.hpp"
 
 #include <algorithm>
 #include <array>

@@ -4,12 +4,12 @@
 #include "bracket_assembler.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace all_in_focus {
 namespace {
 
 constexpr std::uint32_t kMaxFrames = 65535;  // 65535 itself means "none" in a source index
-constexpr double kJitter = 0.1;              // s that stamps may go back while time does not
 
 std::string text(std::uint32_t number) {
   return std::to_string(number);
@@ -24,13 +24,7 @@ bool BracketAssembler::endsBefore(const FrameInfo& frame) const {
   // A bracket number that begins again at index 0 is a new bracket: the bag loops, or the driver was
   // restarted.
   if (frame.has_focus) return frame.bracket_id != id_ || frame.index == 0;
-  if (frame.stamp_s + kJitter < last_stamp_s_) return true;  // the bag loops
-  return config_.gap_s > 0 && frame.stamp_s - last_stamp_s_ > config_.gap_s;
-}
-
-bool BracketAssembler::goesOn(const FrameInfo& frame) const {
-  std::string reason;
-  return open_ && !endsBefore(frame) && !refuses(frame, reason);
+  return config_.gap_s > 0 && std::abs(frame.stamp_s - last_stamp_s_) > config_.gap_s;
 }
 
 bool BracketAssembler::refuses(const FrameInfo& frame, std::string& reason) const {

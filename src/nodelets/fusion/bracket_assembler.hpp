@@ -18,8 +18,9 @@ struct FrameInfo {
 };
 
 struct BracketConfig {
-  int size = 0;      ///< frames of a bracket without FocusFrame, 0 = unknown
-  double gap_s = 1;  ///< without FocusFrame a longer gap between stamps ends a bracket, 0 = never
+  int size = 0;  ///< frames of a bracket without FocusFrame, 0 = unknown
+  double gap_s =
+      1;  ///< without FocusFrame a longer gap between stamps, either way, ends a bracket; 0 = never
 };
 
 /// Finds where a focus bracket begins and ends, and the index of each frame: from FocusFrame messages where
@@ -45,9 +46,6 @@ class BracketAssembler {
   /// add().
   bool endsBefore(const FrameInfo& frame) const;
 
-  /// The open bracket lacks this frame.
-  bool goesOn(const FrameInfo& frame) const;
-
   Step add(const FrameInfo& frame);
 
   /// Ends the open bracket.
@@ -59,6 +57,8 @@ class BracketAssembler {
   bool gapElapsed(double now_s) const;
 
   bool open() const { return open_; }
+  bool byFocus() const { return by_focus_; }  ///< FocusFrame messages define the open bracket
+  std::uint32_t id() const { return id_; }    ///< of the open bracket
   /// Frames of the bracket announced so far (all of them, once it is complete) that did not come.
   int missing() const { return missing_; }
 

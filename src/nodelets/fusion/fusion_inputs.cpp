@@ -6,21 +6,27 @@
 #include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <utility>
 #include <vector>
 
 #include "image_limit.hpp"
-#include "transports.hpp"
 
 namespace all_in_focus {
 namespace {
 
 namespace enc = sensor_msgs::image_encodings;
 
-constexpr std::size_t kFramesWaiting =
-    1024;  // stamps: a camera may send the pictures of a sweep after its end
-constexpr std::size_t kLabelsWaiting = 64;
 // Callbacks hand over at once; what waits there is bounded and counted.
 constexpr std::uint32_t kArrivingImages = 64, kArrivingMessages = 1000;
+// FocusFrame messages that may wait: a camera may send the pictures of a sweep after its end.
+constexpr std::uint32_t kFramesWaiting = 1024;
+constexpr std::uint32_t kLabelsWaiting = 64;
+constexpr double kSettleTime = 1, kSettlePeriod = 0.02;  // s of wall time
+constexpr double kDefaultGap = 1;                        // s
+constexpr std::chrono::seconds kPatience(5);             // before a warning
 
 bool isPublished(const ros::Subscriber& subscriber) {
   return subscriber && subscriber.getNumPublishers() > 0;
@@ -28,58 +34,52 @@ bool isPublished(const ros::Subscriber& subscriber) {
 
 }  // namespace
 
-FusionInputs::FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache& scenes, FrameQueue& frames)
+FusionInputs::FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache& scenes, FusionWorker& worker)
     : guard_(guard),
       status_(status),
       scenes_(scenes),
-      frames_(frames),
+      worker_(worker),
       image_input_(status.addInput("rgb/image", Expect::kStream, "start the colour camera's driver")),
       focus_input_(status.addInput("rgb/focus", Expect::kOptional, "")),
       info_input_(status.addInput("rgb/camera_info", Expect::kOnce, "start the colour camera's driver")),
+      optics_input_(status.addInput("rgb/optics", Expect::kOptional, "")),
       labels_input_(status.addInput("segmentation/labels", Expect::kOnce, "start the segmenter")),
       segments_input_(status.addInput("segmentation/segments", Expect::kOnce, "start the segmenter")),
       depth_input_(status.addInput("depth_registered/image", Expect::kOnce, "start depth_preprocess")),
-      measured_input_(status.addInput("depth_registered/image_raw", Expect::kOptional, "")),
-      time_jumps_([this](int input) { status_.timeWentBack(input); }),
-      frame_matcher_(
-          kFramesWaiting,
-          [this](const auto& image, const auto& focus) {
-            addFrame({image, focus});
-          },
-          [this](const auto& image, const auto&) {
-            onUnmatchedFrame(image, "colour frame without a rgb/focus message of the same stamp");
-          }),
-      late_matcher_(
-          kFramesWaiting,
-          [this](const auto& image, const auto& focus) {
-            frames_.add({image, focus}, unclear_ ? FrameQueue::Time::kUnclear : FrameQueue::Time::kBefore);
-          },
-          [this](const auto& image, const auto&) { onUnmatchedFrame(image, ""); }),
-      label_matcher_(
-          kLabelsWaiting, [this](const auto& labels, const auto& segments) { onLabelSet(labels, segments); },
-          [this](const auto&, const auto&) { status_.count(Outcome::kUnmatched); }) {}
+      measured_input_(status.addInput("depth_registered/image_raw", Expect::kOptional, "")) {
+  const auto on_timer = [this](const ros::WallTimerEvent&) { settle(); };
+  settling_ = guard.nh.createWallTimer(ros::WallDuration(kSettlePeriod), guard.wrap("publishers", on_timer),
+                                       /*oneshot=*/false, /*autostart=*/false);
+  resetFrames();
+  resetLabels(kLabelsWaiting);
+}
 
-// Ignores messages that were sent before time jumped back.
 template <typename Message, typename Use>
 ros::Subscriber FusionInputs::subscribeTo(int input, std::uint32_t queue_size, Use use) {
   const auto on_message = [this, input, use](const auto& message) {
-    noticeJump(input, message->header.stamp).leftover ? status_.count(Outcome::kUnmatched) : use(message);
+    if (time_jumps_.clockWentBack()) startAfresh(input, ros::Time::now());
+    use(message);
   };
   return guard_.subscribe<Message>(input, queue_size, on_message);
 }
 
 void FusionInputs::subscribe() {
+  updatePublished(/*assumed=*/true);
   // Depth and labels use plain ROS, because lossy transports would destroy them. They are subscribed first,
   // so that they are there when colour comes.
   updateMeasured();
   depth_subscriber_ = subscribeTo<sensor_msgs::Image>(depth_input_, kArrivingImages,
                                                       [this](const auto& depth) { scenes_.addDepth(depth); });
-  labels_subscriber_ = subscribeTo<sensor_msgs::Image>(
-      labels_input_, kArrivingImages, [this](const auto& labels) { label_matcher_.add(labels); });
+  labels_subscriber_ = subscribeTo<sensor_msgs::Image>(labels_input_, kArrivingImages,
+                                                       [this](const auto& labels) { onLabels(labels); });
   segments_subscriber_ = subscribeTo<SegmentArray>(
-      segments_input_, kArrivingMessages, [this](const auto& segments) { label_matcher_.add(segments); });
+      segments_input_, kArrivingMessages, [this](const auto& segments) { label_matcher_->add<1>(segments); });
   info_subscriber_ = subscribeTo<sensor_msgs::CameraInfo>(
       info_input_, kArrivingMessages, [this](const auto& info) { scenes_.setCamera(info); });
+  const auto on_optics = [this](const OpticsConstPtr& optics) { onOptics(optics); };
+  optics_subscriber_ = guard_.nh.subscribe<OpticsMsg>(
+      status_.topic(optics_input_), kArrivingMessages,
+      boost::function<void(const OpticsConstPtr&)>(guard_.wrap(status_.resolved(optics_input_), on_optics)));
   focus_subscriber_ = guard_.subscribe<FocusFrame>(focus_input_, kArrivingMessages,
                                                    [this](const auto& focus) { onFocus(focus); });
   image_subscriber_ =
@@ -88,22 +88,25 @@ void FusionInputs::subscribe() {
 }
 
 void FusionInputs::unsubscribe() {
+  settling_.stop();
+  settled_ = false;
+  settle_until_ = {};
   image_subscriber_ = {};
   depth_subscriber_ = measured_subscriber_ = labels_subscriber_ = segments_subscriber_ = info_subscriber_ =
-      focus_subscriber_ = {};
-  frame_matcher_.clear();
-  late_matcher_.clear();
-  label_matcher_.clear();
-  focus_seen_ = awaited_ = false;
+      optics_subscriber_ = focus_subscriber_ = {};
+  resetFrames();
+  resetLabels(label_queue_);
+  last_focus_ = {};
   announced_bracket_.reset();
   status_.setExpect(image_input_, Expect::kStream);
-  frames_.abandon();
+  worker_.cancel();
   scenes_.clear();
   status_.setSubscribed(false);
 }
 
-void FusionInputs::needMeasured(bool needed) {
-  needs_measured_ = needed;
+void FusionInputs::configure(bool needs_measured, double gap_s) {
+  time_jumps_.setTolerance(gap_s > 0 ? gap_s : kDefaultGap);
+  needs_measured_ = needs_measured;
   if (subscribed()) updateMeasured();
 }
 
@@ -116,82 +119,170 @@ void FusionInputs::updateMeasured() {
   }
 }
 
-// A jump seen on any input empties all matching and the cache; but frames may be new already when it shows on
-// another input, so only frames end the open bracket. Its last frames may be under way still: they are
-// matched apart, because their stamps would push new ones out.
-TimeJumps::Arrival FusionInputs::noticeJump(int input, const ros::Time& stamp, bool is_frame) {
-  const TimeJumps::Arrival arrival = time_jumps_.arrived(input, stamp);
-  if (arrival.jumped) {
-    const ros::Time now = std::min(stamp, ros::Time::now());
-    late_matcher_.forgetAfter({});
-    frame_matcher_.forgetAfter(now, [this](const auto& image, const auto& focus) {
-      image ? late_matcher_.add(image) : late_matcher_.add(focus);
-    });
-    label_matcher_.forgetAfter(now);
-    scenes_.forgetAfter(now);
-    if (is_frame) frames_.restart();
+// Whether everything is published that the first frames may have to wait for.
+bool FusionInputs::allPublished() const {
+  const auto needed =
+      needs_measured_
+          ? std::vector<const ros::Subscriber*>{&focus_subscriber_, &depth_subscriber_, &measured_subscriber_,
+                                                &info_subscriber_, &optics_subscriber_}
+          : std::vector<const ros::Subscriber*>{&focus_subscriber_, &labels_subscriber_};
+  return std::all_of(needed.begin(), needed.end(), [](const ros::Subscriber* s) { return isPublished(*s); });
+}
+
+// assumed: until publishers have had time to connect.
+void FusionInputs::updatePublished(bool assumed) {
+  const std::pair<SceneTopic, const ros::Subscriber*> topics[] = {
+      {SceneTopic::kDepth, &depth_subscriber_},
+      {SceneTopic::kMeasured, &measured_subscriber_},
+      {SceneTopic::kLabels, &labels_subscriber_},
+      {SceneTopic::kCamera, &info_subscriber_},
+      {SceneTopic::kOptics, &optics_subscriber_}};
+  for (const auto& [topic, subscriber] : topics)
+    scenes_.setPublished(topic, assumed || isPublished(*subscriber));
+}
+
+// After the first frame other publishers may still be connecting. Without their messages from rgb/focus, or
+// without its scene, the first bracket would be cut or fused differently.
+void FusionInputs::settle() {
+  const ros::WallTime now = ros::WallTime::now();
+  if (settle_until_.isZero()) settle_until_ = now + ros::WallDuration(kSettleTime);
+  if (settled_ || (now < settle_until_ && !allPublished())) return;
+  settled_ = true;
+  settling_.stop();
+  updatePublished(/*assumed=*/false);
+  if (isPublished(focus_subscriber_) || !last_focus_.isZero()) return;
+  const std::deque<sensor_msgs::ImageConstPtr> plain = std::exchange(unmatched_, {});
+  resetFrames();
+  for (const sensor_msgs::ImageConstPtr& image : plain) worker_.add({image, nullptr});
+}
+
+// The open bracket ends with what it has. What is newer than the new time is forgotten. Unmatched images
+// belong to that time to which their stamps are nearer: some of the new time may have overtaken rgb/focus.
+void FusionInputs::startAfresh(int input, const ros::Time& now) {
+  status_.timeWentBack(input);
+  const ros::Time before = std::exchange(last_focus_, {});
+  worker_.restart();
+  scenes_.forgetAfter(now);
+  resetLabels(label_queue_);
+  std::deque<sensor_msgs::ImageConstPtr> still_valid;
+  for (const sensor_msgs::ImageConstPtr& image : unmatched_) {
+    const ros::Time& stamp = image->header.stamp;
+    if (std::abs(secondsBetween(stamp, now)) <= std::abs(secondsBetween(stamp, before))) {
+      still_valid.push_back(image);
+    } else {
+      status_.acknowledge(image->header, Outcome::kUnmatched, "time went back");
+    }
   }
-  return arrival;
+  resetFrames();
+  for (const sensor_msgs::ImageConstPtr& image : still_valid) match(image);
 }
 
-// A topic keeps its order: when a frame of the new time is complete, all older frames have come.
-void FusionInputs::addFrame(const BracketFrame& frame) {
-  late_matcher_.forgetAfter({});
-  frames_.add(frame, unclear_ ? FrameQueue::Time::kUnclear : FrameQueue::Time::kNow);
+void FusionInputs::resetFrames() {
+  frame_matcher_ = std::make_unique<Matcher<sensor_msgs::Image, FocusFrame>>(
+      ExactTime<sensor_msgs::Image, FocusFrame>(kFramesWaiting));
+  frame_matcher_->registerCallback(&FusionInputs::onFrame, this);
+  unmatched_.clear();
+  unmatched_bytes_ = 0;
 }
 
-// Whether a frame, or its message from rgb/focus, was sent before time went back.
-bool FusionInputs::isLate(const TimeJumps::Arrival& arrival, const ros::Time& stamp) {
-  unclear_ = arrival.unclear;
-  return arrival.leftover || late_matcher_.holds(stamp);
+void FusionInputs::resetLabels(std::uint32_t queue_size) {
+  label_queue_ = queue_size;
+  label_matcher_ = std::make_unique<Matcher<sensor_msgs::Image, SegmentArray>>(
+      ExactTime<sensor_msgs::Image, SegmentArray>(queue_size));
+  label_matcher_->registerCallback(&FusionInputs::onLabelSet, this);
 }
 
 void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
-  // Without its messages from rgb/focus or its scene the first bracket would be cut or fused differently.
-  if (!awaited_) {
-    std::vector<const ros::Subscriber*> others = {&focus_subscriber_, &labels_subscriber_};
-    if (measured_subscriber_)
-      others.insert(others.end(), {&depth_subscriber_, &measured_subscriber_, &info_subscriber_});
-    awaitPublishers(others);
-  }
-  awaited_ = true;
   const ros::Time stamp = image->header.stamp;
-  const bool is_late = isLate(noticeJump(image_input_, stamp, /*is_frame=*/true), stamp);
-  scenes_.expect({isPublished(labels_subscriber_), isPublished(depth_subscriber_),
-                  isPublished(measured_subscriber_), isPublished(info_subscriber_)});
-  // Once rgb/focus is there, it defines the brackets, and the camera may be silent between them.
-  if (focus_seen_ || isPublished(focus_subscriber_)) {
-    status_.setExpect(image_input_, Expect::kOnce);
-    (is_late ? late_matcher_ : frame_matcher_).add(image);
-  } else if (is_late) {
-    frames_.add({image, nullptr}, FrameQueue::Time::kBefore);
+  if (settled_) {
+    updatePublished(/*assumed=*/false);
   } else {
-    addFrame({image, nullptr});
+    settling_.start();
   }
+  // A publisher of rgb/focus defines the brackets while it is there.
+  const bool has_focus = isPublished(focus_subscriber_) || stamp <= last_focus_;
+  if (settled_ && !has_focus) {
+    if (time_jumps_.streamWentBack(stamp)) startAfresh(image_input_, std::min(stamp, ros::Time::now()));
+    giveUpAllFrames();  // the publisher of rgb/focus is gone
+    status_.setExpect(image_input_, Expect::kStream);
+    worker_.add({image, nullptr});
+    return;
+  }
+  if (time_jumps_.clockWentBack()) startAfresh(image_input_, ros::Time::now());
+  match(image);
+}
+
+void FusionInputs::match(const sensor_msgs::ImageConstPtr& image) {
+  if (unmatched_.empty()) {
+    last_match_ = std::chrono::steady_clock::now();
+    least_off_s_ = std::numeric_limits<double>::infinity();
+  }
+  unmatched_.push_back(image);
+  unmatched_bytes_ += image->data.size();
+  frame_matcher_->add<0>(image);
+  if (unmatched_bytes_ > kMaxWaitingBytes && unmatched_.size() > kFewestWaiting) giveUpAllFrames();
+  warnOfMismatch();
 }
 
 // rgb/focus is sent at the shutter; the image may come much later.
 void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
   const ros::Time stamp = focus->header.stamp;
-  if (isLate(noticeJump(focus_input_, stamp, /*is_frame=*/true), stamp)) {
-    late_matcher_.add(focus);
-    return;
-  }
-  focus_seen_ = true;
-  status_.setExpect(image_input_, Expect::kOnce);
+  if (time_jumps_.streamWentBack(stamp)) startAfresh(focus_input_, std::min(stamp, ros::Time::now()));
   if (focus->index == 0 || announced_bracket_ != focus->bracket_id) scenes_.pin(stamp);
   announced_bracket_ = focus->bracket_id;
-  frame_matcher_.add(focus);
+  last_focus_ = stamp;
+  frame_matcher_->add<1>(focus);
+  warnOfMismatch();
 }
 
-// image: null if only rgb/focus came.
-void FusionInputs::onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image, const char* reason) {
-  image ? status_.acknowledge(image->header, Outcome::kUnmatched, reason)
-        : status_.count(Outcome::kUnmatched);
+// Topics keep their order: images that came before this one and are not matched will never be.
+void FusionInputs::onFrame(const sensor_msgs::ImageConstPtr& image, const FocusFrameConstPtr& focus) {
+  const auto found = std::find(unmatched_.begin(), unmatched_.end(), image);
+  if (found == unmatched_.end()) return;  // given up before
+  giveUpFrames(static_cast<std::size_t>(found - unmatched_.begin()));
+  unmatched_bytes_ -= image->data.size();
+  unmatched_.pop_front();
+  last_match_ = std::chrono::steady_clock::now();
+  status_.setExpect(image_input_, Expect::kOnce);  // the camera may be silent between brackets
+  worker_.add({image, focus});
 }
 
-void FusionInputs::onLabelSet(const sensor_msgs::ImageConstPtr& labels,
-                              const SegmentArrayConstPtr& segments) {
+// The oldest ones.
+void FusionInputs::giveUpFrames(std::size_t count) {
+  for (; count > 0; --count) {
+    unmatched_bytes_ -= unmatched_.front()->data.size();
+    status_.acknowledge(unmatched_.front()->header, Outcome::kUnmatched,
+                        "colour frame without a rgb/focus message of the same stamp");
+    unmatched_.pop_front();
+  }
+}
+
+void FusionInputs::giveUpAllFrames() {
+  if (unmatched_.empty()) return;
+  giveUpFrames(unmatched_.size());
+  resetFrames();
+}
+
+// Call when an image or a message from rgb/focus has come.
+void FusionInputs::warnOfMismatch() {
+  if (unmatched_.empty()) return;
+  const double off_s = std::abs(secondsBetween(unmatched_.back()->header.stamp, last_focus_));
+  least_off_s_ = std::min(least_off_s_, off_s);
+  if (std::chrono::steady_clock::now() - last_match_ < kPatience) return;
+  status_.warn(
+      cv::format("%zu colour frames wait for a rgb/focus message of the same stamp; the nearest one "
+                 "differs by %g s",
+                 unmatched_.size(), least_off_s_));
+}
+
+void FusionInputs::onOptics(const OpticsConstPtr& optics) {
+  status_.inputArrived(optics_input_);
+  if (optics_subscriber_.getNumPublishers() > 1)
+    status_.warn(status_.resolved(optics_input_) + " has several publishers: the last message counts");
+  scenes_.setOptics(optics);
+}
+
+void FusionInputs::onLabels(const sensor_msgs::ImageConstPtr& labels) {
   if (labels->encoding != enc::TYPE_32SC1 ||
       labels->data.size() < std::size_t{labels->step} * labels->height || labels->data.empty()) {
     status_.count(Outcome::kInvalid);
@@ -199,7 +290,14 @@ void FusionInputs::onLabelSet(const sensor_msgs::ImageConstPtr& labels,
                   labels->encoding);
     return;
   }
-  scenes_.addLabels({labels, segments});
+  const auto queue_size = static_cast<std::uint32_t>(imageLimit(kLabelsWaiting, *labels));
+  if (queue_size != label_queue_) resetLabels(queue_size);
+  label_matcher_->add<0>(labels);
+}
+
+void FusionInputs::onLabelSet(const sensor_msgs::ImageConstPtr& labels,
+                              const SegmentArrayConstPtr& segments) {
+  scenes_.addLabels(labels, segments);
 }
 
 }  // namespace all_in_focus

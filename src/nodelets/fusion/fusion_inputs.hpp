@@ -5,69 +5,96 @@
 #include <all_in_focus/FocusFrame.h>
 #include <all_in_focus/SegmentArray.h>
 #include <image_transport/subscriber.h>
+#include <message_filters/sync_policies/exact_time.h>
+#include <message_filters/synchronizer.h>
 #include <ros/ros.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
+#include <chrono>
+#include <cstddef>
 #include <cstdint>
+#include <deque>
+#include <memory>
 #include <optional>
 
 #include "callback_guard.hpp"
-#include "frame_queue.hpp"
+#include "fusion_worker.hpp"
 #include "node_status.hpp"
 #include "scene_cache.hpp"
-#include "stamp_matcher.hpp"
 #include "time_jumps.hpp"
 
 namespace all_in_focus {
 
 /// The subscriptions of the fusion. Matches frames with their messages from rgb/focus, and label images with
-/// the tables of their regions. Frames go to the queue, everything else goes to the scene cache.
+/// the tables of their regions. Frames go to the worker, everything else goes to the scene cache.
 ///
 /// Callbacks run one after the other; the methods are to be called from one of them, or before the first.
 class FusionInputs {
  public:
   /// Adds the inputs to the status, subscribes nothing.
-  FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache& scenes, FrameQueue& frames);
+  FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache& scenes, FusionWorker& worker);
 
   void subscribe();
   void unsubscribe();
   bool subscribed() const { return static_cast<bool>(image_subscriber_); }
 
-  /// Sets whether depth before hole filling is needed; mode paper does not need it.
-  void needMeasured(bool needed);
+  /// needs_measured: depth before hole filling is needed; mode paper does not need it. gap_s: stamps of
+  /// colour frames that go back by more tell that time went back; 0 = 1 s.
+  void configure(bool needs_measured, double gap_s);
 
  private:
+  template <typename First, typename Second>
+  using ExactTime = message_filters::sync_policies::ExactTime<First, Second>;
+  template <typename First, typename Second>
+  using Matcher = message_filters::Synchronizer<ExactTime<First, Second>>;
+
   template <typename Message, typename Use>
   ros::Subscriber subscribeTo(int input, std::uint32_t queue_size, Use use);
   void updateMeasured();
-  TimeJumps::Arrival noticeJump(int input, const ros::Time& stamp, bool is_frame = false);
-  bool isLate(const TimeJumps::Arrival& arrival, const ros::Time& stamp);
-  void addFrame(const BracketFrame& frame);
+  void settle();
+  bool allPublished() const;
+  void updatePublished(bool assumed);
+  void startAfresh(int input, const ros::Time& now);
+  void resetFrames();
+  void resetLabels(std::uint32_t queue_size);
+
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFocus(const FocusFrameConstPtr& focus);
+  void onOptics(const OpticsConstPtr& optics);
+  void onLabels(const sensor_msgs::ImageConstPtr& labels);
+  void onFrame(const sensor_msgs::ImageConstPtr& image, const FocusFrameConstPtr& focus);
   void onLabelSet(const sensor_msgs::ImageConstPtr& labels, const SegmentArrayConstPtr& segments);
-  void onUnmatchedFrame(const sensor_msgs::ImageConstPtr& image, const char* reason);
+  void match(const sensor_msgs::ImageConstPtr& image);
+  void giveUpFrames(std::size_t count);
+  void giveUpAllFrames();
+  void warnOfMismatch();
 
   CallbackGuard& guard_;
   NodeStatus& status_;
   SceneCache& scenes_;
-  FrameQueue& frames_;
-  const int image_input_, focus_input_, info_input_, labels_input_, segments_input_, depth_input_,
-      measured_input_;
+  FusionWorker& worker_;
+  const int image_input_, focus_input_, info_input_, optics_input_, labels_input_, segments_input_,
+      depth_input_, measured_input_;
   TimeJumps time_jumps_;
-  using FrameMatcher = StampMatcher<sensor_msgs::Image, FocusFrame>;
-  FrameMatcher frame_matcher_;
-  FrameMatcher late_matcher_;  // of frames from before time jumped back
-  StampMatcher<sensor_msgs::Image, SegmentArray> label_matcher_;
+
+  std::unique_ptr<Matcher<sensor_msgs::Image, FocusFrame>> frame_matcher_;
+  std::deque<sensor_msgs::ImageConstPtr> unmatched_;  // images in frame_matcher_, in the order of arrival
+  std::size_t unmatched_bytes_ = 0;
+  std::chrono::steady_clock::time_point last_match_;  // or since when there is something to match
+  double least_off_s_ = 0;                            // since then, between stamps of images and FocusFrames
+  std::unique_ptr<Matcher<sensor_msgs::Image, SegmentArray>> label_matcher_;
+  std::uint32_t label_queue_ = 0;
 
   bool needs_measured_ = false;
-  bool unclear_ = false;                            // it is unknown which frames are older than the last jump
-  bool focus_seen_ = false, awaited_ = false;       // since the subscription
+  bool settled_ = false;  // all publishers have had time to connect since the first frame
+  ros::WallTimer settling_;
+  ros::WallTime settle_until_;
+  ros::Time last_focus_;                            // stamp, since the subscription
   std::optional<std::uint32_t> announced_bracket_;  // the last one of rgb/focus
   image_transport::Subscriber image_subscriber_;
-  ros::Subscriber focus_subscriber_, info_subscriber_, labels_subscriber_, segments_subscriber_,
-      depth_subscriber_, measured_subscriber_;
+  ros::Subscriber focus_subscriber_, info_subscriber_, optics_subscriber_, labels_subscriber_,
+      segments_subscriber_, depth_subscriber_, measured_subscriber_;
 };
 
 }  // namespace all_in_focus

@@ -6,13 +6,14 @@
 #include <ros/spinner.h>
 #include <std_srvs/Trigger.h>
 
+#include <boost/make_shared.hpp>
 #include <chrono>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
+#include <stdexcept>
 #include <string>
 
 #include "conversions.hpp"
-#include "frame_queue.hpp"
 #include "fusion_inputs.hpp"
 #include "fusion_outputs.hpp"
 #include "fusion_worker.hpp"
@@ -26,9 +27,30 @@ namespace {
 
 constexpr std::chrono::seconds kFinishPatience(60);
 
+// all_in_focus.launch loads the lens of the rig as ~calibration.
+CalibrationLens readCalibration(const ros::NodeHandle& private_nh, NodeStatus& status) {
+  constexpr double kMmPerUm = 1e-3, kLargestPitch = 1000;
+  CalibrationLens lens;
+  double pixel_pitch_um = 0;
+  readNumber(private_nh, "pixel_pitch_um", 0.0, kLargestPitch, pixel_pitch_um, status);
+  lens.pixel_pitch_mm = kMmPerUm * pixel_pitch_um;
+  if (!private_nh.hasParam("calibration/focal_length_mm")) return lens;
+  core::Optics optics;
+  readParameter(private_nh, "calibration/focal_length_mm", optics.focal_length_mm, status);
+  readParameter(private_nh, "calibration/aperture", optics.aperture, status);
+  readParameter(private_nh, "calibration/circle_of_confusion_mm", optics.circle_of_confusion_mm, status);
+  try {
+    core::validate(optics);
+    lens.optics = boost::make_shared<OpticsMsg>(toMessage(optics));
+  } catch (const std::invalid_argument& e) {
+    status.error(std::string("~calibration: ") + e.what() + ": the lens of the calibration is unknown");
+  }
+  return lens;
+}
+
 }  // namespace
 
-/// Fuses focus brackets into all-in-focus images: inputs -> queue -> worker -> outputs.
+/// Fuses focus brackets into all-in-focus images: inputs -> worker -> outputs.
 ///
 /// Callbacks run one after the other and only pass messages on. The service ~finish waits for the worker, so
 /// it has a thread of its own.
@@ -48,33 +70,30 @@ class Fusion {
 
   NodeStatus& status_;
   int queue_size_ = 60;
-  bool restore_every_ = false;
+  FusionSettings at_start_;                               // what reconfigure() does not change
   FusionConfig config_ = FusionConfig::__getDefault__();  // always possible
   FusionOutputs outputs_;
   SceneCache scenes_;
-  FrameQueue frames_;
-  FusionInputs inputs_;
   FusionWorker worker_;
+  FusionInputs inputs_;
   ros::CallbackQueue finish_queue_;
   ros::ServiceServer finish_server_;
   ros::AsyncSpinner finish_spinner_{1, &finish_queue_};
   std::unique_ptr<dynamic_reconfigure::Server<FusionConfig>> configuration_;
 };
 
-// A call of ~finish may be waiting for the queue; to stop the queue ends it.
+// A call of ~finish may be waiting for the worker; to stop the worker ends it.
 Fusion::~Fusion() {
-  frames_.stop();
+  worker_.stop();
   finish_server_.shutdown();
   finish_spinner_.stop();
 }
 
 Fusion::Fusion(CallbackGuard& guard, NodeStatus& status)
-    : status_(status),
-      frames_(status, scenes_),
-      inputs_(guard, status, scenes_, frames_),
-      worker_(status, frames_, scenes_, [this](const FusedBracket& bracket) { outputs_.publish(bracket); }) {
+    : status_(status), worker_(status, scenes_, outputs_), inputs_(guard, status, scenes_, worker_) {
   readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
-  readParameter(guard.private_nh, "restore_every_bracket", restore_every_, status);
+  readParameter(guard.private_nh, "restore_every_bracket", at_start_.restore_every, status);
+  at_start_.calibration = readCalibration(guard.private_nh, status);
   configuration_ =
       serveConfiguration<FusionConfig>(guard, status, [this](auto& config) { reconfigure(config); });
   ros::NodeHandle finish_nh(guard.private_nh);
@@ -98,13 +117,15 @@ void Fusion::reconfigure(FusionConfig& config) {
   repairNegative(config.label_timeout, config_.label_timeout, "label_timeout", status_);
   config_ = config;
 
-  const FusionSettings settings{
-      parseMode(config.mode), config.reference,     config.bracket_mode == "sliding",
-      config.max_held_frames, config.label_max_age, config.label_timeout,
-      restore_every_};
-  frames_.configure({config.bracket_size, config.bracket_gap}, queue_size_);
-  worker_.configure(settings);
-  inputs_.needMeasured(settings.mode != Mode::kPaper);
+  FusionSettings settings = at_start_;
+  settings.mode = parseMode(config.mode);
+  settings.reference = config.reference;
+  settings.sliding = config.bracket_mode == "sliding";
+  settings.max_held_frames = config.max_held_frames;
+  settings.label_timeout_s = config.label_timeout;
+  scenes_.configure(/*by_labels=*/settings.mode == Mode::kPaper, config.label_max_age);
+  worker_.configure(settings, {config.bracket_size, config.bracket_gap}, queue_size_);
+  inputs_.configure(/*needs_measured=*/settings.mode != Mode::kPaper, config.bracket_gap);
 }
 
 // Works only while somebody listens.
@@ -118,7 +139,7 @@ void Fusion::connect() {
 }
 
 bool Fusion::finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  std::future<int> finished = frames_.finish();
+  std::future<int> finished = worker_.finish();
   const bool in_time = finished.wait_for(kFinishPatience) == std::future_status::ready;
   const int published = in_time ? finished.get() : -1;
   response.success = published >= 0;

@@ -60,7 +60,7 @@ bool FusionOutputs::wanted() const {
 
 void FusionOutputs::publish(const FusedBracket& bracket) {
   const std_msgs::Header& header = bracket.report->header;
-  const FusionResult& result = bracket.result;
+  const BracketResult& result = bracket.result;
   if (!result.image.empty()) {
     // The camera comes first: rviz's DepthCloud drops images that come before it.
     if (bracket.camera) {
@@ -72,12 +72,12 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
     source_index_.publish(toImage(header, enc::TYPE_16UC1, result.source_index));
     confidence_.publish(toImage(header, enc::MONO8, result.confidence));
     cv::Mat weights;
-    drawWeights(result.source_index, result.confidence, bracket.frames, weights);
+    drawWeights(result.source_index, result.confidence, result.length, weights);
     cv::cvtColor(weights, weights, cv::COLOR_BGR2RGB);
     weights_.publish(toImage(header, enc::RGB8, weights));
     publishDepth(header, bracket.depth, result.image.size());
-    if (!bracket.restored_depth.empty())
-      depth_restored_.publish(toImage(header, enc::TYPE_16UC1, bracket.restored_depth));
+    if (!result.restored_depth.empty())
+      depth_restored_.publish(toImage(header, enc::TYPE_16UC1, result.restored_depth));
   }
   report_.publish(bracket.report);
 }

@@ -2,15 +2,26 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <all_in_focus/FusionReport.h>
 #include <ros/ros.h>
+#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
 #include <functional>
 
+#include "all_in_focus/bracket.hpp"
+#include "conversions.hpp"
 #include "node_status.hpp"
-#include "open_bracket.hpp"
 
 namespace all_in_focus {
+
+/// One all-in-focus image and what belongs to it.
+struct FusedBracket {
+  BracketResult result;  ///< its image is empty when no frame of the bracket could be used
+  FusionReportPtr report;
+  sensor_msgs::ImageConstPtr depth;        ///< registered depth of the scene, may be empty
+  sensor_msgs::CameraInfoConstPtr camera;  ///< may be empty
+};
 
 /// The topics that the fusion publishes. All messages of one result are latched and have the same header.
 class FusionOutputs {

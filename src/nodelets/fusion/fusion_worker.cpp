@@ -4,22 +4,49 @@
 #include "fusion_worker.hpp"
 
 #include <algorithm>
+#include <boost/make_shared.hpp>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <set>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
 #include "all_in_focus/rig_checks.hpp"
-#include "stopwatch.hpp"
+#include "image_limit.hpp"
 
 namespace all_in_focus {
 namespace {
+
+constexpr std::chrono::milliseconds kIdlePeriod(50);  // between checks for a gap in time
+constexpr std::chrono::seconds kSilence(10);          // in an open bracket, before a warning
+constexpr double kMmPerM = 1000;
+constexpr const char* kProgress = "restoration";  // key of the diagnostics
+
+FrameInfo frameInfo(const BracketFrame& frame) {
+  const double stamp_s = frame.image->header.stamp.toSec();
+  if (!frame.focus) return {stamp_s};
+  const FocusFrame& focus = *frame.focus;
+  return {stamp_s, true, focus.bracket_id, focus.index, focus.count, focus.last != 0};
+}
+
+Outcome outcomeOf(const FrameStatus& status) {
+  return status.kind == FrameStatus::Kind::kRejected ? Outcome::kInvalid : Outcome::kProcessed;
+}
+
+std::string reasonOf(const FrameStatus& status) {
+  return status.reason.empty() ? "" : "frame " + std::to_string(status.index) + ": " + status.reason;
+}
 
 // Likely mistakes in optics or depth, one line each, in the words of fuse_stack.
 std::vector<std::string> checkRig(const FusedBracket& bracket) {
   std::vector<std::string> warnings;
   try {
-    const core::Optics optics = toOptics(bracket.report->optics);
-    if (bracket.report->has_labels && bracket.camera)
-      warnings.push_back(core::checkCircleOfConfusion(optics, toCamera(*bracket.camera, "rgb/camera_info")));
+    if (bracket.report->optics.focal_length_mm > 0 && bracket.camera) {
+      warnings.push_back(core::checkCircleOfConfusion(toOptics(bracket.report->optics),
+                                                      toCamera(*bracket.camera, "rgb/camera_info")));
+    }
     if (bracket.depth && !bracket.result.image.empty()) {
       const DepthImage depth = toDepth(bracket.depth, {}, "depth_registered/image");
       warnings.push_back(core::checkMirroring(depth.mm, cv::Mat(), bracket.result.image));
@@ -33,130 +60,390 @@ std::vector<std::string> checkRig(const FusedBracket& bracket) {
 
 }  // namespace
 
-FusionWorker::FusionWorker(NodeStatus& status, FrameQueue& queue, SceneCache& scenes, Publish publish)
-    : status_(status),
-      queue_(queue),
-      scenes_(scenes),
-      publish_(std::move(publish)),
-      restorer_(
-          status, [this] { return queue_.interrupted(); },
-          [this](const FusedBracket& bracket, const FrameFates& fates) {
-            publish_(bracket);
-            acknowledge(fates);
-          }),
-      thread_([this] { run(); }) {}
+/// The bracket being fused. Its images and its scene live as long as `bracket_` uses them.
+struct FusionWorker::OpenBracket {
+  FusionSettings settings;
+  std::uint32_t id = 0;
+  std_msgs::Header header;  // of the first frame
+  int length = 0;           // as far as known
+  bool has_begun = false;   // a frame has come whose image was not dropped
+  SharedScene scene;
+  SceneMessages messages;
+  std::map<int, ros::Time> stamps;                 // of all frames, by index
+  std::map<int, cv_bridge::CvImageConstPtr> held;  // frames that are asked for again, by index
+  std::set<int> acknowledged_early;                // indices
+  int missing = 0, dropped = 0;
+  double scene_wait_ms = 0;
+};
+
+FusionWorker::FusionWorker(NodeStatus& status, SceneCache& scenes, FusionOutputs& outputs)
+    : status_(status), scenes_(scenes), outputs_(outputs), thread_([this] { run(); }) {}
 
 FusionWorker::~FusionWorker() {
-  queue_.stop();
-  scenes_.close();
+  stop();
+  scenes_.cancel();
   thread_.join();
 }
 
-void FusionWorker::configure(const FusionSettings& settings) {
-  scenes_.setMaxAge(settings.label_max_age_s);
+void FusionWorker::configure(const FusionSettings& settings, const BracketConfig& config, std::size_t most) {
   std::lock_guard<std::mutex> lock(mutex_);
   settings_ = settings;
+  assembler_.configure(config);
+  most_ = std::max<std::size_t>(most, 1);
 }
 
-FusionSettings FusionWorker::settings() {
+void FusionWorker::add(const BracketFrame& frame) {
+  const FrameInfo info = frameInfo(frame);
+  Task task;
+  task.frame = frame;
+  task.header = frame.image->header;
+  task.bytes = frame.image->data.size();
+  std::vector<sensor_msgs::ImageConstPtr> dropped;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    if (assembler_.endsBefore(info)) endBracket();
+    stamp_age_s_ = ros::Time::now().toSec() - info.stamp_s;
+    last_frame_ = std::chrono::steady_clock::now();
+    dropped = append(task, info);
+  }
+  scenes_.frameArrived(task.header.stamp);
+  changed_.notify_all();
+  if (!task.step.use) status_.acknowledge(task.header, Outcome::kUnmatched, task.step.reason);
+  for (const sensor_msgs::ImageConstPtr& image : dropped) {
+    status_.acknowledge(image->header, Outcome::kDropped,
+                        "fusion cannot keep up: oldest waiting colour frame dropped");
+  }
+}
+
+// Holds mutex_. Returns the images that were dropped to make room.
+std::vector<sensor_msgs::ImageConstPtr> FusionWorker::append(Task& task, const FrameInfo& info) {
+  std::vector<sensor_msgs::ImageConstPtr> dropped;
+  task.step = assembler_.add(info);
+  if (task.step.last) {
+    assembler_.close();
+    task.step.missing = assembler_.missing();
+  }
+  if (!task.step.use) return dropped;
+  if (task.step.begin) scenes_.pin(task.header.stamp);  // before the worker asks for the scene
+  tasks_.push_back(task);
+  ++images_;
+  bytes_ += task.bytes;
+  while (images_ > most_ || (bytes_ > kMaxWaitingBytes && images_ > kFewestWaiting))
+    dropped.push_back(dropOldest());
+  return dropped;
+}
+
+sensor_msgs::ImageConstPtr FusionWorker::dropOldest() {
+  Task& oldest =
+      *std::find_if(tasks_.begin(), tasks_.end(), [](const Task& task) { return task.frame.image; });
+  --images_;
+  bytes_ -= oldest.bytes;
+  return std::exchange(oldest.frame.image, nullptr);
+}
+
+// Holds mutex_.
+void FusionWorker::endBracket() {
+  if (!assembler_.open()) return;
+  assembler_.close();
+  Task task;
+  task.kind = Task::Kind::kEnd;
+  task.missing = assembler_.missing();
+  tasks_.push_back(task);
+}
+
+void FusionWorker::restart() {
   std::lock_guard<std::mutex> lock(mutex_);
-  return settings_;
+  endBracket();
+  assembler_.restart();
+  changed_.notify_all();
+}
+
+void FusionWorker::cancel() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  const auto is_finish = [](const Task& task) { return task.kind == Task::Kind::kFinish; };
+  tasks_.erase(std::remove_if(tasks_.begin(), tasks_.end(), std::not_fn(is_finish)), tasks_.end());
+  Task task;
+  task.kind = Task::Kind::kCancel;
+  tasks_.push_front(task);
+  images_ = bytes_ = 0;
+  assembler_.restart();
+  cancelled_ = true;
+  changed_.notify_all();
+}
+
+std::future<int> FusionWorker::finish() {
+  Task task;
+  task.kind = Task::Kind::kFinish;
+  task.finished = std::make_shared<std::promise<int>>();
+  std::future<int> finished = task.finished->get_future();
+  std::lock_guard<std::mutex> lock(mutex_);
+  endBracket();
+  if (stopped_) {
+    task.finished->set_value(-1);
+  } else {
+    tasks_.push_back(task);
+  }
+  changed_.notify_all();
+  return finished;
+}
+
+void FusionWorker::stop() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  for (const Task& task : tasks_) {
+    if (task.finished) task.finished->set_value(-1);
+  }
+  tasks_.clear();
+  stopped_ = true;
+  changed_.notify_all();
+}
+
+bool FusionWorker::isInterrupted() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return stopped_ || cancelled_;
+}
+
+bool FusionWorker::mayRestore(double done) const {
+  const std::string id = std::to_string(open_->id);
+  status_.setValue(kProgress, "bracket " + id + ": " + std::to_string(std::lround(100 * done)) + " %");
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (stopped_ || cancelled_) return false;
+  if (open_->settings.restore_every) return true;
+  const bool is_whole = std::any_of(tasks_.begin(), tasks_.end(), [](const Task& task) {
+    return task.kind == Task::Kind::kEnd || (task.kind == Task::Kind::kFrame && task.step.last);
+  });
+  return !is_whole && 2 * images_ <= most_ && 2 * bytes_ <= kMaxWaitingBytes;
 }
 
 void FusionWorker::run() {
-  while (!queue_.stopped()) {
-    const std::optional<FusionTask> task = queue_.take();
+  while (true) {
+    const std::optional<Task> task = take();
+    {
+      std::lock_guard<std::mutex> lock(mutex_);
+      if (stopped_) {
+        if (task && task->finished) task->finished->set_value(-1);
+        return;
+      }
+    }
     if (!task) continue;
-    restorer_.setPaused(true);
     try {
       handle(*task);
     } catch (const std::exception& e) {
-      bracket_.reset();  // what it holds is uncertain
+      open_.reset();  // what it holds is uncertain
       status_.error(std::string("fusion: ") + e.what());
       if (task->frame.image) status_.acknowledge(task->header, Outcome::kInvalid, e.what());
     }
-    restorer_.setPaused(false);
-    if (settings().restore_every) restorer_.wait();
-    if (task->finished)
-      restorer_.whenIdle([finished = task->finished, count = published_] { finished->set_value(count); });
+    if (task->finished) task->finished->set_value(published_);
   }
 }
 
-void FusionWorker::handle(const FusionTask& task) {
-  if (task.kind == FusionTask::Kind::kFrame) handleFrame(task);
-  if (task.kind == FusionTask::Kind::kEnd) endBracket(task.missing);
-  if (task.kind == FusionTask::Kind::kAbandon) {
-    bracket_.reset();
-    restorer_.drop();
+// The next task, or nothing if none came for a while. Ends a bracket after its gap in time.
+std::optional<FusionWorker::Task> FusionWorker::take() {
+  std::unique_lock<std::mutex> lock(mutex_);
+  changed_.wait_for(lock, kIdlePeriod, [this] { return stopped_ || !tasks_.empty(); });
+  if (tasks_.empty() && ros::Time::isValid() &&
+      assembler_.gapElapsed(ros::Time::now().toSec() - stamp_age_s_)) {
+    endBracket();
   }
+  if (stopped_) return std::nullopt;
+  if (tasks_.empty()) {
+    warnOfSilence();
+    return std::nullopt;
+  }
+  Task task = std::move(tasks_.front());
+  tasks_.pop_front();
+  if (task.frame.image) {
+    --images_;
+    bytes_ -= task.bytes;
+  }
+  if (task.kind == Task::Kind::kCancel) cancelled_ = false;
+  return task;
 }
 
-void FusionWorker::handleFrame(const FusionTask& task) {
-  if (task.step.begin) bracket_ = std::make_unique<OpenBracket>(task, settings(), fusion_);
-  if (!bracket_) {
+// Holds mutex_. Without rgb/focus the gap ends a bracket.
+void FusionWorker::warnOfSilence() {
+  const auto now = std::chrono::steady_clock::now();
+  if (!assembler_.open() || !assembler_.byFocus() || now - last_frame_ < kSilence) return;
+  last_frame_ = now;
+  status_.warn("bracket " + std::to_string(assembler_.id()) + " is open and no frame has come for " +
+               std::to_string(kSilence.count()) + " s: ~finish or the next bracket ends it");
+}
+
+void FusionWorker::handle(const Task& task) {
+  if (task.kind == Task::Kind::kFrame) handleFrame(task);
+  if (task.kind == Task::Kind::kEnd) finishBracket(task.missing);
+  if (task.kind == Task::Kind::kCancel) open_.reset();
+}
+
+void FusionWorker::handleFrame(const Task& task) {
+  if (task.step.begin) open(task);
+  if (!open_) {
     if (task.frame.image) status_.acknowledge(task.header, Outcome::kUnmatched, "its bracket was given up");
     return;
   }
-  if (task.frame.image && !bracket_->hasScene()) findScene(*task.frame.image);
-  const FrameFates fates = bracket_->add(task, [this] { return queue_.interrupted(); });
-  const auto is_used = [](const FrameFate& fate) { return fate.kind == FrameFate::Kind::kUsed; };
+  open_->missing = task.step.missing;
+  open_->length = std::max({open_->length, task.step.length, task.step.index + 1});
+  if (!task.frame.image) {
+    ++open_->dropped;
+    if (task.step.last) finishBracket(task.step.missing);
+    return;
+  }
+  if (!open_->has_begun) begin(*task.frame.image);
+  FrameStatus status = fuse(task);
   if (task.step.last) {
-    endBracket(task.step.missing);
-  } else if (bracket_->settings().sliding && std::any_of(fates.begin(), fates.end(), is_used)) {
-    publish_(fused(/*complete=*/false));
+    const std::vector<FrameStatus> frames = finishBracket(task.step.missing);
+    if (!frames.empty()) status = frames.back();
+  } else if (status.kind == FrameStatus::Kind::kHeld) {
+    open_->acknowledged_early.insert(status.index);
+    return status_.acknowledgeEarly(task.header);
+  } else if (open_->settings.sliding && status.kind == FrameStatus::Kind::kUsed) {
+    joinScene();
+    publish(bracket_.preview(), /*complete=*/false);
   }
-  acknowledge(fates);  // comes last: whoever gets the acknowledgement of a frame may rely on its result
+  // Whoever gets the acknowledgement of a frame may rely on its result.
+  status_.acknowledge(task.header, outcomeOf(status), reasonOf(status));
 }
 
-void FusionWorker::findScene(const sensor_msgs::Image& first_frame) {
-  const FusionSettings& settings = bracket_->settings();
-  const Stopwatch watch;
-  SceneMessages scene =
-      scenes_.await(first_frame.header.stamp, settings.label_max_age_s, settings.label_timeout_s,
-                    /*whole=*/settings.mode != Mode::kPaper);
-  scene.frame_size = cv::Size(static_cast<int>(first_frame.width), static_cast<int>(first_frame.height));
-  for (const std::string& warning : bracket_->setScene(scene, watch.milliseconds())) status_.warn(warning);
+void FusionWorker::open(const Task& first) {
+  open_ = std::make_unique<OpenBracket>();
+  open_->id = first.step.bracket_id;
+  open_->header = first.header;
+  bracket_.begin({}, {}, {});
+  std::lock_guard<std::mutex> lock(mutex_);
+  open_->settings = settings_;
 }
 
-void FusionWorker::endBracket(int missing) {
-  if (!bracket_) return;
-  const FrameFates fates = bracket_->close(missing, [this] { return queue_.interrupted(); });
-  restorer_.giveUp("the next bracket was fused first");
-  if (!queue_.interrupted()) {
-    const FusedBracket bracket = fused(/*complete=*/true);
-    bracket_.reset();
-    if (bracket.restoration) return restorer_.start(bracket, fates);
-    publish_(bracket);
+// Waits for the scene.
+void FusionWorker::begin(const sensor_msgs::Image& first) {
+  const FusionSettings& settings = open_->settings;
+  const ros::WallTime start = ros::WallTime::now();
+  open_->messages = scenes_.await(open_->header.stamp, settings.label_timeout_s);
+  open_->scene_wait_ms = (ros::WallTime::now() - start).toSec() * 1e3;
+  const cv::Size size(static_cast<int>(first.width), static_cast<int>(first.height));
+  open_->scene = toScene(open_->messages, settings.mode, size, settings.calibration);
+  const bool is_paper = settings.mode == Mode::kPaper;
+  if (!(is_paper ? open_->messages.labels : open_->messages.depth)) {
+    open_->scene.warnings.push_back(
+        std::string("no ") + (is_paper ? "label image" : "depth_registered/image") +
+        " in time for the bracket: fused by sharpness alone: " + scenes_.whyNone(open_->header.stamp));
   }
-  bracket_.reset();
-  acknowledge(fates);
+  for (const std::string& warning : open_->scene.warnings) status_.warn(warning);
+
+  BracketSettings bracket;
+  bracket.mode = settings.mode;
+  bracket.length = open_->length;
+  bracket.reference = settings.reference;
+  bracket.max_held = static_cast<int>(imageLimit(settings.max_held_frames, first));
+  bracket.sliding = settings.sliding;
+  bracket_.begin(open_->scene.scene, bracket, [this](int index) { return open_->held.at(index)->image; });
+  open_->has_begun = true;
 }
 
-FusedBracket FusionWorker::fused(bool complete) {
-  FusedBracket bracket = bracket_->fused(complete);
-  if (!bracket.depth) bracket.depth = scenes_.depthAt(bracket_->depthStamp());  // labels may come first
-  bracket.camera = scenes_.camera();
-  const std::string id = "bracket " + std::to_string(bracket.report->bracket_id) + ": ";
+FrameStatus FusionWorker::fuse(const Task& task) {
+  const int index = task.step.index;
+  open_->stamps[index] = task.header.stamp;
+  cv_bridge::CvImageConstPtr bgr;
+  try {
+    bgr = toBgr(task.frame.image, "rgb/image");
+  } catch (const std::exception& e) {
+    return bracket_.reject(index, e.what());
+  }
+  const double focus_mm = task.frame.focus ? task.frame.focus->focus_distance * kMmPerM : kUnknownFocus;
+  const FrameStatus status = bracket_.add(bgr->image, index, focus_mm);
+  open_->held[index] = bgr;
+  for (auto it = open_->held.begin(); it != open_->held.end();)
+    it = bracket_.holds(it->first) ? std::next(it) : open_->held.erase(it);
+  return status;
+}
+
+// Images that have the stamp of the scene may come after its depth.
+void FusionWorker::joinScene() {
+  const bool had_labels = open_->messages.labels != nullptr;
+  const SceneMessages messages = scenes_.current(open_->header.stamp);
+  if (!messages.stamp.isZero()) open_->messages = messages;
+  if (messages.camera) open_->messages.camera = messages.camera;
+  if (had_labels || !open_->messages.labels || open_->settings.mode == Mode::kPaper) return;
+  open_->scene.labels = toLabels(open_->messages.labels);
+  bracket_.setLabels(open_->scene.labels->image);
+}
+
+// Returns what has become of all frames.
+std::vector<FrameStatus> FusionWorker::finishBracket(int missing) {
+  if (!open_) return {};
+  open_->missing = missing;
+  joinScene();
+  BracketResult result = bracket_.finish([this](double done) { return mayRestore(done); });
+  status_.setValue(kProgress, "idle");
+  if (result.stopped) result.warnings.emplace_back("not restored: the next bracket came first");
+  if (!isInterrupted()) publish(result, /*complete=*/true);
+  for (const FrameStatus& frame : result.frames) {
+    if (open_->acknowledged_early.count(frame.index) == 0) continue;
+    status_.count(outcomeOf(frame));
+    if (!frame.reason.empty()) status_.error(reasonOf(frame));
+  }
+  scenes_.release(open_->header.stamp);
+  open_.reset();
+  return result.frames;
+}
+
+void FusionWorker::publish(const BracketResult& result, bool complete) {
+  FusedBracket bracket{result, toReport(result), open_->messages.depth, open_->messages.camera};
+  bracket.result.length = open_->length;
+  std::vector<std::string> warnings = result.warnings;
+  if (result.used == 0) warnings.emplace_back("no frame could be used: nothing to publish");
+  if (result.used == 1 && complete) warnings.emplace_back("only one frame: the result is that frame");
+  if (open_->missing > 0) warnings.push_back(std::to_string(open_->missing) + " frames never came");
+  if (open_->dropped > 0)
+    warnings.push_back(std::to_string(open_->dropped) + " frames were dropped: the fusion could not keep up");
   if (complete) {
-    for (const std::string& warning : checkRig(bracket)) {
-      bracket.report->notes.push_back(warning);
-      bracket.warnings.push_back(warning);
-    }
-    for (const std::string& warning : bracket.warnings) status_.warn(id + warning);
+    for (const std::string& warning : checkRig(bracket)) warnings.push_back(warning);
+    for (const std::string& warning : warnings)
+      status_.warn("bracket " + std::to_string(open_->id) + ": " + warning);
     ++published_;
   }
-  return bracket;
+  std::vector<std::string>& notes = bracket.report->notes;
+  const auto append = [&notes](const auto& lines) { notes.insert(notes.end(), lines.begin(), lines.end()); };
+  append(open_->scene.warnings);
+  append(result.notes);
+  append(warnings);
+  outputs_.publish(bracket);
 }
 
-void FusionWorker::acknowledge(const FrameFates& fates) {
-  for (const FrameFate& fate : fates) {
-    const bool is_used = fate.kind == FrameFate::Kind::kUsed;
-    if (fate.kind == FrameFate::Kind::kHeld) {
-      status_.acknowledgeEarly(fate.header);
-    } else {
-      status_.acknowledge(fate.header, is_used ? Outcome::kProcessed : Outcome::kInvalid, fate.reason);
-    }
+// All but the notes.
+FusionReportPtr FusionWorker::toReport(const BracketResult& result) const {
+  auto report = boost::make_shared<FusionReport>();
+  report->header = open_->header;
+  if (result.used > 0) report->header.stamp = open_->stamps.at(result.reference);
+  report->bracket_id = open_->id;
+  report->mode = name(result.fused_by);
+  report->frames_seen = static_cast<std::uint32_t>(result.frames.size());
+  report->frames_used = static_cast<std::uint32_t>(result.used);
+  report->frames_rejected = static_cast<std::uint32_t>(result.rejected);
+  report->frames_missing = static_cast<std::uint32_t>(open_->missing + open_->dropped);
+  report->reference = static_cast<std::uint32_t>(result.reference);
+  report->has_labels = result.has_labels;
+  if (result.has_labels) report->label_stamp = open_->messages.labels->header.stamp;
+  if (open_->scene.scene.camera) {
+    report->optics = toMessage(open_->scene.scene.optics);
+  } else if (result.has_labels) {
+    report->optics = open_->messages.segments->optics;
   }
+  report->blur_scale = result.blur_scale;
+  for (const RegionChoice& choice : result.regions) {
+    SegmentChoice message;
+    message.label = static_cast<std::uint32_t>(choice.label);
+    message.frame = static_cast<std::uint16_t>(choice.frame);
+    message.score = choice.score;
+    message.margin = choice.margin;
+    message.confidence = choice.confidence;
+    report->segments.push_back(message);
+  }
+  report->timing_names = {"label_wait", "fusion"};
+  report->timing_ms = {open_->scene_wait_ms, result.fusion_ms};
+  if (result.fused_by == FusedBy::kRestored) {
+    report->timing_names.emplace_back("restoration");
+    report->timing_ms.push_back(result.restoration_ms);
+  }
+  return report;
 }
 
 }  // namespace all_in_focus

@@ -2,54 +2,129 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <functional>
+#include <all_in_focus/FocusFrame.h>
+#include <sensor_msgs/Image.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <future>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <thread>
+#include <vector>
 
-#include "bracket_restorer.hpp"
-#include "frame_queue.hpp"
+#include "all_in_focus/bracket.hpp"
+#include "bracket_assembler.hpp"
+#include "bracket_scene.hpp"
+#include "fusion_outputs.hpp"
 #include "node_status.hpp"
-#include "open_bracket.hpp"
 #include "scene_cache.hpp"
 
 namespace all_in_focus {
 
-/// Fuses the brackets in the queue in a thread of its own, so that callbacks never wait. In mode restored a
-/// bracket is published when it is restored; if the next one is fused first, it is published as it was fused.
+struct FusionSettings {
+  Mode mode = Mode::kRefined;
+  int reference = BracketSettings::kAutoReference;
+  bool sliding = false;
+  int max_held_frames = 64;
+  double label_timeout_s = 2.0;
+  bool restore_every = false;  ///< mode restored: the next bracket waits until this one is restored
+  CalibrationLens calibration;
+};
+
+/// A colour frame and its message from rgb/focus, if there is one.
+struct BracketFrame {
+  sensor_msgs::ImageConstPtr image;
+  FocusFrameConstPtr focus;
+};
+
+/// Fuses focus brackets in a thread of its own, so that callbacks never wait. Finds where brackets begin and
+/// end while frames arrive. When too many wait, by number or by bytes, the oldest images are dropped; their
+/// frames stay, so that every bracket that began is reported. All public methods are thread-safe and return
+/// at once.
+///
+/// Restoration runs in this thread, too. It stops when a whole further bracket waits, or so many frames that
+/// some would soon be dropped.
 class FusionWorker {
  public:
-  /// Called from the worker's thread or from that of restoration, one result after the other.
-  using Publish = std::function<void(const FusedBracket&)>;
+  FusionWorker(NodeStatus& status, SceneCache& scenes, FusionOutputs& outputs);
+  ~FusionWorker();  ///< stops
 
-  FusionWorker(NodeStatus& status, FrameQueue& queue, SceneCache& scenes, Publish publish);
-  ~FusionWorker();  ///< stops the queue and closes the scene cache
+  /// settings: from the next bracket on. most: images that may wait.
+  void configure(const FusionSettings& settings, const BracketConfig& config, std::size_t most);
 
-  void configure(const FusionSettings& settings);  ///< from the next bracket on
+  void add(const BracketFrame& frame);
+  /// Time went back: ends the open bracket. The next one begins as the first one after the start did.
+  void restart();
+  /// Nobody wants results any more: drops all that waits, and the open bracket.
+  void cancel();
+  /// Ends the open bracket. The future is ready when all frames so far are fused and restored: brackets
+  /// published since the start, or -1 after stop().
+  std::future<int> finish();
+  void stop();  ///< nothing is published any more
 
  private:
+  struct Task {
+    enum class Kind {
+      kFrame,   ///< step.begin: the first of a bracket; step.last: the last
+      kEnd,     ///< the open bracket has ended
+      kFinish,  ///< set `finished`
+      kCancel,  ///< drop the open bracket
+    };
+    Kind kind = Kind::kFrame;
+    int missing = 0;                                ///< kEnd: frames of the bracket that never came
+    std::shared_ptr<std::promise<int>> finished{};  ///< kFinish
+    // kFrame:
+    BracketFrame frame{};  ///< without an image: it was dropped to make room for newer ones
+    std_msgs::Header header{};
+    std::size_t bytes = 0;  ///< of the image
+    BracketAssembler::Step step{};
+  };
+  struct OpenBracket;
+
+  // Callbacks.
+  std::vector<sensor_msgs::ImageConstPtr> append(Task& task, const FrameInfo& info);
+  sensor_msgs::ImageConstPtr dropOldest();
+  void endBracket();
+
+  // The worker's thread.
   void run();
-  void handle(const FusionTask& task);
-  void handleFrame(const FusionTask& task);
-  void findScene(const sensor_msgs::Image& first_frame);
-  void endBracket(int missing);
-  FusedBracket fused(bool complete);
-  FusionSettings settings();
-  void acknowledge(const FrameFates& fates);
+  std::optional<Task> take();
+  void warnOfSilence();
+  void handle(const Task& task);
+  void handleFrame(const Task& task);
+  void open(const Task& first);
+  void begin(const sensor_msgs::Image& first);
+  FrameStatus fuse(const Task& task);
+  void joinScene();
+  std::vector<FrameStatus> finishBracket(int missing);
+  void publish(const BracketResult& result, bool complete);
+  FusionReportPtr toReport(const BracketResult& result) const;
+  bool isInterrupted() const;
+  bool mayRestore(double done) const;
 
   NodeStatus& status_;
-  FrameQueue& queue_;
   SceneCache& scenes_;
-  const Publish publish_;
-  std::mutex mutex_;
-  FusionSettings settings_;  // guarded by mutex_
+  FusionOutputs& outputs_;
+
+  mutable std::mutex mutex_;  // guards all up to the next comment
+  std::condition_variable changed_;
+  FusionSettings settings_;
+  BracketAssembler assembler_;
+  std::deque<Task> tasks_;
+  std::size_t most_ = 60, images_ = 0, bytes_ = 0;  // images that wait
+  double stamp_age_s_ = 0;  // of the last frame at its arrival: stamps may come from another clock
+  std::chrono::steady_clock::time_point last_frame_;
+  bool cancelled_ = false, stopped_ = false;
 
   // Used by the worker's thread only.
-  BracketFusion fusion_;
-  std::unique_ptr<OpenBracket> bracket_;
-  int published_ = 0;  // includes brackets that are being restored
+  Bracket bracket_;
+  std::unique_ptr<OpenBracket> open_;
+  int published_ = 0;
 
-  BracketRestorer restorer_;
   std::thread thread_;
 };
 

@@ -85,7 +85,7 @@ def check_focus_steps(check, brackets, optics, depth):
             ranges.append((known.min(), known.max()))
     complaints.report()
     if not ranges:
-        check.warning("no focus distances are known: depth and optics have no say in mode refined, sharpness decides "
+        check.warning("no focus distances are known: depth and lens data are not used in mode refined, sharpness decides "
                       "alone (a table of steps gives them: see docs/dslr.md)")
         return
     near, far = min(low for low, _ in ranges), max(high for _, high in ranges)

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "all_in_focus/bracket_fusion.hpp"
+#include "fusion/bracket_fusion.hpp"
 
 namespace all_in_focus::core {
 

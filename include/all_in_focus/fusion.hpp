@@ -2,9 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <functional>
 #include <limits>
-#include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -16,6 +14,7 @@
 namespace all_in_focus::core {
 
 constexpr int kNoFrame = 65535;  ///< source index of a pixel that no frame has won
+constexpr double kUnknownFocus = std::numeric_limits<double>::quiet_NaN();  ///< mm
 
 enum class Mode {
   kPaper,     ///< Liu et al. 2019 as printed, for comparison
@@ -93,71 +92,6 @@ struct FusionResult {
   cv::Mat confidence;    ///< CV_8UC1, margin of the choice, 0..255
   std::vector<RegionChoice> regions;  ///< by label; empty without labels
   std::vector<std::string> notes;     ///< for the user: regions that are sharp in no frame
-};
-
-/// A frame as mode refined adds it: in the geometry of the reference.
-struct AlignedFrame {
-  cv::Mat image;    ///< CV_8UC3; its pixels are valid only during the call that hands it over
-  cv::Rect seen;    ///< pixels that the frame has seen; the others continue its border
-  double gain = 1;  ///< in linear light (sRGB), to the exposure of the reference
-  int index = 0;
-  double focus_mm = 0;  ///< NaN = unknown, may be infinite
-  bool linear = false;  ///< the bracket's codes are in proportion to light, not sRGB
-};
-
-class RefinedFusion;
-class RegionFusion;
-
-/// All-in-focus image of one bracket, frame by frame. Memory does not grow with the number of frames: the
-/// mean or the chosen pixels are kept, not the frames. Not thread-safe; buffers are reused from bracket to
-/// bracket.
-///
-/// Mode paper takes frames in any order. Mode refined takes the reference first, after observing what comes
-/// before it in the bracket (see RefinedFusion).
-class BracketFusion {
- public:
-  BracketFusion();
-  BracketFusion(BracketFusion&&) noexcept;
-  BracketFusion& operator=(BracketFusion&&) noexcept;
-  ~BracketFusion();
-
-  /// Starts a bracket. The scene's images are shared, not copied; labels are scaled to the frames by nearest
-  /// neighbour. Throws std::invalid_argument on images of another type, a negative label, impossible optics.
-  void begin(const BracketScene& scene, Mode mode, const RefinedConfig& config = {});
-
-  /// Shows a frame that will be added later; call in the order of the bracket. Otherwise as add(). Does
-  /// nothing in mode paper.
-  void observe(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
-
-  /// frame: CV_8UC3, not empty, of the size of the bracket's first (else std::invalid_argument, and the
-  /// bracket is as before). index: 0..65534, names the frame in the result. focus_mm: NaN = unknown, may be
-  /// infinite. Returns why the frame does not fit the others and was left out, or "".
-  std::string add(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
-
-  /// Sets a function that receives each aligned frame from the next add() on, the reference first. add()
-  /// calls it. Mode paper aligns no frames.
-  void handAlignedFramesTo(std::function<void(const AlignedFrame&)> taker);
-
-  int frames() const { return static_cast<int>(focus_mm_.size()); }  ///< used since begin()
-  FusedBy fusedBy() const;
-
-  /// The result of the frames so far; images are copies. Throws std::logic_error before the first frame.
-  FusionResult result() const;
-
-  static constexpr double kUnknownFocus = std::numeric_limits<double>::quiet_NaN();
-
- private:
-  void accept(const cv::Mat& frame, int index);
-
-  BracketScene scene_;
-  RefinedConfig config_;
-  cv::Size size_;                 // empty before the first frame
-  std::vector<double> focus_mm_;  // of the frames used
-  bool by_region_ = false;
-  std::unique_ptr<RegionFusion> regions_;
-  std::unique_ptr<RefinedFusion> refined_;
-  cv::Mat labels_;  // of the frames' size
-  cv::Mat gray_;
 };
 
 }  // namespace all_in_focus::core

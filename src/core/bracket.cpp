@@ -1,0 +1,393 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "all_in_focus/bracket.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <stdexcept>
+#include <utility>
+
+#include "fusion/bracket_fusion.hpp"
+#include "restoration/restoration.hpp"
+#include "util/stopwatch.hpp"
+
+namespace all_in_focus::core {
+namespace {
+
+constexpr std::size_t kMostRejections = 20;  // that notes tell of one by one
+constexpr const char* kNotUsed = ": depth and lens data are not used";
+constexpr double kMmPerM = 1000;
+
+// Messages of libraries' exceptions may have several lines.
+std::string oneLine(std::string text) {
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  while (!text.empty() && text.back() == ' ') text.pop_back();
+  return text;
+}
+
+std::string text(const cv::Size& size) {
+  return std::to_string(size.width) + "x" + std::to_string(size.height);
+}
+
+// Throws unless the sides have the proportion of the frames' sides, to 1 %.
+void requireShape(const cv::Size& size, const char* what, const cv::Size& frame) {
+  const double stretch =
+      static_cast<double>(size.width) * frame.height / (static_cast<double>(size.height) * frame.width);
+  if (std::abs(stretch - 1) <= 0.01) return;
+  throw std::invalid_argument(std::string(what) + " of " + text(size) + " for frames of " + text(frame) +
+                              ": not the same picture");
+}
+
+void checkLabels(const cv::Mat& labels, const cv::Size& frame) {
+  if (labels.empty()) return;
+  if (labels.type() != CV_32SC1) throw std::invalid_argument("label image refused: it must be CV_32SC1");
+  double smallest = 0;
+  cv::minMaxLoc(labels, &smallest);
+  if (smallest < 0)
+    throw std::invalid_argument(cv::format("label image refused: negative label %g", smallest));
+  requireShape(labels.size(), "label image refused: one", frame);
+}
+
+void checkDepth(const cv::Mat& depth, const cv::Size& frame) {
+  if (depth.empty()) return;
+  if (depth.type() != CV_16UC1) throw std::invalid_argument("depth refused: it must be CV_16UC1");
+  requireShape(depth.size(), "depth refused: an image", frame);
+}
+
+void checkMeasured(const cv::Mat& measured, const cv::Mat& depth) {
+  if (measured.empty() || (measured.type() == CV_16UC1 && measured.size() == depth.size())) return;
+  throw std::invalid_argument("depth before its holes were filled is " + text(measured.size()) +
+                              ", filled depth is " + text(depth.size()));
+}
+
+void checkCamera(const BracketScene& scene, const cv::Size& frame) {
+  validate(scene.optics);
+  if (!scene.camera) return;
+  validate(*scene.camera, "colour camera");
+  requireShape(scene.camera->size, "calibration of the colour camera refused: one", frame);
+}
+
+}  // namespace
+
+Bracket::Bracket()
+    : fusion_(std::make_unique<BracketFusion>()), restoration_(std::make_unique<BracketRestoration>()) {}
+Bracket::~Bracket() = default;
+
+void Bracket::begin(const BracketScene& scene, const BracketSettings& settings, FrameAgain again) {
+  scene_ = scene;
+  settings_ = settings;
+  again_ = std::move(again);
+  size_ = {};
+  of_size_.clear();
+  reference_ = nearest_ = 0;
+  holding_ = settings.mode != Mode::kPaper;
+  held_.clear();
+  frames_.clear();
+  used_ = 0;
+  has_labels_ = predicts_ = focus_known_ = focus_refused_ = false;
+  scene_warnings_.clear();
+  notes_.clear();
+  if (settings.mode == Mode::kRestored && settings.sliding)
+    notes_.emplace_back("not restored: sliding results are refined");
+  fusion_ms_ = 0;
+}
+
+// Adds a note if the reference will not be the wanted one.
+void Bracket::planReference(int first_index) {
+  const int length = settings_.length;
+  reference_ = settings_.reference >= 0 ? settings_.reference : length / 2;
+  if (length > 0) reference_ = std::min(reference_, length - 1);
+  if (settings_.mode == Mode::kPaper || reference_ <= first_index) return;
+  const bool too_many = reference_ - first_index > settings_.max_held;
+  if (!settings_.sliding && !too_many) return;
+  notes_.push_back((settings_.sliding ? std::string("sliding")
+                                      : cv::format("at most %d frames are held (max_held_frames, memory)",
+                                                   settings_.max_held)) +
+                   cv::format(": the first frame is the reference, not frame %d", reference_));
+  reference_ = first_index;
+}
+
+FrameStatus Bracket::add(const cv::Mat& frame, int index, double focus_mm) {
+  if (frames_.empty()) planReference(index);
+  if (!frames_.empty() && index <= frames_.back().index)
+    throw std::logic_error("bracket: frames must come in the order of their index");
+  frames_.push_back({index, FrameStatus::Kind::kHeld, ""});
+  try {
+    take(frame, index, usableFocus(index, focus_mm));
+  } catch (const std::exception& e) {
+    if (settings_.strict) throw;
+    markRejected(index, oneLine(e.what()));
+    fuseReady();
+  }
+  current_ = {};
+  return frames_.back();
+}
+
+FrameStatus Bracket::reject(int index, const std::string& reason) {
+  if (frames_.empty()) planReference(index);
+  frames_.push_back({index, FrameStatus::Kind::kRejected, oneLine(reason)});
+  if (index >= reference_) holding_ = false;
+  fuseReady();
+  return frames_.back();
+}
+
+void Bracket::setLabels(const cv::Mat& labels) {
+  scene_.labels = labels;
+  if (size_.empty()) return;  // start() takes them
+  const cv::Mat usable = usableLabels(size_);
+  fusion_->setLabels(usable);
+  has_labels_ = !usable.empty();
+}
+
+void Bracket::take(const cv::Mat& frame, int index, double focus_mm) {
+  if (index >= reference_) holding_ = false;
+  if (frame.type() != CV_8UC3 || frame.empty())
+    throw std::invalid_argument(cv::format("frame %d must be CV_8UC3 and not empty", index));
+  if (index < 0 || index >= kNoFrame)
+    throw std::invalid_argument(cv::format("frame index %d is not in 0..65534", index));
+  const cv::Size size = frame.size();
+  if (settings_.strict && !size_.empty() && size != size_) {
+    throw std::invalid_argument(cv::format("frame %d is ", index) + text(size) +
+                                ", but the bracket began with " + text(size_));
+  }
+  current_ = {index, frame};
+  held_[index] = {size, focus_mm};
+  const int like_this = ++of_size_[{size.width, size.height}];
+  if (size_.empty() || like_this > of_size_[{size_.width, size_.height}]) {
+    start(size);
+  } else if (holding_ && size == size_) {
+    observe(index);
+  }
+  fuseReady();
+  if (size != size_) limitOthers();
+}
+
+// Starts to fuse frames of a size, or starts over with them because most have it.
+void Bracket::start(const cv::Size& size) {
+  const std::string reason = anotherSize(std::exchange(size_, size));
+  for (const FrameStatus& frame : std::vector<FrameStatus>(frames_)) {
+    if (frame.kind == FrameStatus::Kind::kUsed) markRejected(frame.index, reason);
+  }
+  used_ = 0;
+  scene_warnings_.clear();
+  BracketScene scene = usableScene(size);
+  const auto begin = [&] {
+    fusion_->begin(scene, size, settings_.mode, settings_.refined);
+    if (restores()) restoration_->begin(scene);
+  };
+  try {
+    begin();
+  } catch (const std::exception& e) {
+    if (settings_.strict) throw;
+    scene_warnings_.push_back("fused by sharpness alone: " + oneLine(e.what()));
+    scene = {};
+    begin();
+  }
+  using Callback = std::function<void(const AlignedFrame&)>;
+  fusion_->setAlignedFrameCallback(
+      restores() ? [this](const AlignedFrame& frame) { restoration_->add(frame); } : Callback());
+  has_labels_ = !scene.labels.empty();
+  predicts_ = !scene.depth.empty() && scene.camera;
+
+  const std::optional<int> first = next();
+  for (const auto& [index, held] : held_) {
+    if (held.size == size_ && (!first || index < *first)) observe(index);
+  }
+}
+
+// Whether a check of the scene passes. If not, a warning tells of it.
+bool Bracket::passes(const std::function<void()>& check, const std::string& effect) {
+  try {
+    check();
+    return true;
+  } catch (const std::exception& e) {
+    if (settings_.strict) throw;
+    scene_warnings_.push_back(oneLine(e.what()) + effect);
+    return false;
+  }
+}
+
+cv::Mat Bracket::usableLabels(const cv::Size& size) {
+  const char* effect =
+      settings_.mode == Mode::kPaper ? ": fused by sharpness alone" : ": the report lists no regions";
+  return passes([&] { checkLabels(scene_.labels, size); }, effect) ? scene_.labels : cv::Mat();
+}
+
+// Leaves out what does not fit frames of that size.
+BracketScene Bracket::usableScene(const cv::Size& size) {
+  BracketScene usable = scene_;
+  usable.labels = usableLabels(size);
+  if (settings_.mode == Mode::kPaper) usable.depth = usable.measured = cv::Mat();
+  if (!passes([&] { checkDepth(usable.depth, size); }, kNotUsed)) usable.depth = usable.measured = cv::Mat();
+  if (!passes([&] { checkMeasured(usable.measured, usable.depth); }, ": filled depth counts as measured"))
+    usable.measured = cv::Mat();
+  if (!passes([&] { checkCamera(usable, size); }, kNotUsed)) {
+    usable.camera.reset();
+    usable.optics = {};
+  }
+  return usable;
+}
+
+double Bracket::usableFocus(int index, double focus_mm) {
+  const double focal_length_mm = scene_.camera ? scene_.optics.focal_length_mm : 0;
+  if (settings_.strict || std::isnan(focus_mm) || focus_mm > focal_length_mm) {
+    focus_known_ = focus_known_ || !std::isnan(focus_mm);
+    return focus_mm;
+  }
+  if (settings_.mode != Mode::kPaper && !focus_refused_) {
+    focus_refused_ = true;
+    notes_.push_back(
+        cv::format("frame %d: a lens of %g mm cannot be focused at %g m: such focus distances are unknown",
+                   index, focal_length_mm, focus_mm / kMmPerM));
+  }
+  return kUnknownFocus;
+}
+
+// At most max_held frames of other sizes are held.
+void Bracket::limitOthers() {
+  std::vector<std::pair<int, cv::Size>> others;
+  for (const auto& [index, held] : held_) {
+    if (held.size != size_) others.emplace_back(index, held.size);
+  }
+  if (others.size() > static_cast<std::size_t>(settings_.max_held))
+    markRejected(others.front().first, anotherSize(others.front().second));
+}
+
+// The frame that is fused next, if any. Of two that are as near to the reference it is the first one.
+std::optional<int> Bracket::next() const {
+  if (holding_) return std::nullopt;
+  std::optional<int> found;
+  for (const auto& [index, held] : held_) {
+    if (held.size != size_) continue;
+    if (settings_.mode == Mode::kPaper || used_ > 0) return index;
+    if (!found || std::abs(index - reference_) < std::abs(*found - reference_)) found = index;
+  }
+  return found;
+}
+
+cv::Mat Bracket::frameAt(int index) const {
+  return index == current_.first && !current_.second.empty() ? current_.second : again_(index);
+}
+
+void Bracket::observe(int index) {
+  const cv::Mat frame = frameAt(index);
+  Stopwatch watch;
+  fusion_->observe(frame, index, held_.at(index).focus_mm);
+  fusion_ms_ += watch.lap();
+}
+
+void Bracket::fuseReady() {
+  while (const std::optional<int> index = next()) fuse(*index);
+}
+
+void Bracket::fuse(int index) {
+  try {
+    const cv::Mat frame = frameAt(index);
+    Stopwatch watch;
+    const std::string rejection = fusion_->add(frame, index, held_.at(index).focus_mm);
+    fusion_ms_ += watch.lap();
+    rejection.empty() ? markUsed(index) : markRejected(index, rejection);
+  } catch (const std::exception& e) {
+    if (settings_.strict) throw;
+    markRejected(index, oneLine(e.what()));
+  }
+}
+
+// Mode paper keeps no geometry: there the nearest of all frames stands for the reference.
+void Bracket::markUsed(int index) {
+  const bool is_nearer = std::abs(index - reference_) < std::abs(nearest_ - reference_);
+  if (used_++ == 0 || (settings_.mode == Mode::kPaper && is_nearer)) nearest_ = index;
+  held_.erase(index);
+  statusOf(index).kind = FrameStatus::Kind::kUsed;
+}
+
+void Bracket::markRejected(int index, const std::string& reason) {
+  held_.erase(index);
+  statusOf(index) = {index, FrameStatus::Kind::kRejected, reason};
+}
+
+FrameStatus& Bracket::statusOf(int index) {
+  return *std::lower_bound(frames_.begin(), frames_.end(), index,
+                           [](const FrameStatus& frame, int wanted) { return frame.index < wanted; });
+}
+
+std::string Bracket::anotherSize(const cv::Size& size) const {
+  return "the frame is " + text(size) + ", most of the bracket is " + text(size_);
+}
+
+BracketResult Bracket::preview() const {
+  BracketResult result;
+  if (used_ > 0) static_cast<FusionResult&>(result) = fusion_->result();
+  if (!size_.empty()) result.fused_by = fusion_->fusedBy();
+  result.has_labels = has_labels_;
+  result.reference = nearest_;
+  result.length = std::max(settings_.length, frames_.empty() ? 0 : frames_.back().index + 1);
+  result.frames = frames_;
+  result.used = used_;
+  result.warnings = scene_warnings_;
+  result.fusion_ms = fusion_ms_;
+
+  std::vector<std::string> notes = notes_;
+  if (predicts_ && !focus_known_) notes.emplace_back("no focus distances: depth and lens data are not used");
+  if (used_ > 0 && settings_.mode != Mode::kPaper && nearest_ != reference_) {
+    notes.push_back(
+        cv::format("the reference, frame %d, is missing or was rejected: frame %d takes its place",
+                   reference_, nearest_));
+  }
+  for (const FrameStatus& frame : frames_) {
+    if (frame.kind != FrameStatus::Kind::kRejected) continue;
+    if (static_cast<std::size_t>(result.rejected++) < kMostRejections)
+      notes.push_back(cv::format("frame %d rejected: ", frame.index) + frame.reason);
+  }
+  result.notes.insert(result.notes.begin(), notes.begin(), notes.end());
+  return result;
+}
+
+BracketResult Bracket::finish(const Progress& progress) {
+  const int last = frames_.empty() ? -1 : frames_.back().index;
+  if (settings_.strict && frames_.empty()) throw std::invalid_argument("the bracket holds no frame");
+  const bool has_reference = reference_ <= last && settings_.reference >= BracketSettings::kAutoReference;
+  if (settings_.strict && !has_reference) {
+    throw std::invalid_argument(
+        cv::format("frame %d cannot be the reference: the bracket holds frames 0 to %d",
+                   settings_.reference < 0 ? settings_.reference : reference_, last));
+  }
+  holding_ = false;
+  fuseReady();
+  while (!held_.empty()) markRejected(held_.begin()->first, anotherSize(held_.begin()->second.size));
+  Stopwatch watch;
+  BracketResult result = preview();
+  result.fusion_ms += watch.lap();
+  if (restores()) {
+    restore(progress, result);
+    result.restoration_ms = watch.lap();
+  }
+  return result;
+}
+
+// Replaces the picture of mode refined, or says why not.
+void Bracket::restore(const Progress& progress, BracketResult& result) const {
+  if (result.image.empty()) return;
+  const std::string missing = restoration_->missing();
+  if (!missing.empty()) {
+    result.notes.push_back("not restored: " + missing);
+    return;
+  }
+  try {
+    const std::optional<RestorationResult> restored = restoration_->restore(result.image, progress);
+    result.stopped = !restored;
+    if (!restored) return;
+    result.image = restored->image;
+    result.restored_depth = restored->depth;
+    result.blur_scale = restored->blur_scale;
+    result.notes.insert(result.notes.end(), restored->notes.begin(), restored->notes.end());
+    result.fused_by = FusedBy::kRestored;
+  } catch (const std::exception& e) {
+    if (settings_.strict) throw;
+    result.warnings.push_back("not restored: " + oneLine(e.what()));
+  }
+}
+
+}  // namespace all_in_focus::core

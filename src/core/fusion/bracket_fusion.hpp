@@ -1,0 +1,81 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "all_in_focus/fusion.hpp"
+
+namespace all_in_focus::core {
+
+/// A frame as mode refined adds it: in the geometry of the reference.
+struct AlignedFrame {
+  cv::Mat image;    ///< CV_8UC3; its pixels are valid only during the call that hands it over
+  cv::Rect seen;    ///< pixels that the frame has seen; the others continue its border
+  double gain = 1;  ///< in linear light (sRGB), to the exposure of the reference
+  int index = 0;
+  double focus_mm = 0;  ///< NaN = unknown, may be infinite
+  bool linear = false;  ///< the bracket's codes are in proportion to light, not sRGB
+};
+
+class RefinedFusion;
+class RegionFusion;
+
+/// All-in-focus image of one bracket, frame by frame. Memory does not grow with the number of frames: the
+/// mean or the chosen pixels are kept, not the frames. Not thread-safe; buffers are reused from bracket to
+/// bracket.
+///
+/// Mode paper takes frames in any order. Mode refined takes the reference first, after observing what comes
+/// before it in the bracket (see RefinedFusion).
+class BracketFusion {
+ public:
+  BracketFusion();
+  BracketFusion(BracketFusion&&) noexcept;
+  BracketFusion& operator=(BracketFusion&&) noexcept;
+  ~BracketFusion();
+
+  /// Starts a bracket of frames of that size. The scene must be possible (Bracket checks it). Its images are
+  /// shared, not copied; labels are scaled to the frames by nearest neighbour.
+  void begin(const BracketScene& scene, const cv::Size& size, Mode mode, const RefinedConfig& config = {});
+
+  /// Mode refined: sets or replaces the labels by which the result tells its regions.
+  void setLabels(const cv::Mat& labels);
+
+  /// Shows a frame that will be added later; call in the order of the bracket. Otherwise as add(). Does
+  /// nothing in mode paper.
+  void observe(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
+
+  /// frame: CV_8UC3 of the bracket's size (else std::invalid_argument, and the bracket is as before). index:
+  /// 0..65534, names the frame in the result. focus_mm: NaN = unknown, may be infinite. Returns why the frame
+  /// does not fit the others and was left out, or "".
+  std::string add(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
+
+  /// Sets a function that receives each aligned frame from the next add() on, the reference first. add()
+  /// calls it. Mode paper aligns no frames.
+  void setAlignedFrameCallback(std::function<void(const AlignedFrame&)> callback);
+
+  int frames() const { return static_cast<int>(focus_mm_.size()); }  ///< used since begin()
+  FusedBy fusedBy() const;
+
+  /// The result of the frames so far; images are copies. Throws std::logic_error before the first frame.
+  FusionResult result() const;
+
+ private:
+  void takeGray(const cv::Mat& frame, int index);
+
+  BracketScene scene_;
+  RefinedConfig config_;
+  cv::Size size_;                 // of the frames
+  std::vector<double> focus_mm_;  // of the frames used
+  bool by_region_ = false;
+  std::unique_ptr<RegionFusion> regions_;
+  std::unique_ptr<RefinedFusion> refined_;
+  cv::Mat labels_;  // of the frames' size
+  cv::Mat gray_;
+};
+
+}  // namespace all_in_focus::core

@@ -1,0 +1,42 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cv_bridge/cv_bridge.h>
+
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "all_in_focus/fusion.hpp"
+#include "conversions.hpp"
+#include "scene_cache.hpp"
+
+namespace all_in_focus {
+
+/// What is known of the lens that the colour camera was calibrated with.
+struct CalibrationLens {
+  double pixel_pitch_mm = 0;  ///< of the camera at its calibrated size, 0 = unknown
+  OpticsConstPtr optics;      ///< of the rig; null: unknown
+};
+
+/// The scene of the messages in the types of the core, and what is missing or refused, with its effect, one
+/// line each.
+struct SharedScene {
+  BracketScene scene;
+  std::vector<std::string> warnings;
+
+  // The scene reads the messages' own memory.
+  cv_bridge::CvImageConstPtr labels;
+  DepthImage depth, measured;
+};
+
+/// The scene for a mode. Mode paper uses labels, the other modes depth, lens and camera; the report lists the
+/// regions of labels in all modes. What is missing or broken is left out. frame: size of the first frame.
+SharedScene toScene(const SceneMessages& messages, Mode mode, const cv::Size& frame,
+                    const CalibrationLens& calibration);
+
+/// The labels of a message, CV_32SC1; empty: there are none or they are broken. Reads the message's memory.
+cv_bridge::CvImageConstPtr toLabels(const sensor_msgs::ImageConstPtr& message);
+
+}  // namespace all_in_focus
