@@ -25,6 +25,7 @@ constexpr std::uint32_t kArrivingImages = 64, kArrivingMessages = 1000;
 constexpr std::uint32_t kFramesWaiting = 1024;
 constexpr std::uint32_t kLabelsWaiting = 64;
 constexpr double kSettleTime = 1, kSettlePeriod = 0.02;  // s of wall time
+constexpr double kAheadOfClock = 0.1;                    // s that a frame may be ahead of /clock
 constexpr double kDefaultGap = 1;                        // s
 constexpr std::chrono::seconds kPatience(5);             // before a warning
 
@@ -96,7 +97,7 @@ void FusionInputs::unsubscribe() {
       optics_subscriber_ = focus_subscriber_ = {};
   resetFrames();
   resetLabels(label_queue_);
-  last_focus_ = {};
+  last_focus_ = last_frame_ = {};
   announced_bracket_.reset();
   status_.setExpect(image_input_, Expect::kStream);
   worker_.cancel();
@@ -153,17 +154,20 @@ void FusionInputs::settle() {
   if (isPublished(focus_subscriber_) || !last_focus_.isZero()) return;
   const std::deque<sensor_msgs::ImageConstPtr> plain = std::exchange(unmatched_, {});
   resetFrames();
-  for (const sensor_msgs::ImageConstPtr& image : plain) worker_.add({image, nullptr});
+  for (const sensor_msgs::ImageConstPtr& image : plain) addPlain(image);
 }
 
-// The open bracket ends with what it has. What is newer than the new time is forgotten. Unmatched images
-// belong to that time to which their stamps are nearer: some of the new time may have overtaken rgb/focus.
+// What is newer than the new time is forgotten. The open bracket ends with what it has, unless its frames are
+// those of the new time already: they may overtake /clock. Unmatched images belong to that time to which
+// their stamps are nearer: some of the new time may have overtaken rgb/focus.
 void FusionInputs::startAfresh(int input, const ros::Time& now) {
   status_.timeWentBack(input);
-  const ros::Time before = std::exchange(last_focus_, {});
-  worker_.restart();
   scenes_.forgetAfter(now);
   resetLabels(label_queue_);
+  const ros::Time before = last_frame_;
+  if (secondsBetween(now, before) <= kAheadOfClock) return;
+  last_focus_ = last_frame_ = {};
+  worker_.restart();
   std::deque<sensor_msgs::ImageConstPtr> still_valid;
   for (const sensor_msgs::ImageConstPtr& image : unmatched_) {
     const ros::Time& stamp = image->header.stamp;
@@ -202,14 +206,19 @@ void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
   // A publisher of rgb/focus defines the brackets while it is there.
   const bool has_focus = isPublished(focus_subscriber_) || stamp <= last_focus_;
   if (settled_ && !has_focus) {
-    if (time_jumps_.streamWentBack(stamp)) startAfresh(image_input_, std::min(stamp, ros::Time::now()));
     giveUpAllFrames();  // the publisher of rgb/focus is gone
-    status_.setExpect(image_input_, Expect::kStream);
-    worker_.add({image, nullptr});
-    return;
+    return addPlain(image);
   }
   if (time_jumps_.clockWentBack()) startAfresh(image_input_, ros::Time::now());
   match(image);
+}
+
+void FusionInputs::addPlain(const sensor_msgs::ImageConstPtr& image) {
+  const ros::Time stamp = image->header.stamp;
+  if (time_jumps_.streamWentBack(stamp)) startAfresh(image_input_, std::min(stamp, ros::Time::now()));
+  last_frame_ = stamp;
+  status_.setExpect(image_input_, Expect::kStream);
+  worker_.add({image, nullptr});
 }
 
 void FusionInputs::match(const sensor_msgs::ImageConstPtr& image) {
@@ -230,7 +239,7 @@ void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
   if (time_jumps_.streamWentBack(stamp)) startAfresh(focus_input_, std::min(stamp, ros::Time::now()));
   if (focus->index == 0 || announced_bracket_ != focus->bracket_id) scenes_.pin(stamp);
   announced_bracket_ = focus->bracket_id;
-  last_focus_ = stamp;
+  last_focus_ = last_frame_ = stamp;
   frame_matcher_->add<1>(focus);
   warnOfMismatch();
 }

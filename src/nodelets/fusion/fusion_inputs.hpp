@@ -65,6 +65,7 @@ class FusionInputs {
   void onLabels(const sensor_msgs::ImageConstPtr& labels);
   void onFrame(const sensor_msgs::ImageConstPtr& image, const FocusFrameConstPtr& focus);
   void onLabelSet(const sensor_msgs::ImageConstPtr& labels, const SegmentArrayConstPtr& segments);
+  void addPlain(const sensor_msgs::ImageConstPtr& image);
   void match(const sensor_msgs::ImageConstPtr& image);
   void giveUpFrames(std::size_t count);
   void giveUpAllFrames();
@@ -90,7 +91,7 @@ class FusionInputs {
   bool settled_ = false;  // all publishers have had time to connect since the first frame
   ros::WallTimer settling_;
   ros::WallTime settle_until_;
-  ros::Time last_focus_;                            // stamp, since the subscription
+  ros::Time last_focus_, last_frame_;               // stamps: of rgb/focus; of that or a frame without it
   std::optional<std::uint32_t> announced_bracket_;  // the last one of rgb/focus
   image_transport::Subscriber image_subscriber_;
   ros::Subscriber focus_subscriber_, info_subscriber_, optics_subscriber_, labels_subscriber_,
