@@ -13,7 +13,6 @@ namespace {
 
 using XmlRpc::XmlRpcValue;
 
-// What each type is called in messages.
 const char* typeName(bool) {
   return "true or false";
 }
@@ -30,125 +29,102 @@ const char* typeName(const std::vector<int>&) {
   return "a list of whole numbers";
 }
 
-std::string show(bool value) {
-  return value ? "true" : "false";
-}
-template <typename Number>
-std::string show(Number value) {
+std::string show(XmlRpcValue value) {
+  constexpr std::size_t kMost = 60;  // characters
   std::ostringstream text;
-  text << value;
-  return text.str();
-}
-std::string show(const std::string& value) {
-  return '\'' + value + '\'';
+  if (value.getType() == XmlRpcValue::TypeBoolean) return static_cast<bool>(value) ? "true" : "false";
+  if (value.getType() == XmlRpcValue::TypeDouble) {
+    text << static_cast<double>(value);
+  } else {
+    text << value;
+  }
+  std::string shown = text.str();
+  if (shown.size() > kMost) shown = shown.substr(0, kMost) + "...";
+  return value.getType() == XmlRpcValue::TypeString ? '\'' + shown + '\'' : shown;
 }
 std::string show(const std::vector<int>& values) {
   std::string text;
-  for (const int value : values) text += (text.empty() ? "[" : ", ") + std::to_string(value);
-  return text.empty() ? "[]" : text + "]";
+  for (const int value : values) text += (text.empty() ? "" : ", ") + std::to_string(value);
+  return '[' + text + ']';
 }
 
-std::string show(XmlRpcValue& value) {
-  if (value.getType() == XmlRpcValue::TypeBoolean) return show(static_cast<bool>(value));
-  constexpr std::size_t kMost = 60;  // characters
-  std::ostringstream text;
-  text << value;
-  std::string shown = text.str();
-  if (shown.size() > kMost) shown = shown.substr(0, kMost) + "...";
-  return value.getType() == XmlRpcValue::TypeString ? show(shown) : shown;
-}
-
-// Each sets the value if it is of the type, or can be no other one of the type.
-bool take(XmlRpcValue& from, bool& value) {
-  if (from.getType() != XmlRpcValue::TypeBoolean) return false;
-  value = static_cast<bool>(from);
-  return true;
-}
-bool take(XmlRpcValue& from, double& value) {
-  if (from.getType() == XmlRpcValue::TypeDouble) {
-    value = static_cast<double>(from);
-  } else if (from.getType() == XmlRpcValue::TypeInt) {
-    value = static_cast<int>(from);
-  } else {
-    return false;
-  }
-  return true;
-}
-bool take(XmlRpcValue& from, int& value) {
-  double number = 0;
-  if (!take(from, number) || number != std::floor(number) ||
-      std::abs(number) > std::numeric_limits<int>::max())
-    return false;
+bool toWhole(double number, int& value) {
+  if (number != std::floor(number) || std::abs(number) > std::numeric_limits<int>::max()) return false;
   value = static_cast<int>(number);
   return true;
 }
-bool take(XmlRpcValue& from, std::string& value) {
-  if (from.getType() != XmlRpcValue::TypeString) return false;
-  value = static_cast<std::string>(from);
-  return true;
-}
-bool take(XmlRpcValue& from, std::vector<int>& value) {
-  if (from.getType() != XmlRpcValue::TypeArray) return false;
-  std::vector<int> read(from.size());
-  for (int i = 0; i < from.size(); ++i) {
-    if (!take(from[i], read[i])) return false;
-  }
-  value = read;
-  return true;
-}
 
-// What text says: a number, true or false, or nothing of these.
-XmlRpcValue meaning(const std::string& text) {
-  if (text == "true" || text == "True") return XmlRpcValue(true);
-  if (text == "false" || text == "False") return XmlRpcValue(false);
-  char* end = nullptr;
-  const double number = std::strtod(text.c_str(), &end);
-  return !text.empty() && *end == '\0' ? XmlRpcValue(number) : XmlRpcValue();
-}
-
+// As roscpp reads it; but roscpp rounds a number where a whole one is expected.
 template <typename T>
-void refuse(XmlRpcValue& from, const std::string& name, const std::string& expected, const T& value,
-            NodeStatus& status) {
-  status.error(name + " must be " + expected + ", not " + show(from) + ": using " + show(value));
+bool read(const ros::NodeHandle& nh, const std::string& name, T& value) {
+  return nh.getParam(name, value);
+}
+bool read(const ros::NodeHandle& nh, const std::string& name, int& value) {
+  double number = 0;
+  return nh.getParam(name, number) && toWhole(number, value);
 }
 
+// Text that can mean nothing but the value.
 template <typename T>
-bool read(const ros::NodeHandle& nh, const std::string& name, const std::string& expected, XmlRpcValue& from,
-          T& value, NodeStatus& status) {
-  if (!nh.getParam(name, from)) return false;
-  if (take(from, value)) return true;
-  if (from.getType() == XmlRpcValue::TypeString) {
-    XmlRpcValue meant = meaning(from);
-    if (take(meant, value)) {
-      status.warn(name + " is text: " + show(from) + " is taken as " + show(value) +
-                  "; write it without quotes");
-      return true;
-    }
-  }
-  refuse(from, name, expected, value, status);
+bool parse(const std::string&, T&) {
   return false;
+}
+bool parse(const std::string& text, bool& value) {
+  value = text == "true" || text == "True";
+  return value || text == "false" || text == "False";
+}
+bool parse(const std::string& text, double& value) {
+  char* end = nullptr;
+  value = std::strtod(text.c_str(), &end);
+  return !text.empty() && *end == '\0';
+}
+bool parse(const std::string& text, int& value) {
+  double number = 0;
+  return parse(text, number) && toWhole(number, value);
+}
+
+template <typename T>
+void refuse(const ros::NodeHandle& nh, const std::string& name, const std::string& expected, const T& value,
+            NodeStatus& status) {
+  XmlRpcValue given;
+  nh.getParam(name, given);
+  status.error(name + " must be " + expected + ", not " + show(given) + ": using " + show(value));
+}
+
+// False if it is not set, or refused.
+template <typename T>
+bool readTyped(const ros::NodeHandle& nh, const std::string& name, const std::string& expected, T& value,
+               NodeStatus& status) {
+  if (!nh.hasParam(name)) return false;
+  T wanted{};
+  std::string text;
+  if (!read(nh, name, wanted)) {
+    if (!nh.getParam(name, text) || !parse(text, wanted)) {
+      refuse(nh, name, expected, value, status);
+      return false;
+    }
+    status.warn(name + " is text: " + show(text) + " is taken as " + show(wanted) +
+                "; write it without quotes");
+  }
+  value = wanted;
+  return true;
 }
 
 }  // namespace
 
 template <typename T>
 void readParameter(const ros::NodeHandle& nh, const std::string& name, T& value, NodeStatus& status) {
-  XmlRpcValue from;
-  read(nh, name, typeName(value), from, value, status);
+  readTyped(nh, name, typeName(value), value, status);
 }
 
 template <typename T>
 void readNumber(const ros::NodeHandle& nh, const std::string& name, T least, T most, T& value,
                 NodeStatus& status) {
   const std::string expected = typeName(value) + (" from " + show(least) + " to " + show(most));
-  XmlRpcValue from;
-  T number = value;
-  if (!read(nh, name, expected, from, number, status)) return;
-  if (number >= least && number <= most) {
-    value = number;
-  } else {
-    refuse(from, name, expected, value, status);
-  }
+  const T before = value;
+  if (!readTyped(nh, name, expected, value, status) || (value >= least && value <= most)) return;
+  value = before;
+  refuse(nh, name, expected, value, status);
 }
 
 template void readParameter(const ros::NodeHandle&, const std::string&, bool&, NodeStatus&);
