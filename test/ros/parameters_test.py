@@ -4,10 +4,13 @@
 """Parameters of a wrong type or out of range: one line names each, and the value that is used."""
 import unittest
 
+import numpy as np
 import rospy
 from roslib.packages import find_node
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
 
-from depth_testing import run_tests
+from depth_testing import GraphTest, image_message, run_tests, values_of, wait_until
 from process_testing import Talkative
 
 # node -> parameter -> (what the user gives, what the node says, what it then uses)
@@ -35,17 +38,18 @@ CASES = {
         'label_max_age': (3, None, 3.0)}}
 
 
-class ParametersTest(unittest.TestCase):
-    def start(self, node, parameters):
-        rospy.set_param('/' + node, parameters)
-        process = Talkative([find_node('all_in_focus', node)[0]], ROSCONSOLE_STDOUT_LINE_BUFFERED='1')
-        self.addCleanup(process.stop)
-        self.assertTrue(process.said('publishes  /'))
-        return process
+def start(test, node, parameters):
+    rospy.set_param('/' + node, parameters)
+    process = Talkative([find_node('all_in_focus', node)[0]], ROSCONSOLE_STDOUT_LINE_BUFFERED='1')
+    test.addCleanup(process.stop)
+    test.assertTrue(process.said('publishes  /'))
+    return process
 
+
+class ParametersTest(unittest.TestCase):
     def test_each_is_named_once_and_what_is_used_is_shown(self):
         for node, cases in CASES.items():
-            process = self.start(node, {name: given for name, (given, _, _) in cases.items()})
+            process = start(self, node, {name: given for name, (given, _, _) in cases.items()})
             for name, (_, line, used) in cases.items():
                 if line:
                     self.assertTrue(process.said(f'/{node}: '))
@@ -56,8 +60,25 @@ class ParametersTest(unittest.TestCase):
 
     def test_good_ones_are_used_without_a_word(self):
         for node in CASES:
-            process = self.start(node, {'queue_size': 7})
+            process = start(self, node, {'queue_size': 7})
             self.assertFalse([line for line in process.lines if 'WARN' in line or 'ERROR' in line])
+
+
+class QueueSizeTest(GraphTest):
+    def test_what_waits_is_bounded_and_every_image_is_acknowledged(self):
+        process = start(self, 'segmenter', {'queue_size': 1})
+        depth, processed = self.talk('depth_registered/image', Image), self.listen('segmentation/processed', Header)
+        labels = self.listen('segmentation/labels', Image)
+        noise = np.random.default_rng(1).integers(500, 5000, (1500, 2000), np.uint16)  # takes much longer than its way
+        stamps = [1000 + number for number in range(30)]
+        for stamp in stamps:
+            depth.say(image_message(noise, stamp))
+        self.assertTrue(wait_until(lambda: len(processed.messages) == len(stamps)), len(processed.messages))
+        self.assertIsNotNone(labels.at(stamps[-1]))
+        self.assertTrue(process.said('cannot keep up: oldest waiting image dropped'))
+        counts = values_of(self.diagnostics.wait('segmenter', lambda status: True))
+        self.assertEqual(int(counts['processed']) + int(counts['dropped']), len(stamps))
+        self.assertGreater(int(counts['dropped']), 0)
 
 
 if __name__ == '__main__':
