@@ -24,8 +24,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr int kWidth = 640, kHeight = 480, kFps = 30;
-constexpr std::chrono::milliseconds kCatchUp{100};  // delay after which playback stops catching up
-constexpr int kMissingEndMs = 2000;                 // a recording that is silent for longer has no end mark
+constexpr std::chrono::milliseconds kCatchUp{100};     // delay after which playback stops catching up
+constexpr std::chrono::milliseconds kPlayerRests{20};  // after it has delivered an image
+constexpr int kMissingEndMs = 2000;  // a recording that is silent for longer has no end mark
 // OpenNI2 is restarted after this time even if /sys, which may be missing, shows no new USB device.
 constexpr std::chrono::minutes kStartAnyway{5};
 
@@ -175,26 +176,18 @@ void OpenNiUse::deviceWasOpened() {
   g_session.opened = true;
 }
 
-/// Listeners that the drivers call from their own threads: they only set flags.
-class KinectDevice::Events : public openni::OpenNI::DeviceDisconnectedListener,
-                             public openni::OpenNI::DeviceStateChangedListener {
+/// A listener that the drivers call from their own threads: it only sets a flag.
+class KinectDevice::Events : public openni::OpenNI::DeviceDisconnectedListener {
  public:
   explicit Events(std::string uri) : uri_(std::move(uri)) {
     openni::OpenNI::addDeviceDisconnectedListener(this);
-    openni::OpenNI::addDeviceStateChangedListener(this);
   }
-  ~Events() override {
-    openni::OpenNI::removeDeviceDisconnectedListener(this);
-    openni::OpenNI::removeDeviceStateChangedListener(this);
-  }
+  ~Events() override { openni::OpenNI::removeDeviceDisconnectedListener(this); }
   void onDeviceDisconnected(const openni::DeviceInfo* info) override {
     if (uri_ == info->getUri()) unplugged = true;
   }
-  void onDeviceStateChanged(const openni::DeviceInfo* info, openni::DeviceState state) override {
-    if (uri_ == info->getUri() && state == openni::DEVICE_STATE_EOF) ended = true;
-  }
 
-  std::atomic<bool> unplugged{false}, ended{false};
+  std::atomic<bool> unplugged{false};
 
  private:
   const std::string uri_;
@@ -217,11 +210,12 @@ KinectDevice::~KinectDevice() {
 
 // When OpenNI2 keeps the pace of a recording, it loses images: it holds only the newest one, and plays the
 // first image of a new round immediately after the last one. With speed -1 it delivers an image for each
-// request, and next() keeps the pace.
+// request, and next() keeps the pace. The player always repeats, and receive() sees a new round: at the end
+// of a recording that it does not repeat, the player's thread is busy with looking for an image in its list
+// of streams, without a lock, and crashes when stop() removes one.
 void KinectDevice::setPlayback() {
   openni::PlaybackControl& control = *device_.getPlaybackControl();
-  if (control.setSpeed(-1.0F) != openni::STATUS_OK ||
-      control.setRepeatEnabled(playback_.repeat) != openni::STATUS_OK) {
+  if (control.setSpeed(-1.0F) != openni::STATUS_OK || control.setRepeatEnabled(true) != openni::STATUS_OK) {
     throw std::runtime_error("cannot set how " + description_ + " is played: " + openNiReason());
   }
 }
@@ -250,10 +244,11 @@ void KinectDevice::start(KinectStream stream) {
       throw std::runtime_error("cannot start " + what + ": " + openNiReason());
     }
   } catch (...) {
-    slot.stream.destroy();
+    destroy(slot);
     throw;
   }
   slot.running = true;
+  slot.last_index = 0;
   silent_ms_ = 0;
 }
 
@@ -289,6 +284,14 @@ void KinectDevice::stop(KinectStream stream) {
   if (waiting_ && current_stream_ == stream) {
     waiting_ = false;
     current_.release();
+  }
+  destroy(slot);
+}
+
+void KinectDevice::destroy(Slot& slot) {
+  if (isFile()) {  // the player's thread must not be in its list of streams, see setPlayback()
+    if (silent_ms_ > 0) slot.stream.stop();
+    std::this_thread::sleep_for(kPlayerRests);
   }
   slot.stream.stop();
   slot.stream.destroy();  // until then some drivers keep the USB transfer running
@@ -336,7 +339,11 @@ bool KinectDevice::receive(int timeout_ms) {
   }
   silent_ms_ = 0;
   current_stream_ = static_cast<KinectStream>(ready);
-  return slots_.at(ready).stream.readFrame(&current_) == openni::STATUS_OK && current_.isValid();
+  Slot& slot = slots_.at(ready);
+  if (slot.stream.readFrame(&current_) != openni::STATUS_OK || !current_.isValid()) return false;
+  ended_ = isFile() && !playback_.repeat && current_.getFrameIndex() <= slot.last_index;
+  slot.last_index = current_.getFrameIndex();
+  return !ended_;
 }
 
 KinectDevice::Clock::time_point KinectDevice::dueTime() const {
@@ -356,7 +363,7 @@ bool KinectDevice::isUnplugged() const {
 }
 
 bool KinectDevice::hasEnded() const {
-  return isFile() && !waiting_ && (events_->ended || silent_ms_ >= kMissingEndMs);
+  return isFile() && !waiting_ && (ended_ || silent_ms_ >= kMissingEndMs);
 }
 
 }  // namespace all_in_focus

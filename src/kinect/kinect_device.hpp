@@ -82,12 +82,14 @@ class KinectDevice {
     openni::VideoStream stream;
     KinectMode mode;
     bool running = false;
+    int last_index = 0;  // of its images; in a recording they count from 1
   };
 
   Slot& slot(KinectStream stream) { return slots_[indexOf(stream)]; }
   const Slot& slot(KinectStream stream) const { return slots_[indexOf(stream)]; }
   void setPlayback();
   void chooseMode(KinectStream stream);
+  void destroy(Slot& slot);
   bool receive(int timeout_ms);
   Clock::time_point dueTime() const;
 
@@ -102,6 +104,7 @@ class KinectDevice {
 
   // Playback of a recording: the current image waits until it is due.
   bool waiting_ = false;
+  bool ended_ = false;  // and the player has begun again
   Clock::time_point due_;
   std::uint64_t last_us_ = 0;  // stamp of the image before
   int silent_ms_ = 0;          // time without an image
