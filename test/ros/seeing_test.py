@@ -126,7 +126,8 @@ class CaptionTest(GraphTest):
         self.listen_to_markers()
         stamp, other = next(STAMPS), camera_info(0)
         other.width = WIDTH // 2
-        self.deliver('alone/segmenter', (self.info, other), (self.info, camera_info(0, 0.0)))
+        for info in (other, camera_info(0, 0.0)):  # one after the other: only the newest waits
+            self.deliver('alone/segmenter', (self.info, info))
         self.depth.say(image_message(two_planes(), stamp, frame='color'))
         self.assertIsNotNone(self.labels.at(stamp))
         self.assertTrue(wait_until(lambda: any('/alone/' + INFO in s.message and 'not calibrated' in s.message
