@@ -265,12 +265,14 @@ def test_no_program_waits_for_a_fifo(planes, program, arguments):
 
 @pytest.mark.parametrize("megabytes", [360, 390, 420, 450])
 def test_little_memory_ends_fuse_stack(planes, megabytes):
-    """Whether it is enough depends on the libraries; the program ends in any case, with one line if it is not."""
+    """Whether it is enough depends on the libraries. Before main() the loader (127) or the initialisation of a library
+    (-SIGABRT) may fail; from then on the program ends with its line."""
     command = f"ulimit -v {megabytes * 1000}; exec \"$@\""
     done = run(["bash", "-c", command, "bash", tool("fuse_stack"), "--stack", planes.stack, "--output",
                 planes.output("fused.png")], timeout=120)
-    assert done.returncode in (0, 2, 127), done
-    assert done.returncode != 2 or done.stderr.count("\n") == 1
+    assert done.returncode in (0, 2, 127, -signal.SIGABRT), done
+    if done.returncode == 2:
+        assert "\nfuse_stack: " in "\n" + done.stderr
     assert done.returncode == 0 or not list((planes.folder / "out").iterdir())
 
 

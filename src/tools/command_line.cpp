@@ -4,8 +4,10 @@
 #include "command_line.hpp"
 
 #include <malloc.h>
+#include <sys/mman.h>
 
 #include <csignal>
+#include <cstddef>
 #include <cstdlib>
 #include <exception>
 #include <iostream>
@@ -13,6 +15,7 @@
 #include <new>
 #include <opencv2/core.hpp>
 #include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 #include <system_error>
 
@@ -73,6 +76,17 @@ std::string g_name;  // of the program
   std::_Exit(kBadInput);
 }
 
+// Throws std::bad_alloc. GDAL, which starts with OpenCV's first encoder or decoder, aborts or crashes where
+// memory is short. So it starts before anything else takes memory, and only if there is more than the 30 MB
+// that it needs.
+void startCodecs() {
+  constexpr std::size_t kBytes = std::size_t{64} << 20;
+  void* const memory = mmap(nullptr, kBytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (memory == MAP_FAILED) throw std::bad_alloc();
+  munmap(memory, kBytes);
+  static_cast<void>(cv::haveImageWriter(".png"));
+}
+
 int parseAndRun(int argc, char** argv, const po::options_description& options, const Tool& tool) {
   keepFreedMemory();
   const std::string path = argv[0];
@@ -106,6 +120,7 @@ int parseAndRun(int argc, char** argv, const po::options_description& options, c
       const bool is_flag = all.find(option, /*approx=*/false).semantic()->max_tokens() == 0;
       if (text && text->empty() && !is_flag) throw std::invalid_argument("--" + option + " is empty");
     }
+    startCodecs();
     requireSeparate(given(values, tool.reads), given(values, tool.writes));
     tool.run(values);
     return 0;
