@@ -348,7 +348,7 @@ FrameStatus FusionWorker::fuse(const Task& task) {
     return bracket_.reject(index, e.what());
   }
   const double focus_mm = task.frame.focus ? task.frame.focus->focus_distance * kMmPerM : kUnknownFocus;
-  const FrameStatus status = bracket_.add(bgr->image, index, focus_mm);
+  FrameStatus status = bracket_.add(bgr->image, index, focus_mm);
   open_->held[index] = bgr;
   for (auto it = open_->held.begin(); it != open_->held.end();)
     it = bracket_.holds(it->first) ? std::next(it) : open_->held.erase(it);
