@@ -4,7 +4,6 @@
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
-PARTS = ['bag', 'bag.check', 'baselines', 'benchmark', 'calibration', 'camera', 'files', 'metrics', 'replay', 'rviz',
-         'simulation']
-setup(**generate_distutils_setup(packages=['all_in_focus'] + ['all_in_focus.' + part for part in PARTS],
-                                 package_dir={'': 'src'}, package_data={'all_in_focus.baselines': ['*.onnx']}))
+# What ALL_IN_FOCUS_LAB adds, src/all_in_focus_lab/CMakeLists.txt installs.
+PARTS = ['bag', 'bag.check', 'calibration', 'camera', 'files', 'replay', 'rviz']
+setup(**generate_distutils_setup(packages=['all_in_focus'] + ['all_in_focus.' + part for part in PARTS], package_dir={'': 'src'}))

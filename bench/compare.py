@@ -29,13 +29,12 @@ from skimage.segmentation import felzenszwalb
 import graph_source
 import ros_run
 import steps
-from all_in_focus.baselines import enfuse
-from all_in_focus.benchmark import methods, scenes
-from all_in_focus.installed import run
 from all_in_focus.command_line import Parser, count, run as run_program
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import read_depth
-from suite import MAKE_SCENE
+from all_in_focus.installed import find, run
+from all_in_focus_lab.baselines import enfuse
+from all_in_focus_lab.benchmark import methods, scenes
 
 TASKS = ("registration", "segmentation", "fusion")
 NOISE_MM = 3
@@ -222,7 +221,7 @@ def main():
         args.folder = Path(folder)
         if args.scene is None:
             args.scene = args.folder / "scene"
-            subprocess.run([sys.executable, MAKE_SCENE, "--scene", "planes", "--size", "640x480", "--output", args.scene],
+            subprocess.run([sys.executable, find("make_scene"), "--scene", "planes", "--size", "640x480", "--output", args.scene],
                            check=True, stdout=subprocess.DEVNULL)
         known = inputs(args.scene)
         args.rig, args.depth = args.rig or known["rig"], args.depth or known["depth"]

@@ -18,8 +18,8 @@ from pathlib import Path
 import steps
 from all_in_focus.command_line import Input, Output, Parser, count, run
 from all_in_focus.files.stack import focus_entries, save_focus
+from all_in_focus.installed import find
 from all_in_focus.progress import Progress
-from suite import MAKE_SCENE
 
 FRAMES = (2, 5, 15, 50, 150, 540)
 SWEEP = 30  # different frames
@@ -53,7 +53,7 @@ def measure_frames(program, repetitions, scene):
     runs = {}
     with tempfile.TemporaryDirectory() as temporary:
         scene, folder = Path(scene), Path(temporary)
-        subprocess.run([sys.executable, MAKE_SCENE, "--scene", "planes", "--size", "640x480", "--frames", str(SWEEP),
+        subprocess.run([sys.executable, find("make_scene"), "--scene", "planes", "--size", "640x480", "--frames", str(SWEEP),
                         "--output", scene], check=True, stdout=subprocess.DEVNULL)
         for frames in FRAMES:
             make_stack(scene, frames, folder / str(frames))

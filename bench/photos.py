@@ -17,9 +17,9 @@ import cv2
 import numpy as np
 
 import steps
-from all_in_focus.baselines import enfuse
-from all_in_focus.benchmark.methods import peer_command
 from all_in_focus.command_line import Parser, count, run
+from all_in_focus_lab.baselines import enfuse
+from all_in_focus_lab.benchmark.methods import peer_command
 
 ASPECT = 1.5
 QUALITY = 92  # of the JPEGs

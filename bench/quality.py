@@ -26,12 +26,11 @@ import cv2
 import numpy as np
 
 import steps
-import suite
-from all_in_focus.benchmark import methods, scenes, tasks
 from all_in_focus.command_line import Input, Output, Parser, run
 from all_in_focus.files.stack import read_image
-from all_in_focus.metrics.kept_contrast import kept_contrast
 from all_in_focus.progress import Progress
+from all_in_focus_lab.benchmark import methods, scenes, suite, tasks
+from all_in_focus_lab.metrics.kept_contrast import kept_contrast
 
 TRUTH = {"psnr": ("PSNR, dB", ".2f"), "ssim": ("SSIM", ".4f"),
          "psnr_edges": ("PSNR within 8 px of depth edges, dB", ".2f")}
@@ -42,7 +41,7 @@ MEASURES = {**TRUTH, **CONTRAST, **SECONDS}
 
 
 def suites_of(text):
-    """argparse type: A,B of bench/suite.py."""
+    """argparse type: A,B of the suites."""
     names = text.split(",")
     if not set(names) <= set(suite.SUITES):
         raise argparse.ArgumentTypeError(f"'{text}': there are {', '.join(suite.SUITES)}")
@@ -52,7 +51,7 @@ def suites_of(text):
 def parse_arguments():
     parser = Parser(prog="quality.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", type=Input, metavar="SCENE", help="folders that make_scene wrote, or of photos")
-    parser.add_argument("--generate", metavar="DIR", help="take scenes of bench/suite.py, made in DIR where missing")
+    parser.add_argument("--generate", metavar="DIR", help="take scenes of the suites, made in DIR where missing")
     parser.add_argument("--suite", type=suites_of, default=["small"], metavar="A,B",
                         help=f"which of its suites: {', '.join(suite.SUITES)}; default small")
     parser.add_argument("--methods", default="single,oracle,true-depth,gf,gf+ecc,laplacian,laplacian+ecc,paper,refined",

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs of scripts/evaluate, and its page read back."""
+"""Runs of evaluate, and its page read back."""
 import csv
 import json
 import shutil
@@ -8,7 +8,7 @@ import sys
 from html.parser import HTMLParser
 
 import pytest
-from file_helpers import SCRIPTS, call, environment, start
+from file_helpers import call, environment, script, start
 from tool_helpers import made_scene
 
 try:
@@ -24,7 +24,7 @@ DASK = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "10s"}
 
 
 def start_evaluate(*arguments):
-    return start([sys.executable, SCRIPTS / "evaluate", *arguments], env=environment(**DASK))
+    return start([sys.executable, script("evaluate"), *arguments], env=environment(**DASK))
 
 
 def evaluate(*arguments):

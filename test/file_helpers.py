@@ -73,6 +73,12 @@ def environment(**more):
     return dict(os.environ, PATH=os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")]), **more)
 
 
+def script(name):
+    """Path of a program: one of the runtime, of the laboratory, or an absolute path."""
+    laboratory = SCRIPTS / "lab" / name
+    return laboratory if laboratory.exists() else SCRIPTS / name
+
+
 def listen_to_signals():
     """For preexec_fn: signals end the program also where the tests run in the background or under nohup, which ignore some."""
     for number in (signal.SIGINT, signal.SIGHUP):
@@ -90,7 +96,7 @@ def run(command, **options):
 
 
 def run_script(name, *arguments, **options):
-    return run([sys.executable, SCRIPTS / name, *arguments], **{"env": environment(), **options})
+    return run([sys.executable, script(name), *arguments], **{"env": environment(), **options})
 
 
 def file_limit(kb):
@@ -150,10 +156,10 @@ class VirtualTime:
         self._now += seconds
 
 
-def call(script, *arguments):
+def call(name, *arguments):
     """Like run_script(), but in this process: to start Python and to import OpenCV takes longer than most tests. Not for
     what a process has of its own: signals, environment, limits, and that it has one thread."""
-    path = SCRIPTS / script
+    path = script(name)
     old_arguments, old_handler = sys.argv, signal.getsignal(signal.SIGINT)
     sys.argv = [str(path), *map(str, arguments)]
     try:

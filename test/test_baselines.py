@@ -13,12 +13,12 @@ from test_evaluate_scores import METHODS as PAPER_METHODS
 from test_evaluate_scores import T3
 from test_recorded_sample import PAIRS, needs_pairs
 
-from all_in_focus import metrics
-from all_in_focus.baselines import (BASELINES, contourlet, convolutional, dense_sift, guided_filtering, matting,
-                                    nonsubsampled, pulse_coupled, wavelet)
-from all_in_focus.baselines.alignment import align
-from all_in_focus.metrics import phase
-from all_in_focus.metrics.truth import psnr
+from all_in_focus_lab import metrics
+from all_in_focus_lab.baselines import (BASELINES, contourlet, convolutional, dense_sift, guided_filtering, matting,
+                                        nonsubsampled, pulse_coupled, wavelet)
+from all_in_focus_lab.baselines.alignment import align
+from all_in_focus_lab.metrics import phase
+from all_in_focus_lab.metrics.truth import psnr
 
 needs_enfuse = pytest.mark.skipif(shutil.which("enfuse") is None, reason="enfuse is not installed")
 METHODS = [pytest.param(name, marks=needs_enfuse if name == "enfuse" else ()) for name in sorted(BASELINES)]

@@ -9,12 +9,12 @@ import sys
 import time
 
 import pytest
-from file_helpers import SCRIPTS, captured, listen_to_signals, run, start
+from file_helpers import SCRIPTS, captured, listen_to_signals, run, script, start
 from tool_helpers import TwoPlanes, succeeded
 
 from all_in_focus import command_line
 
-PROGRAMS = sorted(path.name for path in SCRIPTS.iterdir()
+PROGRAMS = sorted(path.name for path in [*SCRIPTS.iterdir(), *(SCRIPTS / "lab").iterdir()]
                   if path.is_file() and path.read_bytes().startswith(b"#!/usr/bin/python3")
                   and "\nfrom all_in_focus" in path.read_text())
 INTERRUPTED_IMPORT = """
@@ -49,7 +49,7 @@ def program(code, *arguments, **options):
 def test_every_program_begins_and_ends_alike():
     assert len(PROGRAMS) > 15
     for name in PROGRAMS:
-        lines = (SCRIPTS / name).read_text().splitlines()
+        lines = script(name).read_text().splitlines()
         imports = [line for line in lines if line.startswith(("import ", "from "))]
         assert imports[0] == "import all_in_focus.early_exit  # noqa: F401", name
         assert lines[-2] == 'if __name__ == "__main__":' and lines[-1].startswith("    run("), name
@@ -59,7 +59,7 @@ def test_every_program_begins_and_ends_alike():
 def test_an_interrupt_during_the_imports_is_silent(tmp_path, name):
     (tmp_path / "sitecustomize.py").write_text(INTERRUPTED_IMPORT)
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    done = run([sys.executable, SCRIPTS / name, "--help"], env=dict(os.environ, PYTHONPATH=path), preexec_fn=listen_to_signals)
+    done = run([sys.executable, script(name), "--help"], env=dict(os.environ, PYTHONPATH=path), preexec_fn=listen_to_signals)
     assert done.returncode == -signal.SIGINT and done.stderr == done.stdout == ""
 
 
@@ -83,7 +83,7 @@ def test_a_program_at_work_leaves_nothing(tmp_path, name, options, number):
         os.link(str(planes.stack / "00.png"), str(planes.folder / "many" / f"{index:04d}.png"))
     (tmp_path / "out").mkdir()
     command = [word.format(tmp_path / "out", planes.folder) for word in options]
-    with start([sys.executable, SCRIPTS / name, *command]) as process:
+    with start([sys.executable, script(name), *command]) as process:
         while not list((tmp_path / "out").iterdir()) and process.poll() is None:
             time.sleep(0.01)
         process.send_signal(number)
@@ -163,4 +163,4 @@ def test_a_reader_that_has_seen_enough():
 
 def test_help_of_every_program():
     for name in ("check_bag", "bag_to_stack", "make_scene"):
-        assert succeeded(run([sys.executable, SCRIPTS / name, "--help"])).stdout.startswith("usage: ")
+        assert succeeded(run([sys.executable, script(name), "--help"])).stdout.startswith("usage: ")

@@ -9,7 +9,7 @@ from test_recorded_sample import SWEEP, needs_sweep
 from test_segment_depth import GOLDEN
 from tool_helpers import OPTICS, fuse_stack, max_dof, read, succeeded, texture, write
 
-from all_in_focus.benchmark import segmentation
+from all_in_focus_lab.benchmark import segmentation
 
 LENS = "24,4,0.019"
 

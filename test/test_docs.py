@@ -63,9 +63,10 @@ def test_the_index_names_every_page():
 
 def programs():
     tools = {path.stem for path in (ROOT / 'src/tools').glob('*.cpp') if 'int main' in path.read_text()}
-    cmake = (ROOT / 'CMakeLists.txt').read_text()
-    nodes = set(re.search(r'foreach\(node ([\w ]+)\)', cmake)[1].split()) | set(re.findall(r'src/nodes/(\w+)\.cpp\)', cmake))
-    return tools | nodes | set(re.findall(r'^  scripts/(\w+)$', cmake, re.M))
+    cmake = '\n'.join(path.read_text() for path in [ROOT / 'CMakeLists.txt', *(ROOT / 'src').glob('*/CMakeLists.txt')])
+    listed = ' '.join(re.findall(r'foreach\((?:node|program) ([\w ]+)\)', cmake)).split()
+    nodes = re.findall(r'add_executable\((\w+) \1\.cpp\)', cmake)
+    return tools | {*listed, *nodes, *re.findall(r'^  scripts/(\w+)$', cmake, re.M)}
 
 
 def commands(page):

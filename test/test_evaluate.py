@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""scripts/evaluate on scenes of known truth: its numbers are the metrics' numbers, its page needs nothing else."""
+"""evaluate on scenes of known truth: its numbers are the metrics' numbers, its page needs nothing else."""
 import base64
 import json
 import shutil
@@ -13,11 +13,11 @@ import pytest
 from evaluate_helpers import METHODS, Page, evaluate, make_scene, needs_dask, results, rows, start_evaluate
 from tool_helpers import read, rosrun, succeeded
 
-from all_in_focus import metrics
-from all_in_focus.baselines import guided_filtering, laplacian_maximum
-from all_in_focus.benchmark.page import differences
-from all_in_focus.metrics.truth import Truth, psnr, ssim
 from all_in_focus.files.stack import Stack
+from all_in_focus_lab import metrics
+from all_in_focus_lab.baselines import guided_filtering, laplacian_maximum
+from all_in_focus_lab.benchmark.page import differences
+from all_in_focus_lab.metrics.truth import Truth, psnr, ssim
 
 SCENES = ("planes", "pair")
 

@@ -10,8 +10,8 @@ from evaluate_helpers import evaluate, needs_dask, results, rows
 from file_helpers import call, cut, pictures, run_script, write_stack
 from tool_helpers import expect_refusal
 
-from all_in_focus.baselines import BASELINES
-from all_in_focus.benchmark import engine, methods, runner, settings
+from all_in_focus_lab.baselines import BASELINES
+from all_in_focus_lab.benchmark import engine, methods, runner, settings
 
 
 @pytest.fixture

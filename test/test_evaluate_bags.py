@@ -16,9 +16,9 @@ from evaluate_helpers import evaluate, make_scene, results
 from tool_helpers import read, rosrun, succeeded
 
 from all_in_focus import installed
-from all_in_focus.benchmark import bags, methods, programs, settings
-from all_in_focus.benchmark.scenes import Scene
 from all_in_focus.files.stack import Stack
+from all_in_focus_lab.benchmark import bags, methods, programs, settings
+from all_in_focus_lab.benchmark.scenes import Scene
 
 METHODS = "paper,refined,laplacian"
 

@@ -15,7 +15,7 @@ from evaluate_helpers import DASK, METHODS, evaluate, make_scene, results, start
 from file_helpers import environment, run_script, wait_until
 from tool_helpers import succeeded
 
-from all_in_focus.benchmark.engine import engine
+from all_in_focus_lab.benchmark.engine import engine
 
 LOST_WORKER = r"evaluate: warning: Dask worker tcp://\S+ is lost; its tasks go to others"
 

@@ -8,8 +8,8 @@ import pytest
 from evaluate_helpers import evaluate, results, rows
 from test_recorded_sample import PAIRS, needs_pairs
 
-from all_in_focus.benchmark.tables import scores, standings
-from all_in_focus.metrics import METRICS
+from all_in_focus_lab.benchmark.tables import scores, standings
+from all_in_focus_lab.metrics import METRICS
 
 METHODS = ("DWT", "NSCT", "IM", "GF", "NSCT-PCNN", "DSIFT", "DCNN", "Ours")
 

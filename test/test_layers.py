@@ -59,7 +59,8 @@ def test_core_includes_only_std_and_opencv_core_and_imgproc():
 
 
 def python_imports(path):
-    """Rooms of our own package that a Python file imports, also inside functions; its generated messages are no module."""
+    """Modules of our packages that a Python file imports, also inside functions, as `files` or `all_in_focus_lab/metrics`. The
+    generated messages are no module."""
     for node in ast.walk(ast.parse(path.read_text())):
         names = []
         if isinstance(node, ast.Import):
@@ -70,6 +71,8 @@ def python_imports(path):
         for parts in (name.split('.') for name in names):
             if parts[0] == 'all_in_focus' and parts[1:2] not in ([], ['msg'], ['srv'], ['cfg']):
                 yield parts[1]
+            elif parts[0] == 'all_in_focus_lab':
+                yield '/'.join(parts[:2])
 
 
 def documented_modules(heading):
@@ -80,9 +83,9 @@ def documented_modules(heading):
     return {re.sub(r'^ `src/(all_in_focus/)?|/?(\.py)?` $', '', cells[0]): re.findall(r'`([^`]+)`', cells[2]) for cells in rows}
 
 
-def compare_modules(heading, found):
-    """found: {module: {module that it uses: a file that does}}"""
-    above, documented = set(), documented_modules(heading)
+def compare_modules(heading, found, below=()):
+    """found: {module: {module that it uses: a file that does}}; below: modules of another table, which all may use."""
+    above, documented = set(below), documented_modules(heading)
     assert set(documented) == set(found)
     for module, uses in documented.items():
         assert set(uses) <= above, f'{module} uses what does not stand above it'
@@ -90,13 +93,26 @@ def compare_modules(heading, found):
         above.add(module)
 
 
-def test_the_map_of_the_python_modules_is_true():
-    found = {}
-    for path in (ROOT / 'src/all_in_focus').rglob('*.py'):
-        module = path.relative_to(ROOT / 'src/all_in_focus').parts[0].replace('.py', '')
+def python_modules(package):
+    """{module: {module that it uses: a file that does}}; of the laboratory's own each begins with the name of its package."""
+    folder, prefix, found = ROOT / 'src' / package, '' if package == 'all_in_focus' else f'{package}/', {}
+    for path in folder.rglob('*.py'):
+        module = prefix + path.relative_to(folder).parts[0].replace('.py', '')
         found.setdefault(module, {}).update({used: path for used in python_imports(path) if used != module})
-    assert not found.pop('__init__')
-    compare_modules('Python module', found)
+    assert not found.pop(f'{prefix}__init__')
+    return found
+
+
+def test_the_map_of_the_python_modules_is_true():
+    """The runtime is a table of its own: nothing in it uses the laboratory."""
+    compare_modules('Python module', python_modules('all_in_focus'))
+    compare_modules('Module of the laboratory', python_modules('all_in_focus_lab'), documented_modules('Python module'))
+
+
+def test_programs_of_the_runtime_do_without_the_laboratory():
+    programs = [path for path in (ROOT / 'scripts').iterdir() if path.is_file() and b'python' in path.read_bytes()[:40]]
+    assert len(programs) > 10
+    assert not [path for path in programs for used in python_imports(path) if used.startswith('all_in_focus_lab')]
 
 
 def cpp_modules():
@@ -140,7 +156,7 @@ def test_tools_know_no_ros_and_only_kinect_knows_openni():
 
 def test_no_two_python_modules_share_a_name():
     """One name, one subject."""
-    names = [path.stem for path in (ROOT / 'src/all_in_focus').rglob('*.py') if path.stem != '__init__']
+    names = [path.stem for path in (ROOT / 'src').rglob('*.py') if path.stem != '__init__']
     assert not {name for name in names if names.count(name) > 1}
 
 

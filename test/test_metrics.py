@@ -13,12 +13,12 @@ from test_evaluate_scores import PUBLISHED
 from test_recorded_sample import PAIRS, needs_pairs
 from tool_helpers import expect_refusal
 
-from all_in_focus import metrics
-from all_in_focus.metrics import METRICS, evaluate
-from all_in_focus.metrics import images as shared
-from all_in_focus.metrics.images import remembered, stretched
-from all_in_focus.metrics.phase import phase_congruency
-from all_in_focus.metrics.truth import psnr, ssim
+from all_in_focus_lab import metrics
+from all_in_focus_lab.metrics import METRICS, evaluate
+from all_in_focus_lab.metrics import images as shared
+from all_in_focus_lab.metrics.images import remembered, stretched
+from all_in_focus_lab.metrics.phase import phase_congruency
+from all_in_focus_lab.metrics.truth import psnr, ssim
 
 NAIVE = {"Q_MI": naive_metrics.q_mi, "Q_NCIE": naive_metrics.q_ncie, "Q_G": naive_metrics.q_g,
          "Q_P": naive_metrics.q_p, "Q_Y": naive_metrics.q_y, "Q_CB": naive_metrics.q_cb}

@@ -14,17 +14,16 @@ from file_helpers import call
 from skimage.metrics import structural_similarity
 from tool_helpers import expect_refusal, tool
 
-from all_in_focus.baselines.alignment import align
-from all_in_focus.benchmark import methods, scenes as scenes_on_disk
 from all_in_focus.files.rig import Optics
 from all_in_focus.files.stack import read_image
-from all_in_focus.metrics.kept_contrast import kept_contrast, roughness
-from all_in_focus.metrics.truth import blur_per_inverse_depth, depth_errors, near_depth_edges, psnr, ssim
+from all_in_focus_lab.baselines.alignment import align
+from all_in_focus_lab.benchmark import methods, scenes as scenes_on_disk, suite
+from all_in_focus_lab.metrics.kept_contrast import kept_contrast, roughness
+from all_in_focus_lab.metrics.truth import blur_per_inverse_depth, depth_errors, near_depth_edges, psnr, ssim
 
 BENCH = Path(__file__).resolve().parent.parent / "bench"
 sys.path.insert(0, str(BENCH))
 import quality  # noqa: E402
-import suite  # noqa: E402
 
 COPY = "copy=cp {stack}/000.png {output}"
 

@@ -6,7 +6,7 @@ import pytest
 
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import load_focus
-from all_in_focus.metrics.truth import Truth, blur_per_inverse_depth, depth_errors, psnr
+from all_in_focus_lab.metrics.truth import Truth, blur_per_inverse_depth, depth_errors, psnr
 from tool_helpers import (expect_refusal, fuse_stack, made_scene, read, read_report, succeeded, without_timings)
 
 

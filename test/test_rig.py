@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from all_in_focus.files.rig import Camera, Optics, RigError, distortion_of, load_rig, save_rig
-from all_in_focus.simulation.presets import kinect_beside
+from all_in_focus_lab.simulation.presets import kinect_beside
 
 OPTICS = Optics(50.0, 2.0, 0.03)
 

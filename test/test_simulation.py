@@ -13,14 +13,14 @@ import skimage.data
 import yaml
 
 from all_in_focus import imaging
-from all_in_focus.simulation import depth_sensor as kinect
-from all_in_focus.simulation import lens
-from all_in_focus.simulation.layered_scene import LayeredScene, add_grain, kinect_beside
-from all_in_focus.simulation.photograph import measured, peel_layers
 from all_in_focus.files.rig import Camera, Optics, load_rig
-from all_in_focus.metrics.truth import Truth
-from all_in_focus.simulation.presets import SCENES
-from all_in_focus.simulation.surfaces import Ball, Plane, disc, lit, marked, plain, shaded_under, twigs
+from all_in_focus_lab.metrics.truth import Truth
+from all_in_focus_lab.simulation import depth_sensor as kinect
+from all_in_focus_lab.simulation import lens
+from all_in_focus_lab.simulation.layered_scene import LayeredScene, add_grain, kinect_beside
+from all_in_focus_lab.simulation.photograph import measured, peel_layers
+from all_in_focus_lab.simulation.presets import SCENES
+from all_in_focus_lab.simulation.surfaces import Ball, Plane, disc, lit, marked, plain, shaded_under, twigs
 from file_helpers import call, run_script
 from tool_helpers import expect_refusal
 

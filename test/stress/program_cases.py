@@ -10,7 +10,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from file_helpers import SCRIPTS, file_limit, run, run_script, start
+from file_helpers import SCRIPTS, file_limit, run, run_script, script, start
 from mutation import mutate_bytes
 from tool_helpers import succeeded, tool
 
@@ -140,7 +140,7 @@ def fill_disk(case, scene, seconds):
                           "{OUT}/out.png", "--report", "{OUT}/out.json"],
         "make_bag": [python, scripts / "make_bag", *scene.files, "--output", "{OUT}/out.bag"],
         "bag_to_stack": [python, scripts / "bag_to_stack", bag, "--output", "{OUT}/out"],
-        "make_scene": [python, scripts / "make_scene", "--scene", "planes", "--size", "160x120", "--frames", 3, "--output",
+        "make_scene": [python, script("make_scene"), "--scene", "planes", "--size", "160x120", "--frames", 3, "--output",
                        "{OUT}/out"]}
     whole, results, where = {}, Counter(), "on file systems that got full"
     end, turn = time.monotonic() + seconds, 0

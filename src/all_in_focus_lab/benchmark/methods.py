@@ -1,0 +1,317 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Methods by name:
+
+paper, refined, restored   this package (through the nodes where the scene is a bag); refined:-alignment,exposure: without
+                           those steps; refined:no-depth: with the focus distances alone; restored:no-depth: with the
+                           rig, too, which it needs; refined:optics+20: focal length 20 % too long; refined:shift5: depth
+                           5 pixels to the right
+the names of BASELINES     each with +ecc, too: frames aligned first
+given:NAME                 an image fused_NAME.png that lies beside the sources
+single, oracle, true-depth bounds that know the truth
+
+A method is run(scene, folder) -> Produced; folder: an empty one to work in. An exception that it
+raises is reported as its failure.
+"""
+import argparse
+import json
+import re
+import shlex
+import shutil
+import time
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Dict, List, Optional
+
+import cv2
+import numpy as np
+
+from all_in_focus import installed
+from all_in_focus.files.output_file import encode_png
+from all_in_focus.files.rig import Optics, load_rig
+from all_in_focus.files.stack import read_depth, read_image
+from all_in_focus_lab.baselines import BASELINES
+from all_in_focus_lab.baselines.alignment import align
+from all_in_focus_lab.benchmark.scenes import digest
+from all_in_focus_lab.metrics.truth import psnr
+from all_in_focus_lab.simulation import lens
+
+OWN = ("paper", "refined", "restored")
+VARIANTS = re.compile(r"-[a-z][a-z_-]*(,[a-z_-]+)*|no-depth|optics[+-][0-9]{1,2}|shift[0-9]{1,3}")
+TIMEOUT_S = 3600.0
+PICTURES = ("source_index", "labels")
+DEPTHS = ("measured", "registered", "depth")  # as fuse_stack --save-NAME saves them
+
+
+@dataclass
+class Produced:
+    """fused: H x W x 3 uint8. weights: H x W, uint16: frame with the most weight, 65535 = none; or float: share of
+    the second of two frames, W of equation 11. labels: H x W uint16. table: of their regions, as in report.json.
+    seconds: from frames in memory to the fused image.
+    depths: H x W uint16 mm, 0 = unknown, by DEPTHS: as measured, with filled holes, and what mode restored estimates.
+    """
+    fused: np.ndarray
+    weights: Optional[np.ndarray] = None
+    labels: Optional[np.ndarray] = None
+    table: List[dict] = field(default_factory=list)
+    seconds: Optional[float] = None
+    notes: List[str] = field(default_factory=list)
+    depths: Dict[str, np.ndarray] = field(default_factory=dict)
+
+    def winners(self):
+        """H x W, number of the frame with the most weight, 65535 = none; None where the method does not tell."""
+        if self.weights is not None and np.issubdtype(self.weights.dtype, np.floating):
+            return np.uint16(self.weights > 0.5)
+        return self.weights
+
+
+def available():
+    """What `all` stands for: this package's modes and every baseline, enfuse where it is installed."""
+    return list(OWN) + [name for name in BASELINES if name != "enfuse" or shutil.which("enfuse")]
+
+
+def expand(names, scenes):
+    """Names with `all` and `given:*` replaced by what there is; ValueError for a name that no method has, or twice."""
+    given = ["given:" + name for name in dict.fromkeys(name for scene in scenes for name in scene.given)]
+    wide = {"all": available(), "given:*": given}
+    expanded = [name for wanted in names for name in wide.get(wanted, [wanted])]
+    for name in expanded:
+        find(name)
+        if expanded.count(name) > 1:
+            raise ValueError(f"method '{name}' is named twice")
+    return expanded
+
+
+def find(name, peers={}, program=None):
+    """The method of a name; ValueError if there is none.
+
+    peers: more names -> command lines (see `peer_command`); program: path of fuse_stack, None: that of this package.
+    """
+    kind, colon, variant = str(name).partition(":")
+    plain = name[:-len("+ecc")] if name.endswith("+ecc") else name
+    if name in peers:
+        return partial(_peer, peers[name], name.endswith("+ecc"))
+    if kind in OWN and (not colon or VARIANTS.fullmatch(variant)):
+        return partial(_own, kind, variant, program)
+    if plain in BASELINES:
+        return partial(_baseline, plain, plain != name)
+    if name in BOUNDS:
+        return partial(_bound, name)
+    if kind == "given" and re.fullmatch(r"[\w.-]+", variant):
+        return partial(_given, variant)
+    raise ValueError(f"no method is named '{name}'; there are {', '.join([*OWN, *BASELINES])}, each of the last "
+                     f"{len(BASELINES)} with +ecc, {', '.join(BOUNDS)}, and given:NAME")
+
+
+def split(text):
+    """Names of a list a,b,refined:-c,d: after a minus sign commas go on until the next name of a method."""
+    names = []
+    for part in text.split(","):
+        is_step = re.fullmatch("[a-z][a-z_-]*", part) and part not in {*OWN, *BASELINES, *BOUNDS, "all"}
+        if names and ":-" in names[-1] and is_step:
+            names[-1] += "," + part
+        else:
+            names.append(part)
+    return names
+
+
+def fingerprint(name, scene, versions):
+    """What a result depends on; versions: see programs."""
+    parts = [scene.digest, scene.optics, name]
+    if name.startswith("given:"):
+        path = scene.given.get(name.partition(":")[2])
+        parts.append(digest([path]) if path else "")
+    program = [versions["nodes" if scene.of_bag else "fuse_stack"]] * (name.partition(":")[0] in OWN)
+    return " ".join([*parts, versions["code"], *program])
+
+
+def _baseline(name, aligned, scene, folder):
+    frames = list(scene.frames())
+    begin = time.perf_counter()
+    fused, weights = BASELINES[name](align(frames) if aligned else frames)
+    seconds = time.perf_counter() - begin
+    return Produced(fused, _checked_weights(weights, fused.shape[:2], len(frames)), seconds=seconds)
+
+
+def _checked_weights(weights, shape, frames):
+    """Weights as Produced has them; a share for each frame (N x H x W) becomes one of both forms."""
+    if weights is None or np.shape(weights) == shape:
+        return weights
+    shares = np.asarray(weights)
+    if shares.shape != (frames,) + shape:
+        raise ValueError(f"weights of shape {shares.shape} for {frames} frames of {shape[1]}x{shape[0]} pixels")
+    return shares[1] / np.maximum(shares.sum(0), 1e-9) if frames == 2 else np.argmax(shares, 0).astype(np.uint16)
+
+
+def _given(name, scene, folder):
+    if name not in scene.given:
+        raise ValueError(f"{scene.path}: holds no fused_{name}.png")
+    return Produced(read_image(scene.given[name]))
+
+
+def peer_command(text):
+    """argparse type: (name, command line) of NAME=COMMAND; {stack} {focus} {rig} {depth} {output} in it are replaced.
+
+    The frames are aligned first if NAME ends with +ecc.
+    """
+    name, equals, command = text.partition("=")
+    if not (name and equals and "{output}" in command) or "," in name:
+        raise argparse.ArgumentTypeError(f"'{text}': expected NAME=COMMAND with {{output}} in it")
+    return name, command
+
+
+def _peer(command, aligned, scene, folder):
+    """Somebody else's program, such as focus-stack or a learned method; without a file for a name, it gets ''."""
+    output = Path(folder) / "fused.png"
+    paths = {"stack": _aligned_stack(scene, folder) if aligned else _stack(scene, folder), "output": output,
+             **{key: scene.beside.get(key, "") for key in ("focus", "rig", "depth")}}
+    parts = [part.format(**paths) for part in shlex.split(command)]
+    begin = time.perf_counter()
+    installed.run(parts, TIMEOUT_S)
+    if not output.exists():
+        raise RuntimeError(f"{Path(parts[0]).name}: has not written {{output}}")
+    return Produced(read_image(output), seconds=time.perf_counter() - begin)
+
+
+def _own(mode, variant, program, scene, folder):
+    if scene.of_bag:
+        if variant:
+            raise ValueError("steps are left out on files only, not in bags")
+        if mode not in scene.nodes:
+            raise ValueError("the nodes have made nothing of this bracket")
+        return _read_own(scene.nodes[mode], "the fusion node alone", ("fusion",))
+    installed.run(fuse_stack_command(mode, variant, program or installed.find("fuse_stack"), scene, folder), TIMEOUT_S)
+    return _read_own(folder)
+
+
+def fuse_stack_command(mode, variant, program, scene, folder):
+    """Command line of fuse_stack for a scene, which writes fused.png, report.json and more into a folder."""
+    folder, extra = Path(folder), []
+    if variant.startswith("-"):
+        extra = ["--without", variant[1:]]
+    elif variant == "no-depth":
+        hidden = ("depth", "registered_depth", "label")
+        if mode != "restored":
+            hidden += ("rig",)
+            scene = replace(scene, optics="")
+        scene = replace(scene, beside={key: path for key, path in scene.beside.items() if key not in hidden})
+    elif variant.startswith("optics"):
+        known = scene.lens()
+        longer = known.focal_length_mm * (1 + float(variant[len("optics"):]) / 100)
+        scene = replace(scene, optics=str(replace(known, focal_length_mm=longer)))
+    elif variant.startswith("shift"):
+        moved = folder / "shifted_depth.png"
+        shifted(scene.beside["depth"], int(variant[len("shift"):]), moved)
+        scene = replace(scene, beside={**scene.beside, "depth": moved})
+    command = [program, "--mode", mode, "--stack", _stack(scene, folder), *_known(scene),
+               "--output", folder / "fused.png", "--report", folder / "report.json"]
+    has_labels = {"depth", "registered_depth", "label"} & set(scene.beside)
+    saved = list(PICTURES if has_labels else PICTURES[:1])
+    if "rig" in scene.beside and "depth" in scene.beside:
+        saved += DEPTHS[:2]
+    if mode == "restored" and {"rig", "focus"} <= set(scene.beside):  # else it is refined
+        saved.append(DEPTHS[2])
+    for name in saved:
+        command += ["--save-" + name.replace("_", "-"), folder / f"{name}.png"]
+    return [str(part) for part in command + extra]
+
+
+def shifted(path, columns, output):
+    """Writes a depth image moved to the right; the columns that this leaves free on the left are unknown."""
+    depth = read_depth(path)
+    moved = np.zeros_like(depth)
+    moved[:, columns:] = depth[:, :depth.shape[1] - columns]
+    cv2.imwrite(str(output), moved)
+
+
+def _known(scene):
+    """Arguments of fuse_stack for what is known beside the frames."""
+    beside = scene.beside
+    known = {"--rig": beside.get("rig"), "--optics": scene.optics, "--focus": beside.get("focus")}
+    for key, option in (("depth", "--depth"), ("registered_depth", "--registered-depth"), ("label", "--label-map")):
+        if key in beside:
+            known[option] = beside[key]
+            break
+    return [part for option, value in known.items() if value for part in (option, value)]
+
+
+def _stack(scene, folder):
+    """Folder or video of the frames; where a folder holds other pictures too, one that links just these."""
+    if scene.stack:
+        return scene.stack
+    linked = Path(folder) / "stack"
+    linked.mkdir()
+    for path in scene.sources:
+        (linked / path.name).symlink_to(path.absolute())
+    return linked
+
+
+def _aligned_stack(scene, folder):
+    """Folder of the aligned frames, as PNG under the names that {focus} has where the frames are PNG, too."""
+    made = Path(folder) / "aligned"
+    made.mkdir()
+    for name, frame in zip(scene.names(), align(list(scene.frames()))):
+        (made / name).with_suffix(".png").write_bytes(encode_png(frame))
+    return made
+
+
+# --- bounds: they know the truth --------------------------------------------------------------------------------------
+
+def _bound(name, scene, folder):
+    if "truth" not in scene.beside:
+        raise ValueError(f"{scene.path}: no truth is known, which {name} needs")
+    return BOUNDS[name](scene)
+
+
+def single(scene):
+    """The best frame as it is."""
+    truth = read_image(scene.beside["truth"])
+    return Produced(max(scene.frames(), key=lambda frame: psnr(frame, truth)))
+
+
+def oracle(scene):
+    """Every pixel from the frame whose colour is nearest to the truth there."""
+    truth, fused = read_image(scene.beside["truth"]).astype(np.int32), None
+    for number, frame in enumerate(scene.frames()):
+        error = ((frame - truth) ** 2).sum(axis=2)
+        if fused is None:
+            fused, best, index = frame, error, np.zeros(error.shape, np.uint16)
+            continue
+        better = error < best
+        fused[better], best[better], index[better] = frame[better], error[better], number
+    return Produced(fused, index)
+
+
+def true_depth(scene):
+    """Every pixel from the frame focused nearest, in dioptres, to the true depth; true motion is undone."""
+    made = json.loads((scene.path / "scene.json").read_text(encoding="utf-8"))
+    camera, depth = load_rig(scene.beside["rig"]).color, read_depth(scene.beside["truth_depth"])
+    focus, enlarge = np.array(made["focus_mm"]), made.get("enlarge", 1)
+    index = np.argmin([np.abs(1 / s - 1 / np.maximum(depth, 1)) for s in focus], axis=0)
+    roll, right, down = (made.get("sag", {}).get(key, 0) for key in ("roll_degrees", "right_px", "down_px"))
+    motions = lens.frame_motions(camera, Optics(**made["optics"]), focus, made["breathing"],
+                                 lens.Sag(roll, right * enlarge, down * enlarge))
+    fused = np.zeros(depth.shape + (3,), np.uint8)
+    for number, (frame, matrix) in enumerate(zip(scene.frames(), motions)):
+        still = lens.warp(np.float32(frame), cv2.invertAffineTransform(matrix))
+        fused[index == number] = np.uint8(np.clip(np.rint(still), 0, 255))[index == number]
+    return Produced(fused, index.astype(np.uint16))
+
+
+BOUNDS = {"single": single, "oracle": oracle, "true-depth": true_depth}
+
+
+# --- results ----------------------------------------------------------------------------------------------------------
+
+
+def _read_own(folder, measured="", steps=None):
+    """Result of fuse_stack or of the nodes. steps: which of the report's times count; measured: a note about the time."""
+    report = json.loads(Path(folder, "report.json").read_text(encoding="utf-8"))
+    paths = {name: Path(folder, f"{name}.png") for name in ("fused", *PICTURES, *DEPTHS)}
+    images = {name: read_image(path, cv2.IMREAD_UNCHANGED) for name, path in paths.items() if path.exists()}
+    times = dict(zip(report["timing_names"], report["timing_ms"]))
+    return Produced(images["fused"], images.get("source_index"), images.get("labels"), report.get("segment_table", []),
+                    sum(ms for name, ms in times.items() if steps is None or name in steps) / 1000,
+                    report["notes"] + (["time: " + measured] if measured else []),
+                    {name: images[name] for name in DEPTHS if name in images})

@@ -1,0 +1,294 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The report as one HTML page that needs nothing but itself."""
+import base64
+from typing import NamedTuple, Optional
+
+import cv2
+import jinja2
+import numpy as np
+
+from all_in_focus.files.errors import counted
+from all_in_focus.files.stack import read_depth, read_image
+from all_in_focus.imaging import NO_FRAME, index_picture, picture, shrunk
+from all_in_focus_lab.benchmark import tables as t
+
+SHOWN_FRAMES = 4     # of a long sweep: the first, the last and some between
+WIDTH = 420          # of a small copy, pixels
+CROP, CROPS = 96, 3  # side of a crop in pixels, a quarter of a small image at most; how many
+UNDECIDED = (200, 80, 200)  # BGR of pixels that no frame has won: a colour that the others do not have
+
+TEMPLATE = """
+{%- macro table(it) -%}
+<p class="caption">{{ it.caption }}</p><div class="wide"><table id="{{ it.name }}"><thead><tr>
+{%- for text in it.heading %}<th>{{ text }}</th>{% endfor %}</tr></thead><tbody>
+{% for kind, cells in it.lines -%}
+<tr class="{{ kind }}">
+{%- for cell in cells -%}
+<td{% if cell.best %} class="best"{% endif %}
+{%- if cell.value is not none %} data-value="{{ cell.value | exact }}" title="{{ cell.value | exact }}"{% endif %}>
+{{- cell.text }}{% if cell.more %} <small>({{ cell.more }})</small>{% endif %}</td>
+{%- endfor %}</tr>
+{% endfor %}</tbody></table></div>
+{%- endmacro -%}
+
+<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>Evaluation of image fusion</title><style>
+body { font: 15px/1.45 system-ui, sans-serif; color: #222; margin: 2em auto; max-width: 1500px; padding: 0 1em; }
+h1, h2, h3 { line-height: 1.2; } h2 { margin-top: 2em; border-bottom: 1px solid #bbb; } h3 { margin-bottom: .3em; }
+table { border-collapse: collapse; margin: .6em 0; font-variant-numeric: tabular-nums; }
+.wide { overflow-x: auto; } p.caption { color: #555; margin: 1em 0 0; max-width: 60em; }
+th, td { padding: .15em .7em; text-align: right; white-space: nowrap; }
+th:first-child, td:first-child, .text td, .text th { text-align: left; }
+thead th { border-bottom: 1px solid #555; } tbody tr:hover { background: #f0f4fa; }
+tr.group td { border-top: 1px solid #bbb; } td.best { font-weight: bold; } small { color: #777; }
+.pictures { display: flex; flex-wrap: wrap; gap: .8em; } figure { margin: 0; } figcaption { font-size: 13px; }
+img { display: block; max-width: 100%; image-rendering: auto; } img.map, img.crop { image-rendering: pixelated; }
+figure { width: 330px; } figure.crop { width: 192px; } img { width: 100%; }
+.failed { color: #a00; } pre { background: #f4f4f4; padding: .8em; overflow-x: auto; }
+</style></head><body>
+<h1>Fusion of {{ scenes | length | counted("scene") }} by {{ tables.methods | length | counted("method") }}</h1>
+{% if run.failures %}<h2>What failed</h2><ul class="failed">
+{%- for line in run.failures %}<li>{{ line }}</li>{% endfor %}</ul>{% endif %}
+<h2>Scores and ranks</h2>
+{% for it in standings %}{{ table(it) }}{% endfor %}
+<h2>Values</h2>
+{% for it in values %}{{ table(it) }}{% endfor %}
+<h2>Seconds</h2>{{ table(seconds) }}
+{% for scene in scenes %}
+<h2>{{ scene.name }}</h2><p><small>{{ scene.path }}, {{ scene.frames }} frames</small></p>
+{% for title, figures in scene.rows if figures -%}
+<h3>{{ title }}</h3><div class="pictures">
+{%- for it in figures %}<figure class="{{ it.kind }}"><img class="{{ it.kind }}" alt="{{ it.title }}" src="{{ it.source }}">
+<figcaption>{{ it.title }}{% if it.caption %}<br><small>{{ it.caption }}</small>{% endif %}</figcaption></figure>
+{% endfor %}</div>
+{% endfor %}
+{%- if scene.notes %}<h3>Notes</h3><ul>{% for line in scene.notes %}<li>{{ line }}</li>{% endfor %}</ul>{% endif %}
+{% endfor %}
+<h2>Configuration and versions</h2>
+<div class="text">{{ table(versions) }}</div><p>The same settings as <code>configuration.yaml</code>, beside this page:</p>
+<pre id="configuration">{{ run.settings.as_yaml() }}</pre>
+</body></html>
+"""
+
+
+class Cell(NamedTuple):
+    """Cell of a table: its text, the exact value, whether it is the best of its row, text behind it (the score)."""
+    text: str
+    value: Optional[float] = None
+    best: bool = False
+    more: str = ""
+
+
+class Table(NamedTuple):
+    """lines: (class of the row, its Cells)."""
+    name: str
+    caption: str
+    heading: list
+    lines: list
+
+
+class Figure(NamedTuple):
+    """source: address of the picture; kind: class of the figure, map and crop without loss."""
+    title: str
+    source: str
+    kind: str = ""
+    caption: str = ""
+
+
+def page(run, tables, store):
+    """HTML text. run: see output_files.Run; tables: tables.Tables; store: where the pictures are."""
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    environment.filters.update(exact=repr, counted=counted)
+    return environment.from_string(TEMPLATE).render(
+        run=run, tables=tables, standings=_standings(run, tables), values=_values(tables), seconds=_seconds(run, tables),
+        scenes=[_scene(run, scene, tables, store) for scene in run.scenes],
+        versions=Table("versions", "Measured with", ["what", "version"],
+                       [("", [Cell(name), Cell(value)]) for name, value in run.versions.items()]))
+
+
+def _standings(run, tables):
+    captions = {"metrics": f"By the metrics {', '.join(run.settings.metrics)}. The best of N methods has score N in each row "
+                           "of the table of values, equal ones have the mean; a failed method has none. These metrics "
+                           "reward copying: see the truth, where it is known.",
+                "truth": "By the known all-in-focus truth: PSNR, SSIM, PSNR within 8 px of depth edges."}
+    found = []
+    for kind, caption in captions.items():
+        if getattr(tables, kind):
+            heading, *lines = t.standing_cells(tables, getattr(tables, kind))
+            found.append(Table("scores-" + kind, caption, heading,
+                               [("", [Cell(name), *(Cell(text, float(text)) for text in cells)]) for name, *cells in lines]))
+    return found
+
+
+def _values(tables):
+    captions = {"metrics": "Value and (score) of each metric; higher is better.",
+                "contrast": "Without any truth: share of the contrast that some frame shows which the result keeps (mean over "
+                            "all scales, and the least; higher is better), and roughness of the map of winners, the share "
+                            "of neighbours from different frames (lower is better).",
+                "truth": "Against the truth: PSNR in dB, SSIM, PSNR within 8 px of depth edges."}
+    return [Table("values-" + kind, caption, ["scene", "measure", *tables.methods],
+                  _value_lines(getattr(tables, kind), tables.methods))
+            for kind, caption in captions.items() if getattr(tables, kind)]
+
+
+def _value_lines(rows, methods):
+    lines, scene = [], None
+    for row in rows:
+        best = max((score for score in row.scores.values() if score is not None), default=None)
+        cells = [Cell(row.scene if row.scene != scene else ""), Cell(row.measure)]
+        for name in methods:
+            value, score = row.values[name], row.scores[name]
+            cells.append(Cell(t.number(row.measure, value), value, score is not None and score == best,
+                              t.score(score) if score is not None else ""))
+        lines.append(("" if row.scene == scene else "group", cells))
+        scene = row.scene
+    return lines
+
+
+def _seconds(run, tables):
+    def cells(title, times):
+        least = min((value for value in times if value is not None), default=None)
+        return [Cell(title)] + [Cell(t.number("seconds", value), value, value is not None and value == least)
+                                for value in times]
+
+    lines = [("", cells(scene, list(of.values()))) for scene, of in tables.seconds.items()]
+    lines.append(("group", cells("mean", [tables.mean_seconds(name) for name in tables.methods])))
+    return Table("seconds", "From frames in memory to the fused image, once. " + run.timing_note,
+                 ["scene", *tables.methods], lines)
+
+
+# --- one scene --------------------------------------------------------------------------------------------------------
+
+def _scene(run, scene, tables, store):
+    """What the template shows of a scene: sources, results, weight maps, label maps, crops, notes."""
+    results = run.results[scene.name]
+    worked = [name for name in tables.methods if "error" not in results[name]]
+    fused = {name: read_image(store.picture(scene.name, name, "fused")) for name in worked}
+    windows = differences(list(fused.values()))
+    titles = scene.names()
+    wanted = {round(i * (len(titles) - 1) / (SHOWN_FRAMES - 1)) for i in range(SHOWN_FRAMES)}
+    shown = {titles[n]: frame for n, frame in enumerate(scene.frames()) if n in wanted}
+    maps = {name: read_weights(store, scene.name, name, len(titles)) for name in worked}
+    legend = ("black: first frame, white: second" if len(titles) == 2 else
+              "a colour for each frame, from violet for the first to dark red for the last")
+    silent = [name for name, image in maps.items() if image is None]
+    rows = [("Sources and what is known", _known(scene, shown, windows)),
+            ("Results", [_figure(name, image, caption=_caption(scene, name, tables)) for name, image in fused.items()]),
+            (f"Weight maps ({legend}){'; none from ' + ', '.join(silent) if silent else ''}",
+             [_figure(name, image, "map") for name, image in maps.items() if image is not None]),
+            ("Label maps", _labels(scene, worked, store)), *_crops(scene, shown, fused, windows)]
+    return {"name": scene.name, "path": scene.path, "frames": len(titles), "rows": rows,
+            "notes": [f"{name}: {note}" for name in worked for note in results[name].get("notes", [])]}
+
+
+def _figure(title, image, kind="", caption=""):
+    if kind != "crop":  # maps keep their colours
+        image = shrunk(image, WIDTH, cv2.INTER_NEAREST if kind == "map" else cv2.INTER_AREA)
+    return Figure(title, inline(image, bool(kind)), kind, caption)
+
+
+def _known(scene, shown, windows):
+    known = dict(shown)
+    if "truth" in scene.beside:
+        known["truth"] = read_image(scene.beside["truth"])
+    *plain, last = known
+    return [*(_figure(title, known[title]) for title in plain),
+            _figure(last, marked(known[last], windows), caption="with the crops below"),
+            *(_figure(key.replace("_", " "), picture(read_depth(scene.beside[key])), "map")
+              for key in ("depth", "registered_depth") if key in scene.beside)]
+
+
+def _caption(scene, method, tables):
+    """The first metric, the contrast that is kept, and what the truth says."""
+    rows = [row for row in tables.metrics + tables.contrast + tables.truth if row.scene == scene.name]
+    values = {row.measure: t.number(row.measure, row.values[method]) for row in rows
+              if row.measure in ("PSNR", "PSNR_edges", "kept_contrast", rows[0].measure)}
+    return ", ".join(f"{name} {value}" for name, value in values.items())
+
+
+def _labels(scene, worked, store):
+    figures = []
+    if "label" in scene.beside:
+        figures.append(_figure("given", read_labels(scene.beside["label"]), "map"))
+        if not {"depth", "registered_depth"} & set(scene.beside):
+            return figures  # the package's methods have used this label map
+    for name in worked:
+        path = store.picture(scene.name, name, "labels")
+        if path:
+            drawn = store.picture(scene.name, name, "regions")
+            regions = np.count_nonzero(np.unique(read_image(path, cv2.IMREAD_UNCHANGED)))
+            shown = read_image(drawn) if drawn else read_labels(path)
+            figures.append(_figure(name, shown, "map", f"regions: {regions}"))
+    return figures
+
+
+def _crops(scene, shown, fused, windows):
+    beside = dict(shown) if len(shown) == 2 else {}
+    if "truth" in scene.beside:
+        beside["truth"] = read_image(scene.beside["truth"])
+    for number, (x, y, side) in enumerate(windows, 1):
+        yield (f"Where the methods differ most, {number}: {side} x {side} pixels at ({x}, {y})",
+               [_figure(name, image[y:y + side, x:x + side], "crop") for name, image in {**beside, **fused}.items()])
+
+
+# --- pictures ---------------------------------------------------------------------------------------------------------
+
+def inline(image, lossless=False):
+    """data: address of an image, PNG or JPEG."""
+    good, data = cv2.imencode(".png" if lossless else ".jpg", image, [] if lossless else [cv2.IMWRITE_JPEG_QUALITY, 88])
+    if not good:
+        raise ValueError(f"an image of type {image.dtype} and shape {image.shape} cannot be shown")
+    kind = "png" if lossless else "jpeg"
+    return f"data:image/{kind};base64,{base64.b64encode(data.tobytes()).decode()}"
+
+
+def read_weights(store, scene, method, frames):
+    """Picture of which frame has the most weight in a stored result; None where the method does not tell. Of two frames the
+    first is black and the second white (W of equation 11); of more each has a colour, the same for all methods."""
+    path = store.picture(scene, method, "source_index")
+    if path:
+        index = read_image(path, cv2.IMREAD_UNCHANGED)
+        coloured = picture(np.uint8(255 * (index == 1))) if frames == 2 else index_picture(index, frames)
+        coloured[index == NO_FRAME] = UNDECIDED
+        return coloured
+    path = store.picture(scene, method, "weights")
+    return picture((read_image(path, cv2.IMREAD_UNCHANGED) >> 8).astype(np.uint8)) if path else None
+
+
+def read_labels(path):
+    """Picture of a label map."""
+    labels = read_image(path, cv2.IMREAD_UNCHANGED)
+    return picture(labels) if labels.dtype == np.uint16 else cv2.cvtColor(labels, cv2.COLOR_GRAY2BGR)
+
+
+def differences(fused):
+    """Windows (x, y, side), at most CROPS, apart from each other, where fused images (H x W x 3 uint8) differ most."""
+    if len(fused) < 2:
+        return []
+    grays = np.stack([cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in fused]).astype(np.float32)
+    height, width = grays.shape[1:]
+    side = min(CROP, max(8, min(height, width) // 4), height, width)
+    deviation = cv2.boxFilter(grays.std(axis=0), -1, (side, side), borderType=cv2.BORDER_CONSTANT)
+    inner = np.zeros_like(deviation)  # by centres of windows that lie inside
+    centres = (slice(side // 2, height - side + side // 2 + 1), slice(side // 2, width - side + side // 2 + 1))
+    inner[centres] = deviation[centres]
+    windows = []
+    for _ in range(CROPS):
+        y, x = np.unravel_index(int(inner.argmax()), inner.shape)
+        if inner[y, x] <= 0:
+            break
+        windows.append((int(x) - side // 2, int(y) - side // 2, side))
+        inner[max(0, y - side):y + side, max(0, x - side):x + side] = 0
+    return windows
+
+
+def marked(image, windows):
+    """A copy with numbered frames around the windows."""
+    image = image.copy()
+    for number, (x, y, side) in enumerate(windows, 1):
+        thickness = max(1, round(image.shape[1] / 320))
+        cv2.rectangle(image, (x, y), (x + side - 1, y + side - 1), (0, 0, 255), thickness)
+        cv2.putText(image, str(number), (x + 5 * thickness, y + 14 * thickness), cv2.FONT_HERSHEY_SIMPLEX,
+                    0.5 * thickness, (0, 0, 255), thickness, cv2.LINE_AA)
+    return image

@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Which versions of what are at work."""
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import rospkg
+
+import all_in_focus
+from all_in_focus.files import stack
+from all_in_focus.installed import find, prefix
+from all_in_focus_lab import baselines, metrics
+from all_in_focus_lab.benchmark.scenes import digest
+
+LIBRARIES = ("numpy", "scipy", "skimage", "cv2", "distributed")
+
+
+def code_digest():
+    """Digest of the Python code that makes and measures images. Results may be compared where it is equal."""
+    folders = [Path(room.__file__).parent for room in (metrics, baselines)]
+    paths = [Path(stack.__file__), Path(__file__).with_name("methods.py")]
+    paths += [path for folder in folders for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]
+    return digest(sorted(paths, key=lambda path: path.name))
+
+
+def fusion_digest():
+    """Digest of fuse_stack and of the library with the method."""
+    return digest([Path(find("fuse_stack")), *_libraries("core")])
+
+
+def nodes_digest():
+    """Digest of what makes images of bags: the nodes' libraries, and the code that starts them and plays bags to them."""
+    folder = Path(all_in_focus.__file__).parent
+    played = [path for room in ("replay", "bag") for path in sorted((folder / room).rglob("*.py"))]
+    return digest([*played, Path(find("evaluate_bag")), *_libraries("*")])
+
+
+def _libraries(name):
+    return sorted((prefix() / "lib").glob(f"liball_in_focus_{name}.so"))
+
+
+def versions():
+    """Name -> version of everything that results depend on."""
+    found = {"all_in_focus": _package_version(), "python": sys.version.split()[0]}
+    for name in LIBRARIES:
+        try:
+            found[name] = import_module(name).__version__
+        except ImportError:
+            pass
+    if shutil.which("enfuse"):
+        said = subprocess.run(["enfuse", "--version"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                              errors="replace").stdout
+        found["enfuse"] = said.strip().partition("\n")[0] or "unknown"
+    found.update(code=code_digest(), fuse_stack=fusion_digest(), nodes=nodes_digest(), machine=platform.node(),
+                 system=platform.platform(), processor=f"{os.cpu_count()} x {_processor()}")
+    return found
+
+
+def _package_version():
+    try:
+        return rospkg.RosPack().get_manifest("all_in_focus").version
+    except rospkg.ResourceNotFound:
+        return "from sources"
+
+
+def _processor():
+    model = re.search(r"^model name\s*:(.*)", Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace"), re.M)
+    return model[1].strip() if model else platform.machine()

@@ -1,0 +1,165 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The whole evaluation: find and check scenes, run what is not done yet, collect."""
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+from all_in_focus.files.output_folder import remove_folder, whole_folder
+from all_in_focus.progress import Progress
+from all_in_focus_lab.benchmark import methods, programs, scenes, tasks
+from all_in_focus_lab.benchmark.engine import engine
+from all_in_focus_lab.benchmark.output_files import Run
+
+RESULT = "result.json"  # of a method on a scene, written last; Python's JSON, which has NaN and Infinity
+
+
+class BadInput(ValueError):
+    """lines: what is wrong, one each."""
+
+    def __init__(self, lines):
+        super().__init__("; ".join(lines))
+        self.lines = lines
+
+
+class Store:
+    """Results on disk, OUTPUT/results/SCENE/METHOD/: each is there as a whole or not at all, so that a run can go on where an
+    earlier one was interrupted."""
+
+    def __init__(self, output):
+        self.folder = Path(output) / "results"
+        self.folder.mkdir(parents=True, exist_ok=True)
+
+    def path(self, scene, method, name=""):
+        """Of a result's folder, or a file in it."""
+        return self.folder / scene / method / name
+
+    def load(self, scene, method, fingerprint, metric_names):
+        """A result of the same fingerprint that has these metrics, or None."""
+        try:
+            result = json.loads(self.path(scene, method, RESULT).read_text(encoding="utf-8"))
+            same = result["fingerprint"] == fingerprint and set(metric_names) <= {*result["values"], *result["contrast"]}
+            return result if same and self.path(scene, method, "fused.png").exists() else None
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def save(self, scene, method, fingerprint, run, result):
+        """Writes what tasks.run has returned, in place of an older one; run: name of this run. Returns what load would.
+
+        Of a failure nothing is kept: the next run tries again.
+        """
+        target = self.path(scene, method)
+        plain = {key: value for key, value in result.items() if key != "files"}
+        plain.update(fingerprint=fingerprint, run=run)
+        if "error" in result:
+            remove_folder(target, "evaluate")
+            return plain
+        with whole_folder(target, "evaluate", parents=True) as working:
+            for name, data in result.get("files", {}).items():
+                (working / f"{name}.png").write_bytes(data)
+            (working / RESULT).write_text(json.dumps(plain, indent=2), encoding="utf-8")
+        return plain
+
+    def picture(self, scene, method, name):
+        """Path of a picture of a result, None if it has none."""
+        path = self.path(scene, method, f"{name}.png")
+        return path if path.exists() else None
+
+
+def find_scenes(settings):
+    """All scenes, checked. BadInput with a line for each that cannot be used."""
+    found, wrong = [], []
+    for entry in settings.scenes:
+        try:
+            found += scenes.find(entry)
+        except ValueError as error:
+            wrong.append(str(error))
+    names = [scene.name for scene in found]
+    wrong += [f"two scenes are named {name}: give one of them a name" for name in sorted(set(names))
+              if names.count(name) > 1]
+    for scene in Progress(found, desc="check", unit="scene"):
+        try:
+            if scene.is_bag:
+                from all_in_focus_lab.benchmark import bags  # with rosbag behind it
+                bags.check_bag_scene(scene, settings.bag)
+            else:
+                scenes.check_scene(scene)
+        except OSError as error:
+            wrong.append(f"{error.filename or scene.path}: {error.strerror}")
+        except ValueError as error:
+            wrong.append(str(error))
+    if wrong:
+        raise BadInput(wrong)
+    return found
+
+
+def evaluate(settings, fresh=False, say=None):
+    """Run (see output_files.Run) and Store of checked settings. say(line): called for every failure and every lost
+    worker; fresh: ignore results of earlier runs. Raises ValueError (BadInput of scenes), engine.EngineError."""
+    say = say or (lambda line: None)
+    found = find_scenes(settings)
+    names = methods.expand(settings.methods, found)
+    Path(settings.output).mkdir(parents=True, exist_ok=True)
+    name = f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {os.getpid()}"
+    run = Run(settings, [], names, {}, [], programs.versions(), name)
+    store = Store(settings.output)
+
+    def print_line(line):
+        with Progress.external_write_mode(file=sys.stderr):
+            say(line)
+
+    def fail(line):
+        run.failures.append(line)
+        print_line(line)
+
+    with engine(settings.jobs, settings.scheduler, say=print_line) as workers:
+        run.at_a_time = workers.at_a_time
+        run.scenes = _with_brackets(found, names, settings, workers, run.versions["nodes"], fail)
+        _run_tasks(run, store, workers, fresh, fail)
+    return run, store
+
+
+def _with_brackets(found, names, settings, workers, nodes, fail):
+    """The scenes, each bag replaced by its brackets."""
+    recorded = [scene for scene in found if scene.is_bag]
+    if not recorded:
+        return found
+    from all_in_focus_lab.benchmark import bags
+    modes = [name for name in names if name in methods.OWN]
+    folders = {scene.name: Path(settings.output, "bags", scene.name) for scene in recorded}
+    calls = {scene.name: (bags.prepare, (scene, modes, settings.bag, folders[scene.name],
+                                         bags.fingerprint(scene, modes, settings.bag, nodes))) for scene in recorded}
+    for name, result in Progress(workers.run(calls), total=len(calls), desc="bags", unit="bag"):
+        for mode, reason in result.get("failed", {}).items():
+            fail(f"{name} {mode}: {reason}")
+        if "error" in result:
+            fail(f"{name}: {result['error']}")
+            del folders[name]  # what is there is not of this run
+    replaced = []
+    for scene in found:
+        if scene.name in folders:
+            replaced += bags.brackets(scene, modes, settings.bag, folders[scene.name])
+        elif not scene.is_bag:
+            replaced.append(scene)
+    return replaced
+
+
+def _run_tasks(run, store, workers, fresh, fail):
+    """Every method on every scene, unless its result is there already."""
+    by_name = {scene.name: scene for scene in run.scenes}
+    code = run.versions["code"]
+    marks = {(scene, method): methods.fingerprint(method, by_name[scene], run.versions)
+             for scene in by_name for method in run.methods}
+    done = {key: None if fresh else store.load(*key, mark, run.settings.metrics) for key, mark in marks.items()}
+    calls = {key: (tasks.run, (by_name[key[0]], key[1], run.settings.metrics, code))
+             for key, result in done.items() if result is None}
+    with Progress(total=len(marks), initial=len(marks) - len(calls), unit="result") as bar:
+        for key, result in workers.run(calls):
+            bar.set_description(" ".join(key))
+            done[key] = store.save(*key, marks[key], run.name, result)
+            if "error" in result:
+                fail(f"{' '.join(key)}: {result['error']}")
+            bar.update()
+    run.results = {scene: {method: done[scene, method] for method in run.methods} for scene in by_name}

@@ -1,0 +1,148 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tables T3, T4 and T5 of the paper from results, as rows that the terminal, CSV files and the page show alike: scores
+as in T3, their sums as in T4."""
+import math
+from collections import Counter
+from dataclasses import dataclass
+from statistics import fmean
+from typing import Dict, List, Optional
+
+from scipy.stats import rankdata
+
+from all_in_focus_lab.benchmark.settings import TRUTH_MEASURES
+from all_in_focus_lab.metrics import CONTRAST_MEASURES
+
+LESS_IS_BETTER = {"roughness"}
+DIGITS = {"PSNR": 2, "PSNR_edges": 2}  # behind the point; of others 4
+
+
+def scores(values):
+    """Name of a method -> score 1..N for N methods, the best has N; of equal values each has the mean of their scores.
+
+    values: name -> number, greater is better; None or NaN where there is none. Such a method has no score; the
+    others have theirs as if it were the worst.
+    """
+    there = {name: value for name, value in values.items() if value is not None and not math.isnan(value)}
+    missing = len(values) - len(there)
+    ranked = dict(zip(there, rankdata(list(there.values())) + missing)) if there else {}
+    return {name: float(ranked[name]) if name in ranked else None for name in values}
+
+
+@dataclass
+class Standing:
+    """How often a method had each score, the sum of its scores, its rank (1 = best; the mean of equal ranks)."""
+    times: Counter
+    total: float
+    rank: float
+
+
+def standings(rows):
+    """Name -> Standing. rows: what scores() gave, one for each scene and metric, all of the same methods."""
+    rows = list(rows)
+    names = list(rows[0]) if rows else []
+    times = {name: Counter(row[name] for row in rows if row[name] is not None) for name in names}
+    totals = {name: math.fsum(score * count for score, count in times[name].items()) for name in names}
+    ranks = dict(zip(names, rankdata([-totals[name] for name in names]))) if names else {}
+    return {name: Standing(times[name], totals[name], float(ranks[name])) for name in names}
+
+
+@dataclass
+class Row:
+    """One measure on one scene: value and score of each method, None where it failed."""
+    scene: str
+    measure: str
+    values: Dict[str, Optional[float]]
+    scores: Dict[str, Optional[float]]
+
+
+@dataclass
+class Tables:
+    """methods, in order; metrics, contrast and truth: rows of T3 by the metrics of the paper, by the contrast that is
+    kept, and by the truth; seconds: scene -> method -> seconds or None."""
+    methods: List[str]
+    metrics: List[Row]
+    contrast: List[Row]
+    truth: List[Row]
+    seconds: Dict[str, Dict[str, Optional[float]]]
+
+    def standings(self, rows):
+        """Table T4 of some rows: name of a method -> Standing, best first."""
+        found = standings(row.scores for row in rows)
+        return dict(sorted(found.items(), key=lambda item: item[1].rank))
+
+    def mean_seconds(self, method):
+        """Mean over the scenes that have a time, None without."""
+        times = [of[method] for of in self.seconds.values() if of[method] is not None]
+        return fmean(times) if times else None
+
+
+def build(results, methods, metric_names):
+    """Tables of results: scene -> method -> what Store has, {"error": ...} where it failed."""
+    def rows(names, kind="values"):
+        found = []
+        for scene, of in results.items():
+            for name in names:
+                values = {method: of[method].get(kind, {}).get(name) for method in methods}
+                if any(value is not None for value in values.values()):
+                    sign = -1 if name in LESS_IS_BETTER else 1
+                    signed = {method: value if value is None else sign * value for method, value in values.items()}
+                    found.append(Row(scene, name, values, scores(signed)))
+        return found
+
+    seconds = {scene: {method: of[method].get("seconds") for method in methods} for scene, of in results.items()}
+    return Tables(methods, rows(metric_names), rows(CONTRAST_MEASURES, "contrast"), rows(TRUTH_MEASURES), seconds)
+
+
+def number(measure, value):
+    """A value, rounded for display."""
+    return "-" if value is None else f"{value:.{DIGITS.get(measure, 4)}f}"
+
+
+def score(value):
+    """A score or a rank, with decimals only where it has any."""
+    return "-" if value is None else f"{round(value, 2):g}"
+
+
+def score_columns(found, count):
+    """Scores that head the columns of T4, best first: all whole ones, and means of ties that occurred.
+
+    found: Standings; count: of the methods.
+    """
+    return sorted({float(value) for value in range(1, count + 1)} | {value for it in found for value in it.times},
+                  reverse=True)
+
+
+def value_cells(tables, rows):
+    """T3 as lists of text: heading, then one line for each row."""
+    lines = [["scene", "measure"] + tables.methods]
+    for row in rows:
+        cells = [(number(row.measure, row.values[name]), score(row.scores[name])) for name in tables.methods]
+        lines.append([row.scene, row.measure] + ["-" if cell == ("-", "-") else f"{cell[0]} ({cell[1]})" for cell in cells])
+    return lines
+
+
+def standing_cells(tables, rows):
+    """T4 as lists of text."""
+    found = tables.standings(rows)
+    columns = score_columns(found.values(), len(tables.methods))
+    lines = [["method"] + [score(value) for value in columns] + ["total", "rank"]]
+    for name, it in found.items():
+        lines.append([name] + [str(it.times[value]) for value in columns] + [score(it.total), score(it.rank)])
+    return lines
+
+
+def seconds_cells(tables):
+    """T5 as lists of text."""
+    lines = [["scene"] + tables.methods]
+    lines += [[scene] + [number("seconds", of[name]) for name in tables.methods]
+              for scene, of in tables.seconds.items()]
+    return lines + [["mean"] + [number("seconds", tables.mean_seconds(name)) for name in tables.methods]]
+
+
+def markdown(lines):
+    """Lists of text as a table that reads well as it is, too."""
+    widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
+    text = [f"| {' | '.join(cell.ljust(width) for cell, width in zip(line, widths))} |" for line in lines]
+    text.insert(1, f"|{'|'.join('-' * (width + 2) for width in widths)}|")
+    return "\n".join(text) + "\n"

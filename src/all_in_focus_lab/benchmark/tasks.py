@@ -1,0 +1,104 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""One method on one scene, fused and measured: what is handed to other processes and machines."""
+import platform
+import tempfile
+import time
+
+import cv2
+import numpy as np
+
+from all_in_focus.files.errors import one_line_with_type
+from all_in_focus.files.output_file import encode_png
+from all_in_focus.files.rig import load_rig
+from all_in_focus.files.stack import load_focus, read_depth, read_image, size_text
+from all_in_focus.imaging import region_picture
+from all_in_focus_lab import metrics
+from all_in_focus_lab.benchmark import methods, programs
+from all_in_focus_lab.benchmark.settings import TRUTH_MEASURES
+from all_in_focus_lab.metrics.kept_contrast import kept_contrast, roughness
+from all_in_focus_lab.metrics.truth import Truth, blur_per_inverse_depth, depth_errors, psnr, ssim
+
+
+def run(scene, method, metric_names, code):
+    """Plain dictionary: values, contrast, seconds, wall_seconds, host, notes, files (PNG bytes by name); or just error, host.
+
+    code: programs.code_digest() of the caller; a worker with another version of the package refuses.
+    """
+    host = platform.node()
+    try:
+        if programs.code_digest() != code:
+            raise RuntimeError(f"{host} has another version of the package")
+        begin = time.perf_counter()
+        with tempfile.TemporaryDirectory(prefix="evaluate.") as folder:
+            produced = methods.find(method)(scene, folder)
+        wall = time.perf_counter() - begin
+        frames = list(scene.frames())
+        return {"values": measure(scene, frames, produced.fused, metric_names),
+                "contrast": measure_contrast(frames, produced), "seconds": produced.seconds,
+                "wall_seconds": wall, "host": host, "notes": produced.notes, "files": pictures(produced)}
+    except Exception as error:  # of any kind: the other methods must go on
+        return {"error": one_line_with_type(error), "host": host}
+
+
+def measure_contrast(frames, produced):
+    """Name -> value of CONTRAST_MEASURES; roughness is None where the method does not tell who won."""
+    shares, winners = kept_contrast(frames, produced.fused), produced.winners()
+    return {"kept_contrast": float(np.mean(shares)), "kept_contrast_least": min(shares),
+            "roughness": None if winners is None else roughness(winners)}
+
+
+def measure(scene, frames, fused, metric_names):
+    """Name -> value of the metrics, and with a truth of TRUTH_MEASURES. ValueError where sizes differ."""
+    if fused.shape[:2] != frames[0].shape[:2]:
+        raise ValueError(f"the fused image has {size_text(fused)} pixels, the frames have {size_text(frames[0])}")
+    grays, gray = [metrics.to_gray(frame) for frame in frames], metrics.to_gray(fused)
+    values = {name: float(metrics.METRICS[name](grays, gray)) for name in metric_names if name in metrics.METRICS}
+    return {**values, **measure_truth(truth_of(scene), fused)}
+
+
+def truth_of(scene):
+    """Truth of a scene; None where none is known. Where its depth or the optics are not, no pixel is near an edge."""
+    if "truth" not in scene.beside:
+        return None
+    image = read_image(scene.beside["truth"])
+    optics, depth = scene.lens(), np.zeros(image.shape[:2], np.uint16)
+    if "truth_depth" in scene.beside and optics:
+        depth = read_depth(scene.beside["truth_depth"])
+    return Truth.of(image, depth, optics, scene.enlarge)
+
+
+def measure_depths(scene, depths):
+    """Name -> (share wrong, RMSE) of metrics.truth.depth_errors; nothing where truth, lens or focus distances are unknown."""
+    if not depths or not {"truth_depth", "rig", "focus"} <= set(scene.beside):
+        return {}
+    true = read_depth(scene.beside["truth_depth"])
+    focus = [1000 * distance for distance in load_focus(scene.beside["focus"], scene.names(), len(scene.names()))]
+    blur = blur_per_inverse_depth(scene.lens(), load_rig(scene.beside["rig"]).color.K[0, 0], focus)
+    return {name: depth_errors(depth, true, blur) for name, depth in depths.items()}
+
+
+def measure_truth(truth, fused):
+    """Name -> value of TRUTH_MEASURES; nothing without a truth, no PSNR_edges where there are no edges."""
+    if truth is None:
+        return {}
+    colour = truth.compared(fused if fused.ndim == 3 else cv2.cvtColor(fused, cv2.COLOR_GRAY2BGR))
+    values = dict(zip(TRUTH_MEASURES, (psnr(colour, truth.image), ssim(colour, truth.image))))
+    if truth.edges.any():
+        values["PSNR_edges"] = psnr(colour, truth.image, truth.edges)
+    return values
+
+
+def pictures(produced):
+    """PNG bytes by name: fused, source_index or weights (16 bit: 65535 = all of the second frame), labels,
+    and regions: labels for people."""
+    files = {"fused": encode_png(produced.fused)}
+    if produced.weights is not None:
+        if np.issubdtype(produced.weights.dtype, np.floating):
+            files["weights"] = encode_png(np.rint(np.clip(produced.weights, 0, 1) * 65535).astype(np.uint16))
+        else:
+            files["source_index"] = encode_png(produced.weights.astype(np.uint16))
+    if produced.labels is not None:
+        files["labels"] = encode_png(produced.labels.astype(np.uint16))
+        files["regions"] = encode_png(region_picture(produced.labels, produced.table))
+    return files
