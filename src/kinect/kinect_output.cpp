@@ -86,7 +86,8 @@ void KinectOutput::report(const KinectMode& mode) {
   const auto now = Clock::now();
   const auto passed = now - reported_at_;
   if (passed < kReportPeriod) return;
-  const double rate = (published_ - reported_) / std::chrono::duration<double>(passed).count();
+  const double rate =
+      static_cast<double>(published_ - reported_) / std::chrono::duration<double>(passed).count();
   status_.setValue(topic_, cv::format("%dx%d at %d Hz, %llu images, now %.1f Hz", mode.width, mode.height,
                                       mode.fps, static_cast<unsigned long long>(published_), rate));
   reported_ = published_;

@@ -28,7 +28,9 @@ visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& c
   marker.type = Marker::TEXT_VIEW_FACING;
   marker.action = Marker::ADD;
   const std::vector<cv::Vec3b> colors = labelColors(set.labels);
-  const auto pale = [](int value) { return (2 * value + 255) / 765.f; };  // pure blue is not legible
+  const auto pale = [](int value) {
+    return static_cast<float>(2 * value + 255) / 765;
+  };  // pure blue is not legible
   for (const RegionCaption& caption : set.captions) {
     const double z = caption.near_mm / 1e3;
     const cv::Point2d ray = camera.undistort(

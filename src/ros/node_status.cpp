@@ -235,9 +235,9 @@ void NodeStatus::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
   }
 
   for (const auto& [outcome, key] : kOutcomes) status.add(key, counts_[outcome]);
-  status.add("rate [Hz]", processed_at_.empty()
-                              ? 0.0
-                              : processed_at_.size() / std::max(1.0, seconds(now - processed_at_.front())));
+  status.add("rate [Hz]", processed_at_.empty() ? 0.0
+                                                : static_cast<double>(processed_at_.size()) /
+                                                      std::max(1.0, seconds(now - processed_at_.front())));
   status.add("delay [ms]", delay_known_ ? std::to_string(delay_ms_) : "unknown");
   status.add("last error", last_error_);
   status.add("backward time jumps", time_jumps_);

@@ -86,7 +86,7 @@ std::vector<std::string> seeds() {
   for (int i = 0; i < static_cast<int>(std::size(kNames)); ++i) {
     seeds.push_back(Seed().flag(false).rest(encodeImage(kNames[i], picture)));
     for (int type = 0; type < static_cast<int>(std::size(kTypes)); ++type) {
-      for (const std::uint16_t end : {40, 150, 65535}) {
+      for (const std::uint16_t end : std::initializer_list<std::uint16_t>{40, 150, 65535}) {
         seeds.push_back(Seed()
                             .flag(true)
                             .below(i)

@@ -14,7 +14,7 @@ std::string bytesOf(T value) {
 }
 
 inline std::string textOf(const std::string& text) {
-  return bytesOf<std::uint32_t>(text.size() + 1) + text + '\0';
+  return bytesOf(static_cast<std::uint32_t>(text.size() + 1)) + text + '\0';
 }
 
 inline std::string fileHeader(std::uint32_t last_node = 1, std::uint16_t version = 1,
@@ -25,8 +25,8 @@ inline std::string fileHeader(std::uint32_t last_node = 1, std::uint16_t version
 
 inline std::string record(std::uint32_t type, const std::string& fields, std::uint32_t node = 1) {
   return std::string("NIR\0", 4) + bytesOf(type) + bytesOf(node) +
-         bytesOf<std::uint32_t>(28 + fields.size()) + bytesOf<std::uint32_t>(0) + bytesOf<std::uint64_t>(0) +
-         fields;
+         bytesOf(static_cast<std::uint32_t>(28 + fields.size())) + bytesOf<std::uint32_t>(0) +
+         bytesOf<std::uint64_t>(0) + fields;
 }
 
 inline std::string added(std::uint64_t index, std::uint32_t images = 12) {

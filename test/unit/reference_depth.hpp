@@ -83,7 +83,7 @@ class ReferenceRegistration {
     const float to_a = 1.0f / area;
     for (int v = nearest(p.y - half_v + 0.5f); v <= nearest(p.y + half_v - 0.5f); ++v) {
       for (int u = nearest(p.x - half_u + 0.5f); u <= nearest(p.x + half_u - 0.5f); ++u) {
-        const float du = u - p.x, dv = v - p.y;
+        const float du = static_cast<float>(u) - p.x, dv = static_cast<float>(v) - p.y;
         const float along1 = (du * e2.y - dv * e2.x) * to_a, along2 = (dv * e1.x - du * e1.y) * to_a;
         if (std::abs(along1) <= kHalf && std::abs(along2) <= kHalf) keepNearest(u, v, mm, registered);
       }

@@ -25,7 +25,7 @@ sensor_msgs::ImagePtr imageOf(const std::vector<T>& pixels, unsigned width, cons
   image->width = width;
   image->height = static_cast<unsigned>(pixels.size()) / width;
   image->encoding = encoding;
-  image->step = width * sizeof(T) + padding_bytes;
+  image->step = static_cast<unsigned>(width * sizeof(T)) + padding_bytes;
   image->data.assign(image->step * image->height, 0xab);
   for (unsigned y = 0; y < image->height; ++y) {
     std::memcpy(&image->data[y * image->step], &pixels[y * width], width * sizeof(T));
@@ -310,12 +310,12 @@ TEST(Segments, AreInMetres) {
   const SegmentMsg& message = array->segments[0];
   EXPECT_EQ(message.label, 1u);
   EXPECT_EQ(message.area, 10u);
-  EXPECT_FLOAT_EQ(message.depth_min, 1.0f);
-  EXPECT_FLOAT_EQ(message.depth_max, 1.5f);
-  EXPECT_FLOAT_EQ(message.depth_median, 1.2f);
-  EXPECT_FLOAT_EQ(message.diff, 0.5f);
-  EXPECT_FLOAT_EQ(message.focus_distance, 1.2f);
-  EXPECT_FLOAT_EQ(message.max_dof, static_cast<float>(maxDof(config.optics, 1000, 1500) / 1000));
+  EXPECT_DOUBLE_EQ(message.depth_min, 1.0);
+  EXPECT_DOUBLE_EQ(message.depth_max, 1.5);
+  EXPECT_DOUBLE_EQ(message.depth_median, 1.2);
+  EXPECT_DOUBLE_EQ(message.diff, 0.5);
+  EXPECT_DOUBLE_EQ(message.focus_distance, 1.2);
+  EXPECT_DOUBLE_EQ(message.max_dof, maxDof(config.optics, 1000, 1500) / 1000);
   EXPECT_TRUE(message.fits);
 }
 

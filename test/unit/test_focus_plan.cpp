@@ -71,7 +71,8 @@ bool canCover(const std::vector<Steps>& ranges, int span, int count, int begin, 
   if (count == 0) return false;
   for (int at = begin; at < end; ++at) {
     const std::vector<bool> before = sharp;
-    for (int cell = at; cell < std::min<int>(at + span, sharp.size()); ++cell) sharp[cell] = true;
+    for (int cell = at; cell < std::min(at + span, static_cast<int>(sharp.size())); ++cell)
+      sharp[cell] = true;
     if (canCover(ranges, span, count - 1, at + 1, end, sharp)) return true;
     sharp = before;
   }
@@ -121,7 +122,8 @@ TEST(FocusPlan, NearToFarAndNotBeyondNeed) {
       std::vector<DepthRange> ranges;
       double nearest = kInfinity, farthest = 0;
       for (int i = 0; i < 6; ++i) {
-        const double min = 300 + random() % 8000, max = min + random() % 3000;
+        const auto min = static_cast<double>(300 + random() % 8000),
+                   max = min + static_cast<double>(random() % 3000);
         ranges.push_back({min, max});
         nearest = std::min(nearest, min);
         farthest = std::max(farthest, max);

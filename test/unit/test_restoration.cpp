@@ -71,7 +71,7 @@ struct CardBeforeWall {
 
   // focus_mm: 0 = everything is sharp
   cv::Mat frame(double focus_mm) const {
-    cv::Mat3f mask = cv::Mat3f::zeros(wall.size());
+    cv::Mat3f mask(wall.size(), cv::Vec3f::all(0));
     mask(card_at).setTo(cv::Scalar::all(1));
     const auto radius = [&](double depth) {
       const double pitch = kFocalLength / kPixels;

@@ -181,7 +181,8 @@ TEST(WeightedMean, ConfidenceIsTheSameForHardAndSoft) {
   for (const bool soft : {true, false}) {
     WeightedMean mean;
     mean.begin(kSize, 0, {soft});
-    for (int i = 0; i < 3; ++i) add(mean, plain(i), asTheyAre(), sharpness(10 + i), kWhole, i);
+    for (int i = 0; i < 3; ++i)
+      add(mean, plain(i), asTheyAre(), sharpness(static_cast<float>(10 + i)), kWhole, i);
     confidence[soft] = mean.confidence();
   }
   EXPECT_EQ(largestDifference(confidence[0], confidence[1]), 0);

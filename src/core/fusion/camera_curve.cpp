@@ -51,7 +51,7 @@ double difference(const cv::Mat& reference, const std::vector<cv::Mat>& others, 
   if (of_reference.empty()) return 0;
   double sum = 0;
   for (const cv::Mat& other : others) {
-    const cv::Mat1f ratio = wideCodes(other, curve) / cv::max(of_reference, kDark);
+    const cv::Mat1f ratio(wideCodes(other, curve) / cv::max(of_reference, kDark));
     std::vector<float> values(ratio.begin(), ratio.end());
     const float usual = median(values);
     for (float& value : values) value = std::abs(value - usual);

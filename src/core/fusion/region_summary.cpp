@@ -60,8 +60,9 @@ std::vector<RegionChoice> summarizeRegions(const cv::Mat& labels, const cv::Mat&
         second = std::max(second, pixels);
       }
     }
-    const double score = static_cast<double>(best) / area, margin = 1 - static_cast<double>(second) / best;
-    regions.push_back({label, frame, score, margin, confidence_sum / (255.0 * area)});
+    const auto whole = static_cast<double>(area), most = static_cast<double>(best);
+    const double score = most / whole, margin = 1 - static_cast<double>(second) / most;
+    regions.push_back({label, frame, score, margin, static_cast<double>(confidence_sum) / (255 * whole)});
   }
   return regions;
 }
@@ -89,8 +90,9 @@ std::vector<std::string> unreachedDistances(const BracketScene& scene, const std
     }
   }
   for (const auto& [label, sum] : regions) {
-    if (sum.area < kLeastShare * static_cast<double>(scene.depth.total())) continue;
-    const double depth = static_cast<double>(sum.area) / sum.inverse_depth;
+    const auto area = static_cast<double>(sum.area);
+    if (area < kLeastShare * static_cast<double>(scene.depth.total())) continue;
+    const double depth = area / sum.inverse_depth;
     double least = std::numeric_limits<double>::infinity(), nearest = 0;
     for (const double focus : focus_mm) {
       const double blur = blurCircle(scene.optics, depth, focus);

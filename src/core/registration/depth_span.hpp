@@ -53,7 +53,7 @@ struct Footprint {
   /// True if it covers the centre of a pixel of the colour image. The covered pixels of a row or a column are
   /// consecutive, because both coordinates are monotonic along them, even rounded.
   bool covers(int x, int y) const {
-    const float dx = x - u, dy = y - v;
+    const float dx = static_cast<float>(x) - u, dy = static_cast<float>(y) - v;
     const float along1 = (dx * e2_v - dy * e2_u) * to_a, along2 = (dy * e1_u - dx * e1_v) * to_a;
     return (std::abs(along1) <= kHalf) & (std::abs(along2) <= kHalf);
   }

@@ -37,7 +37,7 @@ class FourPixels {
   }
 
   void draw(std::uint16_t* row, int v, std::uint16_t depth) const {
-    const float dv = v - f_.v;
+    const float dv = static_cast<float>(v) - f_.v;
     const cv::v_float32x4 to_a = cv::v_setall_f32(f_.to_a), half = cv::v_setall_f32(Footprint::kHalf);
     const cv::v_float32x4 along1 = (du_e2_v_ - cv::v_setall_f32(dv * f_.e2_u)) * to_a;
     const cv::v_float32x4 along2 = (cv::v_setall_f32(dv * f_.e1_u) - du_e1_v_) * to_a;

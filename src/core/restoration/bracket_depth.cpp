@@ -47,7 +47,7 @@ struct Levels {
 Levels makeLevels(const ObservedBracket& bracket, const InverseDepthRange& range) {
   const float span = range.largest - range.least, gap = bracket.gap(kLevelPx);
   const int count = std::clamp(static_cast<int>(std::ceil(span / gap)) + 1, 2, kMostLevels);
-  return {range.least, std::max(span / (count - 1), gap), count};
+  return {range.least, std::max(span / static_cast<float>(count - 1), gap), count};
 }
 
 // costs[x] += least of the most and the squared difference of two rows of codes times a factor.
@@ -76,7 +76,7 @@ class MeasuredPrior {
       : bracket_(bracket), levels_(levels), against_(levels.count) {
     const float px = levels.step * static_cast<float>(bracket.px_mm);
     for (int i = 0; i < levels.count; ++i)
-      against_[i] = std::clamp((i * px - kAgreePx) / (kDifferPx - kAgreePx), 0.0f, 1.0f);
+      against_[i] = std::clamp((static_cast<float>(i) * px - kAgreePx) / (kDifferPx - kAgreePx), 0.0f, 1.0f);
     const auto clear = std::find(against_.begin(), against_.end(), 1.0f);
     reach_ = std::min(static_cast<int>(clear - against_.begin()), levels.count - 1);
   }

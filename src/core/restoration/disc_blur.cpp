@@ -3,6 +3,7 @@
 
 #include "restoration/disc_blur.hpp"
 
+#include <algorithm>
 #include <opencv2/imgproc.hpp>
 
 #include "restoration/observed_bracket.hpp"
@@ -21,7 +22,9 @@ constexpr int kFineSteps = 16;                          // then coarse: wide dis
 constexpr float kFineEnd = kFineSteps * kFineStep;
 
 float radiusOf(int index) {
-  return index <= kFineSteps ? kFineStep * index : kFineEnd + kCoarseStep * (index - kFineSteps);
+  const auto fine = static_cast<float>(std::min(index, kFineSteps)),
+             coarse = static_cast<float>(index) - fine;
+  return kFineStep * fine + kCoarseStep * coarse;
 }
 
 // Share of pixel (dx, dy) that a disc of this radius about (0, 0) covers.

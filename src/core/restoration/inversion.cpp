@@ -277,7 +277,7 @@ float mean(const cv::Vec3f& v) {
 // Squared residuals of the frames by pixel, mean over channels, in excess of noise; weighted by omega,
 // smoothed. z: in light; empty = none.
 cv::Mat1f excessOf(const Equations& equations, const cv::Mat4f& z, double noise_variance) {
-  cv::Mat1f excess = cv::Mat1f::zeros(equations.solved().size());
+  cv::Mat1f excess(equations.solved().size(), 0);
   equations.forEach([&](const Row& row, const Part* parts) {
     const cv::Vec3f left = z.empty() ? row.residual : row.residual - Equations::predicted(row, parts, z);
     excess(row.y, row.x) += row.weight * (mean(squared(left)) - static_cast<float>(noise_variance));
@@ -288,7 +288,7 @@ cv::Mat1f excessOf(const Equations& equations, const cv::Mat4f& z, double noise_
 
 // The sum of omega by pixel, smoothed alike.
 cv::Mat1f weightOf(const Equations& equations) {
-  cv::Mat1f weight = cv::Mat1f::zeros(equations.solved().size());
+  cv::Mat1f weight(equations.solved().size(), 0);
   equations.forEach([&](const Row& row, const Part*) { weight(row.y, row.x) += row.weight; });
   cv::GaussianBlur(weight, weight, {}, kResidualSigma);
   return weight;
@@ -349,7 +349,7 @@ cv::Vec3d ratio(const cv::Vec3d& a, const cv::Vec3d& b) {
 // Conjugate gradients, preconditioned by the diagonal; channels on their own.
 std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior, int steps,
                                const std::function<bool(double)>& proceed) {
-  cv::Mat3f residual, z = cv::Mat3f::zeros(prior.size()), product;
+  cv::Mat3f residual, z(prior.size(), cv::Vec3f::all(0)), product;
   equations.transposed([](const Row& row, const Part*) { return row.residual; }, residual);
   cv::Mat3f inverse = equations.diagonal();
   forEachPixel(z.size(), [&](int y, int x) {

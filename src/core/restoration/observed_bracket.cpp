@@ -19,7 +19,7 @@ constexpr float kDark = 1e-3f;  // light; keeps ratios of black pixels small
 }  // namespace
 
 cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap) {
-  cv::Mat1b found = cv::Mat1b::zeros(inverse_depth.size());
+  cv::Mat1b found(inverse_depth.size(), 0);
   for (int y = 0; y < inverse_depth.rows; ++y) {
     for (int x = 0; x < inverse_depth.cols; ++x) {
       const float here = inverse_depth(y, x);
@@ -31,7 +31,7 @@ cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap) {
 }
 
 cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket) {
-  cv::Mat1b doubt = jumps(bracket.measured, bracket.gap(kJumpPx)) | (bracket.measured == 0);
+  const cv::Mat1b doubt(jumps(bracket.measured, bracket.gap(kJumpPx)) | (bracket.measured == 0));
   cv::Mat1f distance;
   cv::distanceTransform(255 - doubt, distance, cv::DIST_L2, 3);
   return distance;

@@ -322,7 +322,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     formation.emplace_back(inverse_depth, frame.blur, bracket.gap(kJumpPx));
   updateAll(formation);
   const cv::Mat3b given = bracket.fused;
-  cv::Mat3f sum = cv::Mat3f::zeros(given.size());
+  cv::Mat3f sum(given.size(), cv::Vec3f::all(0));
   double from = 0.4;
   for (const Round& round : kRounds) {
     if (!moveContours(bracket, formation, inverse_depth, round.stiffness, part(from, from + 0.15)))

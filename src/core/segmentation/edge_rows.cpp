@@ -45,7 +45,7 @@ void weighEdges(const std::uint16_t* p, const std::uint16_t* q, int n, std::uint
     const std::uint16_t low = p[x] < q[x] ? p[x] : q[x], high = p[x] < q[x] ? q[x] : p[x];
     const std::uint16_t difference = high - low;
     const std::uint16_t held = difference < kHeavy ? difference : kHeavy;
-    weight[x] = low == 0 ? kHeavy : held;
+    weight[x] = static_cast<std::uint8_t>(low == 0 ? kHeavy : held);
   }
 }
 
