@@ -209,5 +209,6 @@ int main(int argc, char** argv) {
   options.add_options()("help", "this text")                                           //
       ("scene", po::value<std::string>()->required(), "folder that make_scene wrote")  //
       ("output", po::value<std::string>()->required(), "folder for the pictures");
-  return runTool(argc, argv, "a picture of every step of modes refined and restored", options, drawAll);
+  runTool(argc, argv, options,
+          {"a picture of every step of modes refined and restored", {"scene"}, {"output"}, drawAll});
 }

@@ -84,7 +84,7 @@ std::vector<cv::Mat> sweepOf(const cv::Size& size) {
     cv::Mat frame = blurred.clone();
     const cv::Rect band(i * size.width / kFrames, 0, size.width / kFrames, size.height);
     sharp(band).copyTo(frame(band));
-    const cv::Mat larger = cv::getRotationMatrix2D({size.width / 2.0f, size.height / 2.0f}, 0, 1 + 0.004 * i);
+    const cv::Mat larger = cv::getRotationMatrix2D(cv::Point2f(cv::Size2f(size)) / 2, 0, 1 + 0.004 * i);
     cv::warpAffine(frame, frame, larger, size, cv::INTER_CUBIC, cv::BORDER_REFLECT);
     frames.push_back(frame);
   }
