@@ -18,6 +18,9 @@ namespace all_in_focus::core {
 class BracketFusion;
 class BracketRestoration;
 
+/// One line of a text for people: those of libraries' exceptions may have several, and end with a line break.
+std::string oneLine(std::string text);
+
 /// How one bracket is fused.
 struct BracketSettings {
   Mode mode = Mode::kRefined;

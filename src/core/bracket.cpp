@@ -20,13 +20,6 @@ constexpr std::size_t kMostRejections = 20;  // that notes tell of one by one
 constexpr const char* kNotUsed = ": depth and lens data are not used";
 constexpr double kMmPerM = 1000;
 
-// Messages of libraries' exceptions may have several lines.
-std::string oneLine(std::string text) {
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  while (!text.empty() && text.back() == ' ') text.pop_back();
-  return text;
-}
-
 std::string text(const cv::Size& size) {
   return std::to_string(size.width) + "x" + std::to_string(size.height);
 }
@@ -70,6 +63,12 @@ void checkCamera(const BracketScene& scene, const cv::Size& frame) {
 }
 
 }  // namespace
+
+std::string oneLine(std::string text) {
+  text.erase(text.find_last_not_of(" \n") + 1);
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
+}
 
 Bracket::Bracket()
     : fusion_(std::make_unique<BracketFusion>()), restoration_(std::make_unique<BracketRestoration>()) {}

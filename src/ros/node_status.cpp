@@ -9,6 +9,7 @@
 #include <sstream>
 #include <utility>
 
+#include "all_in_focus/bracket.hpp"
 #include "time_jumps.hpp"
 #include "transports.hpp"
 
@@ -32,12 +33,6 @@ double seconds(std::chrono::steady_clock::duration d) {
 }
 
 }  // namespace
-
-std::string oneLine(std::string text) {
-  text.erase(text.find_last_not_of(" \n") + 1);
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  return text;
-}
 
 NodeStatus::NodeStatus(const std::string& name, ros::NodeHandle nh, const ros::NodeHandle& private_nh,
                        const std::string& processed_topic)
@@ -122,13 +117,13 @@ void NodeStatus::count(Outcome outcome, std::uint64_t n) {
 }
 
 void NodeStatus::error(const std::string& reason) {
-  const std::string text = oneLine(reason);
+  const std::string text = core::oneLine(reason);
   raise(DiagnosticStatus::ERROR, text);
   if (!throttled(text)) ROS_ERROR_STREAM(name_ << ": " << text);
 }
 
 void NodeStatus::warn(const std::string& reason) {
-  const std::string text = oneLine(reason);
+  const std::string text = core::oneLine(reason);
   raise(DiagnosticStatus::WARN, text);
   if (!throttled(text)) ROS_WARN_STREAM(name_ << ": " << text);
 }

@@ -34,9 +34,6 @@ enum class Outcome {
   kInvalid,    ///< refused: broken or impossible
 };
 
-/// One line of a text for people: those of libraries' exceptions may have several, and end with a line break.
-std::string oneLine(std::string text);
-
 /// Tells how a node is doing. People: it prints the resolved topics at start, publishes counters, rate and
 /// delay on /diagnostics, logs throttled errors, and warns of silent inputs. Senders of images: it publishes
 /// the headers of those that the node is done with, so that a player never outruns the node.

@@ -220,6 +220,13 @@ TEST(Bracket, AFrameOfAnotherSizeIsRejectedAtTheEnd) {
   }
 }
 
+TEST(Bracket, ReasonsAreOneLine) {
+  EXPECT_EQ(oneLine("OpenCV: error:\n> 'a'\n"), "OpenCV: error: > 'a'");
+  EXPECT_EQ(oneLine("\n"), "");
+  Sender sender(settingsOf(Mode::kRefined));
+  EXPECT_EQ(sender.bracket.reject(0, "OpenCV: error:\n> 'a'\n").reason, "OpenCV: error: > 'a'");
+}
+
 TEST(Bracket, AFirstFrameOfAnotherSizeChangesNoPixel) {
   for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
     for (const int length : {0, 6}) {

@@ -7,8 +7,6 @@
 
 #include <stdexcept>
 
-#include "node_status.hpp"
-
 namespace all_in_focus {
 namespace {
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "all_in_focus/fusion.hpp"
+#include "all_in_focus/bracket.hpp"
 #include "conversions.hpp"
 #include "scene_cache.hpp"
 
