@@ -5,6 +5,7 @@
 
 #include <image_transport/image_transport.h>
 
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <deque>
 #include <memory>
@@ -13,7 +14,6 @@
 #include <vector>
 
 #include "image_limit.hpp"
-#include "transports.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -38,6 +38,24 @@ struct WaitingImages {
   std::mutex mutex;
   std::deque<sensor_msgs::ImageConstPtr> images;  // oldest first; for each a call in the queue
 };
+
+// The transport of the private parameter image_transport. If it is not installed, an error is logged and raw
+// is used, because image_transport would throw.
+image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
+                                                NodeStatus& status) {
+  const std::string raw = "raw", package = "image_transport/";
+  const std::string wanted = private_nh.param("image_transport", raw);
+  if (wanted != raw) {
+    const std::vector<std::string> installed = image_transport::ImageTransport(nh).getLoadableTransports();
+    if (std::find(installed.begin(), installed.end(), package + wanted) == installed.end()) {
+      std::string names;
+      for (const std::string& name : installed) names += " " + name.substr(package.size());
+      status.error("~image_transport: '" + wanted + "' is not installed here, only" + names + ": using raw");
+      private_nh.setParam("image_transport", raw);
+    }
+  }
+  return {raw, ros::TransportHints(), private_nh};
+}
 
 }  // namespace
 
@@ -88,8 +106,10 @@ image_transport::Subscriber CallbackGuard::subscribeToImages(int input, std::siz
     if (dropped.empty()) working_.queue.addCallback(boost::make_shared<Call>(turn));
   };
   const image_transport::TransportHints hints = chosenTransport(quick_nh, private_nh, status_);
-  return image_transport::ImageTransport(quick_nh).subscribe(
+  image_transport::Subscriber subscriber = image_transport::ImageTransport(quick_nh).subscribe(
       status_.topic(input), kArriving, checked<sensor_msgs::Image>(input, arrive), ros::VoidPtr(), hints);
+  status_.setTransport(input, subscriber.getTransport());
+  return subscriber;
 }
 
 }  // namespace all_in_focus

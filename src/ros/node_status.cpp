@@ -3,6 +3,8 @@
 
 #include "node_status.hpp"
 
+#include <ros/topic_manager.h>
+
 #include <algorithm>
 #include <cctype>
 #include <opencv2/core.hpp>
@@ -11,7 +13,6 @@
 
 #include "all_in_focus/bracket.hpp"
 #include "time_jumps.hpp"
-#include "transports.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -32,6 +33,11 @@ double seconds(std::chrono::steady_clock::duration d) {
   return std::chrono::duration<double>(d).count();
 }
 
+// roscpp knows the connected ones; the master, which may hang, need not be asked.
+std::size_t countPublishers(const std::string& topic) {
+  return ros::TopicManager::instance()->getNumPublishers(topic);
+}
+
 }  // namespace
 
 NodeStatus::NodeStatus(const std::string& name, ros::NodeHandle nh, const ros::NodeHandle& private_nh,
@@ -46,7 +52,8 @@ NodeStatus::NodeStatus(const std::string& name, ros::NodeHandle nh, const ros::N
 
 int NodeStatus::addInput(const std::string& topic, Expect expect, const std::string& remedy) {
   std::lock_guard<std::mutex> lock(mutex_);
-  inputs_.push_back({topic, nh_.resolveName(topic), expect, remedy, 0, false, {}});
+  const std::string resolved = nh_.resolveName(topic);
+  inputs_.push_back({topic, resolved, resolved, expect, remedy, 0, false, {}});
   return static_cast<int>(inputs_.size()) - 1;
 }
 
@@ -84,6 +91,17 @@ void NodeStatus::inputArrived(int input) {
   ++in.arrived;
   in.since_subscribed = true;
   in.last_arrival = Clock::now();
+}
+
+void NodeStatus::setTransport(int input, const std::string& transport) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  Input& in = inputs_.at(input);
+  in.on_wire = transport == "raw" ? in.resolved : in.resolved + "/" + transport;
+}
+
+std::size_t NodeStatus::publishers(int input) const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return countPublishers(inputs_.at(input).on_wire);
 }
 
 void NodeStatus::setExpect(int input, Expect expect) {
@@ -174,41 +192,25 @@ bool NodeStatus::silent(const Input& input, Clock::time_point now) const {
   return now - (input.since_subscribed ? input.last_arrival : subscribed_at_) > kSilence;
 }
 
-// Asks the master only here, and rarely. Its answer may take for ever, so the next tick looks for it.
 void NodeStatus::warnOfSilence() {
-  if (published_.valid()) {
-    if (published_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
-      warnOfSilence(published_.get());
-    return;
-  }
-  const auto now = Clock::now();
-  std::lock_guard<std::mutex> lock(mutex_);
-  const auto is_silent = [&](const Input& input) { return silent(input, now); };
-  if (now - silence_warned_at_ < kSilenceThrottle || std::none_of(inputs_.begin(), inputs_.end(), is_silent))
-    return;
-  silence_warned_at_ = now;
-  published_ = publishedTopics();
-}
-
-void NodeStatus::warnOfSilence(const std::optional<std::set<std::string>>& published) {
   std::ostringstream text;
   const auto now = Clock::now();
   std::lock_guard<std::mutex> lock(mutex_);
+  if (now - silence_warned_at_ < kSilenceThrottle) return;
   for (const Input& input : inputs_) {
     if (!silent(input, now)) continue;
     text << "\n  " << input.resolved << ": ";
-    if (!published) {
-      text << "the ROS master does not answer";
-    } else if (published->count(input.resolved) == 0) {
-      text << "nobody publishes it; " << input.remedy << " (or remap it)";
+    if (countPublishers(input.on_wire) == 0) {
+      text << "no publisher is connected; " << input.remedy << " (or remap it)";
     } else if (input.arrived == 0) {
-      text << "advertised, but no message came: is its publisher working, and the type right?";
+      text << "connected, but no message came: is its publisher working?";
     } else {
       text << "its publisher went silent: stopped, paused, or at the end of a bag?";
     }
   }
-  if (!text.str().empty())
-    ROS_WARN_STREAM(name_ << ": no data for " << kSilence.count() << " s on" << text.str());
+  if (text.str().empty()) return;
+  silence_warned_at_ = now;
+  ROS_WARN_STREAM(name_ << ": no data for " << kSilence.count() << " s on" << text.str());
 }
 
 void NodeStatus::tick() {

@@ -9,11 +9,8 @@
 #include <chrono>
 #include <cstdint>
 #include <deque>
-#include <future>
 #include <map>
 #include <mutex>
-#include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -65,6 +62,10 @@ class NodeStatus {
   void setSubscribed(bool subscribed);
 
   void inputArrived(int input);
+  /// The image_transport of an input that is not subscribed to as it is.
+  void setTransport(int input, const std::string& transport);
+  /// Connected publishers of a subscribed input.
+  std::size_t publishers(int input) const;
   /// Changes how long an input may be silent.
   void setExpect(int input, Expect expect);
 
@@ -98,6 +99,7 @@ class NodeStatus {
 
   struct Input {
     std::string topic, resolved;
+    std::string on_wire;  // the topic that its image_transport subscribes to
     Expect expect;
     std::string remedy;
     std::uint64_t arrived;
@@ -113,15 +115,12 @@ class NodeStatus {
   bool throttled(const std::string& text);
   bool silent(const Input& input, Clock::time_point now) const;
   void warnOfSilence();
-  void warnOfSilence(const std::optional<std::set<std::string>>& published);
   void fill(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   const std::string name_;
   ros::NodeHandle nh_;
   diagnostic_updater::Updater updater_;
   ros::Publisher processed_;
-  std::future<std::optional<std::set<std::string>>>
-      published_;  // topics, asked for because inputs are silent
 
   mutable std::mutex mutex_;  // guards all below
   std::vector<Input> inputs_;
