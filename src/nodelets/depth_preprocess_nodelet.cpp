@@ -132,8 +132,8 @@ DepthPreprocess::DepthPreprocess(CallbackGuard& guard, NodeStatus& status)
       tf_listener_(guard, tf_buffer_) {
   readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
   readParameter(guard.private_nh, "invalid_values", invalid_values_, status);
-  configuration_ =
-      serveConfiguration<DepthPreprocessConfig>(guard, status, [this](auto& config) { reconfigure(config); });
+  configuration_ = serveConfiguration<DepthPreprocessConfig>(guard.private_nh, guard, status,
+                                                             [this](auto& config) { reconfigure(config); });
   advertise();
 }
 
@@ -170,7 +170,7 @@ void DepthPreprocess::connect() {
 void DepthPreprocess::subscribe() {
   const auto subscribe = [&](int input, sensor_msgs::CameraInfoConstPtr& slot) {
     return guard_.subscribe<sensor_msgs::CameraInfo>(
-        input, queue_size_, [this, input, &slot](const auto& info) { onInfo(input, slot, info); });
+        guard_.nh, input, queue_size_, [this, input, &slot](const auto& info) { onInfo(input, slot, info); });
   };
   depth_info_subscriber_ = subscribe(depth_info_input_, depth_info_);
   rgb_info_subscriber_ = subscribe(rgb_info_input_, rgb_info_);

@@ -66,8 +66,8 @@ void SegmentMarkers::advertise(const ros::SubscriberStatusCallback& connect) {
 void SegmentMarkers::listen(bool awake) {
   const bool want = awake && wanted();
   if (want && !info_subscriber_) {
-    info_subscriber_ =
-        guard_.subscribe<sensor_msgs::CameraInfo>(info_input_, 1, [this](const auto& info) { onInfo(info); });
+    info_subscriber_ = guard_.subscribe<sensor_msgs::CameraInfo>(guard_.nh, info_input_, 1,
+                                                                 [this](const auto& info) { onInfo(info); });
   } else if (!want && info_subscriber_) {
     info_subscriber_ = {};
     camera_.reset();  // may be out of date when the next subscriber comes

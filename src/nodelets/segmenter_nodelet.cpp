@@ -78,8 +78,8 @@ Segmenter::Segmenter(CallbackGuard& guard, NodeStatus& status)
   readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
   optics_publisher_ = guard.nh.advertise<OpticsMsg>("rgb/optics", 1, true);
   readMode();
-  configuration_ =
-      serveConfiguration<SegmenterConfig>(guard, status, [this](auto& config) { reconfigure(config); });
+  configuration_ = serveConfiguration<SegmenterConfig>(guard.private_nh, guard, status,
+                                                       [this](auto& config) { reconfigure(config); });
   advertise();
 }
 

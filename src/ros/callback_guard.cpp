@@ -61,10 +61,15 @@ image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const
 
 CallbackGuard::CallbackGuard(const ros::NodeHandle& nodelet_nh, const ros::NodeHandle& nodelet_private_nh,
                              NodeStatus& status)
-    : nh(nodelet_nh), private_nh(nodelet_private_nh), quick_nh(nodelet_nh), status_(status) {
+    : nh(nodelet_nh),
+      private_nh(nodelet_private_nh),
+      quick_nh(nodelet_nh),
+      quick_private_nh(nodelet_private_nh),
+      status_(status) {
   nh.setCallbackQueue(&working_.queue);
   private_nh.setCallbackQueue(&working_.queue);
   quick_nh.setCallbackQueue(&quick_.queue);
+  quick_private_nh.setCallbackQueue(&quick_.queue);
 }
 
 void CallbackGuard::start() {
@@ -73,15 +78,28 @@ void CallbackGuard::start() {
 }
 
 void CallbackGuard::stop() {
+  if (const auto end = std::exchange(on_stop, nullptr)) end();
   working_.spinner.stop();
   quick_.spinner.stop();
+}
+
+void CallbackGuard::post(const std::string& place, const std::function<void()>& function) {
+  working_.queue.addCallback(boost::make_shared<Call>(wrap(place, function)));
+}
+
+image_transport::Subscriber CallbackGuard::receiveImages(int input, const ImageCallback& receive) {
+  const image_transport::TransportHints hints = chosenTransport(quick_nh, private_nh, status_);
+  image_transport::Subscriber subscriber = image_transport::ImageTransport(quick_nh).subscribe(
+      status_.topic(input), kArriving, checked<sensor_msgs::Image>(input, receive), ros::VoidPtr(), hints);
+  status_.setTransport(input, subscriber.getTransport());
+  return subscriber;
 }
 
 image_transport::Subscriber CallbackGuard::subscribeToImages(int input, std::size_t most,
                                                              const ImageCallback& process) {
   // The subscription owns what waits: nothing of it is processed after it ends.
   const auto waiting = std::make_shared<WaitingImages>();
-  const auto turn = wrap(status_.resolved(input), [waits = std::weak_ptr<WaitingImages>(waiting), process] {
+  const auto turn = [waits = std::weak_ptr<WaitingImages>(waiting), process] {
     const auto waiting = waits.lock();
     if (!waiting) return;
     sensor_msgs::ImageConstPtr oldest;
@@ -92,8 +110,8 @@ image_transport::Subscriber CallbackGuard::subscribeToImages(int input, std::siz
       waiting->images.pop_front();
     }
     process(oldest);
-  });
-  const auto arrive = [this, waiting, most, turn](const sensor_msgs::ImageConstPtr& image) {
+  };
+  const auto receive = [this, input, waiting, most, turn](const sensor_msgs::ImageConstPtr& image) {
     std::vector<sensor_msgs::ImageConstPtr> dropped;
     {
       std::lock_guard<std::mutex> lock(waiting->mutex);
@@ -103,13 +121,9 @@ image_transport::Subscriber CallbackGuard::subscribeToImages(int input, std::siz
     }
     for (const auto& each : dropped)
       status_.acknowledge(each->header, Outcome::kDropped, "cannot keep up: oldest waiting image dropped");
-    if (dropped.empty()) working_.queue.addCallback(boost::make_shared<Call>(turn));
+    if (dropped.empty()) post(status_.resolved(input), turn);
   };
-  const image_transport::TransportHints hints = chosenTransport(quick_nh, private_nh, status_);
-  image_transport::Subscriber subscriber = image_transport::ImageTransport(quick_nh).subscribe(
-      status_.topic(input), kArriving, checked<sensor_msgs::Image>(input, arrive), ros::VoidPtr(), hints);
-  status_.setTransport(input, subscriber.getTransport());
-  return subscriber;
+  return receiveImages(input, receive);
 }
 
 }  // namespace all_in_focus

@@ -20,7 +20,8 @@
 
 namespace all_in_focus {
 
-/// Runs the callbacks of a nodelet in two threads of its own, and guards them:
+/// Runs the callbacks of a nodelet in two threads of its own, and guards them. These are all threads that a
+/// node needs: one for what is quick, one for what takes its time.
 ///   * It catches all exceptions, because one that leaves a callback ends the nodelet manager and all its
 ///     nodelets. It counts the exception as an invalid input and reports it with the topic.
 ///   * After stop() no callback runs. So a nodelet is destroyed by whoever unloads it. A worker thread of the
@@ -38,8 +39,11 @@ class CallbackGuard {
 
   /// Their callbacks run one after the other and may take their time.
   ros::NodeHandle nh, private_nh;
-  /// Its callbacks run beside those of `nh`, one after the other, and must be short.
-  ros::NodeHandle quick_nh;
+  /// Their callbacks run beside those of `nh`, one after the other, and must be short.
+  ros::NodeHandle quick_nh, quick_private_nh;
+
+  /// Called first by stop(): ends what a callback waits for.
+  std::function<void()> on_stop;
 
   /// Starts the threads. What comes before waits.
   void start();
@@ -62,17 +66,23 @@ class CallbackGuard {
     };
   }
 
+  /// Runs a function among the callbacks of `nh`, after all that wait there. place: as in wrap().
+  void post(const std::string& place, const std::function<void()>& function);
+
   /// Subscribes to an input of the status, which counts the arrivals. Messages with an impossible stamp are
-  /// refused.
+  /// refused. on: one of the node handles above.
   template <typename Message, typename Function>
-  ros::Subscriber subscribe(int input, std::uint32_t queue_size, Function function) {
-    return nh.subscribe<Message>(status_.topic(input), queue_size, checked<Message>(input, function));
+  ros::Subscriber subscribe(ros::NodeHandle& on, int input, std::uint32_t queue_size, Function function) {
+    return on.subscribe<Message>(status_.topic(input), queue_size, checked<Message>(input, function));
   }
 
-  /// The same for images that take long to process, by the image_transport of the parameters. They are
-  /// received beside the other callbacks and wait for their turn among them. Where the node cannot keep up
-  /// the oldest are dropped, counted and acknowledged; roscpp's own queue would drop them silently. most: how
-  /// many may wait, within imageLimit().
+  /// The same for images, by the image_transport of the parameters. receive: runs among the callbacks of
+  /// quick_nh.
+  image_transport::Subscriber receiveImages(int input, const ImageCallback& receive);
+
+  /// The same for images that take long to process: they wait for their turn among the callbacks of `nh`.
+  /// Where the node cannot keep up the oldest are dropped, counted and acknowledged; roscpp's own queue would
+  /// drop them silently. most: how many may wait, within imageLimit().
   image_transport::Subscriber subscribeToImages(int input, std::size_t most, const ImageCallback& process);
 
  private:

@@ -52,15 +52,16 @@ void repairNegative(T& value, const T& good, const char* name, NodeStatus& statu
 }
 
 /// Calls `reconfigure` with the configuration from the parameters, and whenever somebody changes it.
-/// Configuration as it is on return is shown to the user.
+/// Configuration as it is on return is shown to the user. private_nh: one of the guard's.
 template <typename Config>
 std::unique_ptr<dynamic_reconfigure::Server<Config>> serveConfiguration(
-    CallbackGuard& guard, NodeStatus& status, const std::function<void(Config&)>& reconfigure) {
+    ros::NodeHandle& private_nh, CallbackGuard& guard, NodeStatus& status,
+    const std::function<void(Config&)>& reconfigure) {
   // The server takes the default for a parameter of another type, without a word.
   const auto check = [&](const std::string& name, auto value) {
-    if (!guard.private_nh.hasParam(name)) return;
-    readParameter(guard.private_nh, name, value, status);
-    guard.private_nh.setParam(name, value);
+    if (!private_nh.hasParam(name)) return;
+    readParameter(private_nh, name, value, status);
+    private_nh.setParam(name, value);
   };
   for (const auto& parameter : Config::__getParamDescriptions__()) {
     boost::any standard;
@@ -70,7 +71,7 @@ std::unique_ptr<dynamic_reconfigure::Server<Config>> serveConfiguration(
     if (parameter->type == "double") check(parameter->name, boost::any_cast<double>(standard));
     if (parameter->type == "str") check(parameter->name, boost::any_cast<std::string>(standard));
   }
-  auto server = std::make_unique<dynamic_reconfigure::Server<Config>>(guard.private_nh);
+  auto server = std::make_unique<dynamic_reconfigure::Server<Config>>(private_nh);
   server->setCallback(guard.wrap(
       status.name(), [reconfigure](Config& config, std::uint32_t /*level*/) { reconfigure(config); }));
   return server;

@@ -29,10 +29,6 @@ constexpr double kAheadOfClock = 0.1;                    // s that a frame may b
 constexpr double kDefaultGap = 1;                        // s
 constexpr std::chrono::seconds kPatience(5);             // before a warning
 
-bool isPublished(const ros::Subscriber& subscriber) {
-  return subscriber && subscriber.getNumPublishers() > 0;
-}
-
 }  // namespace
 
 FusionInputs::FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache& scenes, FusionWorker& worker)
@@ -47,44 +43,47 @@ FusionInputs::FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache&
       labels_input_(status.addInput("segmentation/labels", Expect::kOnce, "start the segmenter")),
       segments_input_(status.addInput("segmentation/segments", Expect::kOnce, "start the segmenter")),
       depth_input_(status.addInput("depth_registered/image", Expect::kOnce, "start depth_preprocess")),
-      measured_input_(status.addInput("depth_registered/image_raw", Expect::kOptional, "")) {
+      measured_input_(status.addInput("depth_registered/image_raw", Expect::kOptional, "")),
+      scene_inputs_{depth_input_, measured_input_, labels_input_, info_input_, optics_input_} {
   const auto on_timer = [this](const ros::WallTimerEvent&) { settle(); };
-  settling_ = guard.nh.createWallTimer(ros::WallDuration(kSettlePeriod), guard.wrap("publishers", on_timer),
-                                       /*oneshot=*/false, /*autostart=*/false);
+  settling_ =
+      guard.quick_nh.createWallTimer(ros::WallDuration(kSettlePeriod), guard.wrap("publishers", on_timer),
+                                     /*oneshot=*/false, /*autostart=*/false);
   resetFrames();
   resetLabels(kLabelsWaiting);
 }
 
 template <typename Message, typename Use>
-ros::Subscriber FusionInputs::subscribeTo(int input, std::uint32_t queue_size, Use use) {
+void FusionInputs::subscribeTo(int input, std::uint32_t queue_size, Use use) {
   const auto on_message = [this, input, use](const auto& message) {
     if (time_jumps_.clockWentBack()) startAfresh(input, ros::Time::now());
     use(message);
   };
-  return guard_.subscribe<Message>(input, queue_size, on_message);
+  subscribers_.push_back(guard_.subscribe<Message>(guard_.quick_nh, input, queue_size, on_message));
 }
 
 void FusionInputs::subscribe() {
   updatePublished(/*assumed=*/true);
   // Depth and labels use plain ROS, because lossy transports would destroy them. They are subscribed first,
   // so that they are there when colour comes.
-  updateMeasured();
-  depth_subscriber_ = subscribeTo<sensor_msgs::Image>(depth_input_, kArrivingImages,
-                                                      [this](const auto& depth) { scenes_.addDepth(depth); });
-  labels_subscriber_ = subscribeTo<sensor_msgs::Image>(labels_input_, kArrivingImages,
-                                                       [this](const auto& labels) { onLabels(labels); });
-  segments_subscriber_ = subscribeTo<SegmentArray>(
-      segments_input_, kArrivingMessages, [this](const auto& segments) { label_matcher_->add<1>(segments); });
-  info_subscriber_ = subscribeTo<sensor_msgs::CameraInfo>(
-      info_input_, kArrivingMessages, [this](const auto& info) { scenes_.setCamera(info); });
+  subscribeTo<sensor_msgs::Image>(measured_input_, kArrivingImages,
+                                  [this](const auto& measured) { scenes_.addMeasured(measured); });
+  subscribeTo<sensor_msgs::Image>(depth_input_, kArrivingImages,
+                                  [this](const auto& depth) { scenes_.addDepth(depth); });
+  subscribeTo<sensor_msgs::Image>(labels_input_, kArrivingImages,
+                                  [this](const auto& labels) { onLabels(labels); });
+  subscribeTo<SegmentArray>(segments_input_, kArrivingMessages,
+                            [this](const auto& segments) { label_matcher_->add<1>(segments); });
+  subscribeTo<sensor_msgs::CameraInfo>(info_input_, kArrivingMessages,
+                                       [this](const auto& info) { scenes_.setCamera(info); });
+  ros::NodeHandle& nh = guard_.quick_nh;
   const auto on_optics = [this](const OpticsConstPtr& optics) { onOptics(optics); };
-  optics_subscriber_ = guard_.nh.subscribe<OpticsMsg>(
+  subscribers_.push_back(nh.subscribe<OpticsMsg>(
       status_.topic(optics_input_), kArrivingMessages,
-      boost::function<void(const OpticsConstPtr&)>(guard_.wrap(status_.resolved(optics_input_), on_optics)));
-  focus_subscriber_ = guard_.subscribe<FocusFrame>(focus_input_, kArrivingMessages,
-                                                   [this](const auto& focus) { onFocus(focus); });
-  image_subscriber_ =
-      guard_.subscribeToImages(image_input_, kMostWaiting, [this](const auto& image) { onImage(image); });
+      boost::function<void(const OpticsConstPtr&)>(guard_.wrap(status_.resolved(optics_input_), on_optics))));
+  const auto on_focus = [this](const auto& focus) { onFocus(focus); };
+  subscribers_.push_back(guard_.subscribe<FocusFrame>(nh, focus_input_, kArrivingMessages, on_focus));
+  image_subscriber_ = guard_.receiveImages(image_input_, [this](const auto& image) { onImage(image); });
   status_.setSubscribed(true);
 }
 
@@ -93,8 +92,7 @@ void FusionInputs::unsubscribe() {
   settled_ = false;
   settle_until_ = {};
   image_subscriber_ = {};
-  depth_subscriber_ = measured_subscriber_ = labels_subscriber_ = segments_subscriber_ = info_subscriber_ =
-      optics_subscriber_ = focus_subscriber_ = {};
+  subscribers_.clear();
   resetFrames();
   resetLabels(label_queue_);
   last_focus_ = last_frame_ = {};
@@ -105,41 +103,15 @@ void FusionInputs::unsubscribe() {
   status_.setSubscribed(false);
 }
 
-void FusionInputs::configure(bool needs_measured, double gap_s) {
+void FusionInputs::configure(double gap_s) {
   time_jumps_.setTolerance(gap_s > 0 ? gap_s : kDefaultGap);
-  needs_measured_ = needs_measured;
-  if (subscribed()) updateMeasured();
-}
-
-void FusionInputs::updateMeasured() {
-  if (needs_measured_ && !measured_subscriber_) {
-    measured_subscriber_ = subscribeTo<sensor_msgs::Image>(
-        measured_input_, kArrivingImages, [this](const auto& measured) { scenes_.addMeasured(measured); });
-  } else if (!needs_measured_ && measured_subscriber_) {
-    measured_subscriber_ = {};
-  }
-}
-
-// Whether everything is published that the first frames may have to wait for.
-bool FusionInputs::allPublished() const {
-  const auto needed =
-      needs_measured_
-          ? std::vector<const ros::Subscriber*>{&focus_subscriber_, &depth_subscriber_, &measured_subscriber_,
-                                                &info_subscriber_, &optics_subscriber_}
-          : std::vector<const ros::Subscriber*>{&focus_subscriber_, &labels_subscriber_};
-  return std::all_of(needed.begin(), needed.end(), [](const ros::Subscriber* s) { return isPublished(*s); });
 }
 
 // assumed: until publishers have had time to connect.
 void FusionInputs::updatePublished(bool assumed) {
-  const std::pair<SceneTopic, const ros::Subscriber*> topics[] = {
-      {SceneTopic::kDepth, &depth_subscriber_},
-      {SceneTopic::kMeasured, &measured_subscriber_},
-      {SceneTopic::kLabels, &labels_subscriber_},
-      {SceneTopic::kCamera, &info_subscriber_},
-      {SceneTopic::kOptics, &optics_subscriber_}};
-  for (const auto& [topic, subscriber] : topics)
-    scenes_.setPublished(topic, assumed || isPublished(*subscriber));
+  for (std::size_t topic = 0; topic < kSceneTopics; ++topic)
+    scenes_.setPublished(static_cast<SceneTopic>(topic),
+                         assumed || status_.publishers(scene_inputs_[topic]) > 0);
 }
 
 // After the first frame other publishers may still be connecting. Without their messages from rgb/focus, or
@@ -147,11 +119,14 @@ void FusionInputs::updatePublished(bool assumed) {
 void FusionInputs::settle() {
   const ros::WallTime now = ros::WallTime::now();
   if (settle_until_.isZero()) settle_until_ = now + ros::WallDuration(kSettleTime);
-  if (settled_ || (now < settle_until_ && !allPublished())) return;
+  const bool all_published = status_.publishers(focus_input_) > 0 &&
+                             std::all_of(scene_inputs_.begin(), scene_inputs_.end(),
+                                         [this](int i) { return status_.publishers(i) > 0; });
+  if (settled_ || (now < settle_until_ && !all_published)) return;
   settled_ = true;
   settling_.stop();
   updatePublished(/*assumed=*/false);
-  if (isPublished(focus_subscriber_) || !last_focus_.isZero()) return;
+  if (status_.publishers(focus_input_) > 0 || !last_focus_.isZero()) return;
   const std::deque<sensor_msgs::ImageConstPtr> plain = std::exchange(unmatched_, {});
   resetFrames();
   for (const sensor_msgs::ImageConstPtr& image : plain) addPlain(image);
@@ -204,7 +179,7 @@ void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
     settling_.start();
   }
   // A publisher of rgb/focus defines the brackets while it is there.
-  const bool has_focus = isPublished(focus_subscriber_) || stamp <= last_focus_;
+  const bool has_focus = status_.publishers(focus_input_) > 0 || stamp <= last_focus_;
   if (settled_ && !has_focus) {
     giveUpAllFrames();  // the publisher of rgb/focus is gone
     return addPlain(image);
@@ -286,7 +261,7 @@ void FusionInputs::warnOfMismatch() {
 
 void FusionInputs::onOptics(const OpticsConstPtr& optics) {
   status_.inputArrived(optics_input_);
-  if (optics_subscriber_.getNumPublishers() > 1)
+  if (status_.publishers(optics_input_) > 1)
     status_.warn(status_.resolved(optics_input_) + " has several publishers: the last message counts");
   scenes_.setOptics(optics);
 }

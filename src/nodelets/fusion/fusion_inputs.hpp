@@ -11,12 +11,14 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
+#include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "callback_guard.hpp"
 #include "fusion_worker.hpp"
@@ -29,7 +31,7 @@ namespace all_in_focus {
 /// The subscriptions of the fusion. Matches frames with their messages from rgb/focus, and label images with
 /// the tables of their regions. Frames go to the worker, everything else goes to the scene cache.
 ///
-/// Callbacks run one after the other; the methods are to be called from one of them, or before the first.
+/// Callbacks are quick ones of the guard; the methods are to be called from one of them, or before the first.
 class FusionInputs {
  public:
   /// Adds the inputs to the status, subscribes nothing.
@@ -39,9 +41,8 @@ class FusionInputs {
   void unsubscribe();
   bool subscribed() const { return static_cast<bool>(image_subscriber_); }
 
-  /// needs_measured: depth before hole filling is needed; mode paper does not need it. gap_s: stamps of
-  /// colour frames that go back by more tell that time went back; 0 = 1 s.
-  void configure(bool needs_measured, double gap_s);
+  /// gap_s: stamps of colour frames that go back by more tell that time went back; 0 = 1 s.
+  void configure(double gap_s);
 
  private:
   template <typename First, typename Second>
@@ -50,10 +51,8 @@ class FusionInputs {
   using Matcher = message_filters::Synchronizer<ExactTime<First, Second>>;
 
   template <typename Message, typename Use>
-  ros::Subscriber subscribeTo(int input, std::uint32_t queue_size, Use use);
-  void updateMeasured();
+  void subscribeTo(int input, std::uint32_t queue_size, Use use);
   void settle();
-  bool allPublished() const;
   void updatePublished(bool assumed);
   void startAfresh(int input, const ros::Time& now);
   void resetFrames();
@@ -77,6 +76,7 @@ class FusionInputs {
   FusionWorker& worker_;
   const int image_input_, focus_input_, info_input_, optics_input_, labels_input_, segments_input_,
       depth_input_, measured_input_;
+  const std::array<int, kSceneTopics> scene_inputs_;
   TimeJumps time_jumps_;
 
   std::unique_ptr<Matcher<sensor_msgs::Image, FocusFrame>> frame_matcher_;
@@ -87,15 +87,13 @@ class FusionInputs {
   std::unique_ptr<Matcher<sensor_msgs::Image, SegmentArray>> label_matcher_;
   std::uint32_t label_queue_ = 0;
 
-  bool needs_measured_ = false;
   bool settled_ = false;  // all publishers have had time to connect since the first frame
   ros::WallTimer settling_;
   ros::WallTime settle_until_;
   ros::Time last_focus_, last_frame_;               // stamps: of rgb/focus; of that or a frame without it
   std::optional<std::uint32_t> announced_bracket_;  // the last one of rgb/focus
   image_transport::Subscriber image_subscriber_;
-  ros::Subscriber focus_subscriber_, info_subscriber_, optics_subscriber_, labels_subscriber_,
-      segments_subscriber_, depth_subscriber_, measured_subscriber_;
+  std::vector<ros::Subscriber> subscribers_;  // all others
 };
 
 }  // namespace all_in_focus

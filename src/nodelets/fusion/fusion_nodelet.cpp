@@ -2,12 +2,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 
 #include <all_in_focus/FusionConfig.h>
-#include <ros/callback_queue.h>
-#include <ros/spinner.h>
 #include <std_srvs/Trigger.h>
 
 #include <boost/make_shared.hpp>
-#include <chrono>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
@@ -24,8 +21,6 @@
 
 namespace all_in_focus {
 namespace {
-
-constexpr std::chrono::seconds kFinishPatience(60);
 
 // all_in_focus.launch loads the lens of the rig as ~calibration.
 CalibrationLens readCalibration(const ros::NodeHandle& private_nh, NodeStatus& status) {
@@ -52,16 +47,13 @@ CalibrationLens readCalibration(const ros::NodeHandle& private_nh, NodeStatus& s
 
 /// Fuses focus brackets into all-in-focus images: inputs -> worker -> outputs.
 ///
-/// Callbacks run one after the other and only pass messages on. The service ~finish waits for the worker, so
-/// it has a thread of its own.
+/// The quick callbacks only pass messages on. The worker and the service ~finish, which waits for it, share
+/// the slow ones.
 class Fusion {
  public:
   static constexpr const char* kProcessedTopic = "all_in_focus/processed";
 
   Fusion(CallbackGuard& guard, NodeStatus& status);
-  ~Fusion();
-  Fusion(const Fusion&) = delete;
-  Fusion& operator=(const Fusion&) = delete;
 
  private:
   void reconfigure(FusionConfig& config);
@@ -76,31 +68,20 @@ class Fusion {
   SceneCache scenes_;
   FusionWorker worker_;
   FusionInputs inputs_;
-  ros::CallbackQueue finish_queue_;
   ros::ServiceServer finish_server_;
-  ros::AsyncSpinner finish_spinner_{1, &finish_queue_};
   std::unique_ptr<dynamic_reconfigure::Server<FusionConfig>> configuration_;
 };
 
-// A call of ~finish may be waiting for the worker; to stop the worker ends it.
-Fusion::~Fusion() {
-  worker_.stop();
-  finish_server_.shutdown();
-  finish_spinner_.stop();
-}
-
 Fusion::Fusion(CallbackGuard& guard, NodeStatus& status)
-    : status_(status), worker_(status, scenes_, outputs_), inputs_(guard, status, scenes_, worker_) {
+    : status_(status), worker_(guard, status, scenes_, outputs_), inputs_(guard, status, scenes_, worker_) {
   readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
   readParameter(guard.private_nh, "restore_every_bracket", at_start_.restore_every, status);
   at_start_.calibration = readCalibration(guard.private_nh, status);
-  configuration_ =
-      serveConfiguration<FusionConfig>(guard, status, [this](auto& config) { reconfigure(config); });
-  ros::NodeHandle finish_nh(guard.private_nh);
-  finish_nh.setCallbackQueue(&finish_queue_);
-  finish_server_ = finish_nh.advertiseService("finish", &Fusion::finish, this);
-  finish_spinner_.start();
-  outputs_.advertise(guard.nh, status, guard.wrap(status.name(), [this] { connect(); }));
+  configuration_ = serveConfiguration<FusionConfig>(guard.quick_private_nh, guard, status,
+                                                    [this](auto& config) { reconfigure(config); });
+  finish_server_ = guard.private_nh.advertiseService("finish", &Fusion::finish, this);
+  outputs_.advertise(guard.quick_nh, status, guard.wrap(status.name(), [this] { connect(); }));
+  guard.on_stop = [this] { worker_.stop(); };
 }
 
 void Fusion::reconfigure(FusionConfig& config) {
@@ -125,7 +106,7 @@ void Fusion::reconfigure(FusionConfig& config) {
   settings.label_timeout_s = config.label_timeout;
   scenes_.configure(/*by_labels=*/settings.mode == Mode::kPaper, config.label_max_age);
   worker_.configure(settings, {config.bracket_size, config.bracket_gap}, queue_size_);
-  inputs_.configure(/*needs_measured=*/settings.mode != Mode::kPaper, config.bracket_gap);
+  inputs_.configure(config.bracket_gap);
 }
 
 // Works only while somebody listens.
@@ -139,12 +120,10 @@ void Fusion::connect() {
 }
 
 bool Fusion::finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  std::future<int> finished = worker_.finish();
-  const bool in_time = finished.wait_for(kFinishPatience) == std::future_status::ready;
-  const int published = in_time ? finished.get() : -1;
+  const int published = worker_.finish();
   response.success = published >= 0;
   response.message =
-      published >= 0 ? std::to_string(published) + " brackets published" : "the fusion did not end in time";
+      published >= 0 ? std::to_string(published) + " brackets published" : "the fusion is being unloaded";
   return true;
 }
 

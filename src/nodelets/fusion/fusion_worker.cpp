@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
-#include <functional>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -19,8 +18,8 @@
 namespace all_in_focus {
 namespace {
 
-constexpr std::chrono::milliseconds kIdlePeriod(50);  // between checks for a gap in time
-constexpr std::chrono::seconds kSilence(10);          // in an open bracket, before a warning
+constexpr double kIdlePeriod = 0.05;          // s, between checks for a gap in time
+constexpr std::chrono::seconds kSilence(10);  // in an open bracket, before a warning
 constexpr double kMmPerM = 1000;
 constexpr const char* kProgress = "restoration";  // key of the diagnostics
 
@@ -76,14 +75,14 @@ struct FusionWorker::OpenBracket {
   double scene_wait_ms = 0;
 };
 
-FusionWorker::FusionWorker(NodeStatus& status, SceneCache& scenes, FusionOutputs& outputs)
-    : status_(status), scenes_(scenes), outputs_(outputs), thread_([this] { run(); }) {}
-
-FusionWorker::~FusionWorker() {
-  stop();
-  scenes_.cancel();
-  thread_.join();
+FusionWorker::FusionWorker(CallbackGuard& guard, NodeStatus& status, SceneCache& scenes,
+                           FusionOutputs& outputs)
+    : guard_(guard), status_(status), scenes_(scenes), outputs_(outputs) {
+  const auto on_timer = [this](const ros::WallTimerEvent&) { onTimer(); };
+  timer_ = guard.nh.createWallTimer(ros::WallDuration(kIdlePeriod), guard.wrap("gap in time", on_timer));
 }
+
+FusionWorker::~FusionWorker() = default;
 
 void FusionWorker::configure(const FusionSettings& settings, const BracketConfig& config, std::size_t most) {
   std::lock_guard<std::mutex> lock(mutex_);
@@ -107,12 +106,17 @@ void FusionWorker::add(const BracketFrame& frame) {
     dropped = append(task, info);
   }
   scenes_.frameArrived(task.header.stamp);
-  changed_.notify_all();
   if (!task.step.use) status_.acknowledge(task.header, Outcome::kUnmatched, task.step.reason);
   for (const sensor_msgs::ImageConstPtr& image : dropped) {
     status_.acknowledge(image->header, Outcome::kDropped,
                         "fusion cannot keep up: oldest waiting colour frame dropped");
   }
+}
+
+// Holds mutex_.
+void FusionWorker::push(Task task) {
+  tasks_.push_back(std::move(task));
+  guard_.post(status_.name(), [this] { handleNext(); });
 }
 
 // Holds mutex_. Returns the images that were dropped to make room.
@@ -125,7 +129,7 @@ std::vector<sensor_msgs::ImageConstPtr> FusionWorker::append(Task& task, const F
   }
   if (!task.step.use) return dropped;
   if (task.step.begin) scenes_.pin(task.header.stamp);  // before the worker asks for the scene
-  tasks_.push_back(task);
+  push(task);
   ++images_;
   bytes_ += task.bytes;
   while (images_ > most_ || (bytes_ > kMaxWaitingBytes && images_ > kFewestWaiting))
@@ -148,53 +152,42 @@ void FusionWorker::endBracket() {
   Task task;
   task.kind = Task::Kind::kEnd;
   task.missing = assembler_.missing();
-  tasks_.push_back(task);
+  push(task);
 }
 
 void FusionWorker::restart() {
   std::lock_guard<std::mutex> lock(mutex_);
   endBracket();
   assembler_.restart();
-  changed_.notify_all();
 }
 
 void FusionWorker::cancel() {
   std::lock_guard<std::mutex> lock(mutex_);
-  const auto is_finish = [](const Task& task) { return task.kind == Task::Kind::kFinish; };
-  tasks_.erase(std::remove_if(tasks_.begin(), tasks_.end(), std::not_fn(is_finish)), tasks_.end());
-  Task task;
-  task.kind = Task::Kind::kCancel;
-  tasks_.push_front(task);
+  tasks_.clear();
   images_ = bytes_ = 0;
   assembler_.restart();
   cancelled_ = true;
-  changed_.notify_all();
+  Task task;
+  task.kind = Task::Kind::kCancel;
+  push(task);
 }
 
-std::future<int> FusionWorker::finish() {
-  Task task;
-  task.kind = Task::Kind::kFinish;
-  task.finished = std::make_shared<std::promise<int>>();
-  std::future<int> finished = task.finished->get_future();
-  std::lock_guard<std::mutex> lock(mutex_);
-  endBracket();
-  if (stopped_) {
-    task.finished->set_value(-1);
-  } else {
-    tasks_.push_back(task);
+int FusionWorker::finish() {
+  std::size_t waiting = 0;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    endBracket();
+    waiting = tasks_.size();
   }
-  changed_.notify_all();
-  return finished;
+  for (; waiting > 0; --waiting) handleNext();
+  std::lock_guard<std::mutex> lock(mutex_);
+  return stopped_ ? -1 : published_;
 }
 
 void FusionWorker::stop() {
   std::lock_guard<std::mutex> lock(mutex_);
-  for (const Task& task : tasks_) {
-    if (task.finished) task.finished->set_value(-1);
-  }
-  tasks_.clear();
   stopped_ = true;
-  changed_.notify_all();
+  scenes_.cancel();
 }
 
 bool FusionWorker::isInterrupted() const {
@@ -214,41 +207,22 @@ bool FusionWorker::mayRestore(double done) const {
   return !is_whole && 2 * images_ <= most_ && 2 * bytes_ <= kMaxWaitingBytes;
 }
 
-void FusionWorker::run() {
-  while (true) {
-    const std::optional<Task> task = take();
-    {
-      std::lock_guard<std::mutex> lock(mutex_);
-      if (stopped_) {
-        if (task && task->finished) task->finished->set_value(-1);
-        return;
-      }
-    }
-    if (!task) continue;
-    try {
-      handle(*task);
-    } catch (const std::exception& e) {
-      open_.reset();  // what it holds is uncertain
-      status_.error(std::string("fusion: ") + e.what());
-      if (task->frame.image) status_.acknowledge(task->header, Outcome::kInvalid, e.what());
-    }
-    if (task->finished) task->finished->set_value(published_);
+void FusionWorker::handleNext() {
+  const std::optional<Task> task = take();
+  if (!task) return;
+  try {
+    handle(*task);
+  } catch (const std::exception& e) {
+    open_.reset();  // what it holds is uncertain
+    status_.error(std::string("fusion: ") + e.what());
+    if (task->frame.image) status_.acknowledge(task->header, Outcome::kInvalid, e.what());
   }
 }
 
-// The next task, or nothing if none came for a while. Ends a bracket after its gap in time.
+// Nothing if it was handled before or cancelled.
 std::optional<FusionWorker::Task> FusionWorker::take() {
-  std::unique_lock<std::mutex> lock(mutex_);
-  changed_.wait_for(lock, kIdlePeriod, [this] { return stopped_ || !tasks_.empty(); });
-  if (tasks_.empty() && ros::Time::isValid() &&
-      assembler_.gapElapsed(ros::Time::now().toSec() - stamp_age_s_)) {
-    endBracket();
-  }
-  if (stopped_) return std::nullopt;
-  if (tasks_.empty()) {
-    warnOfSilence();
-    return std::nullopt;
-  }
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (stopped_ || tasks_.empty()) return std::nullopt;
   Task task = std::move(tasks_.front());
   tasks_.pop_front();
   if (task.frame.image) {
@@ -257,6 +231,14 @@ std::optional<FusionWorker::Task> FusionWorker::take() {
   }
   if (task.kind == Task::Kind::kCancel) cancelled_ = false;
   return task;
+}
+
+// Ends a bracket after its gap in time, unless frames wait that may belong to it.
+void FusionWorker::onTimer() {
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (!tasks_.empty()) return;
+  if (ros::Time::isValid() && assembler_.gapElapsed(ros::Time::now().toSec() - stamp_age_s_)) endBracket();
+  warnOfSilence();
 }
 
 // Holds mutex_. Without rgb/focus the gap ends a bracket.

@@ -6,19 +6,17 @@
 #include <sensor_msgs/Image.h>
 
 #include <chrono>
-#include <condition_variable>
 #include <cstddef>
 #include <deque>
-#include <future>
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <thread>
 #include <vector>
 
 #include "all_in_focus/bracket.hpp"
 #include "bracket_assembler.hpp"
 #include "bracket_scene.hpp"
+#include "callback_guard.hpp"
 #include "fusion_outputs.hpp"
 #include "node_status.hpp"
 #include "scene_cache.hpp"
@@ -41,17 +39,17 @@ struct BracketFrame {
   FocusFrameConstPtr focus;
 };
 
-/// Fuses focus brackets in a thread of its own, so that callbacks never wait. Finds where brackets begin and
-/// end while frames arrive. When too many wait, by number or by bytes, the oldest images are dropped; their
-/// frames stay, so that every bracket that began is reported. All public methods are thread-safe and return
-/// at once.
+/// Fuses focus brackets among the slow callbacks of the guard, so that the quick ones never wait. Finds where
+/// brackets begin and end while frames arrive. When too many wait, by number or by bytes, the oldest images
+/// are dropped; their frames stay, so that every bracket that began is reported. All public methods but
+/// finish() are thread-safe and return at once.
 ///
-/// Restoration runs in this thread, too. It stops when a whole further bracket waits, or so many frames that
-/// some would soon be dropped.
+/// Restoration runs among them, too. It stops when a whole further bracket waits, or so many frames that some
+/// would soon be dropped.
 class FusionWorker {
  public:
-  FusionWorker(NodeStatus& status, SceneCache& scenes, FusionOutputs& outputs);
-  ~FusionWorker();  ///< stops
+  FusionWorker(CallbackGuard& guard, NodeStatus& status, SceneCache& scenes, FusionOutputs& outputs);
+  ~FusionWorker();
 
   /// settings: from the next bracket on. most: images that may wait.
   void configure(const FusionSettings& settings, const BracketConfig& config, std::size_t most);
@@ -61,22 +59,20 @@ class FusionWorker {
   void restart();
   /// Nobody wants results any more: drops all that waits, and the open bracket.
   void cancel();
-  /// Ends the open bracket. The future is ready when all frames so far are fused and restored: brackets
-  /// published since the start, or -1 after stop().
-  std::future<int> finish();
-  void stop();  ///< nothing is published any more
+  /// Ends the open bracket, and returns when all frames so far are fused and restored: brackets published
+  /// since the start, or -1 after stop(). Call it in a slow callback.
+  int finish();
+  void stop();  ///< nothing is fused any more; ends what the worker waits for
 
  private:
   struct Task {
     enum class Kind {
       kFrame,   ///< step.begin: the first of a bracket; step.last: the last
       kEnd,     ///< the open bracket has ended
-      kFinish,  ///< set `finished`
       kCancel,  ///< drop the open bracket
     };
     Kind kind = Kind::kFrame;
-    int missing = 0;                                ///< kEnd: frames of the bracket that never came
-    std::shared_ptr<std::promise<int>> finished{};  ///< kFinish
+    int missing = 0;  ///< kEnd: frames of the bracket that never came
     // kFrame:
     BracketFrame frame{};  ///< without an image: it was dropped to make room for newer ones
     std_msgs::Header header{};
@@ -85,14 +81,16 @@ class FusionWorker {
   };
   struct OpenBracket;
 
-  // Callbacks.
+  // Any thread.
+  void push(Task task);
   std::vector<sensor_msgs::ImageConstPtr> append(Task& task, const FrameInfo& info);
   sensor_msgs::ImageConstPtr dropOldest();
   void endBracket();
 
-  // The worker's thread.
-  void run();
+  // Slow callbacks.
+  void handleNext();
   std::optional<Task> take();
+  void onTimer();
   void warnOfSilence();
   void handle(const Task& task);
   void handleFrame(const Task& task);
@@ -106,26 +104,25 @@ class FusionWorker {
   bool isInterrupted() const;
   bool mayRestore(double done) const;
 
+  CallbackGuard& guard_;
   NodeStatus& status_;
   SceneCache& scenes_;
   FusionOutputs& outputs_;
 
   mutable std::mutex mutex_;  // guards all up to the next comment
-  std::condition_variable changed_;
   FusionSettings settings_;
   BracketAssembler assembler_;
-  std::deque<Task> tasks_;
+  std::deque<Task> tasks_;                          // for each a call of handleNext() is posted
   std::size_t most_ = 60, images_ = 0, bytes_ = 0;  // images that wait
   double stamp_age_s_ = 0;  // of the last frame at its arrival: stamps may come from another clock
   std::chrono::steady_clock::time_point last_frame_;
   bool cancelled_ = false, stopped_ = false;
 
-  // Used by the worker's thread only.
+  // Used by slow callbacks only.
   Bracket bracket_;
   std::unique_ptr<OpenBracket> open_;
   int published_ = 0;
-
-  std::thread thread_;
+  ros::WallTimer timer_;
 };
 
 }  // namespace all_in_focus
