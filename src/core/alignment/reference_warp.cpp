@@ -18,94 +18,45 @@ namespace {
 constexpr int kTaps = 6;
 constexpr int kChannels = 3;
 constexpr int kBorder = 3 + kTaps;  // pixels that taps may lie beyond a border
-constexpr int kDegree = 6;          // of the polynomials for the kernel: right to 5e-5
-
-// Lanczos kernel sinc(x) sinc(x / 3) at x = fraction + 2, + 1, ... - 3; 0 <= fraction < 1; scaled to sum 1.
-std::array<double, kTaps> lanczos(double fraction) {
-  std::array<double, kTaps> weight{};
-  if (fraction < 1e-9) {
-    weight[2] = 1;
-    return weight;
-  }
-  // sin(pi x) only changes its sign from tap to tap, and pi x / 3 its angle by 60 degrees.
-  constexpr double kCos[] = {-0.5, 0.5, 1, 0.5, -0.5, -1};
-  const double half_root = std::sqrt(3) / 2;
-  const double sines[] = {half_root, half_root, 0, -half_root, -half_root, 0};
-  const double sine = std::sin(CV_PI / 3 * fraction), cosine = std::cos(CV_PI / 3 * fraction);
-  double sum = 0;
-  for (int k = 0; k < kTaps; ++k) {
-    const double x = fraction + 2 - k;
-    weight[k] = (k % 2 == 0 ? 1 : -1) * (sine * kCos[k] + cosine * sines[k]) / (x * x);
-    sum += weight[k];
-  }
-  for (double& w : weight) w /= sum;
-  return weight;
-}
-
-// The same as polynomials of t = 2 fraction - 1, which vectors compute: through the kernel at Chebyshev's
-// nodes.
-using Polynomials = std::array<std::array<float, kDegree + 1>, kTaps>;
-
-Polynomials fitLanczos() {
-  cv::Mat powers(kDegree + 1, kDegree + 1, CV_64F), values(kDegree + 1, kTaps, CV_64F), coefficients;
-  for (int i = 0; i <= kDegree; ++i) {
-    const double t = std::cos(CV_PI * (i + 0.5) / (kDegree + 1));
-    const std::array<double, kTaps> weight = lanczos((t + 1) / 2);
-    for (int k = 0; k <= kDegree; ++k) powers.at<double>(i, k) = std::pow(t, k);
-    for (int k = 0; k < kTaps; ++k) values.at<double>(i, k) = weight[k];
-  }
-  cv::solve(powers, values, coefficients);
-  Polynomials polynomials;
-  for (int k = 0; k < kTaps; ++k) {
-    for (int i = 0; i <= kDegree; ++i) polynomials[k][i] = static_cast<float>(coefficients.at<double>(i, k));
-  }
-  return polynomials;
-}
+constexpr int kSteps = 2048;        // of a pixel: positions are rounded to these
 
 // Fixed point. A product keeps the upper 16 of its 32 bits, so gray levels lose a bit with each pass. Six
 // products cut off three units on average, which kCutOff gives back.
-constexpr float kOne = 1 << 15;     // of weights
-constexpr int kLargest = 32767;     // weight, instead of 1
+constexpr int kOne = 1 << 15;       // of weights
+constexpr int kLargest = kOne - 1;  // weight, instead of 1
 constexpr int kInputBits = 7;       // behind the point of a gray level
 constexpr int kOutputBits = 5;      // after two passes
 constexpr int kCutOff = kTaps / 2;  // units
 
+using Weights = std::array<std::int16_t, kTaps>;
+
+// The kernel sinc(x) sinc(x / 3) at x = fraction + 2, + 1, ... - 3, by steps of the fraction. The third
+// weight is what the others leave of 1: flat places keep their level.
+const std::array<Weights, kSteps + 1>& lanczos() {
+  static const auto table = [] {
+    const auto sinc = [](double x) { return x == 0 ? 1 : std::sin(CV_PI * x) / (CV_PI * x); };
+    std::array<Weights, kSteps + 1> weights;
+    for (int i = 0; i <= kSteps; ++i) {
+      std::array<double, kTaps> kernel;
+      double sum = 0;
+      for (int k = 0; k < kTaps; ++k) {
+        const double x = static_cast<double>(i) / kSteps + 2 - k;
+        sum += kernel[k] = sinc(x) * sinc(x / 3);
+      }
+      int left = kOne;
+      for (const int k : {0, 1, 3, 4, 5, 2}) {
+        const int weight = k == 2 ? left : cvRound(kOne * kernel[k] / sum);
+        weights[i][k] = static_cast<std::int16_t>(std::min(weight, kLargest));
+        left -= weight;
+      }
+    }
+    return weights;
+  }();
+  return table;
+}
+
 inline int product(std::int16_t value, std::int16_t weight) {
   return (value * weight) >> 16;
-}
-
-// Beyond the border all taps read the border pixel.
-ALL_IN_FOCUS_SIMD void findTaps(double begin, double step, int n, int length, int* __restrict first,
-                                float* __restrict fraction) {
-  const double last = length + 2;
-  for (int i = 0; i < n; ++i) {
-    const double inside = std::min(std::max(begin + step * i, -3.0), last);
-    const int whole = static_cast<int>(inside + 4) - 4;
-    first[i] = whole - (kTaps / 2 - 1);
-    fraction[i] = static_cast<float>(inside - whole);
-  }
-}
-
-// Weights of one tap.
-ALL_IN_FOCUS_SIMD void evaluate(const std::array<float, kDegree + 1>& c, const float* fraction, int n,
-                                std::int16_t* __restrict weight) {
-  for (int i = 0; i < n; ++i) {
-    const float t = 2 * fraction[i] - 1;
-    float sum = c[kDegree];
-    for (int k = kDegree - 1; k >= 0; --k) sum = sum * t + c[k];
-    const int rounded = static_cast<int>(kOne * sum + (kOne + 0.5f)) - static_cast<int>(kOne);
-    weight[i] = static_cast<std::int16_t>(std::min(rounded, kLargest));
-  }
-}
-
-// Sets the third of the six weights of each position to what the others leave of 1: flat places keep their
-// level.
-ALL_IN_FOCUS_SIMD void complete(std::int16_t* weights, int n) {
-  std::int16_t* __restrict third = weights + 2 * n;
-  const std::int16_t *a = weights, *b = a + n, *d = b + 2 * n, *e = d + n, *f = e + n;
-  for (int i = 0; i < n; ++i) {
-    third[i] = static_cast<std::int16_t>(std::min(kLargest + 1 - a[i] - b[i] - d[i] - e[i] - f[i], kLargest));
-  }
 }
 
 ALL_IN_FOCUS_SIMD void toFixedPoint(const std::uint8_t* from, int n, std::int16_t* __restrict to) {
@@ -154,23 +105,25 @@ ALL_IN_FOCUS_SIMD void combineAcrossRun(const TapRows& rows, const std::int16_t*
 
 }  // namespace
 
+// Beyond the border all taps read the border pixel.
 void ReferenceWarp::Taps::prepare(double begin, double step, int count, int length, int channels) {
-  static const Polynomials polynomials = fitLanczos();
+  const std::array<Weights, kSteps + 1>& table = lanczos();
   first.resize(count);
-  fraction.resize(count);
   weights.resize(static_cast<size_t>(kTaps) * channels * count);
   if (channels > 1) single.resize(static_cast<size_t>(kTaps) * count);
-  std::vector<std::int16_t>& of_positions = channels > 1 ? single : weights;
-  findTaps(begin, step, count, length, first.data(), fraction.data());
-  for (const int k : {0, 1, 3, 4, 5}) {
-    evaluate(polynomials[k], fraction.data(), count, &of_positions[static_cast<size_t>(k) * count]);
-  }
-  complete(of_positions.data(), count);
-  if (channels == kChannels) threeTimes(single.data(), kTaps * count, weights.data());
+  std::int16_t* const of_positions = channels > 1 ? single.data() : weights.data();
   ends.clear();
-  for (int u = 1; u <= count; ++u) {
-    if (u == count || first[u] != first[u - 1] + 1) ends.push_back(u);
+  const double last = length + 2;
+  for (int i = 0; i < count; ++i) {
+    const double inside = std::min(std::max(begin + step * i, -3.0), last);
+    const int whole = static_cast<int>(inside + 4) - 4;
+    first[i] = whole - (kTaps / 2 - 1);
+    const Weights& w = table[static_cast<int>((inside - whole) * kSteps + 0.5)];
+    for (int k = 0; k < kTaps; ++k) of_positions[k * count + i] = w[k];
+    if (i > 0 && first[i] != first[i - 1] + 1) ends.push_back(i);
   }
+  ends.push_back(count);
+  if (channels == kChannels) threeTimes(single.data(), kTaps * count, weights.data());
 }
 
 void ReferenceWarp::compute(const cv::Mat& frame, const SimilarityTransform& transform,

@@ -32,7 +32,6 @@ class ReferenceWarp {
   /// Six taps at each of a row of positions that are equally far apart.
   struct Taps {
     std::vector<int> first;             ///< pixel of the first tap
-    std::vector<float> fraction;        ///< of the position, behind the third tap
     std::vector<std::int16_t> single;   ///< by tap, position; times 2^15
     std::vector<std::int16_t> weights;  ///< by tap, position, channel
     std::vector<int> ends;  ///< of runs of positions whose first taps lie side by side: one loop each
