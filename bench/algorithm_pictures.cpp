@@ -125,12 +125,9 @@ cv::Mat enlarge(const std::vector<cv::Mat>& images, const cv::Rect& place) {
 // Of every pixel, at the finest scale or over all of them.
 cv::Mat sharpnessOf(const cv::Mat& gray, bool scales) {
   SharpnessPyramid pyramid;
-  SharpnessPyramid::Rows rows;
+  SharpnessPyramid::Buffers buffers;
   pyramid.begin(gray, {NoiseSpectrum(), 1, scales});
-  pyramid.begin(rows);
-  cv::Mat sharpness(gray.size(), CV_32FC1);
-  for (int y = 0; y < gray.rows; ++y) std::copy_n(pyramid.row(y, rows), gray.cols, sharpness.ptr<float>(y));
-  return sharpness;
+  return pyramid.compute({0, gray.rows}, buffers);
 }
 
 void drawAll(const po::variables_map& values) {

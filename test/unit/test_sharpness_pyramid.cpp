@@ -20,12 +20,12 @@ cv::Mat randomGray(const cv::Size& size) {
   return gray;
 }
 
-cv::Mat smoothedLaplacian(const cv::Mat& image, double sigma) {
+cv::Mat smoothedLaplacian(const cv::Mat& image, double sigma, int side) {
   cv::Mat along, across, smoothed;
   const cv::Mat kernel = (cv::Mat_<float>(1, 3) << -1, 2, -1);
   cv::filter2D(image, along, CV_32F, kernel, {-1, -1}, 0, cv::BORDER_REPLICATE);
   cv::filter2D(image, across, CV_32F, kernel.t(), {-1, -1}, 0, cv::BORDER_REPLICATE);
-  cv::GaussianBlur(cv::abs(along) + cv::abs(across), smoothed, {11, 11}, sigma);
+  cv::GaussianBlur(cv::abs(along) + cv::abs(across), smoothed, {side, side}, sigma);
   return smoothed;
 }
 
@@ -58,7 +58,8 @@ cv::Mat naiveProduct(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge) 
     const double floor = 1.7 * std::pow(0.4, l) + std::max(3 * gauge.noise.sharpness(l),
                                                            12 * std::pow(0.6, l) * gauge.noise.deviation());
     const double contrast = (l == 0 && gauge.resampled ? 0.85 : 1) * gauge.contrast;
-    cv::Mat sharpness = contrast * smoothedLaplacian(levels[l], l == 0 ? 0.85 : 1.4);
+    cv::Mat sharpness =
+        contrast * (l == 0 ? smoothedLaplacian(levels[l], 0.85, 5) : smoothedLaplacian(levels[l], 1.4, 9));
     cv::sqrt(sharpness.mul(sharpness) + floor * floor, sharpness);
     product = product.empty() ? sharpness : sharpness.mul(enlarged(product, levels[l].size()));
     if (l == 0) break;
@@ -70,14 +71,16 @@ cv::Mat naiveProduct(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge) 
   return product;
 }
 
-cv::Mat product(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge, int first = 0, int step = 1) {
+// Block by block: the first of them begins with row `first`, every `step` rows the next.
+cv::Mat product(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge, int first = 0, int step = 64,
+                int rows = 64) {
   SharpnessPyramid pyramid;
-  SharpnessPyramid::Rows rows;
+  SharpnessPyramid::Buffers buffers;
   pyramid.begin(gray, gauge);
-  pyramid.begin(rows);
   cv::Mat out(gray.size(), CV_32FC1, cv::Scalar(0));
   for (int y = first; y < gray.rows; y += step) {
-    cv::Mat(1, gray.cols, CV_32FC1, const_cast<float*>(pyramid.row(y, rows))).copyTo(out.row(y));
+    const cv::Range block(y, std::min(y + rows, gray.rows));
+    pyramid.compute(block, buffers).copyTo(out.rowRange(block));
   }
   return out;
 }
@@ -108,7 +111,7 @@ TEST(SharpnessPyramid, IsTheProductOverAllLevels) {
 TEST(SharpnessPyramid, IsTheSameWhereverOneBegins) {
   const cv::Mat gray = randomGray({70, 90}), all = product(gray, {});
   for (const int first : {1, 40, 89, 3}) {
-    const cv::Mat some = product(gray, {}, first, 7);
+    const cv::Mat some = product(gray, {}, first, 7, 1);
     for (int y = first; y < gray.rows; y += 7) {
       EXPECT_EQ(cv::norm(some.row(y), all.row(y), cv::NORM_INF), 0);
     }

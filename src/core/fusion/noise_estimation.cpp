@@ -8,11 +8,9 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
-#include <functional>
 #include <numeric>
+#include <opencv2/imgproc.hpp>
 #include <optional>
-
-#include "util/image_rows.hpp"
 
 namespace all_in_focus::core {
 namespace {
@@ -48,67 +46,54 @@ double quietest(std::vector<float>& blocks) {
   return blocks[rank] / kQuietOfMean;
 }
 
-// visit(x, y) for the first pixel of every block; of every other row of blocks where that leaves plenty.
-template <typename Visit>
-void forEachBlock(const cv::Mat& level, const Visit& visit) {
-  const int step = level.total() > kPlenty * kBlock * kBlock ? 2 * kBlock : kBlock;
-  for (int y = 1; y + kBlock < level.rows; y += step) {
-    for (int x = 1; x + kBlock < level.cols; x += kBlock) visit(x, y);
-  }
-}
-
-int unitOf(const cv::Mat& level) {
-  return level.depth() == CV_8U ? 1 : kGrayUnit;
-}
-
-// By block: whether it is neither nearly black nor nearly white; noise is cut off there.
-template <typename Pixel>
-std::vector<bool> exposedBlocks(const cv::Mat& level) {
-  const int unit = kBlock * kBlock * unitOf(level);
-  std::vector<bool> exposed;
-  forEachBlock(level, [&](int x, int y) {
-    int light = 0;
-    for (int v = y; v < y + kBlock; ++v) {
-      const Pixel* row = level.ptr<Pixel>(v) + x;
-      light = std::accumulate(row, row + kBlock, light);
-    }
-    exposed.push_back(light >= kDark * unit && light <= kBright * unit);
-  });
-  return exposed;
-}
-
-std::vector<bool> exposedBlocks(const cv::Mat& level) {
-  return level.depth() == CV_8U ? exposedBlocks<std::uint8_t>(level) : exposedBlocks<std::uint16_t>(level);
-}
-
 // Means over every block that counts, gray levels.
 struct Blocks {
   std::vector<float> laplacian;  // modified
   std::vector<float> response;   // to the mask
-
-  // unit: of a gray level.
-  template <typename Pixel>
-  void measure(const cv::Mat& level, const std::vector<bool>& counts, double unit) {
-    const auto pixels = static_cast<float>(kBlock * kBlock * unit);
-    auto counted = counts.begin();
-    forEachBlock(level, [&](int x, int y) {
-      if (!*counted++) return;
-      int laplacians = 0, responses = 0;
-      for (int v = y; v < y + kBlock; ++v) {
-        const auto* north = level.ptr<Pixel>(v - 1);
-        const auto* here = level.ptr<Pixel>(v);
-        const auto* south = level.ptr<Pixel>(v + 1);
-        const auto column = [&](int u) { return north[u] - 2 * here[u] + south[u]; };
-        for (int u = x; u < x + kBlock; ++u) {
-          laplacians += std::abs(column(u)) + std::abs(here[u - 1] - 2 * here[u] + here[u + 1]);
-          responses += std::abs(column(u - 1) - 2 * column(u) + column(u + 1));
-        }
-      }
-      laplacian.push_back(static_cast<float>(laplacians) / pixels);
-      response.push_back(static_cast<float>(responses) / pixels);
-    });
-  }
 };
+
+// A row of blocks, with a row more above and below.
+cv::Mat1f rowOfBlocks(const cv::Mat& level, int y) {
+  cv::Mat1f rows;
+  level.rowRange(y - 1, y + kBlock + 1).convertTo(rows, CV_32F);
+  return rows;
+}
+
+// Whether a block is neither nearly black nor nearly white; noise is cut off there.
+bool isExposed(const cv::Mat1f& rows, int x) {
+  float light = 0;
+  for (int v = 1; v <= kBlock; ++v) light = std::accumulate(rows[v] + x, rows[v] + x + kBlock, light);
+  return light >= kDark * kBlock * kBlock && light <= kBright * kBlock * kBlock;
+}
+
+void measure(const cv::Mat1f& rows, int x, Blocks& blocks) {
+  float laplacians = 0, responses = 0;
+  for (int v = 1; v <= kBlock; ++v) {
+    const float *north = rows[v - 1], *here = rows[v], *south = rows[v + 1];
+    const auto column = [&](int u) { return north[u] - 2 * here[u] + south[u]; };
+    for (int u = x; u < x + kBlock; ++u) {
+      laplacians += std::abs(column(u)) + std::abs(here[u - 1] - 2 * here[u] + here[u + 1]);
+      responses += std::abs(column(u - 1) - 2 * column(u) + column(u + 1));
+    }
+  }
+  blocks.laplacian.push_back(laplacians / (kBlock * kBlock));
+  blocks.response.push_back(responses / (kBlock * kBlock));
+}
+
+// Blocks of a level, or of its difference to that of another frame, divided by the root of 2; of every other
+// row of blocks where that leaves plenty.
+Blocks measure(const cv::Mat& level, const cv::Mat& other = {}) {
+  Blocks blocks;
+  const int step = level.total() > kPlenty * kBlock * kBlock ? 2 * kBlock : kBlock;
+  for (int y = 1; y + kBlock < level.rows; y += step) {
+    const cv::Mat1f rows = rowOfBlocks(level, y), of_other = other.empty() ? rows : rowOfBlocks(other, y);
+    const cv::Mat1f measured = other.empty() ? rows : cv::Mat1f((rows - of_other) / std::sqrt(2.0));
+    for (int x = 1; x + kBlock < level.cols; x += kBlock) {
+      if (isExposed(rows, x) && isExposed(of_other, x)) measure(measured, x, blocks);
+    }
+  }
+  return blocks;
+}
 
 // Sharpness of the noise of a level; none where too few blocks count.
 std::optional<double> noiseOf(Blocks blocks, bool is_finest) {
@@ -117,35 +102,22 @@ std::optional<double> noiseOf(Blocks blocks, bool is_finest) {
   return is_finest ? white : std::min(kMostOfWhite * white, quietest(blocks.laplacian));
 }
 
-std::optional<double> noiseOf(const cv::Mat& level, const std::vector<bool>& counts) {
-  Blocks blocks;
-  const bool is_finest = level.depth() == CV_8U;
-  if (is_finest) {
-    blocks.measure<std::uint8_t>(level, counts, 1);
-  } else {
-    blocks.measure<std::uint16_t>(level, counts, kGrayUnit);
-  }
-  return noiseOf(std::move(blocks), is_finest);
-}
-
-// Of the difference of two frames, divided by the root of 2.
-std::optional<double> noiseOfDifference(const cv::Mat& a, const cv::Mat& b, const std::vector<bool>& counts) {
-  constexpr int kUnit = kGrayUnit / 2;  // 16 bits hold 255 of them, and a sign
-  const double factor = static_cast<double>(kUnit) / unitOf(a);
-  cv::Mat difference;
-  cv::addWeighted(a, factor, b, -factor, 0, difference, CV_16S);
-  Blocks blocks;
-  blocks.measure<std::int16_t>(difference, counts, std::sqrt(2.0) * kUnit);
-  return noiseOf(std::move(blocks), a.depth() == CV_8U);
-}
-
-cv::Mat coarser(const cv::Mat& level) {
-  cv::Mat next;
-  downsample(level, next);
-  return next;
-}
-
 }  // namespace
+
+cv::Mat nextLevel(const cv::Mat& image) {
+  cv::Mat level;
+  if (image.depth() == CV_32F) {
+    cv::pyrDown(image, level);
+    return level;
+  }
+  // By way of 16 bits: a whole frame takes half the memory that floats would.
+  constexpr int kUnit = 256;  // of a gray level
+  cv::Mat units, of_level;
+  image.convertTo(units, CV_16U, kUnit);
+  cv::pyrDown(units, of_level);
+  of_level.convertTo(level, CV_32F, 1.0 / kUnit);
+  return level;
+}
 
 double noiseDeviation(const cv::Mat& gray) {
   std::array<int, 8 * 255 + 1> histogram{};
@@ -176,22 +148,20 @@ NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray, std::vector<cv::Mat> others
   const auto is_copy = [&](const cv::Mat& other) { return cv::norm(gray, other, cv::NORM_INF) == 0; };
   others.erase(std::remove_if(others.begin(), others.end(), is_copy), others.end());
   NoiseSpectrum noise;
-  for (cv::Mat level = gray;; level = coarser(level)) {
+  for (cv::Mat level = gray;; level = nextLevel(level)) {
     std::optional<double> least;
     const auto lower = [&](const std::optional<double>& found) {
       if (found) least = std::min(*found, least.value_or(*found));
     };
-    const std::vector<bool> exposed = exposedBlocks(level);
-    lower(noiseOf(level, exposed));
+    const bool is_finest = noise.measured_.empty();
+    lower(noiseOf(measure(level), is_finest));
     for (const cv::Mat& other : others) {
-      std::vector<bool> in_both = exposedBlocks(other);
-      lower(noiseOf(other, in_both));
-      std::transform(exposed.begin(), exposed.end(), in_both.begin(), in_both.begin(), std::logical_and<>());
-      lower(noiseOfDifference(level, other, in_both));
+      lower(noiseOf(measure(other), is_finest));
+      lower(noiseOf(measure(level, other), is_finest));
     }
     if (!least) return noise;
     noise.measured_.push_back(*least);
-    std::transform(others.begin(), others.end(), others.begin(), coarser);
+    std::transform(others.begin(), others.end(), others.begin(), nextLevel);
   }
 }
 

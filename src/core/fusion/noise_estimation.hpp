@@ -15,6 +15,9 @@ namespace all_in_focus::core {
 /// pixels.
 double noiseDeviation(const cv::Mat& gray);
 
+/// The next level of a Gaussian pyramid, CV_32FC1 gray levels. image: CV_8UC1 or CV_32FC1.
+cv::Mat nextLevel(const cv::Mat& image);
+
 /// How sharp noise alone looks at each level of a Gaussian pyramid. It is measured at every level, since the
 /// noise of a camera is not white: demosaicing, JPEG and enlarging correlate it over several pixels.
 class NoiseSpectrum {

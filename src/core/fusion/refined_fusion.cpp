@@ -152,24 +152,27 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   sharpness_.begin(gray, gauge);
   const bool prefers_dark = config_.brightness && !linear_;
   if (prefers_dark) brightness_.beginFrame(gray, gauge.contrast);
-  for (Strip& strip : strips_) sharpness_.begin(strip.sharpness);
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
       prediction_.addTexture(texture, noise_.sharpness(prediction_.textureLevel()));
     prediction_.compute(frame.focus_mm, squared_error_);
-    for (Strip& strip : strips_) strip.squared_error.begin(squared_error_.size(), size_);
+    cv::resize(squared_error_, upsampled_error_, size_, 0, 0, cv::INTER_LINEAR);
   }
   mean_.beginFrame(frame.index, lut);
   const cv::Rect& seen = frame.seen;
   const RowStrips strips({seen.y, seen.br().y}, static_cast<int>(strips_.size()));
   strips.forEach([&](const cv::Range& rows, int i) {
-    Strip& strip = strips_[i];
+    cv::Range block(rows.start, rows.start);
     for (int y = rows.start; y < rows.end; ++y) {
-      EvidenceRow evidence;
-      float* sharpness = sharpness_.row(y, strip.sharpness);
+      if (y == block.end) {
+        block = {y, std::min(y + SharpnessPyramid::kBlockRows, rows.end)};
+        sharpness_.compute(block, strips_[i]);
+      }
+      float* sharpness = strips_[i].sharpness[y - block.start];
       if (prefers_dark) brightness_.weigh(y, sharpness);
+      EvidenceRow evidence;
       evidence.sharpness = sharpness;
-      if (predicts_) evidence.squared_error = strip.squared_error.row(y, squared_error_);
+      if (predicts_) evidence.squared_error = upsampled_error_.ptr<float>(y);
       mean_.addRow(y, {seen.x, seen.br().x}, frame.image.ptr<std::uint8_t>(y), evidence);
     }
   });

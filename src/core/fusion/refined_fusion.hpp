@@ -17,7 +17,6 @@
 #include "fusion/noise_estimation.hpp"
 #include "fusion/sharpness_pyramid.hpp"
 #include "fusion/weighted_mean.hpp"
-#include "util/image_rows.hpp"
 
 namespace all_in_focus::core {
 
@@ -58,11 +57,6 @@ class RefinedFusion {
   };
   void compareWithEarlier(const cv::Mat& reference);
 
-  struct Strip {  ///< of the frame being added; each thread works at one
-    SharpnessPyramid::Rows sharpness;
-    UpsampledRows squared_error;
-  };
-
   RefinedConfig config_;
   cv::Size size_;
   cv::Point2d center_;
@@ -82,8 +76,8 @@ class RefinedFusion {
   DefocusPrediction prediction_;
   WeightedMean mean_;
   std::function<void(const AlignedFrame&)> on_aligned_;
-  cv::Mat aligned_, aligned_gray_, squared_error_;
-  std::vector<Strip> strips_;
+  cv::Mat aligned_, aligned_gray_, squared_error_, upsampled_error_;
+  std::vector<SharpnessPyramid::Buffers> strips_;  // each thread works at one
 };
 
 }  // namespace all_in_focus::core

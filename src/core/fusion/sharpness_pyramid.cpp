@@ -18,8 +18,12 @@
 namespace all_in_focus::core {
 namespace {
 
-// Windows: sigma, px of the level. The finest one keeps to its side of an edge.
-constexpr double kFinestPx = 0.85, kCoarserPx = 1.4;
+// Gaussian windows, px of the level. The finest one keeps to its side of an edge.
+struct Window {
+  double sigma;
+  int radius;
+};
+constexpr Window kFinestWindow = {0.85, 2}, kCoarserWindow = {1.4, 4};
 constexpr int kSmallestSide = 12;  // px of the coarsest level
 
 // Factor of the finest level of a resampled frame. Resampling takes away the finest detail, and its errors
@@ -65,40 +69,41 @@ size_t trustLevel(int width) {
 }
 
 // At n pixels that have neighbours on both sides.
-template <typename Pixel>
-inline void laplacianOf(const Pixel* north, const Pixel* here, const Pixel* south, int n, float unit,
-                        float* __restrict out) {
+ALL_IN_FOCUS_SIMD void laplacianInside(const float* north, const float* here, const float* south, int n,
+                                       float* __restrict out) {
   for (int i = 0; i < n; ++i) {
-    const int twice = 2 * here[i];
-    out[i] = unit * static_cast<float>(std::abs(twice - here[i - 1] - here[i + 1]) +
-                                       std::abs(twice - north[i] - south[i]));
+    const float twice = 2 * here[i];
+    out[i] = std::abs(twice - here[i - 1] - here[i + 1]) + std::abs(twice - north[i] - south[i]);
   }
 }
 
-ALL_IN_FOCUS_SIMD void laplacianInside(const std::uint8_t* north, const std::uint8_t* here,
-                                       const std::uint8_t* south, int n, float* __restrict out) {
-  laplacianOf(north, here, south, n, 1.0f, out);
-}
-
-ALL_IN_FOCUS_SIMD void laplacianInside(const std::uint16_t* north, const std::uint16_t* here,
-                                       const std::uint16_t* south, int n, float* __restrict out) {
-  laplacianOf(north, here, south, n, 1.0f / kGrayUnit, out);
-}
-
-// Row y of the modified Laplacian, gray levels. Beyond its border the picture is continued by its last row or
-// column. unit: of a gray level.
-template <typename Pixel>
-void laplacianRow(const cv::Mat& image, int y, int unit, float* out) {
-  const auto* here = image.ptr<Pixel>(y);
-  const auto* north = image.ptr<Pixel>(std::max(y - 1, 0));
-  const auto* south = image.ptr<Pixel>(std::min(y + 1, image.rows - 1));
+// Row y of the modified Laplacian. Beyond its border the picture is continued by its last row or column.
+void laplacianRow(const cv::Mat1f& image, int y, float* out) {
+  const float *here = image[y], *north = image[std::max(y - 1, 0)],
+              *south = image[std::min(y + 1, image.rows - 1)];
   const int last = image.cols - 1;
   if (last > 0) laplacianInside(north + 1, here + 1, south + 1, last - 1, out + 1);
   for (const int x : {0, last}) {
-    const int across = 2 * here[x] - north[x] - south[x];
-    const int along = 2 * here[x] - here[std::max(x - 1, 0)] - here[std::min(x + 1, last)];
-    out[x] = static_cast<float>(std::abs(along) + std::abs(across)) / static_cast<float>(unit);
+    const float across = 2 * here[x] - north[x] - south[x];
+    const float along = 2 * here[x] - here[std::max(x - 1, 0)] - here[std::min(x + 1, last)];
+    out[x] = std::abs(along) + std::abs(across);
   }
+}
+
+// The modified Laplacian of some rows in a window, gray levels. out: CV_32FC1, of their size.
+void smoothedLaplacian(const cv::Mat& image, const cv::Range& rows, const Window& window,
+                       SharpnessPyramid::Buffers& buffers, cv::Mat out) {
+  const cv::Range all(std::max(rows.start - window.radius, 0),
+                      std::min(rows.end + window.radius, image.rows));
+  const cv::Range with_neighbours(std::max(all.start - 1, 0), std::min(all.end + 1, image.rows));
+  image.rowRange(with_neighbours).convertTo(buffers.pixels, CV_32F);
+  buffers.laplacian.create(all.size(), image.cols);
+  for (int y = all.start; y < all.end; ++y)
+    laplacianRow(buffers.pixels, y - with_neighbours.start, buffers.laplacian[y - all.start]);
+  // OpenCV sees the rows around these, too, and mirrors the picture where there are none.
+  const int side = 2 * window.radius + 1;
+  cv::GaussianBlur(buffers.laplacian.rowRange(rows.start - all.start, rows.end - all.start), out,
+                   {side, side}, window.sigma, window.sigma, cv::BORDER_REFLECT_101);
 }
 
 ALL_IN_FOCUS_SIMD void mean(const float* a, const float* b, int n, float* __restrict out) {
@@ -178,7 +183,7 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
   if (count_ == 1) return;
   for (size_t l = 1; l < count_; ++l) {
     Level& level = levels_[l];
-    downsample(l == 1 ? gray : levels_[l - 1].image, level.image);
+    level.image = nextLevel(l == 1 ? gray : levels_[l - 1].image);
     if (level.image.cols > kFinestOfLights * gauge.lights.cols)
       level.lights.release();
     else
@@ -226,33 +231,30 @@ void SharpnessPyramid::computeProduct(size_t level) {
   const RowStrips strips({0, image.rows}, stripCount(image.rows));
   if (static_cast<int>(strips_.size()) < strips.count()) strips_.resize(strips.count());
   strips.forEach([&](const cv::Range& rows, int i) {
-    Rows& strip = strips_[i];
-    strip.window_.begin(image.size(), kCoarserPx);
+    Buffers& strip = strips_[i];
     for (int y = rows.start; y < rows.end; ++y) {
+      if ((y - rows.start) % kBlockRows == 0) {
+        const cv::Range block(y, std::min(y + kBlockRows, rows.end));
+        smoothedLaplacian(image, block, kCoarserWindow, strip, product.rowRange(block));
+      }
       float* out = product.ptr<float>(y);
-      strip.window_.row(
-          y, [&](int v, float* row) { laplacianRow<std::uint16_t>(image, v, kGrayUnit, row); }, out);
       fourth_powers_[y] = sumOfFourthPowers(out, image.cols);
       if (level == texture_level_) scaled(out, contrast_, image.cols, texture_.ptr<float>(y));
       if (!lights.empty()) limitNear(lights.ptr(y), kMostNearLights / contrast_, image.cols, out);
-      multiplyRow(coarser, y, contrast_, levels_[level].floor, image.cols, strip.coarser_, out);
+      multiplyRow(coarser, y, contrast_, levels_[level].floor, image.cols, strip.coarser, out);
     }
   });
 }
 
-void SharpnessPyramid::begin(Rows& rows) const {
-  rows.window_.begin(gray_.size(), kFinestPx);
-  rows.out_.resize(gray_.cols);
-}
-
-float* SharpnessPyramid::row(int y, Rows& rows) const {
-  float* out = rows.out_.data();
-  rows.window_.row(
-      y, [this](int v, float* row) { laplacianRow<std::uint8_t>(gray_, v, 1, row); }, out);
+cv::Mat1f& SharpnessPyramid::compute(const cv::Range& rows, Buffers& buffers) const {
+  buffers.sharpness.create(rows.size(), gray_.cols);
+  smoothedLaplacian(gray_, rows, kFinestWindow, buffers, buffers.sharpness);
   const cv::Mat coarser = count_ > 1 ? levels_[1].product : cv::Mat();
-  multiplyRow(coarser, y, trust_ * finest_contrast_, trust_ * levels_[0].floor, gray_.cols, rows.coarser_,
-              out);
-  return out;
+  for (int y = rows.start; y < rows.end; ++y) {
+    multiplyRow(coarser, y, trust_ * finest_contrast_, trust_ * levels_[0].floor, gray_.cols, buffers.coarser,
+                buffers.sharpness[y - rows.start]);
+  }
+  return buffers.sharpness;
 }
 
 }  // namespace all_in_focus::core

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "fusion/noise_estimation.hpp"
-#include "util/image_rows.hpp"
 
 namespace all_in_focus::core {
 
@@ -49,12 +48,13 @@ class SharpnessPyramid {
     cv::Mat lights{};        ///< CV_8UC1, see clippedLights(), the same for all frames; empty: none
   };
 
-  /// What a thread that reads rows keeps from one to the next. Reusable.
-  class Rows {
-    friend class SharpnessPyramid;
-    GaussianRows window_;
-    std::vector<float> coarser_, out_;
+  /// What a thread keeps from one block of rows to the next.
+  struct Buffers {
+    cv::Mat1f pixels, laplacian, sharpness;
+    std::vector<float> coarser;
   };
+
+  static constexpr int kBlockRows = 64;  ///< so many rows at a time stay in the cache
 
   /// Size of that level of a picture, or of its coarsest one.
   static cv::Size levelSize(const cv::Size& size, size_t level);
@@ -62,19 +62,16 @@ class SharpnessPyramid {
   /// gray: CV_8UC1, not empty, else std::invalid_argument; must outlive the rows.
   void begin(const cv::Mat& gray, const Gauge& gauge);
 
-  /// To be called before the first row of a frame.
-  void begin(Rows& rows) const;
-
-  /// Row y of the product, > 0; valid until the next call with the same `rows`. Quickest top down. Products
-  /// stay below 1e38 for frames of up to a gigapixel.
-  float* row(int y, Rows& rows) const;
+  /// The product in some rows, best kBlockRows of them, > 0; valid until the next call with the same buffers.
+  /// Products stay below 1e38 for frames of up to a gigapixel.
+  cv::Mat1f& compute(const cv::Range& rows, Buffers& buffers) const;
 
   /// contrast s_l of the frame at gauge.texture_level, CV_32FC1; empty if there is no such level.
   cv::Mat texture() const { return texture_level_ < count_ ? texture_ : cv::Mat(); }
 
  private:
   struct Level {
-    cv::Mat image;    ///< CV_16UC1, see downsample()
+    cv::Mat image;    ///< CV_32FC1, gray levels
     cv::Mat product;  ///< CV_32FC1, of this level and all coarser ones
     cv::Mat lights;   ///< CV_8UC1; empty: none
     float floor = 0;  ///< n_l
@@ -88,7 +85,7 @@ class SharpnessPyramid {
   size_t count_ = 0;  ///< of levels
   size_t texture_level_ = 1;
   std::vector<Level> levels_;  ///< maybe more, from a larger frame before; level 0 has no image: gray_
-  std::vector<Rows> strips_;
+  std::vector<Buffers> strips_;
   cv::Mat texture_, root_, far_root_;
   std::vector<double> fourth_powers_;  ///< by row of the level computed last: sums of s_l^4
 };
