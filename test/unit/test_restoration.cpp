@@ -12,7 +12,6 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-#include "restoration/contours.hpp"
 #include "restoration/disc_blur.hpp"
 #include "restoration/image_formation.hpp"
 #include "restoration/restoration.hpp"
@@ -433,42 +432,6 @@ TEST(ImageFormation, NearPixelsComeFirstAndSharesSumUpToOne) {
     EXPECT_NEAR(sum, 1, 1e-4) << x;
     EXPECT_NEAR(near_share, right_of_edge(x), 1e-4) << x;
   }
-}
-
-TEST(Contours, DoNotExplainTheFramesWhereTheyAreAPixelOff) {
-  CardBeforeWall card;  // a white one before a black wall, little blurred
-  card.scene.optics.aperture = 5.6;
-  card.front.convertTo(card.front, -1, 0.3, 0.7);
-  card.wall.convertTo(card.wall, -1, 0.1);
-  const double pitch = kFocalLength / kPixels;
-  ObservedBracket bracket;
-  bracket.fused = card.frame(0);
-  bracket.light = linearLight(bracket.fused, *bracket.curve);
-  bracket.frames.resize(kSweep.size());
-  for (size_t i = 0; i < kSweep.size(); ++i) {
-    ObservedFrame& frame = bracket.frames[i];
-    const double focus = kSweep[kSweep.size() - 1 - i];  // far first
-    equalize(card.frame(focus), 1, bracket.light, *bracket.curve, frame.codes);
-    frame.seen = cv::Rect({}, kSize);
-    frame.blur = {1 / focus, kFocalLength * kFocalLength / (2 * card.scene.optics.aperture * pitch) /
-                                 (1 - kFocalLength / focus)};
-    bracket.px_mm = std::max(bracket.px_mm, frame.blur.px_mm);
-  }
-  const auto unexplained = [&](int shift) {
-    cv::Mat1f inverse_depth(kSize, 1.0f / kFarMm);
-    inverse_depth(card.card_at + cv::Point(shift, 0)) = 1.0f / kNearMm;
-    std::vector<ImageFormation> formation;
-    for (const ObservedFrame& frame : bracket.frames)
-      formation.emplace_back(inverse_depth, frame.blur, bracket.gap(kJumpPx));
-    updateAll(formation);
-    cv::Mat3f correction(kSize, cv::Vec3f(1, 1, 1));
-    takeBackUnexplained(bracket, formation, inverse_depth, correction);
-    cv::Mat1f one;
-    cv::extractChannel(correction, one, 0);
-    return cv::countNonZero(one < 0.5);
-  };
-  EXPECT_EQ(unexplained(0), 0);
-  EXPECT_GT(unexplained(1), kCard.height);  // 72 of the pixels at its left and right edge
 }
 
 TEST(SemiGlobalMatching, KeepsAStepAndMendsSinglePixels) {

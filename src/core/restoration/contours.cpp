@@ -33,12 +33,6 @@ constexpr float kDarkest = 40;     // gray level; darker ones change by as much 
 constexpr float kColorStep = 288;  // squared gray levels, of jumps that cost little
 constexpr float kLeastJump = 0.05f;
 constexpr float kExplained = 0.4f;  // cost of what needs no nearer depth
-// A pixel beside a jump is doubtful if its depth costs as much as two and a half frames that nothing
-// explains. From three on, of at most four, it counts as unexplained. At lower costs the correction of
-// photographs is still right more often than wrong.
-constexpr float kDoubtful = 2.5f * kMostCost, kUnexplained = 3 * kMostCost;
-constexpr int kBesidePx = 2;
-constexpr double kLeastCorrection = 0.5;  // gray levels; a smaller one does no harm
 
 const std::array<cv::Point, 4> kNeighbours = {cv::Point(-1, 0), {1, 0}, {0, -1}, {0, 1}};
 
@@ -49,12 +43,9 @@ bool inside(const cv::Mat& picture, const cv::Point& p) {
 // How well depth explains the frames.
 class Explanation {
  public:
-  Explanation(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
-              const cv::Mat1f& inverse_depth)
+  Explanation(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation)
       : bracket_(bracket),
         formation_(formation),
-        inverse_depth_(inverse_depth),
-        gap_(bracket.gap(kJumpPx)),
         cost_scale_(static_cast<float>(
             1 / (6 * (bracket.prediction_variance + kModelVariance) * kCodeScale * kCodeScale))),
         sharp_(ImageFormation::withMargin(bracket.light)) {}
@@ -74,33 +65,12 @@ class Explanation {
     return {costOf(p, pixels.data(), count, 0, first), costOf(p, pixels.data(), count, 1, second)};
   }
 
-  // How well a pixel's depth explains the frames, whatever the pixel's colour: 1 well, and wherever no jump
-  // is near; 0 hardly at all.
-  float shareExplained(const cv::Point& p) const {
-    const float own = inverse_depth_(p), other = acrossJump(p);
-    if (other == own) return 1;
-    return std::clamp((kUnexplained - costsOf(p, own, other)[0]) / (kUnexplained - kDoubtful), 0.0f, 1.0f);
-  }
-
  private:
   // A pixel in a frame: as it is, and as two inverse depths predict it.
   struct FramePixel {
     cv::Vec3s seen;
     ImageFormation::Prediction predictions[2];
   };
-
-  // The inverse depth on the other side of the nearest jump, along rows and columns; the pixel's own if there
-  // is none.
-  float acrossJump(const cv::Point& p) const {
-    for (int px = 1; px <= kBesidePx; ++px) {
-      for (const cv::Point& step : kNeighbours) {
-        const cv::Point q = p + px * step;
-        if (inside(inverse_depth_, q) && std::abs(inverse_depth_(q) - inverse_depth_(p)) > gap_)
-          return inverse_depth_(q);
-      }
-    }
-    return inverse_depth_(p);
-  }
 
   // The two frames that are sharpest at either inverse depth, those that are not too blurred; -1 = none.
   std::array<int, 4> sharpestFrames(float a, float b, const cv::Point& p) const {
@@ -160,8 +130,7 @@ class Explanation {
 
   const ObservedBracket& bracket_;
   const std::vector<ImageFormation>& formation_;
-  const cv::Mat1f& inverse_depth_;
-  float gap_, cost_scale_;
+  float cost_scale_;
   cv::Mat4f sharp_;
 };
 
@@ -173,7 +142,7 @@ class Contours {
         formation_(formation),
         inverse_depth_(inverse_depth),
         gap_(bracket.gap(kJumpPx)),
-        explanation_(bracket, formation, inverse_depth),
+        explanation_(bracket, formation),
         pending_(inverse_depth.size()) {
     findJumpCosts(stiffness);
     if (!bracket.filled.empty()) {
@@ -321,17 +290,6 @@ bool moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& f
   }
   updateAll(formation);
   return true;
-}
-
-void takeBackUnexplained(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
-                         const cv::Mat1f& inverse_depth, cv::Mat3f& correction) {
-  const Explanation explanation(bracket, formation, inverse_depth);
-  forEachRow(correction.rows, [&](int y) {
-    for (int x = 0; x < correction.cols; ++x) {
-      cv::Vec3f& z = correction(y, x);
-      if (cv::norm(z, cv::NORM_INF) > kLeastCorrection) z *= explanation.shareExplained({x, y});
-    }
-  });
 }
 
 }  // namespace all_in_focus::core

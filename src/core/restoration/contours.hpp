@@ -19,10 +19,4 @@ namespace all_in_focus::core {
 bool moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
                   cv::Mat1f& inverse_depth, float stiffness, const std::function<bool(double)>& proceed);
 
-/// Takes back the correction of pixels beside jumps where the corrected picture does not explain the frames,
-/// whatever the pixel's colour: there the contour is wrong. bracket: with the corrected picture; correction:
-/// gray levels, in place.
-void takeBackUnexplained(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
-                         const cv::Mat1f& inverse_depth, cv::Mat3f& correction);
-
 }  // namespace all_in_focus::core

@@ -336,7 +336,6 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     bracket.light = linearLight(bracket.fused, *bracket.curve);
     from += 0.3;
   }
-  takeBackUnexplained(bracket, formation, inverse_depth, sum);
   if (!linear_) keepDark(given, sum);
   result.image = fused.clone();
   addTo(result.image, sum);
