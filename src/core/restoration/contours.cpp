@@ -29,9 +29,7 @@ constexpr float kNearerThanAll = 20;    // the same if registration says nothing
 constexpr int kNearPx = 8;              // no contour of registration is farther off
 // Gray levels: of a pixel's colour from that of the fused picture, if its depth is the farther or the nearer.
 constexpr float kFarColorDeviation = 60, kNearColorDeviation = 12;
-constexpr float kDarkest = 40;     // gray level; darker ones change by as much light as this one
-constexpr float kColorStep = 288;  // squared gray levels, of jumps that cost little
-constexpr float kLeastJump = 0.05f;
+constexpr float kColorStep = 288;   // squared gray levels, of jumps that cost little
 constexpr float kExplained = 0.4f;  // cost of what needs no nearer depth
 
 const std::array<cv::Point, 4> kNeighbours = {cv::Point(-1, 0), {1, 0}, {0, -1}, {0, 1}};
@@ -105,8 +103,7 @@ class Explanation {
     float cost = 0;
     for (int c = 0; c < 3; ++c) {
       const float fused = bracket_.light(p)[c];
-      const float deviation =
-          color_deviation / curve.slope(std::max(curve.code(fused), kDarkest));  // in light
+      const float deviation = color_deviation / curve.slope(curve.code(fused));  // in light
       float weight = 1 / cost_scale_, sum = 0;
       for (int k = 0; k < count; ++k) {
         const auto& [light, own_share] = pixels[k].predictions[i];
@@ -232,7 +229,7 @@ class Contours {
           float squared = 0;
           for (int c = 0; c < 3; ++c)
             squared += static_cast<float>((here[c] - other[c]) * (here[c] - other[c])) / 3;
-          return stiffness * kJumpWeight * (std::exp(-squared / kColorStep) + kLeastJump);
+          return stiffness * kJumpWeight * std::exp(-squared / kColorStep);
         };
         if (x + 1 < inverse_depth_.cols) right_(y, x) = cost(bracket_.fused(y, x + 1));
         if (y + 1 < inverse_depth_.rows) below_(y, x) = cost(bracket_.fused(y + 1, x));
