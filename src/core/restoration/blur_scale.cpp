@@ -21,7 +21,6 @@ constexpr int kLeastSamples = 200;
 constexpr float kMostError = 100;       // squared gray levels
 constexpr float kSharpPx = 0.5f;        // radius of the sharpest frame, where the fused picture is sharp
 constexpr double kLeastContrast = 0.2;  // between the best and the worst scale, squared gray levels
-constexpr float kNearlySharpPx = 2;
 constexpr int kStripRows = 16;
 
 // Squared error of a channel, gray levels, cut.
@@ -33,12 +32,10 @@ float squaredError(const cv::Vec3s& a, const cv::Vec3s& b) {
 
 }  // namespace
 
-BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures& pictures) {
+double measureBlurScale(const ObservedBracket& bracket, const BlurredPictures& pictures) {
   struct Sums {
     std::array<double, kScales> errors{};
     int compared = 0, samples = 0;
-    std::array<double, 2> residual{};  // where no frame is sharp, and where one is
-    std::array<int, 2> count{};
   };
   const cv::Mat1f clear = distanceFromDoubt(bracket);
   // The number of strips is fixed, so that the sums do not depend on the number of threads.
@@ -54,21 +51,17 @@ BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures
             std::any_of(bracket.frames.begin(), bracket.frames.end(), [&](const ObservedFrame& frame) {
               return frame.seen.contains({x, y}) && frame.blur.radius(bracket.measured(y, x)) < kSharpPx;
             });
-        sums.samples += is_sharp;
+        if (!is_sharp) continue;
+        ++sums.samples;
         for (const ObservedFrame& frame : bracket.frames) {
           if (!frame.seen.contains({x, y})) continue;
           const float radius = frame.blur.radius(bracket.measured(y, x));
           const cv::Vec3s& seen = frame.codes(y, x);
-          if (is_sharp) {
-            for (int i = 0; i < kScales; ++i) {
-              const float scaled = static_cast<float>(kFirst + i * kStep) * radius;
-              sums.errors[i] += squaredError(pictures.at(scaled)(y, x), seen);
-            }
-            ++sums.compared;
+          for (int i = 0; i < kScales; ++i) {
+            const float scaled = static_cast<float>(kFirst + i * kStep) * radius;
+            sums.errors[i] += squaredError(pictures.at(scaled)(y, x), seen);
           }
-          if (radius >= kNearlySharpPx) continue;
-          sums.residual[is_sharp] += squaredError(pictures.at(radius)(y, x), seen);
-          ++sums.count[is_sharp];
+          ++sums.compared;
         }
       }
     }
@@ -78,19 +71,12 @@ BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures
     for (int i = 0; i < kScales; ++i) all.errors[i] += sums.errors[i];
     all.compared += sums.compared;
     all.samples += sums.samples;
-    for (int i = 0; i < 2; ++i) {
-      all.residual[i] += sums.residual[i];
-      all.count[i] += sums.count[i];
-    }
   }
-  BlurScale found;
-  found.residual = (all.residual[0] + all.residual[1]) / std::max(1, all.count[0] + all.count[1]);
-  found.sharp_residual = all.residual[1] / std::max(1, all.count[1]);
   const auto [least, most] = std::minmax_element(all.errors.begin(), all.errors.end());
   // Without texture every blur looks alike.
   if (all.samples >= kLeastSamples && *most - *least > kLeastContrast * all.compared)
-    found.scale = kFirst + kStep * lowest(all.errors.data(), kScales);
-  return found;
+    return kFirst + kStep * lowest(all.errors.data(), kScales);
+  return 0;
 }
 
 }  // namespace all_in_focus::core

@@ -9,15 +9,9 @@
 
 namespace all_in_focus::core {
 
-/// How well the optics explain the bracket where depth was measured.
-struct BlurScale {
-  double scale = 0;     ///< measured radius / predicted one; 0: unknown, for lack of depth or texture
-  double residual = 0;  ///< mean squared error, gray levels of a channel, of frames that are nearly sharp
-  double sharp_residual = 0;  ///< the same where one of the frames is sharp, and so the fused picture
-};
-
-/// Uses measured pixels far from holes and jumps. The bracket must have depth.
-BlurScale measureBlurScale(const ObservedBracket& bracket, const BlurredPictures& pictures);
+/// How much the frames are blurred where depth was measured, far from holes and jumps: measured radius over
+/// that which the optics predict; 0: unknown, for lack of depth or texture. The bracket must have depth.
+double measureBlurScale(const ObservedBracket& bracket, const BlurredPictures& pictures);
 
 /// Index of the least of `count` costs, refined to a fraction by a parabola through it and its neighbours.
 template <typename Cost>

@@ -156,8 +156,7 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
             if (y < frame->seen.y || y >= frame->seen.br().y) continue;
             for (int l = 0; l < levels.count; ++l) {
               const float radius = frame->blur.radius(levels.inverseDepth(l));
-              const double variance =
-                  2 * bracket.prediction_variance + kVariance + kModelError * radius * radius;
+              const double variance = 2 * bracket.noise_variance + kVariance + kModelError * radius * radius;
               addCosts(pictures.at(radius).ptr<short>(y) + 3 * frame->seen.x,
                        frame->codes.ptr<short>(y) + 3 * frame->seen.x,
                        static_cast<float>(1 / (3 * variance * kCodeScale * kCodeScale)), kMostCost,

@@ -45,7 +45,7 @@ class Explanation {
       : bracket_(bracket),
         formation_(formation),
         cost_scale_(static_cast<float>(
-            1 / (6 * (bracket.prediction_variance + kModelVariance) * kCodeScale * kCodeScale))),
+            1 / (6 * (bracket.noise_variance + kModelVariance) * kCodeScale * kCodeScale))),
         sharp_(ImageFormation::withMargin(bracket.light)) {}
 
   // How badly each of two inverse depths explains the frames at a pixel.

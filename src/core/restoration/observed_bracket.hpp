@@ -27,7 +27,6 @@ struct ObservedBracket {
   cv::Mat3f light;                                ///< linear light of it, 0..1
   std::vector<ObservedFrame> frames;              ///< by inverse depth of focus, far first
   double noise_variance = 0;                      ///< gray levels squared, of a channel
-  double prediction_variance = 0;  ///< the same of a prediction from the fused picture, which is blurred
   cv::Mat1f measured;  ///< inverse depth (1 / depth, 1/mm) that a sensor measured, 0 = unknown; may be empty
   cv::Mat1f filled;    ///< the same with filled holes
   double px_mm = 0;    ///< the largest of the frames' FrameBlur::px_mm

@@ -283,16 +283,15 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   }
   if (!proceed(0.05)) return std::nullopt;
 
-  // 2. The fused picture at every amount of blur; whether the optics predict the right one, and how well.
+  // 2. The fused picture at every amount of blur; whether the optics predict the right one.
   RestorationResult result;
   auto pictures = std::make_unique<BlurredPictures>(bracket.light, *bracket.curve,
                                                     kLargestCorrection * largestRadius(bracket, range));
   if (!proceed(0.2)) return std::nullopt;
-  const BlurScale found = has_depth ? measureBlurScale(bracket, *pictures) : BlurScale();
-  result.blur_scale = found.scale;
-  const double deviation = found.scale > 0 ? std::abs(found.scale - 1) : 0;
+  if (has_depth) result.blur_scale = measureBlurScale(bracket, *pictures);
+  const double deviation = result.blur_scale > 0 ? std::abs(result.blur_scale - 1) : 0;
   if (deviation > kNoticeable) {
-    const double correction = std::clamp(found.scale, kLeastCorrection, kLargestCorrection);
+    const double correction = std::clamp(result.blur_scale, kLeastCorrection, kLargestCorrection);
     for (ObservedFrame& frame : bracket.frames) frame.blur.px_mm *= correction;
     bracket.px_mm *= correction;
   }
@@ -302,8 +301,6 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
         "focus distances and calibration",
         result.blur_scale));
   }
-  bracket.prediction_variance = std::max(bracket.noise_variance, found.residual - 1);
-  bracket.noise_variance = std::max(bracket.noise_variance, found.sharp_residual - 1);
 
   // 3. The depth map that explains the frames.
   cv::Mat1f inverse_depth = depthFromBracket(bracket, *pictures, range);
