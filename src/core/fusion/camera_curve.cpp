@@ -17,7 +17,9 @@ namespace {
 // codes, not of light.
 constexpr double kWidth = 800;
 
-constexpr int kBorder = 5;        // pixels of wideMean() which light from outside the picture may reach
+constexpr int kReduction = 8;
+constexpr double kSigma = 20;     // px, of a wide mean
+constexpr int kBorder = 5;        // pixels of a wide mean which light from outside the picture may reach
 constexpr double kDark = 8;       // codes; keeps ratios of black places small
 constexpr double kClearly = 0.9;  // less of a difference than with sRGB, to be believed
 
@@ -26,6 +28,15 @@ cv::Mat sampled(const cv::Mat& gray) {
   cv::Mat samples;
   cv::resize(gray, samples, {}, 1 / step, 1 / step, cv::INTER_NEAREST);
   return samples;
+}
+
+// Means of light over about kSigma, in a picture reduced by kReduction.
+cv::Mat wideMean(const cv::Mat& light) {
+  cv::Mat small;
+  cv::resize(light, small, {std::max(1, light.cols / kReduction), std::max(1, light.rows / kReduction)}, 0, 0,
+             cv::INTER_AREA);
+  cv::GaussianBlur(small, small, {}, kSigma / kReduction, 0, cv::BORDER_REFLECT_101);
+  return small;
 }
 
 // Wide means of light, as codes, without the border; empty for tiny pictures.

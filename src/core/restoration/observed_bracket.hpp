@@ -43,10 +43,8 @@ cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap);
 /// Distance, px, of each pixel from the nearest hole or jump of the measured depth.
 cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket);
 
-/// Brings a frame to the local exposure of the fused picture, which vignetting and flickering light change:
-/// light times the ratio of the wide means of both, 0.8..1.25. frame: CV_8UC3; gain: in
-/// linear light, as if codes were sRGB.
-void equalize(const cv::Mat& frame, double gain, const cv::Mat3f& light, const LightCurve& curve,
-              cv::Mat3s& codes);
+/// A frame, CV_8UC3, in the exposure of the fused picture: see ObservedFrame::codes. gain: in linear light,
+/// as if codes were sRGB.
+cv::Mat3s exposed(const cv::Mat& frame, double gain, const LightCurve& curve);
 
 }  // namespace all_in_focus::core

@@ -257,13 +257,10 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   bracket.light = linearLight(bracket.fused, *bracket.curve);
   std::vector<cv::Mat> images;
   bracket.frames.resize(held_.size());
-  cv::parallel_for_({0, static_cast<int>(held_.size())}, [&](const cv::Range& range) {
-    for (int k = range.start; k < range.end; ++k)
-      equalize(held_[k].image, held_[k].gain, bracket.light, *bracket.curve, bracket.frames[k].codes);
-  });
   for (size_t k = 0; k < held_.size(); ++k) {
     const HeldFrame& held = held_[k];
     ObservedFrame& frame = bracket.frames[k];
+    frame.codes = exposed(held.image, held.gain, *bracket.curve);
     frame.seen = held.seen;
     frame.blur = blurOf(scene_, held.inverse_depth, working_size_.width);
     bracket.px_mm = std::max(bracket.px_mm, frame.blur.px_mm);

@@ -11,7 +11,4 @@ namespace all_in_focus::core {
 /// Linear light (0..1) of 8-bit codes. codes: CV_8U, any channels; the result: CV_32F.
 cv::Mat linearLight(const cv::Mat& codes, const LightCurve& curve);
 
-/// Means of light over about 20 px (Gaussian), in a picture of an eighth of the size, at least 1 x 1.
-cv::Mat wideMean(const cv::Mat& light);
-
 }  // namespace all_in_focus::core
