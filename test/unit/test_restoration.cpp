@@ -16,7 +16,7 @@
 #include "restoration/image_formation.hpp"
 #include "restoration/restoration.hpp"
 #include "restoration/semi_global_matching.hpp"
-#include "util/linear_light.hpp"
+#include "util/srgb.hpp"
 
 using namespace all_in_focus::core;
 

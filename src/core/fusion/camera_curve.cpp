@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <opencv2/imgproc.hpp>
 
-#include "util/linear_light.hpp"
+#include "util/srgb.hpp"
 
 namespace all_in_focus::core {
 namespace {

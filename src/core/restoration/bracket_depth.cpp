@@ -26,8 +26,7 @@ constexpr double kVariance = 1;       // gray levels squared: of the fused pictu
 constexpr double kModelError = 0.36;  // and of the lens model, by squared radius
 constexpr double kSmallStep = 1.5, kJump = 6;
 constexpr double kCostScale = 24;  // of costs as integers
-constexpr int kWindow = 4;         // px; measured depth counts that far around its pixel
-constexpr float kNearWeight = 1.5f, kMeasuredWeight = 1.5f, kFilledWeight = 0.6f;
+constexpr float kMeasuredWeight = 1.5f;
 constexpr float kAgreePx = 0.25f, kDifferPx = 0.75f;  // of blur
 constexpr float kTakePx = 0.45f;  // of blur; measured depth that differs by less replaces the estimate
 constexpr float kClearPx = 6;
@@ -69,87 +68,25 @@ std::vector<const ObservedFrame*> compared(const ObservedBracket& bracket) {
   return frames;
 }
 
-// The cost of each level by measured depth.
-class MeasuredPrior {
- public:
-  MeasuredPrior(const ObservedBracket& bracket, const Levels& levels)
-      : bracket_(bracket), levels_(levels), against_(levels.count) {
-    const float px = levels.step * static_cast<float>(bracket.px_mm);
-    for (int i = 0; i < levels.count; ++i)
-      against_[i] = std::clamp((static_cast<float>(i) * px - kAgreePx) / (kDifferPx - kAgreePx), 0.0f, 1.0f);
-    const auto clear = std::find(against_.begin(), against_.end(), 1.0f);
-    reach_ = std::min(static_cast<int>(clear - against_.begin()), levels.count - 1);
-  }
-
-  // Adds to the costs of row y; costs(level)[x].
-  void addTo(int y, cv::Mat1f& costs) {
-    const int cols = costs.cols, count = levels_.count;
-    windowOf(y);
-    for (int x = 0; x < cols; ++x) {
-      const float density = static_cast<float>(seen_[x]) / ((2 * kWindow + 1) * (2 * kWindow + 1));
-      const float filled = bracket_.filled(y, x), own = bracket_.measured(y, x);
-      if (density == 0 && filled == 0) continue;
-      const int filled_level = levels_.nearest(filled), own_level = levels_.nearest(own);
-      distances(present_[x]);
-      for (int l = 0; l < count; ++l) {
-        float cost = 0;
-        if (density > 0) cost += kNearWeight * density * against_[distance_[l]];
-        if (own > 0) cost += kMeasuredWeight * against_[std::abs(l - own_level)];
-        if (filled > 0) cost += kFilledWeight * against_[std::abs(l - filled_level)];
-        costs(l, x) += cost;
-      }
-    }
-  }
-
- private:
-  // Levels present (a bit each), and how many pixels were measured, in the window about each pixel of row y.
-  void windowOf(int y) {
-    const int cols = bracket_.measured.cols, rows = bracket_.measured.rows;
-    column_.assign(cols, 0);
-    column_seen_.assign(cols, 0);
-    for (int v = std::max(0, y - kWindow); v <= std::min(rows - 1, y + kWindow); ++v) {
-      for (int x = 0; x < cols; ++x) {
-        const float measured = bracket_.measured(v, x);
-        if (measured <= 0) continue;
-        column_[x] |= std::uint64_t{1} << levels_.nearest(measured);
-        ++column_seen_[x];
-      }
-    }
-    present_.assign(cols, 0);
-    seen_.assign(cols, 0);
-    for (int x = 0; x < cols; ++x) {
-      for (int u = std::max(0, x - kWindow); u <= std::min(cols - 1, x + kWindow); ++u) {
-        present_[x] |= column_[u];
-        seen_[x] += column_seen_[u];
-      }
-    }
-  }
-
-  // Levels to the nearest one present, at most reach_.
-  void distances(std::uint64_t present) {
-    for (int l = 0; l < levels_.count; ++l) distance_[l] = present >> l & 1 ? 0 : reach_;
-    for (int l = 1; l < levels_.count; ++l) distance_[l] = std::min(distance_[l], distance_[l - 1] + 1);
-    for (int l = levels_.count - 2; l >= 0; --l) distance_[l] = std::min(distance_[l], distance_[l + 1] + 1);
-  }
-
-  const ObservedBracket& bracket_;
-  Levels levels_;
-  std::vector<float> against_;  // by distance in levels, 0..1
-  int reach_ = 0;
-  std::array<int, kMostLevels> distance_{};
-  std::vector<std::uint64_t> column_, present_;
-  std::vector<int> column_seen_, seen_;
-};
+// The cost of a level by its distance, in levels, from that which was measured.
+std::vector<float> costsBesideMeasured(const Levels& levels, double px_mm) {
+  std::vector<float> costs(levels.count);
+  const float px = levels.step * static_cast<float>(px_mm);
+  for (int i = 0; i < levels.count; ++i)
+    costs[i] = kMeasuredWeight *
+               std::clamp((static_cast<float>(i) * px - kAgreePx) / (kDifferPx - kAgreePx), 0.0f, 1.0f);
+  return costs;
+}
 
 CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictures, const Levels& levels) {
   const cv::Size size = bracket.fused.size();
   const std::vector<const ObservedFrame*> frames = compared(bracket);
+  const std::vector<float> beside_measured = costsBesideMeasured(levels, bracket.px_mm);
   CostVolume volume(size, levels.count);
   cv::parallel_for_(
       {0, size.height},
       [&](const cv::Range& rows) {
         cv::Mat1f costs(levels.count, size.width);
-        MeasuredPrior prior(bracket, levels);
         for (int y = rows.start; y < rows.end; ++y) {
           costs = 0;
           for (const ObservedFrame* frame : frames) {
@@ -163,8 +100,10 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
                        frame->seen.width, costs.ptr<float>(l) + frame->seen.x);
             }
           }
-          if (!bracket.measured.empty()) prior.addTo(y, costs);
           for (int x = 0; x < size.width; ++x) {
+            const float measured = bracket.measured.empty() ? 0 : bracket.measured(y, x);
+            for (int l = 0; l < levels.count && measured > 0; ++l)
+              costs(l, x) += beside_measured[std::abs(l - levels.nearest(measured))];
             std::int16_t* to = volume.at(y, x);
             for (int l = 0; l < levels.count; ++l)
               to[l] = static_cast<std::int16_t>(kCostScale * costs(l, x) + 0.5f);

@@ -19,8 +19,8 @@
 #include "restoration/image_formation.hpp"
 #include "restoration/inversion.hpp"
 #include "restoration/observed_bracket.hpp"
-#include "util/linear_light.hpp"
 #include "util/row_strips.hpp"
+#include "util/srgb.hpp"
 
 namespace all_in_focus::core {
 namespace {

@@ -54,4 +54,12 @@ double LightCurve::gainOf(double srgb_gain) const {
   return light_of_(codeOf(srgb_gain * lightOf(kMiddleGray))) / light_of_(kMiddleGray);
 }
 
+cv::Mat linearLight(const cv::Mat& codes, const LightCurve& curve) {
+  cv::Mat1f table(1, 256);
+  for (int code = 0; code < 256; ++code) table(code) = curve.light(code);
+  cv::Mat light;
+  cv::LUT(codes, table, light);
+  return light;
+}
+
 }  // namespace all_in_focus::core

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <opencv2/core.hpp>
 
 namespace all_in_focus::core {
 
@@ -43,5 +44,8 @@ class LightCurve {
   std::array<float, 256> light_, slope_;
   std::array<float, kSteps + 2> code_;
 };
+
+/// Linear light (0..1) of 8-bit codes. codes: CV_8U, any channels; the result: CV_32F.
+cv::Mat linearLight(const cv::Mat& codes, const LightCurve& curve);
 
 }  // namespace all_in_focus::core
