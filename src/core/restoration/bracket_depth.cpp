@@ -19,8 +19,7 @@ namespace all_in_focus::core {
 namespace {
 
 constexpr int kMostLevels = 48;
-constexpr double kLevelPx = 0.22;  // of blur, between levels
-constexpr int kMostFrames = 10;
+constexpr double kLevelPx = 0.22;     // of blur, between levels
 constexpr float kMostCost = 12;       // of a frame; larger costs are cut, as it may show what no other does
 constexpr double kVariance = 1;       // gray levels squared: of the fused picture
 constexpr double kModelError = 0.36;  // and of the lens model, by squared radius
@@ -58,16 +57,6 @@ ALL_IN_FOCUS_SIMD void addCosts(const short* a, const short* b, float factor, fl
   }
 }
 
-// Frames spread evenly over those there are.
-std::vector<const ObservedFrame*> compared(const ObservedBracket& bracket) {
-  const int there = static_cast<int>(bracket.frames.size()), taken = std::min(there, kMostFrames);
-  std::vector<const ObservedFrame*> frames;
-  frames.reserve(taken);
-  for (int i = 0; i < taken; ++i)
-    frames.push_back(&bracket.frames[taken == 1 ? 0 : (2 * i * (there - 1) + taken - 1) / (2 * (taken - 1))]);
-  return frames;
-}
-
 // The cost of a level by its distance, in levels, from that which was measured.
 std::vector<float> costsBesideMeasured(const Levels& levels, double px_mm) {
   std::vector<float> costs(levels.count);
@@ -80,7 +69,6 @@ std::vector<float> costsBesideMeasured(const Levels& levels, double px_mm) {
 
 CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictures, const Levels& levels) {
   const cv::Size size = bracket.fused.size();
-  const std::vector<const ObservedFrame*> frames = compared(bracket);
   const std::vector<float> beside_measured = costsBesideMeasured(levels, bracket.px_mm);
   CostVolume volume(size, levels.count);
   cv::parallel_for_(
@@ -89,15 +77,15 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
         cv::Mat1f costs(levels.count, size.width);
         for (int y = rows.start; y < rows.end; ++y) {
           costs = 0;
-          for (const ObservedFrame* frame : frames) {
-            if (y < frame->seen.y || y >= frame->seen.br().y) continue;
+          for (const ObservedFrame& frame : bracket.frames) {
+            if (y < frame.seen.y || y >= frame.seen.br().y) continue;
             for (int l = 0; l < levels.count; ++l) {
-              const float radius = frame->blur.radius(levels.inverseDepth(l));
+              const float radius = frame.blur.radius(levels.inverseDepth(l));
               const double variance = 2 * bracket.noise_variance + kVariance + kModelError * radius * radius;
-              addCosts(pictures.at(radius).ptr<short>(y) + 3 * frame->seen.x,
-                       frame->codes.ptr<short>(y) + 3 * frame->seen.x,
+              addCosts(pictures.at(radius).ptr<short>(y) + 3 * frame.seen.x,
+                       frame.codes.ptr<short>(y) + 3 * frame.seen.x,
                        static_cast<float>(1 / (3 * variance * kCodeScale * kCodeScale)), kMostCost,
-                       frame->seen.width, costs.ptr<float>(l) + frame->seen.x);
+                       frame.seen.width, costs.ptr<float>(l) + frame.seen.x);
             }
           }
           for (int x = 0; x < size.width; ++x) {
