@@ -31,6 +31,7 @@ constexpr int kFarthestPart = 4;  // px; parts farther away count as known
 constexpr double kModelVariance = 0.49, kModelError = 0.09;  // gray levels squared; by squared radius
 constexpr double kPriorShare = 0.49, kLeastVariance = 0.1;
 constexpr float kSmoothness = 0.1f;
+constexpr int kSteps = 2;             // of conjugate gradients
 constexpr double kResidualSigma = 2;  // px
 constexpr float kRangeMargin = 2;     // gray levels
 constexpr float kGateFrom = 0.1f, kGateTo = 0.4f;
@@ -347,7 +348,7 @@ cv::Vec3d ratio(const cv::Vec3d& a, const cv::Vec3d& b) {
 }
 
 // Conjugate gradients, preconditioned by the diagonal; channels on their own.
-std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior, int steps,
+std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior,
                                const std::function<bool(double)>& proceed) {
   cv::Mat3f residual, z(prior.size(), cv::Vec3f::all(0)), product;
   equations.transposed([](const Row& row, const Part*) { return row.residual; }, residual);
@@ -365,12 +366,12 @@ std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior, int
   };
   cv::Vec3d energy = energyOf();
   for (int i = 1;; ++i) {
-    if (!proceed(static_cast<double>(i - 1) / steps)) return std::nullopt;
+    if (!proceed(static_cast<double>(i - 1) / kSteps)) return std::nullopt;
     apply(equations, prior, direction, product);
     const cv::Vec3d length =
         ratio(energy, sumOf(size, [&](int y, int x) { return direction(y, x).mul(product(y, x)); }));
     addScaled(z, direction, length);
-    if (i == steps) return z;
+    if (i == kSteps) return z;
     addScaled(residual, product, -length);
     const cv::Vec3d next = energyOf();
     const cv::Vec3f beta = ratio(next, energy);
@@ -400,13 +401,13 @@ void limit(const ObservedBracket& bracket, cv::Mat3f& z) {
   });
 }
 
-// By the share of the residual in excess of noise that z explains. taken: of z where it explains enough.
+// By the share of the residual in excess of noise that z explains.
 void gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weight, double noise_variance,
-          float taken, cv::Mat3f& z) {
+          cv::Mat3f& z) {
   const auto chance = static_cast<float>(kChance * noise_variance) + 1e-3f;
   forEachPixel(z.size(), [&](int y, int x) {
     const float share = (before(y, x) - after(y, x)) / std::max(before(y, x), chance * weight(y, x) + 1e-9f);
-    z(y, x) *= taken * std::clamp((share - kGateFrom) / (kGateTo - kGateFrom), 0.0f, 1.0f);
+    z(y, x) *= std::clamp((share - kGateFrom) / (kGateTo - kGateFrom), 0.0f, 1.0f);
   });
 }
 
@@ -431,7 +432,7 @@ void findRegion(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth, 
 
 std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
                                     const std::vector<ImageFormation>& formation,
-                                    const cv::Mat1f& inverse_depth, const CorrectionConfig& config,
+                                    const cv::Mat1f& inverse_depth,
                                     const std::function<bool(double)>& proceed) {
   cv::Mat1f region;
   cv::Mat1b solved;
@@ -441,12 +442,12 @@ std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
   if (!equations.build(formation, [&](double done) { return proceed(0.4 * done); })) return std::nullopt;
   if (!proceed(0.4)) return std::nullopt;
   const cv::Mat1f excess = excessOf(equations, {}, bracket.noise_variance), weight = weightOf(equations);
-  std::optional<cv::Mat3f> z = solve(equations, priorOf(excess, weight, bracket.noise_variance), config.steps,
+  std::optional<cv::Mat3f> z = solve(equations, priorOf(excess, weight, bracket.noise_variance),
                                      [&](double done) { return proceed(0.4 + 0.5 * done); });
   if (!z) return z;
   limit(bracket, *z);
   const cv::Mat1f left = excessOf(equations, equations.toLight(*z), bracket.noise_variance);
-  gate(excess, left, weight, bracket.noise_variance, config.taken, *z);
+  gate(excess, left, weight, bracket.noise_variance, *z);
   forEachPixel(region.size(), [&](int y, int x) { (*z)(y, x) *= region(y, x); });
   return z;
 }

@@ -12,11 +12,6 @@
 
 namespace all_in_focus::core {
 
-struct CorrectionConfig {
-  int steps;    ///< of conjugate gradients, at least 1
-  float taken;  ///< share of the correction that is kept, 0..1
-};
-
 /// The correction z of the fused picture x, gray levels, that makes it explain the frames I_k through their
 /// image formation A_k:
 ///   sum omega_k (A_k (x + z) - I_k)^2 + z^2 / s^2 + 0.1 |grad z|^2 -> min,
@@ -25,7 +20,7 @@ struct CorrectionConfig {
 /// elsewhere. CV_32FC3. Empty when proceed said stop.
 std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
                                     const std::vector<ImageFormation>& formation,
-                                    const cv::Mat1f& inverse_depth, const CorrectionConfig& config,
+                                    const cv::Mat1f& inverse_depth,
                                     const std::function<bool(double)>& proceed);
 
 }  // namespace all_in_focus::core

@@ -37,13 +37,8 @@ constexpr int kLeastFrames = 2;
 constexpr double kLargestBlurPx = 8, kMostPixels = 1200e3, kLeastPixels = 400e3;
 constexpr int kMostSampled = 640;  // columns and rows of depth, to find the largest disc
 
-// Contours and lens model are wrong here and there, and what is corrected too much costs more than what is
-// corrected too little. The second round can still take back what the first one corrects too much.
-struct Round {
-  float stiffness;  // of contours
-  CorrectionConfig correction;
-};
-constexpr std::array<Round, 2> kRounds = {Round{2, {1, 1}}, Round{1, {2, 0.9f}}};
+// Of contours, in each round.
+constexpr std::array<float, 2> kStiffness = {2, 1};
 
 cv::Mat downsampled(const cv::Mat& image, const cv::Size& size) {
   if (image.size() == size) return image.clone();
@@ -318,11 +313,11 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   const cv::Mat3b given = bracket.fused;
   cv::Mat3f sum(given.size(), cv::Vec3f::all(0));
   double from = 0.4;
-  for (const Round& round : kRounds) {
-    if (!moveContours(bracket, formation, inverse_depth, round.stiffness, part(from, from + 0.15)))
+  for (const float stiffness : kStiffness) {
+    if (!moveContours(bracket, formation, inverse_depth, stiffness, part(from, from + 0.15)))
       return std::nullopt;
     const std::optional<cv::Mat3f> z =
-        correction(bracket, formation, inverse_depth, round.correction, part(from + 0.15, from + 0.3));
+        correction(bracket, formation, inverse_depth, part(from + 0.15, from + 0.3));
     if (!z) return std::nullopt;
     sum += *z;
     bracket.fused = given.clone();
