@@ -382,26 +382,6 @@ TEST(Restoration, LongSweepsAreThinnedOut) {
   EXPECT_LT(errorLeft(result, card), 0.14);  // 0.07
 }
 
-TEST(DiscBlur, WideDiscsAreSummedByChordsAsTheyAreByKernels) {
-  const cv::Mat3f light = texture(3, {90, 70});
-  for (const float radius : {2.75f, 4.0f, 7.5f, 12.25f}) {
-    cv::Mat blurred, expected;
-    blurByDisc(light, radius, blurred);
-    const int index = DiscKernels::index(radius), reach = DiscKernels::get().reach(index);
-    cv::Mat1f kernel(2 * reach + 1, 2 * reach + 1);
-    for (int y = 0; y < kernel.rows; ++y) {
-      for (int x = 0; x < kernel.cols; ++x)
-        kernel(y, x) =
-            DiscKernels::get().shares(index)[DiscKernels::kSide * std::abs(y - reach) + std::abs(x - reach)];
-    }
-    EXPECT_NEAR(cv::sum(kernel)[0], 1, 1e-5);
-    cv::filter2D(light, expected, -1, kernel, {-1, -1}, 0, cv::BORDER_REFLECT_101);
-    // Of light from 0 to 1: a third and a 16th of a step of 8 bits; measured 0.003 and the square of 0.0007.
-    EXPECT_LT(cv::norm(blurred, expected, cv::NORM_INF), 0.004) << radius;
-    EXPECT_LT(meanSquare(blurred, expected), 1e-6) << radius;
-  }
-}
-
 TEST(ImageFormation, NearPixelsComeFirstAndSharesSumUpToOne) {
   constexpr int kEdge = 20;
   constexpr float kRadius = 3;  // px, of the near half

@@ -8,13 +8,11 @@
 
 #include "restoration/observed_bracket.hpp"
 #include "util/row_strips.hpp"
-#include "util/simd.hpp"
 
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kSamples = 16;            // along each axis of a pixel that the rim of a disc crosses
-constexpr float kSmallKernelPx = 2.6f;  // up to there plain convolution is quicker
+constexpr int kSamples = 16;  // along each axis of a pixel that the rim of a disc crosses
 
 // Radii of BlurredPictures.
 constexpr float kFineStep = 0.25f, kCoarseStep = 0.5f;  // px
@@ -42,70 +40,6 @@ double coverage(double radius, int dx, int dy) {
     }
   }
   return inside / static_cast<double>(kSamples * kSamples);
-}
-
-// out[i] += share (sum of the pixels within half of pixel i), from the row's running sums: ends of half
-// pixels count in part.
-ALL_IN_FOCUS_SIMD void addChord(const float* left, const float* right, float fraction, int n, float* out) {
-  constexpr int kNext = 3;  // channels
-  for (int i = 0; i < n; ++i) {
-    const float whole = right[i] - left[i];
-    const float more = right[i + kNext] - left[i - kNext];
-    out[i] += whole + fraction * (more - whole);
-  }
-}
-
-// A row with its mirror images on both sides as running sums of each channel.
-void sumRow(const cv::Vec3f* row, int cols, int pad, std::vector<float>& sums) {
-  sums.resize(3 * (static_cast<size_t>(cols) + 2 * pad + 1));
-  cv::Vec3f sum;
-  for (int x = -pad; x < cols + pad; ++x) {
-    float* at = &sums[3 * static_cast<size_t>(x + pad)];
-    std::copy_n(sum.val, 3, at);
-    sum += row[cv::borderInterpolate(x, cols, cv::BORDER_REFLECT_101)];
-  }
-  std::copy_n(sum.val, 3, sums.end() - 3);
-}
-
-void blurByChords(const cv::Mat& image, double radius, cv::Mat& out) {
-  out.create(image.size(), image.type());
-  const int reach = static_cast<int>(std::ceil(radius - 0.5));
-  std::vector<double> half(reach + 1);  // half chord, mean over the pixel row
-  double area = 0;
-  for (int dy = 0; dy <= reach; ++dy) {
-    for (int i = 0; i < kSamples; ++i) {
-      const double y = dy - 0.5 + (i + 0.5) / kSamples;
-      half[dy] += std::sqrt(std::max(0.0, radius * radius - y * y)) / kSamples;
-    }
-    area += (dy ? 4 : 2) * half[dy];
-  }
-  const int pad = static_cast<int>(std::ceil(radius)) + 2;
-  const RowStrips strips({0, image.rows}, stripCount(image.rows));
-  strips.forEach([&](const cv::Range& rows, int) {
-    const int kept = 2 * reach + 1;
-    std::vector<std::vector<float>> sums(kept);
-    const auto summed = [&](int y) -> std::vector<float>& { return sums[(y + kept * 2) % kept]; };
-    const auto compute = [&](int y) {
-      sumRow(image.ptr<cv::Vec3f>(cv::borderInterpolate(y, image.rows, cv::BORDER_REFLECT_101)), image.cols,
-             pad, summed(y));
-    };
-    for (int y = rows.start - reach; y < rows.start + reach; ++y) compute(y);
-    for (int y = rows.start; y < rows.end; ++y) {
-      compute(y + reach);
-      float* to = out.ptr<float>(y);
-      std::fill_n(to, 3 * image.cols, 0.0f);
-      for (int dy = -reach; dy <= reach; ++dy) {
-        // Pixel x covers x - 0.5 .. x + 0.5; sums[i] ends before pixel i - pad.
-        const double end = half[std::abs(dy)] + 0.5;
-        const int whole = static_cast<int>(end);
-        const float* middle = summed(y + dy).data() + 3 * static_cast<size_t>(pad);
-        addChord(middle + 3 * (1 - whole), middle + 3 * whole, static_cast<float>(end - whole),
-                 3 * image.cols, to);
-      }
-      const float scale = static_cast<float>(1 / area);
-      for (int i = 0; i < 3 * image.cols; ++i) to[i] *= scale;
-    }
-  });
 }
 
 }  // namespace
@@ -146,7 +80,6 @@ const DiscKernels& DiscKernels::get() {
 void blurByDisc(const cv::Mat& image, float radius, cv::Mat& out) {
   const int index = DiscKernels::index(radius);
   const DiscKernels& kernels = DiscKernels::get();
-  if (radius > kSmallKernelPx) return blurByChords(image, radius, out);
   const int reach = kernels.reach(index);
   if (reach == 0) {
     image.copyTo(out);

@@ -54,7 +54,7 @@ class DiscKernels {
   std::vector<std::uint8_t> least_;
 };
 
-/// Convolution with a disc, exact to the radius' fraction of a pixel; the picture is mirrored at its border.
+/// Convolution with a disc of DiscKernels; the picture is mirrored at its border.
 /// image: CV_32FC3; out is not image. radius <= DiscKernels::kLargestPx.
 void blurByDisc(const cv::Mat& image, float radius, cv::Mat& out);
 
