@@ -20,10 +20,8 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kBandJumpPx = 0.75;  // of blur; smaller jumps leave little to correct
-constexpr int kBandPx = 5;            // about them
-constexpr double kBandSigma = 1.5;
-constexpr float kLeastShare = 0.05f;               // of the correction; where less would count it is 0
+constexpr double kBandJumpPx = 0.75;               // of blur; smaller jumps leave little to correct
+constexpr int kBandPx = 5;                         // about them
 constexpr float kSoftFrom = 0.4f, kSoftTo = 0.9f;  // radius of the sharpest frame, px
 constexpr float kSharpPx = 2.5f;                   // radius of frames that are used
 constexpr int kSoftFrames = 3;    // at most, where no frame is sharp: whole pictures can be so
@@ -415,8 +413,7 @@ void gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weig
 void findRegion(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth, cv::Mat1f& region,
                 cv::Mat1b& solved) {
   neighbourhood(jumps(inverse_depth, bracket.gap(kBandJumpPx)), kBandPx).convertTo(region, CV_32F, 1 / 255.0);
-  cv::GaussianBlur(region, region, {}, kBandSigma);
-  solved = region > kLeastShare;
+  solved = region > 0;
   forEachPixel(region.size(), [&](int y, int x) {
     float least = kSoftTo;
     for (const ObservedFrame& frame : bracket.frames) {
@@ -424,7 +421,7 @@ void findRegion(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth, 
     }
     const float soft = (least - kSoftFrom) / (kSoftTo - kSoftFrom);
     region(y, x) = std::max(region(y, x), soft);
-    if (soft > kLeastShare && !solved(y, x)) solved(y, x) = kSoftFrames;
+    if (soft > 0 && !solved(y, x)) solved(y, x) = kSoftFrames;
   });
 }
 
