@@ -24,12 +24,6 @@ int mirrored(int i, int size) {
   return cv::borderInterpolate(i, size, cv::BORDER_REFLECT_101);
 }
 
-// A place and its mirror images within a margin, 0 apart from the place itself where there is none.
-std::array<int, 3> images(int i, int size, int margin) {
-  const int before = -i, behind = 2 * (size - 1) - i;
-  return {i, before >= -margin ? before : i, behind < size + margin ? behind : i};
-}
-
 // Weights of hidden pixels by kNearbySide dy + dx.
 const std::array<float, kNearbySide * kNearbySide>& nearbyWeights() {
   static const auto weights = [] {
@@ -118,12 +112,8 @@ void ImageFormation::update() {
 void ImageFormation::update(const std::vector<cv::Point>& changed) {
   for (const cv::Point& p : changed) {
     const Candidate now = candidate(inverse_depth_(p));
-    for (const int y : images(p.y, inverse_depth_.rows, kMargin)) {
-      for (const int x : images(p.x, inverse_depth_.cols, kMargin)) {
-        index_(y + kMargin, x + kMargin) = static_cast<std::uint8_t>(now.index);
-        layer_(y + kMargin, x + kMargin) = static_cast<std::uint8_t>(now.layer);
-      }
-    }
+    index_(p.y + kMargin, p.x + kMargin) = static_cast<std::uint8_t>(now.index);
+    layer_(p.y + kMargin, p.x + kMargin) = static_cast<std::uint8_t>(now.layer);
   }
 }
 
@@ -132,33 +122,11 @@ ImageFormation::Candidate ImageFormation::candidate(float inverse_depth) const {
   return {index, layer(inverse_depth), DiscKernels::get().reach(index)};
 }
 
-bool ImageFormation::isInside(const cv::Point& p, int half) const {
-  return p.x >= half && p.y >= half && p.x + half < inverse_depth_.cols && p.y + half < inverse_depth_.rows;
-}
-
-// Of a disc at p, with its mirror images at most `half` away.
-float ImageFormation::ownShare(const cv::Point& p, const Candidate& own, int half) const {
-  const float* shares = DiscKernels::get().shares(own.index);
-  float share = shares[0];
-  if (isInside(p, half)) return share;
-  const int reach = std::min(half, own.reach);
-  const auto ys = images(p.y, inverse_depth_.rows, reach), xs = images(p.x, inverse_depth_.cols, reach);
-  for (size_t i = 0; i < ys.size(); ++i) {
-    for (size_t j = 0; j < xs.size(); ++j) {
-      const int dy = std::abs(ys[i] - p.y), dx = std::abs(xs[j] - p.x);
-      const bool is_new = (i == 0 || dy > 0) && (j == 0 || dx > 0) && (dx > 0 || dy > 0);
-      if (is_new && dx <= reach && dy <= reach) share += shares[DiscKernels::kSide * dy + dx];
-    }
-  }
-  return share;
-}
-
 // visit(dx, dy, share, layer) of every pixel but p itself, at most `half` away, whose disc covers p.
 template <typename Visit>
 void ImageFormation::forEachThatLightsUp(const cv::Point& p, int half, const Visit& visit) const {
   const DiscKernels& kernels = DiscKernels::get();
   const int count = 2 * half + 1;
-  const bool is_inside = isInside(p, half);
   for (int dy = -half; dy <= half; ++dy) {
     const int v = std::abs(dy), left = p.x - half + kMargin;
     const std::uint8_t* indices = index_[p.y + dy + kMargin] + left;
@@ -170,9 +138,6 @@ void ImageFormation::forEachThatLightsUp(const cv::Point& p, int half, const Vis
       if (dy == 0 && half - i >= 0 && half - i < kBlock) bits &= ~(1u << (half - i));
       for (; bits != 0; bits &= bits - 1) {
         const int at = i + __builtin_ctz(bits), dx = at - half;
-        if (!is_inside && mirrored(p.x + dx, inverse_depth_.cols) == p.x &&
-            mirrored(p.y + dy, inverse_depth_.rows) == p.y)
-          continue;
         visit(dx, dy, kernels.shares(indices[at])[DiscKernels::kSide * v + std::abs(dx)], layers[at]);
       }
     }
@@ -224,7 +189,7 @@ float ImageFormation::gather(const cv::Point& p, const Candidate& own, int half,
     found[count].share = share;
     layers[count++] = static_cast<std::uint8_t>(l);
   };
-  take(0, 0, ownShare(p, own, half), own.layer);
+  take(0, 0, DiscKernels::get().shares(own.index)[0], own.layer);
   forEachThatLightsUp(p, half, take);
   // Nearest layers first, until the pixel has all its light.
   std::array<float, kLayers> factors;
@@ -235,7 +200,8 @@ float ImageFormation::gather(const cv::Point& p, const Candidate& own, int half,
     total += factors[l] * sums[l];
   }
   const float scale = total >= kWhole ? 1 / total : 1;
-  const bool inside = isInside(p, half);
+  const bool inside =
+      cv::Rect(half, half, inverse_depth_.cols - 2 * half, inverse_depth_.rows - 2 * half).contains(p);
   parts.resize(count);
   Part* to = parts.data();
   for (int i = 0; i < count; ++i) {
@@ -302,8 +268,8 @@ void ImageFormation::predict(const cv::Point& p, const float (&own)[2], const cv
   const Candidate candidates[2] = {candidate(own[0]), candidate(own[1])};
   const cv::Vec4f& here = sharp(p.y + kMargin, p.x + kMargin);
   // Light and share of all parts, and the share of p itself; as in gather().
-  const auto mixed = [&](const Candidate& one, const Layers& layers, int half, float& own_share) {
-    const float own_light = ownShare(p, one, half);
+  const auto mixed = [&](const Candidate& one, const Layers& layers, float& own_share) {
+    const float own_light = DiscKernels::get().shares(one.index)[0];
     cv::Vec4f sum;
     std::uint64_t left = layers.present | std::uint64_t{1} << one.layer;
     for (; left != 0 && sum[3] < 1; left &= ~(std::uint64_t{1} << (63 - __builtin_clzll(left)))) {
@@ -330,13 +296,13 @@ void ImageFormation::predict(const cv::Point& p, const float (&own)[2], const cv
         continue;
       }
       collect(p, one.reach, sharp, near);
-      sum = mixed(one, near, one.reach, own_share);
+      sum = mixed(one, near, own_share);
     }
     if (sum[3] < kWhole) {
       if (!has_all) collect(p, half, sharp, all);
       has_all = true;
       own_share = 0;
-      sum = mixed(one, all, half, own_share);
+      sum = mixed(one, all, own_share);
     }
     if (sum[3] < kWhole) {
       const Hidden hidden = hiddenAt(p, one.layer);

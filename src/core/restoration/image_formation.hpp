@@ -64,8 +64,6 @@ class ImageFormation {
     return std::clamp(static_cast<int>((inverse_depth - least_) * per_layer_), 0, kLayers - 1);
   }
   Candidate candidate(float inverse_depth) const;
-  bool isInside(const cv::Point& p, int half) const;
-  float ownShare(const cv::Point& p, const Candidate& own, int half) const;
   template <typename Visit>
   void forEachThatLightsUp(const cv::Point& p, int half, const Visit& visit) const;
   float gather(const cv::Point& p, const Candidate& own, int half, std::vector<Part>& parts) const;
