@@ -24,31 +24,6 @@ cv::Mat noisyRamp(double deviation, int textured = 0, const cv::Size& size = {20
   return gray;
 }
 
-TEST(NoiseEstimation, FindsTheDeviationOnASmoothRamp) {
-  for (int deviation = 2; deviation <= 10; ++deviation) {
-    EXPECT_NEAR(noiseDeviation(noisyRamp(deviation)), deviation, 0.1 * deviation);
-  }
-}
-
-TEST(NoiseEstimation, StrongTextureOnTwoFifthsHardlyLiftsIt) {
-  EXPECT_LT(noiseDeviation(noisyRamp(0, 80)), 1);  // 0.4
-  for (int deviation = 1; deviation <= 10; ++deviation) {
-    // However strong, texture there can only shift the median of the rest to its upper sixth.
-    EXPECT_LT(noiseDeviation(noisyRamp(deviation, 80)), 2.2 * deviation);
-  }
-}
-
-TEST(NoiseEstimation, ConstantImagesHaveNone) {
-  EXPECT_NEAR(noiseDeviation(cv::Mat(50, 50, CV_8UC1, cv::Scalar(77))), 0, 0.1);
-}
-
-TEST(NoiseEstimation, SmallImagesHaveNone) {
-  for (const cv::Size& size : {cv::Size(0, 0), cv::Size(1, 1), cv::Size(2, 9), cv::Size(9, 2)}) {
-    EXPECT_EQ(noiseDeviation(cv::Mat(size, CV_8UC1, cv::Scalar(7))), 0) << size;
-  }
-  EXPECT_NO_THROW(noiseDeviation(cv::Mat(3, 3, CV_8UC1, cv::Scalar(7))));
-}
-
 // Large enough for a pyramid of several levels.
 cv::Mat noisyPicture(double deviation, int textured) {
   return noisyRamp(deviation, textured, {640, 480}, 0.1);

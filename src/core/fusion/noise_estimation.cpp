@@ -4,9 +4,7 @@
 #include "fusion/noise_estimation.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdint>
 #include <cstdlib>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
@@ -16,9 +14,7 @@ namespace all_in_focus::core {
 namespace {
 
 constexpr double kMaskNorm = 6;                     // root of the sum of squares of the mask
-constexpr double kMedianOfNormal = 0.6745;          // median of |x|, x normal with deviation 1
 const double kMeanOfNormal = std::sqrt(2 / CV_PI);  // mean of |x|
-constexpr int kRowStep = 2;                         // every other row is enough for a median
 
 // Mean modified Laplacian of white noise, in its standard deviations: a sum of two Laplacians of variance 6.
 const double kSharpnessOfWhite = 2 * std::sqrt(6) * std::sqrt(2 / CV_PI);
@@ -119,27 +115,6 @@ cv::Mat nextLevel(const cv::Mat& image) {
   return level;
 }
 
-double noiseDeviation(const cv::Mat& gray) {
-  std::array<int, 8 * 255 + 1> histogram{};
-  int total = 0;
-  for (int v = 1; v + 1 < gray.rows; v += kRowStep) {
-    const auto* north = gray.ptr<std::uint8_t>(v - 1);
-    const auto* here = gray.ptr<std::uint8_t>(v);
-    const auto* south = gray.ptr<std::uint8_t>(v + 1);
-    const auto column = [&](int u) { return north[u] - 2 * here[u] + south[u]; };
-    for (int u = 1; u + 1 < gray.cols; ++u, ++total) {
-      ++histogram[std::abs(column(u - 1) - 2 * column(u) + column(u + 1))];
-    }
-  }
-  if (total == 0) return 0;
-  // The median within its bin of integer responses: the bin m holds responses from m - 0.5 to m + 0.5.
-  int below = 0, median = 0;
-  while (2 * (below + histogram[median]) < total) below += histogram[median++];
-  const double share = (total / 2.0 - below) / histogram[median];
-  const double response = median == 0 ? 0.5 * share : median - 0.5 + share;
-  return response / (kMedianOfNormal * kMaskNorm);
-}
-
 NoiseSpectrum NoiseSpectrum::white(double deviation) {
   return NoiseSpectrum(std::vector<double>{kSharpnessOfWhite * deviation});
 }
@@ -172,8 +147,12 @@ double NoiseSpectrum::sharpness(std::size_t level) const {
   return sharpness;
 }
 
+double NoiseSpectrum::whiteDeviation() const {
+  return sharpness(0) / kSharpnessOfWhite;
+}
+
 double NoiseSpectrum::deviation() const {
-  double deviation = sharpness(0) / kSharpnessOfWhite;
+  double deviation = whiteDeviation();
   for (std::size_t l = 1; l < measured_.size(); ++l)
     deviation = std::max(deviation, sharpness(l) / kSharpnessOfCorrelated);
   return deviation;

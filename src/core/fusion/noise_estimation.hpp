@@ -9,12 +9,6 @@
 
 namespace all_in_focus::core {
 
-/// Standard deviation, in gray levels, of the white noise of an image: the median response to the mask that
-/// is blind to planes and edges (Immerkaer, Fast Noise Variance Estimation, 1996). Unlike the mean, the
-/// median is not raised by texture as long as half of the image is smooth. gray: CV_8UC1; 0 below 3 x 3
-/// pixels.
-double noiseDeviation(const cv::Mat& gray);
-
 /// The next level of a Gaussian pyramid, CV_32FC1 gray levels. image: CV_8UC1 or CV_32FC1.
 cv::Mat nextLevel(const cv::Mat& image);
 
@@ -31,9 +25,9 @@ class NoiseSpectrum {
   static NoiseSpectrum white(double deviation);
 
   /// Of a picture: that of its quietest places, the tenth percentile of blocks of 8 x 8 pixels, by a mask
-  /// that is blind to planes and edges (see noiseDeviation); texture lifts it only where it covers nine
-  /// tenths of a level. Blocks that are nearly black or white do not count: noise is cut off there. Levels
-  /// with too few blocks are not measured.
+  /// that is blind to planes and edges (Immerkaer, Fast Noise Variance Estimation, 1996); texture lifts it
+  /// only where it covers nine tenths of a level. Blocks that are nearly black or white do not count: noise
+  /// is cut off there. Levels with too few blocks are not measured.
   ///
   /// others: frames of the same bracket. At each level the lowest of these values counts: the noise of the
   /// picture, that of each other frame, and that of its difference to the picture, divided by the root of 2.
@@ -47,7 +41,10 @@ class NoiseSpectrum {
   /// it was not measured. (White noise has 0.27 times that of the finer level, noise of cameras has more.)
   double sharpness(std::size_t level) const;
 
-  /// Standard deviation, gray levels, of a pixel.
+  /// Standard deviation, gray levels, of white noise that looks as sharp at the finest level.
+  double whiteDeviation() const;
+
+  /// The same of a pixel, whether the noise is white or not.
   double deviation() const;
 
  private:

@@ -152,7 +152,7 @@ double noiseVariance(const std::vector<cv::Mat>& frames) {
   cv::Mat green;
   for (const cv::Mat& frame : frames) {
     cv::extractChannel(frame, green, 1);
-    deviation = std::min(deviation, noiseDeviation(green));
+    deviation = std::min(deviation, NoiseSpectrum::of(green).whiteDeviation());
   }
   return deviation * deviation;
 }
