@@ -4,7 +4,6 @@
 
 #include <array>
 #include <opencv2/core.hpp>
-#include <vector>
 
 namespace all_in_focus::core {
 
@@ -20,27 +19,19 @@ class ExposureMatching {
 
   /// Gain for a frame of the reference's size and type, aligned to it to a few pixels: 0.5..2, and 1 where it
   /// is not significant. Throws std::invalid_argument on another size or type.
-  double gain(const cv::Mat& frame);
+  double gain(const cv::Mat& frame) const;
 
  private:
-  struct Block {
-    float light = 0;     ///< mean, 0..1
-    float contrast = 0;  ///< variance over the mean's square; negative: too dark, bright or textured to count
+  struct Blocks {        ///< of each channel
+    cv::Mat1f light;     ///< mean, 0..1
+    cv::Mat1f contrast;  ///< variance over the mean's square
+    cv::Mat1b counts;    ///< 0: too dark, bright or textured
   };
-
-  struct Weighted {
-    float value, weight;
-  };
-
-  static void findBlocks(const cv::Mat& image, std::vector<Block>& blocks);  ///< of each channel
-  template <int kChannels>
-  static void findBlock(const cv::Mat& image, const cv::Point& corner, int step, Block* blocks);
-  static double median(std::vector<Weighted>& values);  ///< reorders them
+  static Blocks blocksOf(const cv::Mat& image);
 
   cv::Size size_;
   int type_ = 0;
-  std::vector<Block> reference_, seen_;
-  std::vector<Weighted> ratios_;
+  Blocks reference_;
 };
 
 /// 8-bit code -> the code that the reference would have shown, 0..255, not rounded.
