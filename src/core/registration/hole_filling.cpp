@@ -7,10 +7,10 @@
 #include <cmath>
 #include <cstdint>
 #include <opencv2/core/hal/intrin.hpp>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "util/row_strips.hpp"
-#include "util/simd.hpp"
 
 namespace all_in_focus::core {
 namespace {
@@ -27,17 +27,6 @@ constexpr std::uint16_t kOpen = 0xFFFF;  // width of a hole that reaches the lef
 int threadCount(const cv::Mat& image) {
   constexpr int kMinPixelsPerThread = 64 * 1024;
   return std::max(1, std::min(cv::getNumThreads(), static_cast<int>(image.total()) / kMinPixelsPerThread));
-}
-
-ALL_IN_FOCUS_SIMD void largestOfNine(const std::uint16_t* __restrict a, const std::uint16_t* __restrict b,
-                                     const std::uint16_t* __restrict c, int cols,
-                                     std::uint16_t* __restrict out) {
-  const auto larger = [](std::uint16_t x, std::uint16_t y) { return x > y ? x : y; };
-  const auto column = [&](int j) { return larger(larger(a[j], b[j]), c[j]); };
-  for (int j = 1; j < cols - 1; ++j) out[j] = larger(larger(column(j - 1), column(j)), column(j + 1));
-  const int last = cols - 1;
-  out[0] = larger(column(0), column(std::min(1, last)));
-  out[last] = larger(column(last), column(std::max(0, last - 1)));
 }
 
 // Bit i is set if depth[i] < limit, for at most 64 pixels.
@@ -64,15 +53,7 @@ void forEachBit(std::uint64_t bits, const Body& body) {
 
 void dilateDepth(const cv::Mat& depth, cv::Mat& dilated) {
   requireDepth(depth);
-  const cv::Mat from = depth.data == dilated.data ? depth.clone() : depth;
-  dilated.create(from.size(), CV_16UC1);
-  const auto row = [&](int i) {
-    return from.ptr<std::uint16_t>(std::min(std::max(i, 0), from.rows - 1));  // itself beyond the border
-  };
-  const auto dilate = [&](int i) {
-    largestOfNine(row(i - 1), row(i), row(i + 1), from.cols, dilated.ptr<std::uint16_t>(i));
-  };
-  forEachRow(from.rows, dilate, threadCount(from));
+  cv::dilate(depth, dilated, cv::Mat());
 }
 
 // Tabulates C d (equations 5 and 6) for whole mm. From 8 K on it is below 1e-25 mm, and taken for 0.
