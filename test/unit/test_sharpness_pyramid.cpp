@@ -101,7 +101,7 @@ TEST(SharpnessPyramid, IsTheProductOverAllLevels) {
       for (const SharpnessPyramid::Gauge& gauge : {SharpnessPyramid::Gauge{{}, 1, true},
                                                    {noise, 1.4, true},
                                                    {noise, 0.8, false},
-                                                   {noise, 1.2, true, false, 1, {}, true}}) {
+                                                   {noise, 1.2, true, false, {}, true}}) {
         EXPECT_LT(largestRatio(product(gray, gauge), naiveProduct(gray, gauge)), 0.01) << size << blur;
       }
     }
@@ -230,18 +230,16 @@ TEST(SharpnessPyramid, NearLightsCoarserLevelsShowLittle) {
 }
 
 TEST(SharpnessPyramid, HandsOutTheSharpnessOfALevel) {
-  const cv::Mat gray = randomGray({200, 120});
   SharpnessPyramid pyramid;
-  SharpnessPyramid::Gauge gauge;
-  for (const std::size_t level : {1, 2}) {
-    gauge.texture_level = level;
-    pyramid.begin(gray, gauge);
-    EXPECT_EQ(pyramid.texture().size(), cv::Size(200 >> level, 120 >> level));
-    EXPECT_GT(cv::mean(pyramid.texture())[0], 1);
-  }
-  gauge.texture_level = 9;
-  pyramid.begin(gray, gauge);
-  EXPECT_TRUE(pyramid.texture().empty());
+  const auto texture = [&](const cv::Size& size) {
+    pyramid.begin(randomGray(size), {});
+    return pyramid.texture();
+  };
+  EXPECT_EQ(texture({200, 120}).size(), cv::Size(100, 60));
+  EXPECT_GT(cv::mean(texture({200, 120}))[0], 1);
+  EXPECT_EQ(texture({1280, 60}).size(), cv::Size(320, 15));
+  EXPECT_EQ(texture({1280, 30}).size(), cv::Size(640, 15)) << "the coarsest there is";
+  EXPECT_TRUE(texture({200, 20}).empty());
 }
 
 TEST(SharpnessPyramid, RefusesWhatIsNotGray) {

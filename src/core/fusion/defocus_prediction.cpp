@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "fusion/sharpness_pyramid.hpp"
 #include "util/simd.hpp"
 
 namespace all_in_focus::core {
@@ -61,7 +62,7 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Size& size, const 
   pixel_pitch_mm_ = pixel_pitch_mm;
 
   const double columns = std::max(1.0, size.width / kSensorColumns);
-  texture_level_ = 1 + static_cast<std::size_t>(std::lround(std::log2(columns)));
+  texture_level_ = SharpnessPyramid::textureLevel(size.width);
   const double edge_error = (config_.edge_uncertainty ? config_.edge_error_px : kPixelError) * columns;
   const int cell = std::max(1, static_cast<int>(kCellOfError * edge_error));
   edge_error_px_ = edge_error / cell;

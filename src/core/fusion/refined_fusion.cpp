@@ -146,7 +146,6 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   gauge.resampled = resampled;
   gauge.scales = config_.scales;
   gauge.trust = !predicts_ || std::isnan(frame.focus_mm);
-  gauge.texture_level = prediction_.textureLevel();
   if (focus_known_) gauge.predicted = predicted_;
   gauge.lights = lights_;
   sharpness_.begin(gray, gauge);

@@ -4,11 +4,9 @@
 #include "fusion/sharpness_pyramid.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
-#include <numeric>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
@@ -57,16 +55,9 @@ double floorOf(const NoiseSpectrum& noise, size_t level) {
 }
 
 // A frame that is sharp anywhere has this modified Laplacian, gray levels above the noise, in its sharpest
-// places at trustLevel(). The eighth power of the least trust is a weight of 1e-9.
+// places at textureLevel(). The eighth power of the least trust is a weight of 1e-9.
 constexpr double kSharp = 4, kLeastTrust = 0.075;
-constexpr int kTrustWidth = 640;       // px
 constexpr double kNoiseMargin = 1.25;  // frames differ in their noise, and places in a frame
-
-// Level 1 of a picture of kTrustWidth, and the level of that size in a larger one.
-size_t trustLevel(int width) {
-  const double octaves = std::log2(static_cast<double>(width) / kTrustWidth);
-  return 1 + static_cast<size_t>(std::max(0.0, std::round(octaves)));
-}
 
 // At n pixels that have neighbours on both sides.
 ALL_IN_FOCUS_SIMD void laplacianInside(const float* north, const float* here, const float* south, int n,
@@ -125,25 +116,6 @@ ALL_IN_FOCUS_SIMD void multiply(const float* coarser, float contrast, float squa
   }
 }
 
-ALL_IN_FOCUS_SIMD float sumOfFourthPowers(const float* s, int n) {
-  std::array<float, 8> lanes{};  // which compilers turn into vectors
-  int i = 0;
-  for (; i + 8 <= n; i += 8) {
-    for (int k = 0; k < 8; ++k) lanes[k] += (s[i + k] * s[i + k]) * (s[i + k] * s[i + k]);
-  }
-  for (; i < n; ++i) lanes[0] += (s[i] * s[i]) * (s[i] * s[i]);
-  return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
-}
-
-// lights: 255 or 0
-ALL_IN_FOCUS_SIMD void limitNear(const std::uint8_t* lights, float most, int n, float* s) {
-  for (int i = 0; i < n; ++i) s[i] = lights[i] > 0 && s[i] > most ? most : s[i];
-}
-
-ALL_IN_FOCUS_SIMD void scaled(const float* s, float contrast, int n, float* __restrict out) {
-  for (int i = 0; i < n; ++i) out[i] = contrast * s[i];
-}
-
 ALL_IN_FOCUS_SIMD void raise(float contrast, float squared_floor, int n, float* s) {
   for (int i = 0; i < n; ++i) s[i] = aboveFloor(contrast * s[i], squared_floor);
 }
@@ -173,13 +145,14 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
   contrast_ = static_cast<float>(gauge.contrast);
   finest_contrast_ = static_cast<float>(gauge.resampled ? kResampled * gauge.contrast : gauge.contrast);
   trust_ = 1;
-  texture_level_ = gauge.texture_level;
   const int side = std::min(gray.cols, gray.rows);
   for (count_ = 1; gauge.scales && side >> count_ >= kSmallestSide;) ++count_;
   if (levels_.size() < count_) levels_.resize(count_);
   for (size_t l = 0; l < count_; ++l) {
     levels_[l].floor = static_cast<float>(floorOf(gauge.noise, l));
   }
+  texture_level_ = std::min(count_ - 1, textureLevel(gray.cols));
+  texture_.release();
   if (count_ == 1) return;
   for (size_t l = 1; l < count_; ++l) {
     Level& level = levels_[l];
@@ -189,10 +162,9 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
     else
       cv::resize(gauge.lights, level.lights, level.image.size(), 0, 0, cv::INTER_NEAREST);
   }
-  const size_t trust_level = std::min(count_ - 1, trustLevel(gray.cols));
   for (size_t l = count_ - 1; l > 0; --l) {
     computeProduct(l);
-    if (gauge.trust && l == trust_level) trust_ = static_cast<float>(trust(l, gauge.noise.sharpness(l)));
+    if (gauge.trust && l == texture_level_) trust_ = trust(gauge.noise.sharpness(l));
     cv::Mat& product = levels_[l].product;
     const bool predicted = product.size() == gauge.predicted.size();
     if (predicted) cv::sqrt(product, root_);
@@ -213,12 +185,17 @@ cv::Size SharpnessPyramid::levelSize(const cv::Size& size, size_t level) {
   return of_level;
 }
 
-// noise: mean modified Laplacian of the noise of that level, which was computed last.
-double SharpnessPyramid::trust(size_t level, double noise) const {
-  const double mean = std::accumulate(fourth_powers_.begin(), fourth_powers_.end(), 0.0) *
-                      std::pow(contrast_, 4) / static_cast<double>(levels_[level].image.total());
+std::size_t SharpnessPyramid::textureLevel(int width) {
+  constexpr double kWidth = 640;
+  return 1 + static_cast<size_t>(std::max(0.0, std::round(std::log2(width / kWidth))));
+}
+
+// noise: mean modified Laplacian of the noise of the level of texture_.
+float SharpnessPyramid::trust(double noise) const {
+  const double mean =
+      cv::norm(texture_.mul(texture_), cv::NORM_L2SQR) / static_cast<double>(texture_.total());
   const double above_noise = std::pow(std::max(mean - std::pow(kNoiseMargin * noise, 4), 0.0), 0.25);
-  return std::clamp(above_noise / (kSharp + noise), kLeastTrust, 1.0);
+  return static_cast<float>(std::clamp(above_noise / (kSharp + noise), kLeastTrust, 1.0));
 }
 
 void SharpnessPyramid::computeProduct(size_t level) {
@@ -227,21 +204,19 @@ void SharpnessPyramid::computeProduct(size_t level) {
   cv::Mat& product = levels_[level].product;
   product.create(image.size(), CV_32FC1);
   if (level == texture_level_) texture_.create(image.size(), CV_32FC1);
-  fourth_powers_.resize(image.rows);
   const RowStrips strips({0, image.rows}, stripCount(image.rows));
   if (static_cast<int>(strips_.size()) < strips.count()) strips_.resize(strips.count());
-  strips.forEach([&](const cv::Range& rows, int i) {
-    Buffers& strip = strips_[i];
-    for (int y = rows.start; y < rows.end; ++y) {
-      if ((y - rows.start) % kBlockRows == 0) {
-        const cv::Range block(y, std::min(y + kBlockRows, rows.end));
-        smoothedLaplacian(image, block, kCoarserWindow, strip, product.rowRange(block));
-      }
-      float* out = product.ptr<float>(y);
-      fourth_powers_[y] = sumOfFourthPowers(out, image.cols);
-      if (level == texture_level_) scaled(out, contrast_, image.cols, texture_.ptr<float>(y));
-      if (!lights.empty()) limitNear(lights.ptr(y), kMostNearLights / contrast_, image.cols, out);
-      multiplyRow(coarser, y, contrast_, levels_[level].floor, image.cols, strip.coarser, out);
+  strips.forEach([&](const cv::Range& strip, int i) {
+    for (cv::Range rows(strip.start, 0); rows.start < strip.end; rows.start = rows.end) {
+      rows.end = std::min(rows.start + kBlockRows, strip.end);
+      cv::Mat out = product.rowRange(rows);
+      smoothedLaplacian(image, rows, kCoarserWindow, strips_[i], out);
+      if (level == texture_level_) out.convertTo(texture_.rowRange(rows), -1, contrast_);
+      if (!lights.empty())
+        cv::Mat(cv::min(out, kMostNearLights / contrast_)).copyTo(out, lights.rowRange(rows));
+      for (int y = rows.start; y < rows.end; ++y)
+        multiplyRow(coarser, y, contrast_, levels_[level].floor, image.cols, strips_[i].coarser,
+                    product.ptr<float>(y));
     }
   });
 }

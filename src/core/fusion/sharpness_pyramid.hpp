@@ -28,8 +28,8 @@ namespace all_in_focus::core {
 ///
 /// With `trust` the product is multiplied by min(1, m / (4 + noise)), m the fourth root of the mean of s_t^4,
 /// less that of the noise: on bare surfaces far from all texture, where no scale tells frames apart, those
-/// that are sharp nowhere hardly count. They would spread the light of blurred things there. Level t is 1 for
-/// pictures 640 px wide, and coarser for larger ones, so that pixels without detail change nothing.
+/// that are sharp nowhere hardly count. They would spread the light of blurred things there. t is
+/// textureLevel(), so that pixels without detail change nothing.
 ///
 /// Level 0 is never held as a whole; all others together take a third of the pixels of one frame.
 class SharpnessPyramid {
@@ -37,10 +37,9 @@ class SharpnessPyramid {
   /// The noise of a frame, and what makes its contrast that of the reference.
   struct Gauge {
     NoiseSpectrum noise;
-    double contrast = 1;            ///< factor, > 0
-    bool scales = true;             ///< false: level 0 alone, for comparison
-    bool trust = false;             ///< count a frame that is sharp nowhere as hardly sharp everywhere
-    std::size_t texture_level = 1;  ///< whose sharpness texture() is to return, >= 1
+    double contrast = 1;  ///< factor, > 0
+    bool scales = true;   ///< false: level 0 alone, for comparison
+    bool trust = false;   ///< count a frame that is sharp nowhere as hardly sharp everywhere
     /// CV_8UC1; not 0: depth predicts the blur there; empty: nowhere. Its size is that of a level: the
     /// product of that one and all coarser ones counts by its square root there.
     cv::Mat predicted{};
@@ -56,6 +55,9 @@ class SharpnessPyramid {
 
   static constexpr int kBlockRows = 64;  ///< so many rows at a time stay in the cache
 
+  /// Level 1 of a picture 640 px wide, and the level of that size in a larger one.
+  static std::size_t textureLevel(int width);
+
   /// Size of that level of a picture, or of its coarsest one.
   static cv::Size levelSize(const cv::Size& size, size_t level);
 
@@ -66,8 +68,9 @@ class SharpnessPyramid {
   /// Products stay below 1e38 for frames of up to a gigapixel.
   cv::Mat1f& compute(const cv::Range& rows, Buffers& buffers) const;
 
-  /// contrast s_l of the frame at gauge.texture_level, CV_32FC1; empty if there is no such level.
-  cv::Mat texture() const { return texture_level_ < count_ ? texture_ : cv::Mat(); }
+  /// contrast s_l of the frame at textureLevel(), or at the coarsest level, CV_32FC1; empty if there is only
+  /// one.
+  const cv::Mat& texture() const { return texture_; }
 
  private:
   struct Level {
@@ -78,7 +81,7 @@ class SharpnessPyramid {
   };
 
   void computeProduct(size_t level);
-  double trust(size_t level, double noise) const;
+  float trust(double noise) const;
 
   cv::Mat gray_;
   float contrast_ = 1, finest_contrast_ = 1, trust_ = 1;
@@ -87,7 +90,6 @@ class SharpnessPyramid {
   std::vector<Level> levels_;  ///< maybe more, from a larger frame before; level 0 has no image: gray_
   std::vector<Buffers> strips_;
   cv::Mat texture_, root_, far_root_;
-  std::vector<double> fourth_powers_;  ///< by row of the level computed last: sums of s_l^4
 };
 
 }  // namespace all_in_focus::core
