@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <numeric>
 #include <opencv2/core/hal/intrin.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
@@ -321,28 +320,17 @@ void apply(Equations& equations, const cv::Mat1f& prior, const cv::Mat3f& z, cv:
   });
 }
 
-// The sum of value(y, x) over all pixels, the same for any number of threads.
-template <typename Value>
-cv::Vec3d sumOf(const cv::Size& size, const Value& value) {
-  const RowStrips strips({0, size.height}, std::max(1, size.height / kStripRows));
-  std::vector<cv::Vec3d> sums(strips.count());
-  strips.forEach([&](const cv::Range& rows, int i) {
-    for (int y = rows.start; y < rows.end; ++y) {
-      for (int x = 0; x < size.width; ++x) sums[i] += cv::Vec3d(value(y, x));
-    }
-  });
-  return std::accumulate(sums.begin(), sums.end(), cv::Vec3d());
-}
-
-void addScaled(cv::Mat3f& to, const cv::Mat3f& from, const cv::Vec3d& factor) {
-  const cv::Vec3f f(factor);
-  forEachPixel(to.size(), [&](int y, int x) { to(y, x) += f.mul(from(y, x)); });
-}
-
-cv::Vec3d ratio(const cv::Vec3d& a, const cv::Vec3d& b) {
-  cv::Vec3d r;
+// Channels on their own.
+cv::Scalar ratio(const cv::Scalar& a, const cv::Scalar& b) {
+  cv::Scalar r;
   for (int c = 0; c < 3; ++c) r[c] = b[c] > 0 ? a[c] / b[c] : 0;
   return r;
+}
+
+cv::Mat scaled(const cv::Mat3f& image, const cv::Scalar& factors) {
+  cv::Mat result;
+  cv::multiply(image, factors, result);
+  return result;
 }
 
 // Conjugate gradients, preconditioned by the diagonal; channels on their own.
@@ -350,30 +338,23 @@ std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior,
                                const std::function<bool(double)>& proceed) {
   cv::Mat3f residual, z(prior.size(), cv::Vec3f::all(0)), product;
   equations.transposed([](const Row& row, const Part*) { return row.residual; }, residual);
+  residual.setTo(cv::Scalar(), equations.solved() == 0);
   cv::Mat3f inverse = equations.diagonal();
   forEachPixel(z.size(), [&](int y, int x) {
     for (int c = 0; c < 3; ++c) inverse(y, x)[c] = 1 / (inverse(y, x)[c] + prior(y, x) + 4 * kSmoothness);
   });
-  const cv::Size size = z.size();
-  residual.setTo(cv::Scalar(), equations.solved() == 0);
-  const auto steepest = [&](int y, int x) { return residual(y, x).mul(inverse(y, x)); };
-  cv::Mat3f direction(size);
-  forEachPixel(size, [&](int y, int x) { direction(y, x) = steepest(y, x); });
-  const auto energyOf = [&] {
-    return sumOf(size, [&](int y, int x) { return residual(y, x).mul(steepest(y, x)); });
-  };
-  cv::Vec3d energy = energyOf();
+  cv::Mat3f direction(residual.mul(inverse));
+  cv::Scalar energy = cv::sum(direction.mul(residual));
   for (int i = 1;; ++i) {
     if (!proceed(static_cast<double>(i - 1) / kSteps)) return std::nullopt;
     apply(equations, prior, direction, product);
-    const cv::Vec3d length =
-        ratio(energy, sumOf(size, [&](int y, int x) { return direction(y, x).mul(product(y, x)); }));
-    addScaled(z, direction, length);
+    const cv::Scalar length = ratio(energy, cv::sum(direction.mul(product)));
+    z += scaled(direction, length);
     if (i == kSteps) return z;
-    addScaled(residual, product, -length);
-    const cv::Vec3d next = energyOf();
-    const cv::Vec3f beta = ratio(next, energy);
-    forEachPixel(size, [&](int y, int x) { direction(y, x) = steepest(y, x) + beta.mul(direction(y, x)); });
+    residual -= scaled(product, length);
+    const cv::Mat3f steepest(residual.mul(inverse));
+    const cv::Scalar next = cv::sum(steepest.mul(residual));
+    direction = steepest + scaled(direction, ratio(next, energy));
     energy = next;
   }
 }
