@@ -22,7 +22,6 @@ using bracket_drawing::refocused;
 namespace {
 
 constexpr double kFocal = 50;  // mm
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kMostError =
     0.1;  // px; alignment leaves frames where they are that have moved by less than 0.3
@@ -42,9 +41,9 @@ double error(const Placement& placement, const SimilarityTransform& truth) {
   return largestDisplacement(compose(inverse(truth), placement), kSize, kCenter);
 }
 
-BracketAlignment begun(double focal_length_mm = kFocal) {
+BracketAlignment begun() {
   BracketAlignment alignment;
-  alignment.begin(kSize, kCenter, focal_length_mm);
+  alignment.begin(kSize, kCenter);
   return alignment;
 }
 
@@ -90,45 +89,10 @@ TEST(PairAlignment, WhatCannotBeComputedIsNoMotion) {
   }
 }
 
-TEST(FocusBreathing, FollowsTheThinLens) {
-  const double f = 50, b = 0.7;
-  const auto v = [&](double s) { return 1 / (1 / f - 1 / s); };
-  const auto x = [&](double s) { return FocusBreathing::magnification(s, f); };
-  EXPECT_NEAR(x(800), v(800) / f - 1, 1e-12);
-  EXPECT_EQ(x(kInfinity), 0);
-  FocusBreathing breathing;
-  EXPECT_FALSE(breathing.b(x(800)));
-  // m relative to 800 mm
-  const auto m = [&](double s) { return 1 + b * (v(s) / v(800) - 1); };
-  for (const double s : {900.0, 2000.0, kInfinity}) breathing.add(x(800), x(s), m(s), 1e-5);
-  EXPECT_NEAR(breathing.b(x(800)).value(), b, 1e-4);
-  EXPECT_NEAR(breathing.scale(x(900), x(3000)).value(), m(3000) / m(900), 1e-6);
-  EXPECT_FALSE(breathing.scale(x(900), kUnknown));
-}
-
-TEST(FocusBreathing, UnknownOrImpossibleFocus) {
-  for (const double s : {kUnknown, 50.0, 0.0, -3.0})
-    EXPECT_TRUE(std::isnan(FocusBreathing::magnification(s, 50))) << s;
-  for (const double f : {kUnknown, kInfinity, 0.0, -1.0})
-    EXPECT_TRUE(std::isnan(FocusBreathing::magnification(900, f))) << f;
-}
-
-TEST(FocusBreathing, IsNotBelievedWhereItDoesNotExplain) {
-  FocusBreathing breathing;
-  for (const double scale : {1.01, 0.99, 1.02}) breathing.add(0.05, 0.06, scale, 1e-4);
-  EXPECT_FALSE(breathing.scale(0.05, 0.06));
-}
-
-TEST(FocusBreathing, IsNoneWhereOnlyErrorsAreSeen) {
-  FocusBreathing breathing;
-  for (const double error : {1.0, 0.5, 1.5, 1.0}) breathing.add(0.05, 0.06, 1 + 1e-4 * error, 1e-4);
-  EXPECT_EQ(breathing.scale(0.05, 0.06).value(), 1);
-}
-
 TEST(BracketAlignment, MotionsThatBlurringContoursMayFeignAreNone) {
   const cv::Size size(2400, 1800);
   BracketAlignment alignment;
-  alignment.begin(size, {1200, 900}, kUnknown);
+  alignment.begin(size, {1200, 900});
   const std::vector<double> shifts = {0, 0.45, 1.5};  // px; in a picture 640 wide: 0.12 and 0.4
   for (int k = 0; k < 3; ++k) {
     cv::Mat gray(size, CV_8UC1, cv::Scalar(150));
@@ -138,29 +102,24 @@ TEST(BracketAlignment, MotionsThatBlurringContoursMayFeignAreNone) {
       cv::circle(gray, shifted, 64 * 250, light += 15, cv::FILLED, cv::LINE_AA, 6);
     }
     cv::GaussianBlur(gray, gray, {}, 4);
-    alignment.observe(gray, k, kUnknown);
+    alignment.observe(gray, k);
   }
   EXPECT_TRUE(alignment.placement(1, 0).isIdentity());
   EXPECT_NEAR(alignment.placement(2, 0).shift.x, 1.5, 0.1);
 }
 
 TEST(BracketAlignment, StaticBracketsStayAsTheyAre) {
-  for (const double focal : {kFocal, kUnknown}) {
-    for (const double noise : {0.0, 5.0, 10.0}) {
-      BracketAlignment alignment = begun(focal);
-      for (int k = 0; k < 5; ++k) {
-        cv::Mat gray = refocused({}, k, 5);
-        addNoise(noise, k, gray);
-        alignment.observe(gray, k, focusDistance(k, 5));
-      }
-      for (int k = 0; k < 5; ++k) {
-        const Placement placement = alignment.placement(k, 2);
-        EXPECT_TRUE(placement.isIdentity()) << k << " noise " << noise;
-        EXPECT_TRUE(placement.fits && placement.measured);
-      }
-      if (focal == kFocal) {
-        EXPECT_NEAR(alignment.breathing(2).value(), 0, 0.02);
-      }
+  for (const double noise : {0.0, 5.0, 10.0}) {
+    BracketAlignment alignment = begun();
+    for (int k = 0; k < 5; ++k) {
+      cv::Mat gray = refocused({}, k, 5);
+      addNoise(noise, k, gray);
+      alignment.observe(gray, k);
+    }
+    for (int k = 0; k < 5; ++k) {
+      const Placement placement = alignment.placement(k, 2);
+      EXPECT_TRUE(placement.isIdentity()) << k << " noise " << noise;
+      EXPECT_TRUE(placement.fits && placement.measured);
     }
   }
 }
@@ -172,33 +131,12 @@ TEST(BracketAlignment, FindsTheBreathingOfTheLens) {
     for (int k = 0; k < n; ++k) {
       cv::Mat gray = refocused({breathingScale(b, k, reference, n), {}}, k, n);
       addNoise(2, k, gray);
-      alignment.observe(gray, k, focusDistance(k, n));
+      alignment.observe(gray, k);
     }
-    EXPECT_NEAR(alignment.breathing(reference).value(), b, 0.01);
     for (int k = 0; k < n; ++k) {
       EXPECT_LT(error(alignment.placement(k, reference), {breathingScale(b, k, reference, n), {}}),
                 kMostError)
           << b;
-    }
-  }
-}
-
-TEST(BracketAlignment, MeasuresWhereFocusIsUnknownOrWrong) {
-  constexpr int n = 6, reference = 3;
-  BracketAlignment unknown = begun(kUnknown), wrong = begun(), partly = begun();
-  for (int k = 0; k < n; ++k) {
-    const cv::Mat gray = refocused({breathingScale(1, k, reference, n), {}}, k, n);
-    unknown.observe(gray, k, focusDistance(k, n));
-    wrong.observe(gray, k, 700 + 300 * (k * 5 % 3));
-    partly.observe(gray, k, k % 2 ? kUnknown : focusDistance(k, n));
-  }
-  EXPECT_FALSE(unknown.breathing(reference));
-  EXPECT_FALSE(wrong.breathing(reference));
-  for (int k = 0; k < n; ++k) {
-    for (const BracketAlignment* alignment : {&unknown, &wrong, &partly}) {
-      EXPECT_LT(error(alignment->placement(k, reference), {breathingScale(1, k, reference, n), {}}),
-                kMostError)
-          << k;
     }
   }
 }
@@ -213,7 +151,7 @@ TEST(BracketAlignment, FollowsAMovingCamera) {
   }
   BracketAlignment alignment = begun();
   for (int k = 0; k < n; ++k) {
-    alignment.observe(refocused(truth[k], k, n), k, focusDistance(k, n));
+    alignment.observe(refocused(truth[k], k, n), k);
     EXPECT_LT(error(alignment.placement(k, 0), truth[k]), kMostError) << k;  // as far as known by then
   }
   EXPECT_LT(error(alignment.placement(1, 4), compose(inverse(truth[4]), truth[1])), kMostError);
@@ -221,38 +159,36 @@ TEST(BracketAlignment, FollowsAMovingCamera) {
 
 TEST(BracketAlignment, FollowsASaggingHead) {
   constexpr int n = 6;
-  for (const double focal : {kFocal, kUnknown}) {
-    BracketAlignment alignment = begun(focal);
-    std::vector<SimilarityTransform> truth(n);
-    for (int k = 0; k < n; ++k) {
-      truth[k] = {breathingScale(0.5, k, 0, n), {0.4 * k, 1.1 * k}, 0.002 * k};
-      alignment.observe(refocused(truth[k], k, n), k, focusDistance(k, n));
-    }
-    for (int k = 0; k < n; ++k) {
-      EXPECT_LT(error(alignment.placement(k, 3), compose(inverse(truth[3]), truth[k])), kMostError) << k;
-    }
+  BracketAlignment alignment = begun();
+  std::vector<SimilarityTransform> truth(n);
+  for (int k = 0; k < n; ++k) {
+    truth[k] = {breathingScale(0.5, k, 0, n), {0.4 * k, 1.1 * k}, 0.002 * k};
+    alignment.observe(refocused(truth[k], k, n), k);
+  }
+  for (int k = 0; k < n; ++k) {
+    EXPECT_LT(error(alignment.placement(k, 3), compose(inverse(truth[3]), truth[k])), kMostError) << k;
   }
 }
 
 TEST(BracketAlignment, DoesNotDrift) {
   constexpr int n = 60;
-  BracketAlignment alignment = begun(kUnknown);
+  BracketAlignment alignment = begun();
   SimilarityTransform truth;
   for (int k = 0; k < n; ++k) {
     truth = {1 + 0.05 * k / n, {0.05 * k, 0}};
     cv::Mat gray = refocused(truth, k, n);
     addNoise(3, k, gray);
-    alignment.observe(gray, k, kUnknown);
+    alignment.observe(gray, k);
   }
   EXPECT_LT(error(alignment.placement(n - 1, 0), truth), kMostError);
 }
 
 TEST(BracketAlignment, UnnoticeableMotionsAreNone) {
   BracketAlignment alignment = begun();
-  alignment.observe(frame({}), 0, kUnknown);
-  alignment.observe(frame({1, {0.3, 0}}), 1, kUnknown);
+  alignment.observe(frame({}), 0);
+  alignment.observe(frame({1, {0.3, 0}}), 1);
   EXPECT_FALSE(alignment.moves(0));
-  alignment.observe(frame({1, {0.4, 0}}), 2, kUnknown);
+  alignment.observe(frame({1, {0.4, 0}}), 2);
   EXPECT_TRUE(alignment.moves(0));
   EXPECT_TRUE(alignment.placement(1, 0).isIdentity());
   EXPECT_FALSE(alignment.placement(2, 0).isIdentity());
@@ -265,8 +201,8 @@ TEST(BracketAlignment, ForeignFramesDoNotFitAndDoNoHarm) {
     for (const int at : {0, 2, 4}) {
       BracketAlignment alignment = begun();
       for (int k = 0; k < n; ++k) {
-        if (k == at) alignment.observe(bad, 100, kUnknown);
-        alignment.observe(refocused({breathingScale(1, k, 2, n), {}}, k, n), k, focusDistance(k, n));
+        if (k == at) alignment.observe(bad, 100);
+        alignment.observe(refocused({breathingScale(1, k, 2, n), {}}, k, n), k);
       }
       EXPECT_FALSE(alignment.placement(100, 2).fits) << at;
       EXPECT_TRUE(alignment.placement(100, 2).isIdentity());
@@ -280,10 +216,10 @@ TEST(BracketAlignment, ForeignFramesDoNotFitAndDoNoHarm) {
 }
 
 TEST(BracketAlignment, ReturnsToASceneAfterAnInterruption) {
-  BracketAlignment alignment = begun(kUnknown);
+  BracketAlignment alignment = begun();
   int index = 0;
   for (const int seed : {1, 1, 8, 8, 1, 1})
-    alignment.observe(frame({1, {0.5 * index, 0}}, 0, 0, seed), index, kUnknown), ++index;
+    alignment.observe(frame({1, {0.5 * index, 0}}, 0, 0, seed), index), ++index;
   EXPECT_FALSE(alignment.placement(3, 0).fits);
   EXPECT_TRUE(alignment.placement(3, 2).fits);
   EXPECT_TRUE(alignment.placement(5, 0).fits);
@@ -292,10 +228,10 @@ TEST(BracketAlignment, ReturnsToASceneAfterAnInterruption) {
 
 TEST(BracketAlignment, DefocusAndExposureAreNotRejected) {
   BracketAlignment alignment = begun();
-  alignment.observe(frame({}), 0, kUnknown);
-  alignment.observe(frame({}, 12, 12), 1, kUnknown);
-  alignment.observe(frame({}, 0, 6) * 0.7, 2, kUnknown);
-  alignment.observe(frame({1.01, {}}, 6, 0) * 1.2, 3, kUnknown);
+  alignment.observe(frame({}), 0);
+  alignment.observe(frame({}, 12, 12), 1);
+  alignment.observe(frame({}, 0, 6) * 0.7, 2);
+  alignment.observe(frame({1.01, {}}, 6, 0) * 1.2, 3);
   for (const int k : {1, 2, 3})
     EXPECT_TRUE(alignment.placement(k, 0).fits) << alignment.placement(k, 0).correlation;
   EXPECT_TRUE(alignment.placement(2, 0).isIdentity());
@@ -304,17 +240,17 @@ TEST(BracketAlignment, DefocusAndExposureAreNotRejected) {
 
 TEST(BracketAlignment, TooFarIsRejected) {
   BracketAlignment alignment = begun();
-  alignment.observe(frame({}), 0, kUnknown);
-  alignment.observe(frame({1, {0.2 * kSize.width, 0}}), 1, kUnknown);
+  alignment.observe(frame({}), 0);
+  alignment.observe(frame({1, {0.2 * kSize.width, 0}}), 1);
   EXPECT_FALSE(alignment.placement(1, 0).fits);
 }
 
 TEST(BracketAlignment, NothingToSeeIsNoMotion) {
   for (const cv::Size size : {cv::Size(1, 1), cv::Size(5, 40), cv::Size(64, 48)}) {
     BracketAlignment alignment;
-    alignment.begin(size, {size.width / 2.0, size.height / 2.0}, kFocal);
+    alignment.begin(size, {size.width / 2.0, size.height / 2.0});
     for (int k = 0; k < 3; ++k) {
-      alignment.observe(cv::Mat(size, CV_8UC1, cv::Scalar(90 + k)), k, focusDistance(k, 3));
+      alignment.observe(cv::Mat(size, CV_8UC1, cv::Scalar(90 + k)), k);
       EXPECT_TRUE(alignment.placement(k, 0).isIdentity());
       EXPECT_TRUE(alignment.placement(k, 0).fits);
     }
@@ -323,19 +259,19 @@ TEST(BracketAlignment, NothingToSeeIsNoMotion) {
 
 TEST(BracketAlignment, BeginsAnew) {
   BracketAlignment alignment = begun();
-  alignment.observe(frame({}), 0, kUnknown);
-  alignment.begin(kSize, kCenter, kFocal);
-  alignment.observe(frame({}, 0, 0, 5), 0, kUnknown);
-  alignment.observe(frame({1, {2, 0}}, 0, 0, 5), 1, kUnknown);
+  alignment.observe(frame({}), 0);
+  alignment.begin(kSize, kCenter);
+  alignment.observe(frame({}, 0, 0, 5), 0);
+  alignment.observe(frame({1, {2, 0}}, 0, 0, 5), 1);
   EXPECT_NEAR(alignment.placement(1, 0).shift.x, 2, 0.02);
 }
 
 TEST(BracketAlignment, RefusesOtherFrames) {
   BracketAlignment alignment = begun();
-  alignment.observe(frame({}), 0, kUnknown);
-  EXPECT_THROW(alignment.observe(frame({}), 0, kUnknown), std::invalid_argument);
-  EXPECT_THROW(alignment.observe(cv::Mat(10, 10, CV_8UC1), 1, kUnknown), std::invalid_argument);
-  EXPECT_THROW(alignment.observe(cv::Mat(kSize, CV_8UC3), 1, kUnknown), std::invalid_argument);
+  alignment.observe(frame({}), 0);
+  EXPECT_THROW(alignment.observe(frame({}), 0), std::invalid_argument);
+  EXPECT_THROW(alignment.observe(cv::Mat(10, 10, CV_8UC1), 1), std::invalid_argument);
+  EXPECT_THROW(alignment.observe(cv::Mat(kSize, CV_8UC3), 1), std::invalid_argument);
   EXPECT_THROW(alignment.placement(0, 1), std::out_of_range);
 }
 

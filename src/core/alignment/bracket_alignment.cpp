@@ -35,17 +35,15 @@ double variance(const cv::Matx44d& covariance) {
 
 }  // namespace
 
-void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, double focal_length_mm) {
+void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center) {
   size_ = size;
   center_ = center;
-  focal_length_mm_ = focal_length_mm;
   radius_ = 0.5 * std::hypot(size.width, size.height);
   observations_.clear();
   scenes_ = 0;
-  breathing_ = {};
 }
 
-void BracketAlignment::observe(const cv::Mat& gray, int index, double focus_mm) {
+void BracketAlignment::observe(const cv::Mat& gray, int index) {
   if (gray.type() != CV_8UC1 || gray.size() != size_) {
     throw std::invalid_argument("alignment: frame " + std::to_string(index) +
                                 " must be CV_8UC1 and of the bracket's size");
@@ -56,7 +54,6 @@ void BracketAlignment::observe(const cv::Mat& gray, int index, double focus_mm) 
   current_.pyramid.build(gray);
   current_.frame = {};
   current_.frame.index = index;
-  current_.frame.magnification = FocusBreathing::magnification(focus_mm, focal_length_mm_);
 
   PairMeasurement found;
   if (observations_.empty()) {
@@ -128,9 +125,6 @@ void BracketAlignment::place(const PairMeasurement& measurement) {
   frame.key_covariance = key_.key_covariance;
   frame.covariance = measurement.covariance;
   frame.tiles = measurement.tiles;
-  breathing_.add(
-      key_.magnification, frame.magnification, measurement.motion.scale,
-      std::sqrt(measurement.covariance(0, 0) + modelVariance(radius_, measurement.tiles)) / radius_);
 }
 
 Placement BracketAlignment::placement(int index, int reference) const {
@@ -160,8 +154,7 @@ Placement BracketAlignment::placement(int index, int reference) const {
     found += slope * (value - found[i]);
     covariance -= covariance(i, i) * slope * slope.t();
   };
-  const double free_scale = significant(0) ? measured.scale : 1;
-  result.scale = breathing_.scale(from.magnification, to.magnification).value_or(free_scale);
+  result.scale = significant(0) ? measured.scale : 1;
   fix(0, radius_ * (result.scale - 1));
   fix(1, significant(1) && std::abs(found[1]) > kNoticeableRoll ? found[1] : 0);
   result.angle = found[1] / radius_;
@@ -179,10 +172,6 @@ bool BracketAlignment::moves(int reference) const {
   return std::any_of(observations_.begin(), observations_.end(), [&](const auto& observation) {
     return !placement(observation.first, reference).isIdentity();
   });
-}
-
-std::optional<double> BracketAlignment::breathing(int reference) const {
-  return breathing_.b(observations_.at(reference).magnification);
 }
 
 }  // namespace all_in_focus::core

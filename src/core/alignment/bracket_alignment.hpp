@@ -5,9 +5,7 @@
 #include <limits>
 #include <map>
 #include <opencv2/core.hpp>
-#include <optional>
 
-#include "alignment/focus_breathing.hpp"
 #include "alignment/pair_alignment.hpp"
 #include "alignment/similarity_transform.hpp"
 
@@ -23,19 +21,17 @@ struct Placement : SimilarityTransform {
 /// Aligns the frames of a focus bracket as they come. Memory does not grow but for some numbers per frame.
 ///
 /// Every frame is measured against a key frame, so that errors add up only where the key changes. The frame
-/// before becomes the key when the way over it is more certain. The scale is that of FocusBreathing where
-/// focus distances are known and explain what is measured, else as measured.
+/// before becomes the key when the way over it is more certain.
 class BracketAlignment {
  public:
   static constexpr double kNoticeable = 0.35;  ///< px; a smaller motion is not worth resampling a frame
 
-  /// center: principal point, pixels. focal_length_mm: anything but a positive number: unknown.
-  void begin(const cv::Size& size, const cv::Point2d& center, double focal_length_mm);
+  /// center: principal point, pixels.
+  void begin(const cv::Size& size, const cv::Point2d& center);
 
-  /// The next frame of the bracket. gray: CV_8UC1; index: any, each once; focus_mm: may be infinite, NaN:
-  /// unknown. Throws std::invalid_argument on another type, another size than the bracket's, or a known
-  /// index.
-  void observe(const cv::Mat& gray, int index, double focus_mm);
+  /// The next frame of the bracket. gray: CV_8UC1; index: any, each once. Throws std::invalid_argument on
+  /// another type, another size than the bracket's, or a known index.
+  void observe(const cv::Mat& gray, int index);
 
   bool hasObserved(int index) const { return observations_.count(index) > 0; }
 
@@ -47,13 +43,9 @@ class BracketAlignment {
   /// count.
   bool moves(int reference) const;
 
-  /// b of the lens, if known.
-  std::optional<double> breathing(int reference) const;
-
  private:
   struct Observation {
     int index = 0;
-    double magnification = 0;    ///< of the lens; NaN: unknown
     int scene = 0;               ///< the same for frames that fit each other
     SimilarityTransform motion;  ///< from the first frame of the scene
     cv::Matx44d key_covariance;  ///< of the key frame's motion, px^2, as in PairMeasurement
@@ -74,11 +66,9 @@ class BracketAlignment {
 
   cv::Size size_;
   cv::Point2d center_;
-  double focal_length_mm_ = 0;
   double radius_ = 0;  ///< half the diagonal, px
   std::map<int, Observation> observations_;
   int scenes_ = 0;
-  FocusBreathing breathing_;
 
   Observation key_;
   PairAlignment key_alignment_, other_alignment_;

@@ -62,7 +62,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
     const size_t level = std::max<size_t>(prediction_.textureLevel(), 2) - 1;
     predicted_ = prediction_.known(SharpnessPyramid::levelSize(size, level));
   }
-  alignment_.begin(size, center_, focal_length_mm_);
+  alignment_.begin(size, center_);
 }
 
 void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
@@ -72,7 +72,7 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
                    focus_mm, focal_length_mm_));
   }
   focus_known_ = focus_known_ || !std::isnan(focus_mm);
-  if (config_.alignment) alignment_.observe(gray, index, focus_mm);
+  if (config_.alignment) alignment_.observe(gray, index);
   if (reference_ >= 0) return;
   if (!held_.empty() && !areApart(index, held_.front().index)) return;
   const bool is_full = held_.size() == kMostHeld;
