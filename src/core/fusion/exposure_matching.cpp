@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <vector>
@@ -18,7 +19,6 @@ constexpr int kColumns = 40;              // of blocks
 constexpr int kSamples = 8;               // per side of a block
 constexpr int kDark = 20, kBright = 230;  // codes between which a mean counts
 constexpr int kClipped = 250;             // code from which light may be missing
-constexpr double kNoise = 0.02;           // contrast of a block that is as flat as can be
 // Squared contrast from which blur changes the mean light of a block by 4 % where a camera's tone curve is
 // not sRGB's, or where it blurs codes, not light.
 constexpr double kTextured = 0.15;
@@ -36,20 +36,11 @@ const cv::Mat1f& lightOfCode() {
   return table;
 }
 
-struct Weighted {
-  float value, weight;
-};
-
-double median(std::vector<Weighted>& values) {
-  std::sort(values.begin(), values.end(),
-            [](const Weighted& a, const Weighted& b) { return a.value < b.value; });
-  double left = 0;  // to come before the median
-  for (const Weighted& v : values) left += v.weight / 2;
-  for (const Weighted& v : values) {
-    left -= v.weight;
-    if (left <= 0) return v.value;
-  }
-  return 0;
+double median(std::vector<float>& values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
 }
 
 }  // namespace
@@ -64,9 +55,9 @@ ExposureMatching::Blocks ExposureMatching::blocksOf(const cv::Mat& image) {
   cv::resize(light.mul(light), squares, grid, 0, 0, cv::INTER_AREA);
   cv::resize(light, light, grid, 0, 0, cv::INTER_AREA);
   blocks.light = light.reshape(1);
-  blocks.contrast = squares.reshape(1) / blocks.light.mul(blocks.light) - 1;
+  const cv::Mat1f contrast(squares.reshape(1) / blocks.light.mul(blocks.light) - 1);
   const float dark = lightOfCode()(kDark), bright = lightOfCode()(kBright);
-  blocks.counts = (blocks.light > dark) & (blocks.light < bright) & (blocks.contrast < kTextured);
+  blocks.counts = (blocks.light > dark) & (blocks.light < bright) & (contrast < kTextured);
   return blocks;
 }
 
@@ -84,21 +75,16 @@ double ExposureMatching::gain(const cv::Mat& frame) const {
     throw std::invalid_argument("exposure: the frame must be of the reference's size and type");
   }
   const Blocks seen = blocksOf(frame);
-  std::vector<Weighted> ratios;
-  double sum = 0, squares = 0;
+  std::vector<float> ratios;
   for (int i = 0; i < static_cast<int>(seen.counts.total()); ++i) {
-    if (!seen.counts(i) || !reference_.counts(i)) continue;
-    const float contrast = std::max(0.0f, reference_.contrast(i)) + std::max(0.0f, seen.contrast(i));
-    const auto weight = static_cast<float>(1 / (kNoise * kNoise + contrast));
-    ratios.push_back({std::log(reference_.light(i) / seen.light(i)), weight});
-    sum += weight;
-    squares += weight * weight;
+    if (seen.counts(i) && reference_.counts(i))
+      ratios.push_back(std::log(reference_.light(i) / seen.light(i)));
   }
   const double exposure = median(ratios);
   if (!(std::abs(exposure) > kNoticeable)) return 1;
-  for (Weighted& ratio : ratios) ratio.value = std::abs(ratio.value - static_cast<float>(exposure));
+  for (float& ratio : ratios) ratio = std::abs(ratio - static_cast<float>(exposure));
   // Standard deviation of a median, from the median deviation, for normal errors.
-  const double deviation = 1.2533 * 1.4826 * median(ratios) * std::sqrt(squares) / sum;
+  const double deviation = 1.2533 * 1.4826 * median(ratios) / std::sqrt(static_cast<double>(ratios.size()));
   if (!(std::abs(exposure) > kSignificance * deviation)) return 1;
   return std::clamp(std::exp(exposure), 1 / kLargestGain, kLargestGain);
 }

@@ -10,8 +10,8 @@ namespace all_in_focus::core {
 /// One gain per frame, in linear light (sRGB), that gives it the exposure of the reference frame.
 ///
 /// It is the median, over blocks of the picture, of the ratio of their mean light. Blur leaves the mean light
-/// of a block alone but for what crosses its border and for a tone curve that is not sRGB's: the flatter a
-/// block in both frames, the more it counts, and textured ones do not.
+/// of a block alone but for what crosses its border and for a tone curve that is not sRGB's, so textured
+/// blocks do not count.
 class ExposureMatching {
  public:
   /// reference: CV_8UC1 or CV_8UC3.
@@ -22,10 +22,9 @@ class ExposureMatching {
   double gain(const cv::Mat& frame) const;
 
  private:
-  struct Blocks {        ///< of each channel
-    cv::Mat1f light;     ///< mean, 0..1
-    cv::Mat1f contrast;  ///< variance over the mean's square
-    cv::Mat1b counts;    ///< 0: too dark, bright or textured
+  struct Blocks {      ///< of each channel
+    cv::Mat1f light;   ///< mean, 0..1
+    cv::Mat1b counts;  ///< 0: too dark, bright or textured
   };
   static Blocks blocksOf(const cv::Mat& image);
 
