@@ -247,25 +247,6 @@ TEST(RefinedFusion, PrefersAFrameThatWasNotResampledToOneThatIsAsSharp) {
   EXPECT_GT(cv::countNonZero(seen == 0), 0.85 * static_cast<double>(seen.total()));  // 0.90; by chance: half
 }
 
-TEST(RefinedFusion, AveragesMoreWhereFramesAreResampled) {
-  const TwoPlanes planes;
-  const cv::Mat reference = planes.frame(1500, 1);
-  cv::Mat moved;
-  cv::warpAffine(planes.frame(1400, 1), moved, cv::Matx23d(1, 0, 2, 0, 1, 0), reference.size(),
-                 cv::INTER_NEAREST, cv::BORDER_REPLICATE);
-  const auto confidence = [&](bool is_known_before) {
-    RefinedConfig config;
-    config.noise = false;
-    RefinedFusion fusion;
-    fusion.begin({}, config, kSize);
-    if (is_known_before) fusion.observe(gray(moved), 0, kUnknownFocus);
-    EXPECT_EQ(add(fusion, reference, 1), "");
-    EXPECT_EQ(add(fusion, moved, is_known_before ? 0 : 2), "");
-    return cv::mean(fusion.confidence())[0];
-  };
-  EXPECT_LT(confidence(true), 0.98 * confidence(false));  // 0.975
-}
-
 TEST(RefinedFusion, LightsStaySmall) {
   // A lamp is so bright that blur makes its white disc larger and no fainter; only its rim is softer.
   cv::Mat sharp(240, 320, CV_8UC3, cv::Scalar::all(80)), blurred = sharp.clone();

@@ -113,7 +113,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     held_.clear();
     lights_ = clippedLights(gray);
     const bool resampled = config_.alignment && alignment_.moves(reference_);
-    mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice, resampled});
+    mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice});
     brightness_.begin(noise_.deviation(), resampled);
     exposure_.setReference(frame);
   }

@@ -36,15 +36,15 @@ constexpr int kSpan = 512;  // pixels worked on at a time: what they need stays 
 
 // What follows works on a span of one row, n <= kSpan pixels.
 
-// weight: sharpness^8, or sharpness^7 of resampled frames, in units of the sharpest frame's, this one
-// included; keep: what remains of older sums in these units.
-ALL_IN_FOCUS_SIMD void weighSharpness(const float* sharpness, bool resampled, int n, float* sharpest,
-                                      float* keep, float* weight) {
+// weight: sharpness^8 in units of the sharpest frame's, this one included; keep: what remains of older sums
+// in these units.
+ALL_IN_FOCUS_SIMD void weighSharpness(const float* sharpness, int n, float* sharpest, float* keep,
+                                      float* weight) {
   for (int i = 0; i < n; ++i) {
     const float less = std::min(sharpness[i], sharpest[i]), more = std::max(sharpness[i], sharpest[i]);
     const float share = std::max(less / more, kLeastShare);
     const float square = share * share, fourth = square * square;
-    const float power = fourth * (resampled ? square * share : fourth);
+    const float power = fourth * fourth;
     const bool sharper = sharpness[i] > sharpest[i];
     keep[i] = sharper ? power : 1;
     weight[i] = sharper ? 1 : power;
@@ -131,7 +131,6 @@ ALL_IN_FOCUS_SIMD void rate(const float* weights, const float* most, float frame
 void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
   soft_ = kind.soft;
   choice_ = kind.choice || !kind.soft;
-  resampled_ = kind.resampled;
   frames_ = 0;
   error_floor_ = static_cast<float>(kRounding + kNoiseVariances * noise * noise);
   mean_.create(size, CV_16SC3);
@@ -162,8 +161,7 @@ void WeightedMean::addRow(int y, const cv::Range& columns, const std::uint8_t* p
   for (int x = columns.start; x < columns.end; x += kSpan) {
     const int n = std::min(kSpan, columns.end - x);
     std::array<float, kSpan> keep, weight;
-    weighSharpness(evidence.sharpness + x, resampled_, n, sharpest_.ptr<float>(y) + x, keep.data(),
-                   weight.data());
+    weighSharpness(evidence.sharpness + x, n, sharpest_.ptr<float>(y) + x, keep.data(), weight.data());
     if (evidence.squared_error) weighError(evidence.squared_error + x, error_floor_, n, weight.data());
     accumulate(keep.data(), weight.data(), pixels + 3 * x, {x, y}, n);
   }

@@ -20,9 +20,8 @@ struct EvidenceRow {
 ///
 /// A frame weighs
 ///   sharpness^8 / (predicted squared error + noise variance):
-/// the inverse of the variance that is expected of it, times a softmax, the power, of what is seen. The power
-/// is 7 where frames are `resampled`: the errors of resampling look like detail, and a mean of more frames
-/// has less of them. As such powers overflow, weights are kept in units of the greatest sharpness so far.
+/// the inverse of the variance that is expected of it, times a softmax, the power, of what is seen. As such
+/// powers overflow, weights are kept in units of the greatest sharpness so far.
 /// Each frame moves the mean by its share of all weights, so that no sum of colours is needed. The mean is
 /// rounded to 1/128 of a gray level: two bytes instead of the four of a float, and 16-bit arithmetic.
 ///
@@ -33,7 +32,6 @@ class WeightedMean {
   struct Kind {
     bool soft = true;    ///< false: the frame that weighs most is copied, for comparison
     bool choice = true;  ///< false: no sourceIndex() and confidence(), whose sums are 6 of 20 bytes a pixel
-    bool resampled = false;  ///< some frames are brought into the geometry of another
   };
 
   /// noise: standard deviation of the frames' noise in gray levels, >= 0.
@@ -55,14 +53,14 @@ class WeightedMean {
   void accumulate(const float* keep, const float* weight, const std::uint8_t* pixels, const cv::Point& at,
                   int n);
 
-  bool soft_ = true, choice_ = true, resampled_ = false;
+  bool soft_ = true, choice_ = true;
   int frames_ = 0;
   float error_floor_ = 1;
   std::uint16_t index_ = 0;            // of the frame being added
   std::array<std::int16_t, 256> lut_;  // in units of mean_
   bool plain_ = true;                  // the LUT changes nothing
   cv::Mat mean_;                       // CV_16SC3, 128 times the gray level (hard: of the heaviest frame)
-  cv::Mat sharpest_;                   // CV_32FC1: greatest sharpness; a weight of 1 is its 8th or 7th power
+  cv::Mat sharpest_;                   // CV_32FC1: greatest sharpness; a weight of 1 is its 8th power
   cv::Mat weights_;                    // CV_32FC1: sums
   cv::Mat most_;                       // CV_32FC1: greatest weight; unused without choice_, as source_index_
   cv::Mat source_index_;
