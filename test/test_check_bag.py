@@ -4,17 +4,19 @@
 import json
 import re
 
+import cv2
 import genpy
 import numpy as np
 import pytest
 import rosbag
-from bag_helpers import (BRIDGE, SIZE, START, changed, compressed, depth_image, good_messages, setting, without,
+from bag_helpers import (BRIDGE, SIZE, START, changed, compressed, depth_image, frames, good_messages, setting, without,
                          write)
 from file_helpers import call, cut, run_script
+from sensor_msgs.msg import CompressedImage
 from tool_helpers import TwoPlanes, expect_refusal, fuse_stack, set_up_boards, succeeded, unchanged
 
 from all_in_focus.bag.brackets import Rules
-from all_in_focus.bag.bag_file import BagError, BagFile, Topics
+from all_in_focus.bag.bag_file import BagContents, BagError, BagFile, Topics
 from all_in_focus.bag.check.checker import check_bag
 from all_in_focus.bag.image_messages import to_message
 from all_in_focus.files.rig import load_rig, save_rig
@@ -258,6 +260,89 @@ def test_float_depth_padding_and_compressed_color(tmp_path):
     report = report_on(write(tmp_path / "x.bag", messages))
     assert report.fusable and "compressed colour" in report.findings[1].text
     assert "1.00 to 2.00 m" in "\n".join(report.lines())
+
+
+def as_compressed(convert, ending=".jpg", broken=lambda number, data: data):
+    def change(message, number):
+        data = cv2.imencode(ending, convert(BRIDGE.imgmsg_to_cv2(message)))[1].tobytes()
+        return CompressedImage(message.header, "bgr8; compressed bgr8", broken(number, data))
+    return lambda messages: moved(changed("/rgb/image", change)(messages), "/rgb/image", "/rgb/image/compressed")
+
+
+def gray(picture):
+    return cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+
+
+COMPRESSED = {
+    "gray JPEG": (as_compressed(gray), lambda picture: np.dstack([gray(picture)] * 3), 25),
+    "gray 16-bit PNG": (as_compressed(lambda picture: gray(picture).astype(np.uint16) * 257, ".png"),
+                        lambda picture: np.dstack([gray(picture)] * 3), 0),
+    "16-bit PNG": (as_compressed(lambda picture: picture.astype(np.uint16) * 257, ".png"), np.array, 0),
+    "PNG with alpha": (as_compressed(lambda picture: cv2.cvtColor(picture, cv2.COLOR_BGR2BGRA), ".png"), np.array, 0),
+}
+
+
+@pytest.mark.parametrize("kind", COMPRESSED)
+def test_compressed_color_of_every_kind(tmp_path, kind):
+    """check_bag, bag_to_stack and the player of evaluate_bag read it alike."""
+    damage, expected, tolerance = COMPRESSED[kind]
+    path = write(tmp_path / "x.bag", damage(good_messages()))
+    report = report_on(path)
+    assert report.fusable and not [finding for finding in report.findings if finding.level == "warning"], report.lines()
+    succeeded(call("bag_to_stack", path, "--output", tmp_path / "out"))
+    bag = BagContents(path)
+    played = [BRIDGE.imgmsg_to_cv2(message) for kind, message, _ in bag.messages() if kind == "rgb"]
+    bag.close()
+    for number, picture in enumerate(frames()):
+        exported = cv2.imread(str(tmp_path / "out" / "stack" / f"{number:03d}.png"), cv2.IMREAD_UNCHANGED)
+        assert exported.dtype == np.uint8 and np.array_equal(exported, played[number])
+        assert np.abs(exported.astype(int) - expected(picture)).max() <= tolerance
+
+
+DAMAGES = {"cut by 5 percent": lambda data: data[:len(data) * 95 // 100],
+           "cut to a third": lambda data: data[:len(data) // 3],
+           "zeros at the end": lambda data: data[:len(data) // 3] + bytes(len(data) - len(data) // 3)}
+
+
+@pytest.mark.parametrize("kind", DAMAGES)
+@pytest.mark.parametrize("ending", [".jpg", ".png"])
+def test_every_compressed_frame_is_looked_at(tmp_path, kind, ending):
+    damage = as_compressed(np.array, ending, lambda number, data: DAMAGES[kind](data) if number == 2 else data)
+    path = write(tmp_path / "x.bag", damage(good_messages()))
+    report = report_on(path)
+    line, = [finding.text for finding in report.findings if (finding.check, finding.level) == ("colour image", "warning")]
+    assert report.fusable and "1 of 4 images, the first at 0.200 s: the compressed picture is cut short" in line
+    done = succeeded(call("bag_to_stack", path, "--output", tmp_path / "out"))
+    assert "frame 2 left out: the compressed picture is cut short" in done.stderr
+    bag = BagContents(path)
+    assert sum(kind == "rgb" for kind, *_ in bag.messages()) == 3 and "cut short" in bag.problems[0]
+    bag.close()
+
+
+def test_a_first_compressed_frame_that_is_broken_says_nothing_of_the_others(tmp_path):
+    damage = as_compressed(np.array, broken=lambda number, data: data[:60] if number == 0 else data)
+    report = report_on(write(tmp_path / "x.bag", damage(good_messages())))
+    assert any("1 of 4 images, the first at 0.000 s" in finding.text for finding in report.findings), report.lines()
+    assert "can be fused" in report.summary()
+
+
+def test_messages_that_are_not_stored_in_the_order_of_their_times(tmp_path):
+    """As recorders store them that buffer each topic for itself."""
+    straight, turned = str(tmp_path / "straight.bag"), str(tmp_path / "turned.bag")
+    messages = good_messages()
+    write(straight, messages)
+    with rosbag.Bag(turned, "w", chunk_threshold=1) as bag:
+        for topic, message, when in reversed(messages):
+            bag.write(topic, message, genpy.Time.from_sec(when))
+    lines = [report_on(path).lines()[1:] for path in (straight, turned)]
+    assert lines[0] == lines[1]
+    for path in (straight, turned):
+        succeeded(call("bag_to_stack", path, "--output", tmp_path / "out", "--force"))
+        assert len(list((tmp_path / "out" / "stack").glob("*.png"))) == 4
+        bag = BagContents(path)
+        times = [time for _, _, time in bag.messages()]
+        bag.close()
+        assert times == sorted(times) and len(times) == 15
 
 
 def test_options(tmp_path):

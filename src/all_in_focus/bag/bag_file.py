@@ -129,7 +129,11 @@ class BagFile:
             raise BagError(f"{self.path}: is a folder, not a bag")
         try:
             require_regular(self.path)
-            return rosbag.Bag(str(self.path))
+            bag = rosbag.Bag(str(self.path))
+            # rosbag takes messages to be stored in the order of their times. Recorders that buffer by topic do not.
+            for index in bag._get_indexes(None):
+                index.sort()
+            return bag
         except rosbag.ROSBagUnindexedException:
             raise BagError(f"{self.path}: has no index (recording or copy cut off?): try rosbag reindex")
         except OSError as error:

@@ -9,6 +9,7 @@ import numpy as np
 from sensor_msgs.msg import CompressedImage, Image
 
 from all_in_focus.files.errors import one_line
+from all_in_focus.files.stack import decode_image, is_complete
 
 MILLIMETRES = ("16UC1", "mono16")
 METRES = "32FC1"
@@ -33,8 +34,11 @@ def check_depth(head):
 
 
 def check_color(head):
-    """ImageError where the fusion would refuse the colour image of a Head for its layout; see bgr()."""
-    if head.size is None:
+    """ImageError where the fusion would refuse the colour image of a Head for its layout; see bgr(). Of a compressed one:
+    where it cannot be decoded, if the scan has looked."""
+    if head.problem:
+        raise ImageError(head.problem)
+    if head.compressed:
         return
     try:
         _check_layout(head, _pixel_bytes(head.encoding))
@@ -84,17 +88,23 @@ def depth_mm(message, invalid_values=(0,)):
 
 def bgr(message):
     """BGR picture, 8 bit, of an Image or CompressedImage, as the fusion node converts it. ImageError."""
+    if message._type == CompressedImage._type:
+        return decoded(message.data)
     try:
-        if message._type == CompressedImage._type:
-            picture = BRIDGE.compressed_imgmsg_to_cv2(message, "bgr8")
-            if picture is None:  # cv2.imdecode gives no reason
-                raise ImageError(f"its {len(message.data)} bytes cannot be decoded")
-            return picture
         return BRIDGE.imgmsg_to_cv2(_without_padding(message), "bgr8")
-    except ImageError:
-        raise
     except (cv2.error, cv_bridge.CvBridgeError, ValueError, TypeError, AttributeError) as error:
         raise ImageError(f"{one_line(error)}: publish bgr8 or rgb8")
+
+
+def decoded(data):
+    """BGR picture, 8 bit, of what a camera or image_transport has compressed: gray, colour or with alpha, 8 or 16 bit.
+    ImageError."""
+    if not is_complete(data):
+        raise ImageError("the compressed picture is cut short or damaged: check the camera's cable, or the disk of the recording")
+    picture = decode_image(data)
+    if picture is None:  # OpenCV gives no reason
+        raise ImageError(f"its {len(data)} bytes cannot be decoded: publish JPEG or PNG")
+    return picture
 
 
 def _without_padding(message):

@@ -11,6 +11,7 @@ from sensor_msgs.msg import Image
 from tf2_msgs.msg import TFMessage
 
 from all_in_focus.bag.bag_file import TYPES, BagError, absolute
+from all_in_focus.bag.image_messages import ImageError, decoded
 from all_in_focus.progress import Progress
 
 NS = 10 ** 9  # in a second
@@ -21,7 +22,8 @@ class Head(NamedTuple):
     """An image without its pixels. Times in ns.
 
     order: position among the messages scanned; nth: position among those of its topic recorded at the same time; size:
-    (width, height), None where the image is compressed; checksum: of the pixels.
+    (width, height), None where the image is compressed; checksum: of the pixels; problem: why a compressed image cannot be
+    decoded, else "".
     """
     order: int
     recorded: int
@@ -34,6 +36,8 @@ class Head(NamedTuple):
     step: int = 0
     bytes: int = 0
     checksum: int = 0
+    compressed: bool = False
+    problem: str = ""
 
 
 class Small(NamedTuple):
@@ -62,8 +66,9 @@ class Scan:
     start: int = 0
 
 
-def scan(bag, checksums=False):
-    """Scan of a BagFile; topics of a wrong type are left out. checksums: whether to compute those of colour images."""
+def scan(bag, pixels=False):
+    """Scan of a BagFile; topics of a wrong type are left out. pixels: whether to look at those of every colour image: for the
+    checksums, and for size and problem of compressed ones."""
     wrong = {kind for kind, _ in bag.wrong_types()}
     kinds = {name: kind for kind, name in bag.topics.items() if kind not in wrong}
     kinds.update({"/tf": "tf", "/tf_static": "tf_static"})
@@ -80,7 +85,7 @@ def scan(bag, checksums=False):
             if kind in ("depth", "rgb"):
                 nth = last[kind][1] + 1 if last.get(kind, (None,))[0] == recorded else 0
                 last[kind] = (recorded, nth)
-                head = Head(order, recorded, nth, *_head(data, message_type, checksums and kind == "rgb"))
+                head = Head(order, recorded, nth, *_head(data, message_type, pixels and kind == "rgb"))
                 getattr(found, kind).append(head)
                 continue
             if kind.endswith("_info"):
@@ -93,7 +98,7 @@ def scan(bag, checksums=False):
     return found
 
 
-def _head(data, message_type, checksum):
+def _head(data, message_type, pixels):
     """The fields of a Head from `stamp` on."""
     _, seconds, nanoseconds, length = struct.unpack_from("<4I", data, 0)
     at = 16 + length
@@ -109,7 +114,14 @@ def _head(data, message_type, checksum):
         length, = struct.unpack_from("<I", data, at)
         at += 4 + length
         encoding, rest = data[at - length:at].decode(), (None, False, 0, len(data) - at - 4)
-    return (stamp, frame_id, encoding, *rest, zlib.crc32(data[at:]) if checksum else 0)
+    is_compressed, problem = message_type._type != Image._type, ""
+    if pixels and is_compressed:
+        try:
+            height, width = decoded(data[at + 4:]).shape[:2]
+            rest = ((width, height), *rest[1:])
+        except ImageError as error:
+            problem = str(error)
+    return (stamp, frame_id, encoding, *rest, zlib.crc32(data[at:]) if pixels else 0, is_compressed, problem)
 
 
 def fetch(bag, kind, head):

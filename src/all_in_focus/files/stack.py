@@ -129,7 +129,7 @@ def read_image(path, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
         data = Path(path).read_bytes()
     except OSError as error:
         raise StackError(f"{path}: {error.strerror}")
-    if not _is_complete(data):
+    if not is_complete(data):
         raise StackError(f"{path}: truncated or damaged")
     image = decode_image(data, flags)
     if image is None:
@@ -195,10 +195,12 @@ def read_depth(path, camera=None):
     return image
 
 
-def _is_complete(data):
+def is_complete(data):
     """Whether a PNG or JPEG file is whole and undamaged; other bytes count as complete, OpenCV judges them."""
     if not data.startswith((b"\x89PNG", b"\xff\xd8")):
         return True
+    if data.startswith(b"\xff\xd8") and b"\xff\xd9" not in data[data.rfind(b"\xff\xda"):]:
+        return False  # no end mark behind the pixels: the decoder takes zeros in their place for pixels
     try:
         with Image.open(io.BytesIO(data)) as image:
             if image.format == "PNG":

@@ -32,7 +32,7 @@ class _Checker:
     def __init__(self, bag, rules, invalid_values, optics):
         self._bag, self._rules, self._invalid_values, self._given_optics = bag, rules, invalid_values, optics
         self._report = BagReport(bag.path)
-        self._scan = scan(bag, checksums=True)
+        self._scan = scan(bag, pixels=True)
 
     def run(self):
         check_file(self._check("file"), self._bag)

@@ -61,13 +61,15 @@ def check_images(check, bag, scan, kind):
 def _problems(bag, scan, kind):
     """Why the nodes refuse an image, by its order in the bag."""
     problems = {}
-    conversions = {}  # problem or None by encoding; tried once each, since reading all pixels would take long
+    conversions = {}  # problem or None by encoding; tried once each: raw pixels of one encoding are all alike
     for head in getattr(scan, kind):
         try:
             if kind == "depth":
                 check_depth(head)
                 continue
             check_color(head)
+            if head.compressed:  # the scan has decoded it
+                continue
             if head.encoding not in conversions:
                 conversions[head.encoding] = _conversion(bag, head)
             if conversions[head.encoding]:
