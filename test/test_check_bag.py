@@ -132,7 +132,8 @@ ERRORS = {
     "colour info shape": (setting("/rgb/camera_info", width=128, height=72), "colour camera",
                           "is for 128x72, the images have 64x48.*of another shape are refused"),
     "uncalibrated": (setting("/rgb/camera_info", K=[0.0] * 9), "colour camera", "not calibrated .fx = 0"),
-    "model": (setting("/rgb/camera_info", distortion_model="equidistant"), "colour camera", "equidistant"),
+    "model": (setting("/rgb/camera_info", distortion_model="omni"), "colour camera", "\"omni\" is not supported"),
+    "skew": (setting("/rgb/camera_info", K=[60.0, 2, 31.5, 0, 60, 23.5, 0, 0, 1]), "colour camera", "has a skew, 2"),
     "no frame": (frame_id("/depth/image_raw", ""), "depth camera", "/depth/image_raw: frame_id is empty"),
     "no tf": (without("/tf_static"), "transform", "nothing on /tf_static or /tf: record them too"),
     "tf elsewhere": (transform(child="other"), "transform", "depth frame 'depth' with colour frame 'color'"),
@@ -177,6 +178,9 @@ WARNINGS = {
                    r"31 % .* 2047 mm.*--invalid-values \[0,2047,65535\]"),
     "little depth": (depth(np.pad(depth_image()[:12, 31:34], ((0, SIZE[1] - 12), (31, SIZE[0] - 34)))), "overlap",
                      "only [1-4].* % of the colour picture gets a depth: check the transform and both calibrations"),
+    "binned": (setting("/rgb/camera_info", K=[240.0, 0, 31.5, 0, 240, 23.5, 0, 0, 1], width=256, height=192, binning_x=4,
+                       binning_y=4), "transform",
+               "principal point of the colour camera, 7.5, 5.5, is not in the middle half of its 64x48 pictures.*binning"),
     "circle of confusion": (setting("/rgb/optics", circle_of_confusion_mm=1.9), "optics",
                             "the circle of confusion, 1.9 mm, is over a fiftieth of the sensor"),
     "no lens": (without("/rgb/optics"), "optics", "nothing on /rgb/optics.*--optics f,F,coc"),
@@ -219,7 +223,7 @@ def test_the_rig_is_checked_in_the_words_of_fuse_stack(tmp_path):
     planes, bag = TwoPlanes(tmp_path), tmp_path / "x.bag"
     words = set()
     for turn, translation, quaternion in ((1, [0, 0, -2.5], [0, 0, 0, 1]), (1, [0, 0, 0], [0, 0.4579, 0, 0.8890]),
-                                          (1, [0.05, 0, 0], [0, 0, 1, 0]), (-1, [0, 0, 0], [0, 0, 0, 1])):
+                                          (1, [0, 0, 0.4], [0, 0.5225, 0, 0.8526]), (-1, [0, 0, 0], [0, 0, 0, 1])):
         set_up_boards(planes, turn)
         rig = load_rig(planes.rig)
         rig.t = np.array(translation, float)

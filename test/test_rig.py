@@ -51,6 +51,9 @@ def test_rig_files_are_camera_info_files(tmp_path):
     ("color.yaml", "data: [810.0, ", "data: [", "camera_matrix.data: expected 9 numbers"),
     ("color.yaml", "data: [810.0, ", "data: [-810.0, ", "camera_matrix.data: focal lengths must be positive"),
     ("depth.yaml", "plumb_bob", "fisheye", "distortion_model: 'fisheye' is not one of"),
+    ("depth.yaml", "distortion_model", "camera_model: fisheye\ndistortion_model", "camera_model: 'fisheye' is not supported"),
+    ("depth.yaml", "distortion_model", "binning_x: 4\ndistortion_model", "binning_x: is not supported"),
+    ("color.yaml", "data: [810.0, 0.0, ", "data: [810.0, 2.0, ", "camera_matrix.data: the camera matrix has a skew, 2"),
     ("depth.yaml", "image_width: 640", "image_width: [", "not valid YAML"),
     ("extrinsics.yaml", "rotation: [", "rotation: [7.0, ", "rotation: expected 4 numbers"),
     ("extrinsics.yaml", "translation: [-0.03", "translation: [.nan", "translation: must be finite"),
@@ -106,6 +109,7 @@ def test_rig_without_file(tmp_path):
     ("plumb_bob", [0.1, 0.2, 0.3, 0.4], [0.1, 0.2, 0.3, 0.4, 0.0]),
     ("rational_polynomial", [0.1] * 5, [0.1] * 5 + [0.0] * 3),
     ("rational_polynomial", [0.1] * 8 + [0.0] * 6, [0.1] * 8),
+    ("equidistant", [0.1] * 4 + [0.0], [0.1] * 4),
 ])
 def test_distortion_may_be_padded_with_zeros(model, coefficients, wanted):
     assert distortion_of(model, coefficients).tolist() == wanted
@@ -115,7 +119,8 @@ def test_distortion_may_be_padded_with_zeros(model, coefficients, wanted):
     ("plumb_bob", [0.0] * 7 + [1e-9], "plumb_bob has 5 distortion coefficients, not 8"),
     ("plumb_bob", [0.0] * 9, "not 9"),
     ("rational_polynomial", [float("nan")] * 8, "all finite"),
-    ("equidistant", [0.0] * 4, '"equidistant" is not supported'),
+    ("equidistant", [0.0] * 4 + [0.1], "equidistant has 4 distortion coefficients, not 5"),
+    ("omni", [0.0] * 4, '"omni" is not supported'),
 ])
 def test_distortion_of_another_model_is_refused(model, coefficients, message):
     with pytest.raises(ValueError, match=message):

@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Bad options, files and paths of fuse_stack and segment_depth: exit code 2, one line that says why, nothing written."""
+import math
 import os
 import shutil
 import struct
@@ -14,6 +15,8 @@ import yaml
 from file_helpers import cut, file_limit, focus_file, hide_cut, pictures, write_video
 from tool_helpers import (SIZE, TwoPlanes, expect_refusal, fuse_stack, read_report, run_tool, segment_depth, set_up_boards,
                           succeeded, texture, unchanged, write)
+
+from all_in_focus.files.rig import Camera, load_rig, save_rig
 
 
 @pytest.fixture
@@ -193,7 +196,7 @@ def test_rig_key_is_missing_or_of_another_kind(planes, name, key):
     ("depth.yaml", ["image_width"], 64.5, "image_width"),
     ("depth.yaml", ["distortion_coefficients", "data", 1], float("nan"), "depth.yaml"),
     ("depth.yaml", ["distortion_coefficients", "data"], [0.0] * 9, "distortion_coefficients"),
-    ("depth.yaml", ["distortion_model"], "equidistant", "not supported"),
+    ("depth.yaml", ["distortion_model"], "omni", "not supported"),
     ("depth.yaml", ["camera_matrix", "data"], [60.0] * 8, "needs 9 numbers"),
     ("extrinsics.yaml", ["rotation"], [0, 0, 0, 0], "quaternion"),
     ("extrinsics.yaml", ["rotation"], [0, 0, 1], "4 numbers"),
@@ -385,12 +388,30 @@ def test_a_good_rig_gives_no_warning(planes):
 @pytest.mark.parametrize("key, value, warning", [
     ("translation", [0, 0, -2.5], "the depth camera stands 2.5 m from the colour camera, rotated by 0 degrees: are "
                                   "these mm?"),
-    ("rotation", [0, 0, 1, 0], "rotated by 180 degrees: is it between the optical frames (Z forward, Y down)"),
     ("translation", [1.5, 0, 0], "% of the colour picture gets a depth: check the transform and both calibrations")])
 def test_pose_that_is_most_likely_a_mistake(planes, key, value, warning):
     change(planes.rig / "extrinsics.yaml", [key], value)
     said = warnings_of(planes, *planes.with_depth)
     assert len(said) == 1 and warning in said[0], said
+
+
+@pytest.mark.parametrize("degrees", [90, 180, 270])
+def test_a_camera_that_is_truly_turned_draws_no_alarm(tmp_path, degrees):
+    planes = TwoPlanes(tmp_path)
+    set_up_boards(planes)
+    picture = cv2.imread(str(planes.depth_file), cv2.IMREAD_UNCHANGED)
+    write(planes.depth_file, np.ascontiguousarray(np.rot90(picture, degrees // 90)))  # counter-clockwise
+    rig = load_rig(planes.rig)
+    size = (480, 640) if degrees != 180 else (640, 480)
+    rig.depth = Camera.pinhole("depth", *size, 600.0, 600.0, (size[0] - 1) / 2, (size[1] - 1) / 2)
+    save_rig(planes.rig, rig, [0, 0, math.sin(math.radians(degrees / 2)), math.cos(math.radians(degrees / 2))])
+    assert warnings_of(planes, *planes.with_depth) == []
+
+
+def test_principal_point_of_other_pictures(planes):
+    change(planes.rig / "color.yaml", ["camera_matrix", "data"], [60.0, 0, 8, 0, 60, 6, 0, 0, 1])
+    said = warnings_of(planes, *planes.with_depth)
+    assert said[0].startswith("the principal point of the colour camera, 8, 6, is not in the middle half"), said
 
 
 def test_circle_of_confusion_in_another_unit(planes):

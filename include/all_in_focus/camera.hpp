@@ -9,16 +9,23 @@
 
 namespace all_in_focus::core {
 
-/// Pinhole camera with the distortion of ROS' plumb_bob and rational_polynomial models.
+/// How a lens bends the rays of a pinhole camera.
+enum class LensModel {
+  kPolynomial,   ///< ROS' plumb_bob and rational_polynomial: k1 k2 p1 p2 k3 k4 k5 k6
+  kEquidistant,  ///< ROS' equidistant, OpenCV's fisheye: k1 k2 k3 k4
+};
+
+/// Pinhole camera with distortion.
 struct Camera {
   cv::Size size;                       ///< pixels
   double fx = 0;                       ///< focal length along x, pixels
   double fy = 0;                       ///< focal length along y, pixels
   double cx = 0;                       ///< principal point, pixels; centres of pixels are integers
   double cy = 0;                       ///< principal point, pixels
-  std::array<double, 8> distortion{};  ///< k1 k2 p1 p2 k3 k4 k5 k6, 0 = none
+  std::array<double, 8> distortion{};  ///< coefficients, see LensModel; 0 = none
+  LensModel lens = LensModel::kPolynomial;
 
-  bool distorted() const;  ///< true if a coefficient is not 0
+  bool distorted() const;  ///< false: distort() changes nothing
 
   /// Greatest radius in the plane z = 1 up to which the radial distortion is one-to-one; 10 (84 degrees off
   /// the axis) if it is beyond that. Farther out the polynomial maps points back into the picture, where they
@@ -27,15 +34,20 @@ struct Camera {
 
   /// Distorts a point of the plane z = 1.
   cv::Point2d distort(const cv::Point2d& ideal) const;
-  /// Inverse of distort(), by fixed-point iteration; exact to 1e-9 for usual lenses.
+  /// Inverse of distort(), by iteration; exact to 1e-9 for usual lenses. NaN for a point that a fisheye lens
+  /// sees 90 degrees off its axis or more.
   cv::Point2d undistort(const cv::Point2d& distorted) const;
-};
 
-/// The coefficients of ROS' distortion models plumb_bob (up to 5), rational_polynomial (up to 8) and ""
-/// (none), as Camera has them. Their number has to be one that OpenCV knows (0, 4, 5, 8, 12, 14); drivers pad
-/// with zeros. Throws std::invalid_argument for other models and numbers, and where a coefficient beyond the
-/// model is not 0.
-std::array<double, 8> distortionOf(const std::string& model, const std::vector<double>& coefficients);
+  /// Sets fx, fy, cx, cy from the nine numbers of a camera matrix, row by row. Throws std::invalid_argument
+  /// where it says more than those four, such as a skew: nothing here would use it.
+  void setMatrix(const double* matrix);
+
+  /// Sets the distortion from ROS' models plumb_bob (up to 5 coefficients), rational_polynomial (up to 8),
+  /// equidistant (4) and "" (none). Their number has to be one that OpenCV knows (0, 4, 5, 8, 12, 14);
+  /// drivers pad with zeros. Throws std::invalid_argument for other models and numbers, and where a
+  /// coefficient beyond the model is not 0.
+  void setDistortion(const std::string& model, const std::vector<double>& coefficients);
+};
 
 /// Throws std::invalid_argument unless the image has a size and all values are what a camera can have. The
 /// message begins with `name` and gives the value.

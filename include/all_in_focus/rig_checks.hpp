@@ -14,7 +14,8 @@ namespace all_in_focus::core {
 // line for people that ends with the remedy, empty if there is nothing to say. fuse_stack, check_bag and the
 // nodes say it in the same words.
 
-/// Distance and rotation between the cameras: over 2 m or 60 degrees.
+/// Distance and rotation between the cameras: over 2 m, or 60 degrees between the optical axes. A camera that
+/// is turned about its axis, as for a portrait, is no mistake.
 std::string checkPose(const RigidTransform& depth_to_color);
 
 /// Depth in m where mm are meant. depth: CV_16UC1 mm, 0 = unknown.
@@ -24,7 +25,10 @@ std::string checkDepthUnit(const cv::Mat& depth);
 /// registered: CV_16UC1 mm, 0 = unknown, as DepthRegistration of this rig has drawn it.
 double coverage(const cv::Mat& registered, const Rig& rig);
 
-/// Under 5 % of the colour picture with a depth. registered: CV_16UC1 mm, 0 = unknown, as DepthRegistration
+/// A principal point outside the middle half of the picture. name: of the camera.
+std::string checkPrincipalPoint(const Camera& camera, const char* name);
+
+/// Under 30 % of the colour picture with a depth. registered: CV_16UC1 mm, 0 = unknown, as DepthRegistration
 /// of this rig has drawn it. Throws std::invalid_argument if no depth falls into the picture.
 std::string checkCoverage(const cv::Mat& registered, const Rig& rig);
 

@@ -17,12 +17,12 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kFarApart = 2.0;         // m between the cameras; more are probably mm
-constexpr double kRotated = 60;           // degrees; more are probably other axes
-constexpr double kLittleCoverage = 0.05;  // share of the picture
-constexpr double kSamplesPerCell = 4;     // depth pixels in a cell of the picture where depth is known
-constexpr int kProbablyMetres = 20;       // mm
-constexpr int kUnitSamples = 100000;      // pixels
+constexpr double kFarApart = 2.0;        // m between the cameras; more are probably mm
+constexpr double kAxesApart = 60;        // degrees; more are probably other axes
+constexpr double kLittleCoverage = 0.3;  // share of the picture
+constexpr double kSamplesPerCell = 4;    // depth pixels in a cell of the picture where depth is known
+constexpr int kProbablyMetres = 20;      // mm
+constexpr int kUnitSamples = 100000;     // pixels
 
 // Depth edges and picture are compared at this width, so that a sharp frame is not needed.
 constexpr int kWidth = 320;
@@ -176,12 +176,12 @@ bool isElongated(const cv::Size& size) {
 
 std::string checkPose(const RigidTransform& depth_to_color) {
   const double distance = cv::norm(depth_to_color.translation_mm) / 1000;
-  const double cosine = std::clamp((cv::trace(depth_to_color.rotation) - 1) / 2, -1.0, 1.0);
-  const double angle = std::acos(cosine) * 180 / CV_PI;
+  const auto degrees = [](double cosine) { return std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / CV_PI; };
+  const double angle = degrees((cv::trace(depth_to_color.rotation) - 1) / 2);
   const std::string where = cv::format(
       "the depth camera stands %.4g m from the colour camera, rotated by %.3g degrees", distance, angle);
   if (distance > kFarApart) return where + ": are these mm?";
-  if (angle > kRotated) {
+  if (degrees(depth_to_color.rotation(2, 2)) > kAxesApart) {
     return where + ": is it between the optical frames (Z forward, Y down), and the quaternion x, y, z, w?";
   }
   return "";
@@ -236,6 +236,18 @@ std::string checkCoverage(const cv::Mat& registered, const Rig& rig) {
       "only %.2g %% of the colour picture gets a depth: "
       "check the transform and both calibrations, and whether the sensor sees the scene",
       100 * share);
+}
+
+std::string checkPrincipalPoint(const Camera& camera, const char* name) {
+  const auto is_central = [](double center, int length) {
+    return std::abs(center - (length - 1) / 2.0) <= length / 4.0;
+  };
+  if (is_central(camera.cx, camera.size.width) && is_central(camera.cy, camera.size.height)) return "";
+  return cv::format(
+      "the principal point of the %s camera, %.4g, %.4g, is not in the middle half of its %dx%d pictures: is "
+      "the "
+      "calibration that of these pictures (binning, region of interest)?",
+      name, camera.cx, camera.cy, camera.size.width, camera.size.height);
 }
 
 std::string checkCircleOfConfusion(const Optics& optics, const Camera& color) {

@@ -314,6 +314,8 @@ void DepthPreprocess::warnOfRig(const cv::Mat& depth, const cv::Mat& registered)
   };
   const Rig& rig = preprocessing_->rig();
   warn(core::checkDepthUnit(depth));
+  warn(core::checkPrincipalPoint(rig.depth, "depth"));
+  warn(core::checkPrincipalPoint(rig.color, "colour"));
   warn(core::checkPose(rig.depth_to_color));
   try {
     warn(core::checkCoverage(registered, rig));

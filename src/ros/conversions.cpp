@@ -198,18 +198,19 @@ Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {
   }
   Camera camera;
   try {
-    camera.distortion = distortionOf(info.distortion_model, info.D);
+    camera.setMatrix(info.K.data());
+    camera.setDistortion(info.distortion_model, info.D);
   } catch (const std::invalid_argument& e) {
     fail(topic, e.what());
   }
 
   // K is that of the full sensor; the images hold its region of interest, binned.
   camera.size = cv::Size(static_cast<int>(width / bin_x), static_cast<int>(height / bin_y));
-  camera.fx = info.K[0] / bin_x;
-  camera.fy = info.K[4] / bin_y;
+  camera.fx /= bin_x;
+  camera.fy /= bin_y;
   // Pixel centres are integers, so a binned pixel's centre lies half a bin inside.
-  camera.cx = (info.K[2] - static_cast<double>(roi.x_offset) + 0.5) / bin_x - 0.5;
-  camera.cy = (info.K[5] - static_cast<double>(roi.y_offset) + 0.5) / bin_y - 0.5;
+  camera.cx = (camera.cx - static_cast<double>(roi.x_offset) + 0.5) / bin_x - 0.5;
+  camera.cy = (camera.cy - static_cast<double>(roi.y_offset) + 0.5) / bin_y - 0.5;
   try {
     validate(camera, "");
   } catch (const std::invalid_argument& e) {

@@ -28,6 +28,8 @@ void checkDepth(const po::variables_map& values) {
   nlohmann::ordered_json report;
   report["unit"] = found.unit;
   report["circle_of_confusion"] = found.circle_of_confusion;
+  report["depth_center"] = found.depth_center;
+  report["color_center"] = found.color_center;
   report["pose"] = found.pose;
   report["overlap"] = found.overlap;
   report["mirroring"] = found.mirroring;

@@ -127,7 +127,10 @@ std::vector<std::string> checkRigAndDepth(const PipelineInput& input, StackReade
   if (input.registered_depth.empty()) return {};
   RigWarnings found;
   found.unit = checkDepthUnit(input.registered_depth);
-  if (input.has_rig) found.circle_of_confusion = checkCircleOfConfusion(input.optics, input.rig.color);
+  if (input.has_rig) {
+    found.circle_of_confusion = checkCircleOfConfusion(input.optics, input.rig.color);
+    found.color_center = checkPrincipalPoint(input.rig.color, "colour");
+  }
   found.mirroring = checkMirroring(input.registered_depth, cv::Mat(), picture());
   return found.lines();
 }

@@ -55,19 +55,35 @@ auto naming(const std::string& path, const Call& call) {
   }
 }
 
+// Refuses what other programs write and nothing here would use.
+void requireKnownModel(const YAML::Node& node, const std::string& path) {
+  const auto model = node["camera_model"] ? get<std::string>(node, "camera_model", path) : "pinhole";
+  const auto lens = node["distortion_model"] ? get<std::string>(node, "distortion_model", path) : "";
+  const bool is_fisheye = model == "fisheye" && lens == "equidistant";
+  if (model != "pinhole" && !is_fisheye) {
+    fail(path, "camera_model '" + model +
+                   "' is not supported: use pinhole, or fisheye with distortion_model: equidistant (OpenCV's "
+                   "fisheye model)");
+  }
+  for (const char* key : {"binning_x", "binning_y"}) {
+    if (!node[key] || get<int>(node, key, path) <= 1) continue;
+    fail(path, std::string(key) + " is not supported in a file: give the calibration of the binned pictures");
+  }
+}
+
 Camera readCamera(const std::string& path) {
   const YAML::Node node = load(path);
   Camera camera;
   camera.size = {get<int>(node, "image_width", path), get<int>(node, "image_height", path)};
   const auto k = numbers(get<YAML::Node>(node, "camera_matrix", path), "data", 9, path);
-  camera.fx = k[0], camera.cx = k[2], camera.fy = k[4], camera.cy = k[5];
+  naming(path, [&] { camera.setMatrix(k.data()); });
+  requireKnownModel(node, path);
   const auto model =
       node["distortion_model"] ? get<std::string>(node, "distortion_model", path) : "plumb_bob";
-  if (node["distortion_coefficients"]) {
-    const auto coefficients = numbers(node["distortion_coefficients"], "data", 0, path);
-    camera.distortion =
-        naming(path + ": distortion_coefficients", [&] { return distortionOf(model, coefficients); });
-  }
+  const auto coefficients = node["distortion_coefficients"]
+                                ? numbers(node["distortion_coefficients"], "data", 0, path)
+                                : std::vector<double>();
+  naming(path + ": distortion_coefficients", [&] { camera.setDistortion(model, coefficients); });
   naming(path, [&] { validate(camera, "this"); });
   return camera;
 }

@@ -12,7 +12,8 @@ namespace all_in_focus {
 
 std::vector<std::string> RigWarnings::lines() const {
   std::vector<std::string> lines;
-  for (const std::string& line : {unit, circle_of_confusion, pose, overlap, mirroring}) {
+  for (const std::string& line :
+       {unit, circle_of_confusion, depth_center, color_center, pose, overlap, mirroring}) {
     if (!line.empty()) lines.push_back(line);
   }
   return lines;
@@ -23,6 +24,8 @@ RigWarnings checkRig(const Rig& rig, const Optics* optics, const cv::Mat& depth,
   RigWarnings found;
   found.unit = checkDepthUnit(depth);
   if (optics) found.circle_of_confusion = checkCircleOfConfusion(*optics, rig.color);
+  found.depth_center = checkPrincipalPoint(rig.depth, "depth");
+  found.color_center = checkPrincipalPoint(rig.color, "colour");
   found.pose = checkPose(rig.depth_to_color);
   DepthRegistration registration(rig);
   registration.compute(depth, found.registered);

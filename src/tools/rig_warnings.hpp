@@ -17,7 +17,7 @@ using namespace core;
 /// The warnings of the checks in rig_checks.hpp for a rig and a depth image, one line each; empty: no
 /// warning.
 struct RigWarnings {
-  std::string unit, circle_of_confusion, pose, overlap, mirroring;
+  std::string unit, circle_of_confusion, depth_center, color_center, pose, overlap, mirroring;
   bool apart = false;  ///< no depth falls into the picture, as `overlap` says: nothing can be registered
   cv::Mat registered;  ///< CV_16UC1 mm, depth seen from the colour camera
 

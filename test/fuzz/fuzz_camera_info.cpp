@@ -26,6 +26,7 @@ sensor_msgs::CameraInfo infoFrom(Input& input) {
                        &info.roi.height, &info.binning_x, &info.binning_y})
     *pixels = pixelsFrom(input);
   for (const int i : {0, 2, 4, 5}) info.K[i] = input.number();
+  info.K[8] = 1;
   info.distortion_model = kModels[input.below(std::size(kModels))];
   info.D.resize(input.below(kMostCoefficients));
   for (double& coefficient : info.D) coefficient = input.number();

@@ -26,6 +26,9 @@ const std::string kRational =
     kCamera +
     "distortion_model: rational_polynomial\n"
     "distortion_coefficients:\n  rows: 1\n  data: [0.1, -0.2, 0.001, 0.002, 0.05, 0.1, 0.2, 0.3]\n";
+const std::string kFisheye = kCamera +
+                             "camera_model: fisheye\nbinning_x: 1\ndistortion_model: equidistant\n"
+                             "distortion_coefficients: {rows: 1, cols: 4, data: [0.1, -0.02, 0.001, 0.0]}\n";
 const std::string kPose = "translation: [0.025, -0.01, 1.0e-3]\nrotation: [0.0, 0.0, 0.0436194, 0.9990482]\n";
 const std::string kOptics = "focal_length_mm: 24.0\naperture: 4.0\ncircle_of_confusion_mm: 0.019\n";
 
@@ -56,7 +59,8 @@ std::string filesOf(const std::string& depth, const std::string& color, const st
 }
 
 std::vector<std::string> seeds() {
-  return {filesOf(kCamera, kPlumbBob, kPose, kOptics), filesOf(kRational, kCamera, kPose, kOptics),
+  return {filesOf(kFisheye, kFisheye, kPose, kOptics), filesOf(kCamera, kPlumbBob, kPose, kOptics),
+          filesOf(kRational, kCamera, kPose, kOptics),
           filesOf(kPlumbBob, kRational, "translation: [0, 0, 0]\nrotation: [0, 0, 0, 1]\n",
                   "{focal_length_mm: 50, aperture: 1.8, circle_of_confusion_mm: 3e-2}"),
           filesOf("image_width: 99999\nimage_height: -1\ncamera_matrix: &a {data: [*a, .nan, .inf, -.inf]}",

@@ -166,8 +166,8 @@ class DepthPreprocessTest(GraphTest):
         self.assert_good_depth_is_processed()
 
     def test_unknown_distortion_model_is_named(self):
-        self.send(rgb=camera_info(0, 'color', model='equidistant'))
-        self.assert_error('/chain/rgb/camera_info', 'equidistant')
+        self.send(rgb=camera_info(0, 'color', model='omni'))
+        self.assert_error('/chain/rgb/camera_info', 'omni')
         self.assert_good_depth_is_processed()
 
     def test_missing_transform_names_both_frames(self):

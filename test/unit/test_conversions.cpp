@@ -203,6 +203,9 @@ TEST(Camera, DistortionModels) {
   info.distortion_model = "rational_polynomial";
   info.D = {1, 2, 3, 4, 5, 6, 7, 8};
   EXPECT_EQ(toCamera(info, "/topic").distortion, (std::array<double, 8>{1, 2, 3, 4, 5, 6, 7, 8}));
+  info.K[1] = 3;
+  expectRefused([&] { toCamera(info, "/topic"); }, "has a skew, 3");
+  info.K[1] = 0;
   info.D = {1, 2, 3, 4, 5, 6, 7, 8, 0, 0, 0, 0};
   EXPECT_EQ(toCamera(info, "/topic").distortion[7], 8);
   info.D.back() = 0.1;
@@ -214,8 +217,8 @@ TEST(Camera, DistortionModels) {
   info.distortion_model = "plumb_bob";
   info.D.assign(8, 0.0);  // as many drivers publish
   EXPECT_FALSE(toCamera(info, "/topic").distorted());
-  info.distortion_model = "equidistant";
-  expectRefused([&] { toCamera(info, "/topic"); }, "\"equidistant\"");
+  info.distortion_model = "omni";
+  expectRefused([&] { toCamera(info, "/topic"); }, "\"omni\"");
 }
 
 TEST(Camera, ImpossibleCalibrationsAreRefused) {

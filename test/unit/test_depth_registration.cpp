@@ -222,4 +222,70 @@ TEST(Camera, UndistortIsTheInverseOfDistort) {
   }
 }
 
+Camera fisheye() {
+  Camera c = camera(640, 480, 200);
+  c.setDistortion("equidistant", {-0.02, 0.004, -0.001, 0.0002});
+  return c;
+}
+
+TEST(Camera, EquidistantIsTheFisheyeModelOfOpenCv) {
+  // From cv2.fisheye.projectPoints.
+  const cv::Point2d ideal[] = {{0.3, -0.2}, {1.5, 0.7}, {4, -3}};
+  const cv::Point2d seen[] = {{0.287254903475036, -0.191503268983357},
+                              {0.914601455435456, 0.426814012536546},
+                              {1.068316363484516, -0.801237272613387}};
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(fisheye().distort(ideal[i]).x, seen[i].x, 1e-12);
+    EXPECT_NEAR(fisheye().distort(ideal[i]).y, seen[i].y, 1e-12);
+  }
+}
+
+TEST(Camera, FisheyeSeesNearlyAHalfSphere) {
+  const Camera c = fisheye();
+  EXPECT_NEAR(c.reach(), 10, 0.02);
+  for (const double radius : {0.0, 0.1, 1.0, 3.0, 9.0}) {
+    for (double angle = 0; angle < 6; angle += 0.7) {
+      const cv::Point2d ideal(radius * std::cos(angle), radius * std::sin(angle));
+      EXPECT_LT(cv::norm(c.undistort(c.distort(ideal)) - ideal), 1e-7);
+    }
+  }
+  EXPECT_TRUE(std::isnan(c.undistort({2, 1}).x));  // behind the camera
+}
+
+TEST(DepthRegistration, FisheyeToFisheyeOfTheSameKindChangesNothing) {
+  Rig rig;
+  rig.depth = rig.color = fisheye();  // the corners are 110 degrees off the axis
+  cv::Mat depth = constant(rig.depth.size, 1500);
+  const cv::Mat out = registered(rig, depth, Splat::kPoint);
+  const cv::Rect inside(120, 40, 400, 400);
+  EXPECT_EQ(cv::countNonZero(out(inside) != 1500), 0);
+  EXPECT_EQ(out.at<std::uint16_t>(0, 0), 0);
+}
+
+TEST(DepthRegistration, FisheyeIsNoPinhole) {
+  Rig rig;
+  rig.depth = rig.color = fisheye();
+  rig.color.lens = LensModel::kPolynomial;
+  rig.color.distortion = {};
+  cv::Mat depth = cv::Mat::zeros(rig.depth.size, CV_16UC1);
+  const cv::Point2d seen = fisheye().distort({0.8, 0.5});
+  depth.at<std::uint16_t>(cvRound(seen.y * 200 + rig.depth.cy), cvRound(seen.x * 200 + rig.depth.cx)) = 1500;
+  cv::Mat place;
+  cv::findNonZero(registered(rig, depth, Splat::kPoint), place);
+  ASSERT_EQ(place.total(), 1U);
+  const cv::Point at = place.at<cv::Point>(0);
+  EXPECT_NEAR(at.x, 0.8 * 200 + rig.color.cx, 1.5);
+  EXPECT_NEAR(at.y, 0.5 * 200 + rig.color.cy, 1.5);
+}
+
+TEST(Camera, MatrixThatSaysMoreThanItsFourNumbers) {
+  Camera c;
+  const double skewed[] = {500, 3, 320, 0, 500, 240, 0, 0, 1}, scaled[] = {500, 0, 320, 0, 500, 240, 0, 0, 2};
+  EXPECT_THROW(c.setMatrix(skewed), std::invalid_argument);
+  EXPECT_THROW(c.setMatrix(scaled), std::invalid_argument);
+  EXPECT_THROW(c.setDistortion("omni", {0, 0, 0, 0}), std::invalid_argument);
+  EXPECT_THROW(c.setDistortion("equidistant", {0, 0, 0, 0, 0.1}), std::invalid_argument);
+  EXPECT_NO_THROW(c.setDistortion("equidistant", {0, 0, 0, 0.1, 0}));
+}
+
 }  // namespace

@@ -86,6 +86,35 @@ TEST_F(Files, DistortionMayBePaddedWithZeros) {
   EXPECT_FALSE(readRig(folder_.string()).depth.distorted());
 }
 
+TEST_F(Files, CalibrationsOfOtherProgramsAreRefusedWhereTheyWouldBeIgnored) {
+  const auto camera = [&](const std::string& lines,
+                          const std::string& matrix = "500.0, 0, 320, 0, 510.0, 240, 0, 0, 1") {
+    write("color.yaml",
+          "image_width: 640\nimage_height: 480\ncamera_matrix: {data: [" + matrix + "]}\n" + lines);
+    return readRig(folder_.string()).color;
+  };
+  writeRig();
+  const std::string four = "distortion_coefficients: {data: [0.1, 0.02, 0.003, 0]}\n";
+  EXPECT_EQ(camera("distortion_model: equidistant\n" + four).lens, LensModel::kEquidistant);
+  EXPECT_EQ(camera("camera_model: fisheye\ndistortion_model: equidistant\n" + four).distortion[2], 0.003);
+  EXPECT_EQ(camera("camera_model: pinhole\ndistortion_model: plumb_bob\n" + four).lens,
+            LensModel::kPolynomial);
+  expectError([&] { camera("camera_model: fisheye\n" + four); },
+              "camera_model 'fisheye' is not supported: use pinhole");
+  expectError([&] { camera("camera_model: fisheye\ndistortion_model: plumb_bob\n" + four); },
+              "camera_model 'fisheye'");
+  expectError([&] { camera("camera_model: omni\ndistortion_model: radtan\n" + four); },
+              "camera_model 'omni'");
+  expectError([&] { camera("distortion_model: thin_prism\n" + four); }, "distortion model \"thin_prism\"");
+  expectError([&] { camera("distortion_model: thin_prism\n"); }, "distortion model \"thin_prism\"");
+  expectError(
+      [&] { camera("distortion_model: equidistant\ndistortion_coefficients: {data: [0, 0, 0, 0, 1]}\n"); },
+      "equidistant has 4 distortion coefficients, not 5");
+  expectError([&] { camera("", "500.0, 4, 320, 0, 510.0, 240, 0, 0, 1"); }, "has a skew, 4");
+  expectError([&] { camera("", "500.0, 0, 320, 0, 510.0, 240, 0, 0, 2"); }, "must be fx 0 cx");
+  expectError([&] { camera("binning_x: 4\n"); }, "binning_x is not supported");
+}
+
 TEST_F(Files, RigErrorsNameFileAndKey) {
   expectError([] { readRig("/nowhere"); }, "/nowhere: no such rig folder");
   writeRig();

@@ -66,6 +66,25 @@ TEST(RigChecks, PoseInMillimetresOrOtherAxes) {
   EXPECT_TRUE(says(checkPose(standing(0.05, 90)), "rotated by 90 degrees: is it between the optical frames"));
 }
 
+TEST(RigChecks, CameraTurnedAboutItsAxis) {
+  for (const double degrees : {90.0, 180.0, 270.0}) {
+    const double half = degrees * CV_PI / 360;
+    EXPECT_EQ(checkPose(RigidTransform::fromQuaternion(0, 0, std::sin(half), std::cos(half), {0.05, 0, 0})),
+              "");
+  }
+}
+
+TEST(RigChecks, PrincipalPointOfOtherPictures) {
+  Camera color = sameCameras({480, 320}).color;
+  EXPECT_EQ(checkPrincipalPoint(color, "colour"), "");
+  color.cx = 130, color.cy = 90;
+  EXPECT_EQ(checkPrincipalPoint(color, "colour"), "");
+  color.cx = 59;  // of pictures binned by 4
+  EXPECT_TRUE(
+      says(checkPrincipalPoint(color, "colour"), "of the colour camera, 59, 90, is not in the middle half"));
+  EXPECT_TRUE(says(checkPrincipalPoint(color, "colour"), "binning, region of interest"));
+}
+
 TEST(RigChecks, DepthInMetres) {
   EXPECT_EQ(checkDepthUnit(cv::Mat(480, 640, CV_16UC1, cv::Scalar(800))), "");
   EXPECT_EQ(checkDepthUnit(cv::Mat::zeros(480, 640, CV_16UC1)), "");
@@ -80,7 +99,9 @@ TEST(RigChecks, CoverageOfThePicture) {
   registered.colRange(0, 4).setTo(1000);
   EXPECT_TRUE(says(checkCoverage(registered, rig),
                    "only 4 % of the colour picture gets a depth: check the transform"));
-  registered.colRange(0, 6).setTo(1000);
+  registered.colRange(0, 28).setTo(1000);
+  EXPECT_TRUE(says(checkCoverage(registered, rig), "only 28 %"));
+  registered.colRange(0, 32).setTo(1000);
   EXPECT_EQ(checkCoverage(registered, rig), "");
 }
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from all_in_focus.bag.image_messages import ImageError, check_depth
 from all_in_focus.bag.scan import newest
 from all_in_focus.files.errors import one_line
-from all_in_focus.files.rig import Camera, Optics, distortion_of, rotation_matrix
+from all_in_focus.files.rig import Camera, Optics, check_matrix, distortion_of, rotation_matrix
 
 MAX_SIZE = 32767  # pixels
 MAX_PIXELS = 100_000_000
@@ -35,6 +35,7 @@ def camera_of(info, name):
                                "give its driver a calibration file")
     model = info.distortion_model or "plumb_bob"
     try:
+        check_matrix(K)
         D = distortion_of(model, info.D if info.distortion_model else [])
     except ValueError as error:
         raise RecordedRigError(str(error)) from error

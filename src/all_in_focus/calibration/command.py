@@ -86,6 +86,9 @@ def parse_arguments(argv, description):
     except ValueError as error:
         parser.error(f"argument --board: {error}")
     arguments.known = tuple(load_camera(path) if path else None for path in (arguments.depth_info, arguments.color_info))
+    for camera, option in zip(arguments.known, ("--depth-info", "--color-info")):
+        if camera and camera.is_fisheye:
+            parser.error(f"argument {option}: a fisheye lens (equidistant) cannot be calibrated here")
     arguments.ir_offset = arguments.ir_offset or (KINECT_IR_OFFSET if arguments.kinect else (0.0, 0.0))
     return parser, arguments
 

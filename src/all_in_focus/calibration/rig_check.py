@@ -72,10 +72,9 @@ def _project(rig, at, z):
     if len(at) == 0:
         return np.zeros((0, 2)), np.zeros(0)
     depth, color = rig.depth, rig.color
-    rays = cv2.undistortPoints(np.asarray(at, float).reshape(-1, 1, 2), depth.K, depth.D)[:, 0]
+    rays = depth.rays(at)
     points = np.column_stack([rays, np.ones(len(rays))]) * (np.asarray(z, float) / 1000)[:, None]
-    return (cv2.projectPoints(points, cv2.Rodrigues(rig.R)[0], rig.t, color.K, color.D)[0][:, 0],
-            (points @ rig.R.T + rig.t)[:, 2])
+    return color.seen(points, rig.R, rig.t), (points @ rig.R.T + rig.t)[:, 2]
 
 
 def contours_by_rig(depth, rig):

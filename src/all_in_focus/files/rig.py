@@ -17,8 +17,9 @@ from scipy.spatial.transform import Rotation
 from all_in_focus.files import yaml_file
 from all_in_focus.files.output_file import whole_file
 
-DISTORTION_COEFFICIENTS = {"plumb_bob": 5, "rational_polynomial": 8}
+DISTORTION_COEFFICIENTS = {"plumb_bob": 5, "rational_polynomial": 8, "equidistant": 4}
 KNOWN_TO_OPENCV = (0, 4, 5, 8, 12, 14)
+LARGEST_SKEW = 0.1  # pixels
 # What a lens can have, as in include/all_in_focus/optics.hpp.
 OPTICS_RANGES = {"focal_length_mm": (0.1, 10000.0), "aperture": (0.1, 1000.0), "circle_of_confusion_mm": (1e-6, 10.0)}
 
@@ -29,15 +30,24 @@ def rotation_matrix(rotation):
 
 
 def distortion_of(model, coefficients):
-    """The coefficients of ROS' models plumb_bob (5) and rational_polynomial (8); drivers pad with zeros. ValueError."""
+    """The coefficients of ROS' models plumb_bob (5), rational_polynomial (8) and equidistant (4); drivers pad with zeros.
+    ValueError."""
     if model not in DISTORTION_COEFFICIENTS:
-        raise ValueError(f'distortion model "{model}" is not supported: use plumb_bob or rational_polynomial')
+        raise ValueError(f'distortion model "{model}" is not supported: use plumb_bob, rational_polynomial or equidistant')
     most, D = DISTORTION_COEFFICIENTS[model], np.array(coefficients, float)
     if not np.isfinite(D).all():
         raise ValueError(f"{model} has {most} distortion coefficients, all finite, not these: calibrate again")
     if len(D) not in KNOWN_TO_OPENCV or D[most:].any():
         raise ValueError(f"{model} has {most} distortion coefficients, not {len(D)}: calibrate again")
     return np.pad(D[:most], (0, max(0, most - len(D))), "constant")
+
+
+def check_matrix(K):
+    """ValueError where a camera matrix (3x3) says more than fx, fy, cx, cy: nothing here would use it."""
+    if abs(K[0, 1]) > LARGEST_SKEW:
+        raise ValueError(f"the camera matrix has a skew, {K[0, 1]:g}, which is not supported: calibrate without one")
+    if K[1, 0] or (K[2] != (0, 0, 1)).any():
+        raise ValueError("the camera matrix must be fx 0 cx, 0 fy cy, 0 0 1")
 
 
 class RigError(ValueError):
@@ -66,6 +76,22 @@ class Camera:
     def pinhole(cls, name, width, height, fx, fy, cx, cy):
         """Camera without distortion."""
         return cls(name, width, height, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+    @property
+    def is_fisheye(self):
+        return self.distortion_model == "equidistant"
+
+    def rays(self, at):
+        """Rays (N x 2, in the plane z = 1) of pixels (N x 2)."""
+        lens = cv2.fisheye if self.is_fisheye else cv2
+        return lens.undistortPoints(np.asarray(at, float).reshape(-1, 1, 2), self.K, self.D)[:, 0]
+
+    def seen(self, points, rotation, translation):
+        """Pixels (N x 2) of points (N x 3) that a rotation (3x3) and a translation move into the camera's frame."""
+        points, pose = np.asarray(points, float).reshape(-1, 1, 3), (cv2.Rodrigues(rotation)[0], translation)
+        if self.is_fisheye:
+            return cv2.fisheye.projectPoints(points, *pose, self.K, self.D)[0][:, 0]
+        return cv2.projectPoints(points, *pose, self.K, self.D)[0][:, 0]
 
     def scaled(self, width, height):
         """The same view on another number of pixels; the centre of a pixel has whole coordinates."""
@@ -195,7 +221,18 @@ def load_camera(path):
     K = file.matrix("camera_matrix", (3, 3))
     if K[0, 0] <= 0 or K[1, 1] <= 0:
         file.fail("camera_matrix.data", "focal lengths must be positive")
+    try:
+        check_matrix(K)
+    except ValueError as error:
+        file.fail("camera_matrix.data", str(error))
     model = file.text("distortion_model", "plumb_bob")
+    kind = file.text("camera_model", "pinhole")
+    if kind != "pinhole" and (kind, file.data.get("distortion_model")) != ("fisheye", "equidistant"):
+        file.fail("camera_model", f"'{kind}' is not supported: use pinhole, or fisheye with distortion_model: equidistant "
+                                  "(OpenCV's fisheye model)")
+    for key in ("binning_x", "binning_y"):
+        if file.data.get(key, 0) not in (0, 1):
+            file.fail(key, "is not supported in a file: give the calibration of the binned pictures")
     D = file.array("distortion_coefficients.data", None) if "distortion_coefficients" in file.data else np.zeros(5)
     if model not in DISTORTION_COEFFICIENTS:
         file.fail("distortion_model", f"'{model}' is not one of {', '.join(sorted(DISTORTION_COEFFICIENTS))}")

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "all_in_focus/fusion.hpp"
 #include "util/srgb.hpp"
 
 namespace all_in_focus::core {

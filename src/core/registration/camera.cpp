@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 #include <stdexcept>
 #include <string>
 
@@ -18,14 +20,45 @@ constexpr double kUndistortTolerance = 1e-12;
 constexpr double kLeastFocalLength = 0.01, kMostFocalLength = 1e7;  // pixels
 constexpr double kMostPrincipalPoint = 1e6;                         // pixels, either way
 constexpr double kMostDistortion = 1e6;                             // of a coefficient, either way
+constexpr double kLargestSkew = 0.1;  // pixels; moves no corner by a tenth of a pixel
+
+// theta (1 + k1 theta^2 + .. + k4 theta^8): how far from the middle a fisheye lens shows a ray that comes
+// theta off its axis, in focal lengths.
+double fisheyeRadius(const std::array<double, 8>& k, double theta) {
+  const double t2 = theta * theta;
+  return theta * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))));
+}
+
+double fisheyeSlope(const std::array<double, 8>& k, double theta) {
+  const double t2 = theta * theta;
+  return 1 + t2 * (3 * k[0] + t2 * (5 * k[1] + t2 * (7 * k[2] + t2 * 9 * k[3])));
+}
+
+cv::Point2d undistortFisheye(const std::array<double, 8>& k, const cv::Point2d& distorted) {
+  const double radius = std::hypot(distorted.x, distorted.y);
+  if (radius == 0) return distorted;
+  double theta = std::min(radius, CV_PI / 2), error = 0;
+  for (int i = 0; i < kUndistortIterations; ++i) {
+    error = fisheyeRadius(k, theta) - radius;
+    if (std::abs(error) < kUndistortTolerance) break;
+    theta = std::clamp(theta - error / fisheyeSlope(k, theta), 0.0, CV_PI);
+  }
+  const bool found = std::abs(error) < 1e-9 && theta < CV_PI / 2;
+  return distorted * (found ? std::tan(theta) / radius : std::numeric_limits<double>::quiet_NaN());
+}
 
 }  // namespace
 
 bool Camera::distorted() const {
-  return std::any_of(distortion.begin(), distortion.end(), [](double k) { return k != 0; });
+  return lens == LensModel::kEquidistant ||
+         std::any_of(distortion.begin(), distortion.end(), [](double k) { return k != 0; });
 }
 
 cv::Point2d Camera::distort(const cv::Point2d& ideal) const {
+  if (lens == LensModel::kEquidistant) {
+    const double radius = std::hypot(ideal.x, ideal.y);
+    return radius == 0 ? ideal : ideal * (fisheyeRadius(distortion, std::atan(radius)) / radius);
+  }
   const auto& [k1, k2, p1, p2, k3, k4, k5, k6] = distortion;
   const double x = ideal.x, y = ideal.y, r2 = x * x + y * y;
   const double radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
@@ -37,10 +70,14 @@ double Camera::reach() const {
   constexpr double kStep = 0.01, kMost = 10;
   const double k1 = distortion[0], k2 = distortion[1], k3 = distortion[4], k4 = distortion[5],
                k5 = distortion[6], k6 = distortion[7];
+  const auto distorted_radius = [&](double r) {
+    if (lens == LensModel::kEquidistant) return fisheyeRadius(distortion, std::atan(r));
+    const double r2 = r * r;
+    return r * (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+  };
   double radius = 0, image_radius = 0;
   while (radius < kMost) {
-    const double r = radius + kStep, r2 = r * r;
-    const double next = r * (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+    const double r = radius + kStep, next = distorted_radius(r);
     if (!(next > image_radius)) break;
     radius = r;
     image_radius = next;
@@ -49,6 +86,7 @@ double Camera::reach() const {
 }
 
 cv::Point2d Camera::undistort(const cv::Point2d& distorted) const {
+  if (lens == LensModel::kEquidistant) return undistortFisheye(distortion, distorted);
   cv::Point2d ideal = distorted;
   for (int i = 0; i < kUndistortIterations; ++i) {
     const cv::Point2d error = distort(ideal) - distorted;
@@ -58,15 +96,29 @@ cv::Point2d Camera::undistort(const cv::Point2d& distorted) const {
   return ideal;
 }
 
-std::array<double, 8> distortionOf(const std::string& model, const std::vector<double>& coefficients) {
-  std::array<double, 8> distortion{};
-  if (model.empty()) return distortion;
-  const bool is_rational = model == "rational_polynomial";
-  if (!is_rational && model != "plumb_bob") {
-    throw std::invalid_argument("distortion model \"" + model +
-                                "\" is not supported: use plumb_bob or rational_polynomial");
+void Camera::setMatrix(const double* matrix) {
+  fx = matrix[0], cx = matrix[2], fy = matrix[4], cy = matrix[5];
+  if (fx == 0 || fy == 0) return;  // not calibrated, as validate() says
+  if (!(std::abs(matrix[1]) <= kLargestSkew)) {
+    throw std::invalid_argument(cv::format(
+        "the camera matrix has a skew, %g, which is not supported: calibrate without one", matrix[1]));
   }
-  const std::size_t most = is_rational ? 8 : 5, count = coefficients.size();
+  if (matrix[3] != 0 || matrix[6] != 0 || matrix[7] != 0 || matrix[8] != 1)
+    throw std::invalid_argument("the camera matrix must be fx 0 cx, 0 fy cy, 0 0 1");
+}
+
+void Camera::setDistortion(const std::string& model, const std::vector<double>& coefficients) {
+  distortion = {};
+  lens = LensModel::kPolynomial;
+  if (model.empty()) return;
+  static const std::map<std::string, std::size_t> kMost = {
+      {"plumb_bob", 5}, {"rational_polynomial", 8}, {"equidistant", 4}};
+  const auto found = kMost.find(model);
+  if (found == kMost.end()) {
+    throw std::invalid_argument("distortion model \"" + model +
+                                "\" is not supported: use plumb_bob, rational_polynomial or equidistant");
+  }
+  const std::size_t most = found->second, count = coefficients.size();
   const auto known = {0, 4, 5, 8, 12, 14};
   const bool is_known = std::find(known.begin(), known.end(), static_cast<int>(count)) != known.end();
   const std::size_t used = std::min(most, count);
@@ -74,11 +126,10 @@ std::array<double, 8> distortionOf(const std::string& model, const std::vector<d
                                      coefficients.end(), [](double k) { return k == 0; });
   if (!is_known || !is_padded) {
     throw std::invalid_argument(model + " has " + std::to_string(most) + " distortion coefficients, not " +
-                                std::to_string(count) +
-                                ": calibrate again with plumb_bob or rational_polynomial");
+                                std::to_string(count) + ": calibrate again");
   }
   std::copy_n(coefficients.begin(), used, distortion.begin());
-  return distortion;
+  if (model == "equidistant") lens = LensModel::kEquidistant;
 }
 
 void validate(const Camera& camera, const char* name) {
@@ -125,7 +176,7 @@ RigidTransform RigidTransform::fromQuaternion(double x, double y, double z, doub
 
 bool operator==(const Camera& a, const Camera& b) {
   return a.size == b.size && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy &&
-         a.distortion == b.distortion;
+         a.distortion == b.distortion && a.lens == b.lens;
 }
 
 bool operator==(const Rig& a, const Rig& b) {

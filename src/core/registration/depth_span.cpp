@@ -28,6 +28,23 @@ struct Box {
   bool drawn;
 };
 
+ALL_IN_FOCUS_SIMD void distortByPolynomial(const Camera& camera, float reach, int count,
+                                           ProjectedSpan& __restrict span) {
+  const auto [k1, k2, p1, p2, k3, k4, k5, k6] = camera.distortion;
+  const double fx = camera.fx, fy = camera.fy, cx = camera.cx, cy = camera.cy;
+  const float most = reach * reach;
+  for (int i = 0; i < count; ++i) {
+    const bool folded_back = span.u[i] * span.u[i] + span.v[i] * span.v[i] > most;
+    span.w[i] = folded_back ? 0.0f : span.w[i];
+    const double x = span.u[i], y = span.v[i], r2 = x * x + y * y;
+    const double radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+    const double u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
+    const double v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;
+    span.u[i] = static_cast<float>(u * fx + cx);
+    span.v[i] = static_cast<float>(v * fy + cy);
+  }
+}
+
 }  // namespace
 
 ALL_IN_FOCUS_SIMD void project(const DepthSpan& from, ProjectedSpan& __restrict to) {
@@ -46,19 +63,14 @@ ALL_IN_FOCUS_SIMD void project(const DepthSpan& from, ProjectedSpan& __restrict 
 }
 
 // Camera::distort for all points of a span.
-ALL_IN_FOCUS_SIMD void distort(const Camera& camera, float reach, int count, ProjectedSpan& __restrict span) {
-  const auto [k1, k2, p1, p2, k3, k4, k5, k6] = camera.distortion;
-  const double fx = camera.fx, fy = camera.fy, cx = camera.cx, cy = camera.cy;
-  const float most = reach * reach;
+void distort(const Camera& camera, float reach, int count, ProjectedSpan& span) {
+  if (camera.lens == LensModel::kPolynomial) return distortByPolynomial(camera, reach, count, span);
   for (int i = 0; i < count; ++i) {
-    const bool folded_back = span.u[i] * span.u[i] + span.v[i] * span.v[i] > most;
-    span.w[i] = folded_back ? 0.0f : span.w[i];
-    const double x = span.u[i], y = span.v[i], r2 = x * x + y * y;
-    const double radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
-    const double u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
-    const double v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;
-    span.u[i] = static_cast<float>(u * fx + cx);
-    span.v[i] = static_cast<float>(v * fy + cy);
+    const double u = span.u[i], v = span.v[i];
+    if (!(u * u + v * v <= double{reach} * reach)) span.w[i] = 0;
+    const cv::Point2d seen = camera.distort({u, v});
+    span.u[i] = static_cast<float>(seen.x * camera.fx + camera.cx);
+    span.v[i] = static_cast<float>(seen.y * camera.fy + camera.cy);
   }
 }
 

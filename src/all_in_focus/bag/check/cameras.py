@@ -40,11 +40,8 @@ def check_camera(check, bag, scan, kind, heads):
                       "zoomed, every bracket is fused with the calibration of its time")
     _check_rectification(check, bag, kind, info, camera)
     field = np.degrees(2 * np.arctan(camera.width / 2 / camera.K[0, 0]))
-    inside = 0 <= camera.K[0, 2] < camera.width and 0 <= camera.K[1, 2] < camera.height
-    if not inside or not FIELD_OF_VIEW[0] < field < FIELD_OF_VIEW[1]:
-        check.warning(f"{name}: horizontal field of view {field:.3g} degrees, principal point {camera.K[0, 2]:.1f}, "
-                      f"{camera.K[1, 2]:.1f} of {camera.width}x{camera.height}: was the calibration made for these "
-                      "images?")
+    if not camera.is_fisheye and not FIELD_OF_VIEW[0] < field < FIELD_OF_VIEW[1]:
+        check.warning(f"{name}: horizontal field of view {field:.3g} degrees: was the calibration made for these images?")
     check.ok(f"{camera.width}x{camera.height}, fx {camera.K[0, 0]:.1f}, field of view {field:.1f} degrees, "
              f"{'distortion known' if camera.D.any() else 'no distortion'}")
     return camera
@@ -104,6 +101,8 @@ class RigWarnings(NamedTuple):
     falls into the picture, as overlap says. coverage: share of the picture that gets a depth."""
     unit: str
     circle_of_confusion: str
+    depth_center: str
+    color_center: str
     pose: str
     overlap: str
     mirroring: str
@@ -156,9 +155,10 @@ def check_transform(check, bag, scan, depth_head, ask):
         check.warning("the transform is recorded after the first depth image, so that image has to wait for it: start "
                       "the node that publishes the transform before you record")
     said = ask(found)
-    if said and said.pose:
-        check.warning(said.pose)
-    elif distance == 0 and angle == 0:
+    for warning in (said.depth_center, said.color_center, said.pose) if said else ():
+        if warning:
+            check.warning(warning)
+    if distance == 0 and angle == 0:
         check.warning("both cameras stand at one place: was the rig calibrated?")
     check.ok(where)
     return said
