@@ -103,7 +103,8 @@ def test_without_depth_sharpness_decides(planes, mode):
     assert (note in results["said"]) == (mode == "paper") and report["notes"] == ([note] if mode == "paper" else [])
     assert report["has_labels"] is False
     assert report["segments"] == report["segment_table"] == [] and report["optics"] is None
-    assert mode == "refined" or report["mode"] == "sharpness"
+    assert (report["mode"], report["sharpness_alone"]) == (mode, True)
+    assert report["files"] == ["00.png", "01.png", "02.png"] and report["reference"] == 1
     away = np.abs(np.arange(SIZE[0]) - SIZE[0] // 2 + 0.5) > 6
     assert np.mean((results["source_index"] == np.where(planes.left, 1, 2))[:, away]) > 0.99
     assert cv2.absdiff(results["fused"], planes.truth)[:, away].mean() < 2
@@ -198,7 +199,7 @@ def test_numbers_count_as_numbers(planes):
 def test_report_mirrors_the_messages(planes):
     report = fuse_all(planes, *planes.with_depth)["report"]
     assert set(report) == set(FusionReport.__slots__) - {"header"} | {
-        "version", "dof_rule", "unknown_area", "segment_table"}
+        "version", "files", "dof_rule", "unknown_area", "segment_table"}
     assert set(report["optics"]) == set(Optics.__slots__)
     assert report["version"] == 1 and report["label_stamp"] is None and report["bracket_id"] == 0
     assert [report[f"frames_{what}"] for what in ("seen", "used", "rejected", "missing")] == [3, 3, 0, 0]

@@ -71,8 +71,8 @@ enum class FusedBy {
   kRestored,   ///< as kPixels or kSharpness, then corrected beside depth edges (BracketRestoration)
 };
 
-/// Its name in FusionReport: paper, refined, sharpness, restored.
-const char* name(FusedBy fused_by);
+/// The mode that ran: where restoration is not possible, mode restored becomes refined.
+Mode modeThatRan(Mode wanted, FusedBy fused_by);
 
 /// Which frame a region was taken from.
 struct RegionChoice {

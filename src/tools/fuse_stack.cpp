@@ -207,10 +207,12 @@ void fuseStack(const po::variables_map& values) {
   PipelineInput input;
   ReportContext context;
   readDepthInput(values, input, context);
+  context.mode = mode;
   context.dof_rule = values["dof-rule"].as<std::string>();
   input.span = parseDofSpan(context.dof_rule);
 
   StackReader stack(values["stack"].as<std::string>(), calibratedSizes(input));
+  context.files = stack.names();
   context.notes.insert(context.notes.end(), stack.notes().begin(), stack.notes().end());
   const std::string focus = textOption(values, "focus");
   const std::vector<double> distances =

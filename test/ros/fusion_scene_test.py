@@ -59,7 +59,7 @@ class SceneTest(RefinedTest):
                                   for name in self.scene), *self.labels_of(stamp))
         self.send(stamp)
         report = self.report(stamp + MIDDLE * PERIOD)
-        self.assertEqual([report.mode, report.has_labels, report.frames_used], ['sharpness', False, len(FRAMES)])
+        self.assertEqual([report.sharpness_alone, report.has_labels, report.frames_used], [True, False, len(FRAMES)])
         self.assert_noted(report, 'no depth_registered/image in time', 'sharpness alone')
 
     def test_broken_parts_are_left_out(self):
@@ -123,7 +123,7 @@ class SceneTest(RefinedTest):
             cropped = {i: lambda at, i=i: colour_message(np.ascontiguousarray(pixels(i)[:42]), at) for i in INDICES}
             self.send(stamp, replaced=cropped)
             report = self.report(stamp + MIDDLE * PERIOD)
-            self.assertEqual([report.mode, report.frames_used, report.has_labels], ['sharpness', len(FRAMES), False])
+            self.assertEqual([report.sharpness_alone, report.frames_used, report.has_labels], [True, len(FRAMES), False])
             self.assert_noted(report, 'label image refused', '64x48', 'for frames of 64x42', 'not the same picture')
             self.assert_diagnosed(WARN, 'not the same picture')
 
@@ -136,7 +136,7 @@ class SceneTest(RefinedTest):
         self.deliver(self.node, (self.scene['rgb/camera_info'], info))
         self.send(stamp)
         report = self.report(stamp + MIDDLE * PERIOD)
-        self.assertEqual([report.mode, report.frames_used, report.has_labels], ['sharpness', len(FRAMES), False])
+        self.assertEqual([report.sharpness_alone, report.frames_used, report.has_labels], [True, len(FRAMES), False])
         self.assert_noted(report, 'region of interest gives images of 32x24, but they have 64x48')
         self.assert_as_files(self.fuse(), INDICES, MIDDLE)
 

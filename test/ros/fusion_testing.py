@@ -163,7 +163,7 @@ class FusionTest(GraphTest):
 
     def assert_fused_by_sharpness(self, stamp, near=1, far=2):
         report = self.report(stamp)
-        self.assertEqual([report.has_labels, report.mode, list(report.segments)], [False, 'sharpness', []])
+        self.assertEqual([report.has_labels, report.sharpness_alone, list(report.segments)], [False, True, []])
         self.assert_noted(report, 'sharpness alone')
         index = array_of(self.outputs['source_index'].at(stamp))
         for half, frame in ((NEAR, near), (FAR, far)):

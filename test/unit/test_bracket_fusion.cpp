@@ -98,13 +98,16 @@ TEST(BracketFusion, EveryRegionFromItsSharpestFrame) {
 TEST(BracketFusion, SaysWhatItWentBy) {
   BracketFusion fusion;
   fusion.begin(nearAndFar(), kSize, Mode::kPaper);
-  EXPECT_STREQ(name(fusion.fusedBy()), "paper");
+  EXPECT_EQ(fusion.fusedBy(), FusedBy::kRegions);
   fusion.begin(nearAndFar(), kSize, Mode::kRefined);
-  EXPECT_STREQ(name(fusion.fusedBy()), "refined");
+  EXPECT_EQ(fusion.fusedBy(), FusedBy::kPixels);
   for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
     fusion.begin({}, kSize, mode);
-    EXPECT_STREQ(name(fusion.fusedBy()), "sharpness");
+    EXPECT_EQ(fusion.fusedBy(), FusedBy::kSharpness);
+    EXPECT_EQ(modeThatRan(mode, fusion.fusedBy()), mode);
   }
+  EXPECT_EQ(modeThatRan(Mode::kRestored, FusedBy::kRestored), Mode::kRestored);
+  EXPECT_EQ(modeThatRan(Mode::kRestored, FusedBy::kPixels), Mode::kRefined);
 }
 
 TEST(BracketFusion, TellsTheChoiceUnlessNobodyWantsIt) {

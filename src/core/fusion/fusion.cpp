@@ -18,9 +18,9 @@ Mode parseMode(const std::string& text) {
   throw std::invalid_argument("mode '" + text + "' is none of paper, refined, restored");
 }
 
-const char* name(FusedBy fused_by) {
-  constexpr const char* kNames[] = {"paper", "refined", "sharpness", "restored"};  // in the order of FusedBy
-  return kNames[static_cast<int>(fused_by)];
+Mode modeThatRan(Mode wanted, FusedBy fused_by) {
+  if (wanted == Mode::kPaper) return Mode::kPaper;
+  return fused_by == FusedBy::kRestored ? Mode::kRestored : Mode::kRefined;
 }
 
 }  // namespace all_in_focus::core

@@ -396,7 +396,8 @@ FusionReportPtr FusionWorker::toReport(const BracketResult& result) const {
   report->header = open_->header;
   if (result.used > 0) report->header.stamp = open_->stamps.at(result.reference);
   report->bracket_id = open_->id;
-  report->mode = name(result.fused_by);
+  report->mode = name(modeThatRan(open_->settings.mode, result.fused_by));
+  report->sharpness_alone = result.fused_by == FusedBy::kSharpness;
   report->frames_seen = static_cast<std::uint32_t>(result.frames.size());
   report->frames_used = static_cast<std::uint32_t>(result.used);
   report->frames_rejected = static_cast<std::uint32_t>(result.rejected);
