@@ -8,6 +8,7 @@
 #include <map>
 #include <opencv2/imgproc.hpp>
 #include <sstream>
+#include <utility>
 
 #include "all_in_focus/drawing.hpp"
 #include "all_in_focus/rig_checks.hpp"
@@ -15,6 +16,7 @@
 #include "file_error.hpp"
 #include "image_files.hpp"
 #include "output_files.hpp"
+#include "progress.hpp"
 #include "quiet_stderr.hpp"
 #include "report_json.hpp"
 #include "rig_files.hpp"
@@ -226,7 +228,16 @@ void fuseStack(const po::variables_map& values) {
   explainMissing(input, mode, context);
 
   const std::vector<std::string> warnings = warnOfRig(values, input, stack);
-  input.frames = &stack;
+  Progress progress("fuse_stack: ");
+  const bool counted = mode != Mode::kPaper || !stack.names().empty();
+  ToldFrames frames(stack, progress, counted ? stack.count() : 0,
+                    mode != Mode::kPaper && input.reference != 0);
+  input.frames = &frames;
+  input.progress = [&, restoring = false](double done) mutable {
+    if (!std::exchange(restoring, true)) progress.begin();
+    progress.tell(cv::format("restoring, %.0f %% done", 100 * done), done);
+    return true;
+  };
   PipelineResult result;
   try {
     result = Pipeline(mode).run(input);
@@ -237,6 +248,7 @@ void fuseStack(const po::variables_map& values) {
     const std::string depth = textOption(values, input.depth.empty() ? "registered-depth" : "depth");
     throw std::invalid_argument((stack.current().empty() ? depth : stack.current()) + ": " + e.what());
   }
+  progress.end();
   const BracketResult& bracket = result.bracket;
   if (distances.size() > bracket.frames.size()) {
     throw std::invalid_argument(focus + ": " + std::to_string(distances.size()) + " entries for " +

@@ -40,8 +40,12 @@ QuietStderr::~QuietStderr() {
 void printToStderr(std::string line) {
   std::replace_if(
       line.begin(), line.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
+  writeToStderr(line + "\n");
+}
+
+void writeToStderr(const std::string& text) {
   const std::lock_guard<std::mutex> lock(mutex);
-  dprintf(loud >= 0 ? loud : STDERR_FILENO, "%s\n", line.c_str());
+  dprintf(loud >= 0 ? loud : STDERR_FILENO, "%s", text.c_str());
 }
 
 }  // namespace all_in_focus

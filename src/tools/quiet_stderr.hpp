@@ -20,4 +20,7 @@ class QuietStderr {
 /// files may hold, become blanks.
 void printToStderr(std::string line);
 
+/// Writes the text as it is to stderr, also while another thread decodes an image.
+void writeToStderr(const std::string& text);
+
 }  // namespace all_in_focus
