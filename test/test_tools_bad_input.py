@@ -46,7 +46,8 @@ def test_missing_options_of_segment_depth(arguments, complaint):
 
 @pytest.mark.parametrize("arguments, complaint", [
     (["--sharp"], "unrecognised option '--sharp'"), (["--refer", "1"], "unrecognised option"), (["-x"], "-x"),
-    (["spare"], "cannot be specified more than once"), (["--mode", "best"], "none of paper, refined, restored"),
+    (["spare"], "--output names a folder, not a file, where stacks are several"),
+    (["--mode", "best"], "none of paper, refined, restored"),
     (["--dof-rule", "half"], "neither paper nor full"), (["--mode", "paper", "--mode", "paper"], "more than once"),
     (["--reference", "3"], "frames 0 to 2"), (["--reference", "-1"], "neither auto nor an index"),
     (["--reference", "1x"], "neither auto nor an index"), (["--reference", "9" * 30], "neither auto nor an index"),

@@ -6,6 +6,7 @@
 #include <malloc.h>
 #include <sys/mman.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstddef>
 #include <cstdlib>
@@ -43,27 +44,14 @@ void keepFreedMemory() {
 std::vector<NamedPath> given(const po::variables_map& values, const std::vector<const char*>& names) {
   std::vector<NamedPath> paths;
   for (const char* name : names) {
-    if (values.count(name)) paths.push_back({name, values[name].as<std::string>()});
+    if (!values.count(name)) continue;
+    if (const auto* several = boost::any_cast<std::vector<std::string>>(&values[name].value())) {
+      for (const std::string& path : *several) paths.push_back({name, path});
+    } else {
+      paths.push_back({name, values[name].as<std::string>()});
+    }
   }
   return paths;
-}
-
-// What is wrong.
-std::string describe(const std::exception_ptr& error) {
-  try {
-    std::rethrow_exception(error);
-  } catch (const std::bad_alloc&) {
-    return kNoMemory;
-  } catch (const std::system_error& e) {
-    return e.code() == std::errc::resource_unavailable_try_again ? kNoMemory
-                                                                 : e.what();  // no thread could start
-  } catch (const cv::Exception& e) {
-    return e.code == cv::Error::StsNoMem ? kNoMemory : e.what();
-  } catch (const std::exception& e) {
-    return e.what();
-  } catch (...) {
-    return "unknown error";
-  }
 }
 
 std::string g_name;  // of the program
@@ -101,7 +89,7 @@ int parseAndRun(int argc, char** argv, const po::options_description& options, c
     const auto style = po::command_line_style::default_style & ~po::command_line_style::allow_guessing;
     po::variables_map values;
     po::positional_options_description positional;
-    if (tool.positional) positional.add(tool.positional, 1);
+    if (tool.positional) positional.add(tool.positional, -1);
     po::options_description all = options;
     all.add_options()("help,h", "this text")("version", "print the version of the package");
     po::store(po::command_line_parser(argc, argv).options(all).positional(positional).style(style).run(),
@@ -117,11 +105,14 @@ int parseAndRun(int argc, char** argv, const po::options_description& options, c
     po::notify(values);
     for (const auto& [option, value] : values) {
       const auto* text = boost::any_cast<std::string>(&value.value());
+      const auto* texts = boost::any_cast<std::vector<std::string>>(&value.value());
       const bool is_flag = all.find(option, /*approx=*/false).semantic()->max_tokens() == 0;
-      if (text && text->empty() && !is_flag) throw std::invalid_argument("--" + option + " is empty");
+      const bool is_empty =
+          (text && text->empty()) || (texts && std::find(texts->begin(), texts->end(), "") != texts->end());
+      if (is_empty && !is_flag) throw std::invalid_argument("--" + option + " is empty");
     }
     startCodecs();
-    requireSeparate(given(values, tool.reads), given(values, tool.writes));
+    if (!tool.separates) requireSeparateFiles(values, tool.reads, tool.writes);
     tool.run(values);
     return 0;
   } catch (...) {
@@ -132,11 +123,33 @@ int parseAndRun(int argc, char** argv, const po::options_description& options, c
 
 }  // namespace
 
+std::string describe(const std::exception_ptr& error) {
+  try {
+    std::rethrow_exception(error);
+  } catch (const std::bad_alloc&) {
+    return kNoMemory;
+  } catch (const std::system_error& e) {
+    return e.code() == std::errc::resource_unavailable_try_again ? kNoMemory
+                                                                 : e.what();  // no thread could start
+  } catch (const cv::Exception& e) {
+    return e.code == cv::Error::StsNoMem ? kNoMemory : e.what();
+  } catch (const std::exception& e) {
+    return e.what();
+  } catch (...) {
+    return "unknown error";
+  }
+}
+
 void runTool(int argc, char** argv, const po::options_description& options, const Tool& tool) {
   const int code = parseAndRun(argc, argv, options, tool);
   std::cout.flush();
   // Libraries' own clean-up hangs where memory is short: OpenBLAS waits for threads that wait for memory.
   std::_Exit(code);
+}
+
+void requireSeparateFiles(const po::variables_map& values, const std::vector<const char*>& reads,
+                          const std::vector<const char*>& writes) {
+  requireSeparate(given(values, reads), given(values, writes));
 }
 
 std::string textOption(const po::variables_map& values, const char* name) {

@@ -3,7 +3,9 @@
 
 // The whole method on files: from a focus bracket and what is known about depth to the all-in-focus image.
 
+#include <algorithm>
 #include <chrono>
+#include <filesystem>
 #include <iostream>
 #include <map>
 #include <opencv2/imgproc.hpp>
@@ -21,14 +23,20 @@
 #include "report_json.hpp"
 #include "rig_files.hpp"
 #include "rig_warnings.hpp"
+#include "stack_batch.hpp"
 #include "stack_reader.hpp"
 
+namespace fs = std::filesystem;
 namespace po = boost::program_options;
 using namespace all_in_focus;
 using namespace all_in_focus::core;
 
 namespace {
 
+const std::vector<const char*> kReads = {"stack", "rig", "depth", "registered-depth", "label-map", "focus"};
+const std::vector<const char*> kWrites = {
+    "output",       "save-registered",   "save-measured", "save-depth",      "save-labels",
+    "save-regions", "save-source-index", "save-weights",  "save-confidence", "report"};
 constexpr int kAutoReference = BracketSettings::kAutoReference;
 
 int parseReference(const std::string& text) {
@@ -139,14 +147,14 @@ std::vector<std::string> checkRigAndDepth(const PipelineInput& input, StackReade
 
 // Warns before the first frame is fused: that may take minutes.
 std::vector<std::string> warnOfRig(const po::variables_map& values, const PipelineInput& input,
-                                   StackReader& stack) {
+                                   StackReader& stack, const std::string& who) {
   std::vector<std::string> warnings;
   try {
     warnings = checkRigAndDepth(input, stack);
   } catch (const std::invalid_argument& e) {
     throw std::invalid_argument(textOption(values, "depth") + ": " + e.what());
   }
-  for (const std::string& warning : warnings) printToStderr("fuse_stack: warning: " + warning);
+  for (const std::string& warning : warnings) printToStderr(who + "warning: " + warning);
   return warnings;
 }
 
@@ -202,7 +210,14 @@ std::string summary(const std::string& output, const PipelineResult& result, con
   return line + ", reference " + reference + cv::format(", %.1f s", seconds);
 }
 
-void fuseStack(const po::variables_map& values) {
+/// How one stack was fused.
+struct Fused {
+  int used = 0, length = 0;  // frames
+};
+
+// who: what each line for people begins with; ahead: what a line about progress begins with.
+Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std::string& who,
+                const std::string& ahead) {
   const auto begin = std::chrono::steady_clock::now();
   const int quality = parseQuality(values);
   const Mode mode = parseMode(values["mode"].as<std::string>());
@@ -213,7 +228,7 @@ void fuseStack(const po::variables_map& values) {
   context.dof_rule = values["dof-rule"].as<std::string>();
   input.span = parseDofSpan(context.dof_rule);
 
-  StackReader stack(values["stack"].as<std::string>(), calibratedSizes(input));
+  StackReader stack(of.path, calibratedSizes(input), of.files);
   context.files = stack.names();
   context.notes.insert(context.notes.end(), stack.notes().begin(), stack.notes().end());
   const std::string focus = textOption(values, "focus");
@@ -227,8 +242,8 @@ void fuseStack(const po::variables_map& values) {
                          values.count("save-weights") || values.count("report");
   explainMissing(input, mode, context);
 
-  const std::vector<std::string> warnings = warnOfRig(values, input, stack);
-  Progress progress("fuse_stack: ");
+  const std::vector<std::string> warnings = warnOfRig(values, input, stack, who);
+  Progress progress(ahead);
   const bool counted = mode != Mode::kPaper || !stack.names().empty();
   ToldFrames frames(stack, progress, counted ? stack.count() : 0,
                     mode != Mode::kPaper && input.reference != 0);
@@ -297,9 +312,9 @@ void fuseStack(const po::variables_map& values) {
   outputs.commit();
 
   for (std::size_t i = warnings.size(); i < context.notes.size(); ++i)
-    printToStderr("fuse_stack: note: " + context.notes[i]);
+    printToStderr(who + "note: " + context.notes[i]);
   const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - begin;
-  printToStderr("fuse_stack: " + summary(output, result, stack, passed.count()));
+  printToStderr(who + summary(output, result, stack, passed.count()));
   if (values.count("timings")) {
     std::cout << "depth " << result.depth_ms << " ms, segmentation " << result.segmentation_ms
               << " ms, fusion " << bracket.fusion_ms << " ms for " << bracket.length << " frames ("
@@ -307,6 +322,121 @@ void fuseStack(const po::variables_map& values) {
     if (mode == Mode::kRestored) std::cout << ", restoration " << bracket.restoration_ms << " ms";
     std::cout << '\n';
   }
+  return {bracket.used, bracket.length};
+}
+
+// Several stacks: their results lie beside each other in folders.
+
+// Options that name what belongs to one scene.
+constexpr const char* kOfOneScene[] = {"depth", "registered-depth", "label-map", "focus"};
+
+// The options for one stack: outputs are files in the folders that the user has named, under its name.
+po::variables_map valuesFor(const NamedStack& stack, const po::variables_map& values) {
+  po::variables_map own = values;
+  for (const char* option : kWrites) {
+    if (!values.count(option)) continue;
+    const std::string ending = std::string(option) == "report" ? ".json" : ".png";
+    const fs::path file = fs::path(values[option].as<std::string>()) / (stack.name + ending);
+    static_cast<std::map<std::string, po::variable_value>&>(own)[option] =
+        po::variable_value(boost::any(file.string()), /*defaulted=*/false);
+  }
+  return own;
+}
+
+// Whether an earlier run has fused the stack: the outputs are there and younger than the frames. Throws where
+// an output is not ours to replace.
+bool isFused(const NamedStack& stack, const po::variables_map& values) {
+  const std::string output = values["output"].as<std::string>();
+  if (fs::exists(output) && !readPhotoMetadata(output).is_result)
+    fail(output, "is there, and no result of this package: name another folder");
+  fs::file_time_type oldest = fs::file_time_type::max();
+  for (const char* option : kWrites) {
+    const std::string path = textOption(values, option);
+    if (path.empty()) continue;
+    if (!fs::exists(path)) return false;
+    oldest = std::min(oldest, fs::last_write_time(path));
+  }
+  if (!fs::is_directory(stack.path)) return fs::last_write_time(stack.path) <= oldest;
+  const std::vector<std::string> names = listStack(stack.path, stack.files).frames;
+  return std::all_of(names.begin(), names.end(), [&](const std::string& name) {
+    return fs::last_write_time(fs::path(stack.path) / name) <= oldest;
+  });
+}
+
+void makeFolders(const po::variables_map& values) {
+  for (const char* option : kWrites) {
+    const std::string folder = textOption(values, option);
+    if (folder.empty()) continue;
+    const std::string kind = ending(folder);
+    if (isPictureName(folder) || kind == ".json" || kind == ".ply")
+      fail(folder, std::string("--") + option + " names a folder, not a file, where stacks are several");
+    std::error_code error;
+    fs::create_directories(folder, error);
+    if (!fs::is_directory(folder)) fail(folder, "no such folder, and it cannot be made");
+  }
+}
+
+void fuseStacks(const po::variables_map& values, const std::vector<NamedStack>& stacks) {
+  for (const char* option : kOfOneScene) {
+    if (values.count(option))
+      throw std::invalid_argument(std::string("--") + option + " belongs to one scene: fuse its stack alone");
+  }
+  makeFolders(values);
+  std::size_t width = 5, there = 0, failed = 0;
+  for (const NamedStack& stack : stacks) width = std::max(width, stack.name.size());
+  std::ostringstream table;
+  const auto row = [&](const std::string& name, const std::string& frames, const std::string& result) {
+    table << name << std::string(width + 2 - name.size(), ' ') << frames
+          << std::string(std::max<std::size_t>(12, frames.size() + 1) - frames.size(), ' ') << result << '\n';
+  };
+  row("stack", "frames", "result");
+  for (std::size_t i = 0; i < stacks.size(); ++i) {
+    const NamedStack& stack = stacks[i];
+    const std::string who = "fuse_stack: " + stack.name + ": ";
+    const std::string ahead = cv::format("%zu of %zu, ", i + 1, stacks.size()) + stack.name + ": ";
+    try {
+      const po::variables_map own = valuesFor(stack, values);
+      const std::string output = own["output"].as<std::string>();
+      if (isFused(stack, own)) {
+        row(stack.name, "", output + ", there already");
+        ++there;
+        continue;
+      }
+      requireSeparateFiles(own, kReads, kWrites);
+      const Fused fused = fuseStack(own, stack, who, ahead);
+      row(stack.name, cv::format("%d of %d", fused.used, fused.length), output);
+    } catch (const std::exception&) {
+      const std::string why = describe(std::current_exception());
+      printToStderr(who + why);
+      row(stack.name, "", "failed: " + why);
+      ++failed;
+    }
+  }
+  std::cout << table.str()
+            << cv::format("%zu stacks: %zu fused, %zu there already, %zu failed", stacks.size(),
+                          stacks.size() - there - failed, there, failed)
+            << std::endl;
+  if (failed > 0) throw std::invalid_argument(cv::format("%zu of %zu stacks failed", failed, stacks.size()));
+}
+
+void fuse(const po::variables_map& values) {
+  const auto paths = values["stack"].as<std::vector<std::string>>();
+  const std::string rule = textOption(values, "split");
+  if (paths.size() == 1 && rule.empty() && !holdsStacks(paths[0])) {
+    requireSeparateFiles(values, kReads, kWrites);
+    fuseStack(values, {paths[0], "", {}}, "fuse_stack: ", "fuse_stack: ");
+    return;
+  }
+  std::vector<NamedStack> stacks = findStacks(paths);
+  if (!rule.empty()) {
+    std::vector<NamedStack> parts;
+    for (const NamedStack& stack : stacks) {
+      const std::vector<NamedStack> of_stack = splitStack(stack, rule);
+      parts.insert(parts.end(), of_stack.begin(), of_stack.end());
+    }
+    stacks = parts;
+  }
+  fuseStacks(values, stacks);
 }
 
 }  // namespace
@@ -314,7 +444,13 @@ void fuseStack(const po::variables_map& values) {
 int main(int argc, char** argv) {
   po::options_description options("Options");
   const auto text = [] { return po::value<std::string>(); };
-  options.add_options()("stack", text()->required(), "focus bracket: folder of images or video")  //
+  options.add_options()(
+      "stack", po::value<std::vector<std::string>>()->required(),
+      "focus bracket: folder of images or video; several, or a folder of such folders: outputs name "
+      "folders, files in them have the names of the stacks")  //
+      ("split", text(),
+       "the folder holds many brackets: N frames each, or gap: each ends with a longer pause or a change of "
+       "scene")  //
       ("output", text()->required(), "all-in-focus image; its ending chooses the format")(
           "quality", po::value<int>()->default_value(kDefaultQuality), "of JPEG and WebP, 1 to 100")(
           "width", po::value<int>(),
@@ -346,10 +482,6 @@ int main(int argc, char** argv) {
       ("report", text(), "JSON report")                                                                     //
       ("timings", "print how long each step took");
   runTool(argc, argv, options,
-          {"all-in-focus image of a focus bracket, assisted by depth",
-           {"stack", "rig", "depth", "registered-depth", "label-map", "focus"},
-           {"output", "save-registered", "save-measured", "save-depth", "save-labels", "save-regions",
-            "save-source-index", "save-weights", "save-confidence", "report"},
-           fuseStack,
-           "stack"});
+          {"all-in-focus image of a focus bracket, assisted by depth", kReads, kWrites, fuse, "stack",
+           /*separates=*/true});
 }

@@ -165,7 +165,7 @@ std::string listed(const std::vector<std::string>& names) {
 /// Sorts out the pictures of one folder.
 class Listing {
  public:
-  explicit Listing(const std::string& folder) : folder_(folder) {}
+  Listing(const std::string& folder, const std::set<std::string>& only) : folder_(folder), only_(only) {}
 
   StackFiles make() {
     collect();
@@ -190,6 +190,7 @@ class Listing {
     for (const auto& entry : fs::directory_iterator(folder_, unreadable_folder)) {
       const std::string name = entry.path().filename().string(), kind = ending(name);
       if (name[0] == '.' || entry.is_directory(error)) continue;
+      if (!only_.empty() && only_.count(name) == 0) continue;
       if (kCameraRaw.count(kind) != 0) raw.push_back(name);
       if (kOther.count(kind) != 0) unreadable.push_back(name);
       if (kReadable.count(kind) == 0) continue;
@@ -300,14 +301,30 @@ class Listing {
   }
 
   const std::string folder_;
+  const std::set<std::string>& only_;
   std::vector<Picture> pictures_;
   StackFiles files_;
 };
 
 }  // namespace
 
-StackFiles listStack(const std::string& folder) {
-  return Listing(folder).make();
+StackFiles listStack(const std::string& folder, const std::set<std::string>& only) {
+  return Listing(folder, only).make();
+}
+
+std::vector<std::string> inNaturalOrder(const std::vector<std::string>& paths) {
+  std::vector<std::pair<Parts, std::string>> named;
+  for (const std::string& path : paths) named.emplace_back(split(fs::path(path).filename().string()), path);
+  std::vector<Parts> names;
+  for (const auto& one : named) names.push_back(one.first);
+  const Signs signs(names);
+  std::sort(named.begin(), named.end(), [&signs](const auto& a, const auto& b) {
+    const int by_name = compareNames(a.first, b.first, signs);
+    return by_name != 0 ? by_name < 0 : a.second < b.second;
+  });
+  std::vector<std::string> sorted;
+  for (const auto& one : named) sorted.push_back(one.second);
+  return sorted;
 }
 
 bool isPictureName(const std::string& name) {

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -24,8 +25,12 @@ struct StackFiles {
 /// Order: numbers in names count as numbers, with their signs; a counter that begins anew at 0 goes on; the
 /// time of exposure in EXIF decides between equal names.
 ///
-/// Throws FileError where the folder cannot be read or holds no frame.
-StackFiles listStack(const std::string& folder);
+/// only: names of files to look at; empty: all. Throws FileError where the folder cannot be read or holds no
+/// frame.
+StackFiles listStack(const std::string& folder, const std::set<std::string>& only = {});
+
+/// Paths in the order of their names, by the rule of listStack().
+std::vector<std::string> inNaturalOrder(const std::vector<std::string>& paths);
 
 /// Whether a file of this name may be a picture, as a camera writes it.
 bool isPictureName(const std::string& name);

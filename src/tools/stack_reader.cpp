@@ -56,9 +56,11 @@ Orientation orientationOf(const cv::VideoCapture& video) {
 
 }  // namespace
 
-StackReader::StackReader(const std::string& path, const std::vector<cv::Size>& calibrated) : path_(path) {
+StackReader::StackReader(const std::string& path, const std::vector<cv::Size>& calibrated,
+                         const std::set<std::string>& only)
+    : path_(path) {
   if (fs::is_directory(path)) {
-    files_ = listStack(path);
+    files_ = listStack(path, only);
     decideOrientation(readPhotoMetadata(this->path(0)).size, calibrated);
     images_ = std::make_unique<ReadAhead>(static_cast<int>(names().size()),
                                           [this](int i) { return turned(readColor(this->path(i))); });

@@ -21,8 +21,10 @@ class StackReader : public core::FrameSource {
  public:
   /// calibrated: sizes of the pictures that a calibration or a depth map belongs to, if there are some.
   /// Frames are turned as their EXIF data say, but not where they fit a calibrated size as they are stored.
-  /// Throws std::invalid_argument when there is nothing to read.
-  explicit StackReader(const std::string& path, const std::vector<cv::Size>& calibrated = {});
+  /// only: names of the folder's pictures to read; empty: all. Throws std::invalid_argument when there is
+  /// nothing to read.
+  explicit StackReader(const std::string& path, const std::vector<cv::Size>& calibrated = {},
+                       const std::set<std::string>& only = {});
 
   /// CV_8UC3. False at the end. Throws std::invalid_argument on a broken image or a video that is cut short.
   bool next(cv::Mat& frame) override;
