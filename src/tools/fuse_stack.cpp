@@ -18,6 +18,7 @@
 #include "file_error.hpp"
 #include "image_files.hpp"
 #include "output_files.hpp"
+#include "point_cloud.hpp"
 #include "progress.hpp"
 #include "quiet_stderr.hpp"
 #include "report_json.hpp"
@@ -36,7 +37,8 @@ namespace {
 const std::vector<const char*> kReads = {"stack", "rig", "depth", "registered-depth", "label-map", "focus"};
 const std::vector<const char*> kWrites = {
     "output",       "save-registered",   "save-measured", "save-depth",      "save-labels",
-    "save-regions", "save-source-index", "save-weights",  "save-confidence", "report"};
+    "save-regions", "save-source-index", "save-weights",  "save-confidence", "save-cloud",
+    "report"};
 constexpr int kAutoReference = BracketSettings::kAutoReference;
 
 int parseReference(const std::string& text) {
@@ -117,6 +119,8 @@ void readDepthInput(const po::variables_map& values, PipelineInput& input, Repor
     throw std::invalid_argument(
         "--optics f,F,coc is needed: without a rig folder the depth of field is unknown");
   }
+  if (values.count("save-cloud") && rig.empty())
+    throw std::invalid_argument("--save-cloud needs --rig: the calibration of the colour camera");
   context.has_optics = !optics.empty() || !rig.empty();
   context.optics = input.optics;
 
@@ -308,6 +312,12 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
     drawWeights(bracket.source_index, bracket.confidence, bracket.length, weights);
     save("save-weights", weights, "weights");
   }
+  if (values.count("save-cloud")) {
+    const cv::Mat& depth = bracket.restored_depth.empty() ? result.registered : bracket.restored_depth;
+    if (depth.empty())
+      throw std::invalid_argument("--save-cloud: there is no depth: give --depth or --registered-depth");
+    outputs.addText(textOption(values, "save-cloud"), pointCloudPly(bracket.image, depth, input.rig.color));
+  }
   if (values.count("report")) outputs.addText(textOption(values, "report"), fusionReport(result, context));
   outputs.commit();
 
@@ -335,7 +345,8 @@ po::variables_map valuesFor(const NamedStack& stack, const po::variables_map& va
   po::variables_map own = values;
   for (const char* option : kWrites) {
     if (!values.count(option)) continue;
-    const std::string ending = std::string(option) == "report" ? ".json" : ".png";
+    const std::string name = option;
+    const std::string ending = name == "report" ? ".json" : name == "save-cloud" ? ".ply" : ".png";
     const fs::path file = fs::path(values[option].as<std::string>()) / (stack.name + ending);
     static_cast<std::map<std::string, po::variable_value>&>(own)[option] =
         po::variable_value(boost::any(file.string()), /*defaulted=*/false);
@@ -479,7 +490,9 @@ int main(int argc, char** argv) {
       ("save-source-index", text(), "frame that each pixel was taken from, 16-bit PNG, 65535 = none")       //
       ("save-weights", text(), "picture of which frame won where: hue = frame, brightness = confidence")    //
       ("save-confidence", text(), "how clear the choice was, 8-bit PNG, 255 = no rival")                    //
-      ("report", text(), "JSON report")                                                                     //
+      ("save-cloud", text(),
+       "points with colour, metres, in the colour camera's frame, binary PLY; by the depth of mode restored "
+       "where there is one")("report", text(), "JSON report")  //
       ("timings", "print how long each step took");
   runTool(argc, argv, options,
           {"all-in-focus image of a focus bracket, assisted by depth", kReads, kWrites, fuse, "stack",
