@@ -33,6 +33,10 @@ struct BracketSettings {
   /// the bracket goes on without it.
   bool strict = false;
 
+  /// Receives each frame when it is fused, in the geometry of the reference, which comes first. A bracket
+  /// that starts over gives frames again. Mode paper aligns none.
+  std::function<void(const AlignedFrame&)> on_aligned;
+
   static constexpr int kAutoReference = -1;  ///< the middle one of `length`, else the first
 };
 

@@ -74,6 +74,19 @@ enum class FusedBy {
 /// The mode that ran: where restoration is not possible, mode restored becomes refined.
 Mode modeThatRan(Mode wanted, FusedBy fused_by);
 
+/// A frame as mode refined adds it: in the geometry of the reference.
+struct AlignedFrame {
+  cv::Mat image;    ///< CV_8UC3; its pixels are valid only during the call that hands it over
+  cv::Rect seen;    ///< pixels that the frame has seen; the others continue its border
+  double gain = 1;  ///< in linear light (sRGB), to the exposure of the reference
+  int index = 0;
+  double focus_mm = 0;  ///< NaN = unknown, may be infinite
+  bool linear = false;  ///< the bracket's codes are in proportion to light, not sRGB
+};
+
+/// Its picture in the exposure of the reference, as the mean gets it.
+cv::Mat withGain(const AlignedFrame& frame);
+
 /// Which frame a region was taken from.
 struct RegionChoice {
   int label = 0;

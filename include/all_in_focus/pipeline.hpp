@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <string>
@@ -60,6 +61,7 @@ struct PipelineInput {
   std::vector<double> focus_mm;                 ///< of each frame, NaN = unknown; empty: of none
   int reference = BracketSettings().reference;  ///< auto: the middle one, N / 2
   RefinedConfig refined;
+  std::function<void(const AlignedFrame&)> on_aligned;  ///< see BracketSettings
   Bracket::Progress progress;  ///< of the restoration; false = stop: the result is refined
 };
 

@@ -184,9 +184,10 @@ void Bracket::start(const cv::Size& size) {
     scene = {};
     begin();
   }
-  using Callback = std::function<void(const AlignedFrame&)>;
-  fusion_->setAlignedFrameCallback(
-      restores() ? [this](const AlignedFrame& frame) { restoration_->add(frame); } : Callback());
+  fusion_->setAlignedFrameCallback([this](const AlignedFrame& frame) {
+    if (restores()) restoration_->add(frame);
+    if (settings_.on_aligned) settings_.on_aligned(frame);
+  });
   has_labels_ = !scene.labels.empty();
   predicts_ = !scene.depth.empty() && scene.camera;
 

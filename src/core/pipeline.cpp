@@ -99,6 +99,7 @@ BracketResult Pipeline::fuse(const PipelineInput& input, const BracketScene& sce
   settings.reference = input.reference;
   if (middle && mode_ != Mode::kPaper) settings.length = input.frames->count();
   settings.strict = true;
+  settings.on_aligned = input.on_aligned;
   FrameReader reader(*input.frames);
   bracket_.begin(scene, settings, [&reader](int index) {
     reader.read(index);

@@ -15,7 +15,8 @@ namespace fs = std::filesystem;
 
 namespace all_in_focus {
 
-AlignedFrames::AlignedFrames(OutputFiles& outputs, const std::string& folder, const std::vector<std::string>& names)
+AlignedFrames::AlignedFrames(OutputFiles& outputs, const std::string& folder,
+                             const std::vector<std::string>& names)
     : outputs_(outputs), folder_(folder) {
   if (folder.empty()) return;
   for (const std::string& name : names) names_.push_back(fs::path(name).stem().string() + ".png");
@@ -35,8 +36,10 @@ AlignedFrames::AlignedFrames(OutputFiles& outputs, const std::string& folder, co
 }
 
 AlignedFrames::~AlignedFrames() {
+  if (!made_) return;
+  for (const auto& [index, seen] : seen_) outputs_.drop(path(index));
   std::error_code not_empty;
-  if (made_) fs::remove(folder_, not_empty);
+  fs::remove(folder_, not_empty);
 }
 
 std::string AlignedFrames::path(int index) const {
@@ -46,7 +49,8 @@ std::string AlignedFrames::path(int index) const {
 
 std::vector<NamedPath> AlignedFrames::paths() const {
   std::vector<NamedPath> paths;
-  for (std::size_t i = 0; i < names_.size(); ++i) paths.push_back({"save-aligned", path(static_cast<int>(i))});
+  for (std::size_t i = 0; i < names_.size(); ++i)
+    paths.push_back({"save-aligned", path(static_cast<int>(i))});
   return paths;
 }
 

@@ -12,12 +12,12 @@
 
 namespace all_in_focus {
 
-/// Frames as they are fused: in the geometry and exposure of the reference. Writes them into a folder, and knows which
-/// part of the picture all of them show.
+/// Frames as they are fused: in the geometry and exposure of the reference. Writes them into a folder, and
+/// knows which part of the picture all of them show.
 class AlignedFrames {
  public:
-  /// folder: "" = they are not written. names: of the frames' files; empty: of a video. Throws FileError where the
-  /// folder cannot be made, or holds anything but results of this package, which commit() removes.
+  /// folder: "" = they are not written. names: of the frames' files; empty: of a video. Throws FileError
+  /// where the folder cannot be made, or holds anything but results of this package, which commit() removes.
   AlignedFrames(OutputFiles& outputs, const std::string& folder, const std::vector<std::string>& names);
   ~AlignedFrames();  ///< removes a folder that was made in vain
   AlignedFrames(const AlignedFrames&) = delete;

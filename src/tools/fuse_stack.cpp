@@ -12,6 +12,7 @@
 #include <sstream>
 #include <utility>
 
+#include "aligned_frames.hpp"
 #include "all_in_focus/drawing.hpp"
 #include "all_in_focus/rig_checks.hpp"
 #include "command_line.hpp"
@@ -247,6 +248,14 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
   explainMissing(input, mode, context);
 
   const std::vector<std::string> warnings = warnOfRig(values, input, stack, who);
+  OutputFiles outputs;
+  AlignedFrames aligned(outputs, textOption(values, "save-aligned"), stack.names());
+  requireSeparate({{"stack", of.path}}, aligned.paths());
+  if (values.count("save-aligned") && mode == Mode::kPaper)
+    throw std::invalid_argument("--save-aligned: mode paper aligns no frames");
+  if (values.count("save-aligned") || values.count("crop"))
+    input.on_aligned = [&aligned](const AlignedFrame& frame) { aligned.add(frame); };
+
   Progress progress(ahead);
   const bool counted = mode != Mode::kPaper || !stack.names().empty();
   ToldFrames frames(stack, progress, counted ? stack.count() : 0,
@@ -280,17 +289,27 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
         static_cast<int>(input.labels.total()) - cv::countNonZero(input.labels);
   }
 
-  OutputFiles outputs;
+  const cv::Rect shown = aligned.finish(bracket);
+  const cv::Size size = bracket.image.size();
+  const bool crops = values.count("crop") && shown.size() != size;
+  if (crops) {
+    if (shown.empty()) throw std::invalid_argument("--crop: no part of the picture is shown by all frames");
+    context.notes.push_back(cv::format("cropped to %dx%d at %d, %d, which all frames show", shown.width,
+                                       shown.height, shown.x, shown.y));
+  }
+  const auto cropped = [&](const cv::Mat& picture) {
+    return crops && picture.size() == size ? picture(shown) : picture;
+  };
   const std::string output = values["output"].as<std::string>();
-  const cv::Mat image =
-      values.count("width") ? ofWidth(bracket.image, values["width"].as<int>()) : bracket.image;
+  cv::Mat image = cropped(bracket.image);
+  if (values.count("width")) image = ofWidth(image, values["width"].as<int>());
   outputs.addImage(output, image, {stack.path(bracket.reference), stack.names(), stack.orientation()},
                    quality);
   const auto save = [&](const char* option, const cv::Mat& image, const char* missing) {
     const std::string path = textOption(values, option);
     if (path.empty()) return;
     if (image.empty()) throw std::invalid_argument(std::string("--") + option + ": there is no " + missing);
-    outputs.addImage(path, image);
+    outputs.addImage(path, cropped(image));
   };
   save("save-registered", result.filled, "depth: give --depth or --registered-depth");
   save("save-measured", result.registered, "depth: give --depth or --registered-depth");
@@ -320,6 +339,7 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
   }
   if (values.count("report")) outputs.addText(textOption(values, "report"), fusionReport(result, context));
   outputs.commit();
+  aligned.commit();
 
   for (std::size_t i = warnings.size(); i < context.notes.size(); ++i)
     printToStderr(who + "note: " + context.notes[i]);
@@ -343,10 +363,15 @@ constexpr const char* kOfOneScene[] = {"depth", "registered-depth", "label-map",
 // The options for one stack: outputs are files in the folders that the user has named, under its name.
 po::variables_map valuesFor(const NamedStack& stack, const po::variables_map& values) {
   po::variables_map own = values;
-  for (const char* option : kWrites) {
+  std::vector<const char*> outputs = kWrites;
+  outputs.push_back("save-aligned");
+  for (const char* option : outputs) {
     if (!values.count(option)) continue;
     const std::string name = option;
-    const std::string ending = name == "report" ? ".json" : name == "save-cloud" ? ".ply" : ".png";
+    const std::string ending = name == "report"         ? ".json"
+                               : name == "save-cloud"   ? ".ply"
+                               : name == "save-aligned" ? ""
+                                                        : ".png";
     const fs::path file = fs::path(values[option].as<std::string>()) / (stack.name + ending);
     static_cast<std::map<std::string, po::variable_value>&>(own)[option] =
         po::variable_value(boost::any(file.string()), /*defaulted=*/false);
@@ -375,7 +400,9 @@ bool isFused(const NamedStack& stack, const po::variables_map& values) {
 }
 
 void makeFolders(const po::variables_map& values) {
-  for (const char* option : kWrites) {
+  std::vector<const char*> outputs = kWrites;
+  outputs.push_back("save-aligned");
+  for (const char* option : outputs) {
     const std::string folder = textOption(values, option);
     if (folder.empty()) continue;
     const std::string kind = ending(folder);
@@ -465,7 +492,10 @@ int main(int argc, char** argv) {
       ("output", text()->required(), "all-in-focus image; its ending chooses the format")(
           "quality", po::value<int>()->default_value(kDefaultQuality), "of JPEG and WebP, 1 to 100")(
           "width", po::value<int>(),
-          "width of the all-in-focus image, for a quick look; default: that of the frames")      //
+          "width of the all-in-focus image, for a quick look; default: that of the frames")(
+          "crop", "cut off the border that not all frames show, of all pictures of the frames' size")(
+          "save-aligned", text(),
+          "folder for the frames as they are fused, PNG; alpha is 0 where a frame saw nothing")  //
       ("rig", text(), "rig folder: depth.yaml, color.yaml, extrinsics.yaml, optics.yaml")        //
       ("depth", text(), "depth of the sensor, 16-bit PNG, mm, 0 = unknown; needs --rig")         //
       ("registered-depth", text(), "depth seen from the colour camera instead, 16-bit PNG, mm")  //

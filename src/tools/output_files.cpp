@@ -26,7 +26,7 @@ namespace all_in_focus {
 namespace {
 
 constexpr std::array<int, 3> kSignals{SIGINT, SIGTERM, SIGHUP};
-constexpr std::size_t kMostFiles = 64;  // a tool writes ten at most
+constexpr std::size_t kMostFiles = 1 << 17;  // as many as a bracket may have frames, and as many marks
 
 // For the signal handler, which may neither lock nor allocate. The names are never freed.
 std::array<std::atomic<const char*>, kMostFiles> g_temporaries{};
@@ -201,10 +201,14 @@ void OutputFiles::add(const std::string& path, const std::string& data) {
   }
   if (g_count == kMostFiles) fail(path, "too many outputs");
   const fs::path place = target(path);
+  drop(path);
   const std::string hidden = "." + place.filename().string() + "." + std::to_string(getpid());
   files_.push_back({place.string(), (place.parent_path() / hidden).string(), {}});
-  g_temporaries[g_count] = strdup(files_.back().temporary.c_str());
-  ++g_count;
+  const auto known = [&](const auto& name) { return files_.back().temporary == name.load(); };
+  if (std::none_of(g_temporaries.begin(), g_temporaries.begin() + g_count, known)) {
+    g_temporaries[g_count] = strdup(files_.back().temporary.c_str());
+    ++g_count;
+  }
   std::ofstream file(files_.back().temporary, std::ios::binary);
   file << data;
   file.close();  // a full disk may show only here
@@ -212,6 +216,16 @@ void OutputFiles::add(const std::string& path, const std::string& data) {
   std::error_code ignored;
   const fs::file_status before = fs::status(place, ignored);
   if (fs::exists(before)) fs::permissions(files_.back().temporary, before.permissions(), ignored);
+}
+
+void OutputFiles::drop(const std::string& path) {
+  const std::string place = target(path).string();
+  const auto found =
+      std::find_if(files_.begin(), files_.end(), [&](const File& file) { return file.path == place; });
+  if (found == files_.end()) return;
+  std::error_code ignored;
+  fs::remove(found->temporary, ignored);
+  files_.erase(found);
 }
 
 // Writes what goes into no regular file. Opening a FIFO waits for its reader.

@@ -37,10 +37,12 @@ class OutputFiles {
   OutputFiles(const OutputFiles&) = delete;
   OutputFiles& operator=(const OutputFiles&) = delete;
 
-  /// See encodeImage() and markAsResult().
+  /// See encodeImage() and markAsResult(). Whatever is added for a path once more replaces what was.
   void addImage(const std::string& path, const cv::Mat& image, const PhotoSource& source = {},
                 int quality = kDefaultQuality);
   void addText(const std::string& path, const std::string& text);
+  /// Takes back what was added for this path.
+  void drop(const std::string& path);
   void commit();
 
  private:

@@ -12,16 +12,6 @@
 
 namespace all_in_focus::core {
 
-/// A frame as mode refined adds it: in the geometry of the reference.
-struct AlignedFrame {
-  cv::Mat image;    ///< CV_8UC3; its pixels are valid only during the call that hands it over
-  cv::Rect seen;    ///< pixels that the frame has seen; the others continue its border
-  double gain = 1;  ///< in linear light (sRGB), to the exposure of the reference
-  int index = 0;
-  double focus_mm = 0;  ///< NaN = unknown, may be infinite
-  bool linear = false;  ///< the bracket's codes are in proportion to light, not sRGB
-};
-
 class RefinedFusion;
 class RegionFusion;
 

@@ -90,6 +90,16 @@ double ExposureMatching::gain(const cv::Mat& frame) const {
   return std::clamp(std::exp(exposure), 1 / kLargestGain, kLargestGain);
 }
 
+cv::Mat withGain(const AlignedFrame& frame) {
+  if (frame.gain == 1) return frame.image.clone();
+  const std::array<float, 256> gray = gainLut(frame.gain);
+  cv::Mat1b codes(1, 256);
+  for (int i = 0; i < 256; ++i) codes(i) = cv::saturate_cast<std::uint8_t>(gray[static_cast<std::size_t>(i)]);
+  cv::Mat image;
+  cv::LUT(frame.image, codes, image);
+  return image;
+}
+
 std::array<float, 256> gainLut(double gain) {
   std::array<float, 256> table;
   for (int code = 0; code < 256; ++code) {
