@@ -94,6 +94,15 @@ def test_registered_depth_is_used_as_it_is(planes):
     assert results["report"]["optics"] == {"focal_length_mm": 24.0, "aperture": 4.0, "circle_of_confusion_mm": 0.019}
 
 
+@pytest.mark.parametrize("given, note", [([], None), (["--optics", "24,4,0.019"], "no depth: the lens is not used"),
+                                         (["--rig", "RIG"], "neither depth nor focus distances: the rig is not used")])
+def test_it_says_what_was_given_in_vain_and_no_more(planes, given, note):
+    arguments = [planes.rig if argument == "RIG" else argument for argument in given]
+    done = succeeded(fuse_stack(planes.stack, "--output", planes.output("o.png"), *arguments))
+    lines = [line for line in done.stderr.splitlines() if "wrote" not in line]
+    assert lines == ([f"fuse_stack: note: {note}"] if note else [])
+
+
 @pytest.mark.parametrize("mode", ["paper", "refined"])
 def test_without_depth_sharpness_decides(planes, mode):
     outputs = ["--report", "--save-source-index", "--save-weights"]

@@ -88,7 +88,11 @@ void explainMissing(const PipelineInput& input, Mode mode, ReportContext& contex
   const auto without = [&](const std::string& missing) {
     context.notes.push_back(missing + ": depth and lens data are not used");
   };
-  if (!has_depth && !input.labels.empty()) {
+  const bool aligns_by_lens = input.has_rig && !input.focus_mm.empty();
+  if (!has_depth && input.labels.empty() && context.has_optics && !aligns_by_lens) {
+    context.notes.emplace_back(input.has_rig ? "neither depth nor focus distances: the rig is not used"
+                                             : "no depth: the lens is not used");
+  } else if (!has_depth && !input.labels.empty()) {
     without("a label map tells no distances");
   } else if (has_depth && !input.has_rig) {
     without("no rig, the pixel pitch is unknown");
