@@ -135,6 +135,9 @@ def test_what_is_refused(planes, tmp_path):
     (tmp_path / "empty").mkdir()
     out = tmp_path / "out"
     with unchanged(tmp_path):
+        done = fuse_stack(tmp_path / "no", tmp_path / "none", "--output", out)
+        assert done.returncode == 2 and done.stderr.endswith("fuse_stack: 2 of 2 stacks failed\n")
+    with unchanged(tmp_path):
         for arguments, complaint in (
                 ([*two, "--output", tmp_path / "sharp.png"], "--output names a folder, not a file, where stacks are several"),
                 ([*two, "--output", out, *planes.with_depth], "--depth belongs to one scene: fuse its stack alone"),

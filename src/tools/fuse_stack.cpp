@@ -364,58 +364,62 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
 // Options that name what belongs to one scene.
 constexpr const char* kOfOneScene[] = {"depth", "registered-depth", "label-map", "focus"};
 
-// The options for one stack: outputs are files in the folders that the user has named, under its name.
+// The outputs that the user has named.
+std::vector<NamedPath> outputsOf(const po::variables_map& values) {
+  std::vector<const char*> options = kWrites;
+  options.push_back("save-aligned");
+  std::vector<NamedPath> outputs;
+  for (const char* option : options) {
+    if (values.count(option)) outputs.push_back({option, values[option].as<std::string>()});
+  }
+  return outputs;
+}
+
+// The options for one stack: outputs lie in the folders that the user has named, under its name.
 po::variables_map valuesFor(const NamedStack& stack, const po::variables_map& values) {
+  static const std::map<std::string, std::string> kEndings = {
+      {"report", ".json"}, {"save-cloud", ".ply"}, {"save-aligned", ""}};
   po::variables_map own = values;
-  std::vector<const char*> outputs = kWrites;
-  outputs.push_back("save-aligned");
-  for (const char* option : outputs) {
-    if (!values.count(option)) continue;
-    const std::string name = option;
-    const std::string ending = name == "report"         ? ".json"
-                               : name == "save-cloud"   ? ".ply"
-                               : name == "save-aligned" ? ""
-                                                        : ".png";
-    const fs::path file = fs::path(values[option].as<std::string>()) / (stack.name + ending);
-    static_cast<std::map<std::string, po::variable_value>&>(own)[option] =
-        po::variable_value(boost::any(file.string()), /*defaulted=*/false);
+  for (const NamedPath& output : outputsOf(values)) {
+    const auto ending = kEndings.find(output.option);
+    const std::string name = stack.name + (ending == kEndings.end() ? ".png" : ending->second);
+    static_cast<std::map<std::string, po::variable_value>&>(own)[output.option] =
+        po::variable_value(boost::any((fs::path(output.path) / name).string()), /*defaulted=*/false);
   }
   return own;
 }
 
 // Whether an earlier run has fused the stack: the outputs are there and younger than the frames. Throws where
-// an output is not ours to replace.
+// the picture there is not ours to replace.
 bool isFused(const NamedStack& stack, const po::variables_map& values) {
-  const std::string output = values["output"].as<std::string>();
+  const auto output = values["output"].as<std::string>();
   if (fs::exists(output) && !readPhotoMetadata(output).is_result)
     fail(output, "is there, and no result of this package: name another folder");
   fs::file_time_type oldest = fs::file_time_type::max();
-  for (const char* option : kWrites) {
-    const std::string path = textOption(values, option);
-    if (path.empty()) continue;
-    if (!fs::exists(path)) return false;
-    oldest = std::min(oldest, fs::last_write_time(path));
+  for (const NamedPath& written : outputsOf(values)) {
+    if (!fs::exists(written.path)) return false;
+    oldest = std::min(oldest, fs::last_write_time(written.path));
   }
-  if (!fs::is_directory(stack.path)) return fs::last_write_time(stack.path) <= oldest;
+  if (!fs::is_directory(stack.path))
+    return fs::exists(stack.path) && fs::last_write_time(stack.path) <= oldest;
   const std::vector<std::string> names = listStack(stack.path, stack.files).frames;
   return std::all_of(names.begin(), names.end(), [&](const std::string& name) {
     return fs::last_write_time(fs::path(stack.path) / name) <= oldest;
   });
 }
 
-void makeFolders(const po::variables_map& values) {
-  std::vector<const char*> outputs = kWrites;
-  outputs.push_back("save-aligned");
-  for (const char* option : outputs) {
-    const std::string folder = textOption(values, option);
-    if (folder.empty()) continue;
+// Returns the folders that were not there.
+std::vector<std::string> makeFolders(const po::variables_map& values) {
+  std::vector<std::string> made;
+  for (const auto& [option, folder] : outputsOf(values)) {
     const std::string kind = ending(folder);
     if (isPictureName(folder) || kind == ".json" || kind == ".ply")
-      fail(folder, std::string("--") + option + " names a folder, not a file, where stacks are several");
+      fail(folder, "--" + option + " names a folder, not a file, where stacks are several");
     std::error_code error;
-    fs::create_directories(folder, error);
+    if (fs::create_directories(folder, error)) made.push_back(folder);
     if (!fs::is_directory(folder)) fail(folder, "no such folder, and it cannot be made");
   }
+  return made;
 }
 
 void fuseStacks(const po::variables_map& values, const std::vector<NamedStack>& stacks) {
@@ -423,7 +427,7 @@ void fuseStacks(const po::variables_map& values, const std::vector<NamedStack>& 
     if (values.count(option))
       throw std::invalid_argument(std::string("--") + option + " belongs to one scene: fuse its stack alone");
   }
-  makeFolders(values);
+  const std::vector<std::string> made = makeFolders(values);
   std::size_t width = 5, there = 0, failed = 0;
   for (const NamedStack& stack : stacks) width = std::max(width, stack.name.size());
   std::ostringstream table;
@@ -458,6 +462,8 @@ void fuseStacks(const po::variables_map& values, const std::vector<NamedStack>& 
             << cv::format("%zu stacks: %zu fused, %zu there already, %zu failed", stacks.size(),
                           stacks.size() - there - failed, there, failed)
             << std::endl;
+  std::error_code not_empty;
+  for (const std::string& folder : made) fs::remove(folder, not_empty);
   if (failed > 0) throw std::invalid_argument(cv::format("%zu of %zu stacks failed", failed, stacks.size()));
 }
 
