@@ -35,6 +35,7 @@ from all_in_focus.files.stack import read_depth
 from all_in_focus.installed import find, run
 from all_in_focus_lab.baselines import enfuse
 from all_in_focus_lab.benchmark import methods, scenes
+from all_in_focus_lab.benchmark.tables import markdown
 
 TASKS = ("registration", "segmentation", "fusion")
 NOISE_MM = 3
@@ -227,7 +228,7 @@ def main():
         args.rig, args.depth = args.rig or known["rig"], args.depth or known["depth"]
         compared = [row for task in args.tasks for row in compare[task](args)]
     print(f"Medians of {args.repetitions} runs, in turn.\n")
-    print(steps.table(["task", "program", "median", "times ours"], compared, left=2))
+    print(markdown([["task", "program", "median", "times ours"], *compared], left=2))
     sys.stdout.flush()
     os._exit(0)  # rospy's threads may take long
 

@@ -20,6 +20,7 @@ import steps
 from all_in_focus.command_line import Parser, count, run
 from all_in_focus_lab.baselines import enfuse
 from all_in_focus_lab.benchmark.methods import peer_command
+from all_in_focus_lab.benchmark.tables import markdown
 
 ASPECT = 1.5
 QUALITY = 92  # of the JPEGs
@@ -73,9 +74,9 @@ def main():
     ours = next(iter(medians.values()))[0]
     runs_told = "one run" if args.repetitions == 1 else f"medians of {args.repetitions} runs"
     print(f"{args.frames} JPEGs of {width}x{height}, {runs_told}, in turn.\n")
-    print(steps.table(["program", "s", "times ours", "CPU, s", "peak, MB"],
-                      [[name, f"{seconds:.2f}", f"{seconds / ours:.2f}", f"{cpu:.2f}", f"{peak:.0f}"]
-                       for name, (seconds, cpu, peak) in medians.items()], left=1))
+    print(markdown([["program", "s", "times ours", "CPU, s", "peak, MB"],
+                    *([name, f"{seconds:.2f}", f"{seconds / ours:.2f}", f"{cpu:.2f}", f"{peak:.0f}"]
+                      for name, (seconds, cpu, peak) in medians.items())], left=1))
 
 
 if __name__ == "__main__":

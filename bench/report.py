@@ -78,8 +78,8 @@ def measure_photos(args):
 
 
 def measure_graph(args):
-    return "\n\n".join(run("graph_rate", "--rig", args.rig, "--depth", args.depth, *shlex.split(options))
-                       for options in GRAPHS)
+    tables = [run("graph_rate", "--rig", args.rig, "--depth", args.depth, *shlex.split(options)) for options in GRAPHS]
+    return "\n".join([tables[0], *("\n".join(table.splitlines()[2:]) for table in tables[1:])])
 
 
 PARTS = {"steps": measure_steps, "growth": measure_growth, "comparison": measure_comparison, "photos": measure_photos,

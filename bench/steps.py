@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from all_in_focus.progress import Progress
+from all_in_focus_lab.benchmark.tables import markdown
 
 ROOT = Path(__file__).absolute().parent.parent
 BENCH_STEPS = str(ROOT / "build/devel/lib/all_in_focus/bench_steps")
@@ -112,7 +113,7 @@ def times_table(figures, sizes):
             one, two = (figures.get((step, width, height, threads)) for threads in (1, 2))
             yield from (number(one["ms"]), number(two["ms"]), number(one["copies"])) if one and two else ("-",) * 3
 
-    return table(head, [[TITLES[step], *row(step)] for step in TITLES if has(figures, step)])
+    return markdown([head, *([TITLES[step], *row(step)] for step in TITLES if has(figures, step))], left=1)
 
 
 def allocations_table(figures, width, height):
@@ -122,8 +123,8 @@ def allocations_table(figures, width, height):
             entry = figures.get((step, width, height, threads))
             yield from (number(round(entry["allocations"], 1)), size(entry["allocated_bytes"])) if entry else ("-",) * 2
 
-    return table([f"step at {width}x{height}", "allocations", "bytes", "2 threads", "bytes"],
-                 [[TITLES[step], *row(step)] for step in TITLES if has(figures, step)])
+    return markdown([[f"step at {width}x{height}", "allocations", "bytes", "2 threads", "bytes"],
+                     *([TITLES[step], *row(step)] for step in TITLES if has(figures, step))], left=1)
 
 
 def has(figures, step):
@@ -137,10 +138,3 @@ def size(number_of_bytes):
             return f"{round(number_of_bytes)} {unit}"
         number_of_bytes /= 1000
     return f"{number(number_of_bytes)} MB"
-
-
-def table(head, rows, left=1):
-    """Markdown; the first columns to the left, the others to the right."""
-    lines = [f"| {' | '.join(row)} |" for row in [head] + rows]
-    lines.insert(1, "|---" * left + "|---:" * (len(head) - left) + "|")
-    return "\n".join(lines) + "\n"

@@ -1,15 +1,12 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Measures of quality, and the program that compares methods by them."""
-import json
+"""Measures of quality, and what evaluate makes of them: means, depth, programs of others, the suites."""
 import re
-import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from evaluate_helpers import make_scene
+from evaluate_helpers import make_scene, results
 from file_helpers import call
 from skimage.metrics import structural_similarity
 from tool_helpers import expect_refusal, tool
@@ -17,20 +14,16 @@ from tool_helpers import expect_refusal, tool
 from all_in_focus.files.rig import Optics
 from all_in_focus.files.stack import read_image
 from all_in_focus_lab.baselines.alignment import align
-from all_in_focus_lab.benchmark import methods, scenes as scenes_on_disk, suite
+from all_in_focus_lab.benchmark import methods, scenes as scenes_on_disk, suite, tables as t
 from all_in_focus_lab.metrics.kept_contrast import kept_contrast, roughness
 from all_in_focus_lab.metrics.truth import blur_per_inverse_depth, depth_errors, near_depth_edges, psnr, ssim
-
-BENCH = Path(__file__).resolve().parent.parent / "bench"
-sys.path.insert(0, str(BENCH))
-import quality  # noqa: E402
 
 COPY = "copy=cp {stack}/000.png {output}"
 
 
 def compare(*arguments):
-    """Run bench/quality.py; its own output is parsed by `tables`."""
-    return call(BENCH / "quality.py", *arguments)
+    """Run evaluate with the cheapest of the metrics; what it prints is parsed by `tables`."""
+    return call("evaluate", *arguments, "--metrics", "kept_contrast")
 
 
 def tables(markdown):
@@ -217,48 +210,46 @@ def test_large_scenes_are_rendered(name, tmp_path):
 # --- the program ------------------------------------------------------------------------------------------------------
 
 def test_means_say_what_they_cover():
-    figures = {"a": {"x": {"psnr": 30.0}, "y": None}, "b": {"x": {"psnr": 40.0}, "y": {"psnr": 20.0}}}
-    assert quality.table(figures, "psnr").splitlines()[2:] == [
-        "| scene | x | y |", "|---|---:|---:|", "| a | 30.00 | - |", "| b | 40.00 | 20.00 |",
-        "| mean (of scenes) | 35.00 (2) | 20.00 (1) |"]
+    of = {"a": {"x": {"values": {"PSNR": 30.0}}, "y": {"error": "none"}},
+          "b": {"x": {"values": {"PSNR": 40.0}}, "y": {"values": {"PSNR": 20.0}}}}
+    found = t.build(of, ["x", "y"], [])
+    assert t.mean_cells(found, found.truth) == [["mean (of scenes)", "x", "y"], ["PSNR", "35.00 (2)", "20.00 (1)"]]
 
 
-def test_program_compares_and_keeps(scenes, tmp_path):
+def test_program_compares_with_programs_of_others(scenes, tmp_path):
     arguments = [scenes / "still", scenes / "breathing", "--methods", "single,laplacian+ecc", "--peer", COPY, "--peer",
-                 "copy+ecc=cp {stack}/000.png {output}", "--peer", "broken=false {output}", "--output", tmp_path / "out",
-                 "--json", tmp_path / "figures.json"]
+                 "copy+ecc=cp {stack}/000.png {output}", "--peer", "broken=false {output}", "--output", tmp_path / "out"]
     result = compare(*arguments)
-    assert result.returncode == 0
-    assert result.stderr.splitlines() == [f"{scene} broken: false: exit code 1" for scene in ("still", "breathing")]
-    written = sorted(str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.png"))
-    assert written == [f"{scene}/{method}.png" for scene in ("breathing", "still")
-                       for method in ("copy+ecc", "copy", "laplacian+ecc", "single")]
-    psnrs = tables(result.stdout)["PSNR, dB"]
-    assert psnrs["still"]["broken"] == "-" and psnrs["mean (of scenes)"]["broken"] == "- (0)"
-    assert float(psnrs["still"]["laplacian+ecc"]) > float(psnrs["still"]["single"]) >= float(psnrs["still"]["copy"])
+    assert result.returncode == 1
+    assert result.stderr.splitlines() == [f"evaluate: warning: {scene} broken: false: exit code 1"
+                                          for scene in ("still", "breathing")]
+    written = sorted(str(path.parent.relative_to(tmp_path / "out/results")) for path in (tmp_path / "out").rglob("fused.png"))
+    assert written == [f"{scene}/{method}" for scene in ("breathing", "still")
+                       for method in ("copy", "copy+ecc", "laplacian+ecc", "single")]
+    means = tables(result.stdout)["Means"]
+    assert means["PSNR"]["broken"] == "- (0)" and means["SSIM"]["single"].endswith(" (2)")
+    found = results(tmp_path / "out")["results"]
+    psnrs = {method: of["values"]["PSNR"] for method, of in found["still"].items() if "error" not in of}
+    assert psnrs["laplacian+ecc"] > psnrs["single"] >= psnrs["copy"] and found["still"]["copy"]["seconds"] > 0
     aligned = align(list(scene_at(scenes / "breathing").frames()))[0]
-    np.testing.assert_array_equal(read_image(tmp_path / "out" / "breathing" / "copy+ecc.png"), aligned)
-    assert list(tables(result.stdout)) == ["PSNR, dB", "SSIM", "PSNR within 8 px of depth edges, dB"]
-    figures = json.loads((tmp_path / "figures.json").read_text())
-    assert figures["scenes"]["still"]["broken"] is None and figures["mean_and_scenes"]["single"]["ssim"][1] == 2
-    assert figures["scenes"]["still"]["copy"]["seconds_per_frame"] > 0
+    np.testing.assert_array_equal(read_image(tmp_path / "out/results/breathing/copy+ecc/fused.png"), aligned)
 
-    kept = tmp_path / "out" / "still" / "copy.png"
-    cv2.imwrite(str(kept), read_image(scenes / "still" / "truth.png"))
-    again = tables(compare(*arguments, "--keep", "--time").stdout)
-    assert again["PSNR, dB"]["still"]["copy"] == "inf" and again["Time per frame, s"]["still"]["copy"] == "-"
-    assert tables(compare(*arguments).stdout)["PSNR, dB"]["still"]["copy"] == psnrs["still"]["copy"]
+    arguments[arguments.index(COPY)] = "copy=cp {stack}/../truth.png {output}"
+    compare(*arguments)
+    again = results(tmp_path / "out")["results"]["still"]
+    assert again["copy"]["values"]["PSNR"] is None, "infinite: another command is another method"
+    assert again["single"]["run"] == found["still"]["single"]["run"], "was not measured again"
 
 
 def test_program_scores_depth(scenes, tmp_path):
     """What the sensor measured, what was filled in, what mode restored found, beside each other."""
     result = compare(scenes / "still", "--methods", "refined,restored", "--fuse-stack", tool("fuse_stack"), "--output",
-                     tmp_path / "out", "--json", tmp_path / "figures.json")
+                     tmp_path / "out")
     assert (result.returncode, result.stderr) == (0, "")
     title, = [title for title in tables(result.stdout) if title.startswith("Depth")]
     found = tables(result.stdout)[title]
     assert list(found) == ["still", "mean"] and list(found["still"]) == ["as measured", "holes filled", "restored"]
-    figures = json.loads((tmp_path / "figures.json").read_text())["scenes"]["still"]
+    figures = results(tmp_path / "out")["results"]["still"]
     assert set(figures["refined"]["depths"]) == {"measured", "registered"}
     for share, rmse in figures["restored"]["depths"].values():
         assert 0 < share < 0.5 and 0 < rmse < 1
@@ -273,21 +264,26 @@ def test_program_measures_photos_without_a_truth(tmp_path):
         cv2.imwrite(str(tmp_path / "photos" / name), image, [cv2.IMWRITE_JPEG_QUALITY, 98])
     result = compare(tmp_path / "photos", "--methods", "laplacian,single", "--peer", "first=cp {stack}/a.jpg {output}",
                      "--output", tmp_path / "out")
-    assert result.returncode == 0
-    assert result.stderr.splitlines() == [f"photos single: {tmp_path / 'photos'}: no truth is known, which single needs"]
-    found = tables(result.stdout)
-    assert list(found) == ["Contrast kept, mean of the bands", "Contrast kept, least band"]
-    kept = found["Contrast kept, mean of the bands"]["photos"]
-    assert float(kept["laplacian"]) > 0.97 and 0.4 < float(kept["first"]) < 0.9 and kept["single"] == "-"
+    assert result.returncode == 1
+    complaint, = result.stderr.splitlines()
+    assert complaint.endswith(f"photos single: {tmp_path / 'photos'}: no truth is known, which single needs")
+    found = results(tmp_path / "out")["results"]["photos"]
+    assert "PSNR" not in found["laplacian"]["values"] and "error" in found["single"]
+    assert found["laplacian"]["contrast"]["kept_contrast"] > 0.97 and 0.4 < found["first"]["contrast"]["kept_contrast"] < 0.9
 
 
 @pytest.mark.parametrize("arguments, reason", [
-    ([], "give scene folders or --generate DIR"),
+    ([], "no scenes"),
     (["nowhere"], "nowhere"),
     (["--suite", "huge"], "there are small, large, enlarged"),
-    (["--methods", "median"], "no method is named 'median'"),
+    (["--methods", "median", "a"], "no method is named 'median'"),
     (["--peer", "mine=true"], "expected NAME=COMMAND with {output} in it"),
-    (["a/scene", "b/scene"], "two scenes have the same name"),
+    (["a/scene", "b/scene"], "two scenes are named scene"),
 ])
-def test_bad_arguments(tmp_path, arguments, reason):
-    expect_refusal(compare(*arguments, "--output", tmp_path / "out"), "quality.py", reason)
+def test_bad_arguments(scenes, tmp_path, monkeypatch, arguments, reason):
+    for name in ("a", "a/scene", "b/scene"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        if not (tmp_path / name).exists():
+            (tmp_path / name).symlink_to(scenes / "still") if "/" in name else (tmp_path / name).mkdir()
+    monkeypatch.chdir(tmp_path)
+    expect_refusal(compare(*arguments, "--output", tmp_path / "out"), "evaluate", reason)

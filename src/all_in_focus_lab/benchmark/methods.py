@@ -71,22 +71,22 @@ def available():
     return list(OWN) + [name for name in BASELINES if name != "enfuse" or shutil.which("enfuse")]
 
 
-def expand(names, scenes):
+def expand(names, scenes, peers={}):
     """Names with `all` and `given:*` replaced by what there is; ValueError for a name that no method has, or twice."""
     given = ["given:" + name for name in dict.fromkeys(name for scene in scenes for name in scene.given)]
     wide = {"all": available(), "given:*": given}
     expanded = [name for wanted in names for name in wide.get(wanted, [wanted])]
     for name in expanded:
-        find(name)
+        find(name, peers)
         if expanded.count(name) > 1:
             raise ValueError(f"method '{name}' is named twice")
     return expanded
 
 
-def find(name, peers={}, program=None):
+def find(name, peers={}, program=""):
     """The method of a name; ValueError if there is none.
 
-    peers: more names -> command lines (see `peer_command`); program: path of fuse_stack, None: that of this package.
+    peers: more names -> command lines (see `peer_command`); program: path of fuse_stack, empty: that of this package.
     """
     kind, colon, variant = str(name).partition(":")
     plain = name[:-len("+ecc")] if name.endswith("+ecc") else name
@@ -116,9 +116,9 @@ def split(text):
     return names
 
 
-def fingerprint(name, scene, versions):
-    """What a result depends on; versions: see programs."""
-    parts = [scene.digest, scene.optics, name]
+def fingerprint(name, scene, versions, peers={}):
+    """What a result depends on; versions: see programs; peers: see find()."""
+    parts = [scene.digest, scene.optics, name, *([peers[name]] if name in peers else [])]
     if name.startswith("given:"):
         path = scene.given.get(name.partition(":")[2])
         parts.append(digest([path]) if path else "")

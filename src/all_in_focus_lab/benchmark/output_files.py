@@ -96,17 +96,17 @@ def scores_csv(tables):
 
 
 def _plain(value):
-    """Replaces infinity and NaN by None, which becomes null: JSON has neither."""
+    """Replaces infinity and NaN by None, which becomes null: JSON has neither. Also in what a mapping or a list holds."""
+    if isinstance(value, dict):
+        return {key: _plain(of) for key, of in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(of) for of in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def as_json(run, tables):
-    def shown(result):
-        return {key: {name: _plain(number) for name, number in value.items()}
-                if key in ("values", "contrast") else _plain(value)
-                for key, value in result.items() if key != "fingerprint"}
-
-    results = {scene: {method: shown(result) for method, result in of.items()} for scene, of in run.results.items()}
+    results = {scene: {method: {key: _plain(value) for key, value in result.items() if key != "fingerprint"}
+                       for method, result in of.items()} for scene, of in run.results.items()}
     scores = {by: {"rows": [{"scene": row.scene, "measure": row.measure, "scores": row.scores} for row in rows],
                    "standings": {name: {"times": {t.score(score): times for score, times in sorted(it.times.items())},
                                         "total": it.total, "rank": it.rank}

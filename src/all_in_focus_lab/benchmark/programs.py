@@ -29,9 +29,10 @@ def code_digest():
     return digest(sorted(paths, key=lambda path: path.name))
 
 
-def fusion_digest():
-    """Digest of fuse_stack and of the library with the method."""
-    return digest([Path(find("fuse_stack")), *_libraries("core")])
+def fusion_digest(program=""):
+    """Digest of fuse_stack (of this package, or of another build) and of the library with the method."""
+    path = Path(program or find("fuse_stack"))
+    return digest([path, *sorted(path.parent.parent.glob("liball_in_focus_core.so"))])
 
 
 def nodes_digest():
@@ -45,8 +46,8 @@ def _libraries(name):
     return sorted((prefix() / "lib").glob(f"liball_in_focus_{name}.so"))
 
 
-def versions():
-    """Name -> version of everything that results depend on."""
+def versions(program=""):
+    """Name -> version of everything that results depend on; program: see fusion_digest()."""
     found = {"all_in_focus": _package_version(), "python": sys.version.split()[0]}
     for name in LIBRARIES:
         try:
@@ -57,7 +58,7 @@ def versions():
         said = subprocess.run(["enfuse", "--version"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                               errors="replace").stdout
         found["enfuse"] = said.strip().partition("\n")[0] or "unknown"
-    found.update(code=code_digest(), fuse_stack=fusion_digest(), nodes=nodes_digest(), machine=platform.node(),
+    found.update(code=code_digest(), fuse_stack=fusion_digest(program), nodes=nodes_digest(), machine=platform.node(),
                  system=platform.platform(), processor=f"{os.cpu_count()} x {_processor()}")
     return found
 

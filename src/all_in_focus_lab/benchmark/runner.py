@@ -100,10 +100,10 @@ def evaluate(settings, fresh=False, say=None):
     worker; fresh: ignore results of earlier runs. Raises ValueError (BadInput of scenes), engine.EngineError."""
     say = say or (lambda line: None)
     found = find_scenes(settings)
-    names = methods.expand(settings.methods, found)
+    names = methods.expand([*settings.methods, *settings.peers], found, settings.peers)
     Path(settings.output).mkdir(parents=True, exist_ok=True)
     name = f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {os.getpid()}"
-    run = Run(settings, [], names, {}, [], programs.versions(), name)
+    run = Run(settings, [], names, {}, [], programs.versions(settings.fuse_stack), name)
     store = Store(settings.output)
 
     def print_line(line):
@@ -150,10 +150,11 @@ def _run_tasks(run, store, workers, fresh, fail):
     """Every method on every scene, unless its result is there already."""
     by_name = {scene.name: scene for scene in run.scenes}
     code = run.versions["code"]
-    marks = {(scene, method): methods.fingerprint(method, by_name[scene], run.versions)
+    marks = {(scene, method): methods.fingerprint(method, by_name[scene], run.versions, run.settings.peers)
              for scene in by_name for method in run.methods}
     done = {key: None if fresh else store.load(*key, mark, run.settings.metrics) for key, mark in marks.items()}
-    calls = {key: (tasks.run, (by_name[key[0]], key[1], run.settings.metrics, code))
+    asked = run.settings.metrics, code, run.settings.peers, run.settings.fuse_stack
+    calls = {key: (tasks.run, (by_name[key[0]], key[1], *asked))
              for key, result in done.items() if result is None}
     with Progress(total=len(marks), initial=len(marks) - len(calls), unit="result") as bar:
         for key, result in workers.run(calls):

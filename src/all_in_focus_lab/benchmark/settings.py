@@ -28,7 +28,8 @@ class SettingsError(ValueError):
 class Settings:
     """scenes: mappings with SCENE_KEYS, at least path; methods: names, see methods.find; metrics: names of METRICS
     (those of CONTRAST_MEASURES are always measured, and may be named too); bag: options of evaluate_bag by name;
-    scheduler: address of a running Dask scheduler, or empty: `jobs` processes of this machine (1: this process)."""
+    scheduler: address of a running Dask scheduler, or empty: `jobs` processes of this machine (1: this process); peers:
+    command lines of other programs by name, see methods.peer_command; fuse_stack: path of another build's, or empty."""
     scenes: List[Dict[str, str]] = field(default_factory=list)
     methods: List[str] = field(default_factory=lambda: ["all"])
     metrics: List[str] = field(default_factory=lambda: list(METRICS))
@@ -36,6 +37,8 @@ class Settings:
     jobs: int = 1
     scheduler: str = ""
     bag: Dict[str, str] = field(default_factory=dict)
+    peers: Dict[str, str] = field(default_factory=dict)
+    fuse_stack: str = ""
 
     def as_yaml(self):
         return yaml.safe_dump(asdict(self), default_flow_style=False, sort_keys=False)
@@ -67,6 +70,9 @@ def from_dict(data, folder):
     settings.scenes = [scene_entry(entry, folder) for entry in settings.scenes]
     if not isinstance(settings.bag, dict):
         raise SettingsError("bag: expected options of evaluate_bag")
+    if not isinstance(settings.peers, dict):
+        raise SettingsError("peers: expected names and command lines")
+    settings.peers = dict(methods.peer_command(f"{name}={command}") for name, command in settings.peers.items())
     settings.bag = {str(name).replace("_", "-"): str(value) for name, value in settings.bag.items()}
     settings.output = str(Path(folder, _text(settings.output, "output"))) if settings.output else ""
     return settings

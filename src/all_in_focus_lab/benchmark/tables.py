@@ -14,6 +14,7 @@ from all_in_focus_lab.benchmark.settings import TRUTH_MEASURES
 from all_in_focus_lab.metrics import CONTRAST_MEASURES
 
 LESS_IS_BETTER = {"roughness"}
+DEPTHS = {"measured": "as measured", "registered": "holes filled"}  # the same for every method that has them
 DIGITS = {"PSNR": 2, "PSNR_edges": 2}  # behind the point; of others 4
 
 
@@ -59,12 +60,13 @@ class Row:
 @dataclass
 class Tables:
     """methods, in order; metrics, contrast and truth: rows of T3 by the metrics of the paper, by the contrast that is
-    kept, and by the truth; seconds: scene -> method -> seconds or None."""
+    kept, and by the truth; seconds: scene -> method -> seconds or None; depths: scene -> depth map -> (share wrong, RMSE)."""
     methods: List[str]
     metrics: List[Row]
     contrast: List[Row]
     truth: List[Row]
     seconds: Dict[str, Dict[str, Optional[float]]]
+    depths: Dict[str, Dict[str, tuple]]
 
     def standings(self, rows):
         """Table T4 of some rows: name of a method -> Standing, best first."""
@@ -91,7 +93,10 @@ def build(results, methods, metric_names):
         return found
 
     seconds = {scene: {method: of[method].get("seconds") for method in methods} for scene, of in results.items()}
-    return Tables(methods, rows(metric_names), rows(CONTRAST_MEASURES, "contrast"), rows(TRUTH_MEASURES), seconds)
+    depths = {scene: {DEPTHS.get(name, method): errors for method in methods
+                      for name, errors in of[method].get("depths", {}).items()} for scene, of in results.items()}
+    return Tables(methods, rows(metric_names), rows(CONTRAST_MEASURES, "contrast"), rows(TRUTH_MEASURES), seconds,
+                  {scene: of for scene, of in depths.items() if of})
 
 
 def number(measure, value):
@@ -140,9 +145,35 @@ def seconds_cells(tables):
     return lines + [["mean"] + [number("seconds", tables.mean_seconds(name)) for name in tables.methods]]
 
 
-def markdown(lines):
-    """Lists of text as a table that reads well as it is, too."""
-    widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
+def mean_cells(tables, rows):
+    """Means over the scenes that have a value, and how many those are, as lists of text: one line for each measure."""
+    lines = [["mean (of scenes)"] + tables.methods]
+    for measure in dict.fromkeys(row.measure for row in rows):
+        found = {name: [row.values[name] for row in rows if row.measure == measure and row.values[name] is not None]
+                 for name in tables.methods}
+        lines.append([measure] + [f"{number(measure, fmean(values) if values else None)} ({len(values)})"
+                                  for values in found.values()])
+    return lines
+
+
+def depth_cells(tables):
+    """As lists of text: share of the depth map that is wrong by more than 1 px of blur (holes too), %, and RMSE without
+    holes, 1/m, of each depth map that the modes used or found."""
+    names = list(dict.fromkeys([*DEPTHS.values(), *(name for of in tables.depths.values() for name in of)]))
+    names = [name for name in names if any(name in of for of in tables.depths.values())]
+
+    def cells(of):
+        return [f"{100 * of[name][0]:.2f} / {of[name][1]:.3f}" if name in of else "-" for name in names]
+
+    means = {name: [fmean(part) for part in zip(*(of[name] for of in tables.depths.values() if name in of))] for name in names}
+    return [["scene"] + names, *([scene] + cells(of) for scene, of in tables.depths.items()), ["mean"] + cells(means)]
+
+
+def markdown(lines, left=None):
+    """Lists of text as a table, padded so that it reads well as it is, too. left: so many columns to the left, the others to
+    the right, nothing padded: for a page."""
+    widths = [max(len(line[column]) for line in lines) if left is None else 1 for column in range(len(lines[0]))]
     text = [f"| {' | '.join(cell.ljust(width) for cell, width in zip(line, widths))} |" for line in lines]
-    text.insert(1, f"|{'|'.join('-' * (width + 2) for width in widths)}|")
+    ruled = [f"{'-' * (width + 2)}{':' if left is not None and column >= left else ''}" for column, width in enumerate(widths)]
+    text.insert(1, f"|{'|'.join(ruled)}|")
     return "\n".join(text) + "\n"

@@ -20,10 +20,12 @@ from all_in_focus_lab.metrics.kept_contrast import kept_contrast, roughness
 from all_in_focus_lab.metrics.truth import Truth, blur_per_inverse_depth, depth_errors, psnr, ssim
 
 
-def run(scene, method, metric_names, code):
-    """Plain dictionary: values, contrast, seconds, wall_seconds, host, notes, files (PNG bytes by name); or just error, host.
+def run(scene, method, metric_names, code, peers, program):
+    """Plain dictionary: values, contrast, depths, seconds, wall_seconds, host, notes, files (PNG bytes by name); or just
+    error, host.
 
-    code: programs.code_digest() of the caller; a worker with another version of the package refuses.
+    peers, program: see methods.find; code: programs.code_digest() of the caller; a worker with another version of the
+    package refuses.
     """
     host = platform.node()
     try:
@@ -31,12 +33,13 @@ def run(scene, method, metric_names, code):
             raise RuntimeError(f"{host} has another version of the package")
         begin = time.perf_counter()
         with tempfile.TemporaryDirectory(prefix="evaluate.") as folder:
-            produced = methods.find(method)(scene, folder)
+            produced = methods.find(method, peers, program)(scene, folder)
         wall = time.perf_counter() - begin
         frames = list(scene.frames())
         return {"values": measure(scene, frames, produced.fused, metric_names),
-                "contrast": measure_contrast(frames, produced), "seconds": produced.seconds,
-                "wall_seconds": wall, "host": host, "notes": produced.notes, "files": pictures(produced)}
+                "contrast": measure_contrast(frames, produced), "depths": measure_depths(scene, produced.depths),
+                "seconds": produced.seconds, "wall_seconds": wall, "host": host, "notes": produced.notes,
+                "files": pictures(produced)}
     except Exception as error:  # of any kind: the other methods must go on
         return {"error": one_line_with_type(error), "host": host}
 
