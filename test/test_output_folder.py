@@ -39,7 +39,7 @@ def test_a_folder_appears_whole_with_a_mark(tmp_path):
         (working / "a.txt").write_text("1")
         assert not out.exists()
     mark = read_mark(out)
-    assert mark["program"] == PROGRAM and mark["run"] and mark["files"] == ["a.txt"]
+    assert mark["program"] == PROGRAM and mark["files"] == ["a.txt"]
     assert names(out) == [MARK, "a.txt"] and names(tmp_path) == ["out"]
 
 
@@ -204,36 +204,37 @@ import os, signal, sys
 from all_in_focus.files.output_folder import OutputFolder
 folder = OutputFolder(sys.argv[1], "a_program", may_keep=lambda name: True)
 (folder.working / "half.txt").write_text("")
-if sys.argv[2] == "late":
-    type(folder.working).rename = lambda *_: os.kill(os.getpid(), signal.SIGKILL)  # after the exchange
-    folder.commit()
-os.kill(os.getpid(), signal.SIGKILL)
+renames, left = type(folder.working).rename, int(sys.argv[2])
+def rename(one, other):
+    global left
+    left -= 1
+    return renames(one, other) if left >= 0 else os.kill(os.getpid(), signal.SIGKILL)
+type(folder.working).rename = rename
+folder.commit()
 """
 
 
-@pytest.mark.parametrize("when", ["early", "late"])
-def test_what_a_killed_run_leaves_is_cleaned_up_by_the_next(tmp_path, when):
+@pytest.mark.parametrize("renames, files", [(0, ["sub/a.txt"]), (1, ["sub/a.txt"]), (2, ["half.txt"])])
+def test_what_a_killed_run_leaves_is_cleaned_up_by_the_next(tmp_path, renames, files):
+    """Killed before the former output went aside, before the new one came, before the user's files followed."""
     out = tmp_path / "out"
     write(out)
     (out / "mine").write_text("x")
-    done = subprocess.run([sys.executable, "-c", KILLED, str(out), when], check=False)
-    assert done.returncode == -signal.SIGKILL and len(names(tmp_path)) == 3
-    (tmp_path / ".out.0123456789ab.incomplete").mkdir()  # of somebody else: it has no mark, but is not empty
+    done = subprocess.run([sys.executable, "-c", KILLED, str(out), str(renames)], check=False)
+    assert done.returncode == -signal.SIGKILL and len(names(tmp_path)) == 2
+    (tmp_path / ".out.0123456789ab.incomplete").mkdir()  # of somebody else
     (tmp_path / ".out.0123456789ab.incomplete" / "mine2").write_text("y")
     remove_leftovers(out)
-    assert (out / "mine").read_text() == "x"
-    assert read_mark(out)["files"] == (["sub/a.txt"] if when == "early" else ["half.txt"])
+    assert (out / "mine").read_text() == "x" and read_mark(out)["files"] == files
     write(out, may_keep=lambda name: True)
     kept = sorted(path.read_text() for path in tmp_path.rglob("mine*"))
-    assert kept == ["x", "y"] and not list(tmp_path.glob(".out.lock"))
+    assert kept == ["x", "y"] and names(tmp_path) == [".out.0123456789ab.incomplete", "out"]
 
 
-def test_file_systems_without_an_exchange(tmp_path, monkeypatch):
-    class NoExchange:
-        def __init__(self, *_, **__):
-            pass
-
-    monkeypatch.setattr(output_folder.ctypes, "CDLL", NoExchange)
-    write(tmp_path / "out", "1")
-    write(tmp_path / "out", "2")
-    assert (tmp_path / "out" / "sub" / "a.txt").read_text() == "2" and names(tmp_path) == ["out"]
+@pytest.mark.parametrize("name", [".out.incomplete", ".out.former"])
+def test_folders_of_others_beside_the_output_are_refused(tmp_path, name):
+    write(tmp_path / "out")
+    (tmp_path / name).mkdir()
+    (tmp_path / name / "mine").write_text("x")
+    with unchanged(tmp_path), pytest.raises(OSError, match="was not written by a run|not empty"):
+        write(tmp_path / "out")

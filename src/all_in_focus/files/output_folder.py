@@ -2,29 +2,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Writes whole folders: a folder is complete or absent, and files that the program did not write are never removed.
 
-A run writes into a staging folder of its own beside the output. At the end the two change places in one step of the
-file system, and the former output is removed. A mark inside (MARK, a JSON file) names the program, the run and the
-files that it wrote: only those are ever removed. Other files in an output folder either stay there or make the program
-refuse the folder. A lock beside the output keeps two runs apart; the kernel frees it when a run dies.
+A run writes into a staging folder beside the output. At the end the former output gives way to it, and is removed. A mark
+inside (MARK, a JSON file) names the program and the files that it wrote: only those are ever removed. Other files in an
+output folder either stay there or make the program refuse the folder. The staging folder is locked as long as its run lives,
+which keeps two runs apart and tells what a killed one has left.
 """
 import contextlib
-import ctypes
 import errno
 import fcntl
-import glob
 import json
 import os
 import shutil
-import socket
-import time
-import uuid
 from pathlib import Path
 
 from all_in_focus.files.output_file import named
 
 MARK = ".all_in_focus"
-_RENAME_EXCHANGE = 2  # of renameat2()
-_AT_FDCWD = -100
 
 
 class OutputFolder:
@@ -41,50 +34,60 @@ class OutputFolder:
         self._program, self._may_keep, self._results = program, may_keep, set(results)
         if parents and not self.path.parent.exists():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-        self.working = _staging_name(self.path)
-        self._is_own = True  # all that is in the staging folder
-        self._lock = _Lock(self.path)
+        self.working, self._lock = _staging(self.path), None
         try:
-            self._lock.acquire()
-            self._check()
-            _remove_stale(self.path)
             with named(self.path, self.working):
-                self.working.mkdir()
+                with contextlib.suppress(FileExistsError):
+                    self.working.mkdir()
+                self._take()
+                _recover(self.path)
+                self._check()
                 self._write_mark(None)
         except BaseException:
             self.discard()
             raise
 
+    def _take(self):
+        """Locks the staging folder and empties it. BlockingIOError where another run has it."""
+        self._lock = os.open(self.working, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+        if not _locks(self._lock, self.working):
+            raise BlockingIOError(errno.EWOULDBLOCK, "another run is writing there: wait for it, or choose another folder",
+                                  str(self.path))
+        if not _is_of_a_run(self.working):
+            raise FileExistsError(errno.EEXIST, "was not written by a run: remove it", str(self.working))
+        _empty(self.working)
+
     def commit(self):
         """Puts the staging folder in the place of the output. What it replaces is removed, but for what may stay."""
         self._write_mark(sorted(_files(self.working)))
-        kept = self._check(_entries(self.working))
+        self._check(_entries(self.working))
         with named(self.path, self.working):
-            if not self.path.exists():
-                self.working.rename(self.path)
-                return
-            shutil.copymode(self.path, self.working)
-            self._is_own = False
-            _exchange(self.working, self.path)
-            for name in kept:  # the staging folder is the former output now
-                (self.working / name).rename(self.path / name)
-            _remove(self.working)
+            if self.path.exists():
+                shutil.copymode(self.path, self.working)
+                if not (self.path / MARK).exists():
+                    self._write_mark([], self.path)  # all in it is the user's
+                self.path.rename(_former(self.path))
+            self.working.rename(self.path)
+        _recover(self.path)
 
     def discard(self):
-        """Removes the staging folder, if commit() has not, and ends the lock."""
-        if self._is_own:
-            shutil.rmtree(self.working, ignore_errors=True)  # its mark may be missing or half written
-        else:
-            _remove(self.working)
-        self._lock.release()
+        """Removes the staging folder, if commit() has not, and ends the lock. A signal may have ended __init__ anywhere."""
+        with contextlib.suppress(OSError):
+            if self._lock is None:
+                self._lock = os.open(self.working, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+            if _locks(self._lock, self.working) and _is_of_a_run(self.working):
+                shutil.rmtree(self.working, ignore_errors=True)
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
 
     def _check(self, new=frozenset()):
-        """Entries of the output that stay. OSError where the folder must not be touched. new: names to be written."""
+        """OSError where the output must not be touched. new: names to be written."""
         path = self.path
         if path.is_symlink():
             raise OSError(errno.ELOOP, "is a symbolic link: give the folder itself", str(path))
         if not path.exists():
-            return set()
+            return
         if not path.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, "is no folder", str(path))
         mark = read_mark(path)
@@ -92,7 +95,6 @@ class OutputFolder:
             raise FileExistsError(errno.EEXIST, f"was written by {mark['program']}: choose another folder", str(path))
         own_files = set(mark["files"] or ()) if mark else set()
         own = {name.split("/")[0] for name in own_files}
-        others = _entries(path) - own
         for name in sorted(_files(path)):
             top = name.split("/")[0]
             if top in own and (path / name).is_symlink():
@@ -103,13 +105,11 @@ class OutputFolder:
                                       str(path / name))
         if path.samefile(Path.cwd()):
             raise OSError(errno.EBUSY, "is the current folder, which cannot be replaced: choose another", str(path))
-        return others - self._results
 
-    def _write_mark(self, files):
+    def _write_mark(self, files, folder=None):
         """files: those that belong to the run, relative; None as long as it writes: everything in the folder does."""
-        mark = {"program": self._program, "run": f"{time.strftime('%Y-%m-%dT%H:%M:%S%z')} {uuid.uuid4().hex}",
-                "host": socket.gethostname(), "files": files}
-        (self.working / MARK).write_text(json.dumps(mark, indent=2) + "\n", encoding="utf-8")
+        mark = {"program": self._program, "files": files, "results": sorted(self._results)}
+        ((folder or self.working) / MARK).write_text(json.dumps(mark, indent=2) + "\n", encoding="utf-8")
 
 
 @contextlib.contextmanager
@@ -136,6 +136,12 @@ def remove_folder(path, program):
             folder.discard()
 
 
+def remove_leftovers(path):
+    """Removes what a killed run to the output `path` has left, unless a run is at work there."""
+    with contextlib.suppress(OSError):
+        OutputFolder(path, "").discard()
+
+
 def read_mark(folder):
     """The mark of a folder as a dict with program, run and files; None where there is none that can be read."""
     try:
@@ -147,76 +153,50 @@ def read_mark(folder):
         return None
 
 
-def remove_leftovers(path):
-    """Removes the staging folders of runs to the output `path` that were killed, unless a run is at work there."""
-    path = Path(os.path.abspath(path))
-    with contextlib.suppress(OSError):
-        lock = _Lock(path)
-        try:
-            lock.acquire()
-            _remove_stale(path)
-        finally:
-            lock.release()
+def _staging(path):
+    return path.with_name(f".{path.name}.incomplete")
 
 
-class _Lock:
-    """A file beside the output `path` that a run locks while it works."""
-
-    def __init__(self, path):
-        self._output, self._path, self._file = path, path.with_name(f".{path.name}.lock"), None
-
-    def acquire(self):
-        """BlockingIOError where another run holds it."""
-        while True:
-            with named(self._output, self._path):
-                self._open(os.O_CREAT)
-            try:
-                if self._locks():
-                    return
-            except FileNotFoundError:
-                pass  # its former owner has removed it meanwhile: try again
-            except OSError:
-                raise BlockingIOError(errno.EWOULDBLOCK, "another run is writing there: wait for it, or choose another "
-                                      "folder", str(self._output)) from None
-            self._close()
-
-    def release(self):
-        """Removes the file, unless another run holds it. A signal may have ended acquire() anywhere."""
-        with contextlib.suppress(OSError):
-            if self._file is None:
-                self._open()
-            if self._locks():
-                self._path.unlink()
-        self._close()
-
-    def _locks(self):
-        """Whether the file that is open now is locked, and still the one beside the output."""
-        fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return os.path.samestat(os.fstat(self._file), os.stat(self._path))
-
-    def _open(self, flags=0):
-        self._file = os.open(self._path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | flags, 0o666)
-
-    def _close(self):
-        if self._file is not None:
-            os.close(self._file)
-            self._file = None
+def _former(path):
+    """Where the output goes before the new one takes its place."""
+    return path.with_name(f".{path.name}.former")
 
 
-def _staging_name(path):
-    return path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.incomplete")
+def _locks(file, path):
+    """Whether the open folder is locked by us now, and still the one of that path."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return os.path.samestat(os.fstat(file), os.stat(path))
+    except OSError:
+        return False
 
 
-def _remove_stale(path):
-    """Staging folders of killed runs to `path`; call with its lock held."""
-    for folder in path.parent.glob(f".{glob.escape(path.name)}.{'[0-9a-f]' * 12}.incomplete"):
-        if read_mark(folder):
-            _remove(folder)
-        if folder.is_dir() and path.is_dir():  # the run was killed before it moved the user's files back
-            for entry in folder.iterdir():
-                if entry.name != MARK and not os.path.lexists(path / entry.name):
-                    entry.rename(path / entry.name)
-            _remove(folder)
+def _is_of_a_run(staging):
+    return (staging / MARK).exists() or not os.listdir(staging)
+
+
+def _empty(folder):
+    for entry in folder.iterdir():
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry)
+        else:
+            entry.unlink()
+
+
+def _recover(path):
+    """Ends what commit() began: files of the user go from the former output to the new one, the rest is removed. Where there is
+    no new one, the former one comes back."""
+    former = _former(path)
+    if not read_mark(former):
+        return
+    if not path.exists():
+        former.rename(path)
+        return
+    _remove(former)
+    for entry in former.iterdir() if former.is_dir() else ():
+        if entry.name != MARK and not os.path.lexists(path / entry.name):
+            entry.rename(path / entry.name)
+    _remove(former)
 
 
 def _entries(folder):
@@ -234,14 +214,14 @@ def _files(folder):
 
 
 def _remove(folder):
-    """Removes a staging folder or former output: what its mark names, then the folder if nothing else is in it."""
+    """Removes an output: what its mark names, then the folder if nothing else is in it."""
     mark = read_mark(folder)
     if mark is None or folder.is_symlink():
         with contextlib.suppress(OSError):
             folder.rmdir()  # only if it is empty
         return
     files = _files(folder) if mark["files"] is None else set(mark["files"])
-    for name in _entries(folder) & {name.split("/")[0] for name in files}:
+    for name in _entries(folder) & {name.split("/")[0] for name in [*files, *mark.get("results", ())]}:
         place = folder / name
         if place.is_dir() and not place.is_symlink():
             shutil.rmtree(place, ignore_errors=True)
@@ -250,22 +230,3 @@ def _remove(folder):
                 place.unlink()
     if not _entries(folder):
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _exchange(one, other):
-    """Two folders change places, in one step where the file system can do that."""
-    libc = ctypes.CDLL(None, use_errno=True)
-    if hasattr(libc, "renameat2"):  # glibc 2.28
-        if libc.renameat2(_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other), _RENAME_EXCHANGE) == 0:
-            return
-        code = ctypes.get_errno()
-        if code not in (errno.ENOSYS, errno.EINVAL, errno.ENOTSUP):
-            raise OSError(code, os.strerror(code), str(other))
-    former = _staging_name(other)
-    other.rename(former)
-    try:
-        one.rename(other)
-    except OSError:
-        former.rename(other)
-        raise
-    former.rename(one)
