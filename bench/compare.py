@@ -6,7 +6,7 @@
 Registration: nodelet depth_image_proc/register, same images through a ROS master of its own. Segmentation: graph
 segmentation of OpenCV's contrib and of scikit-image, one thread each. Fusion: the program enfuse, from files to file.
 A program that is not installed has `not installed` in its row. Needs a sourced setup.bash and bench_steps (see
-docs/performance.md).
+docs/lab/performance.md).
 """
 import argparse
 import json

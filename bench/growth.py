@@ -5,7 +5,7 @@
 
 Takes the minimum of several runs, because other programs can only make a run slower. Depth is generated, with 3 mm of noise
 on every pixel but for the segmentation of a Kinect's depth. A bracket of many frames repeats the frames of a sweep of 30.
-Needs a sourced setup.bash and bench_steps (see docs/performance.md).
+Needs a sourced setup.bash and bench_steps (see docs/lab/performance.md).
 """
 import argparse
 import json

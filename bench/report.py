@@ -1,11 +1,11 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Measure the sections of docs/performance.md from Steps to Through ROS and print their tables, or write them there.
+"""Measure the sections of docs/lab/performance.md from Steps to Through ROS and print their tables, or write them there.
 
 Takes about 20 minutes.
 
-Needs a sourced setup.bash and bench_steps (see docs/performance.md), and a recorded depth image of a rig whose colour camera
+Needs a sourced setup.bash and bench_steps (see docs/lab/performance.md), and a recorded depth image of a rig whose colour camera
 has 640x480 pixels. Parts: steps (times and allocations), growth (the figure), comparison, photos (large JPEGs), graph
 (through ROS).
 """

@@ -12,7 +12,7 @@ from file_helpers import run
 from tool_helpers import tool
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
+PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 LINE_LENGTH = 130
 
 
@@ -57,8 +57,9 @@ def test_links_lead_somewhere(page):
 
 
 def test_the_index_names_every_page():
-    linked = set(re.findall(r'\(([\w.]+\.md)', (ROOT / 'docs/README.md').read_text()))
-    assert linked == {page.name for page in (ROOT / 'docs').glob('*.md')} - {'README.md'}
+    linked = set(re.findall(r'\(([\w./]+\.md)', (ROOT / 'docs/README.md').read_text()))
+    pages = {str(page.relative_to(ROOT / 'docs')) for page in (ROOT / 'docs').rglob('*.md')} - {'README.md'}
+    assert linked - {'../README.md', '../CONTRIBUTING.md'} == pages
 
 
 def programs():
