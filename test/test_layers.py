@@ -58,8 +58,8 @@ def test_core_includes_only_std_and_opencv_core_and_imgproc():
     assert not found
 
 
-def python_imports(path):
-    """Modules of our packages that a Python file imports, also inside functions, as `files` or `all_in_focus_lab/metrics`. The
+def python_imports(path, package):
+    """What a Python file imports of our packages, also inside functions: modules of this one, the name of the other. The
     generated messages are no module."""
     for node in ast.walk(ast.parse(path.read_text())):
         names = []
@@ -69,23 +69,24 @@ def python_imports(path):
             assert node.level == 0, f'{path}: imports by whole names only'
             names = [f'{node.module}.{alias.name}' for alias in node.names]
         for parts in (name.split('.') for name in names):
-            if parts[0] == 'all_in_focus' and parts[1:2] not in ([], ['msg'], ['srv'], ['cfg']):
-                yield parts[1]
-            elif parts[0] == 'all_in_focus_lab':
-                yield '/'.join(parts[:2])
+            if parts[0] in ('all_in_focus', 'all_in_focus_lab') and parts[1:2] not in ([], ['msg'], ['srv'], ['cfg']):
+                yield parts[1] if parts[0] == package else parts[0]
 
 
 def documented_modules(heading):
-    """{module: modules that it may use} of the table in docs/architecture.md whose first column is called so, in its order."""
+    """{module: modules that it uses} of the picture in docs/architecture.md below this heading, in its order."""
     text = (ROOT / 'docs/architecture.md').read_text()
-    table = re.search(rf'^\| {re.escape(heading)} \|.*\n\|[-| ]+\|\n((?:\|.*\n)+)', text, re.M)[1]
-    rows = [row.strip('|').split('|') for row in table.splitlines()]
-    return {re.sub(r'^ `src/(all_in_focus/)?|/?(\.py)?` $', '', cells[0]): re.findall(r'`([^`]+)`', cells[2]) for cells in rows}
+    picture = re.search(rf'^### {re.escape(heading)}.*?```mermaid\nflowchart LR\n(.*?)^```', text, re.M | re.S)[1]
+    boxes = re.findall(r'^  (\w+)\["<b>([^<]+)</b><br>[^"]+"\]$', picture, re.M)
+    arrows = {of: to.split(' & ') for of, to in re.findall(r'^  (\w+) --> (.*)$', picture, re.M)}
+    names = dict(boxes)
+    assert len(boxes) <= 12 and len(boxes) + len(arrows) == len(picture.splitlines()), f'{heading}: one sentence a box'
+    return {name: [names[used] for used in arrows.get(box, [])] for box, name in boxes}
 
 
-def compare_modules(heading, found, below=()):
-    """found: {module: {module that it uses: a file that does}}; below: modules of another table, which all may use."""
-    above, documented = set(below), documented_modules(heading)
+def compare_modules(heading, found):
+    """found: {module: {module that it uses: a file that does}}"""
+    above, documented = set(), documented_modules(heading)
     assert set(documented) == set(found)
     for module, uses in documented.items():
         assert set(uses) <= above, f'{module} uses what does not stand above it'
@@ -94,25 +95,25 @@ def compare_modules(heading, found, below=()):
 
 
 def python_modules(package):
-    """{module: {module that it uses: a file that does}}; of the laboratory's own each begins with the name of its package."""
-    folder, prefix, found = ROOT / 'src' / package, '' if package == 'all_in_focus' else f'{package}/', {}
+    """{module: {module that it uses: a file that does}}. Seen from outside, a package is one module."""
+    folder, found = ROOT / 'src' / package, {}
     for path in folder.rglob('*.py'):
-        module = prefix + path.relative_to(folder).parts[0].replace('.py', '')
-        found.setdefault(module, {}).update({used: path for used in python_imports(path) if used != module})
-    assert not found.pop(f'{prefix}__init__')
+        module = path.relative_to(folder).parts[0].replace('.py', '')
+        found.setdefault(module, {}).update({used: path for used in python_imports(path, package) if used != module})
+    assert not found.pop('__init__')
     return found
 
 
-def test_the_map_of_the_python_modules_is_true():
-    """The runtime is a table of its own: nothing in it uses the laboratory."""
-    compare_modules('Python module', python_modules('all_in_focus'))
-    compare_modules('Module of the laboratory', python_modules('all_in_focus_lab'), documented_modules('Python module'))
+def test_the_pictures_of_the_python_modules_are_true():
+    """That of the runtime has no box for the laboratory: nothing in it uses the laboratory."""
+    compare_modules('Runtime: Python', python_modules('all_in_focus'))
+    compare_modules('Laboratory', {'all_in_focus': {}, **python_modules('all_in_focus_lab')})
 
 
 def test_programs_of_the_runtime_do_without_the_laboratory():
     programs = [path for path in (ROOT / 'scripts').iterdir() if path.is_file() and b'python' in path.read_bytes()[:40]]
     assert len(programs) > 10
-    assert not [path for path in programs for used in python_imports(path) if used.startswith('all_in_focus_lab')]
+    assert not [path for path in programs if 'all_in_focus_lab' in python_imports(path, 'all_in_focus')]
 
 
 def cpp_modules():
@@ -132,18 +133,20 @@ def included(path, modules):
         yield found[0]
 
 
-def test_the_map_of_the_cpp_modules_is_true():
+def test_the_pictures_of_the_cpp_modules_are_true():
     """Seen from outside, `core` is the public headers."""
     modules = cpp_modules()
-    found = {module: {} for module in modules.values()}
+    core, around = ({module: {} for module in modules.values() if module.startswith('core') == inside}
+                    for inside in (True, False))
     for path, module in modules.items():
         for header in included(path, modules):
             used = modules[header]
             if not module.startswith('core') and used.startswith('core'):
                 used = 'core' if (ROOT / 'include') in header.parents else f'private header {header.name} of {used}'
             if used != module:
-                found[module][used] = path
-    compare_modules('C++ module', found)
+                (core if module in core else around)[module][used] = path
+    compare_modules('Runtime: the core', core)
+    compare_modules('Runtime: nodes and tools', {'core': {}, **around})
 
 
 def test_tools_know_no_ros_and_only_kinect_knows_openni():
