@@ -67,7 +67,7 @@ def programs():
     cmake = '\n'.join(path.read_text() for path in [ROOT / 'CMakeLists.txt', *(ROOT / 'src').glob('*/CMakeLists.txt')])
     listed = ' '.join(re.findall(r'foreach\((?:node|program) ([\w ]+)\)', cmake)).split()
     nodes = re.findall(r'add_executable\((\w+) \1\.cpp\)', cmake)
-    return tools | {*listed, *nodes, *re.findall(r'^  scripts/(\w+)$', cmake, re.M)}
+    return tools | {*listed, *nodes, *re.findall(r'^(?:  |install\(PROGRAMS )scripts/(\w+)', cmake, re.M)}
 
 
 def commands(page):

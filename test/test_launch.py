@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Launches on a master of their own, as evaluate_bag and rviz_screenshots need them: how their end is told, and that no
+"""Launches on a master of their own, as evaluate_bag needs them: how their end is told, and that no
 process stays behind. Real roslaunch, real masters."""
 import os
 import signal

@@ -8,18 +8,17 @@ import cv2
 import numpy as np
 import pytest
 
-from all_in_focus.rviz import screenshots as rviz_config
 from all_in_focus.bag.writer import write_bag
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack
-from file_helpers import call, focus_file, run_script, write_stack
-from tool_helpers import expect_refusal, succeeded
+from file_helpers import SCRIPTS, focus_file, run, write_stack
+from tool_helpers import PREFIX, expect_refusal, succeeded
 
 WIDTH, HEIGHT = 160, 120
 # Inside of the panels on the screen of 1600 x 1000: x, y, width, height.
 PANELS = {"scene": (500, 250, 500, 500), "all in focus": (1250, 120, 240, 200), "segments": (1250, 430, 240, 200),
           "weights": (1250, 730, 240, 200)}
-HAS_RVIZ = all(shutil.which(name) for name in ("Xvfb", "import", "rviz"))
+HAS_RVIZ = all(shutil.which(name) for name in ("xvfb-run", "import", "rviz"))
 
 
 @pytest.fixture(scope="module")
@@ -42,47 +41,30 @@ def bag(tmp_path_factory):
     return path
 
 
-@pytest.mark.skipif(not HAS_RVIZ, reason="Xvfb, import (ImageMagick) or rviz is missing: scripts/build --with-rviz")
+def rviz_screenshots(*arguments, **options):
+    return run([PREFIX / "env.sh", SCRIPTS / "rviz_screenshots", *arguments], **options)
+
+
+@pytest.mark.skipif(not HAS_RVIZ, reason="xvfb-run, import (ImageMagick) or rviz is missing: scripts/build --with-rviz")
 def test_every_display_is_filled(bag, tmp_path):
-    succeeded(run_script("rviz_screenshots", "--bag", bag, "--output", tmp_path / "out", "--timeout", 90, timeout=300))
+    succeeded(rviz_screenshots("--bag", bag, "--output", tmp_path / "out"))
     screen = cv2.imread(str(tmp_path / "out" / "rviz.png"))
     assert screen.shape == (1000, 1600, 3)
     for name, (x, y, width, height) in PANELS.items():
         panel = screen[y:y + height, x:x + width].reshape(-1, 3)
         assert panel.std(axis=0).max() > 20, name  # grey level; an empty panel has one colour
         assert len(np.unique(panel, axis=0)) > 50, name
-    assert set(os.listdir(tmp_path / "out")) <= {"rviz.png", "labels.png"}
+    assert os.listdir(tmp_path / "out") == ["rviz.png"]
 
 
 def test_what_is_missing_is_named(bag, tmp_path):
-    done = call("rviz_screenshots", "--bag", tmp_path / "no.bag", "--output", tmp_path / "out")
-    expect_refusal(done, "rviz_screenshots", "no.bag")
-    broken = tmp_path / "broken.rviz"
-    broken.write_text("Visualization Manager: 3\n")
-    done = call("rviz_screenshots", "--bag", bag, "--output", tmp_path / "out", "--config", broken)
-    expect_refusal(done, "rviz_screenshots", "broken.rviz")
+    for arguments, missing in ((["--bag", tmp_path / "no.bag", "--output", tmp_path / "out"], "no.bag"),
+                               (["--bag", bag], "--output")):
+        expect_refusal(rviz_screenshots(*arguments), "rviz_screenshots", missing)
+    (tmp_path / "programs").mkdir()
+    for name in ("bash", "env"):
+        (tmp_path / "programs" / name).symlink_to(shutil.which(name))
+    done = run([SCRIPTS / "rviz_screenshots", "--bag", bag, "--output", tmp_path / "out"],
+               env=dict(os.environ, PATH=str(tmp_path / "programs")))
+    expect_refusal(done, "rviz_screenshots", "xvfb-run is missing: install xvfb, imagemagick and rviz")
     assert not (tmp_path / "out").exists()
-
-
-def test_missing_programs_are_named_with_their_packages(bag, tmp_path, monkeypatch):
-    from all_in_focus.rviz import virtual_screen
-    monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(virtual_screen.ScreenError, match="Xvfb and rviz missing: install xvfb rviz"):
-        virtual_screen.check_programs("Xvfb", "rviz")
-
-
-def test_topics_of_a_configuration(tmp_path):
-    path = tmp_path / "a.rviz"
-    path.write_text("""Visualization Manager:
-  Global Options: {Fixed Frame: map}
-  Displays:
-    - {Class: rviz/DepthCloud, Name: cloud, Enabled: true, Depth Map Topic: a/depth, Color Image Topic: a/image}
-    - {Class: rviz/Image, Name: picture, Image Topic: a/image}
-    - {Class: rviz/Image, Name: off, Enabled: false, Image Topic: b}
-    - {Class: rviz/Grid, Name: grid, Enabled: true}
-""")
-    other = str(tmp_path / "b.rviz")
-    rviz_config.write_with_frame(str(path), "color", other)
-    for name in (str(path), other):
-        assert rviz_config.config_topics(name) == ["a/image", "a/depth", "a/camera_info"]
-    assert "Fixed Frame: color" in open(other).read()
