@@ -6,11 +6,10 @@
 Takes about 20 minutes.
 
 Needs a sourced setup.bash and bench_steps (see docs/lab/performance.md), and a recorded depth image of a rig whose colour camera
-has 640x480 pixels. Parts: steps (times and allocations), growth (the figure), comparison, photos (large JPEGs), graph
+has 640x480 pixels. Parts: steps (times and allocations), comparison, photos (large JPEGs), graph
 (through ROS).
 """
 import argparse
-import os
 import re
 import shlex
 import subprocess
@@ -37,8 +36,6 @@ def parse_arguments():
     parser.add_argument("--parts", default=",".join(PARTS), metavar="A,B", help="default %(default)s")
     parser.add_argument("--repetitions", type=count, default=5, metavar="N", help="default %(default)s")
     parser.add_argument("--write", metavar="FILE", help="put each part between <!-- PART --> and <!-- /PART --> of that file")
-    parser.add_argument("--figure", default=str(steps.ROOT / "docs/images/performance/growth.png"), metavar="PNG",
-                        help="default %(default)s")
     parser.add_argument("--bench-steps", default=steps.BENCH_STEPS, metavar="PATH")
     args = parser.parse_args()
     args.parts = args.parts.split(",")
@@ -62,12 +59,6 @@ def measure_steps(args):
     return steps.times_table(figures, SIZES) + "\n" + steps.allocations_table(figures, *SIZES[0])
 
 
-def measure_growth(args):
-    run("growth.py", "--output", args.figure, "--repetitions", args.repetitions, "--bench-steps", args.bench_steps)
-    where = Path(args.write).absolute().parent if args.write else Path.cwd()
-    return f"![Time against pixels, time and memory against frames]({os.path.relpath(args.figure, where)})"
-
-
 def measure_comparison(args):
     return run("compare.py", "--rig", args.rig, "--depth", args.depth, "--repetitions", args.repetitions, "--bench-steps",
                args.bench_steps)
@@ -82,7 +73,7 @@ def measure_graph(args):
     return "\n".join([tables[0], *("\n".join(table.splitlines()[2:]) for table in tables[1:])])
 
 
-PARTS = {"steps": measure_steps, "growth": measure_growth, "comparison": measure_comparison, "photos": measure_photos,
+PARTS = {"steps": measure_steps, "comparison": measure_comparison, "photos": measure_photos,
          "graph": measure_graph}
 
 

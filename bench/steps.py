@@ -66,7 +66,7 @@ def in_turn(programs, repetitions, title=None):
 
 
 def run(program=BENCH_STEPS, only=".", repetitions=5, sample=(), min_time=0.1):
-    """(step, width, height, threads) -> its medians over the repetitions, ms and COUNTERS, and least_ms.
+    """(step, width, height, threads) -> its medians over the repetitions, ms and COUNTERS.
 
     only: regular expression of names; sample: rig folder and depth map, or nothing. Raises RuntimeError, OSError.
     """
@@ -91,8 +91,8 @@ def read(data):
             name = NAME.match(entry["name"])
             key = (name["step"], int(name["width"]), int(name["height"]), int(name["threads"]))
             runs.setdefault(key, []).append(dict({c: entry[c] for c in COUNTERS}, ms=entry["real_time"]))
-    return {key: dict({name: statistics.median(entry[name] for entry in entries) for name in entries[0]},
-                      least_ms=min(entry["ms"] for entry in entries)) for key, entries in runs.items()}
+    return {key: {name: statistics.median(entry[name] for entry in entries) for name in entries[0]}
+            for key, entries in runs.items()}
 
 
 def number(value):

@@ -14,8 +14,7 @@ import steps  # noqa: E402
 
 
 @pytest.mark.parametrize("line", [
-    "growth.py", "growth.py --output x.png --repetitions 0", "growth.py --output x.png --take /none.json",
-    "growth.py --output x.png --bench-steps /none", "compare.py --tasks cooking", "compare.py --rig x", "compare.py --peer cp",
+    "compare.py --tasks cooking", "compare.py --rig x", "compare.py --peer cp",
     "compare.py --scene /none --tasks segmentation", "photos.py --peer cp", "graph_rate", "graph_rate --rig /none --depth x",
     "graph_rate --rig x --depth x --size huge", "graph_source.py --rig x", "report.py --rig x --depth x --parts all",
     "report.py --rig x --depth x --parts steps --bench-steps /none"])

@@ -17,9 +17,9 @@ NOT_OURS = {'.git', 'build', 'demo_output', '__pycache__', '.pytest_cache'}
 # cfg parameters whose member in the core has another name.
 CORE_NAMES = {'dof_rule': 'span'}
 
-# Functions of os.path that pathlib of Python 3.8 does not have: to take `..` out without following links, to go up to another
-# folder, to find a link that leads nowhere, to compare an open file with one on disk.
-OS_PATH_FUNCTIONS = {'abspath', 'relpath', 'lexists', 'samestat'}
+# Functions of os.path that pathlib of Python 3.8 does not have: to take `..` out without following links, to find a link that
+# leads nowhere, to compare an open file with one on disk.
+OS_PATH_FUNCTIONS = {'abspath', 'lexists', 'samestat'}
 
 
 def literal_defaults(name, text):
