@@ -17,7 +17,7 @@ from tool_helpers import read, rosrun, succeeded
 
 from all_in_focus import installed
 from all_in_focus.files.stack import Stack
-from all_in_focus_lab.benchmark import bags, methods, programs, settings
+from all_in_focus_lab.benchmark import bags, methods, settings, versions as v
 from all_in_focus_lab.benchmark.scenes import Scene
 
 METHODS = "paper,refined,laplacian"
@@ -130,14 +130,14 @@ def test_results_of_a_bag_depend_on_the_nodes(tmp_path, monkeypatch):
     assert marks(nodes="4") == [marks()[0], marks(nodes="4")[1]] and marks(nodes="4")[1] != marks()[1]
     assert marks(fuse_stack="4")[1] == marks()[1] and marks(fuse_stack="4")[0] != marks()[0]
 
-    monkeypatch.setattr(programs, "prefix", lambda: tmp_path)
+    monkeypatch.setattr(v, "prefix", lambda: tmp_path)
     (tmp_path / "lib" / "all_in_focus").mkdir(parents=True)
     for name in ("all_in_focus/evaluate_bag", "all_in_focus/fuse_stack", "liball_in_focus_core.so"):
         (tmp_path / "lib" / name).write_text("1")
     digests = []
     for text in "12":
         (tmp_path / "lib" / "liball_in_focus_nodelets.so").write_text(text)
-        digests.append((programs.nodes_digest(), programs.fusion_digest()))
+        digests.append((v.nodes_digest(), v.fusion_digest()))
     assert digests[0][0] != digests[1][0] and digests[0][1] == digests[1][1]
 
 

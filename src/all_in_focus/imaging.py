@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Image operations that several rooms share: gray values, sRGB, filling of holes, contact sheets.
+"""Image operations that several modules share: gray values, sRGB, filling of holes, contact sheets.
 
 Depth maps are H x W, 0 = unknown.
 """

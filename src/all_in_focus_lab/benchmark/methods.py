@@ -117,7 +117,7 @@ def split(text):
 
 
 def fingerprint(name, scene, versions, peers={}):
-    """What a result depends on; versions: see programs; peers: see find()."""
+    """What a result depends on; versions: see versions.versions(); peers: see find()."""
     parts = [scene.digest, scene.optics, name, *([peers[name]] if name in peers else [])]
     if name.startswith("given:"):
         path = scene.given.get(name.partition(":")[2])

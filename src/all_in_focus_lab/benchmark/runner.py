@@ -9,7 +9,7 @@ from pathlib import Path
 
 from all_in_focus.files.output_folder import remove_folder, whole_folder
 from all_in_focus.progress import Progress
-from all_in_focus_lab.benchmark import methods, programs, scenes, tasks
+from all_in_focus_lab.benchmark import methods, scenes, tasks, versions
 from all_in_focus_lab.benchmark.engine import engine
 from all_in_focus_lab.benchmark.output_files import Run
 
@@ -103,7 +103,7 @@ def evaluate(settings, fresh=False, say=None):
     names = methods.expand([*settings.methods, *settings.peers], found, settings.peers)
     Path(settings.output).mkdir(parents=True, exist_ok=True)
     name = f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {os.getpid()}"
-    run = Run(settings, [], names, {}, [], programs.versions(settings.fuse_stack), name)
+    run = Run(settings, [], names, {}, [], versions.versions(settings.fuse_stack), name)
     store = Store(settings.output)
 
     def print_line(line):

@@ -14,7 +14,7 @@ from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import load_focus, read_depth, read_image, size_text
 from all_in_focus.imaging import region_picture
 from all_in_focus_lab import metrics
-from all_in_focus_lab.benchmark import methods, programs
+from all_in_focus_lab.benchmark import methods, versions
 from all_in_focus_lab.benchmark.settings import TRUTH_MEASURES
 from all_in_focus_lab.metrics.kept_contrast import kept_contrast, roughness
 from all_in_focus_lab.metrics.truth import Truth, blur_per_inverse_depth, depth_errors, psnr, ssim
@@ -24,12 +24,12 @@ def run(scene, method, metric_names, code, peers, program):
     """Plain dictionary: values, contrast, depths, seconds, wall_seconds, host, notes, files (PNG bytes by name); or just
     error, host.
 
-    peers, program: see methods.find; code: programs.code_digest() of the caller; a worker with another version of the
+    peers, program: see methods.find; code: versions.code_digest() of the caller; a worker with another version of the
     package refuses.
     """
     host = platform.node()
     try:
-        if programs.code_digest() != code:
+        if versions.code_digest() != code:
             raise RuntimeError(f"{host} has another version of the package")
         begin = time.perf_counter()
         with tempfile.TemporaryDirectory(prefix="evaluate.") as folder:

@@ -23,7 +23,7 @@ LIBRARIES = ("numpy", "scipy", "skimage", "cv2", "distributed")
 
 def code_digest():
     """Digest of the Python code that makes and measures images. Results may be compared where it is equal."""
-    folders = [Path(room.__file__).parent for room in (metrics, baselines)]
+    folders = [Path(module.__file__).parent for module in (metrics, baselines)]
     paths = [Path(stack.__file__), Path(__file__).with_name("methods.py")]
     paths += [path for folder in folders for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]
     return digest(sorted(paths, key=lambda path: path.name))
@@ -38,7 +38,7 @@ def fusion_digest(program=""):
 def nodes_digest():
     """Digest of what makes images of bags: the nodes' libraries, and the code that starts them and plays bags to them."""
     folder = Path(all_in_focus.__file__).parent
-    played = [path for room in ("replay", "bag") for path in sorted((folder / room).rglob("*.py"))]
+    played = [path for module in ("replay", "bag") for path in sorted((folder / module).rglob("*.py"))]
     return digest([*played, Path(find("evaluate_bag")), *_libraries("*")])
 
 
