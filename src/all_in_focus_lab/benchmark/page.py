@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The report as one HTML page that needs nothing but itself."""
 import base64
-from typing import NamedTuple, Optional
+from typing import NamedTuple
 
 import cv2
 import jinja2
@@ -12,6 +12,7 @@ from all_in_focus.files.errors import counted
 from all_in_focus.files.stack import read_depth, read_image
 from all_in_focus.imaging import NO_FRAME, index_picture, picture, shrunk
 from all_in_focus_lab.benchmark import tables as t
+from all_in_focus_lab.benchmark.tables import Cell
 
 SHOWN_FRAMES = 4     # of a long sweep: the first, the last and some between
 WIDTH = 420          # of a small copy, pixels
@@ -72,14 +73,6 @@ figure { width: 330px; } figure.crop { width: 192px; } img { width: 100%; }
 """
 
 
-class Cell(NamedTuple):
-    """Cell of a table: its text, the exact value, whether it is the best of its row, text behind it (the score)."""
-    text: str
-    value: Optional[float] = None
-    best: bool = False
-    more: str = ""
-
-
 class Table(NamedTuple):
     """lines: (class of the row, its Cells)."""
     name: str
@@ -101,10 +94,22 @@ def page(run, tables, store):
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters.update(exact=repr, counted=counted)
     return environment.from_string(TEMPLATE).render(
-        run=run, tables=tables, standings=_standings(run, tables), values=_values(tables), seconds=_seconds(run, tables),
+        run=run, tables=tables, standings=_standings(run, tables), values=_values(tables),
+        seconds=_table("seconds", "From frames in memory to the fused image, once. " + run.timing_note, t.seconds_cells(tables)),
         scenes=[_scene(run, scene, tables, store) for scene in run.scenes],
-        versions=Table("versions", "Measured with", ["what", "version"],
-                       [("", [Cell(name), Cell(value)]) for name, value in run.versions.items()]))
+        versions=_table("versions", "Measured with", [[Cell("what"), Cell("version")],
+                                                      *([Cell(name), Cell(value)] for name, value in run.versions.items())]))
+
+
+def _table(name, caption, lines, grouped=False):
+    """grouped: lines that begin alike belong together, and only the first of them says how they begin."""
+    heading, *rest = lines
+    shown, last = [], None
+    for first, *cells in rest:
+        again = grouped and first == last
+        shown.append(("group" if grouped and not again else "", [Cell("") if again else first, *cells]))
+        last = first
+    return Table(name, caption, [cell.text for cell in heading], shown)
 
 
 def _standings(run, tables):
@@ -112,13 +117,8 @@ def _standings(run, tables):
                            "of the table of values, equal ones have the mean; a failed method has none. These metrics "
                            "reward copying: see the truth, where it is known.",
                 "truth": "By the known all-in-focus truth: PSNR, SSIM, PSNR within 8 px of depth edges."}
-    found = []
-    for kind, caption in captions.items():
-        if getattr(tables, kind):
-            heading, *lines = t.standing_cells(tables, getattr(tables, kind))
-            found.append(Table("scores-" + kind, caption, heading,
-                               [("", [Cell(name), *(Cell(text, float(text)) for text in cells)]) for name, *cells in lines]))
-    return found
+    return [_table("scores-" + kind, caption, t.standing_cells(tables, getattr(tables, kind)))
+            for kind, caption in captions.items() if getattr(tables, kind)]
 
 
 def _values(tables):
@@ -127,35 +127,8 @@ def _values(tables):
                             "all scales, and the least; higher is better), and roughness of the map of winners, the share "
                             "of neighbours from different frames (lower is better).",
                 "truth": "Against the truth: PSNR in dB, SSIM, PSNR within 8 px of depth edges."}
-    return [Table("values-" + kind, caption, ["scene", "measure", *tables.methods],
-                  _value_lines(getattr(tables, kind), tables.methods))
+    return [_table("values-" + kind, caption, t.value_cells(tables, getattr(tables, kind)), grouped=True)
             for kind, caption in captions.items() if getattr(tables, kind)]
-
-
-def _value_lines(rows, methods):
-    lines, scene = [], None
-    for row in rows:
-        best = max((score for score in row.scores.values() if score is not None), default=None)
-        cells = [Cell(row.scene if row.scene != scene else ""), Cell(row.measure)]
-        for name in methods:
-            value, score = row.values[name], row.scores[name]
-            cells.append(Cell(t.number(row.measure, value), value, score is not None and score == best,
-                              t.score(score) if score is not None else ""))
-        lines.append(("" if row.scene == scene else "group", cells))
-        scene = row.scene
-    return lines
-
-
-def _seconds(run, tables):
-    def cells(title, times):
-        least = min((value for value in times if value is not None), default=None)
-        return [Cell(title)] + [Cell(t.number("seconds", value), value, value is not None and value == least)
-                                for value in times]
-
-    lines = [("", cells(scene, list(of.values()))) for scene, of in tables.seconds.items()]
-    lines.append(("group", cells("mean", [tables.mean_seconds(name) for name in tables.methods])))
-    return Table("seconds", "From frames in memory to the fused image, once. " + run.timing_note,
-                 ["scene", *tables.methods], lines)
 
 
 # --- one scene --------------------------------------------------------------------------------------------------------

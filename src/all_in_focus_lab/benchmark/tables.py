@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from dataclasses import dataclass
 from statistics import fmean
-from typing import Dict, List, Optional
+from typing import Dict, List, NamedTuple, Optional
 
 from scipy.stats import rankdata
 
@@ -118,31 +118,51 @@ def score_columns(found, count):
                   reverse=True)
 
 
+class Cell(NamedTuple):
+    """Cell of a table: its text, the exact value, whether it is the best of its row, text behind it (the score)."""
+    text: str
+    value: Optional[float] = None
+    best: bool = False
+    more: str = ""
+
+    def __str__(self):
+        return f"{self.text} ({self.more})" if self.more else self.text
+
+
+def _marked(measure, values, scores, more=True):
+    """Cells of a row; scores: greatest is best, and shown behind the value."""
+    best = max((it for it in scores if it is not None), default=None)
+    return [Cell(number(measure, value), value, it is not None and it == best, score(it) if more and it is not None else "")
+            for value, it in zip(values, scores)]
+
+
 def value_cells(tables, rows):
-    """T3 as lists of text: heading, then one line for each row."""
-    lines = [["scene", "measure"] + tables.methods]
-    for row in rows:
-        cells = [(number(row.measure, row.values[name]), score(row.scores[name])) for name in tables.methods]
-        lines.append([row.scene, row.measure] + ["-" if cell == ("-", "-") else f"{cell[0]} ({cell[1]})" for cell in cells])
-    return lines
+    """T3: heading, then one line for each row."""
+    names = tables.methods
+    return [[*map(Cell, ["scene", "measure", *names])],
+            *([Cell(row.scene), Cell(row.measure), *_marked(row.measure, [row.values[name] for name in names],
+                                                            [row.scores[name] for name in names])] for row in rows)]
 
 
 def standing_cells(tables, rows):
-    """T4 as lists of text."""
+    """T4."""
     found = tables.standings(rows)
     columns = score_columns(found.values(), len(tables.methods))
-    lines = [["method"] + [score(value) for value in columns] + ["total", "rank"]]
+    lines = [[*map(Cell, ["method", *map(score, columns), "total", "rank"])]]
     for name, it in found.items():
-        lines.append([name] + [str(it.times[value]) for value in columns] + [score(it.total), score(it.rank)])
+        texts = [*(str(it.times[value]) for value in columns), score(it.total), score(it.rank)]
+        lines.append([Cell(name), *(Cell(text, float(text)) for text in texts)])
     return lines
 
 
 def seconds_cells(tables):
-    """T5 as lists of text."""
-    lines = [["scene"] + tables.methods]
-    lines += [[scene] + [number("seconds", of[name]) for name in tables.methods]
-              for scene, of in tables.seconds.items()]
-    return lines + [["mean"] + [number("seconds", tables.mean_seconds(name)) for name in tables.methods]]
+    """T5."""
+    def cells(title, values):
+        return [Cell(title), *_marked("seconds", values, [None if value is None else -value for value in values], more=False)]
+
+    return [[*map(Cell, ["scene", *tables.methods])],
+            *(cells(scene, [of[name] for name in tables.methods]) for scene, of in tables.seconds.items()),
+            cells("mean", [tables.mean_seconds(name) for name in tables.methods])]
 
 
 def mean_cells(tables, rows):
@@ -170,8 +190,9 @@ def depth_cells(tables):
 
 
 def markdown(lines, left=None):
-    """Lists of text as a table, padded so that it reads well as it is, too. left: so many columns to the left, the others to
+    """Cells, or texts, as a table, padded so that it reads well as it is, too. left: so many columns to the left, the others to
     the right, nothing padded: for a page."""
+    lines = [[str(cell) for cell in line] for line in lines]
     widths = [max(len(line[column]) for line in lines) if left is None else 1 for column in range(len(lines[0]))]
     text = [f"| {' | '.join(cell.ljust(width) for cell, width in zip(line, widths))} |" for line in lines]
     ruled = [f"{'-' * (width + 2)}{':' if left is not None and column >= left else ''}" for column, width in enumerate(widths)]
