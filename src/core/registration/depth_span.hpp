@@ -55,7 +55,8 @@ struct Footprint {
   bool covers(int x, int y) const {
     const float dx = static_cast<float>(x) - u, dy = static_cast<float>(y) - v;
     const float along1 = (dx * e2_v - dy * e2_u) * to_a, along2 = (dy * e1_u - dx * e1_v) * to_a;
-    return (std::abs(along1) <= kHalf) & (std::abs(along2) <= kHalf);
+    const int inside1 = std::abs(along1) <= kHalf, inside2 = std::abs(along2) <= kHalf;
+    return (inside1 & inside2) != 0;  // without a branch
   }
 
   /// Half the side of a depth pixel, and a tenth more: parallax moves neighbours of slightly different depths

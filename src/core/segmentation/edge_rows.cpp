@@ -98,8 +98,9 @@ ALL_IN_FOCUS_SIMD
 void gatherLinks(const BlockRow* blocks, const BlockRow* blocks_above, int n, std::uint8_t* links) {
   for (int x = 0; x < n; ++x) {
     const BlockRow north = blocks_above[x] & (blocks_above[x - 1] >> 2) & kSouth;
-    links[x] = (blocks[x - 1] & kEast) | (north >> 1) | ((blocks_above[x] & kSouthWest) << 1) |
-               (blocks_above[x - 1] & kSouthEast);
+    links[x] =
+        static_cast<std::uint8_t>((blocks[x - 1] & kEast) | (north >> 1) |
+                                  ((blocks_above[x] & kSouthWest) << 1) | (blocks_above[x - 1] & kSouthEast));
   }
 }
 
