@@ -138,7 +138,7 @@ PhotoMetadata readPhotoMetadata(const std::string& path) {
   try {
     const auto image = Exiv2::ImageFactory::open(path);
     image->readMetadata();
-    found.size = {image->pixelWidth(), image->pixelHeight()};
+    found.size = {static_cast<int>(image->pixelWidth()), static_cast<int>(image->pixelHeight())};
     found.taken = timeOf(image->exifData());
     found.orientation = orientationOf(image->exifData());
     found.is_result |= text(image->exifData(), kSoftware).rfind(kMark, 0) == 0;

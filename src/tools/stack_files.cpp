@@ -169,7 +169,7 @@ class Listing {
 
   StackFiles make() {
     collect();
-    leaveOut("earlier results of this package", [this](const Picture& it) { return it.about.is_result; });
+    leaveOut("earlier results of this package", [](const Picture& it) { return it.about.is_result; });
     sort();
     leaveOutOtherSizes();
     leaveOutLaterOnes();
