@@ -9,9 +9,10 @@ import pytest
 
 import fake_camera
 from all_in_focus.camera import bracket, focus_drive, interface
-from all_in_focus.camera.focus_drive import FocusDrive, FocusLimit, FocusScale, ScaleError
+from all_in_focus.camera.focus_drive import FocusDrive, FocusLimit
 from all_in_focus.camera.interface import BUSY, CAMERA_ERROR, CameraError, RetryingCamera
 from all_in_focus.camera.makers import MAKERS, maker_of
+from all_in_focus.files.focus_table import FocusScale, ScaleError
 from fake_camera import LENS, MODELS, FakeCamera
 from file_helpers import VirtualTime
 

@@ -242,7 +242,7 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
   context.notes.insert(context.notes.end(), stack.notes().begin(), stack.notes().end());
   const std::string focus = textOption(values, "focus");
   const std::vector<double> distances =
-      focus.empty() ? std::vector<double>() : readFocus(focus, stack.names(), stack.leftOut());
+      focus.empty() ? std::vector<double>() : readFocus(focus, stack.names(), stack.leftOut(), stack.count());
   if (context.has_optics) checkFocus(focus, distances, input.optics);
   input.focus_mm = distances;
   input.reference = parseReference(values["reference"].as<std::string>());

@@ -88,6 +88,36 @@ Camera readCamera(const std::string& path) {
   return camera;
 }
 
+// What files/focus_table.py does: dioptres are interpolated, beyond the table they are unknown.
+std::vector<double> focusOfTable(const YAML::Node& file, const std::string& path, int count) {
+  const int first = file["first"] ? get<int>(file, "first", path) : 0;
+  const int step = file["step"] ? get<int>(file, "step", path) : 1;
+  const YAML::Node table = get<YAML::Node>(file, "focus_table", path);
+  if (!table.IsSequence()) fail(path, "key 'focus_table' must be a list");
+  std::map<int, double> dioptres;  // by lens step
+  for (const YAML::Node& row : table) {
+    const double focus = get<double>(row, "mm", path);
+    if (!(focus > 0)) fail(path, cv::format("mm must be positive, not %g", focus));
+    dioptres[get<int>(row, "step", path)] = 1 / focus;
+  }
+  std::vector<double> focus;
+  for (int index = 0; index < count; ++index) {
+    const int at = first + index * step;
+    const auto above = dioptres.lower_bound(at);
+    const bool known = above != dioptres.end() && (above->first == at || above != dioptres.begin());
+    if (!known) {
+      focus.push_back(std::numeric_limits<double>::quiet_NaN());
+    } else if (above->first == at) {
+      focus.push_back(1 / above->second);
+    } else {
+      const auto below = std::prev(above);
+      const double share = static_cast<double>(at - below->first) / (above->first - below->first);
+      focus.push_back(1 / (below->second + share * (above->second - below->second)));
+    }
+  }
+  return focus;
+}
+
 }  // namespace
 
 Rig readRig(const std::string& folder) {
@@ -138,8 +168,10 @@ Optics parseOptics(const std::string& text) {
 }
 
 std::vector<double> readFocus(const std::string& path, const std::vector<std::string>& names,
-                              const std::vector<std::string>& left_out) {
-  const YAML::Node frames = get<YAML::Node>(load(path), "frames", path);
+                              const std::vector<std::string>& left_out, int count) {
+  const YAML::Node file = load(path);
+  if (file.IsMap() && file["focus_table"]) return focusOfTable(file, path, count);
+  const YAML::Node frames = get<YAML::Node>(file, "frames", path);
   if (!frames.IsSequence()) fail(path, "key 'frames' must be a list");
   const double unknown = std::numeric_limits<double>::quiet_NaN();
   std::vector<double> in_order;

@@ -30,8 +30,9 @@ Optics parseOptics(const std::string& text);
 /// Reads focus distances in mm: `frames: [{file: 00.png, focus_mm: 855.0}, ...]`, .inf allowed. For a stack
 /// folder they are found by file name (`stack/00.png` is the same file); for a video (names empty) they are
 /// in frame order. Frames that are not listed are NaN = unknown. Entries for `left_out`, names of pictures
-/// that are no frames, count for nothing. Throws std::invalid_argument that names the file.
+/// that are no frames, count for nothing. Or a focus table, as calibrate_focus writes it: then the distances
+/// of the first `count` frames of a bracket. Throws std::invalid_argument that names the file.
 std::vector<double> readFocus(const std::string& path, const std::vector<std::string>& names,
-                              const std::vector<std::string>& left_out = {});
+                              const std::vector<std::string>& left_out = {}, int count = 0);
 
 }  // namespace all_in_focus

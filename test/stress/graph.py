@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 from all_in_focus.bag.image_messages import to_message
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.rig_messages import camera_info
-from all_in_focus.files.stack import focus_entries
+from all_in_focus.files.stack import load_focus
 from all_in_focus.msg import FocusFrame, FusionReport
 from all_in_focus.replay.launch import Launch
 
@@ -35,7 +35,7 @@ class Scene(MadeScene):
         super().__init__(folder, FRAMES)
         self.expected, self.depth_image = self.fused(), read(self.depth)
         self.frames = [read(path) for path in sorted(self.stack.iterdir())]
-        self.distances = [distance for _, distance in focus_entries(self.focus)]
+        self.distances = load_focus(self.focus, [path.name for path in sorted(self.stack.iterdir())], FRAMES)
 
 
 class Graph:

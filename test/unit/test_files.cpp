@@ -158,6 +158,19 @@ TEST_F(Files, ReadsFocusByNameAndByOrder) {
   expectError([&] { readFocus(path("focus.yaml"), {"a.png"}); }, "must be positive");
 }
 
+TEST_F(Files, AFocusTableTellsTheDistanceOfEachFrame) {
+  write("table.yaml",
+        "{first: 2, step: 2, focus_table: [{step: 2, mm: 500}, {step: 6, mm: 1000}, {step: 7, mm: .inf}]}");
+  const auto focus = readFocus(path("table.yaml"), {"a.png"}, {}, 4);
+  ASSERT_EQ(focus.size(), 4U);
+  EXPECT_NEAR(focus[0], 500, 1e-9);
+  EXPECT_NEAR(focus[1], 2000.0 / 3, 1e-9);  // half way in dioptres
+  EXPECT_NEAR(focus[2], 1000, 1e-9);
+  EXPECT_TRUE(std::isnan(focus[3]));
+  write("table.yaml", "focus_table: [{step: 2, mm: -500}]");
+  expectError([&] { readFocus(path("table.yaml"), {}, {}, 4); }, "mm must be positive");
+}
+
 TEST_F(Files, TruncatedImagesAreRefused) {
   cv::Mat noise(60, 80, CV_8UC3);
   cv::randu(noise, 0, 255);

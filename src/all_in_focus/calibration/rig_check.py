@@ -67,7 +67,7 @@ def depth_jumps(depth):
     return ((near + far)[:, ::-1] / 2, (far - near)[:, ::-1].astype(float), filled[tuple(near.T)], filled[tuple(far.T)])
 
 
-def _project(rig, at, z):
+def project(rig, at, z):
     """Depth pixels with depth (mm) in the colour picture: (N x 2, pixels; depth in the colour camera, m)."""
     if len(at) == 0:
         return np.zeros((0, 2)), np.zeros(0)
@@ -81,11 +81,11 @@ def contours_by_rig(depth, rig):
     """Contours of an image of the depth camera, those that the colour camera sees."""
     border, normal, near, far = depth_jumps(depth)
     nearest = _nearest(depth, rig)
-    at, z = _project(rig, border, near)
-    beside, _ = _project(rig, border + normal, near)
+    at, z = project(rig, border, near)
+    beside, _ = project(rig, border + normal, near)
     direction = beside - at
     shown = _shown(at, z, nearest, rig.color)
-    behind, behind_z = _project(rig, border + normal / 2, far)
+    behind, behind_z = project(rig, border + normal / 2, far)
     return Contours(at[shown], (direction / np.linalg.norm(direction, axis=1, keepdims=True))[shown],
                     behind[_shown(behind, behind_z, nearest, rig.color)])
 
@@ -106,7 +106,7 @@ def _cells(at, camera):
 def _nearest(depth, rig):
     """Least depth (m) in each cell of the colour picture."""
     rows, columns = np.nonzero(depth)
-    at, z = _project(rig, np.stack([columns, rows], axis=1), depth[rows, columns])
+    at, z = project(rig, np.stack([columns, rows], axis=1), depth[rows, columns])
     cell, inside = _cells(at, rig.color)
     nearest = np.full((rig.color.width // CELL + 1) * (rig.color.height // CELL + 1), np.inf)
     np.minimum.at(nearest, cell[inside], z[inside])

@@ -1,17 +1,14 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Moves the focus by whole steps, keeps count of the position, and converts steps to focus distances."""
+"""Moves the focus by whole steps, and keeps count of the position."""
 import math
 import time
-
-import numpy as np
 
 from all_in_focus.camera.interface import BAD_PARAMETERS, CAMERA_ERROR, CameraError, find_widget
 from all_in_focus.camera.makers import CHOICES, POSITION
 
 READ_BACK = 5.0  # s that the lens may take to reach an absolute position
 TO_STOP = 30  # moves of the greatest size that are enough to reach the end of any lens's range
-SMALL = 1e-9  # 1/m; below this a focus distance counts as infinite
 
 
 class FocusLimit(Exception):
@@ -152,46 +149,3 @@ class RingDrive:
 
     def go_to_stop(self, far=False):
         pass
-
-
-class ScaleError(ValueError):
-    """A focus table that cannot be right; the message is one line."""
-
-
-class FocusScale:
-    """Focus distance at each step, from a table of steps and distances (mm, .inf allowed) measured at a few steps.
-
-    Between the entries the inverse distance (dioptres) is interpolated: equal steps of a lens change it by nearly equal
-    amounts. Beyond the table the distance is unknown, NaN.
-    """
-
-    def __init__(self, table):
-        """table: [{step: 0, mm: 500}, {step: 12, mm: .inf}, ...], two entries or more; the distances must grow with the
-        steps throughout, or fall throughout. Raises ScaleError."""
-        try:
-            rows = sorted((int(row["step"]), float(row["mm"])) for row in table)
-        except (KeyError, TypeError, ValueError):
-            raise ScaleError("focus_table: expected [{step: 0, mm: 500}, {step: 12, mm: .inf}, ...]")
-        if len(rows) < 2 or not all(mm > 0 for _, mm in rows):
-            raise ScaleError("focus_table: expected two steps or more with positive distances")
-        self._steps = np.array([step for step, _ in rows])
-        self._dioptres = np.array([1000 / mm for _, mm in rows])  # 1 / m
-        rises = np.diff(self._dioptres)
-        if not ((rises > 0).all() or (rises < 0).all()) or not (np.diff(self._steps) > 0).all():
-            raise ScaleError("focus_table: steps must differ, and the distances must grow or fall throughout")
-
-    def distance(self, step):
-        """Focus distance in m at a step."""
-        if not self._steps[0] <= step <= self._steps[-1]:
-            return math.nan
-        dioptre = float(np.interp(step, self._steps, self._dioptres))
-        return 1 / dioptre if dioptre > SMALL else math.inf
-
-    def step(self, distance):
-        """The whole step whose dioptres are nearest to those of a distance in m; beyond the table, its last entry."""
-        order = np.argsort(self._dioptres)
-        return int(round(float(np.interp(1 / distance, self._dioptres[order], self._steps[order]))))
-
-    def reaches(self, distance):
-        """Whether a distance in m lies within the table."""
-        return self._dioptres.min() - SMALL <= 1 / distance <= self._dioptres.max() + SMALL

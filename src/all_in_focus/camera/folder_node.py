@@ -11,11 +11,12 @@ from std_msgs.msg import Header
 from all_in_focus import parameters
 from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
 from all_in_focus.camera.frame_publisher import FramePublisher
-from all_in_focus.files.stack import Stack, StackError, focus_entries
+from all_in_focus.files.stack import Stack, StackError, focus_of_arrivals
 
 POLL_PERIOD = 0.1  # s
 MAX_UNPROCESSED = 8  # published frames that the fusion has not acknowledged yet
 ACKNOWLEDGE_TIMEOUT = 5.0  # s
+RESULT_TIMEOUT = 120.0  # s: the last frame of a bracket is acknowledged when its picture is restored
 
 
 def _poll_until(condition, end=math.inf):
@@ -107,7 +108,7 @@ class Watcher:
     """Publishes the pictures that arrive in a folder."""
 
     def __init__(self, path, focus):
-        self._distances = dict(focus_entries(focus)) if focus else {}
+        self._distance = focus_of_arrivals(focus) if focus else lambda name, index: math.nan
         self._watch = FolderWatch(path, rospy.Time.now)
         self._brackets = BracketGrouper(parameters.whole("bracket_size", 0, 0),
                                         parameters.number("bracket_gap", 2.0, 0))
@@ -138,8 +139,9 @@ class Watcher:
         return arrivals
 
     def _publish(self, frames, ready):
-        for arrival, *place in ready:
-            frames.publish(arrival.image, arrival.stamp, *place, self._distances.get(arrival.name, math.nan))
+        for arrival, bracket_id, index, count, last in ready:
+            frames.publish(arrival.image, arrival.stamp, bracket_id, index, count, last,
+                           self._distance(arrival.name, index))
 
 
 def publish():

@@ -5,10 +5,11 @@ import contextlib
 from dataclasses import dataclass
 
 from all_in_focus.camera.bracket import STILL, Bracketer, Photographer, planned_positions
-from all_in_focus.camera.focus_drive import FocusDrive, FocusScale, RingDrive
+from all_in_focus.camera.focus_drive import FocusDrive, RingDrive
 from all_in_focus.camera.interface import NOT_SUPPORTED, CameraError, RetryingCamera
 from all_in_focus.camera.makers import ALL_HOLDS, MAKERS, maker_of
 from all_in_focus.camera.settings_hold import SettingsHold
+from all_in_focus.files.focus_table import FocusScale
 
 CURRENT, NEAR, FAR = "current", "near", "far"
 MOTOR, NONE = "motor", "none"

@@ -17,7 +17,7 @@ import yaml
 from PIL import Image
 
 from all_in_focus import installed
-from all_in_focus.files import yaml_file
+from all_in_focus.files import focus_table, yaml_file
 from all_in_focus.files.input_file import require_regular
 
 Image.MAX_IMAGE_PIXELS = None  # OpenCV has a limit of its own
@@ -222,9 +222,25 @@ def _check_riff(path):
         raise StackError(f"{path}: truncated: {size} bytes of {announced}")
 
 
-def focus_entries(path):
-    """(name or None, metres or NaN), in order, from `frames: [{file: 00.png, focus_mm: 855.0}, ...]`."""
+def focus_of_arrivals(path):
+    """Function of (name, index in its bracket) that returns the focus distance of a picture in m, NaN = unknown."""
+    table, entries = _focus_file(path)
+    if table:
+        return lambda _, index: table.distance(index)
+    by_name = dict(entries)
+    return lambda name, _: by_name.get(name, math.nan)
+
+
+def _focus_file(path):
+    """(FocusTable or None, entries: (name or None, metres or NaN), in order) of a file that has a focus_table, or
+    `frames: [{file: 00.png, focus_mm: 855.0}, ...]`."""
     data = yaml_file.read(path, StackError)
+    try:
+        table = focus_table.FocusTable.of(data, path)
+    except focus_table.ScaleError as error:
+        raise StackError(str(error))
+    if table:
+        return table, []
     entries = data.get("frames") if isinstance(data, dict) else None
     if not isinstance(entries, list):
         raise StackError(f"{path}: expected frames: [{{file: 00.png, focus_mm: 855.0}}, ...]")
@@ -234,16 +250,18 @@ def focus_entries(path):
         if not isinstance(entry, dict):
             raise StackError(f"{where}: expected {{file: NAME, focus_mm: NUMBER}}")
         found.append((entry.get("file"), _metres(entry.get("focus_mm"), where)))
-    return found
+    return None, found
 
 
 def load_focus(path, names, frames, left_out=()):
-    """Focus distances of a stack in m, NaN = unknown; see focus_entries().
+    """Focus distances of a stack in m, NaN = unknown; see _focus_file().
 
     names: file names of the stack, None for a video: its entries are in frame order and name no file. Entries for names in
     left_out, pictures that are no frames, count for nothing.
     """
-    entries = focus_entries(path)
+    table, entries = _focus_file(path)
+    if table:
+        return [table.distance(index) for index in range(frames)]
     if names is None and len(entries) > frames:
         raise StackError(f"{path}: {len(entries)} entries for {frames} frames")
     distances = [math.nan] * frames

@@ -1,0 +1,239 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The focus distance of each frame of a bracket, from the frame in which surfaces of known depth are sharpest.
+
+The picture is divided into tiles. A tile whose depth is one distance tells, in dioptres, where the frame is focused in
+which it is sharpest. A curve through all of them gives the distance of every frame: in dioptres it is nearly a line.
+"""
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from all_in_focus.calibration import CalibrationError
+from all_in_focus.calibration.board import gray
+from all_in_focus.calibration.rig_check import project
+
+TILES = 40  # across the picture
+ENOUGH_PIXELS = 4  # with depth, in a tile
+ONE_DISTANCE = 0.12  # 1/m: a tile and those around it span no more
+GRADIENT_SIGMA = 1.0  # pixels: noise is finer
+PROMINENT = 1.2  # a tile is sharpest in one frame: its gradients, squared, are so many times those before and after it
+FEWEST = 20  # tiles
+SHORTEST = 2.0  # frames that the peaks must span
+BEYOND = 0.25  # of the dioptres that the tiles span: so far the curve is extended on either side
+TUKEY, ROUNDS = 4.7, 20  # outlier limit in standard deviations; rounds of reweighting
+BENT = 0.9  # a curve must leave so much less error than a line
+
+
+class Sharpness:
+    """Sharpness of each tile in each frame; keeps no frame."""
+
+    def __init__(self):
+        self._frames, self.size = [], None
+
+    def add(self, image):
+        size = image.shape[1::-1]
+        self.size = self.size or size
+        if size != self.size:
+            raise CalibrationError(f"a picture has {size[0]}x{size[1]} pixels, those before it "
+                                   f"{self.size[0]}x{self.size[1]}")
+        brightness = cv2.GaussianBlur(gray(image), (0, 0), GRADIENT_SIGMA)
+        across, down = cv2.Sobel(brightness, cv2.CV_32F, 1, 0), cv2.Sobel(brightness, cv2.CV_32F, 0, 1)
+        energy = self._mean(across ** 2 + down ** 2) / np.maximum(self._mean(brightness), 1) ** 2  # whatever the exposure
+        self._frames.append(energy)
+
+    def __len__(self):
+        return len(self._frames)
+
+    @property
+    def frames(self):
+        """Frames x rows x columns."""
+        return np.array(self._frames)
+
+    def grid(self):
+        """(side of a tile in pixels, columns, rows)."""
+        side = max(8, self.size[0] // TILES)
+        return side, self.size[0] // side, self.size[1] // side
+
+    def _mean(self, values):
+        side, columns, rows = self.grid()
+        return values[:rows * side, :columns * side].reshape(rows, side, columns, side).mean(axis=(1, 3))
+
+
+def tile_dioptres(at, z, grid):
+    """1/m of each tile, rows x columns; NaN where depth is unknown, or not one distance. at: N x 2, pixels of the colour
+    picture; z: m; grid: of Sharpness.grid()."""
+    side, columns, rows = grid
+    column, row = (np.floor((at + 0.5) / side).astype(int)).T
+    inside = (z > 0) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    tile, dioptre = (row * columns + column)[inside], 1 / z[inside]
+    low, high, total, count = (np.zeros(rows * columns) for _ in range(4))
+    low += np.inf
+    high -= np.inf
+    np.minimum.at(low, tile, dioptre)
+    np.maximum.at(high, tile, dioptre)
+    np.add.at(total, tile, dioptre)
+    np.add.at(count, tile, 1)
+    around = np.ones((3, 3), np.uint8)  # the blur of what is beside a tile reaches into it
+    low, high = (values.reshape(rows, columns) for values in (low, high))
+    with np.errstate(over="ignore", invalid="ignore"):  # where nothing is known
+        spread = cv2.dilate(high, around) - cv2.erode(low, around)
+    mean = total / np.maximum(count, 1)
+    return np.where((count.reshape(rows, columns) >= ENOUGH_PIXELS) & (spread < ONE_DISTANCE),
+                    mean.reshape(rows, columns), np.nan)
+
+
+def dioptres_of_registered(depth, grid):
+    """As tile_dioptres(), of a depth image (mm, 0 = unknown) that is registered to the pictures."""
+    row, column = np.nonzero(depth)
+    return tile_dioptres(np.stack([column, row], axis=1), depth[row, column] / 1000.0, grid)
+
+
+def dioptres_by_rig(depth, rig, grid):
+    """As tile_dioptres(), of an image of the depth camera."""
+    row, column = np.nonzero(depth)
+    return tile_dioptres(*project(rig, np.stack([column, row], axis=1), depth[row, column]), grid)
+
+
+def peak_of(sharpness):
+    """Place of the greatest value between the frames: the vertex of a parabola through the logarithms of the upper half of
+    the peak. NaN where sharpness does not fall on both sides. sharpness: one value a frame."""
+    best = int(np.argmax(sharpness))
+    foot = max(sharpness[:best + 1].min(), sharpness[best:].min())
+    if sharpness[best] < PROMINENT * foot:
+        return np.nan
+    half = (sharpness[best] + foot) / 2
+    first = last = best
+    while sharpness[first - 1] > half:  # ends at the foot
+        first -= 1
+    while sharpness[last + 1] > half:
+        last += 1
+    first, last = min(first, best - 1), max(last, best + 1)
+    values = sharpness[first:last + 1]
+    frame = np.arange(first, last + 1) - best
+    bend, slope, _ = np.polyfit(frame, np.log(np.maximum(values, 1e-12)), 2, w=np.sqrt(values / values.max()))
+    vertex = -slope / (2 * bend) if bend < 0 else np.nan
+    return best + vertex if first - best <= vertex <= last - best else np.nan
+
+
+@dataclass
+class FocusCurve:
+    """peaks, dioptres: of the tiles used, frames and 1/m; curve: polynomial of the frame index; error: standard deviation
+    of the tiles from it, 1/m; inlier: whether a tile counts."""
+    frames: int
+    peaks: np.ndarray
+    dioptres: np.ndarray
+    inlier: np.ndarray
+    curve: np.ndarray
+    error: float
+
+    def at(self, frame):
+        """Dioptres of a frame, which may lie between two."""
+        return np.polyval(self.curve, frame)
+
+    def span(self):
+        """Least and greatest dioptres of the tiles that count."""
+        used = self.dioptres[self.inlier]
+        return used.min(), used.max()
+
+    def table(self, first, step):
+        """Rows of a focus table: frames whose distance was measured, or lies a little beyond what was. `first`, `step`: lens
+        steps at the first frame and from frame to frame."""
+        low, high = self.span()
+        margin = BEYOND * (high - low)
+        rows = [(index, float(self.at(index))) for index in range(self.frames)]
+        return [{"step": first + index * step, "mm": 1000 / dioptre} for index, dioptre in rows
+                if max(low - margin, 1e-3) <= dioptre <= high + margin]
+
+
+def fit(sharpness, dioptres):
+    """FocusCurve of a Sharpness and the dioptres of its tiles. CalibrationError."""
+    frames = sharpness.frames
+    if len(frames) < 3:
+        raise CalibrationError(f"{len(frames)} frames: take a bracket of at least 3, better 9")
+    known = np.argwhere(np.isfinite(dioptres))
+    if len(known) < FEWEST:
+        raise CalibrationError(f"only {len(known)} of {dioptres.size} tiles of the picture have one distance: is the depth "
+                               "registered to these pictures, and is the scene made of large surfaces?")
+    peaks = np.array([peak_of(frames[:, row, column]) for row, column in known])
+    values = dioptres[tuple(known.T)][np.isfinite(peaks)]
+    peaks = peaks[np.isfinite(peaks)]
+    if len(peaks) < FEWEST:
+        raise CalibrationError(f"only {len(peaks)} tiles become sharp within the bracket and blurred before and after: let "
+                               "the first frame be focused nearer than the scene and the last one farther, on surfaces "
+                               "with texture")
+    span = np.percentile(peaks, 95) - np.percentile(peaks, 5)
+    if span < SHORTEST:
+        raise CalibrationError(f"all depths are sharpest within {span:.1f} frames: take a slanted board or a deeper "
+                               "scene, or smaller steps")
+    line, line_inlier, line_error = _robust(peaks, values, 1)
+    curve, inlier, error = _robust(peaks, values, 2)
+    ends = np.array([peaks[inlier].min(), peaks[inlier].max()]) if inlier.any() else np.zeros(2)
+    slopes = np.polyval(np.polyder(curve), ends)
+    if error > BENT * line_error or slopes.prod() <= 0:
+        curve, inlier, error = line, line_inlier, line_error
+    total = np.std(values[inlier])
+    if inlier.sum() < max(FEWEST, len(peaks) / 3) or error > 0.5 * total:
+        raise CalibrationError("sharpness and depth do not agree on the distances: do depth and pictures show the same, "
+                               "does the rig fit (check_rig), are the frames in the order of their focus?")
+    return FocusCurve(len(frames), peaks, values, inlier, curve, error)
+
+
+def _robust(x, y, degree):
+    """(polynomial, inliers, standard deviation) that outliers do not pull: reweighted from the median slope of many pairs."""
+    random = np.random.default_rng(0)
+    one, other = random.integers(0, len(x), (2, 4000))
+    apart = np.abs(x[one] - x[other]) > 0.2 * np.ptp(x)
+    slope = np.median((y[one] - y[other])[apart] / (x[one] - x[other])[apart])
+    curve = np.array([slope, np.median(y - slope * x)])
+    for _ in range(ROUNDS):
+        off = y - np.polyval(curve, x)
+        sigma = max(1.483 * np.median(np.abs(off)), 1e-6)
+        weight = np.clip(1 - (off / (TUKEY * sigma)) ** 2, 0, None)
+        curve = np.polyfit(x, y, degree, w=weight)
+    off = np.abs(y - np.polyval(curve, x))
+    return curve, off < TUKEY * sigma, sigma
+
+
+WIDTH, HEIGHT, LEFT, BOTTOM = 720, 480, 90, 60  # pixels, of the plot and its margins
+INK, DOT, OUTLIER, LINE = (60, 60, 60), (200, 140, 60), (210, 210, 210), (40, 60, 220)  # BGR
+
+
+def plot(curve, table, first, step):
+    """BGR picture of curve.table(first, step): dots: tiles; red: the table; across: lens steps; up: dioptres, named by
+    distance."""
+    low, high = curve.span()
+    low, high = min(low, 1000 / max(row["mm"] for row in table)), max(high, 1000 / min(row["mm"] for row in table))
+    pad = 0.05 * (high - low)
+    low, high = max(low - pad, 0), high + pad
+    picture = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
+
+    def place(frame, dioptre):
+        across = LEFT + (frame / max(1, curve.frames - 1)) * (WIDTH - LEFT - 30)
+        return int(round(across)), int(round(HEIGHT - BOTTOM - (dioptre - low) / (high - low) * (HEIGHT - BOTTOM - 30)))
+
+    def write(text, at):
+        cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.45, INK, 1, cv2.LINE_AA)
+    for distance in _ticks(1 / high, 1 / max(low, 0.05)):
+        x, y = place(0, 1 / distance)
+        cv2.line(picture, (LEFT, y), (WIDTH - 30, y), (235, 235, 235), 1)
+        write(f"{distance:g} m", (LEFT - 70, y + 5))
+    for frame in range(0, curve.frames, max(1, (curve.frames + 7) // 8)):
+        x, y = place(frame, low)
+        write(f"{first + frame * step}", (x - 8, y + 20))
+    write("lens position, steps", (WIDTH // 2 - 60, HEIGHT - 12))
+    for inlier in (False, True):
+        for peak, dioptre in zip(curve.peaks[curve.inlier == inlier], curve.dioptres[curve.inlier == inlier]):
+            cv2.circle(picture, place(peak, np.clip(dioptre, low, high)), 2, DOT if inlier else OUTLIER, -1, cv2.LINE_AA)
+    rows = [place((row["step"] - first) / step, 1000 / row["mm"]) for row in table]
+    cv2.polylines(picture, [np.array(rows, np.int32)], False, LINE, 1, cv2.LINE_AA)
+    for row in rows:
+        cv2.circle(picture, row, 4, LINE, 1, cv2.LINE_AA)
+    return picture
+
+
+def _ticks(near, far):
+    """Round distances in m between two."""
+    scale = [value * 10.0 ** power for power in (-2, -1, 0, 1) for value in (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 7)]
+    return [distance for distance in scale if near <= distance <= far]

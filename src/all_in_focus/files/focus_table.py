@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Focus tables: the focus distance of each lens position, as calibrate_focus writes them."""
+import math
+
+import numpy as np
+
+from all_in_focus.files import yaml_file
+from all_in_focus.files.output_file import whole_file
+
+SMALL = 1e-9  # 1/m; below this a focus distance counts as infinite
+
+
+class ScaleError(ValueError):
+    """A focus table that cannot be right; the message is one line."""
+
+
+class FocusScale:
+    """Focus distance at each step, from a table of steps and distances (mm, .inf allowed) measured at a few steps.
+
+    Between the entries the inverse distance (dioptres) is interpolated: equal steps of a lens change it by nearly equal
+    amounts. Beyond the table the distance is unknown, NaN.
+    """
+
+    def __init__(self, table):
+        """table: [{step: 0, mm: 500}, {step: 12, mm: .inf}, ...], two entries or more; the distances must grow with the
+        steps throughout, or fall throughout. Raises ScaleError."""
+        try:
+            rows = sorted((int(row["step"]), float(row["mm"])) for row in table)
+        except (KeyError, TypeError, ValueError):
+            raise ScaleError("focus_table: expected [{step: 0, mm: 500}, {step: 12, mm: .inf}, ...]")
+        if len(rows) < 2 or not all(mm > 0 for _, mm in rows):
+            raise ScaleError("focus_table: expected two steps or more with positive distances")
+        self._steps = np.array([step for step, _ in rows])
+        self._dioptres = np.array([1000 / mm for _, mm in rows])  # 1 / m
+        rises = np.diff(self._dioptres)
+        if not ((rises > 0).all() or (rises < 0).all()) or not (np.diff(self._steps) > 0).all():
+            raise ScaleError("focus_table: steps must differ, and the distances must grow or fall throughout")
+
+    def distance(self, step):
+        """Focus distance in m at a step."""
+        if not self._steps[0] <= step <= self._steps[-1]:
+            return math.nan
+        dioptre = float(np.interp(step, self._steps, self._dioptres))
+        return 1 / dioptre if dioptre > SMALL else math.inf
+
+    def step(self, distance):
+        """The whole step whose dioptres are nearest to those of a distance in m; beyond the table, its last entry."""
+        order = np.argsort(self._dioptres)
+        return int(round(float(np.interp(1 / distance, self._dioptres[order], self._steps[order]))))
+
+    def reaches(self, distance):
+        """Whether a distance in m lies within the table."""
+        return self._dioptres.min() - SMALL <= 1 / distance <= self._dioptres.max() + SMALL
+
+
+class FocusTable:
+    """A table, and how a bracket was shot: frame i of a bracket is at step `first` + i * `step`."""
+
+    def __init__(self, table, first=0, step=1):
+        self.table, self.first, self.step = table, first, step
+        self._scale = FocusScale(table)
+
+    @classmethod
+    def of(cls, data, path):
+        """From the content of the YAML file `path`; None where it holds no table. ScaleError."""
+        if not isinstance(data, dict) or "focus_table" not in data:
+            return None
+        first, step = data.get("first", 0), data.get("step", 1)
+        for name, value in (("first", first), ("step", step)):
+            if type(value) is not int:
+                raise ScaleError(f"{path}: {name}: expected a whole number, not '{value}'")
+        try:
+            return cls(data["focus_table"], first, step)
+        except ScaleError as error:
+            raise ScaleError(f"{path}: {error}")
+
+    def distance(self, index):
+        """Focus distance in m of a frame by its index in the bracket; NaN beyond the table."""
+        return self._scale.distance(self.first + index * self.step)
+
+    def save(self, path, comments=(), home=""):
+        """home: where step 0 is, for focus_bracket_camera; empty: not told."""
+        lines = [f"# {line}" for line in comments] + ([f"home: {home}"] if home else [])
+        lines += [f"first: {self.first}", f"step: {self.step}", "focus_table:"]
+        lines += [f"- {{step: {row['step']}, mm: {row['mm']:.1f}}}".replace("inf", ".inf") for row in self.table]
+        with whole_file(path) as working:
+            working.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def read(path):
+    """FocusTable of a YAML file. ScaleError."""
+    table = FocusTable.of(yaml_file.read(path, ScaleError), path)
+    if table is None:
+        raise ScaleError(f"{path}: expected focus_table: [{{step: 0, mm: 500}}, {{step: 12, mm: .inf}}, ...]")
+    return table

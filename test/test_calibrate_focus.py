@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""calibrate_focus on a slanted board that is photographed at known distances, and the programs that take its table."""
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from all_in_focus.calibration import CalibrationError
+from all_in_focus.calibration.focus_curve import Sharpness, dioptres_of_registered, fit, peak_of
+from all_in_focus.files.focus_table import FocusTable, ScaleError, read
+from all_in_focus.files.stack import Stack, StackError, focus_of_arrivals, load_focus
+from file_helpers import run_script
+from tool_helpers import expect_refusal, fuse_stack
+
+SIZE = (480, 320)
+NEAR, FAR = 1.4, 0.3  # 1/m, of the board's ends
+BLUR = 12.0  # pixels of blur (standard deviation) for a dioptre
+# The lens is not quite linear, and goes from nearer than the board to farther.
+FOCUS = [1.55 - 0.11 * step - 0.0015 * step ** 2 for step in range(11)]
+
+
+def board():
+    """Registered depth, mm."""
+    dioptres = np.tile(np.linspace(NEAR, FAR, SIZE[0]), (SIZE[1], 1))
+    return np.rint(1000 / dioptres).astype(np.uint16)
+
+
+def photograph(depth, focus, gain=1.0):
+    """The board, focused at a distance in dioptres: each column is blurred as its distance says."""
+    texture = np.random.default_rng(0).uniform(40, 200, (SIZE[1], SIZE[0])).astype(np.float32)
+    texture = cv2.GaussianBlur(texture, (0, 0), 0.7)
+    blur = BLUR * np.abs(1000.0 / depth[0] - focus)
+    levels = np.arange(0, blur.max() + 0.25, 0.25)
+    blurred = np.array([cv2.GaussianBlur(texture, (0, 0), max(0.3, level)) for level in levels])
+    picture = blurred[np.rint(blur / 0.25).astype(int), :, np.arange(SIZE[0])].T
+    noise = np.random.default_rng(round(focus * 1000)).normal(0, 1, picture.shape)
+    return cv2.cvtColor(np.clip(gain * picture + noise, 0, 255).astype(np.uint8), cv2.COLOR_GRAY2BGR)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("board")
+    (folder / "stack").mkdir()
+    for index, focus in enumerate(FOCUS):  # the aperture's light changes, too
+        cv2.imwrite(str(folder / "stack" / f"{index:02}.png"), photograph(board(), focus, 1 - 0.02 * index))
+    cv2.imwrite(str(folder / "depth.png"), board())
+    done = run_script("calibrate_focus", "--stack", folder / "stack", "--registered-depth", folder / "depth.png", "--first", 4,
+                      "--step", 3, "--output", folder / "table.yaml", "--plot", folder / "plot.png")
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_distances_are_those_of_the_lens(scene):
+    table = read(scene / "table.yaml")
+    assert [row["step"] for row in table.table] == [4 + 3 * index for index in range(len(FOCUS))]
+    for index, focus in enumerate(FOCUS):
+        assert 1 / table.distance(index) == pytest.approx(focus, abs=0.03)  # a quarter of a step
+    assert cv2.imread(str(scene / "plot.png")).std() > 5
+
+
+def test_every_program_takes_the_table(scene):
+    distances = Stack(scene / "stack", scene / "table.yaml").distances
+    assert 1 / distances[5] == pytest.approx(FOCUS[5], abs=0.03)
+    arrived = focus_of_arrivals(scene / "table.yaml")
+    assert arrived("whatever.jpg", 5) == distances[5] and math.isnan(arrived("whatever.jpg", 99))
+    report = scene / "report.json"
+    done = fuse_stack("--stack", scene / "stack", "--registered-depth", scene / "depth.png", "--optics", "50,2,0.03",
+                      "--focus", scene / "table.yaml", "--output", scene / "fused.png", "--report", report)
+    assert done.returncode == 0, done.stderr
+    assert "no focus distances" not in done.stderr + report.read_text()
+
+
+def test_a_scene_that_tells_nothing_is_refused():
+    depth = np.full(SIZE[::-1], 1200, np.uint16)
+    sharpness = Sharpness()
+    for focus in FOCUS:
+        sharpness.add(photograph(depth, focus))
+    with pytest.raises(CalibrationError, match="slanted board or a deeper scene"):
+        fit(sharpness, dioptres_of_registered(depth, sharpness.grid()))
+    with pytest.raises(CalibrationError, match="tiles of the picture have one distance"):
+        fit(sharpness, dioptres_of_registered(np.zeros_like(depth), sharpness.grid()))
+
+
+def test_depth_of_another_scene_is_refused():
+    sharpness = Sharpness()
+    for focus in FOCUS:
+        sharpness.add(photograph(board(), focus))
+    shuffled = np.random.default_rng(0).permutation(SIZE[0] // 60)
+    strips = board().reshape(SIZE[1], -1, 60)[:, shuffled].reshape(SIZE[1], -1)
+    with pytest.raises(CalibrationError, match="do not agree"):
+        fit(sharpness, dioptres_of_registered(strips, sharpness.grid()))
+
+
+@pytest.mark.parametrize("values, peak", [
+    ([1, 2, 4, 2, 1], 2.0), ([1, 4, 4, 1], 1.5), ([4, 3, 2, 1], math.nan), ([1, 2, 3, 3], math.nan), ([3, 3, 3], math.nan)])
+def test_the_peak_lies_between_frames_that_are_less_sharp(values, peak):
+    assert peak_of(np.array(values, float)) == pytest.approx(peak, abs=0.01, nan_ok=True)
+
+
+def test_tables_that_cannot_be_right(tmp_path):
+    path = tmp_path / "table.yaml"
+    for text, complaint in (("focus_table: [{step: 0, mm: 500}]", "two steps or more"),
+                            ("focus_table: 3", "expected"),
+                            ("{step: 0.5, focus_table: [{step: 0, mm: 500}, {step: 9, mm: .inf}]}", "step: expected a whole")):
+        path.write_text(text)
+        with pytest.raises(StackError, match=complaint):
+            load_focus(path, None, 3)
+    path.write_text("frames: []")
+    with pytest.raises(ScaleError, match="expected focus_table"):
+        read(path)
+    FocusTable([{"step": 0, "mm": 500}, {"step": 9, "mm": math.inf}]).save(path)
+    assert read(path).distance(9) == math.inf
+
+
+def test_usage():
+    expect_refusal(run_script("calibrate_focus", "--output", "t.yaml"), "calibrate_focus")
