@@ -37,3 +37,31 @@ def test_invalid_depths_are_chosen_by_an_arg(given, expected):
                                                   verbose=False)
     param = config.params.get('/depth_preprocess/invalid_values')
     assert (param.value if param else None) == expected
+
+
+def params(launch, *given):
+    config = roslaunch.config.load_config_default([(str(LAUNCH_FILES[0].parent / launch), list(given))], None, verbose=False)
+    return {name: param.value for name, param in config.params.items()}
+
+
+def test_files_are_relative_to_where_roslaunch_is_called(tmp_path, monkeypatch):
+    (tmp_path / 'rig').mkdir()
+    (tmp_path / 'rig' / 'optics.yaml').write_text('{focal_length_mm: 31.0, aperture: 4.0, circle_of_confusion_mm: 0.02}')
+    (tmp_path / 'table.yaml').write_text('{home: far, first: 5, step: 2, focus_table: [{step: 0, mm: 500}, {step: 9, mm: .inf}]}')
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('PWD', str(tmp_path))
+    found = params('robot.launch', 'rig:=rig', 'focus_table:=table.yaml', 'rviz:=false')
+    for node in ('focus_bracket_camera', 'rig_publisher'):
+        assert found[f'/{node}/rig'] == str(tmp_path / 'rig')
+    assert found['/kinect_openni2/depth_camera_info_url'] == str(tmp_path / 'rig' / 'depth.yaml')
+    assert found['/segmenter/focal_length_mm'] == 31.0
+    assert found['/focus_bracket_camera/home'] == 'far' and found['/focus_bracket_camera/first'] == 5
+    assert found['/focus_bracket_camera/step'] == 1  # the arg wins
+    assert found['/focus_bracket_camera/focus_table'][1]['step'] == 9
+    watched = params('robot.launch', 'rig:=rig', 'focus_table:=table.yaml', 'dslr:=/pictures', 'watch:=true', 'rviz:=false')
+    assert watched['/image_folder_camera/focus'] == str(tmp_path / 'table.yaml')
+    replayed = params('replay.launch', 'folder:=scene', 'rig:=rig', 'rviz:=false')
+    assert replayed['/image_folder_camera/focus'] == str(tmp_path / 'scene' / 'focus.yaml')
+    assert replayed['/image_folder_camera/rig'] == str(tmp_path / 'rig')
+    played = params('replay.launch', 'bag:=X.bag', 'rig:=rig', 'topics:=names.yaml', 'rviz:=false')
+    assert played['/player/topics'] == 'names.yaml' and played['/rig_publisher/rig'] == str(tmp_path / 'rig')
