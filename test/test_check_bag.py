@@ -16,7 +16,7 @@ from sensor_msgs.msg import CompressedImage
 from tool_helpers import TwoPlanes, expect_refusal, fuse_stack, set_up_boards, succeeded, unchanged
 
 from all_in_focus.bag.brackets import Rules
-from all_in_focus.bag.bag_file import BagContents, BagError, BagFile, Topics
+from all_in_focus.bag.bag_file import BagContents, BagError, BagFile, Topics, load_topics
 from all_in_focus.bag.check.checker import check_bag
 from all_in_focus.bag.image_messages import to_message
 from all_in_focus.files.rig import load_rig, save_rig
@@ -414,3 +414,16 @@ def test_the_nodes_agree(tmp_path):
     bag = write(tmp_path / "late.bag", messages)
     done = call("evaluate_bag", "--bag", bag, "--output", tmp_path / "late")
     assert done.returncode == 2 and "no region came of the bag's depth" in done.stderr
+
+
+def test_topics_that_are_proposed_are_written_and_read_again(tmp_path):
+    path, names = tmp_path / "x.bag", tmp_path / "topics.yaml"
+    messages = moved(good_messages(), "/depth/image_raw", "/camera/depth/image_raw")
+    write(path, moved(messages, "/depth/camera_info", "/camera/depth/camera_info"))
+    assert run_script("check_bag", path, "--save-topics", names).returncode == 1
+    assert load_topics(str(names)) == Topics(depth="/camera/depth/image_raw", depth_info="/camera/depth/camera_info")
+    assert run_script("check_bag", path, "--topics", names).returncode == 0
+    done = run_script("check_bag", path, "--topics", names, "--depth-topic", "/other")
+    assert done.returncode == 1 and "nothing on /other" in done.stdout
+    names.write_text("depth: /camera/depth/image_raw\n")
+    expect_refusal(run_script("check_bag", path, "--topics", names), "check_bag")

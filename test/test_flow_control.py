@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 import rospy
 
+from all_in_focus.camera import folder_node
 from all_in_focus.camera.folder_node import MAX_UNPROCESSED, FlowControl
 
 
@@ -40,10 +41,28 @@ def test_a_frame_that_is_published_during_an_acknowledgement_counts(flow):
 def test_it_waits_until_frames_are_acknowledged(flow):
     for stamp in range(MAX_UNPROCESSED):
         flow.published(stamp)
-    waiting = threading.Thread(target=flow.wait, args=(True,))
+    waiting = threading.Thread(target=flow.wait, args=(lambda: True, False))
     waiting.start()
     waiting.join(0.3)
     assert waiting.is_alive()
     flow._on_processed(SimpleNamespace(stamp=0))
     waiting.join()
     assert flow._unprocessed == list(range(1, MAX_UNPROCESSED))
+
+
+def test_a_bracket_waits_for_the_result_of_the_one_before(flow, monkeypatch):
+    flow.published(0)
+    flow.wait(lambda: True, new_bracket=False)
+    monkeypatch.setattr(folder_node, "ACKNOWLEDGE_TIMEOUT", 0.0)  # restoring takes longer than a frame
+    waiting = threading.Thread(target=flow.wait, args=(lambda: True, True))
+    waiting.start()
+    waiting.join(0.3)
+    assert waiting.is_alive()
+    flow._on_processed(SimpleNamespace(stamp=0))
+    waiting.join()
+
+
+def test_it_does_not_wait_for_a_fusion_that_has_left(flow):
+    flow.published(0)
+    flow.wait(lambda: False, new_bracket=True)
+    assert flow._unprocessed == []

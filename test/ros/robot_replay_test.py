@@ -6,6 +6,7 @@ import os
 import tempfile
 from pathlib import Path
 
+import rosbag
 import rospy
 
 from depth_testing import run_tests
@@ -54,6 +55,23 @@ class ReplayTest(LaunchTest):
         for report in reports:
             self.assertTrue(whole(report), report)
         self.assert_same(results.wait(whole)[0], self.expected)
+
+    def test_every_round_is_restored_and_topics_may_have_other_names(self):
+        other, names, reports = self.folder / 'other.bag', self.folder / 'topics.yaml', []
+        with rosbag.Bag(str(self.bag)) as bag, rosbag.Bag(str(other), 'w') as renamed:
+            for topic, message, time in bag.read_messages():
+                renamed.write(topic.replace('/depth/', '/camera/depth/').replace('/rgb/', '/camera/color/'), message, time)
+        run_script('check_bag', other, '--save-topics', names)
+
+        def last_round(report):
+            if not any(report is known for known in reports):
+                reports.append(report)
+            return len(reports) == ROUNDS
+        results = self.results()
+        self.launch_bag(other, topics=names, mode='restored')
+        self.result(results, last_round)
+        for report in reports:
+            self.assertEqual((report.mode, whole(report)), ('restored', True), report)
 
     def test_a_bag_brings_its_lens(self):
         results = self.results()

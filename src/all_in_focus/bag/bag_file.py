@@ -12,8 +12,10 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from tf2_msgs.msg import TFMessage
 
 from all_in_focus.bag.image_messages import ImageError, bgr, to_message
+from all_in_focus.files import yaml_file
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.input_file import require_regular
+from all_in_focus.files.output_file import whole_file
 from all_in_focus.msg import FocusFrame, Optics
 
 
@@ -30,6 +32,21 @@ class Topics:
     rgb_info: str = "/rgb/camera_info"
     focus: str = "/rgb/focus"
     optics: str = "/rgb/optics"
+
+
+def load_topics(path):
+    """Topics of a YAML file that save_topics() has written; those that it leaves out keep their default. BagError."""
+    data = yaml_file.read(path, BagError)
+    known = {f"{kind}_topic": kind for kind in vars(Topics())}
+    if not isinstance(data, dict) or not all(name in known and isinstance(topic, str) for name, topic in data.items()):
+        raise BagError(f"{path}: expected lines such as depth_topic: /camera/depth/image_raw, with {', '.join(known)}")
+    return Topics(**{known[name]: topic for name, topic in data.items()})
+
+
+def save_topics(path, topics):
+    """topics: names by kind."""
+    with whole_file(path) as working:
+        working.write_text("".join(f"{kind}_topic: {name}\n" for kind, name in topics.items()), encoding="utf-8")
 
 
 TYPES = {"depth": Image, "depth_info": CameraInfo, "rgb": Image, "rgb_info": CameraInfo, "focus": FocusFrame,
@@ -152,7 +169,8 @@ class BagContents(BagFile):
     problems: one line for each message that messages() left out.
     """
 
-    def __init__(self, path, topics=None):
+    def __init__(self, path, topics=None, transforms=True):
+        """transforms: whether the bag itself must connect the cameras."""
         super().__init__(path, topics)
         self.problems = []
         self._check_topics()
@@ -162,7 +180,8 @@ class BagContents(BagFile):
         self.rgb_info = self.first(self.topics["rgb_info"])[0]
         self.optics = self.first(self.topics["optics"])[0] if self.counts.get("optics") else None
         self.static_transforms = self._collect_static_transforms()
-        self._check_transforms()
+        if transforms:
+            self._check_transforms()
 
     def messages(self):
         """Yields (kind, message, time) in recorded order; kinds are those of Topics, and "tf". Colour is decoded."""

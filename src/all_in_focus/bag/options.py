@@ -6,15 +6,16 @@ import argparse
 import yaml
 
 from all_in_focus.bag.brackets import Rules
-from all_in_focus.bag.bag_file import Topics
-from all_in_focus.command_line import count_or_zero, not_negative, optics, positive
+from all_in_focus.bag.bag_file import Topics, load_topics
+from all_in_focus.command_line import Input, count_or_zero, not_negative, optics, positive
 
 
 def add_topics(parser):
     """Options for the names of the topics in the bag: --depth-topic and so on."""
     group = parser.add_argument_group("topics in the bag")
+    group.add_argument("--topics", type=Input, metavar="FILE", help="their names, as check_bag --save-topics writes them")
     for kind, name in vars(Topics()).items():
-        group.add_argument(option_of(kind), default=name, metavar="NAME", help=f"default {name}")
+        group.add_argument(option_of(kind), metavar="NAME", help=f"default {name}")
 
 
 def add_nodes(parser):
@@ -35,7 +36,9 @@ def option_of(kind):
 
 
 def topics(args):
-    return Topics(**{kind: getattr(args, f"{kind}_topic") for kind in vars(Topics())})
+    """Topics: each from its option, else from the file, else the default."""
+    names = vars(load_topics(args.topics) if args.topics else Topics())
+    return Topics(**{kind: getattr(args, f"{kind}_topic") or name for kind, name in names.items()})
 
 
 def rules(args):

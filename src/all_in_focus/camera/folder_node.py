@@ -38,17 +38,17 @@ class FlowControl:
             self._unprocessed = [stamp for stamp in self._unprocessed if stamp > header.stamp]
             self._changed.notify_all()
 
-    def wait(self, fusion_listens):
-        """Call before each frame. Gives up on a fusion that acknowledges nothing for ACKNOWLEDGE_TIMEOUT seconds."""
-        end = time.monotonic() + ACKNOWLEDGE_TIMEOUT
+    def wait(self, fusion_listens, new_bracket):
+        """Call before each frame; a bracket waits for the result of the one before it. Gives up on a fusion that has left,
+        or acknowledges nothing for ACKNOWLEDGE_TIMEOUT, RESULT_TIMEOUT before a bracket. fusion_listens: function."""
+        most, patience = (1, RESULT_TIMEOUT) if new_bracket else (MAX_UNPROCESSED, ACKNOWLEDGE_TIMEOUT)
+        end = time.monotonic() + patience
         with self._changed:
-            if not fusion_listens:
-                self._unprocessed = []
-            while len(self._unprocessed) >= MAX_UNPROCESSED and self._subscriber.get_num_connections() \
+            while len(self._unprocessed) >= most and self._subscriber.get_num_connections() \
                     and not rospy.is_shutdown():
                 if self._changed.wait(POLL_PERIOD):
-                    end = time.monotonic() + ACKNOWLEDGE_TIMEOUT
-                elif time.monotonic() > end:
+                    end = time.monotonic() + patience
+                elif time.monotonic() > end or not fusion_listens():
                     self._unprocessed = []
 
     def published(self, stamp):
@@ -78,11 +78,12 @@ class Player:
         while not rospy.is_shutdown():
             for index, image in enumerate(self._stack):
                 time.sleep(max(0, due - time.monotonic()))
-                flow.wait(frames.has_all_listeners())
+                flow.wait(frames.has_all_listeners, new_bracket=index == 0)
                 if rospy.is_shutdown():
                     return
                 stamp = rospy.Time.now()
-                flow.published(stamp)
+                if frames.has_all_listeners():
+                    flow.published(stamp)
                 frames.publish(image, stamp, bracket_id, index, count, index + 1 == count,
                                self._stack.distances[index])
                 due = max(due + self._period, time.monotonic())

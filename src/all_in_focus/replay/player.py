@@ -5,6 +5,7 @@
 All waiting is in wall time. Node time is that of the bag. It never passes a colour image that is not acknowledged yet,
 because the fusion ends brackets at gaps in time.
 """
+import math
 import re
 import threading
 import time
@@ -121,38 +122,58 @@ class BagPlayer:
             self._subscribers[topic] = rospy.Subscriber(
                 topic, Header, lambda header, waiting=waiting: waiting.came(header.stamp.to_nsec()))
 
+    def loose_ends(self, outputs):
+        """(topic, what is wrong with it) of each connection that is missing."""
+        ends = [(topic, "nobody publishes", end) for topic, end in {**self._subscribers, **outputs}.items()]
+        ends += [(TOPICS[kind], "nobody listens to", end) for kind, end in self._publishers.items() if kind in TOPICS]
+        return [end[:2] for end in ends if end[2].get_num_connections() == 0]
+
+    def _publish_latched(self):
+        self._static.publish(self._contents.static_transforms)
+        self._publishers["depth_info"].publish(self._contents.depth_info)
+        self._publishers["rgb_info"].publish(self._contents.rgb_info)
+
+    def wait_for_listeners(self, patience, line):
+        """Publishes what is latched, and waits until every node listens, however long: they do when somebody listens to
+        them. After `patience` s says so once: a line for what is wrong and a topic."""
+        self._publish_latched()
+        if not self._wait(lambda: not self.loose_ends({}), patience):
+            topic, complaint = (self.loose_ends({}) or [("", "")])[0]
+            rospy.loginfo(line, complaint, rospy.resolve_name(topic))
+            self._wait(lambda: not self.loose_ends({}), math.inf)
+        self.pause(SETTLE)
+
+    def pause(self, seconds):
+        """Node time stands still."""
+        self._wait(lambda: False, seconds)
+
     def connect(self, outputs):
         """Waits until every node listens and every output is connected; publishes what is latched.
 
         outputs: subscribers by topic.
         """
-        self._static.publish(self._contents.static_transforms)
-        self._publishers["depth_info"].publish(self._contents.depth_info)
-        self._publishers["rgb_info"].publish(self._contents.rgb_info)
-        ends = [(topic, "nobody publishes", end) for topic, end in {**self._subscribers, **outputs}.items()]
-        ends += [(TOPICS[kind], "nobody listens to", end) for kind, end in self._publishers.items() if kind in TOPICS]
-
-        def loose_ends():
-            return [end for end in ends if end[2].get_num_connections() == 0]
-
-        if not self._wait(lambda: not loose_ends(), self._limits.connect):
-            topic, complaint, _ = loose_ends()[0]
+        self._publish_latched()
+        if not self._wait(lambda: not self.loose_ends(outputs), self._limits.connect):
+            topic, complaint = self.loose_ends(outputs)[0]
             raise PlayError(f"{complaint} {rospy.resolve_name(topic)} for {self._limits.connect:g} s: did the node "
                             f"{NODES[topic.split('/')[0]]} start?")
-        self._wait(lambda: False, SETTLE)
+        self.pause(SETTLE)
 
     def set_optics(self, optics):
         self.problems.update(set_optics(optics, self._limits.connect))
 
-    def play(self, follow_optics=True, check=lambda: None):
+    def play(self, follow_optics=True, check=lambda: None, rate=None):
         """Publishes every message of the bag.
 
         follow_optics: whether to pass on lens changes in the bag to the segmenter; check: called before each message,
-        may raise.
+        may raise; rate: how many times faster than recorded, at most; None: as fast as the nodes work.
         """
-        optics = self._contents.optics
+        optics, last = self._contents.optics, self._contents.start
         for kind, message, stamp in self._contents.messages():
             check()
+            if rate:
+                self.pause((stamp - last).to_sec() / rate)
+                last = stamp
             self._played_to = stamp
             self._advance_clock()
             if kind == "depth":
@@ -168,16 +189,24 @@ class BagPlayer:
             self._heartbeat(self._done)
         self._wait_for_color(1)
 
+    def rewind(self):
+        """Begins the bag anew: node time jumps back with the first message."""
+        self._played_to = self._contents.start
+        self._clock.rewind(self._contents.start)
+        for waiting in self._acknowledged.values():
+            waiting.give_up()
+
     def end_bracket(self, enough):
         """Ends the open bracket and waits for its results. enough: called with the number of brackets published;
         returns whether all of them have come."""
-        answer = self._call_finish()
+        answer = self.finish()
         number = re.match(r"\s*(\d+)", answer.message)
         if not number:
             raise PlayError(f"fusion/finish answers '{answer.message}', not how many brackets were published")
         self._wait(lambda: enough(int(number.group(1))), self._limits.connect)
 
-    def _call_finish(self):
+    def finish(self):
+        """Ends the open bracket; returns the answer of the fusion, which comes with the result."""
         answers = []
 
         def call():
@@ -189,8 +218,8 @@ class BagPlayer:
 
         # A service call has no time-out: it gets a thread that can be abandoned.
         threading.Thread(target=call, daemon=True).start()
-        if not self._wait(lambda: bool(answers), self._limits.connect):
-            raise PlayError(f"fusion/finish does not answer within {self._limits.connect:g} s")
+        if not self._wait(lambda: bool(answers), max(self._limits.connect, self._limits.acknowledge)):
+            raise PlayError(f"fusion/finish does not answer within {max(self._limits.connect, self._limits.acknowledge):g} s")
         if isinstance(answers[0], PlayError):
             raise answers[0]
         return answers[0]
@@ -267,6 +296,9 @@ class _NodeTime:
         self._publisher = rospy.Publisher("/clock", Clock, queue_size=10)
         self._now = start
         self._published = 0.0  # wall time
+
+    def rewind(self, start):
+        self._now = start
 
     def reach(self, stamp):
         """Call often: repeats the time now and then for nodes that have just started."""

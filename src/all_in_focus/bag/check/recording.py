@@ -66,6 +66,13 @@ def suggestion(bag, kind):
             f"{names[0]}")
 
 
+def likely_topics(bag):
+    """Name of each topic of a BagFile by kind: as it is called, else the likeliest other of that type; those of which the bag
+    has none are left out."""
+    return {kind: names[0] for kind in bag.topics
+            for names in [[bag.topics[kind]] if bag.has(kind) else _candidates(bag, kind)] if names}
+
+
 def _candidates(bag, kind):
     """Topics that may be meant, the likeliest first, without those of other kinds."""
     taken = {name for other, name in bag.topics.items() if other != kind and bag.has(other)}

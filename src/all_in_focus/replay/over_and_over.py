@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: all_in_focus contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node replay_bag: plays a bag to the nodes over and over, to look at in rviz."""
+from pathlib import Path
+
+import rospy
+
+from all_in_focus.bag.bag_file import BagContents, load_topics
+from all_in_focus.parameters import flag, number, text
+from all_in_focus.replay.player import BagPlayer, Limits, PlayError
+
+PATIENCE = 15.0  # s without somebody who looks, before that is said
+PAUSE = 2.0  # s between two rounds, to look at the result
+LIMITS = Limits(connect=60.0, acknowledge=300.0)  # a frame is acknowledged when its picture is restored
+
+
+class _Attention:
+    """Heartbeat of a BagPlayer: ends a round when a node has left, which would acknowledge nothing."""
+
+    def __init__(self):
+        self.player = None  # while it plays
+
+    def __call__(self, _):
+        for topic, complaint in self.player.loose_ends({}) if self.player else []:
+            raise PlayError(f"{complaint} {rospy.resolve_name(topic)} any more")
+
+
+def play():
+    """Until shutdown; ValueError for a bag that cannot be played."""
+    here = text("working_directory")
+    path, rate, own_lens = Path(here, text("bag")), number("rate", 1.0, 0.001), flag("take_optics", False)
+    names = text("topics")
+    contents = BagContents(str(path), load_topics(Path(here, names)) if names else None,
+                           transforms=not flag("rig_given", False))
+    attention = _Attention()
+    player = BagPlayer(contents, LIMITS, attention)
+    said = set()
+    try:
+        if own_lens and contents.optics:
+            _set_optics(player, contents.optics)
+        while not rospy.is_shutdown():
+            _play_once(player, rate, own_lens, attention, said)
+    except PlayError as error:
+        if not rospy.is_shutdown():
+            raise ValueError(str(error))
+
+
+def _set_optics(player, optics):
+    """The bag is played without it, too."""
+    try:
+        player.set_optics(optics)
+    except PlayError as error:
+        rospy.logwarn("the bag's lens: %s", error)
+
+
+def _play_once(player, rate, own_lens, attention, said):
+    """One round; ends when the last result is out, restored where that is asked for. What went wrong in it is
+    logged, unless it is among the lines that were said."""
+    player.wait_for_listeners(PATIENCE, "waiting for somebody who looks: rviz, or rostopic hz all_in_focus/image (%s %s)")
+    try:
+        attention.player = player
+        player.play(follow_optics=own_lens, rate=rate)
+        player.finish()
+    except PlayError as error:
+        if rospy.is_shutdown():
+            raise
+        rospy.logwarn("%s: the bag begins anew", error)
+    finally:
+        attention.player = None
+    for problem in set(player.problems) - said:
+        rospy.logwarn("%s", problem)
+    said.update(player.problems)
+    player.pause(PAUSE)
+    player.rewind()
