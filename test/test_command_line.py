@@ -3,6 +3,7 @@
 """What all programs have in common: how signals end them, errors of one line, exit codes."""
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -164,3 +165,20 @@ def test_a_reader_that_has_seen_enough():
 def test_help_of_every_program():
     for name in ("check_bag", "bag_to_stack", "make_scene"):
         assert succeeded(run([sys.executable, script(name), "--help"])).stdout.startswith("usage: ")
+
+
+READERS = {"focus_bracket_camera": ["camera/bracket_node.py"], "image_folder_camera": ["camera/folder_node.py"],
+           "replay_bag": ["replay/over_and_over.py"], "depth_file_camera": [], "rig_publisher": []}
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_help_of_a_node_lists_the_parameters_that_it_reads(name):
+    sources = [SCRIPTS / name, *(SCRIPTS.parent / "src" / "all_in_focus" / path for path in READERS[name])]
+    text = "".join(path.read_text() for path in sources)
+    read = set(re.findall(r"""\b(?:text|number|whole|flag|get_param)\("~?(\w+)\"""", text))
+    if "parameters.text(name) for name in" in text:
+        read |= {"depth", "rig"}
+    if name == "focus_bracket_camera":  # gphoto.py takes them by rospy's names
+        read |= {"port", "model"}
+    shown = succeeded(run([sys.executable, script(name), "--help"])).stdout
+    assert set(re.findall(r"^  ~(\w+)", shown, re.M)) == read

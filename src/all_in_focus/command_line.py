@@ -89,14 +89,16 @@ def run(main, *errors):
     sys.exit(code)
 
 
-def node(name, description, body):
-    """The main of a ROS node, for run(). body: works until shutdown; returns the exit code, None means 0.
+def node(name, description, body, parameters=None):
+    """The main of a ROS node, for run(). body: works until shutdown; returns the exit code, None means 0; parameters: what
+    --help says of each private parameter, by name.
 
     If it raises ValueError or OSError, one line in the log says why, and the exit code is 2.
     """
     def main():
         import rospy  # most programs need no ROS
-        Parser(prog=name, description=description).parse_args(rospy.myargv()[1:])
+        Parser(prog=name, description=description, formatter_class=argparse.RawDescriptionHelpFormatter,
+               epilog=_listed(name, parameters or {})).parse_args(rospy.myargv()[1:])
         rospy.init_node(name)
         try:
             return body()
@@ -106,6 +108,13 @@ def node(name, description, body):
             rospy.logfatal("%s", error)
             return BAD_INPUT
     return main
+
+
+def _listed(name, parameters):
+    """The end of a node's --help."""
+    width = 4 + max(map(len, parameters), default=0)
+    lines = [f"  {'~' + parameter:{width}}{meaning}" for parameter, meaning in parameters.items()]
+    return "\n".join([f"parameters (rosrun all_in_focus {name} _NAME:=VALUE):", *lines]) if lines else ""
 
 
 def _interrupts():
