@@ -32,7 +32,7 @@ std::string feed(BracketAssembler& assembler, const FrameInfo& frame) {
   const BracketAssembler::Step& step = last_step = assembler.add(frame);
   if (step.begin) story += '(';
   story += step.use ? std::to_string(step.index) : "x";
-  EXPECT_EQ(step.use, step.reason.empty());
+  EXPECT_TRUE(!step.use || step.reason.empty());
   if (step.last) {
     story += ']';
     assembler.close();
@@ -49,6 +49,15 @@ TEST(BracketAssembler, BracketByFocusFrame) {
   EXPECT_EQ(last_step.bracket_id, 7u);
   EXPECT_EQ(a.missing(), 0);
   EXPECT_EQ(feed(a, focus(7, 2, 3)), "x");  // late
+}
+
+TEST(BracketAssembler, ABracketThatHadBegunIsNamedOnce) {
+  BracketAssembler a;
+  EXPECT_EQ(feed(a, focus(7, 1)), "x");
+  EXPECT_NE(last_step.reason.find("bracket 7 had begun before anybody listened"), std::string::npos);
+  EXPECT_EQ(feed(a, focus(7, 2)), "x");
+  EXPECT_EQ(last_step.reason, "");
+  EXPECT_EQ(feed(a, focus(8, 0)), "(0");
 }
 
 TEST(BracketAssembler, LastEndsAnOpenBracket) {

@@ -51,6 +51,8 @@ BracketAssembler::Step BracketAssembler::add(const FrameInfo& frame) {
     if (hasBegunUnseen()) {
       skipping_ = true;
       skip_id_ = frame.bracket_id;
+    } else if (skipping_ && frame.bracket_id == skip_id_) {
+      step.reason.clear();  // said once a bracket
     }
     fresh_ = false;
     return step;
