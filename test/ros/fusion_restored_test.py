@@ -3,7 +3,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Mode restored: a bracket is published once it is restored, and gives way to the next one. Pixels are those of fuse_stack."""
 import numpy as np
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
 from depth_testing import SANITIZED, WARN, run_tests, subscribers_of, values_of, wait_until
 from fusion_testing import BRACKET_IDS, PERIOD, array_of, colour_message
@@ -40,6 +40,28 @@ class RestoredTest(RefinedTest):
         depth, image = (self.outputs[name].at(stamp + AT_REFERENCE) for name in ('depth_restored', 'image'))
         self.assertEqual([depth.encoding, depth.header.frame_id], ['16UC1', image.header.frame_id])
         self.acknowledged(stamp + INDICES[-1] * PERIOD)
+
+    def test_the_cloud_has_the_restored_depth_and_the_colours(self):
+        """For whoever listens already, and for whoever comes later."""
+        present = self.listen(self.topic('all_in_focus/points'), PointCloud2)
+        info = self.listen(self.topic('all_in_focus/camera_info'), CameraInfo)
+        stamp = self.fuse() + AT_REFERENCE
+        mm, picture = (array_of(self.outputs[name].at(stamp)) for name in ('depth_restored', 'image'))
+        clouds = [present.at(stamp)]
+        present.close()  # listeners of one process share a connection
+        clouds.append(self.listen(self.topic('all_in_focus/points'), PointCloud2).at(stamp))
+        fx, _, cx, _, fy, cy = info.at(stamp).K[:6]
+        v, u = np.mgrid[:mm.shape[0], :mm.shape[1]]
+        z = np.where(mm > 0, mm / 1000, np.nan)
+        for cloud in clouds:
+            self.assertEqual([field.name for field in cloud.fields], ['x', 'y', 'z', 'rgb'])
+            self.assertEqual((cloud.height, cloud.width), mm.shape)
+            points = np.frombuffer(cloud.data, np.uint8).reshape(*mm.shape, cloud.point_step)
+            places = points[..., :12].copy().view(np.float32)
+            for place, wanted in zip(np.moveaxis(places, -1, 0), ((u - cx) / fx * z, (v - cy) / fy * z, z)):
+                np.testing.assert_allclose(place, wanted, atol=1e-5)
+            at = cloud.fields[3].offset
+            np.testing.assert_array_equal(points[..., at:at + 3], picture)
 
     def test_the_next_bracket_goes_first(self):
         """The older one is published as refined at that moment; each bracket once, in their order."""

@@ -3,6 +3,7 @@
 
 #include "fusion_outputs.hpp"
 
+#include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/image_encodings.h>
 
@@ -12,6 +13,7 @@
 
 #include "all_in_focus/depth_registration.hpp"
 #include "all_in_focus/drawing.hpp"
+#include "point_cloud.hpp"
 
 namespace all_in_focus {
 
@@ -31,6 +33,19 @@ sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string&
 
 }  // namespace
 
+// Depth of the picture's size, mm; all 0 where it is unknown: the depth of an older result must not stay
+// beside a newer picture. rviz's DepthCloud wants depth of the colour image's stamp, frame and size.
+cv::Mat FusionOutputs::depthOf(const FusedBracket& bracket) const {
+  const cv::Size size = bracket.result.image.size();
+  cv::Mat mm;
+  try {
+    if (bracket.depth) core::resizeDepth(toDepth(bracket.depth, {}, "depth_registered/image").mm, size, mm);
+  } catch (const std::exception& e) {
+    status_->error(e.what());
+  }
+  return mm.empty() ? cv::Mat(cv::Mat::zeros(size, CV_16UC1)) : mm;
+}
+
 // Published by plain ROS: image_transport publishes to present subscribers only, so later ones would get an
 // older latched result, or none.
 void FusionOutputs::advertise(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect) {
@@ -49,11 +64,17 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeStatus& status, const std
   confidence_ = advertise(sensor_msgs::Image(), "all_in_focus/confidence");
   info_ = advertise(sensor_msgs::CameraInfo(), "all_in_focus/camera_info");
   report_ = advertise(FusionReport(), "all_in_focus/report", kReportQueueSize);
+  status.addOutput("all_in_focus/points");
+  const auto on_listener = [this, connect](const ros::SingleSubscriberPublisher& listener) {
+    connect();
+    publishPoints([&listener](const sensor_msgs::PointCloud2& cloud) { listener.publish(cloud); });
+  };
+  points_ = nh.advertise<sensor_msgs::PointCloud2>("all_in_focus/points", 1, on_listener, on_connect);
 }
 
 bool FusionOutputs::wanted() const {
-  const auto outputs = {&image_,        &weights_,    &depth_, &depth_restored_,
-                        &source_index_, &confidence_, &info_,  &report_};
+  const auto outputs = {&image_,      &weights_, &depth_,  &depth_restored_, &source_index_,
+                        &confidence_, &info_,    &points_, &report_};
   return std::any_of(outputs.begin(), outputs.end(),
                      [](const ros::Publisher* output) { return output->getNumSubscribers() > 0; });
 }
@@ -68,33 +89,42 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
       restamped->header = header;
       info_.publish(restamped);
     }
-    image_.publish(toImage(header, enc::BGR8, result.image));
+    const sensor_msgs::ImagePtr image = toImage(header, enc::BGR8, result.image);
+    image_.publish(image);
     source_index_.publish(toImage(header, enc::TYPE_16UC1, result.source_index));
     confidence_.publish(toImage(header, enc::MONO8, result.confidence));
     cv::Mat weights;
     drawWeights(result.source_index, result.confidence, result.length, weights);
     cv::cvtColor(weights, weights, cv::COLOR_BGR2RGB);
     weights_.publish(toImage(header, enc::RGB8, weights));
-    publishDepth(header, bracket.depth, result.image.size());
+    const cv::Mat mm = depthOf(bracket);  // maybe the memory of bracket.depth
+    depth_.publish(toImage(header, enc::TYPE_16UC1, mm));
     if (!result.restored_depth.empty())
       depth_restored_.publish(toImage(header, enc::TYPE_16UC1, result.restored_depth));
+    {
+      std::lock_guard<std::mutex> lock(mutex_);
+      latest_ = {image, (result.restored_depth.empty() ? mm : result.restored_depth).clone(), bracket.camera};
+    }
+    if (points_.getNumSubscribers() > 0)
+      publishPoints([this](const sensor_msgs::PointCloud2& cloud) { points_.publish(cloud); });
   }
   report_.publish(bracket.report);
 }
 
-// rviz's DepthCloud wants depth of the colour image's stamp, frame and size.
-void FusionOutputs::publishDepth(const std_msgs::Header& header, const sensor_msgs::ImageConstPtr& message,
-                                 const cv::Size& size) {
+// Nothing where there is no result yet, or no calibration.
+void FusionOutputs::publishPoints(const std::function<void(const sensor_msgs::PointCloud2&)>& publish) {
+  Latest latest;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    latest = latest_;
+  }
+  if (!latest.image || !latest.camera || cv::countNonZero(latest.mm) == 0) return;
   try {
-    OutgoingImage out(header, enc::TYPE_16UC1, size);
-    if (message) {
-      core::resizeDepth(toDepth(message, {}, "depth_registered/image").mm, size, out.mat);
-    } else {
-      out.mat.setTo(0);  // unknown; the depth of an older result must not stay beside a newer picture
-    }
-    depth_.publish(out.take());
+    const core::Camera camera = toCamera(*latest.camera, "rgb/camera_info");
+    const cv::Mat bgr = cv_bridge::toCvShare(latest.image)->image;
+    publish(*toPointCloud(latest.image->header, bgr, latest.mm, camera));
   } catch (const std::exception& e) {
-    status_->error(e.what());
+    status_->error(std::string("all_in_focus/points: ") + e.what());
   }
 }
 

@@ -6,8 +6,10 @@
 #include <ros/ros.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
+#include <sensor_msgs/PointCloud2.h>
 
 #include <functional>
+#include <mutex>
 
 #include "all_in_focus/bracket.hpp"
 #include "conversions.hpp"
@@ -23,7 +25,8 @@ struct FusedBracket {
   sensor_msgs::CameraInfoConstPtr camera;  ///< may be empty
 };
 
-/// The topics that the fusion publishes. All messages of one result are latched and have the same header.
+/// The topics that the fusion publishes. All messages of one result have the same header. They are latched;
+/// the cloud, which is large, is made when somebody listens to it.
 class FusionOutputs {
  public:
   /// connect: called whenever a subscriber comes or goes.
@@ -33,11 +36,21 @@ class FusionOutputs {
   void publish(const FusedBracket& bracket);
 
  private:
-  void publishDepth(const std_msgs::Header& header, const sensor_msgs::ImageConstPtr& depth,
-                    const cv::Size& size);
+  cv::Mat depthOf(const FusedBracket& bracket) const;
+  void publishPoints(const std::function<void(const sensor_msgs::PointCloud2&)>& publish);
 
   NodeStatus* status_ = nullptr;
-  ros::Publisher image_, weights_, depth_, depth_restored_, source_index_, confidence_, info_, report_;
+  ros::Publisher image_, weights_, depth_, depth_restored_, source_index_, confidence_, info_, points_,
+      report_;
+
+  /// What a cloud is made of.
+  struct Latest {
+    sensor_msgs::ImageConstPtr image;
+    cv::Mat mm;
+    sensor_msgs::CameraInfoConstPtr camera;
+  };
+  std::mutex mutex_;  ///< guards latest_
+  Latest latest_;
 };
 
 }  // namespace all_in_focus
