@@ -53,7 +53,8 @@ class Page(HTMLParser):
     everything that a browser would fetch."""
 
     OPEN = {"html", "head", "body", "title", "style", "h1", "h2", "h3", "p", "div", "table", "thead", "tbody", "tr",
-            "th", "td", "small", "figure", "figcaption", "ul", "li", "code", "pre"}
+            "th", "td", "small", "figure", "figcaption", "ul", "li", "code", "pre", "a", "script", "label", "select", "option",
+            "button", "span", "i"}
 
     def __init__(self, path):
         super().__init__()
@@ -65,12 +66,15 @@ class Page(HTMLParser):
     def handle_starttag(self, tag, attributes):
         attributes = dict(attributes)
         self.links += [value for name, value in attributes.items() if name in ("src", "href", "action", "srcset")]
+        if tag == "option" and "value" in attributes:
+            self.links.append(attributes["value"])
         if tag == "img":
-            self.images.append((attributes["alt"], attributes["src"]))
+            if "src" in attributes:  # the others are set by the script
+                self.images.append((attributes["alt"], attributes["src"]))
         if tag in self.OPEN:
             self._open.append(tag)
         else:
-            assert tag in ("img", "br", "meta"), tag
+            assert tag in ("img", "br", "meta", "input"), tag
         if tag == "table":
             self._rows = self.tables.setdefault(attributes["id"], [])
         elif tag == "tr":

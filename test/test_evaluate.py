@@ -3,9 +3,12 @@
 """evaluate on scenes of known truth: its numbers are the metrics' numbers, its page needs nothing else."""
 import base64
 import json
+import re
 import shutil
 import signal
+import subprocess
 import time
+from urllib.parse import unquote
 
 import cv2
 import numpy as np
@@ -131,7 +134,8 @@ def test_scores_of_the_page_are_ranks_of_its_values(output):
 
 def test_page_is_complete_and_needs_no_network(scenes, output):
     page = Page(output / "report.html")
-    assert page.links and all(link.startswith("data:image/") for link in page.links)
+    files = [link for link in page.links if not link.startswith("data:image/")]
+    assert files and all((output / unquote(link)).is_file() for link in files)  # nothing outside the folder
     sizes = {}
     for title, address in page.images:
         image = cv2.imdecode(np.frombuffer(base64.b64decode(address.partition(",")[2]), np.uint8), cv2.IMREAD_COLOR)
@@ -146,6 +150,42 @@ def test_page_is_complete_and_needs_no_network(scenes, output):
                      "fuse_stack", "numpy", "holds no fused_other.png", str(scenes / "planes")):
         assert expected in text
     assert (output / "configuration.yaml").read_text() in text
+
+
+def test_weight_maps_have_a_legend_in_their_colours(scenes, output):
+    text = (output / "report.html").read_text()
+    assert re.search(r"rgb\(255, 35, 35\)\"></i>000\.png, [\d.]+ m", text)  # the first frame is red
+    assert "violet for the first" not in text
+
+
+@pytest.mark.skipif(not shutil.which("chromium"), reason="needs chromium")
+def test_a_browser_shows_two_pictures_under_a_border(output, tmp_path):
+    """No error on the console; what the border, the switch and a click do, as the page itself tells after them."""
+    copy = tmp_path / "out"
+    shutil.copytree(output, copy)
+    text = (copy / "report.html").read_text()
+    probe = """<script>
+    window.addEventListener("load", () => {
+      const box = document.querySelector(".compare"), [left, right] = box.querySelectorAll("select");
+      const [under, over] = box.querySelectorAll(".stage img"), told = [under.naturalWidth > 0 && over.naturalWidth > 0];
+      const before = [under.src, over.src];
+      box.querySelector("button").click();
+      told.push(under.src === before[1] && over.src === before[0]);
+      const border = box.querySelector("input");
+      border.value = 20; border.dispatchEvent(new Event("input"));
+      told.push(over.style.clipPath.includes("20%"));
+      const at = under.getBoundingClientRect();
+      box.querySelector(".stage").dispatchEvent(new MouseEvent("click", {clientX: at.left + 50, clientY: at.top + 40}));
+      told.push(box.querySelectorAll(".places figure").length === left.options.length);
+      document.body.dataset.told = told.join();
+    });
+    </script></body>"""
+    (copy / "report.html").write_text(text.replace("</body>", probe))
+    done = subprocess.run(["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--dump-dom",
+                           f"--user-data-dir={tmp_path / 'profile'}", (copy / "report.html").as_uri()],
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, check=False)
+    assert 'data-told="true,true,true,true"' in done.stdout, done.stderr
+    assert ":CONSOLE" not in done.stderr
 
 
 def test_json_is_json_and_says_what_was_used(output):

@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The report as one HTML page that needs nothing but itself."""
+"""The report as one HTML page. Its small pictures and tables need nothing else; pictures in full size are files beside it."""
 import base64
+import math
 from typing import NamedTuple
 
 import cv2
@@ -9,12 +10,13 @@ import jinja2
 import numpy as np
 
 from all_in_focus.files.errors import counted
-from all_in_focus.files.stack import read_depth, read_image
+from all_in_focus.files.stack import Stack, read_depth, read_image
 from all_in_focus.imaging import NO_FRAME, index_picture, picture, shrunk
 from all_in_focus_lab.benchmark import tables as t
 from all_in_focus_lab.benchmark.tables import Cell
 
 SHOWN_FRAMES = 4     # of a long sweep: the first, the last and some between
+LEGEND = 24          # frames, at most
 WIDTH = 420          # of a small copy, pixels
 CROP, CROPS = 96, 3  # side of a crop in pixels, a quarter of a small image at most; how many
 UNDECIDED = (200, 80, 200)  # BGR of pixels that no frame has won: a colour that the others do not have
@@ -46,6 +48,12 @@ tr.group td { border-top: 1px solid #bbb; } td.best { font-weight: bold; } small
 .pictures { display: flex; flex-wrap: wrap; gap: .8em; } figure { margin: 0; } figcaption { font-size: 13px; }
 img { display: block; max-width: 100%; image-rendering: auto; } img.map, img.crop { image-rendering: pixelated; }
 figure { width: 330px; } figure.crop { width: 192px; } img { width: 100%; }
+.legend { display: flex; flex-wrap: wrap; gap: .1em 1em; font-size: 13px; margin: .3em 0; }
+.legend i { display: inline-block; width: 1.1em; height: 1.1em; margin-right: .35em; vertical-align: -.2em; }
+.stage { position: relative; overflow: auto; max-height: 80vh; border: 1px solid #bbb; margin: .4em 0; cursor: crosshair; }
+.stage img { width: auto; max-width: none; image-rendering: pixelated; } .stage img.over { position: absolute; left: 0; top: 0; }
+.compare input { width: 100%; max-width: 40em; vertical-align: middle; } .places { display: flex; flex-wrap: wrap; gap: .8em; }
+.places div { width: 192px; height: 192px; background-repeat: no-repeat; image-rendering: pixelated; }
 .failed { color: #a00; } pre { background: #f4f4f4; padding: .8em; overflow-x: auto; }
 </style></head><body>
 <h1>Fusion of {{ scenes | length | counted("scene") }} by {{ tables.methods | length | counted("method") }}</h1>
@@ -58,9 +66,27 @@ figure { width: 330px; } figure.crop { width: 192px; } img { width: 100%; }
 <h2>Seconds</h2>{{ table(seconds) }}
 {% for scene in scenes %}
 <h2>{{ scene.name }}</h2><p><small>{{ scene.path }}, {{ scene.frames }} frames</small></p>
+{% if scene.full | length > 1 -%}
+<h3>Two pictures in full size</h3>
+<div class="compare"><label>left <select>{% for it in scene.full %}<option value="{{ it.full }}"
+{%- if loop.index0 == 0 %} selected{% endif %}>{{ it.title }}</option>{% endfor %}</select></label>
+<label>right <select>{% for it in scene.full %}<option value="{{ it.full }}"
+{%- if loop.index0 == 1 %} selected{% endif %}>{{ it.title }}</option>{% endfor %}</select></label>
+<button type="button">switch</button>
+<label>zoom <select><option>1</option><option>2</option><option>4</option><option>8</option></select></label>
+<br><label>border <input type="range" min="0" max="100" value="50"></label>
+<div class="stage"><img class="under" alt="left"><img class="over" alt="right"></div>
+<p class="caption">The border divides left from right picture; "switch" exchanges them. Click a place to see it in all
+pictures, enlarged:</p><div class="places"></div></div>
+{% endif %}
 {% for title, figures in scene.rows if figures -%}
-<h3>{{ title }}</h3><div class="pictures">
-{%- for it in figures %}<figure class="{{ it.kind }}"><img class="{{ it.kind }}" alt="{{ it.title }}" src="{{ it.source }}">
+<h3>{{ title }}</h3>
+{%- if title == "Weight maps" and scene.legend %}<div class="legend">
+{%- for color, text in scene.legend %}<span><i style="background: {{ color }}"></i>{{ text }}</span>
+{% endfor %}</div>{% endif %}<div class="pictures">
+{%- for it in figures %}<figure class="{{ it.kind }}">
+{%- if it.full %}<a href="{{ it.full }}" title="full size">{% endif -%}
+<img class="{{ it.kind }}" alt="{{ it.title }}" src="{{ it.source }}">{% if it.full %}</a>{% endif %}
 <figcaption>{{ it.title }}{% if it.caption %}<br><small>{{ it.caption }}</small>{% endif %}</figcaption></figure>
 {% endfor %}</div>
 {% endfor %}
@@ -69,6 +95,44 @@ figure { width: 330px; } figure.crop { width: 192px; } img { width: 100%; }
 <h2>Configuration and versions</h2>
 <div class="text">{{ table(versions) }}</div><p>The same settings as <code>configuration.yaml</code>, beside this page:</p>
 <pre id="configuration">{{ run.settings.as_yaml() }}</pre>
+<script>
+for (const box of document.querySelectorAll(".compare")) {
+  const [left, right, zoom] = box.querySelectorAll("select"), border = box.querySelector("input");
+  const stage = box.querySelector(".stage"), [under, over] = stage.querySelectorAll("img");
+  const places = box.querySelector(".places"), side = 48, enlarged = 4;
+  const cut = () => { over.style.clipPath = `inset(0 0 0 ${border.value}%)`; };
+  const fit = () => { for (const img of [under, over]) img.style.width = `${img.naturalWidth * zoom.value}px`; };
+  const show = () => { under.src = left.value; over.src = right.value; };
+  for (const img of [under, over]) img.addEventListener("load", fit);
+  for (const list of [left, right]) list.addEventListener("change", show);
+  zoom.addEventListener("change", () => {
+    const [x, y] = [stage.scrollLeft + stage.clientWidth / 2, stage.scrollTop + stage.clientHeight / 2];
+    const before = under.width / under.naturalWidth;
+    fit();
+    stage.scrollTo(x * zoom.value / before - stage.clientWidth / 2, y * zoom.value / before - stage.clientHeight / 2);
+  });
+  border.addEventListener("input", cut);
+  box.querySelector("button").addEventListener("click", () => {
+    [left.selectedIndex, right.selectedIndex] = [right.selectedIndex, left.selectedIndex];
+    show();
+  });
+  stage.addEventListener("click", event => {
+    const at = under.getBoundingClientRect();
+    const x = Math.round((event.clientX - at.left) / zoom.value), y = Math.round((event.clientY - at.top) / zoom.value);
+    places.replaceChildren(...[...left.options].map(option => {
+      const figure = document.createElement("figure"), view = document.createElement("div");
+      figure.className = "crop";
+      view.style.backgroundImage = `url("${option.value}")`;
+      view.style.backgroundSize = `${under.naturalWidth * enlarged}px ${under.naturalHeight * enlarged}px`;
+      view.style.backgroundPosition = `${(side / 2 - x) * enlarged}px ${(side / 2 - y) * enlarged}px`;
+      figure.append(view, option.text);
+      return figure;
+    }));
+  });
+  show();
+  cut();
+}
+</script>
 </body></html>
 """
 
@@ -82,15 +146,18 @@ class Table(NamedTuple):
 
 
 class Figure(NamedTuple):
-    """source: address of the picture; kind: class of the figure, map and crop without loss."""
+    """source: address of the picture; kind: class of the figure, map and crop without loss; full: address of the picture
+    in full size, empty without."""
     title: str
     source: str
     kind: str = ""
     caption: str = ""
+    full: str = ""
 
 
 def page(run, tables, store):
-    """HTML text. run: see output_files.Run; tables: tables.Tables; store: where the pictures are."""
+    """HTML text for the folder of the run. run: see output_files.Run; tables: tables.Tables; store: where the pictures are;
+    it keeps the pictures in full size that the text names."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters.update(exact=repr, counted=counted)
     return environment.from_string(TEMPLATE).render(
@@ -113,20 +180,28 @@ def _table(name, caption, lines, grouped=False):
 
 
 def _standings(run, tables):
-    captions = {"metrics": f"By the metrics {', '.join(run.settings.metrics)}. The best of N methods has score N in each row "
-                           "of the table of values, equal ones have the mean; a failed method has none. These metrics "
-                           "reward copying: see the truth, where it is known.",
-                "truth": "By the known all-in-focus truth: PSNR, SSIM, PSNR within 8 px of depth edges."}
-    return [_table("scores-" + kind, caption, t.standing_cells(tables, getattr(tables, kind)))
-            for kind, caption in captions.items() if getattr(tables, kind)]
+    how = ("The best of N methods has score N in each row of the table of values, equal ones have the mean; a failed method "
+           "has none. A column with a number: how often a method has this score; total: their sum.")
+    captions = {"truth": f"By the known all-in-focus truth: PSNR, SSIM, PSNR within 8 px of depth edges. {how}",
+                "metrics": f"By the metrics {', '.join(run.settings.metrics)}. They need no truth: they compare the result with "
+                           "the frames, and so reward pixels that are copied from a frame, blurred or noisy as they are. Where "
+                           f"the truth is known, believe the truth. {how}"}
+    found = []
+    for kind, caption in captions.items():
+        if getattr(tables, kind):
+            heading, *lines = t.standing_cells(tables, getattr(tables, kind))
+            heading = [Cell(f"score {cell.text}" if cell.text[0].isdigit() else cell.text) for cell in heading]
+            found.append(_table("scores-" + kind, caption, [heading, *lines]))
+    return found
 
 
 def _values(tables):
-    captions = {"metrics": "Value and (score) of each metric; higher is better.",
+    captions = {"truth": "Against the truth: PSNR in dB, SSIM, PSNR within 8 px of depth edges. Value and (score); higher is "
+                         "better.",
+                "metrics": "Value and (score) of each metric; higher is better.",
                 "contrast": "Without any truth: share of the contrast that some frame shows which the result keeps (mean over "
                             "all scales, and the least; higher is better), and roughness of the map of winners, the share "
-                            "of neighbours from different frames (lower is better).",
-                "truth": "Against the truth: PSNR in dB, SSIM, PSNR within 8 px of depth edges."}
+                            "of neighbours from different frames (lower is better)."}
     return [_table("values-" + kind, caption, t.value_cells(tables, getattr(tables, kind)), grouped=True)
             for kind, caption in captions.items() if getattr(tables, kind)]
 
@@ -143,31 +218,46 @@ def _scene(run, scene, tables, store):
     wanted = {round(i * (len(titles) - 1) / (SHOWN_FRAMES - 1)) for i in range(SHOWN_FRAMES)}
     shown = {titles[n]: frame for n, frame in enumerate(scene.frames()) if n in wanted}
     maps = {name: read_weights(store, scene.name, name, len(titles)) for name in worked}
-    legend = ("black: first frame, white: second" if len(titles) == 2 else
-              "a colour for each frame, from violet for the first to dark red for the last")
     silent = [name for name, image in maps.items() if image is None]
-    rows = [("Sources and what is known", _known(scene, shown, windows)),
-            ("Results", [_figure(name, image, caption=_caption(scene, name, tables)) for name, image in fused.items()]),
-            (f"Weight maps ({legend}){'; none from ' + ', '.join(silent) if silent else ''}",
-             [_figure(name, image, "map") for name, image in maps.items() if image is not None]),
+    known = _known(scene, shown, windows, store)
+    made = [_figure(name, image, caption=_caption(scene, name, tables), full=store.address(scene.name, name))
+            for name, image in fused.items()]
+    rows = [("Sources and what is known", known), ("Results", made),
+            ("Weight maps", [_figure(name, image, "map") for name, image in maps.items() if image is not None]),
             ("Label maps", _labels(scene, worked, store)), *_crops(scene, shown, fused, windows)]
-    return {"name": scene.name, "path": scene.path, "frames": len(titles), "rows": rows,
-            "notes": [f"{name}: {note}" for name in worked for note in results[name].get("notes", [])]}
+    full = [figure for figure in [*made, *reversed(known)] if figure.full]
+    return {"name": scene.name, "path": scene.path, "frames": len(titles), "rows": rows, "full": full,
+            "legend": _legend(scene, titles),
+            "notes": [f"no weight map from {name}" for name in silent]
+            + [f"{name}: {note}" for name in worked for note in results[name].get("notes", [])]}
 
 
-def _figure(title, image, kind="", caption=""):
+def _legend(scene, titles):
+    """(colour, name and focus distance) of each frame in the weight maps; of a long sweep some."""
+    if len(titles) == 2:
+        return [("#000", titles[0]), ("#fff; outline: 1px solid #888", titles[1])]
+    known = scene.stack and "focus" in scene.beside
+    distances = Stack(scene.stack, scene.beside["focus"]).distances if known else [math.nan] * len(titles)
+    shown = sorted({round(i * (len(titles) - 1) / (LEGEND - 1)) for i in range(LEGEND)})
+    colours = index_picture(np.array([shown], np.uint16), len(titles))[0, :, ::-1]
+    return [(f"rgb({', '.join(map(str, colour))})", titles[n] + ("" if math.isnan(distances[n]) else f", {distances[n]:.2f} m"))
+            for n, colour in zip(shown, colours.tolist())]
+
+
+def _figure(title, image, kind="", caption="", full=""):
     if kind != "crop":  # maps keep their colours
         image = shrunk(image, WIDTH, cv2.INTER_NEAREST if kind == "map" else cv2.INTER_AREA)
-    return Figure(title, inline(image, bool(kind)), kind, caption)
+    return Figure(title, inline(image, bool(kind)), kind, caption, full)
 
 
-def _known(scene, shown, windows):
+def _known(scene, shown, windows, store):
     known = dict(shown)
     if "truth" in scene.beside:
         known["truth"] = read_image(scene.beside["truth"])
+    full = {title: store.keep(scene.name, title, image) for title, image in known.items()}
     *plain, last = known
-    return [*(_figure(title, known[title]) for title in plain),
-            _figure(last, marked(known[last], windows), caption="with the crops below"),
+    return [*(_figure(title, known[title], full=full[title]) for title in plain),
+            _figure(last, marked(known[last], windows), caption="with the crops below", full=full[last]),
             *(_figure(key.replace("_", " "), picture(read_depth(scene.beside[key])), "map")
               for key in ("depth", "registered_depth") if key in scene.beside)]
 

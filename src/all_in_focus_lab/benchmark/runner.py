@@ -6,7 +6,9 @@ import os
 import sys
 import time
 from pathlib import Path
+from urllib.parse import quote
 
+from all_in_focus.files.output_file import write_picture
 from all_in_focus.files.output_folder import remove_folder, whole_folder
 from all_in_focus.progress import Progress
 from all_in_focus_lab.benchmark import methods, scenes, tasks, versions
@@ -66,6 +68,18 @@ class Store:
         """Path of a picture of a result, None if it has none."""
         path = self.path(scene, method, f"{name}.png")
         return path if path.exists() else None
+
+    def address(self, scene, method):
+        """Of the fused picture of a result, relative to OUTPUT."""
+        return quote(f"results/{scene}/{method}/fused.png")
+
+    def keep(self, scene, title, image):
+        """Writes a picture of a scene beside the results; returns its address, relative to OUTPUT."""
+        name = f"pictures/{scene}/{Path(title).stem}.png"
+        path = self.folder.parent / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_picture(path, image)
+        return quote(name)
 
 
 def find_scenes(settings):
