@@ -71,6 +71,20 @@ TEST(NoiseSpectrum, OfACoarseLevelItIsAtLeastAShareOfTheFinerOne) {
   EXPECT_EQ(NoiseSpectrum().sharpness(3), 0);
 }
 
+TEST(NoiseSpectrum, TheLeastOfTwoFramesIsTakenLevelByLevel) {
+  const cv::Mat white = noisyPicture(4, 0);
+  cv::Mat correlated;
+  cv::resize(noisyPicture(25, 0)(cv::Rect(0, 0, 160, 120)), correlated, white.size(), 0, 0, cv::INTER_CUBIC);
+  const NoiseSpectrum a = NoiseSpectrum::of(white), b = NoiseSpectrum::of(correlated);
+  ASSERT_LT(b.sharpness(0), a.sharpness(0));
+  ASSERT_LT(a.sharpness(2), b.sharpness(2));
+  for (const NoiseSpectrum& least :
+       {NoiseSpectrum::of(white, {correlated}), NoiseSpectrum::of(correlated, {white})}) {
+    EXPECT_LE(least.sharpness(0), b.sharpness(0));
+    EXPECT_LE(least.sharpness(2), a.sharpness(2));
+  }
+}
+
 // Coarse texture everywhere, which both frames show alike, and noise of their own.
 TEST(NoiseSpectrum, TextureThatTwoFramesShareIsNoNoise) {
   cv::Mat texture(120, 160, CV_8UC1), frames[3];  // the last one is blurred
@@ -84,12 +98,17 @@ TEST(NoiseSpectrum, TextureThatTwoFramesShareIsNoNoise) {
     cv::add(texture, noise, frame, cv::noArray(), CV_8U);
   }
   EXPECT_GT(NoiseSpectrum::of(frames[0]).deviation(), 10);  // 23: texture counts
-  EXPECT_NEAR(NoiseSpectrum::of(frames[0], frames[1]).deviation(), 3, 0.5);
-  EXPECT_GT(NoiseSpectrum::of(frames[0], frames[2]).deviation(), 5);  // 6.7: so does what blur took
+  EXPECT_NEAR(NoiseSpectrum::of(frames[0], {frames[1]}).deviation(), 3, 0.5);
+  EXPECT_GT(NoiseSpectrum::of(frames[0], {frames[2]}).deviation(), 5);  // 6.7: so does what blur took
+  EXPECT_NEAR(NoiseSpectrum::of(frames[0], {frames[2], frames[1]}).deviation(), 3, 0.5);
+
+  EXPECT_EQ(NoiseSpectrum::of(frames[0], {frames[0].clone()}).deviation(),
+            NoiseSpectrum::of(frames[0]).deviation())
+      << "a frame that is repeated tells nothing new";
 
   // Where both are white they do not differ, and that is not counted.
   for (cv::Mat& frame : frames) frame.colRange(0, 320) = 255;
-  EXPECT_NEAR(NoiseSpectrum::of(frames[0], frames[1]).deviation(), 3, 0.5);
+  EXPECT_NEAR(NoiseSpectrum::of(frames[0], {frames[1]}).deviation(), 3, 0.5);
 }
 
 TEST(NoiseSpectrum, AFrameThatIsBlackOrWhiteDoesNotCount) {
@@ -97,8 +116,9 @@ TEST(NoiseSpectrum, AFrameThatIsBlackOrWhiteDoesNotCount) {
   const NoiseSpectrum alone = NoiseSpectrum::of(noisy);
   for (const int level : {0, 255}) {
     const cv::Mat flat(noisy.size(), CV_8UC1, cv::Scalar(level));
-    const NoiseSpectrum noise = NoiseSpectrum::of(noisy, flat);
-    for (std::size_t l = 0; l < 4; ++l) EXPECT_EQ(noise.sharpness(l), alone.sharpness(l));
+    for (const NoiseSpectrum& noise : {NoiseSpectrum::of(noisy, {flat}), NoiseSpectrum::of(flat, {noisy})}) {
+      for (std::size_t l = 0; l < 4; ++l) EXPECT_EQ(noise.sharpness(l), alone.sharpness(l));
+    }
   }
 }
 
@@ -106,7 +126,7 @@ TEST(NoiseSpectrum, SmallImagesHaveNone) {
   EXPECT_EQ(NoiseSpectrum::of(cv::Mat(3, 3, CV_8UC1, cv::Scalar(7))).deviation(), 0);
   EXPECT_EQ(NoiseSpectrum::of(cv::Mat(1, 1, CV_8UC1, cv::Scalar(7))).sharpness(0), 0);
   const cv::Mat small(3, 3, CV_8UC1, cv::Scalar(7));
-  EXPECT_EQ(NoiseSpectrum::of(small, small).deviation(), 0);
+  EXPECT_EQ(NoiseSpectrum::of(small, {small}).deviation(), 0);
 }
 
 }  // namespace

@@ -119,18 +119,24 @@ NoiseSpectrum NoiseSpectrum::white(double deviation) {
   return NoiseSpectrum(std::vector<double>{kSharpnessOfWhite * deviation});
 }
 
-NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray, const cv::Mat& other) {
+NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray, std::vector<cv::Mat> others) {
+  const auto is_copy = [&](const cv::Mat& other) { return cv::norm(gray, other, cv::NORM_INF) == 0; };
+  others.erase(std::remove_if(others.begin(), others.end(), is_copy), others.end());
   NoiseSpectrum noise;
-  for (cv::Mat level = gray, other_level = other;; level = nextLevel(level)) {
+  for (cv::Mat level = gray;; level = nextLevel(level)) {
+    std::optional<double> least;
+    const auto lower = [&](const std::optional<double>& found) {
+      if (found) least = std::min(*found, least.value_or(*found));
+    };
     const bool is_finest = noise.measured_.empty();
-    std::optional<double> least = noiseOf(measure(level), is_finest);
-    if (!other.empty()) {
-      const std::optional<double> of_difference = noiseOf(measure(level, other_level), is_finest);
-      if (of_difference) least = std::min(*of_difference, least.value_or(*of_difference));
-      other_level = nextLevel(other_level);
+    lower(noiseOf(measure(level), is_finest));
+    for (const cv::Mat& other : others) {
+      lower(noiseOf(measure(other), is_finest));
+      lower(noiseOf(measure(level, other), is_finest));
     }
     if (!least) return noise;
     noise.measured_.push_back(*least);
+    std::transform(others.begin(), others.end(), others.begin(), nextLevel);
   }
 }
 

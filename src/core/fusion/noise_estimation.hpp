@@ -29,12 +29,13 @@ class NoiseSpectrum {
   /// only where it covers nine tenths of a level. Blocks that are nearly black or white do not count: noise
   /// is cut off there. Levels with too few blocks are not measured.
   ///
-  /// other: another frame of the bracket, no copy; may be empty. At each level the lower of two values
-  /// counts: the noise of the picture, and that of its difference to the other frame, divided by the root
-  /// of 2. Texture that two frames show alike is no part of their difference, noise is. Frames may differ in
-  /// blur, motion and exposure: that only adds to the difference. A frame with too few blocks, as a black or
-  /// white one, does not count. gray, other: CV_8UC1 of one size, gray not empty.
-  static NoiseSpectrum of(const cv::Mat& gray, const cv::Mat& other = {});
+  /// others: frames of the same bracket. At each level the lowest of these values counts: the noise of the
+  /// picture, that of each other frame, and that of its difference to the picture, divided by the root of 2.
+  /// Texture that two frames show alike is no part of their difference, noise is. Frames may differ in blur,
+  /// motion and exposure: that only adds to the difference. A frame with too few blocks, as a black or white
+  /// one, does not count, nor does a copy of the picture.
+  /// gray, others: CV_8UC1 of one size, not empty.
+  static NoiseSpectrum of(const cv::Mat& gray, std::vector<cv::Mat> others = {});
 
   /// Mean modified Laplacian at a level: at least 0.4 times that of the finer level, and exactly that where
   /// it was not measured. (White noise has 0.27 times that of the finer level, noise of cameras has more.)

@@ -87,15 +87,21 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
 // scene, or a copy of the reference, does not count.
 void RefinedFusion::compareWithEarlier(const cv::Mat& reference) {
   std::vector<cv::Mat> others;  // the nearest first
+  bool has_first = false;
   for (const HeldFrame& held : held_) {
     if (!areApart(reference_, held.index) || cv::norm(held.gray, reference, cv::NORM_INF) == 0) continue;
     if (config_.alignment && !alignment_.placement(held.index, reference_).fits) continue;
     others.push_back(held.gray);
+    has_first = &held == &held_.back();
   }
   linear_ = hasLinearCodes(reference, others);
   if (!config_.noise) return;
-  // The nearest frame differs least in blur and motion.
-  noise_ = NoiseSpectrum::of(reference, others.empty() ? cv::Mat() : others.front());
+  // The lowest noise counts: against the nearest frame, which differs least in blur and motion, and the
+  // first.
+  std::vector<cv::Mat> compared;
+  if (!others.empty()) compared.push_back(others.front());
+  if (has_first && others.size() > 1) compared.push_back(others.back());
+  noise_ = NoiseSpectrum::of(reference, std::move(compared));
 }
 
 std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm) {
