@@ -4,6 +4,7 @@
 import os
 import sys
 import unittest
+import xmlrpc.client
 from pathlib import Path
 
 import numpy as np
@@ -184,6 +185,16 @@ def subscribers_of(topic):
     """As the ROS master sees them."""
     subscriptions = rosgraph.Master('/test').getSystemState()[1]
     return next((nodes for name, nodes in subscriptions if name == topic), [])
+
+
+def hears(node, topic):
+    """Whether the node is connected to a publisher of the topic."""
+    try:
+        with xmlrpc.client.ServerProxy(rosgraph.Master('/test').lookupNode(node)) as proxy:
+            _, _, connections = proxy.getBusInfo('/test')
+    except (rosgraph.MasterException, OSError, xmlrpc.client.Error):
+        return False
+    return any(direction == 'i' and connected and name == topic for _, _, direction, _, name, connected, *_ in connections)
 
 
 def run_tests(file):

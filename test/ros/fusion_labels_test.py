@@ -9,8 +9,7 @@ import rospy
 from sensor_msgs.msg import Image
 
 from all_in_focus.msg import SegmentArray
-from all_in_focus.rviz.screenshots import hears
-from depth_testing import ERROR, HEIGHT, WARN, WIDTH, image_message, run_tests, subscribers_of, wait_until
+from depth_testing import ERROR, HEIGHT, WARN, WIDTH, hears, image_message, run_tests, subscribers_of, wait_until
 from fusion_testing import OUTPUTS, PERIOD, FusionTest, array_of, colour_message, picture, regions, scene
 
 STAMPS = itertools.count(100000, 10)
@@ -75,7 +74,7 @@ class LabelsTest(FusionTest):
         for talker in (self.labels, self.segments):
             talker.publisher.unregister()
             self.talkers.remove(talker)
-        self.assertTrue(wait_until(lambda: not hears(node, [self.topic('segmentation/labels')])))
+        self.assertTrue(wait_until(lambda: not hears(node, self.topic('segmentation/labels'))))
         self.assert_fused_by_sharpness(self.send_bracket(stamp + 5))
 
     def test_labels_of_another_size(self):

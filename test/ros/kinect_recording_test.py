@@ -25,9 +25,9 @@ if recorded_depth() is not None:
     DEPTH[FRAMES // 2] = recorded_depth()
 
 
-def record(camera, path, mirrored):
+def record(camera, path, mirrored, frames=FRAMES):
     unfinished = path.with_suffix('.part')
-    subprocess.run([WORLD / 'record_oni', 'frames:' + camera, unfinished, str(FRAMES), str(int(mirrored))],
+    subprocess.run([WORLD / 'record_oni', 'frames:' + camera, unfinished, str(frames), str(int(mirrored))],
                    check=True, timeout=TIMEOUT)
     unfinished.rename(path)
 
@@ -58,7 +58,7 @@ class RecordingTest(KinectTest):
             plug('noise', f'recorded={pixels}')
             plug('pattern')
             record('noise', NOISE, False)
-            record('pattern', MIRRORED, True)
+            record('pattern', MIRRORED, True, 4 * FRAMES)  # played as fast as possible while listeners connect
             for node in ('steps', 'fast', 'slow', 'repeated'):
                 self.diagnostics.wait(node + '/kinect_openni2', lambda s: '.oni' in values_of(s)['device'])
 
