@@ -175,7 +175,8 @@ void drawAll(const po::variables_map& values) {
   save("sharpness_scales", colored(decades(sharpnessOf(gray, true)), 1, 9));
   cv::Mat squared_error;
   DefocusPrediction prediction;
-  prediction.begin(bracket.depth, scene.truth.size(), bracket.optics, bracket.calibratedPitch());
+  prediction.begin(bracket.depth, bracket.measured, scene.truth.size(), bracket.optics,
+                   bracket.calibratedPitch());
   prediction.compute(scene.input.focus_mm[kShown], squared_error);
   cv::resize(squared_error, squared_error, scene.truth.size(), 0, 0, cv::INTER_LINEAR);
   save("predicted_error", colored(decades(squared_error), 0, 5));

@@ -48,6 +48,7 @@ struct DefocusConfig {
   /// a picture 640 wide (a depth sensor's own resolution), more in wider ones.
   double edge_error_px = 2.0;
   bool edge_uncertainty = true;  ///< take edges for that uncertain
+  bool hole_doubt = true;        ///< trust filled depth less than measured
 };
 
 /// The parts of mode refined. Each can be switched off, to measure what it brings.

@@ -59,11 +59,15 @@ int parseReference(const std::string& text) {
 // Parses the ingredients of mode refined to leave out, separated by commas.
 RefinedConfig parseWithout(const std::string& names) {
   RefinedConfig config;
-  const std::map<std::string, bool*> ingredients = {
-      {"alignment", &config.alignment},   {"exposure", &config.exposure},
-      {"prediction", &config.prediction}, {"edge-error", &config.defocus.edge_uncertainty},
-      {"scales", &config.scales},         {"brightness", &config.brightness},
-      {"noise", &config.noise},           {"soft", &config.soft}};
+  const std::map<std::string, bool*> ingredients = {{"alignment", &config.alignment},
+                                                    {"exposure", &config.exposure},
+                                                    {"prediction", &config.prediction},
+                                                    {"edge-error", &config.defocus.edge_uncertainty},
+                                                    {"hole-doubt", &config.defocus.hole_doubt},
+                                                    {"scales", &config.scales},
+                                                    {"brightness", &config.brightness},
+                                                    {"noise", &config.noise},
+                                                    {"soft", &config.soft}};
   std::istringstream list(names);
   for (std::string name; std::getline(list, name, ',');) {
     const auto found = ingredients.find(name);
@@ -518,7 +522,7 @@ int main(int argc, char** argv) {
       ("focus", text(), "YAML: focus distance of each frame")                                            //
       ("mode", text()->default_value("refined"), "paper, refined or restored")                           //
       ("without", text(),
-       "ingredients of mode refined to leave out: alignment, exposure, prediction, edge-error, "
+       "ingredients of mode refined to leave out: alignment, exposure, prediction, edge-error, hole-doubt, "
        "scales, brightness, noise, soft")  //
       ("reference", text()->default_value("auto"),
        "frame whose geometry and exposure the result keeps; auto: the middle one")                          //

@@ -39,10 +39,10 @@ cv::Mat errorOf(DefocusPrediction& prediction, double focus_mm, const cv::Size& 
   return error;
 }
 
-cv::Mat predict(const cv::Mat& depth, double focus_mm, const DefocusConfig& config = {},
-                const cv::Size& size = kSize, double pitch = kPitch) {
+cv::Mat predict(const cv::Mat& depth, double focus_mm, const cv::Mat& measured = {},
+                const DefocusConfig& config = {}, const cv::Size& size = kSize, double pitch = kPitch) {
   DefocusPrediction prediction(config);
-  prediction.begin(depth, size, kOptics, pitch);
+  prediction.begin(depth, measured, size, kOptics, pitch);
   const cv::Mat error = errorOf(prediction, focus_mm, size);
   EXPECT_EQ(error.type(), CV_32FC1);
   EXPECT_EQ(error.size(), size);
@@ -110,7 +110,7 @@ TEST(DefocusPrediction, EveryFrameErrsBesideAnEdge) {
 TEST(DefocusPrediction, EdgesAreAsUncertainAsThePictureIsWide) {
   const auto reach = [](int width, const DefocusConfig& config) {
     const cv::Size size(width, 20);
-    const cv::Mat error = predict(step(1000, 3000, size), 1000, config, size);
+    const cv::Mat error = predict(step(1000, 3000, size), 1000, {}, config, size);
     const cv::Mat near = error.row(10).colRange(0, width / 2);
     return cv::countNonZero(near > 0.02 * expected(3000, 1000, kPitch, width));  // two deviations of the edge
   };
@@ -156,14 +156,26 @@ TEST(DefocusPrediction, DepthThatNoLensReachesIsUnknown) {
   }
 }
 
+TEST(DefocusPrediction, FilledDepthIsTrustedLess) {
+  const cv::Mat depth = uniform(2000), measured = step(0, 2000);
+  for (const double focus : {2000.0, 4000.0}) {
+    const cv::Mat error = predict(depth, focus, measured);
+    expectEverywhere(error.colRange(0, 30), expected(2000, focus) + 100);
+    expectEverywhere(error.colRange(70, 100), expected(2000, focus));
+    DefocusConfig trusting;
+    trusting.hole_doubt = false;
+    expectEverywhere(predict(depth, focus, measured, trusting), expected(2000, focus));
+  }
+}
+
 TEST(DefocusPrediction, ThePixelPitchScalesTheBlur) {
-  expectEverywhere(predict(uniform(2000), 1700, {}, kSize, kPitch / 2), expected(2000, 1700, kPitch / 2));
+  expectEverywhere(predict(uniform(2000), 1700, {}, {}, kSize, kPitch / 2), expected(2000, 1700, kPitch / 2));
   EXPECT_NEAR(expected(2000, 1700, kPitch / 2), 16 * expected(2000, 1700), 1e-6 * expected(2000, 1700));
 }
 
 TEST(DefocusPrediction, DepthMayHaveAnySize) {
   for (const cv::Size& size : {cv::Size(1, 1), cv::Size(2, 1), cv::Size(50, 30), cv::Size(301, 179)}) {
-    expectEverywhere(predict(uniform(2000, size), 3000), expected(2000, 3000));
+    expectEverywhere(predict(uniform(2000, size), 3000, uniform(2000, size)), expected(2000, 3000));
   }
   for (const int columns : {50, 200, 400}) {
     const cv::Mat error = predict(step(1000, 3000, {columns, columns * 6 / 10}), 1000);
@@ -176,16 +188,16 @@ TEST(DefocusPrediction, FramesMayHaveAnySize) {
   for (const cv::Size& size : {cv::Size(1, 1), cv::Size(1, 7), cv::Size(7, 1), cv::Size(2, 3),
                                cv::Size(641, 3), cv::Size(1999, 5)}) {
     for (const cv::Mat& depth : {uniform(2000, size), uniform(2000, {13, 9})}) {
-      expectEverywhere(predict(depth, 3000, {}, size), expected(2000, 3000, kPitch, size.width));
+      expectEverywhere(predict(depth, 3000, {}, {}, size), expected(2000, 3000, kPitch, size.width));
     }
   }
 }
 
 TEST(DefocusPrediction, CanBeginAnew) {
   DefocusPrediction prediction;
-  prediction.begin(step(1000, 3000), kSize, kOptics, kPitch);
+  prediction.begin(step(1000, 3000), step(0, 3000), kSize, kOptics, kPitch);
   errorOf(prediction, 1000);
-  prediction.begin(uniform(2000, {20, 10}), {50, 25}, kOptics, 2 * kPitch);
+  prediction.begin(uniform(2000, {20, 10}), {}, {50, 25}, kOptics, 2 * kPitch);
   cv::Mat coarse;
   prediction.compute(3000, coarse);
   EXPECT_EQ(coarse.size(), cv::Size(17, 9));  // cells of three pixels
@@ -196,17 +208,19 @@ TEST(DefocusPrediction, CanBeginAnew) {
 
 TEST(DefocusPrediction, RefusesWhatItCannotUse) {
   DefocusPrediction prediction;
-  const auto begin = [&](const cv::Mat& depth, double pitch, const Optics& optics) {
-    prediction.begin(depth, kSize, optics, pitch);
+  const auto begin = [&](const cv::Mat& depth, const cv::Mat& measured, double pitch, const Optics& optics) {
+    prediction.begin(depth, measured, kSize, optics, pitch);
   };
   const cv::Mat depth = uniform(2000), none;
-  EXPECT_THROW(begin(none, kPitch, kOptics), std::invalid_argument);
-  EXPECT_THROW(begin(cv::Mat(kSize, CV_32FC1), kPitch, kOptics), std::invalid_argument);
+  EXPECT_THROW(begin(none, none, kPitch, kOptics), std::invalid_argument);
+  EXPECT_THROW(begin(cv::Mat(kSize, CV_32FC1), none, kPitch, kOptics), std::invalid_argument);
+  EXPECT_THROW(begin(depth, cv::Mat(kSize, CV_8UC1), kPitch, kOptics), std::invalid_argument);
+  EXPECT_THROW(begin(depth, uniform(2000, {10, 6}), kPitch, kOptics), std::invalid_argument);
   for (const double pitch : {0.0, -1.0, kUnknownFocus}) {
-    EXPECT_THROW(begin(depth, pitch, kOptics), std::invalid_argument) << pitch;
+    EXPECT_THROW(begin(depth, none, pitch, kOptics), std::invalid_argument) << pitch;
   }
-  EXPECT_THROW(begin(depth, kPitch, {50, 0, 0.03}), std::invalid_argument);
-  begin(depth, kPitch, kOptics);
+  EXPECT_THROW(begin(depth, none, kPitch, {50, 0, 0.03}), std::invalid_argument);
+  begin(depth, none, kPitch, kOptics);
   cv::Mat error;
   for (const double focus : {-1000.0, 0.0, 49.9, 50.0}) {
     EXPECT_THROW(prediction.compute(focus, error), std::invalid_argument) << focus;
@@ -215,7 +229,7 @@ TEST(DefocusPrediction, RefusesWhatItCannotUse) {
 
 TEST(DefocusPrediction, BareSurfacesErrLessThanTexturedOnes) {
   DefocusPrediction prediction;
-  prediction.begin(uniform(2000), kSize, kOptics, kPitch);
+  prediction.begin(uniform(2000), {}, kSize, kOptics, kPitch);
   cv::Mat texture(30, 50, CV_32FC1, cv::Scalar(2));
   texture.colRange(0, 25) = 100;
   prediction.addTexture(texture, 1.6);  // noise that explains all of the bare side
@@ -230,14 +244,14 @@ TEST(DefocusPrediction, BareSurfacesErrLessThanTexturedOnes) {
 TEST(DefocusPrediction, TextureIsLookedForAtTheScaleOfTheSensor) {
   DefocusPrediction prediction;
   for (const auto& [width, level] : {std::pair(100, 1), {640, 1}, {1300, 2}, {6000, 4}}) {
-    prediction.begin(uniform(2000), {width, 60}, kOptics, kPitch);
+    prediction.begin(uniform(2000), {}, {width, 60}, kOptics, kPitch);
     EXPECT_EQ(prediction.textureLevel(), level) << width;
   }
 }
 
 TEST(DefocusPrediction, TellsWhereDepthIsKnown) {
   DefocusPrediction prediction;
-  prediction.begin(step(1000, 0, {640, 480}), {640, 480}, kOptics, kPitch);
+  prediction.begin(step(1000, 0, {640, 480}), {}, {640, 480}, kOptics, kPitch);
   const cv::Mat known = prediction.known({320, 240});
   EXPECT_EQ(cv::countNonZero(known.colRange(0, 150)), 150 * 240);
   EXPECT_EQ(cv::countNonZero(known.colRange(180, 320)), 0);

@@ -366,6 +366,9 @@ TEST(RefinedFusion, DoesNotDependOnTheNumberOfThreads) {
 TEST(RefinedFusion, RefusesAnImpossibleScene) {
   RefinedFusion fusion;
   BracketScene scene = TwoPlanes().scene;
+  scene.measured = cv::Mat(3, 3, CV_16UC1, cv::Scalar(1));
+  EXPECT_THROW(fusion.begin(scene, {}, kSize), std::invalid_argument);
+  scene = TwoPlanes().scene;
   scene.optics.aperture = 0;
   EXPECT_THROW(fusion.begin(scene, {}, kSize), std::invalid_argument);
   scene = TwoPlanes().scene;

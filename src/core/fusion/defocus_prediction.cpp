@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
@@ -15,29 +16,20 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kLaplacian = 36;          // of a textured picture, gray levels; results hardly depend on it
-constexpr double kLeastLaplacian = 3;      // light of blurred things may lie on the barest surface
-constexpr double kPeak = 2;                // of the Laplacian, in units of its mean over a window
-constexpr double kMostLaplacians = 4;      // by which blur changes a picture; a wider disc changes it no more
-constexpr double kNoiseMargin = 1.25;      // frames differ in their noise, and places in a frame
+constexpr double kLaplacian = 36;      // of a textured picture, gray levels; results hardly depend on it
+constexpr double kLeastLaplacian = 3;  // light of blurred things may lie on the barest surface
+constexpr double kPeak = 2;            // of the Laplacian, in units of its mean over a window
+constexpr double kMostLaplacians = 4;  // by which blur changes a picture; a wider disc changes it no more
+constexpr double kNoiseMargin = 1.25;  // frames differ in their noise, and places in a frame
+constexpr double kHoleError = 10;      // gray levels; added for filled depth, which may be any surface nearby
 constexpr double kUnknownFocusError = 10;  // gray levels: neither sharp nor much blurred
 
+constexpr int kLevels = 1024;  // of inverse depth, for the table
+constexpr int kUnknown = kLevels;
 constexpr double kSensorColumns = 640;
 constexpr double kPixelError = 0.5;  // px that no registration can better
 constexpr float kLeastKnown = 1e-3f;
 constexpr double kCellOfError = 1.5;  // side of a cell, of the deviation of edges
-
-// Squared error of a textured picture, by inverse depth, 0 = unknown. blur: the disc's diameter in units of
-// the texture's pixels, by inverse depth from that of the focus.
-ALL_IN_FOCUS_SIMD void predict(const float* inverse_depth, float blur, float focus, int n,
-                               float* squared_error) {
-  for (int i = 0; i < n; ++i) {
-    const float b = blur * (inverse_depth[i] - focus);
-    const float error =
-        static_cast<float>(kLaplacian) * std::min(b * b / 32, static_cast<float>(kMostLaplacians));
-    squared_error[i] = inverse_depth[i] > 0 ? error * error : 0;
-  }
-}
 
 // Scales squared_error from that of a textured picture to that of one with the modified Laplacian l, a mean
 // over a window.
@@ -51,10 +43,13 @@ ALL_IN_FOCUS_SIMD void weigh(const float* l, int n, float* squared_error) {
 
 }  // namespace
 
-void DefocusPrediction::begin(const cv::Mat& depth, const cv::Size& size, const Optics& optics,
-                              double pixel_pitch_mm) {
+void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, const cv::Size& size,
+                              const Optics& optics, double pixel_pitch_mm) {
   if (depth.type() != CV_16UC1 || depth.empty()) {
     throw std::invalid_argument("defocus: depth must be CV_16UC1 and not empty");
+  }
+  if (!measured.empty() && (measured.type() != CV_16UC1 || measured.size() != depth.size())) {
+    throw std::invalid_argument("defocus: measured depth must be CV_16UC1 and of the size of the filled");
   }
   if (!(pixel_pitch_mm > 0)) throw std::invalid_argument("defocus: the pixel pitch must be positive");
   validate(optics);
@@ -69,17 +64,41 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Size& size, const 
   const cv::Size grid((size.width + cell - 1) / cell, (size.height + cell - 1) / cell);
 
   // Depth at the middle of each cell.
-  laplacian_.release();
-  inverse_depth_.create(grid);
+  cv::Mat coarse(grid, CV_16UC1);
+  cv::Mat doubt(grid, CV_32FC1);
+  int nearest = std::numeric_limits<int>::max(), farthest = 0;
   for (int v = 0; v < grid.height; ++v) {
-    const auto* row = depth.ptr<std::uint16_t>(static_cast<int>((v + 0.5) * depth.rows / grid.height));
+    const int y = static_cast<int>((v + 0.5) * depth.rows / grid.height);
+    auto* to = coarse.ptr<std::uint16_t>(v);
+    float* in_doubt = doubt.ptr<float>(v);
     for (int u = 0; u < grid.width; ++u) {
-      const int mm = row[static_cast<int>((u + 0.5) * depth.cols / grid.width)];
-      const bool possible = mm > optics.focal_length_mm;  // no lens can be focused nearer
-      inverse_depth_(v, u) = possible ? 1.0f / static_cast<float>(mm) : 0;
+      const int x = static_cast<int>((u + 0.5) * depth.cols / grid.width);
+      to[u] = depth.at<std::uint16_t>(y, x);
+      if (to[u] <= optics.focal_length_mm) to[u] = 0;  // no lens can be focused there
+      const bool filled = !measured.empty() && measured.at<std::uint16_t>(y, x) == 0;
+      in_doubt[u] = config_.hole_doubt && filled && to[u] > 0 ? 1.0f : 0.0f;
+      if (to[u] > 0) nearest = std::min<int>(nearest, to[u]);
+      farthest = std::max<int>(farthest, to[u]);
     }
   }
-  cv::Mat(inverse_depth_ > 0).convertTo(known_, CV_32F, 1 / 255.0);
+  least_ = farthest > 0 ? 1.0 / farthest : 0;
+  level_step_ = farthest > nearest ? (1.0 / nearest - least_) / (kLevels - 1) : 0;
+
+  laplacian_.release();
+  level_.create(grid, CV_16UC1);
+  known_.create(grid, CV_32FC1);
+  for (int v = 0; v < grid.height; ++v) {
+    const auto* from = coarse.ptr<std::uint16_t>(v);
+    auto* level = level_.ptr<std::uint16_t>(v);
+    float* known = known_.ptr<float>(v);
+    for (int u = 0; u < grid.width; ++u) {
+      const double steps = from[u] > 0 && level_step_ > 0 ? (1.0 / from[u] - least_) / level_step_ : 0;
+      level[u] = static_cast<std::uint16_t>(from[u] > 0 ? std::lround(steps) : kUnknown);
+      known[u] = from[u] > 0 ? 1.0f : 0.0f;
+    }
+  }
+  cv::GaussianBlur(doubt, constant_, cv::Size(), edge_error_px_);
+  constant_ *= kHoleError * kHoleError;
   cv::GaussianBlur(known_, known_, cv::Size(), edge_error_px_);
   for (int v = 0; v < grid.height; ++v) {
     float* known = known_.ptr<float>(v);
@@ -92,10 +111,10 @@ void DefocusPrediction::addTexture(const cv::Mat& sharpness, double noise) {
     throw std::invalid_argument("defocus: texture must be CV_32FC1 and not empty");
   }
   // The largest of a cell and its neighbours, because blur brings their light here.
-  cv::resize(sharpness, texture_, inverse_depth_.size(), 0, 0, cv::INTER_AREA);
+  cv::resize(sharpness, texture_, level_.size(), 0, 0, cv::INTER_AREA);
   cv::dilate(texture_, texture_, cv::Mat());
   cv::subtract(texture_, kNoiseMargin * noise, texture_);
-  if (laplacian_.empty()) laplacian_ = cv::Mat(inverse_depth_.size(), CV_32FC1, cv::Scalar(0));
+  if (laplacian_.empty()) laplacian_ = cv::Mat(level_.size(), CV_32FC1, cv::Scalar(0));
   cv::max(laplacian_, texture_, laplacian_);
 }
 
@@ -113,18 +132,24 @@ void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
   }
   // The texture is that of a coarser level: its pixels are the unit of the blur circle.
   const double unit_mm = pixel_pitch_mm_ * std::pow(2.0, static_cast<double>(texture_level_) - 1);
-  const bool known = !std::isnan(focus_mm);
-  const double blur = optics_.focal_length_mm / optics_.aperture * imageDistance(optics_, focus_mm) / unit_mm;
-  error_.create(inverse_depth_.size());
-  error_.setTo(0);
-  if (!known) error_.setTo(kUnknownFocusError * kUnknownFocusError, inverse_depth_ > 0);
-  for (int v = 0; known && v < error_.rows; ++v)
-    predict(inverse_depth_[v], static_cast<float>(blur), static_cast<float>(1 / focus_mm), error_.cols,
-            error_[v]);
+  error_of_level_.assign(kLevels + 1, 0.0f);
+  for (int i = 0; i < kLevels && least_ > 0; ++i) {
+    const double b = blurCircle(optics_, 1 / (least_ + i * level_step_), focus_mm) / unit_mm;
+    const double error =
+        std::isnan(focus_mm) ? kUnknownFocusError : kLaplacian * std::min(b * b / 32, kMostLaplacians);
+    error_of_level_[i] = static_cast<float>(error * error);
+  }
+  error_.create(level_.size(), CV_32FC1);
+  for (int v = 0; v < level_.rows; ++v) {
+    const auto* level = level_.ptr<std::uint16_t>(v);
+    float* error = error_.ptr<float>(v);
+    for (int u = 0; u < level_.cols; ++u) error[u] = error_of_level_[level[u]];
+  }
   cv::GaussianBlur(error_, squared_error, cv::Size(), edge_error_px_);
+  cv::add(squared_error, constant_, squared_error);
   // The mean over known depth. Where there is none, all frames get 0 alike.
   cv::multiply(squared_error, known_, squared_error);
-  if (laplacian_.empty() || !known) return;
+  if (laplacian_.empty() || std::isnan(focus_mm)) return;
   for (int v = 0; v < squared_error.rows; ++v)
     weigh(laplacian_.ptr<float>(v), squared_error.cols, squared_error.ptr<float>(v));
 }

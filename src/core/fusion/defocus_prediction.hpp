@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <opencv2/core.hpp>
+#include <vector>
 
 #include "all_in_focus/fusion.hpp"
 #include "all_in_focus/optics.hpp"
@@ -24,9 +25,10 @@ class DefocusPrediction {
  public:
   explicit DefocusPrediction(const DefocusConfig& config = {}) : config_(config) {}
 
-  /// depth: CV_16UC1 mm, 0 = unknown, seen from the colour camera, any size. size: of the frames.
-  /// pixel_pitch_mm: > 0. Throws std::invalid_argument.
-  void begin(const cv::Mat& depth, const cv::Size& size, const Optics& optics, double pixel_pitch_mm);
+  /// depth: CV_16UC1 mm, 0 = unknown, seen from the colour camera, any size. measured: the same before holes
+  /// were filled, or empty. size: of the frames. pixel_pitch_mm: > 0. Throws std::invalid_argument.
+  void begin(const cv::Mat& depth, const cv::Mat& measured, const cv::Size& size, const Optics& optics,
+             double pixel_pitch_mm);
 
   /// Level of the Gaussian pyramid of a frame at which texture is measured: 1 in a picture 640 wide, and as
   /// coarse in a wider one, where blur is wider, too.
@@ -51,11 +53,14 @@ class DefocusPrediction {
   double edge_error_px_ = 0;  // on the grid
   std::size_t texture_level_ = 1;
 
-  cv::Mat1f inverse_depth_;  // 1/mm, 0 = unknown, on a grid as coarse as its edges are uncertain
-  cv::Mat known_;            // CV_32FC1, 1 / share of known depth under the Gaussian; 0 where there is none
-  cv::Mat laplacian_;        // CV_32FC1, largest so far above the noise; empty: not known
-  cv::Mat1f error_;
-  cv::Mat texture_;
+  // Depth on a grid as coarse as its edges are uncertain. Inverse depth = 1 / depth, 1/mm.
+  double least_ = 0, level_step_ = 0;
+  cv::Mat level_;      // CV_16UC1, inverse depth in steps; kUnknown
+  cv::Mat constant_;   // CV_32FC1, error that all frames share: the doubt in filled depth
+  cv::Mat known_;      // CV_32FC1, 1 / share of known depth under the Gaussian; 0 where there is none
+  cv::Mat laplacian_;  // CV_32FC1, largest so far above the noise; empty: not known
+  std::vector<float> error_of_level_;
+  cv::Mat error_, texture_;
 };
 
 }  // namespace all_in_focus::core

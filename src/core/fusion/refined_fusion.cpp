@@ -57,7 +57,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
   predicts_ = config.prediction && !scene.depth.empty() && pixel_pitch_mm > 0;
   if (predicts_) {
     prediction_ = DefocusPrediction(config.defocus);
-    prediction_.begin(scene.depth, size, scene.optics, pixel_pitch_mm);
+    prediction_.begin(scene.depth, scene.measured, size, scene.optics, pixel_pitch_mm);
     // Windows of this level and of coarser ones reach farther than depth edges are uncertain.
     const size_t level = std::max<size_t>(prediction_.textureLevel(), 2) - 1;
     predicted_ = prediction_.known(SharpnessPyramid::levelSize(size, level));
