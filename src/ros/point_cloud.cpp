@@ -6,24 +6,14 @@
 #include <sensor_msgs/point_cloud2_iterator.h>
 
 #include <boost/make_shared.hpp>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <stdexcept>
+#include <vector>
+
+#include "all_in_focus/scene_points.hpp"
 
 namespace all_in_focus {
-namespace {
-
-constexpr float kMPerMm = 1e-3F;
-constexpr double kSteepest = 1e6;  // of a ray; no lens sees farther out
-
-/// Place of pixel i of n among m pixels of the same picture.
-double scaled(int i, int n, int m) {
-  return (i + 0.5) * m / n - 0.5;
-}
-
-}  // namespace
 
 sensor_msgs::PointCloud2Ptr toPointCloud(const std_msgs::Header& header, const cv::Mat& bgr,
                                          const cv::Mat& mm, const core::Camera& camera) {
@@ -41,21 +31,16 @@ sensor_msgs::PointCloud2Ptr toPointCloud(const std_msgs::Header& header, const c
     sensor_msgs::PointCloud2Iterator<std::uint8_t> color(*cloud, "b");
     place += rows.start * bgr.cols;
     color += rows.start * bgr.cols;
+    std::vector<cv::Vec3f> points(static_cast<std::size_t>(bgr.cols));
     for (int y = rows.start; y < rows.end; ++y) {
-      const double v = (scaled(y, bgr.rows, camera.size.height) - camera.cy) / camera.fy;
-      const auto* depth = mm.ptr<std::uint16_t>(y);
+      core::scenePoints(mm, bgr.size(), camera, y, points.data());
       const auto* pixel = bgr.ptr<cv::Vec3b>(y);
-      for (int x = 0; x < bgr.cols; ++x, ++place, ++color) {
-        for (int channel = 0; channel < 3; ++channel) color[channel] = pixel[x][channel];
-        const double u = (scaled(x, bgr.cols, camera.size.width) - camera.cx) / camera.fx;
-        const cv::Point2d ray = camera.distorted() ? camera.undistort({u, v}) : cv::Point2d(u, v);
-        if (depth[x] == 0 || !(std::abs(ray.x) + std::abs(ray.y) < kSteepest)) {
-          place[0] = place[1] = place[2] = std::numeric_limits<float>::quiet_NaN();
-          continue;
+      for (const cv::Vec3f& point : points) {
+        for (int i = 0; i < 3; ++i) {
+          place[i] = point[i];
+          color[i] = (*pixel)[i];
         }
-        place[2] = kMPerMm * static_cast<float>(depth[x]);
-        place[0] = static_cast<float>(ray.x) * place[2];
-        place[1] = static_cast<float>(ray.y) * place[2];
+        ++place, ++color, ++pixel;
       }
     }
   });

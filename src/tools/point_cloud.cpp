@@ -4,21 +4,17 @@
 #include "point_cloud.hpp"
 
 #include <cmath>
-#include <cstdint>
+#include <cstddef>
 #include <cstring>
 #include <vector>
+
+#include "all_in_focus/scene_points.hpp"
 
 namespace all_in_focus {
 namespace {
 
 constexpr bool kIsBigEndian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
 constexpr std::size_t kPointBytes = 3 * sizeof(float) + 3;
-constexpr double kMmPerM = 1000;
-
-// Place of pixel i of n among m pixels of the same picture.
-double scaled(int i, int n, int m) {
-  return (i + 0.5) * m / n - 0.5;
-}
 
 void append(float value, std::string& data) {
   char bytes[sizeof value];
@@ -26,18 +22,10 @@ void append(float value, std::string& data) {
   data.append(bytes, sizeof bytes);
 }
 
-void appendRow(const cv::Mat& image, const cv::Mat& depth, const core::Camera& camera, int y,
-               std::string& data) {
-  const auto* depths = depth.ptr<std::uint16_t>(cvRound(scaled(y, image.rows, depth.rows)));
-  const auto* pixels = image.ptr<cv::Vec3b>(y);
-  const double v = (scaled(y, image.rows, camera.size.height) - camera.cy) / camera.fy;
-  for (int x = 0; x < image.cols; ++x) {
-    const std::uint16_t mm = depths[cvRound(scaled(x, image.cols, depth.cols))];
-    if (mm == 0) continue;
-    const double z = mm / kMmPerM, u = (scaled(x, image.cols, camera.size.width) - camera.cx) / camera.fx;
-    const cv::Point2d ray = camera.distorted() ? camera.undistort({u, v}) : cv::Point2d(u, v);
-    if (!(std::abs(ray.x) + std::abs(ray.y) < 1e6)) continue;  // no lens sees there
-    for (const double value : {ray.x * z, ray.y * z, z}) append(static_cast<float>(value), data);
+void appendRow(const cv::Vec3b* pixels, const std::vector<cv::Vec3f>& points, std::string& data) {
+  for (std::size_t x = 0; x < points.size(); ++x) {
+    if (std::isnan(points[x][2])) continue;
+    for (const int axis : {0, 1, 2}) append(points[x][axis], data);
     for (const int channel : {2, 1, 0}) data += static_cast<char>(pixels[x][channel]);
   }
 }
@@ -47,8 +35,11 @@ void appendRow(const cv::Mat& image, const cv::Mat& depth, const core::Camera& c
 std::string pointCloudPly(const cv::Mat& image, const cv::Mat& depth, const core::Camera& camera) {
   std::vector<std::string> rows(static_cast<std::size_t>(image.rows));
   cv::parallel_for_({0, image.rows}, [&](const cv::Range& range) {
-    for (int y = range.start; y < range.end; ++y)
-      appendRow(image, depth, camera, y, rows[static_cast<std::size_t>(y)]);
+    std::vector<cv::Vec3f> points(static_cast<std::size_t>(image.cols));
+    for (int y = range.start; y < range.end; ++y) {
+      core::scenePoints(depth, image.size(), camera, y, points.data());
+      appendRow(image.ptr<cv::Vec3b>(y), points, rows[static_cast<std::size_t>(y)]);
+    }
   });
   std::size_t bytes = 0;
   for (const std::string& row : rows) bytes += row.size();
