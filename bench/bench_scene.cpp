@@ -134,7 +134,7 @@ const BracketScene& Samples::scene(const Sample& sample) {
   return scene;
 }
 
-PipelineInput Samples::input(const Sample& sample, Frames& frames) {
+PipelineInput Samples::input(const Sample& sample, FramesInMemory& frames) {
   PipelineInput input;
   input.depth = sample.depth;
   input.rig = sample.rig;

@@ -24,23 +24,6 @@ enum class Sensor {
   kNoisy,   ///< 3 mm of noise on every pixel, as stereo cameras have it: no two neighbours are equal
 };
 
-/// A bracket in memory.
-class Frames : public FrameSource {
- public:
-  explicit Frames(const std::vector<cv::Mat>& frames) : frames_(frames) {}
-  bool next(cv::Mat& frame) override {
-    if (next_ == frames_.size()) return false;
-    frame = frames_[next_++];
-    return true;
-  }
-  void rewind() override { next_ = 0; }
-  int count() override { return static_cast<int>(frames_.size()); }
-
- private:
-  std::vector<cv::Mat> frames_;
-  std::size_t next_ = 0;
-};
-
 /// Makes samples of any size once and keeps them. Both cameras of a generated rig have that size.
 class Samples {
  public:
@@ -62,7 +45,7 @@ class Samples {
   static const std::vector<cv::Mat>& sweep(const cv::Size& size);
 
   /// For everything with two frames, which must outlive the input.
-  static PipelineInput input(const Sample& sample, Frames& frames);
+  static PipelineInput input(const Sample& sample, FramesInMemory& frames);
 };
 
 }  // namespace all_in_focus

@@ -157,7 +157,7 @@ void fuse(benchmark::State& state, Mode mode, bool alignment) {
 void runWithTwoFrames(benchmark::State& state, Mode mode) {
   const Sample& sample = Samples::get(sizeOf(state), Sensor::kNoisy);
   const std::vector<cv::Mat>& sweep = Samples::sweep(sizeOf(state));
-  Frames frames({sweep.front(), sweep.back()});
+  FramesInMemory frames({sweep.front(), sweep.back()});
   const PipelineInput input = Samples::input(sample, frames);
   Pipeline pipeline(mode);
   const std::size_t depth_and_labels = 4 + 4, two_frames = 6, image_index_confidence = 6;

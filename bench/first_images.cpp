@@ -45,7 +45,7 @@ int main(int argc, char** argv) {
   }
   try {
     const Sample sample{readRig(argv[1]), readDepth(argv[2]), readOptics(argv[1])};
-    Frames frames({noise(sample.rig.color.size), noise(sample.rig.color.size)});
+    FramesInMemory frames({noise(sample.rig.color.size), noise(sample.rig.color.size)});
     const PipelineInput input = Samples::input(sample, frames);
     Pipeline pipeline(Mode::kPaper);
     for (int i = 0; i < kImages; ++i) {

@@ -16,22 +16,6 @@ namespace {
 
 constexpr int kMostFrames = 6;
 
-class Frames : public FrameSource {
- public:
-  explicit Frames(std::vector<cv::Mat> frames) : frames_(std::move(frames)) {}
-  bool next(cv::Mat& frame) override {
-    if (next_ == frames_.size()) return false;
-    frame = frames_[next_++];
-    return true;
-  }
-  void rewind() override { next_ = 0; }
-  int count() override { return static_cast<int>(frames_.size()); }
-
- private:
-  std::vector<cv::Mat> frames_;
-  std::size_t next_ = 0;
-};
-
 // What is known about depth.
 enum Known { kNothing, kDepth, kRegisteredDepth, kLabels, kKnown };
 
@@ -90,7 +74,7 @@ void fuse(Input& input) {
     *part = input.flag();
   readKnown(input, size, bracket);
 
-  Frames source(frames);
+  FramesInMemory source(frames);
   bracket.frames = &source;
   Pipeline pipeline(mode);
   const PipelineResult result = pipeline.run(bracket);

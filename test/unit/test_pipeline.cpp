@@ -11,24 +11,14 @@ using namespace all_in_focus::core;
 
 namespace {
 
-class EqualFrames : public FrameSource {
- public:
-  explicit EqualFrames(int count) : count_(count) {}
-  bool next(cv::Mat& frame) override {
-    frame = cv::Mat(40, 48, CV_8UC3, cv::Scalar::all(100));
-    return next_++ < count_;
-  }
-  void rewind() override { next_ = 0; }
-  int count() override { return count_; }
-
- private:
-  int count_, next_ = 0;
-};
+FramesInMemory equalFrames(int count) {
+  return FramesInMemory(std::vector<cv::Mat>(count, cv::Mat(40, 48, CV_8UC3, cv::Scalar::all(100))));
+}
 
 TEST(Pipeline, ReferencesThatAreNoFramesAreRefused) {
   for (const Mode mode : {Mode::kPaper, Mode::kRefined, Mode::kRestored}) {
     for (const int reference : {-16, -2, 3, 1000}) {
-      EqualFrames frames(3);
+      FramesInMemory frames = equalFrames(3);
       PipelineInput input;
       input.frames = &frames;
       input.reference = reference;
