@@ -38,15 +38,19 @@ def test_a_frame_that_is_published_during_an_acknowledgement_counts(flow):
     assert flow._unprocessed == [1, 2]
 
 
-def test_it_waits_until_frames_are_acknowledged(flow):
-    for stamp in range(MAX_UNPROCESSED):
-        flow.published(stamp)
-    waiting = threading.Thread(target=flow.wait, args=(lambda: True, False))
+def expect_wait_for(acknowledged, flow, new_bracket):
+    waiting = threading.Thread(target=flow.wait, args=(lambda: True, new_bracket))
     waiting.start()
     waiting.join(0.3)
     assert waiting.is_alive()
-    flow._on_processed(SimpleNamespace(stamp=0))
+    flow._on_processed(SimpleNamespace(stamp=acknowledged))
     waiting.join()
+
+
+def test_it_waits_until_frames_are_acknowledged(flow):
+    for stamp in range(MAX_UNPROCESSED):
+        flow.published(stamp)
+    expect_wait_for(0, flow, new_bracket=False)
     assert flow._unprocessed == list(range(1, MAX_UNPROCESSED))
 
 
@@ -54,12 +58,7 @@ def test_a_bracket_waits_for_the_result_of_the_one_before(flow, monkeypatch):
     flow.published(0)
     flow.wait(lambda: True, new_bracket=False)
     monkeypatch.setattr(folder_node, "ACKNOWLEDGE_TIMEOUT", 0.0)  # restoring takes longer than a frame
-    waiting = threading.Thread(target=flow.wait, args=(lambda: True, True))
-    waiting.start()
-    waiting.join(0.3)
-    assert waiting.is_alive()
-    flow._on_processed(SimpleNamespace(stamp=0))
-    waiting.join()
+    expect_wait_for(0, flow, new_bracket=True)
 
 
 def test_it_does_not_wait_for_a_fusion_that_has_left(flow):
