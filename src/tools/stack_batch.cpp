@@ -8,11 +8,9 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
-#include <map>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <stdexcept>
-#include <utility>
 
 #include "file_error.hpp"
 #include "image_files.hpp"
@@ -50,11 +48,16 @@ std::vector<std::string> stacksIn(const std::string& path) {
   return inNaturalOrder(found);
 }
 
-// The last parts of a path, "photos/one": "photos_one".
-std::string lastParts(const std::string& path, std::size_t count) {
+// The whole path of a stack, without the ending of a file.
+fs::path placeOf(const std::string& path) {
   std::error_code error;
   fs::path place = fs::weakly_canonical(path, error);
   if (!fs::is_directory(place, error)) place.replace_extension();
+  return place;
+}
+
+// The last parts of a path, "photos/one": "photos_one".
+std::string lastParts(fs::path place, std::size_t count) {
   std::string name;
   for (; count > 0 && place.has_relative_path(); --count, place = place.parent_path())
     name = place.filename().string() + (name.empty() ? "" : "_") + name;
@@ -162,16 +165,21 @@ std::vector<NamedStack> findStacks(const std::vector<std::string>& paths) {
     for (const std::string& stack : inside) stacks.push_back({stack, "", {}});
     if (inside.empty()) stacks.push_back({path, "", {}});
   }
+  std::vector<fs::path> places;
+  for (const NamedStack& stack : stacks) places.push_back(placeOf(stack.path));
   // By so many parts of the path that no two are alike.
-  for (NamedStack& stack : stacks) {
-    const auto is_alone = [&](std::size_t parts) {
-      return std::count_if(stacks.begin(), stacks.end(), [&](const NamedStack& other) {
-               return lastParts(other.path, parts) == lastParts(stack.path, parts);
-             }) == 1;
+  for (std::size_t i = 0; i < stacks.size(); ++i) {
+    const auto is_alone = [&](const std::string& name, std::size_t parts) {
+      return std::count_if(places.begin(), places.end(),
+                           [&](const fs::path& other) { return lastParts(other, parts) == name; }) == 1;
     };
     std::size_t parts = 1;
-    while (!is_alone(parts) && lastParts(stack.path, parts) != lastParts(stack.path, parts + 1)) ++parts;
-    stack.name = lastParts(stack.path, parts);
+    std::string& name = stacks[i].name = lastParts(places[i], parts);
+    while (!is_alone(name, parts)) {
+      const std::string longer = lastParts(places[i], ++parts);
+      if (longer == name) break;
+      name = longer;
+    }
   }
   return stacks;
 }
