@@ -151,7 +151,7 @@ void FusionWorker::endBracket() {
   assembler_.close();
   Task task;
   task.kind = Task::Kind::kEnd;
-  task.missing = assembler_.missing();
+  task.step.missing = assembler_.missing();
   push(task);
 }
 
@@ -252,7 +252,10 @@ void FusionWorker::warnOfSilence() {
 
 void FusionWorker::handle(const Task& task) {
   if (task.kind == Task::Kind::kFrame) handleFrame(task);
-  if (task.kind == Task::Kind::kEnd) finishBracket(task.missing);
+  if (task.kind == Task::Kind::kEnd && open_) {
+    open_->missing = task.step.missing;
+    finishBracket();
+  }
   if (task.kind == Task::Kind::kCancel) open_.reset();
 }
 
@@ -266,13 +269,13 @@ void FusionWorker::handleFrame(const Task& task) {
   open_->length = std::max({open_->length, task.step.length, task.step.index + 1});
   if (!task.frame.image) {
     ++open_->dropped;
-    if (task.step.last) finishBracket(task.step.missing);
+    if (task.step.last) finishBracket();
     return;
   }
   if (!open_->has_begun) begin(*task.frame.image);
   FrameStatus status = fuse(task);
   if (task.step.last) {
-    const std::vector<FrameStatus> frames = finishBracket(task.step.missing);
+    const std::vector<FrameStatus> frames = finishBracket();
     if (!frames.empty()) status = frames.back();
   } else if (status.kind == FrameStatus::Kind::kHeld) {
     open_->acknowledged_early.insert(status.index);
@@ -349,9 +352,7 @@ void FusionWorker::joinScene() {
 }
 
 // Returns what has become of all frames.
-std::vector<FrameStatus> FusionWorker::finishBracket(int missing) {
-  if (!open_) return {};
-  open_->missing = missing;
+std::vector<FrameStatus> FusionWorker::finishBracket() {
   joinScene();
   BracketResult result = bracket_.finish([this](double done) { return mayRestore(done); });
   status_.setValue(kProgress, "idle");

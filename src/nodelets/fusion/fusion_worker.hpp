@@ -72,12 +72,11 @@ class FusionWorker {
       kCancel,  ///< drop the open bracket
     };
     Kind kind = Kind::kFrame;
-    int missing = 0;  ///< kEnd: frames of the bracket that never came
+    BracketAssembler::Step step{};  ///< kEnd: only what is missing
     // kFrame:
     BracketFrame frame{};  ///< without an image: it was dropped to make room for newer ones
     std_msgs::Header header{};
     std::size_t bytes = 0;  ///< of the image
-    BracketAssembler::Step step{};
   };
   struct OpenBracket;
 
@@ -98,7 +97,7 @@ class FusionWorker {
   void begin(const sensor_msgs::Image& first);
   FrameStatus fuse(const Task& task);
   void joinScene();
-  std::vector<FrameStatus> finishBracket(int missing);
+  std::vector<FrameStatus> finishBracket();
   void publish(const BracketResult& result, bool complete);
   FusionReportPtr toReport(const BracketResult& result) const;
   bool isInterrupted() const;
