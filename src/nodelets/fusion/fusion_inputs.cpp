@@ -117,12 +117,13 @@ void FusionInputs::updatePublished(bool assumed) {
 // After the first frame other publishers may still be connecting. Without their messages from rgb/focus, or
 // without its scene, the first bracket would be cut or fused differently.
 void FusionInputs::settle() {
+  if (settled_) return;
   const ros::WallTime now = ros::WallTime::now();
   if (settle_until_.isZero()) settle_until_ = now + ros::WallDuration(kSettleTime);
   const bool all_published = status_.publishers(focus_input_) > 0 &&
                              std::all_of(scene_inputs_.begin(), scene_inputs_.end(),
                                          [this](int i) { return status_.publishers(i) > 0; });
-  if (settled_ || (now < settle_until_ && !all_published)) return;
+  if (now < settle_until_ && !all_published) return;
   settled_ = true;
   settling_.stop();
   updatePublished(/*assumed=*/false);

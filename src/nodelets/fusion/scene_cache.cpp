@@ -8,6 +8,7 @@
 #include <iterator>
 #include <limits>
 #include <opencv2/core.hpp>
+#include <utility>
 
 #include "image_limit.hpp"
 #include "time_jumps.hpp"
@@ -93,8 +94,7 @@ void SceneCache::configure(bool by_labels, double max_age_s) {
 
 void SceneCache::setPublished(SceneTopic topic, bool published) {
   std::lock_guard<std::mutex> lock(mutex_);
-  (*this)[topic].published = published;
-  changed_.notify_all();
+  if (std::exchange((*this)[topic].published, published) != published) changed_.notify_all();
 }
 
 void SceneCache::pin(const ros::Time& first_frame) {
