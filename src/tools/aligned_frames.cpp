@@ -3,7 +3,6 @@
 
 #include "aligned_frames.hpp"
 
-#include <algorithm>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
 #include <set>

@@ -16,8 +16,6 @@ namespace all_in_focus::core {
 
 BracketFusion::BracketFusion()
     : regions_(std::make_unique<RegionFusion>()), refined_(std::make_unique<RefinedFusion>()) {}
-BracketFusion::BracketFusion(BracketFusion&&) noexcept = default;
-BracketFusion& BracketFusion::operator=(BracketFusion&&) noexcept = default;
 BracketFusion::~BracketFusion() = default;
 
 void BracketFusion::begin(const BracketScene& scene, const cv::Size& size, Mode mode,

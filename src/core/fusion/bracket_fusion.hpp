@@ -24,8 +24,6 @@ class RegionFusion;
 class BracketFusion {
  public:
   BracketFusion();
-  BracketFusion(BracketFusion&&) noexcept;
-  BracketFusion& operator=(BracketFusion&&) noexcept;
   ~BracketFusion();
 
   /// Starts a bracket of frames of that size. The scene must be possible (Bracket checks it). Its images are

@@ -3,7 +3,6 @@
 
 #include "restoration/observed_bracket.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
