@@ -143,7 +143,7 @@ def remove_leftovers(path):
 
 
 def read_mark(folder):
-    """The mark of a folder as a dict with program, run and files; None where there is none that can be read."""
+    """The mark of a folder as a dict with program, files and results; None where there is none that can be read."""
     try:
         mark = json.loads((Path(folder) / MARK).read_text(encoding="utf-8"))
         files = mark["files"]
