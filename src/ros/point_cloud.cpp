@@ -19,7 +19,7 @@ sensor_msgs::PointCloud2Ptr toPointCloud(const std_msgs::Header& header, const c
                                          const cv::Mat& mm, const core::Camera& camera) {
   if (bgr.type() != CV_8UC3 || mm.type() != CV_16UC1 || bgr.size() != mm.size())
     throw std::invalid_argument("a cloud needs a colour picture and depth of its size");
-  const auto cloud = boost::make_shared<sensor_msgs::PointCloud2>();
+  auto cloud = boost::make_shared<sensor_msgs::PointCloud2>();
   cloud->header = header;
   cloud->width = static_cast<std::uint32_t>(bgr.cols);
   cloud->height = static_cast<std::uint32_t>(bgr.rows);

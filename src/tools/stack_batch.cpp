@@ -166,6 +166,7 @@ std::vector<NamedStack> findStacks(const std::vector<std::string>& paths) {
     if (inside.empty()) stacks.push_back({path, "", {}});
   }
   std::vector<fs::path> places;
+  places.reserve(stacks.size());
   for (const NamedStack& stack : stacks) places.push_back(placeOf(stack.path));
   // By so many parts of the path that no two are alike.
   for (std::size_t i = 0; i < stacks.size(); ++i) {
