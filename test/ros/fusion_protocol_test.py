@@ -10,7 +10,7 @@ import rosgraph
 import rospy
 
 from all_in_focus.msg import FocusFrame
-from depth_testing import SANITIZED, WARN, camera_info, run_tests, values_of, wait_until
+from depth_testing import SANITIZED, WARN, camera_info, hears, run_tests, values_of, wait_until
 from fusion_testing import BRACKET_IDS, PERIOD, FusionTest, colour_message, scene
 from refined_testing import INDICES, MIDDLE, RefinedTest, pixels
 
@@ -69,17 +69,26 @@ class MismatchTest(FusionTest):
         self.assert_diagnosed(WARN, 'colour frames wait for a rgb/focus message of the same stamp', 'differs by 1e-06 s')
         self.assert_next_bracket_is_good(next(STAMPS))
 
-    def test_without_a_publisher_of_focus_its_brackets_are_those_of_plain_frames(self):
-        self.assert_next_bracket_is_good(next(STAMPS))
+    def send_without_publisher_of_focus(self):
+        """Three frames after the publisher of rgb/focus has gone; they are fused as plain ones."""
         self.reconfigure(bracket_size=3)
         self.focus.publisher.unregister()
         self.talkers.remove(self.focus)
-        rospy.sleep(1.0)  # roscpp notices within a moment
+        self.assertTrue(wait_until(lambda: not hears('/manager', self.focus.topic)))
         stamp = next(STAMPS)
         self.send_labels(stamp)
         for index, sharp in enumerate(('none', 'near', 'far')):
             self.send_frame(stamp + index * PERIOD, sharp)
         self.assert_fused(stamp + PERIOD)
+
+    def test_without_a_publisher_of_focus_its_brackets_are_those_of_plain_frames(self):
+        self.assert_next_bracket_is_good(next(STAMPS))
+        rospy.sleep(2)  # all publishers are known by then
+        self.send_without_publisher_of_focus()
+
+    def test_a_publisher_of_focus_may_go_before_the_others_are_known(self):
+        self.assert_next_bracket_is_good(next(STAMPS))
+        self.send_without_publisher_of_focus()
 
     def test_a_bracket_whose_last_frame_is_lost_is_told_of(self):
         stamp, bracket_id = next(STAMPS), next(BRACKET_IDS)

@@ -127,10 +127,20 @@ void FusionInputs::settle() {
   settled_ = true;
   settling_.stop();
   updatePublished(/*assumed=*/false);
-  if (status_.publishers(focus_input_) > 0 || !last_focus_.isZero()) return;
-  const std::deque<sensor_msgs::ImageConstPtr> plain = std::exchange(unmatched_, {});
-  resetFrames();
+  if (status_.publishers(focus_input_) > 0) return;
+  // What was announced before the publisher went still has its message, or will.
+  const auto plain_begin = std::stable_partition(unmatched_.begin(), unmatched_.end(),
+                                                 [this](const auto& image) { return isAnnounced(*image); });
+  const std::vector<sensor_msgs::ImageConstPtr> plain(plain_begin, unmatched_.end());
+  unmatched_.erase(plain_begin, unmatched_.end());
+  for (const sensor_msgs::ImageConstPtr& image : plain) unmatched_bytes_ -= image->data.size();
+  if (last_focus_.isZero()) resetFrames();  // it holds the plain images
   for (const sensor_msgs::ImageConstPtr& image : plain) addPlain(image);
+}
+
+// Whether rgb/focus has reached the image's time.
+bool FusionInputs::isAnnounced(const sensor_msgs::Image& image) const {
+  return image.header.stamp <= last_focus_;
 }
 
 // What is newer than the new time is forgotten. The open bracket ends with what it has, unless its frames are
@@ -173,14 +183,13 @@ void FusionInputs::resetLabels(std::uint32_t queue_size) {
 }
 
 void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
-  const ros::Time stamp = image->header.stamp;
   if (settled_) {
     updatePublished(/*assumed=*/false);
   } else {
     settling_.start();
   }
   // A publisher of rgb/focus defines the brackets while it is there.
-  const bool has_focus = status_.publishers(focus_input_) > 0 || stamp <= last_focus_;
+  const bool has_focus = status_.publishers(focus_input_) > 0 || isAnnounced(*image);
   if (settled_ && !has_focus) {
     giveUpAllFrames();  // the publisher of rgb/focus is gone
     return addPlain(image);

@@ -53,6 +53,7 @@ class FusionInputs {
   template <typename Message, typename Use>
   void subscribeTo(int input, std::uint32_t queue_size, Use use);
   void settle();
+  bool isAnnounced(const sensor_msgs::Image& image) const;
   void updatePublished(bool assumed);
   void startAfresh(int input, const ros::Time& now);
   void resetFrames();
