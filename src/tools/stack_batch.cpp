@@ -14,6 +14,7 @@
 
 #include "file_error.hpp"
 #include "image_files.hpp"
+#include "natural_order.hpp"
 #include "photo_metadata.hpp"
 
 namespace fs = std::filesystem;

@@ -22,15 +22,11 @@ struct StackFiles {
 ///
 /// Frames are all pictures but: results of this package, pictures of another size than most, a picture that
 /// was made long after all others, and files that cannot be read as pictures. Hidden files do not count.
-/// Order: numbers in names count as numbers, with their signs; a counter that begins anew at 0 goes on; the
-/// time of exposure in EXIF decides between equal names.
+/// Order: that of natural_order.hpp; the time of exposure in EXIF decides between equal names.
 ///
 /// only: names of files to look at; empty: all. Throws FileError where the folder cannot be read or holds no
 /// frame.
 StackFiles listStack(const std::string& folder, const std::set<std::string>& only = {});
-
-/// Paths in the order of their names, by the rule of listStack().
-std::vector<std::string> inNaturalOrder(const std::vector<std::string>& paths);
 
 /// Whether a file of this name may be a picture, as a camera writes it.
 bool isPictureName(const std::string& name);
