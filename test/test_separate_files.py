@@ -84,6 +84,9 @@ def test_two_outputs_are_two_files(planes):
         with unchanged(planes.folder):
             expect_refusal(fuse_stack("--stack", planes.stack, "--output", planes.output(first), "--save-weights",
                                       planes.output(second)), "fuse_stack", "--output and --save-weights are two outputs for")
+    done = run_tool("fuse_stack", "--stack", planes.stack, "--output", "a.png", "--save-weights", "./a.png",
+                    cwd=str(planes.folder))
+    expect_refusal(done, "fuse_stack", "--output and --save-weights are two outputs for")
 
 
 @pytest.mark.parametrize("program, arguments", [

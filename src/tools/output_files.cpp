@@ -154,7 +154,9 @@ void requireSeparate(const std::vector<NamedPath>& inputs, const std::vector<Nam
     }
     for (std::size_t j = 0; j < i; ++j) {
       const fs::path other = target(outputs[j].path);
-      if (same(place, other) || fs::weakly_canonical(place) == fs::weakly_canonical(other)) {
+      const bool have_one_name =
+          fs::weakly_canonical(fs::absolute(place)) == fs::weakly_canonical(fs::absolute(other));
+      if (same(place, other) || have_one_name) {
         fail(path, "--" + outputs[j].option + " and --" + option + " are two outputs for this one file");
       }
     }
