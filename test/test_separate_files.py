@@ -253,6 +253,9 @@ def test_no_reader_waits_for_a_fifo(planes, alarm):
         given = {"--stack": planes.stack, "--output": planes.output("fused.png"), option: fifo}
         done = run_tool("fuse_stack", *(part for pair in given.items() for part in pair), timeout=60)
         expect_refusal(done, "fuse_stack", str(fifo))
+    fifo.rename(planes.output("03.png"))
+    done = run_tool("fuse_stack", "--stack", planes.output(""), "--output", planes.output("fused.png"), timeout=60)
+    expect_refusal(done, "fuse_stack", "the folder holds no image")
 
 
 @pytest.mark.parametrize("program, arguments", [

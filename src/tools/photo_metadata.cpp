@@ -134,7 +134,9 @@ Copied readCopied(const std::string& path) {
 PhotoMetadata readPhotoMetadata(const std::string& path) {
   silence();
   PhotoMetadata found;
-  found.is_result = std::filesystem::exists(markBeside(path));
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return found;  // a pipe would be waited for
+  found.is_result = std::filesystem::exists(markBeside(path), error);
   try {
     const auto image = Exiv2::ImageFactory::open(path);
     image->readMetadata();
