@@ -59,7 +59,7 @@ void checkCamera(const BracketScene& scene, const cv::Size& frame) {
   validate(scene.optics);
   if (!scene.camera) return;
   validate(*scene.camera, "colour camera");
-  requireShape(scene.camera->size, "calibration of the colour camera refused: one", frame);
+  requireShape(scene.camera->size, "calibration of the colour camera refused: it is one", frame);
 }
 
 }  // namespace
@@ -218,15 +218,16 @@ cv::Mat Bracket::usableLabels(const cv::Size& size) {
 // Leaves out what does not fit frames of that size.
 BracketScene Bracket::usableScene(const cv::Size& size) {
   BracketScene usable = scene_;
+  // First, because depth and labels that were registered by a wrong calibration do not fit either.
+  if (!passes([&] { checkCamera(usable, size); }, kNotUsed)) {
+    usable.camera.reset();
+    usable.optics = {};
+  }
   usable.labels = usableLabels(size);
   if (settings_.mode == Mode::kPaper) usable.depth = usable.measured = cv::Mat();
   if (!passes([&] { checkDepth(usable.depth, size); }, kNotUsed)) usable.depth = usable.measured = cv::Mat();
   if (!passes([&] { checkMeasured(usable.measured, usable.depth); }, ": filled depth counts as measured"))
     usable.measured = cv::Mat();
-  if (!passes([&] { checkCamera(usable, size); }, kNotUsed)) {
-    usable.camera.reset();
-    usable.optics = {};
-  }
   return usable;
 }
 

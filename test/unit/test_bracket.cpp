@@ -261,7 +261,7 @@ TEST(Bracket, WhatDoesNotFitTheFramesIsLeftOutOfTheScene) {
       {[](BracketScene& s) { s.depth = cv::Mat(kSize, CV_32FC1, cv::Scalar(1)); }, "depth refused"},
       {[](BracketScene& s) { s.measured = cv::Mat(kWide, CV_16UC1, cv::Scalar(900)); }, "counts as measured"},
       {[](BracketScene& s) { s.camera->size = kWide; },
-       "calibration of the colour camera refused: one of 80x45"},
+       "calibration of the colour camera refused: it is one of 80x45"},
       {[](BracketScene& s) { s.camera->fx = 0; }, "colour camera"},
       {[](BracketScene& s) { s.optics.aperture = -1; }, "aperture"}};
   for (const auto& [change, words] : cases) {
@@ -279,6 +279,25 @@ TEST(Bracket, WhatDoesNotFitTheFramesIsLeftOutOfTheScene) {
     settings.strict = true;
     Sender strict(settings, scene);
     EXPECT_THROW(strict.add({0, 1, 2}), std::invalid_argument) << words;
+  }
+}
+
+TEST(Bracket, NamesTheCalibrationWhereDepthIsOfItsSize) {
+  BracketScene scene = twoPlanes();
+  scene.camera->size = kWide;
+  scene.depth = cv::Mat(kWide, CV_16UC1, cv::Scalar(900));
+  scene.labels = cv::Mat(kWide, CV_32SC1, cv::Scalar(1));
+  for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
+    BracketSettings settings = settingsOf(mode);
+    settings.strict = true;
+    Sender strict(settings, scene);
+    try {
+      strict.add({0, 1, 2});
+      FAIL() << "accepted";
+    } catch (const std::invalid_argument& e) {
+      EXPECT_NE(std::string(e.what()).find("calibration of the colour camera"), std::string::npos)
+          << e.what();
+    }
   }
 }
 
