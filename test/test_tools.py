@@ -193,7 +193,9 @@ def test_stack_with_focus_by_name(planes):
     plain = fuse_all(planes, *planes.with_depth)
     focus = focus_file(planes.folder, "frames: [{file: 02.png, focus_mm: 3000.0}, {file: stack/01.png, focus_mm: 1000.0}, "
                                       "{file: 00.png, focus_mm: null}]\n")
-    assert np.array_equal(fuse_all(planes, *planes.with_depth, "--focus", focus)["fused"], plain["fused"])
+    results = fuse_all(planes, *planes.with_depth, "--focus", focus)
+    assert np.array_equal(results["fused"], plain["fused"])
+    assert f"{focus}: tells the focus distance of 2 of 3 frames" in results["said"]
 
 
 def test_numbers_count_as_numbers(planes):

@@ -4,6 +4,7 @@
 // The whole method on files: from a focus bracket and what is known about depth to the all-in-focus image.
 
 #include <algorithm>
+#include <cmath>
 #include <chrono>
 #include <filesystem>
 #include <iostream>
@@ -248,6 +249,11 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
   const std::vector<double> distances =
       focus.empty() ? std::vector<double>() : readFocus(focus, stack.names(), stack.leftOut(), stack.count());
   if (context.has_optics) checkFocus(focus, distances, input.optics);
+  const auto known =
+      std::count_if(distances.begin(), distances.end(), [](double mm) { return !std::isnan(mm); });
+  if (!focus.empty() && known < stack.count())
+    context.notes.push_back(
+        focus + cv::format(": tells the focus distance of %td of %d frames", known, stack.count()));
   input.focus_mm = distances;
   input.reference = parseReference(values["reference"].as<std::string>());
   input.refined = parseWithout(textOption(values, "without"));
