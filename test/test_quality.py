@@ -195,14 +195,14 @@ def test_shifted_depth(tmp_path):
 
 def test_suites_name_each_scene_once():
     names = [name for scenes in suite.SUITES.values() for name in scenes]
-    assert len(names) == len(set(names)) and len(suite.LARGE) >= 5
-    assert set(suite.ENLARGED) == {name + "_x5" for name in suite.SMALL} - {"clutter_large_x5"}
+    assert len(names) == len(set(names)) and len(suite.SUITES["large"]) >= 5
+    assert set(suite.SUITES["enlarged"]) == {name + "_x5" for name in suite.SUITES["small"]} - {"clutter_large_x5"}
 
 
-@pytest.mark.parametrize("name", sorted(suite.LARGE))
+@pytest.mark.parametrize("name", sorted(suite.SUITES["large"]))
 def test_large_scenes_are_rendered(name, tmp_path):
     """As small pictures: the real ones take minutes each."""
-    options = re.sub(r"--size \S+", "--size 96x64", re.sub(r"--frames \d+", "--frames 2", suite.LARGE[name])).split()
+    options = re.sub(r"--size \S+", "--size 96x64", re.sub(r"--frames \d+", "--frames 2", suite.SUITES["large"][name])).split()
     result = call("make_scene", "--output", tmp_path / name, *options)
     assert (result.returncode, result.stderr) == (0, "")
 
@@ -275,7 +275,7 @@ def test_program_measures_photos_without_a_truth(tmp_path):
 @pytest.mark.parametrize("arguments, reason", [
     ([], "no scenes"),
     (["nowhere"], "nowhere"),
-    (["--suite", "huge"], "there are small, large, enlarged"),
+    (["--suite", "huge"], "there are small, large, noisy"),
     (["--methods", "median", "a"], "no method is named 'median'"),
     (["--peer", "mine=true"], "expected NAME=COMMAND with {output} in it"),
     (["a/scene", "b/scene"], "two scenes are named scene"),

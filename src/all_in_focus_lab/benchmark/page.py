@@ -3,6 +3,7 @@
 """The report as one HTML page. Its small pictures and tables need nothing else; pictures in full size are files beside it."""
 import base64
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 import cv2
@@ -20,121 +21,7 @@ LEGEND = 24          # frames, at most
 WIDTH = 420          # of a small copy, pixels
 CROP, CROPS = 96, 3  # side of a crop in pixels, a quarter of a small image at most; how many
 UNDECIDED = (200, 80, 200)  # BGR of pixels that no frame has won: a colour that the others do not have
-
-TEMPLATE = """
-{%- macro table(it) -%}
-<p class="caption">{{ it.caption }}</p><div class="wide"><table id="{{ it.name }}"><thead><tr>
-{%- for text in it.heading %}<th>{{ text }}</th>{% endfor %}</tr></thead><tbody>
-{% for kind, cells in it.lines -%}
-<tr class="{{ kind }}">
-{%- for cell in cells -%}
-<td{% if cell.best %} class="best"{% endif %}
-{%- if cell.value is not none %} data-value="{{ cell.value | exact }}" title="{{ cell.value | exact }}"{% endif %}>
-{{- cell.text }}{% if cell.more %} <small>({{ cell.more }})</small>{% endif %}</td>
-{%- endfor %}</tr>
-{% endfor %}</tbody></table></div>
-{%- endmacro -%}
-
-<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>Evaluation of image fusion</title><style>
-body { font: 15px/1.45 system-ui, sans-serif; color: #222; margin: 2em auto; max-width: 1500px; padding: 0 1em; }
-h1, h2, h3 { line-height: 1.2; } h2 { margin-top: 2em; border-bottom: 1px solid #bbb; } h3 { margin-bottom: .3em; }
-table { border-collapse: collapse; margin: .6em 0; font-variant-numeric: tabular-nums; }
-.wide { overflow-x: auto; } p.caption { color: #555; margin: 1em 0 0; max-width: 60em; }
-th, td { padding: .15em .7em; text-align: right; white-space: nowrap; }
-th:first-child, td:first-child, .text td, .text th { text-align: left; }
-thead th { border-bottom: 1px solid #555; } tbody tr:hover { background: #f0f4fa; }
-tr.group td { border-top: 1px solid #bbb; } td.best { font-weight: bold; } small { color: #777; }
-.pictures { display: flex; flex-wrap: wrap; gap: .8em; } figure { margin: 0; } figcaption { font-size: 13px; }
-img { display: block; max-width: 100%; image-rendering: auto; } img.map, img.crop { image-rendering: pixelated; }
-figure { width: 330px; } figure.crop { width: 192px; } img { width: 100%; }
-.legend { display: flex; flex-wrap: wrap; gap: .1em 1em; font-size: 13px; margin: .3em 0; }
-.legend i { display: inline-block; width: 1.1em; height: 1.1em; margin-right: .35em; vertical-align: -.2em; }
-.stage { position: relative; overflow: auto; max-height: 80vh; border: 1px solid #bbb; margin: .4em 0; cursor: crosshair; }
-.stage img { width: auto; max-width: none; image-rendering: pixelated; } .stage img.over { position: absolute; left: 0; top: 0; }
-.compare input { width: 100%; max-width: 40em; vertical-align: middle; } .places { display: flex; flex-wrap: wrap; gap: .8em; }
-.places div { width: 192px; height: 192px; background-repeat: no-repeat; image-rendering: pixelated; }
-.failed { color: #a00; } pre { background: #f4f4f4; padding: .8em; overflow-x: auto; }
-</style></head><body>
-<h1>Fusion of {{ scenes | length | counted("scene") }} by {{ tables.methods | length | counted("method") }}</h1>
-{% if run.failures %}<h2>What failed</h2><ul class="failed">
-{%- for line in run.failures %}<li>{{ line }}</li>{% endfor %}</ul>{% endif %}
-<h2>Scores and ranks</h2>
-{% for it in standings %}{{ table(it) }}{% endfor %}
-<h2>Values</h2>
-{% for it in values %}{{ table(it) }}{% endfor %}
-<h2>Seconds</h2>{{ table(seconds) }}
-{% for scene in scenes %}
-<h2>{{ scene.name }}</h2><p><small>{{ scene.path }}, {{ scene.frames }} frames</small></p>
-{% if scene.full | length > 1 -%}
-<h3>Two pictures in full size</h3>
-<div class="compare"><label>left <select>{% for it in scene.full %}<option value="{{ it.full }}"
-{%- if loop.index0 == 0 %} selected{% endif %}>{{ it.title }}</option>{% endfor %}</select></label>
-<label>right <select>{% for it in scene.full %}<option value="{{ it.full }}"
-{%- if loop.index0 == 1 %} selected{% endif %}>{{ it.title }}</option>{% endfor %}</select></label>
-<button type="button">switch</button>
-<label>zoom <select><option>1</option><option>2</option><option>4</option><option>8</option></select></label>
-<br><label>border <input type="range" min="0" max="100" value="50"></label>
-<div class="stage"><img class="under" alt="left"><img class="over" alt="right"></div>
-<p class="caption">The border divides left from right picture; "switch" exchanges them. Click a place to see it in all
-pictures, enlarged:</p><div class="places"></div></div>
-{% endif %}
-{% for title, figures in scene.rows if figures -%}
-<h3>{{ title }}</h3>
-{%- if title == "Weight maps" and scene.legend %}<div class="legend">
-{%- for color, text in scene.legend %}<span><i style="background: {{ color }}"></i>{{ text }}</span>
-{% endfor %}</div>{% endif %}<div class="pictures">
-{%- for it in figures %}<figure class="{{ it.kind }}">
-{%- if it.full %}<a href="{{ it.full }}" title="full size">{% endif -%}
-<img class="{{ it.kind }}" alt="{{ it.title }}" src="{{ it.source }}">{% if it.full %}</a>{% endif %}
-<figcaption>{{ it.title }}{% if it.caption %}<br><small>{{ it.caption }}</small>{% endif %}</figcaption></figure>
-{% endfor %}</div>
-{% endfor %}
-{%- if scene.notes %}<h3>Notes</h3><ul>{% for line in scene.notes %}<li>{{ line }}</li>{% endfor %}</ul>{% endif %}
-{% endfor %}
-<h2>Configuration and versions</h2>
-<div class="text">{{ table(versions) }}</div><p>The same settings as <code>configuration.yaml</code>, beside this page:</p>
-<pre id="configuration">{{ run.settings.as_yaml() }}</pre>
-<script>
-for (const box of document.querySelectorAll(".compare")) {
-  const [left, right, zoom] = box.querySelectorAll("select"), border = box.querySelector("input");
-  const stage = box.querySelector(".stage"), [under, over] = stage.querySelectorAll("img");
-  const places = box.querySelector(".places"), side = 48, enlarged = 4;
-  const cut = () => { over.style.clipPath = `inset(0 0 0 ${border.value}%)`; };
-  const fit = () => { for (const img of [under, over]) img.style.width = `${img.naturalWidth * zoom.value}px`; };
-  const show = () => { under.src = left.value; over.src = right.value; };
-  for (const img of [under, over]) img.addEventListener("load", fit);
-  for (const list of [left, right]) list.addEventListener("change", show);
-  zoom.addEventListener("change", () => {
-    const [x, y] = [stage.scrollLeft + stage.clientWidth / 2, stage.scrollTop + stage.clientHeight / 2];
-    const before = under.width / under.naturalWidth;
-    fit();
-    stage.scrollTo(x * zoom.value / before - stage.clientWidth / 2, y * zoom.value / before - stage.clientHeight / 2);
-  });
-  border.addEventListener("input", cut);
-  box.querySelector("button").addEventListener("click", () => {
-    [left.selectedIndex, right.selectedIndex] = [right.selectedIndex, left.selectedIndex];
-    show();
-  });
-  stage.addEventListener("click", event => {
-    const at = under.getBoundingClientRect();
-    const x = Math.round((event.clientX - at.left) / zoom.value), y = Math.round((event.clientY - at.top) / zoom.value);
-    places.replaceChildren(...[...left.options].map(option => {
-      const figure = document.createElement("figure"), view = document.createElement("div");
-      figure.className = "crop";
-      view.style.backgroundImage = `url("${option.value}")`;
-      view.style.backgroundSize = `${under.naturalWidth * enlarged}px ${under.naturalHeight * enlarged}px`;
-      view.style.backgroundPosition = `${(side / 2 - x) * enlarged}px ${(side / 2 - y) * enlarged}px`;
-      figure.append(view, option.text);
-      return figure;
-    }));
-  });
-  show();
-  cut();
-}
-</script>
-</body></html>
-"""
+TEMPLATE = Path(__file__).with_name("report.html")
 
 
 class Table(NamedTuple):
@@ -160,7 +47,7 @@ def page(run, tables, store):
     it keeps the pictures in full size that the text names."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters.update(exact=repr, counted=counted)
-    return environment.from_string(TEMPLATE).render(
+    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         run=run, tables=tables, standings=_standings(run, tables), values=_values(tables),
         seconds=_table("seconds", "From frames in memory to the fused image, once. " + run.timing_note, t.seconds_cells(tables)),
         scenes=[_scene(run, scene, tables, store) for scene in run.scenes],
