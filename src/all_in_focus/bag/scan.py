@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """One pass over a bag that keeps the head of each image and all small messages. Pixels are fetched later."""
-import struct
 import zlib
 from dataclasses import dataclass, field
 from typing import List, NamedTuple, Optional
 
 import genpy
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CompressedImage
 from tf2_msgs.msg import TFMessage
 
 from all_in_focus.bag.bag_file import TYPES, BagError, absolute
@@ -85,43 +84,34 @@ def scan(bag, pixels=False):
             if kind in ("depth", "rgb"):
                 nth = last[kind][1] + 1 if last.get(kind, (None,))[0] == recorded else 0
                 last[kind] = (recorded, nth)
-                head = Head(order, recorded, nth, *_head(data, message_type, pixels and kind == "rgb"))
-                getattr(found, kind).append(head)
+                message = message_type().deserialize(data)
+                getattr(found, kind).append(Head(order, recorded, nth, *_head(message, pixels and kind == "rgb")))
                 continue
             if kind.endswith("_info"):
                 if infos.get(kind) == data[12:]:
                     continue
                 infos[kind] = data[12:]  # without sequence number and stamp
             getattr(found, kind).append(Small(order, recorded, SMALL[kind]().deserialize(data)))
-        except (struct.error, UnicodeError, genpy.DeserializationError):
+        except (UnicodeError, genpy.DeserializationError):
             found.unreadable.append((kind, recorded))
     return found
 
 
-def _head(data, message_type, pixels):
+def _head(message, pixels):
     """The fields of a Head from `stamp` on."""
-    _, seconds, nanoseconds, length = struct.unpack_from("<4I", data, 0)
-    at = 16 + length
-    stamp, frame_id = seconds * NS + nanoseconds, data[16:at].decode()
-    if message_type._type == Image._type:
-        height, width, length = struct.unpack_from("<3I", data, at)
-        at += 12 + length
-        encoding = data[at - length:at].decode()
-        big_endian, step, length = struct.unpack_from("<BII", data, at)
-        at += 9
-        rest = ((width, height), bool(big_endian), step, length)
+    problem, is_compressed = "", message._type == CompressedImage._type
+    if is_compressed:
+        encoding, size, layout = message.format, None, (False, 0)
     else:
-        length, = struct.unpack_from("<I", data, at)
-        at += 4 + length
-        encoding, rest = data[at - length:at].decode(), (None, False, 0, len(data) - at - 4)
-    is_compressed, problem = message_type._type != Image._type, ""
+        encoding, size = message.encoding, (message.width, message.height)
+        layout = bool(message.is_bigendian), message.step
     if pixels and is_compressed:
         try:
-            height, width = decoded(data[at + 4:]).shape[:2]
-            rest = ((width, height), *rest[1:])
+            size = decoded(message.data).shape[1::-1]
         except ImageError as error:
             problem = str(error)
-    return (stamp, frame_id, encoding, *rest, zlib.crc32(data[at:]) if pixels else 0, is_compressed, problem)
+    return (message.header.stamp.to_nsec(), message.header.frame_id, encoding, size, *layout, len(message.data),
+            zlib.crc32(message.data) if pixels else 0, is_compressed, problem)
 
 
 def fetch(bag, kind, head):
