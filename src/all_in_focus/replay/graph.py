@@ -1,13 +1,11 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs evaluate.launch on a master of its own, with a time-out and an exit code, which roslaunch has not."""
-import os
 import tempfile
 import time
 from pathlib import Path
 
 import rospkg
-from roslib.packages import find_node
 
 from all_in_focus.files.output_folder import remove_leftovers
 from all_in_focus.progress import Progress
@@ -19,28 +17,16 @@ class GraphError(RuntimeError):
     """The graph cannot be started; the message is one line."""
 
 
-def check_install():
-    """Path of evaluate.launch; GraphError that names what is missing."""
-    remedy = "build the package, and source its build/.install/setup.bash"
+def _launch_file():
     try:
-        launch_file = Path(rospkg.RosPack().get_path("all_in_focus")) / "launch" / "evaluate.launch"
-        for package, program in (("nodelet", "nodelet"), ("all_in_focus", "evaluation_player")):
-            if not find_node(package, program):
-                raise GraphError(f"program {program} of package {package} is missing: {remedy}")
+        return Path(rospkg.RosPack().get_path("all_in_focus")) / "launch" / "evaluate.launch"
     except rospkg.ResourceNotFound as error:
-        raise GraphError(f"package {str(error).splitlines()[0]} is missing: {remedy}")
-    if not launch_file.is_file():
-        raise GraphError(f"{launch_file} is missing: {remedy}")
-    library = "liball_in_focus_nodelets.so"
-    prefixes = [prefix for prefix in os.environ.get("CMAKE_PREFIX_PATH", "").split(":") if prefix]
-    if not any((Path(prefix) / "lib" / library).exists() for prefix in prefixes):
-        raise GraphError(f"{library} is missing: {remedy}")
-    return launch_file
+        raise GraphError(f"package {str(error).splitlines()[0]} is missing: build it, and source its build/.install/setup.bash")
 
 
 def run(arguments, output, timeout, verbose=False):
     """Runs evaluate.launch. arguments: its args by name; timeout: s without progress. Returns the final RunStatus."""
-    launch_file = check_install()
+    launch_file = _launch_file()
     with tempfile.TemporaryDirectory(prefix="evaluate_bag.") as scratch:
         status_file = Path(scratch) / "status.json"
         arguments = [f"{name}:={value}" for name, value in {**arguments, "status": status_file}.items()]
