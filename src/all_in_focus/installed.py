@@ -3,7 +3,6 @@
 """The package's own programs: where they are, and running them."""
 import os
 import subprocess
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import rospkg
@@ -47,29 +46,18 @@ def run(command, timeout=None):
     of_a_build = program.parent.name == "all_in_focus"  # maybe of another one, which has its own libraries
     libraries = os.pathsep.join([str(program.parent.parent if of_a_build else prefix() / "lib"),
                                  os.environ.get("LD_LIBRARY_PATH", "")])
-    name, started = program.name, []
-
-    def start():
-        started.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
-                                        errors="replace", env=dict(os.environ, LD_LIBRARY_PATH=libraries)))
-
-    # In a thread, since an exception that a signal raises in the middle of Popen would lose the process.
-    with ThreadPoolExecutor(1) as starter:
-        starter.submit(int).result()  # the thread is there
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, errors="replace",
+                          env=dict(os.environ, LD_LIBRARY_PATH=libraries)) as process:
         try:
-            starter.submit(start).result()
-            out, err = started[0].communicate(timeout=timeout)
+            out, err = process.communicate(timeout=timeout)
         except subprocess.TimeoutExpired:
-            raise RuntimeError(f"{name}: not done after {timeout:g} s, given up")
+            raise RuntimeError(f"{program.name}: not done after {timeout:g} s, given up")
         finally:
-            starter.submit(int).result()  # start() has ended, if submit() was interrupted
-            for process in started:
-                with process:
-                    if process.poll() is None:
-                        _end(process)
+            if process.poll() is None:
+                _end(process)
     if process.returncode:
         said = (err or out).strip().splitlines()
-        raise RuntimeError(said[-1] if said else f"{name}: exit code {process.returncode}")
+        raise RuntimeError(said[-1] if said else f"{program.name}: exit code {process.returncode}")
     return out
 
 
