@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Image operations that several modules share: gray values, sRGB, filling of holes, contact sheets.
+"""Image operations that several modules share: gray values, sRGB, filling of holes, sharpness, contact sheets.
 
 Depth maps are H x W, 0 = unknown.
 """
@@ -15,6 +15,14 @@ GRAY_OF_BGR = (0.114021, 0.587043, 0.298936)  # as Matlab's rgb2gray; cvtColor's
 NO_FRAME = 65535  # in source_index images
 TITLE_HEIGHT, MARGIN = 24, 6  # pixels
 BACKGROUND, INK = 255, (40, 40, 40)
+# Of FocusCheck and gradient_energy().
+CHECKED_WIDTH = 1200  # pixels; wider pictures are shrunk, which averages their noise and saves time
+SMOOTHING = 1.0  # pixels, standard deviation; against noise
+TILES = (12, 8)  # columns, rows
+DARK, BRIGHT = 12, 240  # grey levels; tiles with a mean beyond them are under- or overexposed
+LEAST_TEXTURE = 0.01  # root mean square gradient per mean brightness; a tile with less shows mostly noise
+LEAST_TILES = 4  # textured tiles, without which nothing can be said
+LEAST_CHANGE = 0.2  # of the gradient energy: noise of 6 of 255 grey levels changes it by up to 0.17 over nine frames
 FAR_HUE, LAST_FRAME_HUE = 120, 150  # blue, violet, in OpenCV's unit of two degrees; near and first are red
 
 
@@ -55,6 +63,51 @@ def shrunk(image, width, interpolation=cv2.INTER_AREA):
     if image.shape[1] <= width:
         return image
     return cv2.resize(image, (width, max(1, round(image.shape[0] * width / image.shape[1]))), interpolation=interpolation)
+
+
+def gradient_energy(brightness, tiles):
+    """(mean squared gradient of each tile, relative to its squared mean brightness, so that flicker does not change it; mean
+    brightness). brightness: H x W float32, 0..255; tiles: (columns, rows)."""
+    smooth = cv2.GaussianBlur(brightness, (0, 0), SMOOTHING)
+    x, y = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=1 / 8)
+    energy, mean = (cv2.resize(values, tiles, interpolation=cv2.INTER_AREA) for values in (x * x + y * y, brightness))
+    return energy / np.maximum(mean, 1) ** 2, mean
+
+
+class FocusCheck:
+    """Compares the sharpness of the frames of a bracket, tile by tile. When the focus moves, parts of the picture become
+    sharper or softer. When it stands still, only noise changes the sharpness."""
+
+    def __init__(self):
+        self._energies = []  # gradient energy of the tiles of each frame; NaN where it cannot be compared
+        self._shape = None
+
+    def add(self, image):
+        """image: BGR, 8 bit; the next frame of the bracket."""
+        grey = shrunk(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), CHECKED_WIDTH)
+        if grey.shape != self._shape:  # only pictures of one size can be compared
+            self._energies, self._shape = [], grey.shape
+        energy, mean = gradient_energy(np.float32(grey), TILES)
+        self._energies.append(np.where((mean > DARK) & (mean < BRIGHT), energy, np.nan))
+
+    @property
+    def change(self):
+        """Greatest relative change of the gradient energy in the bracket, 0 to 1: the 90th percentile of the textured
+        tiles. None if there are fewer than two frames, or too few textured tiles."""
+        if len(self._energies) < 2:
+            return None
+        energies = np.array(self._energies)
+        textured = np.isfinite(energies).all(axis=0)
+        textured[textured] = energies[:, textured].max(axis=0) > LEAST_TEXTURE ** 2
+        if np.count_nonzero(textured) < LEAST_TILES:
+            return None
+        energies = energies[:, textured]
+        return float(np.percentile(1 - energies.min(axis=0) / energies.max(axis=0), 90))
+
+    @property
+    def stood_still(self):
+        """Whether the focus was the same in all frames, as far as can be seen."""
+        return self.change is not None and self.change < LEAST_CHANGE
 
 
 def split_title(text):
@@ -154,6 +207,19 @@ def _legend(width, near, far, colour):
         cv2.putText(strip, text, (round(share * (width - size(text)[0])), strip.shape[0] - gap), cv2.FONT_HERSHEY_SIMPLEX,
                     scale, INK, line, cv2.LINE_AA)
     return strip
+
+
+def with_lines(image, lines):
+    """The BGR picture with lines of text below it."""
+    size = max(1.0, image.shape[1] / 1000)
+    step = round(TITLE_HEIGHT * size)
+    text = np.zeros((step * len(lines) + 8, image.shape[1], 3), np.uint8)
+    for number, line in enumerate(lines):
+        width = cv2.getTextSize(line, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * size, 1)[0][0]
+        fitted = 0.5 * size * min(1, (image.shape[1] - 12) / max(1, width))
+        cv2.putText(text, line, (6, step * (number + 1) - 6), cv2.FONT_HERSHEY_SIMPLEX, fitted, (230, 230, 230),
+                    max(1, round(size)), cv2.LINE_AA)
+    return np.vstack([image, text])
 
 
 def _tile(image, title, width):

@@ -13,11 +13,11 @@ import numpy as np
 from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.board import gray
 from all_in_focus.calibration.rig_check import project
+from all_in_focus.imaging import gradient_energy
 
 TILES = 40  # across the picture
 ENOUGH_PIXELS = 4  # with depth, in a tile
 ONE_DISTANCE = 0.12  # 1/m: a tile and those around it span no more
-GRADIENT_SIGMA = 1.0  # pixels: noise is finer
 PROMINENT = 1.2  # a tile is sharpest in one frame: its gradients, squared, are so many times those before and after it
 FEWEST = 20  # tiles
 SHORTEST = 2.0  # frames that the peaks must span
@@ -38,10 +38,8 @@ class Sharpness:
         if size != self.size:
             raise CalibrationError(f"a picture has {size[0]}x{size[1]} pixels, those before it "
                                    f"{self.size[0]}x{self.size[1]}")
-        brightness = cv2.GaussianBlur(gray(image), (0, 0), GRADIENT_SIGMA)
-        across, down = cv2.Sobel(brightness, cv2.CV_32F, 1, 0), cv2.Sobel(brightness, cv2.CV_32F, 0, 1)
-        energy = self._mean(across ** 2 + down ** 2) / np.maximum(self._mean(brightness), 1) ** 2  # whatever the exposure
-        self._frames.append(energy)
+        side, columns, rows = self.grid()
+        self._frames.append(gradient_energy(gray(image)[:rows * side, :columns * side], (columns, rows))[0])
 
     def __len__(self):
         return len(self._frames)
@@ -55,10 +53,6 @@ class Sharpness:
         """(side of a tile in pixels, columns, rows)."""
         side = max(8, self.size[0] // TILES)
         return side, self.size[0] // side, self.size[1] // side
-
-    def _mean(self, values):
-        side, columns, rows = self.grid()
-        return values[:rows * side, :columns * side].reshape(rows, side, columns, side).mean(axis=(1, 3))
 
 
 def tile_dioptres(at, z, grid):

@@ -13,9 +13,10 @@ from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.board import CAMERAS, Pair, find_corners, gray
 from all_in_focus.calibration.rig_folder import refuse_read_only
 from all_in_focus.files.output_file import write_picture
+from all_in_focus.imaging import with_lines
 
-HEIGHT, LINE = 360, 26  # pixels: of both pictures, of a line of text
-TAKEN, SEEN, INK = (60, 200, 60), (60, 180, 255), (230, 230, 230)  # BGR
+HEIGHT = 360  # pixels, of both pictures
+TAKEN, SEEN = (60, 200, 60), (60, 180, 255)  # BGR
 NEW = 0.2  # a new view differs by so much, summed over what measure() returns
 RANGES = {"across": 0.7, "down": 0.7, "size": 0.4, "tilt": 0.5}  # that the views must span; size and tilt from 0 on
 STILL = 0.003  # of the picture's width: a board that is held still moves less from picture to picture
@@ -80,11 +81,7 @@ def draw(images, taken, seen, lines):
     images: as the cameras give them; taken: outlines (4 x 2 pixels) for each camera; seen: one each, or None.
     """
     panes = [_pane(*camera) for camera in zip(images, taken, seen)]
-    picture = np.hstack([panes[0], np.zeros((HEIGHT, 4, 3), np.uint8), panes[1]])
-    text = np.zeros((LINE * len(lines) + 8, picture.shape[1], 3), np.uint8)
-    for number, line in enumerate(lines):
-        cv2.putText(text, line, (8, LINE * (number + 1) - 6), cv2.FONT_HERSHEY_SIMPLEX, 0.55, INK, 1, cv2.LINE_AA)
-    return np.vstack([picture, text])
+    return with_lines(np.hstack([panes[0], np.zeros((HEIGHT, 4, 3), np.uint8), panes[1]]), lines)
 
 
 def _pane(image, taken, seen):

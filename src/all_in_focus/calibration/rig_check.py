@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from all_in_focus.imaging import fill_from_farther
+from all_in_focus.imaging import fill_from_farther, with_lines
 
 JUMP = 0.06  # least step in depth, of the nearer depth
 STEADY = 3  # a jump is so many times steeper than the surface on either side
@@ -18,7 +18,6 @@ HIDDEN = 0.96  # of a point's depth: anything nearer occludes the point
 CELL = 6  # pixels of the colour picture, for the test of occlusion
 NEAR_COLOR, FAR_COLOR = (0, 140, 255), (255, 120, 40)  # BGR: orange, blue
 DIM = 0.75  # brightness of the picture under the overlay
-LINE = 24  # pixels
 WIDTH = 1000  # pixels: wider pictures are compared at this width
 REACH = 12  # pixels at that width: shifts that are tried, in each direction
 SMOOTH = 1.2  # pixels: standard deviation, of the picture and of the scores
@@ -230,13 +229,4 @@ def overlay(image, contours, lines):
     for points, color in ((contours.far, FAR_COLOR), (contours.at, NEAR_COLOR)):
         for x, y in np.rint(points).astype(int):
             cv2.circle(shown, (int(x), int(y)), radius, color, -1)
-    size = max(1.0, image.shape[1] / 1000)
-    step = round(LINE * size)
-    legend = ["orange: border of what is near; blue: where the far side begins"] + lines
-    text = np.zeros((step * len(legend) + 8, image.shape[1], 3), np.uint8)
-    for number, line in enumerate(legend):
-        width = cv2.getTextSize(line, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * size, 1)[0][0]
-        fitted = 0.5 * size * min(1, (image.shape[1] - 12) / max(1, width))
-        cv2.putText(text, line, (6, step * (number + 1) - 6), cv2.FONT_HERSHEY_SIMPLEX, fitted, (230, 230, 230),
-                    max(1, round(size)), cv2.LINE_AA)
-    return np.vstack([shown, text])
+    return with_lines(shown, ["orange: border of what is near; blue: where the far side begins"] + lines)

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from all_in_focus.camera.focus_check import FocusCheck
 from all_in_focus.camera.focus_drive import FocusLimit
 from all_in_focus.camera.interface import CAMERA_ERROR, CORRUPTED, FILE_ADDED, CameraError
 from all_in_focus.files.stack import IMAGE_SUFFIXES, decode_image
+from all_in_focus.imaging import FocusCheck
 
 STILL, PREVIEW = "still", "preview"
 STALE_PREVIEWS = 1  # live view frames that may have been exposed before the lens came to rest

@@ -10,7 +10,7 @@ from all_in_focus.bag.check.findings import PerBracket, share_text
 from all_in_focus.bag.image_messages import METRES, ImageError, bgr, check_color, check_depth, depth_as_sent
 from all_in_focus.bag.scan import NS, fetch
 from all_in_focus.files.errors import counted
-from all_in_focus.imaging import shrunk, srgb_to_linear
+from all_in_focus.imaging import FocusCheck, shrunk, srgb_to_linear
 
 NEAR_MM, FAR_MM = 150, 20000  # medians beyond are mistakes
 MOSTLY_UNKNOWN = 0.7
@@ -20,7 +20,6 @@ BRACKETS, FRAMES = 3, 30      # at most so many brackets are sampled, so many fr
 BLOCKS = (8, 6)               # of a picture; blur preserves the mean light of a block
 DARK, BRIGHT = 0.005, 0.75    # linear light between which a block's mean counts
 EXPOSURE_STEP = 0.05          # relative change of light that gets a warning
-SAME_SHARPNESS = 0.05         # relative change of the sharpest blocks' sharpness that noise can cause
 WIDTH = 640                   # pixels to which larger pictures are reduced
 
 
@@ -139,12 +138,11 @@ def sample(items, most):
 class Sample:
     """Measurements of some frames of one bracket, read one at a time.
 
-    light: frames x blocks, mean linear light; sharpness: frames x blocks, mean of the squared Laplacian; problem: of
-    the first frame that cannot be read, or None.
+    light: frames x blocks, mean linear light; focus: FocusCheck; problem: of the first frame that cannot be read, or None.
     """
 
     def __init__(self, bag, number, bracket, most):
-        self.number, self.light, self.sharpness, self.frames, self.problem = number, [], [], [], None
+        self.number, self.light, self.focus, self.frames, self.problem = number, [], FocusCheck(), [], None
         size = None
         for frame in sample(bracket.frames, most):
             try:
@@ -156,10 +154,8 @@ class Sample:
             if picture.shape != size:
                 continue
             gray = cv2.cvtColor(shrunk(picture, WIDTH), cv2.COLOR_BGR2GRAY)
-            self.light.append(_blocks(srgb_to_linear(gray)))
-            # Smoothed against noise, whose sharpness does not depend on the focus.
-            edges = cv2.Laplacian(cv2.GaussianBlur(gray.astype(np.float32), (0, 0), 1), cv2.CV_32F)
-            self.sharpness.append(_blocks(edges * edges))
+            self.light.append(cv2.resize(srgb_to_linear(gray), BLOCKS, interpolation=cv2.INTER_AREA).ravel())
+            self.focus.add(picture)
             self.frames.append(frame)
 
 
@@ -206,24 +202,8 @@ def check_focus_change(check, brackets, samples):
             complaints.warning(number, f"{counted(same, 'frame')} with exactly the pixels of the frame before: did the camera "
                                        "take a new picture?")
     for one in samples:
-        if len(one.frames) < 2:
-            continue
-        change = focus_change(np.array(one.sharpness))
-        if change < SAME_SHARPNESS:
+        if one.focus.stood_still:
             complaints.warning(one.number, "all frames are equally sharp: does the focus move? (lens switched to "
                                "manual, step size, focus limit)")
     complaints.report()
     check.ok("sharpness changes from frame to frame")
-
-
-def focus_change(sharpness):
-    """Relative change of the sharpness of textured blocks, 0: none. sharpness: frames x blocks."""
-    best = sharpness.max(axis=0)
-    textured = best >= np.percentile(best, 75)  # the others are mostly noise
-    if not best[textured].any():
-        return 0.0
-    return float(np.median(1 - np.sqrt(sharpness[:, textured].min(axis=0) / best[textured])))
-
-
-def _blocks(image):
-    return cv2.resize(image, BLOCKS, interpolation=cv2.INTER_AREA).ravel()
