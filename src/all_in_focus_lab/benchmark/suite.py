@@ -9,13 +9,13 @@ from all_in_focus.files import yaml_file
 from all_in_focus.installed import find
 from all_in_focus.progress import Progress
 
-_WRITTEN = yaml_file.read(Path(__file__).with_name("suites.yaml"), ValueError)
+_READ = yaml_file.read(Path(__file__).with_name("suites.yaml"), ValueError)
 SUITES = {
-    **_WRITTEN,
+    **_READ,
     # Each small scene, five times as wide and high. A method that finds the right scale loses nothing by that.
-    "enlarged": {name + "_x5": options + " --enlarge 5" for name, options in _WRITTEN["small"].items() if "--size" not in options},
+    "enlarged": {name + "_x5": f"{options} --enlarge 5" for name, options in _READ["small"].items() if "--size" not in options},
     # A machine-vision camera without gamma: codes in proportion to light.
-    "linear": {name + "_linear": options + " --linear" for name, options in _WRITTEN["mild"].items()},
+    "linear": {name + "_linear": options + " --linear" for name, options in _READ["mild"].items()},
 }
 
 
