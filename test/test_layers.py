@@ -73,25 +73,26 @@ def python_imports(path, package):
                 yield parts[1] if parts[0] == package else parts[0]
 
 
-def documented_modules(heading):
-    """{module: modules that it uses} of the picture in docs/architecture.md below this heading, in its order."""
+def documented_boxes(heading):
+    """{its modules: boxes that it uses} of the picture in docs/architecture.md below this heading, in its order."""
     text = (ROOT / 'docs/architecture.md').read_text()
     picture = re.search(rf'^### {re.escape(heading)}.*?```mermaid\nflowchart LR\n(.*?)^```', text, re.M | re.S)[1]
     boxes = re.findall(r'^  (\w+)\["<b>([^<]+)</b><br>[^"]+"\]$', picture, re.M)
     arrows = {of: to.split(' & ') for of, to in re.findall(r'^  (\w+) --> (.*)$', picture, re.M)}
-    names = dict(boxes)
+    modules = {box: tuple(names.split(', ')) for box, names in boxes}
     assert len(boxes) <= 12 and len(boxes) + len(arrows) == len(picture.splitlines()), f'{heading}: one sentence a box'
-    return {name: [names[used] for used in arrows.get(box, [])] for box, name in boxes}
+    return {modules[box]: [modules[used] for used in arrows.get(box, [])] for box, _ in boxes}
 
 
 def compare_modules(heading, found):
     """found: {module: {module that it uses: a file that does}}"""
-    above, documented = set(), documented_modules(heading)
-    assert set(documented) == set(found)
-    for module, uses in documented.items():
-        assert set(uses) <= above, f'{module} uses what does not stand above it'
-        assert set(uses) == set(found[module]), f'{module} uses {found[module]}'
-        above.add(module)
+    above, documented = set(), documented_boxes(heading)
+    box_of = {module: box for box in documented for module in box}
+    assert set(box_of) == set(found)
+    for box, uses in documented.items():
+        assert set(uses) <= above, f'{box} uses what does not stand above it'
+        assert set(uses) == {box_of[used] for module in box for used in found[module]}, f'{box}: {[found[m] for m in box]}'
+        above.add(box)
 
 
 def python_modules(package):
@@ -104,9 +105,7 @@ def python_modules(package):
     return found
 
 
-def test_the_pictures_of_the_python_modules_are_true():
-    """That of the runtime has no box for the laboratory: nothing in it uses the laboratory."""
-    compare_modules('Runtime: Python', python_modules('all_in_focus'))
+def test_the_picture_of_the_laboratory_is_true():
     compare_modules('Laboratory', {'all_in_focus': {}, **python_modules('all_in_focus_lab')})
 
 
@@ -133,8 +132,8 @@ def included(path, modules):
         yield found[0]
 
 
-def test_the_pictures_of_the_cpp_modules_are_true():
-    """Seen from outside, `core` is the public headers."""
+def test_the_pictures_of_the_runtime_are_true():
+    """Seen from outside, `core` is the public headers. There is no box for the laboratory: nothing here uses it."""
     modules = cpp_modules()
     core, around = ({module: {} for module in modules.values() if module.startswith('core') == inside}
                     for inside in (True, False))
@@ -145,8 +144,8 @@ def test_the_pictures_of_the_cpp_modules_are_true():
                 used = 'core' if (ROOT / 'include') in header.parents else f'private header {header.name} of {used}'
             if used != module:
                 (core if module in core else around)[module][used] = path
-    compare_modules('Runtime: the core', core)
-    compare_modules('Runtime: nodes and tools', {'core': {}, **around})
+    compare_modules('Inside the core', core)
+    compare_modules('Runtime', {'core': {}, **around, **python_modules('all_in_focus')})
 
 
 def test_tools_know_no_ros_and_only_kinect_knows_openni():
