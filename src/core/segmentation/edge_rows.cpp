@@ -27,7 +27,7 @@ struct BlockEdge {
 inline void dropLater(Mask same_labels, BlockEdge& first, BlockEdge& second) {
   const Mask in_order = mask(first.weight <= second.weight);
   second.drop |= same_labels & in_order;
-  first.drop |= same_labels & ~in_order;
+  first.drop |= static_cast<Mask>(same_labels & ~in_order);
 }
 
 // The edges of a triangle in raster order. If one joins equal labels, the other two join the same two labels.
@@ -57,8 +57,9 @@ void findLinks(const WeightRow& row, const std::uint8_t* ab_below, const std::ui
     const Mask ab = mask(ab_row[x] <= limit[x]), ac = mask(ac_row[x] <= limit[x]),
                ad = mask(ad_row[x] <= limit[x]), bc = mask(bc_row[x] <= limit[x + 1]),
                bd = mask(ac_row[x + 1] <= limit[x + 1]), cd = mask(ab_below[x] <= limit_below[x]);
-    blocks[x] = (ab & kEast) | (ac & kSouth) | (ad & ~(ab & bd) & ~(ac & cd) & kSouthEast) |
-                (bc & ~(ab & ac) & ~(bd & cd) & kSouthWest) | (~(ab & ac & cd) & kKeepsBd);
+    blocks[x] =
+        static_cast<BlockRow>((ab & kEast) | (ac & kSouth) | (ad & ~(ab & bd) & ~(ac & cd) & kSouthEast) |
+                              (bc & ~(ab & ac) & ~(bd & cd) & kSouthWest) | (~(ab & ac & cd) & kKeepsBd));
   }
 }
 
@@ -89,8 +90,9 @@ void findAdjacencies(const WeightRow& row, const std::uint8_t* ab_below, const s
       return edge.drop & mask(edge.weight != kHeavy);
     };
     const auto kept = [&](const BlockEdge& edge) -> Mask { return ~edge.same & ~dropped(edge); };
-    blocks[x] = (kept(ab) & kEast) | (kept(ac) & kSouth) | (kept(ad) & kSouthEast) | (kept(bc) & kSouthWest) |
-                (~dropped(bd) & kKeepsBd) | (~dropped(cd) & kKeepsCd);
+    blocks[x] = static_cast<BlockRow>((kept(ab) & kEast) | (kept(ac) & kSouth) | (kept(ad) & kSouthEast) |
+                                      (kept(bc) & kSouthWest) | (~dropped(bd) & kKeepsBd) |
+                                      (~dropped(cd) & kKeepsCd));
   }
 }
 
@@ -114,7 +116,7 @@ void takeFirstLinks(std::uint8_t* links, int first, int stride, int n, std::int3
     back = (link & kWest) != 0 ? 1 : back;
     linked_to[x] = first + x - back;
   }
-  for (int x = 0; x < n; ++x) links[x] &= links[x] - 1;
+  for (int x = 0; x < n; ++x) links[x] &= static_cast<std::uint8_t>(links[x] - 1);
 }
 
 ALL_IN_FOCUS_SIMD
