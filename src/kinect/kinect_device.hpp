@@ -42,7 +42,6 @@ class OpenNiUse {
 struct KinectPlayback {
   double rate = 1.0;  ///< factor on the recorded pace; 0: as fast as next() is called; no image is lost
   bool repeat = true;
-  bool single_step = false;  ///< ignore the rate: there is no pace
 };
 
 /// A depth camera or a recording through OpenNI2. Call all methods of one object from one thread. They throw
@@ -59,7 +58,7 @@ class KinectDevice {
   const std::string& description() const { return description_; }
   bool isFile() const { return device_.isFile(); }
   /// Device seconds per host second; 0: images have no pace.
-  double rate() const { return !isFile() ? 1.0 : playback_.single_step ? 0.0 : playback_.rate; }
+  double rate() const { return isFile() ? playback_.rate : 1.0; }
 
   /// Starts a stream with 640x480 pixels at 30 Hz if the camera offers it, without mirroring, hardware
   /// registration or cropping.

@@ -1,8 +1,6 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include <std_srvs/Trigger.h>
-
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -27,7 +25,6 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int kPollMs = 50;  // longest wait for an image; new subscribers are noticed within this time
 constexpr std::chrono::seconds kRepeatError{30};
-constexpr std::chrono::seconds kStepPatience{5};
 
 Clock::duration seconds(double s) {
   return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(s));
@@ -49,22 +46,16 @@ class KinectOpenni2 {
   KinectOpenni2& operator=(const KinectOpenni2&) = delete;
 
  private:
-  enum class Step { kNone, kWanted, kDone };
-
-  void onStep(std_srvs::Trigger::Response& response);
-
   void run();
   void open();
   void serve();
   bool chooseStreams();
   bool mayStart(const KinectOutput& output);
   void readOne();
-  void finishStep(bool success, const std::string& message);
   void finishRecording();
   void checkSilence();
   void reportError(const std::string& text);
   bool isClosing();
-  bool isStepWanted();
   void pause(Clock::duration duration);
 
   NodeStatus& status_;
@@ -74,21 +65,17 @@ class KinectOpenni2 {
   OpenNiKeeper openni_;
   std::unique_ptr<KinectDevice> device_;
   std::array<Clock::time_point, 3> start_again_{};  // next attempt after a failed start
-  std::array<bool, 3> stepped_{};                   // the stream has published its image in this step
   bool ended_ = false;
   int silences_ = 0;  // reopenings since the last image
   std::string last_error_;
   Clock::time_point last_error_at_;
 
   std::condition_variable changed_;
-  std::mutex mutex_;  // guards the next four
+  std::mutex mutex_;  // guards the next two
   bool closing_ = false, connections_changed_ = false;
-  Step step_ = Step::kNone;
-  std_srvs::Trigger::Response step_response_;
 
   // Declared last, so that they are destroyed first: they call the members above.
   std::array<std::unique_ptr<KinectOutput>, 3> outputs_;
-  ros::ServiceServer step_server_;
   std::future<void> thread_;
 };
 
@@ -103,13 +90,6 @@ KinectOpenni2::KinectOpenni2(CallbackGuard& guard, NodeStatus& status)
     outputs_[indexOf(stream)] =
         std::make_unique<KinectOutput>(stream, guard.quick_nh, parameters_, status, on_connect);
   }
-  using Service = std_srvs::Trigger;
-  auto on_step = guard.wrap(status.name(), [this](auto& response) { onStep(response); });
-  step_server_ = guard.private_nh.advertiseService<Service::Request, Service::Response>(
-      "step", [on_step](auto& /*request*/, auto& response) mutable {
-        on_step(response);
-        return true;
-      });
   thread_ = runInLastingThread([this] { run(); });
 }
 
@@ -122,24 +102,6 @@ KinectOpenni2::~KinectOpenni2() {
   thread_.wait();
 }
 
-void KinectOpenni2::onStep(std_srvs::Trigger::Response& response) {
-  std::unique_lock<std::mutex> lock(mutex_);
-  response.success = false;
-  if (!parameters_.playback.single_step) {
-    response.message = "start the node with _single_step:=true and an .oni file as _device";
-  } else if (step_ != Step::kNone) {
-    response.message = "the last step has not finished yet";
-  } else {
-    step_ = Step::kWanted;
-    changed_.notify_all();
-    changed_.wait_for(lock, kStepPatience, [this] { return step_ == Step::kDone || closing_; });
-    response = step_response_;
-    if (step_ != Step::kDone) response.message = "no answer from the recording";
-    response.success = step_ == Step::kDone && response.success;
-    step_ = Step::kNone;
-  }
-}
-
 void KinectOpenni2::run() {
   while (!isClosing()) {
     try {
@@ -147,7 +109,6 @@ void KinectOpenni2::run() {
       serve();
     } catch (const std::exception& e) {
       reportError(e.what());
-      finishStep(false, e.what());
       device_.reset();
       status_.setValue("device", "none");
       pause(seconds(parameters_.reconnect_period));
@@ -159,9 +120,6 @@ void KinectOpenni2::run() {
 void KinectOpenni2::open() {
   device_ = std::make_unique<KinectDevice>(parameters_.device, parameters_.playback);
   status_.recovered();
-  if (parameters_.playback.single_step && !device_->isFile()) {
-    status_.warn("single_step has no effect on a camera");
-  }
   ended_ = false;
   last_error_.clear();
   start_again_ = {};
@@ -171,21 +129,16 @@ void KinectOpenni2::open() {
 
 // Returns when the device shall be opened again without a pause.
 void KinectOpenni2::serve() {
-  const bool stepping = device_->isFile() && parameters_.playback.single_step;
   while (!isClosing()) {
     if (device_->isUnplugged())
       throw std::runtime_error(device_->description() + " was unplugged: waiting for it");
     const bool running = chooseStreams();
-    if (ended_ && !running) {
-      finishStep(false, "the recording is at its end; it starts again when all subscribers have left");
-      if (std::none_of(outputs_.begin(), outputs_.end(), [](auto& output) { return output->isWanted(); })) {
-        device_.reset();
-        return;
-      }
-    } else if (!running) {
-      finishStep(false, "nobody subscribes to a stream that the recording has");
+    if (ended_ && !running &&
+        std::none_of(outputs_.begin(), outputs_.end(), [](auto& output) { return output->isWanted(); })) {
+      device_.reset();
+      return;
     }
-    if (!running || (stepping && !isStepWanted())) {
+    if (!running) {
       pause(std::chrono::milliseconds(kPollMs));
     } else {
       readOne();
@@ -236,21 +189,6 @@ void KinectOpenni2::readOne() {
   }
   silences_ = 0;
   outputs_[indexOf(frame.stream)]->publish(frame);
-  stepped_[indexOf(frame.stream)] = true;
-  for (const auto& output : outputs_) {
-    if (device_->isRunning(output->stream()) && !stepped_[indexOf(output->stream())]) return;
-  }
-  stepped_ = {};
-  finishStep(true, std::string(toString(frame.stream)) + " image " + std::to_string(frame.index));
-}
-
-void KinectOpenni2::finishStep(bool success, const std::string& message) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  if (step_ != Step::kWanted) return;
-  step_response_.success = success;
-  step_response_.message = message;
-  step_ = Step::kDone;
-  changed_.notify_all();
 }
 
 void KinectOpenni2::finishRecording() {
@@ -288,15 +226,9 @@ bool KinectOpenni2::isClosing() {
   return closing_;
 }
 
-bool KinectOpenni2::isStepWanted() {
-  std::lock_guard<std::mutex> lock(mutex_);
-  return step_ == Step::kWanted;
-}
-
 void KinectOpenni2::pause(Clock::duration duration) {
   std::unique_lock<std::mutex> lock(mutex_);
-  changed_.wait_for(lock, duration,
-                    [this] { return closing_ || connections_changed_ || step_ == Step::kWanted; });
+  changed_.wait_for(lock, duration, [this] { return closing_ || connections_changed_; });
   connections_changed_ = false;
 }
 

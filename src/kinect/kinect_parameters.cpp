@@ -28,7 +28,6 @@ KinectParameters readKinectParameters(const ros::NodeHandle& nh, NodeStatus& sta
     p.playback.rate = 1;
   }
   readParameter(nh, "repeat", p.playback.repeat, status);
-  readParameter(nh, "single_step", p.playback.single_step, status);
   readParameter(nh, "invalid_values", p.invalid_values, status);
   readNumber(nh, "time_offset", -kMostSeconds, kMostSeconds, p.time_offset, status);
   readNumber(nh, "reconnect_period", 0.1, kMostSeconds, p.reconnect_period, status);

@@ -8,11 +8,9 @@ import time
 import unittest
 
 import numpy as np
-import rospy
 from rosgraph_msgs.msg import Log
-from std_srvs.srv import Trigger
 
-from depth_testing import TIMEOUT, pixels_of, run_tests, values_of, wait_until
+from depth_testing import pixels_of, run_tests, values_of, wait_until
 from kinect_testing import (HEIGHT, SAMPLE, WIDTH, X, Y, KinectTest, depth_pattern, index_of,
                             is_running, plug, recorded_depth, unplug)
 
@@ -217,11 +215,6 @@ class FailuresTest(KinectTest):
             self.assertFalse(depth.messages)
         plug('one')
         depth.wait(2)
-
-    def test_step_of_a_camera(self):
-        rospy.wait_for_service('/first/kinect_openni2/step', TIMEOUT)
-        answer = rospy.ServiceProxy('/first/kinect_openni2/step', Trigger)()
-        self.assertEqual((answer.success, 'single_step' in answer.message), (False, True))
 
 
 if __name__ == '__main__':

@@ -1,17 +1,15 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Recordings that OpenNI2's own recorder makes and its file driver plays: pixel for pixel, at any pace, in steps."""
+"""Recordings that OpenNI2's own recorder makes and its file driver plays: pixel for pixel, at any pace."""
 import os
 import subprocess
 import time
 from pathlib import Path
 
 import numpy as np
-import rospy
-from std_srvs.srv import Trigger
 
-from depth_testing import TIMEOUT, pixels_of, run_tests, values_of, wait_until
+from depth_testing import TIMEOUT, pixels_of, run_tests, values_of
 from kinect_testing import (HEIGHT, WIDTH, KinectTest, depth_pattern, index_of, plug,
                             recorded_depth)
 
@@ -52,14 +50,12 @@ class RecordingTest(KinectTest):
             self.addCleanup(pixels.unlink)
             DEPTH.tofile(pixels)
             # Whoever comes first also sees that a file which is not there yet is waited for.
-            self.status('steps/kinect_openni2', f'cannot open "{NOISE}" (parameter device): there is no such file')
-            answer = rospy.ServiceProxy('/steps/kinect_openni2/step', Trigger)()
-            self.assertEqual((answer.success, 'there is no such file' in answer.message), (False, True))
+            self.status('slow/kinect_openni2', f'cannot open "{NOISE}" (parameter device): there is no such file')
             plug('noise', f'recorded={pixels}')
             plug('pattern')
             record('noise', NOISE, False)
             record('pattern', MIRRORED, True, 4 * FRAMES)  # played as fast as possible while listeners connect
-            for node in ('steps', 'fast', 'slow', 'repeated'):
+            for node in ('fast', 'slow', 'repeated'):
                 self.diagnostics.wait(node + '/kinect_openni2', lambda s: '.oni' in values_of(s)['device'])
 
     def check_noise(self, messages, cyclic):
@@ -124,30 +120,6 @@ class RecordingTest(KinectTest):
         self.status('damaged/kinect_openni2', 'lacks its end: playing it again')
         self.check_noise(depth.wait(FRAMES)[-2:], cyclic=True)
         self.assertIn('lacks its end', values_of(self.status('damaged/kinect_openni2', 'processing'))['last error'])
-
-    def test_step_by_step(self):
-        step = rospy.ServiceProxy('/steps/kinect_openni2/step', Trigger, persistent=True)
-        self.addCleanup(step.close)
-        answer = step()
-        self.assertEqual((answer.success, answer.message[:18]), (False, 'nobody subscribes '))
-        depth = self.images('/steps/depth/image_raw')
-        self.assertTrue(wait_until(lambda: 'idle' not in self.status('steps/kinect_openni2', '').message))
-        time.sleep(0.3)
-        self.assertFalse(depth.messages)
-        for count in range(1, 6):
-            answer = step()
-            self.assertTrue(answer.success, answer.message)
-            self.assertIn('depth image', answer.message)
-            self.assertTrue(wait_until(lambda: len(depth.messages) >= count))
-        time.sleep(0.3)
-        self.assertEqual(len(depth.messages), 5)
-        answers = [step() for _ in range(len(DEPTH))]
-        self.assertFalse(answers[-1].success)
-        self.assertIn('at its end', answers[-1].message)
-        taken = 5 + sum(answer.success for answer in answers)
-        self.assertGreaterEqual(taken, FRAMES - 2)
-        self.assertTrue(wait_until(lambda: len(depth.messages) == taken))
-        self.check_noise(depth.messages, cyclic=False)
 
 
 if __name__ == '__main__':
