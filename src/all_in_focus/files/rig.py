@@ -265,28 +265,28 @@ def load_rig(folder):
                load_optics(optics) if optics.exists() else None, file.text("parent_frame"), file.text("child_frame"))
 
 
-def _flow(values):
-    """Numbers as one line of YAML, exact to the last bit."""
-    return yaml.safe_dump([float(v) for v in np.ravel(values)], default_flow_style=True, width=10 ** 6).strip()
+def _write(path, comment, data):
+    """YAML with every number exact to the last bit; lists are one line each."""
+    flow = None if any(isinstance(value, (dict, list)) for value in data.values()) else False  # None: of what holds no other
+    text = yaml.safe_dump(data, sort_keys=False, default_flow_style=flow, width=10 ** 6, allow_unicode=True)
+    with whole_file(path) as working:
+        working.write_text(comment + text, encoding="utf-8")
 
 
-def _entry(key, value):
-    """One line of YAML; a name that looks like a number is quoted."""
-    return yaml.safe_dump({key: value}, width=10 ** 6, allow_unicode=True)
+def _matrix(values, rows):
+    return {"rows": rows, "cols": np.size(values) // rows, "data": _plain(values)}
 
 
-def _matrix(key, values, rows):
-    return f"{key}:\n  rows: {rows}\n  cols: {np.size(values) // rows}\n  data: {_flow(values)}\n"
+def _plain(values):
+    return np.ravel(values).astype(float).tolist()
 
 
 def save_camera(path, camera):
     """Writes a camera_info YAML file."""
-    with whole_file(path) as working:
-        working.write_text(
-            f"image_width: {camera.width}\nimage_height: {camera.height}\n{_entry('camera_name', camera.name)}"
-            f"{_matrix('camera_matrix', camera.K, 3)}{_entry('distortion_model', camera.distortion_model)}"
-            f"{_matrix('distortion_coefficients', camera.D, 1)}{_matrix('rectification_matrix', camera.R, 3)}"
-            f"{_matrix('projection_matrix', camera.P, 3)}", encoding="utf-8")
+    _write(path, "", {"image_width": camera.width, "image_height": camera.height, "camera_name": camera.name,
+                      "camera_matrix": _matrix(camera.K, 3), "distortion_model": camera.distortion_model,
+                      "distortion_coefficients": _matrix(camera.D, 1), "rectification_matrix": _matrix(camera.R, 3),
+                      "projection_matrix": _matrix(camera.P, 3)})
 
 
 def save_rig(folder, rig, quaternion=None):
@@ -298,15 +298,11 @@ def save_rig(folder, rig, quaternion=None):
     folder.mkdir(parents=True, exist_ok=True)
     save_camera(folder / "depth.yaml", rig.depth)
     save_camera(folder / "color.yaml", rig.color)
-    with whole_file(folder / "extrinsics.yaml") as working:
-        working.write_text(
-            "# Pose of the depth camera in the colour camera's optical frame: X_color = R * X_depth + t (metres).\n"
-            f"{_entry('parent_frame', rig.parent_frame)}{_entry('child_frame', rig.child_frame)}"
-            f"translation: {_flow(rig.t)}\n"
-            f"rotation: {_flow(rig.quaternion if quaternion is None else quaternion)}  # quaternion x, y, z, w\n",
-            encoding="utf-8")
+    _write(folder / "extrinsics.yaml",
+           "# Pose of the depth camera in the colour camera's optical frame: X_color = R * X_depth + t (metres).\n"
+           "# rotation: quaternion x, y, z, w\n",
+           {"parent_frame": rig.parent_frame, "child_frame": rig.child_frame, "translation": _plain(rig.t),
+            "rotation": _plain(rig.quaternion if quaternion is None else quaternion)})
     if rig.optics is not None:
-        with whole_file(folder / "optics.yaml") as working:
-            working.write_text("# Lens of the colour camera\n"
-                               + "".join(f"{key}: {float(value)!r}\n" for key, value in vars(rig.optics).items()),
-                               encoding="utf-8")
+        _write(folder / "optics.yaml", "# Lens of the colour camera\n",
+               {name: float(value) for name, value in vars(rig.optics).items()})
