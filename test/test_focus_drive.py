@@ -12,7 +12,7 @@ from all_in_focus.camera import bracket, focus_drive, interface
 from all_in_focus.camera.focus_drive import FocusDrive, FocusLimit
 from all_in_focus.camera.interface import BUSY, CAMERA_ERROR, CameraError, RetryingCamera
 from all_in_focus.camera.makers import MAKERS, maker_of
-from all_in_focus.files.focus_table import FocusScale, ScaleError
+from all_in_focus.files.focus_table import FocusTable, ScaleError
 from fake_camera import LENS, MODELS, FakeCamera
 from file_helpers import VirtualTime
 
@@ -154,20 +154,20 @@ TABLE = [{"step": 0, "mm": 500}, {"step": 10, "mm": 1000}, {"step": 20, "mm": ma
 
 
 def test_scale_interpolates_dioptres():
-    scale = FocusScale(TABLE)
+    scale = FocusTable(TABLE)
     assert [scale.distance(step) for step in (0, 10, 20)] == [0.5, 1.0, math.inf]
     assert scale.distance(5) == pytest.approx(1 / 1.5) and scale.distance(15) == pytest.approx(2.0)
     assert math.isnan(scale.distance(-1)) and math.isnan(scale.distance(21))
     for step in range(21):
-        assert scale.step(scale.distance(step)) == step
-    assert [scale.step(0.1), scale.step(math.inf)] == [0, 20]
+        assert scale.nearest_step(scale.distance(step)) == step
+    assert [scale.nearest_step(0.1), scale.nearest_step(math.inf)] == [0, 20]
     assert scale.reaches(0.5) and scale.reaches(math.inf) and not scale.reaches(0.49)
-    falling = FocusScale([{"step": -row["step"], "mm": row["mm"]} for row in TABLE])
-    assert falling.distance(-5) == pytest.approx(1 / 1.5) and falling.step(2.0) == -15
+    falling = FocusTable([{"step": -row["step"], "mm": row["mm"]} for row in TABLE])
+    assert falling.distance(-5) == pytest.approx(1 / 1.5) and falling.nearest_step(2.0) == -15
 
 
 @pytest.mark.parametrize("table", [[], TABLE[:1], [{"step": 0}], 5, [{"step": 0, "mm": 1}, {"step": 0, "mm": 2}],
                                    [{"step": 0, "mm": 1}, {"step": 1, "mm": -2}], TABLE + [{"step": 30, "mm": 600}]])
 def test_impossible_scales_are_refused(table):
     with pytest.raises(ScaleError, match="^focus_table: "):
-        FocusScale(table)
+        FocusTable(table)

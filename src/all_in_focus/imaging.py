@@ -234,18 +234,16 @@ def _tile(image, title, width):
 def contact_sheet(images, titles, columns, width):
     """BGR sheet. images: BGR, 8 bit; columns: pictures in a row; width: of one picture, pixels."""
     tiles = [_tile(image, title, width) for image, title in zip(images, titles)]
-    rows = [tiles[i:i + columns] for i in range(0, len(tiles), columns)]
     columns = min(columns, len(tiles))
-    heights = [max(tile.shape[0] for tile in row) for row in rows]
-    size = (sum(heights) + MARGIN * (len(rows) + 1), columns * (width + MARGIN) + MARGIN, 3)
-    sheet = np.full(size, BACKGROUND, np.uint8)
-    top = MARGIN
-    for row, height in zip(rows, heights):
+    rows = []
+    for begin in range(0, len(tiles), columns):
+        row = tiles[begin:begin + columns]
+        size = (max(tile.shape[0] for tile in row) + MARGIN, columns * (width + MARGIN), 3)
+        rows.append(np.full(size, BACKGROUND, np.uint8))
         for column, tile in enumerate(row):
-            left = MARGIN + column * (width + MARGIN)
-            sheet[top:top + tile.shape[0], left:left + width] = tile
-        top += height + MARGIN
-    return sheet
+            left = column * (width + MARGIN)
+            rows[-1][:tile.shape[0], left:left + width] = tile
+    return cv2.copyMakeBorder(np.vstack(rows), MARGIN, 0, MARGIN, 0, cv2.BORDER_CONSTANT, value=(BACKGROUND,) * 3)
 
 
 def read_picture(path):

@@ -146,7 +146,7 @@ def _decoded(data, name):
 
 
 class Bracketer:
-    """drive: FocusDrive or RingDrive; hold: SettingsHold; photographer: Photographer; scale: FocusScale, or None if the
+    """drive: FocusDrive or RingDrive; hold: SettingsHold; photographer: Photographer; scale: FocusTable, or None if the
     focus distances are unknown. All methods append their warnings, one line each, to the list `warnings`."""
 
     def __init__(self, drive, hold, photographer, scale=None):
@@ -236,7 +236,7 @@ def planned_positions(distances, scale):
     for distance in distances:
         if not scale.reaches(distance):
             warnings.append(f"{distance:.2f} m lies beyond the focus table: focused at its end")
-        step = scale.step(distance)
+        step = scale.nearest_step(distance)
         if step not in positions:
             positions.append(step)
     return positions, warnings

@@ -9,7 +9,7 @@ from all_in_focus.camera.focus_drive import FocusDrive, RingDrive
 from all_in_focus.camera.interface import NOT_SUPPORTED, CameraError, RetryingCamera
 from all_in_focus.camera.makers import ALL_HOLDS, MAKERS, maker_of
 from all_in_focus.camera.settings_hold import SettingsHold
-from all_in_focus.files.focus_table import FocusScale
+from all_in_focus.files.focus_table import FocusTable
 
 CURRENT, NEAR, FAR = "current", "near", "far"
 MOTOR, NONE = "motor", "none"
@@ -20,7 +20,7 @@ RING_PAUSE = 1.0  # s, default time to turn the focus ring between two frames
 class Config:
     """maker: name of a row of the table, "" = by the camera's own name; count, step, first: frames of a bracket, steps
     between them (+ is far), steps from the start position to the first; step_size: 0 = typical of the maker; settle_s:
-    None = typical of the maker; home: where position 0 is, the focus at the start or a stop; table: of FocusScale,
+    None = typical of the maker; home: where position 0 is, the focus at the start or a stop; table: of FocusTable,
     empty = not calibrated; drive: MOTOR, or NONE where a person turns the focus ring for settle_s between the frames."""
     drive: str = MOTOR
     maker: str = ""
@@ -45,7 +45,7 @@ class Session:
 
     def __init__(self, camera, config, clock):
         self.config = config
-        self.scale = FocusScale(config.table) if config.table else None
+        self.scale = FocusTable(config.table) if config.table else None
         self.connected = False
         self.model = self.description = ""  # of the camera, for people
         self._camera = RetryingCamera(camera, config.patience_s)

@@ -15,16 +15,18 @@ class ScaleError(ValueError):
     """A focus table that cannot be right; the message is one line."""
 
 
-class FocusScale:
-    """Focus distance at each step, from a table of steps and distances (mm, .inf allowed) measured at a few steps.
+class FocusTable:
+    """Focus distance at each step, from a table of steps and distances (mm, .inf allowed) measured at a few steps, and how a
+    bracket was shot: frame i is at step `first` + i * `step`; by default i is the step itself.
 
     Between the entries the inverse distance (dioptres) is interpolated: equal steps of a lens change it by nearly equal
     amounts. Beyond the table the distance is unknown, NaN.
     """
 
-    def __init__(self, table):
+    def __init__(self, table, first=0, step=1):
         """table: [{step: 0, mm: 500}, {step: 12, mm: .inf}, ...], two entries or more; the distances must grow with the
         steps throughout, or fall throughout. Raises ScaleError."""
+        self.table, self.first, self.step = table, first, step
         try:
             rows = sorted((int(row["step"]), float(row["mm"])) for row in table)
         except (KeyError, TypeError, ValueError):
@@ -36,30 +38,6 @@ class FocusScale:
         rises = np.diff(self._dioptres)
         if not ((rises > 0).all() or (rises < 0).all()) or not (np.diff(self._steps) > 0).all():
             raise ScaleError("focus_table: steps must differ, and the distances must grow or fall throughout")
-
-    def distance(self, step):
-        """Focus distance in m at a step."""
-        if not self._steps[0] <= step <= self._steps[-1]:
-            return math.nan
-        dioptre = float(np.interp(step, self._steps, self._dioptres))
-        return 1 / dioptre if dioptre > SMALL else math.inf
-
-    def step(self, distance):
-        """The whole step whose dioptres are nearest to those of a distance in m; beyond the table, its last entry."""
-        order = np.argsort(self._dioptres)
-        return int(round(float(np.interp(1 / distance, self._dioptres[order], self._steps[order]))))
-
-    def reaches(self, distance):
-        """Whether a distance in m lies within the table."""
-        return self._dioptres.min() - SMALL <= 1 / distance <= self._dioptres.max() + SMALL
-
-
-class FocusTable:
-    """A table, and how a bracket was shot: frame i of a bracket is at step `first` + i * `step`."""
-
-    def __init__(self, table, first=0, step=1):
-        self.table, self.first, self.step = table, first, step
-        self._scale = FocusScale(table)
 
     @classmethod
     def of(cls, data, path):
@@ -76,8 +54,21 @@ class FocusTable:
             raise ScaleError(f"{path}: {error}")
 
     def distance(self, index):
-        """Focus distance in m of a frame by its index in the bracket; NaN beyond the table."""
-        return self._scale.distance(self.first + index * self.step)
+        """Focus distance in m of a frame by its index in the bracket."""
+        step = self.first + index * self.step
+        if not self._steps[0] <= step <= self._steps[-1]:
+            return math.nan
+        dioptre = float(np.interp(step, self._steps, self._dioptres))
+        return 1 / dioptre if dioptre > SMALL else math.inf
+
+    def nearest_step(self, distance):
+        """The whole step whose dioptres are nearest to those of a distance in m; beyond the table, its last entry."""
+        order = np.argsort(self._dioptres)
+        return int(round(float(np.interp(1 / distance, self._dioptres[order], self._steps[order]))))
+
+    def reaches(self, distance):
+        """Whether a distance in m lies within the table."""
+        return self._dioptres.min() - SMALL <= 1 / distance <= self._dioptres.max() + SMALL
 
     def save(self, path, comments=(), home=""):
         """home: where step 0 is, for focus_bracket_camera; empty: not told."""
