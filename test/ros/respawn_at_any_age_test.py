@@ -20,6 +20,14 @@ class AnyAgeTest(RespawnTest):
             self.assertTrue(wait_until(lambda: pid_of('/rig/all_in_focus_manager')))
         self.assert_works_after_kill('all_in_focus_manager')
 
+    def test_manager_is_killed_while_it_loads(self):
+        """A bond never notices the death of a manager between its first and its second sign of life."""
+        for age in (0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2):
+            before = kill('/rig/all_in_focus_manager')
+            self.assertTrue(wait_until(lambda: pid_of('/rig/all_in_focus_manager') not in (None, before)))
+            time.sleep(age)
+            self.assert_works_after_kill('all_in_focus_manager')
+
     def test_loader_is_killed(self):
         for process in ('depth_preprocess', 'segmenter', 'fusion'):
             self.assert_works_after_kill(process)
