@@ -7,6 +7,7 @@
 #include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -32,12 +33,16 @@ struct BracketSettings {
   /// A scene or a frame that cannot be used throws std::invalid_argument. Otherwise a warning tells of it and
   /// the bracket goes on without it.
   bool strict = false;
+  /// What messages call a frame; none: "frame 7".
+  std::function<std::string(int index)> frame_name;
 
   /// Receives each frame when it is fused, in the geometry of the reference, which comes first. A bracket
   /// that starts over gives frames again. Mode paper aligns none.
   std::function<void(const AlignedFrame&)> on_aligned;
 
-  static constexpr int kAutoReference = -1;  ///< the middle one of `length`, else the first
+  /// The middle one of `length`, else the first; but one of the largest group of frames that were taken
+  /// alike.
+  static constexpr int kAutoReference = -1;
 };
 
 /// What has become of a frame.
@@ -77,8 +82,10 @@ struct BracketResult : FusionResult {
 /// before it, then those behind it, because the result has its geometry and exposure. Frames that come before
 /// the reference are held back: their pixels are not kept, but asked for again.
 ///
-/// All frames of a bracket must have one size. Frames of another size are held back, too: if most frames turn
-/// out to have that size, the bracket starts over with it.
+/// All frames of a bracket must have one size, show the same and have a similar exposure. Frames that do not
+/// fit are held back, too: if most turn out to be like them, the bracket starts over; and at its end what
+/// they show is compared with that of later frames. An automatic reference that was taken unlike most frames
+/// gives its place to another one.
 ///
 /// Memory does not grow with the number of frames. Not thread-safe; buffers are reused from bracket to
 /// bracket.
@@ -122,11 +129,14 @@ class Bracket {
   struct Held {
     cv::Size size;
     double focus_mm;
+    std::string misfit;  ///< why it was left out for now
   };
 
   void planReference(int first_index);
+  void chooseReference(bool may_wait);
   void take(const cv::Mat& frame, int index, double focus_mm);
   void start(const cv::Size& size);
+  void drop(const std::function<std::string(int index)>& why);
   bool passes(const std::function<void()>& check, const std::string& effect);
   cv::Mat usableLabels(const cv::Size& size);
   BracketScene usableScene(const cv::Size& size);
@@ -136,11 +146,15 @@ class Bracket {
   void observe(int index);
   void fuseReady();
   void fuse(int index);
+  void setAside(int index, const std::string& misfit);
+  bool startsOver();
   void markUsed(int index);
   void markRejected(int index, const std::string& reason);
   FrameStatus& statusOf(int index);
   void limitOthers();
+  std::string name(int index) const;
   std::string anotherSize(const cv::Size& size) const;
+  std::string whyUnused(const Held& held) const;
   void restore(const Progress& progress, BracketResult& result) const;
   bool restores() const { return settings_.mode == Mode::kRestored && !settings_.sliding; }
 
@@ -155,6 +169,10 @@ class Bracket {
   int reference_ = 0;                           // wanted
   int nearest_ = 0;                             // the used frame that stands for it
   bool holding_ = false;                        // frames wait for the reference
+  std::optional<int> newest_misfit_;            // among the frames held
+  bool chooses_ = false;                        // the reference, among frames that were taken alike
+  std::set<int> unlike_;                        // frames that are not the reference, and wait for the end
+  bool ends_ = false;                           // no frame follows
   std::map<int, Held> held_;                    // by index
   std::vector<FrameStatus> frames_;             // by index
   std::pair<int, cv::Mat> current_;             // the frame that is being added

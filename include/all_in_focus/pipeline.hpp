@@ -81,6 +81,7 @@ struct PipelineInput {
   int reference = BracketSettings().reference;  ///< auto: the middle one, N / 2
   RefinedConfig refined;
   std::function<void(const AlignedFrame&)> on_aligned;  ///< see BracketSettings
+  std::function<std::string(int index)> frame_name;  ///< what messages call a frame; none: "frame 7"
   Bracket::Progress progress;  ///< of the restoration; false = stop: the result is refined
 };
 

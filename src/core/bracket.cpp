@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -82,6 +83,10 @@ void Bracket::begin(const BracketScene& scene, const BracketSettings& settings, 
   of_size_.clear();
   reference_ = nearest_ = 0;
   holding_ = settings.mode != Mode::kPaper;
+  unlike_.clear();
+  newest_misfit_.reset();
+  chooses_ = false;
+  ends_ = false;
   held_.clear();
   frames_.clear();
   used_ = 0;
@@ -100,12 +105,40 @@ void Bracket::planReference(int first_index) {
   if (length > 0) reference_ = std::min(reference_, length - 1);
   if (settings_.mode == Mode::kPaper || reference_ <= first_index) return;
   const bool too_many = reference_ - first_index > settings_.max_held;
-  if (!settings_.sliding && !too_many) return;
+  if (!settings_.sliding && !too_many) {
+    chooses_ = settings_.reference == BracketSettings::kAutoReference;
+    return;
+  }
   notes_.push_back((settings_.sliding ? std::string("sliding")
                                       : cv::format("at most %d frames are held (max_held_frames, memory)",
                                                    settings_.max_held)) +
-                   cv::format(": the first frame is the reference, not frame %d", reference_));
+                   ": the first frame is the reference, not " + name(reference_));
   reference_ = first_index;
+}
+
+// Ends the holding when the reference has come. An automatic one shall be in the middle of the largest group
+// of frames that were taken alike. Where the frames seen do not tell which group that is, more are held.
+void Bracket::chooseReference(bool may_wait) {
+  const int last = frames_.empty() ? -1 : frames_.back().index;
+  if (!holding_ || (may_wait && last < reference_)) return;
+  const bool is_full = !may_wait || held_.size() >= static_cast<std::size_t>(settings_.max_held);
+  if (chooses_ && !size_.empty()) {
+    const FrameGroup group = fusion_->largestGroup();
+    if (!is_full && group.lead < settings_.length - 1 - last) return;
+    std::vector<int> alike;  // or still unknown
+    for (int i = 0; i < std::max(settings_.length, last + 1); ++i) {
+      if (group.others.count(i) == 0) alike.push_back(i);
+    }
+    // Two are in the middle of an even number: the one that is nearer to the middle of the bracket.
+    const int before = alike[(alike.size() - 1) / 2], behind = alike[alike.size() / 2];
+    const int middle = settings_.length / 2;
+    reference_ = std::abs(before - middle) < std::abs(behind - middle) ? before : behind;
+    if (!is_full && reference_ > last) return;
+    if (may_wait && reference_ > last)
+      reference_ = *std::prev(std::upper_bound(alike.begin(), alike.end(), last));
+    unlike_ = group.others;
+  }
+  holding_ = false;
 }
 
 FrameStatus Bracket::add(const cv::Mat& frame, int index, double focus_mm) {
@@ -127,7 +160,6 @@ FrameStatus Bracket::add(const cv::Mat& frame, int index, double focus_mm) {
 FrameStatus Bracket::reject(int index, const std::string& reason) {
   if (frames_.empty()) planReference(index);
   frames_.push_back({index, FrameStatus::Kind::kRejected, oneLine(reason)});
-  if (index >= reference_) holding_ = false;
   fuseReady();
   return frames_.back();
 }
@@ -141,18 +173,17 @@ void Bracket::setLabels(const cv::Mat& labels) {
 }
 
 void Bracket::take(const cv::Mat& frame, int index, double focus_mm) {
-  if (index >= reference_) holding_ = false;
   if (frame.type() != CV_8UC3 || frame.empty())
-    throw std::invalid_argument(cv::format("frame %d must be CV_8UC3 and not empty", index));
+    throw std::invalid_argument(name(index) + " must be CV_8UC3 and not empty");
   if (index < 0 || index >= kNoFrame)
     throw std::invalid_argument(cv::format("frame index %d is not in 0..65534", index));
   const cv::Size size = frame.size();
   if (settings_.strict && !size_.empty() && size != size_) {
-    throw std::invalid_argument(cv::format("frame %d is ", index) + text(size) +
-                                ", but the bracket began with " + text(size_));
+    throw std::invalid_argument(name(index) + " is " + text(size) + ", but the bracket began with " +
+                                text(size_));
   }
   current_ = {index, frame};
-  held_[index] = {size, focus_mm};
+  held_[index] = {size, focus_mm, ""};
   const int like_this = ++of_size_[{size.width, size.height}];
   if (size_.empty() || like_this > of_size_[{size_.width, size_.height}]) {
     start(size);
@@ -160,16 +191,21 @@ void Bracket::take(const cv::Mat& frame, int index, double focus_mm) {
     observe(index);
   }
   fuseReady();
-  if (size != size_) limitOthers();
+  limitOthers();
+}
+
+// Gives the fused frames up.
+void Bracket::drop(const std::function<std::string(int index)>& why) {
+  for (const FrameStatus& frame : std::vector<FrameStatus>(frames_)) {
+    if (frame.kind == FrameStatus::Kind::kUsed) markRejected(frame.index, why(frame.index));
+  }
+  used_ = 0;
 }
 
 // Starts to fuse frames of a size, or starts over with them because most have it.
 void Bracket::start(const cv::Size& size) {
-  const std::string reason = anotherSize(std::exchange(size_, size));
-  for (const FrameStatus& frame : std::vector<FrameStatus>(frames_)) {
-    if (frame.kind == FrameStatus::Kind::kUsed) markRejected(frame.index, reason);
-  }
-  used_ = 0;
+  const cv::Size before = std::exchange(size_, size);
+  if (before != size) drop([&](int) { return anotherSize(before); });
   scene_warnings_.clear();
   BracketScene scene = usableScene(size);
   const auto begin = [&] {
@@ -240,20 +276,29 @@ double Bracket::usableFocus(int index, double focus_mm) {
   if (settings_.mode != Mode::kPaper && !focus_refused_) {
     focus_refused_ = true;
     notes_.push_back(
-        cv::format("frame %d: a lens of %g mm cannot be focused at %g m: such focus distances are unknown",
-                   index, focal_length_mm, focus_mm / kMmPerM));
+        name(index) +
+        cv::format(": a lens of %g mm cannot be focused at %g m: such focus distances are unknown",
+                   focal_length_mm, focus_mm / kMmPerM));
   }
   return kUnknownFocus;
 }
 
-// At most max_held frames of other sizes are held.
+// At most max_held frames are held that do not fit.
 void Bracket::limitOthers() {
-  std::vector<std::pair<int, cv::Size>> others;
+  std::vector<int> others;
   for (const auto& [index, held] : held_) {
-    if (held.size != size_) others.emplace_back(index, held.size);
+    if (held.size != size_ || !held.misfit.empty()) others.push_back(index);
   }
   if (others.size() > static_cast<std::size_t>(settings_.max_held))
-    markRejected(others.front().first, anotherSize(others.front().second));
+    markRejected(others.front(), whyUnused(held_.at(others.front())));
+}
+
+std::string Bracket::whyUnused(const Held& held) const {
+  return held.misfit.empty() ? anotherSize(held.size) : held.misfit;
+}
+
+std::string Bracket::name(int index) const {
+  return settings_.frame_name ? settings_.frame_name(index) : "frame " + std::to_string(index);
 }
 
 // The frame that is fused next, if any. Of two that are as near to the reference it is the first one.
@@ -261,7 +306,8 @@ std::optional<int> Bracket::next() const {
   if (holding_) return std::nullopt;
   std::optional<int> found;
   for (const auto& [index, held] : held_) {
-    if (held.size != size_) continue;
+    if (held.size != size_ || !held.misfit.empty()) continue;
+    if (unlike_.count(index) > 0 && (used_ == 0 || !ends_)) continue;
     if (settings_.mode == Mode::kPaper || used_ > 0) return index;
     if (!found || std::abs(index - reference_) < std::abs(*found - reference_)) found = index;
   }
@@ -280,20 +326,51 @@ void Bracket::observe(int index) {
 }
 
 void Bracket::fuseReady() {
-  while (const std::optional<int> index = next()) fuse(*index);
+  chooseReference(!ends_);
+  do {
+    while (const std::optional<int> index = next()) fuse(*index);
+  } while (startsOver());
 }
 
 void Bracket::fuse(int index) {
   try {
     const cv::Mat frame = frameAt(index);
     Stopwatch watch;
-    const std::string rejection = fusion_->add(frame, index, held_.at(index).focus_mm);
+    const std::string misfit = fusion_->add(frame, index, held_.at(index).focus_mm);
     fusion_ms_ += watch.lap();
-    rejection.empty() ? markUsed(index) : markRejected(index, rejection);
+    misfit.empty() ? markUsed(index) : setAside(index, misfit);
   } catch (const std::exception& e) {
     if (settings_.strict) throw;
     markRejected(index, oneLine(e.what()));
   }
+}
+
+// Keeps a frame that does not fit those fused so far: they may be the odd ones.
+void Bracket::setAside(int index, const std::string& misfit) {
+  if (ends_ || settings_.sliding || settings_.max_held == 0) return markRejected(index, misfit);
+  held_.at(index).misfit = misfit;
+  newest_misfit_ = index;
+}
+
+// Starts over with the frames that are like the newest one that was set aside, if these are more than those
+// fused. Returns whether it did.
+bool Bracket::startsOver() {
+  const std::optional<int> newest = std::exchange(newest_misfit_, std::nullopt);
+  if (!newest || !holds(*newest) || settings_.reference != BracketSettings::kAutoReference) return false;
+  std::vector<int> alike;
+  for (const auto& [index, held] : held_) {
+    if (!held.misfit.empty() && fusion_->misfit(index, *newest).empty()) alike.push_back(index);
+  }
+  if (alike.size() <= static_cast<std::size_t>(used_)) return false;
+  drop([&](int used) {
+    const std::string misfit = fusion_->misfit(used, *newest);
+    return misfit.empty() ? "the reference that it was fused with was given up" : misfit;
+  });
+  reference_ = alike.front();
+  unlike_.clear();
+  for (auto& [index, held] : held_) held.misfit.clear();
+  start(size_);
+  return true;
 }
 
 // Mode paper keeps no geometry: there the nearest of all frames stands for the reference.
@@ -333,14 +410,13 @@ BracketResult Bracket::preview() const {
   std::vector<std::string> notes = notes_;
   if (predicts_ && !focus_known_) notes.emplace_back("no focus distances: depth and lens data are not used");
   if (used_ > 0 && settings_.mode != Mode::kPaper && nearest_ != reference_) {
-    notes.push_back(
-        cv::format("the reference, frame %d, is missing or was rejected: frame %d takes its place",
-                   reference_, nearest_));
+    notes.push_back("the reference, " + name(reference_) + ", is missing or was rejected: " + name(nearest_) +
+                    " takes its place");
   }
   for (const FrameStatus& frame : frames_) {
     if (frame.kind != FrameStatus::Kind::kRejected) continue;
     if (static_cast<std::size_t>(result.rejected++) < kMostRejections)
-      notes.push_back(cv::format("frame %d rejected: ", frame.index) + frame.reason);
+      notes.push_back(name(frame.index) + " rejected: " + frame.reason);
   }
   result.notes.insert(result.notes.begin(), notes.begin(), notes.end());
   return result;
@@ -349,15 +425,17 @@ BracketResult Bracket::preview() const {
 BracketResult Bracket::finish(const Progress& progress) {
   const int last = frames_.empty() ? -1 : frames_.back().index;
   if (settings_.strict && frames_.empty()) throw std::invalid_argument("the bracket holds no frame");
-  const bool has_reference = reference_ <= last && settings_.reference >= BracketSettings::kAutoReference;
-  if (settings_.strict && !has_reference) {
+  const bool is_free = settings_.reference == BracketSettings::kAutoReference;
+  if (settings_.strict && !is_free && (settings_.reference < 0 || reference_ > last)) {
     throw std::invalid_argument(
         cv::format("frame %d cannot be the reference: the bracket holds frames 0 to %d",
                    settings_.reference < 0 ? settings_.reference : reference_, last));
   }
-  holding_ = false;
+  ends_ = true;
   fuseReady();
-  while (!held_.empty()) markRejected(held_.begin()->first, anotherSize(held_.begin()->second.size));
+  for (auto& [index, held] : held_) held.misfit.clear();  // each gets a second chance
+  fuseReady();
+  while (!held_.empty()) markRejected(held_.begin()->first, whyUnused(held_.begin()->second));
   Stopwatch watch;
   BracketResult result = preview();
   result.fusion_ms += watch.lap();

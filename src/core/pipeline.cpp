@@ -16,7 +16,8 @@ class FrameReader {
 
   /// False: the source ends before that frame.
   bool read(int index) {
-    if (index < next_ - 1) {
+    const bool is_gone = next_ > 0 && frame_.empty();  // a source may release it at its end
+    if (index < next_ - 1 || is_gone) {
       source_.rewind();
       next_ = 0;
     }
@@ -100,6 +101,7 @@ BracketResult Pipeline::fuse(const PipelineInput& input, const BracketScene& sce
   if (middle && mode_ != Mode::kPaper) settings.length = input.frames->count();
   settings.strict = true;
   settings.on_aligned = input.on_aligned;
+  settings.frame_name = input.frame_name;
   FrameReader reader(*input.frames);
   bracket_.begin(scene, settings, [&reader](int index) {
     reader.read(index);

@@ -275,6 +275,7 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
   ToldFrames frames(stack, progress, counted ? stack.count() : 0,
                     mode != Mode::kPaper && input.reference != 0);
   input.frames = &frames;
+  input.frame_name = [&stack](int index) { return stack.frameName(index); };
   input.progress = [&, restoring = false](double done) mutable {
     if (!std::exchange(restoring, true)) progress.begin();
     progress.tell(cv::format("restoring, %.0f %% done", 100 * done), done);

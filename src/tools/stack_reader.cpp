@@ -100,6 +100,12 @@ std::string StackReader::path(int i) const {
   return names().empty() ? path_ : (fs::path(path_) / names()[static_cast<std::size_t>(i)]).string();
 }
 
+std::string StackReader::frameName(int i) const {
+  const std::string number = "frame " + std::to_string(i);
+  return i < static_cast<int>(names().size()) ? number + " (" + names()[static_cast<std::size_t>(i)] + ")"
+                                              : number;
+}
+
 void StackReader::open() {
   try {
     video_.open(path_, cv::CAP_FFMPEG);

@@ -48,6 +48,8 @@ class StackReader : public core::FrameSource {
   const std::vector<std::string>& leftOut() const { return files_.left_out; }
   /// Path of frame i; of a video, its own.
   std::string path(int i) const;
+  /// What messages call frame i: "frame 7 (IMG_0008.JPG)".
+  std::string frameName(int i) const;
   /// How the frames, as they are read, are still to be turned before they are shown.
   Orientation orientation() const { return turned_ ? 1 : files_.orientation; }
   /// Lines for the user about the files of the folder.

@@ -48,7 +48,7 @@ class ReferenceTest(RefinedTest):
         self.assertEqual(list(self.assert_as_files(stamp, INDICES, 0).notes), [])
 
     def test_when_the_reference_is_lost_the_nearest_stands_in(self):
-        for came, reference in (([0, 1, 3, 4], 1), ([0, 3, 4], 3), ([0, 1], 1), ([0], 0), ([0, 4], 0)):
+        for came, reference in (([0, 1, 3, 4], 1), ([0, 3, 4], 3), ([0, 1], 1), ([0], 0)):
             stamp = self.fuse(indices=came)
             self.finish()
             report = self.assert_as_files(stamp, came, reference)
@@ -70,6 +70,19 @@ class ReferenceTest(RefinedTest):
             self.assert_noted(report, 'frame 2 rejected', what)
             self.assert_noted(report, 'frame 1 takes its place')
             self.assertEqual([report.frames_seen, report.frames_rejected], [5, 1])
+
+    def test_an_odd_middle_frame_is_not_the_reference(self):
+        for odd, what in ((lambda stamp: colour_message(0 * pixels(MIDDLE), stamp), 'much darker than the others'),
+                          (another_scene, 'something else than the others')):
+            stamp = self.fuse(replaced={MIDDLE: odd})
+            report = self.assert_as_files(stamp, [0, 1, 3, 4], 3)
+            self.assert_noted(report, f'frame {MIDDLE} rejected: it', what)
+
+    def test_few_used_frames_are_told(self):
+        stamp = self.fuse(indices=[0, 1])
+        self.acknowledged(stamp + PERIOD)
+        self.finish()
+        self.assert_noted(self.assert_as_files(stamp, [0, 1], 1), 'only 2 of 5 frames were used')
 
     def test_sliding_takes_the_first_frame(self):
         self.reconfigure(bracket_mode='sliding')

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdlib>
 #include <functional>
 #include <map>
 #include <opencv2/imgproc.hpp>
@@ -100,7 +102,157 @@ BracketResult fused(const BracketSettings& settings, const Indices& indices) {
   return sender.bracket.finish();
 }
 
+// A scene with contrast of every size, as photographs have it; frames are ever so little apart.
+const cv::Size kScene(160, 120);
+cv::Mat sceneFrame(int k, int seed = 5) {
+  cv::Mat coarse(8, 10, CV_8UC3), fine(kScene, CV_8UC3), frame;
+  cv::RNG random(seed);
+  random.fill(coarse, cv::RNG::UNIFORM, 60, 180);
+  random.fill(fine, cv::RNG::UNIFORM, 0, 60);
+  cv::resize(coarse, frame, kScene, 0, 0, cv::INTER_CUBIC);
+  frame += fine;
+  cv::GaussianBlur(frame, frame, {}, 0.5 + 0.1 * std::abs(k - 3));
+  return frame;
+}
+
+using Change = std::function<cv::Mat(const cv::Mat&)>;
+
+cv::Mat shifted(const cv::Mat& frame, double x, double y) {
+  cv::Mat moved;
+  cv::warpAffine(frame, moved, cv::Matx23d(1, 0, x, 0, 1, y), frame.size(), cv::INTER_CUBIC,
+                 cv::BORDER_REFLECT);
+  return moved;
+}
+
+// A finger at the border.
+cv::Mat withFinger(const cv::Mat& frame) {
+  cv::Mat covered = frame.clone();
+  cv::rectangle(covered, {0, 0, 28, 80}, {50, 60, 80}, cv::FILLED);
+  return covered;
+}
+
+cv::Mat withHand(const cv::Mat& frame) {
+  cv::Mat covered = frame.clone();
+  cv::ellipse(covered, {90, 70}, {70, 40}, 30, 0, 360, {120, 150, 200}, cv::FILLED);
+  return covered;
+}
+
+// The odd frames that spoil a picture as the reference, and how they are called; "" = they are used.
+const std::vector<std::pair<Change, std::string>> kOdd = {
+    {[](const cv::Mat& frame) { return cv::Mat(frame * 0); }, "much darker than the others"},
+    {[](const cv::Mat& frame) { return cv::Mat(frame * 0.3); }, "much darker than the others"},
+    {[](const cv::Mat& frame) { return cv::Mat(frame * 0 + cv::Scalar::all(255)); },
+     "much brighter than the others"},
+    {[](const cv::Mat& frame) { return cv::Mat(frame * 1.8); }, "much brighter than the others"},
+    {[](const cv::Mat& frame) { return cv::Mat(frame * 1.25); }, ""},
+    {[](const cv::Mat& frame) { return shifted(frame, 5, 3); }, ""},
+    {[](const cv::Mat& frame) { return shifted(frame, 50, 30); }, "something else than the others"},
+    {[](const cv::Mat&) { return sceneFrame(3, 99); }, "something else than the others"},
+    {withHand, "something else than the others"}};
+
 }  // namespace
+
+TEST(Bracket, AnOddFrameIsNotTheReference) {
+  const cv::Mat truth = sceneFrame(3);
+  for (const int n : {7, 8}) {
+    for (std::size_t i = 0; i < kOdd.size(); ++i) {
+      Sender sender(settingsOf(Mode::kRefined, n));
+      for (int k = 0; k < n; ++k) sender.add(k, k == n / 2 ? kOdd[i].first(sceneFrame(k)) : sceneFrame(k));
+      const BracketResult result = sender.bracket.finish();
+      EXPECT_EQ(std::abs(result.reference - n / 2), 1) << i;
+      EXPECT_EQ(result.rejected, kOdd[i].second.empty() ? 0 : 1) << i;
+      EXPECT_NE(result.frames[n / 2].reason.find(kOdd[i].second), std::string::npos)
+          << i << result.frames[n / 2].reason;
+      EXPECT_FALSE(contains(result.notes, "takes its place")) << i;
+      EXPECT_GT(cv::PSNR(result.image, truth), 35) << i;
+      EXPECT_LE(sender.most_kept, static_cast<std::size_t>(n / 2 + 2)) << i;
+    }
+  }
+}
+
+// What covers little of the picture is nothing to alignment.
+TEST(Bracket, WhatPassesByIsLeftOut) {
+  for (const int odd : {1, 3, 4}) {
+    Sender sender(settingsOf(Mode::kRefined, 8));
+    for (int k = 0; k < 8; ++k) sender.add(k, k == odd ? withFinger(sceneFrame(k)) : sceneFrame(k));
+    const BracketResult result = sender.bracket.finish();
+    EXPECT_NE(result.reference, odd);
+    EXPECT_EQ(result.rejected, 1) << odd;
+    EXPECT_NE(result.frames[odd].reason.find("something else than the others"), std::string::npos) << odd;
+    EXPECT_GT(cv::PSNR(result.image, sceneFrame(3)), 35) << odd;
+  }
+}
+
+TEST(Bracket, ExposureMayDrift) {
+  for (const int reference : {0, 5, 9}) {
+    BracketSettings settings = settingsOf(Mode::kRefined, 10);
+    settings.reference = reference;
+    Sender sender(settings);
+    for (int k = 0; k < 10; ++k) sender.add(k, sceneFrame(k) * (k == 4 ? 0.1 : 1 - 0.07 * k));
+    const BracketResult result = sender.bracket.finish();
+    EXPECT_EQ(result.used, 9) << reference;
+    EXPECT_EQ(result.frames[4].kind, Kind::kRejected) << reference;
+  }
+}
+
+TEST(Bracket, AnOddFirstFrameOfAnOpenSweepIsNotTheReference) {
+  for (std::size_t i = 0; i < kOdd.size(); ++i) {
+    if (kOdd[i].second.empty()) continue;
+    Sender sender(settingsOf(Mode::kRefined));
+    for (int k = 0; k < 7; ++k) sender.add(k, k == 0 ? kOdd[i].first(sceneFrame(k)) : sceneFrame(k));
+    const BracketResult result = sender.bracket.finish();
+    EXPECT_EQ(result.reference, 1) << i;
+    EXPECT_EQ(result.used, 6) << i;
+    EXPECT_EQ(result.frames[0].kind, Kind::kRejected) << i;
+    EXPECT_GT(cv::PSNR(result.image, sceneFrame(3)), 35) << i;
+    EXPECT_LE(sender.most_kept, 2u);
+  }
+}
+
+// The middle as far as known: frames to come count to the group.
+TEST(Bracket, TheReferenceIsInTheMiddleOfTheLargestGroup) {
+  const std::vector<std::pair<std::vector<int>, int>> cases = {{{5, 5, 5, 5, 9, 9, 9, 9, 9, 9}, 6},
+                                                               {{5, 5, 5, 5, 5, 5, 9, 9, 9, 9}, 5},
+                                                               {{5, 9, 5, 9, 5, 9, 5, 5, 5}, 4},
+                                                               {{9, 5, 5, 5, 5, 5, 5}, 3}};
+  for (const auto& [seeds, reference] : cases) {
+    const int n = static_cast<int>(seeds.size());
+    Sender sender(settingsOf(Mode::kRefined, n));
+    for (int k = 0; k < n; ++k) sender.add(k, sceneFrame(3, seeds[k]));
+    const BracketResult result = sender.bracket.finish();
+    EXPECT_EQ(result.reference, reference);
+    EXPECT_EQ(result.used, std::count(seeds.begin(), seeds.end(), seeds[reference]));
+  }
+}
+
+TEST(Bracket, TheReferenceThatTheUserWantsIsTrusted) {
+  BracketSettings settings = settingsOf(Mode::kRefined, 7);
+  settings.reference = 3;
+  Sender sender(settings);
+  for (int k = 0; k < 7; ++k) sender.add(k, sceneFrame(k, k == 3 ? 99 : 5));
+  const BracketResult result = sender.bracket.finish();
+  EXPECT_EQ(result.reference, 3);
+  EXPECT_EQ(result.used, 1);
+}
+
+TEST(Bracket, OddFramesAreHeldWithinTheLimit) {
+  BracketSettings settings = settingsOf(Mode::kRefined, 30);
+  settings.max_held = 16;
+  Sender sender(settings);
+  for (int k = 0; k < 30; ++k) sender.add(k, sceneFrame(3, k == 15 || k == 16 ? 99 : 5));
+  EXPECT_LE(sender.most_kept, 17u);
+  const BracketResult result = sender.bracket.finish();
+  EXPECT_EQ(result.used, 28);
+  EXPECT_EQ(result.rejected, 2);
+}
+
+TEST(Bracket, MessagesCallFramesByTheirNames) {
+  BracketSettings settings = settingsOf(Mode::kRefined, 3);
+  settings.frame_name = [](int index) { return "picture " + std::to_string(index) + ".jpg"; };
+  Sender sender(settings);
+  for (int k = 0; k < 3; ++k) sender.add(k, sceneFrame(3, k == 1 ? 99 : 5));
+  EXPECT_TRUE(contains(sender.bracket.finish().notes, "picture 1.jpg rejected: it shows something else"));
+}
 
 TEST(Bracket, ModePaperHoldsNoFrame) {
   Sender sender(settingsOf(Mode::kPaper, 5), twoPlanes());

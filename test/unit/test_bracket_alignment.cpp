@@ -226,6 +226,44 @@ TEST(BracketAlignment, ReturnsToASceneAfterAnInterruption) {
   EXPECT_NEAR(alignment.placement(5, 0).shift.x, 2.5, 0.05);
 }
 
+TEST(BracketAlignment, FramesOutOfOrderFitTheNearestKeyFrame) {
+  BracketAlignment alignment = begun();
+  const std::vector<double> scales = {1, 1.03, 1.06, 1.09, 1.12, 1.15, 1, 1.1, 1.02, 1.15};
+  for (int k = 0; k < static_cast<int>(scales.size()); ++k) {
+    alignment.observe(frame({scales[k], {}}), k);
+    const Placement placement = alignment.placement(k, 0);
+    EXPECT_TRUE(placement.fits) << k;
+    EXPECT_LT(error(placement, {scales[k], {}}), 0.3) << k;
+  }
+}
+
+TEST(BracketAlignment, ARejectedFrameIsTriedAgainstLaterOnes) {
+  BracketAlignment alignment = begun();
+  const std::vector<double> shifts = {0, 32, 8, 16, 24};  // 16 is the most that can be measured
+  for (int k = 0; k < static_cast<int>(shifts.size()); ++k)
+    alignment.observe(frame({1, {shifts[k], 0}}), k);
+  ASSERT_FALSE(alignment.placement(1, 0).fits);
+  EXPECT_LT(alignment.placement(1, 0).correlation, BracketAlignment::kSameScene);
+  alignment.reconsider(frame({1, {32, 0}}), 1, 0);
+  EXPECT_TRUE(alignment.placement(1, 0).fits);
+  EXPECT_LT(error(alignment.placement(1, 0), {1, {32, 0}}), 0.3);
+  // Nothing comes nearer to another scene.
+  alignment.observe(frame({}, 0, 0, 77), 9);
+  alignment.reconsider(frame({}, 0, 0, 77), 9, 0);
+  EXPECT_FALSE(alignment.placement(9, 0).fits);
+}
+
+TEST(BracketAlignment, TellsTheCorrelationThatDecided) {
+  BracketAlignment alignment = begun();
+  int index = 0;
+  for (const int seed : {1, 1, 8, 8, 8}) alignment.observe(frame({}, 0, 0, seed), index++);
+  for (const int k : {0, 1}) {
+    EXPECT_LT(alignment.placement(k, 3).correlation, BracketAlignment::kSameScene);
+    EXPECT_LT(alignment.placement(3, k).correlation, BracketAlignment::kSameScene);
+  }
+  EXPECT_GT(alignment.placement(3, 2).correlation, BracketAlignment::kSameScene);
+}
+
 TEST(BracketAlignment, DefocusAndExposureAreNotRejected) {
   BracketAlignment alignment = begun();
   alignment.observe(frame({}), 0);

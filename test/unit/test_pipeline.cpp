@@ -27,4 +27,26 @@ TEST(Pipeline, ReferencesThatAreNoFramesAreRefused) {
   }
 }
 
+// Gives the last frame away at its end, as a reader of files does to save memory.
+class ReleasingFrames : public FramesInMemory {
+ public:
+  using FramesInMemory::FramesInMemory;
+  bool next(cv::Mat& frame) override {
+    const bool is_there = FramesInMemory::next(frame);
+    if (!is_there) frame.release();
+    return is_there;
+  }
+};
+
+TEST(Pipeline, TheLastFrameCanBeAskedForAgain) {
+  cv::Mat noise(40, 48, CV_8UC3);
+  cv::randu(noise, 0, 255);
+  ReleasingFrames frames({noise, cv::Mat::zeros(noise.size(), CV_8UC3)});
+  PipelineInput input;
+  input.frames = &frames;
+  const PipelineResult result = Pipeline(Mode::kRefined).run(input);
+  EXPECT_EQ(result.bracket.used, 1);
+  EXPECT_EQ(result.bracket.reference, 0);
+}
+
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -12,7 +13,6 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kSameScene = 0.8;    // correlation; frames far out of focus reach 0.9, other scenes 0.5
 constexpr double kCertain = 0.05;     // px; no better key frame is looked for
 constexpr double kFarFromKey = 0.03;  // magnification relative to the key frame
 // A contour whose blur changes shifts all of its tiles alike. This error is kModelError px of 640 x 480 where
@@ -22,6 +22,7 @@ constexpr double kModelError = 0.05, kModelTiles = 100, kFewestTiles = 40;
 constexpr double kModelRadius = 400;         // px: half the diagonal of 640 x 480
 constexpr double kSignificance = 3;          // standard deviations
 constexpr double kShiftSignificance = 3.44;  // of two components; as rare as 3 of a single number
+constexpr std::size_t kMostKeys = 12;        // that are kept: a third of the magnification
 constexpr double kNoticeableRoll = 0.1;      // px at the corners; a warp without a roll takes half as long
 
 // Variance that a motion has even where all tiles agree, px^2.
@@ -41,9 +42,11 @@ void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center) {
   radius_ = 0.5 * std::hypot(size.width, size.height);
   observations_.clear();
   scenes_ = 0;
+  mismatch_.clear();
+  keys_.clear();
 }
 
-void BracketAlignment::observe(const cv::Mat& gray, int index) {
+void BracketAlignment::observe(const cv::Mat& gray, int index, bool is_odd) {
   if (gray.type() != CV_8UC1 || gray.size() != size_) {
     throw std::invalid_argument("alignment: frame " + std::to_string(index) +
                                 " must be CV_8UC1 and of the bracket's size");
@@ -55,27 +58,83 @@ void BracketAlignment::observe(const cv::Mat& gray, int index) {
   current_.frame = {};
   current_.frame.index = index;
 
-  PairMeasurement found;
   if (observations_.empty()) {
     current_.frame.scene = scenes_++;
     other_alignment_.setKey(current_.pyramid, center_);
     makeKey(current_);
-  } else if (found = measureFromKey(); found.correlation >= kSameScene) {
-    place(found);
-  } else if (scenes_ > 1 && (found = measureFrom(stray_, {})).correlation >= kSameScene) {
-    // Two frames in turn show another scene than the key: the bracket goes on with theirs. It may return.
-    std::swap(last_, stray_);
-    makeKey(last_);
-    place(found);
+  } else if (const PairMeasurement found = measureFromKey(); found.correlation >= kSameScene) {
+    current_.frame.scene = key_.scene;
+    if (found.converged || !placeByOthers(/*measured=*/true)) place(found);
   } else {
-    current_.frame.scene = scenes_++;
-    current_.frame.correlation = found.correlation;
-    observations_[index] = current_.frame;
-    std::swap(stray_, current_);
-    return;
+    const int scene = current_.frame.scene = scenes_;
+    noteMismatch(key_.scene, found.correlation);
+    if (!placeByOthers(/*measured=*/false)) {
+      ++scenes_;
+      observations_[index] = current_.frame;
+      std::swap(stray_, current_);
+      return;
+    }
+    mismatch_.erase(mismatch_.lower_bound({scene, 0}), mismatch_.end());
   }
   observations_[index] = current_.frame;
+  if (!is_odd) std::swap(last_, current_);
+}
+
+void BracketAlignment::reconsider(const cv::Mat& gray, int index, int reference) {
+  const int scene = observations_.at(reference).scene;
+  current_.pyramid.build(gray);
+  current_.frame = observations_.at(index);
+  std::vector<const View*> views;
+  if (last_.frame.scene == scene) views.push_back(&last_);
+  for (auto key = keys_.rbegin(); key != keys_.rend(); ++key) {
+    if (key->frame.scene == scene) views.push_back(&*key);
+  }
+  if (!placeByOneOf(views, /*measured=*/false)) return;
+  observations_[index] = current_.frame;
   std::swap(last_, current_);
+}
+
+// Places the frame by another one than the key frame, if it fits one.
+bool BracketAlignment::placeByOthers(bool measured) {
+  std::vector<const View*> views;
+  if (scenes_ > 1) views.push_back(&stray_);
+  if (last_.frame.index != key_.index) views.push_back(&last_);
+  for (auto key = keys_.rbegin(); key != keys_.rend(); ++key) {
+    if (key->frame.index != key_.index) views.push_back(&*key);
+  }
+  if (!placeByOneOf(views, measured)) return false;
+  // Frames in turn show another scene than those before: the bracket goes on with theirs. It may return.
+  if (last_.frame.scene != current_.frame.scene) std::swap(last_, stray_);
+  return true;
+}
+
+// Places the frame by the first of the views from which its motion can be measured; measured = false: or else
+// by the one that it is most like. The view becomes the key frame.
+bool BracketAlignment::placeByOneOf(const std::vector<const View*>& views, bool measured) {
+  const View* found = nullptr;
+  PairMeasurement best;
+  for (const View* view : views) {
+    const PairMeasurement now = measureFrom(*view, {});
+    if (now.correlation < kSameScene) {
+      noteMismatch(view->frame.scene, now.correlation);
+    } else if (now.converged || (!measured && (!found || now.correlation > best.correlation))) {
+      found = view;
+      best = now;
+    }
+    if (found && best.converged) break;
+  }
+  if (!found) return false;
+  other_alignment_.setKey(found->pyramid, center_);
+  makeKey(*found);
+  place(best);
+  return true;
+}
+
+void BracketAlignment::noteMismatch(int scene, double correlation) {
+  if (scene == current_.frame.scene) return;
+  const auto [at, is_new] =
+      mismatch_.emplace(std::minmax(scene, current_.frame.scene, std::greater<int>()), correlation);
+  if (!is_new) at->second = std::max(at->second, correlation);
 }
 
 PairMeasurement BracketAlignment::measureFrom(const View& view, const SimilarityTransform& guess) {
@@ -107,6 +166,15 @@ void BracketAlignment::makeKey(const View& view) {
   key_.key_covariance += key_.covariance;
   key_.covariance = cv::Matx44d::zeros();
   observations_[key_.index] = key_;
+  const auto known = std::find_if(keys_.begin(), keys_.end(),
+                                  [this](const View& it) { return it.frame.index == key_.index; });
+  if (known != keys_.end()) {
+    std::rotate(known, known + 1, keys_.end());
+  } else {
+    if (keys_.size() == kMostKeys) keys_.erase(keys_.begin());
+    keys_.push_back({view.pyramid.clone(), {}});
+  }
+  keys_.back().frame = key_;
 }
 
 void BracketAlignment::place(const PairMeasurement& measurement) {
@@ -115,10 +183,11 @@ void BracketAlignment::place(const PairMeasurement& measurement) {
   frame.correlation = measurement.correlation;
   frame.measured = measurement.converged;
   if (!measurement.converged) {
-    frame.motion = last_.frame.motion;
-    frame.key_covariance = last_.frame.key_covariance;
-    frame.covariance = last_.frame.covariance;
-    frame.tiles = last_.frame.tiles;
+    const Observation& like = last_.frame.scene == key_.scene ? last_.frame : key_;
+    frame.motion = like.motion;
+    frame.key_covariance = like.key_covariance;
+    frame.covariance = like.covariance;
+    frame.tiles = like.tiles;
     return;
   }
   frame.motion = compose(key_.motion, measurement.motion);
@@ -134,6 +203,10 @@ Placement BracketAlignment::placement(int index, int reference) const {
   result.fits = to.scene == from.scene;
   result.measured = to.measured && result.fits;
   result.correlation = to.correlation;
+  if (!result.fits) {
+    const auto found = mismatch_.find(std::minmax(to.scene, from.scene, std::greater<int>()));
+    result.correlation = found == mismatch_.end() ? std::nan("") : found->second;
+  }
   if (index == reference || !result.fits) return result;
 
   const SimilarityTransform measured = compose(inverse(from.motion), to.motion);

@@ -5,6 +5,9 @@
 #include <limits>
 #include <map>
 #include <opencv2/core.hpp>
+#include <optional>
+#include <utility>
+#include <vector>
 
 #include "alignment/pair_alignment.hpp"
 #include "alignment/similarity_transform.hpp"
@@ -13,25 +16,37 @@ namespace all_in_focus::core {
 
 /// Where a frame lies: its motion from the reference frame to it.
 struct Placement : SimilarityTransform {
-  bool fits = true;        ///< false: it shows something else than the reference; no motion then
-  bool measured = true;    ///< false: it could not be aligned and moves like the frame before it
-  double correlation = 1;  ///< of its coarse local contrast with an earlier frame's
+  bool fits = true;      ///< false: it shows something else than the reference; no motion then
+  bool measured = true;  ///< false: it could not be aligned and moves like the frame before it
+  /// Of its coarse local contrast with an earlier frame's. If it does not fit: the highest that a frame which
+  /// shows the same has with one that shows what the reference shows; NaN: none of them were compared.
+  double correlation = 1;
 };
 
 /// Aligns the frames of a focus bracket as they come. Memory does not grow but for some numbers per frame.
 ///
 /// Every frame is measured against a key frame, so that errors add up only where the key changes. The frame
 /// before becomes the key when the way over it is more certain.
+///
+/// A frame that does not fit the key frame, or is too far from it, is measured against the frame before it
+/// and all earlier key frames before it counts as another scene. With a lens that breathes, only some of a
+/// long bracket are near enough.
 class BracketAlignment {
  public:
   static constexpr double kNoticeable = 0.35;  ///< px; a smaller motion is not worth resampling a frame
+  static constexpr double kSameScene =
+      0.8;  ///< least correlation; frames far out of focus reach 0.9, other scenes 0.5
 
   /// center: principal point, pixels.
   void begin(const cv::Size& size, const cv::Point2d& center);
 
   /// The next frame of the bracket. gray: CV_8UC1; index: any, each once. Throws std::invalid_argument on
   /// another type, another size than the bracket's, or a known index.
-  void observe(const cv::Mat& gray, int index);
+  /// is_odd: frames that follow are not measured against it.
+  void observe(const cv::Mat& gray, int index, bool is_odd = false);
+
+  /// Measures an observed frame once more, against the frames of the reference's scene that have come since.
+  void reconsider(const cv::Mat& gray, int index, int reference);
 
   bool hasObserved(int index) const { return observations_.count(index) > 0; }
 
@@ -61,6 +76,9 @@ class BracketAlignment {
 
   PairMeasurement measureFrom(const View& view, const SimilarityTransform& guess);
   PairMeasurement measureFromKey();
+  bool placeByOthers(bool measured);
+  bool placeByOneOf(const std::vector<const View*>& views, bool measured);
+  void noteMismatch(int scene, double correlation);
   void makeKey(const View& view);
   void place(const PairMeasurement& measurement);
 
@@ -69,10 +87,12 @@ class BracketAlignment {
   double radius_ = 0;  ///< half the diagonal, px
   std::map<int, Observation> observations_;
   int scenes_ = 0;
+  std::map<std::pair<int, int>, double> mismatch_;  ///< highest correlation between two scenes
 
   Observation key_;
   PairAlignment key_alignment_, other_alignment_;
   View current_, last_, stray_;  ///< stray: the last frame that shows another scene than the key frame
+  std::vector<View> keys_;       ///< all key frames, at most kMostKeys; the present one is the last
 };
 
 }  // namespace all_in_focus::core

@@ -35,4 +35,13 @@ void ImagePyramid::build(const cv::Mat& gray) {
   cv::subtract(images_[levels_ - 1], contrast_, contrast_);
 }
 
+ImagePyramid ImagePyramid::clone() const {
+  ImagePyramid copy;
+  for (int i = 0; i < levels_; ++i) copy.images_.push_back(images_[i].clone());
+  copy.contrast_ = contrast_.clone();
+  copy.levels_ = levels_;
+  copy.finest_reduction_ = finest_reduction_;
+  return copy;
+}
+
 }  // namespace all_in_focus::core

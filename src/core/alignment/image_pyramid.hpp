@@ -15,6 +15,9 @@ class ImagePyramid {
   /// gray: CV_8UC1. Buffers are reused.
   void build(const cv::Mat& gray);
 
+  /// A copy that does not share its pixels.
+  ImagePyramid clone() const;
+
   int levels() const { return levels_; }
   const cv::Mat& level(int i) const { return images_[i]; }  ///< CV_32FC1
   double reduction(int i) const { return finest_reduction_ * (1 << i); }

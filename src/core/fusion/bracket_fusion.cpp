@@ -71,6 +71,14 @@ std::string BracketFusion::add(const cv::Mat& frame, int index, double focus_mm)
   return "";
 }
 
+std::string BracketFusion::misfit(int index, int other) const {
+  return by_region_ ? "" : refined_->misfit(index, other);
+}
+
+FrameGroup BracketFusion::largestGroup() const {
+  return by_region_ ? FrameGroup() : refined_->largestGroup();
+}
+
 void BracketFusion::setAlignedFrameCallback(std::function<void(const AlignedFrame&)> callback) {
   refined_->setAlignedFrameCallback(std::move(callback));
 }

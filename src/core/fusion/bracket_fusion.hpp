@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "all_in_focus/fusion.hpp"
+#include "fusion/frame_groups.hpp"
 
 namespace all_in_focus::core {
 
@@ -39,8 +40,15 @@ class BracketFusion {
 
   /// frame: CV_8UC3 of the bracket's size (else std::invalid_argument, and the bracket is as before). index:
   /// 0..65534, names the frame in the result. focus_mm: NaN = unknown, may be infinite. Returns why the frame
-  /// does not fit the others and was left out, or "".
+  /// does not fit the others and was left out, or "". A frame that was left out may be added once more: it
+  /// may fit what has come since.
   std::string add(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
+
+  /// Mode refined: why a frame that was observed or added does not fit another one, or "".
+  std::string misfit(int index, int other) const;
+
+  /// Mode refined: of the frames that were observed or added.
+  FrameGroup largestGroup() const;
 
   /// Sets a function that receives each aligned frame from the next add() on, the reference first. add()
   /// calls it. Mode paper aligns no frames.

@@ -23,7 +23,6 @@ constexpr int kClipped = 250;             // code from which light may be missin
 // Squared contrast from which blur changes the mean light of a block by 4 % where a camera's tone curve is
 // not sRGB's, or where it blurs codes, not light.
 constexpr double kTextured = 0.15;
-constexpr double kLargestGain = 2;
 constexpr double kSignificance = 4;    // standard deviations
 constexpr double kNoticeable = 0.002;  // a quarter of a code
 

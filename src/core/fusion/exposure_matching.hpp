@@ -14,11 +14,14 @@ namespace all_in_focus::core {
 /// blocks do not count.
 class ExposureMatching {
  public:
+  static constexpr double kLargestGain = 2;
+
   /// reference: CV_8UC1 or CV_8UC3.
   void setReference(const cv::Mat& reference);
 
-  /// Gain for a frame of the reference's size and type, aligned to it to a few pixels: 0.5..2, and 1 where it
-  /// is not significant. Throws std::invalid_argument on another size or type.
+  /// Gain for a frame of the reference's size and type, aligned to it to a few pixels: 1 /
+  /// kLargestGain..kLargestGain, and 1 where it is not significant. Throws std::invalid_argument on another
+  /// size or type.
   double gain(const cv::Mat& frame) const;
 
  private:

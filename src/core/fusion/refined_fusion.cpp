@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
@@ -20,6 +21,10 @@ namespace {
 // At most so many frames are held until the reference comes: the first one and the latest ones. Some may show
 // another scene.
 constexpr size_t kMostHeld = 4;
+
+// Light of a frame over that of the reference which exposure matching makes equal, with a margin because both
+// measure.
+constexpr double kMostLight = 1.1 * ExposureMatching::kLargestGain;
 
 // Whether two frames may be compared for their noise. Neighbours differ least in blur and motion. But the
 // codec of a video copies noise from frame to frame, so where frames are many, some must lie between.
@@ -54,6 +59,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
   noise_ = {};
   linear_ = false;
   held_.clear();
+  light_.clear();
   predicts_ = config.prediction && !scene.depth.empty() && pixel_pitch_mm > 0;
   if (predicts_) {
     prediction_ = DefocusPrediction(config.defocus);
@@ -72,7 +78,8 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
                    focus_mm, focal_length_mm_));
   }
   focus_known_ = focus_known_ || !std::isnan(focus_mm);
-  if (config_.alignment) alignment_.observe(gray, index);
+  light_.observe(gray, index);
+  if (config_.alignment) alignment_.observe(gray, index, light_.isOdd(index, kMostLight));
   if (reference_ >= 0) return;
   if (!held_.empty() && !areApart(index, held_.front().index)) return;
   const bool is_full = held_.size() == kMostHeld;
@@ -83,14 +90,14 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
   gray.copyTo(held_.front().gray);
 }
 
-// Measures the noise of the reference and finds the camera's curve, by earlier frames. One that shows another
-// scene, or a copy of the reference, does not count.
+// Measures the noise of the reference and finds the camera's curve, by earlier frames. One that does not fit,
+// or a copy of the reference, does not count.
 void RefinedFusion::compareWithEarlier(const cv::Mat& reference) {
   std::vector<cv::Mat> others;  // the nearest first
   bool has_first = false;
   for (const HeldFrame& held : held_) {
     if (!areApart(reference_, held.index) || cv::norm(held.gray, reference, cv::NORM_INF) == 0) continue;
-    if (config_.alignment && !alignment_.placement(held.index, reference_).fits) continue;
+    if (!misfit(held.index, reference_).empty()) continue;
     others.push_back(held.gray);
     has_first = &held == &held_.back();
   }
@@ -104,8 +111,50 @@ void RefinedFusion::compareWithEarlier(const cv::Mat& reference) {
   noise_ = NoiseSpectrum::of(reference, std::move(compared));
 }
 
+// Whether the frame was taken from another place than the one before it: then all of it has changed.
+bool RefinedFusion::hasMoved(int index) const {
+  const auto here = light_.frames().find(index);
+  if (here == light_.frames().begin()) return false;
+  const Placement placement = alignment_.placement(index, std::prev(here)->first);
+  const double radius = 0.5 * std::hypot(size_.width, size_.height);
+  return placement.measured && largestDisplacement(placement, size_, center_) > kSmallShift * radius;
+}
+
+std::string RefinedFusion::misfit(int index, int reference) const {
+  const double light = config_.exposure ? light_.jump(index, reference, kMostLight) : 1;
+  if (light != 1) {
+    return cv::format("it is much %s than the others (%.2g times their light)",
+                      light > 1 ? "brighter" : "darker", light);
+  }
+  if (!config_.alignment) return "";
+  const Placement placement = alignment_.placement(index, reference);
+  std::string reason = "it shows something else than the others";
+  if (placement.fits) {
+    const auto fits = [&](int other) { return alignment_.placement(other, reference).fits; };
+    const double intrusion = hasMoved(index) ? 0 : light_.intrusion(index, fits);
+    if (intrusion == 0) return "";
+    return reason + cv::format(" in %.0f %% of the picture", 100 * intrusion) +
+           ": something passed by, or the camera was moved";
+  }
+  if (!std::isnan(placement.correlation)) {
+    reason +=
+        cv::format(" (correlation %.2f, below %.2f)", placement.correlation, BracketAlignment::kSameScene);
+  }
+  return reason + ": another scene, or the camera was moved";
+}
+
+FrameGroup RefinedFusion::largestGroup() const {
+  const auto displacement = [this](int index, int earlier) {
+    if (!config_.alignment) return 0.0;
+    const Placement placement = alignment_.placement(index, earlier);
+    return placement.fits ? largestDisplacement(placement, size_, center_) : -1.0;
+  };
+  return core::largestGroup(light_, displacement, 0.5 * std::hypot(size_.width, size_.height));
+}
+
 std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm) {
-  if (!config_.alignment || !alignment_.hasObserved(index)) observe(gray, index, focus_mm);
+  const bool is_known = light_.frames().count(index) > 0;
+  if (!is_known) observe(gray, index, focus_mm);
   const bool is_reference = reference_ < 0;
   if (is_reference) {
     reference_ = index;
@@ -117,12 +166,10 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     brightness_.begin(noise_.deviation(), resampled);
     exposure_.setReference(frame);
   }
+  if (is_known && config_.alignment && !alignment_.placement(index, reference_).fits)
+    alignment_.reconsider(gray, index, reference_);
+  if (const std::string reason = misfit(index, reference_); !reason.empty()) return reason;
   const Placement placement = config_.alignment ? alignment_.placement(index, reference_) : Placement();
-  if (!placement.fits) {
-    return cv::format(
-        "it shows something else than frame %d (correlation %.2f): another scene, or the camera was moved",
-        reference_, placement.correlation);
-  }
   cv::Rect inside({}, size_);
   if (!placement.isIdentity()) {
     warp_.compute(frame, placement, center_, aligned_);

@@ -14,6 +14,7 @@
 #include "fusion/brightness_penalty.hpp"
 #include "fusion/defocus_prediction.hpp"
 #include "fusion/exposure_matching.hpp"
+#include "fusion/frame_groups.hpp"
 #include "fusion/noise_estimation.hpp"
 #include "fusion/sharpness_pyramid.hpp"
 #include "fusion/weighted_mean.hpp"
@@ -36,8 +37,15 @@ class RefinedFusion {
   void observe(const cv::Mat& gray, int index, double focus_mm);
 
   /// frame: CV_8UC3; gray: CV_8UC1 of it. Observes the frame unless it has been. Returns why the frame does
-  /// not fit the others, which leaves it out, or "".
+  /// not fit the reference, which leaves it out, or "". A frame that was left out may be added once more: it
+  /// may fit what has come since.
   std::string add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm);
+
+  /// Why an observed frame does not fit another one, or "".
+  std::string misfit(int index, int reference) const;
+
+  /// Of the frames observed so far.
+  FrameGroup largestGroup() const;
 
   /// See BracketFusion.
   void setAlignedFrameCallback(std::function<void(const AlignedFrame&)> callback) {
@@ -55,6 +63,7 @@ class RefinedFusion {
     int index;
     cv::Mat gray;
   };
+  bool hasMoved(int index) const;
   void compareWithEarlier(const cv::Mat& reference);
 
   RefinedConfig config_;
@@ -69,6 +78,7 @@ class RefinedFusion {
   bool linear_ = false;  // codes are in proportion to light
   int reference_ = -1;   // index; -1: none yet
   BracketAlignment alignment_;
+  FrameLight light_;
   ReferenceWarp warp_;
   ExposureMatching exposure_;
   SharpnessPyramid sharpness_;

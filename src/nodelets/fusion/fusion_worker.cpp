@@ -373,6 +373,11 @@ void FusionWorker::publish(const BracketResult& result, bool complete) {
   bracket.result.length = open_->length;
   std::vector<std::string> warnings = result.warnings;
   if (result.used == 0) warnings.emplace_back("no frame could be used: nothing to publish");
+  const int length = std::max(result.length, open_->length);
+  if (complete && result.used > 0 && 2 * result.used < length) {
+    warnings.push_back("only " + std::to_string(result.used) + " of " + std::to_string(length) +
+                       " frames were used, see the notes of the report");
+  }
   if (result.used == 1 && complete) warnings.emplace_back("only one frame: the result is that frame");
   if (open_->missing > 0) warnings.push_back(std::to_string(open_->missing) + " frames never came");
   if (open_->dropped > 0)

@@ -1,0 +1,161 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "fusion/frame_groups.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "util/srgb.hpp"
+
+namespace all_in_focus::core {
+namespace {
+
+const cv::Size kMostBlocks(20, 15);
+constexpr int kSamples = 16;           // per side of a block; in smaller ones blur would change the light
+constexpr double kDarkCode = 3;        // below, noise hides the light
+constexpr double kSmallChange = 0.22;  // of the logarithm of light: a quarter more or less
+constexpr double kSmallPart = 0.06;    // of the picture; from frame to frame 0.02 at most, by focus
+constexpr double kNone = std::numeric_limits<double>::infinity();
+constexpr double kUsualSteps = 3;  // a longer step is a jump
+
+// The lower one of two.
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double medianOf(const cv::Mat& values) {
+  return median({values.begin<float>(), values.end<float>()});
+}
+
+/// Frames that follow each other without a jump.
+struct Run {
+  std::set<int> frames;
+  int last() const { return *frames.rbegin(); }
+};
+
+}  // namespace
+
+void FrameLight::observe(const cv::Mat& gray, int index) {
+  const cv::Size grid(std::clamp(gray.cols / kSamples, 1, kMostBlocks.width),
+                      std::clamp(gray.rows / kSamples, 1, kMostBlocks.height));
+  cv::Mat sampled, codes, blocks(grid, CV_32FC1);
+  cv::resize(gray, sampled, grid * kSamples, 0, 0, cv::INTER_NEAREST);
+  cv::resize(sampled, codes, grid, 0, 0, cv::INTER_AREA);
+  for (int y = 0; y < codes.rows; ++y) {
+    for (int x = 0; x < codes.cols; ++x)
+      blocks.at<float>(y, x) =
+          static_cast<float>(std::log(lightOf(codes.at<std::uint8_t>(y, x)) + lightOf(kDarkCode)));
+  }
+  blocks_[index] = blocks;
+}
+
+double FrameLight::ratio(int index, int reference) const {
+  return std::exp(medianOf(blocks_.at(index) - blocks_.at(reference)));
+}
+
+double FrameLight::changed(int index, int other) const {
+  const cv::Mat difference = blocks_.at(index) - blocks_.at(other);
+  const cv::Mat differs = cv::abs(difference - medianOf(difference)) > kSmallChange;
+  return cv::countNonZero(differs) / static_cast<double>(differs.total());
+}
+
+double FrameLight::intrusion(int index, const std::function<bool(int)>& counts) const {
+  const auto here = blocks_.find(index);
+  const auto is_alike = [&](const auto& other) {
+    return std::abs(std::log(ratio(other.first, index))) <= kSmallChange && counts(other.first);
+  };
+  const auto before = std::find_if(std::make_reverse_iterator(here), blocks_.rend(), is_alike);
+  const auto behind = std::find_if(std::next(here), blocks_.end(), is_alike);
+  if (before == blocks_.rend() || behind == blocks_.end()) return 0;
+  const double least = std::min(changed(index, before->first), changed(index, behind->first));
+  return least > kSmallPart && changed(behind->first, before->first) < least / 2 ? least : 0;
+}
+
+double FrameLight::jump(int index, int reference, double most) const {
+  const auto are_near = [most](double ratio) { return ratio <= most && ratio >= 1 / most; };
+  const double direct = ratio(index, reference);
+  if (are_near(direct)) return 1;
+  // Odd frames between are passed over.
+  int last = reference;
+  const auto pass = [&](int between) {
+    if (are_near(ratio(between, last))) last = between;
+  };
+  const auto first = blocks_.upper_bound(std::min(index, reference)),
+             end = blocks_.lower_bound(std::max(index, reference));
+  if (index > reference) {
+    for (auto it = first; it != end; ++it) pass(it->first);
+  } else {
+    for (auto it = end; it != first;) pass((--it)->first);
+  }
+  return are_near(ratio(index, last)) ? 1 : direct;
+}
+
+bool FrameLight::isOdd(int index, double most) const {
+  auto before = blocks_.find(index);
+  bool is_odd = before != blocks_.begin();
+  for (int i = 0; i < 2 && before != blocks_.begin(); ++i) {
+    const double light = ratio(index, (--before)->first);
+    is_odd = is_odd && (light > most || light < 1 / most);
+  }
+  return is_odd;
+}
+
+FrameGroup largestGroup(const FrameLight& light, const std::function<double(int, int)>& displacement,
+                        double radius) {
+  const auto change = [&light](int index, int earlier) {
+    return std::abs(std::log(light.ratio(index, earlier)));
+  };
+  // Steps to each frame from the nearer one of the two before it: an odd frame makes one long step, not two.
+  std::vector<double> shifts, changes, parts;
+  std::vector<int> before;
+  for (const auto& [index, blocks] : light.frames()) {
+    double shift = kNone, step = kNone, part = kNone;
+    for (const int earlier : before) {
+      const double moved = displacement(index, earlier);
+      if (moved < 0) continue;
+      shift = std::min(shift, moved / (index - earlier));
+      step = std::min(step, change(index, earlier) / (index - earlier));
+      part = std::min(part, light.changed(index, earlier) / (index - earlier));
+    }
+    if (shift < kNone) {
+      shifts.push_back(shift);
+      changes.push_back(step);
+      parts.push_back(part);
+    }
+    before.push_back(index);
+    if (before.size() > 2) before.erase(before.begin());
+  }
+  const double usual_shift = median(shifts), usual_change = median(changes), usual_part = median(parts);
+
+  std::vector<Run> runs;
+  for (const auto& [index, blocks] : light.frames()) {
+    const auto follows = [&, index = index](const Run& run) {
+      const double steps = kUsualSteps * (index - run.last()), shift = displacement(index, run.last());
+      return shift >= 0 && shift <= std::max(kSmallShift * radius, steps * usual_shift) &&
+             change(index, run.last()) <= std::max(kSmallChange, steps * usual_change) &&
+             light.changed(index, run.last()) <= std::max(kSmallPart, steps * usual_part);
+    };
+    auto run = std::find_if(runs.begin(), runs.end(), follows);
+    if (run == runs.end()) run = runs.insert(run, Run());
+    run->frames.insert(index);
+  }
+
+  std::stable_sort(runs.begin(), runs.end(),
+                   [](const Run& a, const Run& b) { return a.frames.size() > b.frames.size(); });
+  FrameGroup group;
+  for (std::size_t i = 1; i < runs.size(); ++i)
+    group.others.insert(runs[i].frames.begin(), runs[i].frames.end());
+  if (!runs.empty())
+    group.lead = static_cast<int>(runs[0].frames.size() - (runs.size() > 1 ? runs[1].frames.size() : 0));
+  return group;
+}
+
+}  // namespace all_in_focus::core
