@@ -78,7 +78,8 @@ class TiffNumbers {
 // OpenCV turns a TIFF as its first page says, whatever the flags are: the page is made to say "not at all".
 void keepTiffAsStored(std::string& data) {
   constexpr std::uint64_t kOrientation = 274, kClassic = 42, kBig = 43;
-  if ((!startsWith(data, "II") && !startsWith(data, "MM")) || data.size() < 16) return;
+  constexpr std::size_t kSmallest = 20;  // bytes: an entry of the longer kind
+  if ((!startsWith(data, "II") && !startsWith(data, "MM")) || data.size() < kSmallest) return;
   TiffNumbers tiff(data);
   const std::uint64_t version = tiff.get(2, 2);
   if (version != kClassic && version != kBig) return;

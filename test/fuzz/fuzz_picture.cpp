@@ -104,6 +104,7 @@ std::vector<std::string> seeds() {
   picture.reshape(1).convertTo(depth, CV_16U, 250);
   seeds.push_back(Seed().flag(false).rest(encodeImage("x.png", depth)));
   seeds.push_back(Seed().flag(false).rest(encodeImage("x.tif", depth)));
+  seeds.push_back(Seed().flag(false).rest(std::string("II+\0", 4) + std::string(13, '\0')));  // BigTIFF, cut
   // A thumbnail before the picture, bytes after it, and several scans.
   const std::string jpeg = encodeImage("x.jpg", picture);
   const std::string thumbnail = std::string("\xff\xe1\x01\x00", 4) + jpeg.substr(0, 254);
