@@ -158,7 +158,9 @@ def test_a_program_that_takes_too_long_may_clean_up(tmp_path):
 
 def test_an_interrupted_run_ends_its_program(tmp_path):
     program = tmp_path / "slow"
-    program.write_text(f"#!/bin/sh\ntrap 'echo ended > {tmp_path / 'said'}; exit 1' TERM\nkill -TERM $PPID\n"
+    # More than a pipe takes: when all is written, somebody reads it.
+    program.write_text(f"#!/bin/sh\ntrap 'echo ended > {tmp_path / 'said'}; exit 1' TERM\n"
+                       "head -c 200000 /dev/zero\nkill -TERM $PPID\n"
                        "while :; do sleep 0.1; done\n")
     program.chmod(0o755)
     script = ("import signal, sys; from all_in_focus import installed; "
