@@ -12,7 +12,7 @@ from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from all_in_focus.bag.image_messages import to_message
+from all_in_focus.image_messages import to_message
 from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.imaging import linear_to_srgb
 from all_in_focus.msg import FocusFrame, Optics as OpticsMessage

@@ -13,7 +13,7 @@ from file_helpers import call, run, run_script
 from tool_helpers import check_equality, evaluate_bag, expect_refusal, fuse, read, snapshot, succeeded, tool, unchanged
 
 from all_in_focus.bag.export import millimetres
-from all_in_focus.bag.image_messages import to_message
+from all_in_focus.image_messages import to_message
 from all_in_focus.bag.writer import write_bag
 from all_in_focus.files.output_folder import MARK, read_mark
 from all_in_focus.files.rig import Camera, Optics, Rig, load_rig, save_rig
@@ -214,9 +214,11 @@ def test_nothing_is_left_behind(tmp_path):
     (tmp_path / "text.bag").write_text("not a bag")
     write(tmp_path / "blind.bag", without("/rgb/image")(good_messages()))
     write(tmp_path / "odd.bag", setting("/rgb/image", encoding="8UC3")(good_messages()))
+    write(tmp_path / "pairs.bag", setting("/rgb/image", encoding="yuv422", width=33)(good_messages()))
     with unchanged(tmp_path):
         for name, complaint in (("none.bag", "No such file"), ("text.bag", "not a bag"), ("blind.bag", "no colour image"),
-                                ("odd.bag", "frame 0 left out: [8UC3]")):
+                                ("odd.bag", "frame 0 left out: [8UC3]"),
+                                ("pairs.bag", "frame 0 left out: yuv422 tells pairs of pixels, but the width is 33")):
             refused(complaint, tmp_path / name, "--output", tmp_path / "out")
         refused("expected a number", tmp_path / "odd.bag", "--output", tmp_path / "out", "--bracket", "-1")
 

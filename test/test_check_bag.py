@@ -18,7 +18,7 @@ from tool_helpers import TwoPlanes, expect_refusal, fuse_stack, set_up_boards, s
 from all_in_focus.bag.brackets import Rules
 from all_in_focus.bag.bag_file import BagContents, BagError, BagFile, Topics, load_topics
 from all_in_focus.bag.check.checker import check_bag
-from all_in_focus.bag.image_messages import to_message
+from all_in_focus.image_messages import to_message
 from all_in_focus.files.rig import load_rig, save_rig
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of cv_bridge

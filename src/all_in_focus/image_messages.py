@@ -56,6 +56,13 @@ def _check_layout(head, pixel_bytes):
     if head.bytes < head.step * height:
         raise ImageError(f"data holds {head.bytes} bytes, but {width}x{height} {head.encoding} with step "
                          f"{head.step} needs {head.step * height}: check its publisher")
+    _check_pairs(head.encoding, width)
+
+
+def _check_pairs(encoding, width):
+    """OpenCV writes pairs of pixels, the last one beyond the end of the picture."""
+    if encoding.startswith("yuv") and width % 2:
+        raise ImageError(f"{encoding} tells pairs of pixels, but the width is {width}: check its publisher")
 
 
 def _pixel_bytes(encoding):
@@ -90,6 +97,7 @@ def bgr(message):
     """BGR picture, 8 bit, of an Image or CompressedImage, as the fusion node converts it. ImageError."""
     if message._type == CompressedImage._type:
         return decoded(message.data)
+    _check_pairs(message.encoding, message.width)
     try:
         return BRIDGE.imgmsg_to_cv2(_without_padding(message), "bgr8")
     except (cv2.error, cv_bridge.CvBridgeError, ValueError, TypeError, AttributeError) as error:

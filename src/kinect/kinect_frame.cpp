@@ -45,6 +45,9 @@ void requireWhole(const KinectFrame& frame, int cv_type) {
   if (frame.width <= 0 || frame.height <= 0 || frame.data == nullptr) {
     throw std::invalid_argument("it has no pixels");
   }
+  // OpenCV writes pairs of pixels, the last one beyond the end of the picture.
+  if (frame.format == openni::PIXEL_FORMAT_YUV422 && frame.width % 2 != 0)
+    throw std::invalid_argument(cv::format("YUV422 tells pairs of pixels, but its width is %d", frame.width));
   const std::size_t stride = frame.stride,
                     row = static_cast<std::size_t>(frame.width) * CV_ELEM_SIZE(cv_type);
   if (frame.stride < 0 || stride < row || stride % CV_ELEM_SIZE1(cv_type) != 0) {

@@ -46,6 +46,11 @@ void checkLayout(const sensor_msgs::Image& image, std::size_t value_bytes, const
                     sizeText(image.width, image.height) + " " + image.encoding + " needs " +
                     std::to_string(bytes) + ": check its publisher");
   }
+  // OpenCV writes pairs of pixels, the last one beyond the end of the picture.
+  if (image.encoding.rfind("yuv", 0) == 0 && image.width % 2 != 0) {
+    fail(topic, image.encoding + " tells pairs of pixels, but the width is " + std::to_string(image.width) +
+                    ": check its publisher");
+  }
   if (value_bytes > 1 && (image.is_bigendian != 0) != kIsBigEndian) {
     fail(topic, std::string("the image is ") + (image.is_bigendian ? "big" : "little") +
                     "-endian, this computer is not: publish it in host byte order");

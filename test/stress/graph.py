@@ -13,7 +13,7 @@ from cv_bridge import CvBridge
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from all_in_focus.bag.image_messages import to_message
+from all_in_focus.image_messages import to_message
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.files.stack import load_focus

@@ -158,6 +158,12 @@ TEST(Colour, BrokenImagesAreRefusedWithPlaceAndReason) {
   refused([](auto& image) { image.encoding = enc::TYPE_16UC2; },
           "no colour can be made of encoding \"16UC2\"");
   refused([](auto& image) { image.height = 0; }, "empty");
+  refused(
+      [](auto& image) {
+        image.encoding = enc::YUV422;
+        image.width = 3;
+      },
+      "yuv422 tells pairs of pixels, but the width is 3");
   refused([](auto& image) { image.step = 10; }, "step");
   refused([](auto& image) { image.data.pop_back(); }, "data");
 }

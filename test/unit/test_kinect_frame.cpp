@@ -108,6 +108,11 @@ TEST(KinectFrame, BrokenOnesAreRefusedByName) {
   EXPECT_EQ(refusal([](KinectFrame& f) { f.width = 4; }), "it has 4x2 pixels, the stream was set to 3x2");
   EXPECT_EQ(refusal([](KinectFrame& f) { f.width = f.mode.width = -3; }), "it has no pixels");
   EXPECT_EQ(refusal([](KinectFrame& f) { f.data = nullptr; }), "it has no pixels");
+  EXPECT_EQ(refusal([](KinectFrame& f) {
+              f.stream = KinectStream::kColor;
+              f.format = openni::PIXEL_FORMAT_YUV422;
+            }),
+            "YUV422 tells pairs of pixels, but its width is 3");
   EXPECT_EQ(refusal([](KinectFrame& f) { f.format = openni::PIXEL_FORMAT_SHIFT_9_2; }),
             "its pixel format 102 is not supported");
   EXPECT_EQ(refusal([](KinectFrame& f) { f.format = openni::PIXEL_FORMAT_RGB888; }),

@@ -11,7 +11,7 @@ import rosbag
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from tf2_msgs.msg import TFMessage
 
-from all_in_focus.bag.image_messages import ImageError, bgr, to_message
+from all_in_focus.image_messages import ImageError, bgr, to_message
 from all_in_focus.files import yaml_file
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.input_file import require_regular

@@ -10,7 +10,7 @@ import numpy as np
 
 from all_in_focus.bag.brackets import assemble
 from all_in_focus.bag.bag_file import BagError
-from all_in_focus.bag.image_messages import ImageError, bgr, check_color, depth_mm
+from all_in_focus.image_messages import ImageError, bgr, check_color, depth_mm
 from all_in_focus.bag.recorded_rig import RecordedRigError, camera_at, color_frame, depth_problem, optics_at, pose
 from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.files.output_file import encode_png

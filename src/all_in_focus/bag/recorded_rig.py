@@ -8,7 +8,7 @@ import numpy as np
 import tf2_py
 from scipy.spatial.transform import Rotation
 
-from all_in_focus.bag.image_messages import ImageError, check_depth
+from all_in_focus.image_messages import ImageError, check_depth
 from all_in_focus.bag.scan import newest
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.rig import Camera, Optics, check_matrix, distortion_of, rotation_matrix

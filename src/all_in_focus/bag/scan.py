@@ -10,7 +10,7 @@ from sensor_msgs.msg import CompressedImage
 from tf2_msgs.msg import TFMessage
 
 from all_in_focus.bag.bag_file import TYPES, BagError, absolute
-from all_in_focus.bag.image_messages import ImageError, decoded
+from all_in_focus.image_messages import ImageError, decoded
 from all_in_focus.progress import Progress
 
 NS = 10 ** 9  # in a second

@@ -9,7 +9,7 @@ import rosbag
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from all_in_focus.bag.image_messages import to_message
+from all_in_focus.image_messages import to_message
 from all_in_focus.files.output_file import whole_file
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.rig_messages import camera_info, static_transform

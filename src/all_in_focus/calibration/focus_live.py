@@ -4,7 +4,6 @@
 import threading
 import time
 
-import cv_bridge
 import message_filters
 import rospy
 from sensor_msgs.msg import Image
@@ -12,6 +11,7 @@ from std_srvs.srv import Trigger
 
 from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.focus_curve import Sharpness, dioptres_of_registered
+from all_in_focus.image_messages import BRIDGE, ImageError, bgr
 from all_in_focus.msg import FocusFrame
 
 CAMERA = "focus_bracket_camera"
@@ -25,7 +25,7 @@ class _Bracket:
     def __init__(self):
         self.sharpness, self.depth, self.problem = Sharpness(), None, ""
         self.done = threading.Event()
-        self._bridge, self._id = cv_bridge.CvBridge(), None
+        self._id = None
         self._depth = rospy.Subscriber("depth_registered/image_raw", Image, self._on_depth, queue_size=1, buff_size=2 ** 26)
         frames = [message_filters.Subscriber("rgb/image", Image, queue_size=QUEUE, buff_size=2 ** 26),
                   message_filters.Subscriber("rgb/focus", FocusFrame, queue_size=QUEUE)]
@@ -34,7 +34,7 @@ class _Bracket:
 
     def _on_depth(self, message):
         if self._id is None:
-            self.depth = self._bridge.imgmsg_to_cv2(message, "16UC1")
+            self.depth = BRIDGE.imgmsg_to_cv2(message, "16UC1")
 
     def _on_frame(self, image, focus):
         if self.done.is_set() or self.depth is None:
@@ -47,8 +47,8 @@ class _Bracket:
             self.problem = f"frame {len(self.sharpness)} of the bracket never came"
             return self.done.set()
         try:
-            self.sharpness.add(self._bridge.imgmsg_to_cv2(image, "bgr8"))
-        except (CalibrationError, cv_bridge.CvBridgeError) as error:
+            self.sharpness.add(bgr(image))
+        except (CalibrationError, ImageError) as error:
             self.problem = str(error)
         if focus.last or self.problem:
             self.done.set()

@@ -12,6 +12,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 
 from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.live_view import LiveView
+from all_in_focus.image_messages import BRIDGE, ImageError, bgr
 
 TOPICS = ("ir/image", "rgb/image")
 SIXTEEN_BIT = ("mono16", "16UC1")
@@ -26,7 +27,6 @@ class LiveNode:
 
     def __init__(self, view, calibrate):
         self._view, self._calibrate = view, calibrate
-        self._bridge = cv_bridge.CvBridge()
         self._lock = threading.Lock()  # of the view, and of the end
         self._arrived = threading.Condition()
         self._latest, self._last_heard, self._last_pair = None, [time.monotonic()] * 2, time.monotonic()
@@ -68,9 +68,8 @@ class LiveNode:
 
     def _images(self, messages):
         try:
-            return [self._bridge.imgmsg_to_cv2(message, "passthrough" if message.encoding in SIXTEEN_BIT else "bgr8")
-                    for message in messages]
-        except cv_bridge.CvBridgeError as error:
+            return [BRIDGE.imgmsg_to_cv2(message) if message.encoding in SIXTEEN_BIT else bgr(message) for message in messages]
+        except (cv_bridge.CvBridgeError, ImageError) as error:
             rospy.logwarn_throttle(10, f"a picture cannot be used: {error}")
             return None
 

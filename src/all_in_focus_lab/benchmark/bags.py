@@ -13,7 +13,7 @@ import cv2
 from all_in_focus import installed
 from all_in_focus.bag.bag_file import BagContents, BagFile, Topics
 from all_in_focus.bag.brackets import Rules, assemble
-from all_in_focus.bag.image_messages import bgr
+from all_in_focus.image_messages import bgr
 from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.files.output_folder import whole_folder
 from all_in_focus.files.stack import read_image

@@ -12,7 +12,7 @@ from all_in_focus.bag.check.pixels import (BRACKETS, FRAMES, Sample, check_depth
                                            check_focus_change, check_images, sample)
 from all_in_focus.bag.check.findings import BagReport, Check
 from all_in_focus.bag.check.recording import TITLES, check_depth_in_time, check_file, check_stamps, check_topics
-from all_in_focus.bag.image_messages import ImageError, bgr, depth_mm
+from all_in_focus.image_messages import ImageError, bgr, depth_mm
 from all_in_focus.bag.recorded_rig import RecordedRigError, camera_at, color_frame, depth_problem, optics_at
 from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.files.rig import Rig

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from all_in_focus.bag.check.findings import PerBracket, share_text
-from all_in_focus.bag.image_messages import METRES, ImageError, bgr, check_color, check_depth, depth_as_sent
+from all_in_focus.image_messages import METRES, ImageError, bgr, check_color, check_depth, depth_as_sent
 from all_in_focus.bag.scan import NS, fetch
 from all_in_focus.files.errors import counted
 from all_in_focus.imaging import FocusCheck, shrunk, srgb_to_linear

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from all_in_focus.bag.bag_file import REQUIRED, BagError
-from all_in_focus.bag.image_messages import METRES, MILLIMETRES
+from all_in_focus.image_messages import METRES, MILLIMETRES
 from all_in_focus.bag.options import option_of
 from all_in_focus.bag.scan import NS
 from all_in_focus.files.errors import counted
