@@ -11,7 +11,8 @@ import numpy as np
 import psutil
 import pytest
 
-from bag_helpers import good_messages, rewritten, write as write_bag
+from all_in_focus.bag.image_messages import to_message
+from bag_helpers import BRIDGE, good_messages, rewritten, write as write_bag
 from file_helpers import SCRIPTS, call, cut, start, wait_until
 from tool_helpers import (check_equality, evaluate_bag, expect_refusal, fuse, fuse_stack, made_scene, read, succeeded,
                           texture, unchanged, write)
@@ -75,6 +76,22 @@ def test_both_leave_out_frames_that_do_not_fit(scene):
     report = scene.check_equality("rejected", bag, [], [], stack="rejected")
     assert report["frames_rejected"] == 2
     assert [note.split(":")[0] for note in report["notes"]][:2] == ["frame 1 rejected", f"frame {FRAMES - 2} rejected"]
+
+
+def test_gray_topics_of_twelve_bits(tmp_path):
+    """As cameras for machines send them: 12 bits in messages of 16."""
+    results = []
+    for encoding, factor, dtype in (("mono8", 1, np.uint8), ("mono16", 16, np.uint16)):
+        messages = good_messages()
+        for message in messages:
+            if message[0] == "/rgb/image":
+                gray = cv2.cvtColor(BRIDGE.imgmsg_to_cv2(message[1]), cv2.COLOR_BGR2GRAY)
+                message[1] = to_message(gray.astype(dtype) * factor, encoding, message[1].header)
+        bag = write_bag(tmp_path / f"{encoding}.bag", messages)
+        results.append(read(evaluate_bag(tmp_path / encoding, bag) / "fused.png"))
+    plain, deep = results
+    assert [plain.dtype, deep.dtype] == [np.uint8, np.uint16]
+    assert np.sqrt(np.mean((deep / 257 - plain) ** 2)) < 1
 
 
 # --- what ends a run --------------------------------------------------------------------------------------------------

@@ -104,7 +104,8 @@ class Bracket {
   /// Starts a bracket. The scene's images are shared, not copied.
   void begin(const BracketScene& scene, const BracketSettings& settings, FrameAgain again);
 
-  /// Takes the next frame and fuses all frames that can be fused now. frame: CV_8UC3. index: 0..65534, its
+  /// Takes the next frame and fuses all frames that can be fused now. frame: CV_8UC3, or CV_16UC3 for a
+  /// result of 16 bits; with a fourth channel pixels whose alpha is 0 weigh nothing. index: 0..65534, its
   /// place in the bracket, greater than that of the frame before. focus_mm: NaN = unknown, may be infinite.
   FrameStatus add(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
 

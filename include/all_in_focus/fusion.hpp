@@ -77,12 +77,13 @@ Mode modeThatRan(Mode wanted, FusedBy fused_by);
 
 /// A frame as mode refined adds it: in the geometry of the reference.
 struct AlignedFrame {
-  cv::Mat image;    ///< CV_8UC3; its pixels are valid only during the call that hands it over
+  cv::Mat image;    ///< CV_8UC3 or CV_16UC3; its pixels are valid only during the call that hands it over
   cv::Rect seen;    ///< pixels that the frame has seen; the others continue its border
   double gain = 1;  ///< in linear light (sRGB), to the exposure of the reference
   int index = 0;
   double focus_mm = 0;  ///< NaN = unknown, may be infinite
   bool linear = false;  ///< the bracket's codes are in proportion to light, not sRGB
+  cv::Mat opaque = {};  ///< CV_8UC1, 0 where pixels show nothing and weigh nothing; empty: nowhere
 };
 
 /// Its picture in the exposure of the reference, as the mean gets it.
@@ -99,7 +100,7 @@ struct RegionChoice {
 
 /// The result of one bracket.
 struct FusionResult {
-  cv::Mat image;  ///< CV_8UC3
+  cv::Mat image;  ///< CV_8UC3, or CV_16UC3 if the first frame had 16 bits
   // Mode refined leaves these three empty without RefinedConfig::choice.
   cv::Mat source_index;  ///< CV_16UC1, the frame that a pixel was taken from, or mostly; kNoFrame = none
   cv::Mat confidence;    ///< CV_8UC1, margin of the choice, 0..255

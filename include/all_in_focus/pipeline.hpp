@@ -43,7 +43,7 @@ SegmentationConfig segmentationConfig(Mode mode, const Optics& optics, DofSpan s
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
-  virtual bool next(cv::Mat& frame) = 0;  ///< CV_8UC3; false at the end
+  virtual bool next(cv::Mat& frame) = 0;  ///< as Bracket::add() takes it; false at the end
   virtual void rewind() = 0;
   virtual int count() = 0;  ///< may take as long as reading them all
 };
@@ -81,7 +81,7 @@ struct PipelineInput {
   int reference = BracketSettings().reference;  ///< auto: the middle one, N / 2
   RefinedConfig refined;
   std::function<void(const AlignedFrame&)> on_aligned;  ///< see BracketSettings
-  std::function<std::string(int index)> frame_name;  ///< what messages call a frame; none: "frame 7"
+  std::function<std::string(int index)> frame_name;     ///< what messages call a frame; none: "frame 7"
   Bracket::Progress progress;  ///< of the restoration; false = stop: the result is refined
 };
 

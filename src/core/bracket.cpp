@@ -173,8 +173,11 @@ void Bracket::setLabels(const cv::Mat& labels) {
 }
 
 void Bracket::take(const cv::Mat& frame, int index, double focus_mm) {
-  if (frame.type() != CV_8UC3 || frame.empty())
-    throw std::invalid_argument(name(index) + " must be CV_8UC3 and not empty");
+  const bool is_color =
+      (frame.depth() == CV_8U || frame.depth() == CV_16U) && (frame.channels() == 3 || frame.channels() == 4);
+  if (!is_color || frame.empty())
+    throw std::invalid_argument(name(index) +
+                                " must have 8 or 16 bits, three or four channels and not be empty");
   if (index < 0 || index >= kNoFrame)
     throw std::invalid_argument(cv::format("frame index %d is not in 0..65534", index));
   const cv::Size size = frame.size();

@@ -124,7 +124,7 @@ cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const 
   }
   checkLayout(*image, value_bytes, topic, channels);
   try {
-    return cv_bridge::toCvShare(image, enc::BGR8);
+    return cv_bridge::toCvShare(image, value_bytes == 2 ? enc::BGR16 : enc::BGR8);
   } catch (const std::runtime_error&) {  // cv_bridge::Exception
   } catch (const cv::Exception&) {
   }

@@ -47,7 +47,8 @@ void setToUnknown(cv::Mat& mm, int value);
 void requireSize(const DepthImage& depth, const Camera& camera, const std::string& topic,
                  const std::string& info_topic);
 
-/// The picture of a colour frame. An image that is bgr8 already is not copied.
+/// The picture of a colour frame: bgr8, or bgr16 where the encoding has 16 bits. An image that is so already
+/// is not copied.
 cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const std::string& topic);
 
 /// An image message that the core writes into.

@@ -29,7 +29,9 @@ void run(Input& input) {
   cv_bridge::CvImageConstPtr picture;
   if (!accepts([&] { picture = toBgr(image, "/image"); })) return;
   require(image->data == before.data, "the message has changed");
-  require(picture->image.type() == CV_8UC3 && static_cast<unsigned>(picture->image.cols) == image->width &&
+  const int type = picture->image.type();
+  require((type == CV_8UC3 || type == CV_16UC3) &&
+              static_cast<unsigned>(picture->image.cols) == image->width &&
               static_cast<unsigned>(picture->image.rows) == image->height,
           "another type or size");
   requirePixels(*image, picture->image);

@@ -84,6 +84,15 @@ class ReferenceTest(RefinedTest):
         self.finish()
         self.assert_noted(self.assert_as_files(stamp, [0, 1], 1), 'only 2 of 5 frames were used')
 
+    def test_frames_of_twelve_bits(self):
+        twelve_bits = {i: lambda stamp, i=i: colour_message(pixels(i).astype(np.uint16) * 16, stamp, 'bgr16') for i in INDICES}
+        stamp = self.fuse(replaced=twelve_bits) + MIDDLE * PERIOD
+        self.assertEqual(self.report(stamp).frames_used, len(FRAMES))
+        image = self.outputs['image'].at(stamp)
+        self.assertEqual(image.encoding, 'bgr16')
+        error = array_of(image) / 257 - fused_by_files(INDICES, MIDDLE)['image']
+        self.assertLess(np.sqrt(np.mean(error ** 2)), 1)
+
     def test_sliding_takes_the_first_frame(self):
         self.reconfigure(bracket_mode='sliding')
         bracket_id = next(BRACKET_IDS)

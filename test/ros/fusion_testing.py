@@ -17,7 +17,8 @@ from depth_testing import HEIGHT, NEAR_MM, TIMEOUT, WIDTH, GraphTest, image_mess
 NEAR, FAR = np.s_[:, :WIDTH // 2], np.s_[:, WIDTH // 2:]  # halves of the image
 PERIOD = 0.125  # s between frames, exact in binary
 OPTICS = Optics(focal_length_mm=24.0, aperture=4.0, circle_of_confusion_mm=0.019)
-CHANNELS = {'bgr8': (np.uint8, 3), 'rgb8': (np.uint8, 3), 'mono8': (np.uint8, 1), '16UC1': (np.uint16, 1)}
+CHANNELS = {'bgr16': (np.uint16, 3),
+            'bgr8': (np.uint8, 3), 'rgb8': (np.uint8, 3), 'mono8': (np.uint8, 1), '16UC1': (np.uint16, 1)}
 OUTPUTS = {'image': Image, 'source_index': Image, 'confidence': Image, 'weights_color': Image, 'depth': Image,
            'camera_info': CameraInfo, 'report': FusionReport}
 DEFAULTS = {'mode': 'paper', 'reference': -1, 'max_held_frames': 64, 'bracket_mode': 'bracket', 'bracket_size': 0,

@@ -143,7 +143,12 @@ TEST(Colour, BecomesBgr) {
   EXPECT_EQ(toBgr(bgr, "/topic")->image.data, bgr->data.data());
   const auto deep = imageOf<std::uint16_t>({256, 512, 65535}, 3, enc::BGR16);
   deep->width = 1;
-  EXPECT_EQ(toBgr(deep, "/topic")->image.at<cv::Vec3b>(0, 0), cv::Vec3b(1, 2, 255));
+  EXPECT_EQ(toBgr(deep, "/topic")->image.at<cv::Vec3w>(0, 0), cv::Vec3w(256, 512, 65535));
+  const auto turned = imageOf<std::uint16_t>({1, 2, 3}, 3, enc::RGB16);
+  turned->width = 1;
+  EXPECT_EQ(toBgr(turned, "/topic")->image.at<cv::Vec3w>(0, 0), cv::Vec3w(3, 2, 1));
+  const auto gray = imageOf<std::uint16_t>({4095}, 1, enc::MONO16);
+  EXPECT_EQ(toBgr(gray, "/topic")->image.at<cv::Vec3w>(0, 0), cv::Vec3w(4095, 4095, 4095));
 }
 
 TEST(Colour, BrokenImagesAreRefusedWithPlaceAndReason) {

@@ -28,7 +28,7 @@ from all_in_focus.msg import FusionReport, SegmentArray
 REPORT_VERSION = 1
 MAX_LABEL = 65535
 # file name: topic, encoding to save (OpenCV writes BGR)
-IMAGES = {"fused": ("all_in_focus/image", "bgr8"), "registered": ("all_in_focus/depth", "passthrough"),
+IMAGES = {"fused": ("all_in_focus/image", "passthrough"), "registered": ("all_in_focus/depth", "passthrough"),
           "depth_restored": ("all_in_focus/depth_restored", "passthrough"),
           "source_index": ("all_in_focus/source_index", "passthrough"),
           "confidence": ("all_in_focus/confidence", "passthrough"), "weights": ("all_in_focus/weights_color", "bgr8")}

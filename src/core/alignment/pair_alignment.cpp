@@ -91,10 +91,7 @@ void normalize(std::array<float, N>& a) {
 // Normalised correlation of the contrast of two frames; of two frames without any, 1. aligned: buffer.
 double correlation(const cv::Mat& key, const cv::Mat& frame, const SimilarityTransform& motion,
                    const cv::Point2d& center, cv::Mat& aligned) {
-  const cv::Point2d origin = motion.apply({}, center), x = motion.apply({1, 0}, center) - origin,
-                    y = motion.apply({0, 1}, center) - origin;
-  const cv::Matx23d to_frame(x.x, y.x, origin.x, x.y, y.y, origin.y);
-  cv::warpAffine(frame, aligned, to_frame, key.size(), cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
+  cv::warpAffine(frame, aligned, motion.matrix(center), key.size(), cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
                  cv::BORDER_REPLICATE);
   const double floor = kContrastFloor * kContrastFloor * static_cast<double>(key.total());
   return (key.dot(aligned) + floor) / std::sqrt((key.dot(key) + floor) * (aligned.dot(aligned) + floor));

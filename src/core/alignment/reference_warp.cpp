@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "util/row_strips.hpp"
@@ -128,8 +129,14 @@ void ReferenceWarp::Taps::prepare(double begin, double step, int count, int leng
 
 void ReferenceWarp::compute(const cv::Mat& frame, const SimilarityTransform& transform,
                             const cv::Point2d& center, cv::Mat& out) {
-  if (frame.type() != CV_8UC3) throw std::invalid_argument("warp: the frame must be CV_8UC3");
+  if (frame.type() != CV_8UC3 && frame.type() != CV_16UC3)
+    throw std::invalid_argument("warp: the frame must be CV_8UC3 or CV_16UC3");
   if (transform.isIdentity()) return frame.copyTo(out);
+  if (frame.depth() == CV_16U) {
+    cv::warpAffine(frame, out, transform.matrix(center), frame.size(),
+                   cv::INTER_LANCZOS4 | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
+    return;
+  }
   out.create(frame.size(), CV_8UC3);
   const double scale = transform.scale;
   if (transform.angle == 0) {

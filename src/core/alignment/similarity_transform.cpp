@@ -20,6 +20,12 @@ cv::Point2d SimilarityTransform::apply(const cv::Point2d& p, const cv::Point2d& 
   return center + scale * rotate(p - center, angle) + shift;
 }
 
+cv::Matx23d SimilarityTransform::matrix(const cv::Point2d& center) const {
+  const cv::Point2d origin = apply({}, center), x = apply({1, 0}, center) - origin,
+                    y = apply({0, 1}, center) - origin;
+  return {x.x, y.x, origin.x, x.y, y.y, origin.y};
+}
+
 SimilarityTransform compose(const SimilarityTransform& first, const SimilarityTransform& second) {
   return {second.scale * first.scale, second.scale * rotate(first.shift, second.angle) + second.shift,
           first.angle + second.angle};

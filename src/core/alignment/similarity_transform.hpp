@@ -18,6 +18,8 @@ struct SimilarityTransform {
 
   /// Where p lies.
   cv::Point2d apply(const cv::Point2d& p, const cv::Point2d& center) const;
+  /// The same as a matrix: matrix * (x, y, 1).
+  cv::Matx23d matrix(const cv::Point2d& center) const;
 };
 
 /// First `first`, then `second`, both about the same centre.

@@ -8,9 +8,11 @@
 #include <stdexcept>
 #include <utility>
 
+#include "all_in_focus/codes.hpp"
 #include "fusion/refined_fusion.hpp"
 #include "fusion/region_fusion.hpp"
 #include "fusion/region_summary.hpp"
+#include "util/transparency.hpp"
 
 namespace all_in_focus::core {
 
@@ -24,6 +26,7 @@ void BracketFusion::begin(const BracketScene& scene, const cv::Size& size, Mode 
   config_ = config;
   size_ = size;
   focus_mm_.clear();
+  depth_ = -1;
   setLabels(scene.labels);
   by_region_ = mode == Mode::kPaper && !labels_.empty();
   if (mode == Mode::kPaper) {
@@ -44,27 +47,32 @@ void BracketFusion::setLabels(const cv::Mat& labels) {
 }
 
 // Checks a frame.
-void BracketFusion::takeGray(const cv::Mat& frame, int index) {
-  if (frame.type() != CV_8UC3 || frame.size() != size_) {
+void BracketFusion::takeApart(const cv::Mat& frame, int index) {
+  const bool is_color =
+      (frame.depth() == CV_8U || frame.depth() == CV_16U) && (frame.channels() == 3 || frame.channels() == 4);
+  if (!is_color || frame.size() != size_) {
     throw std::invalid_argument(
-        cv::format("fusion: frame %d must be CV_8UC3 and %dx%d", index, size_.width, size_.height));
+        cv::format("fusion: frame %d must have 8 or 16 bits, three or four channels and be %dx%d", index,
+                   size_.width, size_.height));
   }
   if (index < 0 || index >= kNoFrame)
     throw std::invalid_argument(cv::format("fusion: frame index %d is not in 0..65534", index));
-  cv::cvtColor(frame, gray_, cv::COLOR_BGR2GRAY);
+  if (depth_ < 0) depth_ = frame.depth();
+  color_ = toBits(contentOf(frame, opaque_), depth_);
+  cv::cvtColor(toEightBits(color_), gray_, cv::COLOR_BGR2GRAY);
 }
 
 void BracketFusion::observe(const cv::Mat& frame, int index, double focus_mm) {
-  takeGray(frame, index);
+  takeApart(frame, index);
   if (!by_region_) refined_->observe(gray_, index, focus_mm);
 }
 
 std::string BracketFusion::add(const cv::Mat& frame, int index, double focus_mm) {
-  takeGray(frame, index);
+  takeApart(frame, index);
   if (by_region_) {
-    regions_->add(frame, gray_, index);
+    regions_->add(color_, gray_, index);
   } else {
-    std::string rejection = refined_->add(frame, gray_, index, focus_mm);
+    std::string rejection = refined_->add(color_, gray_, index, focus_mm, opaque_);
     if (!rejection.empty()) return rejection;
   }
   focus_mm_.push_back(focus_mm);

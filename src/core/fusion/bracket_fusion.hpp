@@ -38,10 +38,11 @@ class BracketFusion {
   /// nothing in mode paper.
   void observe(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
 
-  /// frame: CV_8UC3 of the bracket's size (else std::invalid_argument, and the bracket is as before). index:
-  /// 0..65534, names the frame in the result. focus_mm: NaN = unknown, may be infinite. Returns why the frame
-  /// does not fit the others and was left out, or "". A frame that was left out may be added once more: it
-  /// may fit what has come since.
+  /// frame: CV_8U or CV_16U, three channels or four, of the bracket's size (else std::invalid_argument, and
+  /// the bracket is as before). Pixels whose alpha is 0 weigh nothing. The first frame decides whether the
+  /// result has 8 or 16 bits; evidence has 8. index: 0..65534, names the frame in the result. focus_mm: NaN =
+  /// unknown, may be infinite. Returns why the frame does not fit the others and was left out, or "". A frame
+  /// that was left out may be added once more: it may fit what has come since.
   std::string add(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
 
   /// Mode refined: why a frame that was observed or added does not fit another one, or "".
@@ -61,7 +62,7 @@ class BracketFusion {
   FusionResult result() const;
 
  private:
-  void takeGray(const cv::Mat& frame, int index);
+  void takeApart(const cv::Mat& frame, int index);
 
   BracketScene scene_;
   RefinedConfig config_;
@@ -70,8 +71,9 @@ class BracketFusion {
   bool by_region_ = false;
   std::unique_ptr<RegionFusion> regions_;
   std::unique_ptr<RefinedFusion> refined_;
-  cv::Mat labels_;  // of the frames' size
-  cv::Mat gray_;
+  cv::Mat labels_;                 // of the frames' size
+  int depth_ = -1;                 // of the bracket; -1: no frame yet
+  cv::Mat color_, opaque_, gray_;  // of the present frame; opaque_ is empty where all pixels are
 };
 
 }  // namespace all_in_focus::core

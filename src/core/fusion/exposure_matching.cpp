@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "all_in_focus/codes.hpp"
 #include "all_in_focus/fusion.hpp"
 #include "util/srgb.hpp"
 
@@ -91,10 +92,18 @@ double ExposureMatching::gain(const cv::Mat& frame) const {
 
 cv::Mat withGain(const AlignedFrame& frame) {
   if (frame.gain == 1) return frame.image.clone();
+  cv::Mat image;
+  if (frame.image.depth() == CV_16U) {
+    const std::vector<float> codes = gainLut16(frame.gain);
+    image = frame.image.clone();
+    image.forEach<cv::Vec3w>([&codes](cv::Vec3w& pixel, const int*) {
+      for (std::uint16_t& code : pixel.val) code = cv::saturate_cast<std::uint16_t>(codes[code]);
+    });
+    return image;
+  }
   const std::array<float, 256> gray = gainLut(frame.gain);
   cv::Mat1b codes(1, 256);
   for (int i = 0; i < 256; ++i) codes(i) = cv::saturate_cast<std::uint8_t>(gray[static_cast<std::size_t>(i)]);
-  cv::Mat image;
   cv::LUT(frame.image, codes, image);
   return image;
 }
@@ -104,6 +113,17 @@ std::array<float, 256> gainLut(double gain) {
   for (int code = 0; code < 256; ++code) {
     const double shown = gain == 1 ? code : codeOf(gain * lightOf(code));  // exactly itself
     table[code] = static_cast<float>(std::min(255.0, shown));
+  }
+  return table;
+}
+
+std::vector<float> gainLut16(double gain) {
+  std::vector<float> table(65536);
+  for (std::size_t code = 0; code < table.size(); ++code) {
+    const double shown =
+        gain == 1 ? static_cast<double>(code)
+                  : kDeepPerCode * codeOf(gain * lightOf(static_cast<double>(code) / kDeepPerCode));
+    table[code] = static_cast<float>(std::min(65535.0, shown));
   }
   return table;
 }

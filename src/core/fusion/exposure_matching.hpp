@@ -39,4 +39,7 @@ class ExposureMatching {
 /// 8-bit code -> the code that the reference would have shown, 0..255, not rounded.
 std::array<float, 256> gainLut(double gain);
 
+/// The same for codes of 16 bits, 65536 of them.
+std::vector<float> gainLut16(double gain);
+
 }  // namespace all_in_focus::core

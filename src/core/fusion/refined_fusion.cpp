@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "all_in_focus/codes.hpp"
 #include "fusion/camera_curve.hpp"
 #include "fusion/clipped_lights.hpp"
 #include "util/row_strips.hpp"
@@ -30,6 +31,22 @@ constexpr double kMostLight = 1.1 * ExposureMatching::kLargestGain;
 // codec of a video copies noise from frame to frame, so where frames are many, some must lie between.
 bool areApart(int index, int earlier) {
   return index - earlier > index / 16;
+}
+
+// Where the warped frame is opaque: where no transparent pixel is mixed in.
+cv::Mat warped(const cv::Mat& opaque, const cv::Matx23d& to_frame) {
+  const cv::Mat reach = cv::Mat::ones(9, 9, CV_8UC1);  // of the kernel of a warp
+  cv::Mat clear, out;
+  cv::erode(opaque, clear, reach);
+  cv::warpAffine(clear, out, to_frame, opaque.size(), cv::INTER_NEAREST | cv::WARP_INVERSE_MAP,
+                 cv::BORDER_REPLICATE);
+  return out;
+}
+
+// Leaves transparent pixels less than the least share that counts.
+void hide(const std::uint8_t* opaque, int n, float* sharpness) {
+  constexpr float kNothing = 1e-6f;
+  for (int x = 0; x < n; ++x) sharpness[x] *= opaque[x] != 0 ? 1 : kNothing;
 }
 
 // The factor by which a LUT of gray levels changes the contrast of middle gray.
@@ -152,7 +169,8 @@ FrameGroup RefinedFusion::largestGroup() const {
   return core::largestGroup(light_, displacement, 0.5 * std::hypot(size_.width, size_.height));
 }
 
-std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm) {
+std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm,
+                               const cv::Mat& opaque) {
   const bool is_known = light_.frames().count(index) > 0;
   if (!is_known) observe(gray, index, focus_mm);
   const bool is_reference = reference_ < 0;
@@ -162,23 +180,24 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     held_.clear();
     lights_ = clippedLights(gray);
     const bool resampled = config_.alignment && alignment_.moves(reference_);
-    mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice});
+    mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice, frame.depth() == CV_16U});
     brightness_.begin(noise_.deviation(), resampled);
-    exposure_.setReference(frame);
+    exposure_.setReference(toEightBits(frame));
   }
   if (is_known && config_.alignment && !alignment_.placement(index, reference_).fits)
     alignment_.reconsider(gray, index, reference_);
   if (const std::string reason = misfit(index, reference_); !reason.empty()) return reason;
   const Placement placement = config_.alignment ? alignment_.placement(index, reference_) : Placement();
-  cv::Rect inside({}, size_);
+  AlignedFrame aligned{frame, cv::Rect({}, size_), 1, index, focus_mm, linear_, opaque};
   if (!placement.isIdentity()) {
     warp_.compute(frame, placement, center_, aligned_);
-    cv::cvtColor(aligned_, aligned_gray_, cv::COLOR_BGR2GRAY);
-    inside = seenThrough(placement, size_, center_);
+    cv::cvtColor(toEightBits(aligned_), aligned_gray_, cv::COLOR_BGR2GRAY);
+    aligned.image = aligned_;
+    aligned.seen = seenThrough(placement, size_, center_);
+    if (!opaque.empty()) aligned.opaque = warped(opaque, placement.matrix(center_));
   }
-  const cv::Mat& in_place = placement.isIdentity() ? frame : aligned_;
-  const double gain = config_.exposure && !is_reference ? exposure_.gain(in_place) : 1;
-  const AlignedFrame aligned{in_place, inside, gain, index, focus_mm, linear_};
+  if (!aligned.opaque.empty()) aligned.seen &= cv::boundingRect(aligned.opaque);
+  if (config_.exposure && !is_reference) aligned.gain = exposure_.gain(toEightBits(aligned.image));
   if (on_aligned_) on_aligned_(aligned);
   addAligned(aligned, placement.isIdentity() ? gray : aligned_gray_, !placement.isIdentity());
   return "";
@@ -204,7 +223,8 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
     prediction_.compute(frame.focus_mm, squared_error_);
     cv::resize(squared_error_, upsampled_error_, size_, 0, 0, cv::INTER_LINEAR);
   }
-  mean_.beginFrame(frame.index, lut);
+  const bool is_deep = frame.image.depth() == CV_16U;
+  is_deep ? mean_.beginFrame(frame.index, gainLut16(frame.gain)) : mean_.beginFrame(frame.index, lut);
   const cv::Rect& seen = frame.seen;
   const RowStrips strips({seen.y, seen.br().y}, static_cast<int>(strips_.size()));
   strips.forEach([&](const cv::Range& rows, int i) {
@@ -216,10 +236,16 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
       }
       float* sharpness = strips_[i].sharpness[y - block.start];
       if (prefers_dark) brightness_.weigh(y, sharpness);
+      if (!frame.opaque.empty()) hide(frame.opaque.ptr(y), size_.width, sharpness);
       EvidenceRow evidence;
       evidence.sharpness = sharpness;
       if (predicts_) evidence.squared_error = upsampled_error_.ptr<float>(y);
-      mean_.addRow(y, {seen.x, seen.br().x}, frame.image.ptr<std::uint8_t>(y), evidence);
+      const cv::Range columns(seen.x, seen.br().x);
+      if (is_deep) {
+        mean_.addRow(y, columns, frame.image.ptr<std::uint16_t>(y), evidence);
+      } else {
+        mean_.addRow(y, columns, frame.image.ptr<std::uint8_t>(y), evidence);
+      }
     }
   });
 }

@@ -36,10 +36,12 @@ class RefinedFusion {
   /// gray: CV_8UC1; index: ascending; focus_mm: NaN = unknown, may be infinite.
   void observe(const cv::Mat& gray, int index, double focus_mm);
 
-  /// frame: CV_8UC3; gray: CV_8UC1 of it. Observes the frame unless it has been. Returns why the frame does
+  /// frame: CV_8UC3, or CV_16UC3 in all calls; gray: CV_8UC1 of it; opaque: CV_8UC1, 0 where pixels weigh
+  /// nothing; empty: nowhere. Observes the frame unless it has been. Returns why the frame does
   /// not fit the reference, which leaves it out, or "". A frame that was left out may be added once more: it
   /// may fit what has come since.
-  std::string add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm);
+  std::string add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm,
+                  const cv::Mat& opaque = {});
 
   /// Why an observed frame does not fit another one, or "".
   std::string misfit(int index, int reference) const;

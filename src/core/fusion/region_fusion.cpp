@@ -93,9 +93,15 @@ void RegionFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index) {
   }
   if (!any_won) return;
 
+  if (image_.type() != frame.type()) image_ = cv::Mat::zeros(size_, frame.type());  // the first one
+  frame.depth() == CV_8U ? copyWon<cv::Vec3b>(frame) : copyWon<cv::Vec3w>(frame);
+}
+
+template <typename Pixel>
+void RegionFusion::copyWon(const cv::Mat& frame) {
   for (int y = 0; y < size_.height; ++y) {
-    const auto* from = frame.ptr<cv::Vec3b>(y);
-    auto* to = image_.ptr<cv::Vec3b>(y);
+    const auto* from = frame.ptr<Pixel>(y);
+    auto* to = image_.ptr<Pixel>(y);
     for (int i = row_begin_[y]; i < row_begin_[y + 1]; ++i) {
       const Run& run = runs_[i];
       if (regions_[run.region].won) std::copy(from + run.begin, from + run.end, to + run.begin);

@@ -30,7 +30,7 @@ class RegionFusion {
   /// labels: CV_32SC1, >= 0, of the size of the frames.
   void begin(const cv::Mat& labels);
 
-  /// frame: CV_8UC3; gray: CV_8UC1 of it.
+  /// frame: CV_8UC3, or CV_16UC3 in all calls; gray: CV_8UC1 of it.
   void add(const cv::Mat& frame, const cv::Mat& gray, int index);
 
   const cv::Mat& image() const { return image_; }
@@ -39,6 +39,9 @@ class RegionFusion {
   std::vector<RegionChoice> choices() const;  ///< of the labels that occur, ascending
 
  private:
+  template <typename Pixel>
+  void copyWon(const cv::Mat& frame);
+
   struct Run {  ///< pixels begin..end-1 of one row, all of one region
     int begin, end, region;
   };

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "all_in_focus/fusion.hpp"
 #include "util/image_rows.hpp"
@@ -73,8 +74,8 @@ ALL_IN_FOCUS_SIMD void toFixedPoint(const float* share, int n, std::int16_t* __r
 // Moves the mean towards the values by their shares (toFixedPoint()). n: of values, three a pixel; unit: what
 // a value of 1 is in the mean.
 template <typename Value>
-inline void move(const Value* values, int unit, const std::int16_t* shares, int n,
-                 std::int16_t* __restrict mean) {
+inline void moveBy(const Value* values, int unit, const std::int16_t* shares, int n,
+                   std::int16_t* __restrict mean) {
   for (int i = 0; i < n; ++i) {
     const auto way = static_cast<std::int16_t>(unit * values[i] - mean[i]);
     const auto step =
@@ -85,12 +86,12 @@ inline void move(const Value* values, int unit, const std::int16_t* shares, int 
 
 ALL_IN_FOCUS_SIMD void moveTowardsCodes(const std::uint8_t* codes, const std::int16_t* shares, int n,
                                         std::int16_t* __restrict mean) {
-  move(codes, kUnit, shares, n, mean);
+  moveBy(codes, kUnit, shares, n, mean);
 }
 
 ALL_IN_FOCUS_SIMD void moveTowards(const std::int16_t* values, const std::int16_t* shares, int n,
                                    std::int16_t* __restrict mean) {
-  move(values, 1, shares, n, mean);
+  moveBy(values, 1, shares, n, mean);
 }
 
 void decode(const std::uint8_t* codes, const std::array<std::int16_t, 256>& lut, int n,
@@ -133,7 +134,7 @@ void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
   choice_ = kind.choice || !kind.soft;
   frames_ = 0;
   error_floor_ = static_cast<float>(kRounding + kNoiseVariances * noise * noise);
-  mean_.create(size, CV_16SC3);
+  mean_.create(size, kind.deep ? CV_32FC3 : CV_16SC3);
   mean_.setTo(0);
   sharpest_.create(size, CV_32FC1);
   sharpest_.setTo(0);
@@ -156,30 +157,49 @@ void WeightedMean::beginFrame(int index, const std::array<float, 256>& lut) {
   }
 }
 
+void WeightedMean::beginFrame(int index, std::vector<float> lut) {
+  ++frames_;
+  index_ = static_cast<std::uint16_t>(index);
+  deep_lut_ = std::move(lut);
+}
+
 void WeightedMean::addRow(int y, const cv::Range& columns, const std::uint8_t* pixels,
                           const EvidenceRow& evidence) {
+  addCodes(y, columns, pixels, evidence);
+}
+
+void WeightedMean::addRow(int y, const cv::Range& columns, const std::uint16_t* pixels,
+                          const EvidenceRow& evidence) {
+  addCodes(y, columns, pixels, evidence);
+}
+
+template <typename Code>
+void WeightedMean::addCodes(int y, const cv::Range& columns, const Code* pixels,
+                            const EvidenceRow& evidence) {
   for (int x = columns.start; x < columns.end; x += kSpan) {
     const int n = std::min(kSpan, columns.end - x);
-    std::array<float, kSpan> keep, weight;
+    std::array<float, kSpan> keep, weight, share;
     weighSharpness(evidence.sharpness + x, n, sharpest_.ptr<float>(y) + x, keep.data(), weight.data());
     if (evidence.squared_error) weighError(evidence.squared_error + x, error_floor_, n, weight.data());
-    accumulate(keep.data(), weight.data(), pixels + 3 * x, {x, y}, n);
+    chooseShares(keep.data(), weight.data(), {x, y}, n, share.data());
+    move(share.data(), pixels + 3 * x, {x, y}, n);
   }
 }
 
-void WeightedMean::accumulate(const float* keep, const float* weight, const std::uint8_t* pixels,
-                              const cv::Point& at, int n) {
-  std::array<float, kSpan> share;
-  addWeights(keep, weight, n, weights_.ptr<float>(at.y) + at.x, share.data());
-  if (choice_) {
-    float* most = most_.ptr<float>(at.y) + at.x;
-    scale(keep, n, most);
-    if (!soft_) choose(weight, most, n, share.data());
-    keepHeavier(weight, index_, n, most, source_index_.ptr<std::uint16_t>(at.y) + at.x);
-  }
+void WeightedMean::chooseShares(const float* keep, const float* weight, const cv::Point& at, int n,
+                                float* share) {
+  addWeights(keep, weight, n, weights_.ptr<float>(at.y) + at.x, share);
+  if (!choice_) return;
+  float* most = most_.ptr<float>(at.y) + at.x;
+  scale(keep, n, most);
+  if (!soft_) choose(weight, most, n, share);
+  keepHeavier(weight, index_, n, most, source_index_.ptr<std::uint16_t>(at.y) + at.x);
+}
+
+void WeightedMean::move(const float* share, const std::uint8_t* pixels, const cv::Point& at, int n) {
   std::array<std::int16_t, kSpan> fixed;
   std::array<std::int16_t, 3 * kSpan> shares;
-  toFixedPoint(share.data(), n, fixed.data());
+  toFixedPoint(share, n, fixed.data());
   threeTimes(fixed.data(), n, shares.data());
   auto* mean = mean_.ptr<std::int16_t>(at.y) + 3 * at.x;
   if (plain_) return moveTowardsCodes(pixels, shares.data(), 3 * n, mean);
@@ -188,7 +208,17 @@ void WeightedMean::accumulate(const float* keep, const float* weight, const std:
   moveTowards(values.data(), shares.data(), 3 * n, mean);
 }
 
+void WeightedMean::move(const float* share, const std::uint16_t* pixels, const cv::Point& at, int n) {
+  auto* mean = mean_.ptr<float>(at.y) + 3 * at.x;
+  for (int i = 0; i < 3 * n; ++i) mean[i] += share[i / 3] * (deep_lut_[pixels[i]] - mean[i]);
+}
+
 cv::Mat WeightedMean::image() const {
+  if (mean_.depth() == CV_32F) {
+    cv::Mat image;
+    mean_.convertTo(image, CV_16U);
+    return image;
+  }
   cv::Mat image(mean_.size(), CV_8UC3);
   forEachRow(image.rows, [&](int y) { toCodes(mean_.ptr<std::int16_t>(y), 3 * image.cols, image.ptr(y)); });
   return image;

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <vector>
 
 namespace all_in_focus::core {
 
@@ -23,7 +24,8 @@ struct EvidenceRow {
 /// the inverse of the variance that is expected of it, times a softmax, the power, of what is seen. As such
 /// powers overflow, weights are kept in units of the greatest sharpness so far.
 /// Each frame moves the mean by its share of all weights, so that no sum of colours is needed. The mean is
-/// rounded to 1/128 of a gray level: two bytes instead of the four of a float, and 16-bit arithmetic.
+/// rounded to 1/128 of a gray level: two bytes instead of the four of a float, and 16-bit arithmetic. The
+/// mean of 16-bit frames is a float.
 ///
 /// A frame of 640x480 takes 0.5 ms; the same as a sequence of OpenCV's operations, 32 rows at a time, 6.5 ms
 /// (one thread).
@@ -32,6 +34,7 @@ class WeightedMean {
   struct Kind {
     bool soft = true;    ///< false: the frame that weighs most is copied, for comparison
     bool choice = true;  ///< false: no sourceIndex() and confidence(), whose sums are 6 of 20 bytes a pixel
+    bool deep = false;   ///< frames have 16 bits
   };
 
   /// noise: standard deviation of the frames' noise in gray levels, >= 0.
@@ -41,17 +44,24 @@ class WeightedMean {
   /// to 0 .. 255.
   void beginFrame(int index, const std::array<float, 256>& lut);
 
-  /// Adds row y. columns: those that the frame has seen; pixels: of the whole row, three bytes each. Other
+  /// The same for frames of 16 bits, 65536 values.
+  void beginFrame(int index, std::vector<float> lut);
+
+  /// Adds row y. columns: those that the frame has seen; pixels: of the whole row, three codes each. Other
   /// threads may add other rows at the same time.
   void addRow(int y, const cv::Range& columns, const std::uint8_t* pixels, const EvidenceRow& evidence);
+  void addRow(int y, const cv::Range& columns, const std::uint16_t* pixels, const EvidenceRow& evidence);
 
-  cv::Mat image() const;                                        ///< CV_8UC3
+  cv::Mat image() const;                                        ///< CV_8UC3, deep: CV_16UC3
   const cv::Mat& sourceIndex() const { return source_index_; }  ///< CV_16UC1
   cv::Mat confidence() const;  ///< CV_8UC1: 255 (1 - mean weight / largest), scaled so that 255 = no rival
 
  private:
-  void accumulate(const float* keep, const float* weight, const std::uint8_t* pixels, const cv::Point& at,
-                  int n);
+  template <typename Code>
+  void addCodes(int y, const cv::Range& columns, const Code* pixels, const EvidenceRow& evidence);
+  void chooseShares(const float* keep, const float* weight, const cv::Point& at, int n, float* share);
+  void move(const float* share, const std::uint8_t* pixels, const cv::Point& at, int n);
+  void move(const float* share, const std::uint16_t* pixels, const cv::Point& at, int n);
 
   bool soft_ = true, choice_ = true;
   int frames_ = 0;
@@ -59,10 +69,11 @@ class WeightedMean {
   std::uint16_t index_ = 0;            // of the frame being added
   std::array<std::int16_t, 256> lut_;  // in units of mean_
   bool plain_ = true;                  // the LUT changes nothing
-  cv::Mat mean_;                       // CV_16SC3, 128 times the gray level (hard: of the heaviest frame)
-  cv::Mat sharpest_;                   // CV_32FC1: greatest sharpness; a weight of 1 is its 8th power
-  cv::Mat weights_;                    // CV_32FC1: sums
-  cv::Mat most_;                       // CV_32FC1: greatest weight; unused without choice_, as source_index_
+  std::vector<float> deep_lut_;        // the same for frames of 16 bits
+  cv::Mat mean_;      // CV_16SC3, 128 times the gray level (hard: of the heaviest frame); deep: CV_32FC3
+  cv::Mat sharpest_;  // CV_32FC1: greatest sharpness; a weight of 1 is its 8th power
+  cv::Mat weights_;   // CV_32FC1: sums
+  cv::Mat most_;      // CV_32FC1: greatest weight; unused without choice_, as source_index_
   cv::Mat source_index_;
 };
 

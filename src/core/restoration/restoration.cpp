@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "all_in_focus/codes.hpp"
 #include "all_in_focus/depth_registration.hpp"
 #include "fusion/noise_estimation.hpp"
 #include "restoration/blur_scale.hpp"
@@ -180,7 +181,8 @@ void addTo(cv::Mat& image, const cv::Mat3f& correction) {
   cv::Mat3f upsampled = correction;
   if (correction.size() != image.size())
     cv::resize(correction, upsampled, image.size(), 0, 0, cv::INTER_LINEAR);
-  cv::add(image, upsampled, image, cv::noArray(), CV_8U);
+  const double unit = image.depth() == CV_16U ? kDeepPerCode : 1;
+  cv::add(image, unit == 1 ? upsampled : cv::Mat3f(unit * upsampled), image, cv::noArray(), image.depth());
 }
 
 }  // namespace
@@ -202,7 +204,7 @@ void BracketRestoration::add(const AlignedFrame& frame) {
   }
   if (held_.empty()) working_size_ = workingSize(scene_, size_);
   HeldFrame held;
-  held.image = downsampled(frame.image, working_size_);
+  held.image = downsampled(toEightBits(frame.image), working_size_);
   held.seen = downsampled(frame.seen, size_, working_size_);
   held.gain = frame.gain;
   held.inverse_depth = 1 / frame.focus_mm;
@@ -237,8 +239,9 @@ std::string BracketRestoration::missing() const {
 std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused,
                                                              const Progress& progress) const {
   if (!missing().empty()) throw std::logic_error("restoration: " + missing());
-  if (fused.type() != CV_8UC3 || fused.size() != size_)
-    throw std::invalid_argument("restoration: the fused picture must be CV_8UC3 and of the frames' size");
+  if ((fused.type() != CV_8UC3 && fused.type() != CV_16UC3) || fused.size() != size_)
+    throw std::invalid_argument(
+        "restoration: the fused picture must have three channels and the frames' size");
   const auto proceed = [&](double done) { return !progress || progress(done); };
   const auto part = [&](double from, double to) {
     return [&proceed, from, to](double done) { return proceed(from + done * (to - from)); };
@@ -247,7 +250,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
 
   // 1. All pictures in one size and one exposure.
   ObservedBracket bracket;
-  bracket.fused = downsampled(fused, working_size_);
+  bracket.fused = downsampled(toEightBits(fused), working_size_);
   bracket.curve = linear_ ? &LightCurve::linear() : &LightCurve::srgb();
   bracket.light = linearLight(bracket.fused, *bracket.curve);
   std::vector<cv::Mat> images;

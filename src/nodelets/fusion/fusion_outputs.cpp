@@ -11,6 +11,7 @@
 #include <boost/make_shared.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "all_in_focus/codes.hpp"
 #include "all_in_focus/depth_registration.hpp"
 #include "all_in_focus/drawing.hpp"
 #include "point_cloud.hpp"
@@ -89,7 +90,8 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
       restamped->header = header;
       info_.publish(restamped);
     }
-    const sensor_msgs::ImagePtr image = toImage(header, enc::BGR8, result.image);
+    const bool is_deep = result.image.depth() == CV_16U;
+    const sensor_msgs::ImagePtr image = toImage(header, is_deep ? enc::BGR16 : enc::BGR8, result.image);
     image_.publish(image);
     source_index_.publish(toImage(header, enc::TYPE_16UC1, result.source_index));
     confidence_.publish(toImage(header, enc::MONO8, result.confidence));
@@ -121,7 +123,7 @@ void FusionOutputs::publishPoints(const std::function<void(const sensor_msgs::Po
   if (!latest.image || !latest.camera || cv::countNonZero(latest.mm) == 0) return;
   try {
     const core::Camera camera = toCamera(*latest.camera, "rgb/camera_info");
-    const cv::Mat bgr = cv_bridge::toCvShare(latest.image)->image;
+    const cv::Mat bgr = core::toEightBits(cv_bridge::toCvShare(latest.image)->image);
     publish(*toPointCloud(latest.image->header, bgr, latest.mm, camera));
   } catch (const std::exception& e) {
     status_->error(std::string("all_in_focus/points: ") + e.what());

@@ -12,6 +12,7 @@
 #include <string>
 #include <utility>
 
+#include "all_in_focus/codes.hpp"
 #include "all_in_focus/rig_checks.hpp"
 #include "image_limit.hpp"
 
@@ -48,7 +49,7 @@ std::vector<std::string> checkRig(const FusedBracket& bracket) {
     }
     if (bracket.depth && !bracket.result.image.empty()) {
       const DepthImage depth = toDepth(bracket.depth, {}, "depth_registered/image");
-      warnings.push_back(core::checkMirroring(depth.mm, cv::Mat(), bracket.result.image));
+      warnings.push_back(core::checkMirroring(depth.mm, cv::Mat(), core::toEightBits(bracket.result.image)));
     }
   } catch (const std::invalid_argument&) {
     // Reported where it is used.
@@ -328,7 +329,7 @@ FrameStatus FusionWorker::fuse(const Task& task) {
   open_->stamps[index] = task.header.stamp;
   cv_bridge::CvImageConstPtr bgr;
   try {
-    bgr = toBgr(task.frame.image, "rgb/image");
+    bgr = inFullRange(toBgr(task.frame.image, "rgb/image"));
   } catch (const std::exception& e) {
     return bracket_.reject(index, e.what());
   }
@@ -338,6 +339,24 @@ FrameStatus FusionWorker::fuse(const Task& task) {
   for (auto it = open_->held.begin(); it != open_->held.end();)
     it = bracket_.holds(it->first) ? std::next(it) : open_->held.erase(it);
   return status;
+}
+
+// The picture with 65535 for white, if it has 16 bits: cameras may use fewer.
+cv_bridge::CvImageConstPtr FusionWorker::inFullRange(const cv_bridge::CvImageConstPtr& bgr) {
+  if (bgr->image.depth() != CV_16U) return bgr;
+  double highest = 0;
+  cv::minMaxLoc(bgr->image.reshape(1), nullptr, &highest);
+  const int before = core::whiteCode(highest_code_);
+  highest_code_ = std::max(highest_code_, static_cast<int>(highest));
+  const int white = core::whiteCode(highest_code_);
+  if (white != before) {
+    status_.warn("rgb/image: the highest code of frames with 16 bits is " + std::to_string(highest_code_) +
+                 ": " + std::to_string(white) + " is white");
+  }
+  if (white == 65535) return bgr;
+  const auto scaled = boost::make_shared<cv_bridge::CvImage>(bgr->header, bgr->encoding);
+  bgr->image.convertTo(scaled->image, CV_16U, 65535.0 / white);
+  return scaled;
 }
 
 // Images that have the stamp of the scene may come after its depth.

@@ -96,6 +96,7 @@ class FusionWorker {
   void open(const Task& first);
   void begin(const sensor_msgs::Image& first);
   FrameStatus fuse(const Task& task);
+  cv_bridge::CvImageConstPtr inFullRange(const cv_bridge::CvImageConstPtr& bgr);
   void joinScene();
   std::vector<FrameStatus> finishBracket();
   void publish(const BracketResult& result, bool complete);
@@ -119,6 +120,7 @@ class FusionWorker {
 
   // Used by slow callbacks only.
   Bracket bracket_;
+  int highest_code_ = 0;  // of all frames with 16 bits
   std::unique_ptr<OpenBracket> open_;
   int published_ = 0;
   ros::WallTimer timer_;
