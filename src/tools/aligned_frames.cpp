@@ -57,9 +57,10 @@ void AlignedFrames::add(const core::AlignedFrame& frame) {
   seen_[frame.index] = frame.seen;
   if (folder_.empty()) return;
   cv::Mat image = core::withGain(frame);
-  if (frame.seen != cv::Rect({}, image.size())) {
-    cv::Mat alpha(image.size(), CV_8UC1, cv::Scalar(0));
-    alpha(frame.seen).setTo(255);
+  if (frame.seen != cv::Rect({}, image.size()) || !frame.opaque.empty()) {
+    const cv::Mat opaque = frame.opaque.empty() ? cv::Mat(image.size(), CV_8UC1, 255) : frame.opaque;
+    cv::Mat alpha(image.size(), CV_MAKETYPE(image.depth(), 1), cv::Scalar(0));
+    alpha(frame.seen).setTo(image.depth() == CV_16U ? 65535 : 255, opaque(frame.seen));
     cv::cvtColor(image, image, cv::COLOR_BGR2BGRA);
     cv::insertChannel(alpha, image, 3);
   }

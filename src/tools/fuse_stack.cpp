@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "aligned_frames.hpp"
+#include "all_in_focus/codes.hpp"
 #include "all_in_focus/drawing.hpp"
 #include "all_in_focus/rig_checks.hpp"
 #include "command_line.hpp"
@@ -198,6 +199,18 @@ int parseQuality(const po::variables_map& values) {
   return quality;
 }
 
+// The result with 8 or 16 bits. auto: as the frames, if the format holds them; else a note says so.
+cv::Mat ofDepth(const cv::Mat& image, const std::string& depth, const std::string& path,
+                std::vector<std::string>& notes) {
+  if (depth != "auto" && depth != "8" && depth != "16")
+    throw std::invalid_argument("--depth-of-output: '" + depth + "' is none of 8, 16 and auto");
+  if (depth == "8") return toEightBits(image);
+  if (depth == "16") return toBits(image, CV_16U);
+  if (image.depth() == CV_8U || holdsSixteenBits(path)) return image;
+  notes.push_back(path + ": this format holds 8 of the 16 bits of the frames (.png and .tif hold all)");
+  return toEightBits(image);
+}
+
 // The result for a quick look: of that width, but never enlarged.
 cv::Mat ofWidth(const cv::Mat& image, int width) {
   if (width <= 0) throw std::invalid_argument("--width must be a positive number of pixels");
@@ -316,7 +329,8 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
     return crops && picture.size() == size ? picture(shown) : picture;
   };
   const std::string output = values["output"].as<std::string>();
-  cv::Mat image = cropped(bracket.image);
+  cv::Mat image =
+      cropped(ofDepth(bracket.image, values["depth-of-output"].as<std::string>(), output, context.notes));
   if (values.count("width")) image = ofWidth(image, values["width"].as<int>());
   outputs.addImage(output, image, {stack.path(bracket.reference), stack.names(), stack.orientation()},
                    quality);
@@ -350,7 +364,8 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
     const cv::Mat& depth = bracket.restored_depth.empty() ? result.registered : bracket.restored_depth;
     if (depth.empty())
       throw std::invalid_argument("--save-cloud: there is no depth: give --depth or --registered-depth");
-    outputs.addText(textOption(values, "save-cloud"), pointCloudPly(bracket.image, depth, input.rig.color));
+    outputs.addText(textOption(values, "save-cloud"),
+                    pointCloudPly(toEightBits(bracket.image), depth, input.rig.color));
   }
   if (values.count("report")) outputs.addText(textOption(values, "report"), fusionReport(result, context));
   outputs.commit();
@@ -413,9 +428,9 @@ bool isFused(const NamedStack& stack, const po::variables_map& values) {
   }
   if (!fs::is_directory(stack.path))
     return fs::exists(stack.path) && fs::last_write_time(stack.path) <= oldest;
-  const std::vector<std::string> names = listStack(stack.path, stack.files).frames;
-  return std::all_of(names.begin(), names.end(), [&](const std::string& name) {
-    return fs::last_write_time(fs::path(stack.path) / name) <= oldest;
+  const std::vector<StackFiles::Source> sources = listStack(stack.path, stack.files).sources;
+  return std::all_of(sources.begin(), sources.end(), [&](const StackFiles::Source& source) {
+    return fs::last_write_time(source.path) <= oldest;
   });
 }
 
@@ -503,15 +518,17 @@ void fuse(const po::variables_map& values) {
 int main(int argc, char** argv) {
   po::options_description options("Options");
   const auto text = [] { return po::value<std::string>(); };
-  options.add_options()(
-      "stack", po::value<std::vector<std::string>>()->required(),
-      "focus bracket: folder of images or video; several, or a folder of such folders: outputs name "
-      "folders, files in them have the names of the stacks")  //
+  options.add_options()("stack", po::value<std::vector<std::string>>()->required(),
+                        "focus bracket: folder of images, TIFF of several pages or video; several, or a "
+                        "folder of such folders: outputs name "
+                        "folders, files in them have the names of the stacks")  //
       ("split", text(),
        "the folder holds many brackets: N frames each, or gap: each ends with a longer pause or a change of "
        "scene")  //
       ("output", text()->required(), "all-in-focus image; its ending chooses the format")(
           "quality", po::value<int>()->default_value(kDefaultQuality), "of JPEG and WebP, 1 to 100")(
+          "depth-of-output", text()->default_value("auto"),
+          "bits of a value of the all-in-focus image: 8, 16, or auto: as the frames")(
           "width", po::value<int>(),
           "width of the all-in-focus image, for a quick look; default: that of the frames")(
           "crop", "cut off the border that not all frames show, of all pictures of the frames' size")(

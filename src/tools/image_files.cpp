@@ -5,121 +5,25 @@
 
 #include <jpeglib.h>  // needs stdio.h before it
 
-#include <algorithm>
-#include <cctype>
 #include <csetjmp>
-#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <set>
 #include <sstream>
 #include <stdexcept>
 #include <vector>
 
 #include "file_error.hpp"
+#include "picture_reader.hpp"
 #include "quiet_stderr.hpp"
 
 namespace fs = std::filesystem;
 
 namespace all_in_focus {
 namespace {
-
-bool startsWith(const std::string& data, const char* mark) {
-  return data.rfind(mark, 0) == 0;
-}
-
-bool isWholePng(const std::string& data) {
-  return data.find("IEND", data.size() - std::min<std::size_t>(data.size(), 12)) != std::string::npos;
-}
-
-// Looks for the end mark behind the beginning of the image data: thumbnails before it have end marks of their
-// own, and cameras append data after it.
-bool isWholeJpeg(const std::string& data) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(data[i]); };
-  std::size_t at = 2;
-  while (at + 4 <= data.size() && byte(at) == 0xff) {
-    if (byte(at + 1) == 0xff) {
-      ++at;  // padding
-    } else if (byte(at + 1) == 0xda) {
-      return data.find("\xff\xd9", at) != std::string::npos;
-    } else {
-      at += 2 + (byte(at + 2) << 8 | byte(at + 3));
-    }
-  }
-  return false;
-}
-
-/// The numbers in the bytes of a TIFF file.
-class TiffNumbers {
- public:
-  explicit TiffNumbers(std::string& data) : data_(data), big_endian_(startsWith(data, "MM")) {}
-
-  std::uint64_t size() const { return data_.size(); }
-  /// bytes: that the number has. It lies in the file.
-  std::uint64_t get(std::uint64_t at, int bytes) const {
-    std::uint64_t value = 0;
-    for (int i = 0; i < bytes; ++i)
-      value = value << 8 | static_cast<unsigned char>(data_[at + (big_endian_ ? i : bytes - 1 - i)]);
-    return value;
-  }
-  void set(std::uint64_t at, std::uint8_t value) {  // of two bytes
-    data_[at + (big_endian_ ? 0 : 1)] = 0;
-    data_[at + (big_endian_ ? 1 : 0)] = static_cast<char>(value);
-  }
-
- private:
-  std::string& data_;
-  const bool big_endian_;
-};
-
-// OpenCV turns a TIFF as its first page says, whatever the flags are: the page is made to say "not at all".
-void keepTiffAsStored(std::string& data) {
-  constexpr std::uint64_t kOrientation = 274, kClassic = 42, kBig = 43;
-  constexpr std::size_t kSmallest = 20;  // bytes: an entry of the longer kind
-  if ((!startsWith(data, "II") && !startsWith(data, "MM")) || data.size() < kSmallest) return;
-  TiffNumbers tiff(data);
-  const std::uint64_t version = tiff.get(2, 2);
-  if (version != kClassic && version != kBig) return;
-  const bool big = version == kBig;
-  const int offset_bytes = big ? 8 : 4, count_bytes = big ? 8 : 2, entry_bytes = big ? 20 : 12;
-  std::uint64_t at = tiff.get(big ? 8 : 4, offset_bytes);
-  if (at > tiff.size() - count_bytes) return;
-  std::uint64_t count = tiff.get(at, count_bytes);
-  for (at += count_bytes; count > 0 && at <= tiff.size() - entry_bytes; --count, at += entry_bytes) {
-    if (tiff.get(at, 2) == kOrientation) tiff.set(at + entry_bytes - offset_bytes, 1);
-  }
-}
-
-std::string readFile(const std::string& path) {
-  if (!fs::exists(path)) fail(path, "no such file");
-  if (!fs::is_regular_file(path)) fail(path, "not a file");
-  std::ifstream file(path, std::ios::binary | std::ios::ate);
-  const std::streamoff size = file ? static_cast<std::streamoff>(file.tellg()) : -1;
-  std::string data(size > 0 ? size : 0, '\0');
-  if (size < 0 || !file.seekg(0).read(data.data(), size)) fail(path, "cannot be read");
-  return data;
-}
-
-cv::Mat decode(const std::string& path, int flags) {
-  std::string data = readFile(path);
-  if (startsWith(data, "\x89PNG\r\n\x1a\n") && !isWholePng(data))
-    fail(path, "PNG is cut short: copy it again");
-  if (startsWith(data, "\xff\xd8") && !isWholeJpeg(data)) fail(path, "JPEG is cut short: copy it again");
-  keepTiffAsStored(data);
-  cv::Mat image;
-  if (!data.empty()) {
-    const QuietStderr quiet;
-    try {
-      image = cv::imdecode(cv::Mat(1, static_cast<int>(data.size()), CV_8UC1, data.data()), flags);
-    } catch (const cv::Exception&) {
-    }
-  }
-  if (image.empty()) fail(path, "not an image that can be read");
-  return image;
-}
 
 /// libjpeg's errors, which leave its functions by longjmp().
 struct JpegErrors {
@@ -168,24 +72,30 @@ std::string encodeJpeg(const cv::Mat& image, int quality) {
 
 }  // namespace
 
-std::string ending(const std::string& path) {
-  std::string ending = fs::path(path).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return ending;
+cv::Mat readColor(const std::string& path, int page) {
+  const cv::Mat picture = readPicture(path, page);
+  if (picture.type() == CV_8UC3) return picture;
+  try {
+    return toColor(toFrame(picture, whiteCode(picture.depth(), highestCode(path, picture))));
+  } catch (const FileError&) {
+    throw;
+  } catch (const std::invalid_argument& e) {
+    fail(path, e.what());
+  }
 }
 
-cv::Mat readColor(const std::string& path) {
-  return decode(path, cv::IMREAD_COLOR |
-                          cv::IMREAD_IGNORE_ORIENTATION);  // not rotated: the calibration is of the sensor
-}
-
-cv::Mat readHalfColor(const std::string& path) {
-  return decode(path, cv::IMREAD_REDUCED_COLOR_2 | cv::IMREAD_IGNORE_ORIENTATION);
+cv::Mat readHalfColor(const std::string& path, int page) {
+  const std::string kind = ending(path);
+  if (kind == ".jpg" || kind == ".jpeg")
+    return decodePicture(path, cv::IMREAD_REDUCED_COLOR_2 | cv::IMREAD_IGNORE_ORIENTATION);
+  const cv::Mat whole = readColor(path, page);
+  cv::Mat half;
+  cv::resize(whole, half, {(whole.cols + 1) / 2, (whole.rows + 1) / 2}, 0, 0, cv::INTER_AREA);
+  return half;
 }
 
 cv::Mat readDepth(const std::string& path, const std::vector<int>& invalid_values) {
-  cv::Mat depth = decode(path, cv::IMREAD_UNCHANGED);
+  cv::Mat depth = decodePicture(path, cv::IMREAD_UNCHANGED);
   if (depth.type() != CV_16UC1) fail(path, "depth must be a 16-bit image of one channel, in mm");
   for (const int value : invalid_values) {
     if (value != 0) depth.setTo(0, depth == value);
@@ -209,7 +119,7 @@ std::vector<int> parseInvalidValues(const std::string& text) {
 }
 
 cv::Mat readLabelMap(const std::string& path, int unknown) {
-  const cv::Mat image = decode(path, cv::IMREAD_UNCHANGED);
+  const cv::Mat image = decodePicture(path, cv::IMREAD_UNCHANGED);
   if (image.channels() != 1 || (image.depth() != CV_8U && image.depth() != CV_16U)) {
     fail(path, "a label map must be an 8- or 16-bit image of one channel");
   }
@@ -236,11 +146,14 @@ cv::Mat labels16(const cv::Mat& labels) {
   return out;
 }
 
+bool holdsSixteenBits(const std::string& path) {
+  static const std::set<std::string> wide = {"", ".png", ".tif", ".tiff"};
+  return wide.count(ending(path)) > 0;
+}
+
 std::string encodeImage(const std::string& path, const cv::Mat& image, int quality) {
-  static const std::set<std::string> wide = {".png", ".tif", ".tiff"};
-  if (image.depth() == CV_16U && wide.count(ending(path)) == 0) {
+  if (image.depth() == CV_16U && !holdsSixteenBits(path))
     fail(path, "16-bit values do not fit this format (use .png)");
-  }
   if (ending(path) == ".jpg" || ending(path) == ".jpeg") {
     std::string jpeg = encodeJpeg(image, quality);
     if (jpeg.empty()) fail(path, "too large for a JPEG (65500 pixels a side at most), or memory is short");

@@ -6,17 +6,15 @@
 #include <string>
 #include <vector>
 
+#include "picture_reader.hpp"
+
 namespace all_in_focus {
 
-/// ".png" of "folder/Name.PNG".
-std::string ending(const std::string& path);
-
-/// Colour image, CV_8UC3 BGR. Throws std::invalid_argument that names the file when it is missing, no image,
-/// or cut short (OpenCV would decode the rest of a truncated PNG as black without an error).
-cv::Mat readColor(const std::string& path);
+/// Colour picture, CV_8UC3 BGR, see readPicture().
+cv::Mat readColor(const std::string& path, int page = 0);
 
 /// The same at half the width and height, decoded faster where the format allows it.
-cv::Mat readHalfColor(const std::string& path);
+cv::Mat readHalfColor(const std::string& path, int page = 0);
 
 /// What sensors write besides 0 where they have measured nothing: the highest value of 16 bits.
 inline const std::vector<int> kInvalidDepths{0, 65535};  // mm
@@ -37,6 +35,9 @@ cv::Mat readLabelMap(const std::string& path, int unknown);
 cv::Mat labels16(const cv::Mat& labels);
 
 constexpr int kDefaultQuality = 95;
+
+/// Whether pictures with the ending of that path can have 16 bits; "" stands for PNG.
+bool holdsSixteenBits(const std::string& path);
 
 /// The image in the format of the path's ending. quality: of JPEG and lossy WebP, 1 to 100; JPEG keeps colour
 /// at full resolution (4:4:4). Throws std::invalid_argument that names the path if no format has it, or one

@@ -16,7 +16,7 @@ int main(int argc, char** argv) {
   po::options_description options("Options");
   options.add_options()("stack", po::value<std::string>()->required(), "folder of pictures");
   const auto list = [](const po::variables_map& values) {
-    const StackFiles files = listStack(values["stack"].as<std::string>());
+    const StackFiles files = listStack(values["stack"].as<std::string>(), {}, /*plain=*/true);
     std::cout << nlohmann::json{{"frames", files.frames},
                                 {"left_out", files.left_out},
                                 {"notes", files.notes}}

@@ -76,11 +76,11 @@ std::optional<double> secondsOf(const std::string& taken) {
 }
 
 // Times between the exposures, s; empty where one is unknown.
-std::vector<double> steps(const std::string& folder, const std::vector<std::string>& names) {
+std::vector<double> steps(const std::vector<StackFiles::Source>& sources) {
   std::vector<double> found;
   std::optional<double> before;
-  for (const std::string& name : names) {
-    const std::optional<double> time = secondsOf(readPhotoMetadata((fs::path(folder) / name).string()).taken);
+  for (const StackFiles::Source& source : sources) {
+    const std::optional<double> time = secondsOf(readPhotoMetadata(source.path).taken);
     if (!time) return {};
     if (before) found.push_back(std::abs(*time - *before));
     before = time;
@@ -88,9 +88,9 @@ std::vector<double> steps(const std::string& folder, const std::vector<std::stri
   return found;
 }
 
-cv::Mat thumbnail(const std::string& path) {
+cv::Mat thumbnail(const StackFiles::Source& source) {
   cv::Mat gray;
-  cv::cvtColor(readHalfColor(path), gray, cv::COLOR_BGR2GRAY);
+  cv::cvtColor(readHalfColor(source.path, source.page), gray, cv::COLOR_BGR2GRAY);
   const int height = std::max(8, 64 * gray.rows / gray.cols);
   cv::resize(gray, gray, {64, height}, 0, 0, cv::INTER_AREA);
   cv::GaussianBlur(gray, gray, {}, 2);  // what focus does not change
@@ -121,23 +121,23 @@ std::set<std::size_t> gapsInTime(const std::vector<double>& steps) {
   return begins;
 }
 
-std::set<std::size_t> changesOfScene(const std::string& folder, const std::vector<std::string>& names) {
+std::set<std::size_t> changesOfScene(const std::vector<StackFiles::Source>& sources) {
   std::set<std::size_t> begins;
   cv::Mat before;
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    const cv::Mat picture = thumbnail((fs::path(folder) / names[i]).string());
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    const cv::Mat picture = thumbnail(sources[i]);
     if (!before.empty() && correlation(before, picture) < kSameScene) begins.insert(i);
     before = picture;
   }
   return begins;
 }
 
-std::set<std::size_t> beginsOf(const NamedStack& stack, const std::vector<std::string>& names,
+std::set<std::size_t> beginsOf(const NamedStack& stack, const std::vector<StackFiles::Source>& sources,
                                const std::string& rule) {
   std::set<std::size_t> begins;
   if (rule == "gap") {
-    const std::vector<double> times = steps(stack.path, names);
-    begins = times.empty() ? changesOfScene(stack.path, names) : gapsInTime(times);
+    const std::vector<double> times = steps(sources);
+    begins = times.empty() ? changesOfScene(sources) : gapsInTime(times);
     if (begins.empty()) {
       fail(stack.path, times.empty()
                            ? "--split gap: no EXIF times, and all pictures show the same: say --split N"
@@ -149,7 +149,7 @@ std::set<std::size_t> beginsOf(const NamedStack& stack, const std::vector<std::s
       !rule.empty() && rule.size() < 6 && rule.find_first_not_of("0123456789") == std::string::npos;
   const std::size_t size = is_number ? std::stoul(rule) : 0;
   if (size == 0) throw std::invalid_argument("--split: '" + rule + "' is neither a number of frames nor gap");
-  for (std::size_t i = size; i < names.size(); i += size) begins.insert(i);
+  for (std::size_t i = size; i < sources.size(); i += size) begins.insert(i);
   return begins;
 }
 
@@ -187,9 +187,10 @@ std::vector<NamedStack> findStacks(const std::vector<std::string>& paths) {
 }
 
 std::vector<NamedStack> splitStack(const NamedStack& stack, const std::string& rule) {
-  if (!fs::is_directory(stack.path)) fail(stack.path, "--split needs a folder of pictures");
-  const std::vector<std::string> names = listStack(stack.path).frames;
-  const std::set<std::size_t> begins = beginsOf(stack, names, rule);
+  if (!holdsPictures(stack.path)) fail(stack.path, "--split needs a folder of pictures");
+  const StackFiles files = listStack(stack.path);
+  const std::vector<std::string>& names = files.frames;
+  const std::set<std::size_t> begins = beginsOf(stack, files.sources, rule);
   std::vector<NamedStack> parts;
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (i == 0 || begins.count(i) != 0) parts.push_back({stack.path, "", {}});

@@ -12,9 +12,9 @@ namespace all_in_focus {
 
 /// One focus bracket of several.
 struct NamedStack {
-  std::string path;             ///< folder or video
+  std::string path;             ///< folder, TIFF file or video
   std::string name;             ///< that its result gets, without ending; no two are alike
-  std::set<std::string> files;  ///< names of the pictures in the folder that belong to it; empty: all
+  std::set<std::string> files;  ///< names of the frames in it that belong to it; empty: all
 };
 
 /// The stacks that the paths name. A folder without frames that holds folders with pictures stands for these;
@@ -24,9 +24,10 @@ std::vector<NamedStack> findStacks(const std::vector<std::string>& paths);
 /// Whether findStacks() finds anything but this path itself.
 bool holdsStacks(const std::string& path);
 
-/// Cuts a folder that holds many brackets. rule: the number of frames of a bracket, or "gap": a bracket ends
-/// where the time between two exposures is much longer than usual; without times, where the next picture
-/// shows something else. Throws std::invalid_argument where the rule is neither, or there is no gap.
+/// Cuts a folder or a TIFF file that holds many brackets. rule: the number of frames of a bracket, or "gap":
+/// a bracket ends where the time between two exposures is much longer than usual; without times, where the
+/// next picture shows something else. Throws std::invalid_argument where the rule is neither, or there is no
+/// gap.
 std::vector<NamedStack> splitStack(const NamedStack& stack, const std::string& rule);
 
 }  // namespace all_in_focus

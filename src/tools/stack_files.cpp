@@ -9,20 +9,14 @@
 #include <set>
 
 #include "file_error.hpp"
-#include "image_files.hpp"
 #include "natural_order.hpp"
 #include "photo_metadata.hpp"
+#include "picture_reader.hpp"
 
 namespace fs = std::filesystem;
 
 namespace all_in_focus {
 namespace {
-
-const std::set<std::string> kReadable = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp",
-                                         ".ppm", ".pgm", ".pnm",  ".jp2", ".webp"};
-const std::set<std::string> kCameraRaw = {".nef", ".nrw", ".cr2", ".cr3", ".crw", ".arw", ".srw", ".dng",
-                                          ".raf", ".orf", ".rw2", ".pef", ".raw", ".3fr", ".iiq", ".x3f"};
-const std::set<std::string> kOther = {".heic", ".heif", ".avif", ".jxl", ".gif", ".exr", ".hdr", ".psd"};
 
 struct Picture {
   std::string name;
@@ -37,14 +31,28 @@ std::string listed(const std::vector<std::string>& names) {
   return names.size() > kShown ? text + " and " + std::to_string(names.size() - kShown) + " more" : text;
 }
 
-/// Sorts out the pictures of one folder.
+constexpr const char* kPage = ", page ";
+
+// What messages call a page of a TIFF.
+std::string nameOf(const std::string& file, int page) {
+  return file + kPage + std::to_string(page + 1);
+}
+
+/// Sorts out the pictures of one folder, or of one file.
 class Listing {
  public:
-  Listing(const std::string& folder, const std::set<std::string>& only) : folder_(folder), only_(only) {}
+  Listing(const std::string& path, const std::set<std::string>& only, bool plain)
+      : folder_(path), only_(only), plain_(plain) {}
 
   StackFiles make() {
+    if (!fs::is_directory(folder_) && fs::is_regular_file(folder_)) {
+      addPages(folder_);
+      files_.orientation = readPhotoMetadata(folder_).orientation;
+      return files_;
+    }
     collect();
     leaveOut("earlier results of this package", [](const Picture& it) { return it.about.is_result; });
+    chooseRawOrPictures();
     sort();
     leaveOutOtherSizes();
     leaveOutLaterOnes();
@@ -52,7 +60,7 @@ class Listing {
       fail(folder_, "the folder holds no image" + (files_.notes.empty() ? "" : ": " + files_.notes[0]));
     compareTimes();
     findOrientation();
-    for (const Picture& picture : pictures_) files_.frames.push_back(picture.name);
+    for (const Picture& picture : pictures_) addPages((fs::path(folder_) / picture.name).string());
     return files_;
   }
 
@@ -64,11 +72,11 @@ class Listing {
     std::error_code unreadable_folder, error;
     for (const auto& entry : fs::directory_iterator(folder_, unreadable_folder)) {
       const std::string name = entry.path().filename().string(), kind = ending(name);
-      if (name[0] == '.' || entry.is_directory(error)) continue;
-      if (!only_.empty() && only_.count(name) == 0) continue;
-      if (kCameraRaw.count(kind) != 0) raw.push_back(name);
-      if (kOther.count(kind) != 0) unreadable.push_back(name);
-      if (kReadable.count(kind) == 0) continue;
+      if (name[0] == '.' || entry.is_directory(error) || !isWanted(name)) continue;
+      const bool is_readable = (plain_ ? plainEndings() : readableEndings()).count(kind) != 0;
+      if (!is_readable && rawEndings().count(kind) != 0) raw.push_back(name);
+      if (!is_readable && otherEndings().count(kind) != 0) unreadable.push_back(name);
+      if (!is_readable) continue;
       if (!entry.is_regular_file(error)) {
         lost.push_back(name);
         continue;
@@ -77,9 +85,17 @@ class Listing {
           {name, readPhotoMetadata(entry.path().string()), fs::last_write_time(entry.path(), error)});
     }
     if (unreadable_folder) fail(folder_, "cannot be read: " + unreadable_folder.message());
-    tell(raw, "camera raw files cannot be read: develop them first");
+    tell(raw, plain_ ? "camera raw files cannot be read but by fuse_stack: develop them first"
+                     : "camera raw files cannot be read: develop them first, or build with LibRaw");
     tell(unreadable, "pictures of this format cannot be read: convert them first, to PNG, TIFF or JPEG");
     tell(lost, "no file is there: a broken link, or no regular file");
+  }
+
+  // Whether the file, or a page of it, is a frame to look at.
+  bool isWanted(const std::string& file) const {
+    return only_.empty() || std::any_of(only_.begin(), only_.end(), [&](const std::string& frame) {
+             return frame == file || frame.rfind(file + kPage, 0) == 0;
+           });
   }
 
   void tell(std::vector<std::string> names, const std::string& why) {
@@ -99,6 +115,38 @@ class Listing {
     pictures_.erase(std::remove_if(pictures_.begin(), pictures_.end(), isOf), pictures_.end());
     tell(names, kind);
     files_.left_out.insert(files_.left_out.end(), names.begin(), names.end());
+  }
+
+  // Cameras write both of one shot.
+  void chooseRawOrPictures() {
+    const auto isRaw = [](const Picture& it) { return rawEndings().count(ending(it.name)) != 0; };
+    const auto stem = [](const Picture& it) { return fs::path(it.name).stem().string(); };
+    std::set<std::string> raw;
+    for (const Picture& picture : pictures_) {
+      if (isRaw(picture)) raw.insert(stem(picture));
+    }
+    if (raw.empty()) return;
+    const bool have_all = std::all_of(pictures_.begin(), pictures_.end(),
+                                      [&](const Picture& it) { return raw.count(stem(it)) != 0; });
+    if (have_all)
+      return leaveOut("the camera raw files of the same shots are read",
+                      [&](const Picture& it) { return !isRaw(it); });
+    leaveOut("camera raw files beside pictures that have none: the pictures are read", isRaw);
+  }
+
+  void addPages(const std::string& path) {
+    const std::string file = fs::path(path).filename().string();
+    const int pages = countPages(path);
+    if (pages > 1 && path != folder_) {
+      note(file + " has " + std::to_string(pages) +
+           " pages: " + (plain_ ? "only fuse_stack reads more than the first" : "each is a frame"));
+    }
+    for (int i = 0; i < (plain_ ? 1 : pages); ++i) {
+      const std::string name = pages > 1 && !plain_ ? nameOf(file, i) : file;
+      if (!only_.empty() && only_.count(name) == 0) continue;
+      files_.frames.push_back(name);
+      files_.sources.push_back({path, i});
+    }
   }
 
   void sort() {
@@ -177,19 +225,24 @@ class Listing {
 
   const std::string folder_;
   const std::set<std::string>& only_;
+  const bool plain_;
   std::vector<Picture> pictures_;
   StackFiles files_;
 };
 
 }  // namespace
 
-StackFiles listStack(const std::string& folder, const std::set<std::string>& only) {
-  return Listing(folder, only).make();
+StackFiles listStack(const std::string& path, const std::set<std::string>& only, bool plain) {
+  return Listing(path, only, plain).make();
+}
+
+bool holdsPictures(const std::string& path) {
+  return fs::is_directory(path) || (fs::is_regular_file(path) && countPages(path) > 1);
 }
 
 bool isPictureName(const std::string& name) {
   const std::string kind = ending(name);
-  return kReadable.count(kind) + kCameraRaw.count(kind) + kOther.count(kind) > 0;
+  return readableEndings().count(kind) + rawEndings().count(kind) + otherEndings().count(kind) > 0;
 }
 
 }  // namespace all_in_focus

@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <set>
 #include <stdexcept>
 
 #include "file_error.hpp"
@@ -59,11 +61,12 @@ Orientation orientationOf(const cv::VideoCapture& video) {
 StackReader::StackReader(const std::string& path, const std::vector<cv::Size>& calibrated,
                          const std::set<std::string>& only)
     : path_(path) {
-  if (fs::is_directory(path)) {
+  if (holdsPictures(path)) {
     files_ = listStack(path, only);
     decideOrientation(readPhotoMetadata(this->path(0)).size, calibrated);
-    images_ = std::make_unique<ReadAhead>(static_cast<int>(names().size()),
-                                          [this](int i) { return turned(readColor(this->path(i))); });
+    findWhite();
+    images_ =
+        std::make_unique<ReadAhead>(static_cast<int>(names().size()), [this](int i) { return read(i); });
     return;
   }
   if (!fs::is_regular_file(path)) fail(path, "no such folder or video");
@@ -97,7 +100,57 @@ cv::Mat StackReader::turned(const cv::Mat& image) const {
 }
 
 std::string StackReader::path(int i) const {
-  return names().empty() ? path_ : (fs::path(path_) / names()[static_cast<std::size_t>(i)]).string();
+  return names().empty() ? path_ : source(i).path;
+}
+
+const StackFiles::Source& StackReader::source(int i) const {
+  return files_.sources[static_cast<std::size_t>(i)];
+}
+
+cv::Mat StackReader::read(int i) const {
+  const cv::Mat picture = readPicture(path(i), source(i).page);
+  const auto white = white_.find(picture.depth());
+  const bool is_raw = rawEndings().count(ending(path(i))) != 0;
+  const double full = whiteCode(picture.depth(), picture.depth() == CV_16U ? 65535 : 1);
+  return turned(toFrame(picture, white == white_.end() || is_raw ? full : white->second));
+}
+
+// Finds out what is white in frames of more than 8 bits: all must be scaled alike. The first, the middle and
+// the last one tell where they use the whole range, else all are looked at.
+void StackReader::findWhite() {
+  std::vector<int> open;
+  bool is_open = false;
+  for (int i = 0; i < static_cast<int>(names().size()); ++i) {
+    if (i == 0 || path(i) != path(i - 1)) is_open = hasOpenRange(path(i));
+    if (is_open) open.push_back(i);
+  }
+  if (open.empty()) return;
+  std::map<int, double> highest;  // by depth
+  const auto look = [&](int i) {
+    try {
+      const cv::Mat picture = readPicture(path(i), source(i).page);
+      highest[picture.depth()] = std::max(highest[picture.depth()], highestCode(path(i), picture));
+    } catch (const std::invalid_argument&) {
+      // Told when the frame is read in its turn.
+    }
+  };
+  for (const int i : std::set<int>{open.front(), open[open.size() / 2], open.back()}) look(i);
+  const bool is_one = highest.size() == 1;
+  if (is_one && highest.count(CV_8U) > 0) return;
+  if (is_one && highest.count(CV_16U) > 0 && whiteCode(CV_16U, highest[CV_16U]) == 65535) return;
+  for (const int i : open) look(i);
+  for (const auto& [depth, code] : highest) {
+    if (depth == CV_8U) continue;
+    try {
+      white_[depth] = whiteCode(depth, code);
+    } catch (const std::invalid_argument& e) {
+      fail(path_, e.what());
+    }
+    if (white_[depth] == 65535) continue;
+    files_.notes.push_back(path_ +
+                           cv::format(": the highest code of the %s frames is %g: scaled so that %g is white",
+                                      depth == CV_16U ? "16-bit" : "float", code, white_[depth]));
+  }
 }
 
 std::string StackReader::frameName(int i) const {
@@ -150,10 +203,16 @@ int StackReader::count() {
   return count_;
 }
 
+// Frames whose white is known from all of them.
+cv::Mat StackReader::glanceAt(int i) const {
+  if (white_.empty()) return turned(readHalfColor(path(i), source(i).page));
+  return toColor(read(i));
+}
+
 cv::Mat StackReader::glance() {
   cv::Mat frame;
   try {
-    if (!names().empty()) return turned(readHalfColor(path(static_cast<int>(names().size() / 2))));
+    if (!names().empty()) return glanceAt(static_cast<int>(names().size() / 2));
     const int middle = count() / 2;
     for (int i = 0; i < middle; ++i) video_.grab();
     if (video_.read(frame)) frame = turned(frame);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <map>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <opencv2/videoio.hpp>
@@ -14,9 +15,9 @@
 
 namespace all_in_focus {
 
-/// The frames of a focus bracket, one after the other: the pictures of a folder, see listStack(), or a video.
-/// Images are decoded ahead, on threads of their own. Videos are decoded in sequence: seeking lands on other
-/// frames, and the reported count is a guess.
+/// The frames of a focus bracket, one after the other: the pictures of a folder, see listStack(), the pages
+/// of a TIFF, or a video. Images are decoded ahead, on threads of their own. Videos are decoded in sequence:
+/// seeking lands on other frames, and the reported count is a guess.
 class StackReader : public core::FrameSource {
  public:
   /// calibrated: sizes of the pictures that a calibration or a depth map belongs to, if there are some.
@@ -26,7 +27,8 @@ class StackReader : public core::FrameSource {
   explicit StackReader(const std::string& path, const std::vector<cv::Size>& calibrated = {},
                        const std::set<std::string>& only = {});
 
-  /// CV_8UC3. False at the end. Throws std::invalid_argument on a broken image or a video that is cut short.
+  /// CV_8U or CV_16U; three channels, or four where pixels are transparent. False at the end. Throws
+  /// std::invalid_argument on a broken image or a video that is cut short.
   bool next(cv::Mat& frame) override;
 
   /// Back to the first frame. A video is opened anew.
@@ -56,6 +58,10 @@ class StackReader : public core::FrameSource {
   const std::vector<std::string>& notes() const { return files_.notes; }
 
  private:
+  const StackFiles::Source& source(int i) const;
+  void findWhite();
+  cv::Mat read(int i) const;
+  cv::Mat glanceAt(int i) const;
   void decideOrientation(const cv::Size& stored, const std::vector<cv::Size>& calibrated);
   cv::Mat turned(const cv::Mat& image) const;
   void open();
@@ -63,6 +69,7 @@ class StackReader : public core::FrameSource {
 
   std::string path_;
   StackFiles files_;
+  std::map<int, double> white_;        // code of white by depth, where it is not the highest that fits
   bool turned_ = false;                // the frames are turned when they are read
   std::unique_ptr<ReadAhead> images_;  // of the folder's frames
   cv::VideoCapture video_;
