@@ -89,6 +89,9 @@ def test_gray_topics_of_twelve_bits(tmp_path):
                 message[1] = to_message(gray.astype(dtype) * factor, encoding, message[1].header)
         bag = write_bag(tmp_path / f"{encoding}.bag", messages)
         results.append(read(evaluate_bag(tmp_path / encoding, bag) / "fused.png"))
+        succeeded(call("bag_to_stack", bag, "--output", tmp_path / f"{encoding}_files"))
+        frame = read(tmp_path / f"{encoding}_files" / "stack" / "000.png")
+        assert frame.dtype == dtype and frame.max() > 128 * factor
     plain, deep = results
     assert [plain.dtype, deep.dtype] == [np.uint8, np.uint16]
     assert np.sqrt(np.mean((deep / 257 - plain) ** 2)) < 1

@@ -222,6 +222,7 @@ def test_pages_are_split_into_brackets(planes):
     assert [part.name for part in parts] == ["two_01.png", "two_02.png"]
     assert all(np.array_equal(read(part), plain) for part in parts)
 
+
 def test_a_single_page_is_a_single_picture(planes):
     path = write_pages(planes.folder / "one.tif", planes.frames[:1])
     with unchanged(planes.folder):

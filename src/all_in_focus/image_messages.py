@@ -93,13 +93,15 @@ def depth_mm(message, invalid_values=(0,)):
     return np.where(np.isin(values, [value for value in invalid_values if value > 0]), 0, values).astype(np.uint16)
 
 
-def bgr(message):
-    """BGR picture, 8 bit, of an Image or CompressedImage, as the fusion node converts it. ImageError."""
+def bgr(message, deep=False):
+    """BGR picture of an Image or CompressedImage, as the fusion node converts it: 8 bit; deep: 16 where an
+    Image has them. ImageError."""
     if message._type == CompressedImage._type:
         return decoded(message.data)
     _check_pairs(message.encoding, message.width)
     try:
-        return BRIDGE.imgmsg_to_cv2(_without_padding(message), "bgr8")
+        has_16_bits = np.dtype(BRIDGE.encoding_to_dtype_with_channels(message.encoding)[0]).itemsize == 2
+        return BRIDGE.imgmsg_to_cv2(_without_padding(message), "bgr16" if deep and has_16_bits else "bgr8")
     except (cv2.error, cv_bridge.CvBridgeError, ValueError, TypeError, AttributeError) as error:
         raise ImageError(f"{one_line(error)}: publish bgr8 or rgb8")
 

@@ -91,7 +91,7 @@ class _BracketWriter:
             bar.update()
             try:
                 check_color(frame.head)
-                picture = bgr(fetch(self._bag, "rgb", frame.head))
+                picture = bgr(fetch(self._bag, "rgb", frame.head), deep=True)
                 size = size or picture.shape
                 if picture.shape != size:
                     raise ImageError(f"it is {size_text(picture)}, the first is {size[1]}x{size[0]}")
