@@ -105,21 +105,24 @@ bool NaturalOrder::isSigned(const Parts& name, std::size_t number) const {
   return signed_.count({withoutMark(name.text[number]), number}) != 0;
 }
 
+std::string NaturalOrder::textBefore(const Parts& name, std::size_t number) const {
+  const std::string& text = name.text[number];
+  return number < name.numbers.size() && isSigned(name, number) ? withoutMark(text) : text;
+}
+
 int NaturalOrder::compare(const std::string& a, const std::string& b) const {
   const Parts &left = names_.at(a), &right = names_.at(b);
   const std::size_t numbers = std::min(left.numbers.size(), right.numbers.size());
   for (std::size_t i = 0; i < numbers; ++i) {
-    const bool signed_left = isSigned(left, i), signed_right = isSigned(right, i);
-    const std::string text_left = signed_left ? withoutMark(left.text[i]) : left.text[i];
-    const std::string text_right = signed_right ? withoutMark(right.text[i]) : right.text[i];
-    if (const int by_text = text_left.compare(text_right); by_text != 0) return by_text;
-    const bool minus_left = signed_left && mark(left.text[i]) == '-';
-    const bool minus_right = signed_right && mark(right.text[i]) == '-';
+    if (const int by_text = textBefore(left, i).compare(textBefore(right, i)); by_text != 0) return by_text;
+    const bool minus_left = isSigned(left, i) && mark(left.text[i]) == '-';
+    const bool minus_right = isSigned(right, i) && mark(right.text[i]) == '-';
     if (minus_left != minus_right) return minus_left ? -1 : 1;
     if (const int number = compareNumbers(left.numbers[i], right.numbers[i]); number != 0)
       return minus_left ? -number : number;
   }
-  if (const int by_text = left.text[numbers].compare(right.text[numbers]); by_text != 0) return by_text;
+  if (const int by_text = textBefore(left, numbers).compare(textBefore(right, numbers)); by_text != 0)
+    return by_text;
   if (const int by_count = sign(left.numbers.size(), right.numbers.size()); by_count != 0) return by_count;
   return left.ending.compare(right.ending);
 }

@@ -36,6 +36,7 @@ class NaturalOrder {
 
   static Parts split(std::string name, bool decimals);
   bool isSigned(const Parts& name, std::size_t number) const;
+  std::string textBefore(const Parts& name, std::size_t number) const;  // without its sign
 
   std::map<std::string, Parts> names_;
   std::set<std::pair<std::string, std::size_t>> signed_;  // text before the sign, which number of the name
