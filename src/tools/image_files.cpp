@@ -73,7 +73,7 @@ std::string encodeJpeg(const cv::Mat& image, int quality) {
 }  // namespace
 
 cv::Mat readColor(const std::string& path, int page) {
-  const cv::Mat picture = readPicture(path, page);
+  cv::Mat picture = readPicture(path, page);
   if (picture.type() == CV_8UC3) return picture;
   try {
     return toColor(toFrame(picture, whiteCode(picture.depth(), highestCode(path, picture))));

@@ -328,7 +328,7 @@ cv::Mat toFrame(const cv::Mat& picture, double white) {
 }
 
 cv::Mat toColor(const cv::Mat& frame) {
-  const cv::Mat codes = core::toEightBits(frame);
+  cv::Mat codes = core::toEightBits(frame);
   if (codes.channels() == 3) return codes;
   cv::Mat bgr;
   cv::cvtColor(codes, bgr, cv::COLOR_BGRA2BGR);

@@ -186,7 +186,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   }
   if (is_known && config_.alignment && !alignment_.placement(index, reference_).fits)
     alignment_.reconsider(gray, index, reference_);
-  if (const std::string reason = misfit(index, reference_); !reason.empty()) return reason;
+  if (std::string reason = misfit(index, reference_); !reason.empty()) return reason;
   const Placement placement = config_.alignment ? alignment_.placement(index, reference_) : Placement();
   AlignedFrame aligned{frame, cv::Rect({}, size_), 1, index, focus_mm, linear_, opaque};
   if (!placement.isIdentity()) {
