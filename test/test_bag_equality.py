@@ -11,7 +11,7 @@ import numpy as np
 import psutil
 import pytest
 
-from all_in_focus.bag.image_messages import to_message
+from all_in_focus.image_messages import to_message
 from bag_helpers import BRIDGE, good_messages, rewritten, write as write_bag
 from file_helpers import SCRIPTS, call, cut, start, wait_until
 from tool_helpers import (check_equality, evaluate_bag, expect_refusal, fuse, fuse_stack, made_scene, read, succeeded,

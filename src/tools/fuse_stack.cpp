@@ -4,8 +4,8 @@
 // The whole method on files: from a focus bracket and what is known about depth to the all-in-focus image.
 
 #include <algorithm>
-#include <cmath>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <map>

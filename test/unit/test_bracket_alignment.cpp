@@ -240,8 +240,7 @@ TEST(BracketAlignment, FramesOutOfOrderFitTheNearestKeyFrame) {
 TEST(BracketAlignment, ARejectedFrameIsTriedAgainstLaterOnes) {
   BracketAlignment alignment = begun();
   const std::vector<double> shifts = {0, 32, 8, 16, 24};  // 16 is the most that can be measured
-  for (int k = 0; k < static_cast<int>(shifts.size()); ++k)
-    alignment.observe(frame({1, {shifts[k], 0}}), k);
+  for (int k = 0; k < static_cast<int>(shifts.size()); ++k) alignment.observe(frame({1, {shifts[k], 0}}), k);
   ASSERT_FALSE(alignment.placement(1, 0).fits);
   EXPECT_LT(alignment.placement(1, 0).correlation, BracketAlignment::kSameScene);
   alignment.reconsider(frame({1, {32, 0}}), 1, 0);
