@@ -232,6 +232,16 @@ def test_weights_show_frame_as_hue_and_margin_as_brightness(planes):
     assert results["weights"].dtype == np.uint8 and np.array_equal(results["weights"], expected)
 
 
+def test_the_legend_of_the_weights_is_a_picture_of_its_own(planes):
+    results, legend = fuse_all(planes, *planes.with_depth), planes.output("legend.png")
+    succeeded(fuse_stack("--stack", planes.stack, *planes.with_depth, "--output", planes.output("o.png"),
+                         "--save-weights-legend", legend))
+    drawn = {tuple(color) for color in read(legend).reshape(-1, 3)}
+    hues = cv2.cvtColor(np.uint8([[(0, 220, 255), (75, 220, 255), (150, 220, 255)]]), cv2.COLOR_HSV2BGR)[0]
+    assert {tuple(hue) for hue in hues} <= drawn
+    assert results["weights"].shape == read(planes.output("o.png")).shape
+
+
 def test_two_runs_are_equal_to_the_byte(planes):
     runs = []
     for _ in range(2):

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <opencv2/core.hpp>
+#include <string>
 #include <vector>
 
 #include "all_in_focus/region_captions.hpp"
@@ -16,8 +17,8 @@ std::vector<cv::Vec3b> labelColors(int count);
 /// labels: CV_32SC1, values 0..count, else std::invalid_argument. picture: CV_8UC3, BGR.
 void drawLabels(const cv::Mat& labels, int count, cv::Mat& picture);
 
-/// Writes captions into a picture of the labels' size, in white with a dark rim. picture: CV_8UC3, else
-/// std::invalid_argument.
+/// Writes captions on their regions in a picture of the labels' size, in white with a dark rim. picture:
+/// CV_8UC3, else std::invalid_argument.
 void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture);
 
 /// Draws a depth map for people: from red (nearest) to blue (farthest), evenly in dioptres, 0 black;
@@ -36,5 +37,9 @@ void drawRegions(const Segmentation& segmentation, const std::vector<RegionCapti
 /// by confidence, kNoFrame black. source_index: CV_16UC1. confidence: CV_8UC1 of the same size. frames:
 /// length of the bracket. picture: CV_8UC3, BGR. Throws std::invalid_argument on other types or sizes.
 void drawWeights(const cv::Mat& source_index, const cv::Mat& confidence, int frames, cv::Mat& picture);
+
+/// Draws what the hues of drawWeights() mean: a patch and the text of each frame, the first on top; of a long
+/// bracket some. frames: texts by index. picture: CV_8UC3, BGR.
+void drawWeightsLegend(const std::vector<std::string>& frames, cv::Mat& picture);
 
 }  // namespace all_in_focus::core

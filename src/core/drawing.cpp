@@ -57,6 +57,11 @@ cv::Mat drawLegend(int width, double near_mm, double far_mm, const std::function
   return legend;
 }
 
+// Of the frames in drawWeights(): red to violet.
+std::vector<cv::Vec3b> frameColors(int frames) {
+  return hues(frames, 150, false);
+}
+
 }  // namespace
 
 std::vector<cv::Vec3b> labelColors(int count) {
@@ -82,7 +87,7 @@ void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture) 
   const CaptionStyle style = captionStyle(picture.size());
   const auto write = [&](const RegionCaption& caption, int gray, int thickness) {
     const cv::Point base(caption.box.x, caption.box.y + caption.box.height);
-    cv::putText(picture, caption.text, base, style.font, style.scale, cv::Scalar::all(gray), thickness,
+    cv::putText(picture, caption.written, base, style.font, style.scale, cv::Scalar::all(gray), thickness,
                 cv::LINE_AA);
   };
   for (const RegionCaption& caption : captions) {
@@ -148,7 +153,7 @@ void drawWeights(const cv::Mat& source_index, const cv::Mat& confidence, int fra
       source_index.size() != confidence.size()) {
     throw std::invalid_argument("drawing: source index must be CV_16UC1 and confidence CV_8UC1, of one size");
   }
-  const std::vector<cv::Vec3b> colors = hues(frames, 150, false);  // red to violet
+  const std::vector<cv::Vec3b> colors = frameColors(frames);
   const int last = static_cast<int>(colors.size()) - 1;
   picture.create(source_index.size(), CV_8UC3);
   for (int y = 0; y < picture.rows; ++y) {
@@ -165,6 +170,26 @@ void drawWeights(const cv::Mat& source_index, const cv::Mat& confidence, int fra
       const int gain = 128 + sure[x] / 2;
       for (int c = 0; c < 3; ++c) to[x][c] = static_cast<std::uint8_t>(color[c] * gain / 255);
     }
+  }
+}
+
+void drawWeightsLegend(const std::vector<std::string>& frames, cv::Mat& picture) {
+  constexpr int kMost = 60, kRows = 20, kFont = cv::FONT_HERSHEY_SIMPLEX, kLine = 24;
+  constexpr double kScale = 0.5;
+  const int count = static_cast<int>(frames.size()), shown = std::min(count, kMost);
+  const std::vector<cv::Vec3b> colors = frameColors(count);
+  int widest = 0;
+  for (const std::string& text : frames)
+    widest = std::max(widest, cv::getTextSize(text, kFont, kScale, 1, nullptr).width);
+  const int column = widest + 3 * kLine, columns = std::max(1, (shown + kRows - 1) / kRows);
+  picture = cv::Mat(std::max(1, std::min(shown, kRows)) * kLine + kLine / 2, columns * column, CV_8UC3,
+                    cv::Scalar::all(255));
+  for (int i = 0; i < shown; ++i) {
+    const int frame = shown > 1 ? cvRound(static_cast<double>(i) * (count - 1) / (shown - 1)) : 0;
+    const cv::Rect patch(i / kRows * column + kLine / 2, i % kRows * kLine + kLine / 2, kLine, kLine * 2 / 3);
+    picture(patch).setTo(colors[frame]);
+    cv::putText(picture, frames[frame], {patch.x + kLine * 3 / 2, patch.y + patch.height - 2}, kFont, kScale,
+                cv::Scalar::all(40), 1, cv::LINE_AA);
   }
 }
 

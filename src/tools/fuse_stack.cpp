@@ -39,9 +39,9 @@ namespace {
 
 const std::vector<const char*> kReads = {"stack", "rig", "depth", "registered-depth", "label-map", "focus"};
 const std::vector<const char*> kWrites = {
-    "output",       "save-registered",   "save-measured", "save-depth",      "save-labels",
-    "save-regions", "save-source-index", "save-weights",  "save-confidence", "save-cloud",
-    "report"};
+    "output",       "save-registered",    "save-measured", "save-depth",      "save-labels",
+    "save-regions", "save-source-index",  "save-weights",  "save-confidence", "save-cloud",
+    "report",       "save-weights-legend"};
 constexpr int kAutoReference = BracketSettings::kAutoReference;
 
 int parseReference(const std::string& text) {
@@ -56,6 +56,21 @@ int parseReference(const std::string& text) {
     throw std::invalid_argument("--reference: '" + text + "' is neither auto nor an index from 0 on");
   }
   return reference;
+}
+
+// A line for each frame: index, file, focus distance, as far as they are known. distances: mm.
+std::vector<std::string> describeFrames(const std::vector<std::string>& files,
+                                        const std::vector<double>& distances, int count) {
+  std::vector<std::string> lines;
+  for (int i = 0; i < count; ++i) {
+    const auto index = static_cast<std::size_t>(i);
+    std::string line = std::to_string(i);
+    if (index < files.size()) line += ": " + files[index];
+    if (index < distances.size() && !std::isnan(distances[index]))
+      line += std::isinf(distances[index]) ? ", infinity" : cv::format(", %.3g m", distances[index] / 1000);
+    lines.push_back(line);
+  }
+  return lines;
 }
 
 // Parses the ingredients of mode refined to leave out, separated by commas.
@@ -360,6 +375,11 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
     drawWeights(bracket.source_index, bracket.confidence, bracket.length, weights);
     save("save-weights", weights, "weights");
   }
+  if (values.count("save-weights-legend")) {
+    cv::Mat legend;
+    drawWeightsLegend(describeFrames(stack.names(), distances, bracket.length), legend);
+    outputs.addImage(textOption(values, "save-weights-legend"), legend);
+  }
   if (values.count("save-cloud")) {
     const cv::Mat& depth = bracket.restored_depth.empty() ? result.registered : bracket.restored_depth;
     if (depth.empty())
@@ -557,6 +577,7 @@ int main(int argc, char** argv) {
       ("save-regions", text(), "picture of the regions for people: red is near; captions and legend in m")  //
       ("save-source-index", text(), "frame that each pixel was taken from, 16-bit PNG, 65535 = none")       //
       ("save-weights", text(), "picture of which frame won where: hue = frame, brightness = confidence")    //
+      ("save-weights-legend", text(), "picture of the frames' hues in it, with file and focus distance")    //
       ("save-confidence", text(), "how clear the choice was, 8-bit PNG, 255 = no rival")                    //
       ("save-cloud", text(),
        "points with colour, metres, in the colour camera's frame, binary PLY; by the depth of mode restored "

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
 #include <stdexcept>
 
 #include "all_in_focus/drawing.hpp"
@@ -41,14 +42,26 @@ TEST(RegionCaptions, LieWellWithinTheirRegions) {
   for (const RegionCaption& caption : captions) {  // the centroid of the U lies outside of it
     const cv::Rect around(caption.anchor.x - 12, caption.anchor.y - 12, 25, 25);
     EXPECT_EQ(cv::countNonZero(segmentation.labels(around) != caption.label), 0) << caption.anchor;
+    EXPECT_EQ(caption.written, caption.text);  // each has room, that of the U below the block
+    EXPECT_EQ(cv::countNonZero(segmentation.labels(caption.box) != caption.label), 0) << caption.box;
   }
 }
 
-TEST(RegionCaptions, SmallRegionsHaveOneWhenAskedFor) {
-  const auto captions = captionRegions(scene(), 0.04);  // 36 of 76800 pixels are 0.047 %
+TEST(RegionCaptions, WhereTheTextHasNoRoomIsTheLabelOrNothing) {
+  Segmentation segmentation = scene();
+  segmentation.labels(cv::Rect(250, 0, 30, 240)) = 3;  // upright and narrow
+  auto captions = captionRegions(segmentation, 0.04);  // 36 of 76800 pixels are 0.047 %
   ASSERT_EQ(captions.size(), 3u);
-  EXPECT_EQ(captions[2].text, "3: 3.00-3.50 m");
+  EXPECT_EQ(captions[2].text, "3: 3.00-3.50 m");  // for markers, which have room
+  EXPECT_EQ(captions[2].written, "3");
+  EXPECT_EQ(cv::countNonZero(segmentation.labels(captions[2].box) != 3), 0);
+  segmentation.labels(cv::Rect(240, 0, 80, 240)) = 3;
+  EXPECT_EQ(captionRegions(segmentation, 0.04)[2].written, "3: 3.2 m");
+  captions = captionRegions(scene(), 0.04);
+  ASSERT_EQ(captions.size(), 3u);
   EXPECT_TRUE(cv::Rect(300, 15, 6, 6).contains(captions[2].anchor));
+  EXPECT_EQ(captions[2].written, "");
+  EXPECT_TRUE(captions[2].box.empty());
 }
 
 TEST(RegionCaptions, NothingKnownHasNoCaption) {
@@ -104,6 +117,7 @@ TEST(DrawCaptions, WritesInsideThePicture) {
   edge.segments = {segment(edge.labels, 1, 990, 1010)};
   const auto captions = captionRegions(edge);
   ASSERT_EQ(captions.size(), 1u);
+  EXPECT_EQ(captions[0].written, "1");
   cv::Mat picture = plain.clone(), written;
   drawCaptions(captions, picture);
   cv::absdiff(plain, picture, written);
@@ -115,6 +129,24 @@ TEST(DrawCaptions, WritesInsideThePicture) {
   EXPECT_EQ(cv::countNonZero(written.reshape(1)), 0);  // nor outside of its box
   cv::Mat gray(9, 9, CV_8UC1);
   EXPECT_THROW(drawCaptions(captions, gray), std::invalid_argument);
+}
+
+TEST(DrawWeightsLegend, ShowsTheHueOfEachFrame) {
+  cv::Mat legend, weights;
+  const cv::Mat index = (cv::Mat_<std::uint16_t>(1, 3) << 0, 1, 2);
+  drawWeights(index, cv::Mat(1, 3, CV_8UC1, cv::Scalar(255)), 3, weights);
+  drawWeightsLegend({"0: a.png, 0.8 m", "1: b.png", "2"}, legend);
+  int row = 0;
+  for (int i = 0; i < 3; ++i) {  // from top to bottom
+    while (row < legend.rows && legend.at<cv::Vec3b>(row, 20) != weights.at<cv::Vec3b>(0, i)) ++row;
+    EXPECT_LT(row, legend.rows) << i;
+  }
+  const cv::Size of_three = legend.size();
+  drawWeightsLegend(std::vector<std::string>(1000, "0: a.png"), legend);
+  EXPECT_LT(legend.rows, 10 * of_three.height);
+  EXPECT_LT(legend.cols, 10 * of_three.width);
+  drawWeightsLegend({}, legend);
+  EXPECT_FALSE(legend.empty());
 }
 
 }  // namespace

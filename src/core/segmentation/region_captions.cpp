@@ -16,6 +16,7 @@ constexpr double kLetterHeight = 22;  // pixels, of OpenCV's font at scale 1
 constexpr double kTextHeight = 0.04;  // share of the picture's height
 constexpr double kMinScale = 0.35;    // smaller letters are not legible
 constexpr float kMinDistance = 0.8f;  // share of the greatest distance from the region's border
+constexpr int kMinOnRegion = 242;     // of 255: how much of a text's box must lie on its region, 95 %
 
 std::string captionText(const Segment& segment) {
   return cv::format("%d: %.2f-%.2f m", segment.label, segment.min_mm / 1e3, segment.max_mm / 1e3);
@@ -41,6 +42,7 @@ struct Region {
   float max_distance = 0;  // from the border
   double nearest = std::numeric_limits<double>::infinity();
   cv::Point anchor;
+  cv::Rect bounds;
 };
 
 // The anchor is the pixel nearest to the centroid among those far from the border: the centroid itself lies
@@ -57,6 +59,7 @@ std::vector<Region> anchorRegions(const cv::Mat& labels, int count) {
       region.sum_x += x;
       region.sum_y += y;
       region.max_distance = std::max(region.max_distance, from_border[x]);
+      region.bounds |= cv::Rect(x, y, 1, 1);
     }
   }
   for (int y = 0; y < labels.rows; ++y) {
@@ -74,14 +77,31 @@ std::vector<Region> anchorRegions(const cv::Mat& labels, int count) {
   return regions;
 }
 
-// The box of a text around `middle`, moved so that it lies inside the picture.
-cv::Rect textBox(const std::string& text, const cv::Point& middle, const cv::Size& picture) {
-  const CaptionStyle style = captionStyle(picture);
-  int below = 0;
-  const cv::Size size = cv::getTextSize(text, style.font, style.scale, style.line, &below);
-  const int right = picture.width - size.width - style.rim, bottom = picture.height - size.height - style.rim;
-  return {std::max(style.rim, std::min(middle.x - size.width / 2, right)),
-          std::max(style.rim, std::min(middle.y - size.height / 2, bottom)), size.width, size.height};
+// Where a text lies on its region, as near to the anchor as possible; empty if it fits nowhere.
+cv::Rect placeOn(const Region& region, const cv::Mat& labels, int label, const std::string& text) {
+  const CaptionStyle style = captionStyle(labels.size());
+  const cv::Size size = cv::getTextSize(text, style.font, style.scale, style.line, nullptr);
+  const int rim = style.rim;
+  const cv::Rect inner(rim, rim, labels.cols - 2 * rim, labels.rows - 2 * rim);
+  const cv::Rect within = region.bounds & inner;
+  if (within.width < size.width || within.height < size.height) return {};
+  cv::Mat on_region;  // of the box whose upper left corner is at a pixel
+  cv::boxFilter(labels(within) == label, on_region, CV_8U, size, cv::Point(0, 0), /*normalize=*/true,
+                cv::BORDER_CONSTANT);
+  const cv::Point wanted = region.anchor - cv::Point(size.width / 2, size.height / 2);
+  cv::Rect best;
+  double nearest = std::numeric_limits<double>::infinity();
+  for (int y = 0; y + size.height <= within.height; ++y) {
+    for (int x = 0; x + size.width <= within.width; ++x) {
+      if (on_region.at<std::uint8_t>(y, x) < kMinOnRegion) continue;
+      const cv::Point corner = within.tl() + cv::Point(x, y);
+      const double distance = cv::norm(corner - wanted);
+      if (distance >= nearest) continue;
+      nearest = distance;
+      best = cv::Rect(corner, size);
+    }
+  }
+  return best;
 }
 
 bool overlaps(const cv::Rect& box, const std::vector<RegionCaption>& captions) {
@@ -110,11 +130,17 @@ std::vector<RegionCaption> captionRegions(const Segmentation& segmentation, doub
   std::vector<RegionCaption> captions;
   for (const Segment& segment : segments) {
     if (segment.area < least) break;
-    const cv::Point anchor = regions.at(segment.label).anchor;
-    const std::string text = captionText(segment);
-    const cv::Rect box = textBox(text, anchor, labels.size());
-    if (overlaps(box, captions)) continue;
-    captions.push_back({segment.label, segment.min_mm, anchor, text, box});
+    const Region& region = regions.at(segment.label);
+    RegionCaption caption{segment.label, segment.min_mm, region.anchor, captionText(segment), {}, {}};
+    const std::string number = std::to_string(segment.label);
+    for (const std::string& written :
+         {caption.text, cv::format("%d: %.1f m", segment.label, segment.median_mm / 1e3), number}) {
+      caption.written = written;
+      caption.box = placeOn(region, labels, segment.label, written);
+      if (!caption.box.empty()) break;
+    }
+    if (caption.box.empty()) caption.written.clear();
+    if (!overlaps(caption.box, captions)) captions.push_back(caption);
   }
   return captions;
 }
