@@ -63,6 +63,13 @@ class RestoredTest(RefinedTest):
             at = cloud.fields[3].offset
             np.testing.assert_array_equal(points[..., at:at + 3], picture)
 
+    def test_diagnostics_say_which_listener_gets_nothing(self):
+        topic = self.topic('all_in_focus/depth_restored')
+        for mode, told in (('refined', f'{topic}: only a restored result has it'), ('restored', 'nothing')):
+            self.reconfigure(mode=mode)
+            self.report(self.fuse() + AT_REFERENCE)
+            self.diagnostics.wait(self.node, lambda status: values_of(status).get('asked for in vain') == told)
+
     def test_the_next_bracket_goes_first(self):
         """The older one is published as refined at that moment; each bracket once, in their order."""
         self.expect_scene()

@@ -8,8 +8,10 @@
 #include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
+#include <boost/algorithm/string/join.hpp>
 #include <boost/make_shared.hpp>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 #include "all_in_focus/codes.hpp"
 #include "all_in_focus/depth_registration.hpp"
@@ -73,6 +75,23 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeStatus& status, const std
   points_ = nh.advertise<sensor_msgs::PointCloud2>("all_in_focus/points", 1, on_listener, on_connect);
 }
 
+// Topics come and go with no mode, since those who listen would lose their connection. So a listener that
+// gets nothing is told why. mm: depthOf(bracket), empty without a picture.
+std::string FusionOutputs::askedInVain(const FusedBracket& bracket, const cv::Mat& mm) const {
+  std::vector<std::string> lines;
+  const bool restored = !bracket.result.restored_depth.empty();
+  const auto check = [&lines](const ros::Publisher& output, const char* missing) {
+    if (output.getNumSubscribers() > 0) lines.push_back(output.getTopic() + ": " + missing);
+  };
+  if (!restored) check(depth_restored_, "only a restored result has it");
+  if (!bracket.camera) check(points_, "no calibration on rgb/camera_info");
+  if (!restored && (mm.empty() || cv::countNonZero(mm) == 0)) {
+    if (bracket.camera) check(points_, "no depth is known");
+    check(depth_, "no depth is known, all 0");
+  }
+  return lines.empty() ? "nothing" : boost::algorithm::join(lines, "; ");
+}
+
 bool FusionOutputs::wanted() const {
   const auto outputs = {&image_,      &weights_, &depth_,  &depth_restored_, &source_index_,
                         &confidence_, &info_,    &points_, &report_};
@@ -83,6 +102,7 @@ bool FusionOutputs::wanted() const {
 void FusionOutputs::publish(const FusedBracket& bracket) {
   const std_msgs::Header& header = bracket.report->header;
   const BracketResult& result = bracket.result;
+  cv::Mat mm;
   if (!result.image.empty()) {
     // The camera comes first: rviz's DepthCloud drops images that come before it.
     if (bracket.camera) {
@@ -99,7 +119,7 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
     drawWeights(result.source_index, result.confidence, result.length, weights);
     cv::cvtColor(weights, weights, cv::COLOR_BGR2RGB);
     weights_.publish(toImage(header, enc::RGB8, weights));
-    const cv::Mat mm = depthOf(bracket);  // maybe the memory of bracket.depth
+    mm = depthOf(bracket);  // maybe the memory of bracket.depth
     depth_.publish(toImage(header, enc::TYPE_16UC1, mm));
     if (!result.restored_depth.empty())
       depth_restored_.publish(toImage(header, enc::TYPE_16UC1, result.restored_depth));
@@ -110,6 +130,7 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
     if (points_.getNumSubscribers() > 0)
       publishPoints([this](const sensor_msgs::PointCloud2& cloud) { points_.publish(cloud); });
   }
+  status_->setValue("asked for in vain", askedInVain(bracket, mm));
   report_.publish(bracket.report);
 }
 

@@ -10,6 +10,7 @@
 
 #include <functional>
 #include <mutex>
+#include <string>
 
 #include "all_in_focus/bracket.hpp"
 #include "conversions.hpp"
@@ -37,6 +38,7 @@ class FusionOutputs {
 
  private:
   cv::Mat depthOf(const FusedBracket& bracket) const;
+  std::string askedInVain(const FusedBracket& bracket, const cv::Mat& mm) const;
   void publishPoints(const std::function<void(const sensor_msgs::PointCloud2&)>& publish);
 
   NodeStatus* status_ = nullptr;
