@@ -20,6 +20,7 @@ from all_in_focus.bag.bag_file import BagContents, BagError, BagFile, Topics, lo
 from all_in_focus.bag.check.checker import check_bag
 from all_in_focus.image_messages import to_message
 from all_in_focus.files.rig import load_rig, save_rig
+from all_in_focus.replay import graph
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of cv_bridge
 CHECKS = ["file", "topics", "depth image", "colour image", "depth camera", "colour camera", "transform", "stamps",
@@ -427,3 +428,12 @@ def test_topics_that_are_proposed_are_written_and_read_again(tmp_path):
     assert done.returncode == 1 and "nothing on /other" in done.stdout
     names.write_text("depth: /camera/depth/image_raw\n")
     expect_refusal(run_script("check_bag", path, "--topics", names), "check_bag")
+
+
+def test_evaluate_launch_takes_the_names_of_topics_from_a_file(tmp_path):
+    bag, names = tmp_path / "x.bag", tmp_path / "topics.yaml"
+    write(bag, moved(good_messages(), "/rgb/image", "/dslr/image"))
+    names.write_text("rgb_topic: /dslr/image\n")
+    status = graph.run({"bag": bag, "output": tmp_path / "out", "topics": names}, str(tmp_path / "out"), 60.0)
+    assert status.code == 0, status.reason
+    assert json.loads((tmp_path / "out" / "bracket_0000" / "report.json").read_text())["frames_used"] == 4

@@ -175,7 +175,7 @@ void DepthPreprocess::subscribe() {
   depth_info_subscriber_ = subscribe(depth_info_input_, depth_info_);
   rgb_info_subscriber_ = subscribe(rgb_info_input_, rgb_info_);
   depth_subscriber_ =
-      guard_.subscribeToImages(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
+      guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
   retry_timer_ = guard_.nh.createWallTimer(
       ros::WallDuration(kRetryPeriod),
       guard_.wrap(status_.name(), [this](const ros::WallTimerEvent&) { processWaiting(); }));

@@ -141,7 +141,7 @@ void Segmenter::connect() {
   markers_.listen(wanted);
   if (wanted && !depth_subscriber_) {
     depth_subscriber_ =
-        guard_.subscribeToImages(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
+        guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
     status_.setSubscribed(true);
   } else if (!wanted && depth_subscriber_) {
     depth_subscriber_ = {};

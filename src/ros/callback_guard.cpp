@@ -39,13 +39,17 @@ struct WaitingImages {
   std::deque<sensor_msgs::ImageConstPtr> images;  // oldest first; for each a call in the queue
 };
 
-// The transport of the private parameter image_transport. If it is not installed, an error is logged and raw
-// is used, because image_transport would throw.
+// The transport of the private parameter image_transport. If it may not be used, an error is logged and raw
+// is used: image_transport would throw where it is not installed. lossless: only those that change no value.
 image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-                                                NodeStatus& status) {
+                                                bool lossless, NodeStatus& status) {
   const std::string raw = "raw", package = "image_transport/";
   const std::string wanted = private_nh.param("image_transport", raw);
-  if (wanted != raw) {
+  if (lossless && wanted != raw && wanted != "compressedDepth") {
+    status.error("~image_transport: '" + wanted +
+                 "' may change depths, only raw and compressedDepth do not: " + "using raw");
+    private_nh.setParam("image_transport", raw);
+  } else if (wanted != raw) {
     const std::vector<std::string> installed = image_transport::ImageTransport(nh).getLoadableTransports();
     if (std::find(installed.begin(), installed.end(), package + wanted) == installed.end()) {
       std::string names;
@@ -87,16 +91,17 @@ void CallbackGuard::post(const std::string& place, const std::function<void()>& 
   working_.queue.addCallback(boost::make_shared<Call>(wrap(place, function)));
 }
 
-image_transport::Subscriber CallbackGuard::receiveImages(int input, const ImageCallback& receive) {
-  const image_transport::TransportHints hints = chosenTransport(quick_nh, private_nh, status_);
+image_transport::Subscriber CallbackGuard::receiveImages(int input, const ImageCallback& receive,
+                                                         bool lossless) {
+  const image_transport::TransportHints hints = chosenTransport(quick_nh, private_nh, lossless, status_);
   image_transport::Subscriber subscriber = image_transport::ImageTransport(quick_nh).subscribe(
       status_.topic(input), kArriving, checked<sensor_msgs::Image>(input, receive), ros::VoidPtr(), hints);
   status_.setTransport(input, subscriber.getTransport());
   return subscriber;
 }
 
-image_transport::Subscriber CallbackGuard::subscribeToImages(int input, std::size_t most,
-                                                             const ImageCallback& process) {
+image_transport::Subscriber CallbackGuard::subscribeToDepth(int input, std::size_t most,
+                                                            const ImageCallback& process) {
   // The subscription owns what waits: nothing of it is processed after it ends.
   const auto waiting = std::make_shared<WaitingImages>();
   const auto turn = [waits = std::weak_ptr<WaitingImages>(waiting), process] {
@@ -123,7 +128,7 @@ image_transport::Subscriber CallbackGuard::subscribeToImages(int input, std::siz
       status_.acknowledge(each->header, Outcome::kDropped, "cannot keep up: oldest waiting image dropped");
     if (dropped.empty()) post(status_.resolved(input), turn);
   };
-  return receiveImages(input, receive);
+  return receiveImages(input, receive, /*lossless=*/true);
 }
 
 }  // namespace all_in_focus

@@ -77,13 +77,13 @@ class CallbackGuard {
   }
 
   /// The same for images, by the image_transport of the parameters. receive: runs among the callbacks of
-  /// quick_nh.
-  image_transport::Subscriber receiveImages(int input, const ImageCallback& receive);
+  /// quick_nh. lossless: by no transport that may change values.
+  image_transport::Subscriber receiveImages(int input, const ImageCallback& receive, bool lossless = false);
 
-  /// The same for images that take long to process: they wait for their turn among the callbacks of `nh`.
-  /// Where the node cannot keep up the oldest are dropped, counted and acknowledged; roscpp's own queue would
-  /// drop them silently. most: how many may wait, within imageLimit().
-  image_transport::Subscriber subscribeToImages(int input, std::size_t most, const ImageCallback& process);
+  /// The same for depth images, lossless. They take long to process: they wait for their turn among the
+  /// callbacks of `nh`. Where the node cannot keep up the oldest are dropped, counted and acknowledged;
+  /// roscpp's own queue would drop them silently. most: how many may wait, within imageLimit().
+  image_transport::Subscriber subscribeToDepth(int input, std::size_t most, const ImageCallback& process);
 
  private:
   struct Thread {

@@ -121,14 +121,16 @@ class DepthPreprocessTest(GraphTest):
         self.assertIsNotNone(self.raw.at(self.send()))
         self.diagnostics.wait(self.NODE, lambda s: s.level == OK)
 
-    def test_a_transport_that_is_not_installed_is_raw(self):
-        rospy.set_param('/' + self.NODE + '/image_transport', 'nonsense')
-        for listener in (self.raw, self.processed):
-            listener.close()
-        self.assertTrue(wait_until(lambda: not self.depth.publisher.get_num_connections()))
-        self.raw = self.listen('/chain/depth_registered/image_raw', Image)
-        self.assert_error("~image_transport: 'nonsense' is not installed here, only", 'raw: using raw')
-        self.assertEqual(rospy.get_param('/' + self.NODE + '/image_transport'), 'raw')
+    def test_a_transport_that_changes_depths_or_is_not_installed_is_raw(self):
+        for transport, complaint in (('compressed', "'compressed' may change depths, only raw and compressedDepth do not"),
+                                     ('compressedDepth', "'compressedDepth' is not installed here, only raw")):
+            rospy.set_param('/' + self.NODE + '/image_transport', transport)
+            for listener in (self.raw, self.processed):
+                listener.close()
+            self.assertTrue(wait_until(lambda: not self.depth.publisher.get_num_connections()))
+            self.raw = self.listen('/chain/depth_registered/image_raw', Image)
+            self.assert_error(f'~image_transport: {complaint}: using raw')
+            self.assertEqual(rospy.get_param('/' + self.NODE + '/image_transport'), 'raw')
         self.assert_good_depth_is_processed()
 
     def test_an_impossible_stamp_ends_no_node(self):

@@ -4,7 +4,7 @@
 import time
 from pathlib import Path
 
-from all_in_focus.bag.bag_file import BagContents, BagError, Topics
+from all_in_focus.bag.bag_file import BagContents, BagError, Topics, load_topics
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.rig import Optics, RigError
 from all_in_focus.parameters import ParameterError, number, text
@@ -55,7 +55,8 @@ def _run(bag, output, reporter):
     if not bag or not output:
         raise BagError("the parameters ~bag and ~output are needed")
     optics = Optics.parse(text("optics")) if text("optics") else None
-    topics = Topics(**{kind: text(f"{kind}_topic", default) or default for kind, default in vars(Topics()).items()})
+    names = load_topics(_path("topics")) if text("topics") else Topics()
+    topics = Topics(**{kind: text(f"{kind}_topic") or name for kind, name in vars(names).items()})
     limits = Limits(connect=number("timeout", Limits.connect, 0),
                     acknowledge=number("acknowledge_timeout", Limits.acknowledge, 0))
     contents = BagContents(bag, topics)
