@@ -86,7 +86,7 @@ class LiveNode:
                 self._next_try = len(self._view.pairs) + MORE
                 rospy.logwarn("%s; taking more pairs", error)
         if self._picture.get_num_connections() or self._done:
-            self._picture.publish(self._bridge.cv2_to_imgmsg(self._view.picture()[..., ::-1].copy(), "rgb8"))
+            self._picture.publish(BRIDGE.cv2_to_imgmsg(self._view.picture()[..., ::-1].copy(), "rgb8"))
 
     def _end(self):
         if not self._view.pairs:
