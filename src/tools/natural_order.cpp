@@ -19,6 +19,12 @@ std::string withoutZeros(const std::string& digits) {
   return digits.substr(std::min(digits.find_first_not_of('0'), digits.size()));
 }
 
+std::string lowerCase(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
 int sign(std::size_t a, std::size_t b) {
   return a < b ? -1 : a > b ? 1 : 0;
 }
@@ -83,10 +89,9 @@ NaturalOrder::NaturalOrder(const std::vector<std::string>& names) {
   }
 }
 
-NaturalOrder::Parts NaturalOrder::split(std::string name, bool decimals) {
+NaturalOrder::Parts NaturalOrder::split(const std::string& given, bool decimals) {
   static const std::regex whole("[0-9]+"), with_decimals("[0-9]+([.,][0-9]+)?");
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string name = lowerCase(given);
   Parts parts;
   const std::string stem = withoutEnding(name);
   parts.ending = name.substr(stem.size());
@@ -147,7 +152,7 @@ std::size_t firstAfterRollOver(const std::vector<std::string>& names) {
   for (const std::string& name : names) {
     numbers.emplace_back(std::sregex_token_iterator(name.begin(), name.end(), number),
                          std::sregex_token_iterator());
-    without_numbers.insert(std::regex_replace(name, number, "0"));
+    without_numbers.insert(std::regex_replace(lowerCase(name), number, "0"));
   }
   if (without_numbers.size() != 1) return 0;
   std::set<std::size_t> differing;

@@ -34,7 +34,7 @@ class NaturalOrder {
     std::string ending;
   };
 
-  static Parts split(std::string name, bool decimals);
+  static Parts split(const std::string& given, bool decimals);
   bool isSigned(const Parts& name, std::size_t number) const;
   std::string textBefore(const Parts& name, std::size_t number) const;  // without its sign
 

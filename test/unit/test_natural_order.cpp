@@ -42,6 +42,7 @@ TEST(NaturalOrder, FindsWhereACounterBeganAnew) {
   EXPECT_EQ(firstAfterRollOver({"IMG_0000.JPG", "IMG_9999.JPG"}), 1U);
   EXPECT_EQ(firstAfterRollOver({"DSC00001.ARW", "DSC09998.ARW", "DSC09999.ARW"}), 1U);
   EXPECT_EQ(firstAfterRollOver({"a_00001.png", "a_99999.png"}), 1U);
+  EXPECT_EQ(firstAfterRollOver({"IMG_0001.jpg", "IMG_9999.JPG"}), 1U);
 }
 
 TEST(NaturalOrder, TakesNoGapForANewCount) {
