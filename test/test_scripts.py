@@ -41,6 +41,13 @@ def test_what_crashes_hangs_or_fails_is_counted_and_named(tmp_path):
     assert lines[lines.index('The 10 slowest files:') + 1].endswith(' s  gtest-hangs')
 
 
+def test_what_fails_in_a_part_of_a_test_is_counted(tmp_path):
+    part = GOOD.replace('<testsuite>', "<testsuite failures='2' errors='0'>")
+    done = run_tests(tmp_path / 'build', part=part, rare=GOOD)
+    assert done.returncode == 1 and 'failed: gtest-part: subTest: 2 in parts of a test' in done.stdout
+    assert done.stdout.endswith('\n1 passed, 1 failed\n')
+
+
 def test_slow_tests_run_only_if_all_do(tmp_path):
     assert run_tests(tmp_path / 'default', good=GOOD, rare='exit 1').stdout.endswith('\n1 passed, 0 failed\n')
     assert run_tests(tmp_path / 'all', '--all', good=GOOD, rare='exit 1').stdout.endswith('\n1 passed, 1 failed\n')
