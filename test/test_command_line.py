@@ -73,6 +73,23 @@ def test_signals_end_a_program_with_their_code_and_nothing_left(tmp_path, number
     assert not list(tmp_path.iterdir())
 
 
+def test_an_interrupt_that_becomes_another_error_is_an_interrupt():
+    code = """
+import os, signal
+from all_in_focus.command_line import run
+
+def main():
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+    except KeyboardInterrupt:  # as numpy 1.24 does it in a comparison
+        False.any()
+
+run(main)
+"""
+    with program(code) as process:
+        assert process.stderr.read() == "" and process.wait(60) == 128 + signal.SIGINT
+
+
 @pytest.mark.parametrize("name, options", [
     ("make_scene", ["--scene", "planes", "--output", "{0}/s", "--frames", "900"]),
     ("make_bag", ["--depth", "{1}/depth.png", "--rig", "{1}/rig", "--stack", "{1}/many", "--output", "{0}/x.bag"])])

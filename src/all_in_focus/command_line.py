@@ -63,30 +63,41 @@ def run(main, *errors):
     says why, and the exit code is 2. SIGINT, SIGTERM and SIGHUP end it as exceptions do, so that it cleans up; exit
     code 128 + signal.
     """
+    came = []  # signals
+
     def end(number, _):
-        raise SystemExit(128 + number)
+        came.append(number)
+        raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
 
     if not hasattr(threading.Thread, "isAlive"):  # rospy 1.15.9 calls it; Python 3.9 does not have it any more
         threading.Thread.isAlive = threading.Thread.is_alive
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     for number in before:
         if before[number] != signal.SIG_IGN:
-            signal.signal(number, signal.default_int_handler if number == signal.SIGINT else end)
+            signal.signal(number, end)
     try:
         code = main()
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader of the output, such as head, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        code = 128 + signal.SIGPIPE
-    except _interrupts():
-        code = 128 + signal.SIGINT
-    except (ValueError, OSError, MemoryError, *errors) as error:
-        print(f"{Path(sys.argv[0]).name}: {_no_master(error) or one_line(error)}", file=sys.stderr)
-        code = BAD_INPUT
+    except BaseException as error:
+        # After a signal any error is its work: numpy 1.24 turns one that comes during a comparison into another error.
+        code = 128 + came[0] if came else _exit_code(error, errors)
+        if code is None:
+            raise
     finally:
         for number in before:
             signal.signal(number, before[number])
     sys.exit(code)
+
+
+def _exit_code(error, errors):
+    """Of a program that ends by this exception, of which it tells the user; None: a mistake of ours, or it has a code."""
+    if isinstance(error, BrokenPipeError):  # the reader of the output, such as head, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return 128 + signal.SIGPIPE
+    if not isinstance(error, (ValueError, OSError, MemoryError, *errors)):
+        return None
+    print(f"{Path(sys.argv[0]).name}: {_no_master(error) or one_line(error)}", file=sys.stderr)
+    return BAD_INPUT
 
 
 def node(name, description, body, parameters=None):
@@ -99,10 +110,12 @@ def node(name, description, body, parameters=None):
         import rospy  # most programs need no ROS
         Parser(prog=name, description=description, formatter_class=argparse.RawDescriptionHelpFormatter,
                epilog=_listed(name, parameters or {})).parse_args(rospy.myargv()[1:])
-        rospy.init_node(name)
+        # Signals are left to run(): their exceptions free what the main thread holds. rospy would shut down in the middle
+        # of its work, and wait for ever for the lock of a connection to which it is just writing.
+        rospy.init_node(name, disable_signals=True)
         try:
             return body()
-        except rospy.ROSException:  # shutdown
+        except (rospy.ROSException, KeyboardInterrupt, SystemExit):  # shutdown
             return 0
         except (ValueError, OSError) as error:
             rospy.logfatal("%s", error)
@@ -115,12 +128,6 @@ def _listed(name, parameters):
     width = 4 + max(map(len, parameters), default=0)
     lines = [f"  {'~' + parameter:{width}}{meaning}" for parameter, meaning in parameters.items()]
     return "\n".join([f"parameters (rosrun all_in_focus {name} _NAME:=VALUE):", *lines]) if lines else ""
-
-
-def _interrupts():
-    """Exceptions by which Ctrl-C leaves a program; rospy raises its own while it waits for a master."""
-    rospy = sys.modules.get("rospy")
-    return (KeyboardInterrupt, rospy.ROSInitException) if rospy else KeyboardInterrupt
 
 
 def _no_master(error):

@@ -3,6 +3,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """image_folder_camera over ROS: a folder or a video played once or looped, and a folder that is watched."""
 import math
+import signal
+import sys
 import time
 
 import cv2
@@ -15,8 +17,24 @@ from all_in_focus.camera.folder_node import MAX_UNPROCESSED
 from camera_testing import CameraTest, places
 from depth_testing import TIMEOUT, Talker, pixels_of, run_tests, wait_until
 from file_helpers import SCRIPTS, SIZE, pictures, write_stack, write_video
+from process_testing import Talkative
 
 NODE = SCRIPTS / "image_folder_camera"
+
+BUSY = """
+import os, sys, threading, rospy
+from all_in_focus.command_line import node, run
+
+def body():
+    lock = threading.Lock()  # as that of a connection: publish() and the shutdown both take it
+    rospy.on_shutdown(lock.acquire)
+    with lock:
+        os.kill(os.getpid(), signal_number)
+    rospy.spin()
+
+signal_number = int(sys.argv.pop())
+run(node("busy", "", body))
+"""
 
 
 class ImageFolderTest(CameraTest):
@@ -67,6 +85,12 @@ class ImageFolderTest(CameraTest):
         self.frames(MAX_UNPROCESSED + 1)
         # A fusion that does not answer is not waited for.
         self.assertTrue(wait_until(lambda: len(self.heard["rgb/image"].messages) == MAX_UNPROCESSED + 2))
+
+    def test_a_signal_in_the_middle_of_a_message_ends_a_node(self):
+        for number in (signal.SIGTERM, signal.SIGINT):
+            node = Talkative([sys.executable, "-c", BUSY, str(int(number))])
+            self.addCleanup(node.stop)
+            self.assertEqual(node.process.wait(TIMEOUT), 0, node.lines)
 
     def test_a_watched_folder(self):
         write_stack(self.folder / "in", ["old.png"])

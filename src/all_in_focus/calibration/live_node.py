@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """calibrate_rig --live: takes pairs of pictures from two topics until there are enough, calibrates and ends."""
+import contextlib
 import threading
 import time
 
@@ -119,12 +120,13 @@ class LiveNode:
 
 def run(arguments, calibrate):
     """Returns the exit code."""
-    rospy.init_node("calibrate_rig")
+    rospy.init_node("calibrate_rig", disable_signals=True)
     view = LiveView(arguments.board, arguments.views, arguments.save_pictures)
     node = LiveNode(view, calibrate)
     rospy.loginfo("pictures from %s and %s, coverage on %s; ends with %d pairs that cover enough, or by %s",
                   *map(rospy.resolve_name, TOPICS + ("~coverage",)), arguments.views, rospy.resolve_name("~finish"))
-    if node.run():
-        return 0
+    with contextlib.suppress(KeyboardInterrupt):
+        if node.run():
+            return 0
     rospy.logerr("ended before there were enough pairs: no rig was written")
     return 2

@@ -80,21 +80,23 @@ class FocusBracketCamera:
     def run(self):
         """Until shutdown: shoot brackets at the rate, and check the connection between them."""
         next_bracket, next_check = time.monotonic(), 0.0
-        while not rospy.is_shutdown():
-            now = time.monotonic()
-            if now >= next_check:
-                with self._lock:
-                    self._check()
-                    self._diagnose()
-                next_check = time.monotonic() + (self._check_period if self._session.connected else self._reconnect)
-            # At a rate only while somebody subscribes to the pictures: each of them wears the shutter.
-            if self._rate and self._session.connected and now >= next_bracket and self._frames.has_listeners():
-                next_bracket = max(next_bracket + 1 / self._rate, now)
-                with self._lock:
-                    self._shoot(self._planned)
-            time.sleep(0.02)
-        with self._lock:
-            self._session.close()
+        try:
+            while not rospy.is_shutdown():
+                now = time.monotonic()
+                if now >= next_check:
+                    with self._lock:
+                        self._check()
+                        self._diagnose()
+                    next_check = time.monotonic() + (self._check_period if self._session.connected else self._reconnect)
+                # At a rate only while somebody subscribes to the pictures: each of them wears the shutter.
+                if self._rate and self._session.connected and now >= next_bracket and self._frames.has_listeners():
+                    next_bracket = max(next_bracket + 1 / self._rate, now)
+                    with self._lock:
+                        self._shoot(self._planned)
+                time.sleep(0.02)
+        finally:
+            with self._lock:
+                self._session.close()
 
     def _on_plan(self, plan):
         self._plan = plan

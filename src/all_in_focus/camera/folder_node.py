@@ -22,7 +22,7 @@ RESULT_TIMEOUT = 120.0  # s: the last frame of a bracket is acknowledged when it
 def _poll_until(condition, end=math.inf):
     """Wait until the condition holds, the monotonic clock shows `end` (s), or the node shuts down."""
     while not condition() and time.monotonic() < end and not rospy.is_shutdown():
-        time.sleep(POLL_PERIOD)
+        time.sleep(min(POLL_PERIOD, max(0, end - time.monotonic())))
 
 
 class FlowControl:
@@ -77,7 +77,7 @@ class Player:
         due = time.monotonic()
         while not rospy.is_shutdown():
             for index, image in enumerate(self._stack):
-                time.sleep(max(0, due - time.monotonic()))
+                _poll_until(lambda: False, due)
                 flow.wait(frames.has_all_listeners, new_bracket=index == 0)
                 if rospy.is_shutdown():
                     return
