@@ -68,13 +68,13 @@ class TiffFile {
     seek(at);
     file_.read(entries.data(), static_cast<std::streamsize>(entries.size()));
     entries.resize(static_cast<std::size_t>(file_.gcount()));
-    file_.clear();
     std::uint64_t samples = 1, photometric = 0;
     const auto entry_bytes = static_cast<std::size_t>(layout_.entry_bytes());
     for (std::size_t i = 0; i + entry_bytes <= entries.size(); i += entry_bytes) {
       const char* const entry = entries.data() + i;
       const std::uint64_t tag = number(entry, 2), type = number(entry + 2, 2);
       const std::uint64_t values = number(entry + 4, layout_.offset_bytes());
+      if (values == 0) continue;
       const int value_at = 4 + layout_.offset_bytes();
       const int bytes = type == 3 ? 2 : type == 4 ? 4 : type == 16 ? 8 : 1;
       const bool is_elsewhere = values > static_cast<std::uint64_t>(layout_.offset_bytes() / bytes);
@@ -89,7 +89,6 @@ class TiffFile {
       if (tag == kOrientation) page.orientations.push_back(at + i + static_cast<std::uint64_t>(value_at));
       if (tag == kExtraSamples) page.has_alpha = true;
     }
-    file_.clear();
     // Some programs do not say what the sample behind gray or RGB is.
     page.has_alpha =
         page.has_alpha || (photometric == 2 && samples == 4) || (photometric < 2 && samples == 2);
@@ -97,7 +96,10 @@ class TiffFile {
   }
 
  private:
-  void seek(std::uint64_t at) { file_.seekg(static_cast<std::streamoff>(at & 0x7fffffffffffffff)); }
+  void seek(std::uint64_t at) {
+    file_.clear();  // what was beyond the end
+    file_.seekg(static_cast<std::streamoff>(at & 0x7fffffffffffffff));
+  }
 
   std::uint64_t number(const char* bytes, int count) const {
     std::uint64_t value = 0;
@@ -134,7 +136,7 @@ std::vector<TiffPage> readTiffPages(const std::string& path) {
 void showTiffPage(std::string& data, const TiffPage& page) {
   const bool big_endian = data[0] == 'M', big = data[big_endian ? 3 : 2] == 43;
   const auto set = [&](std::uint64_t at, std::uint64_t value, int bytes) {
-    if (at + bytes > data.size()) return;
+    if (at > data.size() || data.size() - at < static_cast<std::size_t>(bytes)) return;
     for (int i = 0; i < bytes; ++i)
       data[at + (big_endian ? bytes - 1 - i : i)] = static_cast<char>(value >> 8 * i & 255);
   };

@@ -23,6 +23,7 @@
 #include "report_json.hpp"
 #include "rig_files.hpp"
 #include "stack_reader.hpp"
+#include "tiff_pages.hpp"
 
 namespace fs = std::filesystem;
 using namespace all_in_focus;
@@ -271,6 +272,15 @@ TEST_F(Files, TiffsAreReadAsTheyAreStored) {
     const cv::Mat depth = readDepth(path("x.tif"), {});
     EXPECT_TRUE(depth.size() == noise.size() && cv::norm(depth, noise, cv::NORM_INF) == 0) << orientation;
   }
+}
+
+TEST_F(Files, AnEntryOfATiffWithoutAValueCountsForNothing) {
+  using namespace std::string_literals;
+  const std::string entry = "\0\1\x10\0\0\0\0\0\7\0\0\0"s;  // width, 8 bytes wide, 0 values
+  write("x.tif", "II*\0\x08\0\0\0\2\0"s + entry + entry);
+  const std::vector<TiffPage> pages = readTiffPages(path("x.tif"));
+  ASSERT_EQ(pages.size(), 1u);
+  EXPECT_EQ(pages[0].size, cv::Size());
 }
 
 TEST_F(Files, StackErrors) {
