@@ -123,6 +123,22 @@ def test_make_bag_command(tmp_path, rig, depth):
     assert not [name for name in os.listdir(tmp_path) if name.startswith(".")]
 
 
+def test_sixteen_bits_go_into_a_bag_and_out_of_it(tmp_path, rig, depth):
+    frames = [frame.astype(np.uint16) * 257 - 1 for frame in pictures(2)]
+    cv2.imwrite(str(tmp_path / "depth.png"), depth)
+    stack, bag = write_stack(tmp_path / "stack", ["0.png", "1.tif"], frames), str(tmp_path / "x.bag")
+    call("make_bag", "--depth", tmp_path / "depth.png", "--rig", rig, "--stack", stack, "--output", bag)
+    for path in (bag, rewritten(bag, str(tmp_path / "y.bag"),
+                                lambda topic, message: topic != "/rgb/image" or (topic, compressed(message, 0)))):
+        images = [message for kind, message, _ in BagContents(path).messages() if kind == "rgb"]
+        assert [image.encoding for image in images] == ["bgr16", "bgr16"]
+        assert np.array_equal([CvBridge().imgmsg_to_cv2(image) for image in images], frames)
+
+    cv2.imwrite(str(tmp_path / "stack" / "1.tif"), frames[1].astype(np.float32))
+    expect_refusal(call("make_bag", "--depth", tmp_path / "depth.png", "--rig", rig, "--stack", stack, "--output", bag),
+                   "make_bag", "1.tif: has float32 pixels, which only fuse_stack reads: save it with 8 or 16 bits")
+
+
 def test_make_bag_on_a_full_disk(tmp_path, rig, depth):
     """One line that names the bag, although the rig, having no lens, would get a warning."""
     cv2.imwrite(str(tmp_path / "depth.png"), depth)

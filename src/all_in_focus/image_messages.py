@@ -9,7 +9,7 @@ import numpy as np
 from sensor_msgs.msg import CompressedImage, Image
 
 from all_in_focus.files.errors import one_line
-from all_in_focus.files.stack import decode_image, is_complete
+from all_in_focus.files.stack import COLOR, decode_image, is_complete
 
 MILLIMETRES = ("16UC1", "mono16")
 METRES = "32FC1"
@@ -70,6 +70,11 @@ def _pixel_bytes(encoding):
     return np.dtype(dtype).itemsize * channels
 
 
+def color_message(image, header):
+    """Image message of a BGR picture of 8 or 16 bits."""
+    return to_message(image, "bgr16" if image.dtype == np.uint16 else "bgr8", header)
+
+
 def to_message(image, encoding, header):
     """Image message. cv_bridge before 1.16 has no argument for the header."""
     message = BRIDGE.cv2_to_imgmsg(image, encoding)
@@ -94,10 +99,10 @@ def depth_mm(message, invalid_values=(0,)):
 
 
 def bgr(message, deep=False):
-    """BGR picture of an Image or CompressedImage, as the fusion node converts it: 8 bit; deep: 16 where an
-    Image has them. ImageError."""
+    """BGR picture of an Image or CompressedImage, as the fusion node converts it: 8 bit; deep: 16 where the message
+    has them. ImageError."""
     if message._type == CompressedImage._type:
-        return decoded(message.data)
+        return decoded(message.data, deep)
     _check_pairs(message.encoding, message.width)
     try:
         has_16_bits = np.dtype(BRIDGE.encoding_to_dtype_with_channels(message.encoding)[0]).itemsize == 2
@@ -106,12 +111,12 @@ def bgr(message, deep=False):
         raise ImageError(f"{one_line(error)}: publish bgr8 or rgb8")
 
 
-def decoded(data):
-    """BGR picture, 8 bit, of what a camera or image_transport has compressed: gray, colour or with alpha, 8 or 16 bit.
-    ImageError."""
+def decoded(data, deep=False):
+    """BGR picture of what a camera or image_transport has compressed: gray, colour or with alpha, 8 or 16 bit. 8 bit;
+    deep: 16 where it has them. ImageError."""
     if not is_complete(data):
         raise ImageError("the compressed picture is cut short or damaged: check the camera's cable, or the disk of the recording")
-    picture = decode_image(data)
+    picture = decode_image(data, COLOR | cv2.IMREAD_ANYDEPTH if deep else COLOR)
     if picture is None:  # OpenCV gives no reason
         raise ImageError(f"its {len(data)} bytes cannot be decoded: publish JPEG or PNG")
     return picture

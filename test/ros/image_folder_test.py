@@ -59,6 +59,14 @@ class ImageFolderTest(CameraTest):
         time.sleep(0.3)
         self.assertEqual(len(self.heard["rgb/image"].messages), 3)
 
+    def test_pictures_of_sixteen_bits(self):
+        picture = pictures(1)[0].astype(np.uint16) * 256
+        self.start(NODE, stack=write_stack(self.folder / "stack", ["0.png"], [picture]))
+        self.listen_to_all()
+        image = self.frames(1)[0][0]
+        self.assertEqual(image.encoding, "bgr16")
+        np.testing.assert_array_equal(np.frombuffer(image.data, np.uint16), picture.ravel())
+
     def test_a_video_looped_at_a_rate(self):
         video = write_video(self.folder / "sweep.avi", pictures(2))
         self.start(NODE, stack=video, rate=20.0, loop=True, width=24)

@@ -11,7 +11,7 @@ import rosbag
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from tf2_msgs.msg import TFMessage
 
-from all_in_focus.image_messages import ImageError, bgr, to_message
+from all_in_focus.image_messages import ImageError, bgr, color_message
 from all_in_focus.files import yaml_file
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.input_file import require_regular
@@ -232,7 +232,7 @@ class BagContents(BagFile):
 
     def _decoded(self, message, name):
         try:
-            return to_message(bgr(message), "bgr8", message.header)
+            return color_message(bgr(message, deep=True), message.header)
         except ImageError as error:
             self.problems.append(f"{name}: image of {message.header.stamp.to_sec():.6f}: {error}")
             return None

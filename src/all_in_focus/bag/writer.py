@@ -9,7 +9,7 @@ import rosbag
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from all_in_focus.image_messages import to_message
+from all_in_focus.image_messages import color_message, to_message
 from all_in_focus.files.output_file import whole_file
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.rig_messages import camera_info, static_transform
@@ -51,7 +51,7 @@ def _fill(bag, depth, rig_folder, stack, rate, with_focus):
             bag.write("/rgb/focus", FocusFrame(header=header, bracket_id=0, index=index, count=len(stack),
                                                last=index + 1 == len(stack),
                                                focus_distance=stack.distances[index]), stamp)
-        bag.write("/rgb/image", to_message(frame, "bgr8", header), stamp)
+        bag.write("/rgb/image", color_message(frame, header), stamp)
 
 
 def write_bag(output, depth, rig_folder, stack, rate=30.0, with_focus=True):

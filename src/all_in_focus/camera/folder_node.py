@@ -60,7 +60,7 @@ class Player:
     """Plays a stack at a rate, once or in a loop."""
 
     def __init__(self, path, focus):
-        self._stack = Stack(path, focus or None)
+        self._stack = Stack(path, focus or None, deep=True)
         for warning in self._stack.warnings:
             rospy.logwarn("%s", warning)
         self._period = 1 / parameters.number("rate", 2.0, 0.001)

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from all_in_focus.files.stack import StackError, is_image_name, read_image
+from all_in_focus.files.stack import StackError, is_image_name, read_color
 
 
 @dataclass
@@ -62,7 +62,7 @@ class FolderWatch:
 
     def _read(self, name, state, stamp, changed_at):
         try:
-            image = read_image(str(self._folder / name))
+            image = read_color(str(self._folder / name), deep=True)
         except StackError as error:
             if time.monotonic() - changed_at < self._patience:
                 return None

@@ -4,7 +4,6 @@
 import time
 
 import cv2
-import cv_bridge
 import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
@@ -12,6 +11,7 @@ from std_msgs.msg import Header
 
 from all_in_focus.files.rig import Camera, load_rig
 from all_in_focus.files.rig_messages import camera_info
+from all_in_focus.image_messages import color_message
 from all_in_focus.msg import FocusFrame
 
 QUEUE = 30  # frames that may wait for a slow subscriber
@@ -28,7 +28,6 @@ class FramePublisher:
         self._calibration = rig.color if rig else None
         self._frame_id = frame_id or (rig.parent_frame if rig else "rgb_optical_frame")
         self._width = width
-        self._bridge = cv_bridge.CvBridge()
         self._info = None  # rig.Camera for the size of the last picture
         self._sent = None  # stamp, bracket_id, index, count and last of the FocusFrame that was published last
         self._listened_since = None
@@ -69,7 +68,7 @@ class FramePublisher:
             self._sent = (stamp, bracket_id, index, count, last)
 
     def publish(self, image, stamp, bracket_id, index, count, last, distance):
-        """image: BGR, 8 bit; the rest: see FocusFrame.msg. The FocusFrame goes first, unless it is out already."""
+        """image: BGR, 8 or 16 bit; the rest: see FocusFrame.msg. The FocusFrame goes first, unless it is out already."""
         if self._sent and self._sent[0] == stamp and self._sent != (stamp, bracket_id, index, count, last):
             self.publish_focus(stamp, bracket_id, index, count, last, distance)
             time.sleep(CORRECTION)
@@ -79,9 +78,7 @@ class FramePublisher:
         header = Header(stamp=stamp, frame_id=self._frame_id)
         self.publish_focus(stamp, bracket_id, index, count, last, distance)
         self._info_publisher.publish(camera_info(self._camera_of(*size), header))
-        message = self._bridge.cv2_to_imgmsg(np.ascontiguousarray(image), "bgr8")
-        message.header = header  # cv_bridge before 1.16 has no argument for it
-        self._image_publisher.publish(message)
+        self._image_publisher.publish(color_message(np.ascontiguousarray(image), header))
 
     def _published(self, size):
         """(width, height) with which pictures of this size are published."""

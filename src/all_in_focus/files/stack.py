@@ -23,6 +23,7 @@ from all_in_focus.files.input_file import require_regular
 Image.MAX_IMAGE_PIXELS = None  # OpenCV has a limit of its own
 INVALID_DEPTH = 65535  # mm; what sensors write besides 0 where they have measured nothing
 TIFF_ORIENTATION = 274  # tag
+COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".webp")
 
 
@@ -33,12 +34,14 @@ class StackError(ValueError):
 class Stack:
     """Frames of one focus bracket, read one at a time, so that memory does not grow with their number.
 
-    len(stack): number of frames. Iterating gives BGR images, 8 bit, all of one size, each time from the beginning.
+    len(stack): number of frames. Iterating gives BGR images of one size, each time from the beginning; 8 bit, or, with
+    deep, 16 where the files have them.
     names: file names, None for a video; distances: focus distances in m, NaN = unknown; warnings: lines to show.
     """
 
-    def __init__(self, path, focus=None):
+    def __init__(self, path, focus=None, deep=False):
         self.path = Path(path)
+        self._deep = deep
         self.warnings = []
         if not self.path.exists():
             raise StackError(f"{path}: no such folder or video")
@@ -102,7 +105,7 @@ class Stack:
         if self.names is not None:
             for name in self.names:
                 path = self.path / name
-                yield path, read_image(path)
+                yield path, read_color(path, self._deep)
             return
         video = self._open_video()
         for index in range(self._count):  # one after the other: seeking by frame number is not reliable
@@ -122,7 +125,7 @@ def size_text(image):
     return f"{image.shape[1]}x{image.shape[0]}"
 
 
-def read_image(path, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
+def read_image(path, flags=COLOR):
     """Image as OpenCV decodes it; BGR, 8 bit by default. StackError, also for truncated files, which OpenCV pads."""
     try:
         require_regular(path)
@@ -137,7 +140,15 @@ def read_image(path, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
     return image
 
 
-def decode_image(data, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION):
+def read_color(path, deep):
+    """BGR image: 8 bit, or, with deep, 16 where the file has them. StackError, also for what has other numbers."""
+    image = read_image(path, COLOR | cv2.IMREAD_ANYDEPTH if deep else COLOR)
+    if image.dtype not in (np.uint8, np.uint16):
+        raise StackError(f"{path}: has {image.dtype} pixels, which only fuse_stack reads: save it with 8 or 16 bits")
+    return image
+
+
+def decode_image(data, flags=COLOR):
     """Image as OpenCV decodes it; None where the bytes are no image."""
     try:
         with _silent_libraries():
