@@ -7,7 +7,6 @@
 #include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -130,7 +129,7 @@ class Bracket {
   struct Held {
     cv::Size size;
     double focus_mm;
-    std::string misfit;  ///< why it was left out for now
+    std::string misfit;  ///< why it waits for the end of the bracket; "" = it does not
   };
 
   void planReference(int first_index);
@@ -146,9 +145,8 @@ class Bracket {
   cv::Mat frameAt(int index) const;
   void observe(int index);
   void fuseReady();
-  void fuse(int index);
-  void setAside(int index, const std::string& misfit);
-  bool startsOver();
+  bool fuse(int index);
+  bool startsOver(int newest);
   void markUsed(int index);
   void markRejected(int index, const std::string& reason);
   FrameStatus& statusOf(int index);
@@ -157,6 +155,8 @@ class Bracket {
   std::string anotherSize(const cv::Size& size) const;
   std::string whyUnused(const Held& held) const;
   void restore(const Progress& progress, BracketResult& result) const;
+  bool isFree() const { return settings_.reference == BracketSettings::kAutoReference; }
+  int mostHeld() const { return settings_.sliding ? 0 : settings_.max_held; }
   bool restores() const { return settings_.mode == Mode::kRestored && !settings_.sliding; }
 
   BracketScene scene_;
@@ -169,11 +169,7 @@ class Bracket {
   std::map<std::pair<int, int>, int> of_size_;  // frames seen of each width and height
   int reference_ = 0;                           // wanted
   int nearest_ = 0;                             // the used frame that stands for it
-  bool holding_ = false;                        // frames wait for the reference
-  std::optional<int> newest_misfit_;            // among the frames held
-  bool chooses_ = false;                        // the reference, among frames that were taken alike
-  std::set<int> unlike_;                        // frames that are not the reference, and wait for the end
-  bool ends_ = false;                           // no frame follows
+  bool holding_ = false;                        // all frames wait for the reference
   std::map<int, Held> held_;                    // by index
   std::vector<FrameStatus> frames_;             // by index
   std::pair<int, cv::Mat> current_;             // the frame that is being added

@@ -20,6 +20,7 @@ namespace {
 constexpr std::size_t kMostRejections = 20;  // that notes tell of one by one
 constexpr const char* kNotUsed = ": depth and lens data are not used";
 constexpr double kMmPerM = 1000;
+constexpr int kNone = -1;  // no frame has this index
 
 std::string text(const cv::Size& size) {
   return std::to_string(size.width) + "x" + std::to_string(size.height);
@@ -82,11 +83,7 @@ void Bracket::begin(const BracketScene& scene, const BracketSettings& settings, 
   size_ = {};
   of_size_.clear();
   reference_ = nearest_ = 0;
-  holding_ = settings.mode != Mode::kPaper;
-  unlike_.clear();
-  newest_misfit_.reset();
-  chooses_ = false;
-  ends_ = false;
+  holding_ = false;
   held_.clear();
   frames_.clear();
   used_ = 0;
@@ -98,17 +95,14 @@ void Bracket::begin(const BracketScene& scene, const BracketSettings& settings, 
   fusion_ms_ = 0;
 }
 
-// Adds a note if the reference will not be the wanted one.
+// Frames before the reference are held. Adds a note if it will not be the wanted one.
 void Bracket::planReference(int first_index) {
   const int length = settings_.length;
   reference_ = settings_.reference >= 0 ? settings_.reference : length / 2;
   if (length > 0) reference_ = std::min(reference_, length - 1);
   if (settings_.mode == Mode::kPaper || reference_ <= first_index) return;
-  const bool too_many = reference_ - first_index > settings_.max_held;
-  if (!settings_.sliding && !too_many) {
-    chooses_ = settings_.reference == BracketSettings::kAutoReference;
-    return;
-  }
+  holding_ = reference_ - first_index <= mostHeld();
+  if (holding_) return;
   notes_.push_back((settings_.sliding ? std::string("sliding")
                                       : cv::format("at most %d frames are held (max_held_frames, memory)",
                                                    settings_.max_held)) +
@@ -122,7 +116,7 @@ void Bracket::chooseReference(bool may_wait) {
   const int last = frames_.empty() ? -1 : frames_.back().index;
   if (!holding_ || (may_wait && last < reference_)) return;
   const bool is_full = !may_wait || held_.size() >= static_cast<std::size_t>(settings_.max_held);
-  if (chooses_ && !size_.empty()) {
+  if (isFree() && !size_.empty()) {
     const FrameGroup group = fusion_->largestGroup();
     if (!is_full && group.lead < settings_.length - 1 - last) return;
     std::vector<int> alike;  // or still unknown
@@ -136,7 +130,9 @@ void Bracket::chooseReference(bool may_wait) {
     if (!is_full && reference_ > last) return;
     if (may_wait && reference_ > last)
       reference_ = *std::prev(std::upper_bound(alike.begin(), alike.end(), last));
-    unlike_ = group.others;
+    for (auto& [index, held] : held_) {
+      if (group.others.count(index) > 0) held.misfit = "it was taken unlike most frames";
+    }
   }
   holding_ = false;
 }
@@ -286,14 +282,14 @@ double Bracket::usableFocus(int index, double focus_mm) {
   return kUnknownFocus;
 }
 
-// At most max_held frames are held that do not fit.
+// At most mostHeld() frames are held that do not fit.
 void Bracket::limitOthers() {
   std::vector<int> others;
   for (const auto& [index, held] : held_) {
     if (held.size != size_ || !held.misfit.empty()) others.push_back(index);
   }
-  if (others.size() > static_cast<std::size_t>(settings_.max_held))
-    markRejected(others.front(), whyUnused(held_.at(others.front())));
+  for (std::size_t i = 0; i + static_cast<std::size_t>(mostHeld()) < others.size(); ++i)
+    markRejected(others[i], whyUnused(held_.at(others[i])));
 }
 
 std::string Bracket::whyUnused(const Held& held) const {
@@ -310,7 +306,6 @@ std::optional<int> Bracket::next() const {
   std::optional<int> found;
   for (const auto& [index, held] : held_) {
     if (held.size != size_ || !held.misfit.empty()) continue;
-    if (unlike_.count(index) > 0 && (used_ == 0 || !ends_)) continue;
     if (settings_.mode == Mode::kPaper || used_ > 0) return index;
     if (!found || std::abs(index - reference_) < std::abs(*found - reference_)) found = index;
   }
@@ -329,48 +324,47 @@ void Bracket::observe(int index) {
 }
 
 void Bracket::fuseReady() {
-  chooseReference(!ends_);
+  chooseReference(/*may_wait=*/true);
+  int misfit = kNone;  // the newest one
   do {
-    while (const std::optional<int> index = next()) fuse(*index);
-  } while (startsOver());
+    misfit = kNone;
+    while (const std::optional<int> index = next()) {
+      if (!fuse(*index)) misfit = *index;
+    }
+  } while (misfit != kNone && startsOver(misfit));
 }
 
-void Bracket::fuse(int index) {
+// Returns false if the frame does not fit those fused so far. It is kept: they may be the odd ones.
+bool Bracket::fuse(int index) {
   try {
     const cv::Mat frame = frameAt(index);
+    Held& held = held_.at(index);
     Stopwatch watch;
-    const std::string misfit = fusion_->add(frame, index, held_.at(index).focus_mm);
+    held.misfit = fusion_->add(frame, index, held.focus_mm);
     fusion_ms_ += watch.lap();
-    misfit.empty() ? markUsed(index) : setAside(index, misfit);
+    if (!held.misfit.empty()) return false;
+    markUsed(index);
   } catch (const std::exception& e) {
     if (settings_.strict) throw;
     markRejected(index, oneLine(e.what()));
   }
+  return true;
 }
 
-// Keeps a frame that does not fit those fused so far: they may be the odd ones.
-void Bracket::setAside(int index, const std::string& misfit) {
-  if (ends_ || settings_.sliding || settings_.max_held == 0) return markRejected(index, misfit);
-  held_.at(index).misfit = misfit;
-  newest_misfit_ = index;
-}
-
-// Starts over with the frames that are like the newest one that was set aside, if these are more than those
+// Starts over with the frames that are like the newest one that does not fit, if these are more than those
 // fused. Returns whether it did.
-bool Bracket::startsOver() {
-  const std::optional<int> newest = std::exchange(newest_misfit_, std::nullopt);
-  if (!newest || !holds(*newest) || settings_.reference != BracketSettings::kAutoReference) return false;
+bool Bracket::startsOver(int newest) {
+  if (!isFree()) return false;
   std::vector<int> alike;
   for (const auto& [index, held] : held_) {
-    if (!held.misfit.empty() && fusion_->misfit(index, *newest).empty()) alike.push_back(index);
+    if (!held.misfit.empty() && fusion_->misfit(index, newest).empty()) alike.push_back(index);
   }
   if (alike.size() <= static_cast<std::size_t>(used_)) return false;
   drop([&](int used) {
-    const std::string misfit = fusion_->misfit(used, *newest);
+    const std::string misfit = fusion_->misfit(used, newest);
     return misfit.empty() ? "the reference that it was fused with was given up" : misfit;
   });
   reference_ = alike.front();
-  unlike_.clear();
   for (auto& [index, held] : held_) held.misfit.clear();
   start(size_);
   return true;
@@ -428,13 +422,12 @@ BracketResult Bracket::preview() const {
 BracketResult Bracket::finish(const Progress& progress) {
   const int last = frames_.empty() ? -1 : frames_.back().index;
   if (settings_.strict && frames_.empty()) throw std::invalid_argument("the bracket holds no frame");
-  const bool is_free = settings_.reference == BracketSettings::kAutoReference;
-  if (settings_.strict && !is_free && (settings_.reference < 0 || reference_ > last)) {
+  if (settings_.strict && !isFree() && (settings_.reference < 0 || reference_ > last)) {
     throw std::invalid_argument(
         cv::format("frame %d cannot be the reference: the bracket holds frames 0 to %d",
                    settings_.reference < 0 ? settings_.reference : reference_, last));
   }
-  ends_ = true;
+  chooseReference(/*may_wait=*/false);
   fuseReady();
   for (auto& [index, held] : held_) held.misfit.clear();  // each gets a second chance
   fuseReady();
