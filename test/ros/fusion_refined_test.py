@@ -84,14 +84,30 @@ class ReferenceTest(RefinedTest):
         self.finish()
         self.assert_noted(self.assert_as_files(stamp, [0, 1], 1), 'only 2 of 5 frames were used')
 
-    def test_frames_of_twelve_bits(self):
-        twelve_bits = {i: lambda stamp, i=i: colour_message(pixels(i).astype(np.uint16) * 16, stamp, 'bgr16') for i in INDICES}
-        stamp = self.fuse(replaced=twelve_bits) + MIDDLE * PERIOD
-        self.assertEqual(self.report(stamp).frames_used, len(FRAMES))
+    def fuse_deep(self, factor):
+        """A bracket of frames with 16 bits, with so many codes for one of 8 bits."""
+        frame = lambda stamp, i: colour_message(pixels(i).astype(np.uint16) * factor, stamp, 'bgr16')
+        stamp = self.fuse(replaced={i: lambda stamp, i=i: frame(stamp, i) for i in INDICES}) + MIDDLE * PERIOD
+        self.assertEqual(self.report(stamp).frames_used, len(FRAMES), self.report(stamp).notes)
         image = self.outputs['image'].at(stamp)
         self.assertEqual(image.encoding, 'bgr16')
-        error = array_of(image) / 257 - fused_by_files(INDICES, MIDDLE)['image']
-        self.assertLess(np.sqrt(np.mean(error ** 2)), 1)
+        return self.report(stamp), array_of(image) / 257
+
+    def test_frames_of_twelve_bits(self):
+        """Also after a camera of 16 bits: each bracket has its own white."""
+        for factor, white in ((16, 4095), (257, 65535), (16, 4095)):
+            report, image = self.fuse_deep(factor)
+            error = image - fused_by_files(INDICES, MIDDLE)['image']
+            self.assertLess(np.sqrt(np.mean(error ** 2)), 1, white)
+            self.assertEqual([f'{white} is white' in note for note in report.notes], [True] * (white < 65535))
+
+    def test_all_frames_of_a_bracket_have_one_white(self):
+        """The first frame has codes of 10 bits only; the second, sharper one has more."""
+        highest = [5 * int(pixels(i).max()) for i in INDICES]
+        self.assertLess(highest[0], 1024)
+        self.assertGreater(highest[1], 1023)
+        _, image = self.fuse_deep(5)
+        self.assertLess(np.sqrt(np.mean((16 / 5 * image - fused_by_files(INDICES, MIDDLE)['image']) ** 2)), 3)
 
     def test_sliding_takes_the_first_frame(self):
         self.reconfigure(bracket_mode='sliding')

@@ -62,16 +62,22 @@ std::vector<std::string> checkRig(const FusedBracket& bracket) {
 
 /// The bracket being fused. Its images and its scene live as long as `bracket_` uses them.
 struct FusionWorker::OpenBracket {
+  struct Held {
+    cv_bridge::CvImageConstPtr bgr;
+    double focus_mm;
+  };
   FusionSettings settings;
+  BracketSettings bracket;
   std::uint32_t id = 0;
   std_msgs::Header header;  // of the first frame
   int length = 0;           // as far as known
   bool has_begun = false;   // a frame has come whose image was not dropped
   SharedScene scene;
   SceneMessages messages;
-  std::map<int, ros::Time> stamps;                 // of all frames, by index
-  std::map<int, cv_bridge::CvImageConstPtr> held;  // frames that are asked for again, by index
-  std::set<int> acknowledged_early;                // indices
+  std::map<int, ros::Time> stamps;   // of all frames, by index
+  std::map<int, Held> held;          // frames that are asked for again, by index
+  std::set<int> acknowledged_early;  // indices
+  int white = 0;                     // its code in frames with 16 bits; 0: none has come
   int missing = 0, dropped = 0;
   double scene_wait_ms = 0;
 };
@@ -314,14 +320,19 @@ void FusionWorker::begin(const sensor_msgs::Image& first) {
   }
   for (const std::string& warning : open_->scene.warnings) status_.warn(warning);
 
-  BracketSettings bracket;
+  BracketSettings& bracket = open_->bracket;
   bracket.mode = settings.mode;
   bracket.length = open_->length;
   bracket.reference = settings.reference;
   bracket.max_held = static_cast<int>(imageLimit(settings.max_held_frames, first));
   bracket.sliding = settings.sliding;
-  bracket_.begin(open_->scene.scene, bracket, [this](int index) { return open_->held.at(index)->image; });
+  beginBracket();
   open_->has_begun = true;
+}
+
+void FusionWorker::beginBracket() {
+  bracket_.begin(open_->scene.scene, open_->bracket,
+                 [this](int index) { return inFullRange(open_->held.at(index).bgr->image); });
 }
 
 FrameStatus FusionWorker::fuse(const Task& task) {
@@ -329,33 +340,46 @@ FrameStatus FusionWorker::fuse(const Task& task) {
   open_->stamps[index] = task.header.stamp;
   cv_bridge::CvImageConstPtr bgr;
   try {
-    bgr = inFullRange(toBgr(task.frame.image, "rgb/image"));
+    bgr = toBgr(task.frame.image, "rgb/image");
   } catch (const std::exception& e) {
     return bracket_.reject(index, e.what());
   }
   const double focus_mm = task.frame.focus ? task.frame.focus->focus_distance * kMmPerM : kUnknownFocus;
-  FrameStatus status = bracket_.add(bgr->image, index, focus_mm);
-  open_->held[index] = bgr;
+  findWhite(bgr->image);
+  FrameStatus status = bracket_.add(inFullRange(bgr->image), index, focus_mm);
+  open_->held[index] = {bgr, focus_mm};
   for (auto it = open_->held.begin(); it != open_->held.end();)
     it = bracket_.holds(it->first) ? std::next(it) : open_->held.erase(it);
   return status;
 }
 
-// The picture with 65535 for white, if it has 16 bits: cameras may use fewer.
-cv_bridge::CvImageConstPtr FusionWorker::inFullRange(const cv_bridge::CvImageConstPtr& bgr) {
-  if (bgr->image.depth() != CV_16U) return bgr;
+// Cameras may use fewer than 16 bits. Which code is white is found anew in each bracket, whose frames must be
+// scaled alike: while none is fused, a higher code than before scales all of them again.
+void FusionWorker::findWhite(const cv::Mat& bgr) {
+  if (bgr.depth() != CV_16U) return;
   double highest = 0;
-  cv::minMaxLoc(bgr->image.reshape(1), nullptr, &highest);
-  const int before = core::whiteCode(highest_code_);
-  highest_code_ = std::max(highest_code_, static_cast<int>(highest));
-  const int white = core::whiteCode(highest_code_);
-  if (white != before) {
-    status_.warn("rgb/image: the highest code of frames with 16 bits is " + std::to_string(highest_code_) +
-                 ": " + std::to_string(white) + " is white");
+  cv::minMaxLoc(bgr.reshape(1), nullptr, &highest);
+  const int white = core::whiteCode(static_cast<int>(highest)), before = open_->white;
+  open_->white = std::max(before, white);
+  if (before == 0 || white <= before) return;
+  const BracketResult so_far = bracket_.preview();
+  if (so_far.used > 0) return;
+  beginBracket();
+  for (const FrameStatus& frame : so_far.frames) {
+    const auto held = open_->held.find(frame.index);
+    if (held == open_->held.end()) {
+      bracket_.reject(frame.index, frame.reason);
+    } else {
+      bracket_.add(inFullRange(held->second.bgr->image), frame.index, held->second.focus_mm);
+    }
   }
-  if (white == 65535) return bgr;
-  const auto scaled = boost::make_shared<cv_bridge::CvImage>(bgr->header, bgr->encoding);
-  bgr->image.convertTo(scaled->image, CV_16U, 65535.0 / white);
+}
+
+// The picture with 65535 for white, if it has 16 bits.
+cv::Mat FusionWorker::inFullRange(const cv::Mat& bgr) const {
+  if (bgr.depth() != CV_16U || open_->white == 65535) return bgr;
+  cv::Mat scaled;
+  bgr.convertTo(scaled, CV_16U, 65535.0 / open_->white);
   return scaled;
 }
 
@@ -410,6 +434,8 @@ void FusionWorker::publish(const BracketResult& result, bool complete) {
   std::vector<std::string>& notes = bracket.report->notes;
   const auto append = [&notes](const auto& lines) { notes.insert(notes.end(), lines.begin(), lines.end()); };
   append(open_->scene.warnings);
+  if (open_->white > 0 && open_->white < 65535)
+    notes.push_back("frames with 16 bits: code " + std::to_string(open_->white) + " is white");
   append(result.notes);
   append(warnings);
   outputs_.publish(bracket);

@@ -95,8 +95,10 @@ class FusionWorker {
   void handleFrame(const Task& task);
   void open(const Task& first);
   void begin(const sensor_msgs::Image& first);
+  void beginBracket();
   FrameStatus fuse(const Task& task);
-  cv_bridge::CvImageConstPtr inFullRange(const cv_bridge::CvImageConstPtr& bgr);
+  void findWhite(const cv::Mat& bgr);
+  cv::Mat inFullRange(const cv::Mat& bgr) const;
   void joinScene();
   std::vector<FrameStatus> finishBracket();
   void publish(const BracketResult& result, bool complete);
@@ -120,7 +122,6 @@ class FusionWorker {
 
   // Used by slow callbacks only.
   Bracket bracket_;
-  int highest_code_ = 0;  // of all frames with 16 bits
   std::unique_ptr<OpenBracket> open_;
   int published_ = 0;
   ros::WallTimer timer_;
