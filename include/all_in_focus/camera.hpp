@@ -37,6 +37,8 @@ struct Camera {
   /// Inverse of distort(), by iteration; exact to 1e-9 for usual lenses. NaN for a point that a fisheye lens
   /// sees 90 degrees off its axis or more.
   cv::Point2d undistort(const cv::Point2d& distorted) const;
+  /// Where the ray of a pixel meets the plane z = 1 (equation 1).
+  cv::Point2d ray(const cv::Point2d& pixel) const;
 
   /// Sets fx, fy, cx, cy from the nine numbers of a camera matrix, row by row. Throws std::invalid_argument
   /// where it says more than those four, such as a skew: nothing here would use it.

@@ -96,6 +96,11 @@ cv::Point2d Camera::undistort(const cv::Point2d& distorted) const {
   return ideal;
 }
 
+cv::Point2d Camera::ray(const cv::Point2d& pixel) const {
+  const cv::Point2d seen((pixel.x - cx) / fx, (pixel.y - cy) / fy);
+  return distorted() ? undistort(seen) : seen;
+}
+
 void Camera::setMatrix(const double* matrix) {
   fx = matrix[0], cx = matrix[2], fy = matrix[4], cy = matrix[5];
   if (fx == 0 || fy == 0) return;  // not calibrated, as validate() says

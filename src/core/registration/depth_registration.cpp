@@ -47,14 +47,12 @@ DepthRegistration::DepthRegistration(const Rig& rig, Splat splat) : rig_(rig), s
   const cv::Vec3d Kt = K * rig.depth_to_color.translation_mm;
   translation_ = cv::Vec3f(Kt);
 
-  const bool distorted = in.distorted();
   // One column and one row more than the image: differences of rays give the sides of the last footprints.
   for (cv::Mat1f& component : ray_) component.create(in.size.height + 1, in.size.width + 1);
   forEachRow(in.size.height + 1, [&](int v) {
     for (int u = 0; u <= in.size.width; ++u) {
-      const cv::Point2d seen((u - in.cx) / in.fx, (v - in.cy) / in.fy);  // equation 1, Z = 1
-      const cv::Point2d ideal = distorted ? in.undistort(seen) : seen;
-      const cv::Vec3d r = KR * cv::Vec3d(ideal.x, ideal.y, 1.0);  // equation 2
+      const cv::Point2d ray = in.ray(cv::Point2d(u, v));      // equation 1, Z = 1
+      const cv::Vec3d r = KR * cv::Vec3d(ray.x, ray.y, 1.0);  // equation 2
       for (int i = 0; i < 3; ++i) ray_[i](v, u) = static_cast<float>(r[i]);
     }
   });

@@ -22,14 +22,12 @@ double scaled(int i, int n, int m) {
 
 void scenePoints(const cv::Mat& depth, const cv::Size& size, const Camera& camera, int y, cv::Vec3f* points) {
   const auto* mm = depth.ptr<std::uint16_t>(cvRound(scaled(y, size.height, depth.rows)));
-  const double v = (scaled(y, size.height, camera.size.height) - camera.cy) / camera.fy;
-  const bool distorted = camera.distorted();
+  const double v = scaled(y, size.height, camera.size.height);
   for (int x = 0; x < size.width; ++x) {
     points[x] = cv::Vec3f::all(std::numeric_limits<float>::quiet_NaN());
     const double z = mm[cvRound(scaled(x, size.width, depth.cols))] / kMmPerM;
     if (z == 0) continue;
-    const double u = (scaled(x, size.width, camera.size.width) - camera.cx) / camera.fx;
-    const cv::Point2d ray = distorted ? camera.undistort({u, v}) : cv::Point2d(u, v);
+    const cv::Point2d ray = camera.ray({scaled(x, size.width, camera.size.width), v});
     if (std::abs(ray.x) + std::abs(ray.y) < kSteepest) points[x] = cv::Vec3d(ray.x * z, ray.y * z, z);
   }
 }
