@@ -220,13 +220,10 @@ TEST(BracketFusion, ObservedFramesAreNotPartOfTheResult) {
     BracketFusion fusion;
     fusion.begin(nearAndFar(), kSize, mode);
     fusion.observe(halfSharp(false), 0, 1000);
-    EXPECT_EQ(fusion.frames(), 0);
     EXPECT_THROW(fusion.result(), std::logic_error);
     fusion.add(frame, 1, 2000);
-    EXPECT_EQ(fusion.frames(), 1);
     EXPECT_EQ(differentPixels(fusion.result().image, frame), 0);
     EXPECT_EQ(fusion.add(halfSharp(false), 0, 1000), "");
-    EXPECT_EQ(fusion.frames(), 2);
   }
 }
 
@@ -254,7 +251,6 @@ TEST(BracketFusion, ABadFrameChangesNothing) {
     EXPECT_THROW(fusion.add(cv::Mat(), 1), std::invalid_argument);
     EXPECT_THROW(fusion.add(frame, -1), std::invalid_argument);
     EXPECT_THROW(fusion.add(frame, kNoFrame), std::invalid_argument);
-    EXPECT_EQ(fusion.frames(), 1);
     EXPECT_EQ(differentPixels(fusion.result().image, frame), 0);
   }
 }

@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "util/image_rows.hpp"
 #include "util/row_strips.hpp"
 #include "util/simd.hpp"
 

@@ -55,7 +55,6 @@ class BracketFusion {
   /// calls it. Mode paper aligns no frames.
   void setAlignedFrameCallback(std::function<void(const AlignedFrame&)> callback);
 
-  int frames() const { return static_cast<int>(focus_mm_.size()); }  ///< used since begin()
   FusedBy fusedBy() const;
 
   /// The result of the frames so far; images are copies. Throws std::logic_error before the first frame.
