@@ -19,6 +19,7 @@
 #include "nodelet_of.hpp"
 #include "parameters.hpp"
 #include "time_jumps.hpp"
+#include "topics.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -128,7 +129,7 @@ DepthPreprocess::DepthPreprocess(CallbackGuard& guard, NodeStatus& status)
       depth_input_(status.addInput("depth/image_raw", Expect::kStream, "start the depth camera's driver")),
       depth_info_input_(
           status.addInput("depth/camera_info", Expect::kOnce, "start the depth camera's driver")),
-      rgb_info_input_(status.addInput("rgb/camera_info", Expect::kOnce, "start the colour camera's driver")),
+      rgb_info_input_(status.addInput(topics::kColorInfo, Expect::kOnce, "start the colour camera's driver")),
       tf_listener_(guard, tf_buffer_) {
   readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
   readParameter(guard.private_nh, "invalid_values", invalid_values_, status);
@@ -142,14 +143,11 @@ void DepthPreprocess::advertise() {
   image_transport::ImageTransport transport(nh);
   const auto on_connect = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) { connect(); });
 
-  registered_publisher_ = transport.advertise("depth_registered/image_raw", 1, on_connect, on_connect);
-  filled_publisher_ = transport.advertise("depth_registered/image", 1, on_connect, on_connect);
+  registered_publisher_ =
+      transport.advertise(status_.addOutput(topics::kMeasured), 1, on_connect, on_connect);
+  filled_publisher_ = transport.advertise(status_.addOutput(topics::kDepth), 1, on_connect, on_connect);
   info_publisher_ =
-      nh.advertise<sensor_msgs::CameraInfo>("depth_registered/camera_info", 1, on_connect, on_connect);
-  for (const char* topic :
-       {"depth_registered/image_raw", "depth_registered/image", "depth_registered/camera_info"}) {
-    status_.addOutput(topic);
-  }
+      nh.advertise<sensor_msgs::CameraInfo>(status_.addOutput(topics::kDepthInfo), 1, on_connect, on_connect);
 }
 
 void DepthPreprocess::reconfigure(DepthPreprocessConfig& config) {

@@ -6,14 +6,13 @@
 #include <visualization_msgs/MarkerArray.h>
 
 #include "all_in_focus/drawing.hpp"
+#include "topics.hpp"
 
 namespace all_in_focus {
 namespace {
 
 using visualization_msgs::Marker;
 
-constexpr const char* kInfoTopic = "depth_registered/camera_info";
-constexpr const char* kMarkersTopic = "segmentation/markers";
 constexpr double kTextHeight = 0.02;  // of the distance: equally legible near and far
 
 visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& camera) {
@@ -33,8 +32,7 @@ visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& c
   };  // pure blue is not legible
   for (const RegionCaption& caption : set.captions) {
     const double z = caption.near_mm / 1e3;
-    const cv::Point2d ray = camera.undistort(
-        {(caption.anchor.x - camera.cx) / camera.fx, (caption.anchor.y - camera.cy) / camera.fy});
+    const cv::Point2d ray = camera.ray(caption.anchor);
     const cv::Vec3b& color = colors.at(caption.label);
     marker.id = caption.label;
     marker.text = caption.text;
@@ -56,11 +54,11 @@ visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& c
 SegmentMarkers::SegmentMarkers(CallbackGuard& guard, NodeStatus& status)
     : guard_(guard),
       status_(status),
-      info_input_(status.addInput(kInfoTopic, Expect::kOptional, "start depth_preprocess")) {}
+      info_input_(status.addInput(topics::kDepthInfo, Expect::kOptional, "start depth_preprocess")) {}
 
 void SegmentMarkers::advertise(const ros::SubscriberStatusCallback& connect) {
-  publisher_ = guard_.nh.advertise<visualization_msgs::MarkerArray>(kMarkersTopic, 1, connect, connect);
-  status_.addOutput(kMarkersTopic);
+  publisher_ = guard_.nh.advertise<visualization_msgs::MarkerArray>(status_.addOutput("segmentation/markers"),
+                                                                    1, connect, connect);
 }
 
 void SegmentMarkers::listen(bool awake) {

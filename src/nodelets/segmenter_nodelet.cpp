@@ -19,6 +19,7 @@
 #include "parameters.hpp"
 #include "segment_markers.hpp"
 #include "time_jumps.hpp"
+#include "topics.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -73,10 +74,10 @@ class Segmenter {
 Segmenter::Segmenter(CallbackGuard& guard, NodeStatus& status)
     : guard_(guard),
       status_(status),
-      depth_input_(status.addInput("depth_registered/image", Expect::kStream, "start depth_preprocess")),
+      depth_input_(status.addInput(topics::kDepth, Expect::kStream, "start depth_preprocess")),
       markers_(guard, status) {
   readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
-  optics_publisher_ = guard.nh.advertise<OpticsMsg>("rgb/optics", 1, true);
+  optics_publisher_ = guard.nh.advertise<OpticsMsg>(status.addOutput(topics::kOptics), 1, /*latch=*/true);
   readMode();
   configuration_ = serveConfiguration<SegmenterConfig>(guard.private_nh, guard, status,
                                                        [this](auto& config) { reconfigure(config); });
@@ -86,12 +87,9 @@ Segmenter::Segmenter(CallbackGuard& guard, NodeStatus& status)
 void Segmenter::readMode() {
   std::string mode = name(mode_);
   readParameter(guard_.private_nh, "mode", mode, status_);
-  try {
-    mode_ = parseMode(mode);
-  } catch (const std::invalid_argument& e) {
-    status_.error(std::string(e.what()) + "; using " + name(mode_));
-  }
-  status_.setValue("mode", name(mode_));
+  repairName(mode, name(mode_), parseMode, status_);
+  mode_ = parseMode(mode);
+  status_.setValue("mode", mode);
 }
 
 void Segmenter::advertise() {
@@ -99,15 +97,15 @@ void Segmenter::advertise() {
   image_transport::ImageTransport transport(nh);
   const auto on_connect = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) { connect(); });
 
-  labels_publisher_ = nh.advertise<sensor_msgs::Image>("segmentation/labels", 1, on_connect, on_connect);
-  segments_publisher_ = nh.advertise<SegmentArray>("segmentation/segments", 1, on_connect, on_connect);
-  plan_publisher_ = nh.advertise<FocusPlan>("segmentation/focus_plan", 1, on_connect, on_connect);
-  picture_publisher_ = transport.advertise("segmentation/image_color", 1, on_connect, on_connect);
+  labels_publisher_ =
+      nh.advertise<sensor_msgs::Image>(status_.addOutput(topics::kLabels), 1, on_connect, on_connect);
+  segments_publisher_ =
+      nh.advertise<SegmentArray>(status_.addOutput(topics::kSegments), 1, on_connect, on_connect);
+  plan_publisher_ =
+      nh.advertise<FocusPlan>(status_.addOutput("segmentation/focus_plan"), 1, on_connect, on_connect);
+  picture_publisher_ =
+      transport.advertise(status_.addOutput("segmentation/image_color"), 1, on_connect, on_connect);
   markers_.advertise(on_connect);
-  for (const char* topic : {"segmentation/labels", "segmentation/segments", "segmentation/focus_plan",
-                            "segmentation/image_color", "rgb/optics"}) {
-    status_.addOutput(topic);
-  }
 }
 
 void Segmenter::reconfigure(SegmenterConfig& config) {
@@ -119,8 +117,7 @@ void Segmenter::reconfigure(SegmenterConfig& config) {
   check(config.aperture, config_.aperture, core::kApertureRange, "aperture");
   check(config.circle_of_confusion_mm, config_.circle_of_confusion_mm, core::kCircleOfConfusionRange,
         "circle_of_confusion_mm");
-  repair(config.dof_rule, config_.dof_rule, config.dof_rule == "paper" || config.dof_rule == "full",
-         "dof_rule", "paper or full", status_);
+  repairName(config.dof_rule, config_.dof_rule, core::parseDofSpan, status_);
   repairNegative(config.min_region_size, config_.min_region_size, "min_region_size", status_);
   repairNegative(config.caption_min_area, config_.caption_min_area, "caption_min_area", status_);
   config_ = config;

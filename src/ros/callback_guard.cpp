@@ -47,7 +47,7 @@ image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const
   const std::string wanted = private_nh.param("image_transport", raw);
   if (lossless && wanted != raw && wanted != "compressedDepth") {
     status.error("~image_transport: '" + wanted +
-                 "' may change depths, only raw and compressedDepth do not: " + "using raw");
+                 "' may change depths, only raw and compressedDepth do not: using raw");
     private_nh.setParam("image_transport", raw);
   } else if (wanted != raw) {
     const std::vector<std::string> installed = image_transport::ImageTransport(nh).getLoadableTransports();

@@ -57,9 +57,10 @@ int NodeStatus::addInput(const std::string& topic, Expect expect, const std::str
   return static_cast<int>(inputs_.size()) - 1;
 }
 
-void NodeStatus::addOutput(const std::string& topic) {
+std::string NodeStatus::addOutput(const std::string& topic) {
   std::lock_guard<std::mutex> lock(mutex_);
   outputs_.push_back(nh_.resolveName(topic));
+  return topic;
 }
 
 void NodeStatus::start() {

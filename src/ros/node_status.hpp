@@ -52,7 +52,8 @@ class NodeStatus {
 
   /// topic: not resolved. remedy: what to do when nobody publishes it. Returns the input's number.
   int addInput(const std::string& topic, Expect expect, const std::string& remedy);
-  void addOutput(const std::string& topic);
+  /// Returns the topic.
+  std::string addOutput(const std::string& topic);
   /// Prints the resolved topics.
   void start();
   /// Publishes the diagnostics, warns of silent inputs. Call regularly, also during long callbacks.

@@ -11,6 +11,7 @@
 #include <functional>
 #include <memory>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -49,6 +50,17 @@ void repair(T& value, const T& good, bool possible, const char* name, const std:
 template <typename T>
 void repairNegative(T& value, const T& good, const char* name, NodeStatus& status) {
   repair(value, good, std::isfinite(value) && value >= 0, name, "0 or more", status);
+}
+
+/// The same for a name: `parse` throws std::invalid_argument where it does not know it.
+template <typename Parse>
+void repairName(std::string& value, const std::string& good, const Parse& parse, NodeStatus& status) {
+  try {
+    parse(value);
+  } catch (const std::invalid_argument& e) {
+    status.warn(std::string("impossible configuration: ") + e.what() + ": keeping " + good);
+    value = good;
+  }
 }
 
 /// Calls `reconfigure` with the configuration from the parameters, and whenever somebody changes it.

@@ -49,7 +49,7 @@ class LabelsTest(FusionTest):
         middle = self.send_bracket(stamp)
         self.assert_labels_used(middle, stamp - 0.5)
         report = self.report(middle)
-        waited = dict(zip(report.timing_names, report.timing_ms))['label_wait']
+        waited = dict(zip(report.timing_names, report.timing_ms))['scene_wait']
         self.assertGreaterEqual(waited, 249)
 
     def test_no_label_in_time(self):

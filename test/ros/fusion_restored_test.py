@@ -34,7 +34,7 @@ class RestoredTest(RefinedTest):
         stamp = self.fuse()
         report = self.report(stamp + AT_REFERENCE)
         self.assertEqual([report.mode, report.frames_used, report.reference], ['restored', len(FRAMES), MIDDLE], report.notes)
-        self.assertEqual(list(report.timing_names), ['label_wait', 'fusion', 'restoration'])
+        self.assertEqual(list(report.timing_names), ['scene_wait', 'fusion', 'restoration'])
         self.assertGreater(report.blur_scale, 0)
         self.assert_pixels(stamp, 'restored', focal_px=self.focal_px)
         depth, image = (self.outputs[name].at(stamp + AT_REFERENCE) for name in ('depth_restored', 'image'))

@@ -32,11 +32,12 @@ struct SharedScene {
 };
 
 /// The scene for a mode. Mode paper uses labels, the other modes depth, lens and camera; the report lists the
-/// regions of labels in all modes. What is missing or broken is left out. frame: size of the first frame.
+/// regions of labels, and depth is published, in all modes. What is missing or broken is left out. frame:
+/// size of the first frame.
 SharedScene toScene(const SceneMessages& messages, Mode mode, const cv::Size& frame,
                     const CalibrationLens& calibration);
 
-/// The labels of a message, CV_32SC1; empty: there are none or they are broken. Reads the message's memory.
-cv_bridge::CvImageConstPtr toLabels(const sensor_msgs::ImageConstPtr& message);
+/// Adds labels and depth that were not there before: for the report and for the outputs.
+void joinLate(const SceneMessages& before, const SceneMessages& now, SharedScene& shared);
 
 }  // namespace all_in_focus

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "image_limit.hpp"
+#include "topics.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -36,14 +37,14 @@ FusionInputs::FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache&
       status_(status),
       scenes_(scenes),
       worker_(worker),
-      image_input_(status.addInput("rgb/image", Expect::kStream, "start the colour camera's driver")),
-      focus_input_(status.addInput("rgb/focus", Expect::kOptional, "")),
-      info_input_(status.addInput("rgb/camera_info", Expect::kOnce, "start the colour camera's driver")),
-      optics_input_(status.addInput("rgb/optics", Expect::kOptional, "")),
-      labels_input_(status.addInput("segmentation/labels", Expect::kOnce, "start the segmenter")),
-      segments_input_(status.addInput("segmentation/segments", Expect::kOnce, "start the segmenter")),
-      depth_input_(status.addInput("depth_registered/image", Expect::kOnce, "start depth_preprocess")),
-      measured_input_(status.addInput("depth_registered/image_raw", Expect::kOptional, "")),
+      image_input_(status.addInput(topics::kImage, Expect::kStream, "start the colour camera's driver")),
+      focus_input_(status.addInput(topics::kFocus, Expect::kOptional, "")),
+      info_input_(status.addInput(topics::kColorInfo, Expect::kOnce, "start the colour camera's driver")),
+      optics_input_(status.addInput(topics::kOptics, Expect::kOptional, "")),
+      labels_input_(status.addInput(topics::kLabels, Expect::kOnce, "start the segmenter")),
+      segments_input_(status.addInput(topics::kSegments, Expect::kOnce, "start the segmenter")),
+      depth_input_(status.addInput(topics::kDepth, Expect::kOnce, "start depth_preprocess")),
+      measured_input_(status.addInput(topics::kMeasured, Expect::kOptional, "")),
       scene_inputs_{depth_input_, measured_input_, labels_input_, info_input_, optics_input_} {
   const auto on_timer = [this](const ros::WallTimerEvent&) { settle(); };
   settling_ =

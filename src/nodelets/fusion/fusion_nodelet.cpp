@@ -85,9 +85,7 @@ Fusion::Fusion(CallbackGuard& guard, NodeStatus& status)
 }
 
 void Fusion::reconfigure(FusionConfig& config) {
-  repair(config.mode, config_.mode,
-         config.mode == "paper" || config.mode == "refined" || config.mode == "restored", "mode",
-         "paper, refined or restored", status_);
+  repairName(config.mode, config_.mode, parseMode, status_);
   repair(config.bracket_mode, config_.bracket_mode,
          config.bracket_mode == "bracket" || config.bracket_mode == "sliding", "bracket_mode",
          "bracket or sliding", status_);

@@ -17,6 +17,7 @@
 #include "all_in_focus/depth_registration.hpp"
 #include "all_in_focus/drawing.hpp"
 #include "point_cloud.hpp"
+#include "topics.hpp"
 
 namespace all_in_focus {
 
@@ -40,13 +41,10 @@ sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string&
 // beside a newer picture. rviz's DepthCloud wants depth of the colour image's stamp, frame and size.
 cv::Mat FusionOutputs::depthOf(const FusedBracket& bracket) const {
   const cv::Size size = bracket.result.image.size();
+  if (bracket.depth.empty()) return cv::Mat::zeros(size, CV_16UC1);
   cv::Mat mm;
-  try {
-    if (bracket.depth) core::resizeDepth(toDepth(bracket.depth, {}, "depth_registered/image").mm, size, mm);
-  } catch (const std::exception& e) {
-    status_->error(e.what());
-  }
-  return mm.empty() ? cv::Mat(cv::Mat::zeros(size, CV_16UC1)) : mm;
+  core::resizeDepth(bracket.depth, size, mm);
+  return mm;
 }
 
 // Published by plain ROS: image_transport publishes to present subscribers only, so later ones would get an
@@ -55,8 +53,8 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeStatus& status, const std
   status_ = &status;
   const ros::SubscriberStatusCallback on_connect = [connect](const auto&) { connect(); };
   const auto advertise = [&](auto type, const char* topic, int queue_size = kQueueSize) {
-    status.addOutput(topic);
-    return nh.advertise<decltype(type)>(topic, queue_size, on_connect, on_connect, ros::VoidConstPtr(),
+    return nh.advertise<decltype(type)>(status.addOutput(topic), queue_size, on_connect, on_connect,
+                                        ros::VoidConstPtr(),
                                         /*latch=*/true);
   };
   image_ = advertise(sensor_msgs::Image(), "all_in_focus/image");
@@ -67,12 +65,12 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeStatus& status, const std
   confidence_ = advertise(sensor_msgs::Image(), "all_in_focus/confidence");
   info_ = advertise(sensor_msgs::CameraInfo(), "all_in_focus/camera_info");
   report_ = advertise(FusionReport(), "all_in_focus/report", kReportQueueSize);
-  status.addOutput("all_in_focus/points");
   const auto on_listener = [this, connect](const ros::SingleSubscriberPublisher& listener) {
     connect();
     publishPoints([&listener](const sensor_msgs::PointCloud2& cloud) { listener.publish(cloud); });
   };
-  points_ = nh.advertise<sensor_msgs::PointCloud2>("all_in_focus/points", 1, on_listener, on_connect);
+  points_ =
+      nh.advertise<sensor_msgs::PointCloud2>(status.addOutput(topics::kPoints), 1, on_listener, on_connect);
 }
 
 // Topics come and go with no mode, since those who listen would lose their connection. So a listener that
@@ -80,11 +78,11 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeStatus& status, const std
 std::string FusionOutputs::askedInVain(const FusedBracket& bracket, const cv::Mat& mm) const {
   std::vector<std::string> lines;
   const bool restored = !bracket.result.restored_depth.empty();
-  const auto check = [&lines](const ros::Publisher& output, const char* missing) {
+  const auto check = [&lines](const ros::Publisher& output, const std::string& missing) {
     if (output.getNumSubscribers() > 0) lines.push_back(output.getTopic() + ": " + missing);
   };
   if (!restored) check(depth_restored_, "only a restored result has it");
-  if (!bracket.camera) check(points_, "no calibration on rgb/camera_info");
+  if (!bracket.camera) check(points_, std::string("no calibration on ") + topics::kColorInfo);
   if (!restored && (mm.empty() || cv::countNonZero(mm) == 0)) {
     if (bracket.camera) check(points_, "no depth is known");
     check(depth_, "no depth is known, all 0");
@@ -143,11 +141,11 @@ void FusionOutputs::publishPoints(const std::function<void(const sensor_msgs::Po
   }
   if (!latest.image || !latest.camera || cv::countNonZero(latest.mm) == 0) return;
   try {
-    const core::Camera camera = toCamera(*latest.camera, "rgb/camera_info");
+    const core::Camera camera = toCamera(*latest.camera, topics::kColorInfo);
     const cv::Mat bgr = core::toEightBits(cv_bridge::toCvShare(latest.image)->image);
     publish(*toPointCloud(latest.image->header, bgr, latest.mm, camera));
   } catch (const std::exception& e) {
-    status_->error(std::string("all_in_focus/points: ") + e.what());
+    status_->error(std::string(topics::kPoints) + ": " + e.what());
   }
 }
 

@@ -22,7 +22,7 @@ namespace all_in_focus {
 struct FusedBracket {
   BracketResult result;  ///< its image is empty when no frame of the bracket could be used
   FusionReportPtr report;
-  sensor_msgs::ImageConstPtr depth;        ///< registered depth of the scene, may be empty
+  cv::Mat depth;                           ///< registered, of the scene, mm; may be empty
   sensor_msgs::CameraInfoConstPtr camera;  ///< may be empty
 };
 

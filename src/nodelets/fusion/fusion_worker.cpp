@@ -15,6 +15,7 @@
 #include "all_in_focus/codes.hpp"
 #include "all_in_focus/rig_checks.hpp"
 #include "image_limit.hpp"
+#include "topics.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -45,11 +46,11 @@ std::vector<std::string> checkRig(const FusedBracket& bracket) {
   try {
     if (bracket.report->optics.focal_length_mm > 0 && bracket.camera) {
       warnings.push_back(core::checkCircleOfConfusion(toOptics(bracket.report->optics),
-                                                      toCamera(*bracket.camera, "rgb/camera_info")));
+                                                      toCamera(*bracket.camera, topics::kColorInfo)));
     }
-    if (bracket.depth && !bracket.result.image.empty()) {
-      const DepthImage depth = toDepth(bracket.depth, {}, "depth_registered/image");
-      warnings.push_back(core::checkMirroring(depth.mm, cv::Mat(), core::toEightBits(bracket.result.image)));
+    if (!bracket.depth.empty() && !bracket.result.image.empty()) {
+      warnings.push_back(
+          core::checkMirroring(bracket.depth, cv::Mat(), core::toEightBits(bracket.result.image)));
     }
   } catch (const std::invalid_argument&) {
     // Reported where it is used.
@@ -205,9 +206,9 @@ bool FusionWorker::isInterrupted() const {
 bool FusionWorker::mayRestore(double done) const {
   const std::string id = std::to_string(open_->id);
   status_.setValue(kProgress, "bracket " + id + ": " + std::to_string(std::lround(100 * done)) + " %");
-  std::lock_guard<std::mutex> lock(mutex_);
-  if (stopped_ || cancelled_) return false;
+  if (isInterrupted()) return false;
   if (open_->settings.restore_every) return true;
+  std::lock_guard<std::mutex> lock(mutex_);
   const bool is_whole = std::any_of(tasks_.begin(), tasks_.end(), [](const Task& task) {
     return task.kind == Task::Kind::kEnd || (task.kind == Task::Kind::kFrame && task.step.last);
   });
@@ -315,7 +316,7 @@ void FusionWorker::begin(const sensor_msgs::Image& first) {
   const bool is_paper = settings.mode == Mode::kPaper;
   if (!(is_paper ? open_->messages.labels : open_->messages.depth)) {
     open_->scene.warnings.push_back(
-        std::string("no ") + (is_paper ? "label image" : "depth_registered/image") +
+        std::string("no ") + (is_paper ? "label image" : topics::kDepth) +
         " in time for the bracket: fused by sharpness alone: " + scenes_.whyNone(open_->header.stamp));
   }
   for (const std::string& warning : open_->scene.warnings) status_.warn(warning);
@@ -340,7 +341,7 @@ FrameStatus FusionWorker::fuse(const Task& task) {
   open_->stamps[index] = task.header.stamp;
   cv_bridge::CvImageConstPtr bgr;
   try {
-    bgr = toBgr(task.frame.image, "rgb/image");
+    bgr = toBgr(task.frame.image, topics::kImage);
   } catch (const std::exception& e) {
     return bracket_.reject(index, e.what());
   }
@@ -385,13 +386,14 @@ cv::Mat FusionWorker::inFullRange(const cv::Mat& bgr) const {
 
 // Images that have the stamp of the scene may come after its depth.
 void FusionWorker::joinScene() {
-  const bool had_labels = open_->messages.labels != nullptr;
+  const SceneMessages before = open_->messages;
   const SceneMessages messages = scenes_.current(open_->header.stamp);
   if (!messages.stamp.isZero()) open_->messages = messages;
   if (messages.camera) open_->messages.camera = messages.camera;
-  if (had_labels || !open_->messages.labels || open_->settings.mode == Mode::kPaper) return;
-  open_->scene.labels = toLabels(open_->messages.labels);
-  bracket_.setLabels(open_->scene.labels->image);
+  const bool had_labels = open_->scene.labels != nullptr;
+  joinLate(before, open_->messages, open_->scene);
+  if (!had_labels && open_->scene.labels && open_->settings.mode != Mode::kPaper)
+    bracket_.setLabels(open_->scene.labels->image);
 }
 
 // Returns what has become of all frames.
@@ -412,7 +414,7 @@ std::vector<FrameStatus> FusionWorker::finishBracket() {
 }
 
 void FusionWorker::publish(const BracketResult& result, bool complete) {
-  FusedBracket bracket{result, toReport(result), open_->messages.depth, open_->messages.camera};
+  FusedBracket bracket{result, toReport(result), open_->scene.depth.mm, open_->messages.camera};
   bracket.result.length = open_->length;
   std::vector<std::string> warnings = result.warnings;
   if (result.used == 0) warnings.emplace_back("no frame could be used: nothing to publish");
@@ -471,7 +473,7 @@ FusionReportPtr FusionWorker::toReport(const BracketResult& result) const {
     message.confidence = choice.confidence;
     report->segments.push_back(message);
   }
-  report->timing_names = {"label_wait", "fusion"};
+  report->timing_names = {"scene_wait", "fusion"};
   report->timing_ms = {open_->scene_wait_ms, result.fusion_ms};
   if (result.fused_by == FusedBy::kRestored) {
     report->timing_names.emplace_back("restoration");
