@@ -308,7 +308,7 @@ TEST_F(SceneCacheTest, FramesThatNobodyAnnouncedMayBeLate) {
   }
   for (const double late : {0.1, 1.5, 3.0, 5.0, 20.0}) {
     const ros::Time frame(70.01 - late);
-    cache_.frameArrived(frame);
+    cache_.pin(frame);
     const SceneMessages scene = found(frame.toSec());
     ASSERT_TRUE(scene.labels && scene.depth && scene.measured) << late << " s";
     if (late < 0.5) {
@@ -329,6 +329,42 @@ TEST_F(SceneCacheTest, TheCacheIsBoundedByBytes) {
   for (int i = 0; i < 60; ++i) kept += found(10 + i).depth != nullptr;
   EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / bytes));
   EXPECT_GE(kept, 4);
+}
+
+// What chooses the scene stays longer than labels, which only a report needs.
+TEST_F(SceneCacheTest, LabelsOfOldLargeScenesGoFirst) {
+  const std::size_t bytes = std::size_t{2208} * 1242 * 2;
+  const auto large = [bytes](double stamp, const std::string& encoding = enc::TYPE_16UC1) {
+    const auto message = boost::make_shared<sensor_msgs::Image>(*image(stamp, encoding));
+    message->data.resize(encoding == enc::TYPE_16UC1 ? bytes : 2 * bytes);
+    return message;
+  };
+  for (const bool by_labels : {false, true}) {
+    cache_.clear();
+    cache_.configure(by_labels, 0.5);
+    cache_.pin(ros::Time(10));
+    for (int i = 0; i < 60; ++i) {
+      cache_.addDepth(large(10 + i));
+      cache_.addMeasured(large(10 + i));
+      cache_.addLabels(large(10 + i, enc::TYPE_32SC1), boost::make_shared<SegmentArray>());
+    }
+    std::size_t kept = 0, scenes = 0, labels = 0;
+    for (int i = 0; i < 60; ++i) {
+      const SceneMessages scene = found(10 + i);
+      EXPECT_EQ(scene.depth != nullptr, scene.measured != nullptr);
+      if (i == 0) {
+        EXPECT_TRUE(scene.labels);  // pinned
+        continue;
+      }
+      scenes += scene.depth != nullptr;
+      labels += scene.labels != nullptr;
+      kept += (scene.depth ? 2 * bytes : 0) + (scene.labels ? 2 * bytes : 0);
+      EXPECT_TRUE(i < 59 || (scene.depth && scene.labels));
+    }
+    EXPECT_LE(kept, kMaxWaitingBytes / 2);
+    EXPECT_GE(scenes, by_labels ? 5u : 8u);
+    EXPECT_EQ(labels < scenes, !by_labels);
+  }
 }
 
 TEST_F(SceneCacheTest, SilenceIsWaitedForOnce) {

@@ -113,7 +113,6 @@ void FusionWorker::add(const BracketFrame& frame) {
     last_frame_ = std::chrono::steady_clock::now();
     dropped = append(task, info);
   }
-  scenes_.frameArrived(task.header.stamp);
   if (!task.step.use) status_.acknowledge(task.header, Outcome::kUnmatched, task.step.reason);
   for (const sensor_msgs::ImageConstPtr& image : dropped) {
     status_.acknowledge(image->header, Outcome::kDropped,

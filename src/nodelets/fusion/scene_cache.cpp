@@ -16,13 +16,22 @@
 namespace all_in_focus {
 namespace {
 
-constexpr std::size_t kMaxCached = 64;  // stamps
-constexpr std::size_t kMaxPinned = 64;  // brackets
-constexpr double kClockTolerance = 1;   // s that a stamp may be ahead of the clock
+constexpr std::size_t kMaxCached = 64;                   // stamps
+constexpr std::size_t kMaxBytes = kMaxWaitingBytes / 2;  // of all scenes that are not pinned
+constexpr std::size_t kMaxPinned = 64;                   // brackets
+constexpr double kClockTolerance = 1;                    // s that a stamp may be ahead of the clock
 constexpr double kAssumedLatency = 30;  // s that frames may be late, before the first one came
 constexpr double kLeastLatency = 5;     // s, afterwards
 constexpr double kLatencyMargin = 1.25;
 constexpr double kSilentTimeout = 0.1;  // s, for a topic of which the last wait brought nothing
+
+std::size_t bytesOf(const SceneMessages& scene) {
+  std::size_t bytes = 0;
+  for (const auto* image : {&scene.depth, &scene.measured, &scene.labels}) {
+    if (*image) bytes += (*image)->data.size();
+  }
+  return bytes;
+}
 
 // Adds the images that have come since.
 void join(const SceneMessages& entry, SceneMessages& scene) {
@@ -59,11 +68,8 @@ void SceneCache::add(const sensor_msgs::ImageConstPtr& image, Image as, SceneTop
   SceneMessages& entry = entries_[image->header.stamp];
   entry.stamp = image->header.stamp;
   entry.*as = image;
-  for (auto& [frame, pinned] : pinned_) {
-    if (pinned.chosen && pinned.scene.stamp == entry.stamp) join(entry, pinned.scene);
-  }
   updatePinned();
-  makeRoom(imageLimit(kMaxCached, *image));
+  makeRoom();
   arrived(topic);
 }
 
@@ -99,37 +105,56 @@ void SceneCache::setPublished(SceneTopic topic, bool published) {
 
 void SceneCache::pin(const ros::Time& first_frame) {
   std::lock_guard<std::mutex> lock(mutex_);
-  Pinned& pinned = pinned_[first_frame];  // a bracket is announced, and begins later
-  if (pinned.chosen) pinned = {};         // but this is another one
+  const auto [found, is_new] = pinned_.try_emplace(first_frame);  // a bracket is announced, and begins later
+  if (found->second.chosen) found->second = {};                   // but this is another one
   updatePinned();
+  if (is_new && !entries_.empty())
+    longest_latency_s_ = std::max(longest_latency_s_, secondsBetween(first_frame, entries_.rbegin()->first));
   if (pinned_.size() > kMaxPinned) pinned_.erase(pinned_.begin());
 }
 
 // A pinned scene outlives its entry.
 void SceneCache::updatePinned() {
   for (auto& [frame, pinned] : pinned_) {
-    const auto found = newestAt(frame);
-    if (!pinned.chosen && found != entries_.end() && found->first >= pinned.scene.stamp)
-      pinned.scene = found->second;
+    const auto newest = pinned.chosen ? entries_.end() : newestAt(frame);
+    if (newest != entries_.end() && newest->first > pinned.scene.stamp) pinned.scene = newest->second;
+    const auto found = entries_.find(pinned.scene.stamp);
+    if (found != entries_.end()) join(found->second, pinned.scene);
   }
 }
 
-void SceneCache::frameArrived(const ros::Time& stamp) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  if (entries_.empty()) return;
-  longest_latency_s_ = std::max(longest_latency_s_, secondsBetween(stamp, entries_.rbegin()->first));
+void SceneCache::makeRoom() {
+  const auto are_too_large = [this] {
+    std::size_t bytes = 0;
+    for (const auto& [stamp, entry] : entries_) bytes += bytesOf(entry);
+    return bytes > kMaxBytes && entries_.size() > kFewestWaiting;
+  };
+  while (entries_.size() > kMaxCached || are_too_large()) {
+    if (entries_.size() > kMaxCached || !dropLabels()) entries_.erase(mostDispensable());
+  }
 }
 
-void SceneCache::makeRoom(std::size_t most) {
-  while (entries_.size() > most) entries_.erase(mostDispensable(most));
+// Those of the oldest scene that has some. Returns whether there was one.
+bool SceneCache::dropLabels() {
+  const auto end = endOfOlder();
+  const auto found =
+      std::find_if(entries_.begin(), end, [](const auto& entry) { return entry.second.labels != nullptr; });
+  if (by_labels_ || found == end) return false;
+  found->second.labels.reset();
+  found->second.segments.reset();
+  return true;
 }
 
-SceneCache::Entries::const_iterator SceneCache::mostDispensable(std::size_t most) const {
+// The newest quarter is complete.
+SceneCache::Entries::iterator SceneCache::endOfOlder() {
+  return std::prev(entries_.end(), static_cast<std::ptrdiff_t>((entries_.size() + 3) / 4));
+}
+
+SceneCache::Entries::iterator SceneCache::mostDispensable() {
   const double latency =
       longest_latency_s_ > 0 ? std::max(kLeastLatency, kLatencyMargin * longest_latency_s_) : kAssumedLatency;
   const ros::Time newest = entries_.rbegin()->first;
-  const auto end = std::prev(entries_.end(), static_cast<std::ptrdiff_t>(std::max<std::size_t>(1, most / 4)));
-
+  const auto end = endOfOlder();
   auto found = entries_.begin();
   double smallest_gap = std::numeric_limits<double>::infinity();
   for (auto it = entries_.begin(); it != end; ++it) {

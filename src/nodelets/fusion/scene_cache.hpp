@@ -39,9 +39,9 @@ constexpr std::size_t kSceneTopics = 5;
 /// The scene of a bracket is that of the newest depth at or before its first frame; in mode paper that of the
 /// newest labels. What has the same stamp belongs to it. Camera and lens are the newest ones.
 ///
-/// Images are limited in number and bytes. At the limit, of the older images those are dropped whose
-/// neighbours are nearest in time, so that the whole time that a frame may be late stays covered. All methods
-/// are thread-safe.
+/// Scenes are limited in number and bytes. At the limit the labels of older ones go first, unless they choose
+/// the scene: only a report needs them. Then, of the older scenes, those go whose neighbours are nearest in
+/// time, so that the whole time that a frame may be late stays covered. All methods are thread-safe.
 class SceneCache {
  public:
   void addDepth(const sensor_msgs::ImageConstPtr& depth);
@@ -56,9 +56,8 @@ class SceneCache {
   void setPublished(SceneTopic topic, bool published);
 
   /// Call when a bracket begins or is announced: its scene is kept, whatever comes later, until release().
+  /// How much later than its first frame that is tells how long scenes are kept.
   void pin(const ros::Time& first_frame);
-  /// Call when a frame has arrived, to measure how late frames are.
-  void frameArrived(const ros::Time& stamp);
 
   /// Call when time went back to `now`: drops what is newer. Pinned scenes stay.
   void forgetAfter(const ros::Time& now);
@@ -90,8 +89,10 @@ class SceneCache {
   void add(const sensor_msgs::ImageConstPtr& image, Image as, SceneTopic topic);
   void arrived(SceneTopic topic);
   void updatePinned();
-  void makeRoom(std::size_t most);
-  Entries::const_iterator mostDispensable(std::size_t most) const;
+  void makeRoom();
+  bool dropLabels();
+  Entries::iterator endOfOlder();
+  Entries::iterator mostDispensable();
   Entries::const_iterator newestAt(const ros::Time& frame) const;
   SceneMessages sceneOf(const ros::Time& first_frame) const;
   bool isDecided(const ros::Time& stamp, Image image) const;
