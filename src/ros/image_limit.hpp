@@ -22,4 +22,9 @@ inline std::size_t imageLimit(std::size_t most, const sensor_msgs::Image& image)
   return imageLimit(most, image.data.size());
 }
 
+/// Whether images that wait take too much memory: then the least needed one goes.
+inline bool areTooMany(std::size_t images, std::size_t bytes) {
+  return bytes > kMaxWaitingBytes && images > kFewestWaiting;
+}
+
 }  // namespace all_in_focus

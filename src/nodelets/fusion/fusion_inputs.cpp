@@ -134,7 +134,6 @@ void FusionInputs::settle() {
                                                  [this](const auto& image) { return isAnnounced(*image); });
   const std::vector<sensor_msgs::ImageConstPtr> plain(plain_begin, unmatched_.end());
   unmatched_.erase(plain_begin, unmatched_.end());
-  for (const sensor_msgs::ImageConstPtr& image : plain) unmatched_bytes_ -= image->data.size();
   if (last_focus_.isZero()) resetFrames();  // it holds the plain images
   for (const sensor_msgs::ImageConstPtr& image : plain) addPlain(image);
 }
@@ -173,7 +172,6 @@ void FusionInputs::resetFrames() {
       ExactTime<sensor_msgs::Image, FocusFrame>(kFramesWaiting));
   frame_matcher_->registerCallback(&FusionInputs::onFrame, this);
   unmatched_.clear();
-  unmatched_bytes_ = 0;
 }
 
 void FusionInputs::resetLabels(std::uint32_t queue_size) {
@@ -213,9 +211,10 @@ void FusionInputs::match(const sensor_msgs::ImageConstPtr& image) {
     least_off_s_ = std::numeric_limits<double>::infinity();
   }
   unmatched_.push_back(image);
-  unmatched_bytes_ += image->data.size();
   frame_matcher_->add<0>(image);
-  if (unmatched_bytes_ > kMaxWaitingBytes && unmatched_.size() > kFewestWaiting) giveUpAllFrames();
+  std::size_t bytes = 0;
+  for (const sensor_msgs::ImageConstPtr& each : unmatched_) bytes += each->data.size();
+  if (areTooMany(unmatched_.size(), bytes)) giveUpAllFrames();
   warnOfMismatch();
 }
 
@@ -235,7 +234,6 @@ void FusionInputs::onFrame(const sensor_msgs::ImageConstPtr& image, const FocusF
   const auto found = std::find(unmatched_.begin(), unmatched_.end(), image);
   if (found == unmatched_.end()) return;  // given up before
   giveUpFrames(static_cast<std::size_t>(found - unmatched_.begin()));
-  unmatched_bytes_ -= image->data.size();
   unmatched_.pop_front();
   last_match_ = std::chrono::steady_clock::now();
   status_.setExpect(image_input_, Expect::kOnce);  // the camera may be silent between brackets
@@ -245,7 +243,6 @@ void FusionInputs::onFrame(const sensor_msgs::ImageConstPtr& image, const FocusF
 // The oldest ones.
 void FusionInputs::giveUpFrames(std::size_t count) {
   for (; count > 0; --count) {
-    unmatched_bytes_ -= unmatched_.front()->data.size();
     status_.acknowledge(unmatched_.front()->header, Outcome::kUnmatched,
                         "colour frame without a rgb/focus message of the same stamp");
     unmatched_.pop_front();

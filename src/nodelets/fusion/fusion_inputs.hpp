@@ -82,7 +82,6 @@ class FusionInputs {
 
   std::unique_ptr<Matcher<sensor_msgs::Image, FocusFrame>> frame_matcher_;
   std::deque<sensor_msgs::ImageConstPtr> unmatched_;  // images in frame_matcher_, in the order of arrival
-  std::size_t unmatched_bytes_ = 0;
   std::chrono::steady_clock::time_point last_match_;  // or since when there is something to match
   double least_off_s_ = 0;                            // since then, between stamps of images and FocusFrames
   std::unique_ptr<Matcher<sensor_msgs::Image, SegmentArray>> label_matcher_;

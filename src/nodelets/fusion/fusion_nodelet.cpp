@@ -97,12 +97,12 @@ void Fusion::reconfigure(FusionConfig& config) {
   config_ = config;
 
   FusionSettings settings = at_start_;
-  settings.mode = parseMode(config.mode);
-  settings.reference = config.reference;
-  settings.sliding = config.bracket_mode == "sliding";
-  settings.max_held_frames = config.max_held_frames;
+  settings.bracket.mode = parseMode(config.mode);
+  settings.bracket.reference = config.reference;
+  settings.bracket.sliding = config.bracket_mode == "sliding";
+  settings.bracket.max_held = config.max_held_frames;
   settings.label_timeout_s = config.label_timeout;
-  scenes_.configure(/*by_labels=*/settings.mode == Mode::kPaper, config.label_max_age);
+  scenes_.configure(/*by_labels=*/settings.bracket.mode == Mode::kPaper, config.label_max_age);
   worker_.configure(settings, {config.bracket_size, config.bracket_gap}, queue_size_);
   inputs_.configure(config.bracket_gap);
 }

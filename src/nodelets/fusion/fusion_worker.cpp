@@ -7,7 +7,6 @@
 #include <boost/make_shared.hpp>
 #include <cmath>
 #include <map>
-#include <set>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -63,22 +62,21 @@ std::vector<std::string> checkRig(const FusedBracket& bracket) {
 
 /// The bracket being fused. Its images and its scene live as long as `bracket_` uses them.
 struct FusionWorker::OpenBracket {
-  struct Held {
-    cv_bridge::CvImageConstPtr bgr;
-    double focus_mm;
+  struct Frame {
+    ros::Time stamp;
+    double focus_mm = kUnknownFocus;
+    cv_bridge::CvImageConstPtr bgr;  // while it is held
+    bool acknowledged = false;       // early
   };
   FusionSettings settings;
-  BracketSettings bracket;
   std::uint32_t id = 0;
   std_msgs::Header header;  // of the first frame
   int length = 0;           // as far as known
   bool has_begun = false;   // a frame has come whose image was not dropped
   SharedScene scene;
   SceneMessages messages;
-  std::map<int, ros::Time> stamps;   // of all frames, by index
-  std::map<int, Held> held;          // frames that are asked for again, by index
-  std::set<int> acknowledged_early;  // indices
-  int white = 0;                     // its code in frames with 16 bits; 0: none has come
+  std::map<int, Frame> frames;  // by index
+  int white = 0;                // its code in frames with 16 bits; 0: none has come
   int missing = 0, dropped = 0;
   double scene_wait_ms = 0;
 };
@@ -104,7 +102,6 @@ void FusionWorker::add(const BracketFrame& frame) {
   Task task;
   task.frame = frame;
   task.header = frame.image->header;
-  task.bytes = frame.image->data.size();
   std::vector<sensor_msgs::ImageConstPtr> dropped;
   {
     std::lock_guard<std::mutex> lock(mutex_);
@@ -137,18 +134,25 @@ std::vector<sensor_msgs::ImageConstPtr> FusionWorker::append(Task& task, const F
   if (!task.step.use) return dropped;
   if (task.step.begin) scenes_.pin(task.header.stamp);  // before the worker asks for the scene
   push(task);
-  ++images_;
-  bytes_ += task.bytes;
-  while (images_ > most_ || (bytes_ > kMaxWaitingBytes && images_ > kFewestWaiting))
+  for (Waiting now = waiting(); now.images > most_ || areTooMany(now.images, now.bytes); now = waiting())
     dropped.push_back(dropOldest());
   return dropped;
+}
+
+// Holds mutex_.
+FusionWorker::Waiting FusionWorker::waiting() const {
+  Waiting waiting;
+  for (const Task& task : tasks_) {
+    if (!task.frame.image) continue;
+    ++waiting.images;
+    waiting.bytes += task.frame.image->data.size();
+  }
+  return waiting;
 }
 
 sensor_msgs::ImageConstPtr FusionWorker::dropOldest() {
   Task& oldest =
       *std::find_if(tasks_.begin(), tasks_.end(), [](const Task& task) { return task.frame.image; });
-  --images_;
-  bytes_ -= oldest.bytes;
   return std::exchange(oldest.frame.image, nullptr);
 }
 
@@ -171,9 +175,7 @@ void FusionWorker::restart() {
 void FusionWorker::cancel() {
   std::lock_guard<std::mutex> lock(mutex_);
   tasks_.clear();
-  images_ = bytes_ = 0;
   assembler_.restart();
-  cancelled_ = true;
   Task task;
   task.kind = Task::Kind::kCancel;
   push(task);
@@ -199,7 +201,7 @@ void FusionWorker::stop() {
 
 bool FusionWorker::isInterrupted() const {
   std::lock_guard<std::mutex> lock(mutex_);
-  return stopped_ || cancelled_;
+  return stopped_ || (!tasks_.empty() && tasks_.front().kind == Task::Kind::kCancel);
 }
 
 bool FusionWorker::mayRestore(double done) const {
@@ -211,7 +213,8 @@ bool FusionWorker::mayRestore(double done) const {
   const bool is_whole = std::any_of(tasks_.begin(), tasks_.end(), [](const Task& task) {
     return task.kind == Task::Kind::kEnd || (task.kind == Task::Kind::kFrame && task.step.last);
   });
-  return !is_whole && 2 * images_ <= most_ && 2 * bytes_ <= kMaxWaitingBytes;
+  const Waiting now = waiting();
+  return !is_whole && 2 * now.images <= most_ && 2 * now.bytes <= kMaxWaitingBytes;
 }
 
 void FusionWorker::handleNext() {
@@ -232,11 +235,6 @@ std::optional<FusionWorker::Task> FusionWorker::take() {
   if (stopped_ || tasks_.empty()) return std::nullopt;
   Task task = std::move(tasks_.front());
   tasks_.pop_front();
-  if (task.frame.image) {
-    --images_;
-    bytes_ -= task.bytes;
-  }
-  if (task.kind == Task::Kind::kCancel) cancelled_ = false;
   return task;
 }
 
@@ -285,9 +283,9 @@ void FusionWorker::handleFrame(const Task& task) {
     const std::vector<FrameStatus> frames = finishBracket();
     if (!frames.empty()) status = frames.back();
   } else if (status.kind == FrameStatus::Kind::kHeld) {
-    open_->acknowledged_early.insert(status.index);
+    open_->frames.at(status.index).acknowledged = true;
     return status_.acknowledgeEarly(task.header);
-  } else if (open_->settings.sliding && status.kind == FrameStatus::Kind::kUsed) {
+  } else if (open_->settings.bracket.sliding && status.kind == FrameStatus::Kind::kUsed) {
     joinScene();
     publish(bracket_.preview(), /*complete=*/false);
   }
@@ -306,13 +304,13 @@ void FusionWorker::open(const Task& first) {
 
 // Waits for the scene.
 void FusionWorker::begin(const sensor_msgs::Image& first) {
-  const FusionSettings& settings = open_->settings;
+  FusionSettings& settings = open_->settings;
   const ros::WallTime start = ros::WallTime::now();
   open_->messages = scenes_.await(open_->header.stamp, settings.label_timeout_s);
   open_->scene_wait_ms = (ros::WallTime::now() - start).toSec() * 1e3;
   const cv::Size size(static_cast<int>(first.width), static_cast<int>(first.height));
-  open_->scene = toScene(open_->messages, settings.mode, size, settings.calibration);
-  const bool is_paper = settings.mode == Mode::kPaper;
+  open_->scene = toScene(open_->messages, settings.bracket.mode, size, settings.calibration);
+  const bool is_paper = settings.bracket.mode == Mode::kPaper;
   if (!(is_paper ? open_->messages.labels : open_->messages.depth)) {
     open_->scene.warnings.push_back(
         std::string("no ") + (is_paper ? "label image" : topics::kDepth) +
@@ -320,36 +318,32 @@ void FusionWorker::begin(const sensor_msgs::Image& first) {
   }
   for (const std::string& warning : open_->scene.warnings) status_.warn(warning);
 
-  BracketSettings& bracket = open_->bracket;
-  bracket.mode = settings.mode;
-  bracket.length = open_->length;
-  bracket.reference = settings.reference;
-  bracket.max_held = static_cast<int>(imageLimit(settings.max_held_frames, first));
-  bracket.sliding = settings.sliding;
+  settings.bracket.length = open_->length;
+  settings.bracket.max_held = static_cast<int>(imageLimit(settings.bracket.max_held, first));
   beginBracket();
   open_->has_begun = true;
 }
 
 void FusionWorker::beginBracket() {
-  bracket_.begin(open_->scene.scene, open_->bracket,
-                 [this](int index) { return inFullRange(open_->held.at(index).bgr->image); });
+  bracket_.begin(open_->scene.scene, open_->settings.bracket,
+                 [this](int index) { return inFullRange(open_->frames.at(index).bgr->image); });
 }
 
 FrameStatus FusionWorker::fuse(const Task& task) {
   const int index = task.step.index;
-  open_->stamps[index] = task.header.stamp;
-  cv_bridge::CvImageConstPtr bgr;
+  OpenBracket::Frame& frame = open_->frames[index];
+  frame.stamp = task.header.stamp;
+  if (task.frame.focus) frame.focus_mm = task.frame.focus->focus_distance * kMmPerM;
   try {
-    bgr = toBgr(task.frame.image, topics::kImage);
+    frame.bgr = toBgr(task.frame.image, topics::kImage);
   } catch (const std::exception& e) {
     return bracket_.reject(index, e.what());
   }
-  const double focus_mm = task.frame.focus ? task.frame.focus->focus_distance * kMmPerM : kUnknownFocus;
-  findWhite(bgr->image);
-  FrameStatus status = bracket_.add(inFullRange(bgr->image), index, focus_mm);
-  open_->held[index] = {bgr, focus_mm};
-  for (auto it = open_->held.begin(); it != open_->held.end();)
-    it = bracket_.holds(it->first) ? std::next(it) : open_->held.erase(it);
+  findWhite(frame.bgr->image);
+  FrameStatus status = bracket_.add(inFullRange(frame.bgr->image), index, frame.focus_mm);
+  for (auto& [i, each] : open_->frames) {
+    if (!bracket_.holds(i)) each.bgr.reset();
+  }
   return status;
 }
 
@@ -366,12 +360,9 @@ void FusionWorker::findWhite(const cv::Mat& bgr) {
   if (so_far.used > 0) return;
   beginBracket();
   for (const FrameStatus& frame : so_far.frames) {
-    const auto held = open_->held.find(frame.index);
-    if (held == open_->held.end()) {
-      bracket_.reject(frame.index, frame.reason);
-    } else {
-      bracket_.add(inFullRange(held->second.bgr->image), frame.index, held->second.focus_mm);
-    }
+    const OpenBracket::Frame& held = open_->frames.at(frame.index);
+    held.bgr ? bracket_.add(inFullRange(held.bgr->image), frame.index, held.focus_mm)
+             : bracket_.reject(frame.index, frame.reason);
   }
 }
 
@@ -391,7 +382,7 @@ void FusionWorker::joinScene() {
   if (messages.camera) open_->messages.camera = messages.camera;
   const bool had_labels = open_->scene.labels != nullptr;
   joinLate(before, open_->messages, open_->scene);
-  if (!had_labels && open_->scene.labels && open_->settings.mode != Mode::kPaper)
+  if (!had_labels && open_->scene.labels && open_->settings.bracket.mode != Mode::kPaper)
     bracket_.setLabels(open_->scene.labels->image);
 }
 
@@ -403,7 +394,7 @@ std::vector<FrameStatus> FusionWorker::finishBracket() {
   if (result.stopped) result.warnings.emplace_back("not restored: the next bracket came first");
   if (!isInterrupted()) publish(result, /*complete=*/true);
   for (const FrameStatus& frame : result.frames) {
-    if (open_->acknowledged_early.count(frame.index) == 0) continue;
+    if (!open_->frames.at(frame.index).acknowledged) continue;
     status_.count(outcomeOf(frame));
     if (!frame.reason.empty()) status_.error(reasonOf(frame));
   }
@@ -446,9 +437,9 @@ void FusionWorker::publish(const BracketResult& result, bool complete) {
 FusionReportPtr FusionWorker::toReport(const BracketResult& result) const {
   auto report = boost::make_shared<FusionReport>();
   report->header = open_->header;
-  if (result.used > 0) report->header.stamp = open_->stamps.at(result.reference);
+  if (result.used > 0) report->header.stamp = open_->frames.at(result.reference).stamp;
   report->bracket_id = open_->id;
-  report->mode = name(modeThatRan(open_->settings.mode, result.fused_by));
+  report->mode = name(modeThatRan(open_->settings.bracket.mode, result.fused_by));
   report->sharpness_alone = result.fused_by == FusedBy::kSharpness;
   report->frames_seen = static_cast<std::uint32_t>(result.frames.size());
   report->frames_used = static_cast<std::uint32_t>(result.used);

@@ -24,10 +24,7 @@
 namespace all_in_focus {
 
 struct FusionSettings {
-  Mode mode = Mode::kRefined;
-  int reference = BracketSettings::kAutoReference;
-  bool sliding = false;
-  int max_held_frames = 64;
+  BracketSettings bracket;  ///< but its length
   double label_timeout_s = 2.0;
   bool restore_every = false;  ///< mode restored: the next bracket waits until this one is restored
   CalibrationLens calibration;
@@ -76,13 +73,16 @@ class FusionWorker {
     // kFrame:
     BracketFrame frame{};  ///< without an image: it was dropped to make room for newer ones
     std_msgs::Header header{};
-    std::size_t bytes = 0;  ///< of the image
+  };
+  struct Waiting {
+    std::size_t images = 0, bytes = 0;
   };
   struct OpenBracket;
 
   // Any thread.
   void push(Task task);
   std::vector<sensor_msgs::ImageConstPtr> append(Task& task, const FrameInfo& info);
+  Waiting waiting() const;
   sensor_msgs::ImageConstPtr dropOldest();
   void endBracket();
 
@@ -114,11 +114,11 @@ class FusionWorker {
   mutable std::mutex mutex_;  // guards all up to the next comment
   FusionSettings settings_;
   BracketAssembler assembler_;
-  std::deque<Task> tasks_;                          // for each a call of handleNext() is posted
-  std::size_t most_ = 60, images_ = 0, bytes_ = 0;  // images that wait
+  std::deque<Task> tasks_;  // for each a call of handleNext() is posted
+  std::size_t most_ = 60;   // images that may wait
   double stamp_age_s_ = 0;  // of the last frame at its arrival: stamps may come from another clock
   std::chrono::steady_clock::time_point last_frame_;
-  bool cancelled_ = false, stopped_ = false;
+  bool stopped_ = false;
 
   // Used by slow callbacks only.
   Bracket bracket_;
