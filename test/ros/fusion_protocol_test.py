@@ -10,7 +10,7 @@ import rosgraph
 import rospy
 
 from all_in_focus.msg import FocusFrame
-from depth_testing import SANITIZED, WARN, camera_info, hears, run_tests, values_of, wait_until
+from depth_testing import SANITIZED, WARN, hears, run_tests, values_of, wait_until
 from fusion_testing import BRACKET_IDS, PERIOD, FusionTest, colour_message, scene
 from refined_testing import INDICES, MIDDLE, RefinedTest, pixels
 
@@ -129,17 +129,18 @@ class MasterTest(FusionTest):
 
 class JitterTest(RefinedTest):
     def test_stamps_of_one_input_that_jump_reset_nothing(self):
-        """Two publishers of camera_info, one of them with another clock."""
+        """Two publishers of camera_info or of depth, one of them with another clock."""
+        depth = ('depth_registered/image', 'depth_registered/image_raw')
         jumps = lambda: values_of(self.diagnostics.next(self.node))['backward time jumps']
         self.expect_scene()
         before = jumps()
-        for _ in range(3):
+        for names in (('rgb/camera_info',), depth, (*depth, 'rgb/camera_info')):
             stamp = next(STAMPS)
             self.send_scene(stamp)
             bracket_id = next(BRACKET_IDS)
             for index in INDICES:
-                info = camera_info(stamp - 5 * (index % 2), 'color', self.focal_px)
-                self.deliver(self.node, (self.scene['rgb/camera_info'], info))
+                at = stamp - 5 if index % 2 else stamp + index * PERIOD
+                self.deliver(self.node, *(self.part_of(name, at) for name in names))
                 self.send(stamp, indices=[index], bracket_id=bracket_id)
             self.assertEqual(list(self.assert_as_files(stamp, INDICES, MIDDLE).notes), [])
         self.assertEqual(jumps(), before)

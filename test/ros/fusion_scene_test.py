@@ -127,6 +127,23 @@ class SceneTest(RefinedTest):
             self.assert_noted(report, 'label image refused', '64x48', 'for frames of 64x42', 'not the same picture')
             self.assert_diagnosed(WARN, 'not the same picture')
 
+    def test_binned_frames_with_a_scene_that_is_not_and_the_other_way_round(self):
+        self.expect_scene()
+        for binned, words in ((True, ('depth refused', '64x48 for frames of 32x48')),
+                              (False, ('calibration of the colour camera refused', '32x48 for frames of 64x48'))):
+            stamp = next(STAMPS)
+            self.send_scene(stamp)
+            info = camera_info(stamp, 'color', self.focal_px)
+            info.binning_x, info.binning_y = 2, 1
+            self.deliver(self.node, (self.scene['rgb/camera_info'], info))
+            columns = np.s_[:, ::2 if binned else 1]
+            frames = {i: lambda at, i=i: colour_message(np.ascontiguousarray(pixels(i)[columns]), at) for i in INDICES}
+            self.send(stamp, replaced=frames)
+            report = self.report(stamp + MIDDLE * PERIOD)
+            self.assertEqual([report.frames_used, report.frames_rejected], [len(FRAMES), 0], report.notes)
+            self.assert_noted(report, *words)
+        self.assert_as_files(self.fuse(), INDICES, MIDDLE)
+
     def test_a_region_of_interest_of_another_picture_is_not_used(self):
         self.expect_scene()
         stamp = next(STAMPS)

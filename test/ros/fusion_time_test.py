@@ -87,7 +87,7 @@ class JumpTest(RoundsTest):
     def test_the_last_picture_of_before_comes_too_late(self):
         self.play_to_the_end()
         last = self.announce_last(self.start + 300 + 2 * PERIOD, self.cut)
-        self.send_labels(self.start)
+        self.deliver_labels(self.start)
         middle = self.send_bracket(self.start)
         self.acknowledged(middle)
         self.image.say(last)
