@@ -48,8 +48,15 @@ sensor_msgs::CameraInfoPtr cameraInfo(double fx = 50) {
   return info;
 }
 
+SegmentArrayConstPtr segments(double stamp) {
+  const auto array = boost::make_shared<SegmentArray>();
+  array->header.stamp = ros::Time(stamp);
+  return array;
+}
+
 void addLabels(SceneCache& cache, double stamp) {
-  cache.addLabels(image(stamp, enc::TYPE_32SC1), boost::make_shared<SegmentArray>());
+  cache.addLabels(image(stamp, enc::TYPE_32SC1));
+  cache.addSegments(segments(stamp));
 }
 
 // A scene of which everything has the stamp 10.
@@ -119,6 +126,18 @@ TEST_F(SceneCacheTest, ModePaperGoesByLabels) {
   const SceneMessages scene = found(10);
   EXPECT_EQ(scene.labels->header.stamp, ros::Time(9.5));
   EXPECT_EQ(scene.depth->header.stamp, ros::Time(9.5));
+}
+
+TEST_F(SceneCacheTest, LabelsCountWithTheirSegmentsInAnyOrder) {
+  cache_.configure(/*by_labels=*/true, 1);
+  cache_.addLabels(image(9.5, enc::TYPE_32SC1));
+  cache_.addSegments(segments(9.75));
+  EXPECT_FALSE(found(10).labels || found(10).segments);
+  cache_.addSegments(segments(9.5));
+  EXPECT_EQ(found(10).labels->header.stamp, ros::Time(9.5));
+  cache_.addLabels(image(9.75, enc::TYPE_32SC1));
+  EXPECT_EQ(found(10).labels->header.stamp, ros::Time(9.75));
+  EXPECT_EQ(found(10).segments->header.stamp, ros::Time(9.75));
 }
 
 TEST_F(SceneCacheTest, EachPartIsWaitedForInAnyOrderButNotLabels) {
@@ -346,7 +365,8 @@ TEST_F(SceneCacheTest, LabelsOfOldLargeScenesGoFirst) {
     for (int i = 0; i < 60; ++i) {
       cache_.addDepth(large(10 + i));
       cache_.addMeasured(large(10 + i));
-      cache_.addLabels(large(10 + i, enc::TYPE_32SC1), boost::make_shared<SegmentArray>());
+      cache_.addLabels(large(10 + i, enc::TYPE_32SC1));
+      cache_.addSegments(segments(10 + i));
     }
     std::size_t kept = 0, scenes = 0, labels = 0;
     for (int i = 0; i < 60; ++i) {

@@ -24,7 +24,6 @@ namespace enc = sensor_msgs::image_encodings;
 constexpr std::uint32_t kArrivingImages = 64, kArrivingMessages = 1000;
 // FocusFrame messages that may wait: a camera may send the pictures of a sweep after its end.
 constexpr std::uint32_t kFramesWaiting = 1024;
-constexpr std::uint32_t kLabelsWaiting = 64;
 constexpr double kSettleTime = 1, kSettlePeriod = 0.02;  // s of wall time
 constexpr double kAheadOfClock = 0.1;                    // s that a frame may be ahead of /clock
 constexpr double kDefaultGap = 1;                        // s
@@ -51,7 +50,6 @@ FusionInputs::FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache&
       guard.quick_nh.createWallTimer(ros::WallDuration(kSettlePeriod), guard.wrap("publishers", on_timer),
                                      /*oneshot=*/false, /*autostart=*/false);
   resetFrames();
-  resetLabels(kLabelsWaiting);
 }
 
 template <typename Message, typename Use>
@@ -74,7 +72,7 @@ void FusionInputs::subscribe() {
   subscribeTo<sensor_msgs::Image>(labels_input_, kArrivingImages,
                                   [this](const auto& labels) { onLabels(labels); });
   subscribeTo<SegmentArray>(segments_input_, kArrivingMessages,
-                            [this](const auto& segments) { label_matcher_->add<1>(segments); });
+                            [this](const auto& segments) { scenes_.addSegments(segments); });
   subscribeTo<sensor_msgs::CameraInfo>(info_input_, kArrivingMessages,
                                        [this](const auto& info) { scenes_.setCamera(info); });
   ros::NodeHandle& nh = guard_.quick_nh;
@@ -95,7 +93,6 @@ void FusionInputs::unsubscribe() {
   image_subscriber_ = {};
   subscribers_.clear();
   resetFrames();
-  resetLabels(label_queue_);
   last_focus_ = last_frame_ = {};
   announced_bracket_.reset();
   status_.setExpect(image_input_, Expect::kStream);
@@ -149,7 +146,6 @@ bool FusionInputs::isAnnounced(const sensor_msgs::Image& image) const {
 void FusionInputs::startAfresh(int input, const ros::Time& now) {
   status_.timeWentBack(input);
   scenes_.forgetAfter(now);
-  resetLabels(label_queue_);
   const ros::Time before = last_frame_;
   if (secondsBetween(now, before) <= kAheadOfClock) return;
   last_focus_ = last_frame_ = {};
@@ -168,17 +164,9 @@ void FusionInputs::startAfresh(int input, const ros::Time& now) {
 }
 
 void FusionInputs::resetFrames() {
-  frame_matcher_ = std::make_unique<Matcher<sensor_msgs::Image, FocusFrame>>(
-      ExactTime<sensor_msgs::Image, FocusFrame>(kFramesWaiting));
+  frame_matcher_ = std::make_unique<Matcher>(ExactTime(kFramesWaiting));
   frame_matcher_->registerCallback(&FusionInputs::onFrame, this);
   unmatched_.clear();
-}
-
-void FusionInputs::resetLabels(std::uint32_t queue_size) {
-  label_queue_ = queue_size;
-  label_matcher_ = std::make_unique<Matcher<sensor_msgs::Image, SegmentArray>>(
-      ExactTime<sensor_msgs::Image, SegmentArray>(queue_size));
-  label_matcher_->registerCallback(&FusionInputs::onLabelSet, this);
 }
 
 void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
@@ -282,14 +270,7 @@ void FusionInputs::onLabels(const sensor_msgs::ImageConstPtr& labels) {
                   labels->encoding);
     return;
   }
-  const auto queue_size = static_cast<std::uint32_t>(imageLimit(kLabelsWaiting, *labels));
-  if (queue_size != label_queue_) resetLabels(queue_size);
-  label_matcher_->add<0>(labels);
-}
-
-void FusionInputs::onLabelSet(const sensor_msgs::ImageConstPtr& labels,
-                              const SegmentArrayConstPtr& segments) {
-  scenes_.addLabels(labels, segments);
+  scenes_.addLabels(labels);
 }
 
 }  // namespace all_in_focus

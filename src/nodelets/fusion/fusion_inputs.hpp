@@ -28,8 +28,8 @@
 
 namespace all_in_focus {
 
-/// The subscriptions of the fusion. Matches frames with their messages from rgb/focus, and label images with
-/// the tables of their regions. Frames go to the worker, everything else goes to the scene cache.
+/// The subscriptions of the fusion. Matches frames with their messages from rgb/focus. Frames go to the
+/// worker, everything else goes to the scene cache.
 ///
 /// Callbacks are quick ones of the guard; the methods are to be called from one of them, or before the first.
 class FusionInputs {
@@ -45,10 +45,8 @@ class FusionInputs {
   void configure(double gap_s);
 
  private:
-  template <typename First, typename Second>
-  using ExactTime = message_filters::sync_policies::ExactTime<First, Second>;
-  template <typename First, typename Second>
-  using Matcher = message_filters::Synchronizer<ExactTime<First, Second>>;
+  using ExactTime = message_filters::sync_policies::ExactTime<sensor_msgs::Image, FocusFrame>;
+  using Matcher = message_filters::Synchronizer<ExactTime>;
 
   template <typename Message, typename Use>
   void subscribeTo(int input, std::uint32_t queue_size, Use use);
@@ -57,14 +55,12 @@ class FusionInputs {
   void updatePublished(bool assumed);
   void startAfresh(int input, const ros::Time& now);
   void resetFrames();
-  void resetLabels(std::uint32_t queue_size);
 
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFocus(const FocusFrameConstPtr& focus);
   void onOptics(const OpticsConstPtr& optics);
   void onLabels(const sensor_msgs::ImageConstPtr& labels);
   void onFrame(const sensor_msgs::ImageConstPtr& image, const FocusFrameConstPtr& focus);
-  void onLabelSet(const sensor_msgs::ImageConstPtr& labels, const SegmentArrayConstPtr& segments);
   void addPlain(const sensor_msgs::ImageConstPtr& image);
   void match(const sensor_msgs::ImageConstPtr& image);
   void giveUpFrames(std::size_t count);
@@ -80,12 +76,10 @@ class FusionInputs {
   const std::array<int, kSceneTopics> scene_inputs_;
   TimeJumps time_jumps_;
 
-  std::unique_ptr<Matcher<sensor_msgs::Image, FocusFrame>> frame_matcher_;
+  std::unique_ptr<Matcher> frame_matcher_;
   std::deque<sensor_msgs::ImageConstPtr> unmatched_;  // images in frame_matcher_, in the order of arrival
   std::chrono::steady_clock::time_point last_match_;  // or since when there is something to match
   double least_off_s_ = 0;                            // since then, between stamps of images and FocusFrames
-  std::unique_ptr<Matcher<sensor_msgs::Image, SegmentArray>> label_matcher_;
-  std::uint32_t label_queue_ = 0;
 
   bool settled_ = false;  // all publishers have had time to connect since the first frame
   ros::WallTimer settling_;

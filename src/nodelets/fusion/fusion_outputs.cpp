@@ -30,9 +30,7 @@ constexpr int kReportQueueSize = 1000;  // reports are small; those of brackets 
 
 sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
                               const cv::Mat& image) {
-  OutgoingImage message(header, encoding, image.size());
-  image.copyTo(message.mat);
-  return message.take();
+  return cv_bridge::CvImage(header, encoding, image).toImageMsg();
 }
 
 }  // namespace
@@ -117,13 +115,13 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
     drawWeights(result.source_index, result.confidence, result.length, weights);
     cv::cvtColor(weights, weights, cv::COLOR_BGR2RGB);
     weights_.publish(toImage(header, enc::RGB8, weights));
-    mm = depthOf(bracket);  // maybe the memory of bracket.depth
+    mm = depthOf(bracket);
     depth_.publish(toImage(header, enc::TYPE_16UC1, mm));
     if (!result.restored_depth.empty())
       depth_restored_.publish(toImage(header, enc::TYPE_16UC1, result.restored_depth));
     {
       std::lock_guard<std::mutex> lock(mutex_);
-      latest_ = {image, (result.restored_depth.empty() ? mm : result.restored_depth).clone(), bracket.camera};
+      latest_ = {image, result.restored_depth.empty() ? mm : result.restored_depth, bracket.camera};
     }
     if (points_.getNumSubscribers() > 0)
       publishPoints([this](const sensor_msgs::PointCloud2& cloud) { points_.publish(cloud); });

@@ -33,7 +33,12 @@ std::size_t bytesOf(const SceneMessages& scene) {
   return bytes;
 }
 
-// Adds the images that have come since.
+// Labels are of use with the table of their regions only.
+bool has(const SceneMessages& scene, sensor_msgs::ImageConstPtr SceneMessages::*image) {
+  return scene.*image && (image != &SceneMessages::labels || scene.segments);
+}
+
+// Adds the messages that have come since.
 void join(const SceneMessages& entry, SceneMessages& scene) {
   if (entry.depth) scene.depth = entry.depth;
   if (entry.measured) scene.measured = entry.measured;
@@ -48,29 +53,31 @@ std::chrono::steady_clock::duration seconds(double s) {
 }  // namespace
 
 void SceneCache::addDepth(const sensor_msgs::ImageConstPtr& depth) {
-  std::lock_guard<std::mutex> lock(mutex_);
   add(depth, &SceneMessages::depth, SceneTopic::kDepth);
 }
 
 void SceneCache::addMeasured(const sensor_msgs::ImageConstPtr& measured) {
-  std::lock_guard<std::mutex> lock(mutex_);
   add(measured, &SceneMessages::measured, SceneTopic::kMeasured);
 }
 
-void SceneCache::addLabels(const sensor_msgs::ImageConstPtr& labels, const SegmentArrayConstPtr& segments) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  entries_[labels->header.stamp].segments = segments;
+void SceneCache::addLabels(const sensor_msgs::ImageConstPtr& labels) {
   add(labels, &SceneMessages::labels, SceneTopic::kLabels);
 }
 
-// Holds mutex_.
-void SceneCache::add(const sensor_msgs::ImageConstPtr& image, Image as, SceneTopic topic) {
-  SceneMessages& entry = entries_[image->header.stamp];
-  entry.stamp = image->header.stamp;
-  entry.*as = image;
+void SceneCache::addSegments(const SegmentArrayConstPtr& segments) {
+  add(segments, &SceneMessages::segments, SceneTopic::kLabels);
+}
+
+template <typename Message>
+void SceneCache::add(const Message& message, Message SceneMessages::*as, SceneTopic topic) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  SceneMessages& entry = entries_[message->header.stamp];
+  entry.stamp = message->header.stamp;
+  entry.*as = message;
+  const bool is_whole = topic != SceneTopic::kLabels || has(entry, &SceneMessages::labels);
   updatePinned();
   makeRoom();
-  arrived(topic);
+  if (is_whole) arrived(topic);
 }
 
 // Holds mutex_.
@@ -159,7 +166,7 @@ SceneCache::Entries::iterator SceneCache::mostDispensable() {
   double smallest_gap = std::numeric_limits<double>::infinity();
   for (auto it = entries_.begin(); it != end; ++it) {
     const bool too_old = secondsBetween(it->first, newest) > max_age_s_ + latency;
-    if (too_old || !(it->second.*key())) return it;
+    if (too_old || !has(it->second, key())) return it;
     if (it == entries_.begin()) continue;
     const double gap = secondsBetween(std::prev(it)->first, std::next(it)->first);
     if (gap < smallest_gap) {
@@ -175,7 +182,7 @@ SceneCache::Entries::const_iterator SceneCache::newestAt(const ros::Time& frame)
   for (auto it = entries_.upper_bound(frame); it != entries_.begin();) {
     --it;
     if (secondsBetween(it->first, frame) > max_age_s_) break;
-    if (it->second.*key()) return it;
+    if (has(it->second, key())) return it;
   }
   return entries_.end();
 }
@@ -183,6 +190,10 @@ SceneCache::Entries::const_iterator SceneCache::newestAt(const ros::Time& frame)
 SceneMessages SceneCache::sceneOf(const ros::Time& first_frame) const {
   const auto found = pinned_.find(first_frame);
   SceneMessages scene = found == pinned_.end() ? SceneMessages() : found->second.scene;
+  if (!has(scene, &SceneMessages::labels)) {
+    scene.labels.reset();
+    scene.segments.reset();
+  }
   scene.camera = camera_;
   scene.optics = optics_;
   return scene;
@@ -193,7 +204,7 @@ SceneMessages SceneCache::sceneOf(const ros::Time& first_frame) const {
 bool SceneCache::isDecided(const ros::Time& stamp, Image image) const {
   const ros::Time latest = std::max(stamp, ros::Time::now());
   const auto next = std::find_if(entries_.lower_bound(stamp), entries_.end(),
-                                 [&](const auto& entry) { return entry.second.*image != nullptr; });
+                                 [&](const auto& entry) { return has(entry.second, image); });
   return next != entries_.end() && secondsBetween(latest, next->first) < kClockTolerance;
 }
 
@@ -273,7 +284,7 @@ std::string SceneCache::whyNone(const ros::Time& frame) const {
   const char* remedy = by_labels_ ? "(is the segmenter running?)" : "(is depth_preprocess running?)";
   const ros::Time *before = nullptr, *after = nullptr;
   for (const auto& [stamp, entry] : entries_) {
-    if (!(entry.*key())) continue;
+    if (!has(entry, key())) continue;
     if (stamp <= frame) before = &stamp;
     if (stamp > frame && !after) after = &stamp;
   }

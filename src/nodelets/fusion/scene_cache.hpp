@@ -46,7 +46,8 @@ class SceneCache {
  public:
   void addDepth(const sensor_msgs::ImageConstPtr& depth);
   void addMeasured(const sensor_msgs::ImageConstPtr& measured);
-  void addLabels(const sensor_msgs::ImageConstPtr& labels, const SegmentArrayConstPtr& segments);
+  void addLabels(const sensor_msgs::ImageConstPtr& labels);  ///< count together with their segments
+  void addSegments(const SegmentArrayConstPtr& segments);
   void setCamera(const sensor_msgs::CameraInfoConstPtr& camera);
   void setOptics(const OpticsConstPtr& optics);
 
@@ -86,7 +87,8 @@ class SceneCache {
   };
   using Image = sensor_msgs::ImageConstPtr SceneMessages::*;
 
-  void add(const sensor_msgs::ImageConstPtr& image, Image as, SceneTopic topic);
+  template <typename Message>
+  void add(const Message& message, Message SceneMessages::*as, SceneTopic topic);
   void arrived(SceneTopic topic);
   void updatePinned();
   void makeRoom();
