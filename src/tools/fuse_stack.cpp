@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <filesystem>
 #include <iostream>
 #include <map>
 #include <opencv2/imgproc.hpp>
@@ -17,6 +16,7 @@
 #include "all_in_focus/codes.hpp"
 #include "all_in_focus/drawing.hpp"
 #include "all_in_focus/rig_checks.hpp"
+#include "batch_fusion.hpp"
 #include "command_line.hpp"
 #include "file_error.hpp"
 #include "image_files.hpp"
@@ -30,7 +30,6 @@
 #include "stack_batch.hpp"
 #include "stack_reader.hpp"
 
-namespace fs = std::filesystem;
 namespace po = boost::program_options;
 using namespace all_in_focus;
 using namespace all_in_focus::core;
@@ -252,15 +251,11 @@ std::string summary(const std::string& output, const PipelineResult& result, con
   return line + ", reference " + reference + cv::format(", %.1f s", seconds);
 }
 
-/// How one stack was fused.
-struct Fused {
-  int used = 0, length = 0;  // frames
-};
-
-// who: what each line for people begins with; ahead: what a line about progress begins with.
+// See FuseStack.
 Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std::string& who,
                 const std::string& ahead) {
   const auto begin = std::chrono::steady_clock::now();
+  requireSeparateFiles(values, kReads, kWrites);
   const int quality = parseQuality(values);
   const Mode mode = parseMode(values["mode"].as<std::string>());
   PipelineInput input;
@@ -405,119 +400,10 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
   return {bracket.used, bracket.length};
 }
 
-// Several stacks: their results lie beside each other in folders.
-
-// Options that name what belongs to one scene.
-constexpr const char* kOfOneScene[] = {"depth", "registered-depth", "label-map", "focus"};
-
-// The outputs that the user has named.
-std::vector<NamedPath> outputsOf(const po::variables_map& values) {
-  std::vector<const char*> options = kWrites;
-  options.push_back("save-aligned");
-  std::vector<NamedPath> outputs;
-  for (const char* option : options) {
-    if (values.count(option)) outputs.push_back({option, values[option].as<std::string>()});
-  }
-  return outputs;
-}
-
-// The options for one stack: outputs lie in the folders that the user has named, under its name.
-po::variables_map valuesFor(const NamedStack& stack, const po::variables_map& values) {
-  static const std::map<std::string, std::string> kEndings = {
-      {"report", ".json"}, {"save-cloud", ".ply"}, {"save-aligned", ""}};
-  po::variables_map own = values;
-  for (const NamedPath& output : outputsOf(values)) {
-    const auto ending = kEndings.find(output.option);
-    const std::string name = stack.name + (ending == kEndings.end() ? ".png" : ending->second);
-    static_cast<std::map<std::string, po::variable_value>&>(own)[output.option] =
-        po::variable_value(boost::any((fs::path(output.path) / name).string()), /*defaulted=*/false);
-  }
-  return own;
-}
-
-// Whether an earlier run has fused the stack: the outputs are there and younger than the frames. Throws where
-// the picture there is not ours to replace.
-bool isFused(const NamedStack& stack, const po::variables_map& values) {
-  const auto output = values["output"].as<std::string>();
-  if (fs::exists(output) && !readPhotoMetadata(output).is_result)
-    fail(output, "is there, and no result of this package: name another folder");
-  fs::file_time_type oldest = fs::file_time_type::max();
-  for (const NamedPath& written : outputsOf(values)) {
-    if (!fs::exists(written.path)) return false;
-    oldest = std::min(oldest, fs::last_write_time(written.path));
-  }
-  if (!fs::is_directory(stack.path))
-    return fs::exists(stack.path) && fs::last_write_time(stack.path) <= oldest;
-  const std::vector<StackFiles::Source> sources = listStack(stack.path, stack.files).sources;
-  return std::all_of(sources.begin(), sources.end(), [&](const StackFiles::Source& source) {
-    return fs::last_write_time(source.path) <= oldest;
-  });
-}
-
-// Returns the folders that were not there.
-std::vector<std::string> makeFolders(const po::variables_map& values) {
-  std::vector<std::string> made;
-  for (const auto& [option, folder] : outputsOf(values)) {
-    const std::string kind = ending(folder);
-    if (isPictureName(folder) || kind == ".json" || kind == ".ply")
-      fail(folder, "--" + option + " names a folder, not a file, where stacks are several");
-    std::error_code error;
-    if (fs::create_directories(folder, error)) made.push_back(folder);
-    if (!fs::is_directory(folder)) fail(folder, "no such folder, and it cannot be made");
-  }
-  return made;
-}
-
-void fuseStacks(const po::variables_map& values, const std::vector<NamedStack>& stacks) {
-  for (const char* option : kOfOneScene) {
-    if (values.count(option))
-      throw std::invalid_argument(std::string("--") + option + " belongs to one scene: fuse its stack alone");
-  }
-  const std::vector<std::string> made = makeFolders(values);
-  std::size_t width = 5, there = 0, failed = 0;
-  for (const NamedStack& stack : stacks) width = std::max(width, stack.name.size());
-  std::ostringstream table;
-  const auto row = [&](const std::string& name, const std::string& frames, const std::string& result) {
-    table << name << std::string(width + 2 - name.size(), ' ') << frames
-          << std::string(std::max<std::size_t>(12, frames.size() + 1) - frames.size(), ' ') << result << '\n';
-  };
-  row("stack", "frames", "result");
-  for (std::size_t i = 0; i < stacks.size(); ++i) {
-    const NamedStack& stack = stacks[i];
-    const std::string who = "fuse_stack: " + stack.name + ": ";
-    const std::string ahead = cv::format("%zu of %zu, ", i + 1, stacks.size()) + stack.name + ": ";
-    try {
-      const po::variables_map own = valuesFor(stack, values);
-      const std::string output = own["output"].as<std::string>();
-      if (isFused(stack, own)) {
-        row(stack.name, "", output + ", there already");
-        ++there;
-        continue;
-      }
-      requireSeparateFiles(own, kReads, kWrites);
-      const Fused fused = fuseStack(own, stack, who, ahead);
-      row(stack.name, cv::format("%d of %d", fused.used, fused.length), output);
-    } catch (const std::exception&) {
-      const std::string why = describe(std::current_exception());
-      printToStderr(who + why);
-      row(stack.name, "", "failed: " + why);
-      ++failed;
-    }
-  }
-  std::cout << table.str()
-            << cv::format("%zu stacks: %zu fused, %zu there already, %zu failed", stacks.size(),
-                          stacks.size() - there - failed, there, failed)
-            << std::endl;
-  std::error_code not_empty;
-  for (const std::string& folder : made) fs::remove(folder, not_empty);
-  if (failed > 0) throw std::invalid_argument(cv::format("%zu of %zu stacks failed", failed, stacks.size()));
-}
-
 void fuse(const po::variables_map& values) {
   const auto paths = values["stack"].as<std::vector<std::string>>();
   const std::string rule = textOption(values, "split");
   if (paths.size() == 1 && rule.empty() && !holdsStacks(paths[0])) {
-    requireSeparateFiles(values, kReads, kWrites);
     fuseStack(values, {paths[0], "", {}}, "fuse_stack: ", "fuse_stack: ");
     return;
   }
@@ -530,7 +416,7 @@ void fuse(const po::variables_map& values) {
     }
     stacks = parts;
   }
-  fuseStacks(values, stacks);
+  fuseStacks(values, stacks, kWrites, fuseStack);
 }
 
 }  // namespace
