@@ -33,6 +33,16 @@ class FocusBracketTest(FusionTest):
             self.assertTrue(all(s.score > 0 and 0 < s.margin <= 1 for s in report.segments))
             self.assertEqual(list(report.notes), [])
 
+    def test_a_bracket_may_lack_its_first_picture(self):
+        """Also the first bracket: rgb/focus has told of its beginning."""
+        self.expect_labels()
+        stamp = next(STAMPS)
+        self.send_labels(stamp + PERIOD)
+        for talker, message in list(self.bracket_of(stamp))[1:]:
+            talker.say(message)
+        report = self.assert_fused(stamp + PERIOD)
+        self.assertEqual([report.frames_used, report.frames_missing], [2, 1])
+
     def test_a_new_id_closes_the_bracket_before_and_missing_frames_are_reported(self):
         self.expect_labels()
         stamp, bracket_id = next(STAMPS), next(BRACKET_IDS)

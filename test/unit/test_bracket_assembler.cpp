@@ -60,6 +60,16 @@ TEST(BracketAssembler, ABracketThatHadBegunIsNamedOnce) {
   EXPECT_EQ(feed(a, focus(8, 0)), "(0");
 }
 
+TEST(BracketAssembler, ABracketWhoseBeginningWasAnnouncedMayLackItsFirstFrame) {
+  BracketAssembler a;
+  a.announce(7);
+  EXPECT_EQ(feed(a, focus(7, 1, 3)), "(1");
+  EXPECT_EQ(a.missing(), 1);
+  EXPECT_EQ(feed(a, focus(7, 2, 3)), "2]");
+  a.restart();
+  EXPECT_EQ(feed(a, focus(7, 1, 3)), "x");
+}
+
 TEST(BracketAssembler, LastEndsAnOpenBracket) {
   BracketAssembler a;
   EXPECT_EQ(feed(a, focus(1, 0)), "(0");

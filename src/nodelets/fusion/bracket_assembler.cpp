@@ -35,7 +35,7 @@ bool BracketAssembler::refuses(const FrameInfo& frame, std::string& reason) cons
     reason = bracket + ": frame index " + text(frame.index) + " is above 65534";
   } else if (frame.index == 0) {
     return false;  // the first frame of a bracket is always accepted
-  } else if (hasBegunUnseen() || (skipping_ && frame.bracket_id == skip_id_)) {
+  } else if (hasBegunUnseen(frame.bracket_id) || (skipping_ && frame.bracket_id == skip_id_)) {
     reason = bracket + " had begun before anybody listened: waiting for the next one";
   } else if (open_ && same && frame.index < next_) {
     reason = bracket + ": frame " + text(frame.index) + " came twice or too late";
@@ -48,7 +48,7 @@ bool BracketAssembler::refuses(const FrameInfo& frame, std::string& reason) cons
 BracketAssembler::Step BracketAssembler::add(const FrameInfo& frame) {
   Step step;
   if (refuses(frame, step.reason)) {
-    if (hasBegunUnseen()) {
+    if (hasBegunUnseen(frame.bracket_id)) {
       skipping_ = true;
       skip_id_ = frame.bracket_id;
     } else if (skipping_ && frame.bracket_id == skip_id_) {
@@ -89,6 +89,7 @@ void BracketAssembler::restart() {
   open_ = false;
   fresh_ = true;
   skipping_ = false;
+  announced_.reset();
 }
 
 bool BracketAssembler::gapElapsed(double now_s) const {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 namespace all_in_focus {
@@ -42,6 +43,10 @@ class BracketAssembler {
   explicit BracketAssembler(const BracketConfig& config = {}) : config_(config) {}
   void configure(const BracketConfig& config) { config_ = config; }
 
+  /// A bracket begins, by the FocusFrame of its first frame. Its other frames count, also when that one is
+  /// lost.
+  void announce(std::uint32_t bracket_id) { announced_ = bracket_id; }
+
   /// The frame belongs to another bracket than the open one, which ended without notice: close() it before
   /// add().
   bool endsBefore(const FrameInfo& frame) const;
@@ -66,7 +71,9 @@ class BracketAssembler {
   bool refuses(const FrameInfo& frame, std::string& reason) const;
   /// Whether a frame from the middle of a bracket is the first one with a FocusFrame, since the start or
   /// since frames without one.
-  bool hasBegunUnseen() const { return (fresh_ || !by_focus_) && !skipping_; }
+  bool hasBegunUnseen(std::uint32_t bracket_id) const {
+    return (fresh_ || !by_focus_) && !skipping_ && announced_ != bracket_id;
+  }
 
   BracketConfig config_;
   bool open_ = false;
@@ -79,6 +86,7 @@ class BracketAssembler {
   bool fresh_ = true;      ///< nothing seen since the start
   bool skipping_ = false;  ///< leave out the rest of bracket skip_id_, whose first frame was not seen
   std::uint32_t skip_id_ = 0;
+  std::optional<std::uint32_t> announced_;
 };
 
 }  // namespace all_in_focus

@@ -97,6 +97,11 @@ void FusionWorker::configure(const FusionSettings& settings, const BracketConfig
   most_ = std::max<std::size_t>(most, 1);
 }
 
+void FusionWorker::announce(std::uint32_t bracket_id) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  assembler_.announce(bracket_id);
+}
+
 void FusionWorker::add(const BracketFrame& frame) {
   const FrameInfo info = frameInfo(frame);
   Task task;

@@ -51,6 +51,8 @@ class FusionWorker {
   /// settings: from the next bracket on. most: images that may wait.
   void configure(const FusionSettings& settings, const BracketConfig& config, std::size_t most);
 
+  /// See BracketAssembler.
+  void announce(std::uint32_t bracket_id);
   void add(const BracketFrame& frame);
   /// Time went back: ends the open bracket. The next one begins as the first one after the start did.
   void restart();
