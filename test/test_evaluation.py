@@ -230,6 +230,9 @@ def test_acknowledgements():
     assert under_way.under_way() == 2 and under_way.first() == 3
     under_way.give_up()
     assert under_way.under_way() == 0 and under_way.first() is None
+    under_way.sent(5)
+    under_way.peer_subscribe("rgb/image", None, None)  # a node that listens anew knows nothing of it
+    assert under_way.under_way() == 0
 
 
 def test_every_kind_of_the_bag_is_known():

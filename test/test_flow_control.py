@@ -65,3 +65,12 @@ def test_it_does_not_wait_for_a_fusion_that_has_left(flow):
     flow.published(0)
     flow.wait(lambda: False, new_bracket=True)
     assert flow._unprocessed == []
+
+
+def test_it_does_not_wait_for_what_was_published_before_the_fusion_came_back(flow):
+    flow.published(0)
+    waiting = threading.Thread(target=flow.wait, args=(lambda: True, True))
+    waiting.start()
+    flow.forget()
+    waiting.join()
+    assert flow._unprocessed == []

@@ -38,6 +38,13 @@ class FlowControl:
             self._unprocessed = [stamp for stamp in self._unprocessed if stamp > header.stamp]
             self._changed.notify_all()
 
+    def forget(self):
+        """Somebody begins to listen: maybe the fusion, which stopped meanwhile and knows nothing of the frames before. That
+        it was away need not be seen otherwise: it may have been for a moment."""
+        with self._changed:
+            self._unprocessed = []
+            self._changed.notify_all()
+
     def wait(self, fusion_listens, new_bracket):
         """Call before each frame; a bracket waits for the result of the one before it. Gives up on a fusion that has left,
         or acknowledges nothing for ACKNOWLEDGE_TIMEOUT, RESULT_TIMEOUT before a bracket. fusion_listens: function."""
@@ -70,6 +77,7 @@ class Player:
 
     def run(self, frames):
         count, bracket_id, flow = len(self._stack), 0, FlowControl()
+        frames.on_subscriber = flow.forget
         frames.announce(next(iter(self._stack)).shape[1::-1])
         _poll_until(frames.has_listeners)
         if self._wait_for:

@@ -20,8 +20,9 @@ GRACE = 1.0  # s for a subscriber of the images to connect to the other topics, 
 SAME_SHAPE = 0.01  # aspect ratios that differ by less are equal up to rounding
 
 
-class FramePublisher:
-    """rig: folder with the calibration, "" = none; width: of the published pictures, 0 = as they come."""
+class FramePublisher(rospy.SubscribeListener):
+    """rig: folder with the calibration, "" = none; width: of the published pictures, 0 = as they come. on_subscriber: called
+    whenever somebody begins to listen to the images."""
 
     def __init__(self, rig="", width=0, frame_id=""):
         rig = load_rig(rig) if rig else None
@@ -31,9 +32,13 @@ class FramePublisher:
         self._info = None  # rig.Camera for the size of the last picture
         self._sent = None  # stamp, bracket_id, index, count and last of the FocusFrame that was published last
         self._listened_since = None
-        self._image_publisher = rospy.Publisher("rgb/image", Image, queue_size=QUEUE)
+        self.on_subscriber = lambda: None
+        self._image_publisher = rospy.Publisher("rgb/image", Image, subscriber_listener=self, queue_size=QUEUE)
         self._info_publisher = rospy.Publisher("rgb/camera_info", CameraInfo, queue_size=QUEUE, latch=True)
         self._focus_publisher = rospy.Publisher("rgb/focus", FocusFrame, queue_size=QUEUE)
+
+    def peer_subscribe(self, *_):
+        self.on_subscriber()
 
     def announce(self, size=None):
         """Publish the calibration before the first frame: registering depth and planning the focus need it.

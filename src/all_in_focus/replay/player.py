@@ -67,8 +67,9 @@ class Limits:
     window_bytes: int = 1 << 28  # ...and their size, so that the fusion need not drop any; 4 may always wait
 
 
-class Acknowledgements:
-    """Stamps (ns) of inputs that were sent and not yet acknowledged. Thread-safe."""
+class Acknowledgements(rospy.SubscribeListener):
+    """Stamps (ns) of inputs that were sent and not yet acknowledged. Thread-safe. As listener of the publisher: when somebody
+    begins to listen, it may be the node, which stopped for a moment, and knows nothing of what was sent before."""
 
     def __init__(self):
         self._lock = threading.Lock()
@@ -98,6 +99,9 @@ class Acknowledgements:
         with self._lock:
             self._under_way.clear()
 
+    def peer_subscribe(self, *_):
+        self.give_up()
+
 
 class BagPlayer:
     """Plays BagContents within Limits. heartbeat: called often, with the number of messages played.
@@ -112,13 +116,16 @@ class BagPlayer:
         self.problems = Counter()
         self._clock = _NodeTime(contents.start)
         self._played_to = contents.start
-        self._publishers = {kind: rospy.Publisher(topic, TYPES[kind], queue_size=50, latch=kind.endswith("_info"))
+        self._acknowledged = {kind: Acknowledgements() for kind in ACKNOWLEDGED}
+        first = {"depth": "registration", "rgb": "fusion"}  # what acknowledges what is sent from here
+        self._publishers = {kind: rospy.Publisher(topic, TYPES[kind], self._acknowledged.get(first.get(kind)), queue_size=50,
+                                                  latch=kind.endswith("_info"))
                             for kind, topic in TOPICS.items() if contents.counts.get(kind)}
         self._publishers["tf"] = rospy.Publisher("/tf", TFMessage, queue_size=100)
         self._static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
-        self._acknowledged, self._subscribers = {}, {}
+        self._subscribers = {}
         for kind, topic in ACKNOWLEDGED.items():
-            waiting = self._acknowledged[kind] = Acknowledgements()
+            waiting = self._acknowledged[kind]
             self._subscribers[topic] = rospy.Subscriber(
                 topic, Header, lambda header, waiting=waiting: waiting.came(header.stamp.to_nsec()))
 
@@ -254,7 +261,7 @@ class BagPlayer:
         fused = self._acknowledged["fusion"]
         while fused.under_way() >= limit:
             before = fused.received
-            if self._wait(lambda: fused.received > before, self._limits.acknowledge):
+            if self._wait(lambda: fused.received > before or not fused.under_way(), self._limits.acknowledge):
                 self._silences = 0
             else:
                 rospy.logwarn("%d colour images are not acknowledged, the first of stamp %.6f",
