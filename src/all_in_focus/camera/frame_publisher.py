@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Publishes the frames of a focus bracket: image, camera_info and focus, all with the same stamp."""
+import math
 import time
 
 import cv2
@@ -31,13 +32,14 @@ class FramePublisher(rospy.SubscribeListener):
         self._width = width
         self._info = None  # rig.Camera for the size of the last picture
         self._sent = None  # stamp, bracket_id, index, count and last of the FocusFrame that was published last
-        self._listened_since = None
+        self._listened_since = math.inf
         self.on_subscriber = lambda: None
         self._image_publisher = rospy.Publisher("rgb/image", Image, subscriber_listener=self, queue_size=QUEUE)
         self._info_publisher = rospy.Publisher("rgb/camera_info", CameraInfo, queue_size=QUEUE, latch=True)
         self._focus_publisher = rospy.Publisher("rgb/focus", FocusFrame, queue_size=QUEUE)
 
     def peer_subscribe(self, *_):
+        self._listened_since = time.monotonic()
         self.on_subscriber()
 
     def announce(self, size=None):
@@ -57,12 +59,10 @@ class FramePublisher(rospy.SubscribeListener):
         return all(publisher.get_num_connections() for publisher in publishers)
 
     def has_listeners(self):
-        """Whether somebody subscribes to the images, and has had time to connect to the other topics, too."""
-        if self._image_publisher.get_num_connections() == 0:
-            self._listened_since = None
-            return False
-        self._listened_since = self._listened_since or time.monotonic()
-        return self.has_all_listeners() or time.monotonic() > self._listened_since + GRACE
+        """Whether somebody subscribes to the images, and has had time to connect to the other topics, too. That they have a
+        subscriber says nothing: it may be another one."""
+        rospy.topics.get_topic_manager().check_all()  # else rospy takes who has left for present for another half second
+        return self._image_publisher.get_num_connections() > 0 and time.monotonic() > self._listened_since + GRACE
 
     def publish_focus(self, stamp, bracket_id, index, count, last, distance):
         """Publish the FocusFrame at the release: the fusion keeps the regions and the depth of this moment until the
