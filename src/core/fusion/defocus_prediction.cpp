@@ -20,7 +20,6 @@ constexpr double kLaplacian = 36;      // of a textured picture, gray levels; re
 constexpr double kLeastLaplacian = 3;  // light of blurred things may lie on the barest surface
 constexpr double kPeak = 2;            // of the Laplacian, in units of its mean over a window
 constexpr double kMostLaplacians = 4;  // by which blur changes a picture; a wider disc changes it no more
-constexpr double kNoiseMargin = 1.25;  // frames differ in their noise, and places in a frame
 constexpr double kHoleError = 10;      // gray levels; added for filled depth, which may be any surface nearby
 constexpr double kUnknownFocusError = 10;  // gray levels: neither sharp nor much blurred
 

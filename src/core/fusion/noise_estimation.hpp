@@ -9,6 +9,9 @@
 
 namespace all_in_focus::core {
 
+/// So many times the measured noise may occur: frames differ in their noise, and places in a frame.
+constexpr double kNoiseMargin = 1.25;
+
 /// The next level of a Gaussian pyramid, CV_32FC1 gray levels. image: CV_8UC1 or CV_32FC1.
 cv::Mat nextLevel(const cv::Mat& image);
 

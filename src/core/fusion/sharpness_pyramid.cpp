@@ -56,7 +56,6 @@ double floorOf(const NoiseSpectrum& noise, size_t level) {
 // A frame that is sharp anywhere has this modified Laplacian, gray levels above the noise, in its sharpest
 // places at textureLevel(). The eighth power of the least trust is a weight of 1e-9.
 constexpr double kSharp = 4, kLeastTrust = 0.075;
-constexpr double kNoiseMargin = 1.25;  // frames differ in their noise, and places in a frame
 
 // At n pixels that have neighbours on both sides.
 ALL_IN_FOCUS_SIMD void laplacianInside(const float* north, const float* here, const float* south, int n,
