@@ -22,7 +22,7 @@ FrameInfo at(double stamp_s) {
 BracketAssembler::Step last_step;  // of feed()
 
 // What becomes of a frame, as letters: ) closes the bracket before, ( begins, a digit is the index, x
-// refused, ] closes after.
+// refused; ] the bracket has ended with it.
 std::string feed(BracketAssembler& assembler, const FrameInfo& frame) {
   std::string story;
   if (assembler.endsBefore(frame)) {
@@ -33,10 +33,7 @@ std::string feed(BracketAssembler& assembler, const FrameInfo& frame) {
   if (step.begin) story += '(';
   story += step.use ? std::to_string(step.index) : "x";
   EXPECT_TRUE(!step.use || step.reason.empty());
-  if (step.last) {
-    story += ']';
-    assembler.close();
-  }
+  if (step.last) story += ']';
   return story;
 }
 
@@ -62,7 +59,8 @@ TEST(BracketAssembler, ABracketThatHadBegunIsNamedOnce) {
 
 TEST(BracketAssembler, ABracketWhoseBeginningWasAnnouncedMayLackItsFirstFrame) {
   BracketAssembler a;
-  a.announce(7);
+  EXPECT_TRUE(a.announce(7, 0));
+  EXPECT_FALSE(a.announce(7, 1));
   EXPECT_EQ(feed(a, focus(7, 1, 3)), "(1");
   EXPECT_EQ(a.missing(), 1);
   EXPECT_EQ(feed(a, focus(7, 2, 3)), "2]");

@@ -17,6 +17,13 @@ std::string text(std::uint32_t number) {
 
 }  // namespace
 
+bool BracketAssembler::announce(std::uint32_t bracket_id, std::uint32_t index) {
+  const bool begins = index == 0 || announced_ != bracket_id;
+  announced_ = bracket_id;
+  if (index == 0) whole_ = bracket_id;
+  return begins;
+}
+
 bool BracketAssembler::endsBefore(const FrameInfo& frame) const {
   std::string reason;
   if (!open_ || refuses(frame, reason)) return false;
@@ -75,8 +82,9 @@ BracketAssembler::Step BracketAssembler::add(const FrameInfo& frame) {
   step.index = static_cast<int>(index);
   step.bracket_id = id_;
   step.length = static_cast<int>(count_);
-  step.missing = missing_;
   step.last = (frame.has_focus && frame.last) || next_ == kMaxFrames || (count_ > 0 && next_ >= count_);
+  if (step.last) close();
+  step.missing = missing_;
   return step;
 }
 
@@ -89,7 +97,7 @@ void BracketAssembler::restart() {
   open_ = false;
   fresh_ = true;
   skipping_ = false;
-  announced_.reset();
+  announced_ = whole_ = std::nullopt;
 }
 
 bool BracketAssembler::gapElapsed(double now_s) const {

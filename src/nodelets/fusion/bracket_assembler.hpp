@@ -33,19 +33,19 @@ class BracketAssembler {
     bool begin = false;  ///< a bracket begins with it
     bool use = false;    ///< false: it belongs to no bracket, `reason` says why
     int index = 0;       ///< its place in the bracket
-    bool last = false;   ///< the bracket ends with it: close() is due
+    bool last = false;   ///< the bracket has ended with it
     std::uint32_t bracket_id = 0;
     int length = 0;   ///< frames that the bracket will have, where that is known in advance, else 0
-    int missing = 0;  ///< frames of the bracket that did not come before this one
+    int missing = 0;  ///< frames of the bracket that did not come so far; all of them, if it is the last
     std::string reason;
   };
 
   explicit BracketAssembler(const BracketConfig& config = {}) : config_(config) {}
   void configure(const BracketConfig& config) { config_ = config; }
 
-  /// A bracket begins, by the FocusFrame of its first frame. Its other frames count, also when that one is
-  /// lost.
-  void announce(std::uint32_t bracket_id) { announced_ = bracket_id; }
+  /// Takes note of a FocusFrame, whose picture may come much later. Returns whether it is the first one of
+  /// its bracket. Where its index is 0 the other frames of the bracket count, also when that picture is lost.
+  bool announce(std::uint32_t bracket_id, std::uint32_t index);
 
   /// The frame belongs to another bracket than the open one, which ended without notice: close() it before
   /// add().
@@ -72,7 +72,7 @@ class BracketAssembler {
   /// Whether a frame from the middle of a bracket is the first one with a FocusFrame, since the start or
   /// since frames without one.
   bool hasBegunUnseen(std::uint32_t bracket_id) const {
-    return (fresh_ || !by_focus_) && !skipping_ && announced_ != bracket_id;
+    return (fresh_ || !by_focus_) && !skipping_ && whole_ != bracket_id;
   }
 
   BracketConfig config_;
@@ -86,7 +86,7 @@ class BracketAssembler {
   bool fresh_ = true;      ///< nothing seen since the start
   bool skipping_ = false;  ///< leave out the rest of bracket skip_id_, whose first frame was not seen
   std::uint32_t skip_id_ = 0;
-  std::optional<std::uint32_t> announced_;
+  std::optional<std::uint32_t> announced_, whole_;  ///< the last bracket announced; and from its beginning
 };
 
 }  // namespace all_in_focus

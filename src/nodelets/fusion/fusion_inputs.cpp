@@ -94,7 +94,6 @@ void FusionInputs::unsubscribe() {
   subscribers_.clear();
   resetFrames();
   last_focus_ = last_frame_ = {};
-  announced_bracket_.reset();
   status_.setExpect(image_input_, Expect::kStream);
   worker_.cancel();
   scenes_.clear();
@@ -210,9 +209,7 @@ void FusionInputs::match(const sensor_msgs::ImageConstPtr& image) {
 void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
   const ros::Time stamp = focus->header.stamp;
   if (time_jumps_.streamWentBack(stamp)) startAfresh(focus_input_, std::min(stamp, ros::Time::now()));
-  if (focus->index == 0) worker_.announce(focus->bracket_id);
-  if (focus->index == 0 || announced_bracket_ != focus->bracket_id) scenes_.pin(stamp);
-  announced_bracket_ = focus->bracket_id;
+  worker_.announce(*focus);
   last_focus_ = last_frame_ = stamp;
   frame_matcher_->add<1>(focus);
   warnOfMismatch();

@@ -17,7 +17,6 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "callback_guard.hpp"
@@ -84,8 +83,7 @@ class FusionInputs {
   bool settled_ = false;  // all publishers have had time to connect since the first frame
   ros::WallTimer settling_;
   ros::WallTime settle_until_;
-  ros::Time last_focus_, last_frame_;               // stamps: of rgb/focus; of that or a frame without it
-  std::optional<std::uint32_t> announced_bracket_;  // the last one of rgb/focus
+  ros::Time last_focus_, last_frame_;  // stamps: of rgb/focus; of that or a frame without it
   image_transport::Subscriber image_subscriber_;
   std::vector<ros::Subscriber> subscribers_;  // all others
 };

@@ -72,7 +72,7 @@ struct FusionWorker::OpenBracket {
   std::uint32_t id = 0;
   std_msgs::Header header;  // of the first frame
   int length = 0;           // as far as known
-  bool has_begun = false;   // a frame has come whose image was not dropped
+  bool has_begun = false;   // it has its scene
   SharedScene scene;
   SceneMessages messages;
   std::map<int, Frame> frames;  // by index
@@ -97,9 +97,9 @@ void FusionWorker::configure(const FusionSettings& settings, const BracketConfig
   most_ = std::max<std::size_t>(most, 1);
 }
 
-void FusionWorker::announce(std::uint32_t bracket_id) {
+void FusionWorker::announce(const FocusFrame& focus) {
   std::lock_guard<std::mutex> lock(mutex_);
-  assembler_.announce(bracket_id);
+  if (assembler_.announce(focus.bracket_id, focus.index)) scenes_.pin(focus.header.stamp);
 }
 
 void FusionWorker::add(const BracketFrame& frame) {
@@ -132,10 +132,6 @@ void FusionWorker::push(Task task) {
 std::vector<sensor_msgs::ImageConstPtr> FusionWorker::append(Task& task, const FrameInfo& info) {
   std::vector<sensor_msgs::ImageConstPtr> dropped;
   task.step = assembler_.add(info);
-  if (task.step.last) {
-    assembler_.close();
-    task.step.missing = assembler_.missing();
-  }
   if (!task.step.use) return dropped;
   if (task.step.begin) scenes_.pin(task.header.stamp);  // before the worker asks for the scene
   push(task);
@@ -282,7 +278,7 @@ void FusionWorker::handleFrame(const Task& task) {
     if (task.step.last) finishBracket();
     return;
   }
-  if (!open_->has_begun) begin(*task.frame.image);
+  if (!open_->has_begun) awaitScene(*task.frame.image);
   FrameStatus status = fuse(task);
   if (task.step.last) {
     const std::vector<FrameStatus> frames = finishBracket();
@@ -307,8 +303,8 @@ void FusionWorker::open(const Task& first) {
   open_->settings = settings_;
 }
 
-// Waits for the scene.
-void FusionWorker::begin(const sensor_msgs::Image& first) {
+// first: the first frame whose image was not dropped.
+void FusionWorker::awaitScene(const sensor_msgs::Image& first) {
   FusionSettings& settings = open_->settings;
   const ros::WallTime start = ros::WallTime::now();
   open_->messages = scenes_.await(open_->header.stamp, settings.label_timeout_s);
@@ -347,7 +343,7 @@ FrameStatus FusionWorker::fuse(const Task& task) {
   findWhite(frame.bgr->image);
   FrameStatus status = bracket_.add(inFullRange(frame.bgr->image), index, frame.focus_mm);
   for (auto& [i, each] : open_->frames) {
-    if (!bracket_.holds(i)) each.bgr.reset();
+    if (each.bgr && !bracket_.holds(i)) each.bgr.reset();
   }
   return status;
 }

@@ -36,10 +36,10 @@ struct BracketFrame {
   FocusFrameConstPtr focus;
 };
 
-/// Fuses focus brackets among the slow callbacks of the guard, so that the quick ones never wait. Finds where
-/// brackets begin and end while frames arrive. When too many wait, by number or by bytes, the oldest images
-/// are dropped; their frames stay, so that every bracket that began is reported. All public methods but
-/// finish() are thread-safe and return at once.
+/// Fuses focus brackets among the slow callbacks of the guard, so that the quick ones never wait. Asks
+/// BracketAssembler where brackets begin and end while frames arrive. When too many wait, by number or by
+/// bytes, the oldest images are dropped; their frames stay, so that every bracket that began is reported. All
+/// public methods but finish() are thread-safe and return at once.
 ///
 /// Restoration runs among them, too. It stops when a whole further bracket waits, or so many frames that some
 /// would soon be dropped.
@@ -51,8 +51,8 @@ class FusionWorker {
   /// settings: from the next bracket on. most: images that may wait.
   void configure(const FusionSettings& settings, const BracketConfig& config, std::size_t most);
 
-  /// See BracketAssembler.
-  void announce(std::uint32_t bracket_id);
+  /// A message of rgb/focus has come; its frame may come much later.
+  void announce(const FocusFrame& focus);
   void add(const BracketFrame& frame);
   /// Time went back: ends the open bracket. The next one begins as the first one after the start did.
   void restart();
@@ -96,7 +96,7 @@ class FusionWorker {
   void handle(const Task& task);
   void handleFrame(const Task& task);
   void open(const Task& first);
-  void begin(const sensor_msgs::Image& first);
+  void awaitScene(const sensor_msgs::Image& first);
   void beginBracket();
   FrameStatus fuse(const Task& task);
   void findWhite(const cv::Mat& bgr);
