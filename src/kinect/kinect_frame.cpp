@@ -82,7 +82,7 @@ sensor_msgs::ImagePtr toImage(const KinectFrame& frame, const std_msgs::Header& 
   }
   if (frame.mode.mirrored) cv::flip(image.mat, image.mat, 1);
   for (const int value : invalid_values) {
-    if (layout.is_depth) setToUnknown(image.mat, value);
+    if (layout.is_depth) image.mat.setTo(0, image.mat == value);
   }
   return image.take();
 }

@@ -63,17 +63,6 @@ cv::Mat wrap(const sensor_msgs::Image& image, int type) {
                  const_cast<std::uint8_t*>(image.data.data()), image.step);
 }
 
-// A whole row at a time without early exit: the compiler vectorises it.
-bool contains(const cv::Mat& mm, std::uint16_t value) {
-  for (int y = 0; y < mm.rows; ++y) {
-    const auto* row = mm.ptr<std::uint16_t>(y);
-    unsigned found = 0;
-    for (int x = 0; x < mm.cols; ++x) found |= row[x] == value;
-    if (found) return true;
-  }
-  return false;
-}
-
 // Comparisons with NaN are false: it becomes 0 like all that is out of range.
 cv::Mat metresToMm(const cv::Mat& m) {
   cv::Mat mm(m.size(), CV_16UC1);
@@ -104,10 +93,11 @@ DepthImage toDepth(const sensor_msgs::ImageConstPtr& message, const std::vector<
   depth.mm = millimetres ? wrap(*message, CV_16UC1) : metresToMm(wrap(*message, CV_32FC1));
   bool shared = millimetres;
   for (const int value : invalid_values) {
-    if (value <= 0 || value > 65535 || !contains(depth.mm, static_cast<std::uint16_t>(value))) continue;
+    const cv::Mat invalid = depth.mm == value;
+    if (value == 0 || cv::countNonZero(invalid) == 0) continue;
     if (shared) depth.mm = depth.mm.clone();
     shared = false;
-    setToUnknown(depth.mm, value);
+    depth.mm.setTo(0, invalid);
   }
   if (shared) depth.owner = message;
   return depth;
@@ -129,15 +119,6 @@ cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const 
   } catch (const cv::Exception&) {
   }
   fail(topic, "no colour can be made of encoding \"" + image->encoding + remedy);
-}
-
-void setToUnknown(cv::Mat& mm, int value) {
-  if (value <= 0 || value > 65535) return;
-  const auto unknown = static_cast<std::uint16_t>(value);
-  for (int y = 0; y < mm.rows; ++y) {
-    auto* row = mm.ptr<std::uint16_t>(y);
-    for (int x = 0; x < mm.cols; ++x) row[x] = row[x] == unknown ? 0 : row[x];
-  }
 }
 
 void requireSize(const DepthImage& depth, const Camera& camera, const std::string& topic,

@@ -40,9 +40,6 @@ struct DepthImage {
 DepthImage toDepth(const sensor_msgs::ImageConstPtr& message, const std::vector<int>& invalid_values,
                    const std::string& topic);
 
-/// Depth of this value, mm, becomes 0. mm: CV_16UC1.
-void setToUnknown(cv::Mat& mm, int value);
-
 /// Throws unless the depth image has the size that its camera is calibrated for.
 void requireSize(const DepthImage& depth, const Camera& camera, const std::string& topic,
                  const std::string& info_topic);

@@ -14,12 +14,9 @@ constexpr std::size_t kFewestWaiting = 4;            ///< images that may wait h
 constexpr int kMostWaiting = 1000;  ///< images, however small they are: the largest ~queue_size
 
 /// How many images of this size may wait: fewer of large ones, so that memory stays limited.
-inline std::size_t imageLimit(std::size_t most, std::size_t image_bytes) {
-  const std::size_t fitting = kMaxWaitingBytes / std::max<std::size_t>(image_bytes, 1);
-  return std::min(most, std::max(kFewestWaiting, fitting));
-}
 inline std::size_t imageLimit(std::size_t most, const sensor_msgs::Image& image) {
-  return imageLimit(most, image.data.size());
+  const std::size_t fitting = kMaxWaitingBytes / std::max<std::size_t>(image.data.size(), 1);
+  return std::min(most, std::max(kFewestWaiting, fitting));
 }
 
 /// Whether images that wait take too much memory: then the least needed one goes.
