@@ -185,7 +185,8 @@ def test_help_of_every_program():
 
 
 READERS = {"focus_bracket_camera": ["camera/bracket_node.py"], "image_folder_camera": ["camera/folder_node.py"],
-           "replay_bag": ["replay/over_and_over.py"], "depth_file_camera": [], "rig_publisher": []}
+           "replay_bag": ["replay/over_and_over.py"], "capture": ["camera/capture_node.py"], "depth_file_camera": [],
+           "rig_publisher": []}
 
 
 @pytest.mark.parametrize("name", READERS)

@@ -16,6 +16,7 @@ from all_in_focus.camera.interface import CameraError
 from all_in_focus.camera.makers import MAKERS, maker_of
 from all_in_focus.camera.session import CURRENT, FAR, MOTOR, NEAR, NONE, Config, Session
 from all_in_focus.msg import FocusPlan
+from all_in_focus.srv import Shoot, ShootResponse
 
 LONGEST_CHECK = 0.5  # s; a request waits for a check of the camera, but not for a bracket
 
@@ -74,8 +75,9 @@ class FocusBracketCamera:
         self._diagnostics = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=1)
         if self._session.scale:
             rospy.Subscriber("segmentation/focus_plan", FocusPlan, self._on_plan, queue_size=1)
-        rospy.Service("~bracket", Trigger, lambda _: self._answer(False))
-        rospy.Service("~bracket_planned", Trigger, lambda _: self._answer(True))
+        rospy.Service("~bracket", Trigger, lambda _: self._answer_trigger(False))
+        rospy.Service("~bracket_planned", Trigger, lambda _: self._answer_trigger(True))
+        rospy.Service("~shoot", Shoot, self._answer_shoot)
 
     def run(self):
         """Until shutdown: shoot brackets at the rate, and check the connection between them."""
@@ -92,7 +94,7 @@ class FocusBracketCamera:
                 if self._rate and self._session.connected and now >= next_bracket and self._frames.has_listeners():
                     next_bracket = max(next_bracket + 1 / self._rate, now)
                     with self._lock:
-                        self._shoot(self._planned)
+                        self._shoot(self._planned, (), [])
                 time.sleep(0.02)
         finally:
             with self._lock:
@@ -133,17 +135,29 @@ class FocusBracketCamera:
     def _report_ready(self):
         self._report("ready: " + self._session.description, DiagnosticStatus.OK)
 
-    def _answer(self, planned):
+    def _answer_trigger(self, planned):
+        answer = self._answer(planned, ())
+        return TriggerResponse(answer.success, answer.message)
+
+    def _answer_shoot(self, request):
+        if not self._frames.has_listeners():
+            return ShootResponse(message=f"nobody listens to {rospy.resolve_name('rgb/image')}")
+        return self._answer(request.planned, request.focus_distance)
+
+    def _answer(self, planned, distances):
         if not self._lock.acquire(timeout=LONGEST_CHECK):
-            return TriggerResponse(False, "the camera is shooting or being looked for: ask again in a moment")
+            return ShootResponse(message="the camera is shooting or being looked for: ask again in a moment")
         try:
-            return TriggerResponse(*self._shoot(planned))
+            bracket_id, frames = self._bracket_id, []
+            success, message = self._shoot(planned, distances, frames)
+            return ShootResponse(success, message, len(frames), bracket_id)
         finally:
             self._lock.release()
 
-    def _shoot(self, planned):
-        """(success, message)"""
-        released, published = [], []
+    def _shoot(self, planned, distances, published):
+        """(success, message). distances: in m, empty: as planned, or as the node is set; published: gets the index of each
+        frame."""
+        released = []
 
         def focus_of(shot):
             if rospy.is_shutdown():
@@ -161,12 +175,12 @@ class FocusBracketCamera:
         try:
             if not self._session.connected:
                 return False, self._status
-            if planned:
-                missing = self._why_no_plan()
+            if planned or distances:
+                missing = self._why_no_table() or (planned and self._why_no_plan())
                 if missing:
                     self._report(missing)
                     return False, missing
-                self._session.shoot_planned(self._plan.focus_distance, publish, on_release)
+                self._session.shoot_planned(self._plan.focus_distance if planned else distances, publish, on_release)
             else:
                 self._session.shoot(publish, on_release)
         except (CameraError, FocusLimit, rospy.ROSException) as error:
@@ -187,9 +201,10 @@ class FocusBracketCamera:
                 rospy.logwarn("%s", warning)
         self._last_warnings = warnings or self._last_warnings
 
+    def _why_no_table(self):
+        return "" if self._session.scale else "no ~focus_table: the focus distances of the steps are unknown"
+
     def _why_no_plan(self):
-        if self._session.scale is None:
-            return "no ~focus_table: the focus distances of the steps are unknown"
         if self._plan is None:
             return f"no plan has come on {rospy.resolve_name('segmentation/focus_plan')} yet"
         return "" if self._plan.focus_distance else "the plan is empty: no region has a depth"

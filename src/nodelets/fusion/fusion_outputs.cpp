@@ -3,6 +3,7 @@
 
 #include "fusion_outputs.hpp"
 
+#include <all_in_focus/Progress.h>
 #include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/image_encodings.h>
@@ -27,6 +28,7 @@ namespace {
 
 constexpr int kQueueSize = 10;          // images that a slow subscriber may lag behind without losing one
 constexpr int kReportQueueSize = 1000;  // reports are small; those of brackets without images come in bursts
+constexpr int kProgressQueueSize = 64;  // frames, which are small, and now and then a result
 
 sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
                               const cv::Mat& image) {
@@ -63,6 +65,9 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeStatus& status, const std
   confidence_ = advertise(sensor_msgs::Image(), "all_in_focus/confidence");
   info_ = advertise(sensor_msgs::CameraInfo(), "all_in_focus/camera_info");
   report_ = advertise(FusionReport(), "all_in_focus/report", kReportQueueSize);
+  // Not latched: of what is latched nobody knows whether it is new.
+  progress_ = nh.advertise<Progress>(status.addOutput("all_in_focus/progress"), kProgressQueueSize,
+                                     on_connect, on_connect);
   const auto on_listener = [this, connect](const ros::SingleSubscriberPublisher& listener) {
     connect();
     publishPoints([&listener](const sensor_msgs::PointCloud2& cloud) { listener.publish(cloud); });
@@ -90,14 +95,22 @@ std::string FusionOutputs::askedInVain(const FusedBracket& bracket, const cv::Ma
 
 bool FusionOutputs::wanted() const {
   const auto outputs = {&image_,      &weights_, &depth_,  &depth_restored_, &source_index_,
-                        &confidence_, &info_,    &points_, &report_};
+                        &confidence_, &info_,    &points_, &report_,         &progress_};
   return std::any_of(outputs.begin(), outputs.end(),
                      [](const ros::Publisher* output) { return output->getNumSubscribers() > 0; });
+}
+
+void FusionOutputs::tell(const FocusFrame& frame) {
+  Progress progress;
+  progress.frame = frame;
+  progress_.publish(progress);
 }
 
 void FusionOutputs::publish(const FusedBracket& bracket) {
   const std_msgs::Header& header = bracket.report->header;
   const BracketResult& result = bracket.result;
+  const auto progress = boost::make_shared<Progress>();
+  const bool has_progress = progress_.getNumSubscribers() > 0;
   cv::Mat mm;
   if (!result.image.empty()) {
     // The camera comes first: rviz's DepthCloud drops images that come before it.
@@ -116,18 +129,32 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
     cv::cvtColor(weights, weights, cv::COLOR_BGR2RGB);
     weights_.publish(toImage(header, enc::RGB8, weights));
     mm = depthOf(bracket);
-    depth_.publish(toImage(header, enc::TYPE_16UC1, mm));
-    if (!result.restored_depth.empty())
-      depth_restored_.publish(toImage(header, enc::TYPE_16UC1, result.restored_depth));
+    sensor_msgs::ImagePtr depth = toImage(header, enc::TYPE_16UC1, mm);
+    depth_.publish(depth);
+    if (!result.restored_depth.empty()) {
+      depth = toImage(header, enc::TYPE_16UC1, result.restored_depth);
+      depth_restored_.publish(depth);
+    }
     {
       std::lock_guard<std::mutex> lock(mutex_);
       latest_ = {image, result.restored_depth.empty() ? mm : result.restored_depth, bracket.camera};
     }
-    if (points_.getNumSubscribers() > 0)
-      publishPoints([this](const sensor_msgs::PointCloud2& cloud) { points_.publish(cloud); });
+    if (points_.getNumSubscribers() > 0) {
+      publishPoints([&](const sensor_msgs::PointCloud2& cloud) {
+        points_.publish(cloud);
+        if (has_progress) progress->points = cloud;
+      });
+    }
+    if (has_progress) {
+      progress->image = *image;
+      progress->depth = *depth;
+    }
   }
   status_->setValue("asked for in vain", askedInVain(bracket, mm));
   report_.publish(bracket.report);
+  progress->is_result = 1;
+  progress->report = *bracket.report;
+  progress_.publish(progress);
 }
 
 // Nothing where there is no result yet, or no calibration.

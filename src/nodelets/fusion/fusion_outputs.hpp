@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <all_in_focus/FocusFrame.h>
 #include <all_in_focus/FusionReport.h>
 #include <ros/ros.h>
 #include <sensor_msgs/CameraInfo.h>
@@ -34,6 +35,8 @@ class FusionOutputs {
   void advertise(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect);
   /// Whether anybody subscribes.
   bool wanted() const;
+  /// Which frame of which bracket has come.
+  void tell(const FocusFrame& frame);
   void publish(const FusedBracket& bracket);
 
  private:
@@ -43,7 +46,7 @@ class FusionOutputs {
 
   NodeStatus* status_ = nullptr;
   ros::Publisher image_, weights_, depth_, depth_restored_, source_index_, confidence_, info_, points_,
-      report_;
+      report_, progress_;
 
   /// What a cloud is made of.
   struct Latest {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <stdexcept>
 #include <string>
@@ -122,6 +123,18 @@ void FusionWorker::add(const BracketFrame& frame) {
   }
 }
 
+FocusFrame FusionWorker::focusFrame(const Task& task) {
+  FocusFrame frame;
+  frame.header = task.header;
+  frame.bracket_id = task.step.bracket_id;
+  frame.index = static_cast<std::uint32_t>(task.step.index);
+  frame.count = static_cast<std::uint32_t>(task.step.length);
+  frame.last = task.step.last;
+  frame.focus_distance =
+      task.frame.focus ? task.frame.focus->focus_distance : std::numeric_limits<double>::quiet_NaN();
+  return frame;
+}
+
 // Holds mutex_.
 void FusionWorker::push(Task task) {
   tasks_.push_back(std::move(task));
@@ -134,6 +147,7 @@ std::vector<sensor_msgs::ImageConstPtr> FusionWorker::append(Task& task, const F
   task.step = assembler_.add(info);
   if (!task.step.use) return dropped;
   if (task.step.begin) scenes_.pin(task.header.stamp);  // before the worker asks for the scene
+  outputs_.tell(focusFrame(task));                      // before the result
   push(task);
   for (Waiting now = waiting(); now.images > most_ || areTooMany(now.images, now.bytes); now = waiting())
     dropped.push_back(dropOldest());

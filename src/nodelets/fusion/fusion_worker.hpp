@@ -82,6 +82,7 @@ class FusionWorker {
   struct OpenBracket;
 
   // Any thread.
+  static FocusFrame focusFrame(const Task& task);
   void push(Task task);
   std::vector<sensor_msgs::ImageConstPtr> append(Task& task, const FrameInfo& info);
   Waiting waiting() const;
