@@ -173,6 +173,8 @@ WARNINGS = {
         message.header, "stamp", genpy.Time(1))), "brackets", "1 of 4 colour images have no message of the same stamp"),
     "frame missing": (lambda m: [entry for entry in m if entry[2] != START + 0.2], "brackets",
                       "1 of 4 frames are missing, the first is 2"),
+    "first picture missing": (lambda m: [entry for entry in m if entry[::2] != ["/rgb/image", START]], "brackets",
+                              "1 of 4 frames are missing, the first is 0"),
     "counts": (changed("/rgb/focus", lambda message, number: setattr(message, "count", 4 + number % 2)), "brackets",
                "count is 4 and 5"),
     "raw Kinect": (depth(np.where(np.arange(SIZE[0]) < 20, 2047, depth_image())), "depth values",

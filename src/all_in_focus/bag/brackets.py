@@ -66,7 +66,7 @@ def assemble(scan, rules, usable_depth):
     """Brackets of a Scan. usable_depth: heads of the depth images that the nodes do not refuse."""
     if scan.focus:
         pairs, unpaired, stray = _pair(scan)
-        found, refused = _by_focus(pairs)
+        found, refused = _by_focus(pairs, {focus.bracket_id for focus in stray if focus.index == 0})
     else:
         found, unpaired, stray, refused = _by_gap(scan.rgb, rules), [], [], []
     places = {head.order: place for place, head in enumerate(scan.rgb)}
@@ -102,12 +102,14 @@ def _pair(scan):
     return pairs, unpaired, [small.message for smalls in waiting_focus.values() for small in smalls]
 
 
-def _by_focus(pairs):
-    """Brackets of frames with focus messages: does what src/nodelets/fusion/bracket_assembler.cpp does."""
+def _by_focus(pairs, announced):
+    """Brackets of frames with focus messages: does what src/nodelets/fusion/bracket_assembler.cpp does. announced: numbers of
+    brackets whose first frame has lost its picture only."""
     brackets, refused, is_open, skipped = [], [], False, None
     for head, focus in pairs:
         same = bool(brackets) and focus.bracket_id == brackets[-1].number
-        unseen = not brackets and skipped is None  # the bracket began before the recording
+        # The bracket began before the recording.
+        unseen = not brackets and skipped is None and focus.bracket_id not in announced
         late = same and (not is_open or focus.index <= brackets[-1].frames[-1].index)
         if focus.index >= MAX_FRAMES or focus.index and (unseen or focus.bracket_id == skipped or late):
             skipped = focus.bracket_id if unseen else skipped
