@@ -6,6 +6,7 @@ import re
 import cv2
 import numpy as np
 import pytest
+import yaml
 from evaluate_helpers import make_scene, results
 from file_helpers import call
 from skimage.metrics import structural_similarity
@@ -156,7 +157,8 @@ def test_roughness_of_known_maps():
 def test_lists_of_methods():
     assert methods.split("paper,refined:-alignment,gain,gf+ecc,refined:no-depth,oracle") == [
         "paper", "refined:-alignment,gain", "gf+ecc", "refined:no-depth", "oracle"]
-    for name in ("single", "gf+ecc", "refined:optics+20", "refined:shift5", "paper:no-depth", "mine"):
+    for name in ("single", "gf+ecc", "refined:optics+20", "refined:shift5", "paper:no-depth", "restored:frames",
+                 "restored:no-depth+aperture*4", "refined:focus-reversed", "mine"):
         assert callable(methods.find(name, {"mine": "true"}, "fuse_stack"))
     for name in ("median", "single+ecc", "refined:", "refined:optics", "gf:no-depth", ""):
         with pytest.raises(ValueError, match=f"no method is named '{re.escape(name)}'"):
@@ -176,6 +178,10 @@ def test_bounds_know_the_truth(scenes):
     ("refined", "no-depth", ["--focus"], ["--depth", "--rig"]),
     ("restored", "no-depth", ["--focus", "--rig", "--mode restored", "--save-depth"], ["--depth"]),
     ("refined", "optics-20", ["--rig", "--depth", "--optics 40,1.8,0.03"], []),
+    ("restored", "frames", ["--stack"], ["--rig", "--focus", "--depth", "--optics", "--save-depth"]),
+    ("restored", "aperture*4", ["--rig", "--depth", "--optics 50,7.2,0.03"], []),
+    ("restored", "no-depth+aperture*0.5", ["--rig", "--optics 50,0.9,0.03"], ["--depth"]),
+    ("refined", "focus-reversed", ["--depth", "wrong_focus.yaml"], []),
 ])
 def test_variants_of_fuse_stack(scenes, tmp_path, mode, variant, expected, hidden):
     said = methods.fuse_stack_command(mode, variant, "fuse_stack", scene_at(scenes / "still"), str(tmp_path))
@@ -189,6 +195,17 @@ def test_shifted_depth(tmp_path):
     methods.shifted(str(tmp_path / "z.png"), 2, str(tmp_path / "moved.png"))
     moved = cv2.imread(str(tmp_path / "moved.png"), cv2.IMREAD_UNCHANGED)
     assert not moved[:, :2].any() and np.array_equal(moved[:, 2:], depth[:, :4])
+
+
+@pytest.mark.parametrize("wrong, expected", [
+    ("focus-reversed", [2000, 1000, 500]), ("focus*4", [2000, 4000, 8000]), ("focus-late", [1 / 0.003, 500, 1000]),
+    ("focus-early", [1000, 2000, 1e6])])
+def test_wrong_focus_distances(tmp_path, wrong, expected):
+    frames = [{"file": name, "focus_mm": focus} for name, focus in (("a", 500), ("b", 1000), ("c", 2000))]
+    (tmp_path / "focus.yaml").write_text(yaml.safe_dump({"frames": frames}))
+    methods.write_wrong_focus(tmp_path / "focus.yaml", wrong, tmp_path / "wrong.yaml")
+    written = yaml.safe_load((tmp_path / "wrong.yaml").read_text())
+    assert [frame["focus_mm"] for frame in written["frames"]] == pytest.approx(expected)
 
 
 # --- the suites -------------------------------------------------------------------------------------------------------

@@ -1,13 +1,16 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Mode restored of fuse_stack: nearer to the truth than refined, depth of its own, or refined where something is missing."""
+import re
+
 import numpy as np
 import pytest
+import yaml
 
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import load_focus
 from all_in_focus_lab.metrics.truth import Truth, blur_per_inverse_depth, depth_errors, psnr
-from tool_helpers import (expect_refusal, fuse_stack, made_scene, read, read_report, succeeded, without_timings)
+from tool_helpers import (expect_refusal, fuse_stack, made_scene, read, read_report, succeeded)
 
 
 @pytest.fixture(scope="module")
@@ -33,28 +36,54 @@ def test_restored_is_nearer_to_the_truth_and_brings_its_depth(scene, tmp_path):
     assert psnr(restored, truth.image) > psnr(refined, truth.image) + 0.4
     assert report["mode"] == "restored" and report["blur_scale"] == pytest.approx(1, abs=0.1)
     assert report["timing_names"] == ["depth", "segmentation", "fusion", "restoration"]
-    assert not any("restored" in note or "optics say" in note for note in report["notes"])
+    assert not any("restored" in note or "predicts" in note for note in report["notes"])
     depth, true_depth = read(tmp_path / "depth.png"), read(scene / "truth_depth.png")
     assert depth.dtype == np.uint16 and depth.shape == true_depth.shape and depth.all()
     assert np.mean(np.abs(depth / true_depth - 1) < 0.1) > 0.85
 
 
-@pytest.mark.parametrize("missing, depth, focus", [
-    ("the focus distances are unknown", True, False), ("the pixel pitch is unknown", False, True)])
-def test_without_optics_or_focus_it_says_so_and_is_refined(scene, tmp_path, missing, depth, focus):
-    refined, of_refined = fuse(scene, tmp_path, "refined", depth=depth, focus=focus)
-    restored, report = fuse(scene, tmp_path, "restored", depth=depth, focus=focus)
-    assert np.array_equal(restored, refined)
-    said = [note for note in report["notes"] if note.startswith("not restored: ")]
-    assert len(said) == 1 and missing in said[0] and "fuse_stack: note: " + said[0] in report["said"]
-    report["notes"].remove(said[0])
-    assert without_timings(dict(report, said="")) == without_timings(dict(of_refined, said=""))
+def test_the_frames_alone_are_enough(tmp_path):
+    scene = made_scene("--scene", "occluders", "--frames", 8, "--size", "400x300")
+    alone = ["--stack", scene / "stack", "--output", tmp_path / "fused.png", "--report", tmp_path / "report.json"]
+    pictures = {}
+    for mode in ("refined", "restored"):
+        succeeded(fuse_stack(*alone, "--mode", mode))
+        pictures[mode] = read(tmp_path / "fused.png")
+    truth, report = Truth.load(scene), read_report(tmp_path / "report.json")
+    assert report["mode"] == "restored" and report["blur_scale"] == 0 and report["optics"] is None
+    assert psnr(pictures["restored"], truth.image, truth.edges) > psnr(pictures["refined"], truth.image, truth.edges) + 0.2
+    assert psnr(pictures["restored"], truth.image) > psnr(pictures["refined"], truth.image)
 
 
-def test_wrong_optics_are_said(scene, tmp_path):
-    _, report = fuse(scene, tmp_path, "restored", "--optics", "50,2,0.03")
-    assert report["blur_scale"] == pytest.approx(2 / 2.8, abs=0.1)
-    assert any("times as much as the optics say" in note for note in report["notes"])
+@pytest.mark.parametrize("factor, depth", [(4, True), (0.25, True), (4, False)])
+def test_a_wrong_f_number_is_said_and_made_up_for(scene, tmp_path, factor, depth):
+    refined, _ = fuse(scene, tmp_path, "refined")
+    optics = f"50,{2.8 * factor:g},0.03"
+    rig = [] if depth else ["--rig", scene / "rig"]
+    restored, report = fuse(scene, tmp_path, "restored", "--optics", optics, *rig, depth=depth)
+    assert report["blur_scale"] == pytest.approx(factor, rel=0.1)
+    way = "more" if factor > 1 else "less"
+    expected = rf"the frames are blurred [34].?.? times {way} than 50 mm at F .* predicts: was it F [23].?.?\?"
+    said = [note for note in report["notes"] if re.fullmatch(expected, note)]
+    assert len(said) == 1, report["notes"]
+    truth = Truth.load(scene)
+    assert psnr(restored, truth.image) > psnr(refined, truth.image) - 0.05
+
+
+def test_focus_distances_in_reverse_order_are_said_and_cost_refined_nothing(scene, tmp_path):
+    listed = yaml.safe_load((scene / "focus.yaml").read_text())
+    for frame, focus in zip(listed["frames"], [frame["focus_mm"] for frame in listed["frames"]][::-1]):
+        frame["focus_mm"] = focus
+    (tmp_path / "reversed.yaml").write_text(yaml.safe_dump(listed))
+    wrong = ["--focus", tmp_path / "reversed.yaml"]
+    without_depth, _ = fuse(scene, tmp_path, "refined", depth=False, focus=False)
+    refined, said = fuse(scene, tmp_path, "refined", *wrong, focus=False)
+    truth = Truth.load(scene)
+    assert psnr(refined, truth.image) > psnr(without_depth, truth.image) - 0.1
+    assert any("contradict" in note or "reverse order" in note for note in said["notes"])
+    restored, said = fuse(scene, tmp_path, "restored", *wrong, focus=False)
+    assert psnr(restored, truth.image) > psnr(refined, truth.image) + 0.2
+    assert any("in reverse order" in note for note in said["notes"])
 
 
 def test_without_depth_it_is_found_from_the_bracket(scene, tmp_path):

@@ -106,6 +106,8 @@ struct FusionResult {
   cv::Mat confidence;    ///< CV_8UC1, margin of the choice, 0..255
   std::vector<RegionChoice> regions;  ///< by label; empty without labels
   std::vector<std::string> notes;     ///< for the user: regions that are sharp in no frame
+  std::vector<std::string>
+      lens_notes;  ///< for the user: what the frames say against f-number and focus distances
 };
 
 }  // namespace all_in_focus::core

@@ -437,8 +437,11 @@ BracketResult Bracket::finish(const Progress& progress) {
   result.fusion_ms += watch.lap();
   if (restores()) {
     restore(progress, result);
+    // Restoration has asked all frames, not only those before the reference.
+    if (result.fused_by == FusedBy::kRestored) result.lens_notes.clear();
     result.restoration_ms = watch.lap();
   }
+  result.notes.insert(result.notes.end(), result.lens_notes.begin(), result.lens_notes.end());
   return result;
 }
 
@@ -454,10 +457,14 @@ void Bracket::restore(const Progress& progress, BracketResult& result) const {
     const std::optional<RestorationResult> restored = restoration_->restore(result.image, progress);
     result.stopped = !restored;
     if (!restored) return;
-    result.image = restored->image;
-    result.restored_depth = restored->depth;
     result.blur_scale = restored->blur_scale;
     result.notes.insert(result.notes.end(), restored->notes.begin(), restored->notes.end());
+    if (!restored->refusal.empty()) {
+      result.notes.push_back("not restored: " + restored->refusal);
+      return;
+    }
+    result.image = restored->image;
+    result.restored_depth = restored->depth;
     result.fused_by = FusedBy::kRestored;
   } catch (const std::exception& e) {
     if (settings_.strict) throw;

@@ -352,7 +352,11 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
   };
   save("save-registered", result.filled, "depth: give --depth or --registered-depth");
   save("save-measured", result.registered, "depth: give --depth or --registered-depth");
-  save("save-depth", bracket.restored_depth, "depth from the bracket: only --mode restored estimates it");
+  if (mode != Mode::kRestored || !bracket.restored_depth.empty()) {
+    save("save-depth", bracket.restored_depth, "depth from the bracket: only --mode restored estimates it");
+  } else if (!textOption(values, "save-depth").empty()) {
+    context.notes.emplace_back("--save-depth: nothing is written, for no depth in mm was found");
+  }
   const bool wants_labels = !textOption(values, "save-labels").empty();
   save("save-labels",
        wants_labels && !result.segmentation.labels.empty() ? labels16(result.segmentation.labels) : cv::Mat(),

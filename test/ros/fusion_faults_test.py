@@ -67,7 +67,7 @@ class AnnouncedLateFramesTest(LateFrames):
             stamp, bracket = next(STAMPS), next(BRACKET_IDS)
             self.send_depth(stamp - 0.5, stamp + DEPTH_PERIOD)
             for index, frame in enumerate(FRAMES):
-                focus = FocusFrame(bracket_id=bracket, index=index, count=len(FRAMES), focus_distance=frame[1])
+                focus = FocusFrame(bracket_id=bracket, index=index, count=len(FRAMES), focus_distance=frame[0])
                 focus.header.stamp, focus.header.frame_id = rospy.Time.from_sec(stamp + index * PERIOD), 'color'
                 self.focus.say(focus)
             self.send_depth(stamp + DEPTH_PERIOD, stamp + late)

@@ -30,13 +30,12 @@ class RestoredTest(RefinedTest):
         return [self.report(stamp + AT_REFERENCE) for stamp in stamps]
 
     def test_the_result_is_that_of_files(self):
-        self.focal_px = 1000.0  # blur of some pixels by the optics, too
         stamp = self.fuse()
         report = self.report(stamp + AT_REFERENCE)
         self.assertEqual([report.mode, report.frames_used, report.reference], ['restored', len(FRAMES), MIDDLE], report.notes)
         self.assertEqual(list(report.timing_names), ['scene_wait', 'fusion', 'restoration'])
         self.assertGreater(report.blur_scale, 0)
-        self.assert_pixels(stamp, 'restored', focal_px=self.focal_px)
+        self.assert_pixels(stamp, 'restored')
         depth, image = (self.outputs[name].at(stamp + AT_REFERENCE) for name in ('depth_restored', 'image'))
         self.assertEqual([depth.encoding, depth.header.frame_id], ['16UC1', image.header.frame_id])
         self.acknowledged(stamp + INDICES[-1] * PERIOD)
@@ -119,20 +118,20 @@ class RestoredTest(RefinedTest):
         self.assertEqual(report.mode, 'restored', report.notes)
         self.assertIn('brackets published', answer.message)
 
-    def test_without_focus_distances_it_says_so_and_is_refined(self):
+    def test_without_focus_distances_the_frames_alone_are_used(self):
         stamp = self.fuse(focus_distance=float('nan'))
         report = self.report(stamp + AT_REFERENCE)
-        self.assertEqual(report.mode, 'refined')
-        self.assert_noted(report, 'not restored: the focus distances are unknown')
-        self.assert_pixels(stamp, 'refined', focus=False)
+        self.assertEqual(report.mode, 'restored', report.notes)
+        self.assertEqual(report.blur_scale, 0)
+        self.assert_pixels(stamp, 'restored', focus=False)
         self.assertIsNone(self.outputs['depth_restored'].at(stamp + AT_REFERENCE, 0.2))
 
-    def test_without_optics_it_says_so_and_is_refined(self):
+    def test_without_optics_the_frames_tell_the_blur(self):
         self.expect_scene('depth_registered/image', 'depth_registered/image_raw', 'rgb/optics')
         stamp = self.fuse()
         report = self.report(stamp + AT_REFERENCE)
-        self.assertEqual(report.mode, 'refined')
-        self.assert_noted(report, 'not restored: the pixel pitch is unknown')
+        self.assertEqual(report.mode, 'restored', report.notes)
+        self.assertEqual(report.blur_scale, 0)
 
     def test_sliding_is_refined_and_says_so(self):
         self.reconfigure(bracket_mode='sliding')

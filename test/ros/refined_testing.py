@@ -6,27 +6,37 @@ import itertools
 import tempfile
 from pathlib import Path
 
+import cv2
 import numpy as np
 from sensor_msgs.msg import CameraInfo, Image
 
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.msg import Optics as OpticsMessage
+from all_in_focus_lab.simulation import lens
 from depth_testing import FAR_MM, HEIGHT, NEAR_MM, WIDTH, camera_info, image_message, two_planes, wait_until
-from fusion_testing import BRACKET_IDS, OPTICS, PERIOD, FusionTest, array_of, colour_message, picture
+from fusion_testing import BRACKET_IDS, OPTICS, PERIOD, FusionTest, array_of, colour_message
 from tool_helpers import read, run_tool, succeeded, write
 
 STAMPS = itertools.count(200000, 10)
-# The frames of a bracket: what is sharp, where the lens is focused [m], how bright the frame is.
-FRAMES = (('none', 0.7, 1.0), ('near', NEAR_MM / 1000, 0.9), ('none', 1.5, 0.8), ('far', FAR_MM / 1000, 0.7), ('none', 9.0, 0.6))
+# The frames of a bracket: where the lens is focused [m], how bright the frame is.
+FRAMES = ((0.5, 0.96), (NEAR_MM / 1000, 0.9), (1.5, 0.8), (FAR_MM / 1000, 0.7), (9.0, 0.6))
 INDICES = range(len(FRAMES))
 LENS = (OPTICS.focal_length_mm, OPTICS.aperture, OPTICS.circle_of_confusion_mm)
-FOCAL_PX = 50.0  # blur of these frames is less than a pixel by the optics
+FOCAL_PX = 500.0  # discs of blur of up to 5 pixels
 MIDDLE = len(FRAMES) // 2
 
 
+@functools.lru_cache(maxsize=None)
 def pixels(index, enlarged=1):
-    sharp, _, brightness = FRAMES[index]
-    return (picture(sharp) * brightness).astype(np.uint8).repeat(enlarged, axis=0).repeat(enlarged, axis=1)
+    """What LENS makes of two planes with texture; enlarged: so many pixels for one each way."""
+    focus_m, brightness = FRAMES[index]
+    texture = np.random.default_rng(1).integers(20, 236, (HEIGHT // 2, WIDTH // 2, 3)).astype(np.float32)
+    light = (cv2.resize(texture, (WIDTH * enlarged, HEIGHT * enlarged)) / 255) ** 2.2
+    codes = np.empty_like(light)
+    for half, depth_mm in ((np.s_[:, :WIDTH // 2 * enlarged], NEAR_MM), (np.s_[:, WIDTH // 2 * enlarged:], FAR_MM)):
+        disc = lens.disc_kernel(int(lens.blur_levels(lens.blur_circle_px(OPTICS, FOCAL_PX * enlarged, depth_mm, 1000 * focus_m))))
+        codes[half] = 255 * cv2.filter2D(light, -1, disc)[half] ** (1 / 2.2)
+    return (codes * brightness).astype(np.uint8)
 
 
 def another_scene(stamp):
@@ -47,14 +57,14 @@ def _fused_by_files(indices, reference, mode='refined', enlarged=1, focus=True, 
         (folder / 'stack').mkdir()
         for index in indices:
             write(folder / 'stack' / f'{index}.png', pixels(index, enlarged))
-        (folder / 'focus.yaml').write_text('frames:\n' + ''.join(f'- {{file: {i}.png, focus_mm: {FRAMES[i][1] * 1000!r}}}\n'
+        (folder / 'focus.yaml').write_text('frames:\n' + ''.join(f'- {{file: {i}.png, focus_mm: {FRAMES[i][0] * 1000!r}}}\n'
                                                                  for i in indices))
         camera = Camera.pinhole('color', WIDTH, HEIGHT, focal_px, focal_px, WIDTH / 2, HEIGHT / 2)
         optics = Optics(*lens)
         save_rig(str(folder / 'rig'), Rig(camera, camera, np.eye(3), [0.0, 0.0, 0.0], optics, 'color', 'depth'))
         files = {name: folder / (name + '.png') for name in ('image', 'source_index', 'confidence')}
         arguments = ['--focus', folder / 'focus.yaml'] if focus else []
-        if mode == 'restored':
+        if mode == 'restored' and focus:
             files['depth_restored'] = folder / 'depth_restored.png'
             arguments += ['--save-depth', files['depth_restored']]
         succeeded(run_tool('fuse_stack', '--stack', folder / 'stack', '--registered-depth',
@@ -112,7 +122,7 @@ class RefinedTest(FusionTest):
         for index in indices:
             at = stamp + index * PERIOD
             message = replaced[index](at) if index in (replaced or {}) else colour_message(pixels(index), at)
-            yield from self.frame_of(at, message, index=index, **{'focus_distance': FRAMES[index][1], **bracket, **focus})
+            yield from self.frame_of(at, message, index=index, **{'focus_distance': FRAMES[index][0], **bracket, **focus})
 
     def send(self, stamp, *indices, **options):
         for talker, message in self.frames_of(stamp, *indices, **options):

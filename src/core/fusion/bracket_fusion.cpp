@@ -113,6 +113,7 @@ FusionResult BracketFusion::result() const {
         result.regions = summarizeRegions(labels_, result.source_index, result.confidence);
     }
     result.notes = unreachedDistances(scene_, focus_mm_);
+    result.lens_notes = refined_->lensNotes();
   }
   return result;
 }

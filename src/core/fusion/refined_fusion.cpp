@@ -14,6 +14,7 @@
 #include "all_in_focus/codes.hpp"
 #include "fusion/camera_curve.hpp"
 #include "fusion/clipped_lights.hpp"
+#include "optics/lens_fit.hpp"
 #include "util/row_strips.hpp"
 
 namespace all_in_focus::core {
@@ -26,6 +27,18 @@ constexpr size_t kMostHeld = 4;
 // Light of a frame over that of the reference which exposure matching makes equal, with a margin because both
 // measure.
 constexpr double kMostLight = 1.1 * ExposureMatching::kLargestGain;
+
+// Of the copies by which the lens is checked.
+constexpr double kCopyPixels = 40e3;
+constexpr size_t kMostCopies = 12;
+// Share of the blur that right numbers explain at least. Noise and blur of less than a pixel of the copies
+// lower it: then other distances may seem to explain more.
+constexpr double kRight = 0.5;
+
+// A whole number, with which it is quick.
+double shrinkingOf(const cv::Size& size) {
+  return std::round(BlurEvidence::shrinking(size, kCopyPixels));
+}
 
 // Whether two frames may be compared for their noise. Neighbours differ least in blur and motion. But the
 // codec of a video copies noise from frame to frame, so where frames are many, some must lie between.
@@ -70,6 +83,11 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
     center_ = {(scene.camera->cx + 0.5) * scale - 0.5, (scene.camera->cy + 0.5) * scale - 0.5};
     pixel_pitch_mm = scene.calibratedPitch() / scale;
   }
+  focus_factor_ = 1;
+  copies_.clear();
+  copy_step_ = 1;
+  observed_ = 0;
+  lens_notes_.clear();
   predicted_.release();
   lights_.release();
   focus_known_ = false;
@@ -79,13 +97,101 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
   light_.clear();
   predicts_ = config.prediction && !scene.depth.empty() && pixel_pitch_mm > 0;
   if (predicts_) {
-    prediction_ = DefocusPrediction(config.defocus);
-    prediction_.begin(scene.depth, scene.measured, size, scene.optics, pixel_pitch_mm);
-    // Windows of this level and of coarser ones reach farther than depth edges are uncertain.
-    const size_t level = std::max<size_t>(prediction_.textureLevel(), 2) - 1;
-    predicted_ = prediction_.known(SharpnessPyramid::levelSize(size, level));
+    scene_ = scene;
+    pixel_pitch_mm_ = pixel_pitch_mm;
+    beginPrediction();
   }
   alignment_.begin(size, center_);
+}
+
+void RefinedFusion::beginPrediction() {
+  prediction_ = DefocusPrediction(config_.defocus);
+  prediction_.begin(scene_.depth, scene_.measured, size_, scene_.optics, pixel_pitch_mm_);
+  // Windows of this level and of coarser ones reach farther than depth edges are uncertain.
+  const size_t level = std::max<size_t>(prediction_.textureLevel(), 2) - 1;
+  predicted_ = prediction_.known(SharpnessPyramid::levelSize(size_, level));
+}
+
+// Of every frame, or, in a long sweep, at equal steps.
+void RefinedFusion::keepCopy(const cv::Mat& gray, int index, double focus_mm) {
+  if (!predicts_ || std::isnan(focus_mm) || observed_++ % copy_step_ != 0) return;
+  copies_.push_back({index, focus_mm, BlurEvidence::copyOf(gray, shrinkingOf(size_))});
+  if (copies_.size() <= kMostCopies) return;
+  copy_step_ *= 2;
+  std::vector<Copy> left;
+  for (size_t i = 0; i < copies_.size(); i += 2) left.push_back(std::move(copies_[i]));
+  copies_ = std::move(left);
+}
+
+// Whether the frames up to the reference agree with f-number and focus distances. Else those are corrected
+// for the prediction or, where that cannot be done for frames that are still to come, there is none.
+void RefinedFusion::checkLens() {
+  const std::vector<Copy> copies = std::move(copies_);
+  copies_.clear();
+  if (!predicts_ || copies.size() < 2) return;
+  const cv::Size size = copies[0].gray.size();
+  const double shrink = 1 / shrinkingOf(size_);
+  const LightCurve& curve = linear_ ? LightCurve::linear() : LightCurve::srgb();
+  const double mean = cv::mean(copies.back().gray)[0];
+  std::vector<BlurEvidence::Frame> frames;
+  std::vector<FrameBlur> blur;
+  cv::Mat1f sharpest(size, 0.0f), sharpness;
+  cv::Mat fused(size, CV_8UC1);
+  for (const Copy& copy : copies) {
+    const Placement placement =
+        config_.alignment ? alignment_.placement(copy.index, reference_) : Placement();
+    if (!placement.fits) continue;
+    cv::Rect seen({}, size);
+    cv::Mat gray = copy.gray;
+    if (!placement.isIdentity()) {
+      const cv::Rect all = seenThrough(placement, size_, center_);
+      seen &= cv::Rect(
+          cv::Point(static_cast<int>(std::ceil(all.x * shrink)), static_cast<int>(std::ceil(all.y * shrink))),
+          cv::Point(static_cast<int>(all.br().x * shrink), static_cast<int>(all.br().y * shrink)));
+      cv::Matx23d matrix = placement.matrix(center_);
+      for (int i = 0; i < 2; ++i)  // pixels of the copies, whose middles lie elsewhere
+        matrix(i, 2) = shrink * matrix(i, 2) + (1 - shrink) / 2 * (matrix(i, 0) + matrix(i, 1) - 1);
+      cv::warpAffine(copy.gray, gray, matrix, size, cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
+                     cv::BORDER_REPLICATE);
+    }
+    gray.convertTo(gray, CV_32F, mean / std::max(1.0, cv::mean(gray)[0]));
+    cv::Laplacian(gray, sharpness, CV_32F);
+    cv::blur(cv::abs(sharpness), sharpness, {5, 5});
+    const cv::Mat sharper = sharpness >= sharpest;
+    cv::Mat codes;
+    gray.convertTo(codes, CV_8U);
+    codes.copyTo(fused, sharper);
+    sharpness.copyTo(sharpest, sharper);
+    frames.push_back({gray, seen});
+    blur.push_back(frameBlur(scene_.optics, pixel_pitch_mm_ / shrink, 1 / copy.focus_mm));
+  }
+  if (frames.size() < 2) return;
+  cv::Mat1f inverse_depth(size, 0.0f);
+  const cv::Mat& depth = scene_.measured.empty() ? scene_.depth : scene_.measured;
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      const int mm = depth.at<std::uint16_t>(y * depth.rows / size.height, x * depth.cols / size.width);
+      if (mm > 0) inverse_depth(y, x) = 1.0f / static_cast<float>(mm);
+    }
+  }
+  const BlurEvidence evidence(fused, frames, curve, inverse_depth);
+  if (evidence.explained(blur, 1) >= kRight) return;
+  const LensFit fit = fitLens(evidence, blur, true);
+  lens_notes_ = fit.notes(scene_.optics);
+  const bool is_right = !fit.contradicts() && fit.scale == 1 && fit.focus.isNone();
+  const bool drops = fit.contradicts() || !fit.uses_depth ||
+                     (!is_right && (!fit.is_certain || fit.explained < LensFit::kTrusted));
+  if (drops)
+    lens_notes_.assign(1,
+                       "the frames contradict focus distances or f-number: depth and lens data are not used");
+  if (drops || fit.focus.reversed || fit.focus.shift != 0) {
+    predicts_ = false;
+    predicted_.release();
+  } else if (fit.scale != 1 || fit.focus.factor != 1) {
+    focus_factor_ = fit.focus.factor;
+    scene_.optics.aperture /= fit.scale;
+    beginPrediction();
+  }
 }
 
 void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
@@ -98,6 +204,7 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
   light_.observe(gray, index);
   if (config_.alignment) alignment_.observe(gray, index, light_.isOdd(index, kMostLight));
   if (reference_ >= 0) return;
+  keepCopy(gray, index, focus_mm);
   if (!held_.empty() && !areApart(index, held_.front().index)) return;
   const bool is_full = held_.size() == kMostHeld;
   if (!is_full) held_.emplace_back();
@@ -178,6 +285,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     reference_ = index;
     compareWithEarlier(gray);
     held_.clear();
+    checkLens();
     lights_ = clippedLights(gray);
     const bool resampled = config_.alignment && alignment_.moves(reference_);
     mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice, frame.depth() == CV_16U});
@@ -220,7 +328,8 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
       prediction_.addTexture(texture, noise_.sharpness(prediction_.textureLevel()));
-    prediction_.compute(frame.focus_mm, squared_error_);
+    const double focus_mm = focus_factor_ * frame.focus_mm;
+    prediction_.compute(focus_mm > scene_.optics.focal_length_mm ? focus_mm : kUnknownFocus, squared_error_);
     cv::resize(squared_error_, upsampled_error_, size_, 0, 0, cv::INTER_LINEAR);
   }
   const bool is_deep = frame.image.depth() == CV_16U;

@@ -54,6 +54,10 @@ class RefinedFusion {
     on_aligned_ = std::move(callback);
   }
 
+  /// What the frames say against focus distances and f-number, a line each; what the prediction does about it
+  /// is done already.
+  const std::vector<std::string>& lensNotes() const { return lens_notes_; }
+
   cv::Mat image() const { return mean_.image(); }
   const cv::Mat& sourceIndex() const { return mean_.sourceIndex(); }
   cv::Mat confidence() const { return mean_.confidence(); }
@@ -68,12 +72,27 @@ class RefinedFusion {
   bool hasMoved(int index) const;
   void compareWithEarlier(const cv::Mat& reference);
 
+  struct Copy {
+    int index;
+    double focus_mm;
+    cv::Mat gray;  // small, CV_8UC1
+  };
+  void keepCopy(const cv::Mat& gray, int index, double focus_mm);
+  void checkLens();
+  void beginPrediction();
+
   RefinedConfig config_;
   cv::Size size_;
   cv::Point2d center_;
   double focal_length_mm_ = 0;  // 0 = unknown
   bool focus_known_ = false;    // of a frame that was observed
   bool predicts_ = false;
+  BracketScene scene_;         // of the prediction
+  double pixel_pitch_mm_ = 0;  // of the frames
+  double focus_factor_ = 1;    // on the focus distances that were given
+  std::vector<Copy> copies_;   // until the reference comes, at equal steps
+  int copy_step_ = 1, observed_ = 0;
+  std::vector<std::string> lens_notes_;
   cv::Mat predicted_, lights_;   // CV_8UC1, see SharpnessPyramid::Gauge
   std::vector<HeldFrame> held_;  // until the reference comes: the latest first, the first frame last
   NoiseSpectrum noise_;

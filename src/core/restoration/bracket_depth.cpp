@@ -10,7 +10,6 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "restoration/blur_scale.hpp"
 #include "restoration/semi_global_matching.hpp"
 #include "util/row_strips.hpp"
 #include "util/simd.hpp"
@@ -109,6 +108,14 @@ void continueAtBorder(cv::Mat1f& inverse_depth) {
   if (inside.width <= 0 || inside.height <= 0) return;
   cv::copyMakeBorder(inverse_depth(inside).clone(), inverse_depth, kBorder, kBorder, kBorder, kBorder,
                      cv::BORDER_REPLICATE);
+}
+
+// Index of the least of `count` costs, refined to a fraction by a parabola through it and its neighbours.
+double lowest(const std::int16_t* costs, int count) {
+  const int i = static_cast<int>(std::min_element(costs, costs + count) - costs);
+  if (i == 0 || i == count - 1) return i;
+  const double curvature = costs[i - 1] - 2.0 * costs[i] + costs[i + 1];
+  return curvature > 0 ? i + (costs[i - 1] - costs[i + 1]) / (2 * curvature) : i;
 }
 
 }  // namespace

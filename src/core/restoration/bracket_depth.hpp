@@ -4,7 +4,7 @@
 
 #include <opencv2/core.hpp>
 
-#include "restoration/disc_blur.hpp"
+#include "optics/disc_blur.hpp"
 #include "restoration/observed_bracket.hpp"
 
 namespace all_in_focus::core {

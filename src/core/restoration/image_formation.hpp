@@ -6,7 +6,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "restoration/disc_blur.hpp"
+#include "optics/disc_blur.hpp"
 #include "restoration/observed_bracket.hpp"
 
 namespace all_in_focus::core {

@@ -6,7 +6,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "restoration/disc_blur.hpp"
+#include "optics/disc_blur.hpp"
 #include "util/srgb.hpp"
 
 namespace all_in_focus::core {
@@ -17,8 +17,6 @@ struct ObservedFrame {
   cv::Rect seen;    ///< other pixels are not valid
   FrameBlur blur;
 };
-
-constexpr int kCodeScale = 16;
 
 /// A bracket, the picture it was fused to, and its depth. All have one size, one geometry and one exposure.
 struct ObservedBracket {

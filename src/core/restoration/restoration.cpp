@@ -8,13 +8,14 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "all_in_focus/codes.hpp"
 #include "all_in_focus/depth_registration.hpp"
 #include "fusion/noise_estimation.hpp"
-#include "restoration/blur_scale.hpp"
+#include "optics/lens_fit.hpp"
 #include "restoration/bracket_depth.hpp"
 #include "restoration/contours.hpp"
 #include "restoration/image_formation.hpp"
@@ -26,13 +27,23 @@
 namespace all_in_focus::core {
 namespace {
 
-// Deviations of the blur scale from 1: smaller ones may be errors of the measurement; larger ones call for a
-// note.
-constexpr double kNoticeable = 0.03, kUnusual = 0.1;
-constexpr double kLeastCorrection = 0.7, kLargestCorrection = 1.3;
+constexpr double kCopyPixels = 100e3;   // of the copies that tell the blur
+constexpr double kGuessedPx = 3;        // of blur in the copies, over the whole sweep
 constexpr double kRangeMarginPx = 0.5;  // of blur, beyond the depth that was measured
 constexpr double kRangeShare = 0.005;   // of measured pixels that may lie beyond, at each end
 constexpr int kLeastFrames = 2;
+constexpr double kOcclusionPx = 1.5;  // of blur; at smaller jumps little is covered
+constexpr int kBesidePx = 4;          // how far from jumps coverage is looked at
+constexpr int kErrorGrid = 2;         // rows and columns between pixels whose prediction is compared
+constexpr float kMostSquaredError =
+    3 * 900;                        // of a pixel; larger errors are cut, as it may show what no other does
+constexpr double kToldShare = 0.9;  // of a correction; if less is kept, a note says so
+constexpr double kTileSigma = 5;    // px
+// Rise of the error in standard deviations, up to which all of a correction is kept, and at which nothing is.
+constexpr float kWorse = 1, kSurelyWorse = 3;
+constexpr double kModelError = 0.4;  // standard deviation, as a share of the error: depth may be wrong
+constexpr double kTurned =
+    0.93;  // share of the error that must be left, to turn focus distances that were given
 // Pictures are downsampled until the largest blur disc has this radius, for time grows with its area, and to
 // so many pixels, but no further than to so few.
 constexpr double kLargestBlurPx = 8, kMostPixels = 1200e3, kLeastPixels = 400e3;
@@ -109,11 +120,31 @@ InverseDepthRange rangeOf(const ObservedBracket& bracket) {
   return {std::max(0.0f, range.least - margin), range.largest + margin};
 }
 
+// What the frames say about their blur, in copies that are so many times smaller.
+BlurEvidence evidenceOf(const ObservedBracket& bracket, double shrinking) {
+  const auto gray = [&](const cv::Mat& image, double unit) {
+    cv::Mat small, out;
+    cv::cvtColor(BlurEvidence::copyOf(image, shrinking), small, cv::COLOR_BGR2GRAY);
+    small.convertTo(out, unit == 1 ? CV_8U : CV_32F, 1 / unit);
+    return out;
+  };
+  std::vector<BlurEvidence::Frame> frames;
+  for (const ObservedFrame& frame : bracket.frames) {
+    cv::Mat floats;
+    frame.codes.convertTo(floats, CV_32F);
+    frames.push_back({gray(floats, kCodeScale), {}});
+    frames.back().seen = downsampled(frame.seen, bracket.fused.size(), frames.back().gray.size());
+  }
+  cv::Mat1f surfaces;
+  if (!bracket.measured.empty()) {
+    cv::resize(bracket.measured, surfaces, frames[0].gray.size(), 0, 0, cv::INTER_NEAREST);
+  }
+  return BlurEvidence(gray(bracket.fused, 1), frames, *bracket.curve, surfaces);
+}
+
 // Blur of a frame in pictures of that many columns.
 FrameBlur blurOf(const BracketScene& scene, double inverse_depth, int columns) {
-  const double f = scene.optics.focal_length_mm;
-  const double pitch = scene.calibratedPitch() * scene.camera->size.width / columns;
-  return {inverse_depth, f * f / (2 * scene.optics.aperture * pitch) / (1 - f * inverse_depth)};
+  return frameBlur(scene.optics, scene.calibratedPitch() * scene.camera->size.width / columns, inverse_depth);
 }
 
 // The size in which a bracket is restored.
@@ -177,6 +208,94 @@ void keepDark(const cv::Mat3b& fused, cv::Mat3f& correction) {
   });
 }
 
+std::vector<ImageFormation> formationOf(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth) {
+  std::vector<ImageFormation> formation;
+  formation.reserve(bracket.frames.size());
+  for (const ObservedFrame& frame : bracket.frames)
+    formation.emplace_back(inverse_depth, frame.blur, bracket.gap(kJumpPx));
+  updateAll(formation);
+  return formation;
+}
+
+// Squared error of all frames, gray levels, as the lens makes them of a sharp picture: by pixel, of every
+// second row and column where it is asked for; else 0.
+cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
+                           const cv::Mat3f& light, const cv::Mat1b& asked) {
+  const cv::Mat4f sharp = ImageFormation::withMargin(light);
+  cv::Mat1f errors(asked.size(), 0.0f);
+  cv::parallel_for_({0, (asked.rows + 1) / kErrorGrid}, [&](const cv::Range& range) {
+    ImageFormation::Prediction predictions[2];
+    for (int y = kErrorGrid * range.start; y < std::min(asked.rows, kErrorGrid * range.end);
+         y += kErrorGrid) {
+      for (int x = 0; x < asked.cols; x += kErrorGrid) {
+        if (!asked(y, x)) continue;
+        for (std::size_t k = 0; k < formation.size(); ++k) {
+          const ObservedFrame& frame = bracket.frames[k];
+          if (!frame.seen.contains({x, y})) continue;
+          const float own = formation[k].inverseDepth({x, y});
+          formation[k].predict({x, y}, {own, own}, sharp, predictions);
+          float squared = 0;
+          for (int c = 0; c < 3; ++c) {
+            const float difference = bracket.curve->code(predictions[0].light[c]) -
+                                     static_cast<float>(frame.codes(y, x)[c]) / kCodeScale;
+            squared += difference * difference;
+          }
+          errors(y, x) += std::min(squared, kMostSquaredError);
+        }
+      }
+    }
+  });
+  return errors;
+}
+
+// Keeps a correction but where the frames show the given picture, blurred by the lens, better than the
+// corrected one, beyond noise and errors of the depth. Returns the share that is kept.
+double keepWhatFramesShow(const cv::Mat1f& before, const cv::Mat1f& after, cv::Mat3f& correction) {
+  cv::Mat1f rise(after - before), variance, given;
+  cv::GaussianBlur(before, given, {}, kTileSigma);
+  cv::GaussianBlur(rise.mul(rise), variance, {}, kTileSigma / std::sqrt(2));  // squared weights of the mean
+  variance /= 4 * CV_PI * kTileSigma * kTileSigma;
+  variance += kModelError * kModelError * given.mul(given);
+  cv::GaussianBlur(rise, rise, {}, kTileSigma);
+  double all = 0, kept = 0;
+  for (int y = 0; y < rise.rows; ++y) {
+    for (int x = 0; x < rise.cols; ++x) {
+      cv::Vec3f& z = correction(y, x);
+      const double size = cv::norm(z, cv::NORM_L2SQR);
+      if (size == 0) continue;
+      const float deviations = rise(y, x) / std::sqrt(variance(y, x) + 1e-9f);
+      const float keep = std::clamp((kSurelyWorse - deviations) / (kSurelyWorse - kWorse), 0.0f, 1.0f);
+      z *= keep;
+      all += size;
+      kept += keep * size;
+    }
+  }
+  return all > 0 ? kept / all : 1;
+}
+
+// Blur alone does not tell near from far where no depth was measured: what lies as far before the focus as
+// something else behind it looks alike. But near things cover far ones. Turns depth and focus distances round
+// where the frames are explained better so.
+bool orderByOcclusion(ObservedBracket& bracket, cv::Mat1f& inverse_depth, bool order_known) {
+  ObservedBracket turned = bracket;
+  const double sum = bracket.frames.front().blur.inverse_depth + bracket.frames.back().blur.inverse_depth;
+  for (ObservedFrame& frame : turned.frames) frame.blur.inverse_depth = sum - frame.blur.inverse_depth;
+  std::reverse(turned.frames.begin(), turned.frames.end());
+  cv::Mat1f turned_depth(cv::max(static_cast<float>(sum) - inverse_depth, 1e-9f));
+  cv::Mat1b beside;
+  cv::dilate(jumps(inverse_depth, bracket.gap(kOcclusionPx)), beside,
+             cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * kBesidePx + 1, 2 * kBesidePx + 1}));
+  const auto errorOf = [&](const ObservedBracket& one, const cv::Mat1f& depth) {
+    return cv::sum(predictionErrors(one, formationOf(one, depth), one.light, beside))[0];
+  };
+  const double straight = errorOf(bracket, inverse_depth), round = errorOf(turned, turned_depth);
+  if (round >= (order_known ? kTurned : 1) * straight) return false;
+  bracket = turned;
+  inverse_depth = turned_depth;
+  bracket.filled = turned_depth.clone();
+  return true;
+}
+
 void addTo(cv::Mat& image, const cv::Mat3f& correction) {
   cv::Mat3f upsampled = correction;
   if (correction.size() != image.size())
@@ -192,22 +311,22 @@ void BracketRestoration::begin(const BracketScene& scene) {
   if (scene.camera) validate(*scene.camera, "colour camera");
   scene_ = scene;
   size_ = working_size_ = {};
-  focus_unknown_ = linear_ = false;
+  focus_known_ = linear_ = false;
   held_.clear();
 }
 
 void BracketRestoration::add(const AlignedFrame& frame) {
   size_ = frame.image.size();
-  if (std::isnan(frame.focus_mm)) {
-    focus_unknown_ = true;
-    return;
-  }
+  const bool known = !std::isnan(frame.focus_mm);
+  if (focus_known_ && !known) return;
+  if (known && !focus_known_) held_.clear();  // their steps were a guess
+  focus_known_ = known;
   if (held_.empty()) working_size_ = workingSize(scene_, size_);
   HeldFrame held;
   held.image = downsampled(toEightBits(frame.image), working_size_);
   held.seen = downsampled(frame.seen, size_, working_size_);
   held.gain = frame.gain;
-  held.inverse_depth = 1 / frame.focus_mm;
+  held.inverse_depth = known ? 1 / frame.focus_mm : 1 + frame.index;
   linear_ = frame.linear;
   const auto place = std::upper_bound(
       held_.begin(), held_.end(), held,
@@ -227,13 +346,27 @@ void BracketRestoration::dropOne() {
 }
 
 std::string BracketRestoration::missing() const {
-  if (!scene_.camera) return "the pixel pitch is unknown: the colour camera's calibration is missing";
-  if (held_.size() < kLeastFrames)
-    return focus_unknown_ ? "the focus distances are unknown"
-                          : "two frames at different distances are needed";
+  if (held_.size() < kLeastFrames) return "two frames at different distances are needed";
   if (held_.front().inverse_depth == held_.back().inverse_depth)
     return "all frames are focused at the same distance";
   return "";
+}
+
+// Tells the user what the frames say about the lens.
+void BracketRestoration::tell(const LensFit& fit, bool has_scale, RestorationResult& result) const {
+  if (!fit.shows_blur) {
+    if (!has_scale) result.refusal = "the frames hardly differ in blur, and no lens is known";
+    return;
+  }
+  if (has_scale) result.blur_scale = fit.scale;
+  if (fit.contradicts()) {
+    result.refusal = cv::format("the best lens %s explains only %.0f %% of the blur in the frames",
+                                has_scale ? "with these focus distances" : "that is moved in even steps",
+                                100 * std::max(0.0, fit.explained));
+    return;
+  }
+  result.notes = fit.notes(scene_.optics);
+  if (!has_scale) result.notes.clear();
 }
 
 std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused,
@@ -260,42 +393,56 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     ObservedFrame& frame = bracket.frames[k];
     frame.codes = exposed(held.image, held.gain, *bracket.curve);
     frame.seen = held.seen;
-    frame.blur = blurOf(scene_, held.inverse_depth, working_size_.width);
-    bracket.px_mm = std::max(bracket.px_mm, frame.blur.px_mm);
     images.push_back(held.image);
   }
   bracket.noise_variance = noiseVariance(images);
-  const bool has_depth = !scene_.depth.empty();
+  const bool has_scale = scene_.camera && focus_known_;
+  const double span = held_.back().inverse_depth - held_.front().inverse_depth;
+  const double shrinking = BlurEvidence::shrinking(working_size_, kCopyPixels);
+  std::vector<FrameBlur> blur;
+  for (const HeldFrame& held : held_) {
+    blur.push_back(has_scale ? blurOf(scene_, held.inverse_depth, working_size_.width)
+                             : FrameBlur{held.inverse_depth, kGuessedPx * shrinking / span});
+    bracket.px_mm = std::max(bracket.px_mm, blur.back().px_mm);
+  }
+  bool has_depth = !scene_.depth.empty() && focus_known_;
   if (has_depth) {
     bracket.filled = inverseDepthOf(scene_.depth, working_size_);
     bracket.measured =
         scene_.measured.empty() ? bracket.filled.clone() : inverseDepthOf(scene_.measured, working_size_);
   }
-  InverseDepthRange range = rangeOf(bracket);
+  if (!proceed(0.05)) return std::nullopt;
+
+  // 2. What the frames say about the lens and its focus distances.
+  RestorationResult result;
+  {
+    std::vector<FrameBlur> of_copies = blur;
+    for (FrameBlur& one : of_copies) one.px_mm /= shrinking;
+    const LensFit fit = fitLens(evidenceOf(bracket, shrinking), of_copies, has_scale);
+    tell(fit, has_scale, result);
+    if (!result.refusal.empty()) return result;
+    if (!fit.uses_depth) {
+      has_depth = false;
+      bracket.filled.release();
+      bracket.measured.release();
+    }
+    blur = fit.focus.of(blur);
+    for (FrameBlur& one : blur) one.px_mm *= fit.scale;
+    bracket.px_mm *= fit.scale;
+  }
+  for (std::size_t k = 0; k < blur.size(); ++k) bracket.frames[k].blur = blur[k];
+  std::stable_sort(bracket.frames.begin(), bracket.frames.end(),
+                   [](const ObservedFrame& a, const ObservedFrame& b) {
+                     return a.blur.inverse_depth < b.blur.inverse_depth;
+                   });
+  const InverseDepthRange range = rangeOf(bracket);
   if (has_depth) {
     cut(range, bracket.filled);
     cut(range, bracket.measured);
   }
-  if (!proceed(0.05)) return std::nullopt;
-
-  // 2. The fused picture at every amount of blur; whether the optics predict the right one.
-  RestorationResult result;
-  auto pictures = std::make_unique<BlurredPictures>(bracket.light, *bracket.curve,
-                                                    kLargestCorrection * largestRadius(bracket, range));
+  auto pictures =
+      std::make_unique<BlurredPictures>(bracket.light, *bracket.curve, largestRadius(bracket, range));
   if (!proceed(0.2)) return std::nullopt;
-  if (has_depth) result.blur_scale = measureBlurScale(bracket, *pictures);
-  const double deviation = result.blur_scale > 0 ? std::abs(result.blur_scale - 1) : 0;
-  if (deviation > kNoticeable) {
-    const double correction = std::clamp(result.blur_scale, kLeastCorrection, kLargestCorrection);
-    for (ObservedFrame& frame : bracket.frames) frame.blur.px_mm *= correction;
-    bracket.px_mm *= correction;
-  }
-  if (deviation > kUnusual) {
-    result.notes.push_back(cv::format(
-        "the frames are blurred %.2f times as much as the optics say: check focal length, aperture, "
-        "focus distances and calibration",
-        result.blur_scale));
-  }
 
   // 3. The depth map that explains the frames.
   cv::Mat1f inverse_depth = depthFromBracket(bracket, *pictures, range);
@@ -303,16 +450,18 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   if (!has_depth) {
     cv::medianBlur(inverse_depth, bracket.filled, 5);  // without outliers, which nobody contradicts
     bracket.filled.copyTo(inverse_depth);
+    if (orderByOcclusion(bracket, inverse_depth, focus_known_) && focus_known_) {
+      LensFit turned;
+      turned.focus.reversed = true;
+      for (std::string& note : turned.notes(scene_.optics)) result.notes.push_back(note);
+    }
   }
   if (!proceed(0.4)) return std::nullopt;
 
   // 4. Its contours to the pixel, and the sharp picture that explains the frames better than the fused one;
   // twice, because the blur that the fused picture shows beside near objects misleads contours.
-  std::vector<ImageFormation> formation;
-  formation.reserve(bracket.frames.size());
-  for (const ObservedFrame& frame : bracket.frames)
-    formation.emplace_back(inverse_depth, frame.blur, bracket.gap(kJumpPx));
-  updateAll(formation);
+  std::vector<ImageFormation> formation = formationOf(bracket, inverse_depth);
+  const cv::Mat3f given_light = bracket.light;
   const cv::Mat3b given = bracket.fused;
   cv::Mat3f sum(given.size(), cv::Vec3f::all(0));
   double from = 0.4;
@@ -328,10 +477,22 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     bracket.light = linearLight(bracket.fused, *bracket.curve);
     from += 0.3;
   }
+
+  // 5. Do the frames show the restored picture as well as the given one?
+  cv::Mat1b changed(sum.size(), 0);
+  for (int y = 0; y < sum.rows; ++y) {
+    for (int x = 0; x < sum.cols; ++x) changed(y, x) = sum(y, x) == cv::Vec3f() ? 0 : 255;
+  }
+  result.kept = keepWhatFramesShow(predictionErrors(bracket, formation, given_light, changed),
+                                   predictionErrors(bracket, formation, bracket.light, changed), sum);
   if (!linear_) keepDark(given, sum);
+  if (result.kept < kToldShare) {
+    result.notes.push_back(cv::format(
+        "%.0f %% of the restoration is kept: elsewhere the frames do not show it", 100 * result.kept));
+  }
   result.image = fused.clone();
   addTo(result.image, sum);
-  result.depth = depthOf(inverse_depth, size_);
+  if (focus_known_) result.depth = depthOf(inverse_depth, size_);
   proceed(1);
   return result;
 }

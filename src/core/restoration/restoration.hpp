@@ -12,11 +12,15 @@
 
 namespace all_in_focus::core {
 
+struct LensFit;
+
 /// The result of mode restored.
 struct RestorationResult {
   cv::Mat image;  ///< CV_8UC3: the fused picture, corrected beside depth edges and where no frame is sharp
   cv::Mat depth;  ///< CV_16UC1 mm, known everywhere: estimated from the bracket, measured depth being a prior
+  std::string refusal;             ///< why it is not restored; "" = it is. Else there is only `blur_scale`
   double blur_scale = 0;           ///< measured blur / blur that the optics predict; 0 = unknown
+  double kept = 1;                 ///< share of the correction that the frames confirm; the rest is left out
   std::vector<std::string> notes;  ///< for the user: optics that the pictures contradict
 };
 
@@ -60,11 +64,12 @@ class BracketRestoration {
     double inverse_depth = 0;  ///< 1 / focus distance, 1/mm
   };
   void dropOne();
+  void tell(const LensFit& fit, bool has_scale, RestorationResult& result) const;
 
   BracketScene scene_;
   cv::Size size_;          // of the frames; empty before the first
   cv::Size working_size_;  // of those held
-  bool focus_unknown_ = false, linear_ = false;
+  bool focus_known_ = false, linear_ = false;
   std::vector<HeldFrame> held_;  // by inverse depth
 };
 

@@ -1,12 +1,11 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-#include "restoration/disc_blur.hpp"
+#include "optics/disc_blur.hpp"
 
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
-#include "restoration/observed_bracket.hpp"
 #include "util/row_strips.hpp"
 
 namespace all_in_focus::core {
@@ -43,6 +42,11 @@ double coverage(double radius, int dx, int dy) {
 }
 
 }  // namespace
+
+FrameBlur frameBlur(const Optics& optics, double pixel_pitch_mm, double inverse_depth) {
+  const double f = optics.focal_length_mm;
+  return {inverse_depth, f * f / (2 * optics.aperture * pixel_pitch_mm) / (1 - f * inverse_depth)};
+}
 
 DiscKernels::DiscKernels() {
   const int count = kLargestPx * kStepsPerPx + 1;

@@ -8,9 +8,12 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "all_in_focus/optics.hpp"
 #include "util/srgb.hpp"
 
 namespace all_in_focus::core {
+
+constexpr int kCodeScale = 16;  ///< codes as integers have fractions of a gray level
 
 /// How far a frame is out of focus: radius of the blur disc, px, of a point at inverse depth w = 1 / depth,
 /// 1/mm.
@@ -22,6 +25,9 @@ struct FrameBlur {
     return static_cast<float>(px_mm) * std::abs(w - static_cast<float>(inverse_depth));
   }
 };
+
+/// Of a lens in front of pixels of that pitch, mm.
+FrameBlur frameBlur(const Optics& optics, double pixel_pitch_mm, double inverse_depth);
 
 /// Which share of a disc falls on each pixel, by radius and offset from its centre.
 class DiscKernels {

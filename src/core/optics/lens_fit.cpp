@@ -1,0 +1,151 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+#include "optics/lens_fit.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+namespace all_in_focus::core {
+namespace {
+
+constexpr double kAsGood = 0.03;    // shares that differ by less tell nothing of a scale
+constexpr double kClearly = 0.06;   // the same of focus distances: depth has errors of its own
+constexpr double kNeighbour = 1.2;  // factor between a scale and those beside it
+constexpr double kUnusual = 1.1;    // a factor that people are told of
+// Factors from 1/10 to 10 are tried in steps; then finer ones beside the best, down to 1/kPerDecade of a
+// decade. Only few focus distances look right.
+constexpr int kPerDecade = 128, kStepOfScales = 16, kStepOfDistances = 4;
+
+struct Factor {
+  double value = 1, explained = 0;
+};
+
+template <class Function>
+Factor bestFactor(int step, const Function& explained) {
+  Factor best = {1, explained(1)};
+  int middle = 0;
+  for (int reach = kPerDecade; step > 0; reach = step - 1, step /= 4) {
+    const int from = middle - reach / step * step, to = middle + reach;
+    for (int i = from; i <= to; i += step) {
+      const double value = std::pow(10, static_cast<double>(i) / kPerDecade), share = explained(value);
+      if (share <= best.explained) continue;
+      best = {value, share};
+      middle = i;
+    }
+  }
+  return best;
+}
+
+Factor bestScale(const BlurEvidence& evidence, const std::vector<FrameBlur>& blur) {
+  return bestFactor(kStepOfScales, [&](double scale) { return evidence.explained(blur, scale); });
+}
+
+// Mistakes in the order of focus distances.
+constexpr std::array<FocusCorrection, 3> kOfOrder = {{{true, 0, 1}, {false, 1, 1}, {false, -1, 1}}};
+
+// A guess has no scale of its own.
+LensFit fitGuess(const BlurEvidence& evidence, const std::vector<FrameBlur>& blur) {
+  const Factor best = bestScale(evidence, blur);
+  return {{}, best.value, best.explained};
+}
+
+LensFit search(const BlurEvidence& evidence, const std::vector<FrameBlur>& given, bool has_scale) {
+  if (!has_scale) return fitGuess(evidence, given);
+  const auto with = [&](const FocusCorrection& focus, double scale) {
+    return LensFit{focus, scale, evidence.explained(focus.of(given), scale)};
+  };
+  const auto better = [](const LensFit& a, const LensFit& b) { return a.explained < b.explained; };
+  const LensFit as_given = with({}, 1);
+  LensFit ordered = as_given;  // the best in another order
+  for (const FocusCorrection& focus : kOfOrder) {
+    if (evidence.hasDepth()) ordered = std::max(ordered, with(focus, 1), better);
+  }
+  // A mistake shows beside what was given, too: so most lenses need no search.
+  if (as_given.explained >= LensFit::kBelieved && as_given.explained + kClearly >= ordered.explained &&
+      as_given.explained + kAsGood >=
+          std::max(with({}, kNeighbour), with({}, 1 / kNeighbour), better).explained)
+    return as_given;
+
+  // The more common mistakes first: a later one must explain more.
+  LensFit best = as_given;
+  const auto take = [&best](const LensFit& fit, double clearly) {
+    if (fit.explained > best.explained + clearly) best = fit;
+  };
+  take(ordered, kClearly);
+  const LensFit scaled = fitGuess(evidence, given);
+  take(scaled, kAsGood);
+  if (!evidence.hasDepth()) return best;
+  const Factor factor = bestFactor(kStepOfDistances, [&](double one) {
+    return with({false, 0, one}, 1).explained;
+  });
+  const LensFit enlarged = {{false, 0, factor.value}, 1, factor.explained};
+  if (enlarged.explained > as_given.explained + kClearly) take(enlarged, kAsGood);
+  const std::array<LensFit, 3> all = {ordered, scaled, enlarged};
+  best.is_certain = 1 == std::count_if(all.begin(), all.end(), [&](const LensFit& fit) {
+                      return fit.explained > best.explained - kAsGood;
+                    });
+  if (best.explained >= LensFit::kBelieved) return best;
+  LensFit two = best;
+  const auto tryBoth = [&](const FocusCorrection& focus) {
+    const Factor scale = bestScale(evidence, focus.of(given));
+    two = std::max(two, {focus, scale.value, scale.explained}, better);
+    return scale.explained;
+  };
+  for (const FocusCorrection& focus : kOfOrder) tryBoth(focus);
+  bestFactor(kStepOfDistances, [&](double one) { return tryBoth({false, 0, one}); });
+  two.is_certain = false;
+  take(two, kClearly);  // two mistakes are less likely than one
+  return best;
+}
+
+}  // namespace
+
+std::vector<FrameBlur> FocusCorrection::of(const std::vector<FrameBlur>& given) const {
+  std::vector<FrameBlur> blur = given;
+  const int n = static_cast<int>(given.size());
+  for (int k = 0; k < n; ++k) {
+    const auto focus = [&](int i) { return given[static_cast<std::size_t>(i)].inverse_depth; };
+    const int from = (reversed ? n - 1 - k : k) + shift;
+    double& to = blur[static_cast<std::size_t>(k)].inverse_depth;
+    // Beyond its ends the list goes on in even steps.
+    to = from < 0    ? focus(0) + from * (focus(1) - focus(0))
+         : from >= n ? focus(n - 1) + (from - n + 1) * (focus(n - 1) - focus(n - 2))
+                     : focus(from);
+    to /= factor;
+  }
+  return blur;
+}
+
+std::vector<std::string> LensFit::notes(const Optics& optics) const {
+  std::vector<std::string> notes;
+  if (focus.reversed) notes.emplace_back("the frames show that the focus distances are in reverse order");
+  if (focus.shift != 0)
+    notes.emplace_back("the frames show that the focus distances are shifted by one frame");
+  if (focus.factor != 1) {
+    notes.push_back(
+        cv::format("the frames show that the focus distances are to be multiplied by %.2g", focus.factor));
+  }
+  if (!uses_depth)
+    notes.emplace_back("the frames contradict the depth at these focus distances: it is not used");
+  const double times = std::max(scale, 1 / scale);
+  if (times > kUnusual) {
+    notes.push_back(cv::format(
+        "the frames are blurred %.2g times %s than %g mm at F %g predicts: was it F %.2g?", times,
+        scale < 1 ? "less" : "more", optics.focal_length_mm, optics.aperture, optics.aperture / scale));
+  }
+  return notes;
+}
+
+LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given, bool has_scale) {
+  if (!evidence.showsBlur()) return {{}, 1, 1, false};
+  const LensFit fit = search(evidence, given, has_scale);
+  if (!evidence.hasDepth() || !fit.contradicts()) return fit;
+  LensFit free = search(evidence.withoutDepth(), given, has_scale);
+  free.uses_depth = false;
+  return free;
+}
+
+}  // namespace all_in_focus::core
