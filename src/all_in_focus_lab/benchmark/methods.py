@@ -4,8 +4,11 @@
 
 paper, refined, restored   this package (through the nodes where the scene is a bag); refined:-alignment,exposure: without
                            those steps; refined:no-depth: with the focus distances alone; restored:no-depth: with the
-                           rig, too, which it needs; refined:optics+20: focal length 20 % too long; refined:shift5: depth
-                           5 pixels to the right
+                           rig, too; refined:optics+20: focal length 20 % too long; refined:shift5: depth
+                           5 pixels to the right; refined:frames: the frames alone; wrong numbers, also with no-depth, as in
+                           restored:no-depth+aperture*4: aperture*N (f-number times N), focus*N (distances times N),
+                           focus-reversed, focus-late and focus-early (by one frame)
+wrong-lens                 refined and restored with each of those wrong numbers
 the names of BASELINES     each with +ecc, too: frames aligned first
 given:NAME                 an image fused_NAME.png that lies beside the sources
 single, oracle, true-depth bounds that know the truth
@@ -26,6 +29,7 @@ from typing import Dict, List, Optional
 
 import cv2
 import numpy as np
+import yaml
 
 from all_in_focus import installed
 from all_in_focus.files.output_file import encode_png
@@ -38,7 +42,11 @@ from all_in_focus_lab.metrics.truth import psnr
 from all_in_focus_lab.simulation import lens
 
 OWN = ("paper", "refined", "restored")
-VARIANTS = re.compile(r"-[a-z][a-z_-]*(,[a-z_-]+)*|no-depth|optics[+-][0-9]{1,2}|shift[0-9]{1,3}")
+WRONG = r"aperture\*[0-9.]+|focus\*[0-9.]+|focus-(reversed|late|early)"
+VARIANTS = re.compile(r"-[a-z][a-z_-]*(,[a-z_-]+)*|optics[+-][0-9]{1,2}|shift[0-9]{1,3}|frames"
+                      rf"|no-depth(\+({WRONG}))?|{WRONG}")
+WRONG_LENS = [f"{factor}*{times}" for factor in ("aperture", "focus") for times in ("0.25", "0.5", "2", "4", "8")] + [
+    "focus-reversed", "focus-late", "focus-early"]
 TIMEOUT_S = 3600.0
 PICTURES = ("source_index", "labels")
 DEPTHS = ("measured", "registered", "depth")  # as fuse_stack --save-NAME saves them
@@ -71,10 +79,16 @@ def available():
     return list(OWN) + [name for name in BASELINES if name != "enfuse" or shutil.which("enfuse")]
 
 
+def wrong_lens():
+    """What `wrong-lens` stands for: each mode with right numbers, with wrong ones and without any; depth given or not."""
+    right = ["refined", "refined:no-depth", "restored", "restored:no-depth", "restored:frames"]
+    return right + [f"{mode}{wrong}" for mode in ("refined:", "restored:", "restored:no-depth+") for wrong in WRONG_LENS]
+
+
 def expand(names, scenes, peers={}):
     """Names with `all` and `given:*` replaced by what there is; ValueError for a name that no method has, or twice."""
     given = ["given:" + name for name in dict.fromkeys(name for scene in scenes for name in scene.given)]
-    wide = {"all": available(), "given:*": given}
+    wide = {"all": available(), "given:*": given, "wrong-lens": wrong_lens()}
     expanded = [name for wanted in names for name in wide.get(wanted, [wanted])]
     for name in expanded:
         find(name, peers)
@@ -190,20 +204,31 @@ def fuse_stack_command(mode, variant, program, scene, folder):
     folder, extra = Path(folder), []
     if variant.startswith("-"):
         extra = ["--without", variant[1:]]
-    elif variant == "no-depth":
+    if variant == "frames":
+        scene = replace(scene, optics="", beside={key: path for key, path in scene.beside.items()
+                                                  if key in ("truth", "truth_depth")})
+    if variant.startswith("no-depth"):
         hidden = ("depth", "registered_depth", "label")
         if mode != "restored":
             hidden += ("rig",)
             scene = replace(scene, optics="")
         scene = replace(scene, beside={key: path for key, path in scene.beside.items() if key not in hidden})
-    elif variant.startswith("optics"):
+    if variant.startswith("optics"):
         known = scene.lens()
         longer = known.focal_length_mm * (1 + float(variant[len("optics"):]) / 100)
         scene = replace(scene, optics=str(replace(known, focal_length_mm=longer)))
-    elif variant.startswith("shift"):
+    if variant.startswith("shift"):
         moved = folder / "shifted_depth.png"
         shifted(scene.beside["depth"], int(variant[len("shift"):]), moved)
         scene = replace(scene, beside={**scene.beside, "depth": moved})
+    wrong = variant.rpartition("+")[2]
+    if wrong.startswith("aperture*"):
+        known = scene.lens()
+        scene = replace(scene, optics=str(replace(known, aperture=known.aperture * float(wrong[len("aperture*"):]))))
+    if wrong.startswith("focus"):
+        changed = folder / "wrong_focus.yaml"
+        write_wrong_focus(scene.beside["focus"], wrong, changed)
+        scene = replace(scene, beside={**scene.beside, "focus": changed})
     command = [program, "--mode", mode, "--stack", _stack(scene, folder), *_known(scene),
                "--output", folder / "fused.png", "--report", folder / "report.json"]
     has_labels = {"depth", "registered_depth", "label"} & set(scene.beside)
@@ -223,6 +248,23 @@ def shifted(path, columns, output):
     moved = np.zeros_like(depth)
     moved[:, columns:] = depth[:, :depth.shape[1] - columns]
     cv2.imwrite(str(output), moved)
+
+
+def write_wrong_focus(path, wrong, output):
+    """Writes focus distances with a mistake of WRONG_LENS."""
+    data = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    dioptres = [1 / frame["focus_mm"] for frame in data["frames"]]
+    if wrong == "focus-reversed":
+        dioptres.reverse()
+    elif wrong == "focus-late":
+        dioptres = [2 * dioptres[0] - dioptres[1], *dioptres[:-1]]
+    elif wrong == "focus-early":
+        dioptres = [*dioptres[1:], 2 * dioptres[-1] - dioptres[-2]]
+    else:
+        dioptres = [one / float(wrong[len("focus*"):]) for one in dioptres]
+    for frame, one in zip(data["frames"], dioptres):
+        frame["focus_mm"] = 1 / max(one, 1e-6)
+    Path(output).write_text(yaml.safe_dump(data), encoding="utf-8")
 
 
 def _known(scene):

@@ -16,6 +16,10 @@ SUITES = {
     "enlarged": {name + "_x5": f"{options} --enlarge 5" for name, options in _READ["small"].items() if "--size" not in options},
     # A machine-vision camera without gamma: codes in proportion to light.
     "linear": {name + "_linear": options + " --linear" for name, options in _READ["mild"].items()},
+    # For the methods `wrong-lens`: few, for there are 40 of them.
+    "wrong_lens": {f"{name}_lens": _READ[of][name] for of, name in (
+        ("small", "occluders"), ("small", "slope"), ("noisy", "planes_noise2"), ("mild", "plain_35mm"),
+        ("mild", "garden_24mm"), ("small", "motorcycle_2"))},
 }
 
 
