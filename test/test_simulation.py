@@ -206,6 +206,42 @@ def test_sagging_head_moves_the_frames_evenly():
     assert [np.unravel_index(frame[..., 0].argmax(), (80, 120)) for frame in frames] == [(35, 57), (40, 60), (45, 63)]
 
 
+def test_camera_that_drifts_sees_near_things_move_more():
+    path = lens.drift_path(9, 6, seed=3)
+    assert not path[4].any() and np.linalg.norm(path, axis=1).max() == pytest.approx(6)
+    assert not lens.drift_path(1, 6).any()
+
+    def at(z):
+        return Plane((0.0, 0.0, z), 0, 0, disc(plain(1, 1, (0.6, 0.6, 0.6)), 0.02 * z))
+
+    surfaces = [Plane((0.0, 0.0, 5.0), 0, 0, plain(9, 9, (0.1, 0.1, 0.1))), at(2.0), at(1.0)]
+    for near in (1, 2):  # one disc at a time before the wall
+        shown = [surfaces[0], surfaces[near]]
+        rig = kinect_beside(CAMERA, OPTICS)
+        scene = LayeredScene("test", rig, (40, 40), [it.layer(CAMERA, (40, 40)) for it in shown], surfaces=shown)
+        assert scene.seen_from((0, 0, 0)) is scene
+        moved = scene.seen_from((30, -20, 0))
+        z = surfaces[near].center[2]
+        middle = np.argwhere(moved.truth_depth() < 1000 * z + 1).mean(axis=0)
+        # f t / Z against the motion of the camera; the middle of 8 px wide discs of whole pixels is right to 0.1
+        assert middle - [59.5, 79.5] == pytest.approx([200 * 0.02 / z, -200 * 0.03 / z], abs=0.1)
+        closer = scene.seen_from((0, 0, 100))
+        assert closer.truth_depth().min() == pytest.approx(1000 * z - 100)
+    with pytest.raises(ValueError, match="built of surfaces"):
+        scene_of(flat([0, 0, 0], 1000.0)).seen_from((1, 0, 0))
+
+
+def test_drift_moves_all_frames_but_the_reference(tmp_path):
+    options = ["--scene", "planes", "--frames", 3, "--size", "64x48"]
+    assert make_scene("--output", tmp_path / "still", *options).returncode == 0
+    assert make_scene("--output", tmp_path / "moved", "--drift", "20,4", *options).returncode == 0
+    same = [filecmp.cmp(str(tmp_path / "still" / name), str(tmp_path / "moved" / name), shallow=False)
+            for name in ("truth.png", "depth.png", "stack/000.png", "stack/001.png", "stack/002.png")]
+    assert same == [True, True, False, True, False]
+    made = json.loads((tmp_path / "moved" / "scene.json").read_text())
+    assert (made["drift_mm"], made["drift_seed"]) == (20, 4)
+
+
 def test_vignetting_darkens_the_corners():
     camera = scene_of(flat([0, 0, 0], 1000.0)).rig.color
     gain = lens.vignette(camera, 0.3, 50.0, 1000.0, 1000.0)
@@ -548,6 +584,10 @@ def test_enlarged_scene_is_the_small_one(tmp_path):
     (["--vignetting", "1"], "--vignetting"),
     (["--sag", "1,2"], "expected ROLL,X,Y"),
     (["--sag", "9,0,0"], "expected a number from -5 to 5"),
+    (["--drift", "-1"], "expected a number from 0 to 100"),
+    (["--drift", "2,x"], "--drift"),
+    (["--drift", "2", "--grain", "0.1"], "--grain lies on the picture"),
+    (["--scene", "motorcycle", "--drift", "2"], "built of surfaces"),
     (["--enlarge", "4"], "expected an odd number"),
 ])
 def test_bad_arguments(tmp_path, arguments, reason):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """A scene made of layers, with the rig of colour and depth camera that looks at it."""
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import List, Optional, Tuple
 
 import numpy as np
@@ -21,18 +21,28 @@ class LayeredScene:
     """Layers back to front on a canvas that exceeds the colour picture by margin = (columns, rows) on each side.
 
     seen_by_depth: the same surfaces on a wider and coarser canvas, from which the depth image is made; None: this
-    scene is used.
+    scene is used. surfaces: what the layers were rendered from (see surfaces.py); none in a photograph.
     """
     name: str
     rig: Rig
     margin: Tuple[int, int]
     layers: List[Layer]
     seen_by_depth: Optional["LayeredScene"] = None
+    surfaces: Tuple = ()
 
     def frame_window(self, pad):
         """The colour picture on the canvas, widened by pad pixels where the canvas allows (two slices)."""
         return (slice(max(0, self.margin[1] - pad), self.margin[1] + self.rig.color.height + pad),
                 slice(max(0, self.margin[0] - pad), self.margin[0] + self.rig.color.width + pad))
+
+    def seen_from(self, place_mm):
+        """The scene from a camera that was moved to (right, down, ahead) without being turned."""
+        if not np.any(place_mm):
+            return self
+        if not self.surfaces:
+            raise ValueError("only a scene that is built of surfaces can be seen from another place")
+        moved = [replace(it, center=tuple(np.array(it.center) - np.array(place_mm) / 1000)) for it in self.surfaces]
+        return replace(self, layers=[surface.layer(self.rig.color, self.margin) for surface in moved], surfaces=moved)
 
     def _picture(self):
         window = self.frame_window(0)

@@ -205,6 +205,16 @@ def frame_motions(camera, optics, distances, breathing=0.0, sag=Sag()):
                      share * sag.roll_degrees, (share * sag.right_px, share * sag.down_px))
 
 
+def drift_path(count, drift_mm, seed=0):
+    """Places of the camera (count x 3, mm: right, down, ahead) seen from its place in the reference frame N // 2: a random
+    walk, whose steps ahead are half as wide; the greatest distance is drift_mm."""
+    steps = np.random.default_rng([seed, 7]).normal(size=(count, 3)) * (1, 1, 0.5)
+    path = np.cumsum(steps, axis=0)
+    path -= path[count // 2]
+    farthest = np.linalg.norm(path, axis=1).max()
+    return path * (drift_mm / farthest if farthest > 0 else 0)
+
+
 def vignette(camera, corner_loss, f, s, s_reference):
     """Gain of each pixel (H x W): in the corners the reference frame loses a share corner_loss of the light.
 
@@ -256,6 +266,8 @@ class Disturbance:
     exposure_jitter: float = 0.0  # per-frame gain exp(N(0, this)) in linear light
     vignetting: float = 0.0       # share of the light lost in the corners of the reference frame
     sag: Sag = Sag()
+    drift_mm: float = 0.0         # greatest distance of the camera from its place in the reference frame
+    drift_seed: int = 0
 
 
 def render_bracket(scene, optics, distances, disturbance=Disturbance(), seed=0, linear=False):
@@ -268,8 +280,9 @@ def render_bracket(scene, optics, distances, disturbance=Disturbance(), seed=0, 
     gains = np.exp(rng.normal(0, disturbance.exposure_jitter, len(distances)))
     gains[reference] = 1
     motions = frame_motions(camera, optics, distances, disturbance.breathing, disturbance.sag)
-    for s, gain, matrix in zip(distances, gains, motions):
-        light = render_frame(scene, optics, s, matrix)
+    places = drift_path(len(distances), disturbance.drift_mm, disturbance.drift_seed)
+    for s, gain, matrix, place in zip(distances, gains, motions, places):
+        light = render_frame(scene.seen_from(place), optics, s, matrix)
         if disturbance.vignetting > 0:
             light *= vignette(camera, disturbance.vignetting, optics.focal_length_mm, s, distances[reference])[..., None]
         yield expose(light, rng, gain, disturbance.noise, linear)

@@ -35,7 +35,7 @@ def _built(name, size, optics, near_mm, surfaces):
     if finer > 1:
         seen_by_depth = _built(name, (size[0] // finer, size[1] // finer), optics, near_mm, surfaces)
         margin = tuple(min(side, size[0] // 16) for side in margin)  # nothing farther outside reaches the picture
-    return LayeredScene(name, rig, margin, [surface.layer(color, margin) for surface in surfaces], seen_by_depth)
+    return LayeredScene(name, rig, margin, [surface.layer(color, margin) for surface in surfaces], seen_by_depth, surfaces)
 
 
 def _speckle(seed):
@@ -199,7 +199,8 @@ def clutter(size, optics, seed):
     color = _camera(size)
     rig = kinect_beside(color, optics)
     margin = canvas_margin(rig, 780)
-    layers = [Plane((0.0, 0.0, 3.5), 4, 3, tiles(skimage.data.brick(), 2.2, (0.9, 0.8, 0.7))).layer(color, margin)]
+    surfaces = [Plane((0.0, 0.0, 3.5), 4, 3, tiles(skimage.data.brick(), 2.2, (0.9, 0.8, 0.7)))]
+    layers = [surfaces[0].layer(color, margin)]
     nearest = layers[0].depth.copy()
     half = np.array([color.width, color.height]) / 2 / color.K[0, 0]
     names = [name for _ in range(CARDS) for name in rng.permutation(PICTURES)]
@@ -212,17 +213,19 @@ def clutter(size, optics, seed):
         if rng.random() < 0.4:
             shade = disc(shade, min(width, height) / 2)
         yaw, pitch = rng.uniform(-40, 40, 2)
-        return Plane((*(rng.uniform(-1, 1, 2) * half * z), z), yaw, pitch, shade).layer(color, margin)
+        return Plane((*(rng.uniform(-1, 1, 2) * half * z), z), yaw, pitch, shade)
 
     for z in 1 / np.linspace(1 / 3.2, 1 / 0.88, CARDS):
         for _ in PICTURES:  # tries
-            layer = card(z)
+            surface = card(z)
+            layer = surface.layer(color, margin)
             shown = layer.alpha > 0
             if (layer.depth[shown] < nearest[shown]).all():  # it cuts through no other
                 nearest[shown] = layer.depth[shown]
+                surfaces.append(surface)
                 layers.append(layer)
                 break
-    return LayeredScene("clutter", rig, margin, layers)
+    return LayeredScene("clutter", rig, margin, layers, surfaces=surfaces)
 
 
 @dataclass
