@@ -104,10 +104,9 @@ struct FusionResult {
   // Mode refined leaves these three empty without RefinedConfig::choice.
   cv::Mat source_index;  ///< CV_16UC1, the frame that a pixel was taken from, or mostly; kNoFrame = none
   cv::Mat confidence;    ///< CV_8UC1, margin of the choice, 0..255
-  std::vector<RegionChoice> regions;  ///< by label; empty without labels
-  std::vector<std::string> notes;     ///< for the user: regions that are sharp in no frame
-  std::vector<std::string>
-      lens_notes;  ///< for the user: what the frames say against f-number and focus distances
+  std::vector<RegionChoice> regions;    ///< by label; empty without labels
+  std::vector<std::string> notes;       ///< for the user: what is sharp in no frame, how the camera moved
+  std::vector<std::string> lens_notes;  ///< for the user: what the frames say against the lens data
 };
 
 }  // namespace all_in_focus::core

@@ -326,7 +326,7 @@ def oracle(scene):
 
 
 def true_depth(scene):
-    """Every pixel from the frame focused nearest, in dioptres, to the true depth; true motion is undone."""
+    """Every pixel from the frame focused nearest, in dioptres, to the true depth; true motion is undone, but not a drift."""
     made = json.loads((scene.path / "scene.json").read_text(encoding="utf-8"))
     camera, depth = load_rig(scene.beside["rig"]).color, read_depth(scene.beside["truth_depth"])
     focus, enlarge = np.array(made["focus_mm"]), made.get("enlarge", 1)

@@ -19,11 +19,12 @@ constexpr double kFarFromKey = 0.03;  // magnification relative to the key frame
 // kModelTiles tell the motion. It falls with the root of their number, because the shifts of many contours
 // cancel each other.
 constexpr double kModelError = 0.05, kModelTiles = 100, kFewestTiles = 40;
-constexpr double kModelRadius = 400;         // px: half the diagonal of 640 x 480
-constexpr double kSignificance = 3;          // standard deviations
-constexpr double kShiftSignificance = 3.44;  // of two components; as rare as 3 of a single number
-constexpr std::size_t kMostKeys = 12;        // that are kept: a third of the magnification
-constexpr double kNoticeableRoll = 0.1;      // px at the corners; a warp without a roll takes half as long
+constexpr double kModelRadius = 400;            // px: half the diagonal of 640 x 480
+constexpr double kSignificance = 3;             // standard deviations
+constexpr double kShiftSignificance = 3.44;     // of two components; as rare as 3 of a single number
+constexpr double kParallaxSignificance = 3.76;  // of three components
+constexpr std::size_t kMostKeys = 12;           // that are kept: a third of the magnification
+constexpr double kNoticeableRoll = 0.1;         // px at the corners; a warp without a roll takes half as long
 
 // Variance that a motion has even where all tiles agree, px^2.
 double modelVariance(double radius, double tiles) {
@@ -36,7 +37,13 @@ double variance(const cv::Matx44d& covariance) {
 
 }  // namespace
 
-void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center) {
+void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, const Relief& relief) {
+  key_alignment_.setRelief(relief);
+  other_alignment_.setRelief(relief);
+  drift_alignment_.setRelief(relief);
+  knows_relief_ = relief.isKnown();
+  drifts_ = false;
+  along_shift_ = shift_information_ = 0;
   size_ = size;
   center_ = center;
   radius_ = 0.5 * std::hypot(size.width, size.height);
@@ -144,14 +151,14 @@ PairMeasurement BracketAlignment::measureFrom(const View& view, const Similarity
 
 PairMeasurement BracketAlignment::measureFromKey() {
   const SimilarityTransform guess = compose(inverse(key_.motion), last_.frame.motion);
-  const PairMeasurement direct = key_alignment_.measure(current_.pyramid, guess);
+  PairMeasurement direct = key_alignment_.measure(current_.pyramid, guess);
   const bool far =
       !direct.converged || largestDisplacement(direct.motion, size_, center_) > kFarFromKey * radius_;
   const bool usable = last_.frame.index != key_.index && last_.frame.measured;
   if (direct.correlation < kSameScene || !usable) return direct;
   if (!far && variance(direct.covariance) < kCertain * kCertain) return direct;
 
-  const PairMeasurement step = measureFrom(last_, {});
+  PairMeasurement step = measureFrom(last_, {});
   const bool better =
       far || variance(last_.frame.covariance) + variance(step.covariance) < variance(direct.covariance);
   if (!step.converged || !better) return direct;
@@ -177,6 +184,50 @@ void BracketAlignment::makeKey(const View& view) {
   keys_.back().frame = key_;
 }
 
+// Takes note of a pair that shows that the camera moved: by its own parallax, or because all pairs together
+// show that the parallax follows the shift. It does where the camera moves sideways, and a lens, a head that
+// sags and contours that blur do not make it.
+void BracketAlignment::noteParallax(const PairMeasurement& measurement) {
+  if (!knows_relief_) return;
+  const cv::Vec3d& parallax = measurement.parallax;
+  const cv::Matx33d information =
+      (measurement.parallax_covariance + modelVariance(radius_, measurement.tiles) * cv::Matx33d::eye())
+          .inv();
+  const cv::Vec3d shift(measurement.motion.shift.x, measurement.motion.shift.y, 0);
+  along_shift_ += shift.dot(information * parallax);
+  shift_information_ += shift.dot(information * shift);
+  const bool is_significant = parallax.dot(information * parallax) > std::pow(kParallaxSignificance, 2) ||
+                              along_shift_ > kSignificance * std::sqrt(shift_information_);
+  drifts_ = drifts_ || (is_significant && isNoticeable({{}, parallax}));
+}
+
+// Whether a point anywhere that is two standard deviations from the mean depth moves noticeably.
+bool BracketAlignment::isNoticeable(const CameraMotion& motion) const {
+  for (const int x : {0, size_.width - 1}) {
+    for (const int y : {0, size_.height - 1}) {
+      for (const double relief : {-2.0, 2.0}) {
+        const cv::Point2d corner(x, y);
+        if (cv::norm(motion.apply(corner, relief, center_, size_) - corner) >= kNoticeable) return true;
+      }
+    }
+  }
+  return false;
+}
+
+CameraMotion BracketAlignment::measureDrift(const cv::Mat& reference, const cv::Mat& gray,
+                                            const SimilarityTransform& placement) {
+  if (!reference.empty()) {
+    current_.pyramid.build(reference);
+    drift_alignment_.setKey(current_.pyramid, center_);
+  }
+  current_.pyramid.build(gray);
+  const PairMeasurement found = drift_alignment_.measure(current_.pyramid, placement, /*parallax=*/true);
+  if (!found.converged || cv::trace(found.parallax_covariance) > std::pow(kNoticeable, 2))
+    return {placement, {}};
+  const CameraMotion motion{found.motion, found.parallax};
+  return isNoticeable(motion) ? motion : CameraMotion();
+}
+
 void BracketAlignment::place(const PairMeasurement& measurement) {
   Observation& frame = current_.frame;
   frame.scene = key_.scene;
@@ -190,6 +241,7 @@ void BracketAlignment::place(const PairMeasurement& measurement) {
     frame.tiles = like.tiles;
     return;
   }
+  noteParallax(measurement);
   frame.motion = compose(key_.motion, measurement.motion);
   frame.key_covariance = key_.key_covariance;
   frame.covariance = measurement.covariance;

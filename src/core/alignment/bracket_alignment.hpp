@@ -37,8 +37,8 @@ class BracketAlignment {
   static constexpr double kSameScene =
       0.8;  ///< least correlation; frames far out of focus reach 0.9, other scenes 0.5
 
-  /// center: principal point, pixels.
-  void begin(const cv::Size& size, const cv::Point2d& center);
+  /// center: principal point, pixels. relief: of the reference, if known.
+  void begin(const cv::Size& size, const cv::Point2d& center, const Relief& relief = {});
 
   /// The next frame of the bracket. gray: CV_8UC1; index: any, each once. Throws std::invalid_argument on
   /// another type, another size than the bracket's, or a known index.
@@ -47,6 +47,14 @@ class BracketAlignment {
 
   /// Measures an observed frame once more, against the frames of the reference's scene that have come since.
   void reconsider(const cv::Mat& gray, int index, int reference);
+
+  /// Whether the camera itself seems to move: then motions depend on depth.
+  bool drifts() const { return drifts_; }
+
+  /// Motion of a frame against the reference, both CV_8UC1, of a camera that drifts; none if it is not
+  /// noticeable, the placement if it cannot be measured. An empty reference is that of the call before.
+  CameraMotion measureDrift(const cv::Mat& reference, const cv::Mat& gray,
+                            const SimilarityTransform& placement);
 
   bool hasObserved(int index) const { return observations_.count(index) > 0; }
 
@@ -80,17 +88,21 @@ class BracketAlignment {
   bool placeByOneOf(const std::vector<const View*>& views, bool measured);
   void noteMismatch(int scene, double correlation);
   void makeKey(const View& view);
+  void noteParallax(const PairMeasurement& measurement);
+  bool isNoticeable(const CameraMotion& motion) const;
   void place(const PairMeasurement& measurement);
 
   cv::Size size_;
   cv::Point2d center_;
-  double radius_ = 0;  ///< half the diagonal, px
+  bool knows_relief_ = false, drifts_ = false;
+  double along_shift_ = 0, shift_information_ = 0;  ///< of the parallax in units of the shift, of all pairs
+  double radius_ = 0;                               ///< half the diagonal, px
   std::map<int, Observation> observations_;
   int scenes_ = 0;
   std::map<std::pair<int, int>, double> mismatch_;  ///< highest correlation between two scenes
 
   Observation key_;
-  PairAlignment key_alignment_, other_alignment_;
+  PairAlignment key_alignment_, other_alignment_, drift_alignment_;
   View current_, last_, stray_;  ///< stray: the last frame that shows another scene than the key frame
   std::vector<View> keys_;       ///< all key frames, at most kMostKeys; the present one is the last
 };

@@ -99,6 +99,11 @@ double correlation(const cv::Mat& key, const cv::Mat& frame, const SimilarityTra
 
 }  // namespace
 
+void PairAlignment::setRelief(const Relief& relief) {
+  relief_ = relief;
+  for (Level& level : levels_) level.relief.clear();
+}
+
 void PairAlignment::setKey(const ImagePyramid& key, const cv::Point2d& center) {
   levels_.resize(key.levels());
   for (int i = 0; i < key.levels(); ++i) {
@@ -110,9 +115,15 @@ void PairAlignment::setKey(const ImagePyramid& key, const cv::Point2d& center) {
     level.grid = (level.size - cv::Size(2 * kMargin, 2 * kMargin)) / kTile;
     level.origin = (level.size - level.grid * kTile) / 2;
     level.tiles.resize(level.grid.area());
+    const bool needs_relief = relief_.isKnown() && level.relief.empty();
+    if (needs_relief) level.relief.resize(level.tiles.size());
     for (int j = 0; j < level.grid.height; ++j) {
       for (int k = 0; k < level.grid.width; ++k) {
-        fill(key.level(i), level.origin + kTile * cv::Point(k, j), level.tiles[j * level.grid.width + k]);
+        const cv::Point corner = level.origin + kTile * cv::Point(k, j);
+        const int index = j * level.grid.width + k;
+        fill(key.level(i), corner, level.tiles[index]);
+        if (needs_relief)
+          level.relief[index] = reliefIn(relief_, cv::Rect(corner, cv::Size(kTile, kTile)), level.size);
       }
     }
   }
@@ -154,7 +165,7 @@ ALL_IN_FOCUS_SIMD void PairAlignment::fill(const cv::Mat& image, const cv::Point
   tile.information = {dot(gx, gx), dot(gx, gy), dot(gx, gy), dot(gy, gy)};
 }
 
-PairAlignment::Shears::Shears(const cv::Vec4d& motion, const Level& level, const cv::Size& size)
+PairAlignment::Shears::Shears(const Motion& motion, const Level& level, const cv::Size& size)
     : picture(size) {
   const double scale = 1 + motion[0] / level.radius, angle = motion[1] / level.radius;
   const double cosine = std::cos(angle), sine = std::sin(angle);
@@ -165,6 +176,13 @@ PairAlignment::Shears::Shears(const cv::Vec4d& motion, const Level& level, const
   v_u = sine / cosine;
   v_y = scale / cosine;
   v0 = c.y + d.y - v_u * (c.x + d.x) - v_y * c.y;
+}
+
+PairAlignment::Shears PairAlignment::Shears::movedBy(double x, double y) const {
+  Shears moved = *this;
+  moved.u0 += x;
+  moved.v0 += y - v_u * x;
+  return moved;
 }
 
 bool PairAlignment::Shears::cover(const cv::Rect& tile) const {
@@ -202,37 +220,101 @@ void PairAlignment::sampleRow(const cv::Mat& image, const Shears& shears, const 
   }
 }
 
+// The same of a tile, pixel by pixel.
+void PairAlignment::sampleTile(const cv::Mat& image, const Shears& shears, const cv::Point& corner,
+                               Pixels& out) {
+  for (int i = 0; i < kTile * kTile; ++i) {
+    const int x = corner.x + i % kTile, y = corner.y + i / kTile;
+    const double u = shears.u0 + shears.u_x * x + shears.u_y * y,
+                 v = shears.v0 + shears.v_u * u + shears.v_y * y;
+    const int column = static_cast<int>(u), row = static_cast<int>(v);
+    const auto f = static_cast<float>(u - column);
+    std::array<float, 4> along;
+    for (int k = 0; k < 4; ++k) {
+      const float* from = image.ptr<float>(std::min(row - 1 + k, image.rows - 1)) + column - 1;
+      along[k] = spline(from[0], from[1], from[2], from[std::min(3, image.cols - column)], f);
+    }
+    out[i] = spline(along[0], along[1], along[2], along[3], static_cast<float>(v - row));
+  }
+}
+
+// One Gauss-Newton step of the first N numbers of the motion, by the pulls of the tiles. Returns its length.
+template <int N>
+inline __attribute__((always_inline)) double PairAlignment::step(const Level& level,
+                                                                 Estimate& estimate) const {
+  using Numbers = cv::Vec<double, N>;
+  using Square = cv::Matx<double, N, N>;
+  // The guess counts with the largest motion as its standard deviation: it stays where there is no texture.
+  const Square prior = Square::eye() * (1 / std::pow(kLargestMotion * level.radius, 2));
+  Square information = prior, scatter = prior;
+  Numbers gradient;
+  double texture = 0, squared_texture = 0;
+  for (const Pull& tile : pulls_) {
+    if (N > 4 && std::isnan(tile.relief)) continue;
+    // Derivative of the tile's shift by the numbers of the motion.
+    const double x = tile.x, y = tile.y, n = tile.relief;
+    cv::Matx<double, 2, N> shift;
+    if constexpr (N == 4) {
+      shift = {x, -y, 1, 0, y, x, 0, 1};
+    } else {
+      shift = {x, -y, 1, 0, n, 0, n * x, y, x, 0, 1, 0, n, n * y};
+    }
+    const Numbers pull = shift.t() * (tile.weight * tile.pull);
+    information += shift.t() * (tile.weight * tile.information) * shift;
+    gradient += pull;
+    scatter += kSharedEdges * pull * pull.t();
+    const double of_tile = tile.weight * cv::trace(tile.information);
+    texture += of_tile;
+    squared_texture += of_tile * of_tile;
+  }
+  const Square inverse = information.inv(cv::DECOMP_CHOLESKY);
+  const Numbers step = inverse * gradient;
+  // Uncertain as far as the tiles disagree: A^-1 sum(g g^T) A^-1, the "sandwich" estimate.
+  const Square covariance = inverse * scatter * inverse;
+  for (int i = 0; i < N; ++i) {
+    estimate.motion[i] -= step[i];
+    for (int k = 0; k < N; ++k) estimate.covariance(i, k) = covariance(i, k);
+  }
+  estimate.tiles = squared_texture > 0 ? texture * texture / squared_texture : 0;
+  return cv::norm(step);
+}
+
 ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat& image,
-                                                                const cv::Vec4d& guess) {
+                                                                const Motion& guess, bool parallax) {
   const int width = level.grid.width * kTile;
   band_.resize(static_cast<size_t>(width) * kTile);
-  // The guess counts with the largest motion as its standard deviation: it stays where there is no texture.
-  const cv::Matx44d prior = cv::Matx44d::eye() * (1 / std::pow(kLargestMotion * level.radius, 2));
-
   const double pitch = 1 / level.radius;
   constexpr double kFreedom = kTile * kTile - 3;  // pixels less nuisances
 
-  Estimate estimate{guess, cv::Matx44d::zeros(), 0, 0};
+  Estimate estimate{guess, cv::Matx<double, 7, 7>::zeros(), 0, 0};
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     const Shears shears(estimate.motion, level, image.size());
-    cv::Matx44d information = prior, scatter = prior;
-    cv::Vec4d gradient;
-    double texture = 0, squared_texture = 0;
+    pulls_.clear();
     for (int j = 0; j < level.grid.height; ++j) {
       const int top = level.origin.y + j * kTile;
-      for (int v = 0; v < kTile; ++v) {
+      for (int v = 0; !parallax && v < kTile; ++v) {
         sampleRow(image, shears, {level.origin.x, top + v}, width, band_.data() + v * width);
       }
       const double y = (top + kMiddle - level.center.y) * pitch;
-      const bool all_covered = shears.cover({level.origin.x, top, width, kTile});
+      const bool all_covered = !parallax && shears.cover({level.origin.x, top, width, kTile});
       for (int k = 0; k < level.grid.width; ++k) {
-        const int left = level.origin.x + k * kTile;
-        if (!all_covered && !shears.cover({left, top, kTile, kTile})) continue;
-        const Tile& tile = level.tiles[j * level.grid.width + k];
+        const int left = level.origin.x + k * kTile, index = j * level.grid.width + k;
+        const double x = (left + kMiddle - level.center.x) * pitch;
+        const double relief = level.relief.empty() ? std::nan("") : level.relief[index];
+        const Tile& tile = level.tiles[index];
         Pixels residual;
-        for (int v = 0; v < kTile; ++v) {
-          for (int u = 0; u < kTile; ++u) {
-            residual[kTile * v + u] = band_[v * width + k * kTile + u];
+        if (parallax) {
+          if (std::isnan(relief)) continue;
+          const Shears moved = shears.movedBy(relief * (estimate.motion[4] + x * estimate.motion[6]),
+                                              relief * (estimate.motion[5] + y * estimate.motion[6]));
+          if (!moved.cover({left, top, kTile, kTile})) continue;
+          sampleTile(image, moved, {left, top}, residual);
+        } else {
+          if (!all_covered && !shears.cover({left, top, kTile, kTile})) continue;
+          for (int v = 0; v < kTile; ++v) {
+            for (int u = 0; u < kTile; ++u) {
+              residual[kTile * v + u] = band_[v * width + k * kTile + u];
+            }
           }
         }
         subtractMean(residual);
@@ -241,53 +323,57 @@ ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& lev
         // One over the variance of a pixel.
         const double weight =
             kFreedom / (std::max(unexplained, 0.0) + kFreedom * kResidualFloor * kResidualFloor);
-        // Derivative of the tile's shift by the four numbers of the motion.
-        const double x = (left + kMiddle - level.center.x) * pitch;
-        const cv::Matx<double, 2, 4> shift(x, -y, 1, 0, y, x, 0, 1);
-        const cv::Vec2d tile_pull(dot(tile.gradient[0], residual), dot(tile.gradient[1], residual));
-        const cv::Vec4d pull = shift.t() * (weight * tile_pull);
-        information += shift.t() * (weight * tile.information) * shift;
-        gradient += pull;
-        scatter += kSharedEdges * pull * pull.t();
-        const double of_tile = weight * cv::trace(tile.information);
-        texture += of_tile;
-        squared_texture += of_tile * of_tile;
+        const cv::Vec2d pull(dot(tile.gradient[0], residual), dot(tile.gradient[1], residual));
+        pulls_.push_back({x, y, relief, weight, tile.information, pull});
       }
     }
-    const cv::Matx44d inverse = information.inv(cv::DECOMP_CHOLESKY);
-    const cv::Vec4d step = inverse * gradient;
-    estimate.motion -= step;
-    // Uncertain as far as the tiles disagree: A^-1 sum(g g^T) A^-1, the "sandwich" estimate.
-    estimate.covariance = inverse * scatter * inverse;
-    estimate.tiles = squared_texture > 0 ? texture * texture / squared_texture : 0;
-    estimate.step = cv::norm(step);
-    if (estimate.step < kSmallStep) break;
+    Estimate more = estimate;
+    estimate.step = parallax ? step<7>(level, estimate) : step<4>(level, estimate);
+    if (estimate.step >= kSmallStep && iteration + 1 < kIterations) continue;
+    if (!parallax && !level.relief.empty()) {
+      step<7>(level, more);
+      for (int i = 4; i < 7; ++i) {
+        estimate.motion[i] = more.motion[i];
+        for (int k = 4; k < 7; ++k) estimate.covariance(i, k) = more.covariance(i, k);
+      }
+    }
+    break;
   }
   return estimate;
 }
 
-PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const SimilarityTransform& guess) {
+PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const SimilarityTransform& guess,
+                                       bool parallax) {
   const double radius = levels_[0].radius * levels_[0].reduction;
   const double width = levels_[0].size.width * levels_[0].reduction;
   PairMeasurement result;
   result.motion = guess;
-  cv::Vec4d motion((guess.scale - 1) * radius, guess.angle * radius, guess.shift.x, guess.shift.y);
+  Motion motion((guess.scale - 1) * radius, guess.angle * radius, guess.shift.x, guess.shift.y, 0, 0, 0);
+  double least = 0;
   for (int i = frame.levels() - 1; i >= 0; --i) {
     const double reduction = levels_[i].reduction;
-    const Estimate estimate = refine(levels_[i], frame.level(i), motion / reduction);
-    const cv::Vec4d refined = estimate.motion * reduction;
-    const cv::Matx44d covariance = estimate.covariance * (reduction * reduction);
+    const Estimate estimate = refine(levels_[i], frame.level(i), motion * (1 / reduction), parallax);
+    const Motion refined = estimate.motion * reduction;
+    const cv::Matx<double, 7, 7> covariance = estimate.covariance * (reduction * reduction);
+    const cv::Matx44d of_similarity = covariance.get_minor<4, 4>(0, 0);
+    const cv::Vec3d of_parallax(refined[4], refined[5], refined[6]);
     const bool converged = estimate.step <= kLargestStep &&
                            std::hypot(refined[0], refined[1]) <= kLargestMotion * radius &&
-                           std::hypot(refined[2], refined[3]) <= kLargestMotion * width;
+                           std::hypot(refined[2], refined[3]) <= kLargestMotion * width &&
+                           (!parallax || cv::norm(of_parallax) <= kLargestMotion * width);
     if (!converged) continue;  // NaN is not
     motion = refined;
+    if (!parallax) motion[4] = motion[5] = motion[6] = 0;
     // The most certain level counts: mostly the finest, but in blurred pictures that has only noise.
-    if (!result.converged || cv::trace(covariance) < cv::trace(result.covariance)) {
+    const double variance = parallax ? cv::trace(covariance) : cv::trace(of_similarity);
+    if (!result.converged || variance < least) {
       result.motion = {1 + motion[0] / radius, {motion[2], motion[3]}, motion[1] / radius};
-      result.covariance = covariance;
+      result.covariance = of_similarity;
+      result.parallax = of_parallax;
+      result.parallax_covariance = covariance.get_minor<3, 3>(4, 4);
       result.tiles = estimate.tiles;
       result.converged = true;
+      least = variance;
     }
   }
   SimilarityTransform coarse = result.motion;

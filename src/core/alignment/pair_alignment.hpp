@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "alignment/image_pyramid.hpp"
+#include "alignment/relief.hpp"
 #include "alignment/similarity_transform.hpp"
 
 namespace all_in_focus::core {
@@ -17,7 +18,10 @@ struct PairMeasurement {
   cv::Matx44d covariance;
   double tiles = 0;        ///< so many tiles of equal texture would tell as much
   bool converged = false;  ///< otherwise the motion is the guess
-  double correlation = 0;  ///< of the local contrast of both frames, once aligned
+  /// Where relief is known, see CameraMotion. Without `parallax` in measure(): what one more step would find.
+  cv::Vec3d parallax;
+  cv::Matx33d parallax_covariance;  ///< px^2; zeros: unknown
+  double correlation = 0;           ///< of the local contrast of both frames, once aligned
 };
 
 /// Magnification, roll and shift between two frames that are focused differently, to a few hundredths of a
@@ -30,16 +34,22 @@ struct PairMeasurement {
 /// and a weight by what they leave unexplained. Making the gradients in J orthogonal to these three
 /// eliminates them, and with them I_a itself. All pixels of a tile move as its centre.
 ///
+/// Where the relief of a tile is known, it may have a parallax, too: three more unknowns of the motion. Tiles
+/// without relief then do not count, for nobody knows how far they move.
+///
 /// Frames are read as coefficients of cubic B-splines. That smooths them, but unlike an interpolation it
 /// moves them by fractions of a pixel without bias: cv::warpAffine, linear, is off by up to 0.06 px where
 /// this is by 0.003, which costs 0.3 dB where a head sags.
 class PairAlignment {
  public:
+  /// Relief of the key frames from now on.
+  void setRelief(const Relief& relief);
+
   /// center: fixed point of the magnification, pixels of the frame.
   void setKey(const ImagePyramid& key, const cv::Point2d& center);
 
-  /// frame: of the key's size.
-  PairMeasurement measure(const ImagePyramid& frame, const SimilarityTransform& guess);
+  /// frame: of the key's size. parallax: the camera may have moved; relief must be known.
+  PairMeasurement measure(const ImagePyramid& frame, const SimilarityTransform& guess, bool parallax = false);
 
  private:
   static constexpr int kTile = 8;
@@ -56,18 +66,30 @@ class PairAlignment {
     cv::Point2d center;
     double reduction = 0, radius = 0;  ///< half the diagonal
     std::vector<Tile> tiles;
+    std::vector<float> relief;  ///< of the tiles, NaN = unknown; empty: of all
   };
+  /// Magnification and roll at the radius, shift x, y, parallax; pixels of the level.
+  using Motion = cv::Vec<double, 7>;
   struct Estimate {
-    cv::Vec4d motion;  ///< magnification and roll at the radius, shift x, y; pixels of the level
-    cv::Matx44d covariance;
+    Motion motion;
+    cv::Matx<double, 7, 7> covariance;
     double tiles = 0;
     double step = 0;  ///< the last one
+  };
+  /// What a tile tells of its shift.
+  struct Pull {
+    double x, y;  ///< its centre, in units of the radius
+    double relief;
+    double weight;
+    cv::Matx22d information;
+    cv::Vec2d pull;
   };
 
   /// A motion in a level, as two shears (see ReferenceWarp): row y of the result is read across the rows of
   /// the picture first, at v(u, y), and along the row that this gives then, at u(x, y).
   struct Shears {
-    Shears(const cv::Vec4d& motion, const Level& level, const cv::Size& picture);
+    Shears(const Motion& motion, const Level& level, const cv::Size& picture);
+    Shears movedBy(double x, double y) const;
     bool cover(const cv::Rect& tile) const;  ///< whether the picture has all its pixels and their neighbours
 
     cv::Size picture;
@@ -81,14 +103,19 @@ class PairAlignment {
   };
 
   static void fill(const cv::Mat& image, const cv::Point& corner, Tile& tile);
-  Estimate refine(const Level& level, const cv::Mat& image, const cv::Vec4d& guess);
+  template <int N>
+  double step(const Level& level, Estimate& estimate) const;
+  Estimate refine(const Level& level, const cv::Mat& image, const Motion& guess, bool parallax);
   void sampleRow(const cv::Mat& image, const Shears& shears, const cv::Point& at, int width, float* out);
+  static void sampleTile(const cv::Mat& image, const Shears& shears, const cv::Point& corner, Pixels& out);
 
+  Relief relief_;
   std::vector<Level> levels_;
   cv::Mat contrast_;
 
   Taps across_, along_;
   std::vector<float> row_, band_;  ///< of the frame: one row; a row of tiles
+  std::vector<Pull> pulls_;
   cv::Mat aligned_;
 };
 

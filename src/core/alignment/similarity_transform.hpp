@@ -22,6 +22,26 @@ struct SimilarityTransform {
   cv::Matx23d matrix(const cv::Point2d& center) const;
 };
 
+/// Where a point p of the reference that has the relief n (see Relief) lies in a frame of a camera that has
+/// moved:
+///   p' + n (parallax_x + parallax_z u / r, parallax_y + parallax_z v / r)
+/// p' by the similarity transform, (u, v) = p - center, r half the diagonal of the picture. To first order
+/// this is what a camera with focal length f sees that moved by t and turned by w (Longuet-Higgins and
+/// Prazdny 1980):
+///   parallax = s (-f t_x, -f t_y, r t_z),  s the standard deviation of inverse depth,
+/// while scale, angle and shift hold what turns, the lens and the mean inverse depth move.
+struct CameraMotion : SimilarityTransform {
+  cv::Vec3d parallax;  ///< px
+
+  bool hasParallax() const { return parallax != cv::Vec3d(); }
+  bool isIdentity() const { return SimilarityTransform::isIdentity() && !hasParallax(); }
+  cv::Point2d perRelief(const cv::Point2d& p, const cv::Point2d& center, const cv::Size& size) const;
+  cv::Point2d apply(const cv::Point2d& p, double relief, const cv::Point2d& center,
+                    const cv::Size& size) const {
+    return SimilarityTransform::apply(p, center) + relief * perRelief(p, center, size);
+  }
+};
+
 /// First `first`, then `second`, both about the same centre.
 SimilarityTransform compose(const SimilarityTransform& first, const SimilarityTransform& second);
 

@@ -114,6 +114,7 @@ FusionResult BracketFusion::result() const {
     }
     result.notes = unreachedDistances(scene_, focus_mm_);
     result.lens_notes = refined_->lensNotes();
+    if (std::string note = refined_->driftNote(); !note.empty()) result.notes.push_back(std::move(note));
   }
   return result;
 }

@@ -46,13 +46,10 @@ bool areApart(int index, int earlier) {
   return index - earlier > index / 16;
 }
 
-// Where the warped frame is opaque: where no transparent pixel is mixed in.
-cv::Mat warped(const cv::Mat& opaque, const cv::Matx23d& to_frame) {
-  const cv::Mat reach = cv::Mat::ones(9, 9, CV_8UC1);  // of the kernel of a warp
-  cv::Mat clear, out;
-  cv::erode(opaque, clear, reach);
-  cv::warpAffine(clear, out, to_frame, opaque.size(), cv::INTER_NEAREST | cv::WARP_INVERSE_MAP,
-                 cv::BORDER_REPLICATE);
+// What a kernel of a warp reaches no transparent pixel from.
+cv::Mat clear(const cv::Mat& opaque) {
+  cv::Mat out;
+  cv::erode(opaque, out, cv::Mat::ones(9, 9, CV_8UC1));
   return out;
 }
 
@@ -101,7 +98,11 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
     pixel_pitch_mm_ = pixel_pitch_mm;
     beginPrediction();
   }
-  alignment_.begin(size, center_);
+  focal_px_ = scene.camera ? scene.camera->fx * size.width / scene.camera->size.width : 0;
+  moved_mm_ = turned_ = 0;
+  relief_image_.release();
+  relief_ = config.alignment ? reliefOf(scene.depth, scene.measured) : Relief();
+  alignment_.begin(size, center_, relief_);
 }
 
 void RefinedFusion::beginPrediction() {
@@ -287,7 +288,8 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     held_.clear();
     checkLens();
     lights_ = clippedLights(gray);
-    const bool resampled = config_.alignment && alignment_.moves(reference_);
+    if (relief_.isKnown()) gray.copyTo(reference_gray_);
+    const bool resampled = config_.alignment && (alignment_.drifts() || alignment_.moves(reference_));
     mean_.begin(size_, noise_.deviation(), {config_.soft, config_.choice, frame.depth() == CV_16U});
     brightness_.begin(noise_.deviation(), resampled);
     exposure_.setReference(toEightBits(frame));
@@ -295,20 +297,59 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   if (is_known && config_.alignment && !alignment_.placement(index, reference_).fits)
     alignment_.reconsider(gray, index, reference_);
   if (std::string reason = misfit(index, reference_); !reason.empty()) return reason;
-  const Placement placement = config_.alignment ? alignment_.placement(index, reference_) : Placement();
-  AlignedFrame aligned{frame, cv::Rect({}, size_), 1, index, focus_mm, linear_, opaque};
-  if (!placement.isIdentity()) {
-    warp_.compute(frame, placement, center_, aligned_);
-    cv::cvtColor(toEightBits(aligned_), aligned_gray_, cv::COLOR_BGR2GRAY);
-    aligned.image = aligned_;
-    aligned.seen = seenThrough(placement, size_, center_);
-    if (!opaque.empty()) aligned.opaque = warped(opaque, placement.matrix(center_));
+  CameraMotion motion;
+  if (config_.alignment) static_cast<SimilarityTransform&>(motion) = alignment_.placement(index, reference_);
+  if (!is_reference && alignment_.drifts()) {
+    motion = alignment_.measureDrift(reference_gray_, gray, motion);
+    reference_gray_.release();
+    noteDrift(motion);
   }
+  AlignedFrame aligned{frame, cv::Rect({}, size_), 1, index, focus_mm, linear_, opaque};
+  const bool is_still = motion.isIdentity();
+  if (!is_still) aligned = warped(aligned, motion);
   if (!aligned.opaque.empty()) aligned.seen &= cv::boundingRect(aligned.opaque);
   if (config_.exposure && !is_reference) aligned.gain = exposure_.gain(toEightBits(aligned.image));
   if (on_aligned_) on_aligned_(aligned);
-  addAligned(aligned, placement.isIdentity() ? gray : aligned_gray_, !placement.isIdentity());
+  addAligned(aligned, is_still ? gray : aligned_gray_, !is_still);
   return "";
+}
+
+// The frame in the geometry of the reference, and its gray picture in aligned_gray_.
+AlignedFrame RefinedFusion::warped(AlignedFrame frame, const CameraMotion& motion) {
+  if (motion.hasParallax()) {
+    if (relief_image_.empty()) relief_image_ = reliefImage(relief_, size_);
+    const ParallaxView view = viewOf(motion, relief_image_, center_);
+    cv::remap(frame.image, aligned_, view.map, cv::noArray(), cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+    cv::Mat shown = view.shown;
+    if (!frame.opaque.empty()) {
+      cv::remap(clear(frame.opaque), shown, view.map, cv::noArray(), cv::INTER_NEAREST, cv::BORDER_REPLICATE);
+      shown &= view.shown;
+    }
+    frame.opaque = shown;
+  } else {
+    warp_.compute(frame.image, motion, center_, aligned_);
+    frame.seen = seenThrough(motion, size_, center_);
+    if (!frame.opaque.empty()) {
+      cv::warpAffine(clear(frame.opaque), frame.opaque, motion.matrix(center_), size_,
+                     cv::INTER_NEAREST | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
+    }
+  }
+  frame.image = aligned_;
+  cv::cvtColor(toEightBits(aligned_), aligned_gray_, cv::COLOR_BGR2GRAY);
+  return frame;
+}
+
+void RefinedFusion::noteDrift(const CameraMotion& motion) {
+  if (!motion.hasParallax() || focal_px_ <= 0) return;
+  const CameraPose pose = poseOf(motion, relief_, focal_px_, size_);
+  moved_mm_ = std::max(moved_mm_, cv::norm(pose.place_mm));
+  turned_ = std::max(turned_, cv::norm(pose.rotation));
+}
+
+std::string RefinedFusion::driftNote() const {
+  if (moved_mm_ == 0) return "";
+  return cv::format("the camera moved by up to %.1f mm and turned by up to %.2f degrees: corrected by depth",
+                    moved_mm_, turned_ * 180 / CV_PI);
 }
 
 void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, bool resampled) {

@@ -58,11 +58,16 @@ class RefinedFusion {
   /// is done already.
   const std::vector<std::string>& lensNotes() const { return lens_notes_; }
 
+  /// How far the camera has moved, for the user; "" if it has not.
+  std::string driftNote() const;
+
   cv::Mat image() const { return mean_.image(); }
   const cv::Mat& sourceIndex() const { return mean_.sourceIndex(); }
   cv::Mat confidence() const { return mean_.confidence(); }
 
  private:
+  AlignedFrame warped(AlignedFrame frame, const CameraMotion& motion);
+  void noteDrift(const CameraMotion& motion);
   void addAligned(const AlignedFrame& frame, const cv::Mat& gray, bool resampled);
 
   struct HeldFrame {
@@ -98,6 +103,11 @@ class RefinedFusion {
   NoiseSpectrum noise_;
   bool linear_ = false;  // codes are in proportion to light
   int reference_ = -1;   // index; -1: none yet
+  Relief relief_;
+  cv::Mat1f relief_image_;            // empty until the first frame that needs it
+  double focal_px_ = 0;               // 0 = unknown
+  double moved_mm_ = 0, turned_ = 0;  // the greatest of all frames; radians
+  cv::Mat reference_gray_;            // until a frame is measured against it; only where relief is known
   BracketAlignment alignment_;
   FrameLight light_;
   ReferenceWarp warp_;

@@ -1,0 +1,210 @@
+// SPDX-FileCopyrightText: all_in_focus contributors
+// SPDX-License-Identifier: BSD-3-Clause
+
+// A camera that moves while it shoots: near things move more than far ones.
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstdint>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "alignment/bracket_alignment.hpp"
+#include "bracket_drawing.hpp"
+#include "fusion/refined_fusion.hpp"
+
+using namespace all_in_focus::core;
+using bracket_drawing::kCenter;
+using bracket_drawing::kSize;
+using bracket_drawing::refocused;
+
+namespace {
+
+constexpr double kFocalPx = 400;
+const std::array<int, 3> kDepths = {800, 1300, 3000};  // mm, of bands of the picture
+constexpr int kBand = 48;                              // px
+
+// Alignment that is off by less does not show: bracket_alignment.hpp does not resample for less than 0.35 px.
+constexpr double kMostError = 0.1;
+
+int depthAt(int y) {
+  return kDepths[y / kBand % kDepths.size()];
+}
+
+cv::Mat depthImage() {
+  cv::Mat depth(kSize, CV_16UC1);
+  for (int y = 0; y < kSize.height; ++y) depth.row(y) = depthAt(y);
+  return depth;
+}
+
+// Frame k of n of a camera at `place`, turned by `right` radians. It sees each depth by a similarity
+// transform of its own.
+cv::Mat seenFrom(const cv::Vec3d& place_mm, double right, int k, int n) {
+  cv::Mat picture(kSize, CV_8UC1);
+  for (const int z : kDepths) {
+    const SimilarityTransform motion{1 + place_mm[2] / z,
+                                     {-kFocalPx * (place_mm[0] / z + right), -kFocalPx * place_mm[1] / z}};
+    const cv::Mat whole = refocused(motion, k, n, 1.5);
+    for (int y = 0; y < kSize.height; ++y) {
+      if (depthAt(y) == z) whole.row(y).copyTo(picture.row(y));
+    }
+  }
+  return picture;
+}
+
+BracketAlignment begun(const cv::Mat& depth) {
+  BracketAlignment alignment;
+  alignment.begin(kSize, kCenter, reliefOf(depth, {}));
+  return alignment;
+}
+
+TEST(Parallax, TheMotionOfACameraIsMeasured) {
+  const cv::Vec3d place(6, -4, 5);
+  const double right = 0.002;
+  const Relief relief = reliefOf(depthImage(), {});
+  BracketAlignment alignment = begun(depthImage());
+  const cv::Mat reference = seenFrom({}, 0, 1, 2), frame = seenFrom(place, right, 0, 2);
+  alignment.observe(reference, 0);
+  alignment.observe(frame, 1);
+  ASSERT_TRUE(alignment.drifts());
+  const CameraMotion motion = alignment.measureDrift(reference, frame, alignment.placement(1, 0));
+  const CameraPose pose = poseOf(motion, relief, kFocalPx, kSize);
+  const double error_mm = kMostError / (kFocalPx * relief.deviation);  // where a parallax is off by so much
+  EXPECT_NEAR(pose.place_mm[0], place[0], error_mm);
+  EXPECT_NEAR(pose.place_mm[1], place[1], error_mm);
+  EXPECT_NEAR(pose.place_mm[2], place[2], error_mm * 2);  // measured away from the centre only
+  EXPECT_NEAR(pose.rotation[1], right, kMostError / kFocalPx + error_mm * relief.mean);
+  EXPECT_NEAR(pose.rotation[0], 0, kMostError / kFocalPx + error_mm * relief.mean);
+}
+
+TEST(Parallax, SmallSidewaysMotionsOfManyFramesCount) {
+  BracketAlignment alignment = begun(depthImage());
+  constexpr int kFrames = 8;
+  for (int k = 0; k < kFrames; ++k) alignment.observe(seenFrom({0.3 * k, 0, 0}, 0, k, kFrames), k);
+  EXPECT_TRUE(alignment.drifts());
+}
+
+// Only the camera's place makes a parallax: not the lens, not a turn, not the order of blur and depth.
+TEST(Parallax, NothingElseMakesOne) {
+  BracketAlignment with_depth = begun(depthImage()), without = begun({});
+  constexpr int kFrames = 8;
+  for (int k = 0; k < kFrames; ++k) {
+    const SimilarityTransform motion{1 + 0.002 * (k - 4), {0.4 * k, -0.3 * k}, 0.0005 * k};
+    const cv::Mat frame = refocused(motion, k, kFrames);
+    with_depth.observe(frame, k);
+    without.observe(frame, k);
+  }
+  EXPECT_FALSE(with_depth.drifts());
+  for (int k = 0; k < kFrames; ++k) {
+    const Placement a = with_depth.placement(k, 4), b = without.placement(k, 4);
+    EXPECT_TRUE(a.scale == b.scale && a.shift == b.shift && a.angle == b.angle) << "bit for bit, frame " << k;
+  }
+}
+
+TEST(Parallax, FlatOrUnknownDepthHasNoRelief) {
+  EXPECT_FALSE(reliefOf({}, {}).isKnown());
+  EXPECT_FALSE(reliefOf(cv::Mat(kSize, CV_16UC1, cv::Scalar(0)), {}).isKnown());
+  EXPECT_FALSE(reliefOf(cv::Mat(kSize, CV_16UC1, cv::Scalar(900)), {}).isKnown());
+  EXPECT_TRUE(reliefOf(depthImage(), {}).isKnown());
+  EXPECT_FALSE(reliefOf(depthImage(), cv::Mat(kSize, CV_16UC1, cv::Scalar(0))).isKnown());
+}
+
+TEST(Parallax, PixelsWithoutDepthHaveTheNearestOne) {
+  cv::Mat depth = depthImage();
+  depth.colRange(0, 30) = 0;
+  depth.rowRange(0, 5) = 0;
+  const cv::Mat1f relief = reliefImage(reliefOf(depth, {}), kSize),
+                  whole = reliefImage(reliefOf(depth, {}), kSize / 2);
+  EXPECT_EQ(relief(20, 0), relief(20, 100));
+  EXPECT_EQ(relief(0, 100), relief(20, 100));
+  EXPECT_EQ(whole(10, 0), relief(20, 100)) << "of any size";
+}
+
+TEST(Parallax, SpecksOfWrongDepthAreLeftOut) {
+  cv::Mat depth = depthImage();
+  const cv::Mat1f clean = reliefImage(reliefOf(depthImage(), {}), kSize);
+  depth(cv::Rect(100, 20, 3, 3)) = 2000;
+  const cv::Mat1f relief = reliefImage(reliefOf(depth, depthImage()), kSize);
+  EXPECT_EQ(cv::norm(relief, clean, cv::NORM_INF), 0);
+  cv::Mat lonely(kSize, CV_16UC1, cv::Scalar(0));
+  lonely.at<std::uint16_t>(100, 100) = 2000;
+  EXPECT_EQ(cv::norm(reliefImage(reliefOf(lonely, depthImage()), kSize)), 0) << "nothing is left";
+}
+
+// A post before a wall; the camera moves to the right, so that the post hides what is to its left.
+struct PostBeforeAWall {
+  PostBeforeAWall() {
+    depth = cv::Mat(kSize, CV_16UC1, cv::Scalar(3000));
+    depth(post) = 1000;
+    relief = reliefOf(depth, {});
+    motion.parallax = {-4 / (relief.of(1000) - relief.of(3000)), 0, 0};
+    motion.shift.x = -motion.parallax[0] * relief.of(3000);  // the wall stays, the post moves by 4 px
+  }
+  cv::Rect post{100, 0, 60, kSize.height};
+  cv::Mat depth;
+  Relief relief;
+  CameraMotion motion;
+};
+
+TEST(Parallax, WhatIsNearerHides) {
+  const PostBeforeAWall scene;
+  const ParallaxView view = viewOf(scene.motion, reliefImage(scene.relief, kSize), kCenter);
+  EXPECT_NEAR(view.map(100, 130)[0], 126, 1e-3);
+  EXPECT_NEAR(view.map(20, 30)[0], 30, 1e-3);
+  const cv::Rect moved = scene.post - cv::Point(4, 0),
+                 around(moved.tl() - cv::Point(1, 1), moved.size() + cv::Size(2, 2));
+  for (int y = 0; y < kSize.height; ++y) {
+    for (int x = 0; x < kSize.width; ++x) {
+      const cv::Point p(x, y);
+      if (scene.post.contains(p)) {
+        EXPECT_EQ(view.shown(p), 255) << p;
+      } else if (moved.contains(p)) {
+        EXPECT_EQ(view.shown(p), 0) << p;
+      } else if (!around.contains(p)) {  // there the post may cover a part of a pixel
+        EXPECT_EQ(view.shown(p), 255) << p;
+      }
+    }
+  }
+}
+
+TEST(Parallax, WhatLeavesThePictureIsNotShown) {
+  CameraMotion motion;
+  motion.shift = {3, 0};
+  const ParallaxView view = viewOf(motion, reliefImage(reliefOf(depthImage(), {}), kSize), kCenter);
+  EXPECT_EQ(cv::countNonZero(view.shown), (kSize.width - 3) * kSize.height);
+}
+
+// The frames before and behind the reference are much sharper there, and yet count for nothing.
+TEST(Parallax, HiddenPixelsAreThoseOfTheReference) {
+  BracketScene scene;
+  scene.depth = depthImage();
+  scene.optics = {50, 4, 0.03};
+  scene.camera = Camera{kSize, kFocalPx, kFocalPx, kCenter.x, kCenter.y, {}};
+  const auto colour = [](const cv::Mat& gray) {
+    cv::Mat picture;
+    cv::cvtColor(gray, picture, cv::COLOR_GRAY2BGR);
+    return picture;
+  };
+  cv::Mat blurred = seenFrom({}, 0, 1, 2);
+  cv::GaussianBlur(blurred, blurred, {}, 1);
+  const cv::Mat moved = seenFrom({0, 12, 0}, 0, 1, 2);
+  RefinedFusion fusion;
+  fusion.begin(scene, {}, kSize);
+  cv::Mat hidden;
+  fusion.setAlignedFrameCallback([&](const AlignedFrame& frame) {
+    if (frame.index == 1) cv::Mat(frame.opaque == 0).copyTo(hidden);
+  });
+  ASSERT_EQ(fusion.add(colour(blurred), blurred, 0, kUnknownFocus), "");
+  ASSERT_EQ(fusion.add(colour(moved), moved, 1, kUnknownFocus), "");
+  // Bands that are nearer move up by 6 or 4 px, bands at 3 m by 1.6.
+  ASSERT_GT(cv::countNonZero(hidden), 3 * kSize.width);
+  ASSERT_LT(cv::countNonZero(hidden), 30 * kSize.width);
+  cv::Mat difference;
+  cv::absdiff(fusion.image(), colour(blurred), difference);
+  EXPECT_GT(cv::mean(difference, hidden == 0)[0], 2) << "the sharper frame is used where it can be";
+  EXPECT_EQ(cv::norm(difference, cv::NORM_INF, hidden), 0);
+  EXPECT_NE(fusion.driftNote().find("the camera moved by up to 1"), std::string::npos) << fusion.driftNote();
+}
+
+}  // namespace
