@@ -382,6 +382,28 @@ TEST(Restoration, LargePicturesAreCorrectedOnAReducedCopy) {
   EXPECT_LT(errorLeft(result, card), 0.6);  // 0.30
 }
 
+// As a frame of a camera that moved does where something nearer hid what is there.
+TEST(Restoration, PixelsThatShowNothingAreNotCorrectedBy) {
+  const CardBeforeWall card;
+  const cv::Rect beside(kCard.br().x, kCard.y, 6, kCard.height);
+  const auto errorWith = [&](bool hidden) {
+    BracketRestoration restoration;
+    restoration.begin(card.scene);
+    for (size_t i = 0; i < kSweep.size(); ++i) {
+      AlignedFrame frame{card.frame(kSweep[i]), cv::Rect({}, kSize), 1, static_cast<int>(i), kSweep[i]};
+      if (kSweep[i] > 1300) frame.image(beside).setTo(cv::Scalar::all(250));
+      if (kSweep[i] > 1300 && hidden) {
+        frame.opaque = cv::Mat(kSize, CV_8UC1, cv::Scalar(255));
+        frame.opaque(beside).setTo(0);
+      }
+      restoration.add(frame);
+    }
+    return errorLeft(*restoration.restore(card.fused()), card);
+  };
+  EXPECT_LT(errorWith(true), 1) << "restored is not worse than what was fused";
+  EXPECT_GT(errorWith(false), 1.5) << "the test can fail";
+}
+
 TEST(Restoration, SaysWhatIsMissing) {
   const CardBeforeWall card;
   BracketRestoration restoration;

@@ -165,8 +165,7 @@ class Equations {
         nearly_sharp.clear();
         for (size_t k = 0; k < formation.size(); ++k) {
           const float radius = formation[k].radius({x, y});
-          if (radius < kSharpPx && bracket_.frames[k].seen.contains({x, y}))
-            nearly_sharp.emplace_back(radius, k);
+          if (radius < kSharpPx && bracket_.frames[k].shows({x, y})) nearly_sharp.emplace_back(radius, k);
         }
         std::sort(nearly_sharp.begin(), nearly_sharp.end());
         if (nearly_sharp.size() > solved_(y, x)) nearly_sharp.resize(solved_(y, x));
@@ -398,7 +397,7 @@ void findRegion(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth, 
   forEachPixel(region.size(), [&](int y, int x) {
     float least = kSoftTo;
     for (const ObservedFrame& frame : bracket.frames) {
-      if (frame.seen.contains({x, y})) least = std::min(least, frame.blur.radius(inverse_depth(y, x)));
+      if (frame.shows({x, y})) least = std::min(least, frame.blur.radius(inverse_depth(y, x)));
     }
     const float soft = (least - kSoftFrom) / (kSoftTo - kSoftFrom);
     region(y, x) = std::max(region(y, x), soft);

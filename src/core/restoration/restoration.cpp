@@ -231,7 +231,7 @@ cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<Ima
         if (!asked(y, x)) continue;
         for (std::size_t k = 0; k < formation.size(); ++k) {
           const ObservedFrame& frame = bracket.frames[k];
-          if (!frame.seen.contains({x, y})) continue;
+          if (!frame.shows({x, y})) continue;
           const float own = formation[k].inverseDepth({x, y});
           formation[k].predict({x, y}, {own, own}, sharp, predictions);
           float squared = 0;
@@ -325,6 +325,7 @@ void BracketRestoration::add(const AlignedFrame& frame) {
   HeldFrame held;
   held.image = downsampled(toEightBits(frame.image), working_size_);
   held.seen = downsampled(frame.seen, size_, working_size_);
+  if (!frame.opaque.empty()) cv::resize(frame.opaque, held.opaque, working_size_, 0, 0, cv::INTER_NEAREST);
   held.gain = frame.gain;
   held.inverse_depth = known ? 1 / frame.focus_mm : 1 + frame.index;
   linear_ = frame.linear;
@@ -393,6 +394,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     ObservedFrame& frame = bracket.frames[k];
     frame.codes = exposed(held.image, held.gain, *bracket.curve);
     frame.seen = held.seen;
+    frame.opaque = held.opaque;
     images.push_back(held.image);
   }
   bracket.noise_variance = noiseVariance(images);

@@ -60,6 +60,7 @@ class BracketRestoration {
   struct HeldFrame {
     cv::Mat image;  ///< CV_8UC3, downsampled
     cv::Rect seen;
+    cv::Mat opaque;  ///< see AlignedFrame, downsampled
     double gain = 1;
     double inverse_depth = 0;  ///< 1 / focus distance, 1/mm
   };
