@@ -16,7 +16,7 @@ constexpr int kSamples = 8;              // a side of a rectangle
 constexpr double kLeastMeasured = 0.75;  // of a rectangle
 constexpr float kSmooth = 0.5f;    // standard deviations: a rectangle that spans more holds a depth edge
 constexpr double kFlat = 0.02;     // deviation over mean; such a scene moves as a whole
-constexpr int kSpeck = 5;          // px; wrong depth in a smaller spot would show another place of the frame
+constexpr int kSpeck = 5;          // pixels of depth; a smaller spot of wrong depth shows another place
 constexpr float kHiddenPx = 0.5f;  // of parallax between a pixel and what hides it
 
 }  // namespace
@@ -82,8 +82,8 @@ CameraPose poseOf(const CameraMotion& motion, const Relief& relief, double focal
 
 cv::Mat1f reliefImage(const Relief& relief, const cv::Size& size) {
   cv::Mat1w depth;
-  cv::resize(relief.filled, depth, size, 0, 0, cv::INTER_NEAREST);
-  cv::medianBlur(depth, depth, kSpeck);
+  cv::medianBlur(relief.filled, depth, kSpeck);
+  cv::resize(depth, depth, size, 0, 0, cv::INTER_NEAREST);
   if (cv::countNonZero(depth) == 0) return cv::Mat1f(size, 0.0f);
   cv::Mat1f distance;
   cv::Mat1i cell;  // of the nearest pixel with depth; each such pixel has one
