@@ -42,7 +42,7 @@ OpticsPtr lens(double focal_length_mm = 24) {
 }
 
 sensor_msgs::CameraInfoPtr cameraInfo(double fx = 50) {
-  const auto info = boost::make_shared<sensor_msgs::CameraInfo>();
+  auto info = boost::make_shared<sensor_msgs::CameraInfo>();
   info->width = kWidth, info->height = kHeight;
   info->K = {fx, 0, kWidth / 2.0, 0, fx, kHeight / 2.0, 0, 0, 1};
   return info;
@@ -89,7 +89,7 @@ class SceneCacheTest : public testing::Test {
   }
   // Without waiting, and without a trace.
   SceneMessages found(double stamp) {
-    const SceneMessages scene = cache_.await(ros::Time(stamp), 0);
+    SceneMessages scene = cache_.await(ros::Time(stamp), 0);
     cache_.release(ros::Time(stamp));
     return scene;
   }
@@ -352,9 +352,9 @@ TEST_F(SceneCacheTest, TheCacheIsBoundedByBytes) {
 
 // What chooses the scene stays longer than labels, which only a report needs.
 TEST_F(SceneCacheTest, LabelsOfOldLargeScenesGoFirst) {
-  const std::size_t bytes = std::size_t{2208} * 1242 * 2;
-  const auto large = [bytes](double stamp, const std::string& encoding = enc::TYPE_16UC1) {
-    const auto message = boost::make_shared<sensor_msgs::Image>(*image(stamp, encoding));
+  constexpr std::size_t bytes = std::size_t{2208} * 1242 * 2;
+  const auto large = [](double stamp, const std::string& encoding = enc::TYPE_16UC1) {
+    auto message = boost::make_shared<sensor_msgs::Image>(*image(stamp, encoding));
     message->data.resize(encoding == enc::TYPE_16UC1 ? bytes : 2 * bytes);
     return message;
   };
