@@ -55,6 +55,14 @@ def test_the_frames_alone_are_enough(tmp_path):
     assert psnr(pictures["restored"], truth.image) > psnr(pictures["refined"], truth.image)
 
 
+def test_the_parallax_of_a_camera_that_moves_says_nothing_about_its_lens(tmp_path):
+    scene = made_scene("--scene", "clutter", "--frames", 10, "--optics", "35,2.8,0.03", "--noise", 0.7, "--drift", 20)
+    _, report = fuse(scene, tmp_path, "refined")
+    moved, = [note for note in report["notes"] if "the camera moved" in note]
+    assert float(re.search(r"up to ([\d.]+) mm", moved)[1]) == pytest.approx(20, abs=1)
+    assert not any("contradict" in note for note in report["notes"])
+
+
 @pytest.mark.parametrize("factor, depth", [(4, True), (0.25, True), (4, False)])
 def test_a_wrong_f_number_is_said_and_made_up_for(scene, tmp_path, factor, depth):
     refined, _ = fuse(scene, tmp_path, "refined")

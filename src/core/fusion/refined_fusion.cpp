@@ -130,6 +130,7 @@ void RefinedFusion::checkLens() {
   const std::vector<Copy> copies = std::move(copies_);
   copies_.clear();
   if (!predicts_ || copies.size() < 2) return;
+  if (alignment_.drifts()) return;  // parallax, which copies are not freed of, looks like another blur
   const cv::Size size = copies[0].gray.size();
   const double shrink = 1 / shrinkingOf(size_);
   const LightCurve& curve = linear_ ? LightCurve::linear() : LightCurve::srgb();
