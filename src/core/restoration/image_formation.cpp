@@ -94,11 +94,11 @@ void ImageFormation::update() {
   }
   cv::copyMakeBorder(index, index_, kMargin, kMargin, kMargin, kMargin, cv::BORDER_REFLECT_101);
   cv::copyMakeBorder(layers, layer_, kMargin, kMargin, kMargin, kMargin, cv::BORDER_REFLECT_101);
-  reach_ = cv::Mat1b::zeros(size);
+  reach_ = cv::Mat1b(size, std::uint8_t{0});
   nearest_ = layers.clone();
-  cv::Mat wide, nearest;
+  cv::Mat as_wide, wide, nearest;
   for (size_t i = 1; i < kReaches.size(); ++i) {
-    const cv::Mat as_wide = own > kReaches[i - 1];
+    cv::compare(own, kReaches[i - 1], as_wide, cv::CMP_GT);
     if (cv::countNonZero(as_wide) == 0) break;
     const int side = 2 * (kReaches[i] + kMovedPx) + 1;
     const cv::Mat square = cv::getStructuringElement(cv::MORPH_RECT, {side, side});
