@@ -42,21 +42,11 @@ struct BracketScene {
   }
 };
 
-/// What the prediction of blur assumes about the registered depth.
-struct DefocusConfig {
-  /// How far the edges of the registered depth lie from those of the picture: standard deviation in pixels of
-  /// a picture 640 wide (a depth sensor's own resolution), more in wider ones.
-  double edge_error_px = 2.0;
-  bool edge_uncertainty = true;  ///< take edges for that uncertain
-  bool hole_doubt = true;        ///< trust filled depth less than measured
-};
-
 /// The parts of mode refined. Each can be switched off, to measure what it brings.
 struct RefinedConfig {
   bool alignment = true;   ///< warp frames to the geometry of the reference
   bool exposure = true;    ///< match their exposure to that of the reference
   bool prediction = true;  ///< predict the blur from depth and optics (DefocusPrediction)
-  DefocusConfig defocus;
   bool scales = true;      ///< measure sharpness at every scale; false: at the finest only
   bool brightness = true;  ///< of frames that look equally sharp, prefer the darker, if codes are sRGB
   bool noise = true;       ///< weigh by the measured noise, too

@@ -54,8 +54,6 @@ RefinedConfig parseWithout(const std::string& names) {
   const std::map<std::string, bool*> ingredients = {{"alignment", &config.alignment},
                                                     {"exposure", &config.exposure},
                                                     {"prediction", &config.prediction},
-                                                    {"edge-error", &config.defocus.edge_uncertainty},
-                                                    {"hole-doubt", &config.defocus.hole_doubt},
                                                     {"scales", &config.scales},
                                                     {"brightness", &config.brightness},
                                                     {"noise", &config.noise},
@@ -222,7 +220,7 @@ int main(int argc, char** argv) {
       ("focus", text(), "YAML: focus distance of each frame")                                            //
       ("mode", text()->default_value("refined"), "paper, refined or restored")                           //
       ("without", text(),
-       "ingredients of mode refined to leave out: alignment, exposure, prediction, edge-error, hole-doubt, "
+       "ingredients of mode refined to leave out: alignment, exposure, prediction, "
        "scales, brightness, noise, soft")  //
       ("reference", text()->default_value("auto"),
        "frame whose geometry and exposure the result keeps; auto: the middle one")                          //

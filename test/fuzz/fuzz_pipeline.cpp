@@ -68,8 +68,7 @@ void fuse(Input& input) {
   bracket.optics = {input.number(), input.number(), input.number()};
   bracket.span = input.flag() ? DofSpan::kFull : DofSpan::kPaper;
   RefinedConfig& refined = bracket.refined;
-  for (bool* part : {&refined.alignment, &refined.exposure, &refined.prediction,
-                     &refined.defocus.edge_uncertainty, &refined.defocus.hole_doubt, &refined.scales,
+  for (bool* part : {&refined.alignment, &refined.exposure, &refined.prediction, &refined.scales,
                      &refined.brightness, &refined.noise, &refined.soft, &refined.choice})
     *part = input.flag();
   readKnown(input, size, bracket);

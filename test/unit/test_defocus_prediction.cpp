@@ -40,8 +40,8 @@ cv::Mat errorOf(DefocusPrediction& prediction, double focus_mm, const cv::Size& 
 }
 
 cv::Mat predict(const cv::Mat& depth, double focus_mm, const cv::Mat& measured = {},
-                const DefocusConfig& config = {}, const cv::Size& size = kSize, double pitch = kPitch) {
-  DefocusPrediction prediction(config);
+                const cv::Size& size = kSize, double pitch = kPitch) {
+  DefocusPrediction prediction;
   prediction.begin(depth, measured, size, kOptics, pitch);
   const cv::Mat error = errorOf(prediction, focus_mm, size);
   EXPECT_EQ(error.type(), CV_32FC1);
@@ -108,18 +108,15 @@ TEST(DefocusPrediction, EveryFrameErrsBesideAnEdge) {
 }
 
 TEST(DefocusPrediction, EdgesAreAsUncertainAsThePictureIsWide) {
-  const auto reach = [](int width, const DefocusConfig& config) {
+  const auto reach = [](int width) {
     const cv::Size size(width, 20);
-    const cv::Mat error = predict(step(1000, 3000, size), 1000, {}, config, size);
+    const cv::Mat error = predict(step(1000, 3000, size), 1000, {}, size);
     const cv::Mat near = error.row(10).colRange(0, width / 2);
     return cv::countNonZero(near > 0.02 * expected(3000, 1000, kPitch, width));  // two deviations of the edge
   };
-  const double deviation = DefocusConfig().edge_error_px;
-  EXPECT_NEAR(reach(640, {}), 2 * deviation, deviation);
-  EXPECT_NEAR(reach(2560, {}), 8 * deviation, 2 * deviation);
-  DefocusConfig certain;
-  certain.edge_uncertainty = false;
-  EXPECT_LE(reach(640, certain), 1);
+  constexpr double kDeviation = 2;
+  EXPECT_NEAR(reach(640), 2 * kDeviation, kDeviation);
+  EXPECT_NEAR(reach(2560), 8 * kDeviation, 2 * kDeviation);
 }
 
 TEST(DefocusPrediction, SlopesAreFollowed) {
@@ -162,14 +159,12 @@ TEST(DefocusPrediction, FilledDepthIsTrustedLess) {
     const cv::Mat error = predict(depth, focus, measured);
     expectEverywhere(error.colRange(0, 30), expected(2000, focus) + 100);
     expectEverywhere(error.colRange(70, 100), expected(2000, focus));
-    DefocusConfig trusting;
-    trusting.hole_doubt = false;
-    expectEverywhere(predict(depth, focus, measured, trusting), expected(2000, focus));
+    expectEverywhere(predict(depth, focus), expected(2000, focus));
   }
 }
 
 TEST(DefocusPrediction, ThePixelPitchScalesTheBlur) {
-  expectEverywhere(predict(uniform(2000), 1700, {}, {}, kSize, kPitch / 2), expected(2000, 1700, kPitch / 2));
+  expectEverywhere(predict(uniform(2000), 1700, {}, kSize, kPitch / 2), expected(2000, 1700, kPitch / 2));
   EXPECT_NEAR(expected(2000, 1700, kPitch / 2), 16 * expected(2000, 1700), 1e-6 * expected(2000, 1700));
 }
 
@@ -188,7 +183,7 @@ TEST(DefocusPrediction, FramesMayHaveAnySize) {
   for (const cv::Size& size : {cv::Size(1, 1), cv::Size(1, 7), cv::Size(7, 1), cv::Size(2, 3),
                                cv::Size(641, 3), cv::Size(1999, 5)}) {
     for (const cv::Mat& depth : {uniform(2000, size), uniform(2000, {13, 9})}) {
-      expectEverywhere(predict(depth, 3000, {}, {}, size), expected(2000, 3000, kPitch, size.width));
+      expectEverywhere(predict(depth, 3000, {}, size), expected(2000, 3000, kPitch, size.width));
     }
   }
 }

@@ -26,7 +26,9 @@ constexpr double kUnknownFocusError = 10;  // gray levels: neither sharp nor muc
 constexpr int kLevels = 1024;  // of inverse depth, for the table
 constexpr int kUnknown = kLevels;
 constexpr double kSensorColumns = 640;
-constexpr double kPixelError = 0.5;  // px that no registration can better
+// How far the edges of registered depth lie from those of the picture: standard deviation, px of a picture as
+// wide as a depth sensor's own, more in a wider one.
+constexpr double kEdgeErrorPx = 2;
 constexpr float kLeastKnown = 1e-3f;
 constexpr double kCellOfError = 1.5;  // side of a cell, of the deviation of edges
 
@@ -57,7 +59,7 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
 
   const double columns = std::max(1.0, size.width / kSensorColumns);
   texture_level_ = SharpnessPyramid::textureLevel(size.width);
-  const double edge_error = (config_.edge_uncertainty ? config_.edge_error_px : kPixelError) * columns;
+  const double edge_error = kEdgeErrorPx * columns;
   const int cell = std::max(1, static_cast<int>(kCellOfError * edge_error));
   edge_error_px_ = edge_error / cell;
   const cv::Size grid((size.width + cell - 1) / cell, (size.height + cell - 1) / cell);
@@ -75,7 +77,7 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
       to[u] = depth.at<std::uint16_t>(y, x);
       if (to[u] <= optics.focal_length_mm) to[u] = 0;  // no lens can be focused there
       const bool filled = !measured.empty() && measured.at<std::uint16_t>(y, x) == 0;
-      in_doubt[u] = config_.hole_doubt && filled && to[u] > 0 ? 1.0f : 0.0f;
+      in_doubt[u] = filled && to[u] > 0 ? 1.0f : 0.0f;
       if (to[u] > 0) nearest = std::min<int>(nearest, to[u]);
       farthest = std::max<int>(farthest, to[u]);
     }

@@ -23,8 +23,6 @@ namespace all_in_focus::core {
 /// decides.
 class DefocusPrediction {
  public:
-  explicit DefocusPrediction(const DefocusConfig& config = {}) : config_(config) {}
-
   /// depth: CV_16UC1 mm, 0 = unknown, seen from the colour camera, any size. measured: the same before holes
   /// were filled, or empty. size: of the frames. pixel_pitch_mm: > 0. Throws std::invalid_argument.
   void begin(const cv::Mat& depth, const cv::Mat& measured, const cv::Size& size, const Optics& optics,
@@ -47,7 +45,6 @@ class DefocusPrediction {
   void compute(double focus_mm, cv::Mat& squared_error);
 
  private:
-  DefocusConfig config_;
   Optics optics_;
   double pixel_pitch_mm_ = 0;
   double edge_error_px_ = 0;  // on the grid

@@ -106,7 +106,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
 }
 
 void RefinedFusion::beginPrediction() {
-  prediction_ = DefocusPrediction(config_.defocus);
+  prediction_ = DefocusPrediction();
   prediction_.begin(scene_.depth, scene_.measured, size_, scene_.optics, pixel_pitch_mm_);
   // Windows of this level and of coarser ones reach farther than depth edges are uncertain.
   const size_t level = std::max<size_t>(prediction_.textureLevel(), 2) - 1;
