@@ -13,7 +13,6 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kCertain = 0.05;     // px; no better key frame is looked for
 constexpr double kFarFromKey = 0.03;  // magnification relative to the key frame
 // A contour whose blur changes shifts all of its tiles alike. This error is kModelError px of 640 x 480 where
 // kModelTiles tell the motion. It falls with the root of their number, because the shifts of many contours
@@ -29,10 +28,6 @@ constexpr double kNoticeableRoll = 0.1;         // px at the corners; a warp wit
 // Variance that a motion has even where all tiles agree, px^2.
 double modelVariance(double radius, double tiles) {
   return std::pow(kModelError * radius / kModelRadius, 2) * kModelTiles / std::max(kFewestTiles, tiles);
-}
-
-double variance(const cv::Matx44d& covariance) {
-  return cv::trace(covariance);
 }
 
 }  // namespace
@@ -152,16 +147,12 @@ PairMeasurement BracketAlignment::measureFrom(const View& view, const Similarity
 PairMeasurement BracketAlignment::measureFromKey() {
   const SimilarityTransform guess = compose(inverse(key_.motion), last_.frame.motion);
   PairMeasurement direct = key_alignment_.measure(current_.pyramid, guess);
-  const bool far =
-      !direct.converged || largestDisplacement(direct.motion, size_, center_) > kFarFromKey * radius_;
+  const bool near =
+      direct.converged && largestDisplacement(direct.motion, size_, center_) <= kFarFromKey * radius_;
   const bool usable = last_.frame.index != key_.index && last_.frame.measured;
-  if (direct.correlation < kSameScene || !usable) return direct;
-  if (!far && variance(direct.covariance) < kCertain * kCertain) return direct;
-
+  if (near || direct.correlation < kSameScene || !usable) return direct;
   PairMeasurement step = measureFrom(last_, {});
-  const bool better =
-      far || variance(last_.frame.covariance) + variance(step.covariance) < variance(direct.covariance);
-  if (!step.converged || !better) return direct;
+  if (!step.converged) return direct;
   makeKey(last_);
   return step;
 }
@@ -264,7 +255,7 @@ Placement BracketAlignment::placement(int index, int reference) const {
   const SimilarityTransform measured = compose(inverse(from.motion), to.motion);
   const cv::Matx44d between_keys = to.key_covariance - from.key_covariance;
   cv::Matx44d covariance = to.covariance + from.covariance +
-                           between_keys * (variance(between_keys) < 0 ? -1.0 : 1.0) +
+                           between_keys * (cv::trace(between_keys) < 0 ? -1.0 : 1.0) +
                            modelVariance(radius_, std::min(to.tiles, from.tiles)) * cv::Matx44d::eye();
 
   // The measured motion, pixels. Fixing one number moves the others by their correlation with it.

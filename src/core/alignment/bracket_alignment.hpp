@@ -25,8 +25,8 @@ struct Placement : SimilarityTransform {
 
 /// Aligns the frames of a focus bracket as they come. Memory does not grow but for some numbers per frame.
 ///
-/// Every frame is measured against a key frame, so that errors add up only where the key changes. The frame
-/// before becomes the key when the way over it is more certain.
+/// Every frame is measured against a key frame, so that errors add up only where the key changes: to the
+/// frame before, where the key is too far away.
 ///
 /// A frame that does not fit the key frame, or is too far from it, is measured against the frame before it
 /// and all earlier key frames before it counts as another scene. With a lens that breathes, only some of a
