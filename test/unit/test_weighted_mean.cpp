@@ -88,7 +88,7 @@ TEST(WeightedMean, EqualFramesGiveThatFrame) {
 
 TEST(WeightedMean, WeightsAreThePowersOfTheEvidence) {
   constexpr float kNoise = 1.5f;
-  const float error_floor = 1 + 4 * kNoise * kNoise;
+  const float error_floor = 1 / 12.0f + 5 * kNoise * kNoise;
   const std::vector<Evidence> evidence = {{everywhere(8), everywhere(30)},
                                           {everywhere(10), everywhere(150)},
                                           {everywhere(9), everywhere(40)},
@@ -109,6 +109,36 @@ TEST(WeightedMean, WeightsAreThePowersOfTheEvidence) {
     EXPECT_EQ(largestDifference(mean.image(), plain(cvRound(sum / sum_of_weights))), 0);
     EXPECT_EQ(cv::countNonZero(mean.sourceIndex() != 2), 0);
   }
+}
+
+TEST(WeightedMean, TheLessNoiseTheLessASofterFrameWeighs) {
+  const auto shareOfSofter = [](double noise, const WeightedMean::Kind& kind) {
+    WeightedMean mean;
+    mean.begin(kSize, noise, kind);
+    add(mean, plain(0), asTheyAre(), sharpness(10), kWhole, 0);
+    add(mean, plain(200), asTheyAre(), sharpness(9), kWhole, 1);
+    return cv::mean(mean.image())[0] / 200;
+  };
+  const auto shareAtPower = [](int power) { return std::pow(0.9, power) / (1 + std::pow(0.9, power)); };
+  WeightedMean::Kind steep;
+  steep.steep = true;
+  constexpr double kStep = 0.5 / 200;
+  EXPECT_NEAR(shareOfSofter(0, steep), shareAtPower(12), kStep);
+  EXPECT_NEAR(shareOfSofter(0.23, steep), shareAtPower(9), 2 * kStep);
+  EXPECT_NEAR(shareOfSofter(2, steep), shareAtPower(8), kStep);
+  EXPECT_NEAR(shareOfSofter(0, {}), shareAtPower(8), kStep);
+}
+
+TEST(WeightedMean, ThePredictedErrorCountsInUnitsOfTheNoise) {
+  const auto shareOfBlurred = [](double noise) {
+    WeightedMean mean;
+    mean.begin(kSize, noise, {});
+    add(mean, plain(0), asTheyAre(), {everywhere(10), everywhere(0)}, kWhole, 0);
+    add(mean, plain(200), asTheyAre(), {everywhere(10), everywhere(1)}, kWhole, 1);
+    return cv::mean(mean.image())[0] / 200;
+  };
+  EXPECT_LT(shareOfBlurred(0), 0.1);  // 1 gray level is much where there is only rounding
+  EXPECT_GT(shareOfBlurred(1), 0.4);
 }
 
 TEST(WeightedMean, TheSharperFrameDominates) {

@@ -17,15 +17,26 @@
 namespace all_in_focus::core {
 namespace {
 
-// Rounding to 8 bits is noise, too; smaller errors cannot be measured.
-constexpr double kRounding = 1;
+// Variance of rounding to 8 bits, which is noise, too.
+constexpr double kRounding = 1.0 / 12;
 
 // Floor of the expected error, in variances of the noise: where errors are smaller, more frames in the mean
 // are worth more than better ones.
-constexpr double kNoiseVariances = 4;
+constexpr double kNoiseVariances = 5;
 
-// Least share of the sharpest frame's sharpness that a frame counts with. Its eighth power, 1e-24, must stay
-// a normal number when an expected error divides it.
+// Contrast of fine detail, gray levels. A frame that is less sharp by a share d errs by about d times that.
+// Where its error is the deviation of the noise, it gives as much as it takes, and weighs half:
+// (1 - d)^power = 1/2.
+constexpr double kDetail = 5;
+
+// How far from power 8 to power 12, 0..1. Power 12 is that of rounding alone.
+float steepnessOf(double noise) {
+  const double power = kDetail * std::log(2.0) / std::sqrt(kRounding + noise * noise);
+  return static_cast<float>(std::clamp((power - 8) / 4, 0.0, 1.0));
+}
+
+// Least share of the sharpest frame's sharpness that a frame counts with. Its twelfth power, 1e-36, must stay
+// a normal number, and so must its eighth when an expected error divides it.
 constexpr float kLeastShare = 1e-3f;
 
 // Added to divisors. Avoids a division by 0 and changes no other weight.
@@ -37,15 +48,15 @@ constexpr int kSpan = 512;  // pixels worked on at a time: what they need stays 
 
 // What follows works on a span of one row, n <= kSpan pixels.
 
-// weight: sharpness^8 in units of the sharpest frame's, this one included; keep: what remains of older sums
-// in these units.
-ALL_IN_FOCUS_SIMD void weighSharpness(const float* sharpness, int n, float* sharpest, float* keep,
-                                      float* weight) {
+// weight: the power of the sharpness in units of the sharpest frame's, this one included; keep: what remains
+// of older sums in these units.
+ALL_IN_FOCUS_SIMD void weighSharpness(const float* sharpness, float steep, int n, float* sharpest,
+                                      float* keep, float* weight) {
   for (int i = 0; i < n; ++i) {
     const float less = std::min(sharpness[i], sharpest[i]), more = std::max(sharpness[i], sharpest[i]);
     const float share = std::max(less / more, kLeastShare);
     const float square = share * share, fourth = square * square;
-    const float power = fourth * fourth;
+    const float power = fourth * fourth * (1 - steep + steep * fourth);
     const bool sharper = sharpness[i] > sharpest[i];
     keep[i] = sharper ? power : 1;
     weight[i] = sharper ? 1 : power;
@@ -133,6 +144,7 @@ void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
   soft_ = kind.soft;
   choice_ = kind.choice || !kind.soft;
   frames_ = 0;
+  steep_ = kind.steep ? steepnessOf(noise) : 0;
   error_floor_ = static_cast<float>(kRounding + kNoiseVariances * noise * noise);
   mean_.create(size, kind.deep ? CV_32FC3 : CV_16SC3);
   mean_.setTo(0);
@@ -179,7 +191,8 @@ void WeightedMean::addCodes(int y, const cv::Range& columns, const Code* pixels,
   for (int x = columns.start; x < columns.end; x += kSpan) {
     const int n = std::min(kSpan, columns.end - x);
     std::array<float, kSpan> keep, weight, share;
-    weighSharpness(evidence.sharpness + x, n, sharpest_.ptr<float>(y) + x, keep.data(), weight.data());
+    weighSharpness(evidence.sharpness + x, steep_, n, sharpest_.ptr<float>(y) + x, keep.data(),
+                   weight.data());
     if (evidence.squared_error) weighError(evidence.squared_error + x, error_floor_, n, weight.data());
     chooseShares(keep.data(), weight.data(), {x, y}, n, share.data());
     move(share.data(), pixels + 3 * x, {x, y}, n);

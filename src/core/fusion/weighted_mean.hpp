@@ -20,12 +20,12 @@ struct EvidenceRow {
 /// per pixel, however many frames there are.
 ///
 /// A frame weighs
-///   sharpness^8 / (predicted squared error + noise variance):
-/// the inverse of the variance that is expected of it, times a softmax, the power, of what is seen. As such
-/// powers overflow, weights are kept in units of the greatest sharpness so far.
-/// Each frame moves the mean by its share of all weights, so that no sum of colours is needed. The mean is
-/// rounded to 1/128 of a gray level: two bytes instead of the four of a float, and 16-bit arithmetic. The
-/// mean of 16-bit frames is a float.
+///   sharpness^8 / (predicted squared error + 1/12 + 5 noise variances):
+/// the inverse of the variance that is expected of it (1/12 is that of rounding), times a softmax, the power,
+/// of what is seen. As such powers overflow, weights are kept in units of the greatest sharpness so far. Each
+/// frame moves the mean by its share of all weights, so that no sum of colours is needed. The mean is rounded
+/// to 1/128 of a gray level: two bytes instead of the four of a float, and 16-bit arithmetic. The mean of
+/// 16-bit frames is a float.
 ///
 /// A frame of 640x480 takes 0.5 ms; the same as a sequence of OpenCV's operations, 32 rows at a time, 6.5 ms
 /// (one thread).
@@ -35,6 +35,7 @@ class WeightedMean {
     bool soft = true;    ///< false: the frame that weighs most is copied, for comparison
     bool choice = true;  ///< false: no sourceIndex() and confidence(), whose sums are 6 of 20 bytes a pixel
     bool deep = false;   ///< frames have 16 bits
+    bool steep = false;  ///< the power grows where there is little noise, up to 12
   };
 
   /// noise: standard deviation of the frames' noise in gray levels, >= 0.
@@ -65,6 +66,7 @@ class WeightedMean {
 
   bool soft_ = true, choice_ = true;
   int frames_ = 0;
+  float steep_ = 0;  // 0: power 8, 1: power 12
   float error_floor_ = 1;
   std::uint16_t index_ = 0;            // of the frame being added
   std::array<std::int16_t, 256> lut_;  // in units of mean_
