@@ -308,6 +308,40 @@ def test_a_plan_is_shot_exactly():
         assert abs(lens_of(shot.image) - 10 * shot.position) < 4
 
 
+@pytest.mark.parametrize("wanted, taken", [([1 / 125], 3 * ["1/125"]), ([0.03, 1 / 60, 0.01], ["1/30", "1/60", "1/125"])])
+def test_exposure_times_that_are_asked_for(wanted, taken):
+    """The nearest that the camera has; afterwards it has its own again."""
+    camera, seen = FakeCamera("Nikon"), []
+    session, before = connected(camera), settings(camera)
+    session.shoot(lambda shot: None, lambda shot: seen.append(camera.widgets["shutterspeed"].value), wanted)
+    assert seen == taken and settings(camera) == before and not session.take_warnings()
+
+
+def test_a_plan_with_an_exposure_time_for_each_distance():
+    """Also several times at one distance."""
+    camera, seen = FakeCamera("Nikon", lens=700), []
+    session = connected(camera, table=TABLE, home="near", step_size=10)
+
+    def released(shot):
+        seen.append((shot.position, camera.widgets["shutterspeed"].value))
+    session.shoot_planned([0.8, 0.8, 0.8, 2.0], lambda shot: None, released, [1 / 30, 1 / 125, 1 / 125, 1 / 60])
+    assert seen == [(38, "1/30"), (38, "1/125"), (75, "1/60")]
+
+
+@pytest.mark.parametrize("change, seconds, words", [
+    (lambda widgets: None, [10], "an exposure of 10 s: .*it has 0.008 to 0.0333333 s"),
+    (lambda widgets: setattr(widgets["shutterspeed"], "read_only", True), [1 / 60], "no 'shutterspeed' that can be set"),
+    (lambda widgets: setattr(widgets["shutterspeed"], "choices", ["Bulb", "x/0"]), [1 / 60], "no 'shutterspeed' that can be")])
+def test_exposure_times_that_the_camera_cannot_take(change, seconds, words):
+    camera, shots = FakeCamera("Nikon"), []
+    session = connected(camera)
+    change(camera.widgets)
+    before = settings(camera)
+    with pytest.raises(CameraError, match=words):
+        session.shoot(shots.append, exposures=seconds)
+    assert not shots and settings(camera) == before
+
+
 def lenses(shots):
     return [round(lens_of(shot.image), -1) for shot in shots]
 

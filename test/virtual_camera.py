@@ -102,6 +102,14 @@ def test_a_bracket(session, picture):
     assert session.camera.get_config("autofocus").value == held
 
 
+def test_a_bracket_of_exposure_times(session):
+    camera, seen = session.camera, []
+    before = camera.get_config("shutterspeed").value
+    session.shoot(lambda shot: None, lambda shot: seen.append(camera.get_config("shutterspeed").value), [1 / 60, 1 / 125, 0.5])
+    assert len(set(seen)) == 3 and camera.get_config("shutterspeed").value == before
+    session.take_warnings()
+
+
 def test_the_same_picture_again_is_a_focus_that_did_not_move(session):
     session.shoot(lambda shot: None)
     line, = session.take_warnings()

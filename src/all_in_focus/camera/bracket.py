@@ -153,8 +153,9 @@ class Bracketer:
         self.drive, self.hold, self.photographer, self.scale = drive, hold, photographer, scale
         self._start = None  # focus position before the bracket
 
-    def shoot(self, positions, publish, on_release, warnings):
-        """Take a frame at each position (in steps, in this order).
+    def shoot(self, positions, publish, on_release, warnings, exposures=()):
+        """Take a frame at each position (in steps, in this order). exposures: times in s, one for all or one for each; empty: as
+        metered.
 
         on_release(Shot): at the release, before the picture is downloaded; publish(Shot): with the picture. Between the
         two, count and last change if the bracket has to end with this frame.
@@ -166,7 +167,10 @@ class Bracketer:
         self._start = self.drive.position
         try:
             self.hold.hold(warnings)
-            self._sweep(list(positions), publish, on_release, warnings)
+            exposures = self.hold.shutter_choices(exposures)
+            if len(exposures) == 1:
+                exposures *= len(positions)
+            self._sweep(list(positions), exposures, publish, on_release, warnings)
         except BaseException:
             with contextlib.suppress(CameraError):  # report the first error, not this one
                 self.restore(warnings)
@@ -195,8 +199,12 @@ class Bracketer:
                 if last_try:
                     warnings.append(f"the focus is not back at its start position: {error}")
 
-    def _sweep(self, positions, publish, on_release, warnings):
-        self.drive.move_to(positions[0])
+    def _sweep(self, positions, exposures, publish, on_release, warnings):
+        def prepare(index):
+            self.drive.move_to(positions[index])
+            if exposures:
+                self.hold.expose(exposures[index])
+        prepare(0)
         count, focus = len(positions), FocusCheck()
         for index in range(len(positions)):
             self.drive.wake()
@@ -213,7 +221,7 @@ class Bracketer:
                 # Move on before this frame is published: if the next position cannot be reached, this frame is the
                 # last one and has to say so.
                 try:
-                    self.drive.move_to(positions[index + 1])
+                    prepare(index + 1)
                 except FocusLimit as limit:
                     warnings.append(f"{limit} after {index + 1} of {count} frames")
                     count = index + 1
@@ -230,13 +238,15 @@ class Bracketer:
                             f"{count} frames; {self.drive.REMEDY}")
 
 
-def planned_positions(distances, scale):
-    """(positions, warnings) for the focus distances of a plan, in m."""
-    positions, warnings = [], []
-    for distance in distances:
+def planned_positions(distances, scale, exposures=()):
+    """(positions, exposures, warnings) for the focus distances of a plan, in m. exposures: as Bracketer.shoot() takes them; of
+    frames that are alike in both only the first is taken."""
+    frames, warnings = [], []
+    for index, distance in enumerate(distances):
         if not scale.reaches(distance):
             warnings.append(f"{distance:.2f} m lies beyond the focus table: focused at its end")
-        step = scale.nearest_step(distance)
-        if step not in positions:
-            positions.append(step)
-    return positions, warnings
+        frame = scale.nearest_step(distance), exposures[index] if len(exposures) > 1 else None
+        if frame not in frames:
+            frames.append(frame)
+    positions, times = zip(*frames)
+    return list(positions), list(times) if len(exposures) > 1 else exposures, warnings

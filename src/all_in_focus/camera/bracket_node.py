@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node focus_bracket_camera: shoots focus brackets on request or at a fixed rate."""
+import math
 import threading
 import time
 
@@ -94,7 +95,7 @@ class FocusBracketCamera:
                 if self._rate and self._session.connected and now >= next_bracket and self._frames.has_listeners():
                     next_bracket = max(next_bracket + 1 / self._rate, now)
                     with self._lock:
-                        self._shoot(self._planned, (), [])
+                        self._shoot(self._planned, (), (), [])
                 time.sleep(0.02)
         finally:
             with self._lock:
@@ -136,27 +137,27 @@ class FocusBracketCamera:
         self._report("ready: " + self._session.description, DiagnosticStatus.OK)
 
     def _answer_trigger(self, planned):
-        answer = self._answer(planned, ())
+        answer = self._answer(planned, (), ())
         return TriggerResponse(answer.success, answer.message)
 
     def _answer_shoot(self, request):
         if not self._frames.has_listeners():
             return ShootResponse(message=f"nobody listens to {rospy.resolve_name('rgb/image')}")
-        return self._answer(request.planned, request.focus_distance)
+        return self._answer(request.planned, request.focus_distance, request.exposure_time)
 
-    def _answer(self, planned, distances):
+    def _answer(self, planned, distances, exposures):
         if not self._lock.acquire(timeout=LONGEST_CHECK):
             return ShootResponse(message="the camera is shooting or being looked for: ask again in a moment")
         try:
             bracket_id, frames = self._bracket_id, []
-            success, message = self._shoot(planned, distances, frames)
+            success, message = self._shoot(planned, distances, exposures, frames)
             return ShootResponse(success, message, len(frames), bracket_id)
         finally:
             self._lock.release()
 
-    def _shoot(self, planned, distances, published):
-        """(success, message). distances: in m, empty: as planned, or as the node is set; published: gets the index of each
-        frame."""
+    def _shoot(self, planned, distances, exposures, published):
+        """(success, message). distances: in m, empty: as planned, or as the node is set; exposures: times in s; published: gets
+        the index of each frame."""
         released = []
 
         def focus_of(shot):
@@ -175,14 +176,18 @@ class FocusBracketCamera:
         try:
             if not self._session.connected:
                 return False, self._status
-            if planned or distances:
-                missing = self._why_no_table() or (planned and self._why_no_plan())
-                if missing:
-                    self._report(missing)
-                    return False, missing
-                self._session.shoot_planned(self._plan.focus_distance if planned else distances, publish, on_release)
+            is_listed = planned or len(distances) > 0
+            missing = is_listed and (self._why_no_table() or (planned and self._why_no_plan()))
+            if planned and not missing:
+                distances = self._plan.focus_distance
+            missing = missing or _why_no_exposures(exposures, len(distances) if is_listed else self._session.config.count)
+            if missing:
+                self._report(missing)
+                return False, missing
+            if is_listed:
+                self._session.shoot_planned(distances, publish, on_release, exposures)
             else:
-                self._session.shoot(publish, on_release)
+                self._session.shoot(publish, on_release, exposures)
         except (CameraError, FocusLimit, rospy.ROSException) as error:
             self._report(f"bracket {self._bracket_id} broke off after {len(published)} frames: {error}")
             return False, self._status
@@ -208,6 +213,13 @@ class FocusBracketCamera:
         if self._plan is None:
             return f"no plan has come on {rospy.resolve_name('segmentation/focus_plan')} yet"
         return "" if self._plan.focus_distance else "the plan is empty: no region has a depth"
+
+
+def _why_no_exposures(exposures, frames):
+    if len(exposures) not in (0, 1, frames):
+        return f"{len(exposures)} exposure times for {frames} frames: give one for all, or one for each"
+    wrong = [time for time in exposures if not (time > 0 and math.isfinite(time))]
+    return f"{wrong[0]:g} s is no exposure time" if wrong else ""
 
 
 def shoot(camera_at):

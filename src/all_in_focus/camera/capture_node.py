@@ -62,8 +62,9 @@ class _Work:
         try:
             rospy.wait_for_service(CAMERA, RETRY)
         except rospy.ROSException:
-            if self._goal.planned or self._goal.focus_distance:
-                raise RuntimeError(f"planned and focus_distance need a camera, and nobody offers {rospy.resolve_name(CAMERA)}")
+            if self._goal.planned or self._goal.focus_distance or self._goal.exposure_time:
+                raise RuntimeError("planned, focus_distance and exposure_time need a camera, and nobody offers "
+                                   f"{rospy.resolve_name(CAMERA)}")
             return False
         return True
 
@@ -89,7 +90,8 @@ class _Work:
         end = time.monotonic() + PATIENCE
         while self._answer is None:
             try:
-                answer = rospy.ServiceProxy(CAMERA, Shoot)(self._goal.planned, self._goal.focus_distance)
+                answer = rospy.ServiceProxy(CAMERA, Shoot)(self._goal.planned, self._goal.focus_distance,
+                                                           self._goal.exposure_time)
             except rospy.ServiceException as error:
                 answer = ShootResponse(message=str(error))
             if answer.success or answer.frames or time.monotonic() > end:

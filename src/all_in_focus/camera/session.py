@@ -105,24 +105,24 @@ class Session:
         hold = SettingsHold(self._camera, maker.holds if maker else ALL_HOLDS, self.config.white_balance, self.config.iso)
         return Bracketer(drive, hold, self._photographer, self.scale)
 
-    def shoot(self, publish, on_release=lambda shot: None):
+    def shoot(self, publish, on_release=lambda shot: None, exposures=()):
         """A bracket of equal steps; see Bracketer.shoot()."""
         self._restore()
         config = self.config
         first, step = (0, 1) if config.drive == NONE else (config.first, config.step)
         start = self._bracketer.drive.position + first
-        self._shoot([start + index * step for index in range(config.count)], publish, on_release)
+        self._shoot([start + index * step for index in range(config.count)], publish, on_release, exposures)
 
-    def shoot_planned(self, distances, publish, on_release=lambda shot: None):
+    def shoot_planned(self, distances, publish, on_release=lambda shot: None, exposures=()):
         """A bracket at these distances (m), from near to far or from far to near; needs a table."""
-        positions, warnings = planned_positions(distances, self.scale)
+        positions, exposures, warnings = planned_positions(distances, self.scale, exposures)
         self._warnings += warnings
         self._restore()
-        self._shoot(positions, publish, on_release)
+        self._shoot(positions, publish, on_release, exposures)
 
-    def _shoot(self, positions, publish, on_release):
+    def _shoot(self, positions, publish, on_release, exposures):
         with self._watching():
-            self._bracketer.shoot(positions, publish, on_release, self._warnings)
+            self._bracketer.shoot(positions, publish, on_release, self._warnings, exposures)
 
     def check(self):
         """Raises CameraError if the camera is no longer there."""

@@ -1,14 +1,19 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Fixes exposure, white balance and autofocus during a bracket, and restores them afterwards."""
-from all_in_focus.camera.interface import CameraError, find_widget
+import math
+from fractions import Fraction
+
+from all_in_focus.camera.interface import NOT_SUPPORTED, CameraError, find_widget
 
 MODES = ("autoexposuremode", "expprogram")
 # The values that the camera has metered: read before the exposure mode changes, and set again in the new mode.
-EXPOSURE = ("shutterspeed", "shutterspeed2", "aperture", "f-number")
+SHUTTER = ("shutterspeed", "shutterspeed2")
+EXPOSURE = SHUTTER + ("aperture", "f-number")
 # Where the camera would choose by itself, the first of these that it has is set.
 WHITE_BALANCE = ("Daylight", "Sunny", "Direct sunlight", "Sunlight", "Fluorescent", "Tungsten")
 ISO = ("400", "200", "800", "100")
+NEAR_ENOUGH = 1.5  # factor between the exposure time that is wanted and the one that the camera has
 
 
 class SettingsHold:
@@ -42,6 +47,25 @@ class SettingsHold:
             now = find_widget(self._camera, name)
             if before is not None and now is not None and now.value != before.value and before.value in now.choices:
                 self._set(name, before.value, now.value)
+
+    def shutter_choices(self, seconds):
+        """What expose() takes for each of these exposure times. CameraError where the camera has none that is near enough."""
+        for name in SHUTTER if seconds else ():
+            widget = find_widget(self._camera, name)
+            times = {choice: _seconds_of(choice) for choice in widget.choices} if widget else {}
+            times = {choice: time for choice, time in times.items() if time > 0}
+            if times and not widget.read_only:
+                return [(name, _nearest(times, wanted)) for wanted in seconds]
+        if seconds:
+            raise CameraError(NOT_SUPPORTED, "setting the exposure time", "no 'shutterspeed' that can be set from here")
+        return []
+
+    def expose(self, choice):
+        """choice: of shutter_choices(); until release()."""
+        name, value = choice
+        before = find_widget(self._camera, name).value
+        if value != before and not self._set(name, value, before):
+            raise CameraError(NOT_SUPPORTED, f"setting '{name}' to {value}", "switch the camera to M")
 
     def release(self, warnings):
         """Restores the settings, the last change first.
@@ -91,8 +115,27 @@ class SettingsHold:
             if error.lost:
                 raise
             return False
-        self._changed.append((name, before))
+        if name not in dict(self._changed):
+            self._changed.append((name, before))
         return True
+
+
+def _seconds_of(choice):
+    """Of 1/125, 0.0080s or 2; 0 of Bulb and the like."""
+    try:
+        return float(Fraction(str(choice).rstrip("s\"'")))
+    except (ValueError, ZeroDivisionError):
+        return 0.0
+
+
+def _nearest(times, wanted):
+    def factor(choice):
+        return abs(math.log(times[choice] / wanted))
+    choice = min(times, key=factor)
+    if factor(choice) > math.log(NEAR_ENOUGH):
+        raise CameraError(NOT_SUPPORTED, f"an exposure of {wanted:g} s",
+                          f"it has {min(times.values()):g} to {max(times.values()):g} s")
+    return choice
 
 
 def _is_automatic(value):
