@@ -20,6 +20,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 SCRIPTS = Path(__file__).resolve().parent.parent / "scripts"
 SIZE = (48, 32)  # width, height
@@ -38,6 +39,13 @@ def write_stack(folder, names, frames=None):
     for name, frame in zip(names, frames or pictures(len(names))):
         cv2.imwrite(str(folder / name), frame)
     return folder
+
+
+def write_pages(path, frames, **options):
+    """A TIFF with a page for each frame."""
+    pages = [Image.fromarray(np.ascontiguousarray(frame[..., ::-1] if frame.ndim == 3 else frame)) for frame in frames]
+    pages[0].save(path, save_all=True, append_images=pages[1:], **options)
+    return path
 
 
 def write_video(path, frames):

@@ -17,7 +17,7 @@ from all_in_focus.bag.writer import stamp_of, write_bag
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
 from all_in_focus.files.stack import Stack
 from bag_helpers import compressed, rewritten
-from file_helpers import SIZE, call, cut, file_limit, focus_file, pictures, run_script, write_stack
+from file_helpers import SIZE, call, cut, file_limit, focus_file, pictures, run_script, write_pages, write_stack
 from tool_helpers import expect_refusal, succeeded
 
 ROTATION = [0.0, 0.0, 0.6, 0.8]
@@ -137,6 +137,15 @@ def test_sixteen_bits_go_into_a_bag_and_out_of_it(tmp_path, rig, depth):
     cv2.imwrite(str(tmp_path / "stack" / "1.tif"), frames[1].astype(np.float32))
     expect_refusal(call("make_bag", "--depth", tmp_path / "depth.png", "--rig", rig, "--stack", stack, "--output", bag),
                    "make_bag", "1.tif: has float32 pixels, which only fuse_stack reads: save it with 8 or 16 bits")
+
+
+def test_pages_of_a_tiff_go_into_a_bag(tmp_path, rig, depth):
+    cv2.imwrite(str(tmp_path / "depth.png"), depth)
+    frames = pictures(3)
+    stack = write_pages(tmp_path / "stack.tif", frames)
+    call("make_bag", "--depth", tmp_path / "depth.png", "--rig", rig, "--stack", stack, "--output", tmp_path / "x.bag")
+    images = [CvBridge().imgmsg_to_cv2(image) for image, _ in messages(str(tmp_path / "x.bag"), "/rgb/image")]
+    assert np.array_equal(images, frames)
 
 
 def test_make_bag_on_a_full_disk(tmp_path, rig, depth):

@@ -11,7 +11,7 @@ from all_in_focus.camera import folder_watch
 from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
 from all_in_focus.camera.interface import FILE_NOT_FOUND, NOT_SUPPORTED, CameraError
 from all_in_focus.files.stack import StackError
-from file_helpers import VirtualTime, cut, pictures
+from file_helpers import VirtualTime, cut, pictures, write_pages
 
 gphoto = pytest.importorskip("all_in_focus.camera.gphoto", reason="python3-gphoto2 is not installed")
 
@@ -109,6 +109,16 @@ def test_new_pictures_arrive_once(watched):
     for name in ("d.jpg", "c.jpg"):
         cv2.imwrite(str(folder / name), pictures(1)[0])
     assert polled(watch, 3) == [("c.jpg", 1), ("d.jpg", 2)]
+
+
+def test_pages_arrive_as_pictures(watched):
+    folder, watch = watched
+    frames = pictures(2)
+    write_pages(folder / "two.tif", frames)
+    watch.poll()
+    arrivals = watch.poll()
+    assert [arrival.name for arrival in arrivals] == ["two.tif, page 1", "two.tif, page 2"]
+    np.testing.assert_array_equal([arrival.image for arrival in arrivals], frames)
 
 
 def test_an_overwritten_picture_arrives_again(watched):

@@ -8,8 +8,8 @@ import subprocess
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
 
+from file_helpers import write_pages
 from tool_helpers import TwoPlanes, expect_refusal, fuse_stack, read, succeeded, unchanged
 
 # Colour filter array, black and white level, white balance and colour matrix of the raw files below.
@@ -64,6 +64,31 @@ def test_gray_frames_of_ten_bits(planes):
     plain, _ = fused(planes)
     put(planes, [scaled(frame, 1023) for frame in gray])
     assert psnr(fused(planes)[0] / 257, plain) > 45
+
+
+def write_gray(path, codes, bits, *tags):
+    """A TIFF of 16 bits, or of 12 that are packed; tags: beside those that every TIFF has."""
+    height, width = codes.shape
+    data = codes.astype("<u2").tobytes()
+    if bits == 12:
+        even, odd = codes[:, ::2], codes[:, 1::2]
+        data = np.dstack([even >> 4, (even & 15) << 4 | odd >> 8, odd & 255]).astype(np.uint8).tobytes()
+    write_tiff(path, sorted([(256, "I", [width]), (257, "I", [height]), (258, "H", [bits]), (259, "H", [1]), (262, "H", [1]),
+                             (273, "I", [0]), (277, "H", [1]), (278, "I", [height]), (279, "I", [len(data)]), *tags]), data)
+
+
+@pytest.mark.parametrize("bits, tags", [(16, [(281, "H", [4095])]), (16, [(341, "H", [4095])]), (12, [])])
+def test_a_tiff_names_its_highest_code(planes, bits, tags):
+    """No code of these dark frames tells how many bits the camera has."""
+    gray = [cv2.cvtColor(frame // 10, cv2.COLOR_BGR2GRAY) for frame in planes.frames]
+    put(planes, [scaled(frame, 65535) for frame in gray])
+    for path, frame in zip(sorted(planes.stack.iterdir()), gray):
+        cv2.imwrite(str(path), np.where(np.indices(frame.shape).sum(axis=0) == 0, 65535, scaled(frame, 65535)))
+    bright, _ = fused(planes)
+    put(planes, [scaled(frame, 4095) for frame in gray], "tif", lambda path, codes: write_gray(path, codes, bits, *tags))
+    result, said = fused(planes)
+    assert psnr(result[1:, 1:] / 257, bright[1:, 1:] / 257) > 50
+    assert ("scaled so that 4095 is white" in said) == (bits == 16)
 
 
 @pytest.mark.parametrize("bright", [(1, 1, 4), (4, 1, 1), (1, 4, 1)])
@@ -182,18 +207,20 @@ def test_formats_of_eight_bits(planes):
     planes.refused("none of 8, 16 and auto", "--depth-of-output", "12")
 
 
-def write_pages(path, frames, **options):
-    pages = [Image.fromarray(np.ascontiguousarray(frame[..., ::-1])) for frame in frames]
-    pages[0].save(path, save_all=True, append_images=pages[1:], **options)
-    return path
-
-
 @pytest.mark.parametrize("compression", [None, "tiff_lzw"])
 def test_pages_of_a_tiff_are_frames(planes, compression):
     plain, _ = fused(planes)
     path = write_pages(planes.folder / "stack.tif", planes.frames, compression=compression)
     result, said = fused(planes, stack=path)
     assert np.array_equal(result, plain) and "3 of 3 frames, reference stack.tif, page 2" in said
+
+
+@pytest.mark.parametrize("kept", [0.4, 0.7, 0.9, 0.99])
+def test_pages_that_are_cut_off(planes, kept):
+    path = write_pages(planes.folder / "stack.tif", planes.frames)
+    path.write_bytes(path.read_bytes()[:int(kept * path.stat().st_size)])
+    with unchanged(planes.folder):
+        expect_refusal(fuse_stack(path, "--output", planes.output("x.png")), "fuse_stack", "stack.tif")
 
 
 def test_pages_in_a_folder(planes):
@@ -293,6 +320,11 @@ def write_dng(path, frame):
             (50706, "B", [1, 4, 0, 0]), (50707, "B", [1, 1, 0, 0]), (50708, "s", b"Make Model\0"), (50717, "I", [CFA_WHITE]),
             (50721, "r", [(round(1e4 * value), 10000) for value in matrix.flat]),
             (50728, "R", [(round(1e4 * value), 10000) for value in NEUTRAL]), (50778, "H", [21])]
+    write_tiff(path, tags, data)
+
+
+def write_tiff(path, tags, data):
+    """data: the one strip, which tag 273 is made to name."""
     at = 8 + 2 + 12 * len(tags) + 4
     entries, values = b"", b""
     for tag, kind, value in tags:

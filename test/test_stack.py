@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from all_in_focus.files.stack import Stack, StackError, read_depth, read_image
-from file_helpers import SIZE, cut, focus_file, hide_cut, pictures, run_script, write_stack, write_video
+from file_helpers import SIZE, cut, focus_file, hide_cut, pictures, run_script, write_pages, write_stack, write_video
 
 
 def test_folder_goes_in_name_order_and_skips_what_is_no_image(tmp_path):
@@ -67,6 +67,29 @@ def test_times_that_disagree_with_names_are_said(tmp_path):
     assert Stack(with_exif_times(tmp_path / "tie", {"01.jpg": 2, "1.jpg": 1})).names == ["1.jpg", "01.jpg"]
     gap = {"0001.jpg": 1, "0002.jpg": 2, "9998.jpg": 3, "9999.jpg": 4}
     assert Stack(with_exif_times(tmp_path / "gap", gap)).names == list(gap)
+
+
+def test_pages_of_a_tiff_are_frames(tmp_path):
+    """In one file and in those of a folder; each as it is stored, thumbnails left out."""
+    frames = pictures(4)
+    folder = tmp_path / "stack"
+    folder.mkdir()
+    write_pages(folder / "a.tif", frames[:1], tiffinfo={274: 6})
+    write_pages(folder / "b.tif", [*frames[1:], frames[0][:8, :8]], tiffinfo={274: 6})
+    stack = Stack(folder)
+    assert stack.names == ["a.tif", "b.tif, page 1", "b.tif, page 2", "b.tif, page 3"]
+    assert stack.files == [folder / "a.tif", folder / "b.tif"] and "b.tif has 3 pages" in " ".join(stack.warnings)
+    assert np.array_equal(list(stack), frames)
+    alone = Stack(folder / "b.tif", focus_file(tmp_path, "frames: [{file: 'b.tif, page 2', focus_mm: 1500}]"))
+    assert np.array_equal(list(alone), frames[1:]) and alone.distances[1] == 1.5
+    with pytest.raises(StackError, match="a.tif: is a single image"):
+        Stack(folder / "a.tif")
+
+
+def test_pages_keep_sixteen_bits(tmp_path):
+    codes = np.arange(48 * 32, dtype=np.uint16).reshape(32, 48) * 40
+    first, second = Stack(write_pages(tmp_path / "deep.tif", [codes, codes[::-1]]), deep=True)
+    assert np.array_equal(first[..., 0], codes) and np.array_equal(second[..., 2], codes[::-1])
 
 
 def test_pictures_that_cannot_be_read_are_named(tmp_path):

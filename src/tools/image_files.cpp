@@ -76,7 +76,7 @@ cv::Mat readColor(const std::string& path, int page) {
   cv::Mat picture = readPicture(path, page);
   if (picture.type() == CV_8UC3) return picture;
   try {
-    return toColor(toFrame(picture, whiteCode(picture.depth(), highestCode(path, picture))));
+    return toColor(toFrame(picture, whiteCode(picture.depth(), highestCode(path, page, picture))));
   } catch (const FileError&) {
     throw;
   } catch (const std::invalid_argument& e) {

@@ -141,7 +141,10 @@ TiffPage findPage(const std::string& path, const std::string& data, int page) {
   const std::vector<TiffPage> pages = readTiffPages(path);
   if (page > 0 && page >= static_cast<int>(pages.size()))
     fail(path, "has no page " + std::to_string(page + 1));
-  return pages.empty() ? TiffPage() : pages[static_cast<std::size_t>(page)];
+  if (pages.empty()) return {};
+  const TiffPage& found = pages[static_cast<std::size_t>(page)];
+  if (page > 0 && found.size.empty()) fail(path, "TIFF is cut short: copy it again");
+  return found;
 }
 
 #ifdef ALL_IN_FOCUS_LIBRAW
@@ -297,8 +300,11 @@ bool hasOpenRange(const std::string& path) {
   return highestOfPnm(path) > 255;
 }
 
-double highestCode(const std::string& path, const cv::Mat& picture) {
-  if (picture.depth() == CV_16U && highestOfPnm(path) > 255) return highestOfPnm(path);
+double highestCode(const std::string& path, int page, const cv::Mat& picture) {
+  if (picture.depth() == CV_16U) {
+    const int named = std::max(highestOfPnm(path), findPage(path, beginning(path, 16), page).highest);
+    if (named > 255) return named;
+  }
   cv::Mat color = picture;
   if (picture.channels() == 4) cv::cvtColor(picture, color, cv::COLOR_BGRA2BGR);
   if (picture.depth() == CV_32F) cv::patchNaNs(color = color.clone());

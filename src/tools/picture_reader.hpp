@@ -36,7 +36,7 @@ cv::Mat readPicture(const std::string& path, int page = 0);
 bool hasOpenRange(const std::string& path);
 
 /// The highest code of a picture, or that which its file names.
-double highestCode(const std::string& path, const cv::Mat& picture);
+double highestCode(const std::string& path, int page, const cv::Mat& picture);
 
 /// The code of white in pictures whose highest code is that: 12-bit cameras write 16-bit files, and float
 /// files hold 0..1 or 0..255. Throws std::invalid_argument where float codes are neither.

@@ -137,12 +137,10 @@ class Listing {
   void addPages(const std::string& path) {
     const std::string file = fs::path(path).filename().string();
     const int pages = countPages(path);
-    if (pages > 1 && path != folder_) {
-      note(file + " has " + std::to_string(pages) +
-           " pages: " + (plain_ ? "only fuse_stack reads more than the first" : "each is a frame"));
-    }
-    for (int i = 0; i < (plain_ ? 1 : pages); ++i) {
-      const std::string name = pages > 1 && !plain_ ? nameOf(file, i) : file;
+    if (pages > 1 && path != folder_)
+      note(file + " has " + std::to_string(pages) + " pages: each is a frame");
+    for (int i = 0; i < pages; ++i) {
+      const std::string name = pages > 1 ? nameOf(file, i) : file;
       if (!only_.empty() && only_.count(name) == 0) continue;
       files_.frames.push_back(name);
       files_.sources.push_back({path, i});

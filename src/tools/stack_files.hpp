@@ -34,8 +34,8 @@ struct StackFiles {
 /// was made long after all others, and files that cannot be read as pictures. Hidden files do not count.
 /// Order: that of natural_order.hpp; the time of exposure in EXIF decides between equal names.
 ///
-/// only: names of frames to look at; empty: all. plain: for a program that reads 8 bits of plainEndings() and
-/// the first page only. Throws FileError where the folder cannot be read or holds no frame.
+/// only: names of frames to look at; empty: all. plain: for a program that reads plainEndings() only. Throws
+/// FileError where the folder cannot be read or holds no frame.
 StackFiles listStack(const std::string& path, const std::set<std::string>& only = {}, bool plain = false);
 
 /// Whether it is a folder, or a TIFF file of several pages.

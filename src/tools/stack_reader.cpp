@@ -129,7 +129,8 @@ void StackReader::findWhite() {
   const auto look = [&](int i) {
     try {
       const cv::Mat picture = readPicture(path(i), source(i).page);
-      highest[picture.depth()] = std::max(highest[picture.depth()], highestCode(path(i), picture));
+      highest[picture.depth()] =
+          std::max(highest[picture.depth()], highestCode(path(i), source(i).page, picture));
     } catch (const std::invalid_argument&) {
       // Told when the frame is read in its turn.
     }

@@ -21,7 +21,9 @@ enum Tag : std::uint16_t {
   kPhotometric = 262,
   kOrientation = 274,
   kSamples = 277,
+  kMaxSampleValue = 281,
   kExtraSamples = 338,
+  kSMaxSampleValue = 341,
 };
 
 /// The two kinds of TIFF: classic, and BigTIFF for files of more than 4 GB.
@@ -51,13 +53,17 @@ class TiffFile {
     std::uint64_t at = get(layout_.big ? 8 : 4, layout_.offset_bytes());
     while (at != 0 && found.size() < kMostPages && known.insert(at).second) {
       const std::uint64_t count = get(at, layout_.count_bytes());
-      if (!file_) break;
+      is_cut_ = !file_;
+      if (is_cut_) break;
       found.push_back(at);
       at = get(at + layout_.count_bytes() + count * layout_.entry_bytes(), layout_.offset_bytes());
       if (!file_) break;
     }
     return found;
   }
+
+  /// Whether the last directory that is named lies beyond the end.
+  bool isCut() const { return is_cut_; }
 
   TiffPage page(std::uint64_t at, bool& is_thumbnail) {
     TiffPage page;
@@ -86,12 +92,16 @@ class TiffFile {
       if (tag == kBitsPerSample) page.bits = static_cast<int>(std::min<std::uint64_t>(value, 64));
       if (tag == kPhotometric) photometric = value;
       if (tag == kSamples) samples = value;
+      const bool is_whole_number = type == 3 || type == 4;
+      if ((tag == kMaxSampleValue || tag == kSMaxSampleValue) && is_whole_number)
+        page.highest = static_cast<int>(std::min<std::uint64_t>(value, 65535));
       if (tag == kOrientation) page.orientations.push_back(at + i + static_cast<std::uint64_t>(value_at));
       if (tag == kExtraSamples) page.has_alpha = true;
     }
     // Some programs do not say what the sample behind gray or RGB is.
     page.has_alpha =
         page.has_alpha || (photometric == 2 && samples == 4) || (photometric < 2 && samples == 2);
+    if (page.bits > 8 && page.bits < 16) page.highest = 65535;  // OpenCV spreads packed codes over 16 bits
     return page;
   }
 
@@ -117,7 +127,7 @@ class TiffFile {
 
   std::ifstream file_;
   Layout layout_;
-  bool is_tiff_ = false;
+  bool is_tiff_ = false, is_cut_ = false;
 };
 
 }  // namespace
@@ -130,6 +140,7 @@ std::vector<TiffPage> readTiffPages(const std::string& path) {
     const TiffPage page = file.page(at, is_thumbnail);
     if (pages.empty() || (!is_thumbnail && page.size == pages.front().size)) pages.push_back(page);
   }
+  if (pages.size() > 1 && file.isCut()) pages.emplace_back();
   return pages;
 }
 

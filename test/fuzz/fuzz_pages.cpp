@@ -25,7 +25,8 @@ void run(Input& input) {
     const int depth = picture.depth(), channels = picture.channels();
     require(depth == CV_8U || depth == CV_16U || depth == CV_32F, "a depth that nobody knows");
     require(channels == 3 || channels == 4, "neither colour nor colour and alpha");
-    if (!accepts([&] { frame = toFrame(picture, whiteCode(depth, highestCode(path, picture))); })) continue;
+    if (!accepts([&] { frame = toFrame(picture, whiteCode(depth, highestCode(path, i, picture))); }))
+      continue;
     require(frame.size() == picture.size() && frame.channels() == channels, "another picture");
     require(frame.depth() == (depth == CV_8U ? CV_8U : CV_16U), "another depth");
   }

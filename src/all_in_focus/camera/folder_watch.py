@@ -6,12 +6,12 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from all_in_focus.files.stack import StackError, is_image_name, read_color
+from all_in_focus.files.stack import StackError, is_image_name, read_pages
 
 
 @dataclass
 class Arrival:
-    """A picture: BGR; name: of its file; stamp: when the file was first seen."""
+    """A picture: BGR; name: of its file or page; stamp: when the file was first seen."""
     image: object
     name: str
     stamp: object
@@ -55,22 +55,20 @@ class FolderWatch:
                 stamp = coming[1] if coming else self._clock()
                 self._coming[name] = (state, stamp, time.monotonic())
                 continue
-            arrival = self._read(name, *coming)
-            if arrival:
-                arrived.append(arrival)
+            arrived += self._read(name, *coming)
         return sorted(arrived, key=lambda arrival: arrival.stamp)
 
     def _read(self, name, state, stamp, changed_at):
         try:
-            image = read_color(str(self._folder / name), deep=True)
+            images = read_pages(str(self._folder / name), deep=True)
         except StackError as error:
             if time.monotonic() - changed_at < self._patience:
-                return None
+                return []
             self.warnings.append(f"{error}; left out")
-            image = None
+            images = []
         self._done[name] = state
         del self._coming[name]
-        return None if image is None else Arrival(image, name, stamp)
+        return [Arrival(image, page, stamp) for page, image in images]
 
 
 class BracketGrouper:

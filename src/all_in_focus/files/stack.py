@@ -9,6 +9,7 @@ import os
 import struct
 import sys
 import threading
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -24,6 +25,7 @@ Image.MAX_IMAGE_PIXELS = None  # OpenCV has a limit of its own
 INVALID_DEPTH = 65535  # mm; what sensors write besides 0 where they have measured nothing
 TIFF_ORIENTATION = 274  # tag
 COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+TIFF_SUFFIXES = (".tif", ".tiff")
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".webp")
 
 
@@ -32,11 +34,13 @@ class StackError(ValueError):
 
 
 class Stack:
-    """Frames of one focus bracket, read one at a time, so that memory does not grow with their number.
+    """Frames of one focus bracket, of a folder, a video or a TIFF of several pages; read one at a time, so that memory does
+    not grow with their number.
 
     len(stack): number of frames. Iterating gives BGR images of one size, each time from the beginning; 8 bit, or, with
     deep, 16 where the files have them.
-    names: file names, None for a video; distances: focus distances in m, NaN = unknown; warnings: lines to show.
+    names: of files and pages ("a.tif, page 2"), None for a video; files: paths; distances: focus distances in m, NaN = unknown;
+    warnings: lines to show.
     """
 
     def __init__(self, path, focus=None, deep=False):
@@ -50,7 +54,9 @@ class Stack:
         except OSError as error:
             raise StackError(f"{path}: {error.strerror}")
         self._left_out = []  # names of pictures that are no frames
-        self.names = self._list() if self.path.is_dir() else None
+        self._pages, self.names, self.files = [], None, [self.path]
+        if self.path.is_dir() or self.path.suffix.lower() in TIFF_SUFFIXES:
+            self._list()
         self._count = len(self.names) if self.names is not None else self._count_video()
         self.distances = load_focus(focus, self.names, self._count, self._left_out) if focus else [math.nan] * self._count
 
@@ -67,19 +73,22 @@ class Stack:
             yield frame
 
     def _list(self):
-        """Names of the frames in their order. One program knows the rule for all, those in C++ and those in Python."""
-        try:
-            listing = json.loads(installed.run([installed.find("list_stack"), "--stack", str(self.path)]))
-        except RuntimeError as error:
-            raise StackError(str(error).replace("list_stack: ", "", 1))
+        listing = _listing(self.path)
+        self._pages = [_Page(*page) for page in zip(listing["frames"], listing["paths"], listing["pages"])]
+        if self.path.is_file() and len(self._pages) == 1:
+            raise self._single_image()
+        self.names = listing["frames"]
+        self.files = [Path(path) for path in dict.fromkeys(listing["paths"])]
         self.warnings += listing["notes"]
         self._left_out = listing["left_out"]
-        return listing["frames"]
+
+    def _single_image(self):
+        return StackError(f"{self.path}: is a single image; give its folder or a video")
 
     def _count_video(self):
         """Number of frames, by decoding them: the number in the header is an estimate."""
         if self.path.suffix.lower() in IMAGE_SUFFIXES:
-            raise StackError(f"{self.path}: is a single image; give its folder or a video")
+            raise self._single_image()
         _check_riff(self.path)
         video = self._open_video()
         announced = video.get(cv2.CAP_PROP_FRAME_COUNT)
@@ -103,9 +112,8 @@ class Stack:
 
     def _frames(self):
         if self.names is not None:
-            for name in self.names:
-                path = self.path / name
-                yield path, read_color(path, self._deep)
+            for page in self._pages:
+                yield Path(page.path).parent / page.name, page.read(self._deep)
             return
         video = self._open_video()
         for index in range(self._count):  # one after the other: seeking by frame number is not reliable
@@ -113,6 +121,33 @@ class Stack:
             if not good:
                 raise StackError(f"{self.path}: frame {index} cannot be read")
             yield f"{self.path}: frame {index}", frame
+
+
+@dataclass
+class _Page:
+    """A picture file or a page of one; at: where the directory of the page begins, 0: no TIFF."""
+    name: str
+    path: str
+    at: int
+
+    def read(self, deep):
+        return read_color(self.path, deep, self.at)
+
+
+def _listing(path):
+    """Frames in their order. One program knows the rule for all, those in C++ and those in Python."""
+    try:
+        return json.loads(installed.run([installed.find("list_stack"), "--stack", str(path)]))
+    except RuntimeError as error:
+        raise StackError(str(error).replace("list_stack: ", "", 1))
+
+
+def read_pages(path, deep):
+    """[(name, BGR image), ...] of a picture file: one, or the pages of a TIFF. Like read_color()."""
+    if Path(path).suffix.lower() not in TIFF_SUFFIXES:
+        return [(Path(path).name, read_color(path, deep))]
+    listing = _listing(path)
+    return [(name, read_color(path, deep, at)) for name, at in zip(listing["frames"], listing["pages"])]
 
 
 def is_image_name(name):
@@ -125,8 +160,9 @@ def size_text(image):
     return f"{image.shape[1]}x{image.shape[0]}"
 
 
-def read_image(path, flags=COLOR):
-    """Image as OpenCV decodes it; BGR, 8 bit by default. StackError, also for truncated files, which OpenCV pads."""
+def read_image(path, flags=COLOR, page_at=0):
+    """Image as OpenCV decodes it; BGR, 8 bit by default. StackError, also for truncated files, which OpenCV pads. page_at: see
+    decode_image()."""
     try:
         require_regular(path)
         data = Path(path).read_bytes()
@@ -134,41 +170,46 @@ def read_image(path, flags=COLOR):
         raise StackError(f"{path}: {error.strerror}")
     if not is_complete(data):
         raise StackError(f"{path}: truncated or damaged")
-    image = decode_image(data, flags)
+    image = decode_image(data, flags, page_at)
     if image is None:
         raise StackError(f"{path}: not a readable image")
     return image
 
 
-def read_color(path, deep):
-    """BGR image: 8 bit, or, with deep, 16 where the file has them. StackError, also for what has other numbers."""
-    image = read_image(path, COLOR | cv2.IMREAD_ANYDEPTH if deep else COLOR)
+def read_color(path, deep, page_at=0):
+    """BGR image: 8 bit, or, with deep, 16 where the file has them. StackError, also for what has other numbers. page_at: see
+    decode_image()."""
+    image = read_image(path, COLOR | cv2.IMREAD_ANYDEPTH if deep else COLOR, page_at)
     if image.dtype not in (np.uint8, np.uint16):
         raise StackError(f"{path}: has {image.dtype} pixels, which only fuse_stack reads: save it with 8 or 16 bits")
     return image
 
 
-def decode_image(data, flags=COLOR):
-    """Image as OpenCV decodes it; None where the bytes are no image."""
+def decode_image(data, flags=COLOR, page_at=0):
+    """Image as OpenCV decodes it; None where the bytes are no image. page_at: where the directory of a TIFF's page begins, 0:
+    the first page."""
     try:
         with _silent_libraries():
-            return cv2.imdecode(np.frombuffer(_tiff_as_stored(data), np.uint8), flags) if data else None
+            return cv2.imdecode(np.frombuffer(_tiff_as_stored(data, page_at), np.uint8), flags) if data else None
     except cv2.error:  # the header announces an impossible size
         return None
 
 
-def _tiff_as_stored(data):
-    """OpenCV turns a TIFF as its first page says, whatever the flags are: the page is made to say "not at all"."""
+def _tiff_as_stored(data, page_at):
+    """OpenCV reads the first page of a TIFF and turns it as it says, whatever the flags are: the wanted page becomes the first,
+    and is made to say "not at all"."""
     order = {b"II": "<", b"MM": ">"}.get(data[:2])
     if not order:
         return data
     try:
         big = {42: False, 43: True}[struct.unpack_from(order + "H", data, 2)[0]]
-        at, = struct.unpack_from(order + ("Q" if big else "I"), data, 8 if big else 4)
+        first = order + ("Q" if big else "I"), 8 if big else 4
+        at = page_at or struct.unpack_from(first[0], data, first[1])[0]
         count_format, entry_bytes, to_value = (order + "Q", 20, 12) if big else (order + "H", 12, 8)
         begin = at + struct.calcsize(count_format)
         entries = range(begin, min(begin + struct.unpack_from(count_format, data, at)[0] * entry_bytes, len(data)), entry_bytes)
         changed = bytearray(data)
+        struct.pack_into(first[0], changed, first[1], at)
         for entry in entries:
             if struct.unpack_from(order + "H", data, entry)[0] == TIFF_ORIENTATION:
                 struct.pack_into(order + "H", changed, entry + to_value, 1)

@@ -80,10 +80,8 @@ class Scene:
     def files(self):
         """All that the methods see and the measures need."""
         paths = list(self.sources)
-        if self.stack and self.stack.is_dir():
-            paths += [self.stack / name for name in Stack(self.stack).names]
-        elif self.stack:
-            paths.append(self.stack)
+        if self.stack:
+            paths += Stack(self.stack).files
         for key, path in self.beside.items():
             paths += [path / name for name in RIG_FILES] if key == "rig" else [path]
         return [path for path in paths if path.exists()]
