@@ -378,8 +378,10 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   const bool is_deep = frame.image.depth() == CV_16U;
   is_deep ? mean_.beginFrame(frame.index, gainLut16(frame.gain)) : mean_.beginFrame(frame.index, lut);
   const cv::Rect& seen = frame.seen;
+  fade_.begin(seen, size_);
   const RowStrips strips({seen.y, seen.br().y}, static_cast<int>(strips_.size()));
   strips.forEach([&](const cv::Range& rows, int i) {
+    std::vector<float> parts;
     cv::Range block(rows.start, rows.start);
     for (int y = rows.start; y < rows.end; ++y) {
       if (y == block.end) {
@@ -392,6 +394,7 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
       EvidenceRow evidence;
       evidence.sharpness = sharpness;
       if (predicts_) evidence.squared_error = upsampled_error_.ptr<float>(y);
+      if (config_.soft) evidence.part = fade_.row(y, parts);
       const cv::Range columns(seen.x, seen.br().x);
       if (is_deep) {
         mean_.addRow(y, columns, frame.image.ptr<std::uint16_t>(y), evidence);

@@ -10,6 +10,7 @@
 
 #include "alignment/bracket_alignment.hpp"
 #include "alignment/reference_warp.hpp"
+#include "fusion/border_fade.hpp"
 #include "fusion/bracket_fusion.hpp"
 #include "fusion/brightness_penalty.hpp"
 #include "fusion/defocus_prediction.hpp"
@@ -114,6 +115,7 @@ class RefinedFusion {
   ExposureMatching exposure_;
   SharpnessPyramid sharpness_;
   BrightnessPenalty brightness_;
+  BorderFade fade_;
   DefocusPrediction prediction_;
   WeightedMean mean_;
   std::function<void(const AlignedFrame&)> on_aligned_;

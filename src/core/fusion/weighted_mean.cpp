@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <utility>
 
@@ -73,6 +74,17 @@ ALL_IN_FOCUS_SIMD void addWeights(const float* keep, const float* weight, int n,
   for (int i = 0; i < n; ++i) {
     sum[i] = keep[i] * sum[i] + weight[i];
     share[i] = weight[i] / (sum[i] + kNoWeight);
+  }
+}
+
+// Of frames of which a part counts. before: the sum without the frame, 0: the first frame there has nothing
+// to fade into; sum: with the frame, then as much as later frames are to be compared with.
+void fade(const float* part, const float* before, int n, float* sum, float* share) {
+  constexpr float kLeast = 1e-8f;
+  for (int i = 0; i < n; ++i) {
+    if (part[i] == 1) continue;
+    if (before[i] > 0) share[i] *= part[i];
+    sum[i] *= std::pow(std::max(before[i] / (sum[i] + kNoWeight), kLeast), 1 - part[i]);
   }
 }
 
@@ -194,14 +206,19 @@ void WeightedMean::addCodes(int y, const cv::Range& columns, const Code* pixels,
     weighSharpness(evidence.sharpness + x, steep_, n, sharpest_.ptr<float>(y) + x, keep.data(),
                    weight.data());
     if (evidence.squared_error) weighError(evidence.squared_error + x, error_floor_, n, weight.data());
-    chooseShares(keep.data(), weight.data(), {x, y}, n, share.data());
+    chooseShares(keep.data(), weight.data(), {x, y}, n, evidence.part ? evidence.part + x : nullptr,
+                 share.data());
     move(share.data(), pixels + 3 * x, {x, y}, n);
   }
 }
 
 void WeightedMean::chooseShares(const float* keep, const float* weight, const cv::Point& at, int n,
-                                float* share) {
-  addWeights(keep, weight, n, weights_.ptr<float>(at.y) + at.x, share);
+                                const float* part, float* share) {
+  float* sum = weights_.ptr<float>(at.y) + at.x;
+  std::array<float, kSpan> before;
+  if (part) std::transform(sum, sum + n, keep, before.begin(), std::multiplies<>());
+  addWeights(keep, weight, n, sum, share);
+  if (part) fade(part, before.data(), n, sum, share);
   if (!choice_) return;
   float* most = most_.ptr<float>(at.y) + at.x;
   scale(keep, n, most);

@@ -13,7 +13,8 @@ namespace all_in_focus::core {
 struct EvidenceRow {
   const float* sharpness = nullptr;  ///< over all scales (SharpnessPyramid), > 0; never null
   const float* squared_error =
-      nullptr;  ///< that depth and optics predict, gray levels squared; null: nothing
+      nullptr;                  ///< that depth and optics predict, gray levels squared; null: nothing
+  const float* part = nullptr;  ///< 0..1 of the frame that counts (BorderFade); null: all of it
 };
 
 /// Running weighted mean of frames, pixel by pixel, and which of them weighed most. Keeps a few numbers
@@ -23,9 +24,10 @@ struct EvidenceRow {
 ///   sharpness^8 / (predicted squared error + 1/12 + 5 noise variances):
 /// the inverse of the variance that is expected of it (1/12 is that of rounding), times a softmax, the power,
 /// of what is seen. As such powers overflow, weights are kept in units of the greatest sharpness so far. Each
-/// frame moves the mean by its share of all weights, so that no sum of colours is needed. The mean is rounded
-/// to 1/128 of a gray level: two bytes instead of the four of a float, and 16-bit arithmetic. The mean of
-/// 16-bit frames is a float.
+/// frame moves the mean by its share of all weights, so that no sum of colours is needed. Where only a part
+/// of a frame counts, it moves the mean by that part of its share: a small weight would not do, because
+/// weights of a sharp frame are many times those of others. The mean is rounded to 1/128 of a gray level: two
+/// bytes instead of the four of a float, and 16-bit arithmetic. The mean of 16-bit frames is a float.
 ///
 /// A frame of 640x480 takes 0.5 ms; the same as a sequence of OpenCV's operations, 32 rows at a time, 6.5 ms
 /// (one thread).
@@ -60,7 +62,8 @@ class WeightedMean {
  private:
   template <typename Code>
   void addCodes(int y, const cv::Range& columns, const Code* pixels, const EvidenceRow& evidence);
-  void chooseShares(const float* keep, const float* weight, const cv::Point& at, int n, float* share);
+  void chooseShares(const float* keep, const float* weight, const cv::Point& at, int n, const float* part,
+                    float* share);
   void move(const float* share, const std::uint8_t* pixels, const cv::Point& at, int n);
   void move(const float* share, const std::uint16_t* pixels, const cv::Point& at, int n);
 
