@@ -1,17 +1,15 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Time this package and programs that do similar work, in turn, and print medians as a Markdown table.
+"""Time registration and segmentation of this package and of others, in turn, and print medians as a Markdown table.
 
 Registration: nodelet depth_image_proc/register, same images through a ROS master of its own. Segmentation: graph
-segmentation of OpenCV's contrib and of scikit-image, one thread each. Fusion: the program enfuse, from files to file.
-A program that is not installed has `not installed` in its row. Needs a sourced setup.bash and bench_steps (see
-docs/lab/performance.md).
+segmentation of OpenCV's contrib and of scikit-image, one thread each. A program that is not installed has `not
+installed` in its row. Needs a sourced setup.bash and bench_steps (see docs/lab/performance.md).
 """
 import argparse
 import json
 import os
-import shutil
 import struct
 import subprocess
 import sys
@@ -33,11 +31,9 @@ from all_in_focus.command_line import Parser, count, run as run_program
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import read_depth
 from all_in_focus.installed import find, run
-from all_in_focus_lab.baselines import enfuse
-from all_in_focus_lab.benchmark import methods, scenes
 from all_in_focus_lab.benchmark.tables import markdown
 
-TASKS = ("registration", "segmentation", "fusion")
+TASKS = ("registration", "segmentation")
 NOISE_MM = 3
 NOT_INSTALLED = "not installed"
 
@@ -55,13 +51,10 @@ NODELETS = {
 
 def parse_arguments():
     parser = Parser(prog="compare.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scene", metavar="DIR", help="as make_scene wrote it; default: planes, 640x480, 12 frames")
-    parser.add_argument("--rig", help="rig folder for registration and segmentation; default: that of the scene")
+    parser.add_argument("--rig", help="rig folder; default: that of make_scene's planes, 640x480")
     parser.add_argument("--depth", help="depth image of its depth camera; default: that of the scene")
     parser.add_argument("--tasks", default=",".join(TASKS), metavar="A,B", help="default %(default)s")
     parser.add_argument("--repetitions", type=count, default=5, metavar="N", help="default %(default)s")
-    parser.add_argument("--peer", type=methods.peer_command, action="append", default=[], metavar="NAME=COMMAND",
-                        help="one more fusion; in COMMAND {stack} {focus} {rig} {depth} {output} are replaced")
     parser.add_argument("--bench-steps", default=steps.BENCH_STEPS, metavar="PATH")
     parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
     args = parser.parse_args()
@@ -133,41 +126,6 @@ def compare_segmentation(args):
         yield from rows(title, steps.in_turn(programs, args.repetitions, title), "segment_depth (refined)")
 
 
-# --- fusion -----------------------------------------------------------------------------------------------------------
-
-def inputs(scene):
-    """What of a scene a program may see: path by name."""
-    return {name: str(Path(scene) / file) for name, file in
-            (("stack", "stack"), ("focus", "focus.yaml"), ("rig", "rig"), ("depth", "depth.png"))}
-
-
-def own_fusion(args, mode, *options):
-    given = [part for name, path in inputs(args.scene).items() for part in ("--" + name, path)]
-    command = [args.fuse_stack, *given, "--mode", mode, "--output", args.folder / "own.png", *options]
-    return lambda: elapsed_ms(run, command)
-
-
-def enfuse_fusion(args):
-    program = shutil.which("enfuse")
-    frames = sorted(Path(inputs(args.scene)["stack"]).iterdir())
-    command = [program, *enfuse.OPTIONS, f"--output={args.folder / 'enfuse.png'}", *frames]
-    return program and (lambda: elapsed_ms(run, command))
-
-
-def peer_fusion(args, name):
-    method, scene = methods.find(name, dict(args.peer)), scenes.find({"path": Path(args.scene).absolute()})[0]
-    return lambda: 1000 * method(scene, args.folder).seconds
-
-
-def compare_fusion(args):
-    programs = {"fuse_stack (refined)": own_fusion(args, "refined"),
-                "fuse_stack (refined, not aligned)": own_fusion(args, "refined", "--without", "alignment"),
-                "fuse_stack (paper)": own_fusion(args, "paper"), "enfuse": enfuse_fusion(args)}
-    programs.update({name: peer_fusion(args, name) for name, _ in args.peer})
-    title = f"fusion of {len(list(Path(inputs(args.scene)['stack']).iterdir()))} frames, files to file, ms"
-    yield from rows(title, steps.in_turn(programs, args.repetitions, title), "fuse_stack (refined)")
-
-
 # --- registration -----------------------------------------------------------------------------------------------------
 
 def register(ros, source, nodelet, topic, remappings, parameters):
@@ -217,15 +175,13 @@ def compare_registration(args):
 
 def main():
     args = parse_arguments()
-    compare = {"registration": compare_registration, "segmentation": compare_segmentation, "fusion": compare_fusion}
+    compare = {"registration": compare_registration, "segmentation": compare_segmentation}
     with tempfile.TemporaryDirectory() as folder:
-        args.folder = Path(folder)
-        if args.scene is None:
-            args.scene = args.folder / "scene"
-            subprocess.run([sys.executable, find("make_scene"), "--scene", "planes", "--size", "640x480", "--output", args.scene],
+        if args.rig is None:
+            scene = Path(folder) / "scene"
+            subprocess.run([sys.executable, find("make_scene"), "--scene", "planes", "--size", "640x480", "--output", scene],
                            check=True, stdout=subprocess.DEVNULL)
-        known = inputs(args.scene)
-        args.rig, args.depth = args.rig or known["rig"], args.depth or known["depth"]
+            args.rig, args.depth = str(scene / "rig"), str(scene / "depth.png")
         compared = [row for task in args.tasks for row in compare[task](args)]
     print(f"Medians of {args.repetitions} runs, in turn.\n")
     print(markdown([["task", "program", "median", "times ours"], *compared], left=2))

@@ -6,8 +6,7 @@
 Takes about 20 minutes.
 
 Needs a sourced setup.bash and bench_steps (see docs/lab/performance.md), and a recorded depth image of a rig whose colour camera
-has 640x480 pixels. Parts: steps (times and allocations), comparison, photos (large JPEGs), graph
-(through ROS).
+has 640x480 pixels. Parts: steps (times and allocations), comparison, photos (large JPEGs), graph (through ROS).
 """
 import argparse
 import re
@@ -26,7 +25,7 @@ GRAPHS = (  # options of graph_rate
     "--mode refined --size 4416x1242 --rate 15 --frames 150 --depth-only --processes --noise 3",
     "--mode refined --size 4416x1242 --rate 15 --frames 150 --depth-only --noise 3",
     "--mode refined --size 4416x1242 --rate 10 --frames 100", "--mode refined --size 4416x1242 --rate 15 --frames 150")
-PHOTOS = ("--frames 12 --megapixels 20", "--frames 50 --megapixels 6")  # options of photos.py
+PHOTOS = ("--frames 12 --megapixels 20", "--frames 50 --megapixels 6")  # options of fusion.py
 
 
 def parse_arguments():
@@ -65,7 +64,7 @@ def measure_comparison(args):
 
 
 def measure_photos(args):
-    return "\n\n".join(run("photos.py", "--repetitions", min(3, args.repetitions), *shlex.split(options)) for options in PHOTOS)
+    return "\n\n".join(run("fusion.py", "--repetitions", min(3, args.repetitions), *shlex.split(options)) for options in PHOTOS)
 
 
 def measure_graph(args):

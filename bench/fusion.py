@@ -1,11 +1,11 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Time programs on a focus bracket of large JPEGs, in turn, and print medians as a Markdown table.
+"""Time programs that fuse a bracket from files to file, in turn, and print medians as a Markdown table.
 
-Pictures are generated: texture of several sizes, sharp in another band of each, and magnified a little more from one to
-the next. fuse_stack runs in mode refined without depth; enfuse beside it, if installed, and whatever --peer adds, such as
-another build of fuse_stack. Peak memory is that of the program alone.
+The bracket is a scene with depth, or a number of large JPEGs that are generated: texture of several sizes, sharp in another
+band of each, and magnified a little more from one to the next. enfuse runs beside fuse_stack, if installed, and whatever
+--peer adds, such as another build of fuse_stack. Peak memory is that of the program alone.
 """
 import argparse
 import shlex
@@ -24,15 +24,17 @@ from all_in_focus_lab.benchmark.tables import markdown
 
 ASPECT = 1.5
 QUALITY = 92  # of the JPEGs
+OF_A_SCENE = "--rig {rig} --depth {depth} --focus {focus}"  # options of fuse_stack
 
 
 def parse_arguments():
-    parser = Parser(prog="photos.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=count, default=12, metavar="N", help="default %(default)s")
-    parser.add_argument("--megapixels", type=float, default=20, metavar="MP", help="default %(default)s")
+    parser = Parser(prog="fusion.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scene", type=Path, metavar="DIR", help="as make_scene wrote it; default: generated JPEGs")
+    parser.add_argument("--frames", type=count, default=12, metavar="N", help="of the JPEGs, default %(default)s")
+    parser.add_argument("--megapixels", type=float, default=20, metavar="MP", help="of a JPEG, default %(default)s")
     parser.add_argument("--repetitions", type=count, default=3, metavar="N", help="default %(default)s")
     parser.add_argument("--peer", type=peer_command, action="append", default=[], metavar="NAME=COMMAND",
-                        help="one more program; in COMMAND {stack} {files} {output} are replaced")
+                        help="one more program; in COMMAND {stack} {files} {focus} {rig} {depth} {output} are replaced")
     parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
     return parser.parse_args()
 
@@ -53,27 +55,38 @@ def make_pictures(folder, frames, megapixels):
         magnified = cv2.getRotationMatrix2D((width / 2, height / 2), 0, 1 + 0.0015 * index)
         frame = cv2.warpAffine(frame, magnified, (width, height), borderMode=cv2.BORDER_REFLECT)
         cv2.imwrite(str(folder / f"{index:02d}.jpg"), frame, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
-    return width, height
+
+
+def commands(args):
+    """Name of a program -> its command line."""
+    ours = f"{shlex.quote(str(args.fuse_stack))} --stack {{stack}} --output {{output}}"
+    programs = {"fuse_stack (refined)": ours}
+    if args.scene:
+        programs = {f"fuse_stack ({name})": f"{ours} {OF_A_SCENE} {options}" for name, options in (
+            ("refined", ""), ("refined, not aligned", "--without alignment"), ("paper", "--mode paper"))}
+    if shutil.which("enfuse"):
+        programs["enfuse"] = f"enfuse {' '.join(enfuse.OPTIONS)} --output={{output}} {{files}}"
+    return {**programs, **dict(args.peer)}
 
 
 def main():
     args = parse_arguments()
     with tempfile.TemporaryDirectory() as folder:
-        stack, output = Path(folder) / "stack", Path(folder) / "fused.jpg"
-        stack.mkdir()
-        width, height = make_pictures(stack, args.frames, args.megapixels)
-        files = " ".join(shlex.quote(str(path)) for path in sorted(stack.iterdir()))
-        commands = {"fuse_stack (refined)": f"{shlex.quote(str(args.fuse_stack))} --stack {{stack}} --output {{output}}"}
-        if shutil.which("enfuse"):
-            commands["enfuse"] = f"enfuse {' '.join(enfuse.OPTIONS)} --output={{output}} {{files}}"
-        commands.update(args.peer)
-        filled = {name: shlex.split(command.format(stack=stack, files=files, output=output))
-                  for name, command in commands.items()}
+        stack = (args.scene or Path(folder)) / "stack"
+        if not args.scene:
+            stack.mkdir()
+            make_pictures(stack, args.frames, args.megapixels)
+        files = sorted(stack.iterdir())
+        known = {"stack": stack, "files": " ".join(shlex.quote(str(file)) for file in files),
+                 "rig": stack.with_name("rig"), "depth": stack.with_name("depth.png"), "focus": stack.with_name("focus.yaml"),
+                 "output": Path(folder) / "fused.png"}
+        filled = {name: shlex.split(command.format(**known)) for name, command in commands(args).items()}
+        height, width = cv2.imread(str(files[0])).shape[:2]
         medians = steps.in_turn({name: lambda command=command: steps.run_measured(command)[1:]
                                  for name, command in filled.items()}, args.repetitions)
     ours = next(iter(medians.values()))[0]
     runs_told = "one run" if args.repetitions == 1 else f"medians of {args.repetitions} runs"
-    print(f"{args.frames} JPEGs of {width}x{height}, {runs_told}, in turn.\n")
+    print(f"{len(files)} pictures of {width}x{height}, {runs_told}, in turn.\n")
     print(markdown([["program", "s", "times ours", "CPU, s", "peak, MB"],
                     *([name, f"{seconds:.2f}", f"{seconds / ours:.2f}", f"{cpu:.2f}", f"{peak:.0f}"]
                       for name, (seconds, cpu, peak) in medians.items())], left=1))
