@@ -31,8 +31,8 @@ class Files:
         self.folder = folder
         color = Camera("color", *SIZE, COLOR_CAMERA.K, [0.1, -0.05, 0.001, 0.002, 0.01])
         depth = Camera("depth", *SIZE, DEPTH_CAMERA.K, [0.1, 0.2, 0, 0, 0.1, 0.1, 0.2, 0.1], "rational_polynomial")
-        rig = Rig(depth, color, np.eye(3), [0.0301, -0.01, 1 / 300], Optics(24.0, 4.0, 0.019), "c", "d")
-        save_rig(str(folder / "rig"), rig, QUATERNION)
+        rig = Rig(depth, color, np.eye(3), [0.0301, -0.01, 1 / 300], Optics(24.0, 4.0, 0.019), "c", "d", QUATERNION)
+        save_rig(str(folder / "rig"), rig)
         (folder / "stack").mkdir()
         for index, frame in enumerate(frames()):
             cv2.imwrite(str(folder / "stack" / f"{index:03d}.png"), frame)

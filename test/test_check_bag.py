@@ -229,8 +229,8 @@ def test_the_rig_is_checked_in_the_words_of_fuse_stack(tmp_path):
                                           (1, [0, 0, 0.4], [0, 0.5225, 0, 0.8526]), (-1, [0, 0, 0], [0, 0, 0, 1])):
         set_up_boards(planes, turn)
         rig = load_rig(planes.rig)
-        rig.t = np.array(translation, float)
-        save_rig(planes.rig, rig, quaternion)
+        rig.t, rig.quaternion = np.array(translation, float), quaternion
+        save_rig(planes.rig, rig)
         done = succeeded(fuse_stack("--stack", planes.stack, *planes.with_depth, "--output", planes.output("o.png")))
         said = {line.partition("warning: ")[2] for line in done.stderr.splitlines() if "warning: " in line}
         succeeded(call("make_bag", "--depth", planes.depth_file, "--rig", planes.rig, "--stack", planes.stack,

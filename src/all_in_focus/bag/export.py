@@ -127,8 +127,8 @@ class _BracketWriter:
         if optics is None:
             self._warnings.append(f"the bag does not say what the lens was: the nodes take {DEFAULT_OPTICS} "
                                   "(f,F,coc); --optics")
-        rig = Rig(*cameras, found.R, found.t, optics, parent.lstrip("/"), head.frame_id.lstrip("/"))
-        save_rig(self._folder / "rig", rig, found.quaternion)
+        save_rig(self._folder / "rig", Rig(*cameras, found.R, found.t, optics, parent.lstrip("/"), head.frame_id.lstrip("/"),
+                                           found.quaternion))
         return True
 
     def _no_depth(self):

@@ -136,7 +136,8 @@ DEFAULT_OPTICS = Optics(24.0, 4.0, 0.019)  # of the segmenter
 
 @dataclass
 class Rig:
-    """Depth and colour camera, X_color = R X_depth + t (R 3x3, t in metres), and the colour camera's lens if known."""
+    """Depth and colour camera, X_color = R X_depth + t (R 3x3, t in metres), and the colour camera's lens if known.
+    quaternion: R as x, y, z, w, to the last bit as it was read."""
     depth: Camera
     color: Camera
     R: np.ndarray
@@ -144,17 +145,14 @@ class Rig:
     optics: Optional[Optics] = None
     parent_frame: str = ""
     child_frame: str = ""
+    quaternion: np.ndarray = None
 
     def __post_init__(self):
         self.R, self.t = np.array(self.R, float), np.array(self.t, float)
         self.parent_frame = self.parent_frame or f"{self.color.name}_optical_frame"
         self.child_frame = self.child_frame or f"{self.depth.name}_optical_frame"
-
-    @property
-    def quaternion(self):
-        """Rotation as x, y, z, w with w >= 0."""
-        q = Rotation.from_rotvec(cv2.Rodrigues(self.R)[0].ravel()).as_quat()
-        return -q if q[3] < 0 else q
+        if self.quaternion is None:
+            self.quaternion = Rotation.from_rotvec(cv2.Rodrigues(self.R)[0].ravel()).as_quat()
 
 
 class _Reader:
@@ -262,7 +260,7 @@ def load_rig(folder):
     if abs(np.linalg.norm(quaternion) - 1) > 1e-3:
         file.fail("rotation", "expected a unit quaternion x, y, z, w")
     return Rig(depth, color, rotation_matrix(Rotation.from_quat(quaternion)), file.array("translation", (3,)),
-               load_optics(optics) if optics.exists() else None, file.text("parent_frame"), file.text("child_frame"))
+               load_optics(optics) if optics.exists() else None, file.text("parent_frame"), file.text("child_frame"), quaternion)
 
 
 def _write(path, comment, data):
@@ -289,11 +287,8 @@ def save_camera(path, camera):
                       "projection_matrix": _matrix(camera.P, 3)})
 
 
-def save_rig(folder, rig, quaternion=None):
-    """Writes the rig into `folder`, which is made if needed.
-
-    quaternion: x, y, z, w, written to the last bit instead of that of rig.R.
-    """
+def save_rig(folder, rig):
+    """Writes the rig into `folder`, which is made if needed."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     save_camera(folder / "depth.yaml", rig.depth)
@@ -302,7 +297,7 @@ def save_rig(folder, rig, quaternion=None):
            "# Pose of the depth camera in the colour camera's optical frame: X_color = R * X_depth + t (metres).\n"
            "# rotation: quaternion x, y, z, w\n",
            {"parent_frame": rig.parent_frame, "child_frame": rig.child_frame, "translation": _plain(rig.t),
-            "rotation": _plain(rig.quaternion if quaternion is None else quaternion)})
+            "rotation": _plain(rig.quaternion)})
     if rig.optics is not None:
         _write(folder / "optics.yaml", "# Lens of the colour camera\n",
                {name: float(value) for name, value in vars(rig.optics).items()})

@@ -1,14 +1,11 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """The files of a rig folder as ROS messages."""
-from pathlib import Path
-
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
-from all_in_focus.files import yaml_file
-from all_in_focus.files.rig import RigError, load_rig
+from all_in_focus.files.rig import load_rig
 
 
 def camera_info(camera, header):
@@ -20,9 +17,8 @@ def camera_info(camera, header):
 
 def static_transform(rig_folder, stamp):
     """Pose of the depth camera in the colour camera's frame (m), with the numbers as they stand in extrinsics.yaml."""
-    rig = load_rig(rig_folder)  # checks the file
-    rotation = yaml_file.read(Path(rig_folder) / "extrinsics.yaml", RigError)["rotation"]
+    rig = load_rig(rig_folder)
     transform = TransformStamped(header=Header(stamp=stamp, frame_id=rig.parent_frame), child_frame_id=rig.child_frame)
     transform.transform.translation = Vector3(*rig.t.tolist())
-    transform.transform.rotation = Quaternion(*(float(value) for value in rotation))
+    transform.transform.rotation = Quaternion(*rig.quaternion.tolist())
     return transform

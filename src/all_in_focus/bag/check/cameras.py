@@ -110,14 +110,14 @@ class RigWarnings(NamedTuple):
     coverage: float
 
 
-def rig_warnings(rig, quaternion, depth, picture):
-    """rig: Rig; quaternion: of its pose, x, y, z, w; depth: H x W mm; picture: H x W x 3 of the colour camera, or None.
+def rig_warnings(rig, depth, picture):
+    """rig: Rig; depth: H x W mm; picture: H x W x 3 of the colour camera, or None.
 
     Returns RigWarnings. Raises RuntimeError where check_depth, a program of this package, cannot be run.
     """
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
-        save_rig(folder / "rig", rig, quaternion)
+        save_rig(folder / "rig", rig)
         write_picture(folder / "depth.png", depth)
         command = [installed.find("check_depth"), "--rig", str(folder / "rig"), "--depth", str(folder / "depth.png")]
         if rig.optics:

@@ -89,12 +89,12 @@ class _Checker:
         depth = depth_mm(fetch(self._bag, "depth", head), self._invalid_values)
         try:
             rig = Rig(camera_at(self._scan, "depth", head.order), camera_at(self._scan, "rgb", head.order), pose.R, pose.t,
-                      self._given_optics or optics_at(self._scan, head.order))
+                      self._given_optics or optics_at(self._scan, head.order), quaternion=pose.quaternion)
             picture = min(pictures, key=lambda other: abs(other.order - head.order), default=None)
             picture = None if picture is None else bgr(fetch(self._bag, "rgb", picture))
         except (RecordedRigError, ImageError):
             return None
-        return rig_warnings(rig, pose.quaternion, depth, picture) if depth.any() else None
+        return rig_warnings(rig, depth, picture) if depth.any() else None
 
     def _check_depth(self, usable, said):
         """Returns the sampled depth images, mm."""
