@@ -190,44 +190,20 @@ def _robust(x, y, degree):
     return curve, off < TUKEY * sigma, sigma
 
 
-WIDTH, HEIGHT, LEFT, BOTTOM = 720, 480, 90, 60  # pixels, of the plot and its margins
-INK, DOT, OUTLIER, LINE = (60, 60, 60), (200, 140, 60), (210, 210, 210), (40, 60, 220)  # BGR
-
-
 def plot(curve, table, first, step):
     """BGR picture of curve.table(first, step): dots: tiles; red: the table; across: lens steps; up: dioptres, named by
     distance."""
-    low, high = curve.span()
-    low, high = min(low, 1000 / max(row["mm"] for row in table)), max(high, 1000 / min(row["mm"] for row in table))
-    pad = 0.05 * (high - low)
-    low, high = max(low - pad, 0), high + pad
-    picture = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
-
-    def place(frame, dioptre):
-        across = LEFT + (frame / max(1, curve.frames - 1)) * (WIDTH - LEFT - 30)
-        return int(round(across)), int(round(HEIGHT - BOTTOM - (dioptre - low) / (high - low) * (HEIGHT - BOTTOM - 30)))
-
-    def write(text, at):
-        cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.45, INK, 1, cv2.LINE_AA)
-    for distance in _ticks(1 / high, 1 / max(low, 0.05)):
-        x, y = place(0, 1 / distance)
-        cv2.line(picture, (LEFT, y), (WIDTH - 30, y), (235, 235, 235), 1)
-        write(f"{distance:g} m", (LEFT - 70, y + 5))
-    for frame in range(0, curve.frames, max(1, (curve.frames + 7) // 8)):
-        x, y = place(frame, low)
-        write(f"{first + frame * step}", (x - 8, y + 20))
-    write("lens position, steps", (WIDTH // 2 - 60, HEIGHT - 12))
-    for inlier in (False, True):
-        for peak, dioptre in zip(curve.peaks[curve.inlier == inlier], curve.dioptres[curve.inlier == inlier]):
-            cv2.circle(picture, place(peak, np.clip(dioptre, low, high)), 2, DOT if inlier else OUTLIER, -1, cv2.LINE_AA)
-    rows = [place((row["step"] - first) / step, 1000 / row["mm"]) for row in table]
-    cv2.polylines(picture, [np.array(rows, np.int32)], False, LINE, 1, cv2.LINE_AA)
-    for row in rows:
-        cv2.circle(picture, row, 4, LINE, 1, cv2.LINE_AA)
-    return picture
-
-
-def _ticks(near, far):
-    """Round distances in m between two."""
-    scale = [value * 10.0 ** power for power in (-2, -1, 0, 1) for value in (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 7)]
-    return [distance for distance in scale if near <= distance <= far]
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # takes a second
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter
+    canvas = FigureCanvasAgg(Figure(figsize=(7.2, 4.8)))
+    axes = canvas.figure.subplots()
+    steps = first + step * curve.peaks
+    axes.plot(steps[curve.inlier], curve.dioptres[curve.inlier], ".", color="tab:blue")
+    axes.plot([row["step"] for row in table], [1000 / row["mm"] for row in table], "o-", color="tab:red", fillstyle="none")
+    axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim(), xlabel="lens position, steps")  # outliers may lie anywhere
+    axes.plot(steps[~curve.inlier], curve.dioptres[~curve.inlier], ".", color="lightgray", zorder=0)
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda dioptre, _: f"{1 / dioptre:.3g} m" if dioptre > 0 else ""))
+    axes.grid(axis="y")
+    canvas.draw()
+    return cv2.cvtColor(np.asarray(canvas.buffer_rgba()), cv2.COLOR_RGBA2BGR)
