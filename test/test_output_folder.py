@@ -11,8 +11,7 @@ import pytest
 from tool_helpers import snapshot, unchanged
 
 from all_in_focus.files import output_folder
-from all_in_focus.files.output_folder import (MARK, OutputFolder, read_mark, remove_folder, remove_leftovers,
-                                              whole_folder)
+from all_in_focus.files.output_folder import MARK, OutputFolder, read_mark, remove_leftovers, whole_folder
 
 PROGRAM = "a_program"
 
@@ -125,19 +124,6 @@ def test_results_made_by_advice_are_removed(tmp_path):
     (out / "sub" / "fused.png").write_text("")
     write(out, results=["fused.png"])
     assert snapshot(out).keys() == {MARK, "sub", "sub/a.txt"}
-
-
-def test_only_an_own_folder_is_removed(tmp_path):
-    out = tmp_path / "out"
-    remove_folder(out, PROGRAM)
-    write(out)
-    remove_folder(out, PROGRAM)
-    assert not names(tmp_path)
-    write(out)
-    (out / "sub" / "mine").write_text("")
-    with pytest.raises(FileExistsError, match="was not written by"):
-        remove_folder(out, PROGRAM)
-    assert names(out / "sub") == ["a.txt", "mine"] and names(tmp_path) == ["out"]
 
 
 def test_symlinks_are_refused_not_followed(tmp_path):

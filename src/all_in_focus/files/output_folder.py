@@ -125,17 +125,6 @@ def whole_folder(path, program, **options):
         folder.discard()
 
 
-def remove_folder(path, program):
-    """Removes the output folder `path` of the program, if it is there. Raises OSError like OutputFolder."""
-    if os.path.lexists(path):
-        folder = OutputFolder(path, program)
-        try:
-            folder.commit()  # an empty folder
-            _remove(folder.path)
-        finally:
-            folder.discard()
-
-
 def remove_leftovers(path):
     """Removes what a killed run to the output `path` has left, unless a run is at work there."""
     with contextlib.suppress(OSError):

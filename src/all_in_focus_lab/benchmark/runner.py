@@ -9,7 +9,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from all_in_focus.files.output_file import write_picture
-from all_in_focus.files.output_folder import remove_folder, whole_folder
+from all_in_focus.files.output_folder import whole_folder
 from all_in_focus.progress import Progress
 from all_in_focus_lab.benchmark import methods, scenes, tasks, versions
 from all_in_focus_lab.benchmark.engine import engine
@@ -50,18 +50,15 @@ class Store:
     def save(self, scene, method, fingerprint, run, result):
         """Writes what tasks.run has returned, in place of an older one; run: name of this run. Returns what load would.
 
-        Of a failure nothing is kept: the next run tries again.
+        A failure leaves the folder empty: the next run tries again.
         """
-        target = self.path(scene, method)
         plain = {key: value for key, value in result.items() if key != "files"}
         plain.update(fingerprint=fingerprint, run=run)
-        if "error" in result:
-            remove_folder(target, "evaluate")
-            return plain
-        with whole_folder(target, "evaluate", parents=True) as working:
+        with whole_folder(self.path(scene, method), "evaluate", parents=True) as working:
             for name, data in result.get("files", {}).items():
                 (working / f"{name}.png").write_bytes(data)
-            (working / RESULT).write_text(json.dumps(plain, indent=2), encoding="utf-8")
+            if "error" not in result:
+                (working / RESULT).write_text(json.dumps(plain, indent=2), encoding="utf-8")
         return plain
 
     def picture(self, scene, method, name):
