@@ -157,10 +157,10 @@ def test_roughness_of_known_maps():
 def test_lists_of_methods():
     assert methods.split("paper,refined:-alignment,gain,gf+ecc,refined:no-depth,oracle") == [
         "paper", "refined:-alignment,gain", "gf+ecc", "refined:no-depth", "oracle"]
-    for name in ("single", "gf+ecc", "refined:optics+20", "refined:shift5", "paper:no-depth", "restored:frames",
-                 "restored:no-depth+aperture*4", "refined:focus-reversed", "mine"):
+    for name in ("single", "gf+ecc", "paper:no-depth", "restored:frames", "restored:no-depth+aperture*4",
+                 "refined:focus-reversed", "mine"):
         assert callable(methods.find(name, {"mine": "true"}, "fuse_stack"))
-    for name in ("median", "single+ecc", "refined:", "refined:optics", "gf:no-depth", ""):
+    for name in ("median", "single+ecc", "refined:", "refined:aperture", "gf:no-depth", ""):
         with pytest.raises(ValueError, match=f"no method is named '{re.escape(name)}'"):
             methods.find(name, {}, "fuse_stack")
 
@@ -177,7 +177,6 @@ def test_bounds_know_the_truth(scenes):
     ("refined", "-alignment,gain", ["--rig", "--depth", "--without alignment,gain"], []),
     ("refined", "no-depth", ["--focus"], ["--depth", "--rig"]),
     ("restored", "no-depth", ["--focus", "--rig", "--mode restored", "--save-depth"], ["--depth"]),
-    ("refined", "optics-20", ["--rig", "--depth", "--optics 40,1.8,0.03"], []),
     ("restored", "frames", ["--stack"], ["--rig", "--focus", "--depth", "--optics", "--save-depth"]),
     ("restored", "aperture*4", ["--rig", "--depth", "--optics 50,7.2,0.03"], []),
     ("restored", "no-depth+aperture*0.5", ["--rig", "--optics 50,0.9,0.03"], ["--depth"]),
@@ -187,14 +186,6 @@ def test_variants_of_fuse_stack(scenes, tmp_path, mode, variant, expected, hidde
     said = methods.fuse_stack_command(mode, variant, "fuse_stack", scene_at(scenes / "still"), str(tmp_path))
     assert all(option in " ".join(said) for option in expected)
     assert not set(hidden) & set(said)
-
-
-def test_shifted_depth(tmp_path):
-    depth = np.arange(1, 13, dtype=np.uint16).reshape(2, 6)
-    cv2.imwrite(str(tmp_path / "z.png"), depth)
-    methods.shifted(str(tmp_path / "z.png"), 2, str(tmp_path / "moved.png"))
-    moved = cv2.imread(str(tmp_path / "moved.png"), cv2.IMREAD_UNCHANGED)
-    assert not moved[:, :2].any() and np.array_equal(moved[:, 2:], depth[:, :4])
 
 
 @pytest.mark.parametrize("wrong, expected", [

@@ -4,8 +4,7 @@
 
 paper, refined, restored   this package (through the nodes where the scene is a bag); refined:-alignment,exposure: without
                            those steps; refined:no-depth: with the focus distances alone; restored:no-depth: with the
-                           rig, too; refined:optics+20: focal length 20 % too long; refined:shift5: depth
-                           5 pixels to the right; refined:frames: the frames alone; wrong numbers, also with no-depth, as in
+                           rig, too; refined:frames: the frames alone; wrong numbers, also with no-depth, as in
                            restored:no-depth+aperture*4: aperture*N (f-number times N), focus*N (distances times N),
                            focus-reversed, focus-late and focus-early (by one frame)
 wrong-lens                 refined and restored with each of those wrong numbers
@@ -43,8 +42,7 @@ from all_in_focus_lab.simulation import lens
 
 OWN = ("paper", "refined", "restored")
 WRONG = r"aperture\*[0-9.]+|focus\*[0-9.]+|focus-(reversed|late|early)"
-VARIANTS = re.compile(r"-[a-z][a-z_-]*(,[a-z_-]+)*|optics[+-][0-9]{1,2}|shift[0-9]{1,3}|frames"
-                      rf"|no-depth(\+({WRONG}))?|{WRONG}")
+VARIANTS = re.compile(rf"-[a-z][a-z_-]*(,[a-z_-]+)*|frames|no-depth(\+({WRONG}))?|{WRONG}")
 WRONG_LENS = [f"{factor}*{times}" for factor in ("aperture", "focus") for times in ("0.25", "0.5", "2", "4", "8")] + [
     "focus-reversed", "focus-late", "focus-early"]
 TIMEOUT_S = 3600.0
@@ -213,14 +211,6 @@ def fuse_stack_command(mode, variant, program, scene, folder):
             hidden += ("rig",)
             scene = replace(scene, optics="")
         scene = replace(scene, beside={key: path for key, path in scene.beside.items() if key not in hidden})
-    if variant.startswith("optics"):
-        known = scene.lens()
-        longer = known.focal_length_mm * (1 + float(variant[len("optics"):]) / 100)
-        scene = replace(scene, optics=str(replace(known, focal_length_mm=longer)))
-    if variant.startswith("shift"):
-        moved = folder / "shifted_depth.png"
-        shifted(scene.beside["depth"], int(variant[len("shift"):]), moved)
-        scene = replace(scene, beside={**scene.beside, "depth": moved})
     wrong = variant.rpartition("+")[2]
     if wrong.startswith("aperture*"):
         known = scene.lens()
@@ -240,14 +230,6 @@ def fuse_stack_command(mode, variant, program, scene, folder):
     for name in saved:
         command += ["--save-" + name.replace("_", "-"), folder / f"{name}.png"]
     return [str(part) for part in command + extra]
-
-
-def shifted(path, columns, output):
-    """Writes a depth image moved to the right; the columns that this leaves free on the left are unknown."""
-    depth = read_depth(path)
-    moved = np.zeros_like(depth)
-    moved[:, columns:] = depth[:, :depth.shape[1] - columns]
-    cv2.imwrite(str(output), moved)
 
 
 def write_wrong_focus(path, wrong, output):
