@@ -34,13 +34,14 @@ class OutputFolder:
         self._program, self._may_keep, self._results = program, may_keep, set(results)
         if parents and not self.path.parent.exists():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-        self.working, self._lock = _staging(self.path), None
+        self.working, self._lock = self.path.with_name(f".{self.path.name}.incomplete"), None
+        self._former = self.path.with_name(f".{self.path.name}.former")  # the output, before the new one takes its place
         try:
             with named(self.path, self.working):
                 with contextlib.suppress(FileExistsError):
                     self.working.mkdir()
                 self._take()
-                _recover(self.path)
+                self._recover()
                 self._check()
                 self._write_mark(None)
         except BaseException:
@@ -55,7 +56,7 @@ class OutputFolder:
                                   str(self.path))
         if not _is_of_a_run(self.working):
             raise FileExistsError(errno.EEXIST, "was not written by a run: remove it", str(self.working))
-        _empty(self.working)
+        _remove_entries(self.working, os.listdir(self.working))
 
     def commit(self):
         """Puts the staging folder in the place of the output. What it replaces is removed, but for what may stay."""
@@ -66,9 +67,9 @@ class OutputFolder:
                 shutil.copymode(self.path, self.working)
                 if not (self.path / MARK).exists():
                     self._write_mark([], self.path)  # all in it is the user's
-                self.path.rename(_former(self.path))
+                self.path.rename(self._former)
             self.working.rename(self.path)
-        _recover(self.path)
+        self._recover()
 
     def discard(self):
         """Removes the staging folder, if commit() has not, and ends the lock. A signal may have ended __init__ anywhere."""
@@ -80,6 +81,20 @@ class OutputFolder:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
+
+    def _recover(self):
+        """Ends what commit() began: files of the user go from the former output to the new one, the rest is removed. Where
+        there is no new one, the former one comes back."""
+        if not read_mark(self._former):
+            return
+        if not self.path.exists():
+            self._former.rename(self.path)
+            return
+        _remove(self._former)
+        for entry in self._former.iterdir() if self._former.is_dir() else ():
+            if entry.name != MARK and not os.path.lexists(self.path / entry.name):
+                entry.rename(self.path / entry.name)
+        _remove(self._former)
 
     def _check(self, new=frozenset()):
         """OSError where the output must not be touched. new: names to be written."""
@@ -142,15 +157,6 @@ def read_mark(folder):
         return None
 
 
-def _staging(path):
-    return path.with_name(f".{path.name}.incomplete")
-
-
-def _former(path):
-    """Where the output goes before the new one takes its place."""
-    return path.with_name(f".{path.name}.former")
-
-
 def _locks(file, path):
     """Whether the open folder is locked by us now, and still the one of that path."""
     try:
@@ -162,30 +168,6 @@ def _locks(file, path):
 
 def _is_of_a_run(staging):
     return (staging / MARK).exists() or not os.listdir(staging)
-
-
-def _empty(folder):
-    for entry in folder.iterdir():
-        if entry.is_dir() and not entry.is_symlink():
-            shutil.rmtree(entry)
-        else:
-            entry.unlink()
-
-
-def _recover(path):
-    """Ends what commit() began: files of the user go from the former output to the new one, the rest is removed. Where there is
-    no new one, the former one comes back."""
-    former = _former(path)
-    if not read_mark(former):
-        return
-    if not path.exists():
-        former.rename(path)
-        return
-    _remove(former)
-    for entry in former.iterdir() if former.is_dir() else ():
-        if entry.name != MARK and not os.path.lexists(path / entry.name):
-            entry.rename(path / entry.name)
-    _remove(former)
 
 
 def _entries(folder):
@@ -210,12 +192,15 @@ def _remove(folder):
             folder.rmdir()  # only if it is empty
         return
     files = _files(folder) if mark["files"] is None else set(mark["files"])
-    for name in _entries(folder) & {name.split("/")[0] for name in [*files, *mark.get("results", ())]}:
-        place = folder / name
-        if place.is_dir() and not place.is_symlink():
-            shutil.rmtree(place, ignore_errors=True)
-        elif os.path.lexists(place):
-            with contextlib.suppress(OSError):
-                place.unlink()
+    _remove_entries(folder, _entries(folder) & {name.split("/")[0] for name in [*files, *mark.get("results", ())]})
     if not _entries(folder):
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _remove_entries(folder, names):
+    for place in map(folder.joinpath, names):
+        if place.is_dir() and not place.is_symlink():
+            shutil.rmtree(place, ignore_errors=True)
+        else:
+            with contextlib.suppress(OSError):
+                place.unlink()
