@@ -12,7 +12,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from depth_testing import (ERROR, HEIGHT, OK, WARN, WIDTH, AloneTest, GraphTest, Talker, camera_info, image_message, pixels_of,
-                           run_tests, transform, two_planes, wait_until)
+                           run_tests, transform, two_planes)
 
 STAMPS = itertools.count(1000)
 LAST_STAMP = rospy.Time(4294967295, 950000000)
@@ -127,7 +127,7 @@ class DepthPreprocessTest(GraphTest):
             rospy.set_param('/' + self.NODE + '/image_transport', transport)
             for listener in (self.raw, self.processed):
                 listener.close()
-            self.assertTrue(wait_until(lambda: not self.depth.publisher.get_num_connections()))
+            self.diagnostics.wait(self.NODE, lambda s: 'nobody listens' in s.message)  # the next listener counts as the first
             self.raw = self.listen('/chain/depth_registered/image_raw', Image)
             self.assert_error(f'~image_transport: {complaint}: using raw')
             self.assertEqual(rospy.get_param('/' + self.NODE + '/image_transport'), 'raw')

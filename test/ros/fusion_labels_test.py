@@ -198,7 +198,7 @@ class BadFramesTest(FusionTest):
         rospy.set_param(self.topic('fusion/image_transport'), 'nonsense')
         for output in self.outputs.values():
             output.close()
-        self.assertTrue(wait_until(lambda: not self.image.publisher.get_num_connections()))
+        self.diagnostics.wait(self.topic('fusion').lstrip('/'), lambda s: 'nobody listens' in s.message)
         self.outputs = {name: self.listen(self.topic('all_in_focus/' + name), OUTPUTS[name]) for name in self.outputs}
         self.assert_diagnosed(ERROR, "~image_transport: 'nonsense' is not installed here, only", 'raw: using raw')
         self.assert_next_bracket_is_good(next(STAMPS))
