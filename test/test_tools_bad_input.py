@@ -405,7 +405,8 @@ def test_a_camera_that_is_truly_turned_draws_no_alarm(tmp_path, degrees):
     rig = load_rig(planes.rig)
     size = (480, 640) if degrees != 180 else (640, 480)
     rig.depth = Camera.pinhole("depth", *size, 600.0, 600.0, (size[0] - 1) / 2, (size[1] - 1) / 2)
-    save_rig(planes.rig, rig, [0, 0, math.sin(math.radians(degrees / 2)), math.cos(math.radians(degrees / 2))])
+    rig.quaternion = [0, 0, math.sin(math.radians(degrees / 2)), math.cos(math.radians(degrees / 2))]
+    save_rig(planes.rig, rig)
     assert warnings_of(planes, *planes.with_depth) == []
 
 
