@@ -329,7 +329,7 @@ def test_a_plan_with_an_exposure_time_for_each_distance():
 
 
 @pytest.mark.parametrize("change, seconds, words", [
-    (lambda widgets: None, [10], "an exposure of 10 s: .*it has 0.008 to 0.0333333 s"),
+    (lambda widgets: None, [10], "an exposure of 10 s: .*the nearest that it has is 0.0333333 s"),
     (lambda widgets: setattr(widgets["shutterspeed"], "read_only", True), [1 / 60], "no 'shutterspeed' that can be set"),
     (lambda widgets: setattr(widgets["shutterspeed"], "choices", ["Bulb", "x/0"]), [1 / 60], "no 'shutterspeed' that can be")])
 def test_exposure_times_that_the_camera_cannot_take(change, seconds, words):

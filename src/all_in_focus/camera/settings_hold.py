@@ -133,8 +133,7 @@ def _nearest(times, wanted):
         return abs(math.log(times[choice] / wanted))
     choice = min(times, key=factor)
     if factor(choice) > math.log(NEAR_ENOUGH):
-        raise CameraError(NOT_SUPPORTED, f"an exposure of {wanted:g} s",
-                          f"it has {min(times.values()):g} to {max(times.values()):g} s")
+        raise CameraError(NOT_SUPPORTED, f"an exposure of {wanted:g} s", f"the nearest that it has is {times[choice]:g} s")
     return choice
 
 
