@@ -121,6 +121,17 @@ def test_metadata_of_the_reference_go_into_the_result(planes, ending):
     assert b"DSC_0000.jpg, DSC_0001.jpg, DSC_0002.jpg" in output.read_bytes()
 
 
+@pytest.mark.parametrize("mode, space", [("CMYK", b"CMYK"), ("L", b"GRAY"), ("RGB", b"junk")])
+@pytest.mark.parametrize("ending", ["jpg", "tif"])
+def test_a_profile_of_other_colors_is_not_copied(planes, mode, space, ending):
+    for path in sorted(planes.stack.iterdir()):
+        Image.open(path).convert(mode).save(path.with_suffix("." + ending), icc_profile=bytes(16) + space + bytes(108))
+        path.unlink()
+    for name in ("sharp.png", "sharp.tif", "sharp.jpg"):
+        succeeded(fuse_stack(planes.stack, "--output", planes.output(name)))
+        assert "icc_profile" not in Image.open(planes.output(name)).info, name
+
+
 def test_quality_and_full_resolution_of_colour(planes):
     sizes = []
     for quality in ("30", "95"):

@@ -57,7 +57,8 @@ void copyExif(const Exiv2::ExifData& from, Exiv2::ExifData& to) {
   }
 }
 
-// Colour profiles of TIFF files are among their EXIF data.
+// Colour profiles of TIFF files are among their EXIF data. Those of CMYK, Lab or gray are none for the
+// result, which is RGB.
 std::string profileOf(Exiv2::Image& image) {
   const auto in_exif = image.exifData().findKey(Exiv2::ExifKey(kProfile));
   std::string profile;
@@ -73,6 +74,8 @@ std::string profileOf(Exiv2::Image& image) {
     profile.assign(reinterpret_cast<const char*>(found.pData_), static_cast<std::size_t>(found.size_));
 #endif
   }
+  constexpr std::size_t kColorSpaceAt = 16;  // in its header
+  if (profile.size() < kColorSpaceAt || profile.compare(kColorSpaceAt, 4, "RGB ") != 0) profile.clear();
   return profile;
 }
 
