@@ -112,10 +112,12 @@ def test_make_bag_command(tmp_path, rig, depth):
     assert not messages(str(tmp_path / "x.bag"), "/rgb/focus")
 
     before = (tmp_path / "x.bag").read_bytes()
+    turned = write_stack(tmp_path / "turned", ["0.png"], pictures(1, SIZE[::-1]))
     cut(folder / "1.png")
     cv2.imwrite(str(tmp_path / "small.png"), depth[:10])
     for bad, complaint in (([], "1.png: truncated"), (["--depth", tmp_path / "small.png"], "depth.yaml says 32x24"),
                            (["--depth", tmp_path / "none.png"], "No such file"), (["--rig", tmp_path], "yaml"),
+                           (["--stack", turned], "32x48 pixels, but color.yaml is of 48x32: not the same picture"),
                            (["--rate", "0"], "positive"), (["--output", tmp_path / "none" / "x.bag"], "No such file"),
                            (["--output", tmp_path], "is a folder")):
         expect_refusal(call("make_bag", *arguments, *bad), "make_bag", complaint)

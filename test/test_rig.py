@@ -7,6 +7,8 @@ import yaml
 
 from all_in_focus.files.rig import Camera, Optics, RigError, distortion_of, load_rig, save_rig
 from all_in_focus_lab.simulation.presets import kinect_beside
+from file_helpers import write_stack
+from tool_helpers import fuse_stack
 
 OPTICS = Optics(50.0, 2.0, 0.03)
 
@@ -66,6 +68,21 @@ def test_rig_errors_name_file_and_key(tmp_path, name, old, new, message):
     with pytest.raises(RigError) as error:
         load_rig(tmp_path)
     assert f"{name}: {message}" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_the_pose_of_the_other_camera_is_refused(tmp_path):
+    """Where names of cameras and frames tell."""
+    save_changed_rig(tmp_path, "extrinsics.yaml", "parent_frame: dslr_optical_frame\nchild_frame: kinect_depth_optical_frame",
+                     "parent_frame: kinect_depth_optical_frame\nchild_frame: dslr_optical_frame")
+    with pytest.raises(RigError, match="parent_frame: is that of the depth camera"):
+        load_rig(tmp_path)
+    stack = write_stack(tmp_path / "stack", ["0.png", "1.png"])
+    done = fuse_stack(stack, "--rig", tmp_path, "--output", tmp_path / "o.png")
+    assert done.returncode == 2 and "extrinsics.yaml: parent_frame is that of the depth camera" in done.stderr
+    for name in ("color.yaml", "depth.yaml"):  # nothing tells that these frames are exchanged
+        path = tmp_path / name
+        path.write_text(path.read_text().replace("camera_name: ", "camera_name: x"))
+    assert load_rig(tmp_path).child_frame == "dslr_optical_frame"
 
 
 @pytest.mark.parametrize("written, name", [("14050028", "14050028"), ("0123", "0123"), ("1e5", "1e5"), ("on", "on"),

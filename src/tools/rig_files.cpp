@@ -88,6 +88,24 @@ Camera readCamera(const std::string& path) {
   return camera;
 }
 
+std::string nameIn(const YAML::Node& file, const char* key) {
+  return file[key] && file[key].IsScalar() ? file[key].as<std::string>() : "";
+}
+
+// Refuses the pose of the colour camera in the depth camera's frame, where names of cameras and frames tell
+// it.
+void requireColorAsParent(const YAML::Node& pose, const std::string& folder, const std::string& path) {
+  const auto isOf = [&](const char* frame, const char* file) {
+    const std::string camera = nameIn(load(folder + file), "camera_name");
+    return !camera.empty() && nameIn(pose, frame).rfind(camera, 0) == 0;
+  };
+  if (!isOf("parent_frame", "/depth.yaml") || !isOf("child_frame", "/color.yaml")) return;
+  if (isOf("parent_frame", "/color.yaml") || isOf("child_frame", "/depth.yaml")) return;
+  fail(path,
+       "parent_frame is that of the depth camera: give the pose of the depth camera in the colour camera's "
+       "frame");
+}
+
 // What files/focus_table.py does: dioptres are interpolated, beyond the table they are unknown.
 std::vector<double> focusOfTable(const YAML::Node& file, const std::string& path, int count) {
   const int first = file["first"] ? get<int>(file, "first", path) : 0;
@@ -127,6 +145,7 @@ Rig readRig(const std::string& folder) {
   rig.color = readCamera(folder + "/color.yaml");
   const std::string path = folder + "/extrinsics.yaml";
   const YAML::Node pose = load(path);
+  requireColorAsParent(pose, folder, path);
   const auto t = numbers(pose, "translation", 3, path);
   const auto q = numbers(pose, "rotation", 4, path);
   if (q.size() != 4) {

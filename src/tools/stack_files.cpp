@@ -85,7 +85,7 @@ class Listing {
           {name, readPhotoMetadata(entry.path().string()), fs::last_write_time(entry.path(), error)});
     }
     if (unreadable_folder) fail(folder_, "cannot be read: " + unreadable_folder.message());
-    tell(raw, plain_ ? "camera raw files cannot be read but by fuse_stack: develop them first"
+    tell(raw, plain_ ? "camera raw files cannot be read but by fuse_stack with LibRaw: develop them first"
                      : "camera raw files cannot be read: develop them first, or build with LibRaw");
     tell(unreadable, "pictures of this format cannot be read: convert them first, to PNG, TIFF or JPEG");
     tell(lost, "no file is there: a broken link, or no regular file");

@@ -13,9 +13,11 @@ from all_in_focus.image_messages import color_message, to_message
 from all_in_focus.files.output_file import whole_file
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.rig_messages import camera_info, static_transform
+from all_in_focus.files.stack import StackError, size_text
 from all_in_focus.msg import FocusFrame, Optics
 from all_in_focus.progress import Progress
 
+SHAPE_TOLERANCE = 0.01  # as that of the fusion
 START_NS = 1000 * 10 ** 9  # stamp of the first frame, ns; the same in every bag, so that bags can be compared
 
 
@@ -44,6 +46,7 @@ def _fill(bag, depth, rig_folder, stack, rate, with_focus):
     bag.write("/depth/image_raw", to_message(depth, "16UC1", header), start)
 
     for index, frame in enumerate(Progress(stack, unit="frame")):
+        _require_shape(frame, rig.color, stack.path)
         stamp = stamp_of(index, rate)
         header = Header(stamp=stamp, frame_id=rig.parent_frame)
         bag.write("/rgb/camera_info", camera_info(rig.color, header), stamp)
@@ -52,6 +55,13 @@ def _fill(bag, depth, rig_folder, stack, rate, with_focus):
                                                last=index + 1 == len(stack),
                                                focus_distance=stack.distances[index]), stamp)
         bag.write("/rgb/image", color_message(frame, header), stamp)
+
+
+def _require_shape(frame, camera, path):
+    height, width = frame.shape[:2]
+    if abs(width * camera.height / (height * camera.width) - 1) > SHAPE_TOLERANCE:
+        raise StackError(f"{path}: {size_text(frame)} pixels, but color.yaml is of {camera.width}x{camera.height}: not the same "
+                         "picture")
 
 
 def write_bag(output, depth, rig_folder, stack, rate=30.0, with_focus=True):

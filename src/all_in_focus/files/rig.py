@@ -256,11 +256,18 @@ def load_rig(folder):
     folder = Path(folder)
     depth, color = load_camera(folder / "depth.yaml"), load_camera(folder / "color.yaml")
     file, optics = _Reader(folder / "extrinsics.yaml"), folder / "optics.yaml"
+    parent, child = file.text("parent_frame"), file.text("child_frame")
+    if _is_of(parent, depth) and _is_of(child, color) and not _is_of(parent, color) and not _is_of(child, depth):
+        file.fail("parent_frame", "is that of the depth camera: give the pose of the depth camera in the colour camera's frame")
     quaternion = file.array("rotation", (4,))
     if abs(np.linalg.norm(quaternion) - 1) > 1e-3:
         file.fail("rotation", "expected a unit quaternion x, y, z, w")
     return Rig(depth, color, rotation_matrix(Rotation.from_quat(quaternion)), file.array("translation", (3,)),
-               load_optics(optics) if optics.exists() else None, file.text("parent_frame"), file.text("child_frame"), quaternion)
+               load_optics(optics) if optics.exists() else None, parent, child, quaternion)
+
+
+def _is_of(frame, camera):
+    return bool(camera.name) and frame.startswith(camera.name)
 
 
 def _write(path, comment, data):
