@@ -44,12 +44,14 @@ class ReferenceTest(RefinedTest):
 
     def test_an_open_bracket_keeps_its_first_frame(self):
         stamp = self.fuse(count=0)
+        self.acknowledged(stamp + INDICES[-1] * PERIOD)
         self.finish()
         self.assertEqual(list(self.assert_as_files(stamp, INDICES, 0).notes), [])
 
     def test_when_the_reference_is_lost_the_nearest_stands_in(self):
         for came, reference in (([0, 1, 3, 4], 1), ([0, 3, 4], 3), ([0, 1], 1), ([0], 0)):
             stamp = self.fuse(indices=came)
+            self.acknowledged(stamp + came[-1] * PERIOD)
             self.finish()
             report = self.assert_as_files(stamp, came, reference)
             self.assert_noted(report, 'frame 2, is missing or was rejected', f'frame {reference} takes its place')
