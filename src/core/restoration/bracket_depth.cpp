@@ -66,6 +66,18 @@ std::vector<float> costsBesideMeasured(const Levels& levels, double px_mm) {
   return costs;
 }
 
+// Calls f(x, n) for each run of n pixels of a row that a frame shows.
+template <class Function>
+void forEachRun(const ObservedFrame& frame, int y, const Function& f) {
+  const int end = y < frame.seen.y || y >= frame.seen.br().y ? frame.seen.x : frame.seen.br().x;
+  for (int x = frame.seen.x; x < end;) {
+    int next = frame.opaque.empty() ? end : x;
+    while (next < end && frame.opaque(y, next) != 0) ++next;
+    if (next > x) f(x, next - x);
+    x = next + 1;
+  }
+}
+
 CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictures, const Levels& levels) {
   const cv::Size size = bracket.fused.size();
   const std::vector<float> beside_measured = costsBesideMeasured(levels, bracket.px_mm);
@@ -77,14 +89,15 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
         for (int y = rows.start; y < rows.end; ++y) {
           costs = 0;
           for (const ObservedFrame& frame : bracket.frames) {
-            if (y < frame.seen.y || y >= frame.seen.br().y) continue;
             for (int l = 0; l < levels.count; ++l) {
               const float radius = frame.blur.radius(levels.inverseDepth(l));
               const double variance = 2 * bracket.noise_variance + kVariance + kModelError * radius * radius;
-              addCosts(pictures.at(radius).ptr<short>(y) + 3 * frame.seen.x,
-                       frame.codes.ptr<short>(y) + 3 * frame.seen.x,
-                       static_cast<float>(1 / (3 * variance * kCodeScale * kCodeScale)), kMostCost,
-                       frame.seen.width, costs.ptr<float>(l) + frame.seen.x);
+              const auto* picture = pictures.at(radius).ptr<short>(y);
+              forEachRun(frame, y, [&](int x, int n) {
+                addCosts(picture + 3 * x, frame.codes.ptr<short>(y) + 3 * x,
+                         static_cast<float>(1 / (3 * variance * kCodeScale * kCodeScale)), kMostCost, n,
+                         costs.ptr<float>(l) + x);
+              });
             }
           }
           for (int x = 0; x < size.width; ++x) {
