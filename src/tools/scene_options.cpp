@@ -41,8 +41,10 @@ std::vector<std::string> mistakesIn(const PipelineInput& input, StackReader& sta
 void checkFocus(const std::string& path, const std::vector<double>& distances, const Optics& optics) {
   for (const double focus : distances) {
     if (focus <= optics.focal_length_mm) {
-      throw std::invalid_argument(path + cv::format(": focus_mm %g is not beyond the focal length, %g mm",
-                                                    focus, optics.focal_length_mm));
+      constexpr double kMostMetres = 10;  // fewer mm are none
+      throw std::invalid_argument(path + cv::format(": focus_mm %g is not beyond the focal length, %g mm%s",
+                                                    focus, optics.focal_length_mm,
+                                                    focus < kMostMetres ? ": is it in m?" : ""));
     }
   }
 }

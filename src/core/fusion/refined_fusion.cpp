@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdint>
 #include <iterator>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
@@ -80,7 +81,8 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
     center_ = {(scene.camera->cx + 0.5) * scale - 0.5, (scene.camera->cy + 0.5) * scale - 0.5};
     pixel_pitch_mm = scene.calibratedPitch() / scale;
   }
-  focus_factor_ = 1;
+  lens_ = {};
+  focus_mm_.clear();
   copies_.clear();
   copy_step_ = 1;
   observed_ = 0;
@@ -115,8 +117,8 @@ void RefinedFusion::beginPrediction() {
 
 // Of every frame, or, in a long sweep, at equal steps.
 void RefinedFusion::keepCopy(const cv::Mat& gray, int index, double focus_mm) {
-  if (!predicts_ || std::isnan(focus_mm) || observed_++ % copy_step_ != 0) return;
-  copies_.push_back({index, focus_mm, BlurEvidence::copyOf(gray, shrinkingOf(size_))});
+  if (!predicts_ || !config_.lens || std::isnan(focus_mm) || observed_++ % copy_step_ != 0) return;
+  copies_.push_back({index, focus_mm, BlurEvidence::copyOf(gray, shrinkingOf(size_)), DetailMap::of(gray)});
   if (copies_.size() <= kMostCopies) return;
   copy_step_ *= 2;
   std::vector<Copy> left;
@@ -129,13 +131,14 @@ void RefinedFusion::keepCopy(const cv::Mat& gray, int index, double focus_mm) {
 void RefinedFusion::checkLens() {
   const std::vector<Copy> copies = std::move(copies_);
   copies_.clear();
-  if (!predicts_ || copies.size() < 2) return;
+  if (!predicts_ || !config_.lens || copies.size() < 2) return;
   if (alignment_.drifts()) return;  // parallax, which copies are not freed of, looks like another blur
   const cv::Size size = copies[0].gray.size();
   const double shrink = 1 / shrinkingOf(size_);
   const LightCurve& curve = linear_ ? LightCurve::linear() : LightCurve::srgb();
   const double mean = cv::mean(copies.back().gray)[0];
   std::vector<BlurEvidence::Frame> frames;
+  std::vector<FocusVotes::Frame> details;
   std::vector<FrameBlur> blur;
   cv::Mat1f sharpest(size, 0.0f), sharpness;
   cv::Mat fused(size, CV_8UC1);
@@ -156,7 +159,9 @@ void RefinedFusion::checkLens() {
       cv::warpAffine(copy.gray, gray, matrix, size, cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
                      cv::BORDER_REPLICATE);
     }
-    gray.convertTo(gray, CV_32F, mean / std::max(1.0, cv::mean(gray)[0]));
+    const double gain = mean / std::max(1.0, cv::mean(gray)[0]);
+    details.push_back({copy.detail, placement.matrix(center_), gain});
+    gray.convertTo(gray, CV_32F, gain);
     cv::Laplacian(gray, sharpness, CV_32F);
     cv::blur(cv::abs(sharpness), sharpness, {5, 5});
     const cv::Mat sharper = sharpness >= sharpest;
@@ -176,24 +181,55 @@ void RefinedFusion::checkLens() {
       if (mm > 0) inverse_depth(y, x) = 1.0f / static_cast<float>(mm);
     }
   }
+  const std::optional<FocusCorrection> voted = FocusVotes(details, depth, size_).correctionOf(blur);
+  if (voted && voted->reversed) {
+    lens_notes_.emplace_back(
+        "the frames show that the focus distances are in reverse order: depth and lens data are not used");
+    predicts_ = false;
+    predicted_.release();
+    return;
+  }
   const BlurEvidence evidence(fused, frames, curve, inverse_depth);
-  if (evidence.explained(blur, 1) >= kRight) return;
-  const LensFit fit = fitLens(evidence, blur, true);
+  if ((!voted || voted->isNone()) && evidence.explained(blur, 1) >= kRight) return;
+  const LensFit fit = voted ? fitLens(evidence, blur, *voted) : fitLens(evidence, blur, true);
   lens_notes_ = fit.notes(scene_.optics);
-  const bool is_right = !fit.contradicts() && fit.scale == 1 && fit.focus.isNone();
-  const bool drops = fit.contradicts() || !fit.uses_depth ||
-                     (!is_right && (!fit.is_certain || fit.explained < LensFit::kTrusted));
+  const bool is_right = fit.scale == 1 && fit.focus.isNone();
+  const double least = voted && fit.scale == 1 ? kRight
+                       : voted || is_right     ? LensFit::kBelieved
+                                               : LensFit::kTrusted;
+  const bool drops = fit.explained < least || !fit.uses_depth || !fit.is_certain ||
+                     (fit.focus.shift != 0 && copy_step_ > 1);  // by how many frames is not known then
   if (drops)
     lens_notes_.assign(1,
                        "the frames contradict focus distances or f-number: depth and lens data are not used");
-  if (drops || fit.focus.reversed || fit.focus.shift != 0) {
+  if (drops || fit.focus.reversed || (fit.focus.shift != 0 && !voted)) {
     predicts_ = false;
     predicted_.release();
-  } else if (fit.scale != 1 || fit.focus.factor != 1) {
-    focus_factor_ = fit.focus.factor;
+  } else if (!is_right) {
+    lens_ = fit;
     scene_.optics.aperture /= fit.scale;
     beginPrediction();
   }
+}
+
+// Of a frame that has been observed. What comes next is not known yet: there the list goes on in even steps.
+double RefinedFusion::correctedFocus(int index) const {
+  const auto here = focus_mm_.find(index);
+  if (lens_.focus.isNone()) return here->second;
+  double inverse = 1 / here->second;
+  if (lens_.focus.shift != 0) {
+    const bool late = lens_.focus.shift > 0;
+    const auto before = here == focus_mm_.begin() ? focus_mm_.end() : std::prev(here),
+               behind = std::next(here);
+    const auto from = late ? behind : before;
+    const auto other = late ? before : behind;
+    if (from != focus_mm_.end()) {
+      inverse = 1 / from->second;
+    } else if (other != focus_mm_.end()) {
+      inverse += inverse - 1 / other->second;
+    }
+  }
+  return inverse > 0 ? lens_.focus.factor / inverse : std::numeric_limits<double>::infinity();
 }
 
 void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
@@ -203,6 +239,7 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
                    focus_mm, focal_length_mm_));
   }
   focus_known_ = focus_known_ || !std::isnan(focus_mm);
+  if (!std::isnan(focus_mm)) focus_mm_[index] = focus_mm;
   light_.observe(gray, index);
   if (config_.alignment) alignment_.observe(gray, index, light_.isOdd(index, kMostLight));
   if (reference_ >= 0) return;
@@ -348,6 +385,11 @@ void RefinedFusion::noteDrift(const CameraMotion& motion) {
   turned_ = std::max(turned_, cv::norm(pose.rotation));
 }
 
+std::optional<LensFit> RefinedFusion::lens() const {
+  if (!predicts_ || !focus_known_) return std::nullopt;
+  return lens_;
+}
+
 std::string RefinedFusion::driftNote() const {
   if (moved_mm_ == 0) return "";
   return cv::format("the camera moved by up to %.1f mm and turned by up to %.2f degrees: corrected by depth",
@@ -371,7 +413,7 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
       prediction_.addTexture(texture, noise_.sharpness(prediction_.textureLevel()));
-    const double focus_mm = focus_factor_ * frame.focus_mm;
+    const double focus_mm = std::isnan(frame.focus_mm) ? kUnknownFocus : correctedFocus(frame.index);
     prediction_.compute(focus_mm > scene_.optics.focal_length_mm ? focus_mm : kUnknownFocus, squared_error_);
     cv::resize(squared_error_, upsampled_error_, size_, 0, 0, cv::INTER_LINEAR);
   }

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -19,6 +21,7 @@
 #include "fusion/noise_estimation.hpp"
 #include "fusion/sharpness_pyramid.hpp"
 #include "fusion/weighted_mean.hpp"
+#include "optics/focus_votes.hpp"
 
 namespace all_in_focus::core {
 
@@ -59,6 +62,12 @@ class RefinedFusion {
   /// is done already.
   const std::vector<std::string>& lensNotes() const { return lens_notes_; }
 
+  /// The lens by which it predicts blur, against the one that was given; none: it predicts nothing.
+  std::optional<LensFit> lens() const;
+
+  /// Whether the camera itself seems to move.
+  bool drifts() const { return alignment_.drifts(); }
+
   /// How far the camera has moved, for the user; "" if it has not.
   std::string driftNote() const;
 
@@ -82,9 +91,11 @@ class RefinedFusion {
     int index;
     double focus_mm;
     cv::Mat gray;  // small, CV_8UC1
+    DetailMap detail;
   };
   void keepCopy(const cv::Mat& gray, int index, double focus_mm);
   void checkLens();
+  double correctedFocus(int index) const;
   void beginPrediction();
 
   RefinedConfig config_;
@@ -93,10 +104,11 @@ class RefinedFusion {
   double focal_length_mm_ = 0;  // 0 = unknown
   bool focus_known_ = false;    // of a frame that was observed
   bool predicts_ = false;
-  BracketScene scene_;         // of the prediction
-  double pixel_pitch_mm_ = 0;  // of the frames
-  double focus_factor_ = 1;    // on the focus distances that were given
-  std::vector<Copy> copies_;   // until the reference comes, at equal steps
+  BracketScene scene_;              // of the prediction
+  double pixel_pitch_mm_ = 0;       // of the frames
+  std::map<int, double> focus_mm_;  // by index, as given
+  LensFit lens_;
+  std::vector<Copy> copies_;  // until the reference comes, at equal steps
   int copy_step_ = 1, observed_ = 0;
   std::vector<std::string> lens_notes_;
   cv::Mat predicted_, lights_;   // CV_8UC1, see SharpnessPyramid::Gauge

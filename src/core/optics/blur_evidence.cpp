@@ -22,6 +22,7 @@ constexpr double kRounding = 0.2;   // squared gray levels: both pictures have b
 constexpr double kLeastBlur = 0.1;  // share that discs must explain: noise lets them explain some
 constexpr int kDepths = 48;         // tried for a tile without measured depth
 constexpr double kBeyond = 0.05;  // of the span of focus distances, to either side: where depth is tried, too
+constexpr int kScales = 20;       // tried up to a factor of two
 constexpr double kNoMore = 0.002;  // share of what discs explain, at which no wider ones are tried
 // The error changes slowly between them; discs up to the first lie within their pixel.
 constexpr std::array<float, 16> kRadii = {0.5, 0.75, 1, 1.25, 1.5, 1.75, 2,  2.5,
@@ -182,6 +183,36 @@ double BlurEvidence::explained(const std::vector<FrameBlur>& blur, double scale)
   double sum = 0;
   for (const double of_tile : left) sum += of_tile;
   return (unblurred_ - sum) / std::max(unblurred_ - least_, 1e-9);
+}
+
+double BlurEvidence::typicalScale(const std::vector<FrameBlur>& blur, double near) const {
+  struct OfTile {
+    double scale = 1, weight = 0;
+  };
+  std::vector<OfTile> found(tiles_.size());
+  cv::parallel_for_({0, static_cast<int>(tiles_.size())}, [&](const cv::Range& range) {
+    for (int t = range.start; t < range.end; ++t) {
+      const Tile& tile = tiles_[t];
+      if (tile.depths.empty()) continue;
+      std::vector<float> depths = tile.depths;
+      const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+      std::nth_element(depths.begin(), middle, depths.end());
+      const double unblurred = error(tile, blur, 0, *middle);
+      for (int i = -kScales; i <= kScales; ++i) {
+        const double scale = near * std::pow(2, static_cast<double>(i) / kScales);
+        const double gain = unblurred - error(tile, blur, scale, *middle);
+        if (gain > found[t].weight) found[t] = {scale, gain};
+      }
+    }
+  });
+  std::sort(found.begin(), found.end(), [](const OfTile& a, const OfTile& b) { return a.scale < b.scale; });
+  double all = 0, below = 0;
+  for (const OfTile& tile : found) all += tile.weight;
+  for (const OfTile& tile : found) {
+    below += tile.weight;
+    if (2 * below >= all && all > 0) return tile.scale;
+  }
+  return near;
 }
 
 }  // namespace all_in_focus::core

@@ -36,6 +36,11 @@ class BlurEvidence {
   /// frame, in pixels of the copies; scale: factor on radii.
   double explained(const std::vector<FrameBlur>& blur, double scale) const;
 
+  /// The scale, up to twice as large or small as `near`, at which a tile of measured depth is explained best:
+  /// the median of all, weighted by how much it explains. Where depth is wrong in some tiles, it is less
+  /// biased than the scale that explains most. There must be depth.
+  double typicalScale(const std::vector<FrameBlur>& blur, double near) const;
+
   /// Whether the frames differ in blur at all, beyond noise.
   bool showsBlur() const;
 

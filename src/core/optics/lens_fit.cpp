@@ -15,9 +15,25 @@ constexpr double kAsGood = 0.03;    // shares that differ by less tell nothing o
 constexpr double kClearly = 0.06;   // the same of focus distances: depth has errors of its own
 constexpr double kNeighbour = 1.2;  // factor between a scale and those beside it
 constexpr double kUnusual = 1.1;    // a factor that people are told of
+constexpr double kSameDistances = 1.03, kSameScale = 1.2;  // factors that change no prediction by much
 // Factors from 1/10 to 10 are tried in steps; then finer ones beside the best, down to 1/kPerDecade of a
 // decade. Only few focus distances look right.
 constexpr int kPerDecade = 128, kStepOfScales = 16, kStepOfDistances = 4;
+
+// Units that distances may be in: instead of mm, in files, or instead of m, in messages.
+struct Unit {
+  double factor;
+  const char* name;
+};
+constexpr std::array<Unit, 8> kUnits = {{{1000, "m"},
+                                         {10, "cm"},
+                                         {25.4, "inches"},
+                                         {304.8, "feet"},
+                                         {1e-3, "mm"},
+                                         {1e-2, "cm"},
+                                         {25.4e-3, "inches"},
+                                         {304.8e-3, "feet"}}};
+constexpr double kSameUnit = 1.05;
 
 struct Factor {
   double value = 1, explained = 0;
@@ -40,7 +56,12 @@ Factor bestFactor(int step, const Function& explained) {
 }
 
 Factor bestScale(const BlurEvidence& evidence, const std::vector<FrameBlur>& blur) {
-  return bestFactor(kStepOfScales, [&](double scale) { return evidence.explained(blur, scale); });
+  const auto explained = [&](double scale) { return evidence.explained(blur, scale); };
+  const Factor best = bestFactor(kStepOfScales, explained);
+  if (!evidence.hasDepth()) return best;
+  const double typical = evidence.typicalScale(blur, best.value);
+  const Factor other = {typical, explained(typical)};
+  return other.explained > best.explained - kAsGood ? other : best;
 }
 
 // Mistakes in the order of focus distances.
@@ -78,9 +99,12 @@ LensFit search(const BlurEvidence& evidence, const std::vector<FrameBlur>& given
   const LensFit scaled = fitGuess(evidence, given);
   take(scaled, kAsGood);
   if (!evidence.hasDepth()) return best;
-  const Factor factor = bestFactor(kStepOfDistances, [&](double one) {
-    return with({false, 0, one}, 1).explained;
-  });
+  const auto explainedBy = [&](double factor) { return with({false, 0, factor}, 1).explained; };
+  Factor factor = bestFactor(kStepOfDistances, explainedBy);
+  for (const Unit& unit : kUnits) {
+    if (const double share = explainedBy(unit.factor); share > factor.explained + kAsGood)
+      factor = {unit.factor, share};
+  }
   const LensFit enlarged = {{false, 0, factor.value}, 1, factor.explained};
   if (enlarged.explained > as_given.explained + kClearly) take(enlarged, kAsGood);
   const std::array<LensFit, 3> all = {ordered, scaled, enlarged};
@@ -119,14 +143,27 @@ std::vector<FrameBlur> FocusCorrection::of(const std::vector<FrameBlur>& given) 
   return blur;
 }
 
+bool LensFit::predictsLike(const LensFit& other) const {
+  const auto areAlike = [](double a, double b, double factor) { return std::max(a / b, b / a) < factor; };
+  return focus.reversed == other.focus.reversed && focus.shift == other.focus.shift &&
+         areAlike(focus.factor, other.focus.factor, kSameDistances) &&
+         areAlike(scale, other.scale, kSameScale);
+}
+
 std::vector<std::string> LensFit::notes(const Optics& optics) const {
   std::vector<std::string> notes;
   if (focus.reversed) notes.emplace_back("the frames show that the focus distances are in reverse order");
   if (focus.shift != 0)
     notes.emplace_back("the frames show that the focus distances are shifted by one frame");
   if (focus.factor != 1) {
+    const auto unit = std::find_if(kUnits.begin(), kUnits.end(), [&](const Unit& one) {
+      return std::max(focus.factor / one.factor, one.factor / focus.factor) < kSameUnit;
+    });
+    const std::string hint =
+        unit == kUnits.end() ? "" : cv::format(" (%g: are they in %s?)", unit->factor, unit->name);
     notes.push_back(
-        cv::format("the frames show that the focus distances are to be multiplied by %.2g", focus.factor));
+        cv::format("the frames show that the focus distances are to be multiplied by %.3g", focus.factor) +
+        hint);
   }
   if (!uses_depth)
     notes.emplace_back("the frames contradict the depth at these focus distances: it is not used");
@@ -146,6 +183,22 @@ LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& give
   LensFit free = search(evidence.withoutDepth(), given, has_scale);
   free.uses_depth = false;
   return free;
+}
+
+LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given,
+                const FocusCorrection& focus) {
+  if (!evidence.showsBlur()) return {{}, 1, 1, false};
+  const std::vector<FrameBlur> blur = focus.of(given);
+  LensFit fit = {focus, 1, evidence.explained(blur, 1)};
+  const double beside =
+      std::max(evidence.explained(blur, kNeighbour), evidence.explained(blur, 1 / kNeighbour));
+  if (fit.explained >= LensFit::kBelieved && fit.explained + kAsGood >= beside) return fit;
+  const Factor best = bestScale(evidence, blur);
+  if (best.explained > fit.explained + kAsGood) {
+    fit.scale = best.value;
+    fit.explained = best.explained;
+  }
+  return fit;
 }
 
 }  // namespace all_in_focus::core

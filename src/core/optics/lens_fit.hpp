@@ -17,6 +17,7 @@ struct FocusCorrection {
   double factor = 1;      ///< on the distances
 
   bool isNone() const { return !reversed && shift == 0 && factor == 1; }
+  /// given: of each frame, in the order of the list.
   std::vector<FrameBlur> of(const std::vector<FrameBlur>& given) const;
 };
 
@@ -35,6 +36,12 @@ struct LensFit {
 
   bool contradicts() const { return explained < kBelieved; }
 
+  /// Whether a prediction of blur by this lens is better than none.
+  bool predicts() const { return shows_blur && !contradicts() && uses_depth && is_certain; }
+
+  /// Whether a prediction by the other lens would be much the same.
+  bool predictsLike(const LensFit& other) const;
+
   /// What is wrong with the numbers, a line each; empty: nothing.
   std::vector<std::string> notes(const Optics& optics) const;
 };
@@ -42,5 +49,9 @@ struct LensFit {
 /// Numbers that explain nearly as much as the best stay as they are. given: of each frame, in the order of
 /// the bracket. has_scale: its px_mm are more than a guess.
 LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given, bool has_scale);
+
+/// The same where the focus distances are known to need that correction, and no other.
+LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given,
+                const FocusCorrection& focus);
 
 }  // namespace all_in_focus::core

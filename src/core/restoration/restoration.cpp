@@ -15,6 +15,7 @@
 #include "all_in_focus/codes.hpp"
 #include "all_in_focus/depth_registration.hpp"
 #include "fusion/noise_estimation.hpp"
+#include "optics/focus_votes.hpp"
 #include "optics/lens_fit.hpp"
 #include "restoration/bracket_depth.hpp"
 #include "restoration/contours.hpp"
@@ -312,6 +313,7 @@ void BracketRestoration::begin(const BracketScene& scene) {
   scene_ = scene;
   size_ = working_size_ = {};
   focus_known_ = linear_ = false;
+  holds_all_ = true;
   held_.clear();
 }
 
@@ -344,6 +346,7 @@ void BracketRestoration::dropOne() {
     if (gap(i) < gap(dropped)) dropped = i;
   }
   held_.erase(held_.begin() + static_cast<std::ptrdiff_t>(dropped));
+  holds_all_ = false;
 }
 
 std::string BracketRestoration::missing() const {
@@ -370,12 +373,65 @@ void BracketRestoration::tell(const LensFit& fit, bool has_scale, RestorationRes
   if (!has_scale) result.notes.clear();
 }
 
-std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused,
-                                                             const Progress& progress) const {
+double BracketRestoration::shrinking() const {
+  return BlurEvidence::shrinking(working_size_, kCopyPixels);
+}
+
+// All pictures in one size and one exposure, with the lens that was given.
+ObservedBracket BracketRestoration::observed(const cv::Mat& fused) const {
   if (!missing().empty()) throw std::logic_error("restoration: " + missing());
   if ((fused.type() != CV_8UC3 && fused.type() != CV_16UC3) || fused.size() != size_)
     throw std::invalid_argument(
         "restoration: the fused picture must have three channels and the frames' size");
+  ObservedBracket bracket;
+  bracket.fused = downsampled(toEightBits(fused), working_size_);
+  bracket.curve = linear_ ? &LightCurve::linear() : &LightCurve::srgb();
+  bracket.light = linearLight(bracket.fused, *bracket.curve);
+  std::vector<cv::Mat> images;
+  const double span = held_.back().inverse_depth - held_.front().inverse_depth;
+  for (const HeldFrame& held : held_) {
+    const FrameBlur blur = hasScale() ? blurOf(scene_, held.inverse_depth, working_size_.width)
+                                      : FrameBlur{held.inverse_depth, kGuessedPx * shrinking() / span};
+    bracket.frames.push_back({exposed(held.image, held.gain, *bracket.curve), held.seen, held.opaque, blur});
+    images.push_back(held.image);
+    bracket.px_mm = std::max(bracket.px_mm, blur.px_mm);
+  }
+  bracket.noise_variance = noiseVariance(images);
+  if (!scene_.depth.empty() && focus_known_) {
+    bracket.filled = inverseDepthOf(scene_.depth, working_size_);
+    bracket.measured =
+        scene_.measured.empty() ? bracket.filled.clone() : inverseDepthOf(scene_.measured, working_size_);
+  }
+  return bracket;
+}
+
+LensFit BracketRestoration::lens(const cv::Mat& fused) const {
+  return lens(observed(fused));
+}
+
+LensFit BracketRestoration::lens(const ObservedBracket& bracket) const {
+  std::vector<FrameBlur> of_copies;
+  std::vector<FocusVotes::Frame> details;
+  for (const ObservedFrame& frame : bracket.frames) {
+    of_copies.push_back(frame.blur);
+    of_copies.back().px_mm /= shrinking();
+    if (!hasScale() || bracket.measured.empty()) continue;
+    cv::Mat codes, gray;
+    frame.codes.convertTo(codes, CV_8U, 1.0 / kCodeScale);
+    cv::cvtColor(codes, gray, cv::COLOR_BGR2GRAY);
+    details.push_back({DetailMap::of(gray)});
+  }
+  const BlurEvidence evidence = evidenceOf(bracket, shrinking());
+  const cv::Mat& depth = scene_.measured.empty() ? scene_.depth : scene_.measured;
+  if (const auto voted = FocusVotes(details, depth, working_size_).correctionOf(of_copies)) {
+    const LensFit fit = fitLens(evidence, of_copies, *voted);
+    if (!fit.contradicts()) return fit;
+  }
+  return fitLens(evidence, of_copies, hasScale());
+}
+
+std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused, const Progress& progress,
+                                                             const LensFit* fit) const {
   const auto proceed = [&](double done) { return !progress || progress(done); };
   const auto part = [&](double from, double to) {
     return [&proceed, from, to](double done) { return proceed(from + done * (to - from)); };
@@ -383,54 +439,26 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   if (!proceed(0)) return std::nullopt;
 
   // 1. All pictures in one size and one exposure.
-  ObservedBracket bracket;
-  bracket.fused = downsampled(toEightBits(fused), working_size_);
-  bracket.curve = linear_ ? &LightCurve::linear() : &LightCurve::srgb();
-  bracket.light = linearLight(bracket.fused, *bracket.curve);
-  std::vector<cv::Mat> images;
-  bracket.frames.resize(held_.size());
-  for (size_t k = 0; k < held_.size(); ++k) {
-    const HeldFrame& held = held_[k];
-    ObservedFrame& frame = bracket.frames[k];
-    frame.codes = exposed(held.image, held.gain, *bracket.curve);
-    frame.seen = held.seen;
-    frame.opaque = held.opaque;
-    images.push_back(held.image);
-  }
-  bracket.noise_variance = noiseVariance(images);
-  const bool has_scale = scene_.camera && focus_known_;
-  const double span = held_.back().inverse_depth - held_.front().inverse_depth;
-  const double shrinking = BlurEvidence::shrinking(working_size_, kCopyPixels);
-  std::vector<FrameBlur> blur;
-  for (const HeldFrame& held : held_) {
-    blur.push_back(has_scale ? blurOf(scene_, held.inverse_depth, working_size_.width)
-                             : FrameBlur{held.inverse_depth, kGuessedPx * shrinking / span});
-    bracket.px_mm = std::max(bracket.px_mm, blur.back().px_mm);
-  }
-  bool has_depth = !scene_.depth.empty() && focus_known_;
-  if (has_depth) {
-    bracket.filled = inverseDepthOf(scene_.depth, working_size_);
-    bracket.measured =
-        scene_.measured.empty() ? bracket.filled.clone() : inverseDepthOf(scene_.measured, working_size_);
-  }
+  ObservedBracket bracket = observed(fused);
+  bool has_depth = !bracket.filled.empty();
   if (!proceed(0.05)) return std::nullopt;
 
   // 2. What the frames say about the lens and its focus distances.
   RestorationResult result;
+  std::vector<FrameBlur> blur;
+  for (const ObservedFrame& frame : bracket.frames) blur.push_back(frame.blur);
   {
-    std::vector<FrameBlur> of_copies = blur;
-    for (FrameBlur& one : of_copies) one.px_mm /= shrinking;
-    const LensFit fit = fitLens(evidenceOf(bracket, shrinking), of_copies, has_scale);
-    tell(fit, has_scale, result);
+    const LensFit found = fit ? *fit : lens(bracket);
+    tell(found, hasScale(), result);
     if (!result.refusal.empty()) return result;
-    if (!fit.uses_depth) {
+    if (!found.uses_depth) {
       has_depth = false;
       bracket.filled.release();
       bracket.measured.release();
     }
-    blur = fit.focus.of(blur);
-    for (FrameBlur& one : blur) one.px_mm *= fit.scale;
-    bracket.px_mm *= fit.scale;
+    blur = found.focus.of(blur);
+    for (FrameBlur& one : blur) one.px_mm *= found.scale;
+    bracket.px_mm *= found.scale;
   }
   for (std::size_t k = 0; k < blur.size(); ++k) bracket.frames[k].blur = blur[k];
   std::stable_sort(bracket.frames.begin(), bracket.frames.end(),
