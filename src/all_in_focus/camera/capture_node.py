@@ -29,13 +29,15 @@ class _Work:
     def __init__(self, handle):
         self._handle, self._goal = handle, handle.get_goal()
         self._frames, self._results = [], []
+        self._has_depth, self._depth_by = threading.Event(), 0.0
+        self._early = set()  # numbers of brackets that began before any depth had come
         self._answer = None  # of the camera, when it has shot the bracket
 
     def run(self, timeout):
         """CaptureResult, or None when cancelled. timeout: s, how long nothing may happen. RuntimeError, or what rospy raises."""
         # The mode is set before anybody listens: the fusion starts with it, and a folder is played from then on.
         before = _set_mode(self._goal.mode) if self._goal.mode else ""
-        subscribers, has_depth = [], threading.Event()
+        subscribers = []
         try:
             has_camera = self._has_camera()
             subscribers.append(rospy.Subscriber(PROGRESS, Progress, self._on_progress, buff_size=LARGEST))
@@ -44,8 +46,9 @@ class _Work:
             if not self._wait(lambda: all(one.get_num_connections() for one in subscribers), PATIENCE):
                 raise RuntimeError(f"nobody publishes {rospy.resolve_name(PROGRESS)}: does the fusion run?")
             # A bracket takes depth from before its first frame.
-            subscribers.append(rospy.Subscriber("depth_registered/processed", Header, lambda _: has_depth.set()))
-            if not self._wait(lambda: has_depth.is_set() or self._frames, DEPTH_PATIENCE):
+            subscribers.append(rospy.Subscriber("depth_registered/processed", Header, lambda _: self._has_depth.set()))
+            self.await_depth_from_now()
+            if not self._wait(lambda: self._has_depth.is_set() or self._frames, DEPTH_PATIENCE):
                 rospy.logwarn("no depth has come for %g s: it is not waited for any longer", DEPTH_PATIENCE)
             if has_camera:
                 threading.Thread(target=self._ask_camera, daemon=True).start()
@@ -56,6 +59,9 @@ class _Work:
                 subscriber.unregister()
             if before and not rospy.is_shutdown():
                 _set_mode(before)
+
+    def await_depth_from_now(self):
+        self._depth_by = time.monotonic() + DEPTH_PATIENCE
 
     def _has_camera(self):
         """False where brackets come by themselves."""
@@ -71,6 +77,8 @@ class _Work:
     def _on_progress(self, progress):
         """Of a bracket that had begun before, the rest counts for nothing."""
         if not progress.is_result:
+            if progress.frame.index == 0 and not self._has_depth.is_set():
+                self._early.add(progress.frame.bracket_id)
             if progress.frame.index == 0 or self._frames:
                 self._frames.append(progress.frame)
         elif any(frame.bracket_id == progress.report.bracket_id for frame in self._frames):
@@ -112,7 +120,7 @@ class _Work:
             if self._answer and not self._answer.success:
                 raise RuntimeError(self._answer.message)
             for result in list(self._results):
-                if not has_camera or (self._answer and result.report.bracket_id == self._answer.bracket_id):
+                if self._counts(result.report, has_camera):
                     if result.report.frames_used == 0:
                         raise RuntimeError("; ".join(result.report.notes))
                     points = result.points if self._goal.with_points else PointCloud2()  # others may listen to them
@@ -122,8 +130,18 @@ class _Work:
             time.sleep(POLL)
         return None
 
+    def _counts(self, report, has_camera):
+        """Whether it is that of the goal's bracket. One that came by itself before any depth did is fused by sharpness; where
+        brackets follow each other, as from a folder that is played, the next one is better."""
+        if has_camera:
+            return self._answer and report.bracket_id == self._answer.bracket_id
+        return not report.sharpness_alone or not self._is_early(report)
+
+    def _is_early(self, bracket):
+        return bracket.bracket_id in self._early and time.monotonic() < self._depth_by
+
     def _feedback(self, has_camera):
-        frames = list(self._frames)
+        frames = [frame for frame in list(self._frames) if has_camera or not self._is_early(frame)]
         if not frames:
             return CaptureFeedback("waiting", 0, 0)
         followed = frames[-1 if has_camera else 0].bracket_id  # a camera shoots brackets of others before
