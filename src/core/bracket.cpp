@@ -484,6 +484,7 @@ void Bracket::fuseAgain(const LensFit& fit) {
   }
   std::sort(order.begin(), order.end());
   std::vector<FrameBlur> blur;
+  blur.reserve(order.size());
   for (const auto& [inverse, index] : order) blur.push_back({inverse, 1});
   std::map<int, double> focus_mm = used_focus_mm_;
   blur = fit.focus.of(blur);
