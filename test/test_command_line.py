@@ -109,6 +109,24 @@ def test_a_program_at_work_leaves_nothing(tmp_path, name, options, number):
     assert not list((tmp_path / "out").iterdir())
 
 
+def test_a_node_whose_end_hangs_ends_in_any_case():
+    code = """
+import os, signal, threading
+from all_in_focus import command_line
+command_line.LONGEST_END = 0.1
+def main():
+    command_line.end_in_any_case()
+    lock = threading.Lock()
+    lock.acquire()
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+    finally:
+        lock.acquire()
+command_line.run(main)
+"""
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 128 + signal.SIGTERM
+
+
 def test_a_bar_that_a_signal_interrupts_is_silent():
     code = """
 import io, os, signal

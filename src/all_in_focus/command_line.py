@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from pathlib import Path
 
 from all_in_focus.files.errors import one_line
@@ -14,6 +15,7 @@ from all_in_focus.files.rig import Optics
 from all_in_focus.files.separate import require_separate
 
 BAD_INPUT = 2  # exit code
+LONGEST_END = 20.0  # s that a node may take to end after a signal
 
 
 class Input(str):
@@ -56,6 +58,20 @@ def _flat(values):
             yield value
 
 
+came = []  # signals
+
+
+def end_in_any_case():
+    """A signal's exception is lost where Python ignores exceptions, as in a destructor, or leaves a lock of rospy held for which
+    its shutdown waits. Ends the process then, in a thread of its own."""
+    def end():
+        while not came:
+            time.sleep(0.5)
+        time.sleep(LONGEST_END)
+        os._exit(128 + came[0])
+    threading.Thread(target=end, daemon=True).start()
+
+
 def run(main, *errors):
     """Runs a program and exits: the last line of every script.
 
@@ -63,8 +79,6 @@ def run(main, *errors):
     says why, and the exit code is 2. SIGINT, SIGTERM and SIGHUP end it as exceptions do, so that it cleans up; exit
     code 128 + signal.
     """
-    came = []  # signals
-
     def end(number, _):
         came.append(number)
         raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
@@ -112,6 +126,7 @@ def node(name, description, body, parameters=None):
                epilog=_listed(name, parameters or {})).parse_args(rospy.myargv()[1:])
         # Signals are left to run(): their exceptions free what the main thread holds. rospy would shut down in the middle
         # of its work, and wait for ever for the lock of a connection to which it is just writing.
+        end_in_any_case()
         rospy.init_node(name, disable_signals=True)
         try:
             return body()
