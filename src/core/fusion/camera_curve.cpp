@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <opencv2/imgproc.hpp>
 
+#include "util/median.hpp"
 #include "util/srgb.hpp"
 
 namespace all_in_focus::core {
@@ -47,12 +48,6 @@ cv::Mat1f wideCodes(const cv::Mat& gray, const LightCurve& curve) {
   cv::Mat1f codes = light(cv::Rect({kBorder, kBorder}, inner)).clone();
   for (float& value : codes) value = curve.code(value);
   return codes;
-}
-
-float median(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // Sum over the others: median deviation of their ratio to the reference from its median. Clipped lights,

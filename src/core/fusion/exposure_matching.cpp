@@ -12,6 +12,7 @@
 
 #include "all_in_focus/codes.hpp"
 #include "all_in_focus/fusion.hpp"
+#include "util/median.hpp"
 #include "util/srgb.hpp"
 
 namespace all_in_focus::core {
@@ -35,13 +36,6 @@ const cv::Mat1f& lightOfCode() {
     return light;
   }();
   return table;
-}
-
-double median(std::vector<float>& values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 }  // namespace

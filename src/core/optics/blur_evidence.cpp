@@ -9,6 +9,7 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 
+#include "util/median.hpp"
 #include "util/row_strips.hpp"
 
 namespace all_in_focus::core {
@@ -194,13 +195,11 @@ double BlurEvidence::typicalScale(const std::vector<FrameBlur>& blur, double nea
     for (int t = range.start; t < range.end; ++t) {
       const Tile& tile = tiles_[t];
       if (tile.depths.empty()) continue;
-      std::vector<float> depths = tile.depths;
-      const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-      std::nth_element(depths.begin(), middle, depths.end());
-      const double unblurred = error(tile, blur, 0, *middle);
+      const float depth = median(tile.depths);
+      const double unblurred = error(tile, blur, 0, depth);
       for (int i = -kScales; i <= kScales; ++i) {
         const double scale = near * std::pow(2, static_cast<double>(i) / kScales);
-        const double gain = unblurred - error(tile, blur, scale, *middle);
+        const double gain = unblurred - error(tile, blur, scale, depth);
         if (gain > found[t].weight) found[t] = {scale, gain};
       }
     }

@@ -8,6 +8,8 @@
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
 
+#include "util/median.hpp"
+
 namespace all_in_focus::core {
 namespace {
 
@@ -35,12 +37,6 @@ constexpr double kAsGood = 0.05;
 
 constexpr double kLeastFactor = 1.05;         // what is less may be the depth sensor's
 constexpr int kPerDecade = 64, kDecades = 3;  // factors that are tried
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Whether the focus moves in one direction.
 bool isSweep(const std::vector<FrameBlur>& list) {
