@@ -9,8 +9,9 @@
 
 namespace all_in_focus {
 
-/// Converts the camera's clock to host time: device time plus the median of the last offsets between the two
-/// clocks. Arrival times alone jitter with USB and load. The median ignores frames that arrive late.
+/// Converts the camera's clock to host time: device time plus the least of the last offsets between the two
+/// clocks. Arrival times alone jitter with USB and load. Frames arrive late, but never early, so the least
+/// offset is the best.
 class KinectClock {
  public:
   /// rate: device seconds per host second; other than 1 for recordings only. 0: the clocks are unrelated, and

@@ -54,7 +54,7 @@ class ImagesTest(KinectTest):
         self.assertTrue((np.diff(stamps) > 0).all())
         self.assertTrue((delays > -0.001).all(), delays)
         self.assertLess(delays.min(), 0.1)
-        # After the first second the median holds; that every fourth image comes 15 ms late is not in the stamps.
+        # That every fourth image comes 15 ms late is not in the stamps.
         indices = np.array([index_of(pixels_of(message)) for message in depth.messages])[40:]
         phases = stamps[40:] - indices / 30
         late = indices % 4 == 0

@@ -58,6 +58,17 @@ TEST(KinectClock, OneVeryLateImageMovesNoOther) {
   }
 }
 
+TEST(KinectClock, OneSecondOfLateImagesMovesNoOther) {
+  KinectClock clock;
+  for (int i = 0; i < 150; ++i) {
+    const double due = i * kPeriod * 1e-6;
+    const bool is_busy = i >= 60 && i < 90;
+    const double stamp =
+        secondsAfterStart(clock.stamp(i * kPeriod, kStart + ros::Duration(due + (is_busy ? 0.03 : 0))));
+    EXPECT_NEAR(stamp, due, 1e-4) << i;
+  }
+}
+
 TEST(KinectClock, StartsAfreshWhenEitherClockJumps) {
   KinectClock clock;
   ros::Time last;
