@@ -69,7 +69,7 @@ class QueueSizeTest(GraphTest):
         process = start(self, 'segmenter', {'queue_size': 1})
         depth, processed = self.talk('depth_registered/image', Image), self.listen('segmentation/processed', Header)
         labels = self.listen('segmentation/labels', Image)
-        noise = np.random.default_rng(1).integers(500, 5000, (1500, 2000), np.uint16)  # takes much longer than its way
+        noise = np.random.default_rng(1).integers(500, 5000, (750, 1000), np.uint16)  # takes much longer than its way
         stamps = [1000 + number for number in range(30)]
         for stamp in stamps:
             depth.say(image_message(noise, stamp))
