@@ -17,7 +17,6 @@ namespace all_in_focus::core {
 
 class BracketFusion;
 class BracketRestoration;
-struct LensFit;
 
 /// One line of a text for people: those of libraries' exceptions may have several, and end with a line break.
 std::string oneLine(std::string text);
@@ -33,8 +32,6 @@ struct BracketSettings {
   /// A scene or a frame that cannot be used throws std::invalid_argument. Otherwise a warning tells of it and
   /// the bracket goes on without it.
   bool strict = false;
-  /// FrameAgain returns every frame, also those that were fused: mode restored may fuse them once more.
-  bool keeps_frames = false;
   /// What messages call a frame; none: "frame 7".
   std::function<std::string(int index)> frame_name;
 
@@ -157,9 +154,7 @@ class Bracket {
   std::string name(int index) const;
   std::string anotherSize(const cv::Size& size) const;
   std::string whyUnused(const Held& held) const;
-  void fuseByLens(BracketResult& result, LensFit& fit);
-  void fuseAgain(const LensFit& fit);
-  void restore(const Progress& progress, const LensFit* fit, BracketResult& result) const;
+  void restore(const Progress& progress, BracketResult& result) const;
   bool isFree() const { return settings_.reference == BracketSettings::kAutoReference; }
   int mostHeld() const { return settings_.sliding ? 0 : settings_.max_held; }
   bool restores() const { return settings_.mode == Mode::kRestored && !settings_.sliding; }
@@ -176,7 +171,6 @@ class Bracket {
   int nearest_ = 0;                             // the used frame that stands for it
   bool holding_ = false;                        // all frames wait for the reference
   std::map<int, Held> held_;                    // by index
-  std::map<int, double> used_focus_mm_;         // of the frames used
   std::vector<FrameStatus> frames_;             // by index
   std::pair<int, cv::Mat> current_;             // the frame that is being added
   int used_ = 0;

@@ -89,7 +89,6 @@ void Bracket::begin(const BracketScene& scene, const BracketSettings& settings, 
   held_.clear();
   frames_.clear();
   used_ = 0;
-  used_focus_mm_.clear();
   has_labels_ = predicts_ = focus_known_ = focus_refused_ = false;
   scene_warnings_.clear();
   notes_.clear();
@@ -202,7 +201,6 @@ void Bracket::drop(const std::function<std::string(int index)>& why) {
     if (frame.kind == FrameStatus::Kind::kUsed) markRejected(frame.index, why(frame.index));
   }
   used_ = 0;
-  used_focus_mm_.clear();
 }
 
 // Starts to fuse frames of a size, or starts over with them because most have it.
@@ -378,7 +376,6 @@ bool Bracket::startsOver(int newest) {
 void Bracket::markUsed(int index) {
   const bool is_nearer = std::abs(index - reference_) < std::abs(nearest_ - reference_);
   if (used_++ == 0 || (settings_.mode == Mode::kPaper && is_nearer)) nearest_ = index;
-  used_focus_mm_[index] = held_.at(index).focus_mm;
   held_.erase(index);
   statusOf(index).kind = FrameStatus::Kind::kUsed;
 }
@@ -441,11 +438,7 @@ BracketResult Bracket::finish(const Progress& progress) {
   BracketResult result = preview();
   result.fusion_ms += watch.lap();
   if (restores()) {
-    LensFit fit;
-    const bool asks = settings_.keeps_frames && predicts_ && focus_known_ && used_ > 0 &&
-                      restoration_->missing().empty() && !fusion_->drifts();
-    if (asks) fuseByLens(result, fit);
-    restore(progress, asks ? &fit : nullptr, result);
+    restore(progress, result);
     // Restoration has asked all frames, not only those before the reference.
     if (result.fused_by == FusedBy::kRestored) result.lens_notes.clear();
     result.restoration_ms = watch.lap();
@@ -454,63 +447,8 @@ BracketResult Bracket::finish(const Progress& progress) {
   return result;
 }
 
-// All frames may say something else about lens data than those before the reference did, by which mode
-// refined predicted blur. Then they are fused once more. fit: what they say.
-void Bracket::fuseByLens(BracketResult& result, LensFit& fit) {
-  fit = restoration_->lens(result.image);
-  if (fit.focus.shift != 0 && !restoration_->holdsAll()) fit.is_certain = false;
-  std::optional<LensFit> before = fusion_->lens();
-  // Mode refined has the list in the order of the bracket.
-  if (before && used_focus_mm_.begin()->second < used_focus_mm_.rbegin()->second)
-    before->focus.shift = -before->focus.shift;
-  if (fit.predicts() ? before && before->predictsLike(fit) : !before || !fit.shows_blur) return;
-  fuseAgain(fit);
-  std::vector<std::string> lens_notes = std::move(result.lens_notes);
-  result = preview();
-  result.lens_notes = std::move(lens_notes);
-  fit = restoration_->lens(result.image);
-}
-
-void Bracket::fuseAgain(const LensFit& fit) {
-  scene_warnings_.clear();
-  BracketScene scene = usableScene(size_);
-  RefinedConfig config = settings_.refined;
-  config.lens = false;
-  config.prediction = config.prediction && fit.predicts();
-  scene.optics.aperture /= fit.scale;
-  std::vector<std::pair<double, int>> order;  // inverse focus distance and index
-  for (const auto& [index, focus_mm] : used_focus_mm_) {
-    if (!std::isnan(focus_mm)) order.emplace_back(1 / focus_mm, index);
-  }
-  std::sort(order.begin(), order.end());
-  std::vector<FrameBlur> blur;
-  blur.reserve(order.size());
-  for (const auto& [inverse, index] : order) blur.push_back({inverse, 1});
-  std::map<int, double> focus_mm = used_focus_mm_;
-  blur = fit.focus.of(blur);
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    const double corrected = 1 / std::max(blur[i].inverse_depth, 0.0);
-    focus_mm[order[i].second] = corrected > scene.optics.focal_length_mm ? corrected : kUnknownFocus;
-  }
-  Stopwatch watch;
-  fusion_->setAlignedFrameCallback({});  // they are the same
-  fusion_->begin(scene, size_, settings_.mode, config);
-  for (const auto& [index, focus] : focus_mm) {
-    if (index < nearest_) fusion_->observe(again_(index), index, focus);
-  }
-  fusion_->add(again_(nearest_), nearest_, focus_mm.at(nearest_));
-  focus_mm.erase(nearest_);
-  for (int chance = 0; chance < 2; ++chance) {  // as in finish()
-    for (auto it = focus_mm.begin(); it != focus_mm.end();)
-      it =
-          fusion_->add(again_(it->first), it->first, it->second).empty() ? focus_mm.erase(it) : std::next(it);
-  }
-  fusion_ms_ += watch.lap();
-}
-
-// Replaces the picture of mode refined, or says why not. fit: what the frames say about the lens; none: they
-// are asked.
-void Bracket::restore(const Progress& progress, const LensFit* fit, BracketResult& result) const {
+// Replaces the picture of mode refined, or says why not.
+void Bracket::restore(const Progress& progress, BracketResult& result) const {
   if (result.image.empty()) return;
   const std::string missing = restoration_->missing();
   if (!missing.empty()) {
@@ -518,7 +456,7 @@ void Bracket::restore(const Progress& progress, const LensFit* fit, BracketResul
     return;
   }
   try {
-    const std::optional<RestorationResult> restored = restoration_->restore(result.image, progress, fit);
+    const std::optional<RestorationResult> restored = restoration_->restore(result.image, progress);
     result.stopped = !restored;
     if (!restored) return;
     result.blur_scale = restored->blur_scale;

@@ -100,7 +100,6 @@ BracketResult Pipeline::fuse(const PipelineInput& input, const BracketScene& sce
   settings.reference = input.reference;
   if (middle && mode_ != Mode::kPaper) settings.length = input.frames->count();
   settings.strict = true;
-  settings.keeps_frames = true;
   settings.on_aligned = input.on_aligned;
   settings.frame_name = input.frame_name;
   FrameReader reader(*input.frames);

@@ -339,33 +339,6 @@ TEST(Restoration, FocusDistancesOffByAFactorAreMadeUpFor) {
   EXPECT_LT(errorLeft(result, card), 0.4);
 }
 
-TEST(Restoration, AllFramesAreFusedAgainWhereTheyShowAnotherList) {
-  // The reference comes first, so that mode refined cannot ask the frames before it predicts.
-  const CardBeforeWall card;
-  const std::vector<double> right = {1000, 1091, 1200, 1333, 1500};
-  const auto result = [&](const std::vector<double>& told, bool keeps_frames) {
-    BracketSettings settings;
-    settings.mode = Mode::kRestored;
-    settings.reference = 0;
-    settings.keeps_frames = keeps_frames;
-    Bracket bracket;
-    bracket.begin(card.scene, settings, [&](int index) { return card.frame(right[index]); });
-    for (size_t i = 0; i < right.size(); ++i) bracket.add(card.frame(right[i]), static_cast<int>(i), told[i]);
-    return bracket.finish();
-  };
-  const std::vector<double> reversed(right.rbegin(), right.rend());
-  const BracketResult mended = result(reversed, true);
-  EXPECT_EQ(mended.fused_by, FusedBy::kRestored);
-  EXPECT_EQ(mended.used, static_cast<int>(right.size()));
-  EXPECT_TRUE(std::any_of(mended.notes.begin(), mended.notes.end(), [](const std::string& note) {
-    return note.find("reverse order") != std::string::npos;
-  }));
-  const double of_right = meanSquare(result(right, true).image, card.truth);
-  EXPECT_LT(meanSquare(mended.image, card.truth), 1.1 * of_right);
-  // 3 times as much error without.
-  EXPECT_GT(meanSquare(result(reversed, false).image, card.truth), 1.1 * of_right);
-}
-
 TEST(Restoration, TheFramesAloneAreEnough) {
   const CardBeforeWall card;
   for (const bool near_first : {true, false}) {

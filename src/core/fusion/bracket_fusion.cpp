@@ -91,14 +91,6 @@ void BracketFusion::setAlignedFrameCallback(std::function<void(const AlignedFram
   refined_->setAlignedFrameCallback(std::move(callback));
 }
 
-std::optional<LensFit> BracketFusion::lens() const {
-  return refined_->lens();
-}
-
-bool BracketFusion::drifts() const {
-  return refined_->drifts();
-}
-
 FusedBy BracketFusion::fusedBy() const {
   if (by_region_) return FusedBy::kRegions;
   return labels_.empty() && scene_.depth.empty() ? FusedBy::kSharpness : FusedBy::kPixels;

@@ -5,13 +5,11 @@
 #include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "all_in_focus/fusion.hpp"
 #include "fusion/frame_groups.hpp"
-#include "optics/lens_fit.hpp"
 
 namespace all_in_focus::core {
 
@@ -56,10 +54,6 @@ class BracketFusion {
   /// Sets a function that receives each aligned frame from the next add() on, the reference first. add()
   /// calls it. Mode paper aligns no frames.
   void setAlignedFrameCallback(std::function<void(const AlignedFrame&)> callback);
-
-  /// Mode refined: see RefinedFusion.
-  std::optional<LensFit> lens() const;
-  bool drifts() const;
 
   FusedBy fusedBy() const;
 

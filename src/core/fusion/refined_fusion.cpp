@@ -117,7 +117,7 @@ void RefinedFusion::beginPrediction() {
 
 // Of every frame, or, in a long sweep, at equal steps.
 void RefinedFusion::keepCopy(const cv::Mat& gray, int index, double focus_mm) {
-  if (!predicts_ || !config_.lens || std::isnan(focus_mm) || observed_++ % copy_step_ != 0) return;
+  if (!predicts_ || std::isnan(focus_mm) || observed_++ % copy_step_ != 0) return;
   copies_.push_back({index, focus_mm, BlurEvidence::copyOf(gray, shrinkingOf(size_)), DetailMap::of(gray)});
   if (copies_.size() <= kMostCopies) return;
   copy_step_ *= 2;
@@ -131,7 +131,7 @@ void RefinedFusion::keepCopy(const cv::Mat& gray, int index, double focus_mm) {
 void RefinedFusion::checkLens() {
   const std::vector<Copy> copies = std::move(copies_);
   copies_.clear();
-  if (!predicts_ || !config_.lens || copies.size() < 2) return;
+  if (!predicts_ || copies.size() < 2) return;
   if (alignment_.drifts()) return;  // parallax, which copies are not freed of, looks like another blur
   const cv::Size size = copies[0].gray.size();
   const double shrink = 1 / shrinkingOf(size_);
@@ -383,11 +383,6 @@ void RefinedFusion::noteDrift(const CameraMotion& motion) {
   const CameraPose pose = poseOf(motion, relief_, focal_px_, size_);
   moved_mm_ = std::max(moved_mm_, cv::norm(pose.place_mm));
   turned_ = std::max(turned_, cv::norm(pose.rotation));
-}
-
-std::optional<LensFit> RefinedFusion::lens() const {
-  if (!predicts_ || !focus_known_) return std::nullopt;
-  return lens_;
 }
 
 std::string RefinedFusion::driftNote() const {

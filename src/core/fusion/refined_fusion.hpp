@@ -5,7 +5,6 @@
 #include <functional>
 #include <map>
 #include <opencv2/core.hpp>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -61,12 +60,6 @@ class RefinedFusion {
   /// What the frames say against focus distances and f-number, a line each; what the prediction does about it
   /// is done already.
   const std::vector<std::string>& lensNotes() const { return lens_notes_; }
-
-  /// The lens by which it predicts blur, against the one that was given; none: it predicts nothing.
-  std::optional<LensFit> lens() const;
-
-  /// Whether the camera itself seems to move.
-  bool drifts() const { return alignment_.drifts(); }
 
   /// How far the camera has moved, for the user; "" if it has not.
   std::string driftNote() const;

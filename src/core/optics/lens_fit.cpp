@@ -15,7 +15,6 @@ constexpr double kAsGood = 0.03;    // shares that differ by less tell nothing o
 constexpr double kClearly = 0.06;   // the same of focus distances: depth has errors of its own
 constexpr double kNeighbour = 1.2;  // factor between a scale and those beside it
 constexpr double kUnusual = 1.1;    // a factor that people are told of
-constexpr double kSameDistances = 1.03, kSameScale = 1.2;  // factors that change no prediction by much
 // Factors from 1/10 to 10 are tried in steps; then finer ones beside the best, down to 1/kPerDecade of a
 // decade. Only few focus distances look right.
 constexpr int kPerDecade = 128, kStepOfScales = 16, kStepOfDistances = 4;
@@ -141,13 +140,6 @@ std::vector<FrameBlur> FocusCorrection::of(const std::vector<FrameBlur>& given) 
     to /= factor;
   }
   return blur;
-}
-
-bool LensFit::predictsLike(const LensFit& other) const {
-  const auto areAlike = [](double a, double b, double factor) { return std::max(a / b, b / a) < factor; };
-  return focus.reversed == other.focus.reversed && focus.shift == other.focus.shift &&
-         areAlike(focus.factor, other.focus.factor, kSameDistances) &&
-         areAlike(scale, other.scale, kSameScale);
 }
 
 std::vector<std::string> LensFit::notes(const Optics& optics) const {

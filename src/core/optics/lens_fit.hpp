@@ -36,12 +36,6 @@ struct LensFit {
 
   bool contradicts() const { return explained < kBelieved; }
 
-  /// Whether a prediction of blur by this lens is better than none.
-  bool predicts() const { return shows_blur && !contradicts() && uses_depth && is_certain; }
-
-  /// Whether a prediction by the other lens would be much the same.
-  bool predictsLike(const LensFit& other) const;
-
   /// What is wrong with the numbers, a line each; empty: nothing.
   std::vector<std::string> notes(const Optics& optics) const;
 };

@@ -313,7 +313,6 @@ void BracketRestoration::begin(const BracketScene& scene) {
   scene_ = scene;
   size_ = working_size_ = {};
   focus_known_ = linear_ = false;
-  holds_all_ = true;
   held_.clear();
 }
 
@@ -346,7 +345,6 @@ void BracketRestoration::dropOne() {
     if (gap(i) < gap(dropped)) dropped = i;
   }
   held_.erase(held_.begin() + static_cast<std::ptrdiff_t>(dropped));
-  holds_all_ = false;
 }
 
 std::string BracketRestoration::missing() const {
@@ -405,10 +403,7 @@ ObservedBracket BracketRestoration::observed(const cv::Mat& fused) const {
   return bracket;
 }
 
-LensFit BracketRestoration::lens(const cv::Mat& fused) const {
-  return lens(observed(fused));
-}
-
+// What the frames say about lens and focus distances; those are in the order of inverse distance.
 LensFit BracketRestoration::lens(const ObservedBracket& bracket) const {
   std::vector<FrameBlur> of_copies;
   std::vector<FocusVotes::Frame> details;
@@ -430,8 +425,8 @@ LensFit BracketRestoration::lens(const ObservedBracket& bracket) const {
   return fitLens(evidence, of_copies, hasScale());
 }
 
-std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused, const Progress& progress,
-                                                             const LensFit* fit) const {
+std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused,
+                                                             const Progress& progress) const {
   const auto proceed = [&](double done) { return !progress || progress(done); };
   const auto part = [&](double from, double to) {
     return [&proceed, from, to](double done) { return proceed(from + done * (to - from)); };
@@ -448,7 +443,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   std::vector<FrameBlur> blur;
   for (const ObservedFrame& frame : bracket.frames) blur.push_back(frame.blur);
   {
-    const LensFit found = fit ? *fit : lens(bracket);
+    const LensFit found = lens(bracket);
     tell(found, hasScale(), result);
     if (!result.refusal.empty()) return result;
     if (!found.uses_depth) {

@@ -53,17 +53,9 @@ class BracketRestoration {
   /// What is missing for a restoration, as text for a user; "" = restore() will work.
   std::string missing() const;
 
-  /// What the frames say about lens and focus distances; those are in the order of inverse distance.
-  /// fused: CV_8UC3 of the frames' size, the result of mode refined. Throws std::logic_error when something
-  /// is missing, std::invalid_argument on another size or type.
-  LensFit lens(const cv::Mat& fused) const;
-
-  /// Whether lens() is told from all frames that were added.
-  bool holdsAll() const { return holds_all_; }
-
-  /// fused: as above. fit: what lens() said of it; none: it is asked. Empty when progress said stop.
-  std::optional<RestorationResult> restore(const cv::Mat& fused, const Progress& progress = {},
-                                           const LensFit* fit = nullptr) const;
+  /// fused: CV_8UC3 of the frames' size, the result of mode refined. Empty when progress said stop. Throws
+  /// std::logic_error when something is missing, std::invalid_argument on another size or type.
+  std::optional<RestorationResult> restore(const cv::Mat& fused, const Progress& progress = {}) const;
 
  private:
   struct HeldFrame {
@@ -83,7 +75,7 @@ class BracketRestoration {
   BracketScene scene_;
   cv::Size size_;          // of the frames; empty before the first
   cv::Size working_size_;  // of those held
-  bool focus_known_ = false, linear_ = false, holds_all_ = true;
+  bool focus_known_ = false, linear_ = false;
   std::vector<HeldFrame> held_;  // by inverse depth
 };
 
