@@ -28,6 +28,9 @@ class DefocusPrediction {
   void begin(const cv::Mat& depth, const cv::Mat& measured, const cv::Size& size, const Optics& optics,
              double pixel_pitch_mm);
 
+  /// Another f-number than that of the optics.
+  void setAperture(double aperture) { optics_.aperture = aperture; }
+
   /// Level of the Gaussian pyramid of a frame at which texture is measured: 1 in a picture 640 wide, and as
   /// coarse in a wider one, where blur is wider, too.
   std::size_t textureLevel() const { return texture_level_; }

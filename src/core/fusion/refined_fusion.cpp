@@ -8,14 +8,12 @@
 #include <cmath>
 #include <cstdint>
 #include <iterator>
-#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "all_in_focus/codes.hpp"
 #include "fusion/camera_curve.hpp"
 #include "fusion/clipped_lights.hpp"
-#include "optics/lens_fit.hpp"
 #include "util/row_strips.hpp"
 
 namespace all_in_focus::core {
@@ -28,18 +26,6 @@ constexpr size_t kMostHeld = 4;
 // Light of a frame over that of the reference which exposure matching makes equal, with a margin because both
 // measure.
 constexpr double kMostLight = 1.1 * ExposureMatching::kLargestGain;
-
-// Of the copies by which the lens is checked.
-constexpr double kCopyPixels = 40e3;
-constexpr size_t kMostCopies = 12;
-// Share of the blur that right numbers explain at least. Noise and blur of less than a pixel of the copies
-// lower it: then other distances may seem to explain more.
-constexpr double kRight = 0.5;
-
-// A whole number, with which it is quick.
-double shrinkingOf(const cv::Size& size) {
-  return std::round(BlurEvidence::shrinking(size, kCopyPixels));
-}
 
 // Whether two frames may be compared for their noise. Neighbours differ least in blur and motion. But the
 // codec of a video copies noise from frame to frame, so where frames are many, some must lie between.
@@ -81,12 +67,6 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
     center_ = {(scene.camera->cx + 0.5) * scale - 0.5, (scene.camera->cy + 0.5) * scale - 0.5};
     pixel_pitch_mm = scene.calibratedPitch() / scale;
   }
-  lens_ = {};
-  focus_mm_.clear();
-  copies_.clear();
-  copy_step_ = 1;
-  observed_ = 0;
-  lens_notes_.clear();
   predicted_.release();
   lights_.release();
   focus_known_ = false;
@@ -96,9 +76,12 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
   light_.clear();
   predicts_ = config.prediction && !scene.depth.empty() && pixel_pitch_mm > 0;
   if (predicts_) {
-    scene_ = scene;
-    pixel_pitch_mm_ = pixel_pitch_mm;
-    beginPrediction();
+    prediction_ = DefocusPrediction();
+    prediction_.begin(scene.depth, scene.measured, size, scene.optics, pixel_pitch_mm);
+    // Windows of this level and of coarser ones reach farther than depth edges are uncertain.
+    const size_t level = std::max<size_t>(prediction_.textureLevel(), 2) - 1;
+    predicted_ = prediction_.known(SharpnessPyramid::levelSize(size, level));
+    lens_.begin(scene, pixel_pitch_mm, size, center_);
   }
   focal_px_ = scene.camera ? scene.camera->fx * size.width / scene.camera->size.width : 0;
   moved_mm_ = turned_ = 0;
@@ -107,129 +90,16 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
   alignment_.begin(size, center_, relief_);
 }
 
-void RefinedFusion::beginPrediction() {
-  prediction_ = DefocusPrediction();
-  prediction_.begin(scene_.depth, scene_.measured, size_, scene_.optics, pixel_pitch_mm_);
-  // Windows of this level and of coarser ones reach farther than depth edges are uncertain.
-  const size_t level = std::max<size_t>(prediction_.textureLevel(), 2) - 1;
-  predicted_ = prediction_.known(SharpnessPyramid::levelSize(size_, level));
-}
-
-// Of every frame, or, in a long sweep, at equal steps.
-void RefinedFusion::keepCopy(const cv::Mat& gray, int index, double focus_mm) {
-  if (!predicts_ || std::isnan(focus_mm) || observed_++ % copy_step_ != 0) return;
-  copies_.push_back({index, focus_mm, BlurEvidence::copyOf(gray, shrinkingOf(size_)), DetailMap::of(gray)});
-  if (copies_.size() <= kMostCopies) return;
-  copy_step_ *= 2;
-  std::vector<Copy> left;
-  for (size_t i = 0; i < copies_.size(); i += 2) left.push_back(std::move(copies_[i]));
-  copies_ = std::move(left);
-}
-
-// Whether the frames up to the reference agree with f-number and focus distances. Else those are corrected
-// for the prediction or, where that cannot be done for frames that are still to come, there is none.
+// Corrects the prediction, or gives it up, where the frames up to the reference contradict f-number and focus
+// distances. They do not tell while the camera moves: parallax looks like another blur.
 void RefinedFusion::checkLens() {
-  const std::vector<Copy> copies = std::move(copies_);
-  copies_.clear();
-  if (!predicts_ || copies.size() < 2) return;
-  if (alignment_.drifts()) return;  // parallax, which copies are not freed of, looks like another blur
-  const cv::Size size = copies[0].gray.size();
-  const double shrink = 1 / shrinkingOf(size_);
-  const LightCurve& curve = linear_ ? LightCurve::linear() : LightCurve::srgb();
-  const double mean = cv::mean(copies.back().gray)[0];
-  std::vector<BlurEvidence::Frame> frames;
-  std::vector<FocusVotes::Frame> details;
-  std::vector<FrameBlur> blur;
-  cv::Mat1f sharpest(size, 0.0f), sharpness;
-  cv::Mat fused(size, CV_8UC1);
-  for (const Copy& copy : copies) {
-    const Placement placement =
-        config_.alignment ? alignment_.placement(copy.index, reference_) : Placement();
-    if (!placement.fits) continue;
-    cv::Rect seen({}, size);
-    cv::Mat gray = copy.gray;
-    if (!placement.isIdentity()) {
-      const cv::Rect all = seenThrough(placement, size_, center_);
-      seen &= cv::Rect(
-          cv::Point(static_cast<int>(std::ceil(all.x * shrink)), static_cast<int>(std::ceil(all.y * shrink))),
-          cv::Point(static_cast<int>(all.br().x * shrink), static_cast<int>(all.br().y * shrink)));
-      cv::Matx23d matrix = placement.matrix(center_);
-      for (int i = 0; i < 2; ++i)  // pixels of the copies, whose middles lie elsewhere
-        matrix(i, 2) = shrink * matrix(i, 2) + (1 - shrink) / 2 * (matrix(i, 0) + matrix(i, 1) - 1);
-      cv::warpAffine(copy.gray, gray, matrix, size, cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
-                     cv::BORDER_REPLICATE);
-    }
-    const double gain = mean / std::max(1.0, cv::mean(gray)[0]);
-    details.push_back({copy.detail, placement.matrix(center_), gain});
-    gray.convertTo(gray, CV_32F, gain);
-    cv::Laplacian(gray, sharpness, CV_32F);
-    cv::blur(cv::abs(sharpness), sharpness, {5, 5});
-    const cv::Mat sharper = sharpness >= sharpest;
-    cv::Mat codes;
-    gray.convertTo(codes, CV_8U);
-    codes.copyTo(fused, sharper);
-    sharpness.copyTo(sharpest, sharper);
-    frames.push_back({gray, seen});
-    blur.push_back(frameBlur(scene_.optics, pixel_pitch_mm_ / shrink, 1 / copy.focus_mm));
-  }
-  if (frames.size() < 2) return;
-  cv::Mat1f inverse_depth(size, 0.0f);
-  const cv::Mat& depth = scene_.measured.empty() ? scene_.depth : scene_.measured;
-  for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      const int mm = depth.at<std::uint16_t>(y * depth.rows / size.height, x * depth.cols / size.width);
-      if (mm > 0) inverse_depth(y, x) = 1.0f / static_cast<float>(mm);
-    }
-  }
-  const std::optional<FocusCorrection> voted = FocusVotes(details, depth, size_).correctionOf(blur);
-  if (voted && voted->reversed) {
-    lens_notes_.emplace_back(
-        "the frames show that the focus distances are in reverse order: depth and lens data are not used");
-    predicts_ = false;
-    predicted_.release();
-    return;
-  }
-  const BlurEvidence evidence(fused, frames, curve, inverse_depth);
-  if ((!voted || voted->isNone()) && evidence.explained(blur, 1) >= kRight) return;
-  const LensFit fit = voted ? fitLens(evidence, blur, *voted) : fitLens(evidence, blur, true);
-  lens_notes_ = fit.notes(scene_.optics);
-  const bool is_right = fit.scale == 1 && fit.focus.isNone();
-  const double least = voted && fit.scale == 1 ? kRight
-                       : voted || is_right     ? LensFit::kBelieved
-                                               : LensFit::kTrusted;
-  const bool drops = fit.explained < least || !fit.uses_depth || !fit.is_certain ||
-                     (fit.focus.shift != 0 && copy_step_ > 1);  // by how many frames is not known then
-  if (drops)
-    lens_notes_.assign(1,
-                       "the frames contradict focus distances or f-number: depth and lens data are not used");
-  if (drops || fit.focus.reversed || (fit.focus.shift != 0 && !voted)) {
-    predicts_ = false;
-    predicted_.release();
-  } else if (!is_right) {
-    lens_ = fit;
-    scene_.optics.aperture /= fit.scale;
-    beginPrediction();
-  }
-}
-
-// Of a frame that has been observed. What comes next is not known yet: there the list goes on in even steps.
-double RefinedFusion::correctedFocus(int index) const {
-  const auto here = focus_mm_.find(index);
-  if (lens_.focus.isNone()) return here->second;
-  double inverse = 1 / here->second;
-  if (lens_.focus.shift != 0) {
-    const bool late = lens_.focus.shift > 0;
-    const auto before = here == focus_mm_.begin() ? focus_mm_.end() : std::prev(here),
-               behind = std::next(here);
-    const auto from = late ? behind : before;
-    const auto other = late ? before : behind;
-    if (from != focus_mm_.end()) {
-      inverse = 1 / from->second;
-    } else if (other != focus_mm_.end()) {
-      inverse += inverse - 1 / other->second;
-    }
-  }
-  return inverse > 0 ? lens_.focus.factor / inverse : std::numeric_limits<double>::infinity();
+  if (!predicts_ || alignment_.drifts()) return;
+  lens_.ask(linear_ ? LightCurve::linear() : LightCurve::srgb(), [this](int index) {
+    return config_.alignment ? alignment_.placement(index, reference_) : Placement();
+  });
+  predicts_ = lens_.mayPredict();
+  if (!predicts_) predicted_.release();
+  prediction_.setAperture(lens_.aperture());
 }
 
 void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
@@ -239,11 +109,11 @@ void RefinedFusion::observe(const cv::Mat& gray, int index, double focus_mm) {
                    focus_mm, focal_length_mm_));
   }
   focus_known_ = focus_known_ || !std::isnan(focus_mm);
-  if (!std::isnan(focus_mm)) focus_mm_[index] = focus_mm;
   light_.observe(gray, index);
   if (config_.alignment) alignment_.observe(gray, index, light_.isOdd(index, kMostLight));
-  if (reference_ >= 0) return;
-  keepCopy(gray, index, focus_mm);
+  const bool is_behind = reference_ >= 0;
+  if (predicts_ && !std::isnan(focus_mm)) lens_.observe(is_behind ? cv::Mat() : gray, index, focus_mm);
+  if (is_behind) return;
   if (!held_.empty() && !areApart(index, held_.front().index)) return;
   const bool is_full = held_.size() == kMostHeld;
   if (!is_full) held_.emplace_back();
@@ -408,8 +278,8 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
       prediction_.addTexture(texture, noise_.sharpness(prediction_.textureLevel()));
-    const double focus_mm = std::isnan(frame.focus_mm) ? kUnknownFocus : correctedFocus(frame.index);
-    prediction_.compute(focus_mm > scene_.optics.focal_length_mm ? focus_mm : kUnknownFocus, squared_error_);
+    const double focus_mm = std::isnan(frame.focus_mm) ? kUnknownFocus : lens_.focusOf(frame.index);
+    prediction_.compute(focus_mm > focal_length_mm_ ? focus_mm : kUnknownFocus, squared_error_);
     cv::resize(squared_error_, upsampled_error_, size_, 0, 0, cv::INTER_LINEAR);
   }
   const bool is_deep = frame.image.depth() == CV_16U;

@@ -17,10 +17,10 @@
 #include "fusion/defocus_prediction.hpp"
 #include "fusion/exposure_matching.hpp"
 #include "fusion/frame_groups.hpp"
+#include "fusion/lens_check.hpp"
 #include "fusion/noise_estimation.hpp"
 #include "fusion/sharpness_pyramid.hpp"
 #include "fusion/weighted_mean.hpp"
-#include "optics/focus_votes.hpp"
 
 namespace all_in_focus::core {
 
@@ -59,7 +59,7 @@ class RefinedFusion {
 
   /// What the frames say against focus distances and f-number, a line each; what the prediction does about it
   /// is done already.
-  const std::vector<std::string>& lensNotes() const { return lens_notes_; }
+  const std::vector<std::string>& lensNotes() const { return lens_.notes(); }
 
   /// How far the camera has moved, for the user; "" if it has not.
   std::string driftNote() const;
@@ -80,16 +80,7 @@ class RefinedFusion {
   bool hasMoved(int index) const;
   void compareWithEarlier(const cv::Mat& reference);
 
-  struct Copy {
-    int index;
-    double focus_mm;
-    cv::Mat gray;  // small, CV_8UC1
-    DetailMap detail;
-  };
-  void keepCopy(const cv::Mat& gray, int index, double focus_mm);
   void checkLens();
-  double correctedFocus(int index) const;
-  void beginPrediction();
 
   RefinedConfig config_;
   cv::Size size_;
@@ -97,13 +88,7 @@ class RefinedFusion {
   double focal_length_mm_ = 0;  // 0 = unknown
   bool focus_known_ = false;    // of a frame that was observed
   bool predicts_ = false;
-  BracketScene scene_;              // of the prediction
-  double pixel_pitch_mm_ = 0;       // of the frames
-  std::map<int, double> focus_mm_;  // by index, as given
-  LensFit lens_;
-  std::vector<Copy> copies_;  // until the reference comes, at equal steps
-  int copy_step_ = 1, observed_ = 0;
-  std::vector<std::string> lens_notes_;
+  LensCheck lens_;
   cv::Mat predicted_, lights_;   // CV_8UC1, see SharpnessPyramid::Gauge
   std::vector<HeldFrame> held_;  // until the reference comes: the latest first, the first frame last
   NoiseSpectrum noise_;
