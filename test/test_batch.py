@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """fuse_stack with several stacks: what belongs together, where results go, failures, and a second run."""
 import os
+import shutil
 import time
 
 import cv2
@@ -74,6 +75,26 @@ def test_it_goes_on_after_a_failure_and_resumes(tmp_path):
     future = time.time() + 100
     os.utime(tmp_path / "c" / "IMG_0000.png", (future, future))  # a frame that was taken again
     assert table(succeeded(fuse_stack(*stacks, "--output", tmp_path / "out")))[1].startswith("3 stacks: 1 fused, 2 there")
+
+
+def test_what_was_made_of_other_frames_or_with_other_options_is_made_anew(tmp_path, planes):
+    stacks = [argument for seed, name in enumerate("ab") for argument in ("--stack", tmp_path / name)]
+    for seed, name in enumerate("ab"):
+        bracket(tmp_path / name, seed)
+
+    def count(*options):
+        return table(succeeded(fuse_stack(*stacks, "--output", tmp_path / "out", *options)))[1]
+    assert count() == "2 stacks: 2 fused, 0 there already, 0 failed"
+    assert count() == "2 stacks: 0 fused, 2 there already, 0 failed"
+    assert count("--mode", "restored") == "2 stacks: 2 fused, 0 there already, 0 failed"
+    assert count("--mode", "restored", "--width", "50") == "2 stacks: 2 fused, 0 there already, 0 failed"
+    shutil.copy2(tmp_path / "a" / "IMG_0002.png", tmp_path / "a" / "IMG_0003.png")  # as old as it was
+    assert count("--mode", "restored", "--width", "50") == "2 stacks: 1 fused, 1 there already, 0 failed"
+    assert count("--rig", planes.rig) == "2 stacks: 2 fused, 0 there already, 0 failed"
+    assert count("--rig", planes.rig) == "2 stacks: 0 fused, 2 there already, 0 failed"
+    future = time.time() + 100
+    os.utime(planes.rig / "optics.yaml", (future, future))  # corrected
+    assert count("--rig", planes.rig) == "2 stacks: 2 fused, 0 there already, 0 failed"
 
 
 def test_stacks_of_one_name(tmp_path):

@@ -19,6 +19,7 @@
 #include "output_files.hpp"
 #include "photo_metadata.hpp"
 #include "quiet_stderr.hpp"
+#include "result_files.hpp"
 #include "stack_files.hpp"
 
 namespace fs = std::filesystem;
@@ -55,24 +56,38 @@ po::variables_map valuesFor(const NamedStack& stack, const po::variables_map& va
   return own;
 }
 
-// Whether an earlier run has fused the stack: the outputs are there and younger than the frames. Throws where
-// the picture there is not ours to replace.
+// Of the regular files in a folder.
+bool areOlder(const std::string& folder, fs::file_time_type time) {
+  std::error_code error;  // what cannot be read is told when it is used
+  const fs::directory_iterator files(folder, error);
+  return std::all_of(begin(files), end(files), [&](const fs::directory_entry& file) {
+    return !file.is_regular_file(error) || file.last_write_time(error) <= time;
+  });
+}
+
+// Whether an earlier run has fused the stack: the outputs are there, of the same frames and options, and
+// younger than frames and rig. Throws where the picture there is not ours to replace.
 bool isFused(const NamedStack& stack, const po::variables_map& values,
              const std::vector<const char*>& writes) {
   const auto output = values["output"].as<std::string>();
-  if (fs::exists(output) && !readPhotoMetadata(output).is_result)
+  const PhotoMetadata former = readPhotoMetadata(output);
+  if (fs::exists(output) && !former.is_result)
     fail(output, "is there, and no result of this package: name another folder");
+  if (former.options != optionsText(values)) return false;
   fs::file_time_type oldest = fs::file_time_type::max();
   for (const NamedPath& written : outputsOf(values, writes)) {
     if (!fs::exists(written.path)) return false;
     oldest = std::min(oldest, fs::last_write_time(written.path));
   }
+  if (values.count("rig") && !areOlder(values["rig"].as<std::string>(), oldest)) return false;
   if (!fs::is_directory(stack.path))
     return fs::exists(stack.path) && fs::last_write_time(stack.path) <= oldest;
-  const std::vector<StackFiles::Source> sources = listStack(stack.path, stack.files).sources;
-  return std::all_of(sources.begin(), sources.end(), [&](const StackFiles::Source& source) {
+  const StackFiles files = listStack(stack.path, stack.files);
+  const auto is_older = [&](const StackFiles::Source& source) {
     return fs::last_write_time(source.path) <= oldest;
-  });
+  };
+  return former.frames == namesText(files.frames) &&
+         std::all_of(files.sources.begin(), files.sources.end(), is_older);
 }
 
 // Returns the folders that were not there.

@@ -17,11 +17,17 @@ namespace {
 constexpr const char* kSoftware = "Exif.Image.Software";
 constexpr const char* kOrientation = "Exif.Image.Orientation";
 constexpr const char* kProfile = "Exif.Image.InterColorProfile";
+constexpr const char *kFrames = "Xmp.dc.source", *kOptions = "Xmp.xmp.CreatorTool";
 constexpr const char* kMark = "all_in_focus";
 
 std::string text(const Exiv2::ExifData& exif, const char* key) {
   const auto found = exif.findKey(Exiv2::ExifKey(key));
   return found == exif.end() ? std::string() : found->toString();
+}
+
+std::string text(const Exiv2::XmpData& xmp, const char* key) {
+  const auto found = xmp.findKey(Exiv2::XmpKey(key));
+  return found == xmp.end() ? std::string() : found->toString();
 }
 
 std::string timeOf(const Exiv2::ExifData& exif) {
@@ -147,6 +153,8 @@ PhotoMetadata readPhotoMetadata(const std::string& path) {
     found.taken = timeOf(image->exifData());
     found.orientation = orientationOf(image->exifData());
     found.is_result |= text(image->exifData(), kSoftware).rfind(kMark, 0) == 0;
+    found.frames = text(image->xmpData(), kFrames);
+    found.options = text(image->xmpData(), kOptions);
   } catch (const std::exception&) {
     // A damaged picture is told where its pixels are read.
   }
@@ -169,6 +177,12 @@ cv::Size uprightSize(const cv::Size& stored, Orientation orientation) {
   return orientation >= 5 ? cv::Size(stored.height, stored.width) : stored;
 }
 
+std::string namesText(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
 bool markAsResult(std::string& data, const PhotoSource& source) {
   silence();
   if (data.rfind("RIFF", 0) == 0) return false;  // WebP: decoders refuse what Exiv2 0.27 writes
@@ -184,9 +198,8 @@ bool markAsResult(std::string& data, const PhotoSource& source) {
     if (source.orientation != 1)
       image->exifData()[kOrientation] = static_cast<std::uint16_t>(source.orientation);
     if (!isPng(data) && !copied.profile.empty()) setProfile(*image, copied.profile);
-    std::string names;
-    for (const std::string& name : source.frames) names += (names.empty() ? "" : ", ") + name;
-    if (!names.empty()) image->xmpData()["Xmp.dc.source"] = names;
+    if (!source.frames.empty()) image->xmpData()[kFrames] = source.frames;
+    if (!source.options.empty()) image->xmpData()[kOptions] = source.options;
     image->writeMetadata();
     Exiv2::BasicIo& io = image->io();
     io.open();

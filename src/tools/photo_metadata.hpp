@@ -17,6 +17,7 @@ struct PhotoMetadata {
   std::string taken;  ///< EXIF time of exposure, "2026:05:01 12:00:00.25"; "" = unknown. Sorts like time.
   Orientation orientation = 1;  ///< 1 where the file does not tell it
   bool is_result = false;       ///< a program of this package wrote it
+  std::string frames, options;  ///< of a result: see PhotoSource, frames separated by commas
 };
 
 /// Never throws: what cannot be read is unknown. Call it from one thread at a time.
@@ -30,13 +31,18 @@ cv::Size uprightSize(const cv::Size& stored, Orientation orientation);
 /// Where a result comes from.
 struct PhotoSource {
   std::string reference;  ///< path of the frame whose EXIF data and colour profile it gets; "" = of none
-  std::vector<std::string> frames;  ///< names
-  Orientation orientation = 1;      ///< of the result's pixels
+  std::string frames;     ///< names, see namesText()
+  Orientation orientation = 1;  ///< of the result's pixels
+  std::string options;          ///< of the program
 };
 
+/// Names separated by commas.
+std::string namesText(const std::vector<std::string>& names);
+
 /// Notes in an encoded picture that this package made it, so that a later run does not take it for a frame,
-/// and where it comes from. Exif.Image.Software holds the mark, Xmp.dc.source the names of the frames. Where
-/// the format holds no EXIF data, false is returned and `data` stays as it is.
+/// and where it comes from. Exif.Image.Software holds the mark, Xmp.dc.source the names of the frames,
+/// Xmp.xmp.CreatorTool the options. Where the format holds no EXIF data, false is returned and `data` stays
+/// as it is.
 bool markAsResult(std::string& data, const PhotoSource& source = {});
 
 /// The file beside a result whose format has no EXIF: it is the mark.

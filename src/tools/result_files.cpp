@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
@@ -68,6 +69,20 @@ cv::Mat ofWidth(const cv::Mat& image, int width) {
 
 }  // namespace
 
+std::string optionsText(const po::variables_map& values) {
+  std::string text = "fuse_stack";
+  for (const char* name : {"rig", "optics", "invalid-values", "dof-rule", "mode", "without", "reference",
+                           "quality", "depth-of-output", "width", "crop"}) {
+    if (!values.count(name)) continue;
+    const boost::any& value = values[name].value();
+    text += std::string(" --") + name;
+    if (const auto* number = boost::any_cast<int>(&value)) text += " " + std::to_string(*number);
+    if (const auto* given = boost::any_cast<std::string>(&value); given && !given->empty())
+      text += " " + std::filesystem::path(*given + "/.").parent_path().filename().string();
+  }
+  return text;
+}
+
 ResultFiles::ResultFiles(const po::variables_map& values, const std::string& stack_path,
                          const StackReader& stack, Mode mode)
     : values_(values),
@@ -94,7 +109,9 @@ void ResultFiles::write(const PipelineInput& input, const PipelineResult& result
   findCrop(result.bracket, context.notes);
   const cv::Mat image = cropped(ofBits(result.bracket.image, context.notes));
   outputs_.addImage(textOption(values_, "output"), ofWidth(image, width_),
-                    {stack_.path(result.bracket.reference), stack_.names(), stack_.orientation()}, quality_);
+                    {stack_.path(result.bracket.reference), namesText(stack_.names()), stack_.orientation(),
+                     optionsText(values_)},
+                    quality_);
   addDepth(result, context.notes);
   addRegions(result.segmentation);
   addChoice(result.bracket, input.focus_mm);

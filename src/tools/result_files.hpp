@@ -15,6 +15,10 @@
 
 namespace all_in_focus {
 
+/// The options of fuse_stack on which its picture depends, as text: "fuse_stack --mode refined --crop". Of a
+/// rig it has the name only, for the text becomes a part of the picture.
+std::string optionsText(const boost::program_options::variables_map& values);
+
 /// The files that the command line of fuse_stack asks for. They appear all together at the end, or none does.
 class ResultFiles {
  public:

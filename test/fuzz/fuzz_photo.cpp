@@ -19,8 +19,8 @@ void run(Input& input) {
   const std::string name = kNames[input.below(std::size(kNames))];
   PhotoSource source;
   source.orientation = 1 + input.below(8);
-  source.frames.resize(input.below(4));
-  for (std::string& frame : source.frames) frame = input.text();
+  source.frames = input.text();
+  source.options = input.text();
   const cv::Mat picture = pictureFrom(input, {12, 10});
   source.reference = folder.write("reference", input.rest());
   const PhotoMetadata reference = readPhotoMetadata(source.reference);
@@ -45,9 +45,9 @@ std::vector<std::string> seeds() {
   for (int i = 0; i < static_cast<int>(std::size(kNames)); ++i) {
     for (const char* reference : kNames) {
       std::string data = encodeImage(reference, picture);
-      markAsResult(data, {"", {"00.png", "\xc3\xa4.jpg"}, 6});
+      markAsResult(data, {"", "00.png, \xc3\xa4.jpg", 6, "fuse_stack --crop"});
       Seed seed;
-      seed.below(i).below(i).below(2).text("a.png").text("\xff, b.jpg");
+      seed.below(i).below(i).text("a.png, \xff, b.jpg").text("fuse_stack");
       seeds.push_back(putPicture(seed, 20, 200, 1).rest(data));
     }
   }

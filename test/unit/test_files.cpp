@@ -266,7 +266,7 @@ TEST_F(Files, TiffsAreReadAsTheyAreStored) {
   cv::randu(noise, 1, 65535);
   for (int orientation = 1; orientation <= 8; ++orientation) {
     std::string data = encodeImage("x.tif", noise);
-    ASSERT_TRUE(markAsResult(data, {"", {}, orientation}));
+    ASSERT_TRUE(markAsResult(data, {"", "", orientation, ""}));
     write("x.tif", data);
     EXPECT_EQ(readPhotoMetadata(path("x.tif")).orientation, orientation);
     const cv::Mat depth = readDepth(path("x.tif"), {});
