@@ -146,6 +146,7 @@ class Bracket {
   void observe(int index);
   void fuseReady();
   bool fuse(int index);
+  bool mayWait() const;
   bool startsOver(int newest);
   void markUsed(int index);
   void markRejected(int index, const std::string& reason);
@@ -170,6 +171,7 @@ class Bracket {
   int reference_ = 0;                           // wanted
   int nearest_ = 0;                             // the used frame that stands for it
   bool holding_ = false;                        // all frames wait for the reference
+  bool is_ending_ = false;                      // no frame follows
   std::map<int, Held> held_;                    // by index
   std::vector<FrameStatus> frames_;             // by index
   std::pair<int, cv::Mat> current_;             // the frame that is being added

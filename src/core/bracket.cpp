@@ -85,7 +85,7 @@ void Bracket::begin(const BracketScene& scene, const BracketSettings& settings, 
   size_ = {};
   of_size_.clear();
   reference_ = nearest_ = 0;
-  holding_ = false;
+  holding_ = is_ending_ = false;
   held_.clear();
   frames_.clear();
   used_ = 0;
@@ -342,7 +342,7 @@ bool Bracket::fuse(int index) {
     const cv::Mat frame = frameAt(index);
     Held& held = held_.at(index);
     Stopwatch watch;
-    held.misfit = fusion_->add(frame, index, held.focus_mm);
+    held.misfit = fusion_->add(frame, index, held.focus_mm, mayWait());
     fusion_ms_ += watch.lap();
     if (!held.misfit.empty()) return false;
     markUsed(index);
@@ -351,6 +351,12 @@ bool Bracket::fuse(int index) {
     markRejected(index, oneLine(e.what()));
   }
   return true;
+}
+
+// Whether a frame may be held until the end of the bracket.
+bool Bracket::mayWait() const {
+  const auto waits = [](const auto& held) { return !held.second.misfit.empty(); };
+  return !is_ending_ && std::count_if(held_.begin(), held_.end(), waits) < mostHeld();
 }
 
 // Starts over with the frames that are like the newest one that does not fit, if these are more than those
@@ -429,6 +435,7 @@ BracketResult Bracket::finish(const Progress& progress) {
         cv::format("frame %d cannot be the reference: the bracket holds frames 0 to %d",
                    settings_.reference < 0 ? settings_.reference : reference_, last));
   }
+  is_ending_ = true;
   chooseReference(/*may_wait=*/false);
   fuseReady();
   for (auto& [index, held] : held_) held.misfit.clear();  // each gets a second chance

@@ -131,6 +131,14 @@ cv::Mat withFinger(const cv::Mat& frame) {
   return covered;
 }
 
+// A part of the scene is twice as bright.
+cv::Mat withLamp(const cv::Mat& frame) {
+  cv::Mat lit = frame.clone();
+  const cv::Rect part(100, 20, 50, 50);
+  lit(part) *= 1.4;
+  return lit;
+}
+
 cv::Mat withHand(const cv::Mat& frame) {
   cv::Mat covered = frame.clone();
   cv::ellipse(covered, {90, 70}, {70, 40}, 30, 0, 360, {120, 150, 200}, cv::FILLED);
@@ -180,6 +188,55 @@ TEST(Bracket, WhatPassesByIsLeftOut) {
     EXPECT_EQ(result.rejected, 1) << odd;
     EXPECT_NE(result.frames[odd].reason.find("something else than the others"), std::string::npos) << odd;
     EXPECT_GT(cv::PSNR(result.image, sceneFrame(3)), 35) << odd;
+  }
+}
+
+// Before the reference or behind it.
+TEST(Bracket, WhatStaysForAFewFramesIsLeftOut) {
+  for (const int first : {2, 3, 4, 5, 7}) {
+    for (const int stays : {1, 2, 3}) {
+      Sender sender(settingsOf(Mode::kRefined, 12)), good(settingsOf(Mode::kRefined, 12));
+      const auto is_odd = [&](int k) { return k >= first && k < first + stays; };
+      for (int k = 0; k < 12; ++k) {
+        sender.add(k, is_odd(k) ? withFinger(sceneFrame(k)) : sceneFrame(k));
+        if (!is_odd(k)) good.add(k, sceneFrame(k));
+      }
+      EXPECT_LE(sender.kept.size(), static_cast<std::size_t>(stays + 1)) << first;
+      const BracketResult result = sender.bracket.finish();
+      for (const FrameStatus& frame : result.frames)
+        EXPECT_EQ(frame.kind == Kind::kRejected, is_odd(frame.index)) << first << ' ' << frame.index;
+      EXPECT_FALSE(is_odd(result.reference)) << first;
+      EXPECT_GT(cv::PSNR(result.image, good.bracket.finish().image), 40) << first << ' ' << stays;
+    }
+  }
+}
+
+TEST(Bracket, AFrameBetweenTwoHandsIsGood) {
+  Sender sender(settingsOf(Mode::kRefined, 12));
+  for (int k = 0; k < 12; ++k) sender.add(k, k == 7 || k == 9 ? withFinger(sceneFrame(k)) : sceneFrame(k));
+  const BracketResult result = sender.bracket.finish();
+  EXPECT_EQ(result.rejected, 2);
+  EXPECT_EQ(result.frames[8].kind, Kind::kUsed);
+}
+
+// A lamp that is switched on is part of the scene; nobody knows which half is wanted.
+TEST(Bracket, WhatStaysToTheEndLosesNoFrame) {
+  for (const int from : {5, 8, 11}) {
+    Sender sender(settingsOf(Mode::kRefined, 12));
+    for (int k = 0; k < 12; ++k) sender.add(k, k >= from ? withLamp(sceneFrame(k)) : sceneFrame(k));
+    const BracketResult result = sender.bracket.finish();
+    EXPECT_EQ(result.used, 12) << from << result.frames[from].reason;
+  }
+}
+
+TEST(Bracket, NoFrameWaitsWhereNoneMayBeHeld) {
+  for (const bool sliding : {false, true}) {
+    BracketSettings settings = settingsOf(Mode::kRefined, 12);
+    settings.sliding = sliding;
+    Sender sender(settings);
+    for (int k = 0; k < 12; ++k) sender.add(k, k == 9 ? withLamp(sceneFrame(k)) : sceneFrame(k));
+    const BracketResult result = sender.bracket.finish();
+    EXPECT_EQ(result.rejected, sliding ? 0 : 1) << result.frames[9].reason;
   }
 }
 

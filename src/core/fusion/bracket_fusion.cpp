@@ -67,12 +67,12 @@ void BracketFusion::observe(const cv::Mat& frame, int index, double focus_mm) {
   if (!by_region_) refined_->observe(gray_, index, focus_mm);
 }
 
-std::string BracketFusion::add(const cv::Mat& frame, int index, double focus_mm) {
+std::string BracketFusion::add(const cv::Mat& frame, int index, double focus_mm, bool may_wait) {
   takeApart(frame, index);
   if (by_region_) {
     regions_->add(color_, gray_, index);
   } else {
-    std::string rejection = refined_->add(color_, gray_, index, focus_mm, opaque_);
+    std::string rejection = refined_->add(color_, gray_, index, focus_mm, opaque_, may_wait);
     if (!rejection.empty()) return rejection;
   }
   focus_mm_.push_back(focus_mm);

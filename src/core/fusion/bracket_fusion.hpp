@@ -42,8 +42,9 @@ class BracketFusion {
   /// the bracket is as before). Pixels whose alpha is 0 weigh nothing. The first frame decides whether the
   /// result has 8 or 16 bits; evidence has 8. index: 0..65534, names the frame in the result. focus_mm: NaN =
   /// unknown, may be infinite. Returns why the frame does not fit the others and was left out, or "". A frame
-  /// that was left out may be added once more: it may fit what has come since.
-  std::string add(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
+  /// that was left out may be added once more: it may fit what has come since. may_wait: leaves out a frame,
+  /// too, of which only later ones will tell.
+  std::string add(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus, bool may_wait = false);
 
   /// Mode refined: why a frame that was observed or added does not fit another one, or "".
   std::string misfit(int index, int other) const;

@@ -22,6 +22,8 @@ constexpr double kSmallChange = 0.22;  // of the logarithm of light: a quarter m
 constexpr double kSmallPart = 0.06;    // of the picture; from frame to frame 0.02 at most, by focus
 constexpr double kNone = std::numeric_limits<double>::infinity();
 constexpr double kUsualSteps = 3;  // a longer step is a jump
+constexpr std::size_t kCompared =
+    4;  // frames on each side: those of three that something hides, and one more
 
 // The lower one of two.
 double median(std::vector<double> values) {
@@ -67,16 +69,54 @@ double FrameLight::changed(int index, int other) const {
   return cv::countNonZero(differs) / static_cast<double>(differs.total());
 }
 
-double FrameLight::intrusion(int index, const std::function<bool(int)>& counts) const {
-  const auto here = blocks_.find(index);
-  const auto is_alike = [&](const auto& other) {
-    return std::abs(std::log(ratio(other.first, index))) <= kSmallChange && counts(other.first);
+FrameLight::Neighbours FrameLight::neighbours(int index, const std::function<bool(int)>& counts) const {
+  const auto nearest = [&](auto it, const auto& end) {
+    std::vector<int> found;
+    for (; it != end && found.size() < kCompared; ++it) {
+      if (std::abs(std::log(ratio(it->first, index))) <= kSmallChange && counts(it->first))
+        found.push_back(it->first);
+    }
+    return found;
   };
-  const auto before = std::find_if(std::make_reverse_iterator(here), blocks_.rend(), is_alike);
-  const auto behind = std::find_if(std::next(here), blocks_.end(), is_alike);
-  if (before == blocks_.rend() || behind == blocks_.end()) return 0;
-  const double least = std::min(changed(index, before->first), changed(index, behind->first));
-  return least > kSmallPart && changed(behind->first, before->first) < least / 2 ? least : 0;
+  const auto here = blocks_.find(index);
+  Neighbours near{nearest(std::make_reverse_iterator(here), blocks_.rend()),
+                  nearest(std::next(here), blocks_.end())};
+  std::vector<int> order(near.before.rbegin(), near.before.rend());
+  order.push_back(index);
+  order.insert(order.end(), near.behind.begin(), near.behind.end());
+  const auto step = [&](std::size_t i, std::size_t earlier) {
+    return changed(order[i], order[earlier]) / (order[i] - order[earlier]);
+  };
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < order.size(); ++i)
+    steps.push_back(i == 1 ? step(1, 0) : std::min(step(i, i - 1), step(i, i - 2)));
+  near.usual = median(steps);
+  for (const int other : order) near.differing += differs(index, other, near.usual) ? 1 : 0;
+  near.alike = static_cast<int>(order.size()) - near.differing;
+  return near;
+}
+
+bool FrameLight::differs(int index, int other, double usual) const {
+  return changed(index, other) > std::max(kSmallPart, kUsualSteps * usual * std::abs(index - other));
+}
+
+double FrameLight::intrusion(int index, const std::function<bool(int)>& counts) const {
+  const Neighbours near = neighbours(index, counts);
+  if (near.differing <= near.alike) return 0;
+  double part = 0;
+  for (const int before : near.before) {
+    for (const int behind : near.behind) {
+      if (!differs(index, before, near.usual) || !differs(index, behind, near.usual)) continue;
+      const double least = std::min(changed(index, before), changed(index, behind));
+      if (changed(behind, before) < least / 2) part = std::max(part, least);
+    }
+  }
+  return part;
+}
+
+bool FrameLight::isSudden(int index, const std::function<bool(int)>& counts) const {
+  const Neighbours near = neighbours(index, counts);
+  return near.behind.empty() && near.differing > 0 && near.differing >= near.alike;
 }
 
 double FrameLight::jump(int index, int reference, double most) const {

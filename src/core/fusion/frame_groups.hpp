@@ -6,6 +6,7 @@
 #include <map>
 #include <opencv2/core.hpp>
 #include <set>
+#include <vector>
 
 namespace all_in_focus::core {
 
@@ -35,15 +36,27 @@ class FrameLight {
   /// Share of the picture in which the light of two frames differs by more than a quarter from that ratio.
   double changed(int index, int other) const;
 
-  /// Share of the picture that changes in that frame alone: it differs from the frame before and from the one
-  /// behind, which are alike. So does a hand; 0 where nothing does, or one of the two has not been observed.
-  /// Frames of another light, and those that do not count, are passed over.
+  /// Share of the picture that something hides which passed by: in that frame and in two more at most, while
+  /// most frames next to it, before and behind, show the same without it. 0: nothing does, or the frames that
+  /// tell have not been observed. Frames of another light, and those that do not count, are passed over.
   double intrusion(int index, const std::function<bool(int)>& counts) const;
+
+  /// Whether the newest frame differs from most before it: later ones may show that something passes by.
+  bool isSudden(int index, const std::function<bool(int)>& counts) const;
 
   /// The frames observed, by index.
   const std::map<int, cv::Mat>& frames() const { return blocks_; }
 
  private:
+  struct Neighbours {
+    std::vector<int> before, behind;  // the nearest first
+    double usual = 0;                 // share of the picture that changes from frame to frame
+    int differing = 0, alike = 0;     // how many differ from the frame; how many do not, with itself
+  };
+
+  Neighbours neighbours(int index, const std::function<bool(int)>& counts) const;
+  bool differs(int index, int other, double usual) const;
+
   std::map<int, cv::Mat> blocks_;  // logarithms of their light
 };
 

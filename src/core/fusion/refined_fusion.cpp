@@ -153,6 +153,11 @@ bool RefinedFusion::hasMoved(int index) const {
   return placement.measured && largestDisplacement(placement, size_, center_) > kSmallShift * radius;
 }
 
+// Says of a frame whether it fits.
+std::function<bool(int)> RefinedFusion::fitting(int reference) const {
+  return [this, reference](int other) { return alignment_.placement(other, reference).fits; };
+}
+
 std::string RefinedFusion::misfit(int index, int reference) const {
   const double light = config_.exposure ? light_.jump(index, reference, kMostLight) : 1;
   if (light != 1) {
@@ -163,8 +168,7 @@ std::string RefinedFusion::misfit(int index, int reference) const {
   const Placement placement = alignment_.placement(index, reference);
   std::string reason = "it shows something else than the others";
   if (placement.fits) {
-    const auto fits = [&](int other) { return alignment_.placement(other, reference).fits; };
-    const double intrusion = hasMoved(index) ? 0 : light_.intrusion(index, fits);
+    const double intrusion = hasMoved(index) ? 0 : light_.intrusion(index, fitting(reference));
     if (intrusion == 0) return "";
     return reason + cv::format(" in %.0f %% of the picture", 100 * intrusion) +
            ": something passed by, or the camera was moved";
@@ -186,7 +190,7 @@ FrameGroup RefinedFusion::largestGroup() const {
 }
 
 std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm,
-                               const cv::Mat& opaque) {
+                               const cv::Mat& opaque, bool may_wait) {
   const bool is_known = light_.frames().count(index) > 0;
   if (!is_known) observe(gray, index, focus_mm);
   const bool is_reference = reference_ < 0;
@@ -206,6 +210,9 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   if (is_known && config_.alignment && !alignment_.placement(index, reference_).fits)
     alignment_.reconsider(gray, index, reference_);
   if (std::string reason = misfit(index, reference_); !reason.empty()) return reason;
+  if (may_wait && !is_reference && config_.alignment && !hasMoved(index) &&
+      light_.isSudden(index, fitting(reference_)))
+    return "it shows something else than the frames before";
   CameraMotion motion;
   if (config_.alignment) static_cast<SimilarityTransform&>(motion) = alignment_.placement(index, reference_);
   if (!is_reference && alignment_.drifts()) {

@@ -42,9 +42,9 @@ class RefinedFusion {
   /// frame: CV_8UC3, or CV_16UC3 in all calls; gray: CV_8UC1 of it; opaque: CV_8UC1, 0 where pixels weigh
   /// nothing; empty: nowhere. Observes the frame unless it has been. Returns why the frame does
   /// not fit the reference, which leaves it out, or "". A frame that was left out may be added once more: it
-  /// may fit what has come since.
+  /// may fit what has come since. may_wait: leaves out a frame, too, of which only later ones will tell.
   std::string add(const cv::Mat& frame, const cv::Mat& gray, int index, double focus_mm,
-                  const cv::Mat& opaque = {});
+                  const cv::Mat& opaque = {}, bool may_wait = false);
 
   /// Why an observed frame does not fit another one, or "".
   std::string misfit(int index, int reference) const;
@@ -78,6 +78,7 @@ class RefinedFusion {
     cv::Mat gray;
   };
   bool hasMoved(int index) const;
+  std::function<bool(int)> fitting(int reference) const;
   void compareWithEarlier(const cv::Mat& reference);
 
   void checkLens();
