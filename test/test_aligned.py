@@ -67,11 +67,25 @@ def test_the_folder_holds_the_frames_of_the_last_run_only(stack, tmp_path):
     (aligned / "mine.txt").write_text("keep")
     with unchanged(tmp_path):
         expect_refusal(fuse_stack(stack, "--output", tmp_path / "o.png", "--save-aligned", aligned), "fuse_stack",
-                       "the folder holds mine.txt, which is no result of this package")
+                       "the folder holds mine.txt, which an earlier run has not left there")
         expect_refusal(fuse_stack(stack, "--output", tmp_path / "o.png", "--save-aligned", stack), "fuse_stack",
-                       "which is no result of this package")
+                       "which an earlier run has not left there")
         expect_refusal(fuse_stack(stack, "--output", tmp_path / "o.png", "--save-aligned", tmp_path / "new", "--mode", "paper"),
                        "fuse_stack", "mode paper aligns no frames")
+
+
+def test_other_results_in_the_folder_stay(stack, tmp_path):
+    results = tmp_path / "results"
+    results.mkdir()
+    succeeded(fuse_stack(stack, "--output", results / "o.png"))
+    succeeded(fuse_stack(stack, "--output", tmp_path / "o.png", "--save-aligned", tmp_path / "aligned"))
+    with unchanged(tmp_path):
+        expect_refusal(fuse_stack(stack, "--output", tmp_path / "x.png", "--save-aligned", results), "fuse_stack",
+                       "the folder holds o.png, which an earlier run has not left there")
+        expect_refusal(fuse_stack(stack, "--output", tmp_path / "aligned" / "IMG_2.png", "--save-aligned", tmp_path / "aligned"),
+                       "fuse_stack", "two outputs for this one file")
+        expect_refusal(fuse_stack(tmp_path / "aligned", "--output", tmp_path / "x.png", "--save-aligned", tmp_path / "aligned"),
+                       "fuse_stack", "would replace what --stack reads")
 
 
 def test_a_frame_that_is_left_out_is_not_written(stack, tmp_path):

@@ -140,6 +140,16 @@ def test_results_alone_are_a_stack(planes):
     assert Stack(slabs).names == ["far.png", "near.png"]
 
 
+def test_results_that_are_the_stack_are_never_replaced(planes):
+    slabs = planes.folder / "slabs"
+    slabs.mkdir()
+    for name in ("near.png", "far.png"):
+        succeeded(fuse_stack("--stack", planes.stack, "--output", slabs / name))
+    with unchanged(planes.folder):
+        for output in (["--output", slabs / "near.png"], ["--output", planes.output("x.png"), "--save-weights", slabs / "far.png"]):
+            expect_refusal(fuse_stack("--stack", slabs, *output), "fuse_stack", "would replace what --stack reads")
+
+
 def test_a_sheet_in_the_folder_is_marked_too(planes):
     sheet = planes.folder / "a.png"
     write_picture(sheet, planes.truth)

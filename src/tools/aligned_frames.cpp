@@ -27,9 +27,9 @@ AlignedFrames::AlignedFrames(OutputFiles& outputs, const std::string& folder,
   if (!fs::is_directory(folder, error)) fail(folder, "no such folder, and it cannot be made");
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string path = entry.path().string();
-    if (!readPhotoMetadata(path).is_result)
+    if (!readPhotoMetadata(path).is_aligned)
       fail(folder, "--save-aligned: the folder holds " + entry.path().filename().string() +
-                       ", which is no result of this package: name another folder");
+                       ", which an earlier run has not left there: name another folder");
     previous_.push_back(path);
   }
 }
@@ -64,7 +64,9 @@ void AlignedFrames::add(const core::AlignedFrame& frame) {
     cv::cvtColor(image, image, cv::COLOR_BGR2BGRA);
     cv::insertChannel(alpha, image, 3);
   }
-  outputs_.addImage(path(frame.index), image);
+  PhotoSource source;
+  source.is_aligned = true;
+  outputs_.addImage(path(frame.index), image, source);
 }
 
 cv::Rect AlignedFrames::finish(const core::BracketResult& result) {

@@ -17,7 +17,7 @@ namespace all_in_focus {
 class AlignedFrames {
  public:
   /// folder: "" = they are not written. names: of the frames' files; empty: of a video. Throws FileError
-  /// where the folder cannot be made, or holds anything but results of this package, which commit() removes.
+  /// where the folder cannot be made, or holds anything but such frames, which commit() removes.
   AlignedFrames(OutputFiles& outputs, const std::string& folder, const std::vector<std::string>& names);
   ~AlignedFrames();  ///< removes a folder that was made in vain
   AlignedFrames(const AlignedFrames&) = delete;

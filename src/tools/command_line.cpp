@@ -41,19 +41,6 @@ void keepFreedMemory() {
 #endif
 }
 
-std::vector<NamedPath> given(const po::variables_map& values, const std::vector<const char*>& names) {
-  std::vector<NamedPath> paths;
-  for (const char* name : names) {
-    if (!values.count(name)) continue;
-    if (const auto* several = boost::any_cast<std::vector<std::string>>(&values[name].value())) {
-      for (const std::string& path : *several) paths.push_back({name, path});
-    } else {
-      paths.push_back({name, values[name].as<std::string>()});
-    }
-  }
-  return paths;
-}
-
 std::string g_name;  // of the program
 
 // For an exception that nobody can catch, such as one of a thread that a library has started.
@@ -112,7 +99,7 @@ int parseAndRun(int argc, char** argv, const po::options_description& options, c
       if (is_empty && !is_flag) throw std::invalid_argument("--" + option + " is empty");
     }
     startCodecs();
-    if (!tool.separates) requireSeparateFiles(values, tool.reads, tool.writes);
+    if (!tool.separates) requireSeparate(given(values, tool.reads), given(values, tool.writes));
     tool.run(values);
     return 0;
   } catch (...) {
@@ -147,9 +134,17 @@ void runTool(int argc, char** argv, const po::options_description& options, cons
   std::_Exit(code);
 }
 
-void requireSeparateFiles(const po::variables_map& values, const std::vector<const char*>& reads,
-                          const std::vector<const char*>& writes) {
-  requireSeparate(given(values, reads), given(values, writes));
+std::vector<NamedPath> given(const po::variables_map& values, const std::vector<const char*>& names) {
+  std::vector<NamedPath> paths;
+  for (const char* name : names) {
+    if (!values.count(name)) continue;
+    if (const auto* several = boost::any_cast<std::vector<std::string>>(&values[name].value())) {
+      for (const std::string& path : *several) paths.push_back({name, path});
+    } else {
+      paths.push_back({name, values[name].as<std::string>()});
+    }
+  }
+  return paths;
 }
 
 std::string textOption(const po::variables_map& values, const char* name) {

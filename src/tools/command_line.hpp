@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "output_files.hpp"
+
 namespace all_in_focus {
 
 /// A program for files.
@@ -16,12 +18,12 @@ struct Tool {
   std::vector<const char*> reads, writes;  ///< options that name files or folders
   std::function<void(const boost::program_options::variables_map&)> run;
   const char* positional = nullptr;  ///< the option that arguments without a name belong to
-  bool separates = false;            ///< run() itself calls requireSeparateFiles()
+  bool separates = false;            ///< run() itself calls requireSeparate()
 };
 
-/// requireSeparate() for the options of those names that are given; one may name several inputs.
-void requireSeparateFiles(const boost::program_options::variables_map& values,
-                          const std::vector<const char*>& reads, const std::vector<const char*>& writes);
+/// The paths that options of those names give; one may give several.
+std::vector<NamedPath> given(const boost::program_options::variables_map& values,
+                             const std::vector<const char*>& names);
 
 /// Parses the command line, refuses outputs that would harm an input, see requireSeparate(), runs the tool
 /// and turns errors into one line and exit code 2. --help prints `options`, --version that of the package.

@@ -127,7 +127,7 @@ PipelineResult run(const po::variables_map& values, PipelineInput& input, Mode m
 Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std::string& who,
                 const std::string& ahead) {
   const auto begin = std::chrono::steady_clock::now();
-  requireSeparateFiles(values, kReads, kWrites);
+  requireSeparate(given(values, kReads), given(values, kWrites));
   const Mode mode = parseMode(values["mode"].as<std::string>());
   PipelineInput input;
   ReportContext context;
@@ -140,7 +140,7 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
   context.notes = stack.notes();
   readFocus(values, stack, input, context);
   explainMissing(input, mode, context);
-  ResultFiles files(values, of.path, stack, mode);
+  ResultFiles files(values, given(values, kWrites), stack, mode);
   files.prepare(input);
   // Before the first frame is fused: that may take minutes.
   const std::vector<std::string> warnings = checkScene(values, input, stack);

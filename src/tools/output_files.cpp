@@ -154,8 +154,8 @@ void requireSeparate(const std::vector<NamedPath>& inputs, const std::vector<Nam
     }
     for (std::size_t j = 0; j < i; ++j) {
       const fs::path other = target(outputs[j].path);
-      const bool have_one_name =
-          fs::weakly_canonical(fs::absolute(place)) == fs::weakly_canonical(fs::absolute(other));
+      const bool have_one_name = place.filename() == other.filename() &&
+                                 same(fs::absolute(place).parent_path(), fs::absolute(other).parent_path());
       if (same(place, other) || have_one_name) {
         fail(path, "--" + outputs[j].option + " and --" + option + " are two outputs for this one file");
       }

@@ -19,6 +19,7 @@ constexpr const char* kOrientation = "Exif.Image.Orientation";
 constexpr const char* kProfile = "Exif.Image.InterColorProfile";
 constexpr const char *kFrames = "Xmp.dc.source", *kOptions = "Xmp.xmp.CreatorTool";
 constexpr const char* kMark = "all_in_focus";
+constexpr const char* kAlignedMark = "all_in_focus, aligned frame";
 
 std::string text(const Exiv2::ExifData& exif, const char* key) {
   const auto found = exif.findKey(Exiv2::ExifKey(key));
@@ -152,7 +153,9 @@ PhotoMetadata readPhotoMetadata(const std::string& path) {
     found.size = {static_cast<int>(image->pixelWidth()), static_cast<int>(image->pixelHeight())};
     found.taken = timeOf(image->exifData());
     found.orientation = orientationOf(image->exifData());
-    found.is_result |= text(image->exifData(), kSoftware).rfind(kMark, 0) == 0;
+    const std::string software = text(image->exifData(), kSoftware);
+    found.is_result |= software.rfind(kMark, 0) == 0;
+    found.is_aligned = software == kAlignedMark;
     found.frames = text(image->xmpData(), kFrames);
     found.options = text(image->xmpData(), kOptions);
   } catch (const std::exception&) {
@@ -194,7 +197,7 @@ bool markAsResult(std::string& data, const PhotoSource& source) {
         Exiv2::ImageFactory::open(reinterpret_cast<const Exiv2::byte*>(marked.data()), marked.size());
     image->readMetadata();
     for (const Exiv2::Exifdatum& value : copied.exif) image->exifData()[value.key()] = value.value();
-    image->exifData()[kSoftware] = kMark;
+    image->exifData()[kSoftware] = source.is_aligned ? kAlignedMark : kMark;
     if (source.orientation != 1)
       image->exifData()[kOrientation] = static_cast<std::uint16_t>(source.orientation);
     if (!isPng(data) && !copied.profile.empty()) setProfile(*image, copied.profile);

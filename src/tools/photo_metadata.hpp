@@ -17,6 +17,7 @@ struct PhotoMetadata {
   std::string taken;  ///< EXIF time of exposure, "2026:05:01 12:00:00.25"; "" = unknown. Sorts like time.
   Orientation orientation = 1;  ///< 1 where the file does not tell it
   bool is_result = false;       ///< a program of this package wrote it
+  bool is_aligned = false;      ///< ... as a frame of --save-aligned
   std::string frames, options;  ///< of a result: see PhotoSource, frames separated by commas
 };
 
@@ -34,6 +35,7 @@ struct PhotoSource {
   std::string frames;     ///< names, see namesText()
   Orientation orientation = 1;  ///< of the result's pixels
   std::string options;          ///< of the program
+  bool is_aligned = false;      ///< it is no result, but an aligned frame
 };
 
 /// Names separated by commas.

@@ -83,7 +83,7 @@ std::string optionsText(const po::variables_map& values) {
   return text;
 }
 
-ResultFiles::ResultFiles(const po::variables_map& values, const std::string& stack_path,
+ResultFiles::ResultFiles(const po::variables_map& values, std::vector<NamedPath> outputs,
                          const StackReader& stack, Mode mode)
     : values_(values),
       stack_(stack),
@@ -92,7 +92,12 @@ ResultFiles::ResultFiles(const po::variables_map& values, const std::string& sta
       bits_(parseBits(values)),
       width_(parseWidth(values)),
       aligned_(outputs_, textOption(values, "save-aligned"), stack.names()) {
-  requireSeparate({{"stack", stack_path}}, aligned_.paths());
+  // Earlier results are frames, too, where the folder holds nothing else.
+  std::vector<NamedPath> frames;
+  for (int i = 0; i < static_cast<int>(stack.names().size()); ++i) frames.push_back({"stack", stack.path(i)});
+  const std::vector<NamedPath> aligned = aligned_.paths();
+  outputs.insert(outputs.end(), aligned.begin(), aligned.end());
+  requireSeparate(frames, outputs);
   if (values.count("save-aligned") && mode == Mode::kPaper)
     throw std::invalid_argument("--save-aligned: mode paper aligns no frames");
 }

@@ -22,9 +22,10 @@ std::string optionsText(const boost::program_options::variables_map& values);
 /// The files that the command line of fuse_stack asks for. They appear all together at the end, or none does.
 class ResultFiles {
  public:
-  /// Throws std::invalid_argument where an option is impossible, before the first frame is fused: that may
-  /// take minutes. The arguments must outlive the object.
-  ResultFiles(const boost::program_options::variables_map& values, const std::string& stack_path,
+  /// Throws std::invalid_argument where an option is impossible or a frame would be replaced, before the
+  /// first one is fused: that may take minutes. outputs: those that the values name. Values and stack must
+  /// outlive the object.
+  ResultFiles(const boost::program_options::variables_map& values, std::vector<NamedPath> outputs,
               const StackReader& stack, Mode mode);
   ResultFiles(const ResultFiles&) = delete;
   ResultFiles& operator=(const ResultFiles&) = delete;
