@@ -65,3 +65,14 @@ def test_files_are_relative_to_where_roslaunch_is_called(tmp_path, monkeypatch):
     assert replayed['/image_folder_camera/rig'] == str(tmp_path / 'rig')
     played = params('replay.launch', 'bag:=X.bag', 'rig:=rig', 'topics:=names.yaml', 'rviz:=false')
     assert played['/player/topics'] == 'names.yaml' and played['/rig_publisher/rig'] == str(tmp_path / 'rig')
+    (tmp_path / 'scene').mkdir()
+    found = params('robot.launch', 'kinect:=a.oni', 'dslr:=scene/stack', 'rviz:=false')
+    assert found['/kinect_openni2/device'] == str(tmp_path / 'a.oni')
+    assert found['/image_folder_camera/stack'] == str(tmp_path / 'scene' / 'stack')
+    (tmp_path / 'rig').rename(tmp_path / 'scene' / 'rig')
+    found = params('replay.launch', 'folder:=scene', 'rviz:=false')
+    assert found['/depth_file_camera/depth'] == str(tmp_path / 'scene' / 'depth.png')
+    for given in ('', '#2', '1d27/0601@1/5'):
+        assert params('robot.launch', f'kinect:={given}', 'rviz:=false')['/kinect_openni2/device'] == given
+    for given in ('', 'Nikon DSC D750'):
+        assert params('robot.launch', f'dslr:={given}', 'rviz:=false')['/focus_bracket_camera/model'] == given
