@@ -60,6 +60,19 @@ def test_distances_are_those_of_the_lens(scene):
     assert cv2.imread(str(scene / "plot.png")).std() > 5
 
 
+def test_beyond_the_board_the_table_goes_on(scene):
+    """Without the board's near quarter no tile is sharpest in the first frames."""
+    sharpness, depth = Sharpness(), board()
+    depth[1000 / np.maximum(depth, 1) > 1.1] = 0
+    for focus in FOCUS:
+        sharpness.add(photograph(board(), focus))
+    curve = fit(sharpness, dioptres_of_registered(depth, sharpness.grid()))
+    assert curve.span()[1] < FOCUS[3]
+    table = curve.table(0, 1)
+    assert [row["step"] for row in table] == list(range(len(FOCUS)))
+    assert [1000 / row["mm"] for row in table] == pytest.approx(FOCUS, abs=0.06)  # half a step
+
+
 def test_every_program_takes_the_table(scene):
     distances = Stack(scene / "stack", scene / "table.yaml").distances
     assert 1 / distances[5] == pytest.approx(FOCUS[5], abs=0.03)

@@ -90,7 +90,7 @@ def main(argv, description):
         beyond = "" if 1000 / high <= row["mm"] <= 1000 / low else "   extended beyond the depths of the scene"
         print(f"step {row['step']:5d}  {row['mm'] / 1000:7.3f} m{beyond}")
     if len(table) < curve.frames:
-        parser.warn(f"{curve.frames - len(table)} of {curve.frames} frames are focused too far from all depths of the scene: "
-                    "their distance stays unknown")
+        parser.warn(f"{curve.frames - len(table)} of {curve.frames} frames are focused beyond infinity: the table ends before "
+                    "them")
     print(f"wrote {args.output}")
     return 0

@@ -21,7 +21,7 @@ ONE_DISTANCE = 0.12  # 1/m: a tile and those around it span no more
 PROMINENT = 1.2  # a tile is sharpest in one frame: its gradients, squared, are so many times those before and after it
 FEWEST = 20  # tiles
 SHORTEST = 2.0  # frames that the peaks must span
-BEYOND = 0.25  # of the dioptres that the tiles span: so far the curve is extended on either side
+FARTHEST = 1e-3  # 1/m; a frame that the curve places beyond is focused beyond infinity
 TUKEY, ROUNDS = 4.7, 20  # outlier limit in standard deviations; rounds of reweighting
 BENT = 0.9  # a curve must leave so much less error than a line
 
@@ -123,8 +123,10 @@ class FocusCurve:
     error: float
 
     def at(self, frame):
-        """Dioptres of a frame, which may lie between two."""
-        return np.polyval(self.curve, frame)
+        """Dioptres of a frame, which may lie between two. Beyond the tiles the curve goes on in even steps."""
+        used = self.peaks[self.inlier]
+        end = np.clip(frame, used.min(), used.max())
+        return np.polyval(self.curve, end) + np.polyval(np.polyder(self.curve), end) * (frame - end)
 
     def span(self):
         """Least and greatest dioptres of the tiles that count."""
@@ -132,13 +134,10 @@ class FocusCurve:
         return used.min(), used.max()
 
     def table(self, first, step):
-        """Rows of a focus table: frames whose distance was measured, or lies a little beyond what was. `first`, `step`: lens
-        steps at the first frame and from frame to frame."""
-        low, high = self.span()
-        margin = BEYOND * (high - low)
+        """Rows of a focus table: all frames but those beyond infinity. `first`, `step`: lens steps at the first frame and
+        from frame to frame."""
         rows = [(index, float(self.at(index))) for index in range(self.frames)]
-        return [{"step": first + index * step, "mm": 1000 / dioptre} for index, dioptre in rows
-                if max(low - margin, 1e-3) <= dioptre <= high + margin]
+        return [{"step": first + index * step, "mm": 1000 / dioptre} for index, dioptre in rows if dioptre >= FARTHEST]
 
 
 def fit(sharpness, dioptres):
