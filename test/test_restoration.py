@@ -119,3 +119,17 @@ def test_beside_thin_things_its_depth_is_right_more_often_than_the_registered_on
 def test_only_restored_has_that_depth(scene, tmp_path):
     done = fuse_stack("--stack", scene / "stack", "--output", tmp_path / "fused.png", "--save-depth", tmp_path / "depth.png")
     expect_refusal(done, "fuse_stack", "--save-depth: there is no depth from the bracket: only --mode restored")
+
+
+def test_with_depth_the_focus_distances_are_found(tmp_path):
+    """In the frames: each is focused on the depth that is sharpest in it."""
+    scene = made_scene("--scene", "clutter", "--frames", "8", "--optics", "50,2.8,0.03", "--size", "320x240")
+    image = Truth.load(scene).image
+    told, _ = fuse(scene, tmp_path, "restored")
+    refined, _ = fuse(scene, tmp_path, "refined", focus=False)
+    found, report = fuse(scene, tmp_path, "restored", "--save-depth", tmp_path / "depth.png", focus=False)
+    assert report["mode"] == "restored" and report["blur_scale"] == pytest.approx(1, abs=0.1)
+    assert report["notes"] == ["no focus distances: restored by those at which surfaces of known depth are sharpest, in even "
+                               "steps"]
+    assert psnr(found, image) > max(psnr(told, image) - 0.6, psnr(refined, image) + 0.4)  # 0.3 less than told
+    assert np.mean(np.abs(read(tmp_path / "depth.png") / read(scene / "truth_depth.png") - 1) < 0.1) > 0.85

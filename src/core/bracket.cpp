@@ -20,6 +20,9 @@ namespace all_in_focus::core {
 namespace {
 
 constexpr std::size_t kMostRejections = 20;  // that notes tell of one by one
+const std::string kNoFocus = "no focus distances: depth and lens data are not used";
+const std::string kFocusFound =
+    "no focus distances: restored by those at which surfaces of known depth are sharpest, in even steps";
 constexpr const char* kNotUsed = ": depth and lens data are not used";
 constexpr double kMmPerM = 1000;
 constexpr int kNone = -1;  // no frame has this index
@@ -413,7 +416,7 @@ BracketResult Bracket::preview() const {
   result.fusion_ms = fusion_ms_;
 
   std::vector<std::string> notes = notes_;
-  if (predicts_ && !focus_known_) notes.emplace_back("no focus distances: depth and lens data are not used");
+  if (predicts_ && !focus_known_) notes.push_back(kNoFocus);
   if (used_ > 0 && settings_.mode != Mode::kPaper && nearest_ != reference_) {
     notes.push_back("the reference, " + name(reference_) + ", is missing or was rejected: " + name(nearest_) +
                     " takes its place");
@@ -443,6 +446,8 @@ BracketResult Bracket::finish(const Progress& progress) {
   while (!held_.empty()) markRejected(held_.begin()->first, whyUnused(held_.begin()->second));
   Stopwatch watch;
   BracketResult result = preview();
+  if (restores() && predicts_ && !focus_known_ && restoration_->findFocus())
+    std::replace(result.notes.begin(), result.notes.end(), kNoFocus, kFocusFound);
   result.fusion_ms += watch.lap();
   if (restores()) {
     restore(progress, result);

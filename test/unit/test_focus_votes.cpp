@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
@@ -170,6 +171,16 @@ TEST(FocusVotes, AListInReverseOrderIsNoticed) {
 TEST(FocusVotes, NoiseAloneSaysNothing) {
   EXPECT_FALSE(votes(kFrames, 0).correctionOf(listOf(lateBy(1))));
   EXPECT_FALSE(votes(2).correctionOf(listOf(sweep(), 2)));
+}
+
+TEST(FocusVotes, DistancesOfALensThatMovesInEvenStepsAreFound) {
+  std::vector<double> steps(kFrames);
+  std::iota(steps.begin(), steps.end(), 7);
+  const std::vector<double> found = votes().focusAt(steps);
+  ASSERT_EQ(found.size(), steps.size());
+  for (int k = 0; k < kFrames; ++k) EXPECT_NEAR(found[k], 1 / sweep()[k], 0.3 * step()) << k;  // 0.19
+  EXPECT_TRUE(votes(kFrames, 0).focusAt(steps).empty());
+  EXPECT_TRUE(votes(2).focusAt({0, 1}).empty());
 }
 
 TEST(FocusVotes, ModeRefinedCorrectsWhatItPredictsBy) {

@@ -38,6 +38,8 @@ constexpr double kAsGood = 0.05;
 constexpr double kLeastFactor = 1.05;         // what is less may be the depth sensor's
 constexpr int kPerDecade = 64, kDecades = 3;  // factors that are tried
 
+constexpr double kShortest = 2;  // frames between the votes of the quarters that are nearest and farthest
+
 // Whether the focus moves in one direction.
 bool isSweep(const std::vector<FrameBlur>& list) {
   for (std::size_t k = 2; k < list.size(); ++k) {
@@ -207,6 +209,34 @@ std::optional<FocusCorrection> FocusVotes::correctionOf(const std::vector<FrameB
   if (most < kSurelyAgree) return std::nullopt;
   if (best.shift == 0 && std::max(best.factor, 1 / best.factor) < kLeastFactor) return FocusCorrection();
   return best;
+}
+
+// The straight line through the votes by the median of slopes (Theil), each between a vote and that which
+// lies half of all votes farther. Depth is exact, places are not: so places are a function of depth.
+std::vector<double> FocusVotes::focusAt(const std::vector<double>& steps) const {
+  if (votes_.size() < kLeastVotes) return {};
+  std::vector<FrameBlur> list;
+  for (const double step : steps) list.push_back({step, 1});
+  std::vector<cv::Point2d> votes;  // inverse depth, step
+  for (const Vote& vote : votes_) votes.emplace_back(vote.inverse_depth, at(list, vote.place));
+  std::sort(votes.begin(), votes.end(), [](const auto& a, const auto& b) { return a.x < b.x; });
+  std::vector<double> slopes, offsets;
+  const std::size_t half = votes.size() / 2;
+  for (std::size_t i = 0; i + half < votes.size(); ++i) {
+    const cv::Point2d apart = votes[i + half] - votes[i];
+    if (apart.x > 0) slopes.push_back(apart.y / apart.x);
+  }
+  const double slope = median(std::move(slopes));
+  for (const cv::Point2d& vote : votes) offsets.push_back(vote.y - slope * vote.x);
+  const double offset = median(std::move(offsets));
+  const double nearest = votes[votes.size() - 1 - votes.size() / 8].x, farthest = votes[votes.size() / 8].x;
+  if (std::abs(slope) * (nearest - farthest) < kShortest) return {};
+  std::vector<double> focus;
+  for (FrameBlur& frame : list) {
+    frame.inverse_depth = (frame.inverse_depth - offset) / slope;
+    focus.push_back(frame.inverse_depth);
+  }
+  return support(list) >= kSurelyAgree ? focus : std::vector<double>();
 }
 
 }  // namespace all_in_focus::core

@@ -40,6 +40,10 @@ class FocusVotes {
   /// What is wrong with a list: nothing, where the votes agree with it. None: they do not tell.
   std::optional<FocusCorrection> correctionOf(const std::vector<FrameBlur>& list) const;
 
+  /// A list for frames of which none is known: inverse focus distances of a lens that moves in even steps,
+  /// beyond infinity too. steps: of the lens at each frame, ascending. Empty: the votes do not tell.
+  std::vector<double> focusAt(const std::vector<double>& steps) const;
+
  private:
   struct Vote {
     float place;  ///< in the list, between two frames

@@ -403,22 +403,42 @@ ObservedBracket BracketRestoration::observed(const cv::Mat& fused) const {
   return bracket;
 }
 
-// What the frames say about lens and focus distances; those are in the order of inverse distance.
-LensFit BracketRestoration::lens(const ObservedBracket& bracket) const {
-  std::vector<FrameBlur> of_copies;
+// Of the frames that are held, in their order.
+FocusVotes BracketRestoration::votes() const {
+  if (!scene_.camera || scene_.depth.empty()) return {{}, {}, {}};
+  const LightCurve& curve = linear_ ? LightCurve::linear() : LightCurve::srgb();
   std::vector<FocusVotes::Frame> details;
-  for (const ObservedFrame& frame : bracket.frames) {
-    of_copies.push_back(frame.blur);
-    of_copies.back().px_mm /= shrinking();
-    if (!hasScale() || bracket.measured.empty()) continue;
+  for (const HeldFrame& held : held_) {
     cv::Mat codes, gray;
-    frame.codes.convertTo(codes, CV_8U, 1.0 / kCodeScale);
+    exposed(held.image, held.gain, curve).convertTo(codes, CV_8U, 1.0 / kCodeScale);
     cv::cvtColor(codes, gray, cv::COLOR_BGR2GRAY);
     details.push_back({DetailMap::of(gray)});
   }
+  return {details, scene_.measured.empty() ? scene_.depth : scene_.measured, working_size_};
+}
+
+bool BracketRestoration::findFocus() {
+  if (focus_known_) return false;
+  std::vector<double> steps;
+  for (const HeldFrame& held : held_) steps.push_back(held.inverse_depth);
+  const std::vector<double> focus = votes().focusAt(steps);
+  if (focus.empty() || 1 / scene_.optics.focal_length_mm <= std::max(focus.front(), focus.back()))
+    return false;
+  for (std::size_t k = 0; k < focus.size(); ++k) held_[k].inverse_depth = std::max(focus[k], 0.0);
+  if (focus.front() > focus.back()) std::reverse(held_.begin(), held_.end());
+  focus_known_ = true;
+  return true;
+}
+
+// What the frames say about lens and focus distances; those are in the order of inverse distance.
+LensFit BracketRestoration::lens(const ObservedBracket& bracket) const {
+  std::vector<FrameBlur> of_copies;
+  for (const ObservedFrame& frame : bracket.frames) {
+    of_copies.push_back(frame.blur);
+    of_copies.back().px_mm /= shrinking();
+  }
   const BlurEvidence evidence = evidenceOf(bracket, shrinking());
-  const cv::Mat& depth = scene_.measured.empty() ? scene_.depth : scene_.measured;
-  if (const auto voted = FocusVotes(details, depth, working_size_).correctionOf(of_copies)) {
+  if (const auto voted = focus_known_ ? votes().correctionOf(of_copies) : std::nullopt) {
     const LensFit fit = fitLens(evidence, of_copies, *voted);
     if (!fit.contradicts()) return fit;
   }

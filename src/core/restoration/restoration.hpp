@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fusion/bracket_fusion.hpp"
+#include "optics/focus_votes.hpp"
 #include "optics/lens_fit.hpp"
 
 namespace all_in_focus::core {
@@ -50,6 +51,10 @@ class BracketRestoration {
   /// in dioptres over the scene. It ignores a frame whose focus distance is unknown.
   void add(const AlignedFrame& frame);
 
+  /// Where no focus distance is known: takes them, in even steps, from the frames in which surfaces of known
+  /// depth are sharpest. False: there is no depth or no camera, or the frames do not agree on a list.
+  bool findFocus();
+
   /// What is missing for a restoration, as text for a user; "" = restore() will work.
   std::string missing() const;
 
@@ -67,6 +72,7 @@ class BracketRestoration {
   };
   void dropOne();
   ObservedBracket observed(const cv::Mat& fused) const;
+  FocusVotes votes() const;
   LensFit lens(const ObservedBracket& bracket) const;
   double shrinking() const;
   bool hasScale() const { return scene_.camera && focus_known_; }
