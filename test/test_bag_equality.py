@@ -58,12 +58,12 @@ def test_nodes_give_the_pixels_of_fuse_stack(scene, mode):
     assert report["reference"] == FRAMES // 2  # so some frames were held
 
 
-@pytest.mark.parametrize("mode", ["paper", "refined"])
+@pytest.mark.parametrize("mode", ["paper", "refined", "restored"])
 def test_nodes_give_the_pixels_of_fuse_stack_without_focus_and_with_another_lens(scene, mode):
     bag = scene.make_bag(f"no_focus_{mode}.bag", "--no-focus")
     options = ["--optics", "35,8,0.03", "--mode", mode]
     report = scene.check_equality(f"lens_{mode}", bag, [*options, "--bracket-size", FRAMES], options, focus=False)
-    assert any("no focus distances" in note for note in report["notes"]) == (mode == "refined")
+    assert any("no focus distances" in note for note in report["notes"]) == (mode != "paper")
 
 
 def test_both_leave_out_frames_that_do_not_fit(scene):
