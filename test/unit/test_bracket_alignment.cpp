@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "alignment/alignment_parameters.hpp"
 #include "alignment/bracket_alignment.hpp"
 #include "bracket_drawing.hpp"
 
@@ -242,7 +243,7 @@ TEST(BracketAlignment, ARejectedFrameIsTriedAgainstLaterOnes) {
   const std::vector<double> shifts = {0, 32, 8, 16, 24};  // 16 is the most that can be measured
   for (int k = 0; k < static_cast<int>(shifts.size()); ++k) alignment.observe(frame({1, {shifts[k], 0}}), k);
   ASSERT_FALSE(alignment.placement(1, 0).fits);
-  EXPECT_LT(alignment.placement(1, 0).correlation, BracketAlignment::kSameScene);
+  EXPECT_LT(alignment.placement(1, 0).correlation, kAlignment.same_scene);
   alignment.reconsider(frame({1, {32, 0}}), 1, 0);
   EXPECT_TRUE(alignment.placement(1, 0).fits);
   EXPECT_LT(error(alignment.placement(1, 0), {1, {32, 0}}), 0.3);
@@ -257,10 +258,10 @@ TEST(BracketAlignment, TellsTheCorrelationThatDecided) {
   int index = 0;
   for (const int seed : {1, 1, 8, 8, 8}) alignment.observe(frame({}, 0, 0, seed), index++);
   for (const int k : {0, 1}) {
-    EXPECT_LT(alignment.placement(k, 3).correlation, BracketAlignment::kSameScene);
-    EXPECT_LT(alignment.placement(3, k).correlation, BracketAlignment::kSameScene);
+    EXPECT_LT(alignment.placement(k, 3).correlation, kAlignment.same_scene);
+    EXPECT_LT(alignment.placement(3, k).correlation, kAlignment.same_scene);
   }
-  EXPECT_GT(alignment.placement(3, 2).correlation, BracketAlignment::kSameScene);
+  EXPECT_GT(alignment.placement(3, 2).correlation, kAlignment.same_scene);
 }
 
 TEST(BracketAlignment, DefocusAndExposureAreNotRejected) {

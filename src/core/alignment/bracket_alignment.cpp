@@ -10,24 +10,14 @@
 #include <string>
 #include <utility>
 
+#include "alignment/alignment_parameters.hpp"
+
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kFarFromKey = 0.03;  // magnification relative to the key frame
-// A contour whose blur changes shifts all of its tiles alike. This error is kModelError px of 640 x 480 where
-// kModelTiles tell the motion. It falls with the root of their number, because the shifts of many contours
-// cancel each other.
-constexpr double kModelError = 0.05, kModelTiles = 100, kFewestTiles = 40;
-constexpr double kModelRadius = 400;            // px: half the diagonal of 640 x 480
-constexpr double kSignificance = 3;             // standard deviations
-constexpr double kShiftSignificance = 3.44;     // of two components; as rare as 3 of a single number
-constexpr double kParallaxSignificance = 3.76;  // of three components
-constexpr std::size_t kMostKeys = 12;           // that are kept: a third of the magnification
-constexpr double kNoticeableRoll = 0.1;         // px at the corners; a warp without a roll takes half as long
-
 // Variance that a motion has even where all tiles agree, px^2.
 double modelVariance(double radius, double tiles) {
-  return std::pow(kModelError * radius / kModelRadius, 2) * kModelTiles / std::max(kFewestTiles, tiles);
+  return std::pow(kAlignment.model_error * radius, 2) / std::max(kAlignment.fewest_tiles, tiles);
 }
 
 }  // namespace
@@ -64,7 +54,7 @@ void BracketAlignment::observe(const cv::Mat& gray, int index, bool is_odd) {
     current_.frame.scene = scenes_++;
     other_alignment_.setKey(current_.pyramid, center_);
     makeKey(current_);
-  } else if (const PairMeasurement found = measureFromKey(); found.correlation >= kSameScene) {
+  } else if (const PairMeasurement found = measureFromKey(); found.correlation >= kAlignment.same_scene) {
     current_.frame.scene = key_.scene;
     if (found.converged || !placeByOthers(/*measured=*/true)) place(found);
   } else {
@@ -117,7 +107,7 @@ bool BracketAlignment::placeByOneOf(const std::vector<const View*>& views, bool 
   PairMeasurement best;
   for (const View* view : views) {
     const PairMeasurement now = measureFrom(*view, {});
-    if (now.correlation < kSameScene) {
+    if (now.correlation < kAlignment.same_scene) {
       noteMismatch(view->frame.scene, now.correlation);
     } else if (now.converged || (!measured && (!found || now.correlation > best.correlation))) {
       found = view;
@@ -147,10 +137,10 @@ PairMeasurement BracketAlignment::measureFrom(const View& view, const Similarity
 PairMeasurement BracketAlignment::measureFromKey() {
   const SimilarityTransform guess = compose(inverse(key_.motion), last_.frame.motion);
   PairMeasurement direct = key_alignment_.measure(current_.pyramid, guess);
-  const bool near =
-      direct.converged && largestDisplacement(direct.motion, size_, center_) <= kFarFromKey * radius_;
+  const bool near = direct.converged &&
+                    largestDisplacement(direct.motion, size_, center_) <= kAlignment.far_from_key * radius_;
   const bool usable = last_.frame.index != key_.index && last_.frame.measured;
-  if (near || direct.correlation < kSameScene || !usable) return direct;
+  if (near || direct.correlation < kAlignment.same_scene || !usable) return direct;
   PairMeasurement step = measureFrom(last_, {});
   if (!step.converged) return direct;
   makeKey(last_);
@@ -169,7 +159,7 @@ void BracketAlignment::makeKey(const View& view) {
   if (known != keys_.end()) {
     std::rotate(known, known + 1, keys_.end());
   } else {
-    if (keys_.size() == kMostKeys) keys_.erase(keys_.begin());
+    if (keys_.size() == kAlignment.most_keys) keys_.erase(keys_.begin());
     keys_.push_back({view.pyramid.clone(), {}});
   }
   keys_.back().frame = key_;
@@ -187,8 +177,9 @@ void BracketAlignment::noteParallax(const PairMeasurement& measurement) {
   const cv::Vec3d shift(measurement.motion.shift.x, measurement.motion.shift.y, 0);
   along_shift_ += shift.dot(information * parallax);
   shift_information_ += shift.dot(information * shift);
-  const bool is_significant = parallax.dot(information * parallax) > std::pow(kParallaxSignificance, 2) ||
-                              along_shift_ > kSignificance * std::sqrt(shift_information_);
+  const bool is_significant =
+      parallax.dot(information * parallax) > std::pow(kAlignment.parallax_significance, 2) ||
+      along_shift_ > kAlignment.significance * std::sqrt(shift_information_);
   drifts_ = drifts_ || (is_significant && isNoticeable({{}, parallax}));
 }
 
@@ -198,7 +189,8 @@ bool BracketAlignment::isNoticeable(const CameraMotion& motion) const {
     for (const int y : {0, size_.height - 1}) {
       for (const double relief : {-2.0, 2.0}) {
         const cv::Point2d corner(x, y);
-        if (cv::norm(motion.apply(corner, relief, center_, size_) - corner) >= kNoticeable) return true;
+        if (cv::norm(motion.apply(corner, relief, center_, size_) - corner) >= kAlignment.noticeable)
+          return true;
       }
     }
   }
@@ -213,7 +205,7 @@ CameraMotion BracketAlignment::measureDrift(const cv::Mat& reference, const cv::
   }
   current_.pyramid.build(gray);
   const PairMeasurement found = drift_alignment_.measure(current_.pyramid, placement, /*parallax=*/true);
-  if (!found.converged || cv::trace(found.parallax_covariance) > std::pow(kNoticeable, 2))
+  if (!found.converged || cv::trace(found.parallax_covariance) > std::pow(kAlignment.noticeable, 2))
     return {placement, {}};
   const CameraMotion motion{found.motion, found.parallax};
   return isNoticeable(motion) ? motion : CameraMotion();
@@ -262,7 +254,7 @@ Placement BracketAlignment::placement(int index, int reference) const {
   cv::Vec4d found(radius_ * (measured.scale - 1), radius_ * measured.angle, measured.shift.x,
                   measured.shift.y);
   const auto significant = [&](int i) {
-    return found[i] * found[i] > kSignificance * kSignificance * covariance(i, i);
+    return found[i] * found[i] > kAlignment.significance * kAlignment.significance * covariance(i, i);
   };
   const auto fix = [&](int i, double value) {
     cv::Vec4d slope;
@@ -272,14 +264,14 @@ Placement BracketAlignment::placement(int index, int reference) const {
   };
   result.scale = significant(0) ? measured.scale : 1;
   fix(0, radius_ * (result.scale - 1));
-  fix(1, significant(1) && std::abs(found[1]) > kNoticeableRoll ? found[1] : 0);
+  fix(1, significant(1) && std::abs(found[1]) > kAlignment.noticeable_roll ? found[1] : 0);
   result.angle = found[1] / radius_;
   const cv::Vec2d shift(found[2], found[3]);
   const cv::Matx22d shift_covariance = covariance.get_minor<2, 2>(2, 2);
   const double deviations = std::sqrt(shift.dot(shift_covariance.inv() * shift));
-  if (deviations > kShiftSignificance) result.shift = cv::Point2d(shift[0], shift[1]);
+  if (deviations > kAlignment.shift_significance) result.shift = cv::Point2d(shift[0], shift[1]);
 
-  if (largestDisplacement(result, size_, center_) < kNoticeable)
+  if (largestDisplacement(result, size_, center_) < kAlignment.noticeable)
     static_cast<SimilarityTransform&>(result) = {};
   return result;
 }

@@ -33,10 +33,6 @@ struct Placement : SimilarityTransform {
 /// long bracket are near enough.
 class BracketAlignment {
  public:
-  static constexpr double kNoticeable = 0.35;  ///< px; a smaller motion is not worth resampling a frame
-  static constexpr double kSameScene =
-      0.8;  ///< least correlation; frames far out of focus reach 0.9, other scenes 0.5
-
   /// center: principal point, pixels. relief: of the reference, if known.
   void begin(const cv::Size& size, const cv::Point2d& center, const Relief& relief = {});
 
@@ -104,7 +100,7 @@ class BracketAlignment {
   Observation key_;
   PairAlignment key_alignment_, other_alignment_, drift_alignment_;
   View current_, last_, stray_;  ///< stray: the last frame that shows another scene than the key frame
-  std::vector<View> keys_;       ///< all key frames, at most kMostKeys; the present one is the last
+  std::vector<View> keys_;       ///< all key frames, at most most_keys; the present one is the last
 };
 
 }  // namespace all_in_focus::core

@@ -6,32 +6,27 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
+#include "alignment/alignment_parameters.hpp"
+
 namespace all_in_focus::core {
-namespace {
-
-constexpr int kLargestLevel = 1 << 20;  // pixels
-constexpr int kSmallestSide = 24;       // pixels; a smaller picture says little
-constexpr double kContrastSigma = 3;    // px of the coarsest level
-
-}  // namespace
 
 void ImagePyramid::build(const cv::Mat& gray) {
   cv::pyrDown(gray, halved_);
   finest_reduction_ = 2;
-  while (halved_.total() > kLargestLevel) {
+  while (halved_.total() > kAlignment.largest_level) {
     cv::pyrDown(halved_, halved_again_);
     cv::swap(halved_, halved_again_);
     finest_reduction_ *= 2;
   }
   const int side = std::min(halved_.cols, halved_.rows);
-  for (levels_ = 1; side >> levels_ >= kSmallestSide;) ++levels_;
+  for (levels_ = 1; side >> levels_ >= kAlignment.smallest_side;) ++levels_;
   if (static_cast<int>(images_.size()) < levels_) images_.resize(levels_);
   halved_.convertTo(images_[0], CV_32F);
   for (int i = 0; i < levels_; ++i) {
     if (i > 0) cv::pyrDown(images_[i - 1], images_[i]);
     cv::GaussianBlur(images_[i], images_[i], cv::Size(3, 3), 0);
   }
-  cv::GaussianBlur(images_[levels_ - 1], contrast_, cv::Size(), kContrastSigma);
+  cv::GaussianBlur(images_[levels_ - 1], contrast_, cv::Size(), kAlignment.contrast_sigma);
   cv::subtract(images_[levels_ - 1], contrast_, contrast_);
 }
 

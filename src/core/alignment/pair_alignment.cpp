@@ -7,21 +7,11 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "alignment/alignment_parameters.hpp"
 #include "util/simd.hpp"
 
 namespace all_in_focus::core {
 namespace {
-
-constexpr double kContrastFloor = 0.5;  // gray levels; below, contrast may be noise
-constexpr double kResidualFloor = 0.2;  // gray levels; rounding leaves as much
-
-constexpr double kMiddle = 3.5;          // of a tile, px from its first pixel
-constexpr int kMargin = 2;               // px at the border of a level which smoothing has spoilt
-constexpr int kIterations = 5;           // at each level
-constexpr double kSmallStep = 0.01;      // px of a level: converged; the next step would be a tenth of it
-constexpr double kLargestStep = 0.03;    // px of a level: not converged
-constexpr double kLargestMotion = 0.05;  // of the radius, or of the width
-constexpr double kSharedEdges = 4;       // neighbouring tiles err alike: so many count as one
 
 // Four pixels make a cubic B-spline at a fraction of the way from the second to the third.
 inline float spline(float a, float b, float c, float d, float f) {
@@ -93,7 +83,8 @@ double correlation(const cv::Mat& key, const cv::Mat& frame, const SimilarityTra
                    const cv::Point2d& center, cv::Mat& aligned) {
   cv::warpAffine(frame, aligned, motion.matrix(center), key.size(), cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
                  cv::BORDER_REPLICATE);
-  const double floor = kContrastFloor * kContrastFloor * static_cast<double>(key.total());
+  const double floor =
+      kAlignment.contrast_floor * kAlignment.contrast_floor * static_cast<double>(key.total());
   return (key.dot(aligned) + floor) / std::sqrt((key.dot(key) + floor) * (aligned.dot(aligned) + floor));
 }
 
@@ -112,7 +103,7 @@ void PairAlignment::setKey(const ImagePyramid& key, const cv::Point2d& center) {
     level.reduction = key.reduction(i);
     level.center = center * (1 / level.reduction);
     level.radius = 0.5 * std::hypot(level.size.width, level.size.height);
-    level.grid = (level.size - cv::Size(2 * kMargin, 2 * kMargin)) / kTile;
+    level.grid = (level.size - cv::Size(2 * kAlignment.border, 2 * kAlignment.border)) / kTile;
     level.origin = (level.size - level.grid * kTile) / 2;
     level.tiles.resize(level.grid.area());
     const bool needs_relief = relief_.isKnown() && level.relief.empty();
@@ -245,7 +236,7 @@ inline __attribute__((always_inline)) double PairAlignment::step(const Level& le
   using Numbers = cv::Vec<double, N>;
   using Square = cv::Matx<double, N, N>;
   // The guess counts with the largest motion as its standard deviation: it stays where there is no texture.
-  const Square prior = Square::eye() * (1 / std::pow(kLargestMotion * level.radius, 2));
+  const Square prior = Square::eye() * (1 / std::pow(kAlignment.largest_motion * level.radius, 2));
   Square information = prior, scatter = prior;
   Numbers gradient;
   double texture = 0, squared_texture = 0;
@@ -262,7 +253,7 @@ inline __attribute__((always_inline)) double PairAlignment::step(const Level& le
     const Numbers pull = shift.t() * (tile.weight * tile.pull);
     information += shift.t() * (tile.weight * tile.information) * shift;
     gradient += pull;
-    scatter += kSharedEdges * pull * pull.t();
+    scatter += kAlignment.shared_edges * pull * pull.t();
     const double of_tile = tile.weight * cv::trace(tile.information);
     texture += of_tile;
     squared_texture += of_tile * of_tile;
@@ -284,10 +275,11 @@ ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& lev
   const int width = level.grid.width * kTile;
   band_.resize(static_cast<size_t>(width) * kTile);
   const double pitch = 1 / level.radius;
+  constexpr double kMiddle = (kTile - 1) / 2.0;   // of a tile, px from its first pixel
   constexpr double kFreedom = kTile * kTile - 3;  // pixels less nuisances
 
   Estimate estimate{guess, cv::Matx<double, 7, 7>::zeros(), 0, 0};
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
+  for (int iteration = 0; iteration < kAlignment.iterations; ++iteration) {
     const Shears shears(estimate.motion, level, image.size());
     pulls_.clear();
     for (int j = 0; j < level.grid.height; ++j) {
@@ -321,15 +313,15 @@ ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& lev
         double unexplained = dot(residual, residual);
         for (const Pixels& nuisance : tile.nuisance) unexplained -= std::pow(dot(residual, nuisance), 2);
         // One over the variance of a pixel.
-        const double weight =
-            kFreedom / (std::max(unexplained, 0.0) + kFreedom * kResidualFloor * kResidualFloor);
+        const double weight = kFreedom / (std::max(unexplained, 0.0) +
+                                          kFreedom * kAlignment.residual_floor * kAlignment.residual_floor);
         const cv::Vec2d pull(dot(tile.gradient[0], residual), dot(tile.gradient[1], residual));
         pulls_.push_back({x, y, relief, weight, tile.information, pull});
       }
     }
     Estimate more = estimate;
     estimate.step = parallax ? step<7>(level, estimate) : step<4>(level, estimate);
-    if (estimate.step >= kSmallStep && iteration + 1 < kIterations) continue;
+    if (estimate.step >= kAlignment.small_step && iteration + 1 < kAlignment.iterations) continue;
     if (!parallax && !level.relief.empty()) {
       step<7>(level, more);
       for (int i = 4; i < 7; ++i) {
@@ -357,10 +349,10 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const Similari
     const cv::Matx<double, 7, 7> covariance = estimate.covariance * (reduction * reduction);
     const cv::Matx44d of_similarity = covariance.get_minor<4, 4>(0, 0);
     const cv::Vec3d of_parallax(refined[4], refined[5], refined[6]);
-    const bool converged = estimate.step <= kLargestStep &&
-                           std::hypot(refined[0], refined[1]) <= kLargestMotion * radius &&
-                           std::hypot(refined[2], refined[3]) <= kLargestMotion * width &&
-                           (!parallax || cv::norm(of_parallax) <= kLargestMotion * width);
+    const bool converged = estimate.step <= kAlignment.largest_step &&
+                           std::hypot(refined[0], refined[1]) <= kAlignment.largest_motion * radius &&
+                           std::hypot(refined[2], refined[3]) <= kAlignment.largest_motion * width &&
+                           (!parallax || cv::norm(of_parallax) <= kAlignment.largest_motion * width);
     if (!converged) continue;  // NaN is not
     motion = refined;
     if (!parallax) motion[4] = motion[5] = motion[6] = 0;

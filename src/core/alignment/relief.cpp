@@ -9,17 +9,9 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "alignment/alignment_parameters.hpp"
+
 namespace all_in_focus::core {
-namespace {
-
-constexpr int kSamples = 8;              // a side of a rectangle
-constexpr double kLeastMeasured = 0.75;  // of a rectangle
-constexpr float kSmooth = 0.5f;    // standard deviations: a rectangle that spans more holds a depth edge
-constexpr double kFlat = 0.02;     // deviation over mean; such a scene moves as a whole
-constexpr int kSpeck = 5;          // pixels of depth; a smaller spot of wrong depth shows another place
-constexpr float kHiddenPx = 0.5f;  // of parallax between a pixel and what hides it
-
-}  // namespace
 
 Relief reliefOf(const cv::Mat& filled, const cv::Mat& measured) {
   Relief relief;
@@ -41,7 +33,7 @@ Relief reliefOf(const cv::Mat& filled, const cv::Mat& measured) {
   if (count == 0) return relief;
   relief.mean = sum / count;
   relief.deviation = std::sqrt(std::max(squares / count - relief.mean * relief.mean, 0.0));
-  if (relief.deviation < kFlat * relief.mean) relief.deviation = 0;
+  if (relief.deviation < kAlignment.flat * relief.mean) relief.deviation = 0;
   return relief;
 }
 
@@ -51,10 +43,10 @@ float reliefIn(const Relief& relief, const cv::Rect2d& area, const cv::Size& siz
                y_scale = static_cast<double>(depth.rows) / size.height;
   int nearest = std::numeric_limits<int>::max(), farthest = 0, count = 0;
   float sum = 0;
-  for (int j = 0; j < kSamples; ++j) {
-    const int y = static_cast<int>((area.y + (j + 0.5) / kSamples * area.height) * y_scale);
-    for (int i = 0; i < kSamples; ++i) {
-      const int x = static_cast<int>((area.x + (i + 0.5) / kSamples * area.width) * x_scale);
+  for (int j = 0; j < kAlignment.samples; ++j) {
+    const int y = static_cast<int>((area.y + (j + 0.5) / kAlignment.samples * area.height) * y_scale);
+    for (int i = 0; i < kAlignment.samples; ++i) {
+      const int x = static_cast<int>((area.x + (i + 0.5) / kAlignment.samples * area.width) * x_scale);
       const std::uint16_t z = depth(std::min(y, depth.rows - 1), std::min(x, depth.cols - 1));
       if (z == 0) continue;
       nearest = std::min<int>(nearest, z);
@@ -63,8 +55,8 @@ float reliefIn(const Relief& relief, const cv::Rect2d& area, const cv::Size& siz
       ++count;
     }
   }
-  const bool is_smooth = count >= kLeastMeasured * kSamples * kSamples &&
-                         (1.0 / nearest - 1.0 / farthest) < kSmooth * relief.deviation;
+  const bool is_smooth = count >= kAlignment.least_measured * kAlignment.samples * kAlignment.samples &&
+                         (1.0 / nearest - 1.0 / farthest) < kAlignment.smooth * relief.deviation;
   return is_smooth ? static_cast<float>((sum / static_cast<float>(count) - relief.mean) / relief.deviation)
                    : std::numeric_limits<float>::quiet_NaN();
 }
@@ -82,7 +74,7 @@ CameraPose poseOf(const CameraMotion& motion, const Relief& relief, double focal
 
 cv::Mat1f reliefImage(const Relief& relief, const cv::Size& size) {
   cv::Mat1w depth;
-  cv::medianBlur(relief.filled, depth, kSpeck);
+  cv::medianBlur(relief.filled, depth, kAlignment.speck);
   cv::resize(depth, depth, size, 0, 0, cv::INTER_NEAREST);
   if (cv::countNonZero(depth) == 0) return cv::Mat1f(size, 0.0f);
   cv::Mat1f distance;
@@ -123,7 +115,8 @@ ParallaxView viewOf(const CameraMotion& motion, const cv::Mat1f& relief, const c
     for (int x = 0; x < size.width; ++x) {
       const cv::Point there(cvRound(view.map(y, x)[0]), cvRound(view.map(y, x)[1]));
       const double px = cv::norm(motion.perRelief(cv::Point2d(x, y), center, size));
-      if (!picture.contains(there) || (nearest(there) - relief(y, x)) * px > kHiddenPx) view.shown(y, x) = 0;
+      if (!picture.contains(there) || (nearest(there) - relief(y, x)) * px > kAlignment.hidden)
+        view.shown(y, x) = 0;
     }
   }
   return view;

@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
+#include "alignment/alignment_parameters.hpp"
 #include "all_in_focus/codes.hpp"
 #include "fusion/camera_curve.hpp"
 #include "fusion/clipped_lights.hpp"
@@ -174,8 +175,7 @@ std::string RefinedFusion::misfit(int index, int reference) const {
            ": something passed by, or the camera was moved";
   }
   if (!std::isnan(placement.correlation)) {
-    reason +=
-        cv::format(" (correlation %.2f, below %.2f)", placement.correlation, BracketAlignment::kSameScene);
+    reason += cv::format(" (correlation %.2f, below %.2f)", placement.correlation, kAlignment.same_scene);
   }
   return reason + ": another scene, or the camera was moved";
 }
