@@ -18,28 +18,30 @@ const double kMeanOfNormal = std::sqrt(2 / CV_PI);  // mean of |x|
 
 // Mean modified Laplacian of white noise, in its standard deviations: a sum of two Laplacians of variance 6.
 const double kSharpnessOfWhite = 2 * std::sqrt(6) * std::sqrt(2 / CV_PI);
-// The same of noise that is correlated over the pixels of a level. The pyramid has smoothed it on the way
-// there: 1.2 to 1.4 was measured where white noise was enlarged 2 to 8 times, and a little more with texture.
-constexpr double kSharpnessOfCorrelated = 1.5;
+constexpr struct NoiseParameters {
+  // Mean modified Laplacian of noise that is correlated over the pixels of a level, in its standard
+  // deviations. The pyramid has smoothed it on the way there: 1.2 to 1.4 was measured where white noise was
+  // enlarged 2 to 8 times, and a little more with texture.
+  double sharpness_of_correlated = 1.5;
+  // Correlated noise differs little between neighbours, so its Laplacian is larger than the response to the
+  // mask suggests: 1.7 to 2.5 times as large where noise was enlarged 3 to 8 times, at the level where it is
+  // greatest. A larger Laplacian is texture.
+  double most_of_white = 2.5;
+  double least_of_finer = 0.4;  // sharpness of a level / sharpness of the finer one
+  std::size_t blocks = 300;     // fewest that give a tenth percentile
+  std::size_t plenty = 1200;    // half of which give it well
+  double quiet = 0.1;           // share of the blocks
+  double quiet_of_mean = 0.85;  // that percentile / mean, of noise alone
+  int dark = 8, bright = 247;   // codes between which noise is not cut off
+} kNoise{};
 
-// Correlated noise differs little between neighbours, so its Laplacian is larger than the response to the
-// mask suggests: 1.7 to 2.5 times as large where noise was enlarged 3 to 8 times, at the level where it is
-// greatest. A larger Laplacian is texture.
-constexpr double kMostOfWhite = 2.5;
-constexpr double kLeastOfFiner = 0.4;  // sharpness of a level / sharpness of the finer one
-
-constexpr int kBlock = 8;              // pixels
-constexpr std::size_t kBlocks = 300;   // fewest that give a tenth percentile
-constexpr std::size_t kPlenty = 1200;  // half of which give it well
-constexpr double kQuiet = 0.1;         // share of the blocks
-constexpr double kQuietOfMean = 0.85;  // that percentile / mean, of noise alone
-constexpr int kDark = 8, kBright = 247;
+constexpr int kBlock = 8;  // pixels
 
 // The mean of the noise, estimated from the tenth percentile of the blocks.
 double quietest(std::vector<float>& blocks) {
-  const auto rank = static_cast<std::ptrdiff_t>(kQuiet * static_cast<double>(blocks.size()));
+  const auto rank = static_cast<std::ptrdiff_t>(kNoise.quiet * static_cast<double>(blocks.size()));
   std::nth_element(blocks.begin(), blocks.begin() + rank, blocks.end());
-  return blocks[rank] / kQuietOfMean;
+  return blocks[rank] / kNoise.quiet_of_mean;
 }
 
 // Means over every block that counts, gray levels.
@@ -59,7 +61,7 @@ cv::Mat1f rowOfBlocks(const cv::Mat& level, int y) {
 bool isExposed(const cv::Mat1f& rows, int x) {
   float light = 0;
   for (int v = 1; v <= kBlock; ++v) light = std::accumulate(rows[v] + x, rows[v] + x + kBlock, light);
-  return light >= kDark * kBlock * kBlock && light <= kBright * kBlock * kBlock;
+  return light >= kNoise.dark * kBlock * kBlock && light <= kNoise.bright * kBlock * kBlock;
 }
 
 void measure(const cv::Mat1f& rows, int x, Blocks& blocks) {
@@ -80,7 +82,7 @@ void measure(const cv::Mat1f& rows, int x, Blocks& blocks) {
 // row of blocks where that leaves plenty.
 Blocks measure(const cv::Mat& level, const cv::Mat& other = {}) {
   Blocks blocks;
-  const int step = level.total() > kPlenty * kBlock * kBlock ? 2 * kBlock : kBlock;
+  const int step = level.total() > kNoise.plenty * kBlock * kBlock ? 2 * kBlock : kBlock;
   for (int y = 1; y + kBlock < level.rows; y += step) {
     const cv::Mat1f rows = rowOfBlocks(level, y), of_other = other.empty() ? rows : rowOfBlocks(other, y);
     const cv::Mat1f measured = other.empty() ? rows : cv::Mat1f((rows - of_other) / std::sqrt(2.0));
@@ -93,9 +95,9 @@ Blocks measure(const cv::Mat& level, const cv::Mat& other = {}) {
 
 // Sharpness of the noise of a level; none where too few blocks count.
 std::optional<double> noiseOf(Blocks blocks, bool is_finest) {
-  if (blocks.response.size() < (is_finest ? 1 : kBlocks)) return std::nullopt;
+  if (blocks.response.size() < (is_finest ? 1 : kNoise.blocks)) return std::nullopt;
   const double white = kSharpnessOfWhite * quietest(blocks.response) / (kMeanOfNormal * kMaskNorm);
-  return is_finest ? white : std::min(kMostOfWhite * white, quietest(blocks.laplacian));
+  return is_finest ? white : std::min(kNoise.most_of_white * white, quietest(blocks.laplacian));
 }
 
 }  // namespace
@@ -143,7 +145,7 @@ NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray, std::vector<cv::Mat> others
 double NoiseSpectrum::sharpness(std::size_t level) const {
   double sharpness = 0;
   for (std::size_t l = 0; l <= level; ++l)
-    sharpness = std::max(kLeastOfFiner * sharpness, l < measured_.size() ? measured_[l] : 0);
+    sharpness = std::max(kNoise.least_of_finer * sharpness, l < measured_.size() ? measured_[l] : 0);
   return sharpness;
 }
 
@@ -154,7 +156,7 @@ double NoiseSpectrum::whiteDeviation() const {
 double NoiseSpectrum::deviation() const {
   double deviation = whiteDeviation();
   for (std::size_t l = 1; l < measured_.size(); ++l)
-    deviation = std::max(deviation, sharpness(l) / kSharpnessOfCorrelated);
+    deviation = std::max(deviation, sharpness(l) / kNoise.sharpness_of_correlated);
   return deviation;
 }
 

@@ -15,47 +15,45 @@
 namespace all_in_focus::core {
 namespace {
 
-// Gaussian windows, px of the level. The finest one keeps to its side of an edge.
+// A Gaussian window, px of the level.
 struct Window {
   double sigma;
   int radius;
 };
-constexpr Window kFinestWindow = {0.85, 2}, kCoarserWindow = {1.4, 4};
-constexpr int kSmallestSide = 12;  // px of the coarsest level
 
-// Factor of the finest level of a resampled frame. Resampling takes away the finest detail, and its errors
-// look like detail: of two frames that look equally sharp, the one that was not resampled is nearer to the
-// truth.
-constexpr double kResampled = 0.85;
-
-// The product of this level and all coarser ones counts by its power 3/4: their windows look across thin
-// things.
-constexpr size_t kFarLevel = 2;
-
-// Limit of s_l near clipped lights, gray levels, and the finest level that it holds for: at most so many
-// times as wide as the map of the lights. Windows of finer levels are smaller than the discs of lights.
-constexpr float kMostNearLights = 3;
-constexpr double kFinestOfLights = 1.5;
-
-// The floor of a level, gray levels: a multiple of the sharpness that rounding to 8 bits has, plus one of
-// that of the noise. The sharpness of a frame is added to it in quadrature, so that frames count alike where
-// they show only noise.
-constexpr double kRounding = 1.7, kRoundingOfFiner = 0.4, kNoiseFloor = 3;
-
-// The floor is at least so many standard deviations of the noise, times a factor for every coarser level.
-// Noise that is correlated over pixels (demosaicing, JPEG, enlarging) needs this: the finest levels show
-// little of it, but what they show varies widely.
-constexpr double kDeviations = 12, kOfFinerLevel = 0.6;
+constexpr struct SharpnessParameters {
+  Window finest_window = {0.85, 2};  // keeps to its side of an edge
+  Window coarser_window = {1.4, 4};
+  int smallest_side = 12;  // px of the coarsest level
+  // The product of this level and all coarser ones counts by its power 3/4: their windows look across thin
+  // things. (The power 1/2: gardens +0.1 to 0.3 dB without depth, slope_jitter enlarged five times -1.0.)
+  size_t far_level = 2;
+  // Factor of the finest level of a resampled frame. Resampling takes away the finest detail, and its errors
+  // look like detail. (0.9 gains two thirds as much, 1: clutter_mild -0.38 dB, 0.7: gardens up to -0.5.)
+  double resampled = 0.85;
+  // Limit of s_l near clipped lights, gray levels, and the finest level that it holds for: at most so many
+  // times as wide as the map of the lights. Windows of finer levels are smaller than the discs of lights.
+  float most_near_lights = 3;
+  double finest_of_lights = 1.5;
+  // The floor of a level, gray levels: a multiple of the sharpness that rounding to 8 bits has, plus one of
+  // that of the noise. The sharpness of a frame is added to it in quadrature, so that frames count alike
+  // where they show only noise.
+  double rounding = 1.7, rounding_of_finer = 0.4, noise_floor = 3;
+  // The floor is at least so many standard deviations of the noise, times a factor for every coarser level.
+  // Noise that is correlated over pixels (demosaicing, JPEG, enlarging) needs this: the finest levels show
+  // little of it, but what they show varies widely.
+  double deviations = 12, of_finer_level = 0.6;
+  // A frame that is sharp anywhere has this modified Laplacian, gray levels above the noise, in its sharpest
+  // places at textureLevel(). The eighth power of the least trust is a weight of 1e-9.
+  double sharp = 4, least_trust = 0.075;
+  double texture_width = 640;  // of a picture whose textureLevel() is 1
+} kSharpness{};
 
 double floorOf(const NoiseSpectrum& noise, size_t level) {
-  return kRounding * std::pow(kRoundingOfFiner, level) +
-         std::max(kNoiseFloor * noise.sharpness(level),
-                  kDeviations * std::pow(kOfFinerLevel, level) * noise.deviation());
+  return kSharpness.rounding * std::pow(kSharpness.rounding_of_finer, level) +
+         std::max(kSharpness.noise_floor * noise.sharpness(level),
+                  kSharpness.deviations * std::pow(kSharpness.of_finer_level, level) * noise.deviation());
 }
-
-// A frame that is sharp anywhere has this modified Laplacian, gray levels above the noise, in its sharpest
-// places at textureLevel(). The eighth power of the least trust is a weight of 1e-9.
-constexpr double kSharp = 4, kLeastTrust = 0.075;
 
 // At n pixels that have neighbours on both sides.
 ALL_IN_FOCUS_SIMD void laplacianInside(const float* north, const float* here, const float* south, int n,
@@ -141,10 +139,11 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
   }
   gray_ = gray;
   contrast_ = static_cast<float>(gauge.contrast);
-  finest_contrast_ = static_cast<float>(gauge.resampled ? kResampled * gauge.contrast : gauge.contrast);
+  finest_contrast_ =
+      static_cast<float>(gauge.resampled ? kSharpness.resampled * gauge.contrast : gauge.contrast);
   trust_ = 1;
   const int side = std::min(gray.cols, gray.rows);
-  for (count_ = 1; gauge.scales && side >> count_ >= kSmallestSide;) ++count_;
+  for (count_ = 1; gauge.scales && side >> count_ >= kSharpness.smallest_side;) ++count_;
   if (levels_.size() < count_) levels_.resize(count_);
   for (size_t l = 0; l < count_; ++l) {
     levels_[l].floor = static_cast<float>(floorOf(gauge.noise, l));
@@ -155,7 +154,7 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
   for (size_t l = 1; l < count_; ++l) {
     Level& level = levels_[l];
     level.image = nextLevel(l == 1 ? gray : levels_[l - 1].image);
-    if (level.image.cols > kFinestOfLights * gauge.lights.cols)
+    if (level.image.cols > kSharpness.finest_of_lights * gauge.lights.cols)
       level.lights.release();
     else
       cv::resize(gauge.lights, level.lights, level.image.size(), 0, 0, cv::INTER_NEAREST);
@@ -166,7 +165,7 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
     cv::Mat& product = levels_[l].product;
     const bool predicted = product.size() == gauge.predicted.size();
     if (predicted) cv::sqrt(product, root_);
-    if (l == kFarLevel) {
+    if (l == kSharpness.far_level) {
       cv::sqrt(product, far_root_);
       cv::sqrt(far_root_, product);
       cv::multiply(far_root_, product, product);
@@ -178,14 +177,13 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
 cv::Size SharpnessPyramid::levelSize(const cv::Size& size, size_t level) {
   const int side = std::min(size.width, size.height);
   cv::Size of_level = size;
-  for (size_t l = 1; l <= level && side >> l >= kSmallestSide; ++l)
+  for (size_t l = 1; l <= level && side >> l >= kSharpness.smallest_side; ++l)
     of_level = {(of_level.width + 1) / 2, (of_level.height + 1) / 2};
   return of_level;
 }
 
 std::size_t SharpnessPyramid::textureLevel(int width) {
-  constexpr double kWidth = 640;
-  return 1 + static_cast<size_t>(std::max(0.0, std::round(std::log2(width / kWidth))));
+  return 1 + static_cast<size_t>(std::max(0.0, std::round(std::log2(width / kSharpness.texture_width))));
 }
 
 // noise: mean modified Laplacian of the noise of the level of texture_.
@@ -193,7 +191,8 @@ float SharpnessPyramid::trust(double noise) const {
   const double mean =
       cv::norm(texture_.mul(texture_), cv::NORM_L2SQR) / static_cast<double>(texture_.total());
   const double above_noise = std::pow(std::max(mean - std::pow(kNoiseMargin * noise, 4), 0.0), 0.25);
-  return static_cast<float>(std::clamp(above_noise / (kSharp + noise), kLeastTrust, 1.0));
+  return static_cast<float>(
+      std::clamp(above_noise / (kSharpness.sharp + noise), kSharpness.least_trust, 1.0));
 }
 
 void SharpnessPyramid::computeProduct(size_t level) {
@@ -208,10 +207,10 @@ void SharpnessPyramid::computeProduct(size_t level) {
     for (cv::Range rows(strip.start, 0); rows.start < strip.end; rows.start = rows.end) {
       rows.end = std::min(rows.start + kBlockRows, strip.end);
       cv::Mat out = product.rowRange(rows);
-      smoothedLaplacian(image, rows, kCoarserWindow, strips_[i], out);
+      smoothedLaplacian(image, rows, kSharpness.coarser_window, strips_[i], out);
       if (level == texture_level_) out.convertTo(texture_.rowRange(rows), -1, contrast_);
       if (!lights.empty())
-        cv::Mat(cv::min(out, kMostNearLights / contrast_)).copyTo(out, lights.rowRange(rows));
+        cv::Mat(cv::min(out, kSharpness.most_near_lights / contrast_)).copyTo(out, lights.rowRange(rows));
       for (int y = rows.start; y < rows.end; ++y)
         multiplyRow(coarser, y, contrast_, levels_[level].floor, image.cols, strips_[i].coarser,
                     product.ptr<float>(y));
@@ -221,7 +220,7 @@ void SharpnessPyramid::computeProduct(size_t level) {
 
 cv::Mat1f& SharpnessPyramid::compute(const cv::Range& rows, Buffers& buffers) const {
   buffers.sharpness.create(rows.size(), gray_.cols);
-  smoothedLaplacian(gray_, rows, kFinestWindow, buffers, buffers.sharpness);
+  smoothedLaplacian(gray_, rows, kSharpness.finest_window, buffers, buffers.sharpness);
   const cv::Mat coarser = count_ > 1 ? levels_[1].product : cv::Mat();
   for (int y = rows.start; y < rows.end; ++y) {
     multiplyRow(coarser, y, trust_ * finest_contrast_, trust_ * levels_[0].floor, gray_.cols, buffers.coarser,
