@@ -16,28 +16,30 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kLaplacian = 36;      // of a textured picture, gray levels; results hardly depend on it
-constexpr double kLeastLaplacian = 3;  // light of blurred things may lie on the barest surface
-constexpr double kPeak = 2;            // of the Laplacian, in units of its mean over a window
-constexpr double kMostLaplacians = 4;  // by which blur changes a picture; a wider disc changes it no more
-constexpr double kHoleError = 10;      // gray levels; added for filled depth, which may be any surface nearby
-constexpr double kUnknownFocusError = 10;  // gray levels: neither sharp nor much blurred
+constexpr struct PredictionParameters {
+  // Gray levels. Results hardly depend on the first one.
+  float laplacian = 36;             // of a textured picture
+  float least_laplacian = 3;        // light of blurred things may lie on the barest surface
+  double hole_error = 10;           // of filled depth, which may be any surface nearby
+  double unknown_focus_error = 10;  // neither sharp nor much blurred
+  float peak = 2;                   // of the Laplacian, in units of its mean over a window
+  double most_laplacians = 4;       // by which blur changes a picture; a wider disc changes it no more
+  // How far the edges of registered depth lie from those of the picture: standard deviation, px of a picture
+  // as wide as a depth sensor's own, more in a wider one. (0: -0.15 dB.)
+  double edge_error = 2, sensor_columns = 640;
+  double cell = 1.5;          // side of a cell of the grid, in that deviation
+  float least_known = 1e-3f;  // share of known depth about a cell
+} kPrediction{};
 
 constexpr int kLevels = 1024;  // of inverse depth, for the table
 constexpr int kUnknown = kLevels;
-constexpr double kSensorColumns = 640;
-// How far the edges of registered depth lie from those of the picture: standard deviation, px of a picture as
-// wide as a depth sensor's own, more in a wider one.
-constexpr double kEdgeErrorPx = 2;
-constexpr float kLeastKnown = 1e-3f;
-constexpr double kCellOfError = 1.5;  // side of a cell, of the deviation of edges
 
 // Scales squared_error from that of a textured picture to that of one with the modified Laplacian l, a mean
 // over a window.
 ALL_IN_FOCUS_SIMD void weigh(const float* l, int n, float* squared_error) {
   for (int i = 0; i < n; ++i) {
-    const float laplacian = static_cast<float>(kLeastLaplacian) + static_cast<float>(kPeak) * l[i];
-    const float share = std::min(laplacian / static_cast<float>(kLaplacian), 1.0f);
+    const float laplacian = kPrediction.least_laplacian + kPrediction.peak * l[i];
+    const float share = std::min(laplacian / kPrediction.laplacian, 1.0f);
     squared_error[i] *= share * share;
   }
 }
@@ -57,10 +59,10 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
   optics_ = optics;
   pixel_pitch_mm_ = pixel_pitch_mm;
 
-  const double columns = std::max(1.0, size.width / kSensorColumns);
+  const double columns = std::max(1.0, size.width / kPrediction.sensor_columns);
   texture_level_ = SharpnessPyramid::textureLevel(size.width);
-  const double edge_error = kEdgeErrorPx * columns;
-  const int cell = std::max(1, static_cast<int>(kCellOfError * edge_error));
+  const double edge_error = kPrediction.edge_error * columns;
+  const int cell = std::max(1, static_cast<int>(kPrediction.cell * edge_error));
   edge_error_px_ = edge_error / cell;
   const cv::Size grid((size.width + cell - 1) / cell, (size.height + cell - 1) / cell);
 
@@ -99,11 +101,11 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
     }
   }
   cv::GaussianBlur(doubt, constant_, cv::Size(), edge_error_px_);
-  constant_ *= kHoleError * kHoleError;
+  constant_ *= kPrediction.hole_error * kPrediction.hole_error;
   cv::GaussianBlur(known_, known_, cv::Size(), edge_error_px_);
   for (int v = 0; v < grid.height; ++v) {
     float* known = known_.ptr<float>(v);
-    for (int u = 0; u < grid.width; ++u) known[u] = known[u] > kLeastKnown ? 1 / known[u] : 0;
+    for (int u = 0; u < grid.width; ++u) known[u] = known[u] > kPrediction.least_known ? 1 / known[u] : 0;
   }
 }
 
@@ -136,8 +138,9 @@ void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
   error_of_level_.assign(kLevels + 1, 0.0f);
   for (int i = 0; i < kLevels && least_ > 0; ++i) {
     const double b = blurCircle(optics_, 1 / (least_ + i * level_step_), focus_mm) / unit_mm;
-    const double error =
-        std::isnan(focus_mm) ? kUnknownFocusError : kLaplacian * std::min(b * b / 32, kMostLaplacians);
+    const double error = std::isnan(focus_mm)
+                             ? kPrediction.unknown_focus_error
+                             : kPrediction.laplacian * std::min(b * b / 32, kPrediction.most_laplacians);
     error_of_level_[i] = static_cast<float>(error * error);
   }
   error_.create(level_.size(), CV_32FC1);
