@@ -18,21 +18,24 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kColumns = 40;              // of blocks
-constexpr int kSamples = 8;               // per side of a block
-constexpr int kDark = 20, kBright = 230;  // codes between which a mean counts
-constexpr int kClipped = 250;             // code from which light may be missing
-// Squared contrast from which blur changes the mean light of a block by 4 % where a camera's tone curve is
-// not sRGB's, or where it blurs codes, not light.
-constexpr double kTextured = 0.15;
-constexpr double kSignificance = 4;    // standard deviations
-constexpr double kNoticeable = 0.002;  // a quarter of a code
+constexpr struct ExposureParameters {
+  int columns = 40;             // of blocks
+  int samples = 8;              // per side of a block
+  int dark = 20, bright = 230;  // codes between which a mean counts
+  int clipped = 250;            // code from which light may be missing
+  // Squared contrast from which blur changes the mean light of a block by 4 % where a camera's tone curve is
+  // not sRGB's, or where it blurs codes, not light.
+  double textured = 0.15;
+  double significance = 4;    // standard deviations
+  double noticeable = 0.002;  // a quarter of a code
+} kExposure{};
 
-// Linear light by code. Codes from kClipped on get so much light that their block counts as too bright.
+// Linear light by code. Codes from kExposure.clipped on get so much light that their block counts as too
+// bright.
 const cv::Mat1f& lightOfCode() {
   static const cv::Mat1f table = [] {
     cv::Mat1f light(1, 256, 1e6f);
-    for (int code = 0; code < kClipped; ++code) light(code) = static_cast<float>(lightOf(code));
+    for (int code = 0; code < kExposure.clipped; ++code) light(code) = static_cast<float>(lightOf(code));
     return light;
   }();
   return table;
@@ -42,17 +45,17 @@ const cv::Mat1f& lightOfCode() {
 
 ExposureMatching::Blocks ExposureMatching::blocksOf(const cv::Mat& image) {
   Blocks blocks;
-  const cv::Size grid = image.size() / std::max(image.cols / kColumns, kSamples);
+  const cv::Size grid = image.size() / std::max(image.cols / kExposure.columns, kExposure.samples);
   if (grid.empty()) return blocks;
   cv::Mat samples, light, squares;
-  cv::resize(image, samples, grid * kSamples, 0, 0, cv::INTER_NEAREST);
+  cv::resize(image, samples, grid * kExposure.samples, 0, 0, cv::INTER_NEAREST);
   cv::LUT(samples, lightOfCode(), light);
   cv::resize(light.mul(light), squares, grid, 0, 0, cv::INTER_AREA);
   cv::resize(light, light, grid, 0, 0, cv::INTER_AREA);
   blocks.light = light.reshape(1);
   const cv::Mat1f contrast(squares.reshape(1) / blocks.light.mul(blocks.light) - 1);
-  const float dark = lightOfCode()(kDark), bright = lightOfCode()(kBright);
-  blocks.counts = (blocks.light > dark) & (blocks.light < bright) & (contrast < kTextured);
+  const float dark = lightOfCode()(kExposure.dark), bright = lightOfCode()(kExposure.bright);
+  blocks.counts = (blocks.light > dark) & (blocks.light < bright) & (contrast < kExposure.textured);
   return blocks;
 }
 
@@ -76,11 +79,11 @@ double ExposureMatching::gain(const cv::Mat& frame) const {
       ratios.push_back(std::log(reference_.light(i) / seen.light(i)));
   }
   const double exposure = median(ratios);
-  if (!(std::abs(exposure) > kNoticeable)) return 1;
+  if (!(std::abs(exposure) > kExposure.noticeable)) return 1;
   for (float& ratio : ratios) ratio = std::abs(ratio - static_cast<float>(exposure));
   // Standard deviation of a median, from the median deviation, for normal errors.
   const double deviation = 1.2533 * 1.4826 * median(ratios) / std::sqrt(static_cast<double>(ratios.size()));
-  if (!(std::abs(exposure) > kSignificance * deviation)) return 1;
+  if (!(std::abs(exposure) > kExposure.significance * deviation)) return 1;
   return std::clamp(std::exp(exposure), 1 / kLargestGain, kLargestGain);
 }
 

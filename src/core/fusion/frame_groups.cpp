@@ -15,15 +15,17 @@
 namespace all_in_focus::core {
 namespace {
 
-const cv::Size kMostBlocks(20, 15);
-constexpr int kSamples = 16;           // per side of a block; in smaller ones blur would change the light
-constexpr double kDarkCode = 3;        // below, noise hides the light
-constexpr double kSmallChange = 0.22;  // of the logarithm of light: a quarter more or less
-constexpr double kSmallPart = 0.06;    // of the picture; from frame to frame 0.02 at most, by focus
+constexpr struct GroupParameters {
+  int most_columns = 20, most_rows = 15;  // of blocks
+  int samples = 16;                       // per side of a block; in smaller ones blur would change the light
+  double dark_code = 3;                   // below, noise hides the light
+  double small_change = 0.22;             // of the logarithm of light: a quarter more or less
+  double small_part = 0.06;               // of the picture; from frame to frame 0.02 at most, by focus
+  double usual_steps = 3;                 // a longer step is a jump
+  std::size_t compared = 4;  // frames on each side: those of three that something hides, and one more
+} kGroups{};
+
 constexpr double kNone = std::numeric_limits<double>::infinity();
-constexpr double kUsualSteps = 3;  // a longer step is a jump
-constexpr std::size_t kCompared =
-    4;  // frames on each side: those of three that something hides, and one more
 
 // The lower one of two.
 double median(std::vector<double> values) {
@@ -46,15 +48,15 @@ struct Run {
 }  // namespace
 
 void FrameLight::observe(const cv::Mat& gray, int index) {
-  const cv::Size grid(std::clamp(gray.cols / kSamples, 1, kMostBlocks.width),
-                      std::clamp(gray.rows / kSamples, 1, kMostBlocks.height));
+  const cv::Size grid(std::clamp(gray.cols / kGroups.samples, 1, kGroups.most_columns),
+                      std::clamp(gray.rows / kGroups.samples, 1, kGroups.most_rows));
   cv::Mat sampled, codes, blocks(grid, CV_32FC1);
-  cv::resize(gray, sampled, grid * kSamples, 0, 0, cv::INTER_NEAREST);
+  cv::resize(gray, sampled, grid * kGroups.samples, 0, 0, cv::INTER_NEAREST);
   cv::resize(sampled, codes, grid, 0, 0, cv::INTER_AREA);
   for (int y = 0; y < codes.rows; ++y) {
     for (int x = 0; x < codes.cols; ++x)
       blocks.at<float>(y, x) =
-          static_cast<float>(std::log(lightOf(codes.at<std::uint8_t>(y, x)) + lightOf(kDarkCode)));
+          static_cast<float>(std::log(lightOf(codes.at<std::uint8_t>(y, x)) + lightOf(kGroups.dark_code)));
   }
   blocks_[index] = blocks;
 }
@@ -65,15 +67,15 @@ double FrameLight::ratio(int index, int reference) const {
 
 double FrameLight::changed(int index, int other) const {
   const cv::Mat difference = blocks_.at(index) - blocks_.at(other);
-  const cv::Mat differs = cv::abs(difference - medianOf(difference)) > kSmallChange;
+  const cv::Mat differs = cv::abs(difference - medianOf(difference)) > kGroups.small_change;
   return cv::countNonZero(differs) / static_cast<double>(differs.total());
 }
 
 FrameLight::Neighbours FrameLight::neighbours(int index, const std::function<bool(int)>& counts) const {
   const auto nearest = [&](auto it, const auto& end) {
     std::vector<int> found;
-    for (; it != end && found.size() < kCompared; ++it) {
-      if (std::abs(std::log(ratio(it->first, index))) <= kSmallChange && counts(it->first))
+    for (; it != end && found.size() < kGroups.compared; ++it) {
+      if (std::abs(std::log(ratio(it->first, index))) <= kGroups.small_change && counts(it->first))
         found.push_back(it->first);
     }
     return found;
@@ -97,7 +99,8 @@ FrameLight::Neighbours FrameLight::neighbours(int index, const std::function<boo
 }
 
 bool FrameLight::differs(int index, int other, double usual) const {
-  return changed(index, other) > std::max(kSmallPart, kUsualSteps * usual * std::abs(index - other));
+  return changed(index, other) >
+         std::max(kGroups.small_part, kGroups.usual_steps * usual * std::abs(index - other));
 }
 
 double FrameLight::intrusion(int index, const std::function<bool(int)>& counts) const {
@@ -178,10 +181,11 @@ FrameGroup largestGroup(const FrameLight& light, const std::function<double(int,
   std::vector<Run> runs;
   for (const auto& [index, blocks] : light.frames()) {
     const auto follows = [&, index = index](const Run& run) {
-      const double steps = kUsualSteps * (index - run.last()), shift = displacement(index, run.last());
+      const double steps = kGroups.usual_steps * (index - run.last()),
+                   shift = displacement(index, run.last());
       return shift >= 0 && shift <= std::max(kSmallShift * radius, steps * usual_shift) &&
-             change(index, run.last()) <= std::max(kSmallChange, steps * usual_change) &&
-             light.changed(index, run.last()) <= std::max(kSmallPart, steps * usual_part);
+             change(index, run.last()) <= std::max(kGroups.small_change, steps * usual_change) &&
+             light.changed(index, run.last()) <= std::max(kGroups.small_part, steps * usual_part);
     };
     auto run = std::find_if(runs.begin(), runs.end(), follows);
     if (run == runs.end()) run = runs.insert(run, Run());
