@@ -17,18 +17,24 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kMostLevels = 48;
-constexpr double kLevelPx = 0.22;     // of blur, between levels
-constexpr float kMostCost = 12;       // of a frame; larger costs are cut, as it may show what no other does
-constexpr double kVariance = 1;       // gray levels squared: of the fused picture
-constexpr double kModelError = 0.36;  // and of the lens model, by squared radius
-constexpr double kSmallStep = 1.5, kJump = 6;
+constexpr struct DepthParameters {
+  int most_levels = 48;
+  double level = 0.22;  // px of blur, between levels
+  // Of a level in a frame: the squared difference of their codes over its variance, gray levels squared.
+  float most_cost = 12;       // larger costs are cut, as a frame may show what no other does
+  double variance = 1;        // of the fused picture
+  double model_error = 0.36;  // and of the lens model, by squared radius
+  // Of neighbours: one level apart, and more.
+  double small_step = 1.5, jump = 6;
+  // Measured depth: the greatest cost of a level beside it, and the px of blur where it begins and is
+  // reached.
+  float measured_weight = 1.5f, agree = 0.25f, differ = 0.75f;
+  float take = 0.45f;  // px of blur; measured depth that differs by less replaces the estimate
+  float clear = 6;     // px from a hole or jump; measured depth replaces every estimate there
+  int border = 3;      // px of the estimate that light from outside the picture spoils
+} kDepth{};
+
 constexpr double kCostScale = 24;  // of costs as integers
-constexpr float kMeasuredWeight = 1.5f;
-constexpr float kAgreePx = 0.25f, kDifferPx = 0.75f;  // of blur
-constexpr float kTakePx = 0.45f;  // of blur; measured depth that differs by less replaces the estimate
-constexpr float kClearPx = 6;
-constexpr int kBorder = 3;  // px
 
 // Levels of inverse depth.
 struct Levels {
@@ -42,8 +48,8 @@ struct Levels {
 };
 
 Levels makeLevels(const ObservedBracket& bracket, const InverseDepthRange& range) {
-  const float span = range.largest - range.least, gap = bracket.gap(kLevelPx);
-  const int count = std::clamp(static_cast<int>(std::ceil(span / gap)) + 1, 2, kMostLevels);
+  const float span = range.largest - range.least, gap = bracket.gap(kDepth.level);
+  const int count = std::clamp(static_cast<int>(std::ceil(span / gap)) + 1, 2, kDepth.most_levels);
   return {range.least, std::max(span / static_cast<float>(count - 1), gap), count};
 }
 
@@ -61,8 +67,9 @@ std::vector<float> costsBesideMeasured(const Levels& levels, double px_mm) {
   std::vector<float> costs(levels.count);
   const float px = levels.step * static_cast<float>(px_mm);
   for (int i = 0; i < levels.count; ++i)
-    costs[i] = kMeasuredWeight *
-               std::clamp((static_cast<float>(i) * px - kAgreePx) / (kDifferPx - kAgreePx), 0.0f, 1.0f);
+    costs[i] =
+        kDepth.measured_weight *
+        std::clamp((static_cast<float>(i) * px - kDepth.agree) / (kDepth.differ - kDepth.agree), 0.0f, 1.0f);
   return costs;
 }
 
@@ -91,12 +98,13 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
           for (const ObservedFrame& frame : bracket.frames) {
             for (int l = 0; l < levels.count; ++l) {
               const float radius = frame.blur.radius(levels.inverseDepth(l));
-              const double variance = 2 * bracket.noise_variance + kVariance + kModelError * radius * radius;
+              const double variance =
+                  2 * bracket.noise_variance + kDepth.variance + kDepth.model_error * radius * radius;
               const auto* picture = pictures.at(radius).ptr<short>(y);
               forEachRun(frame, y, [&](int x, int n) {
                 addCosts(picture + 3 * x, frame.codes.ptr<short>(y) + 3 * x,
-                         static_cast<float>(1 / (3 * variance * kCodeScale * kCodeScale)), kMostCost, n,
-                         costs.ptr<float>(l) + x);
+                         static_cast<float>(1 / (3 * variance * kCodeScale * kCodeScale)), kDepth.most_cost,
+                         n, costs.ptr<float>(l) + x);
               });
             }
           }
@@ -117,10 +125,11 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
 // At the border blur brings in light from outside the picture, which no prediction knows. The estimate is
 // replaced by that of the nearest pixel farther inside.
 void continueAtBorder(cv::Mat1f& inverse_depth) {
-  const cv::Rect inside(kBorder, kBorder, inverse_depth.cols - 2 * kBorder, inverse_depth.rows - 2 * kBorder);
+  const cv::Rect inside(kDepth.border, kDepth.border, inverse_depth.cols - 2 * kDepth.border,
+                        inverse_depth.rows - 2 * kDepth.border);
   if (inside.width <= 0 || inside.height <= 0) return;
-  cv::copyMakeBorder(inverse_depth(inside).clone(), inverse_depth, kBorder, kBorder, kBorder, kBorder,
-                     cv::BORDER_REPLICATE);
+  cv::copyMakeBorder(inverse_depth(inside).clone(), inverse_depth, kDepth.border, kDepth.border,
+                     kDepth.border, kDepth.border, cv::BORDER_REPLICATE);
 }
 
 // Index of the least of `count` costs, refined to a fraction by a parabola through it and its neighbours.
@@ -136,9 +145,9 @@ double lowest(const std::int16_t* costs, int count) {
 cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures& pictures,
                            const InverseDepthRange& range) {
   const Levels levels = makeLevels(bracket, range);
-  const CostVolume volume =
-      aggregateAlongPaths(costsOf(bracket, pictures, levels), bracket.fused,
-                          static_cast<int>(kSmallStep * kCostScale), static_cast<int>(kJump * kCostScale));
+  const CostVolume volume = aggregateAlongPaths(costsOf(bracket, pictures, levels), bracket.fused,
+                                                static_cast<int>(kDepth.small_step * kCostScale),
+                                                static_cast<int>(kDepth.jump * kCostScale));
   cv::Mat1f inverse_depth(volume.size);
   forEachRow(inverse_depth.rows, [&](int y) {
     for (int x = 0; x < inverse_depth.cols; ++x)
@@ -153,7 +162,7 @@ cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures
     for (int x = 0; x < inverse_depth.cols; ++x) {
       const float measured = bracket.measured(y, x);
       if (measured > 0 &&
-          (clear(y, x) > kClearPx || std::abs(measured - inverse_depth(y, x)) < bracket.gap(kTakePx)))
+          (clear(y, x) > kDepth.clear || std::abs(measured - inverse_depth(y, x)) < bracket.gap(kDepth.take)))
         inverse_depth(y, x) = measured;
     }
   }

@@ -14,23 +14,27 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr int kSweeps = 4, kSweepsPerUpdate = 3;
-constexpr int kReachPx = 4;      // how far a contour may move
-constexpr int kEffectPx = 2;     // a pixel that changes has an effect on others up to there
-constexpr float kSharpPx = 3;    // radius of frames that are compared
-constexpr float kMostCost = 60;  // of a frame
-// Gray levels squared: what is hidden beside a contour, and its place within a pixel, are not known.
-constexpr double kModelVariance = 9;
-constexpr float kJumpWeight = 5;
-constexpr float kSideways = 0.5f;       // share of jumps along a contour: where it moves they move with it
-constexpr float kNearExcess = 2.5f;     // what the nearer of two depths must explain better
-constexpr float kNearerThanFilled = 4;  // and better besides if registration says the farther one
-constexpr float kNearerThanAll = 20;    // the same if registration says nothing so near within kNearPx
-constexpr int kNearPx = 8;              // no contour of registration is farther off
-// Gray levels: of a pixel's colour from that of the fused picture, if its depth is the farther or the nearer.
-constexpr float kFarColorDeviation = 60, kNearColorDeviation = 12;
-constexpr float kColorStep = 288;   // squared gray levels, of jumps that cost little
-constexpr float kExplained = 0.4f;  // cost of what needs no nearer depth
+constexpr struct ContourParameters {
+  int sweeps = 4, sweeps_per_update = 3;
+  int reach = 4;    // px; how far a contour may move
+  int effect = 2;   // px; a pixel that changes has an effect on others up to there
+  float sharp = 3;  // px: radius of frames that are compared
+  // Costs: squared errors over their variance. Gray levels squared: what is hidden beside a contour, and its
+  // place within a pixel, are not known. (1: -0.4 dB.)
+  double model_variance = 9;
+  float most_cost = 60;    // of a frame
+  float explained = 0.4f;  // of what needs no nearer depth
+  // Of a jump, where colours differ by little: by exp(-squared gray levels / color_step). Along a contour
+  // only a share of them counts: where it moves they move with it.
+  float jump_weight = 5, color_step = 288, sideways = 0.5f;
+  float near_excess = 2.5f;      // what the nearer of two depths must explain better
+  float nearer_than_filled = 4;  // and better besides if registration says the farther one
+  float nearer_than_all = 20;    // the same if registration says nothing so near within `near`
+  int near = 8;                  // px; no contour of registration is farther off
+  // Gray levels: of a pixel's colour from that of the fused picture, if its depth is the farther or the
+  // nearer. (One colour: -0.8 dB, 60 for both: -0.1.)
+  float far_color_deviation = 60, near_color_deviation = 12;
+} kContours{};
 
 const std::array<cv::Point, 4> kNeighbours = {cv::Point(-1, 0), {1, 0}, {0, -1}, {0, 1}};
 
@@ -45,7 +49,7 @@ class Explanation {
       : bracket_(bracket),
         formation_(formation),
         cost_scale_(static_cast<float>(
-            1 / (6 * (bracket.noise_variance + kModelVariance) * kCodeScale * kCodeScale))),
+            1 / (6 * (bracket.noise_variance + kContours.model_variance) * kCodeScale * kCodeScale))),
         sharp_(ImageFormation::withMargin(bracket.light)) {}
 
   // How badly each of two inverse depths explains the frames at a pixel.
@@ -58,8 +62,8 @@ class Explanation {
       formation_[k].predict(p, own, sharp_, pixels[count].predictions);
       pixels[count++].seen = bracket_.frames[k].codes(p);
     }
-    const float first = now > tried ? kNearColorDeviation : kFarColorDeviation;
-    const float second = now > tried ? kFarColorDeviation : kNearColorDeviation;
+    const float first = now > tried ? kContours.near_color_deviation : kContours.far_color_deviation;
+    const float second = now > tried ? kContours.far_color_deviation : kContours.near_color_deviation;
     return {costOf(p, pixels.data(), count, 0, first), costOf(p, pixels.data(), count, 1, second)};
   }
 
@@ -79,7 +83,7 @@ class Explanation {
       for (int k = 0; k < static_cast<int>(bracket_.frames.size()); ++k) {
         if (!bracket_.frames[k].shows(p)) continue;
         const auto radius = [&](int i) { return bracket_.frames[i].blur.radius(inverse_depth); };
-        if (radius(k) > kSharpPx) continue;
+        if (radius(k) > kContours.sharp) continue;
         if (sharpest[0] < 0 || radius(k) < radius(sharpest[0])) {
           sharpest[1] = sharpest[0];
           sharpest[0] = k;
@@ -121,7 +125,7 @@ class Explanation {
         squared[k] += left * left;
       }
     }
-    for (int k = 0; k < count; ++k) cost += std::min(kMostCost, squared[k] * cost_scale_);
+    for (int k = 0; k < count; ++k) cost += std::min(kContours.most_cost, squared[k] * cost_scale_);
     return cost;
   }
 
@@ -144,10 +148,11 @@ class Contours {
     findJumpCosts(stiffness);
     if (!bracket.filled.empty()) {
       cv::dilate(bracket.filled, nearest_,
-                 cv::getStructuringElement(cv::MORPH_RECT, {2 * kNearPx + 1, 2 * kNearPx + 1}));
+                 cv::getStructuringElement(cv::MORPH_RECT, {2 * kContours.near + 1, 2 * kContours.near + 1}));
     }
-    cv::dilate(jumps(inverse_depth, gap_), within_,
-               cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * kReachPx + 1, 2 * kReachPx + 1}));
+    cv::dilate(
+        jumps(inverse_depth, gap_), within_,
+        cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * kContours.reach + 1, 2 * kContours.reach + 1}));
     within_.copyTo(pending_);
   }
 
@@ -186,7 +191,8 @@ class Contours {
   };
 
   void setPending(const cv::Point& p) {
-    const cv::Rect around = cv::Rect(p.x - kEffectPx, p.y - kEffectPx, 2 * kEffectPx + 1, 2 * kEffectPx + 1) &
+    const cv::Rect around = cv::Rect(p.x - kContours.effect, p.y - kContours.effect, 2 * kContours.effect + 1,
+                                     2 * kContours.effect + 1) &
                             cv::Rect({}, inverse_depth_.size());
     cv::bitwise_or(pending_(around), within_(around), pending_(around));
   }
@@ -211,9 +217,9 @@ class Contours {
       const float tried = candidates[i];
       const std::array<float, 2> costs = explanation_.costsOf(p, best, tried);
       const bool is_farther = tried < best;
-      if (costs[0] < kExplained && !is_farther) continue;
+      if (costs[0] < kContours.explained && !is_farther) continue;
       const float now = costs[0] + jumpCost(p, best, across_x[i]) + depthCost(p, best) +
-                        (is_farther ? kNearExcess : -kNearExcess);
+                        (is_farther ? kContours.near_excess : -kContours.near_excess);
       if (costs[1] + jumpCost(p, tried, across_x[i]) + depthCost(p, tried) < now) best = tried;
     }
     return best;
@@ -229,7 +235,7 @@ class Contours {
           float squared = 0;
           for (int c = 0; c < 3; ++c)
             squared += static_cast<float>((here[c] - other[c]) * (here[c] - other[c])) / 3;
-          return stiffness * kJumpWeight * std::exp(-squared / kColorStep);
+          return stiffness * kContours.jump_weight * std::exp(-squared / kContours.color_step);
         };
         if (x + 1 < inverse_depth_.cols) right_(y, x) = cost(bracket_.fused(y, x + 1));
         if (y + 1 < inverse_depth_.rows) below_(y, x) = cost(bracket_.fused(y + 1, x));
@@ -244,9 +250,9 @@ class Contours {
   // Registration and the blur beside near objects make these too fat rather than too thin. What registration
   // has missed, on the other hand, only the frames show.
   float depthCost(const cv::Point& p, float inverse_depth) const {
-    if (isNearerThanAll(p, inverse_depth)) return kNearerThanAll;
+    if (isNearerThanAll(p, inverse_depth)) return kContours.nearer_than_all;
     const float filled = bracket_.filled.empty() ? 0 : bracket_.filled(p);
-    return filled > 0 && inverse_depth - filled > gap_ ? kNearerThanFilled : 0;
+    return filled > 0 && inverse_depth - filled > gap_ ? kContours.nearer_than_filled : 0;
   }
 
   // across_x: the contour would move along x.
@@ -254,7 +260,7 @@ class Contours {
     float sum = 0;
     const auto add = [&](const cv::Point& step, float cost) {
       if (std::abs(inverse_depth_(p + step) - inverse_depth) > gap_)
-        sum += (step.y == 0) == across_x ? cost : kSideways * cost;
+        sum += (step.y == 0) == across_x ? cost : kContours.sideways * cost;
     };
     if (p.x > 0) add({-1, 0}, right_(p.y, p.x - 1));
     if (p.x + 1 < inverse_depth_.cols) add({1, 0}, right_(p));
@@ -279,11 +285,11 @@ class Contours {
 bool moveContours(const ObservedBracket& bracket, std::vector<ImageFormation>& formation,
                   cv::Mat1f& inverse_depth, float stiffness, const std::function<bool(double)>& proceed) {
   Contours contours(bracket, formation, inverse_depth, stiffness);
-  for (int i = 0; i < kSweeps; ++i) {
-    if (!proceed(static_cast<double>(i) / kSweeps)) return false;
+  for (int i = 0; i < kContours.sweeps; ++i) {
+    if (!proceed(static_cast<double>(i) / kContours.sweeps)) return false;
     const int moved = contours.sweep(0);  // the second sweep sees what the first one moved
     if (contours.sweep(1) + moved == 0) break;
-    if (i % kSweepsPerUpdate == kSweepsPerUpdate - 1) updateAll(formation);
+    if (i % kContours.sweeps_per_update == kContours.sweeps_per_update - 1) updateAll(formation);
   }
   updateAll(formation);
   return true;

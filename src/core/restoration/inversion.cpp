@@ -19,20 +19,28 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kBandJumpPx = 0.75;               // of blur; smaller jumps leave little to correct
-constexpr int kBandPx = 5;                         // about them
-constexpr float kSoftFrom = 0.4f, kSoftTo = 0.9f;  // radius of the sharpest frame, px
-constexpr float kSharpPx = 2.5f;                   // radius of frames that are used
-constexpr int kSoftFrames = 3;    // at most, where no frame is sharp: whole pictures can be so
+constexpr struct InversionParameters {
+  // Where to correct: beside jumps of inverse depth, and where no frame is sharp.
+  double band_jump = 0.75;                 // px of blur; smaller jumps leave little to correct
+  int band = 5;                            // px about them
+  float soft_from = 0.4f, soft_to = 0.9f;  // px: radius of the sharpest frame
+  // By which frames.
+  float sharp = 2.5f;  // px: radius; those that are less sharp are not used
+  int soft_frames =
+      3;  // at most, where no frame is sharp: whole pictures can be so (all: +0.1 dB, 3 x the time)
+  // The equations. Variances are in gray levels squared.
+  double model_variance = 0.49, model_error = 0.09;  // of a frame; by squared radius
+  double prior_share = 0.49, least_variance = 0.1;   // of the prior: of the noise, and besides
+  float smoothness = 0.1f;
+  int steps = 2;  // of conjugate gradients
+  // The limits of the correction.
+  double residual_sigma = 2;               // px: residuals are means over that
+  float range_margin = 2;                  // gray levels, beyond what the frames differ by
+  float gate_from = 0.1f, gate_to = 0.4f;  // share of the residual that is explained: none is kept, all
+  double chance = 0.3;                     // of the variance of the noise; a smaller excess may be chance
+} kInversion{};
+
 constexpr int kFarthestPart = 4;  // px; parts farther away count as known
-constexpr double kModelVariance = 0.49, kModelError = 0.09;  // gray levels squared; by squared radius
-constexpr double kPriorShare = 0.49, kLeastVariance = 0.1;
-constexpr float kSmoothness = 0.1f;
-constexpr int kSteps = 2;             // of conjugate gradients
-constexpr double kResidualSigma = 2;  // px
-constexpr float kRangeMargin = 2;     // gray levels
-constexpr float kGateFrom = 0.1f, kGateTo = 0.4f;
-constexpr double kChance = 0.3;  // of the variance of the noise; a smaller excess may be chance
 constexpr int kStripRows = 16;
 
 cv::Mat1b neighbourhood(const cv::Mat1b& mask, int reach) {
@@ -165,7 +173,8 @@ class Equations {
         nearly_sharp.clear();
         for (size_t k = 0; k < formation.size(); ++k) {
           const float radius = formation[k].radius({x, y});
-          if (radius < kSharpPx && bracket_.frames[k].shows({x, y})) nearly_sharp.emplace_back(radius, k);
+          if (radius < kInversion.sharp && bracket_.frames[k].shows({x, y}))
+            nearly_sharp.emplace_back(radius, k);
         }
         std::sort(nearly_sharp.begin(), nearly_sharp.end());
         if (nearly_sharp.size() > solved_(y, x)) nearly_sharp.resize(solved_(y, x));
@@ -193,8 +202,8 @@ class Equations {
     Row row;
     row.x = p.x;
     row.y = p.y;
-    row.weight =
-        static_cast<float>(1 / (bracket_.noise_variance + kModelVariance + kModelError * radius * radius));
+    row.weight = static_cast<float>(
+        1 / (bracket_.noise_variance + kInversion.model_variance + kInversion.model_error * radius * radius));
     for (int c = 0; c < 3; ++c) {
       const float code = curve.code(light[c]);
       row.residual[c] = static_cast<float>(seen[c]) / kCodeScale - code;
@@ -279,7 +288,7 @@ cv::Mat1f excessOf(const Equations& equations, const cv::Mat4f& z, double noise_
     const cv::Vec3f left = z.empty() ? row.residual : row.residual - Equations::predicted(row, parts, z);
     excess(row.y, row.x) += row.weight * (mean(squared(left)) - static_cast<float>(noise_variance));
   });
-  cv::GaussianBlur(excess, excess, {}, kResidualSigma);
+  cv::GaussianBlur(excess, excess, {}, kInversion.residual_sigma);
   return excess;
 }
 
@@ -287,13 +296,14 @@ cv::Mat1f excessOf(const Equations& equations, const cv::Mat4f& z, double noise_
 cv::Mat1f weightOf(const Equations& equations) {
   cv::Mat1f weight(equations.solved().size(), 0);
   equations.forEach([&](const Row& row, const Part*) { weight(row.y, row.x) += row.weight; });
-  cv::GaussianBlur(weight, weight, {}, kResidualSigma);
+  cv::GaussianBlur(weight, weight, {}, kInversion.residual_sigma);
   return weight;
 }
 
 // 1 / s^2.
 cv::Mat1f priorOf(const cv::Mat1f& excess, const cv::Mat1f& weight, double noise_variance) {
-  const auto least = static_cast<float>(kPriorShare * (noise_variance + kLeastVariance));
+  const auto least =
+      static_cast<float>(kInversion.prior_share * (noise_variance + kInversion.least_variance));
   cv::Mat1f prior(excess.size());
   forEachPixel(prior.size(), [&](int y, int x) {
     prior(y, x) = 1 / (least + std::max(0.0f, excess(y, x) / std::max(weight(y, x), 1e-6f)));
@@ -315,7 +325,7 @@ void apply(Equations& equations, const cv::Mat1f& prior, const cv::Mat3f& z, cv:
       const cv::Point q = cv::Point(x, y) + step;
       if (q.x >= 0 && q.y >= 0 && q.x < z.cols && q.y < z.rows) bend += here - z(q);
     }
-    out(y, x) += prior(y, x) * here + kSmoothness * bend;
+    out(y, x) += prior(y, x) * here + kInversion.smoothness * bend;
   });
 }
 
@@ -340,16 +350,17 @@ std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior,
   residual.setTo(cv::Scalar(), equations.solved() == 0);
   cv::Mat3f inverse = equations.diagonal();
   forEachPixel(z.size(), [&](int y, int x) {
-    for (int c = 0; c < 3; ++c) inverse(y, x)[c] = 1 / (inverse(y, x)[c] + prior(y, x) + 4 * kSmoothness);
+    for (int c = 0; c < 3; ++c)
+      inverse(y, x)[c] = 1 / (inverse(y, x)[c] + prior(y, x) + 4 * kInversion.smoothness);
   });
   cv::Mat3f direction(residual.mul(inverse));
   cv::Scalar energy = cv::sum(direction.mul(residual));
   for (int i = 1;; ++i) {
-    if (!proceed(static_cast<double>(i - 1) / kSteps)) return std::nullopt;
+    if (!proceed(static_cast<double>(i - 1) / kInversion.steps)) return std::nullopt;
     apply(equations, prior, direction, product);
     const cv::Scalar length = ratio(energy, cv::sum(direction.mul(product)));
     z += scaled(direction, length);
-    if (i == kSteps) return z;
+    if (i == kInversion.steps) return z;
     residual -= scaled(product, length);
     const cv::Mat3f steepest(residual.mul(inverse));
     const cv::Scalar next = cv::sum(steepest.mul(residual));
@@ -372,7 +383,7 @@ void limit(const ObservedBracket& bracket, cv::Mat3f& z) {
     }
     float factor = 1;
     for (int c = 0; c < 3; ++c) {
-      const float range = static_cast<float>(most[c] - least[c]) / kCodeScale + kRangeMargin;
+      const float range = static_cast<float>(most[c] - least[c]) / kCodeScale + kInversion.range_margin;
       if (std::abs(here[c]) > range) factor = std::min(factor, range / std::abs(here[c]));
     }
     here *= factor;
@@ -382,26 +393,28 @@ void limit(const ObservedBracket& bracket, cv::Mat3f& z) {
 // By the share of the residual in excess of noise that z explains.
 void gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weight, double noise_variance,
           cv::Mat3f& z) {
-  const auto chance = static_cast<float>(kChance * noise_variance) + 1e-3f;
+  const auto chance = static_cast<float>(kInversion.chance * noise_variance) + 1e-3f;
   forEachPixel(z.size(), [&](int y, int x) {
     const float share = (before(y, x) - after(y, x)) / std::max(before(y, x), chance * weight(y, x) + 1e-9f);
-    z(y, x) *= std::clamp((share - kGateFrom) / (kGateTo - kGateFrom), 0.0f, 1.0f);
+    z(y, x) *=
+        std::clamp((share - kInversion.gate_from) / (kInversion.gate_to - kInversion.gate_from), 0.0f, 1.0f);
   });
 }
 
 // region, 0..1: where to correct. Beside jumps, and where no frame is sharp. solved: see Equations.
 void findRegion(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth, cv::Mat1f& region,
                 cv::Mat1b& solved) {
-  neighbourhood(jumps(inverse_depth, bracket.gap(kBandJumpPx)), kBandPx).convertTo(region, CV_32F, 1 / 255.0);
+  neighbourhood(jumps(inverse_depth, bracket.gap(kInversion.band_jump)), kInversion.band)
+      .convertTo(region, CV_32F, 1 / 255.0);
   solved = region > 0;
   forEachPixel(region.size(), [&](int y, int x) {
-    float least = kSoftTo;
+    float least = kInversion.soft_to;
     for (const ObservedFrame& frame : bracket.frames) {
       if (frame.shows({x, y})) least = std::min(least, frame.blur.radius(inverse_depth(y, x)));
     }
-    const float soft = (least - kSoftFrom) / (kSoftTo - kSoftFrom);
+    const float soft = (least - kInversion.soft_from) / (kInversion.soft_to - kInversion.soft_from);
     region(y, x) = std::max(region(y, x), soft);
-    if (soft > 0 && !solved(y, x)) solved(y, x) = kSoftFrames;
+    if (soft > 0 && !solved(y, x)) solved(y, x) = kInversion.soft_frames;
   });
 }
 

@@ -28,30 +28,35 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kCopyPixels = 100e3;   // of the copies that tell the blur
-constexpr double kGuessedPx = 3;        // of blur in the copies, over the whole sweep
-constexpr double kRangeMarginPx = 0.5;  // of blur, beyond the depth that was measured
-constexpr double kRangeShare = 0.005;   // of measured pixels that may lie beyond, at each end
-constexpr int kLeastFrames = 2;
-constexpr double kOcclusionPx = 1.5;  // of blur; at smaller jumps little is covered
-constexpr int kBesidePx = 4;          // how far from jumps coverage is looked at
-constexpr int kErrorGrid = 2;         // rows and columns between pixels whose prediction is compared
-constexpr float kMostSquaredError =
-    3 * 900;                        // of a pixel; larger errors are cut, as it may show what no other does
-constexpr double kToldShare = 0.9;  // of a correction; if less is kept, a note says so
-constexpr double kTileSigma = 5;    // px
-// Rise of the error in standard deviations, up to which all of a correction is kept, and at which nothing is.
-constexpr float kWorse = 1, kSurelyWorse = 3;
-constexpr double kModelError = 0.4;  // standard deviation, as a share of the error: depth may be wrong
-constexpr double kTurned =
-    0.93;  // share of the error that must be left, to turn focus distances that were given
-// Pictures are downsampled until the largest blur disc has this radius, for time grows with its area, and to
-// so many pixels, but no further than to so few.
-constexpr double kLargestBlurPx = 8, kMostPixels = 1200e3, kLeastPixels = 400e3;
-constexpr int kMostSampled = 640;  // columns and rows of depth, to find the largest disc
+constexpr struct RestorationParameters {
+  // Pictures are downsampled until the largest blur disc has this radius, px, for time grows with its area,
+  // and to so many pixels, but no further than to so few.
+  double largest_blur = 8, most_pixels = 1200e3, least_pixels = 400e3;
+  int most_sampled = 640;  // columns and rows of depth, to find the largest disc
+  // The lens.
+  double copy_pixels = 100e3;  // of the copies that tell the blur
+  double guessed_blur = 3;     // px of the copies, over the whole sweep, without focus distances
+  // Depth.
+  double range_margin = 0.5;   // px of blur, beyond the depth that was measured
+  double range_share = 0.005;  // of measured pixels that may lie beyond, at each end
+  double turned = 0.93;    // share of the error that must be left, to turn focus distances that were given
+  double occlusion = 1.5;  // px of blur; at smaller jumps little is covered
+  int beside = 4;          // px; how far from jumps coverage is looked at
+  // Of contours, in each round: in the first one they lie at colour edges.
+  std::array<float, 2> stiffness = {2, 1};
+  // Do the frames show the restored picture as well as the given one?
+  float most_squared_error = 3 * 900;  // of a pixel; larger ones are cut, as it may show what no other does
+  double tile_sigma = 5;               // px: errors are means over that
+  double model_error = 0.4;            // standard deviation, as a share of the error: depth may be wrong
+  // Rise of the error in standard deviations, up to which all of a correction is kept, and at which nothing.
+  float worse = 1, surely_worse = 3;
+  double told_share = 0.9;  // of a correction; if less is kept, a note says so
+  // A channel of the fused picture that is this dark is not brightened, one this bright as the equations say;
+  // gray levels. (Without: slope_24mm -0.4 dB, motorcycle_breathing +0.2, 30 scenes -0.06.)
+  float never_brightened = 20, freely_brightened = 100;
+} kRestoration{};
 
-// Of contours, in each round.
-constexpr std::array<float, 2> kStiffness = {2, 1};
+constexpr int kErrorGrid = 2;  // rows and columns between pixels whose prediction is compared
 
 cv::Mat downsampled(const cv::Mat& image, const cv::Size& size) {
   if (image.size() == size) return image.clone();
@@ -104,7 +109,7 @@ std::optional<InverseDepthRange> rangeOf(const cv::Mat1f& inverse_depth) {
   }
   if (there.empty()) return std::nullopt;
   InverseDepthRange range;
-  const size_t beyond = static_cast<size_t>(kRangeShare * static_cast<double>(there.size()));
+  const size_t beyond = static_cast<size_t>(kRestoration.range_share * static_cast<double>(there.size()));
   std::nth_element(there.begin(), there.begin() + beyond, there.end());
   range.least = there[beyond];
   std::nth_element(there.begin(), there.end() - 1 - beyond, there.end());
@@ -117,7 +122,7 @@ InverseDepthRange rangeOf(const ObservedBracket& bracket) {
   const InverseDepthRange focused = {static_cast<float>(bracket.frames.front().blur.inverse_depth),
                                      static_cast<float>(bracket.frames.back().blur.inverse_depth)};
   const InverseDepthRange range = rangeOf(bracket.filled).value_or(focused);
-  const float margin = bracket.gap(kRangeMarginPx);
+  const float margin = bracket.gap(kRestoration.range_margin);
   return {std::max(0.0f, range.least - margin), range.largest + margin};
 }
 
@@ -150,14 +155,16 @@ FrameBlur blurOf(const BracketScene& scene, double inverse_depth, int columns) {
 
 // The size in which a bracket is restored.
 cv::Size workingSize(const BracketScene& scene, const cv::Size& size) {
-  double pixels = kLeastPixels;
+  double pixels = kRestoration.least_pixels;
   if (scene.camera && !scene.depth.empty()) {
-    const cv::Size sampled(std::min(scene.depth.cols, kMostSampled),
-                           std::min(scene.depth.rows, kMostSampled));
+    const cv::Size sampled(std::min(scene.depth.cols, kRestoration.most_sampled),
+                           std::min(scene.depth.rows, kRestoration.most_sampled));
     if (const auto range = rangeOf(inverseDepthOf(scene.depth, sampled))) {
-      const double blur = blurOf(scene, range->largest, size.width).radius(range->least) / kLargestBlurPx;
+      const double blur =
+          blurOf(scene, range->largest, size.width).radius(range->least) / kRestoration.largest_blur;
       // In this order, for blur is NaN where the depth is the focal length.
-      pixels = std::clamp(size.area() / std::max(1e-6, blur * blur), kLeastPixels, kMostPixels);
+      pixels = std::clamp(size.area() / std::max(1e-6, blur * blur), kRestoration.least_pixels,
+                          kRestoration.most_pixels);
     }
   }
   const double scale = std::min(1.0, std::sqrt(pixels / size.area()));
@@ -190,10 +197,6 @@ double noiseVariance(const std::vector<cv::Mat>& frames) {
   return deviation * deviation;
 }
 
-// A channel of the fused picture that is this dark is not brightened, one this bright as the equations say;
-// gray levels.
-constexpr float kNeverBrightened = 20, kFreelyBrightened = 100;
-
 // Blur raises dark values by much and lowers bright ones by little, and the fused picture prefers dark
 // frames. So what it shows as dark is rarely too dark. Neither holds where codes are in proportion to light.
 void keepDark(const cv::Mat3b& fused, cv::Mat3f& correction) {
@@ -202,7 +205,8 @@ void keepDark(const cv::Mat3b& fused, cv::Mat3f& correction) {
       for (int c = 0; c < 3; ++c) {
         float& z = correction(y, x)[c];
         const float brightness = static_cast<float>(fused(y, x)[c]);
-        const float share = (brightness - kNeverBrightened) / (kFreelyBrightened - kNeverBrightened);
+        const float share = (brightness - kRestoration.never_brightened) /
+                            (kRestoration.freely_brightened - kRestoration.never_brightened);
         if (z > 0) z *= std::clamp(share, 0.0f, 1.0f);
       }
     }
@@ -241,7 +245,7 @@ cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<Ima
                                      static_cast<float>(frame.codes(y, x)[c]) / kCodeScale;
             squared += difference * difference;
           }
-          errors(y, x) += std::min(squared, kMostSquaredError);
+          errors(y, x) += std::min(squared, kRestoration.most_squared_error);
         }
       }
     }
@@ -253,11 +257,12 @@ cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<Ima
 // corrected one, beyond noise and errors of the depth. Returns the share that is kept.
 double keepWhatFramesShow(const cv::Mat1f& before, const cv::Mat1f& after, cv::Mat3f& correction) {
   cv::Mat1f rise(after - before), variance, given;
-  cv::GaussianBlur(before, given, {}, kTileSigma);
-  cv::GaussianBlur(rise.mul(rise), variance, {}, kTileSigma / std::sqrt(2));  // squared weights of the mean
-  variance /= 4 * CV_PI * kTileSigma * kTileSigma;
-  variance += kModelError * kModelError * given.mul(given);
-  cv::GaussianBlur(rise, rise, {}, kTileSigma);
+  cv::GaussianBlur(before, given, {}, kRestoration.tile_sigma);
+  cv::GaussianBlur(rise.mul(rise), variance, {},
+                   kRestoration.tile_sigma / std::sqrt(2));  // squared weights of the mean
+  variance /= 4 * CV_PI * kRestoration.tile_sigma * kRestoration.tile_sigma;
+  variance += kRestoration.model_error * kRestoration.model_error * given.mul(given);
+  cv::GaussianBlur(rise, rise, {}, kRestoration.tile_sigma);
   double all = 0, kept = 0;
   for (int y = 0; y < rise.rows; ++y) {
     for (int x = 0; x < rise.cols; ++x) {
@@ -265,7 +270,9 @@ double keepWhatFramesShow(const cv::Mat1f& before, const cv::Mat1f& after, cv::M
       const double size = cv::norm(z, cv::NORM_L2SQR);
       if (size == 0) continue;
       const float deviations = rise(y, x) / std::sqrt(variance(y, x) + 1e-9f);
-      const float keep = std::clamp((kSurelyWorse - deviations) / (kSurelyWorse - kWorse), 0.0f, 1.0f);
+      const float keep = std::clamp(
+          (kRestoration.surely_worse - deviations) / (kRestoration.surely_worse - kRestoration.worse), 0.0f,
+          1.0f);
       z *= keep;
       all += size;
       kept += keep * size;
@@ -284,13 +291,14 @@ bool orderByOcclusion(ObservedBracket& bracket, cv::Mat1f& inverse_depth, bool o
   std::reverse(turned.frames.begin(), turned.frames.end());
   cv::Mat1f turned_depth(cv::max(static_cast<float>(sum) - inverse_depth, 1e-9f));
   cv::Mat1b beside;
-  cv::dilate(jumps(inverse_depth, bracket.gap(kOcclusionPx)), beside,
-             cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * kBesidePx + 1, 2 * kBesidePx + 1}));
+  cv::dilate(jumps(inverse_depth, bracket.gap(kRestoration.occlusion)), beside,
+             cv::getStructuringElement(cv::MORPH_ELLIPSE,
+                                       {2 * kRestoration.beside + 1, 2 * kRestoration.beside + 1}));
   const auto errorOf = [&](const ObservedBracket& one, const cv::Mat1f& depth) {
     return cv::sum(predictionErrors(one, formationOf(one, depth), one.light, beside))[0];
   };
   const double straight = errorOf(bracket, inverse_depth), round = errorOf(turned, turned_depth);
-  if (round >= (order_known ? kTurned : 1) * straight) return false;
+  if (round >= (order_known ? kRestoration.turned : 1) * straight) return false;
   bracket = turned;
   inverse_depth = turned_depth;
   bracket.filled = turned_depth.clone();
@@ -348,7 +356,7 @@ void BracketRestoration::dropOne() {
 }
 
 std::string BracketRestoration::missing() const {
-  if (held_.size() < kLeastFrames) return "two frames at different distances are needed";
+  if (held_.size() < 2) return "two frames at different distances are needed";
   if (held_.front().inverse_depth == held_.back().inverse_depth)
     return "all frames are focused at the same distance";
   return "";
@@ -372,7 +380,7 @@ void BracketRestoration::tell(const LensFit& fit, bool has_scale, RestorationRes
 }
 
 double BracketRestoration::shrinking() const {
-  return BlurEvidence::shrinking(working_size_, kCopyPixels);
+  return BlurEvidence::shrinking(working_size_, kRestoration.copy_pixels);
 }
 
 // All pictures in one size and one exposure, with the lens that was given.
@@ -388,8 +396,9 @@ ObservedBracket BracketRestoration::observed(const cv::Mat& fused) const {
   std::vector<cv::Mat> images;
   const double span = held_.back().inverse_depth - held_.front().inverse_depth;
   for (const HeldFrame& held : held_) {
-    const FrameBlur blur = hasScale() ? blurOf(scene_, held.inverse_depth, working_size_.width)
-                                      : FrameBlur{held.inverse_depth, kGuessedPx * shrinking() / span};
+    const FrameBlur blur =
+        hasScale() ? blurOf(scene_, held.inverse_depth, working_size_.width)
+                   : FrameBlur{held.inverse_depth, kRestoration.guessed_blur * shrinking() / span};
     bracket.frames.push_back({exposed(held.image, held.gain, *bracket.curve), held.seen, held.opaque, blur});
     images.push_back(held.image);
     bracket.px_mm = std::max(bracket.px_mm, blur.px_mm);
@@ -510,7 +519,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   const cv::Mat3b given = bracket.fused;
   cv::Mat3f sum(given.size(), cv::Vec3f::all(0));
   double from = 0.4;
-  for (const float stiffness : kStiffness) {
+  for (const float stiffness : kRestoration.stiffness) {
     if (!moveContours(bracket, formation, inverse_depth, stiffness, part(from, from + 0.15)))
       return std::nullopt;
     const std::optional<cv::Mat3f> z =
@@ -531,7 +540,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   result.kept = keepWhatFramesShow(predictionErrors(bracket, formation, given_light, changed),
                                    predictionErrors(bracket, formation, bracket.light, changed), sum);
   if (!linear_) keepDark(given, sum);
-  if (result.kept < kToldShare) {
+  if (result.kept < kRestoration.told_share) {
     result.notes.push_back(cv::format(
         "%.0f %% of the restoration is kept: elsewhere the frames do not show it", 100 * result.kept));
   }
