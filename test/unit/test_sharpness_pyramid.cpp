@@ -55,8 +55,7 @@ cv::Mat naiveProduct(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge) 
   }
   cv::Mat product;
   for (int l = static_cast<int>(levels.size()) - 1; l >= 0; --l) {
-    const double floor = 1.7 * std::pow(0.4, l) + std::max(3 * gauge.noise.sharpness(l),
-                                                           12 * std::pow(0.6, l) * gauge.noise.deviation());
+    const double floor = std::pow(0.6, l) * (1.7 + 12 * gauge.noise.deviation());
     const double contrast = (l == 0 && gauge.resampled ? 0.85 : 1) * gauge.contrast;
     cv::Mat sharpness =
         contrast * (l == 0 ? smoothedLaplacian(levels[l], 0.85, 5) : smoothedLaplacian(levels[l], 1.4, 9));

@@ -35,14 +35,12 @@ constexpr struct SharpnessParameters {
   // times as wide as the map of the lights. Windows of finer levels are smaller than the discs of lights.
   float most_near_lights = 3;
   double finest_of_lights = 1.5;
-  // The floor of a level, gray levels: a multiple of the sharpness that rounding to 8 bits has, plus one of
-  // that of the noise. The sharpness of a frame is added to it in quadrature, so that frames count alike
-  // where they show only noise.
-  double rounding = 1.7, rounding_of_finer = 0.4, noise_floor = 3;
-  // The floor is at least so many standard deviations of the noise, times a factor for every coarser level.
-  // Noise that is correlated over pixels (demosaicing, JPEG, enlarging) needs this: the finest levels show
-  // little of it, but what they show varies widely.
-  double deviations = 12, of_finer_level = 0.6;
+  // The floor of a level, gray levels: the sharpness that rounding to 8 bits has, and so many standard
+  // deviations of the noise, times a factor for every coarser level. The sharpness of a frame is added to it
+  // in quadrature, so that frames count alike where they show only noise. The factor is that of noise which
+  // is correlated over pixels (demosaicing, JPEG, enlarging): the finest levels show little of it, but what
+  // they show varies widely.
+  double rounding = 1.7, deviations = 12, of_finer_level = 0.6;
   // A frame that is sharp anywhere has this modified Laplacian, gray levels above the noise, in its sharpest
   // places at textureLevel(). The eighth power of the least trust is a weight of 1e-9.
   double sharp = 4, least_trust = 0.075;
@@ -50,9 +48,8 @@ constexpr struct SharpnessParameters {
 } kSharpness{};
 
 double floorOf(const NoiseSpectrum& noise, size_t level) {
-  return kSharpness.rounding * std::pow(kSharpness.rounding_of_finer, level) +
-         std::max(kSharpness.noise_floor * noise.sharpness(level),
-                  kSharpness.deviations * std::pow(kSharpness.of_finer_level, level) * noise.deviation());
+  return std::pow(kSharpness.of_finer_level, level) *
+         (kSharpness.rounding + kSharpness.deviations * noise.deviation());
 }
 
 // At n pixels that have neighbours on both sides.

@@ -13,12 +13,12 @@ namespace all_in_focus::core {
 /// How sharp a frame is at every scale, pixel by pixel:
 ///   t_0 t_1 (t_2 t_3 ...)^(3/4),  t_l = sqrt((contrast s_l)^2 + n_l^2)  at level l of a Gaussian pyramid,
 /// s_l the modified Laplacian |I_xx| + |I_yy| (Nayar and Nakagawa 1994) of that level in a Gaussian window,
-/// each level upsampled to the size of the one below it; n_l = 1.7 * 0.4^l + the greater of 3 times the
-/// sharpness of the noise there and 12 * 0.6^l times its deviation, so that frames which differ by noise
-/// alone are about as sharp. Fine texture is measured at the finest level. The coarser ones measure what is
-/// flat there; they reach farther, across thin things, too, so those from level 2 on count a little less.
-/// They also reach across depth edges, so where depth predicts the blur (`predicted`), the product of the
-/// coarser ones counts by its square root (of level 2 and coarser ones: instead of by the power 3/4).
+/// each level upsampled to the size of the one below it; n_l = 0.6^l (1.7 + 12 sigma), sigma the deviation of
+/// the noise, so that frames which differ by noise alone are about as sharp. Fine texture is measured at the
+/// finest level. The coarser ones measure what is flat there; they reach farther, across thin things, too, so
+/// those from level 2 on count a little less. They also reach across depth edges, so where depth predicts the
+/// blur (`predicted`), the product of the coarser ones counts by its square root (of level 2 and coarser
+/// ones: instead of by the power 3/4).
 ///
 /// s_0 of a `resampled` frame is multiplied by 0.85: resampling takes away the finest detail, and its errors
 /// look like detail.
