@@ -150,9 +150,7 @@ class Contours {
       cv::dilate(bracket.filled, nearest_,
                  cv::getStructuringElement(cv::MORPH_RECT, {2 * kContours.near + 1, 2 * kContours.near + 1}));
     }
-    cv::dilate(
-        jumps(inverse_depth, gap_), within_,
-        cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * kContours.reach + 1, 2 * kContours.reach + 1}));
+    within_ = besideJumps(inverse_depth, gap_, kContours.reach);
     within_.copyTo(pending_);
   }
 

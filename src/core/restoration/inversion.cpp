@@ -43,12 +43,6 @@ constexpr struct InversionParameters {
 constexpr int kFarthestPart = 4;  // px; parts farther away count as known
 constexpr int kStripRows = 16;
 
-cv::Mat1b neighbourhood(const cv::Mat1b& mask, int reach) {
-  cv::Mat1b wide;
-  cv::dilate(mask, wide, cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * reach + 1, 2 * reach + 1}));
-  return wide;
-}
-
 // work(y, x) for all pixels, rows at the same time.
 template <typename Work>
 void forEachPixel(const cv::Size& size, const Work& work) {
@@ -404,7 +398,7 @@ void gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weig
 // region, 0..1: where to correct. Beside jumps, and where no frame is sharp. solved: see Equations.
 void findRegion(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth, cv::Mat1f& region,
                 cv::Mat1b& solved) {
-  neighbourhood(jumps(inverse_depth, bracket.gap(kInversion.band_jump)), kInversion.band)
+  besideJumps(inverse_depth, bracket.gap(kInversion.band_jump), kInversion.band)
       .convertTo(region, CV_32F, 1 / 255.0);
   solved = region > 0;
   forEachPixel(region.size(), [&](int y, int x) {

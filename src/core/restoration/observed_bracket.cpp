@@ -19,6 +19,13 @@ cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap) {
   return found;
 }
 
+cv::Mat1b besideJumps(const cv::Mat1f& inverse_depth, float gap, int reach) {
+  cv::Mat1b beside;
+  cv::dilate(jumps(inverse_depth, gap), beside,
+             cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * reach + 1, 2 * reach + 1}));
+  return beside;
+}
+
 cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket) {
   const cv::Mat1b doubt(jumps(bracket.measured, bracket.gap(kJumpPx)) | (bracket.measured == 0));
   cv::Mat1f distance;

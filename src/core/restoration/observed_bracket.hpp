@@ -41,6 +41,9 @@ constexpr double kJumpPx = 0.35;  ///< neighbours that differ by more do not lie
 /// CV_8UC1, 255 at both pixels of every pair of neighbours whose inverse depth differs by more than a gap.
 cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap);
 
+/// The same, and all pixels within a reach of them, px.
+cv::Mat1b besideJumps(const cv::Mat1f& inverse_depth, float gap, int reach);
+
 /// Distance, px, of each pixel from the nearest hole or jump of the measured depth.
 cv::Mat1f distanceFromDoubt(const ObservedBracket& bracket);
 

@@ -290,10 +290,8 @@ bool orderByOcclusion(ObservedBracket& bracket, cv::Mat1f& inverse_depth, bool o
   for (ObservedFrame& frame : turned.frames) frame.blur.inverse_depth = sum - frame.blur.inverse_depth;
   std::reverse(turned.frames.begin(), turned.frames.end());
   cv::Mat1f turned_depth(cv::max(static_cast<float>(sum) - inverse_depth, 1e-9f));
-  cv::Mat1b beside;
-  cv::dilate(jumps(inverse_depth, bracket.gap(kRestoration.occlusion)), beside,
-             cv::getStructuringElement(cv::MORPH_ELLIPSE,
-                                       {2 * kRestoration.beside + 1, 2 * kRestoration.beside + 1}));
+  const cv::Mat1b beside =
+      besideJumps(inverse_depth, bracket.gap(kRestoration.occlusion), kRestoration.beside);
   const auto errorOf = [&](const ObservedBracket& one, const cv::Mat1f& depth) {
     return cv::sum(predictionErrors(one, formationOf(one, depth), one.light, beside))[0];
   };
