@@ -52,8 +52,6 @@ class BracketAlignment {
   CameraMotion measureDrift(const cv::Mat& reference, const cv::Mat& gray,
                             const SimilarityTransform& placement);
 
-  bool hasObserved(int index) const { return observations_.count(index) > 0; }
-
   /// Placement of one observed frame relative to another, from all that has been observed so far. A motion
   /// that is not significant or not noticeable is none at all.
   Placement placement(int index, int reference) const;
