@@ -25,7 +25,8 @@ constexpr struct NoiseParameters {
   double sharpness_of_correlated = 1.5;
   // Correlated noise differs little between neighbours, so its Laplacian is larger than the response to the
   // mask suggests: 1.7 to 2.5 times as large where noise was enlarged 3 to 8 times, at the level where it is
-  // greatest. A larger Laplacian is texture.
+  // greatest. A larger Laplacian is texture. (No limit: slope_24mm -4.5 dB where the reference is the first
+  // frame and so the only one measured, else 0.)
   double most_of_white = 2.5;
   double least_of_finer = 0.4;  // sharpness of a level / sharpness of the finer one
   std::size_t blocks = 300;     // fewest that give a tenth percentile
