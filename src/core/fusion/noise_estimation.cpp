@@ -118,10 +118,6 @@ cv::Mat nextLevel(const cv::Mat& image) {
   return level;
 }
 
-NoiseSpectrum NoiseSpectrum::white(double deviation) {
-  return NoiseSpectrum(std::vector<double>{kSharpnessOfWhite * deviation});
-}
-
 NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray, std::vector<cv::Mat> others) {
   const auto is_copy = [&](const cv::Mat& other) { return cv::norm(gray, other, cv::NORM_INF) == 0; };
   others.erase(std::remove_if(others.begin(), others.end(), is_copy), others.end());

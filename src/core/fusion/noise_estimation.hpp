@@ -24,9 +24,6 @@ class NoiseSpectrum {
   /// measured: mean modified Laplacian |I_xx| + |I_yy| of quiet places, gray levels >= 0; finest level first.
   explicit NoiseSpectrum(std::vector<double> measured) : measured_(std::move(measured)) {}
 
-  /// White noise of that standard deviation, gray levels.
-  static NoiseSpectrum white(double deviation);
-
   /// Of a picture: that of its quietest places, the tenth percentile of blocks of 8 x 8 pixels, by a mask
   /// that is blind to planes and edges (Immerkaer, Fast Noise Variance Estimation, 1996); texture lifts it
   /// only where it covers nine tenths of a level. Blocks that are nearly black or white do not count: noise
