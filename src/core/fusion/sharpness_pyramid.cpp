@@ -42,7 +42,8 @@ constexpr struct SharpnessParameters {
   // they show varies widely.
   double rounding = 1.7, deviations = 12, of_finer_level = 0.6;
   // A frame that is sharp anywhere has this modified Laplacian, gray levels above the noise, in its sharpest
-  // places at textureLevel(). The eighth power of the least trust is a weight of 1e-9.
+  // places at textureLevel(). The eighth power of the least trust is a weight of 1e-9. (All frames trusted:
+  // plain with three frames that are sharp nowhere, without depth, -2.8 dB; no scene of the suites changes.)
   double sharp = 4, least_trust = 0.075;
   double texture_width = 640;  // of a picture whose textureLevel() is 1
 } kSharpness{};
