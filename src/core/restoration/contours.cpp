@@ -22,8 +22,7 @@ constexpr struct ContourParameters {
   // Costs: squared errors over their variance. Gray levels squared: what is hidden beside a contour, and its
   // place within a pixel, are not known. (1: -0.4 dB.)
   double model_variance = 9;
-  float most_cost = 60;    // of a frame
-  float explained = 0.4f;  // of what needs no nearer depth
+  float most_cost = 60;  // of a frame
   // Of a jump, where colours differ by little: by exp(-squared gray levels / color_step). Along a contour
   // only a share of them counts: where it moves they move with it.
   float jump_weight = 5, color_step = 288, sideways = 0.5f;
@@ -215,7 +214,6 @@ class Contours {
       const float tried = candidates[i];
       const std::array<float, 2> costs = explanation_.costsOf(p, best, tried);
       const bool is_farther = tried < best;
-      if (costs[0] < kContours.explained && !is_farther) continue;
       const float now = costs[0] + jumpCost(p, best, across_x[i]) + depthCost(p, best) +
                         (is_farther ? kContours.near_excess : -kContours.near_excess);
       if (costs[1] + jumpCost(p, tried, across_x[i]) + depthCost(p, tried) < now) best = tried;
