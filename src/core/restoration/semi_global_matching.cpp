@@ -14,8 +14,7 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kLeastJump = 0.08;  // of a jump's cost that is left across the strongest colour edge
-constexpr double kColorStep = 200;   // mean squared difference, gray levels squared
+constexpr double kColorStep = 200;  // mean squared difference, gray levels squared
 constexpr std::int16_t kFar = 16000;
 
 // Path costs of a row of pixels, with one pixel and one level of padding on each side.
@@ -70,8 +69,7 @@ class JumpCosts {
   explicit JumpCosts(int jump) : table_(3 * 255 * 255 / kBin + 1) {
     for (size_t i = 0; i < table_.size(); ++i) {
       const double squared = static_cast<double>(i) * kBin / 3;
-      table_[i] =
-          static_cast<std::int16_t>(jump * (kLeastJump + (1 - kLeastJump) * std::exp(-squared / kColorStep)));
+      table_[i] = static_cast<std::int16_t>(jump * std::exp(-squared / kColorStep));
     }
   }
   // Of the steps to the pixels of row y from those at (shift, rise) relative to them.
