@@ -308,6 +308,15 @@ def test_compressed_color_of_every_kind(tmp_path, kind):
         assert np.abs(exported.astype(int) - wanted).max() <= tolerance
 
 
+def test_compressed_floats_are_refused(tmp_path):
+    """Their codes 0 to 1 would be black."""
+    damage = as_compressed(lambda picture: picture.astype(np.float32) / 255, ".tiff")
+    path = write(tmp_path / "x.bag", damage(good_messages()))
+    report = report_on(path)
+    assert not report.fusable and "the compressed picture has float32 pixels" in "\n".join(report.lines())
+    expect_refusal(call("bag_to_stack", path, "--output", tmp_path / "out"), "bag_to_stack", "float32 pixels")
+
+
 DAMAGES = {"cut by 5 percent": lambda data: data[:len(data) * 95 // 100],
            "cut to a third": lambda data: data[:len(data) // 3],
            "zeros at the end": lambda data: data[:len(data) // 3] + bytes(len(data) - len(data) // 3)}

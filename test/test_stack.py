@@ -111,6 +111,14 @@ def test_alpha_gray_and_16_bit_are_read_as_8_bit_color(tmp_path):
         assert frame.dtype == np.uint8 and frame.shape == (4, 5, 3) and (frame == 77).all()
 
 
+def test_floats_are_refused(tmp_path):
+    """By programs that do not scale them: their codes 0 to 1 would be black."""
+    cv2.imwrite(str(tmp_path / "a.tif"), np.full((4, 5, 3), 0.7, np.float32))
+    for deep in (False, True):
+        with pytest.raises(StackError, match="a.tif: has float32 pixels"):
+            list(Stack(str(tmp_path), deep=deep))
+
+
 @pytest.mark.parametrize("order", "<>")
 @pytest.mark.parametrize("big", [False, True])
 def test_a_tiff_is_read_as_it_is_stored(tmp_path, order, big):

@@ -9,7 +9,7 @@ import numpy as np
 from sensor_msgs.msg import CompressedImage, Image
 
 from all_in_focus.files.errors import one_line
-from all_in_focus.files.stack import COLOR, decode_image, is_complete
+from all_in_focus.files.stack import ALL_BITS, decode_image, eight_bits, is_complete
 
 MILLIMETRES = ("16UC1", "mono16")
 METRES = "32FC1"
@@ -116,10 +116,12 @@ def decoded(data, deep=False):
     deep: 16 where it has them. ImageError."""
     if not is_complete(data):
         raise ImageError("the compressed picture is cut short or damaged: check the camera's cable, or the disk of the recording")
-    picture = decode_image(data, COLOR | cv2.IMREAD_ANYDEPTH if deep else COLOR)
+    picture = decode_image(data, ALL_BITS)
     if picture is None:  # OpenCV gives no reason
         raise ImageError(f"its {len(data)} bytes cannot be decoded: publish JPEG or PNG")
-    return picture
+    if picture.dtype not in (np.uint8, np.uint16):
+        raise ImageError(f"the compressed picture has {picture.dtype} pixels: publish 8 or 16 bits")
+    return picture if deep else eight_bits(picture)
 
 
 def _without_padding(message):

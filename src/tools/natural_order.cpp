@@ -172,9 +172,13 @@ std::size_t firstAfterRollOver(const std::vector<std::string>& names) {
   // Some makers count to 9999 with five digits.
   std::int64_t round = 10000;
   while (round <= values.back()) round *= 10;
-  // Whoever numbers by hand leaves no gap of half the counter.
+  // Whoever numbers by hand leaves no gap of half the counter. Distances may, but are not close together
+  // else.
+  constexpr std::int64_t kUsualStep = 10;  // at most: some frames of a series may have been deleted
   for (std::size_t i = 1; i < values.size(); ++i) {
-    if (values[i] - values[i - 1] > round / 2) return i;
+    const std::int64_t all = round - values[i] + values[i - 1];
+    if (values[i] - values[i - 1] > round / 2)
+      return all <= kUsualStep * static_cast<std::int64_t>(values.size()) ? i : 0;
   }
   return 0;
 }

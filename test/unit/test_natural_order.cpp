@@ -49,6 +49,7 @@ TEST(NaturalOrder, TakesNoGapForANewCount) {
   EXPECT_EQ(firstAfterRollOver({"DSC_0001.JPG", "DSC_0002.JPG", "DSC_0400.JPG"}), 0U);
   EXPECT_EQ(firstAfterRollOver({"1.jpg", "9.jpg"}), 0U);
   EXPECT_EQ(firstAfterRollOver({"A_0001.JPG", "B_9999.JPG"}), 0U);
+  EXPECT_EQ(firstAfterRollOver({"mm_0500.png", "mm_1000.png", "mm_9000.png"}), 0U);
   EXPECT_EQ(firstAfterRollOver({"DSC_0001.JPG"}), 0U);
   EXPECT_EQ(firstAfterRollOver({}), 0U);
 }

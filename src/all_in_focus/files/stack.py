@@ -25,6 +25,7 @@ Image.MAX_IMAGE_PIXELS = None  # OpenCV has a limit of its own
 INVALID_DEPTH = 65535  # mm; what sensors write besides 0 where they have measured nothing
 TIFF_ORIENTATION = 274  # tag
 COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+ALL_BITS = COLOR | cv2.IMREAD_ANYDEPTH
 TIFF_SUFFIXES = (".tif", ".tiff")
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".webp")
 
@@ -179,10 +180,15 @@ def read_image(path, flags=COLOR, page_at=0):
 def read_color(path, deep, page_at=0):
     """BGR image: 8 bit, or, with deep, 16 where the file has them. StackError, also for what has other numbers. page_at: see
     decode_image()."""
-    image = read_image(path, COLOR | cv2.IMREAD_ANYDEPTH if deep else COLOR, page_at)
+    image = read_image(path, ALL_BITS, page_at)
     if image.dtype not in (np.uint8, np.uint16):
         raise StackError(f"{path}: has {image.dtype} pixels, which only fuse_stack reads: save it with 8 or 16 bits")
-    return image
+    return image if deep else eight_bits(image)
+
+
+def eight_bits(image):
+    """The upper 8 bits of an image of 8 or 16."""
+    return image if image.dtype == np.uint8 else (image >> 8).astype(np.uint8)
 
 
 def decode_image(data, flags=COLOR, page_at=0):
