@@ -1,8 +1,11 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-// TIFF files: their pages, one after the other, and what their codes mean.
+// Files of frames: the pages of a TIFF, one after the other, transparency, raw files, and what codes mean.
 
+#include <opencv2/imgproc.hpp>
+
+#include "image_files.hpp"
 #include "picture_reader.hpp"
 #include "scratch_folder.hpp"
 #include "target.hpp"
@@ -11,11 +14,13 @@
 namespace all_in_focus::fuzz {
 namespace {
 
+const char* const kNames[] = {"x.tif", "x.dng", "x.heic", "x.png", "x.ppm"};
 constexpr int kMostRead = 8;  // pages; a file may name thousands
 
 void run(Input& input) {
   static const ScratchFolder folder;
-  const std::string path = folder.write("x.tif", input.rest());
+  const std::string name = kNames[input.below(std::size(kNames))];
+  const std::string path = folder.write(name, input.rest());
   const int pages = countPages(path);
   require(pages >= 1, "no page");
   hasOpenRange(path);
@@ -83,19 +88,63 @@ std::string tiff(bool big_endian, bool big, int pages, int bits, bool alpha) {
   return file.bytes;
 }
 
+// A raw file of 16 bits: a Bayer pattern, 32 x 32.
+std::string dng() {
+  struct Entry {
+    int tag, type, count;
+    std::uint32_t value;
+  };
+  constexpr int kByte = 1, kShort = 3, kLong = 4, kSide = 32, kPixels = kSide * kSide * 2;
+  const std::vector<Entry> entries = {{254, kLong, 1, 0},
+                                      {256, kLong, 1, kSide},
+                                      {257, kLong, 1, kSide},
+                                      {258, kShort, 1, 16},
+                                      {259, kShort, 1, 1},
+                                      {262, kShort, 1, 32803},
+                                      {273, kLong, 1, 8 + 2 + 13 * 12 + 4},
+                                      {277, kShort, 1, 1},
+                                      {278, kLong, 1, kSide},
+                                      {279, kLong, 1, kPixels},
+                                      {33421, kShort, 2, 0x00020002},
+                                      {33422, kByte, 4, 0x02010100},
+                                      {50706, kByte, 4, 0x00000401}};
+  Bytes file(/*big_endian=*/false);
+  file.put(42, 2).put(8, 4).put(entries.size(), 2);
+  for (const Entry& entry : entries)
+    file.put(entry.tag, 2).put(entry.type, 2).put(entry.count, 4).put(entry.value, 4);
+  file.put(0, 4);
+  for (int i = 0; i < kPixels; ++i) file.put(i * 37 % 64, 1);
+  return file.bytes;
+}
+
 std::vector<std::string> seeds() {
   std::vector<std::string> seeds;
+  cv::Mat4b picture(5, 6, cv::Vec4b(10, 120, 200, 255));
+  picture(2, 3)[3] = 0;
+  cv::Mat4w deep;
+  picture.convertTo(deep, CV_16U, 257);
+  cv::Mat3b opaque;
+  cv::cvtColor(picture, opaque, cv::COLOR_BGRA2BGR);
+  seeds.push_back(Seed().below(1).rest(dng()));
+  seeds.push_back(
+      Seed().below(2).rest(std::string("\0\0\0\x18"
+                                       "ftypheic\0\0\0\0mif1heic",
+                                       24)));
+  for (const cv::Mat& with_alpha : {cv::Mat(picture), cv::Mat(deep)})
+    seeds.push_back(Seed().below(3).rest(encodeImage("x.png", with_alpha)));
+  seeds.push_back(Seed().below(3).rest(encodeImage("x.webp", picture)));
+  seeds.push_back(Seed().below(4).rest(encodeImage("x.ppm", opaque)));
   for (const bool big_endian : {false, true}) {
     for (const bool big : {false, true}) {
       for (const int bits : {8, 16, 32}) {
         for (const int pages : {1, 3})
-          seeds.push_back(Seed().rest(tiff(big_endian, big, pages, bits, pages == 3)));
+          seeds.push_back(Seed().below(0).rest(tiff(big_endian, big, pages, bits, pages == 3)));
       }
     }
   }
   std::string circle = tiff(false, false, 1, 8, false);
   circle[8 + 2 + 13 * 12] = 8;  // the next directory is the first one
-  seeds.push_back(Seed().rest(circle));
+  seeds.push_back(Seed().below(0).rest(circle));
   return seeds;
 }
 
