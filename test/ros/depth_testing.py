@@ -90,7 +90,8 @@ class Listener:
     def __init__(self, topic, message_type):
         self.messages = []
         self.subscriber = rospy.Subscriber(topic, message_type, self.messages.append)  # no queue_size: none is lost
-        wait_until(lambda: self.subscriber.get_num_connections() > 0)
+        # rospy counts a connection before it is made; one that is closed before that may stay.
+        wait_until(lambda: any(connection.socket for connection in self.subscriber.impl.connections))
 
     def at(self, stamp, timeout=TIMEOUT):
         """The message with this stamp, None if it does not come."""
