@@ -97,6 +97,17 @@ def test_what_was_made_of_other_frames_or_with_other_options_is_made_anew(tmp_pa
     assert count("--rig", planes.rig) == "2 stacks: 2 fused, 0 there already, 0 failed"
 
 
+def test_files_of_the_user_stay(tmp_path):
+    for seed, name in enumerate("ab"):
+        bracket(tmp_path / name, seed)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "a.json").write_text("my notes")
+    done = fuse_stack("--stack", tmp_path / "a", "--stack", tmp_path / "b", "--output", tmp_path / "out", "--report",
+                      tmp_path / "out")
+    assert done.returncode == 2 and "a.json: is there without a result of this package beside it" in done.stderr
+    assert (tmp_path / "out" / "a.json").read_text() == "my notes" and (tmp_path / "out" / "b.json").exists()
+
+
 def test_stacks_of_one_name(tmp_path):
     for seed, place in enumerate(("one", "two")):
         bracket(tmp_path / place / "stack", seed)

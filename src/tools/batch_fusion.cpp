@@ -73,6 +73,10 @@ bool isFused(const NamedStack& stack, const po::variables_map& values,
   const PhotoMetadata former = readPhotoMetadata(output);
   if (fs::exists(output) && !former.is_result)
     fail(output, "is there, and no result of this package: name another folder");
+  for (const NamedPath& written : outputsOf(values, writes)) {
+    if (!former.is_result && written.option != "save-aligned" && fs::exists(written.path))
+      fail(written.path, "is there without a result of this package beside it: name another folder");
+  }
   if (former.options != optionsText(values)) return false;
   fs::file_time_type oldest = fs::file_time_type::max();
   for (const NamedPath& written : outputsOf(values, writes)) {
