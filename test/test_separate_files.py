@@ -146,7 +146,8 @@ def test_results_that_are_the_stack_are_never_replaced(planes):
     for name in ("near.png", "far.png"):
         succeeded(fuse_stack("--stack", planes.stack, "--output", slabs / name))
     with unchanged(planes.folder):
-        for output in (["--output", slabs / "near.png"], ["--output", planes.output("x.png"), "--save-weights", slabs / "far.png"]):
+        for output in (["--output", slabs / "near.png"],
+                       ["--output", planes.output("x.png"), "--save-weights", slabs / "far.png"]):
             expect_refusal(fuse_stack("--stack", slabs, *output), "fuse_stack", "would replace what --stack reads")
 
 

@@ -141,14 +141,13 @@ class BracketCollector:
         for number, report in self._pending.items():
             self.brackets[number]["missing"] = self._missing(report)
 
-    @staticmethod
-    def _wanted(report):
-        """Stamp (ns) of each part of a bracket, by name."""
+    def _wanted(self, report):
+        """Stamp (ns) of each part of a bracket, by name. Without focus distances a restored one has no depth."""
         if report.frames_used == 0:
             return {}
         result, label = report.header.stamp.to_nsec(), report.label_stamp.to_nsec()
         wanted = dict.fromkeys(("fused", "source_index", "confidence", "weights"), result)
-        if report.mode == "restored":
+        if report.mode == "restored" and (report.blur_scale > 0 or result in self._parts["depth_restored"]):
             wanted["depth_restored"] = result
         if report.has_labels:
             wanted.update(registered=result, labels=label, segments=label)
