@@ -126,7 +126,10 @@ cv::Mat fuse(const std::vector<double>& told, std::vector<std::string>* notes = 
     EXPECT_EQ(fusion.add(frames[k], gray(frames[k]), k, told[k]), "");
   }
   if (notes) *notes = fusion.lensNotes();
-  return fusion.image();
+  const cv::Mat image = fusion.image().clone();
+  fusion.begin({}, {}, kSize);
+  EXPECT_TRUE(fusion.lensNotes().empty());  // a bracket without depth does not keep those of the one before
+  return image;
 }
 
 }  // namespace

@@ -98,7 +98,7 @@ class BracketAlignment {
   Observation key_;
   PairAlignment key_alignment_, other_alignment_, drift_alignment_;
   View current_, last_, stray_;  ///< stray: the last frame that shows another scene than the key frame
-  std::vector<View> keys_;       ///< all key frames, at most most_keys; the present one is the last
+  std::vector<View> keys_;       ///< the last key frames; the present one is the last
 };
 
 }  // namespace all_in_focus::core

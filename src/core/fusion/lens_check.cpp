@@ -43,7 +43,6 @@ cv::Matx23d motionOfCopy(const Placement& placement, const cv::Point2d& center, 
 
 void LensCheck::begin(const BracketScene& scene, double pixel_pitch_mm, const cv::Size& size,
                       const cv::Point2d& center) {
-  *this = {};
   scene_ = scene;
   pixel_pitch_mm_ = pixel_pitch_mm;
   size_ = size;

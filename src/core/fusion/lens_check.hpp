@@ -20,7 +20,7 @@ namespace all_in_focus::core {
 /// right, and corrects them for the prediction of blur.
 class LensCheck {
  public:
-  /// The scene's images are shared, not copied. pixel_pitch_mm, size, center: of the frames.
+  /// Call it once. The scene's images are shared, not copied. pixel_pitch_mm, size, center: of the frames.
   void begin(const BracketScene& scene, double pixel_pitch_mm, const cv::Size& size,
              const cv::Point2d& center);
 

@@ -68,6 +68,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
     center_ = {(scene.camera->cx + 0.5) * scale - 0.5, (scene.camera->cy + 0.5) * scale - 0.5};
     pixel_pitch_mm = scene.calibratedPitch() / scale;
   }
+  lens_ = {};
   predicted_.release();
   lights_.release();
   focus_known_ = false;
