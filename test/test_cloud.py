@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """fuse_stack --save-cloud: coloured points in metres, in the colour camera's frame."""
+import cv2
 import numpy as np
 import pytest
 
@@ -32,7 +33,8 @@ def read_ply(path):
 def places(camera, depth):
     """What the positions should be, N x 3, and which pixels have one."""
     v, u = np.nonzero(depth)
-    rays = camera.rays(np.column_stack([u, v]))
+    lens = cv2.fisheye if camera.is_fisheye else cv2
+    rays = lens.undistortPoints(np.column_stack([u, v]).astype(float).reshape(-1, 1, 2), camera.K, camera.D)[:, 0]
     return np.column_stack([rays, np.ones(len(rays))]) * depth[v, u, None] / 1000.0, (v, u)
 
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-// Finds likely mistakes in a rig and a depth image, for check_bag.
+// Registers a depth image and finds likely mistakes in it and in its rig, for the programs in Python.
 
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -25,6 +25,11 @@ void checkDepth(const po::variables_map& values) {
   const auto picture = [&color] { return color.empty() ? cv::Mat() : readColor(color); };
   const RigWarnings found =
       checkRig(rig, lens.empty() ? nullptr : &optics, readDepth(values["depth"].as<std::string>()), picture);
+  if (values.count("save-registered")) {
+    OutputFiles outputs;
+    outputs.addImage(textOption(values, "save-registered"), found.registered);
+    outputs.commit();
+  }
   nlohmann::ordered_json report;
   report["unit"] = found.unit;
   report["circle_of_confusion"] = found.circle_of_confusion;
@@ -46,10 +51,11 @@ int main(int argc, char** argv) {
   options.add_options()("rig", text()->required(), "rig folder: depth.yaml, color.yaml, extrinsics.yaml")  //
       ("depth", text()->required(), "depth of the sensor, 16-bit PNG, mm, 0 = unknown")                    //
       ("color", text(), "picture of the colour camera, of any resolution: is depth mirrored?")             //
-      ("optics", text(), "f,F,coc in mm, as in 24,4,0.019");
+      ("optics", text(), "f,F,coc in mm, as in 24,4,0.019")                                                //
+      ("save-registered", text(), "depth seen from the colour camera, holes as they are, 16-bit PNG, mm");
   runTool(argc, argv, options,
           {"what is most likely wrong with a rig and a depth image, as JSON",
            {"rig", "depth", "color"},
-           {},
+           {"save-registered"},
            checkDepth});
 }

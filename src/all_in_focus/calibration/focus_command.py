@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """calibrate_focus: from the command line to the focus table."""
 from all_in_focus.calibration import focus_curve
+from all_in_focus.calibration.rig_check import registered
 from all_in_focus.command_line import Input, Output, Parser, number_type, positive
 from all_in_focus.files.focus_table import FocusTable
 from all_in_focus.files.output_file import write_picture
@@ -51,10 +52,12 @@ def _dioptres(args, sharpness):
     if args.registered_depth:
         depth = read_depth(args.registered_depth)
         _same_size(args.registered_depth, depth.shape[1::-1], sharpness.size)
-        return focus_curve.dioptres_of_registered(depth, sharpness.grid())
-    rig = load_rig(args.rig)
-    _same_size(f"{args.rig}/color.yaml", (rig.color.width, rig.color.height), sharpness.size)
-    return focus_curve.dioptres_by_rig(read_depth(args.depth, rig.depth), rig, sharpness.grid())
+    else:
+        rig = load_rig(args.rig)
+        _same_size(f"{args.rig}/color.yaml", (rig.color.width, rig.color.height), sharpness.size)
+        read_depth(args.depth, rig.depth)  # its errors
+        depth = registered(args.rig, args.depth)
+    return focus_curve.dioptres_of_registered(depth, sharpness.grid())
 
 
 def _same_size(name, size, wanted):

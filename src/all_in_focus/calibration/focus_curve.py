@@ -12,7 +12,6 @@ import numpy as np
 
 from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.board import gray
-from all_in_focus.calibration.rig_check import project
 from all_in_focus.imaging import gradient_energy
 
 TILES = 40  # across the picture
@@ -55,39 +54,21 @@ class Sharpness:
         return side, self.size[0] // side, self.size[1] // side
 
 
-def tile_dioptres(at, z, grid):
-    """1/m of each tile, rows x columns; NaN where depth is unknown, or not one distance. at: N x 2, pixels of the colour
-    picture; z: m; grid: of Sharpness.grid()."""
+def dioptres_of_registered(depth, grid):
+    """1/m of each tile, rows x columns; NaN where depth is unknown, or not one distance. depth: mm, 0 = unknown, registered to
+    the pictures; grid: of Sharpness.grid()."""
     side, columns, rows = grid
-    column, row = (np.floor((at + 0.5) / side).astype(int)).T
-    inside = (z > 0) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    tile, dioptre = (row * columns + column)[inside], 1 / z[inside]
-    low, high, total, count = (np.zeros(rows * columns) for _ in range(4))
-    low += np.inf
-    high -= np.inf
-    np.minimum.at(low, tile, dioptre)
-    np.maximum.at(high, tile, dioptre)
-    np.add.at(total, tile, dioptre)
-    np.add.at(count, tile, 1)
+    tiles = depth[:rows * side, :columns * side].reshape(rows, side, columns, side).swapaxes(1, 2).reshape(rows, columns, -1)
+    known = tiles > 0
+    with np.errstate(divide="ignore"):
+        dioptre = 1000.0 / tiles
+    count = known.sum(axis=2)
+    low, high = np.where(known, dioptre, np.inf).min(axis=2), np.where(known, dioptre, -np.inf).max(axis=2)
     around = np.ones((3, 3), np.uint8)  # the blur of what is beside a tile reaches into it
-    low, high = (values.reshape(rows, columns) for values in (low, high))
     with np.errstate(over="ignore", invalid="ignore"):  # where nothing is known
         spread = cv2.dilate(high, around) - cv2.erode(low, around)
-    mean = total / np.maximum(count, 1)
-    return np.where((count.reshape(rows, columns) >= ENOUGH_PIXELS) & (spread < ONE_DISTANCE),
-                    mean.reshape(rows, columns), np.nan)
-
-
-def dioptres_of_registered(depth, grid):
-    """As tile_dioptres(), of a depth image (mm, 0 = unknown) that is registered to the pictures."""
-    row, column = np.nonzero(depth)
-    return tile_dioptres(np.stack([column, row], axis=1), depth[row, column] / 1000.0, grid)
-
-
-def dioptres_by_rig(depth, rig, grid):
-    """As tile_dioptres(), of an image of the depth camera."""
-    row, column = np.nonzero(depth)
-    return tile_dioptres(*project(rig, np.stack([column, row], axis=1), depth[row, column]), grid)
+    mean = np.where(known, dioptre, 0).sum(axis=2) / np.maximum(count, 1)
+    return np.where((count >= ENOUGH_PIXELS) & (spread < ONE_DISTANCE), mean, np.nan)
 
 
 def peak_of(sharpness):

@@ -2,20 +2,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Does a rig place the jumps of a depth image on the edges of the colour picture? For check_rig.
 
-contours_by_rig() finds the jumps, fit_edges() compares them with the picture, overlay() draws both.
+contours() finds the jumps, fit_edges() compares them with the picture, overlay() draws both.
 """
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 
+from all_in_focus import installed
+from all_in_focus.files.stack import read_depth
 from all_in_focus.imaging import fill_from_farther, with_lines
 
 JUMP = 0.06  # least step in depth, of the nearer depth
 STEADY = 3  # a jump is so many times steeper than the surface on either side
 BORDER = 4  # pixels
-HIDDEN = 0.96  # of a point's depth: anything nearer occludes the point
-CELL = 6  # pixels of the colour picture, for the test of occlusion
 NEAR_COLOR, FAR_COLOR = (0, 140, 255), (255, 120, 40)  # BGR: orange, blue
 DIM = 0.75  # brightness of the picture under the overlay
 WIDTH = 1000  # pixels: wider pictures are compared at this width
@@ -30,10 +32,19 @@ AWAY, FALL = 4, 0.2  # a peak falls by this share of its height at this distance
 SMALL = 1.5  # pixels at that width: a Kinect's own edges are no more precise
 
 
+def registered(rig_folder, depth_path):
+    """An image of the depth camera as the nodes register it to the colour picture: H x W, uint16 mm, 0 = unknown. RuntimeError
+    where check_depth, a program of this package, refuses it."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "registered.png")
+        installed.run([installed.find("check_depth"), "--rig", rig_folder, "--depth", depth_path, "--save-registered", path])
+        return read_depth(path)
+
+
 @dataclass
 class Contours:
     """Borders of near objects in the colour picture, pixels. at: N x 2; normal: N x 2, towards the farther side; far:
-    M x 2, where the farther side begins."""
+    N x 2, where the farther side begins."""
     at: np.ndarray
     normal: np.ndarray
     far: np.ndarray
@@ -55,66 +66,26 @@ def _jumps(filled, measured, axis):
     return near[inside], far[inside]
 
 
-def depth_jumps(depth):
-    """Jumps of a depth image (uint16 mm, 0 = unknown): borders (x, y) between two pixels, N x 2; unit normals towards
-    the farther side; depths (mm) of the nearer and of the farther side."""
+def _first_measured(measured, at, step):
+    """The first measured pixel from each pixel on, in its direction, or the last before the border; all N x 2."""
+    at, last = at.copy(), np.array(measured.shape) - 1
+    while True:
+        following = np.clip(at + step, 0, last)
+        moving = ~measured[tuple(at.T)] & (following != at).any(axis=1)
+        if not moving.any():
+            return at
+        at[moving] = following[moving]
+
+
+def contours(depth):
+    """Contours of a depth image that is registered to the colour picture: uint16 mm, 0 = unknown."""
     calm = np.where(depth > 0, cv2.medianBlur(depth, 5), 0)
-    # A shadow of the projector lies on the background: the jump is at its nearer side.
+    # What the depth camera does not see lies on the background: the jump is at its nearer side.
     filled = fill_from_farther(calm).astype(np.float64)
-    sides = [_jumps(filled, calm > 0, axis) for axis in (0, 1)]
-    near, far = (np.concatenate(pixels) for pixels in zip(*sides))
-    return ((near + far)[:, ::-1] / 2, (far - near)[:, ::-1].astype(float), filled[tuple(near.T)], filled[tuple(far.T)])
-
-
-def project(rig, at, z):
-    """Depth pixels with depth (mm) in the colour picture: (N x 2, pixels; depth in the colour camera, m)."""
-    if len(at) == 0:
-        return np.zeros((0, 2)), np.zeros(0)
-    depth, color = rig.depth, rig.color
-    rays = depth.rays(at)
-    points = np.column_stack([rays, np.ones(len(rays))]) * (np.asarray(z, float) / 1000)[:, None]
-    return color.seen(points, rig.R, rig.t), (points @ rig.R.T + rig.t)[:, 2]
-
-
-def contours_by_rig(depth, rig):
-    """Contours of an image of the depth camera, those that the colour camera sees."""
-    border, normal, near, far = depth_jumps(depth)
-    nearest = _nearest(depth, rig)
-    at, z = project(rig, border, near)
-    beside, _ = project(rig, border + normal, near)
-    direction = beside - at
-    shown = _shown(at, z, nearest, rig.color)
-    behind, behind_z = project(rig, border + normal / 2, far)
-    return Contours(at[shown], (direction / np.linalg.norm(direction, axis=1, keepdims=True))[shown],
-                    behind[_shown(behind, behind_z, nearest, rig.color)])
-
-
-def contours_of_registered(depth):
-    """Contours of a depth image that is registered to the colour picture already."""
-    border, normal, _, _ = depth_jumps(depth)
-    return Contours(border, normal, border + normal)
-
-
-def _cells(at, camera):
-    """(index of the cell, whether it is in the picture) of pixels N x 2."""
-    inside = ((at >= 0) & (at <= [camera.width - 1, camera.height - 1])).all(axis=1)
-    column, row = (np.where(inside[:, None], at, 0) / CELL).astype(int).T
-    return row * (camera.width // CELL + 1) + column, inside
-
-
-def _nearest(depth, rig):
-    """Least depth (m) in each cell of the colour picture."""
-    rows, columns = np.nonzero(depth)
-    at, z = project(rig, np.stack([columns, rows], axis=1), depth[rows, columns])
-    cell, inside = _cells(at, rig.color)
-    nearest = np.full((rig.color.width // CELL + 1) * (rig.color.height // CELL + 1), np.inf)
-    np.minimum.at(nearest, cell[inside], z[inside])
-    return nearest
-
-
-def _shown(at, z, nearest, camera):
-    cell, inside = _cells(at, camera)
-    return inside & (z > 0) & (nearest[cell] > HIDDEN * z)
+    near, far = (np.concatenate(pixels) for pixels in zip(*(_jumps(filled, calm > 0, axis) for axis in (0, 1))))
+    border, normal, begin = (pixels[:, ::-1] for pixels in ((near + far) / 2, far - near,
+                                                            _first_measured(calm > 0, far, far - near)))
+    return Contours(border, normal.astype(float), begin)
 
 
 @dataclass

@@ -81,18 +81,6 @@ class Camera:
     def is_fisheye(self):
         return self.distortion_model == "equidistant"
 
-    def rays(self, at):
-        """Rays (N x 2, in the plane z = 1) of pixels (N x 2)."""
-        lens = cv2.fisheye if self.is_fisheye else cv2
-        return lens.undistortPoints(np.asarray(at, float).reshape(-1, 1, 2), self.K, self.D)[:, 0]
-
-    def seen(self, points, rotation, translation):
-        """Pixels (N x 2) of points (N x 3) that a rotation (3x3) and a translation move into the camera's frame."""
-        points, pose = np.asarray(points, float).reshape(-1, 1, 3), (cv2.Rodrigues(rotation)[0], translation)
-        if self.is_fisheye:
-            return cv2.fisheye.projectPoints(points, *pose, self.K, self.D)[0][:, 0]
-        return cv2.projectPoints(points, *pose, self.K, self.D)[0][:, 0]
-
     def scaled(self, width, height):
         """The same view on another number of pixels; the centre of a pixel has whole coordinates."""
         x, y = width / self.width, height / self.height
