@@ -9,7 +9,6 @@ import os
 import struct
 import sys
 import threading
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -75,7 +74,7 @@ class Stack:
 
     def _list(self):
         listing = _listing(self.path)
-        self._pages = [_Page(*page) for page in zip(listing["frames"], listing["paths"], listing["pages"])]
+        self._pages = list(zip(listing["frames"], listing["paths"], listing["pages"]))
         if self.path.is_file() and len(self._pages) == 1:
             raise self._single_image()
         self.names = listing["frames"]
@@ -113,8 +112,8 @@ class Stack:
 
     def _frames(self):
         if self.names is not None:
-            for page in self._pages:
-                yield Path(page.path).parent / page.name, page.read(self._deep)
+            for name, path, page_at in self._pages:
+                yield Path(path).parent / name, read_color(path, self._deep, page_at)
             return
         video = self._open_video()
         for index in range(self._count):  # one after the other: seeking by frame number is not reliable
@@ -122,17 +121,6 @@ class Stack:
             if not good:
                 raise StackError(f"{self.path}: frame {index} cannot be read")
             yield f"{self.path}: frame {index}", frame
-
-
-@dataclass
-class _Page:
-    """A picture file or a page of one; at: where the directory of the page begins, 0: no TIFF."""
-    name: str
-    path: str
-    at: int
-
-    def read(self, deep):
-        return read_color(self.path, deep, self.at)
 
 
 def _listing(path):
