@@ -11,13 +11,12 @@ from tf2_msgs.msg import TFMessage
 
 from all_in_focus.image_messages import color_message, to_message
 from all_in_focus.files.output_file import whole_file
-from all_in_focus.files.rig import load_rig
+from all_in_focus.files.rig import load_rig, same_shape
 from all_in_focus.files.rig_messages import camera_info, static_transform
 from all_in_focus.files.stack import StackError, size_text
 from all_in_focus.msg import FocusFrame, Optics
 from all_in_focus.progress import Progress
 
-SHAPE_TOLERANCE = 0.01  # as that of the fusion
 START_NS = 1000 * 10 ** 9  # stamp of the first frame, ns; the same in every bag, so that bags can be compared
 
 
@@ -58,8 +57,7 @@ def _fill(bag, depth, rig_folder, stack, rate, with_focus):
 
 
 def _require_shape(frame, camera, path):
-    height, width = frame.shape[:2]
-    if abs(width * camera.height / (height * camera.width) - 1) > SHAPE_TOLERANCE:
+    if not same_shape(frame.shape[1::-1], (camera.width, camera.height)):
         raise StackError(f"{path}: {size_text(frame)} pixels, but color.yaml is of {camera.width}x{camera.height}: not the same "
                          "picture")
 

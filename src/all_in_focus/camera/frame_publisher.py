@@ -10,7 +10,7 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from all_in_focus.files.rig import Camera, load_rig
+from all_in_focus.files.rig import Camera, load_rig, same_shape
 from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.image_messages import color_message
 from all_in_focus.msg import FocusFrame
@@ -18,7 +18,6 @@ from all_in_focus.msg import FocusFrame
 QUEUE = 30  # frames that may wait for a slow subscriber
 CORRECTION = 0.1  # s by which a corrected FocusFrame precedes its image: topics do not keep their order
 GRACE = 1.0  # s for a subscriber of the images to connect to the other topics, too
-SAME_SHAPE = 0.01  # aspect ratios that differ by less are equal up to rounding
 
 
 class FramePublisher(rospy.SubscribeListener):
@@ -105,7 +104,7 @@ class FramePublisher(rospy.SubscribeListener):
             rospy.logwarn("no calibration (parameter ~rig): rgb/camera_info is empty")
             return uncalibrated
         sizes = f"pictures have {width}x{height} pixels, the calibration has {camera.width}x{camera.height}"
-        if abs(camera.width * height / (camera.height * width) - 1) > SAME_SHAPE:
+        if not same_shape((camera.width, camera.height), (width, height)):
             rospy.logwarn("%s: another shape, rgb/camera_info is empty", sizes)
             return uncalibrated
         rospy.loginfo("%s: scaled", sizes)

@@ -20,6 +20,7 @@ from all_in_focus.files.output_file import whole_file
 DISTORTION_COEFFICIENTS = {"plumb_bob": 5, "rational_polynomial": 8, "equidistant": 4}
 KNOWN_TO_OPENCV = (0, 4, 5, 8, 12, 14)
 LARGEST_SKEW = 0.1  # pixels
+SHAPE_TOLERANCE = 0.01  # as that of the fusion
 # What a lens can have, as in include/all_in_focus/optics.hpp.
 OPTICS_RANGES = {"focal_length_mm": (0.1, 10000.0), "aperture": (0.1, 1000.0), "circle_of_confusion_mm": (1e-6, 10.0)}
 
@@ -40,6 +41,11 @@ def distortion_of(model, coefficients):
     if len(D) not in KNOWN_TO_OPENCV or D[most:].any():
         raise ValueError(f"{model} has {most} distortion coefficients, not {len(D)}: calibrate again")
     return np.pad(D[:most], (0, max(0, most - len(D))), "constant")
+
+
+def same_shape(one, other):
+    """Whether two sizes (width, height) have the same aspect ratio, within the tolerance of the fusion."""
+    return abs(one[0] * other[1] / (one[1] * other[0]) - 1) <= SHAPE_TOLERANCE
 
 
 def check_matrix(K):

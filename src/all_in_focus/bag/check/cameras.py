@@ -13,7 +13,7 @@ from all_in_focus import installed
 from all_in_focus.bag.check.findings import share_text
 from all_in_focus.bag.recorded_rig import RecordedRigError, camera_of, color_frame, is_possible, pose, transforms
 from all_in_focus.files.output_file import write_picture
-from all_in_focus.files.rig import save_rig
+from all_in_focus.files.rig import same_shape, save_rig
 from all_in_focus.imaging import shrunk
 
 FIELD_OF_VIEW = (3, 150)  # degrees; beyond is a mistake
@@ -56,19 +56,14 @@ def _check_size(check, bag, kind, camera, heads):
     text = (f"{bag.topics[f'{kind}_info']} is for {size[0]}x{size[1]}, the images have {found}: use the calibration of "
             "this resolution")
     fitting = [head for head in heads if head.size
-               and (head.size == size if kind == "depth" else _alike(head.size, size))]
+               and (head.size == size if kind == "depth" else same_shape(head.size, size))]
     level = check.warning if fitting else check.error
     if kind == "depth":
         level(f"{text}; such depth is refused")
-    elif all(_alike(other, size) for other in others):
+    elif all(same_shape(other, size) for other in others):
         level(f"{text}; until then labels are scaled")
     else:
         level(f"{text}; frames of another shape are refused")
-
-
-def _alike(one, other):
-    """Whether two sizes have the same aspect ratio, within the tolerance of the fusion."""
-    return abs(one[0] * other[1] / (one[1] * other[0]) - 1) <= 0.01
 
 
 def _check_frames(check, bag, kind, info, heads):
