@@ -4,7 +4,7 @@
 import json
 import tempfile
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -91,24 +91,11 @@ def _check_rectification(check, bag, kind, info, camera):
                       "rectified images: the nodes use K and D")
 
 
-class RigWarnings(NamedTuple):
-    """What fuse_stack and the nodes say of rig and depth: one line each, empty where there is nothing to say. apart: no depth
-    falls into the picture, as overlap says. coverage: share of the picture that gets a depth."""
-    unit: str
-    circle_of_confusion: str
-    depth_center: str
-    color_center: str
-    pose: str
-    overlap: str
-    mirroring: str
-    apart: bool
-    coverage: float
-
-
 def rig_warnings(rig, depth, picture):
-    """rig: Rig; depth: H x W mm; picture: H x W x 3 of the colour camera, or None.
+    """What fuse_stack and the nodes say of rig and depth, with the members of RigWarnings in src/tools/rig_warnings.hpp, and
+    coverage: share of the picture that gets a depth. rig: Rig; depth: H x W mm; picture: H x W x 3 of the colour camera, or None.
 
-    Returns RigWarnings. Raises RuntimeError where check_depth, a program of this package, cannot be run.
+    Raises RuntimeError where check_depth, a program of this package, cannot be run.
     """
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
@@ -120,11 +107,11 @@ def rig_warnings(rig, depth, picture):
         if picture is not None:
             write_picture(folder / "color.png", shrunk(picture, WIDTH))
             command += ["--color", str(folder / "color.png")]
-        return RigWarnings(**json.loads(installed.run(command)))
+        return SimpleNamespace(**json.loads(installed.run(command)))
 
 
 def check_transform(check, bag, scan, depth_head, ask):
-    """ask: RigWarnings of a Pose of the depth camera in the colour camera's frame, or None. Returns its answer."""
+    """ask: rig_warnings() of a Pose of the depth camera in the colour camera's frame, or None. Returns its answer."""
     child, parent = depth_head.frame_id, color_frame(scan, depth_head.order)
     for transform in transforms(scan):
         if not is_possible(transform):
@@ -160,7 +147,7 @@ def check_transform(check, bag, scan, depth_head, ask):
 
 
 def check_overlap(check, said):
-    """said: RigWarnings."""
+    """said: of rig_warnings()."""
     if said.overlap:
         (check.error if said.apart else check.warning)(said.overlap)
     if said.mirroring:

@@ -82,7 +82,7 @@ class _Checker:
             self._skip("depth in time")
 
     def _ask(self, usable, pictures, pose):
-        """RigWarnings of the first usable depth image, or None. usable, pictures: heads of images; pose: Pose."""
+        """rig_warnings() of the first usable depth image, or None. usable, pictures: heads of images; pose: Pose."""
         if not usable:
             return None
         head = usable[0]
@@ -111,7 +111,7 @@ class _Checker:
         return images
 
     def _check_pictures(self, brackets, images, fit, said):
-        """fit: `order` of the frames that the nodes accept; said: RigWarnings or None."""
+        """fit: `order` of the frames that the nodes accept; said: of rig_warnings(), or None."""
         known = np.concatenate([image[image > 0] for image in images]) if images else np.zeros(0)
         optics = optics_at(self._scan, self._scan.depth[0].order if self._scan.depth else 0)
         check_optics(self._check("optics"), self._bag, self._scan, optics, self._given_optics,
