@@ -10,6 +10,7 @@ import pytest
 from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.focus_curve import Sharpness, dioptres_of_registered, fit, peak_of
 from all_in_focus.files.focus_table import FocusTable, ScaleError, read
+from all_in_focus.files.rig import Camera, Rig, save_rig
 from all_in_focus.files.stack import Stack, StackError, focus_of_arrivals, load_focus
 from file_helpers import run_script
 from tool_helpers import expect_refusal, fuse_stack
@@ -58,6 +59,16 @@ def test_distances_are_those_of_the_lens(scene):
     for index, focus in enumerate(FOCUS):
         assert 1 / table.distance(index) == pytest.approx(focus, abs=0.03)  # a quarter of a step
     assert cv2.imread(str(scene / "plot.png")).std() > 5
+
+
+def test_depth_of_the_depth_camera_is_registered(scene, tmp_path):
+    camera = Camera.pinhole("camera", *SIZE, 500.0, 500.0, 239.5, 159.5)
+    save_rig(tmp_path / "rig", Rig(camera, camera, np.eye(3), [0.0, 0.0, 0.0], None, "color", "depth"))
+    done = run_script("calibrate_focus", "--stack", scene / "stack", "--depth", scene / "depth.png", "--rig", tmp_path / "rig",
+                      "--first", 4, "--step", 3, "--output", tmp_path / "table.yaml")
+    assert done.returncode == 0, done.stderr
+    assert [read(path).distance(5) for path in (tmp_path / "table.yaml", scene / "table.yaml")] == pytest.approx(
+        [1 / FOCUS[5]] * 2, rel=0.03)
 
 
 def test_beyond_the_board_the_table_goes_on(scene):

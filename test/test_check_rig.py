@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from all_in_focus.calibration.rig_check import contours
 from all_in_focus.files.rig import save_rig
 
 from board_rendering import project, true_rig
@@ -103,6 +104,18 @@ def test_a_depth_image_without_jumps_tells_nothing(tmp_path):
     depth, color = scene(rig, CARDS)
     assert check(tmp_path, rig, np.zeros_like(depth), color)[1].startswith("cannot tell whether it fits")
     assert check(tmp_path, rig, np.full_like(depth, 2000), color)[0].endswith("(0 border pixels)")
+
+
+def test_the_background_begins_behind_the_shadow():
+    """The colour camera sees it, the depth camera does not: there is no depth."""
+    depth = np.full((60, 80), 3000, np.uint16)
+    depth[20:40, 20:40] = 1000
+    depth[20:40, 40:50] = 0
+    found = contours(depth)
+    right = found.normal[:, 0] == 1
+    assert set(found.at[right, 0]) == {39.5} and set(found.far[right, 0]) == {50}
+    left = found.normal[:, 0] == -1
+    assert left.any() and np.array_equal(found.far[left, 0], found.at[left, 0] - 0.5)
 
 
 def test_registered_depth_needs_no_rig(tmp_path):

@@ -10,7 +10,8 @@ from all_in_focus.msg import FusionReport, Optics, Segment, SegmentChoice
 from all_in_focus.files.stack import read_depth
 from file_helpers import focus_file, write_video
 from tool_helpers import (FAR, NEAR, SIZE, TwoPlanes, fuse_stack, max_dof, normalized_variance, peak_mb, read,
-                          read_report, run, snapshot, succeeded, texture, tool, without_timings, write)
+                          read_report, run, run_tool, set_up_boards, snapshot, succeeded, texture, tool,
+                          without_timings, write)
 
 OUTPUTS = {"--save-registered": "registered.png", "--save-labels": "labels.png",
            "--save-source-index": "source_index.png", "--save-weights": "weights.png", "--report": "report.json"}
@@ -130,6 +131,17 @@ def test_picture_of_the_regions(planes):
     near, far = np.argwhere(labels == 1)[-1], np.argwhere(labels == 2)[-1]  # a place that no caption covers
     assert [picture[tuple(near)].argmax(), picture[tuple(far)].argmax()] == [2, 0]  # BGR: red, blue
     planes.refused("--save-regions: there is no region with a depth", "--save-regions", planes.output("no.png"))
+
+
+def test_check_depth_registers_as_fuse_stack_does(planes):
+    """The programs in Python take depth from it."""
+    set_up_boards(planes)
+    outputs = {name: planes.output(f"{name}.png") for name in ("fused", "measured", "registered")}
+    succeeded(fuse_stack("--stack", planes.stack, *planes.with_depth, "--output", outputs["fused"], "--save-measured",
+                         outputs["measured"]))
+    succeeded(run_tool("check_depth", *planes.with_depth, "--save-registered", outputs["registered"]))
+    measured, registered = read(outputs["measured"]), read(outputs["registered"])
+    assert np.array_equal(measured, registered) and 0 < np.count_nonzero(registered)
 
 
 LABEL_OUTPUTS = [option for option in OUTPUTS if option != "--save-registered"]
