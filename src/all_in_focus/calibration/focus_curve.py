@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.stats import siegelslopes
 
 from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.board import gray
@@ -155,12 +156,8 @@ def fit(sharpness, dioptres):
 
 
 def _robust(x, y, degree):
-    """(polynomial, inliers, standard deviation) that outliers do not pull: reweighted from the median slope of many pairs."""
-    random = np.random.default_rng(0)
-    one, other = random.integers(0, len(x), (2, 4000))
-    apart = np.abs(x[one] - x[other]) > 0.2 * np.ptp(x)
-    slope = np.median((y[one] - y[other])[apart] / (x[one] - x[other])[apart])
-    curve = np.array([slope, np.median(y - slope * x)])
+    """(polynomial, inliers, standard deviation) that outliers do not pull: reweighted from the line of repeated medians."""
+    curve = np.array(siegelslopes(y, x))
     for _ in range(ROUNDS):
         off = y - np.polyval(curve, x)
         sigma = max(1.483 * np.median(np.abs(off)), 1e-6)
