@@ -10,6 +10,7 @@ import psutil
 import roslib.packages
 import rosgraph
 
+from all_in_focus import installed
 from all_in_focus.replay.launch import free_port
 
 QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -40,12 +41,7 @@ class Ros:
         return process
 
     def stop(self, process):
-        process.terminate()
-        try:
-            process.wait(PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        installed.end(process)
         self.started.remove(process)
 
     def __exit__(self, *_):

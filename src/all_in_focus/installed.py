@@ -54,17 +54,18 @@ def run(command, timeout=None):
             raise RuntimeError(f"{program.name}: not done after {timeout:g} s, given up")
         finally:
             if process.poll() is None:
-                _end(process)
+                end(process)
     if process.returncode:
         said = (err or out).strip().splitlines()
         raise RuntimeError(said[-1] if said else f"{program.name}: exit code {process.returncode}")
     return out
 
 
-def _end(process):
+def end(process):
     """SIGTERM, and SIGKILL for a process that ignores it."""
     process.terminate()
     try:
         process.communicate(timeout=GRACE_S)
     except subprocess.TimeoutExpired:
         process.kill()
+        process.wait()
