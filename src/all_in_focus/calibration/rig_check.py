@@ -79,13 +79,15 @@ def _first_measured(measured, at, step):
 
 def contours(depth):
     """Contours of a depth image that is registered to the colour picture: uint16 mm, 0 = unknown."""
-    calm = np.where(depth > 0, cv2.medianBlur(depth, 5), 0)
+    skip = max(1, depth.shape[1] // (2 * WIDTH))  # depth cameras have fewer pixels than large pictures
+    depth = depth[skip // 2::skip, skip // 2::skip]
+    calm = np.where(depth > 0, cv2.medianBlur(np.ascontiguousarray(depth), 5), 0)
     # What the depth camera does not see lies on the background: the jump is at its nearer side.
     filled = fill_from_farther(calm).astype(np.float64)
     near, far = (np.concatenate(pixels) for pixels in zip(*(_jumps(filled, calm > 0, axis) for axis in (0, 1))))
-    border, normal, begin = (pixels[:, ::-1] for pixels in ((near + far) / 2, far - near,
-                                                            _first_measured(calm > 0, far, far - near)))
-    return Contours(border, normal.astype(float), begin)
+    normal = (far - near)[:, ::-1].astype(float)
+    at, begin = (pixels[:, ::-1] * skip + skip // 2 for pixels in ((near + far) / 2, _first_measured(calm > 0, far, far - near)))
+    return Contours(at, normal, begin)
 
 
 @dataclass
