@@ -56,7 +56,6 @@ def parse_arguments():
     parser.add_argument("--tasks", default=",".join(TASKS), metavar="A,B", help="default %(default)s")
     parser.add_argument("--repetitions", type=count, default=5, metavar="N", help="default %(default)s")
     parser.add_argument("--bench-steps", default=steps.BENCH_STEPS, metavar="PATH")
-    parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
     args = parser.parse_args()
     args.tasks = args.tasks.split(",")
     if not set(args.tasks) <= set(TASKS):
@@ -112,7 +111,7 @@ def compare_segmentation(args):
         stack, filled = folder / "stack", folder / "filled.png"
         stack.mkdir()
         cv2.imwrite(str(stack / "0.png"), np.zeros((*size[::-1], 3), np.uint8))
-        run([args.fuse_stack, "--stack", stack, "--rig", args.rig, "--depth", args.depth, "--output", folder / "fused.png",
+        run([find("fuse_stack"), "--stack", stack, "--rig", args.rig, "--depth", args.depth, "--output", folder / "fused.png",
              "--save-registered", filled])
         depth = read_depth(filled)
     noisy = graph_source.with_noise(depth, NOISE_MM, np.random.default_rng(0))

@@ -135,13 +135,12 @@ class Source:
 def main():
     parser = Parser(prog="graph_source.py", description=__doc__)
     add_options(parser)
-    parser.add_argument("--listeners", type=count, default=1, help="wait for so many connections to the depth topic")
     args = parser.parse_args()
     rospy.init_node("graph_source", disable_signals=True)
     source = Source(args)
     deadline = time.monotonic() + 20
     wanted = ["/depth/image_raw", "/depth/camera_info", "/rgb/camera_info"] + ["/rgb/image"] * (not args.depth_only)
-    while any(source.publishers[topic].get_num_connections() < args.listeners for topic in wanted):
+    while any(source.publishers[topic].get_num_connections() == 0 for topic in wanted):
         if time.monotonic() > deadline:
             parser.error("nobody listens")
         time.sleep(0.1)
