@@ -21,7 +21,8 @@ using diagnostic_msgs::DiagnosticStatus;
 
 constexpr std::chrono::seconds kSilence{5};
 constexpr std::chrono::seconds kSilenceThrottle{30};
-constexpr std::chrono::seconds kLogThrottle{1};
+constexpr std::chrono::seconds kPause{5};  // a text that comes again within it tells of the same condition
+constexpr std::chrono::seconds kReminder{60};
 constexpr std::chrono::seconds kRateWindow{10};
 
 constexpr std::pair<Outcome, const char*> kOutcomes[] = {{Outcome::kProcessed, "processed"},
@@ -165,11 +166,13 @@ bool NodeStatus::throttled(const std::string& text) {
             key.end());
   std::lock_guard<std::mutex> lock(mutex_);
   const auto now = Clock::now();
-  if (logged_.size() > 100) logged_.clear();
-  const auto last = logged_.find(key);
-  if (last != logged_.end() && now - last->second < kLogThrottle) return true;
-  logged_[key] = now;
-  return false;
+  if (raised_.size() > 100) raised_.clear();
+  const auto [entry, is_new] = raised_.try_emplace(key, Raised{now, now});
+  Raised& text_raised = entry->second;
+  const bool goes_on = !is_new && now - text_raised.last < kPause && now - text_raised.logged < kReminder;
+  text_raised.last = now;
+  if (!goes_on) text_raised.logged = now;
+  return goes_on;
 }
 
 void NodeStatus::setValue(const std::string& key, const std::string& value) {

@@ -32,7 +32,7 @@ enum class Outcome {
 };
 
 /// Tells how a node is doing. People: it prints the resolved topics at start, publishes counters, rate and
-/// delay on /diagnostics, logs throttled errors, and warns of silent inputs. Senders of images: it publishes
+/// delay on /diagnostics, logs each error once, and warns of silent inputs. Senders of images: it publishes
 /// the headers of those that the node is done with, so that a player never outruns the node.
 ///
 /// When a node is made: addInput(), addOutput(). On lazy subscription: setSubscribed(). First in every input
@@ -81,8 +81,9 @@ class NodeStatus {
   /// Counts inputs that nobody waits for (labels of the fusion, for example).
   void count(Outcome outcome, std::uint64_t n = 1);
 
-  /// One line for people. Logged at most once a second per text (numbers in it do not make it another text);
-  /// sets the level of the diagnostics until the next kProcessed, and for one report at least.
+  /// One line for people. Logged when it begins, and each minute while it goes on: a text (numbers in it do
+  /// not make it another one) that is given again within five seconds is not new. Sets the level of the
+  /// diagnostics until the next kProcessed, and for one report at least.
   void error(const std::string& text);
   void warn(const std::string& text);
 
@@ -107,6 +108,9 @@ class NodeStatus {
     bool since_subscribed;  // arrived since the last subscription
     Clock::time_point last_arrival;
   };
+  struct Raised {
+    Clock::time_point last, logged;
+  };
   struct Condition {
     unsigned char level = 0;
     std::string text = "ok";
@@ -128,7 +132,7 @@ class NodeStatus {
   std::vector<std::string> outputs_;
   std::map<std::string, std::string> values_;
   std::map<Outcome, std::uint64_t> counts_;
-  std::map<std::string, Clock::time_point> logged_;
+  std::map<std::string, Raised> raised_;
   bool subscribed_ = false;
   Clock::time_point subscribed_at_, silence_warned_at_;
   std::uint64_t time_jumps_ = 0;

@@ -3,9 +3,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Bad input to the depth nodes: nobody dies, the diagnostics say what is wrong, the next good depth is processed."""
 import itertools
+import time
 
 import numpy as np
 import rospy
+from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
@@ -166,6 +168,18 @@ class DepthPreprocessTest(GraphTest):
             stamp = self.send(**{name: info})
             self.assert_error(f'/chain/{name}/camera_info', 'not calibrated')
             self.assertIsNotNone(self.processed.at(stamp))
+        self.assert_good_depth_is_processed()
+
+    def test_what_goes_on_is_logged_once(self):
+        log = []
+        listener = rospy.Subscriber('/rosout', Log, log.append)
+        self.addCleanup(listener.unregister)
+        told = lambda: [line for line in log if '/chain/rgb/camera_info' in line.msg and 'no pinhole' in line.msg]
+        for _ in range(3):
+            stamp = self.send(rgb=camera_info(0, 'color', model='no pinhole'))
+            self.assertIsNotNone(self.processed.at(stamp))
+            time.sleep(1.1)
+        self.assertEqual(len(told()), 1)
         self.assert_good_depth_is_processed()
 
     def test_unknown_distortion_model_is_named(self):
