@@ -99,6 +99,12 @@ def test_the_tools_in_cpp_read_the_rig(calibrated, tmp_path):
     assert abs(np.median(registered[registered > 0]) - 1521) < 25  # the depth camera is 21 mm behind
 
 
+def test_a_rig_without_a_lens_is_told(views, tmp_path):
+    for options, told in (((), True), (("--force", "--optics", "24,4,0.019"), False), (("--force",), False)):
+        done = succeeded(call(*arguments(views, tmp_path / "rig"), *options))
+        assert ("warning: no lens" in done.stdout) == told
+
+
 def test_an_existing_rig_stays(calibrated, views):
     before = (calibrated[0] / "depth.yaml").read_bytes()
     assert "holds a rig already" in refused(arguments(views, calibrated[0]))

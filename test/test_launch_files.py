@@ -76,3 +76,14 @@ def test_files_are_relative_to_where_roslaunch_is_called(tmp_path, monkeypatch):
         assert params('robot.launch', f'kinect:={given}', 'rviz:=false')['/kinect_openni2/device'] == given
     for given in ('', 'Nikon DSC D750'):
         assert params('robot.launch', f'dslr:={given}', 'rviz:=false')['/focus_bracket_camera/model'] == given
+
+
+@pytest.mark.parametrize('launch, given, told', [
+    ('robot.launch', 'rig:=nowhere', 'rig:= must name a rig folder'),
+    ('all_in_focus.launch', 'optics:=nowhere.yaml', 'optics:= a file'),
+    ('robot.launch', 'config:=nowhere.yaml', 'config:= must name'),
+    ('robot.launch', 'focus_table:=nowhere.yaml', 'focus_table:= must name')])
+def test_a_missing_file_is_named_with_what_to_do(launch, given, told):
+    with pytest.raises(roslaunch.core.RLException) as error:
+        params(launch, given)
+    assert 'nowhere' in str(error.value) and told in str(error.value)

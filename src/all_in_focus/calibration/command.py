@@ -3,6 +3,7 @@
 """calibrate_rig: from the command line to the rig folder."""
 import argparse
 import math
+from pathlib import Path
 
 from all_in_focus.calibration import CalibrationError, fit_report, rig_folder
 from all_in_focus.calibration.board import CAMERAS, Board, PairFolders, find_corners
@@ -103,6 +104,8 @@ def calibrate(arguments, pairs, sizes):
         corners = {pair.name: getattr(pair, name) for pair in pairs}
         warnings += fit_report.view_warnings(name, part, corners, size, known)
     names = [pair.name for pair in pairs]
+    if not (arguments.optics or (Path(arguments.output) / "optics.yaml").exists()):
+        warnings.append("no lens: robot.launch needs the rig's optics.yaml, which --optics f,F,coc writes")
     text = fit_report.record(fit, names, arguments.board, arguments.ir_offset, warnings)
     rig_folder.write_rig(arguments.output, rig, text, arguments.force)
     return (list(fit_report.table(fit, names)) + list(fit_report.summary(fit, rig, arguments.ir_offset))
