@@ -18,9 +18,10 @@ namespace all_in_focus::core {
 /// picture changes by b^2 / 32 of its Laplacian, and by 4 times that at most: even a wide disc takes away no
 /// more than the contrast there is. The Laplacian is the largest any frame has shown nearby so far
 /// (addTexture), at most that of a textured picture: on bare surfaces more frames will do, and their mean has
-/// less noise. As depth edges are uncertain, the expectation is taken over their displacement: a Gaussian
-/// mean. Beside an edge, frames in which either surface is blurred are thus expected to err, and sharpness
-/// decides.
+/// less noise. A disc of a nearer surface whose share c lies over a pixel changes it by 72 c gray levels,
+/// also where it is bare: the glow of near things. As depth edges are uncertain, the expectation is taken
+/// over their displacement: a Gaussian mean. Beside an edge, frames in which either surface is blurred are
+/// thus expected to err, and sharpness decides.
 class DefocusPrediction {
  public:
   /// depth: CV_16UC1 mm, 0 = unknown, seen from the colour camera, any size. measured: the same before holes
@@ -48,19 +49,30 @@ class DefocusPrediction {
   void compute(double focus_mm, cv::Mat& squared_error);
 
  private:
+  void addGlow(double focus_mm, cv::Mat& squared_error);
+
+  // Cells whose inverse depth lies in one part of its range.
+  struct Slab {
+    double depth_mm;
+    cv::Mat cells;  // CV_8UC1, 255 or 0
+  };
+
   Optics optics_;
   double pixel_pitch_mm_ = 0;
+  int cell_ = 1;              // side of a cell of the grid, px
   double edge_error_px_ = 0;  // on the grid
   std::size_t texture_level_ = 1;
 
   // Depth on a grid as coarse as its edges are uncertain. Inverse depth = 1 / depth, 1/mm.
   double least_ = 0, level_step_ = 0;
-  cv::Mat level_;      // CV_16UC1, inverse depth in steps; kUnknown
-  cv::Mat constant_;   // CV_32FC1, error that all frames share: the doubt in filled depth
-  cv::Mat known_;      // CV_32FC1, 1 / share of known depth under the Gaussian; 0 where there is none
-  cv::Mat laplacian_;  // CV_32FC1, largest so far above the noise; empty: not known
+  cv::Mat level_;            // CV_16UC1, inverse depth in steps; kUnknown
+  cv::Mat constant_;         // CV_32FC1, error that all frames share: the doubt in filled depth
+  cv::Mat known_;            // CV_32FC1, 1 / share of known depth under the Gaussian; 0 where there is none
+  cv::Mat laplacian_;        // CV_32FC1, largest so far above the noise; empty: not known
+  float hidden_ = 0;         // Laplacian of texture that noise may hide
+  std::vector<Slab> slabs_;  // the nearest first
   std::vector<float> error_of_level_;
-  cv::Mat error_, texture_;
+  cv::Mat error_, texture_, disc_, covered_, share_;
 };
 
 }  // namespace all_in_focus::core
