@@ -286,6 +286,8 @@ COMPRESSED = {
                         lambda picture: np.dstack([gray(picture)] * 3).astype(np.uint16) * 257, 0),
     "16-bit PNG": (as_compressed(lambda picture: picture.astype(np.uint16) * 257, ".png"),
                    lambda picture: picture.astype(np.uint16) * 257, 0),
+    "12 bits in 16": (as_compressed(lambda picture: picture.astype(np.uint16) * 16, ".png"),
+                      lambda picture: picture.astype(np.uint16) * 16, 0),
     "PNG with alpha": (as_compressed(lambda picture: cv2.cvtColor(picture, cv2.COLOR_BGR2BGRA), ".png"), np.array, 0),
 }
 

@@ -47,6 +47,11 @@ def linear_to_srgb(light):
     return (255 * np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)).astype(np.float32)
 
 
+def white_code(highest):
+    """The code of white in pictures of 16 bits whose highest code is that, as codes.hpp has it."""
+    return next((2 ** bits - 1 for bits in (8, 10, 12, 14) if 0 < highest < 2 ** bits), 65535)
+
+
 def fill_from_farther(depth):
     """Depth map with each hole filled along its row from the farther of its two sides; empty rows stay 0."""
     columns = np.arange(depth.shape[1])[None, :]
@@ -83,7 +88,7 @@ class FocusCheck:
         self._shape = None
 
     def add(self, image):
-        """image: BGR, 8 bit; the next frame of the bracket."""
+        """image: BGR, 0..255; the next frame of the bracket."""
         grey = shrunk(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), CHECKED_WIDTH)
         if grey.shape != self._shape:  # only pictures of one size can be compared
             self._energies, self._shape = [], grey.shape

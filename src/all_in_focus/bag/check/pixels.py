@@ -10,7 +10,7 @@ from all_in_focus.bag.check.findings import PerBracket, share_text
 from all_in_focus.image_messages import METRES, ImageError, bgr, check_color, check_depth, depth_as_sent
 from all_in_focus.bag.scan import NS, fetch
 from all_in_focus.files.errors import counted
-from all_in_focus.imaging import FocusCheck, shrunk, srgb_to_linear
+from all_in_focus.imaging import CHECKED_WIDTH, FocusCheck, shrunk, srgb_to_linear, white_code
 
 NEAR_MM, FAR_MM = 150, 20000  # medians beyond are mistakes
 MOSTLY_UNKNOWN = 0.7
@@ -20,7 +20,6 @@ BRACKETS, FRAMES = 3, 30      # at most so many brackets are sampled, so many fr
 BLOCKS = (8, 6)               # of a picture; blur preserves the mean light of a block
 DARK, BRIGHT = 0.005, 0.75    # linear light between which a block's mean counts
 EXPOSURE_STEP = 0.05          # relative change of light that gets a warning
-WIDTH = 640                   # pixels to which larger pictures are reduced
 
 
 def check_images(check, bag, scan, kind):
@@ -143,20 +142,24 @@ class Sample:
 
     def __init__(self, bag, number, bracket, most):
         self.number, self.light, self.focus, self.frames, self.problem = number, [], FocusCheck(), [], None
-        size = None
+        size, pictures, highest = None, [], 0
         for frame in sample(bracket.frames, most):
             try:
-                picture = bgr(fetch(bag, "rgb", frame.head))
+                picture = bgr(fetch(bag, "rgb", frame.head), deep=True)
             except ImageError as error:
                 self.problem = self.problem or f"frame {frame.index}: {error}"
                 continue
             size = size or picture.shape
             if picture.shape != size:
                 continue
-            gray = cv2.cvtColor(shrunk(picture, WIDTH), cv2.COLOR_BGR2GRAY)
-            self.light.append(cv2.resize(srgb_to_linear(gray), BLOCKS, interpolation=cv2.INTER_AREA).ravel())
-            self.focus.add(picture)
+            highest = max(highest, picture.max())
+            pictures.append(shrunk(picture, CHECKED_WIDTH))
             self.frames.append(frame)
+        for picture in pictures:
+            codes = np.float32(picture) * (255 / white_code(highest) if picture.dtype == np.uint16 else 1)
+            self.light.append(cv2.resize(srgb_to_linear(cv2.cvtColor(codes, cv2.COLOR_BGR2GRAY)), BLOCKS,
+                                         interpolation=cv2.INTER_AREA).ravel())
+            self.focus.add(codes)
 
 
 def check_exposure(check, brackets, samples):
