@@ -47,7 +47,6 @@ struct RefinedConfig {
   bool alignment = true;   ///< warp frames to the geometry of the reference
   bool exposure = true;    ///< match their exposure to that of the reference
   bool prediction = true;  ///< predict the blur from depth and optics (DefocusPrediction)
-  bool glow = true;        ///< predict the glow of near things on what is behind, too; not in mode restored
   bool scales = true;      ///< measure sharpness at every scale; false: at the finest only
   bool brightness = true;  ///< of frames that look equally sharp, prefer the darker, if codes are sRGB
   bool noise = true;       ///< weigh by the measured noise, too

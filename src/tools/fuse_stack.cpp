@@ -51,10 +51,13 @@ int parseReference(const std::string& text) {
 // Parses the ingredients of mode refined to leave out, separated by commas.
 RefinedConfig parseWithout(const std::string& names) {
   RefinedConfig config;
-  const std::map<std::string, bool*> ingredients = {
-      {"alignment", &config.alignment}, {"exposure", &config.exposure}, {"prediction", &config.prediction},
-      {"glow", &config.glow},           {"scales", &config.scales},     {"brightness", &config.brightness},
-      {"noise", &config.noise},         {"soft", &config.soft}};
+  const std::map<std::string, bool*> ingredients = {{"alignment", &config.alignment},
+                                                    {"exposure", &config.exposure},
+                                                    {"prediction", &config.prediction},
+                                                    {"scales", &config.scales},
+                                                    {"brightness", &config.brightness},
+                                                    {"noise", &config.noise},
+                                                    {"soft", &config.soft}};
   std::istringstream list(names);
   for (std::string name; std::getline(list, name, ',');) {
     const auto found = ingredients.find(name);
@@ -218,7 +221,7 @@ int main(int argc, char** argv) {
       ("mode", text()->default_value("refined"), "paper, refined or restored")                           //
       ("without", text(),
        "ingredients of mode refined to leave out: alignment, exposure, prediction, "
-       "glow, scales, brightness, noise, soft")  //
+       "scales, brightness, noise, soft")  //
       ("reference", text()->default_value("auto"),
        "frame whose geometry and exposure the result keeps; auto: the middle one")                          //
       ("save-registered", text(), "depth seen from the colour camera, holes filled, 16-bit PNG, mm")        //

@@ -94,6 +94,7 @@ ResultFiles::ResultFiles(const po::variables_map& values, std::vector<NamedPath>
       aligned_(outputs_, textOption(values, "save-aligned"), stack.names()) {
   // Earlier results are frames, too, where the folder holds nothing else.
   std::vector<NamedPath> frames;
+  frames.reserve(stack.names().size());
   for (int i = 0; i < static_cast<int>(stack.names().size()); ++i) frames.push_back({"stack", stack.path(i)});
   const std::vector<NamedPath> aligned = aligned_.paths();
   outputs.insert(outputs.end(), aligned.begin(), aligned.end());

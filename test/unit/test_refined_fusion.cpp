@@ -121,10 +121,8 @@ TEST(RefinedFusion, TheImageIsTheSameWithoutTheChoice) {
 
 TEST(RefinedFusion, ThePredictionDecidesWhereNoiseHidesTheTexture) {
   const TwoPlanes planes(12);
-  RefinedConfig config = inPlace();
-  config.glow = false;  // these frames have none beside the near half
   RefinedFusion fusion;
-  fusion.begin(planes.scene, config, kSize);
+  fusion.begin(planes.scene, inPlace(), kSize);
   for (std::size_t i = 0; i < kSweep.size(); ++i) {
     add(fusion, planes.frame(kSweep[i], 2), static_cast<int>(i), kSweep[i]);
   }

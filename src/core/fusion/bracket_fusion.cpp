@@ -34,7 +34,6 @@ void BracketFusion::begin(const BracketScene& scene, const cv::Size& size, Mode 
     scene_.depth = cv::Mat();
     config_.alignment = config_.exposure = config_.soft = false;
   }
-  if (mode == Mode::kRestored) config_.glow = false;  // restoration takes it away, from sharper frames
   if (by_region_) {
     regions_->begin(labels_);
   } else {

@@ -286,10 +286,8 @@ void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
       prediction_.addTexture(texture, noise_.sharpness(prediction_.textureLevel()));
-    double focus_mm = std::isnan(frame.focus_mm) ? kUnknownFocus : lens_.focusOf(frame.index);
-    if (!(focus_mm > focal_length_mm_)) focus_mm = kUnknownFocus;
-    prediction_.compute(focus_mm, squared_error_);
-    if (config_.glow) prediction_.addGlow(focus_mm, squared_error_);
+    const double focus_mm = std::isnan(frame.focus_mm) ? kUnknownFocus : lens_.focusOf(frame.index);
+    prediction_.compute(focus_mm > focal_length_mm_ ? focus_mm : kUnknownFocus, squared_error_);
     cv::resize(squared_error_, upsampled_error_, size_, 0, 0, cv::INTER_LINEAR);
   }
   const bool is_deep = frame.image.depth() == CV_16U;

@@ -216,6 +216,7 @@ std::optional<FocusCorrection> FocusVotes::correctionOf(const std::vector<FrameB
 std::vector<double> FocusVotes::focusAt(const std::vector<double>& steps) const {
   if (votes_.size() < kLeastVotes) return {};
   std::vector<FrameBlur> list;
+  list.reserve(steps.size());
   for (const double step : steps) list.push_back({step, 1});
   std::vector<cv::Point2d> votes;  // inverse depth, step
   for (const Vote& vote : votes_) votes.emplace_back(vote.inverse_depth, at(list, vote.place));
