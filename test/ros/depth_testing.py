@@ -182,10 +182,18 @@ def values_of(status):
     return {pair.key: pair.value for pair in status.values}
 
 
+def publishers_of(topic):
+    """As the ROS master sees them."""
+    return _nodes_of(topic, rosgraph.Master('/test').getSystemState()[0])
+
+
 def subscribers_of(topic):
     """As the ROS master sees them."""
-    subscriptions = rosgraph.Master('/test').getSystemState()[1]
-    return next((nodes for name, nodes in subscriptions if name == topic), [])
+    return _nodes_of(topic, rosgraph.Master('/test').getSystemState()[1])
+
+
+def _nodes_of(topic, connections):
+    return next((nodes for name, nodes in connections if name == topic), [])
 
 
 def hears(node, topic):

@@ -5,7 +5,7 @@
 import numpy as np
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
-from depth_testing import SANITIZED, WARN, run_tests, subscribers_of, values_of, wait_until
+from depth_testing import SANITIZED, WARN, publishers_of, run_tests, subscribers_of, values_of, wait_until
 from fusion_testing import BRACKET_IDS, PERIOD, array_of, colour_message
 from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest, fused_by_files, pixels
 
@@ -63,11 +63,30 @@ class RestoredTest(RefinedTest):
             np.testing.assert_array_equal(points[..., at:at + 3], picture)
 
     def test_diagnostics_say_which_listener_gets_nothing(self):
-        topic = self.topic('all_in_focus/depth_restored')
-        for mode, told in (('refined', f'{topic}: only a restored result has it'), ('restored', 'nothing')):
-            self.reconfigure(mode=mode)
-            self.report(self.fuse() + AT_REFERENCE)
+        missing = self.topic('all_in_focus/depth_restored') + ': only a bracket that is restored by focus distances has it'
+        for focus, told in (({'focus_distance': float('nan')}, missing), ({}, 'nothing')):
+            self.report(self.fuse(**focus) + AT_REFERENCE)
             self.diagnostics.wait(self.node, lambda status: values_of(status).get('asked for in vain') == told)
+
+    def test_the_restored_depth_is_a_topic_of_its_mode_only(self):
+        """Who listens to it when the mode comes back gets it; what is fused meanwhile is not for them."""
+        topic = self.topic('all_in_focus/depth_restored')
+        for mode in ('refined', 'paper', 'restored'):
+            self.reconfigure(mode=mode)
+            self.assertTrue(wait_until(lambda: bool(publishers_of(topic)) == (mode == 'restored')), mode)
+        self.assertTrue(wait_until(self.outputs['depth_restored'].subscriber.get_num_connections))
+        stamp = self.fuse() + AT_REFERENCE
+        self.assertIsNotNone(self.outputs['depth_restored'].at(stamp))
+
+    def test_who_listened_to_the_restored_depth_only_keeps_the_node_awake_no_longer(self):
+        for name in [name for name in self.outputs if name != 'depth_restored']:
+            self.outputs.pop(name).close()
+        images = self.topic('rgb/image')
+        self.assertTrue(wait_until(lambda: bool(subscribers_of(images))))
+        self.reconfigure(mode='refined')
+        self.assertTrue(wait_until(lambda: not subscribers_of(images)))
+        self.reconfigure(mode='restored')
+        self.assertTrue(wait_until(lambda: bool(subscribers_of(images))))
 
     def test_the_next_bracket_goes_first(self):
         """The older one is published as refined at that moment; each bracket once, in their order."""

@@ -4,12 +4,14 @@
 import time
 from pathlib import Path
 
+import rospy
+
 from all_in_focus.bag.bag_file import BagContents, BagError, Topics, load_topics
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.rig import Optics, RigError
 from all_in_focus.parameters import ParameterError, number, text
 from all_in_focus.replay.player import BagPlayer, Limits, PlayError
-from all_in_focus.replay.results import ResultError, ResultFolder, ResultSaver
+from all_in_focus.replay.results import DEPTH_RESTORED, ResultError, ResultFolder, ResultSaver
 from all_in_focus.replay.run_status import BAD_INPUT, OK, RunStatus, conclude
 
 STATUS_PERIOD = 0.5  # s
@@ -82,7 +84,9 @@ def _play(contents, player, saver, optics):
         if saver.error:
             raise ResultError(saver.error)
 
-    player.connect(saver.subscribers)
+    player.connect({topic: end for topic, end in saver.subscribers.items() if topic != DEPTH_RESTORED})
+    if rospy.get_param("fusion/mode", "") == "restored":  # no other mode has that topic
+        player.connect(saver.subscribers)
     if optics or contents.optics:
         player.set_optics(optics or contents.optics)
     player.play(follow_optics=optics is None, check=check)

@@ -27,9 +27,10 @@ from all_in_focus.msg import FusionReport, SegmentArray
 
 REPORT_VERSION = 1
 MAX_LABEL = 65535
+DEPTH_RESTORED = "all_in_focus/depth_restored"
 # file name: topic, encoding to save (OpenCV writes BGR)
 IMAGES = {"fused": ("all_in_focus/image", "passthrough"), "registered": ("all_in_focus/depth", "passthrough"),
-          "depth_restored": ("all_in_focus/depth_restored", "passthrough"),
+          "depth_restored": (DEPTH_RESTORED, "passthrough"),
           "source_index": ("all_in_focus/source_index", "passthrough"),
           "confidence": ("all_in_focus/confidence", "passthrough"), "weights": ("all_in_focus/weights_color", "bgr8")}
 LABELS, SEGMENTS, REPORT = "segmentation/labels", "segmentation/segments", "all_in_focus/report"

@@ -77,10 +77,11 @@ Fusion::Fusion(CallbackGuard& guard, NodeStatus& status)
   readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
   readParameter(guard.private_nh, "restore_every_bracket", at_start_.restore_every, status);
   at_start_.calibration = readCalibration(guard.private_nh, status);
+  // Their callbacks share a thread, which starts after this.
+  outputs_.advertise(guard.quick_nh, status, guard.wrap(status.name(), [this] { connect(); }));
   configuration_ = serveConfiguration<FusionConfig>(guard.quick_private_nh, guard, status,
                                                     [this](auto& config) { reconfigure(config); });
   finish_server_ = guard.private_nh.advertiseService("finish", &Fusion::finish, this);
-  outputs_.advertise(guard.quick_nh, status, guard.wrap(status.name(), [this] { connect(); }));
   guard.on_stop = [this] { worker_.stop(); };
 }
 
@@ -105,6 +106,8 @@ void Fusion::reconfigure(FusionConfig& config) {
   scenes_.configure(/*by_labels=*/settings.bracket.mode == Mode::kPaper, config.label_max_age);
   worker_.configure(settings, {config.bracket_size, config.bracket_gap}, queue_size_);
   inputs_.configure(config.bracket_gap);
+  outputs_.setMode(settings.bracket.mode);
+  connect();  // who listened to nothing but an output that went is gone
 }
 
 // Works only while somebody listens.

@@ -60,7 +60,11 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeStatus& status, const std
   image_ = advertise(sensor_msgs::Image(), "all_in_focus/image");
   weights_ = advertise(sensor_msgs::Image(), "all_in_focus/weights_color");
   depth_ = advertise(sensor_msgs::Image(), "all_in_focus/depth");
-  depth_restored_ = advertise(sensor_msgs::Image(), "all_in_focus/depth_restored");
+  const std::string restored = status.addOutput("all_in_focus/depth_restored");
+  advertise_restored_ = [nh, restored, on_connect]() mutable {
+    return nh.advertise<sensor_msgs::Image>(restored, kQueueSize, on_connect, on_connect, ros::VoidConstPtr(),
+                                            /*latch=*/true);
+  };
   source_index_ = advertise(sensor_msgs::Image(), "all_in_focus/source_index");
   confidence_ = advertise(sensor_msgs::Image(), "all_in_focus/confidence");
   info_ = advertise(sensor_msgs::CameraInfo(), "all_in_focus/camera_info");
@@ -76,15 +80,26 @@ void FusionOutputs::advertise(ros::NodeHandle& nh, NodeStatus& status, const std
       nh.advertise<sensor_msgs::PointCloud2>(status.addOutput(topics::kPoints), 1, on_listener, on_connect);
 }
 
-// Topics come and go with no mode, since those who listen would lose their connection. So a listener that
-// gets nothing is told why. mm: depthOf(bracket), empty without a picture.
+void FusionOutputs::setMode(Mode mode) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  const bool restores = mode == Mode::kRestored;
+  if (restores != static_cast<bool>(depth_restored_))
+    depth_restored_ = restores ? advertise_restored_() : ros::Publisher();
+}
+
+ros::Publisher FusionOutputs::restoredOutput() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return depth_restored_;
+}
+
+// A listener that gets nothing is told why. mm: depthOf(bracket), empty without a picture.
 std::string FusionOutputs::askedInVain(const FusedBracket& bracket, const cv::Mat& mm) const {
   std::vector<std::string> lines;
   const bool restored = !bracket.result.restored_depth.empty();
   const auto check = [&lines](const ros::Publisher& output, const std::string& missing) {
     if (output.getNumSubscribers() > 0) lines.push_back(output.getTopic() + ": " + missing);
   };
-  if (!restored) check(depth_restored_, "only a restored result has it");
+  if (!restored) check(restoredOutput(), "only a bracket that is restored by focus distances has it");
   if (!bracket.camera) check(points_, std::string("no calibration on ") + topics::kColorInfo);
   if (!restored && (mm.empty() || cv::countNonZero(mm) == 0)) {
     if (bracket.camera) check(points_, "no depth is known");
@@ -94,10 +109,10 @@ std::string FusionOutputs::askedInVain(const FusedBracket& bracket, const cv::Ma
 }
 
 bool FusionOutputs::wanted() const {
-  const auto outputs = {&image_,      &weights_, &depth_,  &depth_restored_, &source_index_,
-                        &confidence_, &info_,    &points_, &report_,         &progress_};
+  const auto outputs = {image_,      weights_, depth_,  restoredOutput(), source_index_,
+                        confidence_, info_,    points_, report_,          progress_};
   return std::any_of(outputs.begin(), outputs.end(),
-                     [](const ros::Publisher* output) { return output->getNumSubscribers() > 0; });
+                     [](const ros::Publisher& output) { return output.getNumSubscribers() > 0; });
 }
 
 void FusionOutputs::tell(const FocusFrame& frame) {
@@ -133,7 +148,7 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
     depth_.publish(depth);
     if (!result.restored_depth.empty()) {
       depth = toImage(header, enc::TYPE_16UC1, result.restored_depth);
-      depth_restored_.publish(depth);
+      if (const ros::Publisher output = restoredOutput()) output.publish(depth);
     }
     {
       std::lock_guard<std::mutex> lock(mutex_);

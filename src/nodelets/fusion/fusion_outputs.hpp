@@ -33,6 +33,9 @@ class FusionOutputs {
  public:
   /// connect: called whenever a subscriber comes or goes.
   void advertise(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect);
+  /// all_in_focus/depth_restored exists in mode restored only; a result that comes after that mode is
+  /// published without it. After advertise().
+  void setMode(Mode mode);
   /// Whether anybody subscribes.
   bool wanted() const;
   /// Which frame of which bracket has come.
@@ -40,13 +43,14 @@ class FusionOutputs {
   void publish(const FusedBracket& bracket);
 
  private:
+  ros::Publisher restoredOutput() const;
   cv::Mat depthOf(const FusedBracket& bracket) const;
   std::string askedInVain(const FusedBracket& bracket, const cv::Mat& mm) const;
   void publishPoints(const std::function<void(const sensor_msgs::PointCloud2&)>& publish);
 
   NodeStatus* status_ = nullptr;
-  ros::Publisher image_, weights_, depth_, depth_restored_, source_index_, confidence_, info_, points_,
-      report_, progress_;
+  ros::Publisher image_, weights_, depth_, source_index_, confidence_, info_, points_, report_, progress_;
+  std::function<ros::Publisher()> advertise_restored_;
 
   /// What a cloud is made of.
   struct Latest {
@@ -54,7 +58,8 @@ class FusionOutputs {
     cv::Mat mm;
     sensor_msgs::CameraInfoConstPtr camera;
   };
-  std::mutex mutex_;  ///< guards latest_
+  mutable std::mutex mutex_;       ///< guards what follows
+  ros::Publisher depth_restored_;  ///< empty in the other modes
   Latest latest_;
 };
 
