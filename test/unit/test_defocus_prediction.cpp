@@ -109,6 +109,22 @@ TEST(DefocusPrediction, NearerSurfacesGlowOverFartherOnes) {
   expectEverywhere(predict(step(1000, 3000), 1000).colRange(0, 30), 0);
 }
 
+TEST(DefocusPrediction, WhatIsMuchBrighterOrDarkerGlowsMore) {
+  const auto glow = [](int near, int far) {
+    cv::Mat gray(kSize, CV_8UC1, cv::Scalar(far));
+    gray.colRange(0, kSize.width / 2) = near;
+    DefocusPrediction prediction;
+    prediction.begin(step(1000, 3000), {}, kSize, kOptics, kPitch);
+    prediction.setPicture(gray);
+    return std::sqrt(errorOf(prediction, 3000).at<float>(30, 57));
+  };
+  const double alike = std::sqrt(predict(step(1000, 3000), 3000).at<float>(30, 57));
+  constexpr double kRounding = 4 * 1.0;  // of discs in 8 bits
+  EXPECT_NEAR(glow(100, 100), alike, kRounding);
+  EXPECT_NEAR(glow(150, 100), alike * (72 + 4 * 50) / 72, kRounding);
+  EXPECT_NEAR(glow(50, 100), alike * (72 + 4 * 50) / 72, kRounding);
+}
+
 TEST(DefocusPrediction, EveryFrameErrsBesideAnEdge) {
   const cv::Mat depth = step(1000, 3000);
   for (const double focus : {1000.0, 3000.0}) {
@@ -231,6 +247,8 @@ TEST(DefocusPrediction, RefusesWhatItCannotUse) {
   for (const double focus : {-1000.0, 0.0, 49.9, 50.0}) {
     EXPECT_THROW(prediction.compute(focus, error), std::invalid_argument) << focus;
   }
+  EXPECT_THROW(prediction.setPicture({}), std::invalid_argument);
+  EXPECT_THROW(prediction.setPicture(depth), std::invalid_argument);
 }
 
 TEST(DefocusPrediction, BareSurfacesErrLessThanTexturedOnes) {

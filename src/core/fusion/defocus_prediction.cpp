@@ -20,8 +20,9 @@ constexpr struct PredictionParameters {
   // Gray levels. Results hardly depend on the first one.
   float laplacian = 36;    // of a textured picture
   double most_hidden = 3;  // texture that noise may hide: as much as its own Laplacian, at most this
-  // Between a surface and what is in front of it. (144: pins +0.3 to 0.9 dB, restored motorcycle_60 -0.14.)
-  double glow = 72;
+  // Of what a disc covers, in gray levels. (144: restored motorcycle_60 -0.14 dB.)
+  float glow = 72;
+  float contrast = 4;               // of its difference from that (0: gold pins before a board -0.7 to -2 dB)
   double hole_error = 10;           // of filled depth, which may be any surface nearby
   double unknown_focus_error = 10;  // neither sharp nor much blurred
   float peak = 2;                   // of the Laplacian, in units of its mean over a window
@@ -48,6 +49,17 @@ ALL_IN_FOCUS_SIMD void weigh(const float* l, float hidden, int n, float* squared
     const float laplacian = hidden + kPrediction.peak * l[i];
     const float share = std::min(laplacian / kPrediction.laplacian, 1.0f);
     squared_error[i] *= share * share;
+  }
+}
+
+// squared_error = (72 c + 4 |light - c picture|)^2. nearer: 255 c and light of what covers the picture.
+ALL_IN_FOCUS_SIMD void glow(const std::uint8_t* nearer, const std::uint8_t* picture, int n,
+                            float* squared_error) {
+  for (int i = 0; i < n; ++i) {
+    const float share = nearer[2 * i] / 255.0f;
+    const float difference = std::abs(nearer[2 * i + 1] - share * picture[i]);
+    const float error = kPrediction.glow * share + kPrediction.contrast * difference;
+    squared_error[i] = error * error;
   }
 }
 
@@ -113,8 +125,9 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
     const int end = kLevels - i * kLevels / kSlabs, begin = kLevels - (i + 1) * kLevels / kSlabs;
     cv::Mat cells;
     cv::inRange(level_, begin, end - 1, cells);
-    slabs_.push_back({1 / (least_ + 0.5 * (begin + end) * level_step_), cells});
+    slabs_.push_back({1 / (least_ + 0.5 * (begin + end) * level_step_), cells, cv::Mat()});
   }
+  setPicture(cv::Mat::zeros(grid, CV_8UC1));
   cv::GaussianBlur(doubt, constant_, cv::Size(), edge_error_px_);
   constant_ *= kPrediction.hole_error * kPrediction.hole_error;
   cv::GaussianBlur(known_, known_, cv::Size(), edge_error_px_);
@@ -135,6 +148,13 @@ void DefocusPrediction::addTexture(const cv::Mat& sharpness, double noise) {
   if (laplacian_.empty()) laplacian_ = cv::Mat(level_.size(), CV_32FC1, cv::Scalar(0));
   cv::max(laplacian_, texture_, laplacian_);
   hidden_ = std::max(hidden_, static_cast<float>(std::min(noise, kPrediction.most_hidden)));
+}
+
+void DefocusPrediction::setPicture(const cv::Mat& gray) {
+  if (gray.type() != CV_8UC1 || gray.empty())
+    throw std::invalid_argument("defocus: the picture must be CV_8UC1 and not empty");
+  cv::resize(gray, picture_, level_.size(), 0, 0, cv::INTER_AREA);
+  for (Slab& slab : slabs_) cv::merge(std::vector<cv::Mat>{slab.cells, picture_ & slab.cells}, slab.light);
 }
 
 cv::Mat DefocusPrediction::known(const cv::Size& size) const {
@@ -176,21 +196,20 @@ void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
 }
 
 void DefocusPrediction::addGlow(double focus_mm, cv::Mat& squared_error) {
-  // Share of a cell that the slabs so far cover, 255: all; share_: that of slabs which are nearer than the
-  // cell.
-  covered_ = cv::Mat::zeros(level_.size(), CV_8UC1);
-  share_ = cv::Mat::zeros(level_.size(), CV_8UC1);
+  // Discs of the slabs so far: share that they cover and their light; nearer_: of those nearer than the cell.
+  covered_ = cv::Mat::zeros(level_.size(), CV_8UC2);
+  nearer_ = cv::Mat::zeros(level_.size(), CV_8UC2);
   for (std::size_t i = kFirstBehind; i < slabs_.size(); ++i) {
     const Slab& nearer = slabs_[i - kFirstBehind];
     // A disc wider than the picture, by wrong numbers maybe, would only take longer.
     const double disc = std::min(blurCircle(optics_, nearer.depth_mm, focus_mm) / (pixel_pitch_mm_ * cell_),
                                  static_cast<double>(level_.cols));
-    cv::GaussianBlur(nearer.cells, disc_, cv::Size(), std::max(disc / 4, kPrediction.least_sigma));
+    cv::GaussianBlur(nearer.light, disc_, cv::Size(), std::max(disc / 4, kPrediction.least_sigma));
     covered_ += disc_;
-    covered_.copyTo(share_, slabs_[i].cells);
+    covered_.copyTo(nearer_, slabs_[i].cells);
   }
-  share_.convertTo(error_, CV_32F, kPrediction.glow / 255);
-  cv::multiply(error_, error_, error_);
+  for (int v = 0; v < level_.rows; ++v)
+    glow(nearer_.ptr(v), picture_.ptr(v), level_.cols, error_.ptr<float>(v));
   cv::GaussianBlur(error_, error_, cv::Size(), edge_error_px_);
   cv::add(squared_error, error_, squared_error);
 }

@@ -18,10 +18,11 @@ namespace all_in_focus::core {
 /// picture changes by b^2 / 32 of its Laplacian, and by 4 times that at most: even a wide disc takes away no
 /// more than the contrast there is. The Laplacian is the largest any frame has shown nearby so far
 /// (addTexture), at most that of a textured picture: on bare surfaces more frames will do, and their mean has
-/// less noise. A disc of a nearer surface whose share c lies over a pixel changes it by 72 c gray levels,
-/// also where it is bare: the glow of near things. As depth edges are uncertain, the expectation is taken
-/// over their displacement: a Gaussian mean. Beside an edge, frames in which either surface is blurred are
-/// thus expected to err, and sharpness decides.
+/// less noise. A disc of a nearer surface whose share c lies over a pixel changes it, too, also where it is
+/// bare: the glow of near things. It is counted as 72 c gray levels and, where the first frame tells by how
+/// much the nearer surface is brighter or darker, four times that share of the difference. As depth edges are
+/// uncertain, the expectation is taken over their displacement: a Gaussian mean. Beside an edge, frames in
+/// which either surface is blurred are thus expected to err, and sharpness decides.
 class DefocusPrediction {
  public:
   /// depth: CV_16UC1 mm, 0 = unknown, seen from the colour camera, any size. measured: the same before holes
@@ -40,6 +41,9 @@ class DefocusPrediction {
   /// noise alone. Until the first frame is added, the whole picture counts as textured.
   void addTexture(const cv::Mat& sharpness, double noise);
 
+  /// The first frame, in gray levels, CV_8UC1: how surfaces look. Without it they all look alike.
+  void setPicture(const cv::Mat& gray);
+
   /// Where depth predicts the blur: CV_8UC1 of that size, 255 or 0.
   cv::Mat known(const cv::Size& size) const;
 
@@ -55,6 +59,7 @@ class DefocusPrediction {
   struct Slab {
     double depth_mm;
     cv::Mat cells;  // CV_8UC1, 255 or 0
+    cv::Mat light;  // CV_8UC2: the same, and the picture there
   };
 
   Optics optics_;
@@ -71,8 +76,9 @@ class DefocusPrediction {
   cv::Mat laplacian_;        // CV_32FC1, largest so far above the noise; empty: not known
   float hidden_ = 0;         // Laplacian of texture that noise may hide
   std::vector<Slab> slabs_;  // the nearest first
+  cv::Mat picture_;          // CV_8UC1, gray levels
   std::vector<float> error_of_level_;
-  cv::Mat error_, texture_, disc_, covered_, share_;
+  cv::Mat error_, texture_, disc_, covered_, nearer_;
 };
 
 }  // namespace all_in_focus::core

@@ -200,6 +200,7 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     compareWithEarlier(gray);
     held_.clear();
     checkLens();
+    if (predicts_) prediction_.setPicture(gray);
     lights_ = clippedLights(gray);
     if (relief_.isKnown()) gray.copyTo(reference_gray_);
     const bool resampled = config_.alignment && (alignment_.drifts() || alignment_.moves(reference_));
