@@ -142,6 +142,16 @@ TEST(FocusVotes, ARightListIsLeftAsItIs) {
   }
 }
 
+TEST(FocusVotes, SeveralFramesThatAreSharpVoteForTheirMiddle) {
+  std::vector<FocusVotes::Frame> frames;
+  for (const int detail : {80, 240, 400, 400, 400, 240, 80})
+    frames.push_back({{cv::Mat1s(16, 16, static_cast<short>(detail)), 4}});
+  const cv::Size size(64, 64);
+  std::vector<FrameBlur> list;
+  for (int k = 0; k < 7; ++k) list.push_back({1 / 1000.0 + (k - 3) * 5e-5, 1});
+  EXPECT_NEAR(FocusVotes(frames, cv::Mat1w(size, 1000), size).support(list), 1, 1e-3);
+}
+
 TEST(FocusVotes, AListThatIsLateOrEarlyByAFrameIsNoticed) {
   for (const int frames : {kFrames, kFrames / 2 + 1}) {
     for (const int late : {1, -1}) {

@@ -46,8 +46,10 @@ class FocusVotes {
 
  private:
   struct Vote {
-    float place;  ///< in the list, between two frames
+    float from, to;  ///< places in the list, between frames: from there to there it is sharp
     float inverse_depth;
+
+    double at(const std::vector<FrameBlur>& list) const;  ///< the middle: inverse focus distance
   };
   bool areReversed(const std::vector<FrameBlur>& list) const;
   double bestFactor(const std::vector<FrameBlur>& list) const;
