@@ -339,6 +339,26 @@ TEST(Restoration, FocusDistancesOffByAFactorAreMadeUpFor) {
   EXPECT_LT(errorLeft(result, card), 0.4);
 }
 
+TEST(Restoration, AListThatIsLateByAFrameIsMovedBack) {
+  const CardBeforeWall card;
+  std::vector<double> sweep;  // even steps in dioptres, from before the card to behind the wall
+  for (int i = 0; i < 9; ++i) sweep.push_back(1 / (1 / 850.0 - i * (1 / 850.0 - 1 / 2000.0) / 8));
+  // The two of equal distance are in the order of the bracket, whichever comes first.
+  std::vector<cv::Mat> images;
+  for (const std::vector<int>& order :
+       {std::vector<int>{4, 5, 6, 7, 8, 3, 2, 1, 0}, {4, 0, 1, 2, 3, 5, 6, 7, 8}}) {
+    BracketRestoration restoration;
+    restoration.begin(card.scene);
+    for (const int i : order)
+      restoration.add({card.frame(sweep[i]), cv::Rect({}, kSize), 1, i, sweep[std::max(0, i - 1)]});
+    const RestorationResult result = *restoration.restore(card.fused());
+    EXPECT_TRUE(says(result, "shifted by one frame"));
+    EXPECT_LT(errorLeft(result, card), 0.4);
+    images.push_back(result.image);
+  }
+  EXPECT_EQ(cv::norm(images[0], images[1], cv::NORM_INF), 0);
+}
+
 TEST(Restoration, TheFramesAloneAreEnough) {
   const CardBeforeWall card;
   for (const bool near_first : {true, false}) {

@@ -335,10 +335,16 @@ void BracketRestoration::add(const AlignedFrame& frame) {
   if (!frame.opaque.empty()) cv::resize(frame.opaque, held.opaque, working_size_, 0, 0, cv::INTER_NEAREST);
   held.gain = frame.gain;
   held.inverse_depth = known ? 1 / frame.focus_mm : 1 + frame.index;
+  held.index = frame.index;
   linear_ = frame.linear;
-  const auto place = std::upper_bound(
-      held_.begin(), held_.end(), held,
-      [](const HeldFrame& a, const HeldFrame& b) { return a.inverse_depth < b.inverse_depth; });
+  // Of equal distances, as a list has that is late by a frame, in the order of the bracket.
+  const bool comes_nearer = held_.empty() || held_.front().index < held_.back().index;
+  const auto place = std::upper_bound(held_.begin(), held_.end(), held,
+                                      [comes_nearer](const HeldFrame& a, const HeldFrame& b) {
+                                        if (a.inverse_depth != b.inverse_depth)
+                                          return a.inverse_depth < b.inverse_depth;
+                                        return comes_nearer ? a.index < b.index : b.index < a.index;
+                                      });
   held_.insert(place, held);
   if (held_.size() > kMostFrames) dropOne();
 }

@@ -68,6 +68,7 @@ class BracketRestoration {
     cv::Rect seen;
     cv::Mat opaque;  ///< see AlignedFrame, downsampled
     double gain = 1;
+    int index = 0;             ///< of the bracket
     double inverse_depth = 0;  ///< 1 / focus distance, 1/mm
   };
   void dropOne();
