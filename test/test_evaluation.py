@@ -24,11 +24,12 @@ from tool_helpers import expect_refusal
 # ---- results
 
 
-def report_message(stamp=7, used=3, has_labels=True):
+def report_message(stamp=7, used=3, has_labels=True, sharpness_alone=False):
     choice = SegmentChoice(label=1, frame=2, score=float("nan"), margin=0.5, confidence=0.25)
     return FusionReport(header=Header(seq=9, stamp=genpy.Time(stamp, 500000000), frame_id="color_frame"), bracket_id=4,
-                        mode="refined", frames_seen=3, frames_used=used, has_labels=has_labels,
-                        label_stamp=genpy.Time(5), optics=Optics(24.0, 4.0, 0.019), segments=[choice],
+                        mode="refined", sharpness_alone=sharpness_alone, frames_seen=3, frames_used=used,
+                        has_labels=has_labels, label_stamp=genpy.Time(5), optics=Optics(24.0, 4.0, 0.019),
+                        segments=[choice] if has_labels else [],
                         notes=[] if used else ["no frame could be used"], timing_names=["fusion"], timing_ms=[1.5])
 
 
@@ -93,7 +94,7 @@ def test_bracket_is_saved_when_complete(tmp_path, report_first):
         "source_index.png", "weights.png"]
     report = json.loads((tmp_path / "out" / "bracket_0000" / "report.json").read_text())
     assert report["bracket_id"] == 4 and report["segment_table"][0]["area"] == 9
-    assert collector.brackets == [{"folder": "bracket_0000", "bracket_id": 4, "frames_used": 3, "regions": 1,
+    assert collector.brackets == [{"folder": "bracket_0000", "bracket_id": 4, "frames_used": 3, "has_depth": True,
                                    "missing": [], "notes": []}]
 
 
@@ -109,10 +110,14 @@ def test_two_brackets_may_share_a_label_image(tmp_path):
 def test_bracket_without_labels_or_without_result(tmp_path):
     with collecting(tmp_path) as collector:
         collector.add_report(report_message(used=0))
-        collector.add_report(report_message(stamp=8, has_labels=False))
+        collector.add_report(report_message(stamp=8, has_labels=False, sharpness_alone=True))
         feed(collector, genpy.Time(8, 500000000), names=[name for name in PICTURES if name != "registered"])
+        collector.add_report(report_message(stamp=9, has_labels=False))  # of large images depth stays, labels do not
+        feed(collector, genpy.Time(9, 500000000), names=PICTURES)
     assert os.listdir(tmp_path / "bracket_0000") == ["report.json"]
-    assert len(os.listdir(tmp_path / "bracket_0001")) == 5
+    assert len(os.listdir(tmp_path / "bracket_0001")) == 5 and len(os.listdir(tmp_path / "bracket_0002")) == 6
+    assert (tmp_path / "bracket_0002" / "registered.png").exists()
+    assert [bracket["has_depth"] for bracket in collector.brackets[1:]] == [False, True]
 
 
 def test_missing_output_and_too_many_regions_are_reported(tmp_path):
@@ -173,15 +178,15 @@ def test_brackets_of_others_are_not_touched(tmp_path, name):
 # ---- status, exit codes, flow
 
 
-def bracket(used=3, missing=(), notes=(), regions=2):
-    return {"folder": "bracket_0000", "bracket_id": 0, "frames_used": used, "regions": regions,
+def bracket(used=3, missing=(), notes=(), has_depth=True):
+    return {"folder": "bracket_0000", "bracket_id": 0, "frames_used": used, "has_depth": has_depth,
             "missing": list(missing), "notes": list(notes)}
 
 
 @pytest.mark.parametrize("brackets, code, reason", [
     ([bracket()], 0, "1 bracket fused"), ([bracket(), bracket()], 0, "2 brackets fused"),
-    ([bracket(), bracket(regions=0)], 0, "2 brackets fused"),
-    ([bracket(regions=0)], 2, "no region came of the bag's depth: a warning"),
+    ([bracket(), bracket(has_depth=False)], 0, "2 brackets fused"),
+    ([bracket(has_depth=False)], 2, "no region came of the bag's depth: a warning"),
     ([bracket(), bracket(0)], 0, "1 bracket fused, 1 could not be"), ([], 2, "no bracket was fused: a warning"),
     ([bracket(0, notes=["no frame"])], 2, "no bracket was fused: no frame"),
     ([bracket(missing=["all_in_focus/image"])], 2, "bracket_0000: all_in_focus/image never came")])

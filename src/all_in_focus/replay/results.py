@@ -103,6 +103,11 @@ class ResultFolder(OutputFolder):
             write_json(folder / "report.json", report)
 
 
+def _has_depth(report):
+    """Whether anything was known of depth. Of large images the fusion may have dropped the labels, and the regions with them."""
+    return any(choice.label > 0 for choice in report.segments) or not (report.has_labels or report.sharpness_alone)
+
+
 class BracketCollector:
     """Assembles the outputs of each bracket. Not thread-safe; needs no ROS master.
 
@@ -128,7 +133,7 @@ class BracketCollector:
         number = len(self.brackets)
         self.brackets.append({"folder": self._folder.name(number), "bracket_id": report.bracket_id,
                               "frames_used": report.frames_used, "missing": [], "notes": list(report.notes),
-                              "regions": sum(choice.label > 0 for choice in report.segments)})
+                              "has_depth": _has_depth(report)})
         self._pending[number] = report
         self._save_complete()
 
@@ -150,8 +155,10 @@ class BracketCollector:
         wanted = dict.fromkeys(("fused", "source_index", "confidence", "weights"), result)
         if report.mode == "restored" and (report.blur_scale > 0 or result in self._parts["depth_restored"]):
             wanted["depth_restored"] = result
+        if not report.sharpness_alone:
+            wanted["registered"] = result
         if report.has_labels:
-            wanted.update(registered=result, labels=label, segments=label)
+            wanted.update(labels=label, segments=label)
         return wanted
 
     def _missing(self, report):

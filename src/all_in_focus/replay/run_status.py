@@ -37,14 +37,14 @@ class RunStatus:
 
 
 def conclude(brackets, warnings):
-    """Final status. brackets: dicts with folder, bracket_id, frames_used, regions (number of those from depth), missing
-    (outputs that never came), notes. warnings: of the nodes and the player, worst first."""
+    """Final status. brackets: dicts with folder, bracket_id, frames_used, has_depth, missing (outputs that never
+    came), notes. warnings: of the nodes and the player, worst first."""
     why = ": " + warnings[0] if warnings else ""
     fused = [bracket for bracket in brackets if bracket["frames_used"] > 0]
     incomplete = [bracket for bracket in fused if bracket["missing"]]
     if incomplete:
         code, reason = BAD_INPUT, f"{incomplete[0]['folder']}: {', '.join(incomplete[0]['missing'])} never came"
-    elif fused and not any(bracket["regions"] for bracket in fused):
+    elif fused and not any(bracket["has_depth"] for bracket in fused):
         # A bag without depth is refused before: fusing by sharpness alone was not asked for.
         code, reason = BAD_INPUT, f"no region came of the bag's depth{why}"
     elif fused:
