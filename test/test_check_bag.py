@@ -3,16 +3,18 @@
 """check_bag: each damage to a good bag is found, under the right name, and nothing else is an error."""
 import json
 import re
+from dataclasses import replace
 
 import cv2
 import genpy
 import numpy as np
 import pytest
 import rosbag
-from bag_helpers import (BRIDGE, SIZE, START, changed, compressed, depth_image, frames, good_messages, setting, without,
-                         write)
+from bag_helpers import (BRIDGE, COLOR_CAMERA, SIZE, START, changed, compressed, depth_image, frames, good_messages, setting,
+                         without, write)
 from file_helpers import call, cut, run_script
 from sensor_msgs.msg import CompressedImage
+from std_msgs.msg import Header
 from tool_helpers import TwoPlanes, expect_refusal, fuse_stack, set_up_boards, succeeded, unchanged
 
 from all_in_focus.bag.brackets import Rules
@@ -20,6 +22,7 @@ from all_in_focus.bag.bag_file import BagContents, BagError, BagFile, Topics, lo
 from all_in_focus.bag.check.checker import check_bag
 from all_in_focus.image_messages import to_message
 from all_in_focus.files.rig import load_rig, save_rig
+from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.replay import graph
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of cv_bridge
@@ -417,6 +420,15 @@ def test_damage_inside_a_bag(tmp_path):
     (tmp_path / "x.bag").write_bytes(data)
     with pytest.raises(BagError, match="damaged or unreadable"):
         report_on(path)
+
+
+def test_a_calibration_that_was_announced_for_another_size(tmp_path):
+    def said_of(first):
+        announced = ["/rgb/camera_info", camera_info(first, Header(frame_id="color")), START]
+        report = report_on(write(tmp_path / "x.bag", [announced] + good_messages()))
+        return [finding.text for finding in report.findings if finding.check == "colour camera" and finding.level != "ok"]
+    assert not said_of(COLOR_CAMERA.scaled(128, 96))
+    assert "changes 1 time:" in said_of(replace(COLOR_CAMERA, K=COLOR_CAMERA.K * [[1.2], [1.2], [1]]))[0]
 
 
 def test_the_nodes_agree(tmp_path):

@@ -12,6 +12,7 @@ import numpy as np
 from all_in_focus import installed
 from all_in_focus.bag.check.findings import share_text
 from all_in_focus.bag.recorded_rig import RecordedRigError, camera_of, color_frame, is_possible, pose, transforms
+from all_in_focus.files.errors import counted
 from all_in_focus.files.output_file import write_picture
 from all_in_focus.files.rig import same_shape, save_rig
 from all_in_focus.imaging import shrunk
@@ -33,10 +34,11 @@ def check_camera(check, bag, scan, kind, heads):
     except RecordedRigError as error:
         check.error(f"{name}: {error}")
         return None
-    _check_size(check, bag, kind, camera, heads)
+    _check_size(check, bag, kind, camera, heads, infos)
     _check_frames(check, bag, kind, info, heads)
-    if len(infos) > 1:
-        check.warning(f"{name} changes {len(infos) - 1} times: the nodes always use the newest one. If the lens was "
+    changes = sum(not _is_scaled(one.message, other.message, kind) for one, other in zip(infos, infos[1:]))
+    if changes:
+        check.warning(f"{name} changes {counted(changes, 'time')}: the nodes always use the newest one. If the lens was "
                       "zoomed, every bracket is fused with the calibration of its time")
     _check_rectification(check, bag, kind, info, camera)
     field = np.degrees(2 * np.arctan(camera.width / 2 / camera.K[0, 0]))
@@ -47,9 +49,22 @@ def check_camera(check, bag, scan, kind, heads):
     return camera
 
 
-def _check_size(check, bag, kind, camera, heads):
+def _is_scaled(one, other, kind):
+    """Whether two camera infos differ by the size of the pictures alone: a camera node announces its calibration before it knows
+    the size."""
+    try:
+        one, other = camera_of(one, kind), camera_of(other, kind)
+    except RecordedRigError:
+        return False
+    scaled = one.scaled(other.width, other.height)
+    return (one.width, one.height) != (other.width, other.height) and np.allclose(scaled.K, other.K) and np.array_equal(
+        one.D, other.D)
+
+
+def _check_size(check, bag, kind, camera, heads, infos):
     size = (camera.width, camera.height)
-    others = sorted({head.size for head in heads if head.size and head.size != size})
+    known = {(info.message.width, info.message.height) for info in infos} if kind == "rgb" else {size}
+    others = sorted({head.size for head in heads if head.size} - known)
     if not others:
         return
     found = ", ".join(f"{width}x{height}" for width, height in others)
