@@ -140,6 +140,20 @@ class FocusBracketTest(CameraTest):
         self.assertEqual(places(self.frames(4)), [(0, 0, 2, False), (0, 1, 2, True), (1, 0, 2, False), (1, 1, 2, True)])
         self.assertEqual(len([line for line in node.lines if "no camera found" in line]), 1)  # once, not at every try
 
+    def test_another_program_had_the_camera(self):
+        """Whose calibration was the last one that was heard."""
+        node = self.fake(count=1, patience=0.5, rig=self.save_rig((96, 64)))
+        infos = self.listen("rgb/camera_info", CameraInfo)
+        self.assertTrue(node.said("ready"))
+        self.provoke.say(String("unplug"))
+        self.assertTrue(node.said("no camera found"))
+        other = Talker(self.topic("rgb/camera_info"), CameraInfo)
+        other.say(CameraInfo(width=96, height=64))
+        self.assertTrue(wait_until(lambda: infos.messages and not infos.messages[-1].K[0]))
+        other.publisher.unregister()
+        self.provoke.say(String("plug"))
+        self.assertTrue(wait_until(lambda: infos.messages[-1].K[0] == 60.0), infos.messages)
+
     def assert_breaks_off(self, words):
         """Shoot brackets until one breaks off with these words."""
         answers = []

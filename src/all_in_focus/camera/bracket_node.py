@@ -125,6 +125,7 @@ class FocusBracketCamera:
                 self._healthy = False
                 self._session.connect()
             if not self._healthy:
+                self._frames.announce()  # again: another program may have had the camera, and published its own calibration
                 self._report_ready()
             self._healthy = True
             self._warn(self._session.take_warnings())

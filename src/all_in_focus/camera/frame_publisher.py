@@ -44,11 +44,12 @@ class FramePublisher(rospy.SubscribeListener):
     def announce(self, size=None):
         """Publish the calibration before the first frame: registering depth and planning the focus need it.
 
-        size: (width, height) of the pictures to come; None: take the size of the calibration.
+        size: (width, height) of the pictures to come; None: take that of the last picture, at first that of the calibration.
         """
         if self._calibration is None:
             return
-        camera = self._camera_of(*self._published(size or (self._calibration.width, self._calibration.height)))
+        like = self._info or self._calibration
+        camera = self._camera_of(*self._published(size or (like.width, like.height)))
         if camera.K[0, 0]:
             self._info_publisher.publish(camera_info(camera, Header(stamp=rospy.Time.now(), frame_id=self._frame_id)))
 
