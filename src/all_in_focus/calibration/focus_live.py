@@ -59,9 +59,12 @@ def shoot(timeout):
     rospy.init_node("calibrate_focus", anonymous=True, disable_signals=True)
     bracket = _Bracket()
     end = time.monotonic() + timeout
+    rospy.loginfo("waiting for depth on %s", rospy.resolve_name("depth_registered/image_raw"))
     _wait(lambda: bracket.depth is not None, end, "no depth came on depth_registered/image_raw: is robot.launch running, "
                                                   "with a rig?")
     asked = _ask_for_bracket(bracket)
+    rospy.loginfo("asked %s for a bracket" if asked else "waiting for the next bracket: there is no %s to ask",
+                  rospy.resolve_name(CAMERA))
     _wait(bracket.done.is_set, end, "no whole bracket came on rgb/image and rgb/focus")
     if bracket.problem:
         raise CalibrationError(bracket.problem)
