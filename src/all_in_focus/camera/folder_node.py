@@ -70,6 +70,7 @@ class Player:
         self._stack = Stack(path, focus or None, deep=True)
         for warning in self._stack.warnings:
             rospy.logwarn("%s", warning)
+        self._path = path
         self._period = 1 / parameters.number("rate", 2.0, 0.001)
         self._loop = parameters.flag("loop", False)
         self._wait_for = parameters.text("wait_for")
@@ -79,6 +80,8 @@ class Player:
         count, bracket_id, flow = len(self._stack), 0, FlowControl()
         frames.on_subscriber = flow.forget
         frames.announce(next(iter(self._stack)).shape[1::-1])
+        rospy.loginfo("%s: %d frames, which wait for a listener on %s%s", self._path, count, rospy.resolve_name("rgb/image"),
+                      f", and for {rospy.resolve_name(self._wait_for)}" if self._wait_for else "")
         _poll_until(frames.has_listeners)
         if self._wait_for:
             self._wait(frames)
