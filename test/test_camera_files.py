@@ -111,6 +111,26 @@ def test_new_pictures_arrive_once(watched):
     assert polled(watch, 3) == [("c.jpg", 1), ("d.jpg", 2)]
 
 
+def test_a_camera_that_writes_raw_files_alone(watched, virtual_time):
+    folder, watch = watched
+    (folder / "1.NEF").write_bytes(b"raw")
+    assert polled(watch) == [] and not watch.warnings
+    virtual_time.sleep(0.1)
+    assert polled(watch) == [] and "1.NEF came, and no picture: let the camera write JPEG" in watch.warnings.pop()
+    (folder / "2.NEF").write_bytes(b"raw")
+    virtual_time.sleep(0.1)
+    assert polled(watch) == [] and not watch.warnings
+
+
+def test_raw_files_beside_pictures(watched, virtual_time):
+    folder, watch = watched
+    (folder / "1.NEF").write_bytes(b"raw")
+    cv2.imwrite(str(folder / "1.jpg"), pictures(1)[0])
+    assert polled(watch) == [("1.jpg", 0)]
+    virtual_time.sleep(0.1)
+    assert polled(watch) == [] and not watch.warnings
+
+
 def test_pages_arrive_as_pictures(watched):
     folder, watch = watched
     frames = pictures(2)

@@ -21,18 +21,20 @@ class FolderWatch:
     """New and overwritten pictures of a folder. Files that are there at the beginning are not reported.
 
     clock: gives the stamps. A file is read when it has stopped growing and is complete. One that stays damaged for
-    `patience` seconds is left out, with a line in `warnings`.
+    `patience` seconds is left out, with a line in `warnings`; and so is what comes if none of it is a picture.
     """
 
     def __init__(self, folder, clock, patience=5.0):
         self._folder, self._clock, self._patience = Path(folder), clock, patience
-        self._done = self._states()  # name -> state of the file when it was reported or left out
+        self._done, self._others = self._states()  # name -> state of the file when it was reported or left out
         self._coming = {}  # name -> state, stamp, time of the last change
+        self._may_miss_pictures, self._others_since = True, time.monotonic()
         self.warnings = []
 
     def _states(self):
-        """Name -> (size, time of change) of every picture. Raises StackError if the folder is not there."""
-        states = {}
+        """Name -> (size, time of change) of every picture, and the names of other files. Raises StackError if the folder is not
+        there."""
+        states, others = {}, set()
         try:
             paths = list(self._folder.iterdir())
         except OSError as error:
@@ -42,12 +44,15 @@ class FolderWatch:
                 with contextlib.suppress(OSError):  # deleted since it was listed
                     status = path.stat()
                     states[path.name] = (status.st_size, status.st_mtime_ns)
-        return states
+            elif not path.name.startswith("."):
+                others.add(path.name)
+        return states, others
 
     def poll(self):
         """Arrivals since the last call, in the order of their stamps, then names."""
         arrived = []
-        for name, state in sorted(self._states().items()):
+        states, others = self._states()
+        for name, state in sorted(states.items()):
             if self._done.get(name) == state:
                 continue
             coming = self._coming.get(name)
@@ -56,7 +61,19 @@ class FolderWatch:
                 self._coming[name] = (state, stamp, time.monotonic())
                 continue
             arrived += self._read(name, *coming)
+        self._may_miss_pictures &= not (arrived or self._coming)
+        if self._may_miss_pictures:
+            self._tell_of_others(others - self._others)
         return sorted(arrived, key=lambda arrival: arrival.stamp)
+
+    def _tell_of_others(self, names):
+        """Once: a camera may write raw files alone."""
+        if not names:
+            self._others_since = time.monotonic()
+        elif time.monotonic() - self._others_since > self._patience:
+            self.warnings.append(f"{self._folder}: {min(names)} came, and no picture: let the camera write JPEG, too; raw files "
+                                 "are not read here")
+            self._may_miss_pictures = False
 
     def _read(self, name, state, stamp, changed_at):
         try:
