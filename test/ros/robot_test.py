@@ -2,6 +2,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """robot.launch without hardware: the pixels of fuse_stack, whose parameters count, and recordings that come late."""
+import rospy
 import yaml
 
 from depth_testing import run_tests
@@ -22,6 +23,7 @@ class RobotTest(LaunchTest):
         for path in late:
             path.rename(str(path) + '.late')
 
+        rospy.set_param('/use_sim_time', True)  # as replay.launch leaves it
         results = self.results()
         self.launch('all_in_focus', 'robot.launch', rviz='false', config=self.folder / 'own.yaml', aperture=4.0,
                     circle_of_confusion_mm=0.05, frame_rate=1.0, depth_timeout=1.0, **scene.arguments())
