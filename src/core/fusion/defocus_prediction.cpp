@@ -22,8 +22,8 @@ constexpr struct PredictionParameters {
   double most_hidden = 3;  // texture that noise may hide: as much as its own Laplacian, at most this
   // Of what a disc covers, in gray levels. (144: restored motorcycle_60 -0.14 dB.)
   float glow = 72;
-  float contrast = 4;               // of its difference from that (0: gold pins before a board -0.7 to -2 dB)
-  double hole_error = 10;           // of filled depth, which may be any surface nearby
+  float contrast = 3;      // of its difference from that (0: gold pins before a board -0.6 to -1.7 dB)
+  double hole_error = 10;  // of filled depth, which may be any surface nearby
   double unknown_focus_error = 10;  // neither sharp nor much blurred
   float peak = 2;                   // of the Laplacian, in units of its mean over a window
   double most_laplacians = 4;       // by which blur changes a picture; a wider disc changes it no more
@@ -52,7 +52,7 @@ ALL_IN_FOCUS_SIMD void weigh(const float* l, float hidden, int n, float* squared
   }
 }
 
-// squared_error = (72 c + 4 |light - c picture|)^2. nearer: 255 c and light of what covers the picture.
+// squared_error = (72 c + 3 |light - c picture|)^2. nearer: 255 c and light of what covers the picture.
 ALL_IN_FOCUS_SIMD void glow(const std::uint8_t* nearer, const std::uint8_t* picture, int n,
                             float* squared_error) {
   for (int i = 0; i < n; ++i) {
