@@ -19,10 +19,10 @@ namespace all_in_focus::core {
 /// more than the contrast there is. The Laplacian is the largest any frame has shown nearby so far
 /// (addTexture), at most that of a textured picture: on bare surfaces more frames will do, and their mean has
 /// less noise. A disc of a nearer surface whose share c lies over a pixel changes it, too, also where it is
-/// bare: the glow of near things. It is counted as 72 c gray levels and, where the first frame tells by how
-/// much the nearer surface is brighter or darker, three times that share of the difference. As depth edges
-/// are uncertain, the expectation is taken over their displacement: a Gaussian mean. Beside an edge, frames
-/// in which either surface is blurred are thus expected to err, and sharpness decides.
+/// bare: the glow of near things. It counts as 72 c gray levels, and three times as many as the light of the
+/// first frame, spread by that disc, makes the pixel brighter or darker. As depth edges are uncertain, the
+/// expectation is taken over their displacement: a Gaussian mean. Beside an edge, frames in which either
+/// surface is blurred are thus expected to err, and sharpness decides.
 class DefocusPrediction {
  public:
   /// depth: CV_16UC1 mm, 0 = unknown, seen from the colour camera, any size. measured: the same before holes
