@@ -91,6 +91,15 @@ def test_the_exit_code_and_the_last_words_of_a_node_are_told(nodes):
         assert launch.reason() == "short ended with exit code 1: no such lens"
 
 
+def test_last_words_that_are_read_after_the_end(nodes, monkeypatch):
+    """They come by another pipe."""
+    read = Launch._read_printed
+    monkeypatch.setattr(Launch, "_read_printed", lambda launch: (time.sleep(3), read(launch)))
+    with nodes.add("short", "sys.exit('no such lens')", 'required="true"').launch() as launch:
+        assert wait_until(launch.ended)
+        assert launch.reason() == "short ended with exit code 1: no such lens"
+
+
 def test_a_node_that_is_not_required_may_end(nodes):
     nodes.add("short", "sys.exit(4)").add("other", FOREVER)
     with nodes.launch() as launch:

@@ -3,6 +3,7 @@
 """Launch files on a ROS master of their own, whose end is reported and leaves no process behind."""
 import json
 import os
+import queue
 import re
 import signal
 import socket
@@ -67,6 +68,7 @@ class Launch:
         self._running = {}  # pid by process
         self._echo = sys.stderr if verbose is True else verbose or None
         self._last_line = ""
+        self._last_words = queue.SimpleQueue()  # of each process that died, in their order
         self._process = subprocess.Popen([sys.executable, str(LAUNCHER)], env=environment, text=True, errors="replace",
                                          stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                          start_new_session=True)
@@ -86,7 +88,7 @@ class Launch:
                 self._running[event["started"]] = event["pid"]
             elif "died" in event:
                 self._running.pop(event["died"], None)
-                self.deaths.append(Death(event["died"], event["code"], self._last_line))
+                self.deaths.append(Death(event["died"], event["code"], self._last_words.get()))
             elif "error" in event:
                 self._error = event["error"]
             elif self._echo:
@@ -94,10 +96,13 @@ class Launch:
 
     def _read_printed(self):
         for line in self._process.stderr:
+            line, died, _ = line.partition("\0")
             if self._echo:
                 self._echo.write(line)
             line = re.sub(r"\x1b(?:\[[0-9;]*m|\][^\x07]*\x07)", "", line).strip()  # colours, titles of terminals
             self._last_line = line or self._last_line
+            if died:
+                self._last_words.put(self._last_line)
 
     def ended(self):
         """Whether nothing runs any more: nothing could be launched, or a required node or all nodes have ended."""

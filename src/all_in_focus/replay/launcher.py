@@ -6,7 +6,7 @@ must not lose, and needs the main thread.
 stdin: one line of JSON, see launch(). Its end, also by the death of the caller, shuts everything down.
 stdout: one JSON object a line: {"started": process, "pid": pid}, {"died": process, "code": exit code},
 {"error": why nothing can be launched}, {"printed": line of roslaunch}. A process has a group of its own, whose id is pid.
-stderr: what the nodes print.
+stderr: what the nodes print. "\\0" follows the last words of a process that has died; then comes its event.
 """
 import json
 import os
@@ -14,6 +14,7 @@ import select
 import sys
 import threading
 import time
+from contextlib import suppress
 
 import roslaunch.core
 from roslaunch.config import load_config_default
@@ -32,13 +33,12 @@ class Events(ProcessListener):
         self._stream, self._lock = stream, threading.Lock()
 
     def write(self, **event):
-        with self._lock:
-            try:
-                print(json.dumps(event), file=self._stream, flush=True)
-            except BrokenPipeError:  # the caller has died, so stdin has ended, too
-                pass
+        with self._lock, suppress(BrokenPipeError):  # the caller has died, so stdin has ended, too
+            print(json.dumps(event), file=self._stream, flush=True)
 
     def process_died(self, process_name, exit_code):
+        with suppress(BrokenPipeError):
+            os.write(2, b"\0\n")
         self.write(died=process_name, code=exit_code)
 
 
