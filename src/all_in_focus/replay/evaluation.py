@@ -84,9 +84,8 @@ def _play(contents, player, saver, optics):
         if saver.error:
             raise ResultError(saver.error)
 
-    player.connect({topic: end for topic, end in saver.subscribers.items() if topic != DEPTH_RESTORED})
-    if rospy.get_param("fusion/mode", "") == "restored":  # no other mode has that topic
-        player.connect(saver.subscribers)
+    restores = rospy.get_param("fusion/mode", "") == "restored"  # no other mode has that topic
+    player.connect({topic: end for topic, end in saver.subscribers.items() if restores or topic != DEPTH_RESTORED})
     if optics or contents.optics:
         player.set_optics(optics or contents.optics)
     player.play(follow_optics=optics is None, check=check)
