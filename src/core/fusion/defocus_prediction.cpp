@@ -190,8 +190,10 @@ void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
   // The mean over known depth. Where there is none, all frames get 0 alike.
   cv::multiply(squared_error, known_, squared_error);
   if (std::isnan(focus_mm)) return;
-  for (int v = 0; v < squared_error.rows && !laplacian_.empty(); ++v)
-    weigh(laplacian_.ptr<float>(v), hidden_, squared_error.cols, squared_error.ptr<float>(v));
+  if (!laplacian_.empty()) {
+    for (int v = 0; v < squared_error.rows; ++v)
+      weigh(laplacian_.ptr<float>(v), hidden_, squared_error.cols, squared_error.ptr<float>(v));
+  }
   addGlow(focus_mm, squared_error);
 }
 

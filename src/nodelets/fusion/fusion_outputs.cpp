@@ -52,23 +52,20 @@ cv::Mat FusionOutputs::depthOf(const FusedBracket& bracket) const {
 void FusionOutputs::advertise(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect) {
   status_ = &status;
   const ros::SubscriberStatusCallback on_connect = [connect](const auto&) { connect(); };
-  const auto advertise = [&](auto type, const char* topic, int queue_size = kQueueSize) {
-    return nh.advertise<decltype(type)>(status.addOutput(topic), queue_size, on_connect, on_connect,
-                                        ros::VoidConstPtr(),
-                                        /*latch=*/true);
+  const auto advertise = [nh, on_connect](auto type, const std::string& topic, int queue_size = kQueueSize) {
+    return ros::NodeHandle(nh).advertise<decltype(type)>(topic, queue_size, on_connect, on_connect,
+                                                         ros::VoidConstPtr(), /*latch=*/true);
   };
-  image_ = advertise(sensor_msgs::Image(), "all_in_focus/image");
-  weights_ = advertise(sensor_msgs::Image(), "all_in_focus/weights_color");
-  depth_ = advertise(sensor_msgs::Image(), "all_in_focus/depth");
+  const sensor_msgs::Image image;
+  image_ = advertise(image, status.addOutput("all_in_focus/image"));
+  weights_ = advertise(image, status.addOutput("all_in_focus/weights_color"));
+  depth_ = advertise(image, status.addOutput("all_in_focus/depth"));
+  source_index_ = advertise(image, status.addOutput("all_in_focus/source_index"));
+  confidence_ = advertise(image, status.addOutput("all_in_focus/confidence"));
   const std::string restored = status.addOutput("all_in_focus/depth_restored");
-  advertise_restored_ = [nh, restored, on_connect]() mutable {
-    return nh.advertise<sensor_msgs::Image>(restored, kQueueSize, on_connect, on_connect, ros::VoidConstPtr(),
-                                            /*latch=*/true);
-  };
-  source_index_ = advertise(sensor_msgs::Image(), "all_in_focus/source_index");
-  confidence_ = advertise(sensor_msgs::Image(), "all_in_focus/confidence");
-  info_ = advertise(sensor_msgs::CameraInfo(), "all_in_focus/camera_info");
-  report_ = advertise(FusionReport(), "all_in_focus/report", kReportQueueSize);
+  advertise_restored_ = [advertise, image, restored] { return advertise(image, restored); };
+  info_ = advertise(sensor_msgs::CameraInfo(), status.addOutput("all_in_focus/camera_info"));
+  report_ = advertise(FusionReport(), status.addOutput("all_in_focus/report"), kReportQueueSize);
   // Not latched: of what is latched nobody knows whether it is new.
   progress_ = nh.advertise<Progress>(status.addOutput("all_in_focus/progress"), kProgressQueueSize,
                                      on_connect, on_connect);
