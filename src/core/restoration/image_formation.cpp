@@ -263,9 +263,15 @@ void ImageFormation::collect(const cv::Point& p, int half, const cv::Mat4f& shar
   });
 }
 
-void ImageFormation::predict(const cv::Point& p, const float (&own)[2], const cv::Mat4f& sharp,
-                             Prediction (&predictions)[2]) const {
-  const Candidate candidates[2] = {candidate(own[0]), candidate(own[1])};
+template <std::size_t N>
+void ImageFormation::predict(const cv::Point& p, const float (&own)[N], const cv::Mat4f& sharp,
+                             Prediction (&predictions)[N]) const {
+  Candidate candidates[N];
+  int half = reach_(p);
+  for (std::size_t i = 0; i < N; ++i) {
+    candidates[i] = candidate(own[i]);
+    half = std::max(half, candidates[i].reach);
+  }
   const cv::Vec4f& here = sharp(p.y + kMargin, p.x + kMargin);
   // Light and share of all parts, and the share of p itself; as in gather().
   const auto mixed = [&](const Candidate& one, const Layers& layers, float& own_share) {
@@ -285,8 +291,7 @@ void ImageFormation::predict(const cv::Point& p, const float (&own)[2], const cv
   };
   Layers near, all;
   bool has_all = false;
-  const int half = std::max({static_cast<int>(reach_(p)), candidates[0].reach, candidates[1].reach});
-  for (int i = 0; i < 2; ++i) {
+  for (std::size_t i = 0; i < N; ++i) {
     const Candidate& one = candidates[i];
     cv::Vec4f sum;
     float own_share = 0;
@@ -316,5 +321,10 @@ void ImageFormation::predict(const cv::Point& p, const float (&own)[2], const cv
     predictions[i] = {cv::Vec3f(sum[0], sum[1], sum[2]) / sum[3], own_share / sum[3]};
   }
 }
+
+template void ImageFormation::predict(const cv::Point&, const float (&)[1], const cv::Mat4f&,
+                                      Prediction (&)[1]) const;
+template void ImageFormation::predict(const cv::Point&, const float (&)[2], const cv::Mat4f&,
+                                      Prediction (&)[2]) const;
 
 }  // namespace all_in_focus::core

@@ -44,9 +44,10 @@ class ImageFormation {
     float own_share = 1;  ///< of the same pixel of the sharp picture in it
   };
 
-  /// Predicts pixel p for each of two inverse depths that it might have. sharp: see withMargin().
-  void predict(const cv::Point& p, const float (&own)[2], const cv::Mat4f& sharp,
-               Prediction (&predictions)[2]) const;
+  /// Predicts pixel p for each of the inverse depths that it might have, one or two. sharp: see withMargin().
+  template <std::size_t N>
+  void predict(const cv::Point& p, const float (&own)[N], const cv::Mat4f& sharp,
+               Prediction (&predictions)[N]) const;
 
   float inverseDepth(const cv::Point& p) const { return inverse_depth_(p); }
   float radius(const cv::Point& p) const { return blur_.radius(inverse_depth_(p)); }

@@ -229,7 +229,7 @@ cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<Ima
   const cv::Mat4f sharp = ImageFormation::withMargin(light);
   cv::Mat1f errors(asked.size(), 0.0f);
   cv::parallel_for_({0, (asked.rows + 1) / kErrorGrid}, [&](const cv::Range& range) {
-    ImageFormation::Prediction predictions[2];
+    ImageFormation::Prediction predicted[1];
     for (int y = kErrorGrid * range.start; y < std::min(asked.rows, kErrorGrid * range.end);
          y += kErrorGrid) {
       for (int x = 0; x < asked.cols; x += kErrorGrid) {
@@ -237,11 +237,10 @@ cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<Ima
         for (std::size_t k = 0; k < formation.size(); ++k) {
           const ObservedFrame& frame = bracket.frames[k];
           if (!frame.shows({x, y})) continue;
-          const float own = formation[k].inverseDepth({x, y});
-          formation[k].predict({x, y}, {own, own}, sharp, predictions);
+          formation[k].predict({x, y}, {formation[k].inverseDepth({x, y})}, sharp, predicted);
           float squared = 0;
           for (int c = 0; c < 3; ++c) {
-            const float difference = bracket.curve->code(predictions[0].light[c]) -
+            const float difference = bracket.curve->code(predicted[0].light[c]) -
                                      static_cast<float>(frame.codes(y, x)[c]) / kCodeScale;
             squared += difference * difference;
           }
