@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <future>
 #include <map>
@@ -9,7 +10,9 @@
 
 namespace all_in_focus {
 
-/// Decodes numbered images on threads of its own while the caller works on the one before.
+/// Decodes numbered images on threads of its own while the caller works on the one before. Keeps some of the
+/// first that it gives until they are asked for again: those before the reference are, and to decode them
+/// takes half of the time.
 class ReadAhead {
  public:
   /// decode(i) returns image i, 0..count-1, and may throw. It is called from several threads at once.
@@ -27,6 +30,10 @@ class ReadAhead {
   int count_;
   std::function<cv::Mat(int)> decode_;
   std::map<int, std::future<cv::Mat>> images_;  ///< being decoded; when destroyed, waits for them
+  std::map<int, cv::Mat> kept_;
+  std::size_t kept_bytes_ = 0;
+  int asked_ = -1;        ///< the last one
+  bool forwards_ = true;  ///< nothing has been asked for again
 };
 
 }  // namespace all_in_focus

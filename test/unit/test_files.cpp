@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
@@ -242,6 +243,41 @@ TEST_F(Files, ReadsAheadInOrderAndNoFartherThanTwo) {
     const std::lock_guard<std::mutex> lock(mutex);
     EXPECT_LE(highest, i + 2);
   }
+}
+
+TEST_F(Files, DecodesFewImagesTwice) {
+  std::mutex mutex;
+  std::map<int, int> decoded;
+  ReadAhead images(20, [&](int i) {
+    const std::lock_guard<std::mutex> lock(mutex);
+    ++decoded[i];
+    return cv::Mat(1, 1, CV_8UC1, cv::Scalar(i));
+  });
+  cv::Mat image;
+  // As a bracket reads whose reference is frame 7: the frames up to it, those before it again, the rest.
+  for (const int last : {7, 6, 19}) {
+    for (int i = last == 19 ? 7 : 0; i <= last; ++i) {
+      images.get(i, image);
+      EXPECT_EQ(image.at<std::uint8_t>(0, 0), i);
+    }
+  }
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(decoded[i], 1) << i;
+}
+
+TEST_F(Files, KeepsNoMoreThanFewMegabytes) {
+  std::mutex mutex;
+  std::map<int, int> decoded;
+  ReadAhead images(6, [&](int i) {
+    const std::lock_guard<std::mutex> lock(mutex);
+    ++decoded[i];
+    return cv::Mat(5000, 6000, CV_8UC1);  // 30 MB
+  });
+  cv::Mat image;
+  for (const int i : {0, 1, 2, 3, 0, 1, 2, 3}) images.get(i, image);
+  EXPECT_EQ(decoded[0], 1);
+  EXPECT_EQ(decoded[1], 1);
+  EXPECT_EQ(decoded[2], 2);
+  EXPECT_EQ(decoded[3], 2);
 }
 
 TEST_F(Files, NumbersInNamesCountAsNumbers) {
