@@ -3,6 +3,8 @@
 
 #include "stack_reader.hpp"
 
+#include <dlfcn.h>
+
 #include <algorithm>
 #include <cstdint>
 #include <filesystem>
@@ -27,6 +29,14 @@ void requireWholeAvi(const std::string& path) {
   if (std::string(head, head + 4) != "RIFF" || std::string(head + 8, head + 12) != "AVI ") return;
   const std::uint64_t length = head[4] | head[5] << 8 | head[6] << 16 | std::uint64_t{head[7]} << 24;
   if (fs::file_size(path) < length + 8) fail(path, "video is cut short: copy it again");
+}
+
+// Its methods are virtual: nothing here needs OpenCV's library for videos before there is one.
+std::unique_ptr<cv::VideoCapture> videoCapture(const std::string& path) {
+  void* library = dlopen("liball_in_focus_video.so", RTLD_NOW);
+  void* symbol = library == nullptr ? nullptr : dlsym(library, "allInFocusVideoCapture");
+  if (symbol == nullptr) fail(path, std::string("videos cannot be read: ") + dlerror());
+  return std::unique_ptr<cv::VideoCapture>(reinterpret_cast<cv::VideoCapture* (*)()>(symbol)());
 }
 
 // OpenCV 4.5.5 to 4.6 turn videos the wrong way: we do it.
@@ -73,10 +83,11 @@ StackReader::StackReader(const std::string& path, const std::vector<cv::Size>& c
   // OpenCV would open it as a video, together with the images numbered after it.
   if (isPictureName(path)) fail(path, "a single image: give its folder, or a video");
   requireWholeAvi(path);
+  video_ = videoCapture(path);
   open();
-  files_.orientation = orientationOf(video_);
-  decideOrientation({static_cast<int>(video_.get(cv::CAP_PROP_FRAME_WIDTH)),
-                     static_cast<int>(video_.get(cv::CAP_PROP_FRAME_HEIGHT))},
+  files_.orientation = orientationOf(*video_);
+  decideOrientation({static_cast<int>(video_->get(cv::CAP_PROP_FRAME_WIDTH)),
+                     static_cast<int>(video_->get(cv::CAP_PROP_FRAME_HEIGHT))},
                     calibrated);
 }
 
@@ -162,11 +173,11 @@ std::string StackReader::frameName(int i) const {
 
 void StackReader::open() {
   try {
-    video_.open(path_, cv::CAP_FFMPEG);
+    video_->open(path_, cv::CAP_FFMPEG);
   } catch (const cv::Exception&) {
   }
-  if (!video_.isOpened()) fail(path_, "not a video that can be read");
-  keepAsStored(video_);
+  if (!video_->isOpened()) fail(path_, "not a video that can be read");
+  keepAsStored(*video_);
 }
 
 bool StackReader::next(cv::Mat& frame) {
@@ -178,7 +189,7 @@ bool StackReader::next(cv::Mat& frame) {
     images_->get(read_++, frame);
     return true;
   }
-  if (video_.read(frame) && !frame.empty()) {
+  if (video_->read(frame) && !frame.empty()) {
     ++read_;
     frame = turned(frame);
     return true;
@@ -196,7 +207,7 @@ int StackReader::count() {
   if (!names().empty()) return static_cast<int>(names().size());
   if (count_ < 0) {
     rewind();
-    while (video_.grab()) ++read_;
+    while (video_->grab()) ++read_;
     requireWhole();
     count_ = read_;
     rewind();
@@ -215,8 +226,8 @@ cv::Mat StackReader::glance() {
   try {
     if (!names().empty()) return glanceAt(static_cast<int>(names().size() / 2));
     const int middle = count() / 2;
-    for (int i = 0; i < middle; ++i) video_.grab();
-    if (video_.read(frame)) frame = turned(frame);
+    for (int i = 0; i < middle; ++i) video_->grab();
+    if (video_->read(frame)) frame = turned(frame);
     rewind();
   } catch (const std::invalid_argument&) {
     // The error is reported when the frame is read in its turn.
@@ -227,7 +238,7 @@ cv::Mat StackReader::glance() {
 void StackReader::requireWhole() const {
   if (read_ == 0) fail(path_, "the video holds no frame");
   // Containers often report one frame too many.
-  const double reported = video_.get(cv::CAP_PROP_FRAME_COUNT);
+  const double reported = video_->get(cv::CAP_PROP_FRAME_COUNT);
   if (reported - read_ > std::max(1.0, 0.01 * reported)) {
     fail(path_, "video is cut short: " + std::to_string(read_) + " of " +
                     std::to_string(static_cast<int>(reported)) + " frames can be read");

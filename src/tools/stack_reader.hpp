@@ -72,7 +72,7 @@ class StackReader : public core::FrameSource {
   std::map<int, double> white_;        // code of white by depth, where it is not the highest that fits
   bool turned_ = false;                // the frames are turned when they are read
   std::unique_ptr<ReadAhead> images_;  // of the folder's frames
-  cv::VideoCapture video_;
+  std::unique_ptr<cv::VideoCapture> video_;
   int read_ = 0;
   int count_ = -1;  // of a video, -1 = not yet counted
 };
