@@ -10,6 +10,8 @@
 #include <vector>
 
 #include "alignment/alignment_parameters.hpp"
+#include "util/row_strips.hpp"
+#include "util/simd.hpp"
 
 namespace all_in_focus::core {
 
@@ -76,49 +78,102 @@ cv::Mat1f reliefImage(const Relief& relief, const cv::Size& size) {
   cv::Mat1w depth;
   cv::medianBlur(relief.filled, depth, kAlignment.speck);
   cv::resize(depth, depth, size, 0, 0, cv::INTER_NEAREST);
-  if (cv::countNonZero(depth) == 0) return cv::Mat1f(size, 0.0f);
+  cv::Mat1f result(size);
+  forEachRow(size.height, [&](int y) {
+    std::transform(depth[y], depth[y] + size.width, result[y], [&](std::uint16_t z) { return relief.of(z); });
+  });
+  const cv::Mat1b unknown(depth == 0);
+  const int holes = cv::countNonZero(unknown);
+  if (holes == 0) return result;
+  if (holes == size.area()) return cv::Mat1f(size, 0.0f);
   cv::Mat1f distance;
   cv::Mat1i cell;  // of the nearest pixel with depth; each such pixel has one
-  cv::distanceTransform(depth == 0, distance, cell, cv::DIST_L2, cv::DIST_MASK_5, cv::DIST_LABEL_PIXEL);
+  cv::distanceTransform(unknown, distance, cell, cv::DIST_L2, cv::DIST_MASK_5, cv::DIST_LABEL_PIXEL);
   std::vector<float> of_cell(depth.total() + 1);
   for (int y = 0; y < size.height; ++y) {
     for (int x = 0; x < size.width; ++x) {
-      if (depth(y, x) != 0) of_cell[cell(y, x)] = relief.of(depth(y, x));
+      if (depth(y, x) != 0) of_cell[cell(y, x)] = result(y, x);
     }
   }
-  cv::Mat1f result(size);
   std::transform(cell.begin(), cell.end(), result.begin(), [&](int i) { return of_cell[i]; });
   return result;
 }
 
-ParallaxView viewOf(const CameraMotion& motion, const cv::Mat1f& relief, const cv::Point2d& center) {
-  const cv::Size size = relief.size();
-  const cv::Rect picture({}, size);
-  const cv::Matx23d similarity = motion.matrix(center);
-  ParallaxView view{cv::Mat2f(size), cv::Mat1b(size, 255)};
-  cv::Mat1f nearest(size, -std::numeric_limits<float>::infinity());  // relief of what lies there in the frame
-  for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      const cv::Vec2d p = similarity * cv::Vec3d(x, y, 1);
-      const cv::Point2d there =
-          cv::Point2d(p[0], p[1]) + relief(y, x) * motion.perRelief(cv::Point2d(x, y), center, size);
-      view.map(y, x) = cv::Vec2f(static_cast<float>(there.x), static_cast<float>(there.y));
-      const cv::Point corner(cvFloor(there.x), cvFloor(there.y));
-      const cv::Rect covered = cv::Rect(corner, cv::Size(2, 2)) & picture;
-      for (int v = covered.y; v < covered.br().y; ++v) {
-        for (int u = covered.x; u < covered.br().x; ++u)
-          nearest(v, u) = std::max(nearest(v, u), relief(y, x));
+namespace {
+
+// A row of the reference in the frame of a camera that has moved: where its first pixel lies there and how
+// far apart they lie, without relief and by relief.
+struct MovedRow {
+  cv::Point2d first, step, per_relief;
+  double per_relief_step;  // to the right; none down
+};
+
+MovedRow rowOf(const CameraMotion& motion, int y, const cv::Point2d& center, const cv::Size& size) {
+  const cv::Matx23d m = motion.matrix(center);
+  const cv::Point2d per_relief = motion.perRelief(cv::Point2d(0, y), center, size);
+  return {{m(0, 1) * y + m(0, 2), m(1, 1) * y + m(1, 2)},
+          {m(0, 0), m(1, 0)},
+          per_relief,
+          motion.perRelief(cv::Point2d(1, y), center, size).x - per_relief.x};
+}
+
+// Returns the farthest that one of n pixels lies above or below its own row y.
+ALL_IN_FOCUS_SIMD double mapRow(const MovedRow& row, int y, const float* relief, int n, cv::Vec2f* to) {
+  double farthest = 0;
+  for (int x = 0; x < n; ++x) {
+    const double there = row.first.y + row.step.y * x + relief[x] * row.per_relief.y;
+    to[x][0] = static_cast<float>(row.first.x + row.step.x * x +
+                                  relief[x] * (row.per_relief.x + row.per_relief_step * x));
+    to[x][1] = static_cast<float>(there);
+    farthest = std::max(farthest, std::abs(there - y));
+  }
+  return farthest;
+}
+
+// The largest relief of the pixels that lie in each cell between four pixels of the frame; the cell before
+// the first row or column is (0, 0). reach: how far a pixel lies above or below its row at most.
+cv::Mat1f nearestInCells(const cv::Mat2f& map, const cv::Mat1f& relief, int reach) {
+  cv::Mat1f nearest(map.rows + 1, map.cols + 1, -std::numeric_limits<float>::infinity());
+  const RowStrips strips({0, nearest.rows}, stripCount(nearest.rows));
+  strips.forEach([&](const cv::Range& rows, int) {
+    const int from = std::max(0, rows.start - 2 - reach), to = std::min(map.rows, rows.end + 1 + reach);
+    for (int y = from; y < to; ++y) {
+      for (int x = 0; x < map.cols; ++x) {
+        const int column = cvFloor(map(y, x)[0]) + 1, row = cvFloor(map(y, x)[1]) + 1;
+        if (row < rows.start || row >= rows.end || column < 0 || column >= nearest.cols) continue;
+        nearest(row, column) = std::max(nearest(row, column), relief(y, x));
       }
     }
-  }
-  for (int y = 0; y < size.height; ++y) {
+  });
+  return nearest;
+}
+
+}  // namespace
+
+ParallaxView viewOf(const CameraMotion& motion, const cv::Mat1f& relief, const cv::Point2d& center) {
+  const cv::Size size = relief.size();
+  ParallaxView view{cv::Mat2f(size), cv::Mat1b(size)};
+  std::vector<double> farthest(size.height);
+  forEachRow(size.height, [&](int y) {
+    farthest[y] = mapRow(rowOf(motion, y, center, size), y, relief[y], size.width, view.map[y]);
+  });
+  const int reach = cvCeil(*std::max_element(farthest.begin(), farthest.end()));
+  const cv::Mat1f nearest = nearestInCells(view.map, relief, reach);
+  forEachRow(size.height, [&](int y) {
+    const MovedRow row = rowOf(motion, y, center, size);
     for (int x = 0; x < size.width; ++x) {
       const cv::Point there(cvRound(view.map(y, x)[0]), cvRound(view.map(y, x)[1]));
-      const double px = cv::norm(motion.perRelief(cv::Point2d(x, y), center, size));
-      if (!picture.contains(there) || (nearest(there) - relief(y, x)) * px > kAlignment.hidden)
-        view.shown(y, x) = 0;
+      view.shown(y, x) = 0;
+      if (!cv::Rect({}, size).contains(there)) continue;
+      const float* above = nearest[there.y] + there.x;
+      const float* below = nearest[there.y + 1] + there.x;
+      const double in_front = std::max({above[0], above[1], below[0], below[1]}) - relief(y, x);
+      const cv::Point2d per_relief(row.per_relief.x + row.per_relief_step * x, row.per_relief.y);
+      const bool is_hidden =
+          in_front * in_front * per_relief.dot(per_relief) > kAlignment.hidden * kAlignment.hidden;
+      view.shown(y, x) = is_hidden ? 0 : 255;
     }
-  }
+  });
   return view;
 }
 
