@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
 #include <utility>
+#include <vector>
 
 #include "alignment/bracket_alignment.hpp"
 #include "bracket_drawing.hpp"
@@ -76,6 +77,28 @@ TEST(Parallax, TheMotionOfACameraIsMeasured) {
   EXPECT_NEAR(pose.place_mm[2], place[2], error_mm * 2);  // measured away from the centre only
   EXPECT_NEAR(pose.rotation[1], right, kMostError / kFocalPx + error_mm * relief.mean);
   EXPECT_NEAR(pose.rotation[0], 0, kMostError / kFocalPx + error_mm * relief.mean);
+}
+
+// From frame to frame near things move by 5 px, and by 25 in all.
+TEST(Parallax, ACameraThatMovesFarIsFollowed) {
+  constexpr int kFrames = 6;
+  const Relief relief = reliefOf(depthImage(), {});
+  BracketAlignment alignment = begun(depthImage());
+  std::vector<cv::Mat> frames;
+  for (int k = 0; k < kFrames; ++k) {
+    frames.push_back(seenFrom({10.0 * k, 0, 0}, 0, k, kFrames));
+    alignment.observe(frames[k], k);
+  }
+  for (const int last : {0, kFrames - 1}) {
+    cv::Mat reference = frames[last];
+    for (int k = 0; k < kFrames; ++k) {
+      if (k == last) continue;
+      const CameraMotion motion = alignment.measureDrift(reference, frames[k], alignment.placement(k, last));
+      reference.release();
+      EXPECT_NEAR(poseOf(motion, relief, kFocalPx, kSize).place_mm[0], 10 * (k - last), 0.5)
+          << k << " from " << last;
+    }
+  }
 }
 
 TEST(Parallax, SmallSidewaysMotionsOfManyFramesCount) {

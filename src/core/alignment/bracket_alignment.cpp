@@ -131,12 +131,12 @@ void BracketAlignment::noteMismatch(int scene, double correlation) {
 
 PairMeasurement BracketAlignment::measureFrom(const View& view, const SimilarityTransform& guess) {
   other_alignment_.setKey(view.pyramid, center_);
-  return other_alignment_.measure(current_.pyramid, guess);
+  return other_alignment_.measure(current_.pyramid, {guess, {}});
 }
 
 PairMeasurement BracketAlignment::measureFromKey() {
   const SimilarityTransform guess = compose(inverse(key_.motion), last_.frame.motion);
-  PairMeasurement direct = key_alignment_.measure(current_.pyramid, guess);
+  PairMeasurement direct = key_alignment_.measure(current_.pyramid, {guess, {}});
   const bool near = direct.converged &&
                     largestDisplacement(direct.motion, size_, center_) <= kAlignment.far_from_key * radius_;
   const bool usable = last_.frame.index != key_.index && last_.frame.measured;
@@ -198,17 +198,23 @@ bool BracketAlignment::isNoticeable(const CameraMotion& motion) const {
 }
 
 CameraMotion BracketAlignment::measureDrift(const cv::Mat& reference, const cv::Mat& gray,
-                                            const SimilarityTransform& placement) {
+                                            const Placement& placement) {
   if (!reference.empty()) {
+    last_drift_ = {};
     current_.pyramid.build(reference);
     drift_alignment_.setKey(current_.pyramid, center_);
   }
   current_.pyramid.build(gray);
-  const PairMeasurement found = drift_alignment_.measure(current_.pyramid, placement, /*parallax=*/true);
-  if (!found.converged || cv::trace(found.parallax_covariance) > std::pow(kAlignment.noticeable, 2))
-    return {placement, {}};
-  const CameraMotion motion{found.motion, found.parallax};
-  return isNoticeable(motion) ? motion : CameraMotion();
+  // Where the camera has moved far, what the pairs between say is nearer, or the frame before.
+  for (const CameraMotion& start :
+       {CameraMotion{placement, {}}, {placement, placement.parallax}, last_drift_}) {
+    const PairMeasurement found = drift_alignment_.measure(current_.pyramid, start, /*parallax=*/true);
+    if (!found.converged || cv::trace(found.parallax_covariance) > std::pow(kAlignment.noticeable, 2))
+      continue;
+    last_drift_ = {found.motion, found.parallax};
+    return isNoticeable(last_drift_) ? last_drift_ : CameraMotion();
+  }
+  return {placement, {}};
 }
 
 void BracketAlignment::place(const PairMeasurement& measurement) {
@@ -219,6 +225,7 @@ void BracketAlignment::place(const PairMeasurement& measurement) {
   if (!measurement.converged) {
     const Observation& like = last_.frame.scene == key_.scene ? last_.frame : key_;
     frame.motion = like.motion;
+    frame.parallax = like.parallax;
     frame.key_covariance = like.key_covariance;
     frame.covariance = like.covariance;
     frame.tiles = like.tiles;
@@ -226,6 +233,7 @@ void BracketAlignment::place(const PairMeasurement& measurement) {
   }
   noteParallax(measurement);
   frame.motion = compose(key_.motion, measurement.motion);
+  frame.parallax = key_.parallax + measurement.parallax;
   frame.key_covariance = key_.key_covariance;
   frame.covariance = measurement.covariance;
   frame.tiles = measurement.tiles;
@@ -244,6 +252,7 @@ Placement BracketAlignment::placement(int index, int reference) const {
   }
   if (index == reference || !result.fits) return result;
 
+  result.parallax = to.parallax - from.parallax;
   const SimilarityTransform measured = compose(inverse(from.motion), to.motion);
   const cv::Matx44d between_keys = to.key_covariance - from.key_covariance;
   cv::Matx44d covariance = to.covariance + from.covariance +

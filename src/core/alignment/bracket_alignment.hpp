@@ -21,6 +21,7 @@ struct Placement : SimilarityTransform {
   /// Of its coarse local contrast with an earlier frame's. If it does not fit: the highest that a frame which
   /// shows the same has with one that shows what the reference shows; NaN: none of them were compared.
   double correlation = 1;
+  cv::Vec3d parallax;  ///< roughly, by that of the pairs between; see CameraMotion
 };
 
 /// Aligns the frames of a focus bracket as they come. Memory does not grow but for some numbers per frame.
@@ -49,8 +50,7 @@ class BracketAlignment {
 
   /// Motion of a frame against the reference, both CV_8UC1, of a camera that drifts; none if it is not
   /// noticeable, the placement if it cannot be measured. An empty reference is that of the call before.
-  CameraMotion measureDrift(const cv::Mat& reference, const cv::Mat& gray,
-                            const SimilarityTransform& placement);
+  CameraMotion measureDrift(const cv::Mat& reference, const cv::Mat& gray, const Placement& placement);
 
   /// Placement of one observed frame relative to another, from all that has been observed so far. A motion
   /// that is not significant or not noticeable is none at all.
@@ -65,6 +65,7 @@ class BracketAlignment {
     int index = 0;
     int scene = 0;               ///< the same for frames that fit each other
     SimilarityTransform motion;  ///< from the first frame of the scene
+    cv::Vec3d parallax;          ///< the same, the sum over pairs
     cv::Matx44d key_covariance;  ///< of the key frame's motion, px^2, as in PairMeasurement
     cv::Matx44d covariance;      ///< of the motion from there
     double tiles = std::numeric_limits<double>::infinity();  ///< that tell it, see PairMeasurement
@@ -95,6 +96,7 @@ class BracketAlignment {
   int scenes_ = 0;
   std::map<std::pair<int, int>, double> mismatch_;  ///< highest correlation between two scenes
 
+  CameraMotion last_drift_;  ///< that measureDrift() found
   Observation key_;
   PairAlignment key_alignment_, other_alignment_, drift_alignment_;
   View current_, last_, stray_;  ///< stray: the last frame that shows another scene than the key frame

@@ -334,13 +334,14 @@ ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& lev
   return estimate;
 }
 
-PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const SimilarityTransform& guess,
-                                       bool parallax) {
+PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const CameraMotion& guess, bool parallax) {
   const double radius = levels_[0].radius * levels_[0].reduction;
   const double width = levels_[0].size.width * levels_[0].reduction;
   PairMeasurement result;
   result.motion = guess;
-  Motion motion((guess.scale - 1) * radius, guess.angle * radius, guess.shift.x, guess.shift.y, 0, 0, 0);
+  Motion motion((guess.scale - 1) * radius, guess.angle * radius, guess.shift.x, guess.shift.y,
+                guess.parallax[0], guess.parallax[1], guess.parallax[2]);
+  const double most = (parallax ? kAlignment.farther_by_parallax : 1) * kAlignment.largest_motion;
   double least = 0;
   for (int i = frame.levels() - 1; i >= 0; --i) {
     const double reduction = levels_[i].reduction;
@@ -350,9 +351,9 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const Similari
     const cv::Matx44d of_similarity = covariance.get_minor<4, 4>(0, 0);
     const cv::Vec3d of_parallax(refined[4], refined[5], refined[6]);
     const bool converged = estimate.step <= kAlignment.largest_step &&
-                           std::hypot(refined[0], refined[1]) <= kAlignment.largest_motion * radius &&
-                           std::hypot(refined[2], refined[3]) <= kAlignment.largest_motion * width &&
-                           (!parallax || cv::norm(of_parallax) <= kAlignment.largest_motion * width);
+                           std::hypot(refined[0], refined[1]) <= most * radius &&
+                           std::hypot(refined[2], refined[3]) <= most * width &&
+                           (!parallax || cv::norm(of_parallax) <= most * width);
     if (!converged) continue;  // NaN is not
     motion = refined;
     if (!parallax) motion[4] = motion[5] = motion[6] = 0;

@@ -49,7 +49,7 @@ class PairAlignment {
   void setKey(const ImagePyramid& key, const cv::Point2d& center);
 
   /// frame: of the key's size. parallax: the camera may have moved; relief must be known.
-  PairMeasurement measure(const ImagePyramid& frame, const SimilarityTransform& guess, bool parallax = false);
+  PairMeasurement measure(const ImagePyramid& frame, const CameraMotion& guess, bool parallax = false);
 
  private:
   static constexpr int kTile = 8;

@@ -215,10 +215,10 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
   if (may_wait && !is_reference && config_.alignment && !hasMoved(index) &&
       light_.isSudden(index, fitting(reference_)))
     return "it shows something else than the frames before";
-  CameraMotion motion;
-  if (config_.alignment) static_cast<SimilarityTransform&>(motion) = alignment_.placement(index, reference_);
+  const Placement placement = config_.alignment ? alignment_.placement(index, reference_) : Placement();
+  CameraMotion motion{placement, {}};
   if (!is_reference && alignment_.drifts()) {
-    motion = alignment_.measureDrift(reference_gray_, gray, motion);
+    motion = alignment_.measureDrift(reference_gray_, gray, placement);
     reference_gray_.release();
     noteDrift(motion);
   }
