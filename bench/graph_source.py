@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A depth and a colour camera, as bench/graph_rate and bench/compare.py need them: images come at a steady rate, stamped
-with the time at which they are sent. Prints, as JSON, how many it sent and how long it took.
+"""A depth and a colour camera, as bench/graph_rate needs them: images come at a steady rate, stamped with the time
+at which they are sent. Prints, as JSON, how many it sent and how long it took.
 
 Every colour frame has a depth image of the same stamp, so that all nodes work at the full rate.
 """

@@ -6,7 +6,7 @@
 Takes about 20 minutes.
 
 Needs a sourced setup.bash and bench_steps (see docs/lab/performance.md), and a recorded depth image of a rig whose colour camera
-has 640x480 pixels. Parts: steps (times and allocations), comparison, photos (large JPEGs), graph (through ROS).
+has 640x480 pixels. Parts: steps (times and allocations), photos (large JPEGs), graph (through ROS).
 """
 import argparse
 import re
@@ -58,11 +58,6 @@ def measure_steps(args):
     return steps.times_table(figures, SIZES) + "\n" + steps.allocations_table(figures, *SIZES[0])
 
 
-def measure_comparison(args):
-    return run("compare.py", "--rig", args.rig, "--depth", args.depth, "--repetitions", args.repetitions, "--bench-steps",
-               args.bench_steps)
-
-
 def measure_photos(args):
     return "\n\n".join(run("fusion.py", "--repetitions", min(3, args.repetitions), *shlex.split(options)) for options in PHOTOS)
 
@@ -72,8 +67,7 @@ def measure_graph(args):
     return "\n".join([tables[0], *("\n".join(table.splitlines()[2:]) for table in tables[1:])])
 
 
-PARTS = {"steps": measure_steps, "comparison": measure_comparison, "photos": measure_photos,
-         "graph": measure_graph}
+PARTS = {"steps": measure_steps, "photos": measure_photos, "graph": measure_graph}
 
 
 def write_between_marks(path, part, text):

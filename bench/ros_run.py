@@ -40,13 +40,9 @@ class Ros:
         self.started.append(process)
         return process
 
-    def stop(self, process):
-        installed.end(process)
-        self.started.remove(process)
-
     def __exit__(self, *_):
-        for process in reversed(list(self.started)):
-            self.stop(process)
+        for process in reversed(self.started):
+            installed.end(process)
 
 
 def program(package, name):

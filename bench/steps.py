@@ -56,25 +56,24 @@ def run_measured(command):
     return result.stdout, seconds, cpu_seconds, peak_kb / 1024
 
 
-def in_turn(programs, repetitions, title=None):
-    """Medians of what the programs return, None for those that are None: name -> function () -> number or tuple."""
+def in_turn(programs, repetitions):
+    """Medians of what the programs return: name -> function () -> number or tuple."""
     runs = {name: [] for name in programs}
-    todo = [name for _ in range(repetitions) for name in programs if programs[name]]
-    for name in Progress(todo, desc=title, unit="run"):
+    for name in Progress([name for _ in range(repetitions) for name in programs], unit="run"):
         runs[name].append(programs[name]())
-    return {name: np.median(values, axis=0) if values else None for name, values in runs.items()}
+    return {name: np.median(values, axis=0) for name, values in runs.items()}
 
 
-def run(program=BENCH_STEPS, only=".", repetitions=5, sample=(), min_time=0.1):
+def run(program, only, repetitions, sample):
     """(step, width, height, threads) -> its medians over the repetitions, ms and COUNTERS.
 
-    only: regular expression of names; sample: rig folder and depth map, or nothing. Raises RuntimeError, OSError.
+    only: regular expression of names; sample: rig folder and depth map. Raises RuntimeError, OSError.
     """
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder, "steps.json")
         # Repetitions in turn, so that whatever else the machine does meets all alike.
         command = [program, "--benchmark_filter=" + only, f"--benchmark_repetitions={repetitions}",
-                   "--benchmark_enable_random_interleaving=true", f"--benchmark_min_time={min_time:g}",
+                   "--benchmark_enable_random_interleaving=true", "--benchmark_min_time=0.1",
                    f"--benchmark_out={output}", "--benchmark_out_format=json", *sample]
         result = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, universal_newlines=True,
                                 timeout=TIMEOUT_S)

@@ -14,7 +14,6 @@ import steps  # noqa: E402
 
 
 @pytest.mark.parametrize("line", [
-    "compare.py --tasks cooking", "compare.py --rig x", "compare.py --rig /none --depth x --tasks segmentation",
     "fusion.py --scene /none", "fusion.py --peer cp", "graph_rate", "graph_rate --rig /none --depth x",
     "graph_rate --rig x --depth x --size huge", "graph_source.py --rig x", "report.py --rig x --depth x --parts all",
     "report.py --rig x --depth x --parts steps --bench-steps /none"])
