@@ -3,9 +3,10 @@
 """Where tasks run: in this process, in processes of this machine, or on the workers of a Dask scheduler.
 
 An engine has run(calls), calls: key -> (function, arguments): it yields (key, result) as they come, in any order. What
-the function raises, or a lost worker, comes as result {"error": one line}. EngineError ends everything.
+the function raises, or a lost worker, comes as result {"error": one line, ...}. EngineError ends everything.
 """
 import logging
+import platform
 import tempfile
 import time
 from concurrent.futures import CancelledError
@@ -77,16 +78,21 @@ def _workers(distributed, cluster, scheduler, say):
         client.close(timeout=ANSWER_S)
 
 
+def outcome(function, *arguments):
+    """What the function returns; {"error": one line, "host"} for an exception of any kind: the other tasks must go on."""
+    try:
+        return function(*arguments)
+    except Exception as error:
+        return {"error": one_line_with_type(error), "host": platform.node()}
+
+
 class InProcess:
     """One task after the other."""
     at_a_time = 1
 
     def run(self, calls):
         for key, (function, arguments) in calls.items():
-            try:
-                yield key, function(*arguments)
-            except Exception as error:
-                yield key, {"error": one_line_with_type(error)}
+            yield key, outcome(function, *arguments)
 
 
 class OnWorkers:
@@ -102,7 +108,7 @@ class OnWorkers:
 
     def run(self, calls):
         self._last_seen = time.monotonic()
-        waiting = {self._client.submit(function, *arguments, pure=False): key
+        waiting = {self._client.submit(outcome, function, *arguments, pure=False): key
                    for key, (function, arguments) in calls.items()}
         try:
             while waiting:

@@ -10,7 +10,7 @@ from typing import Dict, List, Optional
 import cv2
 
 from all_in_focus.files.rig import Optics, load_rig
-from all_in_focus.files.stack import Stack, StackError, is_image_name, load_focus, read_depth, read_image, size_text
+from all_in_focus.files.stack import Stack, is_image_name, load_focus, read_depth, read_image, size_text
 from all_in_focus_lab.metrics.images import MIN_SIZE
 from all_in_focus_lab.metrics.truth import enlargement
 
@@ -52,17 +52,8 @@ class Scene:
         return self.path.suffix == ".bag"
 
     def frames(self):
-        """Iterator of BGR images, 8 bit, all of one size; StackError."""
-        if self.stack:
-            yield from Stack(self.stack)
-            return
-        first = None
-        for path in self.sources:
-            image = read_image(path)
-            first = image if first is None else first
-            if image.shape != first.shape:
-                raise StackError(f"{path}: {size_text(image)} pixels, but {self.sources[0]} has {size_text(first)}")
-            yield image
+        """Iterator of BGR images, 8 bit; StackError."""
+        return iter(Stack(self.stack)) if self.stack else map(read_image, self.sources)
 
     def names(self):
         """A title for each frame."""
@@ -164,7 +155,9 @@ def check_scene(scene):
     """Reads everything once. SceneError, or another ValueError of one line, for what is damaged or does not
     fit. Sets digest."""
     size, count = None, 0
-    for image in scene.frames():
+    for name, image in zip(scene.names(), scene.frames()):
+        if size and image.shape != size:
+            raise SceneError(f"{scene.path / name}: {size_text(image)} pixels, but the first frame has {size[1]}x{size[0]}")
         size, count = image.shape, count + 1
     if count < 2:
         raise SceneError(f"{scene.path}: at least two frames are needed, not {count}")
@@ -186,8 +179,7 @@ def check_scene(scene):
     if {"depth", "registered_depth"} & set(beside) and not (scene.optics or rig and rig.optics):
         raise SceneError(f"{scene.path}: depth without optics: give optics f,F,coc")
     if "focus" in beside:
-        names = Stack(scene.stack).names if scene.stack else scene.names()
-        load_focus(beside["focus"], names, count)
+        load_focus(beside["focus"], Stack(scene.stack).names if scene.stack else scene.names(), count)
     scene.digest = digest(scene.files())
     return scene
 

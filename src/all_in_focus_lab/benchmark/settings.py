@@ -3,7 +3,6 @@
 """What is to be evaluated: from a YAML file, from arguments, or both; arguments win."""
 import os
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Dict, List
 
@@ -61,17 +60,14 @@ def from_dict(data, folder):
     if unknown:
         raise SettingsError(f"{unknown[0]}: no such key; there are {', '.join(vars(Settings()))}")
     settings = Settings(**data)
-    for key in ("scenes", "methods", "metrics"):
-        if isinstance(getattr(settings, key), str):
-            split = methods.split if key == "methods" else partial(str.split, sep=",")
-            setattr(settings, key, split(getattr(settings, key)))
-        if not isinstance(getattr(settings, key), list):
-            raise SettingsError(f"{key}: expected a list")
+    if isinstance(settings.methods, str):
+        settings.methods = methods.split(settings.methods)
+    for kind, expected in ((list, {"scenes": "a list", "methods": "a list", "metrics": "a list"}),
+                           (dict, {"bag": "options of evaluate_bag", "peers": "names and command lines"})):
+        for key, what in expected.items():
+            if not isinstance(getattr(settings, key), kind):
+                raise SettingsError(f"{key}: expected {what}")
     settings.scenes = [scene_entry(entry, folder) for entry in settings.scenes]
-    if not isinstance(settings.bag, dict):
-        raise SettingsError("bag: expected options of evaluate_bag")
-    if not isinstance(settings.peers, dict):
-        raise SettingsError("peers: expected names and command lines")
     settings.peers = dict(methods.peer_command(f"{name}={command}") for name, command in settings.peers.items())
     settings.bag = {str(name).replace("_", "-"): str(value) for name, value in settings.bag.items()}
     settings.output = str(Path(folder, _text(settings.output, "output"))) if settings.output else ""

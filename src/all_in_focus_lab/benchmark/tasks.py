@@ -8,7 +8,6 @@ import time
 import cv2
 import numpy as np
 
-from all_in_focus.files.errors import one_line_with_type
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import load_focus, read_depth, read_image, size_text
@@ -21,27 +20,21 @@ from all_in_focus_lab.metrics.truth import Truth, blur_per_inverse_depth, depth_
 
 
 def run(scene, method, metric_names, code, peers, program):
-    """Plain dictionary: values, contrast, depths, seconds, wall_seconds, host, notes, files (PNG bytes by name); or just
-    error, host.
+    """Plain dictionary: values, contrast, depths, seconds, wall_seconds, host, notes, files (PNG bytes by name).
 
     peers, program: see methods.find; code: versions.code_digest() of the caller; a worker with another version of the
     package refuses.
     """
-    host = platform.node()
-    try:
-        if versions.code_digest() != code:
-            raise RuntimeError(f"{host} has another version of the package")
-        begin = time.perf_counter()
-        with tempfile.TemporaryDirectory(prefix="evaluate.") as folder:
-            produced = methods.find(method, peers, program)(scene, folder)
-        wall = time.perf_counter() - begin
-        frames = list(scene.frames())
-        return {"values": measure(scene, frames, produced.fused, metric_names),
-                "contrast": measure_contrast(frames, produced), "depths": measure_depths(scene, produced.depths),
-                "seconds": produced.seconds, "wall_seconds": wall, "host": host, "notes": produced.notes,
-                "files": pictures(produced)}
-    except Exception as error:  # of any kind: the other methods must go on
-        return {"error": one_line_with_type(error), "host": host}
+    if versions.code_digest() != code:
+        raise RuntimeError(f"{platform.node()} has another version of the package")
+    begin = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="evaluate.") as folder:
+        produced = methods.find(method, peers, program)(scene, folder)
+    wall = time.perf_counter() - begin
+    frames = list(scene.frames())
+    return {"values": measure(scene, frames, produced.fused, metric_names), "contrast": measure_contrast(frames, produced),
+            "depths": measure_depths(scene, produced.depths), "seconds": produced.seconds, "wall_seconds": wall,
+            "host": platform.node(), "notes": produced.notes, "files": pictures(produced)}
 
 
 def measure_contrast(frames, produced):
