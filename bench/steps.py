@@ -1,6 +1,7 @@
+#!/usr/bin/python3
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs bench_steps and makes tables of what it says; measures time and memory of other programs."""
+"""Run bench_steps and print tables of times and allocations as Markdown."""
 import json
 import re
 import statistics
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from all_in_focus.command_line import Parser, count, run as run_program
 from all_in_focus.progress import Progress
 from all_in_focus_lab.benchmark.tables import markdown
 
@@ -18,6 +20,7 @@ ROOT = Path(__file__).absolute().parent.parent
 BENCH_STEPS = str(ROOT / "build/devel/lib/all_in_focus/bench_steps")
 FUSE_STACK = str(ROOT / "build/.install/lib/all_in_focus/fuse_stack")
 TIMEOUT_S = 3 * 3600
+SIZES = ((640, 480), (4416, 1242))
 
 TITLES = {
     "copyFrame": "plain copy of one colour frame",
@@ -137,3 +140,19 @@ def size(number_of_bytes):
             return f"{round(number_of_bytes)} {unit}"
         number_of_bytes /= 1000
     return f"{number(number_of_bytes)} MB"
+
+
+def main():
+    parser = Parser(prog="steps.py", description=__doc__)
+    parser.add_argument("--rig", required=True, help="rig folder, whose colour camera has 640x480 pixels")
+    parser.add_argument("--depth", required=True, help="depth image of its depth camera, 16-bit PNG, mm")
+    parser.add_argument("--repetitions", type=count, default=5, metavar="N", help="default %(default)s")
+    parser.add_argument("--bench-steps", default=BENCH_STEPS, metavar="PATH")
+    args = parser.parse_args()
+    figures = run(args.bench_steps, f"width:({'|'.join(str(width) for width, _ in SIZES)})/", args.repetitions,
+                  (args.rig, args.depth))
+    print(times_table(figures, SIZES) + "\n" + allocations_table(figures, *SIZES[0]))
+
+
+if __name__ == "__main__":
+    run_program(main, RuntimeError, subprocess.SubprocessError)
