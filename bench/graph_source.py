@@ -12,7 +12,6 @@ import os
 import re
 import time
 import warnings
-from pathlib import Path
 
 import cv2
 import cv_bridge
@@ -54,26 +53,15 @@ def add_options(parser):
     parser.add_argument("--depth-only", action="store_true", help="no colour images: registration and segmentation alone")
 
 
-def check_inputs(args):
-    """ValueError or OSError where there is no such rig or depth image."""
-    load_rig(args.rig)
-    if not Path(args.depth).is_file():
-        raise ValueError(f"{args.depth}: no such depth image")
-
-
-def with_noise(depth, noise_mm, random):
-    """Depth with normal noise of that deviation on every known pixel, all of them still known."""
-    noisy = np.rint(depth + random.normal(0, noise_mm, depth.shape))
-    return np.where(depth > 0, np.clip(noisy, 1, 65535), 0).astype(np.uint16)
-
-
 def depth_images(args):
+    """With new noise in each, which leaves all known pixels known."""
     depth = read_depth(args.depth)
     if args.size:
         depth = cv2.resize(depth, args.size, interpolation=cv2.INTER_NEAREST)
     random = np.random.default_rng(0)
     for _ in range(DIFFERENT if args.noise else 1):
-        yield with_noise(depth, args.noise, random)
+        noisy = np.rint(depth + random.normal(0, args.noise, depth.shape))
+        yield np.where(depth > 0, np.clip(noisy, 1, 65535), 0).astype(np.uint16)
 
 
 def color_images(camera):
@@ -92,7 +80,6 @@ class Source:
     """Publishers and their messages, made in advance: sending must not take long."""
 
     def __init__(self, args):
-        check_inputs(args)
         self.args, self.rig, bridge = args, load_rig(args.rig), cv_bridge.CvBridge()
         if args.size:
             self.rig.color, self.rig.depth = (camera.scaled(*args.size) for camera in (self.rig.color, self.rig.depth))

@@ -10,6 +10,8 @@ Written from the papers; the steps and constants of im are those of its authors'
 (levels, thresholds, scaling) was chosen by comparison with published results on two pairs of photographs;
 test_baselines.py tells how near each method comes to them.
 """
+from functools import partial
+
 from all_in_focus_lab.baselines import (contourlet, convolutional, dense_sift, enfuse, guided_filtering, laplacian_maximum,
                                         matting, pulse_coupled, wavelet)
 
@@ -18,7 +20,7 @@ BASELINES = {
     "nsct": contourlet.fuse,
     "im": matting.fuse,
     "gf": guided_filtering.fuse,
-    "gf-same": guided_filtering.fuse_same,
+    "gf-same": partial(guided_filtering.fuse, same=True),
     "nsct-pcnn": pulse_coupled.fuse,
     "dsift": dense_sift.fuse,
     "dcnn": convolutional.fuse,

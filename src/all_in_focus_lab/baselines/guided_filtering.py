@@ -57,8 +57,3 @@ def fuse(images, same=False):
         base = cv2.blur(image, (BASE_SIZE,) * 2)
         fused = fused + base_weight[..., None] * base + detail_weight[..., None] * (image - base)
     return to_8_bit(255 * fused), detail
-
-
-def fuse_same(images):
-    """`fuse` with one weight for both layers."""
-    return fuse(images, same=True)

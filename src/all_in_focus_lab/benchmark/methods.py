@@ -296,12 +296,10 @@ def single(scene):
 
 def oracle(scene):
     """Every pixel from the frame whose colour is nearest to the truth there."""
-    truth, fused = read_image(scene.beside["truth"]).astype(np.int32), None
+    truth = read_image(scene.beside["truth"]).astype(np.int32)
+    fused, best, index = np.zeros(truth.shape, np.uint8), np.full(truth.shape[:2], np.inf), np.zeros(truth.shape[:2], np.uint16)
     for number, frame in enumerate(scene.frames()):
         error = ((frame - truth) ** 2).sum(axis=2)
-        if fused is None:
-            fused, best, index = frame, error, np.zeros(error.shape, np.uint16)
-            continue
         better = error < best
         fused[better], best[better], index[better] = frame[better], error[better], number
     return Produced(fused, index)

@@ -24,14 +24,6 @@ UNDECIDED = (200, 80, 200)  # BGR of pixels that no frame has won: a colour that
 TEMPLATE = Path(__file__).with_name("report.html")
 
 
-class Table(NamedTuple):
-    """lines: (class of the row, its Cells)."""
-    name: str
-    caption: str
-    heading: list
-    lines: list
-
-
 class Figure(NamedTuple):
     """source: address of the picture; kind: class of the figure, map and crop without loss; full: address of the picture
     in full size, empty without."""
@@ -48,25 +40,13 @@ def page(run, tables, store):
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters.update(exact=repr, counted=counted)
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
-        run=run, tables=tables, standings=_standings(run, tables), values=_values(tables),
-        seconds=_table("seconds", "From frames in memory to the fused image, once. " + run.timing_note, t.seconds_cells(tables)),
+        run=run, tables=tables, standings=_standings(run, tables), values=_values(tables), seconds=t.seconds_cells(tables),
         scenes=[_scene(run, scene, tables, store) for scene in run.scenes],
-        versions=_table("versions", "Measured with", [[Cell("what"), Cell("version")],
-                                                      *([Cell(name), Cell(value)] for name, value in run.versions.items())]))
-
-
-def _table(name, caption, lines, grouped=False):
-    """grouped: lines that begin alike belong together, and only the first of them says how they begin."""
-    heading, *rest = lines
-    shown, last = [], None
-    for first, *cells in rest:
-        again = grouped and first == last
-        shown.append(("group" if grouped and not again else "", [Cell("") if again else first, *cells]))
-        last = first
-    return Table(name, caption, [cell.text for cell in heading], shown)
+        versions=[map(Cell, pair) for pair in [("what", "version"), *run.versions.items()]])
 
 
 def _standings(run, tables):
+    """(name, caption, lines of cells) of each table."""
     how = ("The best of N methods has score N in each row of the table of values, equal ones have the mean; a failed method "
            "has none. A column with a number: how often a method has this score; total: their sum.")
     captions = {"truth": f"By the known all-in-focus truth: PSNR, SSIM, PSNR within 8 px of depth edges. {how}",
@@ -78,18 +58,19 @@ def _standings(run, tables):
         if getattr(tables, kind):
             heading, *lines = t.standing_cells(tables, getattr(tables, kind))
             heading = [Cell(f"score {cell.text}" if cell.text[0].isdigit() else cell.text) for cell in heading]
-            found.append(_table("scores-" + kind, caption, [heading, *lines]))
+            found.append(("scores-" + kind, caption, [heading, *lines]))
     return found
 
 
 def _values(tables):
+    """As _standings()."""
     captions = {"truth": "Against the truth: PSNR in dB, SSIM, PSNR within 8 px of depth edges. Value and (score); higher is "
                          "better.",
                 "metrics": "Value and (score) of each metric; higher is better.",
                 "contrast": "Without any truth: share of the contrast that some frame shows which the result keeps (mean over "
                             "all scales, and the least; higher is better), and roughness of the map of winners, the share "
                             "of neighbours from different frames (lower is better)."}
-    return [_table("values-" + kind, caption, t.value_cells(tables, getattr(tables, kind)), grouped=True)
+    return [("values-" + kind, caption, t.value_cells(tables, getattr(tables, kind)))
             for kind, caption in captions.items() if getattr(tables, kind)]
 
 
@@ -186,11 +167,9 @@ def _crops(scene, shown, fused, windows):
 
 def inline(image, lossless=False):
     """data: address of an image, PNG or JPEG."""
-    good, data = cv2.imencode(".png" if lossless else ".jpg", image, [] if lossless else [cv2.IMWRITE_JPEG_QUALITY, 88])
-    if not good:
-        raise ValueError(f"an image of type {image.dtype} and shape {image.shape} cannot be shown")
-    kind = "png" if lossless else "jpeg"
-    return f"data:image/{kind};base64,{base64.b64encode(data.tobytes()).decode()}"
+    kind, options = ("png", []) if lossless else ("jpeg", [cv2.IMWRITE_JPEG_QUALITY, 88])
+    data = cv2.imencode("." + kind, image, options)[1].tobytes()
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
 
 
 def read_weights(store, scene, method, frames):

@@ -13,7 +13,7 @@ from scipy.stats import rankdata
 from all_in_focus_lab.benchmark.settings import TRUTH_MEASURES
 from all_in_focus_lab.metrics import CONTRAST_MEASURES
 
-LESS_IS_BETTER = {"roughness"}
+LESS_IS_BETTER = {"roughness", "seconds"}
 DEPTHS = {"measured": "as measured", "registered": "holes filled"}  # the same for every method that has them
 DIGITS = {"PSNR": 2, "PSNR_edges": 2}  # behind the point; of others 4
 
@@ -56,16 +56,22 @@ class Row:
     values: Dict[str, Optional[float]]
     scores: Dict[str, Optional[float]]
 
+    @classmethod
+    def of(cls, scene, measure, values):
+        sign = -1 if measure in LESS_IS_BETTER else 1
+        signed = {method: value if value is None else sign * value for method, value in values.items()}
+        return cls(scene, measure, values, scores(signed))
+
 
 @dataclass
 class Tables:
     """methods, in order; metrics, contrast and truth: rows of T3 by the metrics of the paper, by the contrast that is
-    kept, and by the truth; seconds: scene -> method -> seconds or None; depths: scene -> depth map -> (share wrong, RMSE)."""
+    kept, and by the truth; seconds: rows of T5; depths: scene -> depth map -> (share wrong, RMSE)."""
     methods: List[str]
     metrics: List[Row]
     contrast: List[Row]
     truth: List[Row]
-    seconds: Dict[str, Dict[str, Optional[float]]]
+    seconds: List[Row]
     depths: Dict[str, Dict[str, tuple]]
 
     def standings(self, rows):
@@ -73,26 +79,16 @@ class Tables:
         found = standings(row.scores for row in rows)
         return dict(sorted(found.items(), key=lambda item: item[1].rank))
 
-    def mean_seconds(self, method):
-        """Mean over the scenes that have a time, None without."""
-        times = [of[method] for of in self.seconds.values() if of[method] is not None]
-        return fmean(times) if times else None
-
 
 def build(results, methods, metric_names):
     """Tables of results: scene -> method -> what Store has, {"error": ...} where it failed."""
     def rows(names, kind="values"):
-        found = []
-        for scene, of in results.items():
-            for name in names:
-                values = {method: of[method].get(kind, {}).get(name) for method in methods}
-                if any(value is not None for value in values.values()):
-                    sign = -1 if name in LESS_IS_BETTER else 1
-                    signed = {method: value if value is None else sign * value for method, value in values.items()}
-                    found.append(Row(scene, name, values, scores(signed)))
-        return found
+        found = [Row.of(scene, name, {method: of[method].get(kind, {}).get(name) for method in methods})
+                 for scene, of in results.items() for name in names]
+        return [row for row in found if set(row.values.values()) != {None}]
 
-    seconds = {scene: {method: of[method].get("seconds") for method in methods} for scene, of in results.items()}
+    seconds = [Row.of(scene, "seconds", {method: of[method].get("seconds") for method in methods})
+               for scene, of in results.items()]
     depths = {scene: {DEPTHS.get(name, method): errors for method in methods
                       for name, errors in of[method].get("depths", {}).items()} for scene, of in results.items()}
     return Tables(methods, rows(metric_names), rows(CONTRAST_MEASURES, "contrast"), rows(TRUTH_MEASURES), seconds,
@@ -129,19 +125,23 @@ class Cell(NamedTuple):
         return f"{self.text} ({self.more})" if self.more else self.text
 
 
-def _marked(measure, values, scores, more=True):
-    """Cells of a row; scores: greatest is best, and shown behind the value."""
-    best = max((it for it in scores if it is not None), default=None)
-    return [Cell(number(measure, value), value, it is not None and it == best, score(it) if more and it is not None else "")
-            for value, it in zip(values, scores)]
+def _marked(row, more=True):
+    """Cells of a row; more: whether scores are shown behind the values."""
+    best = max((it for it in row.scores.values() if it is not None), default=None)
+    return [Cell(number(row.measure, value), value, it is not None and it == best, score(it) if more and it is not None else "")
+            for value, it in zip(row.values.values(), row.scores.values())]
+
+
+def _mean(values):
+    """Of those that are there; None without any."""
+    there = [value for value in values if value is not None]
+    return fmean(there) if there else None
 
 
 def value_cells(tables, rows):
     """T3: heading, then one line for each row."""
-    names = tables.methods
-    return [[*map(Cell, ["scene", "measure", *names])],
-            *([Cell(row.scene), Cell(row.measure), *_marked(row.measure, [row.values[name] for name in names],
-                                                            [row.scores[name] for name in names])] for row in rows)]
+    return [[*map(Cell, ["scene", "measure", *tables.methods])],
+            *([Cell(row.scene), Cell(row.measure), *_marked(row)] for row in rows)]
 
 
 def standing_cells(tables, rows):
@@ -157,22 +157,18 @@ def standing_cells(tables, rows):
 
 def seconds_cells(tables):
     """T5."""
-    def cells(title, values):
-        return [Cell(title), *_marked("seconds", values, [None if value is None else -value for value in values], more=False)]
-
+    mean = Row.of("mean", "seconds", {name: _mean(row.values[name] for row in tables.seconds) for name in tables.methods})
     return [[*map(Cell, ["scene", *tables.methods])],
-            *(cells(scene, [of[name] for name in tables.methods]) for scene, of in tables.seconds.items()),
-            cells("mean", [tables.mean_seconds(name) for name in tables.methods])]
+            *([Cell(row.scene), *_marked(row, more=False)] for row in [*tables.seconds, mean])]
 
 
 def mean_cells(tables, rows):
     """Means over the scenes that have a value, and how many those are, as lists of text: one line for each measure."""
     lines = [["mean (of scenes)"] + tables.methods]
     for measure in dict.fromkeys(row.measure for row in rows):
-        found = {name: [row.values[name] for row in rows if row.measure == measure and row.values[name] is not None]
-                 for name in tables.methods}
-        lines.append([measure] + [f"{number(measure, fmean(values) if values else None)} ({len(values)})"
-                                  for values in found.values()])
+        of = [row.values for row in rows if row.measure == measure]
+        lines.append([measure] + [f"{number(measure, _mean(values[name] for values in of))} "
+                                  f"({sum(values[name] is not None for values in of)})" for name in tables.methods])
     return lines
 
 
