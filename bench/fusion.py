@@ -3,8 +3,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Time programs that fuse a bracket from files to file, in turn, and print medians as a Markdown table.
 
-The bracket is a scene with depth, or a number of large JPEGs that are generated: texture of several sizes, sharp in another
-band of each, and magnified a little more from one to the next. enfuse runs beside fuse_stack, if installed, and whatever
+The bracket is a number of large JPEGs that are generated: texture of several sizes, sharp in another band of each, and
+magnified a little more from one to the next. enfuse runs beside fuse_stack, if installed, and whatever
 --peer adds, such as another build of fuse_stack. Peak memory is that of the program alone.
 """
 import argparse
@@ -24,17 +24,15 @@ from all_in_focus_lab.benchmark.tables import markdown
 
 ASPECT = 1.5
 QUALITY = 92  # of the JPEGs
-OF_A_SCENE = "--rig {rig} --depth {depth} --focus {focus}"  # options of fuse_stack
 
 
 def parse_arguments():
     parser = Parser(prog="fusion.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scene", type=Path, metavar="DIR", help="as make_scene wrote it; default: generated JPEGs")
-    parser.add_argument("--frames", type=count, default=12, metavar="N", help="of the JPEGs, default %(default)s")
+    parser.add_argument("--frames", type=count, default=12, metavar="N", help="default %(default)s")
     parser.add_argument("--megapixels", type=float, default=20, metavar="MP", help="of a JPEG, default %(default)s")
     parser.add_argument("--repetitions", type=count, default=3, metavar="N", help="default %(default)s")
     parser.add_argument("--peer", type=peer_command, action="append", default=[], metavar="NAME=COMMAND",
-                        help="one more program; in COMMAND {stack} {files} {focus} {rig} {depth} {output} are replaced")
+                        help="one more program; in COMMAND {stack} {files} {output} are replaced")
     parser.add_argument("--fuse-stack", default=steps.FUSE_STACK, metavar="PATH", help="default: that of scripts/build")
     return parser.parse_args()
 
@@ -59,11 +57,7 @@ def make_pictures(folder, frames, megapixels):
 
 def commands(args):
     """Name of a program -> its command line."""
-    ours = f"{shlex.quote(str(args.fuse_stack))} --stack {{stack}} --output {{output}}"
-    programs = {"fuse_stack (refined)": ours}
-    if args.scene:
-        programs = {f"fuse_stack ({name})": f"{ours} {OF_A_SCENE} {options}" for name, options in (
-            ("refined", ""), ("refined, not aligned", "--without alignment"), ("paper", "--mode paper"))}
+    programs = {"fuse_stack (refined)": f"{shlex.quote(str(args.fuse_stack))} --stack {{stack}} --output {{output}}"}
     if shutil.which("enfuse"):
         programs["enfuse"] = f"enfuse {' '.join(enfuse.OPTIONS)} --output={{output}} {{files}}"
     return {**programs, **dict(args.peer)}
@@ -72,13 +66,11 @@ def commands(args):
 def main():
     args = parse_arguments()
     with tempfile.TemporaryDirectory() as folder:
-        stack = (args.scene or Path(folder)) / "stack"
-        if not args.scene:
-            stack.mkdir()
-            make_pictures(stack, args.frames, args.megapixels)
+        stack = Path(folder) / "stack"
+        stack.mkdir()
+        make_pictures(stack, args.frames, args.megapixels)
         files = sorted(stack.iterdir())
         known = {"stack": stack, "files": " ".join(shlex.quote(str(file)) for file in files),
-                 "rig": stack.with_name("rig"), "depth": stack.with_name("depth.png"), "focus": stack.with_name("focus.yaml"),
                  "output": Path(folder) / "fused.png"}
         filled = {name: shlex.split(command.format(**known)) for name, command in commands(args).items()}
         height, width = cv2.imread(str(files[0])).shape[:2]

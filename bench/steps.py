@@ -115,7 +115,7 @@ def times_table(figures, sizes):
             one, two = (figures.get((step, width, height, threads)) for threads in (1, 2))
             yield from (number(one["ms"]), number(two["ms"]), number(one["copies"])) if one and two else ("-",) * 3
 
-    return markdown([head, *([TITLES[step], *row(step)] for step in TITLES if has(figures, step))], left=1)
+    return markdown([head, *([TITLES[step], *row(step)] for step in steps_of(figures))], left=1)
 
 
 def allocations_table(figures, width, height):
@@ -126,11 +126,11 @@ def allocations_table(figures, width, height):
             yield from (number(round(entry["allocations"], 1)), size(entry["allocated_bytes"])) if entry else ("-",) * 2
 
     return markdown([[f"step at {width}x{height}", "allocations", "bytes", "2 threads", "bytes"],
-                     *([TITLES[step], *row(step)] for step in TITLES if has(figures, step))], left=1)
+                     *([TITLES[step], *row(step)] for step in steps_of(figures))], left=1)
 
 
-def has(figures, step):
-    return any(key[0] == step for key in figures)
+def steps_of(figures):
+    return [step for step in TITLES if any(key[0] == step for key in figures)]
 
 
 def size(number_of_bytes):

@@ -14,7 +14,7 @@ import steps  # noqa: E402
 
 
 @pytest.mark.parametrize("line", [
-    "fusion.py --scene /none", "fusion.py --peer cp", "graph_rate", "graph_rate --rig /none --depth x",
+    "fusion.py --frames 0", "fusion.py --peer cp", "graph_rate", "graph_rate --rig /none --depth x",
     "graph_rate --rig x --depth x --size huge", "graph_source.py --rig x", "steps.py --rig x",
     "steps.py --rig x --depth x --bench-steps /none"])
 def test_wrong_arguments_give_one_line(line, tmp_path, monkeypatch):

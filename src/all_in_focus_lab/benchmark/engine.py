@@ -10,7 +10,7 @@ import platform
 import tempfile
 import time
 from concurrent.futures import CancelledError
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager, nullcontext
 
 from all_in_focus.files.errors import one_line_with_type
 
@@ -39,9 +39,17 @@ def engine(jobs, scheduler, say=lambda line: None):
     for name in list(logging.root.manager.loggerDict):  # lost connections are reported here, in one line
         if name.partition(".")[0] in ("distributed", "asyncio", "tornado"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
-    with ExitStack() as opened:
-        cluster = None if scheduler else opened.enter_context(_local_cluster(distributed, jobs))
-        yield opened.enter_context(_workers(distributed, cluster, scheduler, say))
+    with nullcontext(scheduler) if scheduler else _local_cluster(distributed, jobs) as cluster:
+        try:
+            client = distributed.Client(cluster, timeout=ANSWER_S)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise EngineError(f"{scheduler}: no Dask scheduler answers: {' '.join(str(error).split())}")
+        try:
+            if not scheduler:
+                client.wait_for_workers(jobs)
+            yield OnWorkers(client, say)
+        finally:
+            client.close(timeout=ANSWER_S)
 
 
 @contextmanager
@@ -62,20 +70,6 @@ def _local_cluster(distributed, jobs):
             yield cluster
         finally:
             cluster.close(timeout=ANSWER_S)
-
-
-@contextmanager
-def _workers(distributed, cluster, scheduler, say):
-    try:
-        client = distributed.Client(cluster or scheduler, timeout=ANSWER_S)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise EngineError(f"{scheduler}: no Dask scheduler answers: {' '.join(str(error).split())}")
-    try:
-        if cluster:
-            client.wait_for_workers(len(cluster.worker_spec))
-        yield OnWorkers(client, say)
-    finally:
-        client.close(timeout=ANSWER_S)
 
 
 def outcome(function, *arguments):
@@ -112,12 +106,11 @@ class OnWorkers:
                    for key, (function, arguments) in calls.items()}
         try:
             while waiting:
-                self._report_lost()
+                self._check()
                 done = [future for future in waiting if future.done()]
                 for future in done:
                     yield waiting.pop(future), self._result(future)
                 if not done:
-                    self._check()
                     time.sleep(POLL_S)
         finally:
             if waiting and self._client.status == "running":
@@ -136,23 +129,20 @@ class OnWorkers:
             self._check()
             return {"error": one_line_with_type(error)}
 
-    def _report_lost(self):
-        if self._client.status != "running":
-            return  # the scheduler is gone, which _check reports
-        workers = self._workers()
-        for address in sorted(set(self._known) - set(workers)):
-            self._say(f"Dask worker {address} is lost; its tasks go to others")
-        self._known = workers
-
     def _workers(self):
         return self._client.scheduler_info().get("workers", {})
 
     def _check(self):
-        """EngineError when the scheduler, or the last worker, has been gone for too long."""
-        now = time.monotonic()
+        """Tells which workers are lost. EngineError when the scheduler, or the last worker, has been gone for too long."""
         if self._client.status == "closed":
             raise EngineError(LOST)
-        if self._client.status == "running" and self._workers():
+        now, running = time.monotonic(), self._client.status == "running"
+        if running:
+            workers = self._workers()
+            for address in sorted(set(self._known) - set(workers)):
+                self._say(f"Dask worker {address} is lost; its tasks go to others")
+            self._known = workers
+        if running and self._known:
             self._last_seen = now
         elif now - self._last_seen > PATIENCE_S:
-            raise EngineError(f"no Dask worker for {PATIENCE_S:g} s" if self._client.status == "running" else LOST)
+            raise EngineError(f"no Dask worker for {PATIENCE_S:g} s" if running else LOST)

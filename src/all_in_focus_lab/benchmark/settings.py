@@ -17,6 +17,7 @@ TRUTH_MEASURES = ("PSNR", "SSIM", "PSNR_edges")
 SCENE_KEYS = ("path", "name", "stack", "label", "depth", "registered_depth", "rig", "focus", "optics", "truth",
               "truth_depth")
 PATH_KEYS = tuple(key for key in SCENE_KEYS if key not in ("name", "optics"))
+KINDS = {list: "a list", dict: "options and their values", str: "text", int: "a whole number"}  # of values in a file
 
 
 class SettingsError(ValueError):
@@ -62,15 +63,13 @@ def from_dict(data, folder):
     settings = Settings(**data)
     if isinstance(settings.methods, str):
         settings.methods = methods.split(settings.methods)
-    for kind, expected in ((list, {"scenes": "a list", "methods": "a list", "metrics": "a list"}),
-                           (dict, {"bag": "options of evaluate_bag", "peers": "names and command lines"})):
-        for key, what in expected.items():
-            if not isinstance(getattr(settings, key), kind):
-                raise SettingsError(f"{key}: expected {what}")
+    for key, default in vars(Settings()).items():
+        if type(getattr(settings, key)) is not type(default):
+            raise SettingsError(f"{key}: expected {KINDS[type(default)]}, not '{getattr(settings, key)}'")
     settings.scenes = [scene_entry(entry, folder) for entry in settings.scenes]
     settings.peers = dict(methods.peer_command(f"{name}={command}") for name, command in settings.peers.items())
     settings.bag = {str(name).replace("_", "-"): str(value) for name, value in settings.bag.items()}
-    settings.output = str(Path(folder, _text(settings.output, "output"))) if settings.output else ""
+    settings.output = str(Path(folder, settings.output)) if settings.output else ""
     return settings
 
 
@@ -99,7 +98,7 @@ def check_settings(settings):
         raise SettingsError("at least one method and one metric are needed")
     if len(set(settings.metrics)) < len(settings.metrics):
         raise SettingsError("a metric is named twice")
-    if type(settings.jobs) is not int or settings.jobs < 1:
+    if settings.jobs < 1:
         raise SettingsError(f"jobs: expected a positive whole number, not '{settings.jobs}'")
     if settings.scheduler and settings.jobs > 1:
         raise SettingsError("give --jobs or --scheduler: a scheduler has workers of its own")

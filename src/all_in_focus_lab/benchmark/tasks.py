@@ -50,18 +50,24 @@ def measure(scene, frames, fused, metric_names):
         raise ValueError(f"the fused image has {size_text(fused)} pixels, the frames have {size_text(frames[0])}")
     grays, gray = [metrics.to_gray(frame) for frame in frames], metrics.to_gray(fused)
     values = {name: float(metrics.METRICS[name](grays, gray)) for name in metric_names if name in metrics.METRICS}
-    return {**values, **measure_truth(truth_of(scene), fused)}
+    return {**values, **measure_truth(scene, fused)}
 
 
-def truth_of(scene):
-    """Truth of a scene; None where none is known. Where its depth or the optics are not, no pixel is near an edge."""
+def measure_truth(scene, fused):
+    """Name -> value of TRUTH_MEASURES; nothing without a truth. Where its depth or the optics are unknown, no pixel is near an
+    edge, and there is no PSNR_edges."""
     if "truth" not in scene.beside:
-        return None
+        return {}
     image = read_image(scene.beside["truth"])
     optics, depth = scene.lens(), np.zeros(image.shape[:2], np.uint16)
     if "truth_depth" in scene.beside and optics:
         depth = read_depth(scene.beside["truth_depth"])
-    return Truth.of(image, depth, optics, scene.enlarge)
+    truth = Truth.of(image, depth, optics, scene.enlarge)
+    colour = truth.compared(fused if fused.ndim == 3 else cv2.cvtColor(fused, cv2.COLOR_GRAY2BGR))
+    values = dict(zip(TRUTH_MEASURES, (psnr(colour, truth.image), ssim(colour, truth.image))))
+    if truth.edges.any():
+        values["PSNR_edges"] = psnr(colour, truth.image, truth.edges)
+    return values
 
 
 def measure_depths(scene, depths):
@@ -72,17 +78,6 @@ def measure_depths(scene, depths):
     focus = [1000 * distance for distance in load_focus(scene.beside["focus"], scene.names(), len(scene.names()))]
     blur = blur_per_inverse_depth(scene.lens(), load_rig(scene.beside["rig"]).color.K[0, 0], focus)
     return {name: depth_errors(depth, true, blur) for name, depth in depths.items()}
-
-
-def measure_truth(truth, fused):
-    """Name -> value of TRUTH_MEASURES; nothing without a truth, no PSNR_edges where there are no edges."""
-    if truth is None:
-        return {}
-    colour = truth.compared(fused if fused.ndim == 3 else cv2.cvtColor(fused, cv2.COLOR_GRAY2BGR))
-    values = dict(zip(TRUTH_MEASURES, (psnr(colour, truth.image), ssim(colour, truth.image))))
-    if truth.edges.any():
-        values["PSNR_edges"] = psnr(colour, truth.image, truth.edges)
-    return values
 
 
 def pictures(produced):
