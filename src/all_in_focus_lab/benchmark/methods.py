@@ -309,11 +309,10 @@ def true_depth(scene):
     """Every pixel from the frame focused nearest, in dioptres, to the true depth; true motion is undone, but not a drift."""
     made = json.loads((scene.path / "scene.json").read_text(encoding="utf-8"))
     camera, depth = load_rig(scene.beside["rig"]).color, read_depth(scene.beside["truth_depth"])
-    focus, enlarge = np.array(made["focus_mm"]), made.get("enlarge", 1)
+    focus, sag = np.array(made["focus_mm"]), lens.Sag(**made["sag"])
     index = np.argmin([np.abs(1 / s - 1 / np.maximum(depth, 1)) for s in focus], axis=0)
-    roll, right, down = (made.get("sag", {}).get(key, 0) for key in ("roll_degrees", "right_px", "down_px"))
-    motions = lens.frame_motions(camera, Optics(**made["optics"]), focus, made["breathing"],
-                                 lens.Sag(roll, right * enlarge, down * enlarge))
+    sag = replace(sag, right_px=sag.right_px * scene.enlarge, down_px=sag.down_px * scene.enlarge)
+    motions = lens.frame_motions(camera, Optics(**made["optics"]), focus, made["breathing"], sag)
     fused = np.zeros(depth.shape + (3,), np.uint8)
     for number, (frame, matrix) in enumerate(zip(scene.frames(), motions)):
         still = lens.warp(np.float32(frame), cv2.invertAffineTransform(matrix))

@@ -13,12 +13,9 @@ MASKING = 1e-4
 
 def sensitivity(shape):
     """Contrast sensitivity of the eye, rows x columns in the order of the FFT."""
-    def frequency(count):
-        return 2 * (np.arange(count) - count // 2) / count * count / FREQUENCY_UNIT
-
-    squared = frequency(shape[0])[:, None] ** 2 + frequency(shape[1]) ** 2
-    eye = np.exp(-squared / EYE_WIDE ** 2) - EYE_NARROW_SHARE * np.exp(-squared / EYE_NARROW ** 2)
-    return np.fft.ifftshift(eye)
+    y, x = (2 * size * np.fft.fftfreq(size) / FREQUENCY_UNIT for size in shape)
+    squared = y[:, None] ** 2 + x ** 2
+    return np.exp(-squared / EYE_WIDE ** 2) - EYE_NARROW_SHARE * np.exp(-squared / EYE_NARROW ** 2)
 
 
 def masked_contrast(gray, eye):

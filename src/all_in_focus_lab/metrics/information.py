@@ -1,25 +1,22 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Metrics from the joint histograms of gray values: Q_MI and Q_NCIE."""
+from itertools import combinations
+
 import numpy as np
+from scipy.stats import entropy
 
 from all_in_focus_lab.metrics.images import stretched
 
 LEVELS = 256
 
 
-def entropy(histogram):
-    """Bits, of a histogram with sum 1."""
-    share = histogram[histogram > 0]
-    return -(share * np.log2(share)).sum()
-
-
 def information(one, other):
     """Entropy of two images (integer values 0..255) and the mutual information, bits."""
     bins = np.int64(one).ravel() * LEVELS + np.int64(other).ravel()
     joint = np.bincount(bins, minlength=LEVELS ** 2).reshape(LEVELS, LEVELS) / one.size
-    entropies = entropy(joint.sum(axis=1)), entropy(joint.sum(axis=0))
-    return entropies, sum(entropies) - entropy(joint)
+    entropies = entropy(joint.sum(axis=1), base=2), entropy(joint.sum(axis=0), base=2)
+    return entropies, sum(entropies) - entropy(joint.ravel(), base=2)
 
 
 def q_mi(sources, fused):
@@ -44,10 +41,8 @@ def q_ncie(sources, fused):
     sources: the matrix grows, as in the paper.
     """
     images = [stretched(image) for image in (*sources, fused)]
-    count = len(images)
-    correlation = np.eye(count)
-    for i in range(count):
-        for j in range(i):
-            correlation[i, j] = correlation[j, i] = information(images[i], images[j])[1] / np.log2(LEVELS)
+    correlation = np.eye(len(images))
+    for i, j in combinations(range(len(images)), 2):
+        correlation[i, j] = correlation[j, i] = information(images[i], images[j])[1] / np.log2(LEVELS)
     # Equal images have eigenvalues 0, which may come out a little below.
-    return float(1 - entropy(np.linalg.eigvalsh(correlation) / count) / np.log2(LEVELS))
+    return float(1 - entropy(np.maximum(np.linalg.eigvalsh(correlation), 0), base=LEVELS))

@@ -40,8 +40,7 @@ def nearest_depth(index, z, size):
 def layer_points(layer, color, origin, oversampling):
     """Surface points of a layer in the colour camera, N x 3 in mm; origin: canvas position of pixel (0, 0), (x, y)."""
     n = oversampling
-    depth = cv2.resize(layer.depth, None, fx=n, fy=n, interpolation=cv2.INTER_NEAREST if n == 1 else cv2.INTER_LINEAR)
-    alpha = cv2.resize(layer.alpha, None, fx=n, fy=n, interpolation=cv2.INTER_NEAREST if n == 1 else cv2.INTER_LINEAR)
+    depth, alpha = (cv2.resize(values, None, fx=n, fy=n) for values in (layer.depth, layer.alpha))
     rows, cols = np.nonzero(alpha >= 0.5)
     z = depth[rows, cols].astype(np.float64)
     x = ((cols + 0.5) / n - 0.5 - origin[0] - color.K[0, 2]) / color.K[0, 0]

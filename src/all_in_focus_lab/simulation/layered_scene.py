@@ -66,9 +66,8 @@ def kinect_beside(color, optics):
 
 def canvas_margin(rig, near_mm):
     """Margin (columns, rows) that the canvas needs for the depth camera to see surface everywhere, from near_mm on."""
-    corners = np.array([[0, 0, 1], [rig.depth.width, 0, 1], [0, rig.depth.height, 1],
-                        [rig.depth.width, rig.depth.height, 1]], float)
-    rays = np.linalg.solve(rig.depth.K, corners.T)
+    corners = [(u, v, 1) for u in (0, rig.depth.width) for v in (0, rig.depth.height)]
+    rays = np.linalg.solve(rig.depth.K, np.transpose(corners))
     seen = np.concatenate([rig.color.K @ (rig.R @ (rays * z) + rig.t[:, None]) for z in (near_mm / 1000, 1e3)], axis=1)
     u, v = seen[0] / seen[2], seen[1] / seen[2]
     return (int(np.ceil(max(-u.min(), u.max() - rig.color.width, 0))) + 2,

@@ -10,6 +10,7 @@ from itertools import product
 
 import cv2
 import numpy as np
+from scipy.ndimage import find_objects
 
 from all_in_focus.imaging import linear_to_srgb
 
@@ -81,11 +82,8 @@ def disc_kernel(level):
 
 def window_around(mask, pad):
     """Smallest window (two slices) around a mask, widened by pad and cut at the border; None if the mask is empty."""
-    rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
-        return None
-    return tuple(slice(max(0, side[0] - pad), min(side[-1] + 1 + pad, size))
-                 for side, size in zip((rows, cols), mask.shape))
+    for box in find_objects(mask.astype(np.uint8)):
+        return tuple(slice(max(0, side.start - pad), min(side.stop + pad, size)) for side, size in zip(box, mask.shape))
 
 
 def tiles_of(window):

@@ -24,14 +24,11 @@ BLOCK = 128                      # pixels, see in_blocks()
 
 
 class Surface:
-    """A surface that each ray meets at most once; a subclass says where in `meet`."""
+    """A surface that each ray meets at most once.
 
-    def meet(self, x, y):
-        """Where rays (x, y, 1) meet the surface; x: columns, y: rows.
-
-        Returns z (rows x columns, metres, finite also where the surface is missed), colour and mask of what exists.
-        """
-        raise NotImplementedError
+    A subclass says where: meet(x, y) of rays (x, y, 1), x: columns, y: rows, returns z (rows x columns, metres, finite
+    also where the surface is missed), colour and mask of what exists.
+    """
 
     def layer(self, camera, margin, samples=3):
         """Render to a layer, samples x samples per pixel."""
