@@ -115,7 +115,7 @@ def times_table(figures, sizes):
             one, two = (figures.get((step, width, height, threads)) for threads in (1, 2))
             yield from (number(one["ms"]), number(two["ms"]), number(one["copies"])) if one and two else ("-",) * 3
 
-    return markdown([head, *([TITLES[step], *row(step)] for step in steps_of(figures))], left=1)
+    return table(head, figures, row)
 
 
 def allocations_table(figures, width, height):
@@ -125,12 +125,12 @@ def allocations_table(figures, width, height):
             entry = figures.get((step, width, height, threads))
             yield from (number(round(entry["allocations"], 1)), size(entry["allocated_bytes"])) if entry else ("-",) * 2
 
-    return markdown([[f"step at {width}x{height}", "allocations", "bytes", "2 threads", "bytes"],
-                     *([TITLES[step], *row(step)] for step in steps_of(figures))], left=1)
+    return table([f"step at {width}x{height}", "allocations", "bytes", "2 threads", "bytes"], figures, row)
 
 
-def steps_of(figures):
-    return [step for step in TITLES if any(key[0] == step for key in figures)]
+def table(head, figures, row):
+    """row(step): cells of a step that has been measured."""
+    return markdown([head, *([TITLES[step], *row(step)] for step in TITLES if any(key[0] == step for key in figures))], left=1)
 
 
 def size(number_of_bytes):

@@ -7,8 +7,6 @@ The paper's comparison calls it NSCT, but its images come from the contourlet tr
 Ansari (1995). Directional coefficients come from the image with most energy around them, those at the border of a
 subband from the last image; the coarsest level is the mean.
 """
-from functools import lru_cache
-
 import numpy as np
 import pywt
 from scipy.ndimage import convolve1d, correlate
@@ -44,7 +42,6 @@ def shrink(image):
 
 # --- directions -------------------------------------------------------------------------------------------------------
 
-@lru_cache(maxsize=64)
 def phases(shape, kind):
     """Rows and columns of either half of the pixels of an H x W array, each H / 2 x W.
 
@@ -92,7 +89,6 @@ def join(high, low, kind, twist=False):
     return image
 
 
-@lru_cache(maxsize=256)
 def upright(shape, levels, number):
     """Rows and columns of the coefficients of a subband, H x W, so that neighbours lie as in the image."""
     row, column = np.indices(shape, sparse=True)
@@ -190,7 +186,5 @@ def fuse(images):
     fused = inverse(sum(coarsest) / len(images), [
         [choose(coloured, winner(subbands)) for subbands, coloured in zip(zip(*of_gray), zip(*of_colour))]
         for of_gray, of_colour in zip(zip(*grays), zip(*colours))])
-    for cached in (phases, upright):
-        cached.cache_clear()  # as large as many pictures
     height, width = images[0].shape[:2]
     return to_8_bit(fused[around[0][0]:, around[1][0]:][:height, :width]), None

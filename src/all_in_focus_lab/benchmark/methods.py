@@ -1,19 +1,9 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Methods by name:
+"""Methods by name, as `evaluate --help` lists them.
 
-paper, refined, restored   this package (through the nodes where the scene is a bag); refined:-alignment,exposure: without
-                           those steps; refined:no-depth: with the focus distances alone; restored:no-depth: with the
-                           rig, too; refined:frames: the frames alone; wrong numbers, also with no-depth, as in
-                           restored:no-depth+aperture*4: aperture*N (f-number times N), focus*N (distances times N),
-                           focus-reversed, focus-late and focus-early (by one frame)
-wrong-lens                 refined and restored with each of those wrong numbers
-the names of BASELINES     each with +ecc, too: frames aligned first
-given:NAME                 an image fused_NAME.png that lies beside the sources
-single, oracle, true-depth bounds that know the truth
-
-A method is run(scene, folder) -> Produced; folder: an empty one to work in. An exception that it
-raises is reported as its failure.
+A method is run(scene, folder) -> Produced; folder: an empty one to work in. An exception that it raises is reported as
+its failure.
 """
 import argparse
 import json

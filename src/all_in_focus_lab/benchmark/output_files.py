@@ -78,8 +78,8 @@ def results_csv(run):
     for scene, of in run.results.items():
         for method in run.methods:
             result = of[method]
-            values = [{**result.get("values", {}), **result.get("contrast", {})}.get(name) for name in names]
-            values += [result.get("seconds"), result.get("wall_seconds")]
+            known = {**result, **result.get("values", {}), **result.get("contrast", {})}
+            values = [known.get(name) for name in [*names, "seconds", "wall_seconds"]]
             lines.append([scene, method] + ["" if value is None else repr(value) for value in values]
                          + [result.get("host", ""), result.get("error", "")])
     return _csv(lines)
@@ -87,7 +87,7 @@ def results_csv(run):
 
 def scores_csv(tables):
     """T4: by the metrics, and by the truth where it is known."""
-    found = {"metrics": tables.standings(tables.metrics), "truth": tables.standings(tables.truth)}
+    found = {by: t.standings(row.scores for row in getattr(tables, by)) for by in ("metrics", "truth")}
     columns = t.score_columns([it for of in found.values() for it in of.values()], len(tables.methods))
     lines = [["by", "method"] + [t.score(value) for value in columns] + ["total", "rank"]]
     lines += [[by, name] + [it.times[value] for value in columns] + [repr(it.total), repr(it.rank)]
@@ -110,7 +110,7 @@ def as_json(run, tables):
     scores = {by: {"rows": [{"scene": row.scene, "measure": row.measure, "scores": row.scores} for row in rows],
                    "standings": {name: {"times": {t.score(score): times for score, times in sorted(it.times.items())},
                                         "total": it.total, "rank": it.rank}
-                                 for name, it in tables.standings(rows).items()}}
+                                 for name, it in t.standings(row.scores for row in rows).items()}}
               for by, rows in (("metrics", tables.metrics), ("contrast", tables.contrast), ("truth", tables.truth))}
     content = {"version": VERSION, "scenes": {scene.name: str(scene.path) for scene in run.scenes}, "methods": run.methods,
                "metrics": run.settings.metrics, "results": results, "scores": scores, "timing": run.timing_note,

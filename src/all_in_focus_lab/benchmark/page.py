@@ -147,10 +147,9 @@ def _labels(scene, worked, store):
     for name in worked:
         path = store.picture(scene.name, name, "labels")
         if path:
-            drawn = store.picture(scene.name, name, "regions")
             regions = np.count_nonzero(np.unique(read_image(path, cv2.IMREAD_UNCHANGED)))
-            shown = read_image(drawn) if drawn else read_labels(path)
-            figures.append(_figure(name, shown, "map", f"regions: {regions}"))
+            drawn = read_image(store.picture(scene.name, name, "regions"))
+            figures.append(_figure(name, drawn, "map", f"regions: {regions}"))
     return figures
 
 

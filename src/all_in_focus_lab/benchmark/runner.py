@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from urllib.parse import quote
 
+from all_in_focus.files.errors import one_line
 from all_in_focus.files.output_file import write_picture
 from all_in_focus.files.output_folder import whole_folder
 from all_in_focus.progress import Progress
@@ -19,11 +20,7 @@ RESULT = "result.json"  # of a method on a scene, written last; Python's JSON, w
 
 
 class BadInput(ValueError):
-    """lines: what is wrong, one each."""
-
-    def __init__(self, lines):
-        super().__init__("; ".join(lines))
-        self.lines = lines
+    """args: what is wrong, one line each."""
 
 
 class Store:
@@ -97,19 +94,16 @@ def find_scenes(settings):
                 bags.check_bag_scene(scene, settings.bag)
             else:
                 scenes.check_scene(scene)
-        except OSError as error:
-            wrong.append(f"{error.filename or scene.path}: {error.strerror}")
-        except ValueError as error:
-            wrong.append(str(error))
+        except (OSError, ValueError) as error:
+            wrong.append(one_line(error, scene.path))
     if wrong:
-        raise BadInput(wrong)
+        raise BadInput(*wrong)
     return found
 
 
-def evaluate(settings, fresh=False, say=None):
+def evaluate(settings, fresh=False, say=lambda line: None):
     """Run (see output_files.Run) and Store of checked settings. say(line): called for every failure and every lost
     worker; fresh: ignore results of earlier runs. Raises ValueError (BadInput of scenes), engine.EngineError."""
-    say = say or (lambda line: None)
     found = find_scenes(settings)
     names = methods.expand([*settings.methods, *settings.peers], found, settings.peers)
     Path(settings.output).mkdir(parents=True, exist_ok=True)
@@ -160,13 +154,11 @@ def _with_brackets(found, names, settings, workers, nodes, fail):
 def _run_tasks(run, store, workers, fresh, fail):
     """Every method on every scene, unless its result is there already."""
     by_name = {scene.name: scene for scene in run.scenes}
-    code = run.versions["code"]
     marks = {(scene, method): methods.fingerprint(method, by_name[scene], run.versions, run.settings.peers)
              for scene in by_name for method in run.methods}
     done = {key: None if fresh else store.load(*key, mark, run.settings.metrics) for key, mark in marks.items()}
-    asked = run.settings.metrics, code, run.settings.peers, run.settings.fuse_stack
-    calls = {key: (tasks.run, (by_name[key[0]], key[1], *asked))
-             for key, result in done.items() if result is None}
+    asked = run.settings.metrics, run.versions["code"], run.settings.peers, run.settings.fuse_stack
+    calls = {key: (tasks.run, (by_name[key[0]], key[1], *asked)) for key, result in done.items() if result is None}
     with Progress(total=len(marks), initial=len(marks) - len(calls), unit="result") as bar:
         for key, result in workers.run(calls):
             bar.set_description(" ".join(key))

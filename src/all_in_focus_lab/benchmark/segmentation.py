@@ -8,8 +8,6 @@ import numpy as np
 from scipy import ndimage
 from skimage.segmentation import felzenszwalb
 
-HEADING = ["region", "pixels", "Min", "Max", "Diff", "MaxDoF", "Diff < MaxDoF?"]
-
 
 @dataclass
 class Region:
@@ -63,7 +61,7 @@ def regions(labels, depth, optics):
 def cells(found, count):
     """Table of the `count` largest regions as lists of text, nearest first; mm."""
     largest = set(sorted(range(len(found)), key=lambda n: -found[n].area)[:count])
-    lines = [HEADING]
+    lines = [["region", "pixels", "Min", "Max", "Diff", "MaxDoF", "Diff < MaxDoF?"]]
     for number, it in enumerate(region for n, region in enumerate(found) if n in largest):
         dof = "infinite" if np.isinf(it.max_dof_mm) else f"{it.max_dof_mm:.0f}"
         lines.append([str(number + 1), str(it.area), str(it.min_mm), str(it.max_mm), str(it.diff_mm), dof,

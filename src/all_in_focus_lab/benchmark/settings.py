@@ -81,8 +81,10 @@ def scene_entry(entry, folder):
     unknown = sorted(set(entry) - set(SCENE_KEYS), key=str)
     if unknown:
         raise SettingsError(f"scenes: {unknown[0]}: no such key; there are {', '.join(SCENE_KEYS)}")
-    return {key: os.path.abspath(Path(folder, _text(value, "scenes: " + key))) if key in PATH_KEYS
-            else _text(value, "scenes: " + key) for key, value in entry.items()}
+    for key, value in entry.items():
+        if not isinstance(value, str) or not value:
+            raise SettingsError(f"scenes: {key}: expected text, not '{value}'")
+    return {key: os.path.abspath(Path(folder, value)) if key in PATH_KEYS else value for key, value in entry.items()}
 
 
 def check_settings(settings):
@@ -102,9 +104,3 @@ def check_settings(settings):
         raise SettingsError(f"jobs: expected a positive whole number, not '{settings.jobs}'")
     if settings.scheduler and settings.jobs > 1:
         raise SettingsError("give --jobs or --scheduler: a scheduler has workers of its own")
-
-
-def _text(value, key):
-    if not isinstance(value, str) or not value:
-        raise SettingsError(f"{key}: expected text, not '{value}'")
-    return value

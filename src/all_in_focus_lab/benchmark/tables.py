@@ -39,13 +39,13 @@ class Standing:
 
 
 def standings(rows):
-    """Name -> Standing. rows: what scores() gave, one for each scene and metric, all of the same methods."""
+    """T4: name -> Standing, best first. rows: what scores() gave, one for each scene and metric, all of the same methods."""
     rows = list(rows)
     names = list(rows[0]) if rows else []
     times = {name: Counter(row[name] for row in rows if row[name] is not None) for name in names}
     totals = {name: math.fsum(score * count for score, count in times[name].items()) for name in names}
     ranks = dict(zip(names, rankdata([-totals[name] for name in names]))) if names else {}
-    return {name: Standing(times[name], totals[name], float(ranks[name])) for name in names}
+    return {name: Standing(times[name], totals[name], float(ranks[name])) for name in sorted(names, key=ranks.get)}
 
 
 @dataclass
@@ -73,11 +73,6 @@ class Tables:
     truth: List[Row]
     seconds: List[Row]
     depths: Dict[str, Dict[str, tuple]]
-
-    def standings(self, rows):
-        """Table T4 of some rows: name of a method -> Standing, best first."""
-        found = standings(row.scores for row in rows)
-        return dict(sorted(found.items(), key=lambda item: item[1].rank))
 
 
 def build(results, methods, metric_names):
@@ -146,7 +141,7 @@ def value_cells(tables, rows):
 
 def standing_cells(tables, rows):
     """T4."""
-    found = tables.standings(rows)
+    found = standings(row.scores for row in rows)
     columns = score_columns(found.values(), len(tables.methods))
     lines = [[*map(Cell, ["method", *map(score, columns), "total", "rank"])]]
     for name, it in found.items():

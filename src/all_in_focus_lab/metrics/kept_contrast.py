@@ -40,17 +40,14 @@ def kept_contrast(frames, fused):
     frames: iterable of images, read once; all: H x W or H x W x 3 (BGR) uint8, of one size. The contrast of a tile is
     the root of its energy above the noise of the band; what the fused image shows beyond the best frame does not count.
     """
-    best = quietest = None
+    energies, shares = [], []
     for frame in frames:
         check_same_size(frame, fused)
-        energies = _frame_energies(to_gray(frame))
-        best = energies if best is None else [np.maximum(*pair) for pair in zip(best, energies)]
-        quietest = energies if quietest is None else [np.minimum(*pair) for pair in zip(quietest, energies)]
-    if best is None:
+        energies.append(_frame_energies(to_gray(frame)))
+    if not energies:
         raise ValueError("at least one frame is needed")
-    shares = []
-    for shown, quiet, kept in zip(best, quietest, band_energies(to_gray(fused))):
-        noise = np.percentile(quiet, QUIET_PERCENT)
+    for of_frames, kept in zip(zip(*energies), band_energies(to_gray(fused))):
+        shown, noise = np.max(of_frames, axis=0), np.percentile(np.min(of_frames, axis=0), QUIET_PERCENT)
         shown, kept = (np.sqrt(np.maximum(energy - noise, 0)) for energy in (shown, np.minimum(kept, shown)))
         shares.append(float(kept.sum() / shown.sum()) if shown.any() else float("nan"))
     return shares

@@ -125,12 +125,8 @@ def psnr_table(scene, fused):
     def scores(image):
         return psnr(image, truth.image), psnr(image, truth.image, truth.edges)
 
-    def row(name, of_all, near_edges):
-        return f"{name:<34} {of_all:8.2f} {near_edges:12.2f}"
-
-    singles = [scores(frame) for frame in stack]
-    lines = [f"{'PSNR against the truth, dB':<34} {'image':>8} {'depth edges':>12}"]
-    lines += [row(name, *values) for name, values in zip(stack.names, singles)]
-    lines.append(row("best single frame", *max(singles)))
-    lines += [row("/".join(Path(path).parts[-2:]), *scores(read_image(path))) for path in fused]
-    return lines
+    rows = [(name, scores(frame)) for name, frame in zip(stack.names, stack)]
+    rows.append(("best single frame", max(values for _, values in rows)))
+    rows += [("/".join(Path(path).parts[-2:]), scores(read_image(path))) for path in fused]
+    return [f"{'PSNR against the truth, dB':<34} {'image':>8} {'depth edges':>12}",
+            *(f"{name:<34} {of_all:8.2f} {near_edges:12.2f}" for name, (of_all, near_edges) in rows)]

@@ -149,12 +149,6 @@ def slope(size, optics, seed):
     ])
 
 
-def _scattered(rng, count, width, height, angles):
-    """Rows (a, b, angle) of `count` things, at random on a board of this size about the origin."""
-    return np.column_stack([rng.uniform(-width / 2, width / 2, count), rng.uniform(-height / 2, height / 2, count),
-                            rng.uniform(*angles, count)])
-
-
 def garden(size, optics, seed):
     """0.8 to 4.5 m: bars, leaves, wires and hair before a bright sky with lamps, which are brighter than white."""
     rng = np.random.default_rng([seed, 6])
@@ -163,7 +157,8 @@ def garden(size, optics, seed):
     glints = [(rng.uniform(-0.4, 0.4), rng.uniform(-0.1, 0.1), 0.0015, (6.0, 6.0, 6.0)) for _ in range(25)]
 
     def foliage(depth, count, length, low, tone):
-        rows = _scattered(rng, count, 1.1 * depth, 0.8 * depth, (0, np.pi))
+        right, down = 1.1 * depth / 2, 0.8 * depth / 2
+        rows = np.column_stack([rng.uniform(*ends, count) for ends in ((-right, right), (-down, down), (0, np.pi))])
         return Plane((0.0, 0.0, depth), *rng.uniform(-8, 8, 2), leaves(rows[rows[:, 1] > low * depth], length, tone))
 
     def hair(depth, a, b, count, length):
