@@ -287,7 +287,8 @@ def single(scene):
 def oracle(scene):
     """Every pixel from the frame whose colour is nearest to the truth there."""
     truth = read_image(scene.beside["truth"]).astype(np.int32)
-    fused, best, index = np.zeros(truth.shape, np.uint8), np.full(truth.shape[:2], np.inf), np.zeros(truth.shape[:2], np.uint16)
+    fused, index = np.zeros(truth.shape, np.uint8), np.zeros(truth.shape[:2], np.uint16)
+    best = np.full(index.shape, np.inf)
     for number, frame in enumerate(scene.frames()):
         error = ((frame - truth) ** 2).sum(axis=2)
         better = error < best

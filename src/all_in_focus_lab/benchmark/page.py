@@ -42,7 +42,7 @@ def page(run, tables, store):
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         run=run, tables=tables, standings=_standings(run, tables), values=_values(tables), seconds=t.seconds_cells(tables),
         scenes=[_scene(run, scene, tables, store) for scene in run.scenes],
-        versions=[map(Cell, pair) for pair in [("what", "version"), *run.versions.items()]])
+        versions=[[Cell(name), Cell(value)] for name, value in [("what", "version"), *run.versions.items()]])
 
 
 def _standings(run, tables):
