@@ -61,6 +61,19 @@ def test_the_parallax_of_a_camera_that_moves_says_nothing_about_its_lens(tmp_pat
     moved, = [note for note in report["notes"] if "the camera moved" in note]
     assert float(re.search(r"up to ([\d.]+) mm", moved)[1]) == pytest.approx(20, abs=1)
     assert not any("contradict" in note for note in report["notes"])
+    assert not any("give depth" in note for note in report["notes"])
+
+
+def test_without_depth_a_note_says_that_the_camera_moved(tmp_path):
+    options = ["--scene", "clutter", "--frames", 10, "--optics", "35,2.8,0.03", "--noise", 0.7]
+    said = {}
+    for name, drift in (("still", []), ("moved", ["--drift", 20])):
+        _, report = fuse(made_scene(*options, *drift), tmp_path, "refined", depth=False)
+        said[name] = [note for note in report["notes"] if "the camera moved" in note]
+        assert all(note in report["said"] for note in said[name])
+    assert not said["still"]
+    note, = said["moved"]
+    assert float(re.search(r"by ([\d.]+) px or more", note)[1]) > 1 and "give depth" in note
 
 
 @pytest.mark.parametrize("factor, depth", [(4, True), (0.25, True), (4, False)])

@@ -33,6 +33,7 @@ void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, co
   center_ = center;
   radius_ = 0.5 * std::hypot(size.width, size.height);
   observations_.clear();
+  shifts_.clear();
   scenes_ = 0;
   mismatch_.clear();
   keys_.clear();
@@ -183,6 +184,15 @@ void BracketAlignment::noteParallax(const PairMeasurement& measurement) {
   drifts_ = drifts_ || (is_significant && isNoticeable({{}, parallax}));
 }
 
+double BracketAlignment::hiddenParallax(int reference) const {
+  const int scene = observations_.at(reference).scene;
+  std::vector<const CellShifts*> pairs;
+  for (const auto& [index, shifts] : shifts_) {
+    if (observations_.at(index).scene == scene) pairs.push_back(&shifts);
+  }
+  return core::hiddenParallax(pairs, size_);
+}
+
 // Whether a point anywhere that is two standard deviations from the mean depth moves noticeably.
 bool BracketAlignment::isNoticeable(const CameraMotion& motion) const {
   for (const int x : {0, size_.width - 1}) {
@@ -232,6 +242,7 @@ void BracketAlignment::place(const PairMeasurement& measurement) {
     return;
   }
   noteParallax(measurement);
+  if (!knows_relief_) shifts_[frame.index] = measurement.shifts;
   frame.motion = compose(key_.motion, measurement.motion);
   frame.parallax = key_.parallax + measurement.parallax;
   frame.key_covariance = key_.key_covariance;

@@ -48,6 +48,10 @@ class BracketAlignment {
   /// Whether the camera itself seems to move: then motions depend on depth.
   bool drifts() const { return drifts_; }
 
+  /// By how many pixels near and far things have moved against each other, at least, as far as the frames of
+  /// the reference's scene tell without depth; 0: they tell of no camera that moves. See hiddenParallax().
+  double hiddenParallax(int reference) const;
+
   /// Motion of a frame against the reference, both CV_8UC1, of a camera that drifts; none if it is not
   /// noticeable, the placement if it cannot be measured. An empty reference is that of the call before.
   CameraMotion measureDrift(const cv::Mat& reference, const cv::Mat& gray, const Placement& placement);
@@ -93,6 +97,7 @@ class BracketAlignment {
   double along_shift_ = 0, shift_information_ = 0;  ///< of the parallax in units of the shift, of all pairs
   double radius_ = 0;                               ///< half the diagonal, px
   std::map<int, Observation> observations_;
+  std::map<int, CellShifts> shifts_;  ///< of the frames that were measured; only where no relief is known
   int scenes_ = 0;
   std::map<std::pair<int, int>, double> mismatch_;  ///< highest correlation between two scenes
 

@@ -334,6 +334,20 @@ ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& lev
   return estimate;
 }
 
+// What the tiles tell of their shifts where the last step ended.
+CellShifts PairAlignment::shifts(const Level& level) const {
+  CellShifts result;
+  const double squared = level.reduction * level.reduction;
+  const double variance = std::pow(kAlignment.model_error * level.radius * level.reduction, 2);
+  for (const Pull& tile : pulls_) {
+    result.add((level.center.x + tile.x * level.radius) / level.size.width,
+               (level.center.y + tile.y * level.radius) / level.size.height,
+               tile.information * (tile.weight / squared), tile.pull * (tile.weight / level.reduction),
+               variance);
+  }
+  return result;
+}
+
 PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const CameraMotion& guess, bool parallax) {
   const double radius = levels_[0].radius * levels_[0].reduction;
   const double width = levels_[0].size.width * levels_[0].reduction;
@@ -357,6 +371,8 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const CameraMo
     if (!converged) continue;  // NaN is not
     motion = refined;
     if (!parallax) motion[4] = motion[5] = motion[6] = 0;
+    if (!relief_.isKnown() && levels_[i].size.area() <= kAlignment.shift_level)
+      result.shifts = shifts(levels_[i]);
     // The most certain level counts: mostly the finest, but in blurred pictures that has only noise.
     const double variance = parallax ? cv::trace(covariance) : cv::trace(of_similarity);
     if (!result.converged || variance < least) {

@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "alignment/hidden_parallax.hpp"
 #include "alignment/image_pyramid.hpp"
 #include "alignment/relief.hpp"
 #include "alignment/similarity_transform.hpp"
@@ -21,6 +22,7 @@ struct PairMeasurement {
   /// Where relief is known, see CameraMotion. Without `parallax` in measure(): what one more step would find.
   cv::Vec3d parallax;
   cv::Matx33d parallax_covariance;  ///< px^2; zeros: unknown
+  CellShifts shifts;                ///< beside the motion; only where no relief is known
   double correlation = 0;           ///< of the local contrast of both frames, once aligned
 };
 
@@ -105,6 +107,7 @@ class PairAlignment {
   static void fill(const cv::Mat& image, const cv::Point& corner, Tile& tile);
   template <int N>
   double step(const Level& level, Estimate& estimate) const;
+  CellShifts shifts(const Level& level) const;
   Estimate refine(const Level& level, const cv::Mat& image, const Motion& guess, bool parallax);
   void sampleRow(const cv::Mat& image, const Shears& shears, const cv::Point& at, int width, float* out);
   static void sampleTile(const cv::Mat& image, const Shears& shears, const cv::Point& corner, Pixels& out);

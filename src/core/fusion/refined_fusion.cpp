@@ -87,6 +87,7 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
   }
   focal_px_ = scene.camera ? scene.camera->fx * size.width / scene.camera->size.width : 0;
   moved_mm_ = turned_ = 0;
+  may_hide_parallax_ = config.alignment && scene.depth.empty();
   relief_image_.release();
   relief_ = config.alignment ? reliefOf(scene.depth, scene.measured) : Relief();
   alignment_.begin(size, center_, relief_);
@@ -265,6 +266,14 @@ void RefinedFusion::noteDrift(const CameraMotion& motion) {
 }
 
 std::string RefinedFusion::driftNote() const {
+  if (may_hide_parallax_) {
+    const double px = alignment_.hiddenParallax(reference_);
+    if (px == 0) return "";
+    return cv::format(
+        "near and far things moved against each other by %.1f px or more between frames: the camera "
+        "moved, not only its focus; give depth to correct it",
+        px);
+  }
   if (moved_mm_ == 0) return "";
   return cv::format("the camera moved by up to %.1f mm and turned by up to %.2f degrees: corrected by depth",
                     moved_mm_, turned_ * 180 / CV_PI);

@@ -97,6 +97,7 @@ class RefinedFusion {
   int reference_ = -1;   // index; -1: none yet
   Relief relief_;
   cv::Mat1f relief_image_;            // empty until the first frame that needs it
+  bool may_hide_parallax_ = false;    // no depth is known
   double focal_px_ = 0;               // 0 = unknown
   double moved_mm_ = 0, turned_ = 0;  // the greatest of all frames; radians
   cv::Mat reference_gray_;            // until a frame is measured against it; only where relief is known
