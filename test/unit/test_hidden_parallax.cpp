@@ -40,8 +40,8 @@ double parallaxOf(const Shift& shift, double noise = 0.1) {
   std::vector<const CellShifts*> pairs;
   for (int f = 0; f < kFrames; ++f) {
     for (int i = 0; i < kCells; ++i) {
-      const double x = (i % CellShifts::kAcross + 0.5) / CellShifts::kAcross,
-                   y = (i / CellShifts::kAcross + 0.5) / CellShifts::kDown;
+      const int column = i % CellShifts::kAcross, row = i / CellShifts::kAcross;
+      const double x = (column + 0.5) / CellShifts::kAcross, y = (row + 0.5) / CellShifts::kDown;
       const cv::Vec2d of_cell = shift(i, x - 0.5, (y - 0.5) * kSize.height / kSize.width, f) +
                                 cv::Vec2d(random.gaussian(noise), random.gaussian(noise));
       const cv::Matx22d information = 20 * cv::Matx22d::eye();

@@ -24,7 +24,8 @@ struct Placement : SimilarityTransform {
   cv::Vec3d parallax;  ///< roughly, by that of the pairs between; see CameraMotion
 };
 
-/// Aligns the frames of a focus bracket as they come. Memory does not grow but for some numbers per frame.
+/// Aligns the frames of a focus bracket as they come. Memory does not grow but for a thousand numbers per
+/// frame.
 ///
 /// Every frame is measured against a key frame, so that errors add up only where the key changes: to the
 /// frame before, where the key is too far away.

@@ -33,8 +33,9 @@ void explain(const CellShifts& shifts, double aspect, int pair, Pulls& pulls) {
   using Numbers = cv::Vec<double, 6>;
   std::array<cv::Matx<double, 2, 6>, kCells> derivative;
   for (int i = 0; i < kCells; ++i) {
-    const double x = (i % CellShifts::kAcross + 0.5) / CellShifts::kAcross - 0.5,
-                 y = ((i / CellShifts::kAcross + 0.5) / CellShifts::kDown - 0.5) * aspect;
+    const int column = i % CellShifts::kAcross, row = i / CellShifts::kAcross;
+    const double x = (column + 0.5) / CellShifts::kAcross - 0.5,
+                 y = ((row + 0.5) / CellShifts::kDown - 0.5) * aspect;
     derivative[i] = {x, -y, 1, 0, x * x, x * y, y, x, 0, 1, x * y, y * y};
   }
   std::vector<double> weights(kCells, 1);
