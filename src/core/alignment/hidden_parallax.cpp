@@ -86,11 +86,12 @@ std::vector<double> bends(const Pulls& pulls) {
         longest = std::max(longest, length);
       }
     }
+    const cv::Mat1d x_transposed(x.t()), y_transposed(y.t());
     constexpr int kIterations = 20;
     for (int i = 0; i < kIterations; ++i) {
       if (i > 0) cv::swap(from, to);
       cv::normalize(from, from);
-      to = x * (y.t() * from) - y * (x.t() * from);
+      to = x * (y_transposed * from) - y * (x_transposed * from);
     }
     cv::normalize(to, to);
     const cv::Mat1d to_x(to.t() * pulls.x), to_y(to.t() * pulls.y), from_x(from.t() * pulls.x),
