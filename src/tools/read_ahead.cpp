@@ -9,7 +9,8 @@
 namespace all_in_focus {
 namespace {
 
-constexpr std::size_t kMostKept = 8, kMostKeptBytes = 64 << 20;
+constexpr int kMostKept = 8;  // the first half of a bracket; of a longer one too few to be worth their memory
+constexpr std::size_t kMostKeptBytes = 64 << 20;
 
 }  // namespace
 
@@ -37,7 +38,7 @@ void ReadAhead::get(int i, cv::Mat& image) {
     images_.erase(i);
     image = wanted.get();
     const std::size_t bytes = image.total() * image.elemSize();
-    if (forwards_ && kept_.size() < kMostKept && kept_bytes_ + bytes <= kMostKeptBytes) {
+    if (forwards_ && i < kMostKept && count_ <= 2 * kMostKept && kept_bytes_ + bytes <= kMostKeptBytes) {
       kept_bytes_ += bytes;
       kept_[i] = image;
     }

@@ -248,20 +248,20 @@ TEST_F(Files, ReadsAheadInOrderAndNoFartherThanTwo) {
 TEST_F(Files, DecodesFewImagesTwice) {
   std::mutex mutex;
   std::map<int, int> decoded;
-  ReadAhead images(20, [&](int i) {
+  ReadAhead images(16, [&](int i) {
     const std::lock_guard<std::mutex> lock(mutex);
     ++decoded[i];
     return cv::Mat(1, 1, CV_8UC1, cv::Scalar(i));
   });
   cv::Mat image;
   // As a bracket reads whose reference is frame 7: the frames up to it, those before it again, the rest.
-  for (const int last : {7, 6, 19}) {
-    for (int i = last == 19 ? 7 : 0; i <= last; ++i) {
+  for (const int last : {7, 6, 15}) {
+    for (int i = last == 15 ? 7 : 0; i <= last; ++i) {
       images.get(i, image);
       EXPECT_EQ(image.at<std::uint8_t>(0, 0), i);
     }
   }
-  for (int i = 0; i < 20; ++i) EXPECT_EQ(decoded[i], 1) << i;
+  for (int i = 0; i < 16; ++i) EXPECT_EQ(decoded[i], 1) << i;
 }
 
 TEST_F(Files, KeepsNoMoreThanFewMegabytes) {
