@@ -20,8 +20,8 @@ inline constexpr struct AlignmentParameters {
   double small_step = 0.01;      ///< px of a level: converged; the next step would be a tenth of it
   double largest_step = 0.03;    ///< px of a level: not converged
   double largest_motion = 0.05;  ///< of the radius, or of the width
-  double farther_by_parallax =
-      2;  ///< times that. (1: slope -5.4 and clutter -6.6 dB where the camera moves 60 mm)
+  /// Where the camera moves, times that. (1: slope -5.4 and clutter -6.6 dB at 60 mm)
+  double farther_by_parallax = 2;
   double contrast_floor = 0.5;  ///< gray levels; below, contrast may be noise
   double residual_floor = 0.2;  ///< gray levels; rounding leaves as much (0: garden_sag -0.11 dB)
   /// Neighbouring tiles err alike: so many count as one. (1: frames of occluders_28mm are moved that have not
