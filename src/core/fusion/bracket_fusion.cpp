@@ -119,4 +119,8 @@ FusionResult BracketFusion::result() const {
   return result;
 }
 
+std::string BracketFusion::hiddenDriftNote() const {
+  return by_region_ ? "" : refined_->hiddenDriftNote();
+}
+
 }  // namespace all_in_focus::core

@@ -60,6 +60,8 @@ class BracketFusion {
 
   /// The result of the frames so far; images are copies. Throws std::logic_error before the first frame.
   FusionResult result() const;
+  /// See RefinedFusion.
+  std::string hiddenDriftNote() const;
 
  private:
   void takeApart(const cv::Mat& frame, int index);

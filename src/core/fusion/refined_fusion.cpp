@@ -266,17 +266,18 @@ void RefinedFusion::noteDrift(const CameraMotion& motion) {
 }
 
 std::string RefinedFusion::driftNote() const {
-  if (may_hide_parallax_) {
-    const double px = alignment_.hiddenParallax(reference_);
-    if (px == 0) return "";
-    return cv::format(
-        "near and far things moved against each other by %.1f px or more between frames: the camera "
-        "moved, not only its focus; give depth to correct it",
-        px);
-  }
   if (moved_mm_ == 0) return "";
   return cv::format("the camera moved by up to %.1f mm and turned by up to %.2f degrees: corrected by depth",
                     moved_mm_, turned_ * 180 / CV_PI);
+}
+
+std::string RefinedFusion::hiddenDriftNote() const {
+  const double px = may_hide_parallax_ ? alignment_.hiddenParallax(reference_) : 0;
+  if (px == 0) return "";
+  return cv::format(
+      "near and far things moved against each other by %.1f px or more between frames: the camera moved, not "
+      "only its focus; give depth to correct it",
+      px);
 }
 
 void RefinedFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, bool resampled) {

@@ -63,6 +63,8 @@ class RefinedFusion {
 
   /// How far the camera has moved, for the user; "" if it has not.
   std::string driftNote() const;
+  /// What the frames tell of that without depth. Takes some milliseconds.
+  std::string hiddenDriftNote() const;
 
   cv::Mat image() const { return mean_.image(); }
   const cv::Mat& sourceIndex() const { return mean_.sourceIndex(); }
