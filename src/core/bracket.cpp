@@ -446,9 +446,7 @@ BracketResult Bracket::finish(const Progress& progress) {
   while (!held_.empty()) markRejected(held_.begin()->first, whyUnused(held_.begin()->second));
   Stopwatch watch;
   BracketResult result = preview();
-  if (used_ > 0) {
-    if (std::string note = fusion_->hiddenDriftNote(); !note.empty()) result.notes.push_back(std::move(note));
-  }
+  if (std::string note = fusion_->hiddenDriftNote(); !note.empty()) result.notes.push_back(std::move(note));
   if (restores() && predicts_ && !focus_known_ && restoration_->findFocus())
     std::replace(result.notes.begin(), result.notes.end(), kNoFocus, kFocusFound);
   result.fusion_ms += watch.lap();

@@ -20,7 +20,7 @@ inline constexpr struct AlignmentParameters {
   double small_step = 0.01;      ///< px of a level: converged; the next step would be a tenth of it
   double largest_step = 0.03;    ///< px of a level: not converged
   double largest_motion = 0.05;  ///< of the radius, or of the width
-  /// Where the camera moves, times that. (1: slope -5.4 and clutter -6.6 dB at 60 mm)
+  /// Factor of largest_motion where parallax is measured. (1: slope -5.4 and clutter -6.6 dB at 60 mm)
   double farther_by_parallax = 2;
   double contrast_floor = 0.5;  ///< gray levels; below, contrast may be noise
   double residual_floor = 0.2;  ///< gray levels; rounding leaves as much (0: garden_sag -0.11 dB)
@@ -40,7 +40,7 @@ inline constexpr struct AlignmentParameters {
   double significance = 3;              ///< standard deviations
   double shift_significance = 3.44;     ///< of two components; as rare as 3 of a single number
   double parallax_significance = 3.76;  ///< of three components
-  int shift_level = 1 << 17;            ///< px; in larger levels things may move by more than a tile sees
+  int shift_level = 1 << 17;  ///< pixels of a level; in larger ones things may move by more than a tile sees
   /// Of paths that bend in the same sense all over the picture. 102 brackets of still scenes reach 2.9, those
   /// of a camera that turns 3.4, and where a thing moves in a thirtieth of the picture 3.2.
   double bend_significance = 4.5;

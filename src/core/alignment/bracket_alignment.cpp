@@ -184,11 +184,11 @@ void BracketAlignment::noteParallax(const PairMeasurement& measurement) {
   drifts_ = drifts_ || (is_significant && isNoticeable({{}, parallax}));
 }
 
-double BracketAlignment::hiddenParallax(int reference) const {
+double BracketAlignment::hiddenParallax(int reference, const std::function<bool(int)>& counts) const {
   const int scene = observations_.at(reference).scene;
   std::vector<const CellShifts*> pairs;
   for (const auto& [index, shifts] : shifts_) {
-    if (observations_.at(index).scene == scene) pairs.push_back(&shifts);
+    if (observations_.at(index).scene == scene && counts(index)) pairs.push_back(&shifts);
   }
   return core::hiddenParallax(pairs, size_);
 }
@@ -215,7 +215,7 @@ CameraMotion BracketAlignment::measureDrift(const cv::Mat& reference, const cv::
     drift_alignment_.setKey(current_.pyramid, center_);
   }
   current_.pyramid.build(gray);
-  // Where the camera has moved far, what the pairs between say is nearer, or the frame before.
+  // Where the camera has moved far, the parallax of the pairs between is a nearer start, or the frame before.
   for (const CameraMotion& start :
        {CameraMotion{placement, {}}, {placement, placement.parallax}, last_drift_}) {
     const PairMeasurement found = drift_alignment_.measure(current_.pyramid, start, /*parallax=*/true);

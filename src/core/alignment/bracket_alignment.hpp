@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <limits>
 #include <map>
 #include <opencv2/core.hpp>
@@ -51,7 +52,8 @@ class BracketAlignment {
 
   /// By how many pixels near and far things have moved against each other, at least, as far as the frames of
   /// the reference's scene tell without depth; 0: they tell of no camera that moves. See hiddenParallax().
-  double hiddenParallax(int reference) const;
+  /// counts: of the index of a frame, whether it does.
+  double hiddenParallax(int reference, const std::function<bool(int)>& counts) const;
 
   /// Motion of a frame against the reference, both CV_8UC1, of a camera that drifts; none if it is not
   /// noticeable, the placement if it cannot be measured. An empty reference is that of the call before.

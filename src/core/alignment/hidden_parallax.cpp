@@ -79,7 +79,10 @@ std::vector<double> bends(const Pulls& pulls) {
     cv::Mat1d x = pulls.x.clone(), y = pulls.y.clone(), from, to;
     double longest = -1;
     for (int i = 0; i < kCells; ++i) {
-      if (isInFirstHalf(i) == first) x.col(i) = y.col(i) = 0;
+      if (isInFirstHalf(i) == first) {
+        x.col(i) = 0;
+        y.col(i) = 0;
+      }
       for (const cv::Mat1d& pull : {x, y}) {
         const double length = cv::norm(pull.col(i));
         if (length > longest) pull.col(i).copyTo(from);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -26,9 +27,9 @@ struct CellShifts {
 /// By how many pixels near and far things have moved against each other, at least; 0: no camera that moves
 /// shows in these pairs. No depth is known. A refocusing lens moves each cell to and fro along a line of its
 /// own: outwards, or across an edge whose blur changes. A camera that moves along a bent path bends the paths
-/// of all cells, and all in the same sense, for the nearer and the farther than the mean. It is looked for in
-/// one half of the cells and tested in the other. A turn of the camera is eliminated. pairs: of one scene;
-/// size: of the picture.
+/// of all cells, and all in the same sense, whether they are nearer or farther than the mean. The sense is
+/// found in one half of the cells and tested in the other. A turn of the camera is eliminated. pairs: of one
+/// scene; size: of the picture.
 double hiddenParallax(const std::vector<const CellShifts*>& pairs, const cv::Size& size);
 
 }  // namespace all_in_focus::core

@@ -272,7 +272,9 @@ std::string RefinedFusion::driftNote() const {
 }
 
 std::string RefinedFusion::hiddenDriftNote() const {
-  const double px = may_hide_parallax_ ? alignment_.hiddenParallax(reference_) : 0;
+  if (!may_hide_parallax_ || reference_ < 0) return "";
+  const double px =
+      alignment_.hiddenParallax(reference_, [this](int index) { return misfit(index, reference_).empty(); });
   if (px == 0) return "";
   return cv::format(
       "near and far things moved against each other by %.1f px or more between frames: the camera moved, not "
