@@ -300,7 +300,7 @@ def true_depth(scene):
     """Every pixel from the frame focused nearest, in dioptres, to the true depth; true motion is undone, but not a drift."""
     made = json.loads((scene.path / "scene.json").read_text(encoding="utf-8"))
     camera, depth = load_rig(scene.beside["rig"]).color, read_depth(scene.beside["truth_depth"])
-    focus, sag = np.array(made["focus_mm"]), lens.Sag(**made["sag"])
+    focus, sag = np.array(made["focus_mm"]), lens.Sag(**made.get("sag", {}))
     index = np.argmin([np.abs(1 / s - 1 / np.maximum(depth, 1)) for s in focus], axis=0)
     sag = replace(sag, right_px=sag.right_px * scene.enlarge, down_px=sag.down_px * scene.enlarge)
     motions = lens.frame_motions(camera, Optics(**made["optics"]), focus, made["breathing"], sag)

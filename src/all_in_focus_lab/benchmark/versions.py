@@ -5,6 +5,7 @@ import os
 import platform
 import re
 import shutil
+import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -13,7 +14,7 @@ import rospkg
 
 import all_in_focus
 from all_in_focus.files import stack
-from all_in_focus.installed import find, prefix, run
+from all_in_focus.installed import find, prefix
 from all_in_focus_lab import baselines, metrics
 from all_in_focus_lab.benchmark.scenes import digest
 
@@ -54,7 +55,9 @@ def versions(program=""):
         except ImportError:
             pass
     if shutil.which("enfuse"):
-        found["enfuse"] = run(["enfuse", "--version"]).strip().partition("\n")[0] or "unknown"
+        said = subprocess.run(["enfuse", "--version"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                              errors="replace").stdout
+        found["enfuse"] = said.strip().partition("\n")[0] or "unknown"
     found.update(code=code_digest(), fuse_stack=fusion_digest(program), nodes=nodes_digest(), machine=platform.node(),
                  system=platform.platform(), processor=f"{os.cpu_count()} x {_processor()}")
     return found
