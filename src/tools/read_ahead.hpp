@@ -10,9 +10,9 @@
 
 namespace all_in_focus {
 
-/// Decodes numbered images on threads of its own while the caller works on the one before. Keeps some of the
-/// first that it gives until they are asked for again: those before the reference are, and to decode them
-/// takes half of the time.
+/// Decodes numbered images on threads of its own while the caller works on the one before. The frames before
+/// the reference are read twice: of up to 16 images the first eight are kept until they are asked for again,
+/// or until the last image is.
 class ReadAhead {
  public:
   /// decode(i) returns image i, 0..count-1, and may throw. It is called from several threads at once.
