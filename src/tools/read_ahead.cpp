@@ -3,13 +3,14 @@
 
 #include "read_ahead.hpp"
 
+#include <algorithm>
 #include <thread>
 #include <utility>
 
 namespace all_in_focus {
 namespace {
 
-constexpr int kMostKept = 8;  // the first half of a bracket; of a longer one too few to be worth their memory
+constexpr int kMostKept = 8;  // half of a bracket; of a longer one, eight are not worth their memory
 constexpr std::size_t kMostKeptBytes = 64 << 20;
 
 }  // namespace
@@ -28,8 +29,8 @@ void ReadAhead::get(int i, cv::Mat& image) {
   image.release();
   begin(i);
   begin(i + 1);
-  forwards_ = forwards_ && i > asked_;
-  asked_ = i;
+  const bool is_first_time = i > farthest_;
+  farthest_ = std::max(farthest_, i);
   if (const auto kept = kept_.find(i); kept != kept_.end()) {
     image = kept->second;
     kept_.erase(kept);
@@ -38,7 +39,7 @@ void ReadAhead::get(int i, cv::Mat& image) {
     images_.erase(i);
     image = wanted.get();
     const std::size_t bytes = image.total() * image.elemSize();
-    if (forwards_ && i < kMostKept && count_ <= 2 * kMostKept && kept_bytes_ + bytes <= kMostKeptBytes) {
+    if (is_first_time && i < kMostKept && count_ <= 2 * kMostKept && kept_bytes_ + bytes <= kMostKeptBytes) {
       kept_bytes_ += bytes;
       kept_[i] = image;
     }

@@ -32,8 +32,7 @@ class ReadAhead {
   std::map<int, std::future<cv::Mat>> images_;  ///< being decoded; when destroyed, waits for them
   std::map<int, cv::Mat> kept_;
   std::size_t kept_bytes_ = 0;
-  int asked_ = -1;        ///< the last one
-  bool forwards_ = true;  ///< nothing has been asked for again
+  int farthest_ = -1;  ///< that was asked for
 };
 
 }  // namespace all_in_focus

@@ -31,7 +31,8 @@ void requireWholeAvi(const std::string& path) {
   if (fs::file_size(path) < length + 8) fail(path, "video is cut short: copy it again");
 }
 
-// Its methods are virtual: nothing here needs OpenCV's library for videos before there is one.
+// The methods of cv::VideoCapture are virtual, so that the programs need OpenCV's library for videos only
+// when there is one.
 std::unique_ptr<cv::VideoCapture> videoCapture(const std::string& path) {
   void* library = dlopen("liball_in_focus_video.so", RTLD_NOW);
   void* symbol = library == nullptr ? nullptr : dlsym(library, "allInFocusVideoCapture");

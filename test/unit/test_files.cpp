@@ -249,16 +249,18 @@ TEST_F(Files, ReadsAheadInOrderAndNoFartherThanTwo) {
 std::map<int, int> timesDecoded(int count, const cv::Size& size, const std::vector<int>& asked) {
   std::mutex mutex;
   std::map<int, int> decoded;
-  ReadAhead images(count, [&](int i) {
-    const std::lock_guard<std::mutex> lock(mutex);
-    ++decoded[i];
-    return cv::Mat(size, CV_8UC1, cv::Scalar(i));
-  });
-  cv::Mat image;
-  for (const int i : asked) {
-    images.get(i, image);
-    EXPECT_EQ(image.at<std::uint8_t>(0, 0), i);
-  }
+  {
+    ReadAhead images(count, [&](int i) {
+      const std::lock_guard<std::mutex> lock(mutex);
+      ++decoded[i];
+      return cv::Mat(size, CV_8UC1, cv::Scalar(i));
+    });
+    cv::Mat image;
+    for (const int i : asked) {
+      images.get(i, image);
+      EXPECT_EQ(image.at<std::uint8_t>(0, 0), i);
+    }
+  }  // waits for the images that are decoded ahead
   return decoded;
 }
 

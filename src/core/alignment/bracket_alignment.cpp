@@ -215,7 +215,7 @@ CameraMotion BracketAlignment::measureDrift(const cv::Mat& reference, const cv::
     drift_alignment_.setKey(current_.pyramid, center_);
   }
   current_.pyramid.build(gray);
-  // Where the camera has moved far, the parallax of the pairs between is a nearer start, or the frame before.
+  // Where the camera has moved far, the pairs between or the frame before give a nearer start.
   for (const CameraMotion& start :
        {CameraMotion{placement, {}}, {placement, placement.parallax}, last_drift_}) {
     const PairMeasurement found = drift_alignment_.measure(current_.pyramid, start, /*parallax=*/true);

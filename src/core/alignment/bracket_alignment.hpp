@@ -22,7 +22,7 @@ struct Placement : SimilarityTransform {
   /// Of its coarse local contrast with an earlier frame's. If it does not fit: the highest that a frame which
   /// shows the same has with one that shows what the reference shows; NaN: none of them were compared.
   double correlation = 1;
-  cv::Vec3d parallax;  ///< roughly, by that of the pairs between; see CameraMotion
+  cv::Vec3d parallax;  ///< roughly: the sum over the pairs between; see CameraMotion
 };
 
 /// Aligns the frames of a focus bracket as they come. Memory does not grow but for a thousand numbers per
@@ -72,7 +72,7 @@ class BracketAlignment {
     int index = 0;
     int scene = 0;               ///< the same for frames that fit each other
     SimilarityTransform motion;  ///< from the first frame of the scene
-    cv::Vec3d parallax;          ///< the same, the sum over pairs
+    cv::Vec3d parallax;          ///< from there, too: the sum over the pairs
     cv::Matx44d key_covariance;  ///< of the key frame's motion, px^2, as in PairMeasurement
     cv::Matx44d covariance;      ///< of the motion from there
     double tiles = std::numeric_limits<double>::infinity();  ///< that tell it, see PairMeasurement

@@ -136,6 +136,7 @@ cv::Mat1f nearestInCells(const cv::Mat2f& map, const cv::Mat1f& relief, int reac
   cv::Mat1f nearest(map.rows + 1, map.cols + 1, -std::numeric_limits<float>::infinity());
   const RowStrips strips({0, nearest.rows}, stripCount(nearest.rows));
   strips.forEach([&](const cv::Range& rows, int) {
+    // One row more on each side, for the rounding of the map.
     const int from = std::max(0, rows.start - 2 - reach), to = std::min(map.rows, rows.end + 1 + reach);
     for (int y = from; y < to; ++y) {
       for (int x = 0; x < map.cols; ++x) {
@@ -168,10 +169,8 @@ ParallaxView viewOf(const CameraMotion& motion, const cv::Mat1f& relief, const c
       const float* above = nearest[there.y] + there.x;
       const float* below = nearest[there.y + 1] + there.x;
       const double in_front = std::max({above[0], above[1], below[0], below[1]}) - relief(y, x);
-      const cv::Point2d per_relief(row.per_relief.x + row.per_relief_step * x, row.per_relief.y);
-      const bool is_hidden =
-          in_front * in_front * per_relief.dot(per_relief) > kAlignment.hidden * kAlignment.hidden;
-      view.shown(y, x) = is_hidden ? 0 : 255;
+      const double px = std::hypot(row.per_relief.x + row.per_relief_step * x, row.per_relief.y);
+      view.shown(y, x) = in_front * px > kAlignment.hidden ? 0 : 255;
     }
   });
   return view;

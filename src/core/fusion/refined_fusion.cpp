@@ -87,7 +87,6 @@ void RefinedFusion::begin(const BracketScene& scene, const RefinedConfig& config
   }
   focal_px_ = scene.camera ? scene.camera->fx * size.width / scene.camera->size.width : 0;
   moved_mm_ = turned_ = 0;
-  may_hide_parallax_ = config.alignment && scene.depth.empty();
   relief_image_.release();
   relief_ = config.alignment ? reliefOf(scene.depth, scene.measured) : Relief();
   alignment_.begin(size, center_, relief_);
@@ -272,7 +271,7 @@ std::string RefinedFusion::driftNote() const {
 }
 
 std::string RefinedFusion::hiddenDriftNote() const {
-  if (!may_hide_parallax_ || reference_ < 0) return "";
+  if (!config_.alignment || !relief_.filled.empty() || reference_ < 0) return "";
   const double px =
       alignment_.hiddenParallax(reference_, [this](int index) { return misfit(index, reference_).empty(); });
   if (px == 0) return "";

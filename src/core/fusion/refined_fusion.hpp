@@ -63,7 +63,7 @@ class RefinedFusion {
 
   /// How far the camera has moved, for the user; "" if it has not.
   std::string driftNote() const;
-  /// What the frames tell of that without depth. Takes some milliseconds.
+  /// The same where no depth is known, as far as the frames show it. Takes some milliseconds.
   std::string hiddenDriftNote() const;
 
   cv::Mat image() const { return mean_.image(); }
@@ -99,7 +99,6 @@ class RefinedFusion {
   int reference_ = -1;   // index; -1: none yet
   Relief relief_;
   cv::Mat1f relief_image_;            // empty until the first frame that needs it
-  bool may_hide_parallax_ = false;    // no depth is known
   double focal_px_ = 0;               // 0 = unknown
   double moved_mm_ = 0, turned_ = 0;  // the greatest of all frames; radians
   cv::Mat reference_gray_;            // until a frame is measured against it; only where relief is known
