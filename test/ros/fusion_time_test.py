@@ -56,10 +56,13 @@ class JumpTest(RoundsTest):
         self.play_to_the_end()
         middle = self.send_bracket(self.start)
         self.deliver_labels(self.start + 300.5)  # was still under way
-        self.send_labels(self.start)
+        self.deliver_labels(self.start)
         report = self.report(middle)
         self.assertEqual([report.frames_used, report.frames_missing], [3, 0])
-        self.assert_next_bracket_is_good(self.start + 10)
+        middle = self.send_bracket(self.start + 10)
+        self.assertIsNone(self.processed.at(self.start + 10, timeout=0.3))
+        self.send_labels(self.start + 10)
+        self.assert_fused(middle)
 
     def test_the_last_picture_of_before_comes_after_the_jump(self):
         self.play_to_the_end()

@@ -292,6 +292,17 @@ TEST_F(SceneCacheTest, ABracketThatHasBegunKeepsItsSceneWhenTimeJumpsBack) {
   EXPECT_FALSE(found(9.9).depth) << "not pinned";
 }
 
+TEST_F(SceneCacheTest, ALateMessageFromBeforeAJumpDoesNotEndLaterWaits) {
+  publish({SceneTopic::kDepth});
+  cache_.forgetAfter(ros::Time(10));
+  cache_.addDepth(image(300));  // was still under way
+  cache_.addDepth(image(10));
+  auto scene = await(20);
+  EXPECT_FALSE(isReady(scene));
+  cache_.addDepth(image(20));
+  EXPECT_EQ(scene.get().stamp, ros::Time(20));
+}
+
 TEST(ImageLimit, BoundsNumberAndBytes) {
   sensor_msgs::Image image;
   EXPECT_EQ(imageLimit(64, image), 64u);

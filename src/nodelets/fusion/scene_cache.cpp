@@ -77,7 +77,9 @@ void SceneCache::add(const Message& message, Message SceneMessages::*as, SceneTo
   const bool is_whole = topic != SceneTopic::kLabels || has(entry, &SceneMessages::labels);
   updatePinned();
   makeRoom();
-  if (is_whole) arrived(topic);
+  if (!is_whole) return;
+  (*this)[topic].last = entry.stamp;
+  arrived(topic);
 }
 
 // Holds mutex_.
@@ -199,18 +201,20 @@ SceneMessages SceneCache::sceneOf(const ros::Time& first_frame) const {
   return scene;
 }
 
-// Whether no newer image with a stamp up to `stamp` can come any more. That is so once an image at or after
-// `stamp` has come, unless that one is from before /clock jumped back.
-bool SceneCache::isDecided(const ros::Time& stamp, Image image) const {
+// Whether no image with a stamp up to `stamp` can come any more. A topic keeps its order, so that is so once
+// its last image is at or after `stamp`, unless that one is from before /clock jumped back.
+bool SceneCache::isDecided(SceneTopic topic, const ros::Time& stamp) const {
+  const ros::Time last = topics_[static_cast<std::size_t>(topic)].last;
   const ros::Time latest = std::max(stamp, ros::Time::now());
-  const auto next = std::find_if(entries_.lower_bound(stamp), entries_.end(),
-                                 [&](const auto& entry) { return has(entry.second, image); });
-  return next != entries_.end() && secondsBetween(latest, next->first) < kClockTolerance;
+  return !last.isZero() && last >= stamp && secondsBetween(latest, last) < kClockTolerance;
 }
 
 void SceneCache::forgetAfter(const ros::Time& now) {
   std::lock_guard<std::mutex> lock(mutex_);
   entries_.erase(entries_.upper_bound(now), entries_.end());
+  for (Topic& topic : topics_) {
+    if (topic.last > now) topic.last = {};
+  }
   changed_.notify_all();
 }
 
@@ -247,7 +251,7 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) 
   };
   const auto waitForImage = [&](SceneTopic name, const ros::Time& stamp, Image image) {
     wait(
-        name, [&] { return isDecided(stamp, image); }, [&] { return scene().*image != nullptr; });
+        name, [&] { return isDecided(name, stamp); }, [&] { return scene().*image != nullptr; });
   };
   const auto waitForMessage = [&](SceneTopic name, const auto message) {
     const auto is_there = [&] { return scene().*message != nullptr; };

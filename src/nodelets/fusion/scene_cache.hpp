@@ -97,13 +97,14 @@ class SceneCache {
   Entries::iterator mostDispensable();
   Entries::const_iterator newestAt(const ros::Time& frame) const;
   SceneMessages sceneOf(const ros::Time& first_frame) const;
-  bool isDecided(const ros::Time& stamp, Image image) const;
+  bool isDecided(SceneTopic topic, const ros::Time& stamp) const;
   Image key() const { return by_labels_ ? &SceneMessages::labels : &SceneMessages::depth; }
 
   struct Topic {
     bool published = false;
     bool silent = false;        // the last wait brought nothing
     std::uint64_t arrived = 0;  // messages
+    ros::Time last;             // stamp of the last one: an image
   };
   Topic& operator[](SceneTopic topic) { return topics_[static_cast<std::size_t>(topic)]; }
 
