@@ -16,7 +16,7 @@ from all_in_focus import imaging
 from all_in_focus.files.rig import Camera, Optics, load_rig
 from all_in_focus_lab.metrics.truth import Truth
 from all_in_focus_lab.simulation import depth_sensor as kinect
-from all_in_focus_lab.simulation import lens
+from all_in_focus_lab.simulation import lens, surfaces
 from all_in_focus_lab.simulation.layered_scene import LayeredScene, add_grain, kinect_beside
 from all_in_focus_lab.simulation.photograph import measured, peel_layers
 from all_in_focus_lab.simulation.presets import SCENES
@@ -51,9 +51,9 @@ def noise_picture(size=(80, 120)):
 def test_blur_circle_of_the_thin_lens():
     optics = Optics(24.0, 4.0, 0.019)
     # 24^2 / 4 * |1000 - 2000| / (1000 * (2000 - 24)) = 144 / 1976
-    assert lens.blur_circle_mm(optics, 1000.0, 2000.0) == pytest.approx(0.0728745, abs=1e-7)
-    assert lens.blur_circle_mm(optics, 2000.0, 1000.0) == pytest.approx(0.0737705, abs=1e-7)
-    assert lens.blur_circle_mm(optics, 1500.0, 1500.0) == 0
+    assert lens.blur_circle_px(optics, 24.0, 1000.0, 2000.0) == pytest.approx(0.0728745, abs=1e-7), "pixels of 1 mm"
+    assert lens.blur_circle_px(optics, 24.0, 2000.0, 1000.0) == pytest.approx(0.0737705, abs=1e-7)
+    assert lens.blur_circle_px(optics, 24.0, 1500.0, 1500.0) == 0
     assert lens.blur_circle_px(optics, 810.0, 1000.0, 2000.0) == pytest.approx(2.4595, abs=1e-4)
     assert lens.image_distance(50.0, 2050.0) == pytest.approx(51.25)
 
@@ -257,6 +257,7 @@ def test_tiles_have_no_seams(name, monkeypatch):
     preset, tiles = SCENES[name], []
     for size in (lens.TILE_PX, 48):
         monkeypatch.setattr(lens, "TILE_PX", size)
+        monkeypatch.setattr(surfaces, "TILE_PX", size)
         scene = preset.build((160, 120), preset.optics, 0)
         tiles.append((scene.truth(), scene.truth_depth(), lens.render_frame(scene, Optics(50.0, 0.7, 0.03), 3500.0)))
     for whole, tiled in zip(*tiles):

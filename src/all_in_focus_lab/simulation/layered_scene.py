@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
 from all_in_focus.files.rig import Camera, Rig, rotation_matrix
-from all_in_focus_lab.simulation.lens import Layer, composite, tiles_of, visible_depth
+from all_in_focus_lab.simulation.lens import TILE_PX, Layer, composite, tiles_of, visible_depth
 
 GRAIN_TILE = 1024                 # pixels; the texture repeats after so many
 GRAIN_SIGMAS_PX = (0.7, 2, 6)     # texture of three sizes
@@ -85,7 +85,7 @@ def add_grain(scene, deviation, seed):
     grain *= deviation * np.clip(_seamless(rng, PATCH_SIGMA_PX) + 0.5, 0, 1)
     for layer in scene.layers:
         rows, cols = (rng.integers(GRAIN_TILE) + np.arange(count) for count in layer.alpha.shape)
-        for tile in tiles_of((slice(0, len(rows)), slice(0, len(cols)))):
+        for tile in tiles_of((slice(0, len(rows)), slice(0, len(cols))), TILE_PX):
             if layer.alpha[tile].any():
                 factor = grain[np.ix_(rows[tile[0]] % GRAIN_TILE, cols[tile[1]] % GRAIN_TILE)]
                 layer.color[tile] *= np.maximum(1 + factor, 0)[..., None]

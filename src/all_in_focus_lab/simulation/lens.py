@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A focus bracket through a thin lens: layered defocus with occlusion, in linear light.
 
-Distances are in mm, blur circles in mm on the sensor or in pixels of pitch f / fx.
+Distances are in mm, blur circles in pixels of pitch f / fx.
 """
 from dataclasses import dataclass
 from functools import lru_cache
@@ -44,15 +44,11 @@ def image_distance(f, s):
     return f * s / (s - f)
 
 
-def blur_circle_mm(optics, u, s):
-    """Diameter (mm) of the blur circle of a point at distance u, focused at s: f^2/F |u - s| / (u (s - f))."""
-    f = optics.focal_length_mm
-    return f * f / optics.aperture * np.abs(u - s) / (u * (s - f))
-
-
 def blur_circle_px(optics, fx, u, s):
-    """The same in pixels; the pixel pitch is f / fx."""
-    return blur_circle_mm(optics, u, s) * fx / optics.focal_length_mm
+    """Diameter (pixels of pitch f / fx) of the blur circle of a point at distance u, focused at s: f^2/F |u - s| / (u (s - f))
+    on the sensor."""
+    f = optics.focal_length_mm
+    return f * f / optics.aperture * np.abs(u - s) / (u * (s - f)) * fx / f
 
 
 def focus_distances(near, far, count):
@@ -86,10 +82,10 @@ def window_around(mask, pad):
         return tuple(slice(max(0, side.start - pad), min(side.stop + pad, size)) for side, size in zip(box, mask.shape))
 
 
-def tiles_of(window):
-    """Windows (two slices) of at most TILE_PX x TILE_PX pixels that make up a window."""
-    for rows, cols in product(*(range(side.start, side.stop, TILE_PX) for side in window)):
-        yield slice(rows, min(rows + TILE_PX, window[0].stop)), slice(cols, min(cols + TILE_PX, window[1].stop))
+def tiles_of(window, side_px):
+    """Windows (two slices) of at most side_px x side_px pixels that make up a window."""
+    for rows, cols in product(*(range(side.start, side.stop, side_px) for side in window)):
+        yield slice(rows, min(rows + side_px, window[0].stop)), slice(cols, min(cols + side_px, window[1].stop))
 
 
 def blur_levels(diameter_px):
@@ -136,7 +132,7 @@ def composite(layers, diameter_of=None):
         ends = np.float32([end for layer in layers for end in (layer.depth.min(), layer.depth.max())])
         reach = disc_kernel(int(blur_levels(diameter_of(ends)).max())).shape[0] // 2
     light = np.empty((height, width, 3), np.float32)
-    for rows, cols in tiles_of((slice(0, height), slice(0, width))):
+    for rows, cols in tiles_of((slice(0, height), slice(0, width)), TILE_PX):
         wide = [slice(max(0, side.start - reach), side.stop + reach) for side in (rows, cols)]
         tile = _composite_tile([layer.crop(*wide) for layer in layers], diameter_of)
         tile = tile[rows.start - wide[0].start:, cols.start - wide[1].start:]

@@ -16,7 +16,7 @@ from all_in_focus.files.rig import Camera, Optics
 from all_in_focus_lab.simulation.layered_scene import LayeredScene, canvas_margin, kinect_beside
 from all_in_focus_lab.simulation.photograph import motorcycle
 from all_in_focus_lab.simulation.surfaces import (Ball, Plane, disc, fence, leaves, lit, marked, picture, plain, rods,
-                                                  shaded_under, spotted, tiles, twigs)
+                                                  shaded_under, tiles, twigs)
 
 
 def _camera(size):
@@ -169,7 +169,7 @@ def garden(size, optics, seed):
         return Plane((0.0, 0.0, depth), 0, 0, twigs(strands, (0.25, 0.15, 0.07)))
 
     return _built("garden", size, optics, 780, [
-        Plane((0.0, 0.0, 4.5), 0, 0, spotted(sky, lamps)),
+        Plane((0.0, 0.0, 4.5), 0, 0, marked(sky, lamps)),
         Plane((0.0, 0.9, 4.2), 0, 0, tiles(skimage.data.grass(), 1.2, (0.45, 0.7, 0.25), top=0.0)),
         Plane((0.6, 0.1, 3.6), -20, 0, picture(skimage.data.text(), 1.3, 0.5)),
         foliage(3.0, 900, 0.07, -0.1, (0.16, 0.33, 0.08)),
@@ -178,7 +178,7 @@ def garden(size, optics, seed):
         foliage(1.9, 260, 0.06, -0.05, (0.2, 0.42, 0.1)),
         Plane((0.3, -0.12, 1.5), -15, 0, fence(12, 8, 0.04, 0.0016, (0.3, 0.3, 0.32), (0.5, 0.5, 0.5))),
         hair(1.2, -0.2, 0.45, 60, 0.5),
-        Plane((0.12, 0.26, 1.05), 0, 0, spotted(plain(0.3, 0.1, (0.05, 0.06, 0.1)), glints)),
+        Plane((0.12, 0.26, 1.05), 0, 0, marked(plain(0.3, 0.1, (0.05, 0.06, 0.1)), glints)),
         foliage(0.88, 40, 0.035, 0.12, (0.3, 0.5, 0.12)),
     ])
 

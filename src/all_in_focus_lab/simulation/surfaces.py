@@ -20,7 +20,8 @@ from all_in_focus_lab.simulation.lens import Layer, tiles_of, window_around
 NEAR, FAR = 0.1, 100.0           # metres; surfaces end there
 LIGHT = (-0.45, -0.75, -0.485)   # unit vector to the lamp: up, to the left, behind the camera
 AMBIENT = 0.4                    # share of the light that comes from everywhere
-BLOCK = 128                      # pixels, see in_blocks()
+SAMPLES = 3                      # rays along each side of a pixel
+TILE_PX = 128                    # rendered at once: of many small things a shade tests only those near the tile
 
 
 class Surface:
@@ -30,10 +31,10 @@ class Surface:
     also where the surface is missed), colour and mask of what exists.
     """
 
-    def layer(self, camera, margin, samples=3):
-        """Render to a layer, samples x samples per pixel."""
+    def layer(self, camera, margin):
+        """Render to a layer."""
         shape = (camera.height + 2 * margin[1], camera.width + 2 * margin[0])
-        offsets = (np.arange(samples) + 0.5) / samples - 0.5
+        offsets = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
 
         def meet(dx, dy, rows=slice(None), cols=slice(None)):
             x = (np.arange(shape[1], dtype=np.float32) + dx - margin[0] - camera.K[0, 2]) / camera.K[0, 0]
@@ -41,19 +42,19 @@ class Surface:
             return self.meet(x[cols], y[rows])
 
         z, exists = np.empty(shape, np.float32), np.empty(shape, bool)
-        for tile in tiles_of((slice(0, shape[0]), slice(0, shape[1]))):
+        for tile in tiles_of((slice(0, shape[0]), slice(0, shape[1])), TILE_PX):
             z[tile], _, exists[tile] = meet(0, 0, *tile)
         window = window_around(exists, pad=4)
         if window is None:
             raise ValueError("a surface lies outside the picture")
         light, alpha = np.zeros(shape + (3,), np.float32), np.zeros(shape, np.float32)
-        for tile in tiles_of(window):
+        for tile in tiles_of(window, TILE_PX):
             for dy, dx in product(offsets, offsets):
                 _, color, exists = meet(dx, dy, *tile)
                 light[tile] += color * exists[..., None]
                 alpha[tile] += exists
             light[tile] /= np.maximum(alpha[tile], 1)[..., None]
-        alpha /= samples * samples
+        alpha /= SAMPLES * SAMPLES
         shown = z[window][alpha[window] > 0]
         np.clip(z, shown.min(), shown.max(), out=z)
         z *= 1000
@@ -109,9 +110,9 @@ def linear_rgb(image):
     return srgb_to_linear(image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2RGB))
 
 
-def within(a, b, width, height):
-    """Mask of a rectangle about the origin."""
-    return (np.abs(a) <= width / 2) & (np.abs(b) <= height / 2)
+def within(a, b, width, height=None):
+    """Mask of a rectangle about the origin; without a height, of a disc whose radius is `width`."""
+    return (np.abs(a) <= width / 2) & (np.abs(b) <= height / 2) if height else a * a + b * b <= width * width
 
 
 def picture(image, width, height):
@@ -149,16 +150,17 @@ def disc(shade, radius):
     """What another shade paints, cut to a disc."""
     def cut(a, b):
         color, exists = shade(a, b)
-        return color, exists & (a * a + b * b <= radius * radius)
+        return color, exists & within(a, b, radius)
     return cut
 
 
 def marked(shade, marks):
-    """What another shade paints, with rectangles on it: (a, b, width, height, linear colour)."""
+    """What another shade paints, with rectangles on it, (a, b, width, height, linear colour), or discs: (a, b, radius,
+    linear colour)."""
     def paint(a, b):
         color, exists = shade(a, b)
-        for right, down, width, height, ink in marks:
-            color = np.where(within(a - right, b - down, width, height)[..., None], np.float32(ink), color)
+        for right, down, *size, ink in marks:
+            color[within(a - right, b - down, *size)] = ink
         return color, exists
     return paint
 
@@ -183,31 +185,10 @@ def shaded_under(shade, spots):
     return paint
 
 
-def in_blocks(shade):
-    """The same shade, evaluated block by block: a shade of many small things then tests only those near the block."""
-    def paint(a, b):
-        color, exists = np.empty(a.shape + (3,), np.float32), np.empty(a.shape, bool)
-        for row, col in product(*(range(0, count, BLOCK) for count in a.shape)):
-            block = slice(row, row + BLOCK), slice(col, col + BLOCK)
-            color[block], exists[block] = shade(a[block], b[block])
-        return color, exists
-    return paint
-
-
 def rows_within(rows, a, b, reach):
-    """Those rows whose place (a, b), their first two columns, lies within reach of a block of pixels."""
+    """Those rows whose place (a, b), their first two columns, lies within reach of a tile of pixels."""
     return rows[(rows[:, 0] >= a.min() - reach) & (rows[:, 0] <= a.max() + reach)
                 & (rows[:, 1] >= b.min() - reach) & (rows[:, 1] <= b.max() + reach)]
-
-
-def spotted(shade, spots):
-    """What another shade paints, with discs on it: (a, b, radius, linear colour)."""
-    def paint(a, b):
-        color, exists = shade(a, b)
-        for right, down, radius, ink in spots:
-            color[(a - right) ** 2 + (b - down) ** 2 <= radius ** 2] = ink
-        return color, exists
-    return paint
 
 
 def leaves(rows, length, tone):
@@ -223,7 +204,7 @@ def leaves(rows, length, tone):
             near = tuple(index[here] for index in near)
             exists[near], color[near] = True, bright[here][:, None] * np.float32(tone)
         return color, exists
-    return in_blocks(shade)
+    return shade
 
 
 def rods(lines, radius, color_a, color_b, stripe):
@@ -258,7 +239,7 @@ def twigs(segments, bark):
             tone[near] = np.where(here, 1 - 0.4 * (right + down) / radius + rings, tone[near])
             exists[near] |= here
         return tone[..., None] * np.float32(bark), exists
-    return in_blocks(shade)
+    return shade
 
 
 def fence(columns, rows, mesh, bar, color_a, color_b):
