@@ -15,7 +15,7 @@ from test_recorded_sample import PAIRS, needs_pairs
 
 from all_in_focus_lab import metrics
 from all_in_focus_lab.baselines import (BASELINES, contourlet, convolutional, dense_sift, guided_filtering, matting,
-                                        nonsubsampled, pulse_coupled, wavelet)
+                                        pulse_coupled, wavelet)
 from all_in_focus_lab.baselines.alignment import align
 from all_in_focus_lab.metrics import phase
 from all_in_focus_lab.metrics.truth import psnr
@@ -191,8 +191,8 @@ def test_wavelets_and_directional_filters_reconstruct():
     bands, margin = wavelet.transform(image), wavelet.MARGIN
     assert len(bands) == wavelet.LEVELS
     assert np.allclose(pywt.iswt2(bands, wavelet.HAAR)[margin:margin + 32, margin:margin + 48], image)
-    bands = list(nonsubsampled.filters((41, 64)))
-    assert len(bands) == 1 + sum(2 ** count for count in nonsubsampled.DIRECTIONS)
+    bands = list(pulse_coupled.filters((41, 64)))
+    assert len(bands) == 1 + sum(2 ** count for count in pulse_coupled.DIRECTIONS)
     assert np.allclose(sum(analysis * synthesis for analysis, synthesis in bands), 1)
 
 
@@ -228,7 +228,7 @@ def test_directions_are_told_apart():
     y, x = 2 * np.pi * np.fft.fftfreq(64)[:, None], 2 * np.pi * np.fft.rfftfreq(64)[None]
     stripes = np.abs(np.fft.rfft2(np.sin(np.mgrid[:64, :64][1] * np.pi / 2 + np.mgrid[:64, :64][0] * np.pi / 8)))
     energy = [(stripes * analysis * synthesis).max() / stripes.max()
-              for analysis, synthesis in nonsubsampled.directions(y, x, 2)]
+              for analysis, synthesis in pulse_coupled.directions(y, x, 2)]
     assert sorted(np.round(energy, 2)) == pytest.approx([0, 0, 0, 1], abs=0.05)
 
 
