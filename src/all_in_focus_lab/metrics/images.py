@@ -33,6 +33,18 @@ def windowed(image, window):
     return cv2.sepFilter2D(image, cv2.CV_64F, window, window, borderType=cv2.BORDER_CONSTANT)
 
 
+class Local:
+    """Mean and variance of values (H x W) in a Gaussian window around each pixel, zeros outside."""
+
+    def __init__(self, values, size, sigma):
+        self.values, self._window = np.float64(values), cv2.getGaussianKernel(size, sigma)
+        self.mean = windowed(self.values, self._window)
+        self.variance = self.covariance(self)
+
+    def covariance(self, other):
+        return windowed(self.values * other.values, self._window) - self.mean * other.mean
+
+
 def ratio(part, whole, otherwise=0.0):
     """part / whole; `otherwise` where whole is 0."""
     return np.divide(part, whole, out=np.full(np.shape(whole), float(otherwise)), where=whole != 0)

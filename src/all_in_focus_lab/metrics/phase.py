@@ -4,11 +4,10 @@
 import functools
 from concurrent.futures import ThreadPoolExecutor
 
-import cv2
 import numpy as np
 from scipy.fftpack import fft2, ifft2  # scipy.fft begins with SciPy 1.4
 
-from all_in_focus_lab.metrics.images import ratio, remembered, windowed
+from all_in_focus_lab.metrics.images import Local, ratio, remembered
 
 SIZE, SIGMA = 11, 1.5  # pixels, of the Gaussian window
 FEATURE = 0.1          # phase congruency above which a pixel counts
@@ -25,20 +24,9 @@ WIDTH_CUT_OFF, WIDTH_GAIN = 0.5, 10    # of the sigmoid that favours a wide spre
 EPS = 1e-4
 
 
-class _Map:
-    """One feature map with its local mean and variance."""
-
-    def __init__(self, values):
-        self.values, self.mean = values, local_mean(values)
-        self.variance = local_mean(values ** 2) - self.mean ** 2
-
-    def correlation(self, other):
-        covariance = local_mean(self.values * other.values) - self.mean * other.mean
-        return (covariance + C) / (np.sqrt(np.abs(self.variance * other.variance)) + C)
-
-
-def local_mean(values):
-    return windowed(values, cv2.getGaussianKernel(SIZE, SIGMA))
+def correlation(one, other):
+    """Of two maps (Local) around each pixel."""
+    return (one.covariance(other) + C) / (np.sqrt(np.abs(one.variance * other.variance)) + C)
 
 
 def q_p(sources, fused):
@@ -56,8 +44,8 @@ def q_p(sources, fused):
         return float("nan")
     product = 1.0
     for of_sources, values in zip(maps, phase_congruency(fused)):
-        target = _Map(values)
-        best = np.max([mask * source.correlation(target) for source, mask in zip(of_sources, masks)], axis=0)
+        target = Local(values, SIZE, SIGMA)
+        best = np.max([mask * correlation(source, target) for source, mask in zip(of_sources, masks)], axis=0)
         product *= best.sum() / count
     return float(product)
 
@@ -65,14 +53,15 @@ def q_p(sources, fused):
 @remembered
 def _masks_and_maps(*sources):
     """For each source, and for the image made of the strongest source at each pixel: a mask of the pixels with features,
-    and the _Maps by kind."""
+    and the maps (Local) by kind."""
     with ThreadPoolExecutor() as pool:  # numpy releases the interpreter lock
         maps = np.array(list(pool.map(phase_congruency, sources)))
     # Of equally strong sources the last.
     strongest = len(sources) - 1 - maps[::-1, 0].argmax(axis=0)
     maps = np.concatenate([maps, np.take_along_axis(maps, strongest[None, None], axis=0)])
     masks = maps[:, 0] > FEATURE
-    return masks, [[_Map(source[kind] * mask) for source, mask in zip(maps, masks)] for kind in range(maps.shape[1])]
+    return masks, [[Local(source * mask, SIZE, SIGMA) for source, mask in zip(of_kind, masks)]
+                   for of_kind in maps.swapaxes(0, 1)]
 
 
 # --- phase congruency -------------------------------------------------------------------------------------------------
@@ -86,7 +75,8 @@ def _low_pass(shape):
 
 @functools.lru_cache(maxsize=2)
 def _filters(shape):
-    """Radial filters (one per scale), H x W each in the order of the FFT, and one _Angular per orientation."""
+    """Radial filters (one per scale), H x W each in the order of the FFT; and for each orientation its angle, the angular
+    factor of its filters, and the responses to white noise of the finest one and of the even parts of all together."""
     y, x = (np.fft.ifftshift((np.arange(n) - n // 2) / (n if n % 2 == 0 else n - 1)) for n in shape)
     radius = np.sqrt(y[:, None] ** 2 + x ** 2)
     radius[0, 0] = 1
@@ -95,28 +85,22 @@ def _filters(shape):
         centre = 1 / (SHORTEST_WAVE * SCALE_FACTOR ** scale)
         radial.append(np.exp(-np.log(radius / centre) ** 2 / (2 * np.log(BANDWIDTH) ** 2)) * low_pass)
         radial[-1][0, 0] = 0
-    theta, band = np.arctan2(-y[:, None], x), sum(radial)
-    return radial, [_Angular(theta, index * np.pi / ORIENTATIONS, radial[0], band) for index in range(ORIENTATIONS)]
-
-
-class _Angular:
-    """The angular factor of the filters of one orientation, and their response to white noise."""
-
-    def __init__(self, theta, angle, finest, band):
-        """theta: direction of each frequency; finest: radial filter of the finest scale; band: sum over all scales."""
-        self.angle = angle
+    theta, band, orientations = np.arctan2(-y[:, None], x), sum(radial), []
+    for angle in np.arange(ORIENTATIONS) * np.pi / ORIENTATIONS:
         apart = np.abs(theta - angle)
-        self.values = np.exp(-np.minimum(apart, 2 * np.pi - apart) ** 2 / (2 * ANGLE_SIGMA ** 2))
-        self.finest_power = ((finest * self.values) ** 2).sum()
+        angular = np.exp(-np.minimum(apart, 2 * np.pi - apart) ** 2 / (2 * ANGLE_SIGMA ** 2))
         # Sums of products of the filters' real parts in space are those of their even parts in frequency (Parseval).
-        band = band * self.values
-        self.even_power = ((band + np.roll(band[::-1, ::-1], (1, 1), axis=(0, 1))) ** 2).sum() / 4
+        whole = band * angular
+        even_power = ((whole + np.roll(whole[::-1, ::-1], (1, 1), axis=(0, 1))) ** 2).sum() / 4
+        orientations.append((angle, angular, ((radial[0] * angular) ** 2).sum(), even_power))
+    return radial, orientations
 
-    def noise_threshold(self, finest_amplitude):
-        """Energy that noise alone reaches, estimated from the finest scale, where most pixels show only noise."""
-        noise = np.median(finest_amplitude ** 2) / np.log(2) / self.finest_power
-        tau = np.sqrt(noise * self.even_power)
-        return (tau * np.sqrt(np.pi / 2) + NOISE_SIGMAS * np.sqrt((2 - np.pi / 2) * tau ** 2)) / NOISE_REDUCTION
+
+def _noise_threshold(finest_amplitude, finest_power, even_power):
+    """Energy that noise alone reaches, estimated from the finest scale, where most pixels show only noise."""
+    noise = np.median(finest_amplitude ** 2) / np.log(2) / finest_power
+    tau = np.sqrt(noise * even_power)
+    return (tau * np.sqrt(np.pi / 2) + NOISE_SIGMAS * np.sqrt((2 - np.pi / 2) * tau ** 2)) / NOISE_REDUCTION
 
 
 def _energy(responses):
@@ -138,18 +122,18 @@ def phase_congruency(gray):
     radial, orientations = _filters(gray.shape)
     spectrum = fft2(np.float64(gray))
     energies, amplitudes, xx, xy, yy = np.zeros((5,) + gray.shape)
-    for angular in orientations:
-        oriented = spectrum * angular.values
+    for angle, angular, *powers in orientations:
+        oriented = spectrum * angular
         responses = [ifft2(oriented * along, overwrite_x=True) for along in radial]
         amplitude = [np.abs(response) for response in responses]
         amplitude_sum = sum(amplitude)
-        energy = np.maximum(_energy(responses) - angular.noise_threshold(amplitude[0]), 0)
+        energy = np.maximum(_energy(responses) - _noise_threshold(amplitude[0], *powers), 0)
         width = amplitude_sum / (functools.reduce(np.maximum, amplitude) + EPS) / SCALES
         energy /= 1 + np.exp(WIDTH_GAIN * (WIDTH_CUT_OFF - width))
         energies += energy
         amplitudes += amplitude_sum
         congruency = ratio(energy, amplitude_sum)
-        x, y = congruency * np.cos(angular.angle), congruency * np.sin(angular.angle)
+        x, y = congruency * np.cos(angle), congruency * np.sin(angle)
         xx += x * x
         xy += x * y
         yy += y * y

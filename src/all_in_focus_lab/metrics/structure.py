@@ -3,43 +3,30 @@
 """Metric of structural similarity: Q_Y."""
 from itertools import combinations
 
-import cv2
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from all_in_focus_lab.metrics.images import ratio, remembered, windowed
+from all_in_focus_lab.metrics.images import Local, ratio, remembered
 
 SIZE, SIGMA = 7, 1.5  # pixels, of the Gaussian window
 C = 2e-16             # of SSIM, twice; keeps 0 / 0 away
 ALIKE = 0.75          # sources at least so similar are weighted, of others the better counts
 
 
-class _Windows:
-    """Every window of SIZE x SIZE pixels fully inside a gray image: mean, variance, is it constant."""
+class _Windows(Local):
+    """Every window of SIZE x SIZE pixels of a gray image; constant: those of one value."""
 
     def __init__(self, gray):
-        self.values = np.float64(gray)
-        self.mean = local_mean(self.values)
-        self.constant = inside(maximum_filter(gray, SIZE) == minimum_filter(gray, SIZE))
+        super().__init__(gray, SIZE, SIGMA)
+        self.constant = maximum_filter(gray, SIZE) == minimum_filter(gray, SIZE)
         # Exactly 0 in constant windows: rounding noise is far above C.
-        variance = np.maximum(local_mean(self.values ** 2) - self.mean ** 2, 0)
-        self.variance = np.where(self.constant, 0, variance)
+        self.variance = np.where(self.constant, 0, np.maximum(self.variance, 0))
 
     def similarity(self, other):
         """SSIM of every window, -1..1."""
-        covariance = local_mean(self.values * other.values) - self.mean * other.mean
-        covariance[self.constant | other.constant] = 0
+        covariance = np.where(self.constant | other.constant, 0, self.covariance(other))
         luminance = (2 * self.mean * other.mean + C) / (self.mean ** 2 + other.mean ** 2 + C)
         return luminance * (2 * covariance + C) / (self.variance + other.variance + C)
-
-
-def inside(image):
-    half = SIZE // 2
-    return image[half:-half, half:-half]
-
-
-def local_mean(values):
-    return inside(windowed(values, cv2.getGaussianKernel(SIZE, SIGMA)))
 
 
 @remembered
@@ -66,4 +53,6 @@ def q_y(sources, fused):
     target = _Windows(fused)
     similar = np.array([window.similarity(target) for window in windows])
     quality = np.where(alike, (share * similar).sum(axis=0), similar.max(axis=0))
+    inside = (slice(SIZE // 2, -(SIZE // 2)),) * 2  # windows that lie in the image as a whole
+    quality, empty = quality[inside], empty[inside]
     return float(quality[~empty].mean()) if not empty.all() else float("nan")

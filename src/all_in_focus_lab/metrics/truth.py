@@ -34,14 +34,14 @@ class Truth:
 
     @classmethod
     def of(cls, image, depth_mm, optics, enlarge=1):
-        """image: H x W x 3, depth_mm: H x W, 0 = unknown, both as large as the frames; optics: rig.Optics of the lens, None
-        only where no depth is known."""
-        image, depth_mm = centres(image, enlarge), centres(depth_mm, enlarge)
-        if not depth_mm.any():
-            return cls(image, np.zeros(depth_mm.shape, bool), enlarge)
+        """image: H x W x 3, depth_mm: H x W, 0 = unknown, both as large as the frames; optics: rig.Optics of the lens. Without
+        depth or optics (None) no pixel is near an edge."""
+        image = centres(image, enlarge)
+        if depth_mm is None or optics is None:
+            return cls(image, np.zeros(image.shape[:2], bool), enlarge)
         # Half the span of one depth of field, 1/H, is a jump that blurs visibly.
         step = 500 * optics.aperture * optics.circle_of_confusion_mm / optics.focal_length_mm ** 2
-        return cls(image, near_depth_edges(depth_mm, step), enlarge)
+        return cls(image, near_depth_edges(centres(depth_mm, enlarge), step), enlarge)
 
     def compared(self, fused):
         """The pixels of a fused image (BGR) that are compared with the truth: the middle one of each block."""
