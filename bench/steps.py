@@ -99,9 +99,7 @@ def read(data):
 
 def number(value):
     """Two digits, as text."""
-    if value == 0:
-        return "0"
-    return f"{value:.2g}" if value < 10 else f"{round(value, 2 - len(str(int(value)))):.0f}"
+    return np.format_float_positional(value, 2, unique=False, fractional=False, trim="-")
 
 
 def times_table(figures, sizes):
