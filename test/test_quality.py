@@ -15,7 +15,8 @@ from tool_helpers import expect_refusal, tool
 from all_in_focus.files.rig import Optics
 from all_in_focus.files.stack import read_image
 from all_in_focus_lab.baselines.alignment import align
-from all_in_focus_lab.benchmark import methods, scenes as scenes_on_disk, suite, tables as t
+from all_in_focus_lab.benchmark import methods, scenes as scenes_on_disk, tables as t
+from all_in_focus_lab.benchmark.scenes import SUITES
 from all_in_focus_lab.metrics.kept_contrast import kept_contrast, roughness
 from all_in_focus_lab.metrics.truth import blur_per_inverse_depth, depth_errors, near_depth_edges, psnr, ssim
 
@@ -202,15 +203,15 @@ def test_wrong_focus_distances(tmp_path, wrong, expected):
 # --- the suites -------------------------------------------------------------------------------------------------------
 
 def test_suites_name_each_scene_once():
-    names = [name for scenes in suite.SUITES.values() for name in scenes]
-    assert len(names) == len(set(names)) and len(suite.SUITES["large"]) >= 5
-    assert set(suite.SUITES["enlarged"]) == {name + "_x5" for name in suite.SUITES["small"]} - {"clutter_large_x5"}
+    names = [name for scenes in SUITES.values() for name in scenes]
+    assert len(names) == len(set(names)) and len(SUITES["large"]) >= 5
+    assert set(SUITES["enlarged"]) == {name + "_x5" for name in SUITES["small"]} - {"clutter_large_x5"}
 
 
-@pytest.mark.parametrize("name", sorted(suite.SUITES["large"]))
+@pytest.mark.parametrize("name", sorted(SUITES["large"]))
 def test_large_scenes_are_rendered(name, tmp_path):
     """As small pictures: the real ones take minutes each."""
-    options = re.sub(r"--size \S+", "--size 96x64", re.sub(r"--frames \d+", "--frames 2", suite.SUITES["large"][name])).split()
+    options = re.sub(r"--size \S+", "--size 96x64", re.sub(r"--frames \d+", "--frames 2", SUITES["large"][name])).split()
     result = call("make_scene", "--output", tmp_path / name, *options)
     assert (result.returncode, result.stderr) == (0, "")
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scenes: a focus bracket on disk, and whatever is known about it."""
+"""Scenes: a focus bracket on disk, and whatever is known about it; suites of scenes with known truth."""
 import hashlib
 import re
 from dataclasses import dataclass, field
@@ -9,8 +9,11 @@ from typing import Dict, List, Optional
 
 import cv2
 
+from all_in_focus import installed
+from all_in_focus.files import yaml_file
 from all_in_focus.files.rig import Optics, load_rig
 from all_in_focus.files.stack import Stack, is_image_name, load_focus, read_depth, read_image, size_text
+from all_in_focus.progress import Progress
 from all_in_focus_lab.metrics.images import MIN_SIZE
 from all_in_focus_lab.metrics.truth import enlargement
 
@@ -21,10 +24,6 @@ BESIDE = {"label": ("label.png", "label_map.png", "label_front.png"), "depth": (
           "truth": ("truth.png",), "truth_depth": ("truth_depth.png",)}
 GIVEN = "fused_"  # fused_NAME.png: what another program has made of the scene
 RIG_FILES = ("depth.yaml", "color.yaml", "extrinsics.yaml", "optics.yaml")
-
-
-class SceneError(ValueError):
-    """A scene that cannot be used; the message is one line and names the file."""
 
 
 @dataclass
@@ -79,17 +78,17 @@ class Scene:
 
 
 def find(entry):
-    """Scenes of an entry of the settings: a folder that is one or holds several, a video, a bag. SceneError."""
+    """Scenes of an entry of the settings: a folder that is one or holds several, a video, a bag. ValueError."""
     path = Path(entry["path"])
     if not path.exists():
-        raise SceneError(f"{path}: no such scene")
+        raise ValueError(f"{path}: no such scene")
     name = entry.get("name") or _name_of(path)
     if not re.fullmatch(r"[\w.+-]+(/[\w.+-]+)*", name) or any(part.strip(".") == "" for part in name.split("/")):
-        raise SceneError(f"{path}: '{name}' is no name for a folder of results: give name")
+        raise ValueError(f"{path}: '{name}' is no name for a folder of results: give name")
     if path.is_file() and path.suffix == ".bag":
         wrong = set(entry) - {"path", "name", "truth"}
         if wrong:
-            raise SceneError(f"{path}: a bag has its own {', '.join(sorted(wrong))}")
+            raise ValueError(f"{path}: a bag has its own {', '.join(sorted(wrong))}")
         return [Scene(name, path, beside=_beside(entry, {"truth": ()}, path))]
     scene = _scene(name, entry)
     if scene is not None:
@@ -97,9 +96,9 @@ def find(entry):
     folders = sorted(folder for folder in path.glob("[!.]*") if folder.is_dir())
     below = [scene for scene in (_scene(_name_of(folder), {"path": folder}) for folder in folders) if scene is not None]
     if not below:
-        raise SceneError(f"{path}: holds no stack/, no source_* pictures, no video and no images")
+        raise ValueError(f"{path}: holds no stack/, no source_* pictures, no video and no images")
     if len(entry) > 1:
-        raise SceneError(f"{path}: holds several scenes: name one of them to say more about it")
+        raise ValueError(f"{path}: holds several scenes: name one of them to say more about it")
     return below
 
 
@@ -130,14 +129,14 @@ def _beside(entry, known, folder):
         if found:
             beside[key] = found[0]
         elif key in entry:
-            raise SceneError(f"{entry[key]}: no such {key.replace('_', ' ')}")
+            raise ValueError(f"{entry[key]}: no such {key.replace('_', ' ')}")
     return beside
 
 
 def _frames(entry, folder):
     """(stack, sources) of a scene; (None, []) where there is none."""
     if "stack" in entry and not Path(entry["stack"]).exists():
-        raise SceneError(f"{entry['stack']}: no such stack")
+        raise ValueError(f"{entry['stack']}: no such stack")
     stack = Path(entry.get("stack") or (folder if folder.is_file() else folder / "stack"))
     if stack.exists():
         return stack, []
@@ -152,36 +151,35 @@ def _frames(entry, folder):
 
 
 def check_scene(scene):
-    """Reads everything once. SceneError, or another ValueError of one line, for what is damaged or does not
-    fit. Sets digest."""
+    """Reads everything once, and sets digest. ValueError of one line, which names the file, for what is damaged or does not
+    fit."""
     size, count = None, 0
     for name, image in zip(scene.names(), scene.frames()):
         if size and image.shape != size:
-            raise SceneError(f"{scene.path / name}: {size_text(image)} pixels, but the first frame has {size[1]}x{size[0]}")
+            raise ValueError(f"{scene.path / name}: {size_text(image)} pixels, but the first frame has {size[1]}x{size[0]}")
         size, count = image.shape, count + 1
     if count < 2:
-        raise SceneError(f"{scene.path}: at least two frames are needed, not {count}")
+        raise ValueError(f"{scene.path}: at least two frames are needed, not {count}")
     if min(size[:2]) < MIN_SIZE:
-        raise SceneError(f"{scene.path}: frames of {size[1]}x{size[0]} pixels are too small")
+        raise ValueError(f"{scene.path}: frames of {size[1]}x{size[0]} pixels are too small")
     beside = scene.beside
     for key, path in beside.items():
         if key in ("depth", "registered_depth", "truth_depth"):
             read_depth(path)
         if key in ("truth", "truth_depth") and read_image(path, cv2.IMREAD_UNCHANGED).shape[:2] != size[:2]:
-            raise SceneError(f"{path}: not of the size of the frames, {size[1]}x{size[0]}")
+            raise ValueError(f"{path}: not of the size of the frames, {size[1]}x{size[0]}")
         if key == "label" and read_image(path, cv2.IMREAD_UNCHANGED).ndim != 2:
-            raise SceneError(f"{path}: expected a label map with one channel")
+            raise ValueError(f"{path}: expected a label map with one channel")
     rig = load_rig(beside["rig"]) if "rig" in beside else None
     if scene.optics:
         Optics.parse(scene.optics)
     if "depth" in beside and rig is None:
-        raise SceneError(f"{beside['depth']}: needs a rig, the calibration that registers it")
+        raise ValueError(f"{beside['depth']}: needs a rig, the calibration that registers it")
     if {"depth", "registered_depth"} & set(beside) and not (scene.optics or rig and rig.optics):
-        raise SceneError(f"{scene.path}: depth without optics: give optics f,F,coc")
+        raise ValueError(f"{scene.path}: depth without optics: give optics f,F,coc")
     if "focus" in beside:
         load_focus(beside["focus"], Stack(scene.stack).names if scene.stack else scene.names(), count)
     scene.digest = digest(scene.files())
-    return scene
 
 
 def digest(paths):
@@ -193,3 +191,28 @@ def digest(paths):
             for block in iter(lambda: file.read(1 << 20), b""):
                 total.update(block)
     return total.hexdigest()[:16]
+
+
+# --- suites: scenes with known truth that differ in kind, optics, length of the sweep and disturbance -------------------
+
+_READ = yaml_file.read(Path(__file__).with_name("suites.yaml"), ValueError)
+SUITES = {
+    **_READ,
+    # Each small scene, five times as wide and high. A method that finds the right scale loses nothing by that.
+    "enlarged": {name + "_x5": f"{options} --enlarge 5" for name, options in _READ["small"].items() if "--size" not in options},
+    # A machine-vision camera without gamma: codes in proportion to light.
+    "linear": {name + "_linear": options + " --linear" for name, options in _READ["mild"].items()},
+    # For the methods `wrong-lens`: few, for there are 40 of them.
+    "wrong_lens": {f"{name}_lens": _READ[of][name] for of, name in (
+        ("small", "occluders"), ("small", "slope"), ("noisy", "planes_noise2"), ("mild", "plain_35mm"),
+        ("mild", "garden_24mm"), ("small", "motorcycle_2"))},
+}
+
+
+def generate(folder, suites):
+    """Make the scenes of these suites that are not in `folder` yet; paths of all."""
+    options = {str(Path(folder) / name): options for suite in suites for name, options in SUITES[suite].items()}
+    for path in Progress([path for path in options if not Path(path).exists()], unit="scene"):
+        size = [] if "--size" in options[path] else ["--size", "640x480"]
+        installed.run([installed.find("make_scene"), "--output", path, *options[path].split(), *size])
+    return list(options)
