@@ -83,7 +83,7 @@ def exported(bag, folder, *reports):
     for name, (bracket_id, frames) in zip(names, reports):
         (folder / "results" / name).mkdir(parents=True)
         (folder / "results" / name / "report.json").write_text(f'{{"bracket_id": {bracket_id}, "frames_seen": {frames}}}')
-    bags.export_frames(str(bag), bags.topics({}), str(folder / "results"), str(folder / "stacks"), {})
+    bags.export_frames(str(bag), {}, str(folder / "results"), str(folder / "stacks"))
     return [Stack(str(folder / "stacks" / name)) for name in names]
 
 

@@ -35,26 +35,20 @@ def check_bag_scene(scene, options):
     for path in scene.beside.values():
         read_image(path)
     scene.digest = digest([scene.path])
-    return scene
 
 
-def fingerprint(scene, modes, options, fusion):
-    return json.dumps([scene.digest, sorted(modes), options, fusion], sort_keys=True)
+def prepare(scene, modes, options, folder, nodes):
+    """Play the bag in each mode and export its brackets into `folder`; nodes: what the nodes are, see versions.
 
-
-def prepare(scene, modes, options, folder, mark):
-    """Play the bag in each mode and export its brackets into `folder`; mark: fingerprint, kept there.
-
-    Returns {"failed": mode -> one line}. Does nothing where an earlier run with the same mark succeeded.
+    Returns {"failed": mode -> one line, "scenes": one for each bracket}. Plays nothing where an earlier run with the same
+    bag, modes, options and nodes succeeded.
     """
-    folder = Path(folder)
+    mark, failed = json.dumps([scene.digest, sorted(modes), options, nodes], sort_keys=True), {}
     try:
-        done = json.loads((folder / DONE).read_text(encoding="utf-8"))
-        if done["mark"] == mark and not done["failed"]:
-            return done
-    except (OSError, ValueError, KeyError):
+        if (folder / DONE).read_text(encoding="utf-8") == mark:
+            return {"failed": failed, "scenes": brackets(scene, modes, options, folder)}
+    except (OSError, ValueError):
         pass
-    failed = {}
     arguments = [part for name, value in options.items() for part in ("--" + name, value)]
     with whole_folder(folder, "evaluate", parents=True) as working:
         for mode in modes or OWN[:1]:  # without own methods, one run still tells the brackets
@@ -65,20 +59,21 @@ def prepare(scene, modes, options, folder, mark):
                 failed[mode] = str(error)
         worked = [mode for mode in modes or OWN[:1] if mode not in failed]
         if worked:
-            export_frames(scene.path, topics(options), working / worked[0], working / "stacks", options)
-        (working / DONE).write_text(json.dumps({"mark": mark, "failed": failed}), encoding="utf-8")
-    return {"failed": failed}
+            export_frames(scene.path, options, working / worked[0], working / "stacks")
+        if not failed:
+            (working / DONE).write_text(mark, encoding="utf-8")
+    return {"failed": failed, "scenes": brackets(scene, modes, options, folder)}
 
 
-def export_frames(bag, names, results, folder, options):
+def export_frames(bag, options, results, folder):
     """Write the frames of each bracket to folder/bracket_0000/000.png and so on.
 
-    results: folder with the reports of a run, one for each bracket. The frames of a bracket are found by the rules of
-    the fusion node. options: of evaluate_bag, by name.
+    options: of evaluate_bag, by name; results: folder with the reports of a run, one for each bracket. The frames of a
+    bracket are found by the rules of the fusion node.
     """
     reports = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(Path(results).glob("bracket_*/report.json"))]
     rules = Rules(int(options.get("bracket-size", 0)), float(options.get("bracket-gap", 1.0)))
-    with closing(BagFile(bag, names)) as file:
+    with closing(BagFile(bag, topics(options))) as file:
         found = assemble(scan(file), rules, []).found
         for number, bracket in _of_reports(reports, found):
             target = Path(folder) / f"bracket_{number:04d}"
@@ -103,8 +98,7 @@ def _of_reports(reports, found):
 
 def brackets(scene, modes, options, folder):
     """A scene for each bracket that prepare() has exported."""
-    folder, found = Path(folder), []
-    stacks = sorted(folder.glob("stacks/*"))
+    found, stacks = [], sorted(folder.glob("stacks/*"))
     for stack in stacks:
         nodes = {mode: folder / mode / stack.name for mode in modes
                  if (folder / mode / stack.name / "fused.png").exists()}

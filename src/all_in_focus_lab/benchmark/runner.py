@@ -133,22 +133,16 @@ def _with_brackets(found, names, settings, workers, nodes, fail):
         return found
     from all_in_focus_lab.benchmark import bags
     modes = [name for name in names if name in methods.OWN]
-    folders = {scene.name: Path(settings.output, "bags", scene.name) for scene in recorded}
-    calls = {scene.name: (bags.prepare, (scene, modes, settings.bag, folders[scene.name],
-                                         bags.fingerprint(scene, modes, settings.bag, nodes))) for scene in recorded}
+    calls = {scene.name: (bags.prepare, (scene, modes, settings.bag, Path(settings.output, "bags", scene.name), nodes))
+             for scene in recorded}
+    brackets = {}
     for name, result in Progress(workers.run(calls), total=len(calls), desc="bags", unit="bag"):
         for mode, reason in result.get("failed", {}).items():
             fail(f"{name} {mode}: {reason}")
         if "error" in result:
             fail(f"{name}: {result['error']}")
-            del folders[name]  # what is there is not of this run
-    replaced = []
-    for scene in found:
-        if scene.name in folders:
-            replaced += bags.brackets(scene, modes, settings.bag, folders[scene.name])
-        elif not scene.is_bag:
-            replaced.append(scene)
-    return replaced
+        brackets[name] = result.get("scenes", [])
+    return [one for scene in found for one in brackets.get(scene.name, [scene])]
 
 
 def _run_tasks(run, store, workers, fresh, fail):
