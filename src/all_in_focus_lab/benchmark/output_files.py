@@ -4,7 +4,6 @@
 import csv
 import io
 import json
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Dict, List
@@ -64,24 +63,23 @@ def write(run, store, keep=None):
 
 
 def _csv(lines):
+    """Numbers to the last bit, None as nothing."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(lines)
     return text.getvalue()
 
 
 def results_csv(run):
-    """A line for each scene and method: values to the last bit, empty where there are none."""
+    """A line for each scene and method."""
     found = {name for of in run.results.values() for result in of.values() for name in result.get("values", {})}
     metrics = [name for name in run.settings.metrics if name not in t.CONTRAST_MEASURES]
-    names = metrics + [name for name in t.TRUTH_MEASURES if name in found] + list(t.CONTRAST_MEASURES)
-    lines = [["scene", "method"] + names + ["seconds", "wall_seconds", "host", "error"]]
+    names = [*metrics, *(name for name in t.TRUTH_MEASURES if name in found), *t.CONTRAST_MEASURES, "seconds", "wall_seconds",
+             "host", "error"]
+    lines = [["scene", "method", *names]]
     for scene, of in run.results.items():
         for method in run.methods:
-            result = of[method]
-            known = {**result, **result.get("values", {}), **result.get("contrast", {})}
-            values = [known.get(name) for name in [*names, "seconds", "wall_seconds"]]
-            lines.append([scene, method] + ["" if value is None else repr(value) for value in values]
-                         + [result.get("host", ""), result.get("error", "")])
+            known = {**of[method], **of[method].get("values", {}), **of[method].get("contrast", {})}
+            lines.append([scene, method, *map(known.get, names)])
     return _csv(lines)
 
 
@@ -89,23 +87,15 @@ def scores_csv(tables):
     """T4: by the metrics, and by the truth where it is known."""
     found = {by: t.standings(row.scores for row in getattr(tables, by)) for by in ("metrics", "truth")}
     columns = t.score_columns([it for of in found.values() for it in of.values()], len(tables.methods))
-    lines = [["by", "method"] + [t.score(value) for value in columns] + ["total", "rank"]]
-    lines += [[by, name] + [it.times[value] for value in columns] + [repr(it.total), repr(it.rank)]
+    lines = [["by", "method", *map(t.score, columns), "total", "rank"]]
+    lines += [[by, name, *(it.times[value] for value in columns), it.total, it.rank]
               for by, of in found.items() for name, it in of.items()]
     return _csv(lines)
 
 
-def _plain(value):
-    """Replaces infinity and NaN by None, which becomes null: JSON has neither. Also in what a mapping or a list holds."""
-    if isinstance(value, dict):
-        return {key: _plain(of) for key, of in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(of) for of in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def as_json(run, tables):
-    results = {scene: {method: {key: _plain(value) for key, value in result.items() if key != "fingerprint"}
+    """Infinity and NaN, which JSON has not, are null."""
+    results = {scene: {method: {key: value for key, value in result.items() if key != "fingerprint"}
                        for method, result in of.items()} for scene, of in run.results.items()}
     scores = {by: {"rows": [{"scene": row.scene, "measure": row.measure, "scores": row.scores} for row in rows],
                    "standings": {name: {"times": {t.score(score): times for score, times in sorted(it.times.items())},
@@ -115,4 +105,5 @@ def as_json(run, tables):
     content = {"version": VERSION, "scenes": {scene.name: str(scene.path) for scene in run.scenes}, "methods": run.methods,
                "metrics": run.settings.metrics, "results": results, "scores": scores, "timing": run.timing_note,
                "failures": run.failures, "versions": run.versions}
-    return json.dumps(content, indent=2, allow_nan=False) + "\n"
+    finite = json.loads(json.dumps(content), parse_constant=lambda _: None)
+    return json.dumps(finite, indent=2, allow_nan=False) + "\n"
