@@ -14,7 +14,6 @@ from all_in_focus.files.errors import counted
 from all_in_focus.files.stack import Stack, read_depth, read_image
 from all_in_focus.imaging import NO_FRAME, index_picture, picture, shrunk
 from all_in_focus_lab.benchmark import tables as t
-from all_in_focus_lab.benchmark.tables import Cell
 
 SHOWN_FRAMES = 4     # of a long sweep: the first, the last and some between
 LEGEND = 24          # frames, at most
@@ -40,38 +39,8 @@ def page(run, tables, store):
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters.update(exact=repr, counted=counted)
     return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
-        run=run, tables=tables, standings=_standings(run, tables), values=_values(tables), seconds=t.seconds_cells(tables),
-        scenes=[_scene(run, scene, tables, store) for scene in run.scenes],
-        versions=[[Cell(name), Cell(value)] for name, value in [("what", "version"), *run.versions.items()]])
-
-
-def _standings(run, tables):
-    """(name, caption, lines of cells) of each table."""
-    how = ("The best of N methods has score N in each row of the table of values, equal ones have the mean; a failed method "
-           "has none. A column with a number: how often a method has this score; total: their sum.")
-    captions = {"truth": f"By the known all-in-focus truth: PSNR, SSIM, PSNR within 8 px of depth edges. {how}",
-                "metrics": f"By the metrics {', '.join(run.settings.metrics)}. They need no truth: they compare the result with "
-                           "the frames, and so reward pixels that are copied from a frame, blurred or noisy as they are. Where "
-                           f"the truth is known, believe the truth. {how}"}
-    found = []
-    for kind, caption in captions.items():
-        if getattr(tables, kind):
-            heading, *lines = t.standing_cells(tables, getattr(tables, kind))
-            heading = [Cell(f"score {cell.text}" if cell.text[0].isdigit() else cell.text) for cell in heading]
-            found.append(("scores-" + kind, caption, [heading, *lines]))
-    return found
-
-
-def _values(tables):
-    """As _standings()."""
-    captions = {"truth": "Against the truth: PSNR in dB, SSIM, PSNR within 8 px of depth edges. Value and (score); higher is "
-                         "better.",
-                "metrics": "Value and (score) of each metric; higher is better.",
-                "contrast": "Without any truth: share of the contrast that some frame shows which the result keeps (mean over "
-                            "all scales, and the least; higher is better), and roughness of the map of winners, the share "
-                            "of neighbours from different frames (lower is better)."}
-    return [("values-" + kind, caption, t.value_cells(tables, getattr(tables, kind)))
-            for kind, caption in captions.items() if getattr(tables, kind)]
+        run=run, tables=tables, t=t, scenes=[_scene(run, scene, tables, store) for scene in run.scenes],
+        versions=[[t.Cell(name), t.Cell(value)] for name, value in [("what", "version"), *run.versions.items()]])
 
 
 # --- one scene --------------------------------------------------------------------------------------------------------
@@ -141,7 +110,7 @@ def _caption(scene, method, tables):
 def _labels(scene, worked, store):
     figures = []
     if "label" in scene.beside:
-        figures.append(_figure("given", read_labels(scene.beside["label"]), "map"))
+        figures.append(_figure("given", picture(read_image(scene.beside["label"], cv2.IMREAD_UNCHANGED)), "map"))
         if not {"depth", "registered_depth"} & set(scene.beside):
             return figures  # the package's methods have used this label map
     for name in worked:
@@ -182,12 +151,6 @@ def read_weights(store, scene, method, frames):
         return coloured
     path = store.picture(scene, method, "weights")
     return picture((read_image(path, cv2.IMREAD_UNCHANGED) >> 8).astype(np.uint8)) if path else None
-
-
-def read_labels(path):
-    """Picture of a label map."""
-    labels = read_image(path, cv2.IMREAD_UNCHANGED)
-    return picture(labels) if labels.dtype == np.uint16 else cv2.cvtColor(labels, cv2.COLOR_GRAY2BGR)
 
 
 def differences(fused):
