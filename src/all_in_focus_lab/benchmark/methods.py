@@ -38,28 +38,24 @@ WRONG_LENS = [f"{factor}*{times}" for factor in ("aperture", "focus") for times 
 TIMEOUT_S = 3600.0
 PICTURES = ("source_index", "labels")
 DEPTHS = ("measured", "registered", "depth")  # as fuse_stack --save-NAME saves them
+KNOWN_DEPTH = {"depth": "--depth", "registered_depth": "--registered-depth", "label": "--label-map"}  # the first counts
 
 
 @dataclass
 class Produced:
-    """fused: H x W x 3 uint8. weights: H x W, uint16: frame with the most weight, 65535 = none; or float: share of
-    the second of two frames, W of equation 11. labels: H x W uint16. table: of their regions, as in report.json.
+    """fused: H x W x 3 uint8. winners: H x W uint16, frame with the most weight, 65535 = none; share: H x W, that of the second
+    of two frames, 0..1, W of equation 11. labels: H x W uint16. table: of their regions, as in report.json.
     seconds: from frames in memory to the fused image.
     depths: H x W uint16 mm, 0 = unknown, by DEPTHS: as measured, with filled holes, and what mode restored estimates.
     """
     fused: np.ndarray
-    weights: Optional[np.ndarray] = None
+    winners: Optional[np.ndarray] = None
+    share: Optional[np.ndarray] = None
     labels: Optional[np.ndarray] = None
     table: List[dict] = field(default_factory=list)
     seconds: Optional[float] = None
     notes: List[str] = field(default_factory=list)
     depths: Dict[str, np.ndarray] = field(default_factory=dict)
-
-    def winners(self):
-        """H x W, number of the frame with the most weight, 65535 = none; None where the method does not tell."""
-        if self.weights is not None and np.issubdtype(self.weights.dtype, np.floating):
-            return np.uint16(self.weights > 0.5)
-        return self.weights
 
 
 def available():
@@ -133,17 +129,20 @@ def _baseline(name, aligned, scene, folder):
     begin = time.perf_counter()
     fused, weights = BASELINES[name](align(frames) if aligned else frames)
     seconds = time.perf_counter() - begin
-    return Produced(fused, _checked_weights(weights, fused.shape[:2], len(frames)), seconds=seconds)
+    return Produced(fused, *_decided(weights, fused.shape[:2], len(frames)), seconds=seconds)
 
 
-def _checked_weights(weights, shape, frames):
-    """Weights as Produced has them; a share for each frame (N x H x W) becomes one of both forms."""
-    if weights is None or np.shape(weights) == shape:
-        return weights
+def _decided(weights, shape, frames):
+    """(winners, share) of Produced; weights: of each frame, N x H x W, or the share of the second of two; or None."""
+    if weights is None:
+        return None, None
     shares = np.asarray(weights)
-    if shares.shape != (frames,) + shape:
+    if shares.shape != (frames,) + shape and (frames, shares.shape) != (2, shape):
         raise ValueError(f"weights of shape {shares.shape} for {frames} frames of {shape[1]}x{shape[0]} pixels")
-    return shares[1] / np.maximum(shares.sum(0), 1e-9) if frames == 2 else np.argmax(shares, 0).astype(np.uint16)
+    if frames != 2:
+        return np.argmax(shares, 0).astype(np.uint16), None
+    share = shares if shares.shape == shape else shares[1] / np.maximum(shares.sum(0), 1e-9)
+    return np.uint16(share > 0.5), share
 
 
 def _given(name, scene, folder):
@@ -189,37 +188,35 @@ def _own(mode, variant, program, scene, folder):
 
 def fuse_stack_command(mode, variant, program, scene, folder):
     """Command line of fuse_stack for a scene, which writes fused.png, report.json and more into a folder."""
-    folder, extra = Path(folder), []
-    if variant.startswith("-"):
-        extra = ["--without", variant[1:]]
+    folder, beside, optics = Path(folder), dict(scene.beside), scene.optics
     if variant == "frames":
-        scene = replace(scene, optics="", beside={key: path for key, path in scene.beside.items()
-                                                  if key in ("truth", "truth_depth")})
+        beside, optics = {}, ""
     if variant.startswith("no-depth"):
-        hidden = ("depth", "registered_depth", "label")
+        hidden = set(KNOWN_DEPTH)
         if mode != "restored":
-            hidden += ("rig",)
-            scene = replace(scene, optics="")
-        scene = replace(scene, beside={key: path for key, path in scene.beside.items() if key not in hidden})
+            hidden, optics = hidden | {"rig"}, ""
+        beside = {key: path for key, path in beside.items() if key not in hidden}
     wrong = variant.rpartition("+")[2]
     if wrong.startswith("aperture*"):
         known = scene.lens()
-        scene = replace(scene, optics=str(replace(known, aperture=known.aperture * float(wrong[len("aperture*"):]))))
+        optics = str(replace(known, aperture=known.aperture * float(wrong[len("aperture*"):])))
     if wrong.startswith("focus"):
         changed = folder / "wrong_focus.yaml"
-        write_wrong_focus(scene.beside["focus"], wrong, changed)
-        scene = replace(scene, beside={**scene.beside, "focus": changed})
-    command = [program, "--mode", mode, "--stack", _stack(scene, folder), *_known(scene),
-               "--output", folder / "fused.png", "--report", folder / "report.json"]
-    has_labels = {"depth", "registered_depth", "label"} & set(scene.beside)
-    saved = list(PICTURES if has_labels else PICTURES[:1])
-    if "rig" in scene.beside and "depth" in scene.beside:
+        write_wrong_focus(beside["focus"], wrong, changed)
+        beside["focus"] = changed
+    depth = next((key for key in KNOWN_DEPTH if key in beside), None)
+    options = {"--without": variant[1:] if variant.startswith("-") else "", "--rig": beside.get("rig"), "--optics": optics,
+               "--focus": beside.get("focus"), KNOWN_DEPTH.get(depth): beside.get(depth)}
+    command = [program, "--mode", mode, "--stack", _stack(scene, folder), "--output", folder / "fused.png", "--report",
+               folder / "report.json", *(part for option, value in options.items() if value for part in (option, value))]
+    saved = list(PICTURES if depth else PICTURES[:1])
+    if {"rig", "depth"} <= set(beside):
         saved += DEPTHS[:2]
-    if mode == "restored" and {"rig", "focus"} <= set(scene.beside):  # else it is refined
+    if mode == "restored" and {"rig", "focus"} <= set(beside):  # else it is refined
         saved.append(DEPTHS[2])
     for name in saved:
         command += ["--save-" + name.replace("_", "-"), folder / f"{name}.png"]
-    return [str(part) for part in command + extra]
+    return [str(part) for part in command]
 
 
 def write_wrong_focus(path, wrong, output):
@@ -237,17 +234,6 @@ def write_wrong_focus(path, wrong, output):
     for frame, one in zip(data["frames"], dioptres):
         frame["focus_mm"] = 1 / max(one, 1e-6)
     Path(output).write_text(yaml.safe_dump(data), encoding="utf-8")
-
-
-def _known(scene):
-    """Arguments of fuse_stack for what is known beside the frames."""
-    beside = scene.beside
-    known = {"--rig": beside.get("rig"), "--optics": scene.optics, "--focus": beside.get("focus")}
-    for key, option in (("depth", "--depth"), ("registered_depth", "--registered-depth"), ("label", "--label-map")):
-        if key in beside:
-            known[option] = beside[key]
-            break
-    return [part for option, value in known.items() if value for part in (option, value)]
 
 
 def _stack(scene, folder):
@@ -323,7 +309,7 @@ def _read_own(folder, measured="", steps=None):
     paths = {name: Path(folder, f"{name}.png") for name in ("fused", *PICTURES, *DEPTHS)}
     images = {name: read_image(path, cv2.IMREAD_UNCHANGED) for name, path in paths.items() if path.exists()}
     times = dict(zip(report["timing_names"], report["timing_ms"]))
-    return Produced(images["fused"], images.get("source_index"), images.get("labels"), report.get("segment_table", []),
+    return Produced(images["fused"], images.get("source_index"), None, images.get("labels"), report.get("segment_table", []),
                     sum(ms for name, ms in times.items() if steps is None or name in steps) / 1000,
                     report["notes"] + (["time: " + measured] if measured else []),
                     {name: images[name] for name in DEPTHS if name in images})

@@ -10,13 +10,11 @@ import yaml
 
 from all_in_focus.files import yaml_file
 from all_in_focus_lab.benchmark import methods
+from all_in_focus_lab.benchmark.scenes import BESIDE
 from all_in_focus_lab.metrics import CONTRAST_MEASURES, METRICS
 
-# With a truth; the last one only where its depth is known too.
-TRUTH_MEASURES = ("PSNR", "SSIM", "PSNR_edges")
-SCENE_KEYS = ("path", "name", "stack", "label", "depth", "registered_depth", "rig", "focus", "optics", "truth",
-              "truth_depth")
-PATH_KEYS = tuple(key for key in SCENE_KEYS if key not in ("name", "optics"))
+PATH_KEYS = ("path", "stack", *BESIDE)
+SCENE_KEYS = (*PATH_KEYS, "name", "optics")
 KINDS = {list: "a list", dict: "options and their values", str: "text", int: "a whole number"}  # of values in a file
 
 

@@ -10,8 +10,7 @@ from typing import Dict, List, NamedTuple, Optional
 
 from scipy.stats import rankdata
 
-from all_in_focus_lab.benchmark.settings import TRUTH_MEASURES
-from all_in_focus_lab.metrics import CONTRAST_MEASURES
+from all_in_focus_lab.metrics import CONTRAST_MEASURES, TRUTH_MEASURES
 
 LESS_IS_BETTER = {"roughness", "seconds"}
 DEPTHS = {"measured": "as measured", "registered": "holes filled"}  # the same for every method that has them

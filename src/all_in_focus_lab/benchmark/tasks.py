@@ -5,7 +5,6 @@ import platform
 import tempfile
 import time
 
-import cv2
 import numpy as np
 
 from all_in_focus.files.output_file import encode_png
@@ -14,7 +13,6 @@ from all_in_focus.files.stack import load_focus, read_depth, read_image, size_te
 from all_in_focus.imaging import region_picture
 from all_in_focus_lab import metrics
 from all_in_focus_lab.benchmark import methods, versions
-from all_in_focus_lab.benchmark.settings import TRUTH_MEASURES
 from all_in_focus_lab.metrics.kept_contrast import kept_contrast, roughness
 from all_in_focus_lab.metrics.truth import Truth, blur_per_inverse_depth, depth_errors, psnr, ssim
 
@@ -39,32 +37,27 @@ def run(scene, method, metric_names, code, peers, program):
 
 def measure_contrast(frames, produced):
     """Name -> value of CONTRAST_MEASURES; roughness is None where the method does not tell who won."""
-    shares, winners = kept_contrast(frames, produced.fused), produced.winners()
+    shares = kept_contrast(frames, produced.fused)
     return {"kept_contrast": float(np.mean(shares)), "kept_contrast_least": min(shares),
-            "roughness": None if winners is None else roughness(winners)}
+            "roughness": None if produced.winners is None else roughness(produced.winners)}
 
 
 def measure(scene, frames, fused, metric_names):
     """Name -> value of the metrics, and with a truth of TRUTH_MEASURES. ValueError where sizes differ."""
     if fused.shape[:2] != frames[0].shape[:2]:
         raise ValueError(f"the fused image has {size_text(fused)} pixels, the frames have {size_text(frames[0])}")
-    grays, gray = [metrics.to_gray(frame) for frame in frames], metrics.to_gray(fused)
-    values = {name: float(metrics.METRICS[name](grays, gray)) for name in metric_names if name in metrics.METRICS}
-    return {**values, **measure_truth(scene, fused)}
+    names = [name for name in metric_names if name in metrics.METRICS]
+    return {**metrics.evaluate(frames, fused, names), **measure_truth(scene, fused)}
 
 
 def measure_truth(scene, fused):
-    """Name -> value of TRUTH_MEASURES; nothing without a truth. Where its depth or the optics are unknown, no pixel is near an
-    edge, and there is no PSNR_edges."""
+    """Name -> value of TRUTH_MEASURES; nothing without a truth, no PSNR_edges where it has no edges."""
     if "truth" not in scene.beside:
         return {}
-    image = read_image(scene.beside["truth"])
-    optics, depth = scene.lens(), np.zeros(image.shape[:2], np.uint16)
-    if "truth_depth" in scene.beside and optics:
-        depth = read_depth(scene.beside["truth_depth"])
-    truth = Truth.of(image, depth, optics, scene.enlarge)
-    colour = truth.compared(fused if fused.ndim == 3 else cv2.cvtColor(fused, cv2.COLOR_GRAY2BGR))
-    values = dict(zip(TRUTH_MEASURES, (psnr(colour, truth.image), ssim(colour, truth.image))))
+    depth = read_depth(scene.beside["truth_depth"]) if "truth_depth" in scene.beside else None
+    truth = Truth.of(read_image(scene.beside["truth"]), depth, scene.lens(), scene.enlarge)
+    colour = truth.compared(fused)
+    values = {"PSNR": psnr(colour, truth.image), "SSIM": ssim(colour, truth.image)}
     if truth.edges.any():
         values["PSNR_edges"] = psnr(colour, truth.image, truth.edges)
     return values
@@ -81,14 +74,13 @@ def measure_depths(scene, depths):
 
 
 def pictures(produced):
-    """PNG bytes by name: fused, source_index or weights (16 bit: 65535 = all of the second frame), labels,
+    """PNG bytes by name: fused, weights (16 bit: 65535 = all of the second frame) or source_index, labels,
     and regions: labels for people."""
     files = {"fused": encode_png(produced.fused)}
-    if produced.weights is not None:
-        if np.issubdtype(produced.weights.dtype, np.floating):
-            files["weights"] = encode_png(np.rint(np.clip(produced.weights, 0, 1) * 65535).astype(np.uint16))
-        else:
-            files["source_index"] = encode_png(produced.weights.astype(np.uint16))
+    if produced.share is not None:
+        files["weights"] = encode_png(np.rint(np.clip(produced.share, 0, 1) * 65535).astype(np.uint16))
+    elif produced.winners is not None:
+        files["source_index"] = encode_png(produced.winners)
     if produced.labels is not None:
         files["labels"] = encode_png(produced.labels.astype(np.uint16))
         files["regions"] = encode_png(region_picture(produced.labels, produced.table))

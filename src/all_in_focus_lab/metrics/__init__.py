@@ -17,12 +17,12 @@ from all_in_focus_lab.metrics.information import q_mi, q_ncie
 from all_in_focus_lab.metrics.phase import q_p
 from all_in_focus_lab.metrics.structure import q_y
 
+# With a truth; the last one only where its depth is known too.
+TRUTH_MEASURES = ("PSNR", "SSIM", "PSNR_edges")
 # Of kept_contrast.py; they need no truth.
 CONTRAST_MEASURES = ("kept_contrast", "kept_contrast_least", "roughness")
 
 METRICS = {"Q_MI": q_mi, "Q_NCIE": q_ncie, "Q_G": q_g, "Q_P": q_p, "Q_Y": q_y, "Q_CB": q_cb}
-
-__all__ = ["CONTRAST_MEASURES", "METRICS", "evaluate", "q_cb", "q_g", "q_mi", "q_ncie", "q_p", "q_y", "to_gray"]
 
 
 def evaluate(sources, fused, names=tuple(METRICS)):
