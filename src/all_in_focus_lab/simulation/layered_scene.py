@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
 from all_in_focus.files.rig import Camera, Rig, rotation_matrix
-from all_in_focus_lab.simulation.lens import TILE_PX, Layer, composite, tiles_of, visible_depth
+from all_in_focus_lab.simulation.lens import TILE_PX, Layer, composite, tiles_of
 
 GRAIN_TILE = 1024                 # pixels; the texture repeats after so many
 GRAIN_SIGMAS_PX = (0.7, 2, 6)     # texture of three sizes
@@ -53,8 +53,11 @@ class LayeredScene:
         return np.minimum(composite(self._picture()), 1)
 
     def truth_depth(self):
-        """True depth (mm) in the colour camera."""
-        return visible_depth(self._picture())
+        """True depth (mm) in the colour camera: of the nearest layer that covers at least half of a pixel."""
+        depth = np.float32(0)
+        for layer in self._picture():
+            depth = np.where(layer.alpha >= 0.5, layer.depth, depth)
+        return depth
 
 
 def kinect_beside(color, optics):

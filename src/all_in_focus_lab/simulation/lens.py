@@ -156,14 +156,6 @@ def _composite_tile(layers, diameter_of):
     return light / np.maximum(covered, COVERAGE_FLOOR)[..., None]
 
 
-def visible_depth(layers):
-    """Depth (mm, H x W) of the nearest layer that covers at least half of a pixel."""
-    depth = np.zeros(layers[0].alpha.shape, np.float32)
-    for layer in layers:
-        depth = np.where(layer.alpha >= 0.5, layer.depth, depth)
-    return depth
-
-
 def motion(center, scale=1.0, roll=0.0, shift=(0.0, 0.0)):
     """Similarity transform (2x3) of a picture: scale and rotation (degrees, clockwise) about a pixel (x, y), then a shift
     by (x, y) pixels."""

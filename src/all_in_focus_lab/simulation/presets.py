@@ -5,8 +5,7 @@
 Pictures on surfaces are those that scikit-image ships; none is downloaded. Lengths of built surfaces are in metres in
 the colour camera's frame (X right, Y down, Z forward), layers go back to front.
 """
-from dataclasses import dataclass
-from typing import Callable, Tuple
+from typing import Callable, NamedTuple, Tuple
 
 import numpy as np
 import skimage.data
@@ -131,10 +130,10 @@ def slope(size, optics, seed):
     def standing(right, forward, width, tall, yaw, image):
         return Plane(above(right, forward, tall / 2), yaw, 0, picture(image, width, tall), tilt=20)
 
-    balls = [(-0.55, 2.25, 0.2, tiles(skimage.data.gravel(), 0.5, (0.9, 0.5, 0.3))),
-             (0.3, 1.45, 0.11, tiles(_speckle(seed), 0.5, (0.95, 0.85, 0.4))),
-             (-0.22, 0.98, 0.065, tiles(skimage.data.brick(), 0.25, (0.5, 0.7, 0.9)))]
-    spots = [(right, forward, radius) for right, forward, radius, _ in balls]
+    spots = [(-0.55, 2.25, 0.2), (0.3, 1.45, 0.11), (-0.22, 0.98, 0.065)]  # right, forward, radius
+    shades = (tiles(skimage.data.gravel(), 0.5, (0.9, 0.5, 0.3)), tiles(_speckle(seed), 0.5, (0.95, 0.85, 0.4)),
+              tiles(skimage.data.brick(), 0.25, (0.5, 0.7, 0.9)))
+    balls = [Ball(above(*spot), spot[2], shade) for spot, shade in zip(spots, shades)]
     # The plane's b runs along `away`.
     ground = shaded_under(tiles(skimage.data.gravel(), 0.8, (0.85, 0.8, 0.7), bottom=4.6), spots)
     return _built("slope", size, optics, 750, [
@@ -142,10 +141,10 @@ def slope(size, optics, seed):
         Plane(above(0, 0, 0), 0, 90, ground, tilt=20),
         standing(0.75, 3.4, 0.7, 0.7, -20, skimage.data.astronaut()),
         standing(-0.15, 2.75, 0.36, 0.5, 12, skimage.data.coins()),
-        Ball(above(-0.55, 2.25, 0.2), 0.2, balls[0][3]),
+        balls[0],
         standing(0.45, 1.95, 0.42, 0.28, -35, skimage.data.coffee()),
-        Ball(above(0.3, 1.45, 0.11), 0.11, balls[1][3]),
-        Ball(above(-0.22, 0.98, 0.065), 0.065, balls[2][3]),
+        balls[1],
+        balls[2],
     ])
 
 
@@ -223,21 +222,19 @@ def clutter(size, optics, seed):
     return LayeredScene("clutter", rig, margin, layers, surfaces=surfaces)
 
 
-@dataclass
-class Preset:
-    """A scene with its default optics, size and number of frames."""
+class Preset(NamedTuple):
+    """A scene with its default size and optics."""
     build: Callable
     size: Tuple[int, int]
     optics: Optics
-    frames: int
 
 
 SCENES = {
-    "clutter": Preset(clutter, (640, 480), Optics(50.0, 2.8, 0.03), 12),
-    "garden": Preset(garden, (640, 480), Optics(35.0, 2.8, 0.03), 12),
-    "motorcycle": Preset(motorcycle, (741, 500), Optics(50.0, 1.8, 0.03), 12),
-    "occluders": Preset(occluders, (640, 480), Optics(50.0, 2.8, 0.03), 12),
-    "plain": Preset(plain_surfaces, (640, 480), Optics(35.0, 2.0, 0.03), 12),
-    "planes": Preset(planes, (640, 480), Optics(35.0, 2.8, 0.03), 12),
-    "slope": Preset(slope, (640, 480), Optics(50.0, 2.8, 0.03), 12),
+    "clutter": Preset(clutter, (640, 480), Optics(50.0, 2.8, 0.03)),
+    "garden": Preset(garden, (640, 480), Optics(35.0, 2.8, 0.03)),
+    "motorcycle": Preset(motorcycle, (741, 500), Optics(50.0, 1.8, 0.03)),
+    "occluders": Preset(occluders, (640, 480), Optics(50.0, 2.8, 0.03)),
+    "plain": Preset(plain_surfaces, (640, 480), Optics(35.0, 2.0, 0.03)),
+    "planes": Preset(planes, (640, 480), Optics(35.0, 2.8, 0.03)),
+    "slope": Preset(slope, (640, 480), Optics(50.0, 2.8, 0.03)),
 }
