@@ -30,11 +30,11 @@ def mixed(images, weights):
 def one_after_the_other(images, share_of):
     """(fused, weights), see all_in_focus_lab.baselines, where each image is fused with what came before.
 
-    share_of(one, other): how much `one` has, H x W float32, 0..1.
+    share_of(one, other): how much `one` has, H x W, limited to 0..1 here.
     """
     fused, weights = images[0], np.ones((1,) + images[0].shape[:2], np.float32)
     for image in images[1:]:
-        share = share_of(fused, image)
+        share = np.float32(np.clip(share_of(fused, image), 0, 1))
         weights = np.concatenate([weights * share, 1 - share[None]])
         fused = mixed([fused, image], [share, 1 - share])
     return mixed(images, weights), weights

@@ -50,7 +50,7 @@ def decision(one, other):
 def _share(fused, image):
     one, other = grays_of([fused, image])
     first = decision(one, other)
-    return np.float32(np.clip(guided_filter(np.where(first, one, other) / 255, first, RADIUS, EPS), 0, 1))
+    return guided_filter(np.where(first, one, other) / 255, first, RADIUS, EPS)
 
 
 def fuse(images):

@@ -121,14 +121,10 @@ def _share(one, other):
     return matte(one, front & ~back, back & ~front)
 
 
-def _limited(one, other):
-    return np.float32(np.clip(_share(one, other), 0, 1))
-
-
 def fuse(images):
     """See all_in_focus_lab.baselines; more than two images with shares that are limited to 0..1."""
     if len(images) != 2:
-        return one_after_the_other(images, _limited)
+        return one_after_the_other(images, _share)
     share = _share(*images)
     limited = np.clip(share, 0, 1)
     return (mixed(images, [share, 1 - to_8_bit(255 * limited) / 255]), np.float32([limited, 1 - limited]))
