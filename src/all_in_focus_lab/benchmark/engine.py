@@ -95,10 +95,7 @@ class OnWorkers:
     def __init__(self, client, say):
         self._client, self._say = client, say
         self._last_seen, self._known = time.monotonic(), {}
-
-    @property
-    def at_a_time(self):
-        return max(1, sum(worker["nthreads"] for worker in self._workers().values()))
+        self.at_a_time = max(1, sum(worker["nthreads"] for worker in self._workers().values()))
 
     def run(self, calls):
         self._last_seen = time.monotonic()

@@ -11,8 +11,7 @@ from skimage.segmentation import felzenszwalb
 
 @dataclass
 class Region:
-    """label; area in pixels; extremes of depth and the greatest span that fits, mm (infinite beyond hyperfocal)."""
-    label: int
+    """area in pixels; extremes of depth and the greatest span that fits, mm (infinite beyond hyperfocal)."""
     area: int
     min_mm: int
     max_mm: int
@@ -54,8 +53,8 @@ def regions(labels, depth, optics):
     """Region of each label but 0, the nearest (by median depth) first."""
     known, areas = np.unique(labels[labels != 0], return_counts=True)
     medians, lows, highs = (of(depth.astype(float), labels, known) for of in (ndimage.median, ndimage.minimum, ndimage.maximum))
-    return [Region(int(label), int(area), int(low), int(high), max_dof(optics, int(low), int(high)))
-            for _, label, area, low, high in sorted(zip(medians, known, areas, lows, highs))]
+    return [Region(int(area), int(low), int(high), max_dof(optics, int(low), int(high)))
+            for _, _, area, low, high in sorted(zip(medians, known, areas, lows, highs))]
 
 
 def cells(found, count):

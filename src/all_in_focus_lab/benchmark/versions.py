@@ -5,7 +5,6 @@ import os
 import platform
 import re
 import shutil
-import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -14,7 +13,7 @@ import rospkg
 
 import all_in_focus
 from all_in_focus.files import stack
-from all_in_focus.installed import find, prefix
+from all_in_focus.installed import find, prefix, run
 from all_in_focus_lab import baselines, metrics
 from all_in_focus_lab.benchmark.scenes import digest
 
@@ -39,11 +38,7 @@ def nodes_digest():
     """Digest of what makes images of bags: the nodes' libraries, and the code that starts them and plays bags to them."""
     folder = Path(all_in_focus.__file__).parent
     played = [path for module in ("replay", "bag") for path in sorted((folder / module).rglob("*.py"))]
-    return digest([*played, Path(find("evaluate_bag")), *_libraries("*")])
-
-
-def _libraries(name):
-    return sorted((prefix() / "lib").glob(f"liball_in_focus_{name}.so"))
+    return digest([*played, Path(find("evaluate_bag")), *sorted((prefix() / "lib").glob("liball_in_focus_*.so"))])
 
 
 def versions(program=""):
@@ -55,9 +50,7 @@ def versions(program=""):
         except ImportError:
             pass
     if shutil.which("enfuse"):
-        said = subprocess.run(["enfuse", "--version"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                              errors="replace").stdout
-        found["enfuse"] = said.strip().partition("\n")[0] or "unknown"
+        found["enfuse"] = run(["enfuse", "--version"]).partition("\n")[0]
     found.update(code=code_digest(), fuse_stack=fusion_digest(program), nodes=nodes_digest(), machine=platform.node(),
                  system=platform.platform(), processor=f"{os.cpu_count()} x {_processor()}")
     return found
