@@ -74,8 +74,7 @@ def main():
                  "output": Path(folder) / "fused.png"}
         filled = {name: shlex.split(command.format(**known)) for name, command in commands(args).items()}
         height, width = cv2.imread(str(files[0])).shape[:2]
-        medians = steps.in_turn({name: lambda command=command: steps.run_measured(command)[1:]
-                                 for name, command in filled.items()}, args.repetitions)
+        medians = steps.in_turn(filled, args.repetitions)
     ours = next(iter(medians.values()))[0]
     runs_told = "one run" if args.repetitions == 1 else f"medians of {args.repetitions} runs"
     print(f"{len(files)} pictures of {width}x{height}, {runs_told}, in turn.\n")

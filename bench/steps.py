@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from all_in_focus import installed
 from all_in_focus.command_line import Parser, count, run as run_program
 from all_in_focus.progress import Progress
 from all_in_focus_lab.benchmark.tables import markdown
@@ -49,21 +50,21 @@ sys.exit(status)"""
 
 
 def run_measured(command):
-    """What a program printed, its seconds, CPU seconds and peak memory in MB. RuntimeError with its last line where it fails."""
-    result = subprocess.run([sys.executable, "-S", "-c", MEASURE, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    """Seconds, CPU seconds and peak memory in MB of a program. RuntimeError with its last line where it fails."""
+    result = subprocess.run([sys.executable, "-S", "-c", MEASURE, *command], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
                             universal_newlines=True, errors="replace")
     *said, measured = filter(None, result.stderr.splitlines())
     if result.returncode:
         raise RuntimeError(said[-1] if said else f"{command[0]} fails")
     seconds, cpu_seconds, peak_kb = map(float, measured.split())
-    return result.stdout, seconds, cpu_seconds, peak_kb / 1024
+    return seconds, cpu_seconds, peak_kb / 1024
 
 
-def in_turn(programs, repetitions):
-    """Medians of what the programs return: name -> function () -> number or tuple."""
-    runs = {name: [] for name in programs}
-    for name in Progress([name for _ in range(repetitions) for name in programs], unit="run"):
-        runs[name].append(programs[name]())
+def in_turn(commands, repetitions):
+    """Medians of what run_measured() returns, by name; commands: by name."""
+    runs = {name: [] for name in commands}
+    for name in Progress([name for _ in range(repetitions) for name in commands], unit="run"):
+        runs[name].append(run_measured(commands[name]))
     return {name: np.median(values, axis=0) for name, values in runs.items()}
 
 
@@ -78,10 +79,7 @@ def run(program, only, repetitions, sample):
         command = [program, "--benchmark_filter=" + only, f"--benchmark_repetitions={repetitions}",
                    "--benchmark_enable_random_interleaving=true", "--benchmark_min_time=0.1",
                    f"--benchmark_out={output}", "--benchmark_out_format=json", *sample]
-        result = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, universal_newlines=True,
-                                timeout=TIMEOUT_S)
-        if result.returncode:
-            raise RuntimeError(result.stderr.strip().splitlines()[-1])
+        installed.run(command, TIMEOUT_S)
         return read(json.loads(output.read_text(encoding="utf-8")))
 
 
@@ -153,4 +151,4 @@ def main():
 
 
 if __name__ == "__main__":
-    run_program(main, RuntimeError, subprocess.SubprocessError)
+    run_program(main, RuntimeError)
