@@ -65,6 +65,12 @@ def test_files_of_others_stay_and_are_no_results(bag, tmp_path):
     assert theirs.read_text() == "theirs" and results(tmp_path / "out")["results"] == {}
 
 
+def test_topics_are_named_by_a_file_and_by_options(tmp_path):
+    (tmp_path / "topics.yaml").write_text("rgb_topic: /of_file\ndepth_topic: /of_file_too\n")
+    found = bags.topics({"topics": str(tmp_path / "topics.yaml"), "depth-topic": "/of_option"})
+    assert (found.rgb, found.depth, found.focus) == ("/of_file", "/of_option", "/rgb/focus")
+
+
 def several_times(bag, turns, output, change):
     """A bag again and again, 100 s apart. change(turn, topic, message): may alter a message, returns whether to take it."""
     with rosbag.Bag(str(bag)) as old, rosbag.Bag(str(output), "w") as new:

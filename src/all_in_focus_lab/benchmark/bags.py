@@ -11,8 +11,9 @@ from pathlib import Path
 import cv2
 
 from all_in_focus import installed
-from all_in_focus.bag.bag_file import BagContents, BagFile, Topics
+from all_in_focus.bag.bag_file import BagContents, BagFile, Topics, load_topics
 from all_in_focus.bag.brackets import Rules, assemble
+from all_in_focus.bag.options import option_of
 from all_in_focus.image_messages import bgr
 from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.files.output_folder import whole_folder
@@ -24,9 +25,9 @@ DONE = "bag.json"
 
 
 def topics(options):
-    """Topics by the options of evaluate_bag, such as {"depth-topic": "/camera/depth"}."""
-    given = {kind: options.get(kind.replace("_", "-") + "-topic") for kind in vars(Topics())}
-    return Topics(**{kind: name for kind, name in given.items() if name})
+    """Topics by the options of evaluate_bag, such as {"topics": FILE, "depth-topic": "/camera/depth"}."""
+    names = vars(load_topics(options["topics"]) if "topics" in options else Topics())
+    return Topics(**{kind: options.get(option_of(kind)[2:]) or name for kind, name in names.items()})
 
 
 def check_bag_scene(scene, options):
