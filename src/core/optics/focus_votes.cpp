@@ -60,6 +60,7 @@ double between(const std::vector<FrameBlur>& list, double place) {
 // Inverse depth of a tile; 0 where little is known of it, or where it holds several surfaces.
 float surfaceIn(const cv::Mat1w& depth, const cv::Rect2d& tile) {
   std::vector<double> known;
+  known.reserve(kSamples * kSamples);
   double least = 1, largest = 0;
   for (int j = 0; j < kSamples; ++j) {
     for (int i = 0; i < kSamples; ++i) {
@@ -117,6 +118,7 @@ FocusVotes::FocusVotes(const std::vector<Frame>& frames, const cv::Mat& depth, c
       tile.inverse_depth =
           surfaceIn(depth, {corner.x * x_scale, corner.y * y_scale, side * x_scale, side * y_scale});
       if (tile.inverse_depth == 0) continue;
+      tile.detail.reserve(frames.size());
       const cv::Point2d middle = corner + cv::Point2d(side, side) / 2;
       for (const Frame& frame : frames) {
         const cv::Vec2d moved = frame.motion * cv::Vec3d(middle.x, middle.y, 1);
