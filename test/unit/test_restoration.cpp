@@ -16,7 +16,9 @@
 
 #include "all_in_focus/bracket.hpp"
 #include "optics/disc_blur.hpp"
+#include "restoration/contours.hpp"
 #include "restoration/image_formation.hpp"
+#include "restoration/observed_bracket.hpp"
 #include "restoration/restoration.hpp"
 #include "restoration/semi_global_matching.hpp"
 #include "util/srgb.hpp"
@@ -518,6 +520,36 @@ TEST(ImageFormation, NearPixelsComeFirstAndSharesSumUpToOne) {
     }
     EXPECT_NEAR(sum, 1, 1e-4) << x;
     EXPECT_NEAR(near_share, right_of_edge(x), 1e-4) << x;
+  }
+}
+
+// On a bare surface the frames do not tell where the contour runs.
+TEST(Contours, GoByMeasuredDepthWhereFramesDoNotTell) {
+  constexpr int kSide = 40, kEdge = 20;
+  const cv::Size size(kSide, kSide);
+  ObservedBracket bracket;
+  bracket.fused = cv::Mat3b(size, cv::Vec3b::all(128));
+  bracket.light = linearLight(bracket.fused, *bracket.curve);
+  bracket.px_mm = 3 / (1.0 / kNearMm - 1.0 / kFarMm);
+  const cv::Mat3s codes(size, cv::Vec3s::all(128 * kCodeScale));
+  for (const int focus_mm : {kFarMm, kNearMm})
+    bracket.frames.push_back({codes, cv::Rect({}, size), {}, {1.0 / focus_mm, bracket.px_mm}});
+  for (const bool measured : {true, false}) {
+    bracket.filled = cv::Mat1f(size, 1.0f / kNearMm);
+    bracket.measured = measured ? bracket.filled.clone() : cv::Mat1f();
+    cv::Mat1f inverse_depth(size, 1.0f / kNearMm);
+    inverse_depth.colRange(kEdge, kSide) = 1.0f / kFarMm;
+    std::vector<ImageFormation> formation;
+    for (const ObservedFrame& frame : bracket.frames)
+      formation.emplace_back(inverse_depth, frame.blur, bracket.gap(kJumpPx));
+    updateAll(formation);
+    moveContours(bracket, formation, inverse_depth, /*stiffness=*/0, [](double) { return true; });
+    const int near = cv::countNonZero(inverse_depth > 1.01f / kFarMm);
+    if (measured) {
+      EXPECT_GT(near, kSide * kEdge);  // it is near, measured all around
+    } else {
+      EXPECT_LT(near, kSide * kEdge);  // near things are more often too wide
+    }
   }
 }
 

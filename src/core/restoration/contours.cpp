@@ -26,10 +26,11 @@ constexpr struct ContourParameters {
   // Of a jump, where colours differ by little: by exp(-squared gray levels / color_step). Along a contour
   // only a share of them counts: where it moves they move with it.
   float jump_weight = 5, color_step = 288, sideways = 0.5f;
-  float near_excess = 2.5f;      // what the nearer of two depths must explain better
-  float nearer_than_filled = 4;  // and better besides if registration says the farther one
-  float nearer_than_all = 20;    // the same if registration says nothing so near within `near`
-  int near = 8;                  // px; no contour of registration is farther off
+  float near_excess = 2.5f;    // what the nearer of two depths must explain better
+  float contradicted = 5;      // what a depth must explain better that registration contradicts
+  float nearer_than_all = 20;  // the same if registration says nothing so near within `near`
+  int near = 8;                // px; no contour of registration is farther off
+  int rim = 2;                 // px by which registration may make near objects too wide
   // Gray levels: of a pixel's colour from that of the fused picture, if its depth is the farther or the
   // nearer. (One colour: -0.8 dB, 60 for both: -0.1.)
   float far_color_deviation = 60, near_color_deviation = 12;
@@ -149,6 +150,10 @@ class Contours {
       cv::dilate(bracket.filled, nearest_,
                  cv::getStructuringElement(cv::MORPH_RECT, {2 * kContours.near + 1, 2 * kContours.near + 1}));
     }
+    if (!bracket.measured.empty()) {
+      cv::erode(bracket.measured, farthest_,
+                cv::getStructuringElement(cv::MORPH_RECT, {2 * kContours.rim + 1, 2 * kContours.rim + 1}));
+    }
     within_ = besideJumps(inverse_depth, gap_, kContours.reach);
     within_.copyTo(pending_);
   }
@@ -248,7 +253,9 @@ class Contours {
   float depthCost(const cv::Point& p, float inverse_depth) const {
     if (isNearerThanAll(p, inverse_depth)) return kContours.nearer_than_all;
     const float filled = bracket_.filled.empty() ? 0 : bracket_.filled(p);
-    return filled > 0 && inverse_depth - filled > gap_ ? kContours.nearer_than_filled : 0;
+    const bool is_nearer = filled > 0 && inverse_depth - filled > gap_;
+    const bool is_farther = !farthest_.empty() && farthest_(p) - inverse_depth > gap_;
+    return is_nearer || is_farther ? kContours.contradicted : 0;
   }
 
   // across_x: the contour would move along x.
@@ -271,6 +278,7 @@ class Contours {
   float gap_;
   Explanation explanation_;
   cv::Mat1f nearest_;        // of the filled depth nearby
+  cv::Mat1f farthest_;       // of the measured depth within the rim, 0 where some is unknown
   cv::Mat1f right_, below_;  // cost of a jump to these neighbours
   cv::Mat1b within_;         // where contours may run
   cv::Mat1b pending_;        // something nearby has changed since the pixel was tried
