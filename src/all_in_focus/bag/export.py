@@ -11,11 +11,11 @@ import numpy as np
 from all_in_focus.bag.brackets import assemble
 from all_in_focus.bag.bag_file import BagError
 from all_in_focus.image_messages import ImageError, bgr, check_color, depth_mm
-from all_in_focus.bag.recorded_rig import RecordedRigError, camera_at, color_frame, depth_problem, optics_at, pose
+from all_in_focus.bag.recorded_rig import camera_at, color_frame, depth_problem, optics_at, pose
 from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import whole_folder
-from all_in_focus.files.rig import DEFAULT_OPTICS, Rig, save_rig
+from all_in_focus.files.rig import DEFAULT_OPTICS, Rig, RigError, save_rig
 from all_in_focus.files.stack import save_focus, size_text
 from all_in_focus.progress import Progress
 
@@ -120,7 +120,7 @@ class _BracketWriter:
             cameras = camera_at(self._scan, "depth", head.order), camera_at(self._scan, "rgb", head.order)
             parent = color_frame(self._scan, head.order)
             found = pose(self._scan, head.frame_id, parent, head.order)
-        except RecordedRigError as error:
+        except RigError as error:
             self._warnings.append(f"no rig, so depth.png is of no use: {error}")
             return False
         optics = self._optics or optics_at(self._scan, order)

@@ -11,42 +11,34 @@ from scipy.spatial.transform import Rotation
 from all_in_focus.image_messages import ImageError, check_depth
 from all_in_focus.bag.scan import newest
 from all_in_focus.files.errors import one_line
-from all_in_focus.files.rig import Camera, Optics, check_matrix, distortion_of, rotation_matrix
+from all_in_focus.files.rig import Camera, Optics, RigError, check_matrix, distortion_of, rotation_matrix
 
 MAX_SIZE = 32767  # pixels
 MAX_PIXELS = 100_000_000
 FOREVER = genpy.Duration(10 ** 8)
 
 
-class RecordedRigError(ValueError):
-    """A calibration or pose that the nodes refuse; the message says why and what to do."""
-
-
 def camera_of(info, name):
-    """Camera of the images as sent: with binning and region of interest applied. RecordedRigError."""
+    """Camera of the images as sent: with binning and region of interest applied. RigError."""
     if not (0 < info.width <= MAX_SIZE and 0 < info.height <= MAX_SIZE):
-        raise RecordedRigError(f"image size is {info.width}x{info.height}: calibrate the camera")
+        raise RigError(f"image size is {info.width}x{info.height}: calibrate the camera")
     if info.width * info.height > MAX_PIXELS:
-        raise RecordedRigError(f"image size is {info.width}x{info.height}, more than 100 megapixels: "
-                               "check width and height")
+        raise RigError(f"image size is {info.width}x{info.height}, more than 100 megapixels: check width and height")
     K = np.array(info.K, float).reshape(3, 3)
     if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0):
-        raise RecordedRigError(f"the camera is not calibrated (fx = {K[0, 0]:g}, fy = {K[1, 1]:g}): calibrate it, or "
-                               "give its driver a calibration file")
+        raise RigError(f"the camera is not calibrated (fx = {K[0, 0]:g}, fy = {K[1, 1]:g}): calibrate it, or "
+                       "give its driver a calibration file")
     model = info.distortion_model or "plumb_bob"
-    try:
-        check_matrix(K)
-        D = distortion_of(model, info.D if info.distortion_model else [])
-    except ValueError as error:
-        raise RecordedRigError(str(error)) from error
+    check_matrix(K)
+    D = distortion_of(model, info.D if info.distortion_model else [])
 
     roi, bins = info.roi, np.maximum(1, [info.binning_x, info.binning_y])
     if roi.x_offset + roi.width > info.width or roi.y_offset + roi.height > info.height:
-        raise RecordedRigError(f"the region of interest ({roi.width}x{roi.height} at {roi.x_offset}, {roi.y_offset}) "
-                               f"is not inside the image of {info.width}x{info.height}")
+        raise RigError(f"the region of interest ({roi.width}x{roi.height} at {roi.x_offset}, {roi.y_offset}) "
+                       f"is not inside the image of {info.width}x{info.height}")
     size = np.array([roi.width, roi.height] if roi.width and roi.height else [info.width, info.height]) // bins
     if not size.all():
-        raise RecordedRigError(f"binning of {bins[0]}x{bins[1]} leaves an image of {size[0]}x{size[1]}")
+        raise RigError(f"binning of {bins[0]}x{bins[1]} leaves an image of {size[0]}x{size[1]}")
     cut = bins.max() > 1 or bool(roi.x_offset or roi.y_offset)
     offset = np.array([roi.x_offset, roi.y_offset])
     K[:2, 2] = (K[:2, 2] - offset + 0.5) / bins - 0.5  # the centre of a binned pixel lies half a bin inside
@@ -55,16 +47,6 @@ def camera_of(info, name):
     if cut or not P.any():
         P = None
     return Camera(name, int(size[0]), int(size[1]), K, D, model, R if R.any() else None, P)
-
-
-def optics_of(message):
-    """Optics of a message, or None where they are impossible."""
-    optics = Optics(message.focal_length_mm, message.aperture, message.circle_of_confusion_mm)
-    try:
-        optics.validate("")
-    except ValueError:
-        return None
-    return optics
 
 
 class Pose(NamedTuple):
@@ -78,7 +60,7 @@ class Pose(NamedTuple):
 
 def pose(scan, child, parent, order):
     """Pose from the newest transforms recorded up to `order`, else from the first ones that connect both frames.
-    RecordedRigError where none do."""
+    RigError where none do."""
     if child.strip("/") == parent.strip("/"):
         return Pose(np.eye(3), np.zeros(3), [0.0, 0.0, 0.0, 1.0], False)
     buffer = tf2_py.BufferCore(FOREVER)
@@ -96,17 +78,17 @@ def pose(scan, child, parent, order):
             buffer.set_transform(transform, "bag")
     found, problem = _lookup(buffer, child, parent) if found is None else (found, None)
     if found is None:
-        raise RecordedRigError(problem)
+        raise RigError(problem)
     q, t = found.transform.rotation, found.transform.translation
     quaternion = [q.x, q.y, q.z, q.w]
     return Pose(rotation_matrix(Rotation.from_quat(quaternion)), np.array([t.x, t.y, t.z]), quaternion, late)
 
 
 def camera_at(scan, kind, order):
-    """Camera of kind "depth" or "rgb" at the time `order` of a Scan. RecordedRigError."""
+    """Camera of kind "depth" or "rgb" at the time `order` of a Scan. RigError."""
     small = newest(getattr(scan, f"{kind}_info"), order)
     if small is None:
-        raise RecordedRigError("there is no camera info")
+        raise RigError("there is no camera info")
     return camera_of(small.message, {"rgb": "color"}.get(kind, kind))
 
 
@@ -126,7 +108,7 @@ def depth_problem(scan, head):
         if head.size != (camera.width, camera.height):
             raise ImageError(f"depth is {head.size[0]}x{head.size[1]}, but its camera info is for "
                              f"{camera.width}x{camera.height}: use the calibration of this resolution")
-    except (ImageError, RecordedRigError) as error:
+    except (ImageError, RigError) as error:
         return str(error)
     return None
 
@@ -134,7 +116,14 @@ def depth_problem(scan, head):
 def optics_at(scan, order):
     """Optics at the time `order` of a Scan, or None where they are unknown or impossible."""
     small = newest(scan.optics, order)
-    return optics_of(small.message) if small else None
+    if small is None:
+        return None
+    optics = Optics(small.message.focal_length_mm, small.message.aperture, small.message.circle_of_confusion_mm)
+    try:
+        optics.validate("")
+    except RigError:
+        return None
+    return optics
 
 
 def transforms(scan):

@@ -25,6 +25,11 @@ SHAPE_TOLERANCE = 0.01  # as that of the fusion
 OPTICS_RANGES = {"focal_length_mm": (0.1, 10000.0), "aperture": (0.1, 1000.0), "circle_of_confusion_mm": (1e-6, 10.0)}
 
 
+class RigError(ValueError):
+    """A rig, camera or lens that is missing, wrong or refused by the nodes; the message says what, of a file also its name and
+    the key."""
+
+
 def rotation_matrix(rotation):
     """3x3 matrix of a scipy Rotation (as_matrix, which scipy before 1.4 does not have)."""
     return rotation.apply(np.eye(3)).T
@@ -32,14 +37,14 @@ def rotation_matrix(rotation):
 
 def distortion_of(model, coefficients):
     """The coefficients of ROS' models plumb_bob (5), rational_polynomial (8) and equidistant (4); drivers pad with zeros.
-    ValueError."""
+    RigError."""
     if model not in DISTORTION_COEFFICIENTS:
-        raise ValueError(f'distortion model "{model}" is not supported: use plumb_bob, rational_polynomial or equidistant')
+        raise RigError(f'distortion model "{model}" is not supported: use plumb_bob, rational_polynomial or equidistant')
     most, D = DISTORTION_COEFFICIENTS[model], np.array(coefficients, float)
     if not np.isfinite(D).all():
-        raise ValueError(f"{model} has {most} distortion coefficients, all finite, not these: calibrate again")
+        raise RigError(f"{model} has {most} distortion coefficients, all finite, not these: calibrate again")
     if len(D) not in KNOWN_TO_OPENCV or D[most:].any():
-        raise ValueError(f"{model} has {most} distortion coefficients, not {len(D)}: calibrate again")
+        raise RigError(f"{model} has {most} distortion coefficients, not {len(D)}: calibrate again")
     return np.pad(D[:most], (0, max(0, most - len(D))), "constant")
 
 
@@ -49,15 +54,11 @@ def same_shape(one, other):
 
 
 def check_matrix(K):
-    """ValueError where a camera matrix (3x3) says more than fx, fy, cx, cy: nothing here would use it."""
+    """RigError where a camera matrix (3x3) says more than fx, fy, cx, cy: nothing here would use it."""
     if abs(K[0, 1]) > LARGEST_SKEW:
-        raise ValueError(f"the camera matrix has a skew, {K[0, 1]:g}, which is not supported: calibrate without one")
+        raise RigError(f"the camera matrix has a skew, {K[0, 1]:g}, which is not supported: calibrate without one")
     if K[1, 0] or (K[2] != (0, 0, 1)).any():
-        raise ValueError("the camera matrix must be fx 0 cx, 0 fy cy, 0 0 1")
-
-
-class RigError(ValueError):
-    """A rig file or a lens that is missing or wrong; the message names the file and the key."""
+        raise RigError("the camera matrix must be fx 0 cx, 0 fy cy, 0 0 1")
 
 
 @dataclass
@@ -215,7 +216,7 @@ def load_camera(path):
         file.fail("camera_matrix.data", "focal lengths must be positive")
     try:
         check_matrix(K)
-    except ValueError as error:
+    except RigError as error:
         file.fail("camera_matrix.data", str(error))
     model = file.text("distortion_model", "plumb_bob")
     kind = file.text("camera_model", "pinhole")
@@ -230,7 +231,7 @@ def load_camera(path):
         file.fail("distortion_model", f"'{model}' is not one of {', '.join(sorted(DISTORTION_COEFFICIENTS))}")
     try:
         D = distortion_of(model, D)
-    except ValueError as error:
+    except RigError as error:
         file.fail("distortion_coefficients.data", str(error))
     return Camera(file.text("camera_name", "camera"), file.size("image_width"), file.size("image_height"), K, D, model,
                   file.matrix("rectification_matrix", (3, 3), np.eye(3)),

@@ -11,10 +11,10 @@ import numpy as np
 
 from all_in_focus import installed
 from all_in_focus.bag.check.findings import share_text
-from all_in_focus.bag.recorded_rig import RecordedRigError, camera_of, color_frame, is_possible, pose, transforms
+from all_in_focus.bag.recorded_rig import camera_of, color_frame, is_possible, pose, transforms
 from all_in_focus.files.errors import counted
 from all_in_focus.files.output_file import write_picture
-from all_in_focus.files.rig import same_shape, save_rig
+from all_in_focus.files.rig import RigError, same_shape, save_rig
 from all_in_focus.imaging import shrunk
 
 FIELD_OF_VIEW = (3, 150)  # degrees; beyond is a mistake
@@ -31,7 +31,7 @@ def check_camera(check, bag, scan, kind, heads):
     info = infos[0].message
     try:
         camera = camera_of(info, kind)
-    except RecordedRigError as error:
+    except RigError as error:
         check.error(f"{name}: {error}")
         return None
     _check_size(check, bag, kind, camera, heads, infos)
@@ -54,7 +54,7 @@ def _is_scaled(one, other, kind):
     the size."""
     try:
         one, other = camera_of(one, kind), camera_of(other, kind)
-    except RecordedRigError:
+    except RigError:
         return False
     scaled = one.scaled(other.width, other.height)
     return (one.width, one.height) != (other.width, other.height) and np.allclose(scaled.K, other.K) and np.array_equal(
@@ -136,7 +136,7 @@ def check_transform(check, bag, scan, depth_head, ask):
             break
     try:
         found = pose(scan, child, parent, depth_head.order)
-    except RecordedRigError as error:
+    except RigError as error:
         if not scan.tf and not scan.tf_static:
             check.error("nothing on /tf_static or /tf: record them too; rig_publisher publishes what a rig folder says")
         else:

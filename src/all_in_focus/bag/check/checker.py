@@ -13,9 +13,9 @@ from all_in_focus.bag.check.pixels import (BRACKETS, FRAMES, Sample, check_depth
 from all_in_focus.bag.check.findings import BagReport, Check
 from all_in_focus.bag.check.recording import TITLES, check_depth_in_time, check_file, check_stamps, check_topics
 from all_in_focus.image_messages import ImageError, bgr, depth_mm
-from all_in_focus.bag.recorded_rig import RecordedRigError, camera_at, color_frame, depth_problem, optics_at
+from all_in_focus.bag.recorded_rig import camera_at, color_frame, depth_problem, optics_at
 from all_in_focus.bag.scan import fetch, scan
-from all_in_focus.files.rig import Rig
+from all_in_focus.files.rig import Rig, RigError
 
 DEPTH_SAMPLES = 3
 
@@ -92,7 +92,7 @@ class _Checker:
                       self._given_optics or optics_at(self._scan, head.order), quaternion=pose.quaternion)
             picture = min(pictures, key=lambda other: abs(other.order - head.order), default=None)
             picture = None if picture is None else bgr(fetch(self._bag, "rgb", picture))
-        except (RecordedRigError, ImageError):
+        except (RigError, ImageError):
             return None
         return rig_warnings(rig, depth, picture) if depth.any() else None
 
