@@ -1,18 +1,15 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Shoots one focus bracket: fixes the settings, takes the frames one by one, restores focus and settings."""
+"""The frames of a focus bracket: one picture at a time, and where the frames of a plan lie."""
 import contextlib
-import math
 import posixpath
 import time
 from dataclasses import dataclass
 
 import numpy as np
 
-from all_in_focus.camera.focus_drive import FocusLimit
 from all_in_focus.camera.interface import CAMERA_ERROR, CORRUPTED, FILE_ADDED, CameraError
 from all_in_focus.files.stack import IMAGE_SUFFIXES, decode_image
-from all_in_focus.imaging import FocusCheck
 
 STILL, PREVIEW = "still", "preview"
 STALE_PREVIEWS = 1  # live view frames that may have been exposed before the lens came to rest
@@ -145,101 +142,8 @@ def _decoded(data, name):
     return image
 
 
-class Bracketer:
-    """drive: FocusDrive or RingDrive; hold: SettingsHold; photographer: Photographer; scale: FocusTable, or None if the
-    focus distances are unknown. All methods append their warnings, one line each, to the list `warnings`."""
-
-    def __init__(self, drive, hold, photographer, scale=None):
-        self.drive, self.hold, self.photographer, self.scale = drive, hold, photographer, scale
-        self._start = None  # focus position before the bracket
-
-    def shoot(self, positions, publish, on_release, warnings, exposures=()):
-        """Take a frame at each position (in steps, in this order). exposures: times in s, one for all or one for each; empty: as
-        metered.
-
-        on_release(Shot): at the release, before the picture is downloaded; publish(Shot): with the picture. Between the
-        two, count and last change if the bracket has to end with this frame.
-
-        At the end of the focus range the bracket ends early, with a warning; it raises FocusLimit if not even the first
-        frame can be reached. Focus and settings are restored afterwards, also after an error. If restoring fails because
-        the camera is busy or lost, call restore() later.
-        """
-        self._start = self.drive.position
-        try:
-            self.hold.hold(warnings)
-            exposures = self.hold.shutter_choices(exposures)
-            if len(exposures) == 1:
-                exposures *= len(positions)
-            self._sweep(list(positions), exposures, publish, on_release, warnings)
-        except BaseException:
-            with contextlib.suppress(CameraError):  # report the first error, not this one
-                self.restore(warnings)
-            raise
-        self.restore(warnings)
-
-    def restore(self, warnings):
-        """Restore focus and settings as before the last bracket. Raises CameraError if the camera is busy or lost; then
-        the next call goes on. What the camera refuses otherwise is given up with a warning."""
-        try:
-            if self._start is not None:
-                self._return_to_start(warnings)
-            self._start = None
-        finally:
-            self.hold.release(warnings)
-
-    def _return_to_start(self, warnings):
-        for last_try in (False, True):
-            try:
-                return self.drive.move_to(self._start)
-            except FocusLimit as limit:
-                return warnings.append(f"{limit}: the start position is not reached")
-            except CameraError as error:
-                if error.busy or error.lost:
-                    raise
-                if last_try:
-                    warnings.append(f"the focus is not back at its start position: {error}")
-
-    def _sweep(self, positions, exposures, publish, on_release, warnings):
-        def prepare(index):
-            self.drive.move_to(positions[index])
-            if exposures:
-                self.hold.expose(exposures[index])
-        prepare(0)
-        count, focus = len(positions), FocusCheck()
-        for index in range(len(positions)):
-            self.drive.wake()
-            distance = self.scale.distance(self.drive.position) if self.scale else math.nan
-            shot = Shot(None, self.drive.position, index, count, index + 1 == count, distance)
-
-            def released(stamp, shot=shot):
-                shot.stamp = stamp
-                on_release(shot)
-            shot.image = self.photographer.take(released)
-            focus.add(shot.image)
-            failure = None
-            if index + 1 < count:
-                # Move on before this frame is published: if the next position cannot be reached, this frame is the
-                # last one and has to say so.
-                try:
-                    prepare(index + 1)
-                except FocusLimit as limit:
-                    warnings.append(f"{limit} after {index + 1} of {count} frames")
-                    count = index + 1
-                except CameraError as error:
-                    failure, count = error, index + 1
-            shot.count, shot.last = count, index + 1 == count
-            publish(shot)
-            if failure:
-                raise failure
-            if shot.last:
-                break
-        if focus.stood_still:
-            warnings.append(f"the focus did not move: the sharpness changed by {100 * focus.change:.0f} % at most over "
-                            f"{count} frames; {self.drive.REMEDY}")
-
-
 def planned_positions(distances, scale, exposures=()):
-    """(positions, exposures, warnings) for the focus distances of a plan, in m. exposures: as Bracketer.shoot() takes them; of
+    """(positions, exposures, warnings) for the focus distances of a plan, in m. exposures: as Session.shoot() takes them; of
     frames that are alike in both only the first is taken."""
     frames, warnings = [], []
     for index, distance in enumerate(distances):

@@ -1,15 +1,18 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""One camera over time: connects, shoots brackets, reconnects after the camera was lost."""
+"""One camera over time: connects, shoots brackets with fixed settings, restores focus and settings, reconnects after it was
+lost."""
 import contextlib
+import math
 from dataclasses import dataclass
 
-from all_in_focus.camera.bracket import STILL, Bracketer, Photographer, planned_positions
-from all_in_focus.camera.focus_drive import FocusDrive, RingDrive
+from all_in_focus.camera.bracket import STILL, Photographer, Shot, planned_positions
+from all_in_focus.camera.focus_drive import FocusDrive, FocusLimit, RingDrive
 from all_in_focus.camera.interface import NOT_SUPPORTED, CameraError, RetryingCamera
 from all_in_focus.camera.makers import ALL_HOLDS, MAKERS, maker_of
 from all_in_focus.camera.settings_hold import SettingsHold
 from all_in_focus.files.focus_table import FocusTable
+from all_in_focus.imaging import FocusCheck
 
 CURRENT, NEAR, FAR = "current", "near", "far"
 MOTOR, NONE = "motor", "none"
@@ -51,7 +54,8 @@ class Session:
         self._camera = RetryingCamera(camera, config.patience_s)
         self._photographer = Photographer(self._camera, clock, config.frames, config.timeout_s,
                                           keep_files=config.keep_files)
-        self._maker, self._bracketer = None, None
+        self._maker = self._drive = self._hold = None  # as long as no camera was there
+        self._start = None  # focus position before the bracket
         self._warnings = []
 
     @contextlib.contextmanager
@@ -70,11 +74,11 @@ class Session:
             self.model = self._camera.open()
             self._photographer.reset()
             maker = self._maker_of(self.model)
-            if self._bracketer is None or self._maker is not maker:
-                self._maker, self._bracketer = maker, self._bracketer_for(maker)
+            if self._drive is None or self._maker is not maker:
+                self._prepare_for(maker)
             if self.config.home != CURRENT:
-                self._bracketer.drive.go_to_stop(self.config.home == FAR)
-            self._bracketer.restore(self._warnings)
+                self._drive.go_to_stop(self.config.home == FAR)
+            self._restore()
         except Exception:
             self.close()
             raise
@@ -97,20 +101,28 @@ class Session:
                               f"{makers}: use image_folder_camera, or ~drive:=none and turn the focus ring by hand")
         return maker
 
-    def _bracketer_for(self, maker):
+    def _prepare_for(self, maker):
         if self.config.drive == NONE:
-            drive = RingDrive(RING_PAUSE if self.config.settle_s is None else self.config.settle_s)
+            self._drive = RingDrive(RING_PAUSE if self.config.settle_s is None else self.config.settle_s)
         else:
-            drive = FocusDrive(self._camera, maker, self.config.step_size, self.config.settle_s)
-        hold = SettingsHold(self._camera, maker.holds if maker else ALL_HOLDS, self.config.white_balance, self.config.iso)
-        return Bracketer(drive, hold, self._photographer, self.scale)
+            self._drive = FocusDrive(self._camera, maker, self.config.step_size, self.config.settle_s)
+        self._hold = SettingsHold(self._camera, maker.holds if maker else ALL_HOLDS, self.config.white_balance, self.config.iso)
+        self._maker, self._start = maker, None
 
     def shoot(self, publish, on_release=lambda shot: None, exposures=()):
-        """A bracket of equal steps; see Bracketer.shoot()."""
+        """A bracket of equal steps. exposures: times in s, one for all frames or one for each; empty: as metered.
+
+        on_release(Shot): at the release, before the picture is downloaded; publish(Shot): with the picture. Between the
+        two, count and last change if the bracket has to end with this frame.
+
+        At the end of the focus range the bracket ends early, with a warning; it raises FocusLimit if not even the first
+        frame can be reached. Focus and settings are restored afterwards, also after an error; by the next call if the
+        camera is busy or lost.
+        """
         self._restore()
         config = self.config
         first, step = (0, 1) if config.drive == NONE else (config.first, config.step)
-        start = self._bracketer.drive.position + first
+        start = self._drive.position + first
         self._shoot([start + index * step for index in range(config.count)], publish, on_release, exposures)
 
     def shoot_planned(self, distances, publish, on_release=lambda shot: None, exposures=()):
@@ -121,8 +133,58 @@ class Session:
         self._shoot(positions, publish, on_release, exposures)
 
     def _shoot(self, positions, publish, on_release, exposures):
+        """positions: in steps, of the frames in their order."""
+        self._start = self._drive.position
         with self._watching():
-            self._bracketer.shoot(positions, publish, on_release, self._warnings, exposures)
+            try:
+                self._hold.hold(self._warnings)
+                exposures = self._hold.shutter_choices(exposures)
+                if len(exposures) == 1:
+                    exposures *= len(positions)
+                self._sweep(positions, exposures, publish, on_release)
+            except BaseException:
+                with contextlib.suppress(CameraError):  # report the first error, not this one
+                    self._restore()
+                raise
+        self._restore()
+
+    def _sweep(self, positions, exposures, publish, on_release):
+        def prepare(index):
+            self._drive.move_to(positions[index])
+            if exposures:
+                self._hold.expose(exposures[index])
+        prepare(0)
+        count, focus = len(positions), FocusCheck()
+        for index in range(len(positions)):
+            self._drive.wake()
+            distance = self.scale.distance(self._drive.position) if self.scale else math.nan
+            shot = Shot(None, self._drive.position, index, count, index + 1 == count, distance)
+
+            def released(stamp, shot=shot):
+                shot.stamp = stamp
+                on_release(shot)
+            shot.image = self._photographer.take(released)
+            focus.add(shot.image)
+            failure = None
+            if index + 1 < count:
+                # Move on before this frame is published: if the next position cannot be reached, this frame is the
+                # last one and has to say so.
+                try:
+                    prepare(index + 1)
+                except FocusLimit as limit:
+                    self._warnings.append(f"{limit} after {index + 1} of {count} frames")
+                    count = index + 1
+                except CameraError as error:
+                    failure, count = error, index + 1
+            shot.count, shot.last = count, index + 1 == count
+            publish(shot)
+            if failure:
+                raise failure
+            if shot.last:
+                break
+        if focus.stood_still:
+            self._warnings.append(f"the focus did not move: the sharpness changed by {100 * focus.change:.0f} % at most over "
+                                  f"{count} frames; {self._drive.REMEDY}")
 
     def check(self):
         """Raises CameraError if the camera is no longer there."""
@@ -131,9 +193,27 @@ class Session:
         self._restore()
 
     def _restore(self):
-        """Restore what the last bracket could not, because the camera was busy, for example."""
+        """Restore focus and settings as before the last bracket. Raises CameraError if the camera is busy or lost; then the
+        next call goes on. What the camera refuses otherwise is given up with a warning."""
         with self._watching():
-            self._bracketer.restore(self._warnings)
+            try:
+                if self._start is not None:
+                    self._return_to_start()
+                self._start = None
+            finally:
+                self._hold.release(self._warnings)
+
+    def _return_to_start(self):
+        for last_try in (False, True):
+            try:
+                return self._drive.move_to(self._start)
+            except FocusLimit as limit:
+                return self._warnings.append(f"{limit}: the start position is not reached")
+            except CameraError as error:
+                if error.busy or error.lost:
+                    raise
+                if last_try:
+                    self._warnings.append(f"the focus is not back at its start position: {error}")
 
     def take_warnings(self):
         """Warnings since the last call, one line each."""
