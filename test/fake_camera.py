@@ -6,8 +6,8 @@ import time
 import cv2
 import numpy as np
 
-from all_in_focus.camera.interface import (BAD_PARAMETERS, BUSY, CAMERA_ERROR, ERROR, FILE_ADDED, FILE_NOT_FOUND,
-                                           IO_WRITE, MODEL_NOT_FOUND, OTHER, CameraDriver, CameraError, Event, Widget)
+from all_in_focus.camera.interface import (BAD_PARAMETERS, BUSY, CAMERA_ERROR, ERROR, FILE_NOT_FOUND, IO_WRITE,
+                                           MODEL_NOT_FOUND, CameraDriver, CameraError, Widget)
 
 SIZE = (48, 32)  # width, height of a picture
 LENS = 1000  # motor positions from the near limit, 0, to the far limit
@@ -188,8 +188,7 @@ class FakeCamera(CameraDriver):
             for suffix, content in ([("CR2", b"raw")] if self.raw else []) + [("JPG", picture)]:
                 path = f"/store_0001000{card + 1}/DCIM/100FAKE/IMG_{self._shots:04d}.{suffix}"
                 self.files[path] = content
-                self._pending += [(at + card * self.second_card, event)
-                                  for event in (Event(OTHER), Event(FILE_ADDED, path))]
+                self._pending += [(at + card * self.second_card, event) for event in ("", path)]
         self._pending.sort(key=lambda item: item[0])
 
     def wait_for_event(self, seconds):

@@ -9,8 +9,8 @@ import pytest
 import fake_camera
 from all_in_focus.camera import bracket, focus_drive, interface
 from all_in_focus.camera.focus_drive import FocusLimit
-from all_in_focus.camera.interface import (BUSY, CAMERA_ERROR, CORRUPTED, FILE_ADDED, IO_WRITE, MODEL_NOT_FOUND,
-                                           NO_SPACE, USB_CLAIM, CameraError, Event)
+from all_in_focus.camera.interface import (BUSY, CAMERA_ERROR, CORRUPTED, IO_WRITE, MODEL_NOT_FOUND, NO_SPACE,
+                                           USB_CLAIM, CameraError)
 from all_in_focus.camera.session import Config, Session
 from fake_camera import LENS, MODELS, FakeCamera, lens_of
 from file_helpers import ENDLESS_PICTURE, VirtualTime
@@ -139,7 +139,7 @@ def test_raw_files_beside_the_pictures_are_left_alone():
 
 def test_raw_alone_is_explained():
     camera = FakeCamera()
-    camera.capture = lambda: camera._pending.append((0, Event(FILE_ADDED, "/card/IMG_1.NEF")))
+    camera.capture = lambda: camera._pending.append((0, "/card/IMG_1.NEF"))
     with pytest.raises(CameraError, match="only IMG_1.NEF: let the camera write JPEG"):
         connected(camera).shoot(lambda shot: None)
     assert camera.lens == 400 and settings(camera)["iso"] == "Auto"

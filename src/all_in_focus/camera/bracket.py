@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from all_in_focus.camera.interface import CAMERA_ERROR, CORRUPTED, FILE_ADDED, CameraError
+from all_in_focus.camera.interface import CAMERA_ERROR, CORRUPTED, CameraError
 from all_in_focus.files.stack import IMAGE_SUFFIXES, decode_image
 
 STILL, PREVIEW = "still", "preview"
@@ -74,11 +74,11 @@ class Photographer:
         """Read the events that the camera has in its queue. Between brackets this also keeps the camera awake."""
         end = time.monotonic() + LONGEST_DRAIN
         while time.monotonic() < end:
-            event = self._camera.wait_for_event(QUEUE_EMPTY)
-            if event is None:
+            path = self._camera.wait_for_event(QUEUE_EMPTY)
+            if path is None:
                 return
-            if _is_picture(event):
-                self._leave_out(event.path)
+            if _is_picture(path):
+                self._leave_out(path)
 
     def reset(self):
         """The camera was opened anew: it reports no pictures from before, and may have another card."""
@@ -105,13 +105,13 @@ class Photographer:
         """Path of the next new picture; raw files beside it stay on the card."""
         end, others = time.monotonic() + self._timeout, []
         while time.monotonic() < end:
-            event = self._camera.wait_for_event(0.5)
-            if _is_picture(event):
-                if not self._is_copy(event.path):
-                    return event.path
-                self._leave_out(event.path)
-            elif event is not None and event.kind == FILE_ADDED:
-                others.append(posixpath.basename(event.path))
+            path = self._camera.wait_for_event(0.5) or ""
+            if _is_picture(path):
+                if not self._is_copy(path):
+                    return path
+                self._leave_out(path)
+            elif path:
+                others.append(posixpath.basename(path))
         self._owed = not others
         hint = f"only {', '.join(others)}: let the camera write JPEG" if others else "is a card in the camera?"
         raise CameraError(CAMERA_ERROR, "waiting for the picture", f"none came in {self._timeout:g} s, {hint}")
@@ -127,8 +127,8 @@ class Photographer:
             self._owed = False
 
 
-def _is_picture(event):
-    return event is not None and event.kind == FILE_ADDED and event.path.lower().endswith(IMAGE_SUFFIXES)
+def _is_picture(path):
+    return path.lower().endswith(IMAGE_SUFFIXES)
 
 
 def _listed(names):

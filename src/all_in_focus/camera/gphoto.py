@@ -6,8 +6,8 @@ import posixpath
 
 import gphoto2 as gp
 
-from all_in_focus.camera.interface import (BAD_PARAMETERS, FILE_ADDED, IO, MODEL_NOT_FOUND, NOT_SUPPORTED, OTHER,
-                                           UNKNOWN_PORT, CameraDriver, CameraError, Event, Widget)
+from all_in_focus.camera.interface import (BAD_PARAMETERS, IO, MODEL_NOT_FOUND, NOT_SUPPORTED, UNKNOWN_PORT, CameraDriver,
+                                           CameraError, Widget)
 
 _CHOICES = (gp.GP_WIDGET_RADIO, gp.GP_WIDGET_MENU)
 # Since version 2.5, python-gphoto2 wants a file to write into before the context, and makes one where it is None.
@@ -118,12 +118,12 @@ class GphotoCamera(CameraDriver):
 
     def wait_for_event(self, seconds):
         if self._captured:
-            return Event(FILE_ADDED, self._captured.pop(0))
+            return self._captured.pop(0)
         with self._opened("waiting for the camera") as camera:
             kind, data = camera.wait_for_event(max(1, round(1000 * seconds)), self._context)
         if kind == gp.GP_EVENT_FILE_ADDED:
-            return Event(FILE_ADDED, posixpath.join(data.folder, data.name))
-        return None if kind == gp.GP_EVENT_TIMEOUT else Event(OTHER)
+            return posixpath.join(data.folder, data.name)
+        return None if kind == gp.GP_EVENT_TIMEOUT else ""
 
     def capture_preview(self):
         with self._opened("reading live view") as camera:

@@ -69,16 +69,6 @@ class Widget:
     read_only: bool = False
 
 
-FILE_ADDED, OTHER = "file added", "other"
-
-
-@dataclass
-class Event:
-    """What a camera reports. kind: FILE_ADDED with the path of the new file, or OTHER."""
-    kind: str
-    path: str = ""
-
-
 class CameraDriver:
     """The calls that a driver has to provide. All but close() may raise CameraError. A path is the full name of a file
     on the camera.
@@ -87,7 +77,8 @@ class CameraDriver:
     get_config(name) -> Widget; raises BAD_PARAMETERS or ERROR if there is no such widget
     set_config(name, value)
     capture(): releases the shutter and returns at once; wait_for_event() delivers the picture
-    wait_for_event(seconds) -> the next Event in the camera's order; None if none came in this time
+    wait_for_event(seconds) -> the next event in the camera's order: the path of a new file, "" = any other event; None if
+                               none came in this time
     capture_preview() -> bytes of a JPEG picture
     download(path) -> bytes; delete(path)
     """
