@@ -30,10 +30,16 @@ class Parser(argparse.ArgumentParser):
     """Argument parser whose errors are one line and exit code 2, without the usage text.
 
     Before anything is read it refuses an argument of type Output that would harm one of type Input, or another output.
+    With --live it leaves what ROS reads, such as topic:=other.
     """
 
-    def parse_args(self, *arguments, **options):
-        parsed = super().parse_args(*arguments, **options)
+    def parse_args(self, argv=None):
+        """argv: without the name of the program."""
+        argv = sys.argv[1:] if argv is None else argv
+        if "--live" in argv:
+            import rospy  # files need no ROS
+            argv = rospy.myargv(argv)
+        parsed = super().parse_args(argv)
         values = list(_flat(vars(parsed).values()))
         try:
             require_separate(*([value for value in values if isinstance(value, kind)] for kind in (Input, Output)))

@@ -3,6 +3,8 @@
 """calibrate_rig: from the command line to the rig folder."""
 import argparse
 import math
+import sys
+from functools import partial
 from pathlib import Path
 
 from all_in_focus.calibration import CalibrationError, fit_report, rig_folder
@@ -12,8 +14,6 @@ from all_in_focus.command_line import Input, Output, Parser, digits, number_type
 from all_in_focus.files.rig import load_camera
 from all_in_focus.progress import Progress
 
-DESCRIPTION = """Calibrate the rig of depth and colour camera from pictures of a chessboard that both take at the same
-time: from files, or live. Writes the rig folder."""
 # The depth image of a Kinect v1 lies higher and more to the left than its IR picture, by half a correlation window:
 # http://wiki.ros.org/kinect_calibration/technical measured it, openni_camera takes (-5, -4).
 KINECT_IR_OFFSET = (-4.8, -3.9)
@@ -50,7 +50,7 @@ def depth_size(arguments, picture_size):
     return KINECT_DEPTH_SIZE if arguments.kinect and picture_size == KINECT_IR_SIZE else picture_size
 
 
-def parse_arguments(argv, description):
+def parse_arguments(description):
     """(parser, arguments); arguments.board is a Board, .known the two known cameras or None, .ir_offset (x, y)."""
     parser = Parser(prog="calibrate_rig", description=description)
     files = parser.add_argument_group("from files")
@@ -78,7 +78,7 @@ def parse_arguments(argv, description):
     cameras.add_argument("--optics", type=optics, metavar="f,F,coc", help="the colour camera's lens: mm, f-number, mm")
     parser.add_argument("--output", type=Output, required=True, metavar="RIG", help="the rig folder")
     parser.add_argument("--force", action="store_true", help="replace the files of a rig that is there")
-    arguments = parser.parse_args(_joined(argv[1:]))
+    arguments = parser.parse_args(_joined(sys.argv[1:]))
     given = (arguments.depth_camera, arguments.color_camera)
     if arguments.live == any(given) or any(given) != all(given):
         parser.error("give --depth-camera and --color-camera, or --live")
@@ -137,16 +137,13 @@ def _from_files(parser, arguments):
         print(line)
 
 
-def main(argv):
+def main(description):
     """Returns the exit code."""
-    if "--live" in argv:
-        import rospy  # calibrating from files needs no ROS
-        argv = rospy.myargv(argv)
-    parser, arguments = parse_arguments(argv, DESCRIPTION)
+    parser, arguments = parse_arguments(description)
     rig_folder.refuse_existing(arguments.output, arguments.force)
     rig_folder.refuse_read_only(arguments.output)
     if arguments.live:
         from all_in_focus.calibration import live_node
-        return live_node.run(arguments, lambda pairs, sizes: calibrate(arguments, pairs, sizes))
+        return live_node.run(arguments, partial(calibrate, arguments))
     _from_files(parser, arguments)
     return 0

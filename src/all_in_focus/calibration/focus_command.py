@@ -13,7 +13,7 @@ from all_in_focus.progress import Progress
 whole = number_type(lambda value: value == int(value), "a whole number")
 
 
-def parse_arguments(argv, description):
+def parse_arguments(description):
     parser = Parser(prog="calibrate_focus", description=description)
     files = parser.add_argument_group("from files")
     files.add_argument("--stack", type=Input, metavar="DIR|VIDEO", help="a bracket, equal steps from frame to frame")
@@ -29,7 +29,7 @@ def parse_arguments(argv, description):
     live.add_argument("--timeout", type=positive, default=120.0, metavar="S", help="how long to wait; default 120")
     parser.add_argument("--output", type=Output, required=True, metavar="TABLE.yaml")
     parser.add_argument("--plot", type=Output, metavar="P.png", help="the distances measured, and the table")
-    args = parser.parse_args(argv[1:])
+    args = parser.parse_args()
     given = (bool(args.stack), bool(args.registered_depth), bool(args.depth), bool(args.rig), args.live)
     if given not in ((1, 1, 0, 0, 0), (1, 0, 1, 1, 0), (0, 0, 0, 0, 1)):
         parser.error("give --stack with --registered-depth, or with --depth and --rig; or --live")
@@ -65,12 +65,9 @@ def _same_size(name, size, wanted):
         raise ValueError(f"{name}: {size[0]}x{size[1]} pixels, but the pictures have {wanted[0]}x{wanted[1]}")
 
 
-def main(argv, description):
+def main(description):
     """Returns the exit code."""
-    if "--live" in argv:
-        import rospy  # files need no ROS
-        argv = rospy.myargv(argv)
-    parser, args = parse_arguments(argv, description)
+    parser, args = parse_arguments(description)
     home, first, step = "", 0, 1
     if args.live:
         from all_in_focus.calibration.focus_live import shoot
