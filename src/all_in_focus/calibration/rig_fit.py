@@ -5,6 +5,7 @@
 First each camera alone (fit_camera), then the relative pose on which most views agree (agree), then all together.
 """
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Dict, List, Tuple
 
 import cv2
@@ -181,24 +182,24 @@ def fit_rig(board, pairs: List, sizes, known=(None, None), radial=2):
     # Refined together, the intrinsics of both cameras fit each other: in the tests a depth pixel is then mapped more
     # precisely than with each camera's own. With few pairs among many single views the single views know more.
     jointly = known == (None, None) and all(2 * len(both) >= len(fit.errors) for fit in fits)
-    solver = _Solver(board, {pair.name: (pair.depth, order[pair.name]) for pair in both}, fits, sizes[0],
-                     distortion_flags(radial) if jointly else None)
+    solve = partial(_solve, board, {pair.name: (pair.depth, order[pair.name]) for pair in both}, fits, sizes[0],
+                    distortion_flags(radial) if jointly else None)
     while True:
         kept = [pair.name for pair in both if pair.name not in left_out]
         if 2 * len(kept) < len(both) or len(kept) < MIN_PAIRS:
             raise CalibrationError(f"the cameras' relative pose differs from pair to pair (only {len(kept)} of "
                                    f"{len(both)} agree): were the cameras or the board moved, or is one camera's "
                                    "picture mirrored?")
-        solution = solver.solve(kept)
-        total = {name: float(np.hypot(*error)) for name, error in solution.errors.items()}
+        solution, errors = solve(kept)
+        total = {name: float(np.hypot(*error)) for name, error in errors.items()}
         worst = max(total, key=total.get)
         if total[worst] <= limit(total.values()):
             break
         left_out[worst] = f"{total[worst]:.2f} px in the pair, far above the others: {MOVED}"
-    for fit, K, D in zip(fits, solution.K, solution.D):
+    Ks, Ds, R, t = solution
+    for fit, K, D in zip(fits, Ks, Ds):
         fit.K, fit.D = K, D
-    return RigFit(*fits, solution.R, solution.t, solution.errors, left_out, jointly,
-                  _deviations(solver, kept, solution, sizes), missing)
+    return RigFit(*fits, R, t, errors, left_out, jointly, _deviations(solve, kept, solution, sizes), missing)
 
 
 def _missing(pairs):
@@ -225,38 +226,22 @@ def _disagreeing(off, width):
             for name, pixels in off.items() if pixels > bound}
 
 
-@dataclass
-class _Solution:
-    K: list
-    D: list
-    R: np.ndarray
-    t: np.ndarray
-    errors: Dict[str, Tuple[float, float]]
-
-
-class _Solver:
-    """cv2.stereoCalibrate on any subset of the pairs; flags None: intrinsics stay as they are."""
-
-    def __init__(self, board, corners, fits, size, flags):
-        self._board, self._corners, self._fits, self._size = board, corners, fits, size
-        self._fixed = flags is None
-        self._flags = cv2.CALIB_FIX_INTRINSIC if self._fixed else flags | cv2.CALIB_USE_INTRINSIC_GUESS
-        if any(len(fit.D) > 5 for fit in fits):  # only known cameras have more
-            self._flags |= cv2.CALIB_RATIONAL_MODEL
-
-    def solve(self, names):
-        corners = [[np.ascontiguousarray(self._corners[name][camera], np.float32) for name in names]
-                   for camera in (0, 1)]
-        start = [array.copy() for fit in self._fits for array in (fit.K, fit.D)]
-        result = cv2.stereoCalibrateExtended([self._board.points] * len(names), *corners, *start, self._size,
-                                             np.eye(3), np.zeros((3, 1)), flags=self._flags, criteria=RIG_CRITERIA)
-        _, K1, D1, K2, D2, R, t = result[:7]
-        # Versions of OpenCV differ in what they return between these and the last.
-        errors = {name: tuple(map(float, error)) for name, error in zip(names, result[-1])}
-        K, D = [K1, K2], [np.ravel(D1), np.ravel(D2)]
-        if self._fixed:
-            K, D = [fit.K for fit in self._fits], [fit.D for fit in self._fits]
-        return _Solution(K, D, R, t.ravel(), errors)
+def _solve(board, corners, fits, size, flags, names):
+    """cv2.stereoCalibrate on the pairs of these names: (K and D of both cameras, R, t), errors by pair as in RigFit. corners: of
+    both cameras by pair; size: of the depth camera's pictures; flags None: intrinsics stay as they are."""
+    fixed = flags is None
+    flags = cv2.CALIB_FIX_INTRINSIC if fixed else flags | cv2.CALIB_USE_INTRINSIC_GUESS
+    if any(len(fit.D) > 5 for fit in fits):  # only known cameras have more
+        flags |= cv2.CALIB_RATIONAL_MODEL
+    seen = [[np.ascontiguousarray(corners[name][camera], np.float32) for name in names] for camera in (0, 1)]
+    start = [array.copy() for fit in fits for array in (fit.K, fit.D)]
+    result = cv2.stereoCalibrateExtended([board.points] * len(names), *seen, *start, size, np.eye(3), np.zeros((3, 1)),
+                                         flags=flags, criteria=RIG_CRITERIA)
+    _, K1, D1, K2, D2, R, t = result[:7]
+    # Versions of OpenCV differ in what they return between these and the last.
+    errors = {name: tuple(map(float, error)) for name, error in zip(names, result[-1])}
+    K, D = ([fit.K for fit in fits], [fit.D for fit in fits]) if fixed else ([K1, K2], [np.ravel(D1), np.ravel(D2)])
+    return (K, D, R, t.ravel()), errors
 
 
 def map_points(K, D, R, t, size):
@@ -268,16 +253,17 @@ def map_points(K, D, R, t, size):
     return cv2.projectPoints(points, cv2.Rodrigues(R)[0], t, K[1], D[1])[0][:, 0]
 
 
-def _deviations(solver, names, whole, sizes):
+def _deviations(solve, names, whole, sizes):
     """Standard deviations by the jackknife: leaves out one group of views after the other and looks what changes."""
     groups = min(GROUPS, len(names))
-    found, seen = [], map_points(whole.K, whole.D, whole.R, whole.t, sizes[0])
+    _, _, whole_R, _ = whole
+    found, seen = [], map_points(*whole, sizes[0])
     inside = ((seen >= 0) & (seen < sizes[1])).all(axis=1)
     for group in range(groups):
-        part = solver.solve([name for number, name in enumerate(names) if number % groups != group])
-        rotation = cv2.Rodrigues(part.R @ whole.R.T)[0].ravel()
-        mapped = map_points(part.K, part.D, part.R, part.t, sizes[0])[inside]
-        found.append(np.concatenate([part.t, rotation, mapped.ravel()]))
+        part, _ = solve([name for number, name in enumerate(names) if number % groups != group])
+        _, _, R, t = part
+        rotation = cv2.Rodrigues(R @ whole_R.T)[0].ravel()
+        found.append(np.concatenate([t, rotation, map_points(*part, sizes[0])[inside].ravel()]))
     deviations = np.std(found, axis=0) * np.sqrt(groups - 1)
     mapping = float(np.sqrt(np.mean(deviations[6:] ** 2) * 2)) if inside.any() else None
     return deviations[:3], float(np.linalg.norm(deviations[3:6])), mapping
