@@ -67,7 +67,11 @@ def _run(bag, output, reporter):
     folder = ResultFolder(output)
     try:
         saver = ResultSaver(folder)
-        player = BagPlayer(contents, limits, reporter)
+
+        def heartbeat(done):
+            reporter(done)
+            saver.check()
+        player = BagPlayer(contents, limits, heartbeat)
         _play(contents, player, saver, optics)
         problems = [f"{text} ({times} times)" if times > 1 else text for text, times in player.problems.items()]
         status = conclude(saver.finish(), saver.complaints() + problems + contents.problems)
@@ -80,19 +84,9 @@ def _run(bag, output, reporter):
 
 
 def _play(contents, player, saver, optics):
-    def check():
-        if saver.error:
-            raise ResultError(saver.error)
-
     restores = rospy.get_param("fusion/mode", "") == "restored"  # no other mode has that topic
     player.connect({topic: end for topic, end in saver.subscribers.items() if restores or topic != DEPTH_RESTORED})
     if optics or contents.optics:
         player.set_optics(optics or contents.optics)
-    player.play(follow_optics=optics is None, check=check)
-
-    def all_saved(published):
-        reports, waiting = saver.progress()
-        return saver.error or reports >= published and not waiting
-
-    player.end_bracket(all_saved)
-    check()
+    player.play(follow_optics=optics is None)
+    player.end_bracket(saver.has_saved)

@@ -14,17 +14,6 @@ PAUSE = 2.0  # s between two rounds, to look at the result
 LIMITS = Limits(connect=60.0, acknowledge=300.0)  # a frame is acknowledged when its picture is restored
 
 
-class _Attention:
-    """Heartbeat of a BagPlayer: ends a round when a node has left, which would acknowledge nothing."""
-
-    def __init__(self):
-        self.player = None  # while it plays
-
-    def __call__(self, _):
-        for topic, complaint in self.player.loose_ends({}) if self.player else []:
-            raise PlayError(f"{complaint} {rospy.resolve_name(topic)} any more")
-
-
 def play():
     """Until shutdown; ValueError for a bag that cannot be played."""
     here = text("working_directory")
@@ -32,14 +21,12 @@ def play():
     names = text("topics")
     contents = BagContents(str(path), load_topics(Path(here, names)) if names else None,
                            transforms=not flag("rig_given", False))
-    attention = _Attention()
-    player = BagPlayer(contents, LIMITS, attention)
-    said = set()
+    player, said = BagPlayer(contents, LIMITS), set()
     try:
         if own_lens and contents.optics:
             _set_optics(player, contents.optics)
         while not rospy.is_shutdown():
-            _play_once(player, rate, own_lens, attention, said)
+            _play_once(player, rate, own_lens, said)
     except PlayError as error:
         if not rospy.is_shutdown():
             raise ValueError(str(error))
@@ -53,12 +40,17 @@ def _set_optics(player, optics):
         rospy.logwarn("the bag's lens: %s", error)
 
 
-def _play_once(player, rate, own_lens, attention, said):
+def _play_once(player, rate, own_lens, said):
     """One round; ends when the last result is out, restored where that is asked for. What went wrong in it is
     logged, unless it is among the lines that were said."""
     player.wait_for_listeners(PATIENCE, "waiting for somebody who looks: rviz, or rostopic hz all_in_focus/image (%s %s)")
+
+    def expect_nodes(_):
+        """One that has left would acknowledge nothing: the round ends."""
+        for topic, complaint in player.loose_ends({}):
+            raise PlayError(f"{complaint} {rospy.resolve_name(topic)} any more")
     try:
-        attention.player = player
+        player.heartbeat = expect_nodes
         player.play(follow_optics=own_lens, rate=rate)
         player.finish()
     except PlayError as error:
@@ -66,7 +58,7 @@ def _play_once(player, rate, own_lens, attention, said):
             raise
         rospy.logwarn("%s: the bag begins anew", error)
     finally:
-        attention.player = None
+        player.heartbeat = lambda _: None
     for problem in set(player.problems) - said:
         rospy.logwarn("%s", problem)
     said.update(player.problems)

@@ -39,24 +39,6 @@ class PlayError(RuntimeError):
     """The bag cannot be played to the end; the message is one line."""
 
 
-def set_optics(optics, patience):
-    """Sets the lens of the segmenter. Returns a line for each number that it does not take; PlayError if it does not answer.
-
-    optics: has focal_length_mm, aperture, circle_of_confusion_mm; patience: s.
-    """
-    wanted = {name: getattr(optics, name) for name in LENS}
-    try:
-        client = dynamic_reconfigure.client.Client("segmenter", timeout=patience)
-        if client.get_parameter_descriptions(timeout=patience) is None:
-            raise PlayError("the segmenter does not publish its parameters")
-        taken = client.update_configuration(wanted)
-        client.close()
-    except (rospy.ROSException, rospy.ServiceException) as error:
-        raise PlayError(f"the segmenter refuses the optics: {error}")
-    return [f"segmenter: {name} = {wanted[name]:g} is impossible, it uses {taken[name]:g}" for name in LENS
-            if taken[name] != wanted[name]]
-
-
 @dataclass
 class Limits:
     """Waits in seconds of wall time."""
@@ -104,18 +86,20 @@ class Acknowledgements(rospy.SubscribeListener):
 
 
 class BagPlayer:
-    """Plays BagContents within Limits. heartbeat: called often, with the number of messages played.
+    """Plays BagContents within Limits.
 
-    problems: errors that did not end the run, text -> how often.
+    heartbeat: called often, with the number of messages played; may raise. problems: errors that did not end the run, text ->
+    how often.
     """
 
     def __init__(self, contents, limits, heartbeat=lambda done: None):
-        self._contents, self._limits, self._heartbeat = contents, limits, heartbeat
+        self._contents, self._limits, self.heartbeat = contents, limits, heartbeat
         self._done = 0
         self._silences = self._refusals = 0  # in a row
         self.problems = Counter()
-        self._clock = _NodeTime(contents.start)
-        self._played_to = contents.start
+        self._clock = rospy.Publisher("/clock", Clock, queue_size=10)
+        self._clock_sent = 0.0  # wall time
+        self._now = self._played_to = contents.start
         self._acknowledged = {kind: Acknowledgements() for kind in ACKNOWLEDGED}
         first = {"depth": "registration", "rgb": "fusion"}  # what acknowledges what is sent from here
         self._publishers = {kind: rospy.Publisher(topic, TYPES[kind], self._acknowledged.get(first.get(kind)), queue_size=50,
@@ -167,17 +151,30 @@ class BagPlayer:
         self.pause(SETTLE)
 
     def set_optics(self, optics):
-        self.problems.update(set_optics(optics, self._limits.connect))
+        """Sets the lens of the segmenter; numbers that it does not take are problems. PlayError if it does not answer.
 
-    def play(self, follow_optics=True, check=lambda: None, rate=None):
+        optics: has focal_length_mm, aperture, circle_of_confusion_mm.
+        """
+        wanted, patience = {name: getattr(optics, name) for name in LENS}, self._limits.connect
+        try:
+            client = dynamic_reconfigure.client.Client("segmenter", timeout=patience)
+            if client.get_parameter_descriptions(timeout=patience) is None:
+                raise PlayError("the segmenter does not publish its parameters")
+            taken = client.update_configuration(wanted)
+            client.close()
+        except (rospy.ROSException, rospy.ServiceException) as error:
+            raise PlayError(f"the segmenter refuses the optics: {error}")
+        self.problems.update(f"segmenter: {name} = {wanted[name]:g} is impossible, it uses {taken[name]:g}" for name in LENS
+                             if taken[name] != wanted[name])
+
+    def play(self, follow_optics=True, rate=None):
         """Publishes every message of the bag.
 
-        follow_optics: whether to pass on lens changes in the bag to the segmenter; check: called before each message,
-        may raise; rate: how many times faster than recorded, at most; None: as fast as the nodes work.
+        follow_optics: whether to pass on lens changes in the bag to the segmenter; rate: how many times faster than
+        recorded, at most; None: as fast as the nodes work.
         """
         optics, last = self._contents.optics, self._contents.start
         for kind, message, stamp in self._contents.messages():
-            check()
             if rate:
                 self.pause((stamp - last).to_sec() / rate)
                 last = stamp
@@ -193,13 +190,12 @@ class BagPlayer:
                 optics = message
                 self.set_optics(optics)
             self._done += 1
-            self._heartbeat(self._done)
+            self.heartbeat(self._done)
         self._wait_for_color(1)
 
     def rewind(self):
         """Begins the bag anew: node time jumps back with the first message."""
-        self._played_to = self._contents.start
-        self._clock.rewind(self._contents.start)
+        self._now = self._played_to = self._contents.start
         for waiting in self._acknowledged.values():
             waiting.give_up()
 
@@ -287,29 +283,15 @@ class BagPlayer:
             if rospy.is_shutdown():
                 raise PlayError("stopped from outside")
             self._advance_clock()
-            self._heartbeat(self._done)
+            self.heartbeat(self._done)
             time.sleep(POLL)
         return True
 
     def _advance_clock(self):
+        """Node time never goes back; it is repeated now and then for nodes that have just started."""
         first = self._acknowledged["fusion"].first()
-        self._clock.reach(self._played_to if first is None else min(self._played_to, genpy.Time(nsecs=first)))
-
-
-class _NodeTime:
-    """Publishes /clock, which never goes back."""
-
-    def __init__(self, start):
-        self._publisher = rospy.Publisher("/clock", Clock, queue_size=10)
-        self._now = start
-        self._published = 0.0  # wall time
-
-    def rewind(self, start):
-        self._now = start
-
-    def reach(self, stamp):
-        """Call often: repeats the time now and then for nodes that have just started."""
-        if stamp > self._now or time.monotonic() - self._published > CLOCK_PERIOD:
+        stamp = self._played_to if first is None else min(self._played_to, genpy.Time(nsecs=first))
+        if stamp > self._now or time.monotonic() - self._clock_sent > CLOCK_PERIOD:
             self._now = max(self._now, stamp)
-            self._publisher.publish(Clock(self._now))
-            self._published = time.monotonic()
+            self._clock.publish(Clock(self._now))
+            self._clock_sent = time.monotonic()

@@ -22,6 +22,7 @@ from sensor_msgs.msg import Image
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.output_file import encode_png, named, write_json
 from all_in_focus.files.output_folder import OutputFolder
+from all_in_focus.image_messages import BRIDGE
 from all_in_focus.imaging import region_picture
 from all_in_focus.msg import FusionReport, SegmentArray
 
@@ -194,8 +195,7 @@ class ResultSaver:
     def __init__(self, folder):
         self._lock = threading.Lock()
         self._collector = BracketCollector(folder)
-        self._bridge = cv_bridge.CvBridge()
-        self.error = None  # the first error, one line
+        self._error = None  # the first error, one line
         self.subscribers = {topic: rospy.Subscriber(topic, Image, functools.partial(self._on_image, name, encoding))
                             for name, (topic, encoding) in {**IMAGES, "labels": (LABELS, "passthrough")}.items()}
         self.subscribers[SEGMENTS] = rospy.Subscriber(SEGMENTS, SegmentArray, self._on_segments)
@@ -204,13 +204,19 @@ class ResultSaver:
         self._complaints = {}  # text of a node: level
         self._log = rospy.Subscriber("/rosout", Log, self._on_log)
 
-    def progress(self):
-        """(number of reports so far, whether one of them still lacks images)."""
+    def check(self):
+        """ResultError where something could not be saved."""
+        if self._error:
+            raise ResultError(self._error)
+
+    def has_saved(self, brackets):
+        """Whether so many brackets have come, with all of their images."""
         with self._lock:
-            return len(self._collector.brackets), self._collector.waiting
+            return len(self._collector.brackets) >= brackets and not self._collector.waiting
 
     def finish(self):
-        """The brackets, as run_status.conclude() takes them."""
+        """The brackets, as run_status.conclude() takes them. ResultError."""
+        self.check()
         for subscriber in self.subscribers.values():
             subscriber.unregister()
         with self._lock:
@@ -232,7 +238,7 @@ class ResultSaver:
 
     def _on_image(self, name, encoding, message):
         try:
-            image = self._bridge.imgmsg_to_cv2(message, encoding)
+            image = BRIDGE.imgmsg_to_cv2(message, encoding)
             data = encode_labels(image) if name == "labels" else encode_png(image)
         except ResultError as error:
             data = error
@@ -248,6 +254,6 @@ class ResultSaver:
             try:
                 method(*arguments)
             except ResultError as error:
-                self.error = self.error or str(error)
+                self._error = self._error or str(error)
             except OSError as error:
-                self.error = self.error or one_line(error)
+                self._error = self._error or one_line(error)
