@@ -22,11 +22,13 @@ def add_nodes(parser):
     """Options for what the bag does not say, named as those of evaluate_bag."""
     parser.add_argument("--optics", type=optics, metavar="f,F,coc", help="default: what the bag says")
     fusion = parser.add_argument_group("brackets, where the bag has no focus messages")
-    fusion.add_argument("--bracket-size", type=count_or_zero, metavar="N", help="frames in a bracket; 0: by gaps")
-    fusion.add_argument("--bracket-gap", type=not_negative, metavar="S",
+    fusion.add_argument("--bracket-size", type=count_or_zero, default=Rules.size, metavar="N",
+                        help="frames in a bracket; 0: by gaps")
+    fusion.add_argument("--bracket-gap", type=not_negative, default=Rules.gap, metavar="S",
                         help="a longer gap ends a bracket, 0: none does; default 1")
-    fusion.add_argument("--label-max-age", type=positive, metavar="S", help="oldest depth to use; default 1")
-    parser.add_argument("--invalid-values", type=_list_of_mm, metavar="[MM,...]",
+    fusion.add_argument("--label-max-age", type=positive, default=Rules.max_age, metavar="S",
+                        help="oldest depth to use; default 1")
+    parser.add_argument("--invalid-values", type=_list_of_mm, default="[0,65535]", metavar="[MM,...]",
                         help="depths that mean unknown; default [0,65535], as in the files; with 2047 for raw Kinect streams")
 
 
@@ -42,14 +44,13 @@ def topics(args):
 
 
 def rules(args):
-    """Rules of brackets, with the defaults of evaluate_bag."""
-    given = {"size": args.bracket_size, "gap": args.bracket_gap, "max_age": args.label_max_age}
-    return Rules(**{name: value for name, value in given.items() if value is not None})
+    """Rules of brackets."""
+    return Rules(args.bracket_size, args.bracket_gap, args.label_max_age)
 
 
 def invalid_values(args):
     """List of mm."""
-    return [0, 65535] if args.invalid_values is None else yaml.safe_load(args.invalid_values)
+    return yaml.safe_load(args.invalid_values)
 
 
 def _list_of_mm(text):
