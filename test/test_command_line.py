@@ -202,7 +202,8 @@ def test_help_of_every_program():
         assert succeeded(run([sys.executable, script(name), "--help"])).stdout.startswith("usage: ")
 
 
-READERS = {"focus_bracket_camera": ["camera/bracket_node.py"], "image_folder_camera": ["camera/folder_node.py"],
+READERS = {"focus_bracket_camera": ["camera/bracket_node.py", "camera/frame_publisher.py"],
+           "image_folder_camera": ["camera/folder_node.py", "camera/frame_publisher.py"],
            "replay_bag": ["replay/over_and_over.py"], "capture": ["camera/capture_node.py"], "depth_file_camera": [],
            "rig_publisher": []}
 

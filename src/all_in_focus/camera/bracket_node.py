@@ -64,8 +64,7 @@ class FocusBracketCamera:
         self._check_period = parameters.number("diagnostic_period", 1.0, 0.01)
         if self._planned and self._session.scale is None:
             raise parameters.ParameterError("~plan: needs a ~focus_table, which gives the focus distance of each step")
-        self._frames = FramePublisher(parameters.text("rig"), parameters.whole("width", 0, 0),
-                                      parameters.text("frame_id"))
+        self._frames = FramePublisher()
         self._frames.announce()
         self._lock = threading.Lock()  # guards the camera, which does one thing at a time
         self._plan = None

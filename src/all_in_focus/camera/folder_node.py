@@ -162,5 +162,4 @@ def publish():
     if not path:
         raise parameters.ParameterError("~stack is missing: give a folder of images or a video")
     source = (Watcher if parameters.flag("watch", False) else Player)(path, parameters.text("focus"))
-    frames = FramePublisher(parameters.text("rig"), parameters.whole("width", 0, 0), parameters.text("frame_id"))
-    source.run(frames)
+    source.run(FramePublisher())

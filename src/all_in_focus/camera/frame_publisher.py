@@ -10,6 +10,7 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
+from all_in_focus import parameters
 from all_in_focus.files.rig import Camera, load_rig, same_shape
 from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.image_messages import color_message
@@ -21,14 +22,14 @@ GRACE = 1.0  # s for a subscriber of the images to connect to the other topics, 
 
 
 class FramePublisher(rospy.SubscribeListener):
-    """rig: folder with the calibration, "" = none; width: of the published pictures, 0 = as they come. on_subscriber: called
-    whenever somebody begins to listen to the images."""
+    """Private parameters: rig, the folder with the calibration; width of the published pictures, 0 = as they come; frame_id.
+    on_subscriber: called whenever somebody begins to listen to the images."""
 
-    def __init__(self, rig="", width=0, frame_id=""):
-        rig = load_rig(rig) if rig else None
+    def __init__(self):
+        rig = load_rig(parameters.text("rig")) if parameters.text("rig") else None
         self._calibration = rig.color if rig else None
-        self._frame_id = frame_id or (rig.parent_frame if rig else "rgb_optical_frame")
-        self._width = width
+        self._frame_id = parameters.text("frame_id") or (rig.parent_frame if rig else "rgb_optical_frame")
+        self._width = parameters.whole("width", 0, 0)
         self._info = None  # rig.Camera for the size of the last picture
         self._sent = None  # stamp, bracket_id, index, count and last of the FocusFrame that was published last
         self._listened_since = math.inf
