@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 
-from all_in_focus.files import yaml_file
 from all_in_focus.files.output_file import whole_file
 
 SMALL = 1e-9  # 1/m; below this a focus distance counts as infinite
@@ -77,11 +76,3 @@ class FocusTable:
         lines += [f"- {{step: {row['step']}, mm: {row['mm']:.1f}}}".replace("inf", ".inf") for row in self.table]
         with whole_file(path) as working:
             working.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def read(path):
-    """FocusTable of a YAML file. ScaleError."""
-    table = FocusTable.of(yaml_file.read(path, ScaleError), path)
-    if table is None:
-        raise ScaleError(f"{path}: expected focus_table: [{{step: 0, mm: 500}}, {{step: 12, mm: .inf}}, ...]")
-    return table
