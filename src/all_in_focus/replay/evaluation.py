@@ -8,10 +8,10 @@ import rospy
 
 from all_in_focus.bag.bag_file import BagContents, BagError, Topics, load_topics
 from all_in_focus.files.errors import one_line
-from all_in_focus.files.rig import Optics, RigError
-from all_in_focus.parameters import ParameterError, number, text
-from all_in_focus.replay.player import BagPlayer, Limits, PlayError
-from all_in_focus.replay.results import DEPTH_RESTORED, ResultError, ResultFolder, ResultSaver
+from all_in_focus.files.rig import Optics
+from all_in_focus.parameters import number, text
+from all_in_focus.replay.player import BagPlayer, Limits
+from all_in_focus.replay.results import DEPTH_RESTORED, ResultFolder, ResultSaver
 from all_in_focus.replay.run_status import BAD_INPUT, OK, RunStatus, conclude
 
 STATUS_PERIOD = 0.5  # s
@@ -43,9 +43,7 @@ def run():
     reporter = _Reporter(status_file)
     try:
         status = _run(_path("bag"), output, reporter)
-    except (BagError, ParameterError, PlayError, ResultError, RigError) as error:
-        status = RunStatus(BAD_INPUT, str(error))
-    except OSError as error:
+    except (ValueError, OSError) as error:
         status = RunStatus(BAD_INPUT, one_line(error, output))
     status.done, status.total = reporter.status.done, reporter.status.total
     status.write(status_file)

@@ -13,15 +13,12 @@ from all_in_focus.replay.launch import Launch
 from all_in_focus.replay.run_status import BAD_INPUT, RunStatus
 
 
-class GraphError(RuntimeError):
-    """The graph cannot be started; the message is one line."""
-
-
 def _launch_file():
+    """RuntimeError where this package cannot be found."""
     try:
         return Path(rospkg.RosPack().get_path("all_in_focus")) / "launch" / "evaluate.launch"
     except rospkg.ResourceNotFound as error:
-        raise GraphError(f"package {str(error).splitlines()[0]} is missing: build it, and source its build/.install/setup.bash")
+        raise RuntimeError(f"package {str(error).splitlines()[0]} is missing: build it, and source its build/.install/setup.bash")
 
 
 def run(arguments, output, timeout, verbose=False):

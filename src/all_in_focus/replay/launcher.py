@@ -42,20 +42,15 @@ class Events(ProcessListener):
         self.write(died=process_name, code=exit_code)
 
 
-def report_started(monitor, events, reported):
-    """reported: (name, pid) of the processes that were reported already. A respawned one is reported again."""
-    for process in list(monitor.procs):
-        started = process.name, process.pid
-        if process.pid > 0 and started not in reported:
-            reported.add(started)
-            events.write(started=process.name, pid=process.pid)
-
-
 def watch(monitor, events, stop):
-    """Reports every process that starts, until stdin ends; then sets `stop`."""
+    """Reports every process that starts, a respawned one again, until stdin ends; then sets `stop`."""
     reported = set()
     while not (select.select([sys.stdin], [], [], POLL)[0] and not sys.stdin.readline()):
-        report_started(monitor, events, reported)
+        for process in list(monitor.procs):
+            started = process.name, process.pid
+            if process.pid > 0 and started not in reported:
+                reported.add(started)
+                events.write(started=process.name, pid=process.pid)
     stop.set()
 
 

@@ -24,20 +24,15 @@ def play():
     player, said = BagPlayer(contents, LIMITS), set()
     try:
         if own_lens and contents.optics:
-            _set_optics(player, contents.optics)
+            try:
+                player.set_optics(contents.optics)
+            except PlayError as error:  # the bag is played without it, too
+                rospy.logwarn("the bag's lens: %s", error)
         while not rospy.is_shutdown():
             _play_once(player, rate, own_lens, said)
-    except PlayError as error:
+    except PlayError:
         if not rospy.is_shutdown():
-            raise ValueError(str(error))
-
-
-def _set_optics(player, optics):
-    """The bag is played without it, too."""
-    try:
-        player.set_optics(optics)
-    except PlayError as error:
-        rospy.logwarn("the bag's lens: %s", error)
+            raise
 
 
 def _play_once(player, rate, own_lens, said):

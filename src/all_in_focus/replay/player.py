@@ -35,7 +35,7 @@ SETTLE = 0.5  # s, for the connections between the nodes, which cannot be observ
 MAX_SILENCES = 3  # missing acknowledgements in a row before giving up
 
 
-class PlayError(RuntimeError):
+class PlayError(ValueError):
     """The bag cannot be played to the end; the message is one line."""
 
 

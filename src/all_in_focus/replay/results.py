@@ -253,7 +253,5 @@ class ResultSaver:
         with self._lock:
             try:
                 method(*arguments)
-            except ResultError as error:
-                self._error = self._error or str(error)
-            except OSError as error:
+            except (ResultError, OSError) as error:
                 self._error = self._error or one_line(error)
