@@ -27,10 +27,10 @@ BENT = 0.9  # a curve must leave so much less error than a line
 
 
 class Sharpness:
-    """Sharpness of each tile in each frame; keeps no frame."""
+    """Sharpness of each tile in each frame; keeps no frame. frames: of each, rows x columns; size: of the pictures."""
 
     def __init__(self):
-        self._frames, self.size = [], None
+        self.frames, self.size = [], None
 
     def add(self, image):
         size = image.shape[1::-1]
@@ -39,15 +39,7 @@ class Sharpness:
             raise CalibrationError(f"a picture has {size[0]}x{size[1]} pixels, those before it "
                                    f"{self.size[0]}x{self.size[1]}")
         side, columns, rows = self.grid()
-        self._frames.append(gradient_energy(gray(image)[:rows * side, :columns * side], (columns, rows))[0])
-
-    def __len__(self):
-        return len(self._frames)
-
-    @property
-    def frames(self):
-        """Frames x rows x columns."""
-        return np.array(self._frames)
+        self.frames.append(gradient_energy(gray(image)[:rows * side, :columns * side], (columns, rows))[0])
 
     def grid(self):
         """(side of a tile in pixels, columns, rows)."""
@@ -124,7 +116,7 @@ class FocusCurve:
 
 def fit(sharpness, dioptres):
     """FocusCurve of a Sharpness and the dioptres of its tiles. CalibrationError."""
-    frames = sharpness.frames
+    frames = np.array(sharpness.frames)  # x rows x columns
     if len(frames) < 3:
         raise CalibrationError(f"{len(frames)} frames: take a bracket of at least 3, better 9")
     known = np.argwhere(np.isfinite(dioptres))

@@ -43,8 +43,8 @@ class _Bracket:
             self._id, self.sharpness = focus.bracket_id, Sharpness()
         if focus.bracket_id != self._id:
             return
-        if focus.index != len(self.sharpness):
-            self.problem = f"frame {len(self.sharpness)} of the bracket never came"
+        if focus.index != len(self.sharpness.frames):
+            self.problem = f"frame {len(self.sharpness.frames)} of the bracket never came"
             return self.done.set()
         try:
             self.sharpness.add(bgr(image))

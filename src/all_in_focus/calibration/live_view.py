@@ -75,16 +75,8 @@ def moved(board, corners, before):
     return min(float(np.linalg.norm(order - before, axis=1).mean()) for order in board.orders(corners))
 
 
-def draw(images, taken, seen, lines):
-    """BGR picture: both cameras' images side by side, boards of the views taken in green, the board seen now in orange.
-
-    images: as the cameras give them; taken: outlines (4 x 2 pixels) for each camera; seen: one each, or None.
-    """
-    panes = [_pane(*camera) for camera in zip(images, taken, seen)]
-    return with_lines(np.hstack([panes[0], np.zeros((HEIGHT, 4, 3), np.uint8), panes[1]]), lines)
-
-
 def _pane(image, taken, seen):
+    """BGR picture of one camera's image; taken: outlines, 4 x 2 pixels; seen: one more, or None."""
     scale = HEIGHT / image.shape[0]
     width = max(1, round(image.shape[1] * scale))
     small = cv2.resize(np.rint(gray(image)).astype(np.uint8), (width, HEIGHT), interpolation=cv2.INTER_AREA)
@@ -171,6 +163,8 @@ class LiveView:
                 f"{self._now[2] if self._now else 'no picture yet'}; then: {todo}"]
 
     def picture(self):
-        """BGR; call after add()."""
+        """BGR: both cameras' images side by side, boards of the views taken in green, the board seen now in orange; call
+        after add()."""
         images, outlines, _ = self._now
-        return draw(images, self._outlines, outlines, self.status())
+        one, other = (_pane(*camera) for camera in zip(images, self._outlines, outlines))
+        return with_lines(np.hstack([one, np.zeros((HEIGHT, 4, 3), np.uint8), other]), self.status())

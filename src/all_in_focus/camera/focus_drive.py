@@ -146,6 +146,3 @@ class RingDrive:
 
     def wake(self):
         pass
-
-    def go_to_stop(self, far=False):
-        pass
