@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Exports brackets of a bag to files that fuse_stack reads: stack/000.png ..., focus.yaml, depth.png, rig/."""
 import errno
-from dataclasses import dataclass
 from pathlib import Path
-from typing import List
 
 import numpy as np
 
@@ -20,20 +18,12 @@ from all_in_focus.files.stack import save_focus, size_text
 from all_in_focus.progress import Progress
 
 
-@dataclass
-class Exported:
-    """folder: of a bracket; command: the words of the command that fuses it; warnings: what is missing and why."""
-    folder: Path
-    command: List[str]
-    warnings: List[str]
-
-
 def export(bag, output, which, rules, invalid_values=(0,), optics=None, force=False):
     """Writes bracket number `which` of a BagFile into `output`; None: all brackets, into output/bracket_0000 and so on.
 
-    Returns a list of Exported. On any error nothing is left behind and what was there stays. invalid_values: mm that
-    mean unknown; optics: to use instead of those in the bag; force: whether to replace an earlier export. Raises
-    BagError, OSError.
+    Returns for each bracket its folder (Path), the words of the command that fuses it, and what is missing and why, one line
+    each. On any error nothing is left behind and what was there stays. invalid_values: mm that mean unknown; optics: to use
+    instead of those in the bag; force: whether to replace an earlier export. Raises BagError, OSError.
     """
     if Path(output).is_dir() and any(Path(output).iterdir()) and not force:
         raise FileExistsError(errno.EEXIST, "is not empty: choose another folder; --force replaces an earlier export",
@@ -69,7 +59,7 @@ class _BracketWriter:
         self._warnings = []
 
     def write(self, target, bar):
-        """target: the place of the folder in the end, a Path."""
+        """What export() returns for it. target: the place of the folder in the end, a Path."""
         (self._folder / "stack").mkdir(parents=True)
         written = self._write_frames(bar)
         parts = ["rosrun", "all_in_focus", "fuse_stack", "--stack", str(target / "stack")]
@@ -82,7 +72,7 @@ class _BracketWriter:
         position = self._reference(written)
         if position != len(written) // 2:
             parts += ["--reference", str(position)]
-        return Exported(target, parts + ["--output", str(target / "fused.png")], self._warnings)
+        return target, parts + ["--output", str(target / "fused.png")], self._warnings
 
     def _write_frames(self, bar):
         """Returns the Frames that could be written."""
