@@ -9,8 +9,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from all_in_focus.files.stack import read_image
-
 GRAY_OF_BGR = (0.114021, 0.587043, 0.298936)  # as Matlab's rgb2gray; cvtColor's differ by 1 in some pixels
 NO_FRAME = 65535  # in source_index images
 TITLE_HEIGHT, MARGIN = 24, 6  # pixels
@@ -249,8 +247,3 @@ def contact_sheet(images, titles, columns, width):
             left = column * (width + MARGIN)
             rows[-1][:tile.shape[0], left:left + width] = tile
     return cv2.copyMakeBorder(np.vstack(rows), MARGIN, 0, MARGIN, 0, cv2.BORDER_CONSTANT, value=(BACKGROUND,) * 3)
-
-
-def read_picture(path):
-    """Picture of an image file; StackError where it cannot be read. A source index is known by its file name."""
-    return picture(read_image(path, cv2.IMREAD_UNCHANGED), "source_index" not in Path(path).name)
