@@ -45,9 +45,6 @@ class Coverage:
     def __init__(self):
         self._views = []
 
-    def __len__(self):
-        return len(self._views)
-
     def is_new(self, view):
         """Whether a view is new to either camera; view: 2 x 4, measure() of both."""
         return all(np.abs(view - other).sum(axis=1).max() > NEW for other in self._views)
