@@ -63,22 +63,22 @@ def pose(scan, child, parent, order):
     RigError where none do."""
     if child.strip("/") == parent.strip("/"):
         return Pose(np.eye(3), np.zeros(3), [0.0, 0.0, 0.0, 1.0], False)
-    buffer = tf2_py.BufferCore(FOREVER)
+    buffer, frames = tf2_py.BufferCore(FOREVER), (parent.lstrip("/"), child.lstrip("/"))
     for small in scan.tf_static:
         for transform in _good(small.message):
             buffer.set_transform_static(transform, "bag")
-    found, late = None, False
+    late = False
     for small in scan.tf:
         if small.order > order:
-            found = _lookup(buffer, child, parent)[0]
-            if found is not None:
+            if all(frames) and buffer.can_transform_core(*frames, genpy.Time())[0]:  # tf2 prints a line of empty names
                 break
             late = True
         for transform in _good(small.message):
             buffer.set_transform(transform, "bag")
-    found, problem = _lookup(buffer, child, parent) if found is None else (found, None)
-    if found is None:
-        raise RigError(problem)
+    try:
+        found = buffer.lookup_transform_core(*frames, genpy.Time())
+    except tf2_py.TransformException as error:
+        raise RigError(one_line(error))
     q, t = found.transform.rotation, found.transform.translation
     quaternion = [q.x, q.y, q.z, q.w]
     return Pose(rotation_matrix(Rotation.from_quat(quaternion)), np.array([t.x, t.y, t.z]), quaternion, late)
@@ -143,11 +143,3 @@ def _good(message):
     return [transform for transform in message.transforms if is_possible(transform)
             and transform.header.frame_id and transform.child_frame_id
             and transform.header.frame_id.strip("/") != transform.child_frame_id.strip("/")]
-
-
-def _lookup(buffer, child, parent):
-    """(TransformStamped or None, the reason for None)."""
-    try:
-        return buffer.lookup_transform_core(parent.lstrip("/"), child.lstrip("/"), genpy.Time()), None
-    except tf2_py.TransformException as error:
-        return None, one_line(error)
