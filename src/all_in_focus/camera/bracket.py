@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The frames of a focus bracket: one picture at a time, and where the frames of a plan lie."""
+"""The frames of a focus bracket, one picture at a time."""
 import contextlib
 import posixpath
 import time
@@ -40,8 +40,6 @@ class Photographer:
     """
 
     def __init__(self, camera, clock, frames=STILL, timeout=10.0, keep_files=True):
-        if frames not in (STILL, PREVIEW):
-            raise ValueError(f"frames: '{frames}' is neither {STILL} nor {PREVIEW}")
         self._camera, self._clock, self._frames = camera, clock, frames
         self._timeout, self._keep = timeout, keep_files
         self._paths = {}  # name -> path of the last frames
@@ -140,17 +138,3 @@ def _decoded(data, name):
     if image is None:
         raise CameraError(CORRUPTED, f"reading {name}", "it is not a picture")
     return image
-
-
-def planned_positions(distances, scale, exposures=()):
-    """(positions, exposures, warnings) for the focus distances of a plan, in m. exposures: as Session.shoot() takes them; of
-    frames that are alike in both only the first is taken."""
-    frames, warnings = [], []
-    for index, distance in enumerate(distances):
-        if not scale.reaches(distance):
-            warnings.append(f"{distance:.2f} m lies beyond the focus table: focused at its end")
-        frame = scale.nearest_step(distance), exposures[index] if len(exposures) > 1 else None
-        if frame not in frames:
-            frames.append(frame)
-    positions, times = zip(*frames)
-    return list(positions), list(times) if len(exposures) > 1 else exposures, warnings

@@ -65,7 +65,8 @@ class GphotoCamera(CameraDriver):
         if self._model:
             camera.set_abilities(models[_look_up("model", self._model, models.lookup_model)])
             if not port or port.startswith("usb:"):
-                port = self._port_among(_detected(models, ports, self._context))
+                found = models.detect(ports, self._context)
+                port = self._port_among([(found.get_name(index), found.get_value(index)) for index in range(found.count())])
         if port:
             camera.set_port_info(ports[_look_up("port", port, ports.lookup_path)])
 
@@ -144,12 +145,6 @@ def _look_up(what, name, look_up):
         return look_up(name)
     except gp.GPhoto2Error:
         raise CameraError(UNKNOWN_PORT, f"{what} '{name}'")
-
-
-def _detected(models, ports, context):
-    """(model, port) of every camera that is plugged in."""
-    found = models.detect(ports, context)
-    return [(found.get_name(index), found.get_value(index)) for index in range(found.count())]
 
 
 def _content(file):

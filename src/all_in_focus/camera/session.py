@@ -6,7 +6,7 @@ import contextlib
 import math
 from dataclasses import dataclass
 
-from all_in_focus.camera.bracket import STILL, Photographer, Shot, planned_positions
+from all_in_focus.camera.bracket import STILL, Photographer, Shot
 from all_in_focus.camera.focus_drive import FocusDrive, FocusLimit, RingDrive
 from all_in_focus.camera.interface import NOT_SUPPORTED, CameraError, RetryingCamera
 from all_in_focus.camera.makers import ALL_HOLDS, MAKERS, maker_of
@@ -126,11 +126,18 @@ class Session:
         self._shoot([start + index * step for index in range(config.count)], publish, on_release, exposures)
 
     def shoot_planned(self, distances, publish, on_release=lambda shot: None, exposures=()):
-        """A bracket at these distances (m), from near to far or from far to near; needs a table."""
-        positions, exposures, warnings = planned_positions(distances, self.scale, exposures)
-        self._warnings += warnings
+        """A bracket at these distances (m), from near to far or from far to near; needs a table. Of frames that are alike in
+        position and exposure only the first is taken."""
+        frames = []
+        for index, distance in enumerate(distances):
+            if not self.scale.reaches(distance):
+                self._warnings.append(f"{distance:.2f} m lies beyond the focus table: focused at its end")
+            frame = self.scale.nearest_step(distance), exposures[index] if len(exposures) > 1 else None
+            if frame not in frames:
+                frames.append(frame)
+        positions, times = zip(*frames)
         self._restore()
-        self._shoot(positions, publish, on_release, exposures)
+        self._shoot(positions, publish, on_release, times if len(exposures) > 1 else exposures)
 
     def _shoot(self, positions, publish, on_release, exposures):
         """positions: in steps, of the frames in their order."""
