@@ -15,7 +15,6 @@ from all_in_focus.image_messages import ImageError, bgr, color_message
 from all_in_focus.files import yaml_file
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.input_file import require_regular
-from all_in_focus.files.output_file import whole_file
 from all_in_focus.msg import FocusFrame, Optics
 
 
@@ -45,8 +44,7 @@ def load_topics(path):
 
 def save_topics(path, topics):
     """topics: names by kind."""
-    with whole_file(path) as working:
-        working.write_text("".join(f"{kind}_topic: {name}\n" for kind, name in topics.items()), encoding="utf-8")
+    yaml_file.write(path, {f"{kind}_topic": name for kind, name in topics.items()})
 
 
 TYPES = {"depth": Image, "depth_info": CameraInfo, "rgb": Image, "rgb_info": CameraInfo, "focus": FocusFrame,

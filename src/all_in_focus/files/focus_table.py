@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from all_in_focus.files.output_file import whole_file
+from all_in_focus.files import yaml_file
 
 SMALL = 1e-9  # 1/m; below this a focus distance counts as infinite
 
@@ -71,8 +71,7 @@ class FocusTable:
 
     def save(self, path, comments=(), home=""):
         """home: where step 0 is, for focus_bracket_camera; empty: not told."""
-        lines = [f"# {line}" for line in comments] + ([f"home: {home}"] if home else [])
-        lines += [f"first: {self.first}", f"step: {self.step}", "focus_table:"]
-        lines += [f"- {{step: {row['step']}, mm: {row['mm']:.1f}}}".replace("inf", ".inf") for row in self.table]
-        with whole_file(path) as working:
-            working.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        table = [{"step": row["step"], "mm": round(float(row["mm"]), 1)} for row in self.table]
+        data = {"home": home} if home else {}
+        data.update({"first": self.first, "step": self.step, "focus_table": table})
+        yaml_file.write(path, data, "".join(f"# {line}\n" for line in comments))

@@ -15,7 +15,6 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from all_in_focus.files import yaml_file
-from all_in_focus.files.output_file import whole_file
 
 DISTORTION_COEFFICIENTS = {"plumb_bob": 5, "rational_polynomial": 8, "equidistant": 4}
 KNOWN_TO_OPENCV = (0, 4, 5, 8, 12, 14)
@@ -265,14 +264,6 @@ def _is_of(frame, camera):
     return bool(camera.name) and frame.startswith(camera.name)
 
 
-def _write(path, comment, data):
-    """YAML with every number exact to the last bit; lists are one line each."""
-    flow = None if any(isinstance(value, (dict, list)) for value in data.values()) else False  # None: of what holds no other
-    text = yaml.safe_dump(data, sort_keys=False, default_flow_style=flow, width=10 ** 6, allow_unicode=True)
-    with whole_file(path) as working:
-        working.write_text(comment + text, encoding="utf-8")
-
-
 def _matrix(values, rows):
     return {"rows": rows, "cols": np.size(values) // rows, "data": _plain(values)}
 
@@ -283,10 +274,10 @@ def _plain(values):
 
 def save_camera(path, camera):
     """Writes a camera_info YAML file."""
-    _write(path, "", {"image_width": camera.width, "image_height": camera.height, "camera_name": camera.name,
-                      "camera_matrix": _matrix(camera.K, 3), "distortion_model": camera.distortion_model,
-                      "distortion_coefficients": _matrix(camera.D, 1), "rectification_matrix": _matrix(camera.R, 3),
-                      "projection_matrix": _matrix(camera.P, 3)})
+    yaml_file.write(path, {"image_width": camera.width, "image_height": camera.height, "camera_name": camera.name,
+                           "camera_matrix": _matrix(camera.K, 3), "distortion_model": camera.distortion_model,
+                           "distortion_coefficients": _matrix(camera.D, 1), "rectification_matrix": _matrix(camera.R, 3),
+                           "projection_matrix": _matrix(camera.P, 3)})
 
 
 def save_rig(folder, rig):
@@ -295,11 +286,11 @@ def save_rig(folder, rig):
     folder.mkdir(parents=True, exist_ok=True)
     save_camera(folder / "depth.yaml", rig.depth)
     save_camera(folder / "color.yaml", rig.color)
-    _write(folder / "extrinsics.yaml",
-           "# Pose of the depth camera in the colour camera's optical frame: X_color = R * X_depth + t (metres).\n"
-           "# rotation: quaternion x, y, z, w\n",
-           {"parent_frame": rig.parent_frame, "child_frame": rig.child_frame, "translation": _plain(rig.t),
-            "rotation": _plain(rig.quaternion)})
+    yaml_file.write(folder / "extrinsics.yaml",
+                    {"parent_frame": rig.parent_frame, "child_frame": rig.child_frame, "translation": _plain(rig.t),
+                     "rotation": _plain(rig.quaternion)},
+                    "# Pose of the depth camera in the colour camera's optical frame: X_color = R * X_depth + t (metres).\n"
+                    "# rotation: quaternion x, y, z, w\n")
     if rig.optics is not None:
-        _write(folder / "optics.yaml", "# Lens of the colour camera\n",
-               {name: float(value) for name, value in vars(rig.optics).items()})
+        yaml_file.write(folder / "optics.yaml", {name: float(value) for name, value in vars(rig.optics).items()},
+                        "# Lens of the colour camera\n")

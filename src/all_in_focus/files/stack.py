@@ -13,7 +13,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import yaml
 from PIL import Image
 
 from all_in_focus import installed
@@ -331,9 +330,8 @@ def load_focus(path, names, frames, left_out=()):
 
 def save_focus(path, names, distances_mm):
     """Writes focus distances as load_focus() reads them."""
-    entries = ({"file": name, "focus_mm": float(distance)} for name, distance in zip(names, distances_mm))
-    lines = "".join(f"- {yaml.safe_dump(entry, default_flow_style=True, width=1000)}" for entry in entries)
-    path.write_text(f"frames:\n{lines}", encoding="utf-8")
+    yaml_file.write(path, {"frames": [{"file": name, "focus_mm": float(distance)}
+                                      for name, distance in zip(names, distances_mm)]})
 
 
 def _metres(value, where):

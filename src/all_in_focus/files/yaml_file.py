@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reads YAML files; its errors name the file in one line."""
+"""Reads YAML files, its errors name the file in one line; writes them."""
 from pathlib import Path
 
 import yaml
 
 from all_in_focus.files.input_file import require_regular
+from all_in_focus.files.output_file import whole_file
 
 
 def read(path, failure, loader=yaml.SafeLoader):
@@ -17,3 +18,11 @@ def read(path, failure, loader=yaml.SafeLoader):
         raise failure(f"{path}: {error.strerror}")
     except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
         raise failure(f"{path}: not valid YAML: {' '.join(str(error).split())}")
+
+
+def write(path, data, comment=""):
+    """Every number exact to the last bit; lists are one line each. comment: lines at the beginning, with their #."""
+    flow = None if any(isinstance(value, (dict, list)) for value in data.values()) else False  # None: of what holds no other
+    text = yaml.safe_dump(data, sort_keys=False, default_flow_style=flow, width=10 ** 6, allow_unicode=True)
+    with whole_file(path) as working:
+        working.write_text(comment + text, encoding="utf-8")
