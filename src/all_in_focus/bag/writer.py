@@ -45,7 +45,9 @@ def _fill(bag, depth, rig_folder, stack, rate, with_focus):
     bag.write("/depth/image_raw", to_message(depth, "16UC1", header), start)
 
     for index, frame in enumerate(Progress(stack, unit="frame")):
-        _require_shape(frame, rig.color, stack.path)
+        if not same_shape(frame.shape[1::-1], (rig.color.width, rig.color.height)):
+            raise StackError(f"{stack.path}: {size_text(frame)} pixels, but color.yaml is of {rig.color.width}x"
+                             f"{rig.color.height}: not the same picture")
         stamp = stamp_of(index, rate)
         header = Header(stamp=stamp, frame_id=rig.parent_frame)
         bag.write("/rgb/camera_info", camera_info(rig.color, header), stamp)
@@ -54,12 +56,6 @@ def _fill(bag, depth, rig_folder, stack, rate, with_focus):
                                                last=index + 1 == len(stack),
                                                focus_distance=stack.distances[index]), stamp)
         bag.write("/rgb/image", color_message(frame, header), stamp)
-
-
-def _require_shape(frame, camera, path):
-    if not same_shape(frame.shape[1::-1], (camera.width, camera.height)):
-        raise StackError(f"{path}: {size_text(frame)} pixels, but color.yaml is of {camera.width}x{camera.height}: not the same "
-                         "picture")
 
 
 def write_bag(output, depth, rig_folder, stack, rate=30.0, with_focus=True):

@@ -9,7 +9,6 @@ import functools
 import math
 import re
 import threading
-from collections import OrderedDict
 
 import cv2
 import cv_bridge
@@ -118,8 +117,8 @@ class BracketCollector:
 
     def __init__(self, folder):
         self._folder = folder
-        self._parts = {name: OrderedDict() for name in [*IMAGES, "labels", "segments"]}  # data by stamp in ns
-        self._pending = OrderedDict()  # reports by number
+        self._parts = {name: {} for name in [*IMAGES, "labels", "segments"]}  # data by stamp in ns
+        self._pending = {}  # reports by number
         self.brackets = []  # dicts, see run_status.conclude()
 
     def add(self, name, stamp, data):
@@ -127,7 +126,7 @@ class BracketCollector:
         parts = self._parts[name]
         parts[stamp.to_nsec()] = data
         while len(parts) > KEPT:
-            parts.popitem(last=False)
+            del parts[next(iter(parts))]
         self._save_complete()
 
     def add_report(self, report):
