@@ -40,7 +40,12 @@ class Nodes:
         return self
 
     def launch(self, **options):
-        return Launch(self.folder / "log", texts=[f"<launch>{self.text}</launch>"], **options)
+        return Launch(self.folder / "log", [self.file()], **options)
+
+    def file(self):
+        path = self.folder / "nodes.launch"
+        path.write_text(f"<launch>{self.text}</launch>")
+        return path
 
     def pid(self, name):
         path = self.folder / name
@@ -178,9 +183,9 @@ def test_nothing_stays_where_the_caller_is_killed(nodes):
     nodes.add("node", FOREVER)
     caller = subprocess.Popen([sys.executable, "-c", "import sys, time\n"
                                "from all_in_focus.replay.launch import Launch\n"
-                               "launch = Launch(sys.argv[1], texts=[sys.argv[2]])\n"
+                               "launch = Launch(sys.argv[1], [sys.argv[2]])\n"
                                "print(launch.master_uri, flush=True)\ntime.sleep(600)",
-                               str(nodes.folder / "log"), f"<launch>{nodes.text}</launch>"],
+                               str(nodes.folder / "log"), str(nodes.file())],
                               stdout=subprocess.PIPE, text=True)
     master_uri, pid = caller.stdout.readline().strip(), nodes.pid("node")
     caller.kill()

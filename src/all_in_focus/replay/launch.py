@@ -54,10 +54,9 @@ def child_environment(environment, port, log_folder):
 class Launch:
     """Launches at once; close() must follow. The nodes end, too, when this process or launcher.py is killed."""
 
-    def __init__(self, log_folder, files=(), arguments=(), texts=(), verbose=False, grace=GRACE, port=None):
-        """files: launch files, with arguments "name:=value"; texts: launch XML; verbose: repeats on stderr, or on the
-        text file given, what roslaunch and the nodes print; grace: see GRACE; port: of a master on this computer that
-        runs already."""
+    def __init__(self, log_folder, files, arguments=(), verbose=False, grace=GRACE, port=None):
+        """files: launch files, with arguments "name:=value"; verbose: repeats on stderr, or on the text file given, what
+        roslaunch and the nodes print; grace: see GRACE; port: of a master on this computer that runs already."""
         port = port or free_port()
         environment = child_environment(os.environ, port, log_folder)
         self.master_uri = environment["ROS_MASTER_URI"]
@@ -76,8 +75,7 @@ class Launch:
         self._printed = threading.Thread(target=self._read_printed, daemon=True)
         self._events.start()
         self._printed.start()
-        order = {"files": [str(file) for file in files], "arguments": list(arguments), "texts": list(texts),
-                 "port": port, "grace": grace}
+        order = {"files": [str(file) for file in files], "arguments": list(arguments), "port": port, "grace": grace}
         with suppress(BrokenPipeError):
             print(json.dumps(order), file=self._process.stdin, flush=True)
 

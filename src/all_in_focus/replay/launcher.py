@@ -55,14 +55,13 @@ def watch(monitor, events, stop):
 
 
 def launch(order, events):
-    """order: files, texts: launch files and launch XML; arguments: of the files; port: of the master, which may run
-    already; grace: s between SIGINT, SIGTERM and SIGKILL. Returns when a required process or all processes have died, or
-    stdin has ended."""
+    """order: files: launch files; arguments: of the files; port: of the master, which may run already; grace: s between
+    SIGINT, SIGTERM and SIGKILL. Returns when a required process or all processes have died, or stdin has ended."""
     files = [(file, order["arguments"]) for file in order["files"]]
     run = get_or_generate_uuid(None, False)  # that of the master, if it runs already
     parent = ROSLaunchParent(run, files, port=order["port"], show_summary=False,
                              sigint_timeout=order["grace"][0], sigterm_timeout=order["grace"][1])
-    parent.config = load_config_default(files, order["port"], roslaunch_strs=order["texts"])
+    parent.config = load_config_default(files, order["port"])
     for node in parent.config.nodes:  # the library only prints this, and goes on without the node
         try:
             create_local_process_args(node, node.machine)
