@@ -28,7 +28,7 @@ def add_nodes(parser):
                         help="a longer gap ends a bracket, 0: none does; default 1")
     fusion.add_argument("--label-max-age", type=positive, default=Rules.max_age, metavar="S",
                         help="oldest depth to use; default 1")
-    parser.add_argument("--invalid-values", type=_list_of_mm, default="[0,65535]", metavar="[MM,...]",
+    parser.add_argument("--invalid-values", type=_list_of_mm, default=[0, 65535], metavar="[MM,...]",
                         help="depths that mean unknown; default [0,65535], as in the files; with 2047 for raw Kinect streams")
 
 
@@ -48,17 +48,12 @@ def rules(args):
     return Rules(args.bracket_size, args.bracket_gap, args.label_max_age)
 
 
-def invalid_values(args):
-    """List of mm."""
-    return yaml.safe_load(args.invalid_values)
-
-
 def _list_of_mm(text):
-    """argparse type: a YAML list of whole numbers, as text, which is what launch files take."""
+    """argparse type: a YAML list of whole numbers."""
     try:
         values = yaml.safe_load(text)
     except yaml.YAMLError:
         values = None
     if not isinstance(values, list) or not all(type(value) is int for value in values):
         raise argparse.ArgumentTypeError(f"'{text}': expected a list of whole numbers, such as [0,2047,65535]")
-    return text
+    return values
