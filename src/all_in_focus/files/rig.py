@@ -176,11 +176,8 @@ class _Reader:
             value = yaml_file.read(self.path, RigError, yaml.BaseLoader)[key]
         return value if isinstance(value, str) and value else self.fail(key, "expected a name")
 
-    def number(self, key):
-        return float(self.array(key, ())[()])
-
     def positive(self, key):
-        value = self.number(key)
+        value = float(self.array(key, ()))
         return value if value > 0 else self.fail(key, "must be positive")
 
     def size(self, key):
@@ -225,7 +222,7 @@ def load_camera(path):
     for key in ("binning_x", "binning_y"):
         if file.data.get(key, 0) not in (0, 1):
             file.fail(key, "is not supported in a file: give the calibration of the binned pictures")
-    D = file.array("distortion_coefficients.data", None) if "distortion_coefficients" in file.data else np.zeros(5)
+    D = file.matrix("distortion_coefficients", None, np.zeros(5))
     if model not in DISTORTION_COEFFICIENTS:
         file.fail("distortion_model", f"'{model}' is not one of {', '.join(sorted(DISTORTION_COEFFICIENTS))}")
     try:
