@@ -10,7 +10,7 @@ from all_in_focus.bag.bag_file import BagContents, BagError, Topics, load_topics
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.rig import Optics
 from all_in_focus.parameters import number, text
-from all_in_focus.replay.player import BagPlayer, Limits
+from all_in_focus.replay.player import ACKNOWLEDGE, CONNECT, BagPlayer
 from all_in_focus.replay.results import DEPTH_RESTORED, ResultFolder, ResultSaver
 from all_in_focus.replay.run_status import BAD_INPUT, OK, RunStatus, conclude
 
@@ -57,8 +57,7 @@ def _run(bag, output, reporter):
     optics = Optics.parse(text("optics")) if text("optics") else None
     names = load_topics(_path("topics")) if text("topics") else Topics()
     topics = Topics(**{kind: text(f"{kind}_topic") or name for kind, name in vars(names).items()})
-    limits = Limits(connect=number("timeout", Limits.connect, 0),
-                    acknowledge=number("acknowledge_timeout", Limits.acknowledge, 0))
+    connect, acknowledge = number("timeout", CONNECT, 0), number("acknowledge_timeout", ACKNOWLEDGE, 0)
     contents = BagContents(bag, topics)
     reporter.status.total = sum(contents.counts.values())
     reporter(0)
@@ -69,7 +68,7 @@ def _run(bag, output, reporter):
         def heartbeat(done):
             reporter(done)
             saver.check()
-        player = BagPlayer(contents, limits, heartbeat)
+        player = BagPlayer(contents, connect, acknowledge, heartbeat)
         _play(contents, player, saver, optics)
         problems = [f"{text} ({times} times)" if times > 1 else text for text, times in player.problems.items()]
         status = conclude(saver.finish(), saver.complaints() + problems + contents.problems)

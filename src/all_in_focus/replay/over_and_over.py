@@ -7,11 +7,11 @@ import rospy
 
 from all_in_focus.bag.bag_file import BagContents, load_topics
 from all_in_focus.parameters import flag, number, text
-from all_in_focus.replay.player import BagPlayer, Limits, PlayError
+from all_in_focus.replay.player import BagPlayer, PlayError
 
 PATIENCE = 15.0  # s without somebody who looks, before that is said
 PAUSE = 2.0  # s between two rounds, to look at the result
-LIMITS = Limits(connect=60.0, acknowledge=300.0)  # a frame is acknowledged when its picture is restored
+ACKNOWLEDGE = 300.0  # s; a frame is acknowledged when its picture is restored
 
 
 def play():
@@ -21,7 +21,7 @@ def play():
     names = text("topics")
     contents = BagContents(str(path), load_topics(Path(here, names)) if names else None,
                            transforms=not flag("rig_given", False))
-    player, said = BagPlayer(contents, LIMITS), set()
+    player, said = BagPlayer(contents, acknowledge=ACKNOWLEDGE), set()
     try:
         if own_lens and contents.optics:
             try:

@@ -10,7 +10,6 @@ import re
 import threading
 import time
 from collections import Counter
-from dataclasses import dataclass
 
 import dynamic_reconfigure.client
 import genpy
@@ -21,6 +20,7 @@ from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from all_in_focus.bag.bag_file import TYPES
+from all_in_focus.bag.brackets import WINDOW
 
 TOPICS = {"depth": "depth/image_raw", "depth_info": "depth/camera_info", "rgb": "rgb/image",
           "rgb_info": "rgb/camera_info", "focus": "rgb/focus"}
@@ -32,21 +32,15 @@ LENS = ("focal_length_mm", "aperture", "circle_of_confusion_mm")
 POLL = 0.002  # s
 CLOCK_PERIOD = 0.1  # s
 SETTLE = 0.5  # s, for the connections between the nodes, which cannot be observed from here
+CONNECT = 60.0  # s, usual patience for nodes to connect, and for the last result
+ACKNOWLEDGE = 10.0  # s, usual patience for one input
+FOLLOW_UP = 3.0  # s for the segmenter once depth_preprocess is done with a depth image
+WINDOW_BYTES = 1 << 28  # of colour images under way, so that the fusion need not drop any; 4 may always wait
 MAX_SILENCES = 3  # missing acknowledgements in a row before giving up
 
 
 class PlayError(ValueError):
     """The bag cannot be played to the end; the message is one line."""
-
-
-@dataclass
-class Limits:
-    """Waits in seconds of wall time."""
-    connect: float = 60.0      # for nodes to connect, and for the last result
-    acknowledge: float = 10.0  # for one input
-    follow_up: float = 3.0     # for the segmenter once depth_preprocess is done with a depth image
-    window: int = 8            # colour images under way...
-    window_bytes: int = 1 << 28  # ...and their size, so that the fusion need not drop any; 4 may always wait
 
 
 class Acknowledgements(rospy.SubscribeListener):
@@ -86,14 +80,15 @@ class Acknowledgements(rospy.SubscribeListener):
 
 
 class BagPlayer:
-    """Plays BagContents within Limits.
+    """Plays BagContents.
 
-    heartbeat: called often, with the number of messages played; may raise. problems: errors that did not end the run, text ->
-    how often.
+    connect, acknowledge: patience in s of wall time, see CONNECT and ACKNOWLEDGE; heartbeat: called often, with the number of
+    messages played; may raise. problems: errors that did not end the run, text -> how often.
     """
 
-    def __init__(self, contents, limits, heartbeat=lambda done: None):
-        self._contents, self._limits, self.heartbeat = contents, limits, heartbeat
+    def __init__(self, contents, connect=CONNECT, acknowledge=ACKNOWLEDGE, heartbeat=lambda done: None):
+        self._contents, self.heartbeat = contents, heartbeat
+        self._connect_patience, self._patience = connect, acknowledge
         self._done = 0
         self._silences = self._refusals = 0  # in a row
         self.problems = Counter()
@@ -144,9 +139,9 @@ class BagPlayer:
         outputs: subscribers by topic.
         """
         self._publish_latched()
-        if not self._wait(lambda: not self.loose_ends(outputs), self._limits.connect):
+        if not self._wait(lambda: not self.loose_ends(outputs), self._connect_patience):
             topic, complaint = self.loose_ends(outputs)[0]
-            raise PlayError(f"{complaint} {rospy.resolve_name(topic)} for {self._limits.connect:g} s: did the node "
+            raise PlayError(f"{complaint} {rospy.resolve_name(topic)} for {self._connect_patience:g} s: did the node "
                             f"{NODES[topic.split('/')[0]]} start?")
         self.pause(SETTLE)
 
@@ -155,7 +150,7 @@ class BagPlayer:
 
         optics: has focal_length_mm, aperture, circle_of_confusion_mm.
         """
-        wanted, patience = {name: getattr(optics, name) for name in LENS}, self._limits.connect
+        wanted, patience = {name: getattr(optics, name) for name in LENS}, self._connect_patience
         try:
             client = dynamic_reconfigure.client.Client("segmenter", timeout=patience)
             if client.get_parameter_descriptions(timeout=patience) is None:
@@ -206,7 +201,7 @@ class BagPlayer:
         number = re.match(r"\s*(\d+)", answer.message)
         if not number:
             raise PlayError(f"fusion/finish answers '{answer.message}', not how many brackets were published")
-        self._wait(lambda: enough(int(number.group(1))), self._limits.connect)
+        self._wait(lambda: enough(int(number.group(1))), self._connect_patience)
 
     def finish(self):
         """Ends the open bracket; returns the answer of the fusion, which comes with the result."""
@@ -214,15 +209,15 @@ class BagPlayer:
 
         def call():
             try:
-                rospy.wait_for_service("fusion/finish", self._limits.connect)
+                rospy.wait_for_service("fusion/finish", self._connect_patience)
                 answers.append(rospy.ServiceProxy("fusion/finish", Trigger)())
             except (rospy.ROSException, rospy.ServiceException) as error:
                 answers.append(PlayError(f"fusion/finish: {error}"))
 
         # A service call has no time-out: it gets a thread that can be abandoned.
         threading.Thread(target=call, daemon=True).start()
-        if not self._wait(lambda: bool(answers), max(self._limits.connect, self._limits.acknowledge)):
-            raise PlayError(f"fusion/finish does not answer within {max(self._limits.connect, self._limits.acknowledge):g} s")
+        if not self._wait(lambda: bool(answers), max(self._connect_patience, self._patience)):
+            raise PlayError(f"fusion/finish does not answer within {max(self._connect_patience, self._patience):g} s")
         if isinstance(answers[0], PlayError):
             raise answers[0]
         return answers[0]
@@ -234,12 +229,12 @@ class BagPlayer:
             waiting.give_up()
             waiting.sent(message.header.stamp.to_nsec())
         self._publishers["depth"].publish(message)
-        if not self._wait(lambda: not (registered.under_way() and segmented.under_way()), self._limits.acknowledge):
-            self._silence(f"depth_preprocess did not acknowledge a depth image within {self._limits.acknowledge:g} s")
+        if not self._wait(lambda: not (registered.under_way() and segmented.under_way()), self._patience):
+            self._silence(f"depth_preprocess did not acknowledge a depth image within {self._patience:g} s")
             return
         self._silences = 0
         # After three refusals in a row a short wait suffices.
-        patience = self._limits.follow_up * (0.1 if self._refusals >= 3 else 1)
+        patience = FOLLOW_UP * (0.1 if self._refusals >= 3 else 1)
         if self._wait(lambda: not segmented.under_way(), patience):
             self._refusals = 0
         else:
@@ -247,8 +242,8 @@ class BagPlayer:
             self.problems["depth_preprocess refused a depth image, or the segmenter never got it"] += 1
 
     def _send_color(self, message):
-        fitting = self._limits.window_bytes // max(1, len(message.data))
-        self._wait_for_color(min(self._limits.window, max(4, fitting)))
+        fitting = WINDOW_BYTES // max(1, len(message.data))
+        self._wait_for_color(min(WINDOW, max(4, fitting)))
         self._acknowledged["fusion"].sent(message.header.stamp.to_nsec())
         self._publishers["rgb"].publish(message)
 
@@ -257,13 +252,13 @@ class BagPlayer:
         fused = self._acknowledged["fusion"]
         while fused.under_way() >= limit:
             before = fused.received
-            if self._wait(lambda: fused.received > before or not fused.under_way(), self._limits.acknowledge):
+            if self._wait(lambda: fused.received > before or not fused.under_way(), self._patience):
                 self._silences = 0
             else:
                 rospy.logwarn("%d colour images are not acknowledged, the first of stamp %.6f",
                               fused.under_way(), (fused.first() or 0) / 1e9)
                 fused.give_up()
-                text = f"fusion did not acknowledge colour images within {self._limits.acknowledge:g} s"
+                text = f"fusion did not acknowledge colour images within {self._patience:g} s"
                 if "focus" in self._publishers:
                     text += " (is there a focus message for each, of the same stamp?)"
                 self._silence(text)
