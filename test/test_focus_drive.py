@@ -12,7 +12,7 @@ from all_in_focus.camera import bracket, focus_drive, interface
 from all_in_focus.camera.focus_drive import FocusDrive, FocusLimit
 from all_in_focus.camera.interface import BUSY, CAMERA_ERROR, CameraError, RetryingCamera
 from all_in_focus.camera.makers import MAKERS, maker_of
-from all_in_focus.files.focus_table import FocusTable, ScaleError
+from all_in_focus.files.focus_table import FocusTable
 from fake_camera import LENS, MODELS, FakeCamera
 from file_helpers import VirtualTime
 
@@ -169,5 +169,5 @@ def test_scale_interpolates_dioptres():
 @pytest.mark.parametrize("table", [[], TABLE[:1], [{"step": 0}], 5, [{"step": 0, "mm": 1}, {"step": 0, "mm": 2}],
                                    [{"step": 0, "mm": 1}, {"step": 1, "mm": -2}], TABLE + [{"step": 30, "mm": 600}]])
 def test_impossible_scales_are_refused(table):
-    with pytest.raises(ScaleError, match="^focus_table: "):
+    with pytest.raises(ValueError, match="^focus_table: "):
         FocusTable(table)

@@ -1,43 +1,40 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Private parameters of a node, checked as src/ros/parameters.hpp does for the nodelets; but what is impossible ends the node."""
+"""Private parameters of a node, checked as src/ros/parameters.hpp does for the nodelets; but what is impossible ends the node:
+a ValueError, whose line names the parameter."""
 import math
 
 import rospy
-
-
-class ParameterError(ValueError):
-    """A parameter that is missing or impossible; the message is one line that names it."""
 
 
 def text(name, default="", among=()):
     """A number counts as text: a name may consist of digits."""
     value = rospy.get_param("~" + name, default)
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        raise ParameterError(f"~{name}: expected text, not {value}: write it in quotes")
+        raise ValueError(f"~{name}: expected text, not {value}: write it in quotes")
     if among and str(value) not in among:
-        raise ParameterError(f"~{name}: '{value}' is not one of {', '.join(among)}")
+        raise ValueError(f"~{name}: '{value}' is not one of {', '.join(among)}")
     return str(value)
 
 
 def number(name, default, low=-math.inf):
     value = _meaning(name, default)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value < math.inf:
-        raise ParameterError(f"~{name}: expected a number{_at_least(low)}, not '{value}'")
+        raise ValueError(f"~{name}: expected a number{_at_least(low)}, not '{value}'")
     return value
 
 
 def whole(name, default, low=-math.inf):
     value = number(name, default, low)
     if value != int(value):
-        raise ParameterError(f"~{name}: expected a whole number{_at_least(low)}, not '{value}'")
+        raise ValueError(f"~{name}: expected a whole number{_at_least(low)}, not '{value}'")
     return int(value)
 
 
 def flag(name, default):
     value = _meaning(name, default)
     if not isinstance(value, bool):
-        raise ParameterError(f"~{name}: expected true or false, not '{value}'")
+        raise ValueError(f"~{name}: expected true or false, not '{value}'")
     return value
 
 

@@ -9,7 +9,6 @@ from typing import Optional
 import cv2
 import numpy as np
 
-from all_in_focus.calibration import CalibrationError
 from all_in_focus.files.stack import StackError, is_image_name, read_image
 
 CAMERAS = ("depth", "color")
@@ -150,8 +149,8 @@ class PairFolders:
         files = [_images(folder) for folder in self._folders]
         self.names = sorted(set(files[0]) & set(files[1]))
         if not self.names:
-            raise CalibrationError(f"no picture of {self._folders[0]} has a counterpart of the same name in "
-                                   f"{self._folders[1]}")
+            raise ValueError(f"no picture of {self._folders[0]} has a counterpart of the same name in "
+                             f"{self._folders[1]}")
         self.warnings = [f"{folder}: no picture in {other} is named like "
                          f"{', '.join(sorted(set(own) - set(others)))}: left out"
                          for folder, own, other, others in ((self._folders[0], files[0], self._folders[1], files[1]),
@@ -162,7 +161,7 @@ class PairFolders:
         self._first = [None, None]  # name of the first picture that can be read
 
     def pairs(self, board):
-        """Yields one Pair after the other. CalibrationError where no picture of a camera can be read."""
+        """Yields one Pair after the other. ValueError where no picture of a camera can be read."""
         for name in self.names:
             corners, complaints = [None, None], []
             for camera in (0, 1):
@@ -173,7 +172,7 @@ class PairFolders:
             yield Pair(name, *corners, "; ".join(complaints))
         for folder, first in zip(self._folders, self._first):
             if first is None:
-                raise CalibrationError(f"{folder}: none of the {len(self.names)} pictures can be read")
+                raise ValueError(f"{folder}: none of the {len(self.names)} pictures can be read")
 
     def first_picture(self, camera):
         """The first picture that can be read; call after pairs()."""
@@ -187,8 +186,8 @@ class PairFolders:
         self.sizes[camera] = self.sizes[camera] or size
         if size != self.sizes[camera]:
             width, height = self.sizes[camera]
-            raise CalibrationError(f"{path}: {size[0]}x{size[1]} pixels, but the {CAMERAS[camera]} camera's pictures "
-                                   f"before it have {width}x{height}")
+            raise ValueError(f"{path}: {size[0]}x{size[1]} pixels, but the {CAMERAS[camera]} camera's pictures "
+                             f"before it have {width}x{height}")
         return image
 
 
@@ -196,10 +195,10 @@ def _images(folder):
     """File names by stem."""
     names = sorted(path.name for path in Path(folder).iterdir() if is_image_name(path.name))
     if not names:
-        raise CalibrationError(f"{folder}: holds no images")
+        raise ValueError(f"{folder}: holds no images")
     by_stem = {}
     for name in names:
         other = by_stem.setdefault(Path(name).stem, name)
         if other != name:
-            raise CalibrationError(f"{folder}: {other} and {name} differ in their ending only: remove one")
+            raise ValueError(f"{folder}: {other} and {name} differ in their ending only: remove one")
     return by_stem

@@ -7,7 +7,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from all_in_focus.calibration import CalibrationError, fit_report, rig_folder
+from all_in_focus.calibration import fit_report, rig_folder
 from all_in_focus.calibration.board import CAMERAS, Board, PairFolders, find_corners
 from all_in_focus.calibration.rig_fit import fit_rig
 from all_in_focus.command_line import Input, Output, Parser, digits, number_type, optics
@@ -131,8 +131,8 @@ def _from_files(parser, arguments):
         if pair.unreadable:
             parser.warn(f"{pair.unreadable}: left out")
     if all(pair.depth is None and pair.color is None for pair in pairs):
-        raise CalibrationError(f"no board of {arguments.board} inner corners in any of {len(pairs)} "
-                               f"pairs{_other_board(folders, arguments.board)}")
+        raise ValueError(f"no board of {arguments.board} inner corners in any of {len(pairs)} "
+                         f"pairs{_other_board(folders, arguments.board)}")
     for line in calibrate(arguments, pairs, tuple(folders.sizes)):
         print(line)
 

@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 from scipy.stats import siegelslopes
 
-from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.board import gray
 from all_in_focus.imaging import gradient_energy
 
@@ -36,8 +35,8 @@ class Sharpness:
         size = image.shape[1::-1]
         self.size = self.size or size
         if size != self.size:
-            raise CalibrationError(f"a picture has {size[0]}x{size[1]} pixels, those before it "
-                                   f"{self.size[0]}x{self.size[1]}")
+            raise ValueError(f"a picture has {size[0]}x{size[1]} pixels, those before it "
+                             f"{self.size[0]}x{self.size[1]}")
         side, columns, rows = self.grid()
         self.frames.append(gradient_energy(gray(image)[:rows * side, :columns * side], (columns, rows))[0])
 
@@ -115,25 +114,25 @@ class FocusCurve:
 
 
 def fit(sharpness, dioptres):
-    """FocusCurve of a Sharpness and the dioptres of its tiles. CalibrationError."""
+    """FocusCurve of a Sharpness and the dioptres of its tiles. ValueError."""
     frames = np.array(sharpness.frames)  # x rows x columns
     if len(frames) < 3:
-        raise CalibrationError(f"{len(frames)} frames: take a bracket of at least 3, better 9")
+        raise ValueError(f"{len(frames)} frames: take a bracket of at least 3, better 9")
     known = np.argwhere(np.isfinite(dioptres))
     if len(known) < FEWEST:
-        raise CalibrationError(f"only {len(known)} of {dioptres.size} tiles of the picture have one distance: is the depth "
-                               "registered to these pictures, and is the scene made of large surfaces?")
+        raise ValueError(f"only {len(known)} of {dioptres.size} tiles of the picture have one distance: is the depth "
+                         "registered to these pictures, and is the scene made of large surfaces?")
     peaks = np.array([peak_of(frames[:, row, column]) for row, column in known])
     values = dioptres[tuple(known.T)][np.isfinite(peaks)]
     peaks = peaks[np.isfinite(peaks)]
     if len(peaks) < FEWEST:
-        raise CalibrationError(f"only {len(peaks)} tiles become sharp within the bracket and blurred before and after: let "
-                               "the first frame be focused nearer than the scene and the last one farther, on surfaces "
-                               "with texture")
+        raise ValueError(f"only {len(peaks)} tiles become sharp within the bracket and blurred before and after: let "
+                         "the first frame be focused nearer than the scene and the last one farther, on surfaces "
+                         "with texture")
     span = np.percentile(peaks, 95) - np.percentile(peaks, 5)
     if span < SHORTEST:
-        raise CalibrationError(f"all depths are sharpest within {span:.1f} frames: take a slanted board or a deeper "
-                               "scene, or smaller steps")
+        raise ValueError(f"all depths are sharpest within {span:.1f} frames: take a slanted board or a deeper "
+                         "scene, or smaller steps")
     line, line_inlier, line_error = _robust(peaks, values, 1)
     curve, inlier, error = _robust(peaks, values, 2)
     ends = np.array([peaks[inlier].min(), peaks[inlier].max()]) if inlier.any() else np.zeros(2)
@@ -142,8 +141,8 @@ def fit(sharpness, dioptres):
         curve, inlier, error = line, line_inlier, line_error
     total = np.std(values[inlier])
     if inlier.sum() < max(FEWEST, len(peaks) / 3) or error > 0.5 * total:
-        raise CalibrationError("sharpness and depth do not agree on the distances: do depth and pictures show the same, "
-                               "does the rig fit (check_rig), are the frames in the order of their focus?")
+        raise ValueError("sharpness and depth do not agree on the distances: do depth and pictures show the same, "
+                         "does the rig fit (check_rig), are the frames in the order of their focus?")
     return FocusCurve(len(frames), peaks, values, inlier, curve, error)
 
 

@@ -9,9 +9,8 @@ import rospy
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
-from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.focus_curve import Sharpness, dioptres_of_registered
-from all_in_focus.image_messages import BRIDGE, ImageError, bgr
+from all_in_focus.image_messages import BRIDGE, bgr
 from all_in_focus.msg import FocusFrame
 
 CAMERA = "focus_bracket_camera"
@@ -48,7 +47,7 @@ class _Bracket:
             return self.done.set()
         try:
             self.sharpness.add(bgr(image))
-        except (CalibrationError, ImageError) as error:
+        except ValueError as error:
             self.problem = str(error)
         if focus.last or self.problem:
             self.done.set()
@@ -67,10 +66,10 @@ def shoot(timeout):
                   rospy.resolve_name(CAMERA))
     _wait(bracket.done.is_set, end, "no whole bracket came on rgb/image and rgb/focus")
     if bracket.problem:
-        raise CalibrationError(bracket.problem)
+        raise ValueError(bracket.problem)
     if bracket.depth.shape[1::-1] != bracket.sharpness.size:
-        raise CalibrationError("depth_registered/image_raw and rgb/image have different sizes: does the rig belong to "
-                               "these pictures?")
+        raise ValueError("depth_registered/image_raw and rgb/image have different sizes: does the rig belong to "
+                         "these pictures?")
     home = rospy.get_param(f"{CAMERA}/home", "current") if asked else ""
     if home == "current":
         rospy.logwarn("the lens counts its steps from where it stood at the start: start robot.launch with home:=near, so "
@@ -83,7 +82,7 @@ def shoot(timeout):
 def _wait(condition, end, problem):
     while not condition():
         if time.monotonic() > end or rospy.is_shutdown():
-            raise CalibrationError(problem)
+            raise ValueError(problem)
         time.sleep(0.05)
 
 

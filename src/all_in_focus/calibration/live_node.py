@@ -11,7 +11,6 @@ import rospy
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger, TriggerResponse
 
-from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.live_view import LiveView
 from all_in_focus.image_messages import BRIDGE, ImageError, bgr
 
@@ -24,7 +23,7 @@ GRACE = 1.0  # s for the answer of ~finish to be sent
 
 
 class LiveNode:
-    """calibrate: function of pairs and sizes that returns lines, or raises CalibrationError."""
+    """calibrate: function of pairs and sizes that returns lines, or raises ValueError."""
 
     def __init__(self, view, calibrate):
         self._view, self._calibrate = view, calibrate
@@ -91,7 +90,7 @@ class LiveNode:
 
     def _end(self):
         if not self._view.pairs:
-            raise CalibrationError("no pair is taken yet: show the board to both cameras and hold it still")
+            raise ValueError("no pair is taken yet: show the board to both cameras and hold it still")
         lines = self._calibrate(self._view.pairs, self._view.sizes)
         for line in lines:
             rospy.loginfo("%s", line)

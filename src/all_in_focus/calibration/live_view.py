@@ -9,7 +9,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from all_in_focus.calibration import CalibrationError
 from all_in_focus.calibration.board import CAMERAS, Pair, find_corners, gray
 from all_in_focus.calibration.rig_folder import refuse_read_only
 from all_in_focus.files.output_file import write_picture
@@ -105,7 +104,7 @@ class LiveView:
                 folder.mkdir(parents=True, exist_ok=True)
                 refuse_read_only(folder)
                 if any(folder.iterdir()):
-                    raise CalibrationError(f"{pictures}: holds pictures already: name another folder")
+                    raise ValueError(f"{pictures}: holds pictures already: name another folder")
 
     @property
     def enough(self):

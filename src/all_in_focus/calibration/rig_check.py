@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 
 from all_in_focus import installed
-from all_in_focus.calibration import CalibrationError
 from all_in_focus.files.stack import read_depth
 from all_in_focus.imaging import fill_from_farther, with_lines
 
@@ -35,13 +34,13 @@ SMALL = 1.5  # pixels at that width: a Kinect's own edges are no more precise
 
 def registered(rig_folder, depth_path):
     """An image of the depth camera as the nodes register it to the colour picture: H x W, uint16 mm, 0 = unknown.
-    CalibrationError where that cannot be done."""
+    ValueError where that cannot be done."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "registered.png")
         try:
             installed.run([installed.find("check_depth"), "--rig", rig_folder, "--depth", depth_path, "--save-registered", path])
         except RuntimeError as error:
-            raise CalibrationError(str(error).replace("check_depth: ", "", 1))
+            raise ValueError(str(error).replace("check_depth: ", "", 1))
         return read_depth(path)
 
 

@@ -11,7 +11,6 @@ from typing import Dict, List, Tuple
 import cv2
 import numpy as np
 
-from all_in_focus.calibration import CalibrationError
 
 MIN_VIEWS = MIN_PAIRS = 5
 CAMERA_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-8)
@@ -57,15 +56,15 @@ def fit_camera(name, board, corners, size, radial=2):
     while True:
         kept = [view for view in corners if view not in left_out]
         if len(kept) < MIN_VIEWS:
-            raise CalibrationError(f"the {name} camera: {len(kept)} usable views of the board, at least {MIN_VIEWS} "
-                                   "are needed, 20 are good")
+            raise ValueError(f"the {name} camera: {len(kept)} usable views of the board, at least {MIN_VIEWS} "
+                             "are needed, 20 are good")
         try:
             _, K, D, rotations, _, deviations, _, errors = cv2.calibrateCameraExtended(
                 [board.points] * len(kept), [corners[view].astype(np.float32) for view in kept], size, None, None,
                 flags=distortion_flags(radial), criteria=CAMERA_CRITERIA)
         except cv2.error:
-            raise CalibrationError(f"the {name} camera: its views do not determine a calibration: tilt the "
-                                   "board differently in each")
+            raise ValueError(f"the {name} camera: its views do not determine a calibration: tilt the "
+                             "board differently in each")
         errors = dict(zip(kept, errors.ravel().tolist()))
         worst = max(errors, key=errors.get)
         if errors[worst] <= limit(errors.values()):
@@ -175,8 +174,8 @@ def fit_rig(board, pairs: List, sizes, known=(None, None), radial=2):
     both = [pair for pair in pairs if pair.depth is not None and pair.color is not None
             and not any(pair.name in fit.left_out for fit in fits)]
     if len(both) < MIN_PAIRS:
-        raise CalibrationError(f"{len(both)} usable pairs show the board to both cameras, at least {MIN_PAIRS} are "
-                               "needed, 20 are good")
+        raise ValueError(f"{len(both)} usable pairs show the board to both cameras, at least {MIN_PAIRS} are "
+                         "needed, 20 are good")
     order, off = agree(board, both, *fits, sizes[1][0])
     left_out = _disagreeing(off, sizes[1][0])
     # Refined together, the intrinsics of both cameras fit each other: in the tests a depth pixel is then mapped more
@@ -187,9 +186,9 @@ def fit_rig(board, pairs: List, sizes, known=(None, None), radial=2):
     while True:
         kept = [pair.name for pair in both if pair.name not in left_out]
         if 2 * len(kept) < len(both) or len(kept) < MIN_PAIRS:
-            raise CalibrationError(f"the cameras' relative pose differs from pair to pair (only {len(kept)} of "
-                                   f"{len(both)} agree): were the cameras or the board moved, or is one camera's "
-                                   "picture mirrored?")
+            raise ValueError(f"the cameras' relative pose differs from pair to pair (only {len(kept)} of "
+                             f"{len(both)} agree): were the cameras or the board moved, or is one camera's "
+                             "picture mirrored?")
         solution, errors = solve(kept)
         total = {name: float(np.hypot(*error)) for name, error in errors.items()}
         worst = max(total, key=total.get)
@@ -214,8 +213,8 @@ def _fit(name, board, pairs, size, camera, radial):
     if camera is None:
         return fit_camera(name, board, corners, size, radial)
     if (camera.width, camera.height) != tuple(size):
-        raise CalibrationError(f"the {name} camera's known calibration is for {camera.width}x{camera.height} "
-                               f"pixels, its pictures have {size[0]}x{size[1]}")
+        raise ValueError(f"the {name} camera's known calibration is for {camera.width}x{camera.height} "
+                         f"pixels, its pictures have {size[0]}x{size[1]}")
     return known_camera(name, board, corners, camera)
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from all_in_focus.calibration import CalibrationError
 from all_in_focus.files.output_folder import read_mark, whole_folder
 from all_in_focus.files.rig import Camera, Rig, load_rig, save_rig
 
@@ -15,24 +14,24 @@ FILES = ("depth.yaml", "color.yaml", "extrinsics.yaml", "optics.yaml", "calibrat
 
 
 def refuse_existing(folder, force):
-    """CalibrationError where the folder is no folder, or holds a rig that must not be replaced: without `force`, or one
+    """ValueError where the folder is no folder, or holds a rig that must not be replaced: without `force`, or one
     that calibrate_rig did not write."""
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
-        raise CalibrationError(f"{folder}: exists and is no folder")
+        raise ValueError(f"{folder}: exists and is no folder")
     existing = [name for name in FILES if (folder / name).exists()]
     if existing and not force:
-        raise CalibrationError(f"{folder}: holds a rig already ({', '.join(existing)}): name another folder, or say "
-                               "--force")
+        raise ValueError(f"{folder}: holds a rig already ({', '.join(existing)}): name another folder, or say "
+                         "--force")
     mark = read_mark(folder)
     foreign = sorted(set(existing) - {"optics.yaml"} - set(mark["files"] if mark else ()))
     if foreign:
-        raise CalibrationError(f"{folder / foreign[0]}: was not written by calibrate_rig: name another folder, or "
-                               "remove it")
+        raise ValueError(f"{folder / foreign[0]}: was not written by calibrate_rig: name another folder, or "
+                         "remove it")
 
 
 def refuse_read_only(folder):
-    """CalibrationError where nothing can be written. Tried before the work: nobody has to take the views twice."""
+    """ValueError where nothing can be written. Tried before the work: nobody has to take the views twice."""
     whole = Path(folder).absolute()
     for place in (whole, whole.parent):  # the parent gets the staging folder
         while not place.exists() and not place.is_symlink():
@@ -40,7 +39,7 @@ def refuse_read_only(folder):
         try:
             tempfile.TemporaryDirectory(dir=place).cleanup()
         except OSError as error:
-            raise CalibrationError(f"{folder}: cannot be written, {place}: {error.strerror}")
+            raise ValueError(f"{folder}: cannot be written, {place}: {error.strerror}")
 
 
 def build_rig(fit, names, sizes, offset=(0.0, 0.0), optics=None):

@@ -45,11 +45,11 @@ def read_config():
         iso=parameters.text("iso"))
     if config.maker and maker_of(config.maker) is None:
         names = ", ".join(maker.name for maker in MAKERS)
-        raise parameters.ParameterError(f"~maker: '{config.maker}' is not one of {names}")
+        raise ValueError(f"~maker: '{config.maker}' is not one of {names}")
     if config.drive == NONE and (table or config.home != CURRENT):
-        raise parameters.ParameterError(f"~drive: {NONE} takes neither ~focus_table nor ~home: focus is set by hand")
+        raise ValueError(f"~drive: {NONE} takes neither ~focus_table nor ~home: focus is set by hand")
     if config.drive == MOTOR and config.step == 0 and config.count > 1:
-        raise parameters.ParameterError(f"~step: 0 would take the same picture {config.count} times")
+        raise ValueError(f"~step: 0 would take the same picture {config.count} times")
     return config
 
 
@@ -63,7 +63,7 @@ class FocusBracketCamera:
         self._reconnect = parameters.number("reconnect", 2.0, 0.05)
         self._check_period = parameters.number("diagnostic_period", 1.0, 0.01)
         if self._planned and self._session.scale is None:
-            raise parameters.ParameterError("~plan: needs a ~focus_table, which gives the focus distance of each step")
+            raise ValueError("~plan: needs a ~focus_table, which gives the focus distance of each step")
         self._frames = FramePublisher()
         self._frames.announce()
         self._lock = threading.Lock()  # guards the camera, which does one thing at a time

@@ -160,6 +160,6 @@ def publish():
     """Until shutdown; ValueError for wrong parameters and files."""
     path = parameters.text("stack")
     if not path:
-        raise parameters.ParameterError("~stack is missing: give a folder of images or a video")
+        raise ValueError("~stack is missing: give a folder of images or a video")
     source = (Watcher if parameters.flag("watch", False) else Player)(path, parameters.text("focus"))
     source.run(FramePublisher())

@@ -10,10 +10,6 @@ from all_in_focus.files import yaml_file
 SMALL = 1e-9  # 1/m; below this a focus distance counts as infinite
 
 
-class ScaleError(ValueError):
-    """A focus table that cannot be right; the message is one line."""
-
-
 class FocusTable:
     """Focus distance at each step, from a table of steps and distances (mm, .inf allowed) measured at a few steps, and how a
     bracket was shot: frame i is at step `first` + i * `step`; by default i is the step itself.
@@ -22,35 +18,32 @@ class FocusTable:
     amounts. Beyond the table the distance is unknown, NaN.
     """
 
-    def __init__(self, table, first=0, step=1):
+    def __init__(self, table, first=0, step=1, where=""):
         """table: [{step: 0, mm: 500}, {step: 12, mm: .inf}, ...], two entries or more; the distances must grow with the
-        steps throughout, or fall throughout. Raises ScaleError."""
+        steps throughout, or fall throughout. Raises ValueError, which begins with `where`."""
         self.table, self.first, self.step = table, first, step
         try:
             rows = sorted((int(row["step"]), float(row["mm"])) for row in table)
         except (KeyError, TypeError, ValueError):
-            raise ScaleError("focus_table: expected [{step: 0, mm: 500}, {step: 12, mm: .inf}, ...]")
+            raise ValueError(f"{where}focus_table: expected [{{step: 0, mm: 500}}, {{step: 12, mm: .inf}}, ...]")
         if len(rows) < 2 or not all(mm > 0 for _, mm in rows):
-            raise ScaleError("focus_table: expected two steps or more with positive distances")
+            raise ValueError(f"{where}focus_table: expected two steps or more with positive distances")
         self._steps = np.array([step for step, _ in rows])
         self._dioptres = np.array([1000 / mm for _, mm in rows])  # 1 / m
         rises = np.diff(self._dioptres)
         if not ((rises > 0).all() or (rises < 0).all()) or not (np.diff(self._steps) > 0).all():
-            raise ScaleError("focus_table: steps must differ, and the distances must grow or fall throughout")
+            raise ValueError(f"{where}focus_table: steps must differ, and the distances must grow or fall throughout")
 
     @classmethod
     def of(cls, data, path):
-        """From the content of the YAML file `path`; None where it holds no table. ScaleError."""
+        """From the content of the YAML file `path`; None where it holds no table. ValueError."""
         if not isinstance(data, dict) or "focus_table" not in data:
             return None
         first, step = data.get("first", 0), data.get("step", 1)
         for name, value in (("first", first), ("step", step)):
             if type(value) is not int:
-                raise ScaleError(f"{path}: {name}: expected a whole number, not '{value}'")
-        try:
-            return cls(data["focus_table"], first, step)
-        except ScaleError as error:
-            raise ScaleError(f"{path}: {error}")
+                raise ValueError(f"{path}: {name}: expected a whole number, not '{value}'")
+        return cls(data["focus_table"], first, step, f"{path}: ")
 
     def distance(self, index):
         """Focus distance in m of a frame by its index in the bracket."""

@@ -16,7 +16,8 @@ import numpy as np
 from PIL import Image
 
 from all_in_focus import installed
-from all_in_focus.files import focus_table, yaml_file
+from all_in_focus.files import yaml_file
+from all_in_focus.files.focus_table import FocusTable
 from all_in_focus.files.input_file import require_regular
 
 Image.MAX_IMAGE_PIXELS = None  # OpenCV has a limit of its own
@@ -280,10 +281,7 @@ def _focus_file(path):
     """(FocusTable or None, entries: (name or None, metres or NaN), in order) of a file that has a focus_table, or
     `frames: [{file: 00.png, focus_mm: 855.0}, ...]`."""
     data = yaml_file.read(path, StackError)
-    try:
-        table = focus_table.FocusTable.of(data, path)
-    except focus_table.ScaleError as error:
-        raise StackError(str(error))
+    table = FocusTable.of(data, path)
     if table:
         return table, []
     entries = data.get("frames") if isinstance(data, dict) else None
