@@ -40,9 +40,8 @@ class Head(NamedTuple):
 
 
 class Small(NamedTuple):
-    """A message that is kept; recorded: ns."""
+    """A message that is kept; order: as of a Head."""
     order: int
-    recorded: int
     message: object
 
 
@@ -91,7 +90,7 @@ def scan(bag, pixels=False):
                 if infos.get(kind) == data[12:]:
                     continue
                 infos[kind] = data[12:]  # without sequence number and stamp
-            getattr(found, kind).append(Small(order, recorded, SMALL[kind]().deserialize(data)))
+            getattr(found, kind).append(Small(order, SMALL[kind]().deserialize(data)))
         except (UnicodeError, genpy.DeserializationError):
             found.unreadable.append((kind, recorded))
     return found
