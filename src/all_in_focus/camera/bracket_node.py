@@ -176,15 +176,13 @@ class FocusBracketCamera:
         try:
             if not self._session.connected:
                 return False, self._status
-            is_listed = planned or len(distances) > 0
-            missing = is_listed and (self._why_no_table() or (planned and self._why_no_plan()))
-            if planned and not missing:
+            if planned and self._plan:
                 distances = self._plan.focus_distance
-            missing = missing or _why_no_exposures(exposures, len(distances) if is_listed else self._session.config.count)
-            if missing:
-                self._report(missing)
-                return False, missing
-            if is_listed:
+            reason = self._why_not(planned, distances, exposures)
+            if reason:
+                self._report(reason)
+                return False, reason
+            if len(distances):
                 self._session.shoot_planned(distances, publish, on_release, exposures)
             else:
                 self._session.shoot(publish, on_release, exposures)
@@ -206,20 +204,19 @@ class FocusBracketCamera:
                 rospy.logwarn("%s", warning)
         self._last_warnings = warnings or self._last_warnings
 
-    def _why_no_table(self):
-        return "" if self._session.scale else "no ~focus_table: the focus distances of the steps are unknown"
-
-    def _why_no_plan(self):
-        if self._plan is None:
+    def _why_not(self, planned, distances, exposures):
+        """Why the frames that are asked for cannot be taken; empty if they can."""
+        if (planned or len(distances)) and not self._session.scale:
+            return "no ~focus_table: the focus distances of the steps are unknown"
+        if planned and not self._plan:
             return f"no plan has come on {rospy.resolve_name('segmentation/focus_plan')} yet"
-        return "" if self._plan.focus_distance else "the plan is empty: no region has a depth"
-
-
-def _why_no_exposures(exposures, frames):
-    if len(exposures) not in (0, 1, frames):
-        return f"{len(exposures)} exposure times for {frames} frames: give one for all, or one for each"
-    wrong = [time for time in exposures if not (time > 0 and math.isfinite(time))]
-    return f"{wrong[0]:g} s is no exposure time" if wrong else ""
+        if planned and not len(distances):
+            return "the plan is empty: no region has a depth"
+        frames = len(distances) or self._session.config.count
+        if len(exposures) not in (0, 1, frames):
+            return f"{len(exposures)} exposure times for {frames} frames: give one for all, or one for each"
+        wrong = [time for time in exposures if not (time > 0 and math.isfinite(time))]
+        return f"{wrong[0]:g} s is no exposure time" if wrong else ""
 
 
 def shoot(camera_at):
