@@ -77,7 +77,7 @@ class FolderWatch:
 
     def _read(self, name, state, stamp, changed_at):
         try:
-            images = read_pages(str(self._folder / name), deep=True)
+            images = read_pages(str(self._folder / name))
         except StackError as error:
             if time.monotonic() - changed_at < self._patience:
                 return []

@@ -34,16 +34,16 @@ def rotation_matrix(rotation):
     return rotation.apply(np.eye(3)).T
 
 
-def distortion_of(model, coefficients):
+def distortion_of(model, coefficients, where=""):
     """The coefficients of ROS' models plumb_bob (5), rational_polynomial (8) and equidistant (4); drivers pad with zeros.
-    RigError."""
+    RigError, which begins with `where`."""
     if model not in DISTORTION_COEFFICIENTS:
-        raise RigError(f'distortion model "{model}" is not supported: use plumb_bob, rational_polynomial or equidistant')
+        raise RigError(f'{where}distortion model "{model}" is not supported: use plumb_bob, rational_polynomial or equidistant')
     most, D = DISTORTION_COEFFICIENTS[model], np.array(coefficients, float)
     if not np.isfinite(D).all():
-        raise RigError(f"{model} has {most} distortion coefficients, all finite, not these: calibrate again")
+        raise RigError(f"{where}{model} has {most} distortion coefficients, all finite, not these: calibrate again")
     if len(D) not in KNOWN_TO_OPENCV or D[most:].any():
-        raise RigError(f"{model} has {most} distortion coefficients, not {len(D)}: calibrate again")
+        raise RigError(f"{where}{model} has {most} distortion coefficients, not {len(D)}: calibrate again")
     return np.pad(D[:most], (0, max(0, most - len(D))), "constant")
 
 
@@ -52,12 +52,13 @@ def same_shape(one, other):
     return abs(one[0] * other[1] / (one[1] * other[0]) - 1) <= SHAPE_TOLERANCE
 
 
-def check_matrix(K):
-    """RigError where a camera matrix (3x3) says more than fx, fy, cx, cy: nothing here would use it."""
+def check_matrix(K, where=""):
+    """RigError, which begins with `where`, for a camera matrix (3x3) that says more than fx, fy, cx, cy: nothing here would use
+    it."""
     if abs(K[0, 1]) > LARGEST_SKEW:
-        raise RigError(f"the camera matrix has a skew, {K[0, 1]:g}, which is not supported: calibrate without one")
+        raise RigError(f"{where}the camera matrix has a skew, {K[0, 1]:g}, which is not supported: calibrate without one")
     if K[1, 0] or (K[2] != (0, 0, 1)).any():
-        raise RigError("the camera matrix must be fx 0 cx, 0 fy cy, 0 0 1")
+        raise RigError(f"{where}the camera matrix must be fx 0 cx, 0 fy cy, 0 0 1")
 
 
 @dataclass
@@ -198,22 +199,18 @@ class _Reader:
             self.fail(key, "expected a number" if shape == () else f"expected {np.prod(shape)} numbers")
         return values.reshape(shape)
 
-    def matrix(self, key, shape, default=None):
-        if default is not None and key not in self.data:
-            return default
-        return self.array(f"{key}.data", shape)
+    def matrix(self, key, shape):
+        """None where the file has none."""
+        return self.array(f"{key}.data", shape) if key in self.data else None
 
 
 def load_camera(path):
     """Camera from a camera_info YAML file."""
     file = _Reader(path)
-    K = file.matrix("camera_matrix", (3, 3))
+    K = file.array("camera_matrix.data", (3, 3))
     if K[0, 0] <= 0 or K[1, 1] <= 0:
         file.fail("camera_matrix.data", "focal lengths must be positive")
-    try:
-        check_matrix(K)
-    except RigError as error:
-        file.fail("camera_matrix.data", str(error))
+    check_matrix(K, f"{path}: camera_matrix.data: ")
     model = file.text("distortion_model", "plumb_bob")
     kind = file.text("camera_model", "pinhole")
     if kind != "pinhole" and (kind, file.data.get("distortion_model")) != ("fisheye", "equidistant"):
@@ -222,16 +219,12 @@ def load_camera(path):
     for key in ("binning_x", "binning_y"):
         if file.data.get(key, 0) not in (0, 1):
             file.fail(key, "is not supported in a file: give the calibration of the binned pictures")
-    D = file.matrix("distortion_coefficients", None, np.zeros(5))
+    D = file.matrix("distortion_coefficients", None)
     if model not in DISTORTION_COEFFICIENTS:
         file.fail("distortion_model", f"'{model}' is not one of {', '.join(sorted(DISTORTION_COEFFICIENTS))}")
-    try:
-        D = distortion_of(model, D)
-    except RigError as error:
-        file.fail("distortion_coefficients.data", str(error))
+    D = distortion_of(model, [] if D is None else D, f"{path}: distortion_coefficients.data: ")
     return Camera(file.text("camera_name", "camera"), file.size("image_width"), file.size("image_height"), K, D, model,
-                  file.matrix("rectification_matrix", (3, 3), np.eye(3)),
-                  file.matrix("projection_matrix", (3, 4), np.hstack([K, np.zeros((3, 1))])))
+                  file.matrix("rectification_matrix", (3, 3)), file.matrix("projection_matrix", (3, 4)))
 
 
 def load_optics(path):

@@ -131,12 +131,12 @@ def _listing(path):
         raise StackError(str(error).replace("list_stack: ", "", 1))
 
 
-def read_pages(path, deep):
-    """[(name, BGR image), ...] of a picture file: one, or the pages of a TIFF. Like read_color()."""
+def read_pages(path):
+    """[(name, BGR image), ...] of a picture file: one, or the pages of a TIFF. As read_color() gives them, deep."""
     if Path(path).suffix.lower() not in TIFF_SUFFIXES:
-        return [(Path(path).name, read_color(path, deep))]
+        return [(Path(path).name, read_color(path, True))]
     listing = _listing(path)
-    return [(name, read_color(path, deep, at)) for name, at in zip(listing["frames"], listing["pages"])]
+    return [(name, read_color(path, True, at)) for name, at in zip(listing["frames"], listing["pages"])]
 
 
 def is_image_name(name):
