@@ -305,25 +305,21 @@ def load_focus(path, names, frames, left_out=()):
     table, entries = _focus_file(path)
     if table:
         return [table.distance(index) for index in range(frames)]
-    if names is None and len(entries) > frames:
-        raise StackError(f"{path}: {len(entries)} entries for {frames} frames")
-    distances = [math.nan] * frames
-    listed = set()
+    if names is None:
+        if len(entries) > frames:
+            raise StackError(f"{path}: {len(entries)} entries for {frames} frames")
+        return [distance for _, distance in entries] + [math.nan] * (frames - len(entries))
+    found = {}
     for number, (name, distance) in enumerate(entries):
-        index = number
-        if names is not None:
-            where = f"{path}: entry {number}"
-            name = Path(str(name)).name  # stack/00.png is 00.png
-            if name in left_out:
-                continue
-            if name not in names:
-                raise StackError(f"{where}: no frame is named '{name}'")
-            if name in listed:
-                raise StackError(f"{where}: '{name}' is listed twice")
-            listed.add(name)
-            index = names.index(name)
-        distances[index] = distance
-    return distances
+        name = Path(str(name)).name  # stack/00.png is 00.png
+        if name in left_out:
+            continue
+        if name not in names:
+            raise StackError(f"{path}: entry {number}: no frame is named '{name}'")
+        if name in found:
+            raise StackError(f"{path}: entry {number}: '{name}' is listed twice")
+        found[name] = distance
+    return [found.get(name, math.nan) for name in names]
 
 
 def save_focus(path, names, distances_mm):
