@@ -141,3 +141,6 @@ def test_tables_that_cannot_be_right(tmp_path):
 
 def test_usage():
     expect_refusal(run_script("calibrate_focus", "--output", "t.yaml"), "calibrate_focus")
+    for text in ("two", "inf", "1.5"):
+        done = run_script("calibrate_focus", "--live", "--step", text, "--output", "t.yaml")
+        expect_refusal(done, "calibrate_focus", f"argument --step: '{text}': expected a whole number")

@@ -10,7 +10,7 @@ from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import Stack, read_depth
 from all_in_focus.progress import Progress
 
-whole = number_type(lambda value: value == int(value), "a whole number")
+whole = number_type(lambda value: value % 1 == 0, "a whole number")
 
 
 def parse_arguments(description):
