@@ -34,28 +34,20 @@ _EXPLANATIONS = {
 
 
 class CameraError(Exception):
-    """code: result code of libgphoto2; doing: what was tried; detail: the driver's own message. str() is one line."""
+    """code: result code of libgphoto2; doing: what was tried; detail: the driver's own message. str() is one line.
+
+    busy: the same call may succeed in a moment. lost: the connection is gone: the camera has to be opened again. at_limit: the
+    focus drive has reached the end of its range.
+    """
 
     def __init__(self, code, doing="", detail=""):
-        self.code, self.detail = code, " ".join(detail.split())
+        self.code, detail = code, " ".join(detail.split())
         reason = _EXPLANATIONS.get(code, "the camera refused")
-        text = f"{reason} (libgphoto2: {code}{', ' + self.detail if self.detail else ''})"
+        text = f"{reason} (libgphoto2: {code}{', ' + detail if detail else ''})"
         super().__init__(f"{doing}: {text}" if doing else text)
-
-    @property
-    def busy(self):
-        """The same call may succeed in a moment."""
-        return self.code == BUSY
-
-    @property
-    def lost(self):
-        """The connection is gone: the camera has to be opened again."""
-        return self.code in NOT_THERE | CLAIMED | BROKEN
-
-    @property
-    def at_limit(self):
-        """The focus drive has reached the end of its range."""
-        return self.code == CAMERA_ERROR and re.search("limit|step end", self.detail, re.I) is not None
+        self.busy = code == BUSY
+        self.lost = code in NOT_THERE | CLAIMED | BROKEN
+        self.at_limit = code == CAMERA_ERROR and re.search("limit|step end", detail, re.I) is not None
 
 
 @dataclass
