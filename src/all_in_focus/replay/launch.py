@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import NamedTuple, Optional
 
@@ -51,7 +51,7 @@ def child_environment(environment, port, log_folder):
     return child
 
 
-class Launch:
+class Launch(AbstractContextManager):
     """Launches at once; close() must follow. The nodes end, too, when this process or launcher.py is killed."""
 
     def __init__(self, log_folder, files, arguments=(), verbose=False, grace=GRACE, port=None):
@@ -130,9 +130,6 @@ class Launch:
                 with suppress(ProcessLookupError):
                     os.killpg(group, signal.SIGKILL)
         self._printed.join(1.0)
-
-    def __enter__(self):
-        return self
 
     def __exit__(self, *_):
         self.close()
