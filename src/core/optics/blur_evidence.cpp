@@ -78,62 +78,59 @@ BlurEvidence::BlurEvidence(const cv::Mat1b& fused, const std::vector<Frame>& fra
   for (int y = 0; y + kTile <= fused.rows; y += kTile) {
     for (int x = 0; x + kTile <= fused.cols; x += kTile) places.emplace_back(x, y, kTile, kTile);
   }
-  depths_.resize(places.size());
-  seen_.create(static_cast<int>(places.size()), static_cast<int>(frames.size()));
-  errors_.create(seen_.rows, seen_.cols * static_cast<int>(kRadii.size()));
-  for (int t = 0; t < seen_.rows; ++t) {
+  tiles_.resize(places.size());
+  for (std::size_t t = 0; t < tiles_.size(); ++t) {
     for (int y = kDepthGrid / 2; y < kTile && !inverse_depth.empty(); y += kDepthGrid) {
       for (int x = kDepthGrid / 2; x < kTile; x += kDepthGrid) {
         if (const float depth = inverse_depth(places[t].tl() + cv::Point(x, y)); depth > 0)
-          depths_[t].push_back(depth);
+          tiles_[t].depths.push_back(depth);
       }
     }
-    has_depth_ = has_depth_ || !depths_[t].empty();
-    for (int k = 0; k < seen_.cols; ++k) seen_(t, k) = (places[t] & frames[k].seen) == places[t] ? 1 : 0;
+    tiles_[t].middle = median(tiles_[t].depths);
+    has_depth_ = has_depth_ || !tiles_[t].depths.empty();
+    for (const Frame& frame : frames) {
+      const bool seen = (places[t] & frame.seen) == places[t];
+      tiles_[t].errors.emplace_back(seen ? 1 : 0);
+    }
   }
   const cv::Mat light = linearLight(fused, curve);
   cv::Mat blurred;
   cv::Mat1f codes;
-  while (radii_ < static_cast<int>(kRadii.size())) {
-    blurByDisc(light, kRadii[radii_], blurred);
+  for (std::size_t r = 0; r < kRadii.size(); ++r) {
+    blurByDisc(light, kRadii[r], blurred);
     toCodes(blurred, curve, codes);
-    cv::parallel_for_({0, seen_.rows}, [&](const cv::Range& range) {
+    cv::parallel_for_({0, static_cast<int>(places.size())}, [&](const cv::Range& range) {
       for (int t = range.start; t < range.end; ++t) {
-        for (int k = 0; k < seen_.cols; ++k) {
-          if (seen_(t, k))
-            errors_(t, k * static_cast<int>(kRadii.size()) + radii_) =
-                errorOf(codes, frames[k].gray, places[t]);
+        for (std::size_t k = 0; k < frames.size(); ++k) {
+          std::vector<float>& errors = tiles_[t].errors[k];
+          if (errors.empty()) continue;
+          errors.resize(r + 1);
+          errors[r] = errorOf(codes, frames[k].gray, places[t]);
         }
       }
     });
-    ++radii_;
     const double before = least_;
     sumErrors();
-    if (radii_ > 1 && before - least_ < kNoMore * (unblurred_ - least_)) break;
+    if (r > 0 && before - least_ < kNoMore * (unblurred_ - least_)) break;
   }
 }
 
-// By radius.
-const float* BlurEvidence::errorsOf(int tile, std::size_t frame) const {
-  return errors_[tile] + frame * kRadii.size();
-}
-
 void BlurEvidence::sumErrors() {
-  compared_ = cv::countNonZero(seen_);
+  compared_ = 0;
   unblurred_ = least_ = 0;
-  for (int t = 0; t < seen_.rows; ++t) {
-    for (int k = 0; k < seen_.cols; ++k) {
-      if (!seen_(t, k)) continue;
-      const float* errors = errorsOf(t, k);
+  for (const Tile& tile : tiles_) {
+    for (const std::vector<float>& errors : tile.errors) {
+      if (errors.empty()) continue;
+      ++compared_;
       unblurred_ += errors[0];
-      least_ += *std::min_element(errors, errors + radii_);
+      least_ += *std::min_element(errors.begin(), errors.end());
     }
   }
 }
 
 BlurEvidence BlurEvidence::withoutDepth() const {
   BlurEvidence evidence = *this;
-  for (std::vector<float>& depths : evidence.depths_) depths.clear();
+  for (Tile& tile : evidence.tiles_) tile.depths.clear();
   evidence.has_depth_ = false;
   return evidence;
 }
@@ -143,24 +140,24 @@ bool BlurEvidence::showsBlur() const {
 }
 
 // Of a tile, summed over frames. The fused picture has the blur of the sharpest frame already.
-double BlurEvidence::error(int tile, const std::vector<FrameBlur>& blur, double scale,
+double BlurEvidence::error(const Tile& tile, const std::vector<FrameBlur>& blur, double scale,
                            double inverse_depth) const {
   const auto radius = [&](std::size_t k) {
     return static_cast<float>(scale) * blur[k].radius(static_cast<float>(inverse_depth));
   };
   float sharpest = std::numeric_limits<float>::infinity();
   for (std::size_t k = 0; k < blur.size(); ++k) {
-    if (seen_(tile, static_cast<int>(k))) sharpest = std::min(sharpest, radius(k));
+    if (!tile.errors[k].empty()) sharpest = std::min(sharpest, radius(k));
   }
   double sum = 0;
   for (std::size_t k = 0; k < blur.size(); ++k) {
-    if (!seen_(tile, static_cast<int>(k))) continue;
-    const float* errors = errorsOf(tile, k);
+    const std::vector<float>& errors = tile.errors[k];
+    if (errors.empty()) continue;
     // To discs that are wider than those tried the error of the last one is ascribed.
     const float place =
         std::min(placeOf(std::sqrt(std::max(0.0f, radius(k) * radius(k) - sharpest * sharpest))),
-                 static_cast<float>(radii_ - 1));
-    const auto below = std::min(static_cast<int>(place), radii_ - 2);
+                 static_cast<float>(errors.size() - 1));
+    const auto below = std::min(static_cast<std::size_t>(place), errors.size() - 2);
     const float share = place - static_cast<float>(below);
     sum += (1 - share) * errors[below] + share * errors[below + 1];
   }
@@ -172,13 +169,16 @@ double BlurEvidence::explained(const std::vector<FrameBlur>& blur, double scale)
     return a.inverse_depth < b.inverse_depth;
   });
   const double least = ends.first->inverse_depth, span = ends.second->inverse_depth - least;
-  std::vector<double> left(depths_.size());
-  cv::parallel_for_({0, seen_.rows}, [&](const cv::Range& range) {
+  std::vector<double> left(tiles_.size());
+  cv::parallel_for_({0, static_cast<int>(tiles_.size())}, [&](const cv::Range& range) {
     for (int t = range.start; t < range.end; ++t) {
+      const Tile& tile = tiles_[t];
       left[t] = std::numeric_limits<double>::infinity();
-      const auto tryDepth = [&](double depth) { left[t] = std::min(left[t], error(t, blur, scale, depth)); };
-      for (const float depth : depths_[t]) tryDepth(depth);
-      for (int i = 0; i < kDepths && depths_[t].empty(); ++i)
+      const auto tryDepth = [&](double depth) {
+        left[t] = std::min(left[t], error(tile, blur, scale, depth));
+      };
+      for (const float depth : tile.depths) tryDepth(depth);
+      for (int i = 0; i < kDepths && tile.depths.empty(); ++i)
         tryDepth(least + span * ((1 + 2 * kBeyond) * i / (kDepths - 1) - kBeyond));
     }
   });
@@ -191,15 +191,15 @@ double BlurEvidence::typicalScale(const std::vector<FrameBlur>& blur, double nea
   struct OfTile {
     double scale = 1, weight = 0;
   };
-  std::vector<OfTile> found(depths_.size());
-  cv::parallel_for_({0, seen_.rows}, [&](const cv::Range& range) {
+  std::vector<OfTile> found(tiles_.size());
+  cv::parallel_for_({0, static_cast<int>(tiles_.size())}, [&](const cv::Range& range) {
     for (int t = range.start; t < range.end; ++t) {
-      if (depths_[t].empty()) continue;
-      const float depth = median(depths_[t]);
-      const double unblurred = error(t, blur, 0, depth);
+      const Tile& tile = tiles_[t];
+      if (tile.depths.empty()) continue;
+      const double unblurred = error(tile, blur, 0, tile.middle);
       for (int i = -kScales; i <= kScales; ++i) {
         const double scale = near * std::pow(2, static_cast<double>(i) / kScales);
-        const double gain = unblurred - error(t, blur, scale, depth);
+        const double gain = unblurred - error(tile, blur, scale, tile.middle);
         if (gain > found[t].weight) found[t] = {scale, gain};
       }
     }

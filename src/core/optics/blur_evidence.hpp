@@ -50,14 +50,16 @@ class BlurEvidence {
   BlurEvidence withoutDepth() const;
 
  private:
+  struct Tile {
+    std::vector<float> depths;               // inverse, those measured in it; empty: any
+    float middle = 0;                        // of them
+    std::vector<std::vector<float>> errors;  // by frame and radius; empty: the frame has not seen it
+  };
   void sumErrors();
-  const float* errorsOf(int tile, std::size_t frame) const;
-  double error(int tile, const std::vector<FrameBlur>& blur, double scale, double inverse_depth) const;
+  double error(const Tile& tile, const std::vector<FrameBlur>& blur, double scale,
+               double inverse_depth) const;
 
-  std::vector<std::vector<float>> depths_;  // by tile: inverse, those measured in it; empty: any
-  cv::Mat1f errors_;                        // by tile, and by frame and radius
-  cv::Mat1b seen_;                          // by tile and frame: 0 = the frame has not seen it
-  int radii_ = 0;                           // that were tried
+  std::vector<Tile> tiles_;
   bool has_depth_ = false;
   int compared_ = 0;                  // tiles of frames
   double unblurred_ = 0, least_ = 0;  // errors without blur, and with the disc that suits best
