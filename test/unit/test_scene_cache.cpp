@@ -303,6 +303,15 @@ TEST_F(SceneCacheTest, ALateMessageFromBeforeAJumpDoesNotEndLaterWaits) {
   EXPECT_EQ(scene.get().stamp, ros::Time(20));
 }
 
+TEST_F(SceneCacheTest, ImagesOutOfOrderEndNoWaitLater) {
+  publish({SceneTopic::kDepth});
+  cache_.addDepth(image(10.51));
+  cache_.addDepth(image(10.49));
+  auto scene = await(10.5);
+  EXPECT_TRUE(isReady(scene, 5000));
+  EXPECT_EQ(scene.get().stamp, ros::Time(10.49));
+}
+
 TEST(ImageLimit, BoundsNumberAndBytes) {
   sensor_msgs::Image image;
   EXPECT_EQ(imageLimit(64, image), 64u);

@@ -20,6 +20,7 @@ constexpr std::size_t kMaxCached = 64;                   // stamps
 constexpr std::size_t kMaxBytes = kMaxWaitingBytes / 2;  // of all scenes that are not pinned
 constexpr std::size_t kMaxPinned = 64;                   // brackets
 constexpr double kClockTolerance = 1;                    // s that a stamp may be ahead of the clock
+constexpr double kDisorder = 1;                          // s; stamps that go back by more have jumped
 constexpr double kAssumedLatency = 30;  // s that frames may be late, before the first one came
 constexpr double kLeastLatency = 5;     // s, afterwards
 constexpr double kLatencyMargin = 1.25;
@@ -78,7 +79,8 @@ void SceneCache::add(const Message& message, Message SceneMessages::*as, SceneTo
   updatePinned();
   makeRoom();
   if (!is_whole) return;
-  (*this)[topic].last = entry.stamp;
+  ros::Time& last = (*this)[topic].last;
+  if (entry.stamp > last || secondsBetween(entry.stamp, last) > kDisorder) last = entry.stamp;
   arrived(topic);
 }
 

@@ -104,7 +104,7 @@ class SceneCache {
     bool published = false;
     bool silent = false;        // the last wait brought nothing
     std::uint64_t arrived = 0;  // messages
-    ros::Time last;             // stamp of the last one: an image
+    ros::Time last;             // stamp of the last image, small disorder aside; 0: none
   };
   Topic& operator[](SceneTopic topic) { return topics_[static_cast<std::size_t>(topic)]; }
 
