@@ -30,7 +30,7 @@ class Parser(argparse.ArgumentParser):
     """Argument parser whose errors are one line and exit code 2, without the usage text.
 
     Before anything is read it refuses an argument of type Output that would harm one of type Input, or another output.
-    With --live it leaves what ROS reads, such as topic:=other.
+    With --live it drops arguments that are for ROS, such as topic:=other.
     """
 
     def parse_args(self, argv=None):

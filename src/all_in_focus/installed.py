@@ -36,9 +36,9 @@ def find(name):
 
 
 def run(command, timeout=None):
-    """Run a program of this package; RuntimeError with its last line where it fails, or after `timeout` seconds.
-    Returns what it has printed.
+    """Run a program, and return what it has printed; one of this package finds the libraries of its own build.
 
+    RuntimeError with its last line where it fails, or after `timeout` seconds.
     If an exception such as KeyboardInterrupt comes meanwhile, the program is ended by SIGTERM, so that evaluate_bag
     ends its nodes.
     """

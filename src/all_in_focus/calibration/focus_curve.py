@@ -115,7 +115,7 @@ class FocusCurve:
 
 def fit(sharpness, dioptres):
     """FocusCurve of a Sharpness and the dioptres of its tiles. ValueError."""
-    frames = np.array(sharpness.frames)  # x rows x columns
+    frames = np.array(sharpness.frames)  # frames x rows x columns
     if len(frames) < 3:
         raise ValueError(f"{len(frames)} frames: take a bracket of at least 3, better 9")
     known = np.argwhere(np.isfinite(dioptres))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reads YAML files, its errors name the file in one line; writes them."""
+"""Reads and writes YAML files. Errors of reading name the file in one line."""
 from pathlib import Path
 
 import yaml
@@ -21,7 +21,10 @@ def read(path, failure, loader=yaml.SafeLoader):
 
 
 def write(path, data, comment=""):
-    """Every number exact to the last bit; lists are one line each. comment: lines at the beginning, with their #."""
+    """Every number is exact to the last bit. A list of numbers is one line, a list of mappings one line for each.
+
+    comment: lines at the beginning, with their #.
+    """
     flow = None if any(isinstance(value, (dict, list)) for value in data.values()) else False  # None: of what holds no other
     text = yaml.safe_dump(data, sort_keys=False, default_flow_style=flow, width=10 ** 6, allow_unicode=True)
     with whole_file(path) as working:

@@ -44,12 +44,14 @@ def prepare(scene, modes, options, folder, nodes):
     Returns {"failed": mode -> one line, "scenes": one for each bracket}. Plays nothing where an earlier run with the same
     bag, modes, options and nodes succeeded.
     """
-    mark, failed = json.dumps([scene.digest, sorted(modes), options, nodes], sort_keys=True), {}
+    named = vars(topics(options))  # a file may name them
+    mark, failed = json.dumps([scene.digest, sorted(modes), options, named, nodes], sort_keys=True), {}
     try:
-        if (folder / DONE).read_text(encoding="utf-8") == mark:
-            return {"failed": failed, "scenes": brackets(scene, modes, options, folder)}
+        is_done = (folder / DONE).read_text(encoding="utf-8") == mark
     except (OSError, ValueError):
-        pass
+        is_done = False
+    if is_done:
+        return {"failed": failed, "scenes": brackets(scene, modes, options, folder)}
     arguments = [part for name, value in options.items() for part in ("--" + name, value)]
     with whole_folder(folder, "evaluate", parents=True) as working:
         for mode in modes or OWN[:1]:  # without own methods, one run still tells the brackets

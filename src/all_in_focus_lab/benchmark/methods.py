@@ -21,6 +21,7 @@ import numpy as np
 import yaml
 
 from all_in_focus import installed
+from all_in_focus.files import yaml_file
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.rig import Optics, load_rig
 from all_in_focus.files.stack import read_depth, read_image
@@ -233,7 +234,7 @@ def write_wrong_focus(path, wrong, output):
         dioptres = [one / float(wrong[len("focus*"):]) for one in dioptres]
     for frame, one in zip(data["frames"], dioptres):
         frame["focus_mm"] = 1 / max(one, 1e-6)
-    Path(output).write_text(yaml.safe_dump(data), encoding="utf-8")
+    yaml_file.write(output, data)
 
 
 def _stack(scene, folder):

@@ -212,7 +212,9 @@ SUITES = {
 def generate(folder, suites):
     """Make the scenes of these suites that are not in `folder` yet; paths of all."""
     options = {str(Path(folder) / name): options for suite in suites for name, options in SUITES[suite].items()}
-    for path in Progress([path for path in options if not Path(path).exists()], unit="scene"):
+    missing = Progress([path for path in options if not Path(path).exists()], unit="scene")
+    for path in missing:
+        missing.set_description(Path(path).name)
         size = [] if "--size" in options[path] else ["--size", "640x480"]
         installed.run([installed.find("make_scene"), "--output", path, *options[path].split(), *size])
     return list(options)

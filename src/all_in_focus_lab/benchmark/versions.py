@@ -50,7 +50,10 @@ def versions(program=""):
         except ImportError:
             pass
     if shutil.which("enfuse"):
-        found["enfuse"] = run(["enfuse", "--version"]).partition("\n")[0]
+        try:
+            found["enfuse"] = run(["enfuse", "--version"]).partition("\n")[0] or "unknown"
+        except RuntimeError:
+            found["enfuse"] = "unknown"
     found.update(code=code_digest(), fuse_stack=fusion_digest(program), nodes=nodes_digest(), machine=platform.node(),
                  system=platform.platform(), processor=f"{os.cpu_count()} x {_processor()}")
     return found

@@ -21,7 +21,7 @@ NEAR, FAR = 0.1, 100.0           # metres; surfaces end there
 LIGHT = (-0.45, -0.75, -0.485)   # unit vector to the lamp: up, to the left, behind the camera
 AMBIENT = 0.4                    # share of the light that comes from everywhere
 SAMPLES = 3                      # rays along each side of a pixel
-TILE_PX = 128                    # rendered at once: of many small things a shade tests only those near the tile
+TILE_PX = 128                    # side of a tile; a shade of many small things tests only those near it
 
 
 class Surface:

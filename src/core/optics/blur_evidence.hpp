@@ -52,7 +52,7 @@ class BlurEvidence {
  private:
   struct Tile {
     std::vector<float> depths;               // inverse, those measured in it; empty: any
-    float middle = 0;                        // of them
+    float middle = 0;                        // their median
     std::vector<std::vector<float>> errors;  // by frame and radius; empty: the frame has not seen it
   };
   void sumErrors();

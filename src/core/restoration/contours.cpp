@@ -249,7 +249,8 @@ class Contours {
   }
 
   // Registration and the blur beside near objects make these too fat rather than too thin. What registration
-  // has missed, on the other hand, only the frames show.
+  // has missed, on the other hand, only the frames show. So a farther depth contradicts registration only
+  // where it was measured all around.
   float depthCost(const cv::Point& p, float inverse_depth) const {
     if (isNearerThanAll(p, inverse_depth)) return kContours.nearer_than_all;
     const float filled = bracket_.filled.empty() ? 0 : bracket_.filled(p);
