@@ -132,8 +132,11 @@ class BagFile:
     def _types_of_topics(self):
         """topic -> type -> checksums of its definition. rosbag's own list knows one type of each topic."""
         found = {}
-        for one in self._bag._get_connections():
-            found.setdefault(absolute(one.topic), {}).setdefault(one.datatype, set()).add(one.md5sum)
+
+        def note(topic, datatype, md5sum, *_):
+            found.setdefault(absolute(topic), {}).setdefault(datatype, set()).add(md5sum)
+        for _ in self._bag.read_messages(connection_filter=note):  # no connection passes
+            pass
         return found
 
     def _open(self):
