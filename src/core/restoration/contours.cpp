@@ -27,7 +27,7 @@ constexpr struct ContourParameters {
   // only a share of them counts: where it moves they move with it.
   float jump_weight = 5, color_step = 288, sideways = 0.5f;
   float near_excess = 2.5f;    // what the nearer of two depths must explain better
-  float contradicted = 5;      // what a depth must explain better that registration contradicts
+  float contradicted = 5;      // what a depth that registration contradicts must explain better
   float nearer_than_all = 20;  // the same if registration says nothing so near within `near`
   int near = 8;                // px; no contour of registration is farther off
   int rim = 2;                 // px by which registration may make near objects too wide
@@ -146,14 +146,11 @@ class Contours {
         explanation_(bracket, formation),
         pending_(inverse_depth.size()) {
     findJumpCosts(stiffness);
-    if (!bracket.filled.empty()) {
-      cv::dilate(bracket.filled, nearest_,
-                 cv::getStructuringElement(cv::MORPH_RECT, {2 * kContours.near + 1, 2 * kContours.near + 1}));
-    }
-    if (!bracket.measured.empty()) {
-      cv::erode(bracket.measured, farthest_,
-                cv::getStructuringElement(cv::MORPH_RECT, {2 * kContours.rim + 1, 2 * kContours.rim + 1}));
-    }
+    const auto square = [](int reach) {
+      return cv::getStructuringElement(cv::MORPH_RECT, {2 * reach + 1, 2 * reach + 1});
+    };
+    if (!bracket.filled.empty()) cv::dilate(bracket.filled, nearest_, square(kContours.near));
+    if (!bracket.measured.empty()) cv::erode(bracket.measured, farthest_, square(kContours.rim));
     within_ = besideJumps(inverse_depth, gap_, kContours.reach);
     within_.copyTo(pending_);
   }

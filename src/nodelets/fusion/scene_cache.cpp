@@ -19,8 +19,7 @@ namespace {
 constexpr std::size_t kMaxCached = 64;                   // stamps
 constexpr std::size_t kMaxBytes = kMaxWaitingBytes / 2;  // of all scenes that are not pinned
 constexpr std::size_t kMaxPinned = 64;                   // brackets
-constexpr double kClockTolerance = 1;                    // s that a stamp may be ahead of the clock
-constexpr double kDisorder = 1;                          // s; stamps that go back by more have jumped
+constexpr double kTolerance = 1;  // s that a stamp may be ahead of the clock, or older than the one before
 constexpr double kAssumedLatency = 30;  // s that frames may be late, before the first one came
 constexpr double kLeastLatency = 5;     // s, afterwards
 constexpr double kLatencyMargin = 1.25;
@@ -80,7 +79,7 @@ void SceneCache::add(const Message& message, Message SceneMessages::*as, SceneTo
   makeRoom();
   if (!is_whole) return;
   ros::Time& last = (*this)[topic].last;
-  if (entry.stamp > last || secondsBetween(entry.stamp, last) > kDisorder) last = entry.stamp;
+  if (entry.stamp > last || secondsBetween(entry.stamp, last) > kTolerance) last = entry.stamp;
   arrived(topic);
 }
 
@@ -203,12 +202,12 @@ SceneMessages SceneCache::sceneOf(const ros::Time& first_frame) const {
   return scene;
 }
 
-// Whether no image with a stamp up to `stamp` can come any more. A topic keeps its order, so that is so once
-// its last image is at or after `stamp`, unless that one is from before /clock jumped back.
+// Whether no image with a stamp up to `stamp` can come any more. A topic keeps its order: none can once its
+// last image is at or after `stamp`, unless that one is from before /clock jumped back.
 bool SceneCache::isDecided(SceneTopic topic, const ros::Time& stamp) const {
   const ros::Time last = topics_[static_cast<std::size_t>(topic)].last;
   const ros::Time latest = std::max(stamp, ros::Time::now());
-  return !last.isZero() && last >= stamp && secondsBetween(latest, last) < kClockTolerance;
+  return !last.isZero() && last >= stamp && secondsBetween(latest, last) < kTolerance;
 }
 
 void SceneCache::forgetAfter(const ros::Time& now) {
