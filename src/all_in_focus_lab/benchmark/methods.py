@@ -207,7 +207,9 @@ def fuse_stack_command(mode, variant, program, scene, folder):
         beside["focus"] = changed
     depth = next((key for key in KNOWN_DEPTH if key in beside), None)
     options = {"--without": variant[1:] if variant.startswith("-") else "", "--rig": beside.get("rig"), "--optics": optics,
-               "--focus": beside.get("focus"), KNOWN_DEPTH.get(depth): beside.get(depth)}
+               "--focus": beside.get("focus")}
+    if depth:
+        options[KNOWN_DEPTH[depth]] = beside[depth]
     command = [program, "--mode", mode, "--stack", _stack(scene, folder), "--output", folder / "fused.png", "--report",
                folder / "report.json", *(part for option, value in options.items() if value for part in (option, value))]
     saved = list(PICTURES if depth else PICTURES[:1])

@@ -110,9 +110,11 @@ def linear_rgb(image):
     return srgb_to_linear(image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2RGB))
 
 
-def within(a, b, width, height=None):
-    """Mask of a rectangle about the origin; without a height, of a disc whose radius is `width`."""
-    return (np.abs(a) <= width / 2) & (np.abs(b) <= height / 2) if height else a * a + b * b <= width * width
+def within(a, b, *size):
+    """Mask of a shape about the origin; size: width and height of a rectangle, or the radius of a disc."""
+    if len(size) == 1:
+        return a * a + b * b <= size[0] * size[0]
+    return (np.abs(a) <= size[0] / 2) & (np.abs(b) <= size[1] / 2)
 
 
 def picture(image, width, height):
