@@ -52,6 +52,25 @@ TEST(ClippedLights, AreNeitherSinglePixelsNorBrightWalls) {
   EXPECT_TRUE(clippedLights(gray).empty());
 }
 
+TEST(ClippedLights, AreBeyondWhiteIfBlurAddsToTheirWhite) {
+  cv::Mat gray = dark(), small, large;
+  gray(cv::Rect(400, 100, 3, 3)) = 255;
+  gray(cv::Rect(100, 300, 8, 8)) = 245;  // noise makes it white in a frame
+  gray(cv::Rect(100, 320, 3, 3)) = 255;
+  small = dark();
+  small(cv::Rect(401, 101, 2, 2)) = 255;
+  small(cv::Rect(100, 300, 8, 8)) = 255;
+  small(cv::Rect(100, 320, 3, 3)) = 255;
+  large = dark();
+  large(cv::Rect(399, 99, 5, 5)) = 255;
+  EXPECT_EQ(cv::countNonZero(lightsBeyondWhite(gray, {gray, small})), 0);
+  const cv::Mat lights = lightsBeyondWhite(gray, {small, large});
+  ASSERT_EQ(lights.size(), cv::Size(320, 240));
+  EXPECT_EQ(lights.at<uchar>(50, 200), 255);
+  EXPECT_EQ(lights.at<uchar>(160, 50), 0);
+  EXPECT_TRUE(lightsBeyondWhite(dark(), {large}).empty());
+}
+
 TEST(ClippedLights, SmallPictures) {
   for (const cv::Size& size : {cv::Size(1, 1), {1, 700}, {700, 1}, {5, 3}}) {
     EXPECT_NO_THROW(clippedLights(dark(size)));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <opencv2/core.hpp>
+#include <vector>
 
 namespace all_in_focus::core {
 
@@ -15,5 +16,10 @@ namespace all_in_focus::core {
 /// bright. Near is within 12 px. Returns CV_8UC1 of half that size, 320 px wide: 255 near lights, else 0;
 /// empty if there are no lights. Smaller pictures are not reduced.
 cv::Mat clippedLights(const cv::Mat& gray);
+
+/// Those that are brighter than white: blur adds to what is white around them, by a fifth in one of the
+/// frames. gray: of the fused picture; frames: one at least, of the same size and type. Returns a map as
+/// above.
+cv::Mat lightsBeyondWhite(const cv::Mat& gray, const std::vector<cv::Mat>& frames);
 
 }  // namespace all_in_focus::core

@@ -14,6 +14,7 @@
 
 #include "all_in_focus/codes.hpp"
 #include "all_in_focus/depth_registration.hpp"
+#include "fusion/clipped_lights.hpp"
 #include "fusion/noise_estimation.hpp"
 #include "optics/focus_votes.hpp"
 #include "optics/lens_fit.hpp"
@@ -213,6 +214,19 @@ void keepDark(const cv::Mat3b& fused, cv::Mat3f& correction) {
   });
 }
 
+// The equations would enlarge a light that is brighter than white: its discs show more light than the fused
+// picture has.
+void keepLights(const cv::Mat3b& fused, const std::vector<cv::Mat>& frames, cv::Mat3f& correction) {
+  std::vector<cv::Mat> grays(frames.size());
+  for (size_t k = 0; k < frames.size(); ++k) cv::cvtColor(frames[k], grays[k], cv::COLOR_BGR2GRAY);
+  cv::Mat gray, lights;
+  cv::cvtColor(fused, gray, cv::COLOR_BGR2GRAY);
+  lights = lightsBeyondWhite(gray, grays);
+  if (lights.empty()) return;
+  cv::resize(lights, lights, fused.size(), 0, 0, cv::INTER_NEAREST);
+  correction.setTo(cv::Scalar(), lights);
+}
+
 std::vector<ImageFormation> formationOf(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth) {
   std::vector<ImageFormation> formation;
   formation.reserve(bracket.frames.size());
@@ -396,23 +410,28 @@ ObservedBracket BracketRestoration::observed(const cv::Mat& fused) const {
   bracket.fused = downsampled(toEightBits(fused), working_size_);
   bracket.curve = linear_ ? &LightCurve::linear() : &LightCurve::srgb();
   bracket.light = linearLight(bracket.fused, *bracket.curve);
-  std::vector<cv::Mat> images;
   const double span = held_.back().inverse_depth - held_.front().inverse_depth;
   for (const HeldFrame& held : held_) {
     const FrameBlur blur =
         hasScale() ? blurOf(scene_, held.inverse_depth, working_size_.width)
                    : FrameBlur{held.inverse_depth, kRestoration.guessed_blur * shrinking() / span};
     bracket.frames.push_back({exposed(held.image, held.gain, *bracket.curve), held.seen, held.opaque, blur});
-    images.push_back(held.image);
     bracket.px_mm = std::max(bracket.px_mm, blur.px_mm);
   }
-  bracket.noise_variance = noiseVariance(images);
+  bracket.noise_variance = noiseVariance(images());
   if (!scene_.depth.empty() && focus_known_) {
     bracket.filled = inverseDepthOf(scene_.depth, working_size_);
     bracket.measured =
         scene_.measured.empty() ? bracket.filled.clone() : inverseDepthOf(scene_.measured, working_size_);
   }
   return bracket;
+}
+
+std::vector<cv::Mat> BracketRestoration::images() const {
+  std::vector<cv::Mat> images;
+  images.reserve(held_.size());
+  for (const HeldFrame& held : held_) images.push_back(held.image);
+  return images;
 }
 
 // Of the frames that are held, in their order.
@@ -543,6 +562,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   result.kept = keepWhatFramesShow(predictionErrors(bracket, formation, given_light, changed),
                                    predictionErrors(bracket, formation, bracket.light, changed), sum);
   if (!linear_) keepDark(given, sum);
+  keepLights(given, images(), sum);
   if (result.kept < kRestoration.told_share) {
     result.notes.push_back(cv::format(
         "%.0f %% of the restoration is kept: elsewhere the frames do not show it", 100 * result.kept));

@@ -73,6 +73,7 @@ class BracketRestoration {
   };
   void dropOne();
   ObservedBracket observed(const cv::Mat& fused) const;
+  std::vector<cv::Mat> images() const;
   FocusVotes votes() const;
   LensFit lens(const ObservedBracket& bracket) const;
   double shrinking() const;
