@@ -162,6 +162,21 @@ TEST(RefinedFusion, SharpnessAloneServesWithoutDepthCameraOrFocus) {
   EXPECT_LE(cv::norm(without_focus, expected, cv::NORM_INF), 1);  // gray levels
 }
 
+TEST(RefinedFusion, DepthWithoutFocusDistancesChangesNothing) {
+  const TwoPlanes planes;
+  BracketScene without_depth = planes.scene;
+  without_depth.depth = cv::Mat();
+  const auto image = [&](const BracketScene& scene) {
+    RefinedConfig config = inPlace();
+    config.noise = false;  // without noise the mean is narrower where nothing is predicted
+    RefinedFusion fusion;
+    fusion.begin(scene, config, kSize);
+    for (int i = 0; i < 4; ++i) EXPECT_EQ(add(fusion, planes.frame(kNearMm * (1 + 0.02 * i)), i), "");
+    return fusion.image();
+  };
+  EXPECT_EQ(cv::norm(image(planes.scene), image(without_depth), cv::NORM_INF), 0);
+}
+
 TEST(RefinedFusion, FramesThatAreSharpNowhereDoNotSpoilBareSurfaces) {
   // Only the near plane has texture; frames far out of focus shine on the bare one.
   const TwoPlanes planes;

@@ -204,8 +204,9 @@ std::string RefinedFusion::add(const cv::Mat& frame, const cv::Mat& gray, int in
     lights_ = clippedLights(gray);
     if (relief_.isKnown()) gray.copyTo(reference_gray_);
     const bool resampled = config_.alignment && (alignment_.drifts() || alignment_.moves(reference_));
-    mean_.begin(size_, noise_.deviation(),
-                {config_.soft, config_.choice, frame.depth() == CV_16U, !predicts_ && !resampled});
+    mean_.begin(
+        size_, noise_.deviation(),
+        {config_.soft, config_.choice, frame.depth() == CV_16U, !(predicts_ && focus_known_) && !resampled});
     brightness_.begin(noise_.deviation(), resampled);
     exposure_.setReference(toEightBits(frame));
   }
