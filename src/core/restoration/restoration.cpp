@@ -309,7 +309,8 @@ bool orderByOcclusion(ObservedBracket& bracket, cv::Mat1f& inverse_depth, bool o
     return cv::sum(predictionErrors(one, formationOf(one, depth), one.light, beside))[0];
   };
   const double straight = errorOf(bracket, inverse_depth), round = errorOf(turned, turned_depth);
-  if (round >= (order_known ? kRestoration.turned : 1) * straight) return false;
+  // Where nothing tells, the first frame is the nearest, as in the brackets that cameras take by themselves.
+  if (order_known ? round >= kRestoration.turned * straight : round > straight) return false;
   bracket = turned;
   inverse_depth = turned_depth;
   bracket.filled = turned_depth.clone();
