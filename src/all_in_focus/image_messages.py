@@ -20,54 +20,31 @@ class ImageError(ValueError):
     """An image that the nodes refuse; the message says why and what to do."""
 
 
-def check_depth(head):
-    """ImageError where depth_preprocess would refuse the image of a Head for its encoding or layout."""
-    if head.encoding not in (*MILLIMETRES, METRES):
-        raise ImageError(f"depth has encoding \"{head.encoding}\": publish 16UC1 (mm) or 32FC1 (m), or take another "
+def check_depth(message):
+    """ImageError where depth_preprocess would refuse the image for its encoding or layout."""
+    if message.encoding not in (*MILLIMETRES, METRES):
+        raise ImageError(f"depth has encoding \"{message.encoding}\": publish 16UC1 (mm) or 32FC1 (m), or take another "
                          "topic")
-    value_bytes = 4 if head.encoding == METRES else 2
-    _check_layout(head, value_bytes)
-    if head.step % value_bytes:
-        raise ImageError(f"step is {head.step} bytes, not a whole number of pixels: check its publisher")
-    if head.big_endian != (sys.byteorder == "big"):
+    value_bytes = 4 if message.encoding == METRES else 2
+    _check_layout(message, value_bytes)
+    if message.step % value_bytes:
+        raise ImageError(f"step is {message.step} bytes, not a whole number of pixels: check its publisher")
+    if bool(message.is_bigendian) != (sys.byteorder == "big"):
         raise ImageError("the image is not in the byte order of this computer: publish it in host byte order")
 
 
-def check_color(head):
-    """ImageError where the fusion would refuse the colour image of a Head for its layout; see bgr(). Of a compressed one:
-    where it cannot be decoded, if the scan has looked."""
-    if head.problem:
-        raise ImageError(head.problem)
-    if head.compressed:
-        return
-    try:
-        _check_layout(head, _pixel_bytes(head.encoding))
-    except cv_bridge.CvBridgeError as error:
-        raise ImageError(f"{one_line(error)}: publish bgr8 or rgb8")
-
-
-def _check_layout(head, pixel_bytes):
-    width, height = head.size
+def _check_layout(message, pixel_bytes):
+    width, height, encoding, step = message.width, message.height, message.encoding, message.step
     if width == 0 or height == 0:
-        raise ImageError(f"the image is empty ({head.size[0]}x{head.size[1]}): check its publisher")
-    if head.step < width * pixel_bytes:
-        raise ImageError(f"step is {head.step} bytes, but a row of {width} {head.encoding} pixels has "
-                         f"{width * pixel_bytes}: check its publisher")
-    if head.bytes < head.step * height:
-        raise ImageError(f"data holds {head.bytes} bytes, but {width}x{height} {head.encoding} with step "
-                         f"{head.step} needs {head.step * height}: check its publisher")
-    _check_pairs(head.encoding, width)
-
-
-def _check_pairs(encoding, width):
-    """OpenCV writes pairs of pixels, the last one beyond the end of the picture."""
-    if encoding.startswith("yuv") and width % 2:
+        raise ImageError(f"the image is empty ({width}x{height}): check its publisher")
+    if step < width * pixel_bytes:
+        raise ImageError(f"step is {step} bytes, but a row of {width} {encoding} pixels has {width * pixel_bytes}: check its "
+                         "publisher")
+    if len(message.data) < step * height:
+        raise ImageError(f"data holds {len(message.data)} bytes, but {width}x{height} {encoding} with step {step} needs "
+                         f"{step * height}: check its publisher")
+    if encoding.startswith("yuv") and width % 2:  # OpenCV writes pairs of pixels, the last one beyond the end of the picture
         raise ImageError(f"{encoding} tells pairs of pixels, but the width is {width}: check its publisher")
-
-
-def _pixel_bytes(encoding):
-    dtype, channels = BRIDGE.encoding_to_dtype_with_channels(encoding)
-    return np.dtype(dtype).itemsize * channels
 
 
 def color_message(image, header):
@@ -103,10 +80,17 @@ def bgr(message, deep=False):
     has them. ImageError."""
     if message._type == CompressedImage._type:
         return decoded(message.data, deep)
-    _check_pairs(message.encoding, message.width)
     try:
-        has_16_bits = np.dtype(BRIDGE.encoding_to_dtype_with_channels(message.encoding)[0]).itemsize == 2
-        return BRIDGE.imgmsg_to_cv2(_without_padding(message), "bgr16" if deep and has_16_bits else "bgr8")
+        dtype, channels = BRIDGE.encoding_to_dtype_with_channels(message.encoding)
+        value_bytes = np.dtype(dtype).itemsize
+        row = message.width * value_bytes * channels
+        _check_layout(message, value_bytes * channels)
+        if message.step != row:  # the Python side of cv_bridge ignores `step`, its C++ side does not
+            message = Image(message.header, message.height, message.width, message.encoding, message.is_bigendian, row,
+                            _rows(message)[:, :row].tobytes())
+        return BRIDGE.imgmsg_to_cv2(message, "bgr16" if deep and value_bytes == 2 else "bgr8")
+    except ImageError:
+        raise
     except (cv2.error, cv_bridge.CvBridgeError, ValueError, TypeError, AttributeError) as error:
         raise ImageError(f"{one_line(error)}: publish bgr8 or rgb8")
 
@@ -122,15 +106,6 @@ def decoded(data, deep=False):
     if picture.dtype not in (np.uint8, np.uint16):
         raise ImageError(f"the compressed picture has {picture.dtype} pixels: publish 8 or 16 bits")
     return picture if deep else eight_bits(picture)
-
-
-def _without_padding(message):
-    """The image with contiguous rows: the Python side of cv_bridge ignores `step`, its C++ side does not."""
-    row = message.width * _pixel_bytes(message.encoding)
-    if message.step == row:
-        return message
-    return Image(message.header, message.height, message.width, message.encoding, message.is_bigendian, row,
-                 _rows(message)[:, :row].tobytes())
 
 
 def _rows(message):

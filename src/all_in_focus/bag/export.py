@@ -8,7 +8,7 @@ import numpy as np
 
 from all_in_focus.bag.brackets import assemble
 from all_in_focus.bag.bag_file import BagError
-from all_in_focus.image_messages import ImageError, bgr, check_color, depth_mm
+from all_in_focus.image_messages import ImageError, bgr, depth_mm
 from all_in_focus.bag.recorded_rig import camera_at, color_frame, depth_problem, optics_at, pose
 from all_in_focus.bag.scan import fetch, scan
 from all_in_focus.files.output_file import encode_png
@@ -80,7 +80,6 @@ class _BracketWriter:
         for frame in self._bracket.frames:
             bar.update()
             try:
-                check_color(frame.head)
                 picture = bgr(fetch(self._bag, "rgb", frame.head), deep=True)
                 size = size or picture.shape
                 if picture.shape != size:

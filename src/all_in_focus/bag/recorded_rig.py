@@ -8,7 +8,6 @@ import numpy as np
 import tf2_py
 from scipy.spatial.transform import Rotation
 
-from all_in_focus.image_messages import ImageError, check_depth
 from all_in_focus.bag.scan import newest
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.rig import Camera, Optics, RigError, check_matrix, distortion_of, rotation_matrix
@@ -99,18 +98,19 @@ def color_frame(scan, order):
 
 
 def depth_problem(scan, head):
-    """Why depth_preprocess would refuse a depth image of a Scan, or None; transforms are not considered."""
+    """Why depth_preprocess would refuse a depth image of a Scan, or ""; transforms are not considered."""
+    if not head.frame_id:
+        return "frame_id is empty: set it in the camera's driver"
+    if head.problem:
+        return head.problem
     try:
-        if not head.frame_id:
-            raise ImageError("frame_id is empty: set it in the camera's driver")
-        check_depth(head)
         camera = camera_at(scan, "depth", head.order)
-        if head.size != (camera.width, camera.height):
-            raise ImageError(f"depth is {head.size[0]}x{head.size[1]}, but its camera info is for "
-                             f"{camera.width}x{camera.height}: use the calibration of this resolution")
-    except (ImageError, RigError) as error:
+    except RigError as error:
         return str(error)
-    return None
+    if head.size != (camera.width, camera.height):
+        return (f"depth is {head.size[0]}x{head.size[1]}, but its camera info is for {camera.width}x{camera.height}: use the "
+                "calibration of this resolution")
+    return ""
 
 
 def optics_at(scan, order):

@@ -10,7 +10,7 @@ from sensor_msgs.msg import CompressedImage
 from tf2_msgs.msg import TFMessage
 
 from all_in_focus.bag.bag_file import TYPES, BagError, absolute
-from all_in_focus.image_messages import ImageError, decoded
+from all_in_focus.image_messages import ImageError, bgr, check_depth
 from all_in_focus.progress import Progress
 
 NS = 10 ** 9  # in a second
@@ -21,8 +21,8 @@ class Head(NamedTuple):
     """An image without its pixels. Times in ns.
 
     order: position among the messages scanned; nth: position among those of its topic recorded at the same time; size:
-    (width, height), None where the image is compressed; checksum: of the pixels; problem: why a compressed image cannot be
-    decoded, else "".
+    (width, height), None of a compressed image that nobody has looked at; problem: why the nodes refuse it, else "";
+    checksum: of the pixels.
     """
     order: int
     recorded: int
@@ -30,13 +30,9 @@ class Head(NamedTuple):
     stamp: int
     frame_id: str
     encoding: str
-    size: Optional[tuple] = None
-    big_endian: bool = False
-    step: int = 0
-    bytes: int = 0
-    checksum: int = 0
-    compressed: bool = False
-    problem: str = ""
+    size: Optional[tuple]
+    problem: str
+    checksum: int
 
 
 class Small(NamedTuple):
@@ -65,8 +61,7 @@ class Scan:
 
 
 def scan(bag, pixels=False):
-    """Scan of a BagFile; topics of a wrong type are left out. pixels: whether to look at those of every colour image: for the
-    checksums, and for size and problem of compressed ones."""
+    """Scan of a BagFile; topics of a wrong type are left out. pixels: whether to look at those of every colour image, too."""
     wrong = {kind for kind, _ in bag.wrong_types()}
     kinds = {name: kind for kind, name in bag.topics.items() if kind not in wrong}
     kinds.update({"/tf": "tf", "/tf_static": "tf_static"})
@@ -83,8 +78,7 @@ def scan(bag, pixels=False):
             if kind in ("depth", "rgb"):
                 nth = last[kind][1] + 1 if last.get(kind, (None,))[0] == recorded else 0
                 last[kind] = (recorded, nth)
-                message = message_type().deserialize(data)
-                getattr(found, kind).append(Head(order, recorded, nth, *_head(message, pixels and kind == "rgb")))
+                getattr(found, kind).append(_head(message_type().deserialize(data), kind, pixels, order, recorded, nth))
                 continue
             if kind.endswith("_info"):
                 if infos.get(kind) == data[12:]:
@@ -96,21 +90,18 @@ def scan(bag, pixels=False):
     return found
 
 
-def _head(message, pixels):
-    """The fields of a Head from `stamp` on."""
-    problem, is_compressed = "", message._type == CompressedImage._type
-    if is_compressed:
-        encoding, size, layout = message.format, None, (False, 0)
-    else:
-        encoding, size = message.encoding, (message.width, message.height)
-        layout = bool(message.is_bigendian), message.step
-    if pixels and is_compressed:
-        try:
-            size = decoded(message.data).shape[1::-1]
-        except ImageError as error:
-            problem = str(error)
-    return (message.header.stamp.to_nsec(), message.header.frame_id, encoding, size, *layout, len(message.data),
-            zlib.crc32(message.data) if pixels else 0, is_compressed, problem)
+def _head(message, kind, pixels, *place):
+    is_compressed, problem = message._type == CompressedImage._type, ""
+    size = None if is_compressed else (message.width, message.height)
+    try:
+        if kind == "depth":
+            check_depth(message)
+        elif pixels:
+            size = bgr(message, deep=True).shape[1::-1]
+    except ImageError as error:
+        problem = str(error)
+    return Head(*place, message.header.stamp.to_nsec(), message.header.frame_id,
+                message.format if is_compressed else message.encoding, size, problem, zlib.crc32(message.data) if pixels else 0)
 
 
 def fetch(bag, kind, head):

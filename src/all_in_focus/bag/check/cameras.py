@@ -64,14 +64,13 @@ def _is_scaled(one, other, kind):
 def _check_size(check, bag, kind, camera, heads, infos):
     size = (camera.width, camera.height)
     known = {(info.message.width, info.message.height) for info in infos} if kind == "rgb" else {size}
-    others = sorted({head.size for head in heads if head.size} - known)
+    others = sorted({head.size for head in heads} - known)
     if not others:
         return
     found = ", ".join(f"{width}x{height}" for width, height in others)
     text = (f"{bag.topics[f'{kind}_info']} is for {size[0]}x{size[1]}, the images have {found}: use the calibration of "
             "this resolution")
-    fitting = [head for head in heads if head.size
-               and (head.size == size if kind == "depth" else same_shape(head.size, size))]
+    fitting = [head for head in heads if (head.size == size if kind == "depth" else same_shape(head.size, size))]
     level = check.warning if fitting else check.error
     if kind == "depth":
         level(f"{text}; such depth is refused")

@@ -7,6 +7,9 @@ from typing import List
 from all_in_focus.files.errors import counted
 
 OK, WARNING, ERROR = "ok", "warning", "error"
+MOST = 3  # warnings of one check about single brackets
+NEEDING_OTHERS = ("transform", "stamps", "brackets", "depth in time", "depth values", "overlap", "focus steps", "exposure",
+                  "focus change")  # checks, in their order
 
 
 @dataclass
@@ -19,22 +22,22 @@ class Finding:
 
 @dataclass
 class BagReport:
-    """All findings in the order in which a person would repair them. skipped: checks that need these repairs first.
+    """All findings in the order in which a person would repair them.
 
     brackets: dicts with bracket_id, frames (how many) and depth (whether it has one).
     """
     bag: str
     findings: List[Finding] = field(default_factory=list)
-    skipped: List[str] = field(default_factory=list)
     brackets: List[dict] = field(default_factory=list)
 
     @property
     def fusable(self):
         return not any(finding.level == ERROR for finding in self.findings)
 
-    def failed(self, check):
-        """Whether this check found an error."""
-        return any(finding.check == check and finding.level == ERROR for finding in self.findings)
+    @property
+    def skipped(self):
+        """Checks that need repairs first: every check that is made finds something, if only that all is well."""
+        return [name for name in NEEDING_OTHERS if name not in {finding.check for finding in self.findings}]
 
     def summary(self):
         errors, warnings = (sum(finding.level == level for finding in self.findings) for level in (ERROR, WARNING))
@@ -54,11 +57,12 @@ class BagReport:
 
 
 class Check:
-    """Collects the findings of one check; ends with one line "ok" where it found nothing."""
+    """Collects the findings of one check, which ends with ok()."""
 
     def __init__(self, report, name):
         self._report, self._name = report, name
-        self.clean = True
+        self._of_brackets = {}  # text -> numbers of brackets
+        self.level = OK
 
     def error(self, text):
         self._add(ERROR, text)
@@ -66,37 +70,27 @@ class Check:
     def warning(self, text):
         self._add(WARNING, text)
 
-    def ok(self, text):
-        """Adds a line "ok", unless the check has found something."""
-        if self.clean:
-            self._report.findings.append(Finding(self._name, OK, text))
+    def bracket_warning(self, number, text):
+        """About one bracket; ok() makes the same warning about many brackets one line."""
+        self._of_brackets.setdefault(text, []).append(number)
 
-    def _add(self, level, text):
-        self.clean = False
-        self._report.findings.append(Finding(self._name, level, " ".join(text.split())))
-
-
-class PerBracket:
-    """Warnings of a check about single brackets; the same warning about many brackets becomes one line."""
-
-    MOST = 3  # lines
-
-    def __init__(self, check, brackets):
-        self._check, self._brackets, self._numbers = check, brackets, {}
-
-    def warning(self, number, text):
-        self._numbers.setdefault(text, []).append(number)
-
-    def report(self):
-        for text, numbers in list(self._numbers.items())[:self.MOST]:
+    def ok(self, text, brackets=0):
+        """Adds a line "ok", unless the check has found something. brackets: how many there are."""
+        for warning, numbers in list(self._of_brackets.items())[:MOST]:
             where = f"bracket {numbers[0]}"
             if len(numbers) > 1:
-                where = "all brackets" if len(numbers) == self._brackets else \
-                    f"{len(numbers)} of {self._brackets} brackets, the first is {numbers[0]}"
-            self._check.warning(f"{where}: {text}" if self._brackets > 1 else text)
-        more = len(self._numbers) - self.MOST
+                where = "all brackets" if len(numbers) == brackets else \
+                    f"{len(numbers)} of {brackets} brackets, the first is {numbers[0]}"
+            self.warning(f"{where}: {warning}" if brackets > 1 else warning)
+        more = len(self._of_brackets) - MOST
         if more > 0:
-            self._check.warning(f"{counted(more, 'more warning')} like these in other brackets")
+            self.warning(f"{counted(more, 'more warning')} like these in other brackets")
+        if self.level == OK:
+            self._add(OK, text)
+
+    def _add(self, level, text):
+        self.level = level
+        self._report.findings.append(Finding(self._name, level, " ".join(text.split())))
 
 
 def share_text(share):

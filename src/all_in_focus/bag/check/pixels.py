@@ -6,8 +6,8 @@ from collections import Counter
 import cv2
 import numpy as np
 
-from all_in_focus.bag.check.findings import PerBracket, share_text
-from all_in_focus.image_messages import METRES, ImageError, bgr, check_color, check_depth, depth_as_sent
+from all_in_focus.bag.check.findings import share_text
+from all_in_focus.image_messages import METRES, ImageError, bgr, depth_as_sent
 from all_in_focus.bag.scan import NS, fetch
 from all_in_focus.files.errors import counted
 from all_in_focus.imaging import CHECKED_WIDTH, FocusCheck, shrunk, srgb_to_linear, white_code
@@ -25,17 +25,16 @@ EXPOSURE_STEP = 0.05          # relative change of light that gets a warning
 def check_images(check, bag, scan, kind):
     """Returns the heads of the images that the nodes accept. kind: "depth" or "rgb"."""
     heads, name = getattr(scan, kind), bag.topics[kind]
-    problems = _problems(bag, scan, kind)
-    good = [head for head in heads if head.order not in problems]
+    good = [head for head in heads if not head.problem]
     broken = [time for which, time in scan.unreadable if which == kind]
     if broken:
         check.warning(f"{name}: {counted(len(broken), 'message')} cannot be read, the first recorded at "
                       f"{(broken[0] - scan.start) / NS:.3f} s")
-    for text, number in Counter(problems.values()).most_common(3):
+    for text, number in Counter(head.problem for head in heads if head.problem).most_common(3):
         if not good:
             check.error(f"{name}: {text}")
         else:
-            first = next(head for head in heads if problems.get(head.order) == text)
+            first = next(head for head in heads if head.problem == text)
             check.warning(f"{name}: {number} of {len(heads)} images, the first at "
                           f"{(first.recorded - scan.start) / NS:.3f} s: {text}")
     if not heads:
@@ -51,38 +50,8 @@ def check_images(check, bag, scan, kind):
             check.warning(f"{name}: {encoding} is interpolated by the simplest method: record the output of "
                           "image_proc's debayer instead")
     if good:
-        size = f"{good[0].size[0]}x{good[0].size[1]} " if good[0].size else ""
-        check.ok(f"{counted(len(heads), 'image')}, {size}{', '.join(encodings)}")
+        check.ok(f"{counted(len(heads), 'image')}, {good[0].size[0]}x{good[0].size[1]} {', '.join(encodings)}")
     return good
-
-
-def _problems(bag, scan, kind):
-    """Why the nodes refuse an image, by its order in the bag."""
-    problems = {}
-    conversions = {}  # problem or None by encoding; tried once each: raw pixels of one encoding are all alike
-    for head in getattr(scan, kind):
-        try:
-            if kind == "depth":
-                check_depth(head)
-                continue
-            check_color(head)
-            if head.compressed:  # the scan has decoded it
-                continue
-            if head.encoding not in conversions:
-                conversions[head.encoding] = _conversion(bag, head)
-            if conversions[head.encoding]:
-                problems[head.order] = conversions[head.encoding]
-        except ImageError as error:
-            problems[head.order] = str(error)
-    return problems
-
-
-def _conversion(bag, head):
-    try:
-        bgr(fetch(bag, "rgb", head))
-    except ImageError as error:
-        return f"encoding {head.encoding}: {error}"
-    return None
 
 
 def check_depth_values(check, name, messages, images):
@@ -163,26 +132,25 @@ class Sample:
 
 
 def check_exposure(check, brackets, samples):
-    worst, complaints = 0.0, PerBracket(check, brackets)
+    worst = 0.0
     for one in samples:
         if one.problem:
-            complaints.warning(one.number, one.problem)
+            check.bracket_warning(one.number, one.problem)
         if len(one.frames) < 2:
             continue
         gains = relative_light(np.array(one.light))
         if gains is None:
-            complaints.warning(one.number, "too dark or too bright to compare: correct the exposure")
+            check.bracket_warning(one.number, "too dark or too bright to compare: correct the exposure")
             continue
         change = gains.max() / gains.min() - 1
         worst = max(worst, change)
         if change > EXPOSURE_STEP:
             odd = int(np.abs(np.log(gains)).argmax())
-            complaints.warning(one.number, f"the light changes by {share_text(change)}, most in frame "
-                                           f"{one.frames[odd].index} ({100 * (gains[odd] - 1):+.0f} %): fix "
-                                           "exposure, ISO and white balance in the camera")
-    complaints.report()
+            check.bracket_warning(one.number, f"the light changes by {share_text(change)}, most in frame "
+                                              f"{one.frames[odd].index} ({100 * (gains[odd] - 1):+.0f} %): fix "
+                                              "exposure, ISO and white balance in the camera")
     check.ok(f"the light of {counted(sum(len(one.frames) for one in samples), 'frame')} in "
-             f"{counted(len(samples), 'bracket')} changes by at most {share_text(worst)}")
+             f"{counted(len(samples), 'bracket')} changes by at most {share_text(worst)}", brackets)
 
 
 def relative_light(light):
@@ -198,15 +166,13 @@ def relative_light(light):
 
 
 def check_focus_change(check, brackets, samples):
-    complaints = PerBracket(check, len(brackets))
     for number, bracket in enumerate(brackets):
         same = sum(a.head.checksum == b.head.checksum for a, b in zip(bracket.frames, bracket.frames[1:]))
         if same:
-            complaints.warning(number, f"{counted(same, 'frame')} with exactly the pixels of the frame before: did the camera "
-                                       "take a new picture?")
+            check.bracket_warning(number, f"{counted(same, 'frame')} with exactly the pixels of the frame before: did the "
+                                          "camera take a new picture?")
     for one in samples:
         if one.focus.stood_still:
-            complaints.warning(one.number, "all frames are equally sharp: does the focus move? (lens switched to "
-                               "manual, step size, focus limit)")
-    complaints.report()
-    check.ok("sharpness changes from frame to frame")
+            check.bracket_warning(one.number, "all frames are equally sharp: does the focus move? (lens switched to "
+                                              "manual, step size, focus limit)")
+    check.ok("sharpness changes from frame to frame", len(brackets))

@@ -3,7 +3,7 @@
 """What are the brackets, do their focus messages agree, and is every depth of the scene sharp in some frame?"""
 import numpy as np
 
-from all_in_focus.bag.check.findings import PerBracket, share_text
+from all_in_focus.bag.check.findings import share_text
 from all_in_focus.bag.check.recording import suggestion
 from all_in_focus.bag.scan import NS
 from all_in_focus.files.errors import counted
@@ -37,7 +37,7 @@ def check_brackets(check, bag, scan, assembled, rules):
     lengths = str(frames[0]) if min(frames) == max(frames) else f"{min(frames)} to {max(frames)}"
     kind = "by focus messages" if scan.focus else f"{rules.size} frames each" if rules.size \
         else f"ended by gaps longer than {rules.gap:g} s" if rules.gap else "not ended by anything"
-    check.ok(f"{counted(len(brackets), 'bracket')} of {lengths} frames, {kind}")
+    check.ok(f"{counted(len(brackets), 'bracket')} of {lengths} frames, {kind}", len(brackets))
 
 
 def _check_focus_messages(check, bag, scan, assembled):
@@ -51,11 +51,9 @@ def _check_focus_messages(check, bag, scan, assembled):
     if assembled.refused:
         check.warning(f"{counted(len(assembled.refused), 'image')} left out (came twice or too late, or the bracket began "
                       f"before the recording), the first of stamp {assembled.refused[0].stamp / NS:.6f}")
-    per_bracket = PerBracket(check, len(assembled.found))
     for number, bracket in enumerate(assembled.found):
         for text in _inconsistent(bracket):
-            per_bracket.warning(number, text)
-    per_bracket.report()
+            check.bracket_warning(number, text)
 
 
 def _inconsistent(bracket):
@@ -75,21 +73,21 @@ def _inconsistent(bracket):
 
 def check_focus_steps(check, brackets, optics, depth):
     """optics: Optics or None; depth: known depths of the scene (mm), as a sample, or empty."""
-    ranges, complaints = [], PerBracket(check, len(brackets))
+    ranges = []
     for number, bracket in enumerate(brackets):
         distances = np.array([frame.distance for frame in bracket.frames], float) * 1000
         known = distances[~np.isnan(distances)]
         for text in _problems(distances, known, optics, depth):
-            complaints.warning(number, text)
+            check.bracket_warning(number, text)
         if len(known):
             ranges.append((known.min(), known.max()))
-    complaints.report()
     if not ranges:
         check.warning("no focus distances are known: depth and lens data are not used in mode refined, sharpness decides "
                       "alone (a table of steps gives them: see docs/dslr.md)")
         return
     near, far = min(low for low, _ in ranges), max(high for _, high in ranges)
-    check.ok(f"focused from {near / 1000:.4g} to {far / 1000:.4g} m{'' if optics else '; the lens is not known'}")
+    check.ok(f"focused from {near / 1000:.4g} to {far / 1000:.4g} m{'' if optics else '; the lens is not known'}",
+             len(brackets))
 
 
 def _problems(distances, known, optics, depth):
