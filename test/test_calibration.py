@@ -12,7 +12,7 @@ from all_in_focus.calibration.board import Board, Pair, find_corners
 from all_in_focus.calibration.fit_report import view_warnings
 from all_in_focus.calibration.rig_fit import fit_camera, fit_rig
 from all_in_focus.calibration.live_view import Coverage, LiveView, measure, moved
-from all_in_focus.calibration.rig_folder import build_rig, refuse_read_only
+from all_in_focus.calibration.rig_folder import RigFolder, build_rig
 from all_in_focus.files.rig import Camera, rotation_matrix
 
 from board_rendering import (SQUARE, board_poses, corner_points, in_color_camera, mapping_error, project, rays, render,
@@ -214,14 +214,16 @@ def test_a_view_is_taken_when_it_is_new_and_held_still(tmp_path):
     assert len(view.pairs) == 3 and view.picture().shape[0] > 360  # the pair counts
 
 
-@pytest.mark.parametrize("place", ["file/rig", "file", "gone/rig"])
-def test_where_nothing_can_be_written(tmp_path, place):
+@pytest.mark.parametrize("place, why", [("file/rig", "Not a directory|File exists"), ("file", "is no folder"),
+                                        ("gone/rig", "File exists|No such file")])
+def test_where_nothing_can_be_written(tmp_path, place, why):
+    """It is told before the work."""
     (tmp_path / "file").write_text("")
     (tmp_path / "gone").symlink_to(tmp_path / "nowhere")
-    refuse_read_only(str(tmp_path / "new" / "rig"))
+    RigFolder(str(tmp_path / "rig")).discard()
+    with pytest.raises(OSError, match=why):
+        RigFolder(str(tmp_path / place))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "gone"]
-    with pytest.raises(ValueError, match=f"{tmp_path / place}: cannot be written, "):
-        refuse_read_only(str(tmp_path / place))
 
 
 def test_how_far_a_board_moved_does_not_depend_on_the_order():

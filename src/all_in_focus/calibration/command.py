@@ -94,8 +94,8 @@ def parse_arguments(description):
     return parser, arguments
 
 
-def calibrate(arguments, pairs, sizes):
-    """Writes the rig; returns the lines to print. pairs: board.Pair; sizes: of both cameras' pictures."""
+def calibrate(arguments, folder, pairs, sizes):
+    """Writes the rig; returns the lines to print. folder: RigFolder; pairs: board.Pair; sizes: of both cameras' pictures."""
     fit = fit_rig(arguments.board, pairs, sizes, arguments.known, arguments.radial)
     rig = rig_folder.build_rig(fit, (arguments.depth_name, arguments.color_name),
                                (depth_size(arguments, sizes[0]), sizes[1]), arguments.ir_offset, arguments.optics)
@@ -107,7 +107,7 @@ def calibrate(arguments, pairs, sizes):
     if not (arguments.optics or (Path(arguments.output) / "optics.yaml").exists()):
         warnings.append("no lens: robot.launch needs the rig's optics.yaml, which --optics f,F,coc writes")
     text = fit_report.record(fit, names, arguments.board, arguments.ir_offset, warnings)
-    rig_folder.write_rig(arguments.output, rig, text, arguments.force)
+    folder.write(rig, text)
     return (list(fit_report.table(fit, names)) + list(fit_report.summary(fit, rig, arguments.ir_offset))
             + [f"warning: {line}" for line in warnings] + [f"wrote {arguments.output}"])
 
@@ -122,7 +122,7 @@ def _other_board(folders, board):
     return ""
 
 
-def _from_files(parser, arguments):
+def _from_files(parser, arguments, calibrate_pairs):
     folders = PairFolders(arguments.depth_camera, arguments.color_camera)
     for warning in folders.warnings:
         parser.warn(warning)
@@ -133,17 +133,18 @@ def _from_files(parser, arguments):
     if all(pair.depth is None and pair.color is None for pair in pairs):
         raise ValueError(f"no board of {arguments.board} inner corners in any of {len(pairs)} "
                          f"pairs{_other_board(folders, arguments.board)}")
-    for line in calibrate(arguments, pairs, tuple(folders.sizes)):
-        print(line)
+    print("\n".join(calibrate_pairs(pairs, tuple(folders.sizes))))
 
 
 def main(description):
     """Returns the exit code."""
     parser, arguments = parse_arguments(description)
-    rig_folder.refuse_existing(arguments.output, arguments.force)
-    rig_folder.refuse_read_only(arguments.output)
-    if arguments.live:
-        from all_in_focus.calibration import live_node
-        return live_node.run(arguments, partial(calibrate, arguments))
-    _from_files(parser, arguments)
-    return 0
+    folder = rig_folder.RigFolder(arguments.output, arguments.force, bool(arguments.optics))
+    try:
+        if arguments.live:
+            from all_in_focus.calibration import live_node
+            return live_node.run(arguments, partial(calibrate, arguments, folder))
+        _from_files(parser, arguments, partial(calibrate, arguments, folder))
+        return 0
+    finally:
+        folder.discard()

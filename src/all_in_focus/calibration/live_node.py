@@ -4,6 +4,7 @@
 import contextlib
 import threading
 import time
+from collections import deque
 
 import cv_bridge
 import message_filters
@@ -12,12 +13,14 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger, TriggerResponse
 
 from all_in_focus.calibration.live_view import LiveView
+from all_in_focus.files.errors import one_line
 from all_in_focus.image_messages import BRIDGE, ImageError, bgr
 
 TOPICS = ("ir/image", "rgb/image")
 SIXTEEN_BIT = ("mono16", "16UC1")
 SLOP = 0.2  # s between the two pictures; the board is held still
 SILENCE = 5.0  # s
+POLL = 0.05  # s
 MORE = 5  # pairs to wait before a calibration that failed is tried again
 GRACE = 1.0  # s for the answer of ~finish to be sent
 
@@ -28,8 +31,8 @@ class LiveNode:
     def __init__(self, view, calibrate):
         self._view, self._calibrate = view, calibrate
         self._lock = threading.Lock()  # of the view, and of the end
-        self._arrived = threading.Condition()
-        self._latest, self._last_heard, self._last_pair = None, [time.monotonic()] * 2, time.monotonic()
+        self._newest = deque(maxlen=1)  # pairs that come during a search are skipped
+        self._last_heard, self._last_pair = [time.monotonic()] * 2, time.monotonic()
         self._done, self._next_try = False, 0
         self._picture = rospy.Publisher("~coverage", Image, queue_size=1, latch=True)
         rospy.Service("~finish", Trigger, self._finish)
@@ -43,22 +46,17 @@ class LiveNode:
         self._last_heard[index] = time.monotonic()
 
     def _pair(self, *messages):
-        with self._arrived:
-            self._latest = messages  # the newest pair only: pairs that come during a search are skipped
-            self._last_pair = time.monotonic()
-            self._arrived.notify()
+        self._newest.append(messages)
+        self._last_pair = time.monotonic()
 
     def run(self):
         """Runs until the rig is written or the node is shut down; returns whether it is written."""
         while not rospy.is_shutdown() and not self._done:
-            with self._arrived:
-                if self._latest is None:
-                    self._arrived.wait(0.2)
-                messages, self._latest = self._latest, None
-            if messages is None:
+            if not self._newest:
                 self._name_the_silent()
+                time.sleep(POLL)
                 continue
-            images = self._images(messages)
+            images = self._images(self._newest.pop())
             with self._lock:
                 if images and not self._done:
                     self._look(images)
@@ -84,7 +82,7 @@ class LiveNode:
                 self._end()
             except (ValueError, OSError) as error:
                 self._next_try = len(self._view.pairs) + MORE
-                rospy.logwarn("%s; taking more pairs", error)
+                rospy.logwarn("%s; taking more pairs", one_line(error))
         if self._picture.get_num_connections() or self._done:
             self._picture.publish(BRIDGE.cv2_to_imgmsg(self._view.picture()[..., ::-1].copy(), "rgb8"))
 
@@ -104,7 +102,7 @@ class LiveNode:
             try:
                 return TriggerResponse(True, "; ".join(self._end()[-4:]))
             except (ValueError, OSError) as error:
-                return TriggerResponse(False, str(error))
+                return TriggerResponse(False, one_line(error))
 
     def _name_the_silent(self):
         now = time.monotonic()

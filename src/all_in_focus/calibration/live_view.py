@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 
 from all_in_focus.calibration.board import CAMERAS, Pair, find_corners, gray
-from all_in_focus.calibration.rig_folder import refuse_read_only
 from all_in_focus.files.output_file import write_picture
 from all_in_focus.imaging import with_lines
 
@@ -102,7 +101,6 @@ class LiveView:
             for camera in CAMERAS:
                 folder = Path(pictures) / camera
                 folder.mkdir(parents=True, exist_ok=True)
-                refuse_read_only(folder)
                 if any(folder.iterdir()):
                     raise ValueError(f"{pictures}: holds pictures already: name another folder")
 
