@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Node replay_bag: plays a bag to the nodes over and over, to look at in rviz."""
+from itertools import count
 from pathlib import Path
 
 import rospy
@@ -35,10 +36,22 @@ def play():
             raise
 
 
+def _connect(player):
+    """Returns when every node listens, however long it takes: they do when somebody listens to them."""
+    for attempt in count():
+        try:
+            return player.connect({}, PATIENCE)
+        except PlayError as error:
+            if rospy.is_shutdown():
+                raise
+            if attempt == 0:
+                rospy.loginfo("waiting for somebody who looks: rviz, or rostopic hz all_in_focus/image (%s)", error)
+
+
 def _play_once(player, rate, own_lens, said):
     """One round; ends when the last result is out, restored where that is asked for. What went wrong in it is
     logged, unless it is among the lines that were said."""
-    player.wait_for_listeners(PATIENCE, "waiting for somebody who looks: rviz, or rostopic hz all_in_focus/image (%s %s)")
+    _connect(player)
 
     def expect_nodes(_):
         """One that has left would acknowledge nothing: the round ends."""

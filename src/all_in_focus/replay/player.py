@@ -114,34 +114,22 @@ class BagPlayer:
         ends += [(TOPICS[kind], "nobody listens to", end) for kind, end in self._publishers.items() if kind in TOPICS]
         return [end[:2] for end in ends if end[2].get_num_connections() == 0]
 
-    def _publish_latched(self):
-        self._static.publish(self._contents.static_transforms)
-        self._publishers["depth_info"].publish(self._contents.depth_info)
-        self._publishers["rgb_info"].publish(self._contents.rgb_info)
-
-    def wait_for_listeners(self, patience, line):
-        """Publishes what is latched, and waits until every node listens, however long: they do when somebody listens to
-        them. After `patience` s says so once: a line for what is wrong and a topic."""
-        self._publish_latched()
-        if not self._wait(lambda: not self.loose_ends({}), patience):
-            topic, complaint = (self.loose_ends({}) or [("", "")])[0]
-            rospy.loginfo(line, complaint, rospy.resolve_name(topic))
-            self._wait(lambda: not self.loose_ends({}), math.inf)
-        self.pause(SETTLE)
-
     def pause(self, seconds):
         """Node time stands still."""
         self._wait(lambda: False, seconds)
 
-    def connect(self, outputs):
-        """Waits until every node listens and every output is connected; publishes what is latched.
+    def connect(self, outputs, patience=None):
+        """Publishes what is latched, and waits until every node listens and every output is connected. PlayError.
 
-        outputs: subscribers by topic.
+        outputs: subscribers by topic; patience: s, instead of the usual one.
         """
-        self._publish_latched()
-        if not self._wait(lambda: not self.loose_ends(outputs), self._connect_patience):
+        patience = patience or self._connect_patience
+        self._static.publish(self._contents.static_transforms)
+        self._publishers["depth_info"].publish(self._contents.depth_info)
+        self._publishers["rgb_info"].publish(self._contents.rgb_info)
+        if not self._wait(lambda: not self.loose_ends(outputs), patience):
             topic, complaint = self.loose_ends(outputs)[0]
-            raise PlayError(f"{complaint} {rospy.resolve_name(topic)} for {self._connect_patience:g} s: did the node "
+            raise PlayError(f"{complaint} {rospy.resolve_name(topic)} for {patience:g} s: did the node "
                             f"{NODES[topic.split('/')[0]]} start?")
         self.pause(SETTLE)
 
