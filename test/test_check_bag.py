@@ -126,7 +126,7 @@ ERRORS = {
                   "/depth/image_raw holds sensor_msgs/CameraInfo and sensor_msgs/Image: record one publisher"),
     "depth encoding": (setting("/depth/image_raw", encoding="mono8"), "depth image", "\"mono8\": publish 16UC1"),
     "byte order": (setting("/depth/image_raw", is_bigendian=1), "depth image", "byte order"),
-    "colour encoding": (setting("/rgb/image", encoding="8UC3"), "colour image", "8UC3: .*publish bgr8 or rgb8"),
+    "colour encoding": (setting("/rgb/image", encoding="8UC3"), "colour image", "8UC3.*publish bgr8 or rgb8"),
     "colour unknown": (setting("/rgb/image", encoding="nv21"), "colour image", "nv21.*publish bgr8 or rgb8"),
     "short": (changed("/rgb/image", lambda message, _: setattr(message, "data", message.data[:-5])), "colour image",
               "data holds 9211 bytes, but 64x48 bgr8 with step 192 needs 9216"),

@@ -12,7 +12,7 @@ import pytest
 from std_msgs.msg import Header
 
 from all_in_focus.bag import bag_file
-from all_in_focus.replay import graph as evaluation_graph, player as bag_player, results, run_status
+from all_in_focus.replay import evaluation, graph as evaluation_graph, player as bag_player, results
 from all_in_focus.msg import FusionReport, Optics, Segment, SegmentArray, SegmentChoice
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import MARK
@@ -191,22 +191,21 @@ def bracket(used=3, missing=(), notes=(), has_depth=True):
     ([bracket(0, notes=["no frame"])], 2, "no bracket was fused: no frame"),
     ([bracket(missing=["all_in_focus/image"])], 2, "bracket_0000: all_in_focus/image never came")])
 def test_conclusion(brackets, code, reason):
-    status = run_status.conclude(brackets, ["a warning"])
-    assert (status.code, status.reason) == (code, reason) and status.warnings == ["a warning"]
+    assert evaluation.conclude(brackets, ["a warning"]) == (code, reason)
 
 
 def test_status_file(tmp_path):
     path = str(tmp_path / "status.json")
-    assert run_status.RunStatus.read(path) is None
-    status = run_status.RunStatus(2, "why", [bracket()], [], 3, 5)
+    assert evaluation.RunStatus.read(path) is None
+    status = evaluation.RunStatus(2, "why", ["a warning"], 3, 5)
     status.write(path)
-    assert run_status.RunStatus.read(path) == status and os.listdir(tmp_path) == ["status.json"]
-    run_status.RunStatus().write("")
+    assert evaluation.RunStatus.read(path) == status and os.listdir(tmp_path) == ["status.json"]
+    evaluation.RunStatus().write("")
 
 
 def test_final_status():
-    good, running = run_status.RunStatus(0, "fine"), run_status.RunStatus()
-    stopped = run_status.RunStatus(2, "stopped from outside")
+    good, running = evaluation.RunStatus(0, "fine"), evaluation.RunStatus()
+    stopped = evaluation.RunStatus(2, "stopped from outside")
     final = evaluation_graph.final_status
     assert final(good, None, "SomeError: harmless") is good
     assert final(stopped, None, None) is stopped

@@ -1,20 +1,67 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """One evaluation run inside the graph: plays a bag, collects and saves the results, reports the outcome."""
+import json
+import math
 import time
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import List, Optional
 
 import rospy
 
 from all_in_focus.bag.bag_file import BagContents, BagError, Topics, load_topics
-from all_in_focus.files.errors import one_line
+from all_in_focus.files.errors import counted, one_line
+from all_in_focus.files.output_file import write_json
 from all_in_focus.files.rig import Optics
 from all_in_focus.parameters import number, text
 from all_in_focus.replay.player import ACKNOWLEDGE, CONNECT, BagPlayer
 from all_in_focus.replay.results import DEPTH_RESTORED, ResultFolder, ResultSaver
-from all_in_focus.replay.run_status import BAD_INPUT, OK, RunStatus, conclude
 
+OK, BAD_INPUT = 0, 2  # exit codes
 STATUS_PERIOD = 0.5  # s
+
+
+@dataclass
+class RunStatus:
+    """State of a run, in a small file that evaluate_bag watches. code: None while it goes on; reason: one line; done of total:
+    messages played."""
+    code: Optional[int] = None
+    reason: str = "running"
+    warnings: List[str] = field(default_factory=list)
+    done: int = 0
+    total: int = 0
+
+    def write(self, path):
+        """Replaces the file in one step, so that nobody reads half of it; does nothing without a path."""
+        if path:
+            write_json(path, asdict(self))
+
+    @classmethod
+    def read(cls, path):
+        """None while there is no file."""
+        try:
+            return cls(**json.loads(Path(path).read_text(encoding="utf-8")))
+        except FileNotFoundError:
+            return None
+
+
+def conclude(brackets, warnings):
+    """Exit code and reason of a run. brackets: dicts with folder, bracket_id, frames_used, has_depth, missing (outputs that never
+    came), notes. warnings: of the nodes and the player, worst first."""
+    why = ": " + warnings[0] if warnings else ""
+    fused = [bracket for bracket in brackets if bracket["frames_used"] > 0]
+    incomplete = [bracket for bracket in fused if bracket["missing"]]
+    if incomplete:
+        return BAD_INPUT, f"{incomplete[0]['folder']}: {', '.join(incomplete[0]['missing'])} never came"
+    if fused and not any(bracket["has_depth"] for bracket in fused):
+        # A bag without depth is refused before: fusing by sharpness alone was not asked for.
+        return BAD_INPUT, f"no region came of the bag's depth{why}"
+    if fused:
+        unfused = len(brackets) - len(fused)
+        return OK, f"{counted(len(fused), 'bracket')} fused" + (f", {unfused} could not be" if unfused else "")
+    notes = [note for bracket in brackets for note in bracket["notes"]]
+    return BAD_INPUT, "no bracket was fused" + (f": {notes[0]}" if notes else why)
 
 
 def _path(name):
@@ -22,36 +69,19 @@ def _path(name):
     return str(Path(text("working_directory"), text(name))) if text(name) else ""
 
 
-class _Reporter:
-    """Writes the status file while the run goes on."""
-
-    def __init__(self, path):
-        self._path = path
-        self._due = 0.0
-        self.status = RunStatus(reason="running")
-
-    def __call__(self, done):
-        self.status.done = done
-        if time.monotonic() >= self._due:
-            self.status.write(self._path)
-            self._due = time.monotonic() + STATUS_PERIOD
-
-
 def run():
     """Returns the final RunStatus, which is also written to the file ~status, unless that is empty."""
-    output, status_file = _path("output"), _path("status")
-    reporter = _Reporter(status_file)
+    output, file, status = _path("output"), _path("status"), RunStatus()
     try:
-        status = _run(_path("bag"), output, reporter)
+        status.code, status.reason = _run(_path("bag"), output, status, file)
     except (ValueError, OSError) as error:
-        status = RunStatus(BAD_INPUT, one_line(error, output))
-    status.done, status.total = reporter.status.done, reporter.status.total
-    status.write(status_file)
+        status.code, status.reason = BAD_INPUT, one_line(error, output)
+    status.write(file)
     return status
 
 
-def _run(bag, output, reporter):
-    """~optics: f,F,coc, or empty: that of the bag."""
+def _run(bag, output, status, file):
+    """(exit code, reason). status: is kept up to date, and in `file`. ~optics: f,F,coc, or empty: that of the bag."""
     if not bag or not output:
         raise BagError("the parameters ~bag and ~output are needed")
     optics = Optics.parse(text("optics")) if text("optics") else None
@@ -59,22 +89,27 @@ def _run(bag, output, reporter):
     topics = Topics(**{kind: text(f"{kind}_topic") or name for kind, name in vars(names).items()})
     connect, acknowledge = number("timeout", CONNECT, 0), number("acknowledge_timeout", ACKNOWLEDGE, 0)
     contents = BagContents(bag, topics)
-    reporter.status.total = sum(contents.counts.values())
-    reporter(0)
+    status.total, written = sum(contents.counts.values()), -math.inf
     folder = ResultFolder(output)
     try:
         saver = ResultSaver(folder)
 
         def heartbeat(done):
-            reporter(done)
+            nonlocal written
+            status.done = done
+            if time.monotonic() > written + STATUS_PERIOD:
+                status.write(file)
+                written = time.monotonic()
             saver.check()
+        heartbeat(0)
         player = BagPlayer(contents, connect, acknowledge, heartbeat)
         _play(contents, player, saver, optics)
         problems = [f"{text} ({times} times)" if times > 1 else text for text, times in player.problems.items()]
-        status = conclude(saver.finish(), saver.complaints() + problems + contents.problems)
-        if status.code == OK:
+        brackets, status.warnings = saver.finish(), saver.complaints() + problems + contents.problems
+        code, reason = conclude(brackets, status.warnings)
+        if code == OK:
             folder.commit()
-        return status
+        return code, reason
     finally:
         folder.discard()
         contents.close()

@@ -9,8 +9,8 @@ import rospkg
 
 from all_in_focus.files.output_folder import remove_leftovers
 from all_in_focus.progress import Progress
+from all_in_focus.replay.evaluation import BAD_INPUT, RunStatus
 from all_in_focus.replay.launch import Launch
-from all_in_focus.replay.run_status import BAD_INPUT, RunStatus
 
 
 def _launch_file():

@@ -119,7 +119,7 @@ class BracketCollector:
         self._folder = folder
         self._parts = {name: {} for name in [*IMAGES, "labels", "segments"]}  # data by stamp in ns
         self._pending = {}  # reports by number
-        self.brackets = []  # dicts, see run_status.conclude()
+        self.brackets = []  # dicts, see evaluation.conclude()
 
     def add(self, name, stamp, data):
         """data: PNG as bytes, a SegmentArray, or a ResultError to raise if a bracket needs this part."""
@@ -214,7 +214,7 @@ class ResultSaver:
             return len(self._collector.brackets) >= brackets and not self._collector.waiting
 
     def finish(self):
-        """The brackets, as run_status.conclude() takes them. ResultError."""
+        """The brackets, as evaluation.conclude() takes them. ResultError."""
         self.check()
         for subscriber in self.subscribers.values():
             subscriber.unregister()
