@@ -179,7 +179,7 @@ def test_a_board_of_another_size(views, tmp_path):
     (few / "depth" / "00.png").write_bytes(b"")
     said = refused(arguments(few, tmp_path / "rig", "9x7"))
     assert "no board of 9x7 inner corners" in said
-    assert "the pictures show one of 8x6: --board counts the corners inside" in said
+    assert "--board counts the corners inside" in said
 
 
 def test_no_board_anywhere(tmp_path):
@@ -187,7 +187,7 @@ def test_no_board_anywhere(tmp_path):
         (tmp_path / camera).mkdir()
         cv2.imwrite(str(tmp_path / camera / "0.png"), np.full((120, 160), 100, np.uint8))
     said = refused(arguments(tmp_path, tmp_path / "rig"))
-    assert said.endswith("no board of 8x6 inner corners in any of 1 pairs")
+    assert "no board of 8x6 inner corners in any of 1 pairs: --board counts the corners inside" in said
 
 
 def test_pictures_of_different_sizes(tmp_path):

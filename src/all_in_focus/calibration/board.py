@@ -146,19 +146,17 @@ class PairFolders:
 
     def __init__(self, depth_folder, color_folder):
         self._folders = (depth_folder, color_folder)
-        files = [_images(folder) for folder in self._folders]
-        self.names = sorted(set(files[0]) & set(files[1]))
+        self._files = [_images(folder) for folder in self._folders]
+        self.names = sorted(set(self._files[0]) & set(self._files[1]))
         if not self.names:
-            raise ValueError(f"no picture of {self._folders[0]} has a counterpart of the same name in "
-                             f"{self._folders[1]}")
-        self.warnings = [f"{folder}: no picture in {other} is named like "
-                         f"{', '.join(sorted(set(own) - set(others)))}: left out"
-                         for folder, own, other, others in ((self._folders[0], files[0], self._folders[1], files[1]),
-                                                            (self._folders[1], files[1], self._folders[0], files[0]))
-                         if set(own) - set(others)]
-        self._files = files
+            raise ValueError(f"no picture of {depth_folder} has a counterpart of the same name in {color_folder}")
+        self.warnings = []
+        for one, other in ((0, 1), (1, 0)):
+            alone = sorted(set(self._files[one]) - set(self._files[other]))
+            if alone:
+                self.warnings.append(f"{self._folders[one]}: no picture in {self._folders[other]} is named like "
+                                     f"{', '.join(alone)}: left out")
         self.sizes = [None, None]  # (width, height) of the cameras' pictures
-        self._first = [None, None]  # name of the first picture that can be read
 
     def pairs(self, board):
         """Yields one Pair after the other. ValueError where no picture of a camera can be read."""
@@ -170,19 +168,14 @@ class PairFolders:
                 except StackError as error:
                     complaints.append(str(error))
             yield Pair(name, *corners, "; ".join(complaints))
-        for folder, first in zip(self._folders, self._first):
-            if first is None:
+        for folder, size in zip(self._folders, self.sizes):
+            if size is None:
                 raise ValueError(f"{folder}: none of the {len(self.names)} pictures can be read")
-
-    def first_picture(self, camera):
-        """The first picture that can be read; call after pairs()."""
-        return self._read(camera, self._first[camera])
 
     def _read(self, camera, name):
         path = Path(self._folders[camera]) / self._files[camera][name]
         image = read_image(path, cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
         size = image.shape[1::-1]
-        self._first[camera] = self._first[camera] or name
         self.sizes[camera] = self.sizes[camera] or size
         if size != self.sizes[camera]:
             width, height = self.sizes[camera]

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from all_in_focus.calibration import fit_report, rig_folder
-from all_in_focus.calibration.board import CAMERAS, Board, PairFolders, find_corners
+from all_in_focus.calibration.board import CAMERAS, Board, PairFolders
 from all_in_focus.calibration.rig_fit import fit_rig
 from all_in_focus.command_line import Input, Output, Parser, digits, number_type, optics
 from all_in_focus.files.rig import load_camera
@@ -112,16 +112,6 @@ def calibrate(arguments, folder, pairs, sizes):
             + [f"warning: {line}" for line in warnings] + [f"wrote {arguments.output}"])
 
 
-def _other_board(folders, board):
-    """Detects a mistyped --board: looks for boards with one corner less or more, and says which the pictures show."""
-    for columns, rows in ((board.columns - 1, board.rows - 1), (board.columns + 1, board.rows + 1),
-                          (board.columns + 1, board.rows), (board.columns, board.rows + 1)):
-        other = Board(max(columns, rows), min(columns, rows), board.square)
-        if other.rows >= 3 and any(find_corners(folders.first_picture(camera), other) is not None for camera in (0, 1)):
-            return f"; the pictures show one of {other}: --board counts the corners inside"
-    return ""
-
-
 def _from_files(parser, arguments, calibrate_pairs):
     folders = PairFolders(arguments.depth_camera, arguments.color_camera)
     for warning in folders.warnings:
@@ -131,8 +121,8 @@ def _from_files(parser, arguments, calibrate_pairs):
         if pair.unreadable:
             parser.warn(f"{pair.unreadable}: left out")
     if all(pair.depth is None and pair.color is None for pair in pairs):
-        raise ValueError(f"no board of {arguments.board} inner corners in any of {len(pairs)} "
-                         f"pairs{_other_board(folders, arguments.board)}")
+        raise ValueError(f"no board of {arguments.board} inner corners in any of {len(pairs)} pairs: --board counts the corners "
+                         "inside, not the squares")
     print("\n".join(calibrate_pairs(pairs, tuple(folders.sizes))))
 
 
