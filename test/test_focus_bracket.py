@@ -299,7 +299,7 @@ def test_calibrated_steps_have_distances():
 def test_a_plan_is_shot_exactly():
     camera, shots = FakeCamera("Nikon", lens=700), []
     session = connected(camera, table=TABLE, home="near", step_size=10)
-    session.shoot_planned([0.3, 0.8, 2.0, math.inf], shots.append)
+    session.shoot(shots.append, distances=[0.3, 0.8, 2.0, math.inf])
     assert session.take_warnings() == ["0.30 m lies beyond the focus table: focused at its end"]
     assert [shot.position for shot in shots] == [0, 38, 75, 100]
     assert [shot.distance for shot in shots] == pytest.approx([0.5, 0.8, 2.0, math.inf], rel=0.01)
@@ -324,7 +324,7 @@ def test_a_plan_with_an_exposure_time_for_each_distance():
 
     def released(shot):
         seen.append((shot.position, camera.widgets["shutterspeed"].value))
-    session.shoot_planned([0.8, 0.8, 0.8, 2.0], lambda shot: None, released, [1 / 30, 1 / 125, 1 / 125, 1 / 60])
+    session.shoot(lambda shot: None, released, [1 / 30, 1 / 125, 1 / 125, 1 / 60], [0.8, 0.8, 0.8, 2.0])
     assert seen == [(38, "1/30"), (38, "1/125"), (75, "1/60")]
 
 

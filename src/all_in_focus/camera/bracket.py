@@ -43,7 +43,7 @@ class Photographer:
         self._camera, self._clock, self._frames = camera, clock, frames
         self._timeout, self._keep = timeout, keep_files
         self._paths = {}  # name -> path of the last frames
-        self._extras, self._copies = [], []  # names of pictures that are left out
+        self._left_out = {}  # reason -> names of pictures
         self._owed = False  # a picture timed out; if it arrives after all, it must not be taken for the next one
 
     def take(self, on_release):
@@ -54,7 +54,10 @@ class Photographer:
                 self._camera.capture_preview()
             on_release(self._clock())
             return _decoded(self._camera.capture_preview(), "live view")
-        self._await_owed()
+        if self._owed:
+            with contextlib.suppress(CameraError):
+                self._leave_out(self._await_picture())
+            self._owed = False
         self.drain()
         stamps = []
         self._camera.capture(lambda: stamps.append(self._clock()))
@@ -85,19 +88,10 @@ class Photographer:
 
     def take_warnings(self):
         """Lines about the pictures that were left out since the last call."""
-        lines = []
-        if self._extras:
-            lines.append(f"left out {_listed(self._extras)}: taken by hand, or too late for its frame")
-        if self._copies:
-            lines.append(f"left out {_listed(self._copies)}: a copy of a frame on another card")
-        self._extras, self._copies = [], []
+        lines = [f"left out {', '.join(names[:3])}{f' and {len(names) - 3} more' if len(names) > 3 else ''}: {reason}"
+                 for reason, names in self._left_out.items()]
+        self._left_out = {}
         return lines
-
-    def _await_owed(self):
-        if self._owed:
-            with contextlib.suppress(CameraError):
-                self._leave_out(self._await_picture())
-            self._owed = False
 
     def _await_picture(self):
         """Path of the next new picture; raw files beside it stay on the card."""
@@ -118,19 +112,14 @@ class Photographer:
         return self._paths.get(posixpath.basename(path), path) != path
 
     def _leave_out(self, path):
-        if self._is_copy(path):
-            self._copies.append(posixpath.basename(path))
-        else:
-            self._extras.append(posixpath.basename(path))
-            self._owed = False
+        is_copy = self._is_copy(path)
+        reason = "a copy of a frame on another card" if is_copy else "taken by hand, or too late for its frame"
+        self._left_out.setdefault(reason, []).append(posixpath.basename(path))
+        self._owed &= is_copy
 
 
 def _is_picture(path):
     return path.lower().endswith(IMAGE_SUFFIXES)
-
-
-def _listed(names):
-    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
 def _decoded(data, name):

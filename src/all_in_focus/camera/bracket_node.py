@@ -182,10 +182,7 @@ class FocusBracketCamera:
             if reason:
                 self._report(reason)
                 return False, reason
-            if len(distances):
-                self._session.shoot_planned(distances, publish, on_release, exposures)
-            else:
-                self._session.shoot(publish, on_release, exposures)
+            self._session.shoot(publish, on_release, exposures, distances)
         except (CameraError, FocusLimit, rospy.ROSException) as error:
             self._report(f"bracket {self._bracket_id} broke off after {len(published)} frames: {error}")
             return False, self._status

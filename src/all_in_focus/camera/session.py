@@ -109,8 +109,10 @@ class Session:
         self._hold = SettingsHold(self._camera, maker.holds if maker else ALL_HOLDS, self.config.white_balance, self.config.iso)
         self._maker, self._start = maker, None
 
-    def shoot(self, publish, on_release=lambda shot: None, exposures=()):
-        """A bracket of equal steps. exposures: times in s, one for all frames or one for each; empty: as metered.
+    def shoot(self, publish, on_release=lambda shot: None, exposures=(), distances=()):
+        """A bracket of equal steps, or, with a table, at these distances (m), from near to far or from far to near; of frames
+        that are alike in position and exposure only the first is taken then. exposures: times in s, one for all frames or one
+        for each; empty: as metered.
 
         on_release(Shot): at the release, before the picture is downloaded; publish(Shot): with the picture. Between the
         two, count and last change if the bracket has to end with this frame.
@@ -120,28 +122,18 @@ class Session:
         camera is busy or lost.
         """
         self._restore()
-        config = self.config
+        config, self._start = self.config, self._drive.position
         first, step = (0, 1) if config.drive == NONE else (config.first, config.step)
-        start = self._drive.position + first
-        self._shoot([start + index * step for index in range(config.count)], publish, on_release, exposures)
-
-    def shoot_planned(self, distances, publish, on_release=lambda shot: None, exposures=()):
-        """A bracket at these distances (m), from near to far or from far to near; needs a table. Of frames that are alike in
-        position and exposure only the first is taken."""
-        frames = []
-        for index, distance in enumerate(distances):
-            if not self.scale.reaches(distance):
-                self._warnings.append(f"{distance:.2f} m lies beyond the focus table: focused at its end")
-            frame = self.scale.nearest_step(distance), exposures[index] if len(exposures) > 1 else None
-            if frame not in frames:
-                frames.append(frame)
-        positions, times = zip(*frames)
-        self._restore()
-        self._shoot(positions, publish, on_release, times if len(exposures) > 1 else exposures)
-
-    def _shoot(self, positions, publish, on_release, exposures):
-        """positions: in steps, of the frames in their order."""
-        self._start = self._drive.position
+        positions = [self._start + first + index * step for index in range(config.count)]
+        if len(distances):
+            for distance in distances:
+                if not self.scale.reaches(distance):
+                    self._warnings.append(f"{distance:.2f} m lies beyond the focus table: focused at its end")
+            positions = list(map(self.scale.nearest_step, distances))
+            if len(exposures) > 1:
+                positions, exposures = zip(*dict.fromkeys(zip(positions, exposures)))
+            else:
+                positions = list(dict.fromkeys(positions))
         with self._watching():
             try:
                 self._hold.hold(self._warnings)
