@@ -171,13 +171,21 @@ class BagContents(BagFile):
         """transforms: whether the bag itself must connect the cameras."""
         super().__init__(path, topics)
         self.problems = []
-        self._check_topics()
+        for kind in self.missing():
+            others = ", ".join(self.alternatives(kind))
+            raise BagError(f"{self.path}: no {REQUIRED[kind]}: nothing on {self.topics[kind]}"
+                           + (f" (there are {others})" if others else ""))
+        for _, problem in self.wrong_types():
+            raise BagError(f"{self.path}: {problem}")
         self.counts = {kind: self.found[name].message_count for kind, name in self.topics.items() if name in self.found}
         self.start = min(self.first(self.topics[kind])[1] for kind in ("depth", "rgb"))
         self.depth_info = self.first(self.topics["depth_info"])[0]
         self.rgb_info = self.first(self.topics["rgb_info"])[0]
         self.optics = self.first(self.topics["optics"])[0] if self.counts.get("optics") else None
-        self.static_transforms = self._collect_static_transforms()
+        by_child = {}  # all in one message: a latched topic repeats only the last message of each publisher
+        for _, message, _ in self.read(["/tf_static"]):
+            by_child.update((transform.child_frame_id, transform) for transform in message.transforms)
+        self.static_transforms = TFMessage(list(by_child.values()))
         if transforms:
             self._check_transforms()
 
@@ -188,24 +196,12 @@ class BagContents(BagFile):
         for name, message, time in self.read(list(kinds)):
             kind = kinds[absolute(name)]
             if kind == "rgb" and message._type == CompressedImage._type:
-                message = self._decoded(message, name)
-            if message is not None:
-                yield kind, message, time
-
-    def _check_topics(self):
-        for kind in self.missing():
-            others = ", ".join(self.alternatives(kind))
-            raise BagError(f"{self.path}: no {REQUIRED[kind]}: nothing on {self.topics[kind]}"
-                           + (f" (there are {others})" if others else ""))
-        for _, problem in self.wrong_types():
-            raise BagError(f"{self.path}: {problem}")
-
-    def _collect_static_transforms(self):
-        """All static transforms in one message: a latched topic repeats only the last message of each publisher."""
-        by_child = {}
-        for _, message, _ in self.read(["/tf_static"]):
-            by_child.update((transform.child_frame_id, transform) for transform in message.transforms)
-        return TFMessage(list(by_child.values()))
+                try:
+                    message = color_message(bgr(message, deep=True), message.header)
+                except ImageError as error:
+                    self.problems.append(f"{name}: image of {message.header.stamp.to_sec():.6f}: {error}")
+                    continue
+            yield kind, message, time
 
     def _check_transforms(self):
         """BagError unless tf connects both cameras."""
@@ -227,13 +223,6 @@ class BagContents(BagFile):
             raise BagError(f"{self.path}: no transform: nothing on /tf_static or /tf")
         raise BagError(f"{self.path}: no transform connects depth frame '{depth_frame}' with colour frame "
                        f"'{rgb_frame}'")
-
-    def _decoded(self, message, name):
-        try:
-            return color_message(bgr(message, deep=True), message.header)
-        except ImageError as error:
-            self.problems.append(f"{name}: image of {message.header.stamp.to_sec():.6f}: {error}")
-            return None
 
 
 def absolute(name):

@@ -74,15 +74,10 @@ def assemble(scan, rules, usable_depth):
         first = bracket.frames[0].head
         end = places[first.order] + WINDOW
         later = scan.rgb[end:end + 1]
-        in_time = [head for head in usable_depth if not later or head.order < later[0].order]
-        bracket.depth = newest_before(in_time, first.stamp, rules.max_age)
+        in_time = [head for head in usable_depth if (not later or head.order < later[0].order)
+                   and 0 <= first.stamp - head.stamp <= rules.max_age * NS]
+        bracket.depth = max(in_time, key=lambda head: head.stamp, default=None)
     return Brackets(found, unpaired, stray, refused)
-
-
-def newest_before(heads, stamp, max_age):
-    """Head with the newest stamp (ns) at or before `stamp`, not older than max_age s; None where there is none."""
-    fitting = [head for head in heads if 0 <= stamp - head.stamp <= max_age * NS]
-    return max(fitting, key=lambda head: head.stamp) if fitting else None
 
 
 def _pair(scan):

@@ -69,7 +69,9 @@ class _BracketWriter:
                 parts += ["--optics", str(DEFAULT_OPTICS)]
         if self._write_focus(written):
             parts += ["--focus", str(target / "focus.yaml")]
-        position = self._reference(written)
+        # That of the nodes: the middle one, or the first where the length is unknown.
+        wanted = self._bracket.announced // 2 or self._bracket.frames[0].index
+        position = int(np.argmin([abs(frame.index - wanted) for frame in written]))
         if position != len(written) // 2:
             parts += ["--reference", str(position)]
         return target, parts + ["--output", str(target / "fused.png")], self._warnings
@@ -101,7 +103,10 @@ class _BracketWriter:
         """Returns whether fuse_stack gets all that it needs to use the depth."""
         head = self._bracket.depth
         if head is None:
-            self._warnings.append(f"no depth: {self._no_depth()}")
+            why = f"none is at or before the first frame and not older than {self._max_age:g} s"
+            if self._scan.depth:
+                why = depth_problem(self._scan, self._scan.depth[0]) or why
+            self._warnings.append(f"no depth: {why if self._scan.depth else 'nothing on ' + self._bag.topics['depth']}")
             return False
         self._write_png("depth.png", depth_mm(fetch(self._bag, "depth", head), self._invalid_values))
         order = self._bracket.frames[0].head.order
@@ -120,12 +125,6 @@ class _BracketWriter:
                                            found.quaternion))
         return True
 
-    def _no_depth(self):
-        if not self._scan.depth:
-            return f"nothing on {self._bag.topics['depth']}"
-        problem = depth_problem(self._scan, self._scan.depth[0])
-        return problem or f"none is at or before the first frame and not older than {self._max_age:g} s"
-
     def _write_focus(self, written):
         """Returns whether any focus distance is known."""
         known = [frame for frame in written if frame.distance > 0]
@@ -137,11 +136,6 @@ class _BracketWriter:
             return False
         save_focus(self._folder / "focus.yaml", map(self._name, known), [millimetres(frame.distance) for frame in known])
         return True
-
-    def _reference(self, written):
-        """Position of the nodes' reference frame: the middle one, or the first where the length is unknown."""
-        wanted = self._bracket.announced // 2 or self._bracket.frames[0].index
-        return int(np.argmin([abs(frame.index - wanted) for frame in written]))
 
     def _name(self, frame):
         return f"{frame.index:0{self._digits}d}.png"

@@ -45,10 +45,6 @@ def _from_files(parser, args):
         parser.warn(warning)
     for image in Progress(stack, unit="frame"):
         sharpness.add(image)
-    return sharpness, _dioptres(args, sharpness)
-
-
-def _dioptres(args, sharpness):
     if args.registered_depth:
         depth = read_depth(args.registered_depth)
         _same_size(args.registered_depth, depth.shape[1::-1], sharpness.size)
@@ -57,7 +53,7 @@ def _dioptres(args, sharpness):
         _same_size(f"{args.rig}/color.yaml", (rig.color.width, rig.color.height), sharpness.size)
         read_depth(args.depth, rig.depth)  # its errors
         depth = registered(args.rig, args.depth)
-    return focus_curve.dioptres_of_registered(depth, sharpness.grid())
+    return sharpness, focus_curve.dioptres_of_registered(depth, sharpness.grid())
 
 
 def _same_size(name, size, wanted):
