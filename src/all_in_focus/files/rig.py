@@ -220,6 +220,8 @@ def load_camera(path):
         if file.data.get(key, 0) not in (0, 1):
             file.fail(key, "is not supported in a file: give the calibration of the binned pictures")
     D = file.matrix("distortion_coefficients", None)
+    if model not in DISTORTION_COEFFICIENTS:
+        file.fail("distortion_model", f"'{model}' is not one of {', '.join(sorted(DISTORTION_COEFFICIENTS))}")
     D = distortion_of(model, [] if D is None else D, f"{path}: distortion_coefficients.data: ")
     return Camera(file.text("camera_name", "camera"), file.size("image_width"), file.size("image_height"), K, D, model,
                   file.matrix("rectification_matrix", (3, 3)), file.matrix("projection_matrix", (3, 4)))

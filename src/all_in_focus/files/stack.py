@@ -292,7 +292,10 @@ def _focus_file(path):
         where = f"{path}: entry {number}"
         if not isinstance(entry, dict):
             raise StackError(f"{where}: expected {{file: NAME, focus_mm: NUMBER}}")
-        found.append((entry.get("file"), _metres(entry.get("focus_mm"), where)))
+        value = math.nan if entry.get("focus_mm") is None else entry["focus_mm"]
+        if type(value) not in (int, float) or value <= 0:
+            raise StackError(f"{where}: focus_mm: expected a positive number, not '{value}'")
+        found.append((entry.get("file"), value / 1000.0))
     return None, found
 
 
@@ -326,11 +329,3 @@ def save_focus(path, names, distances_mm):
     """Writes focus distances as load_focus() reads them."""
     yaml_file.write(path, {"frames": [{"file": name, "focus_mm": float(distance)}
                                       for name, distance in zip(names, distances_mm)]})
-
-
-def _metres(value, where):
-    if value is None:
-        return math.nan
-    if type(value) not in (int, float) or value <= 0:
-        raise StackError(f"{where}: focus_mm: expected a positive number, not '{value}'")
-    return value / 1000.0
