@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from std_msgs.msg import Header
 
+from all_in_focus.acknowledgements import Acknowledgements
 from all_in_focus.bag import bag_file
 from all_in_focus.replay import evaluation, graph as evaluation_graph, player as bag_player, results
 from all_in_focus.msg import FusionReport, Optics, Segment, SegmentArray, SegmentChoice
@@ -225,16 +226,18 @@ def test_evaluate_bag_refuses_bad_input_in_one_line(tmp_path):
 
 
 def test_acknowledgements():
-    under_way = bag_player.Acknowledgements()
+    def header(stamp):
+        return Header(stamp=genpy.Time(nsecs=stamp))
+    under_way = Acknowledgements()
     for stamp in (5, 3, 3):
-        under_way.sent(stamp)
-    under_way.came(99)
+        under_way.sent(header(stamp))
+    under_way.came(header(99))
     assert under_way.under_way() == 3 and under_way.received == 1
-    under_way.came(3)
+    under_way.came(header(3))
     assert under_way.under_way() == 2 and under_way.first() == 3
     under_way.give_up()
     assert under_way.under_way() == 0 and under_way.first() is None
-    under_way.sent(5)
+    under_way.sent(header(5))
     under_way.peer_subscribe("rgb/image", None, None)  # a node that listens anew knows nothing of it
     assert under_way.under_way() == 0
 

@@ -9,11 +9,12 @@ import rospy
 from std_msgs.msg import Header
 
 from all_in_focus import parameters
+from all_in_focus.acknowledgements import Acknowledgements
 from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
 from all_in_focus.camera.frame_publisher import FramePublisher
 from all_in_focus.files.stack import Stack, StackError, focus_of_arrivals
 
-POLL_PERIOD = 0.1  # s
+POLL_PERIOD, FLOW_PERIOD = 0.1, 0.005  # s
 MAX_UNPROCESSED = 8  # published frames that the fusion has not acknowledged yet
 ACKNOWLEDGE_TIMEOUT = 5.0  # s
 RESULT_TIMEOUT = 120.0  # s: the last frame of a bracket is acknowledged when its picture is restored
@@ -23,44 +24,6 @@ def _poll_until(condition, end=math.inf):
     """Wait until the condition holds, the monotonic clock shows `end` (s), or the node shuts down."""
     while not condition() and time.monotonic() < end and not rospy.is_shutdown():
         time.sleep(min(POLL_PERIOD, max(0, end - time.monotonic())))
-
-
-class FlowControl:
-    """Delays frames while the fusion is behind: it would drop frames that wait too long, and large ones fill memory."""
-
-    def __init__(self):
-        self._unprocessed = []  # stamps, oldest first; guarded by _changed, which tells of acknowledgements
-        self._changed = threading.Condition()
-        self._subscriber = rospy.Subscriber("all_in_focus/processed", Header, self._on_processed)
-
-    def _on_processed(self, header):
-        with self._changed:
-            self._unprocessed = [stamp for stamp in self._unprocessed if stamp > header.stamp]
-            self._changed.notify_all()
-
-    def forget(self):
-        """Somebody begins to listen: maybe the fusion, which stopped meanwhile and knows nothing of the frames before. That
-        it was away need not be seen otherwise: it may have been for a moment."""
-        with self._changed:
-            self._unprocessed = []
-            self._changed.notify_all()
-
-    def wait(self, fusion_listens, new_bracket):
-        """Call before each frame; a bracket waits for the result of the one before it. Gives up on a fusion that has left,
-        or acknowledges nothing for ACKNOWLEDGE_TIMEOUT, RESULT_TIMEOUT before a bracket. fusion_listens: function."""
-        most, patience = (1, RESULT_TIMEOUT) if new_bracket else (MAX_UNPROCESSED, ACKNOWLEDGE_TIMEOUT)
-        end = time.monotonic() + patience
-        with self._changed:
-            while len(self._unprocessed) >= most and self._subscriber.get_num_connections() \
-                    and not rospy.is_shutdown():
-                if self._changed.wait(POLL_PERIOD):
-                    end = time.monotonic() + patience
-                elif time.monotonic() > end or not fusion_listens():
-                    self._unprocessed = []
-
-    def published(self, stamp):
-        with self._changed:
-            self._unprocessed.append(stamp)
 
 
 class Player:
@@ -75,10 +38,12 @@ class Player:
         self._loop = parameters.flag("loop", False)
         self._wait_for = parameters.text("wait_for")
         self._wait_timeout = parameters.number("wait_timeout", 10.0, 0)
+        self.flow = Acknowledgements()
+        self._acknowledgements = rospy.Subscriber("all_in_focus/processed", Header, self.flow.came)
 
     def run(self, frames):
-        count, bracket_id, flow = len(self._stack), 0, FlowControl()
-        frames.on_subscriber = flow.forget
+        count, bracket_id = len(self._stack), 0
+        frames.on_subscriber = self.flow.give_up  # maybe the fusion, which stopped for a moment
         frames.announce(next(iter(self._stack)).shape[1::-1])
         rospy.loginfo("%s: %d frames, which wait for a listener on %s%s", self._path, count, rospy.resolve_name("rgb/image"),
                       f", and for {rospy.resolve_name(self._wait_for)}" if self._wait_for else "")
@@ -89,12 +54,12 @@ class Player:
         while not rospy.is_shutdown():
             for index, image in enumerate(self._stack):
                 _poll_until(lambda: False, due)
-                flow.wait(frames.has_all_listeners, new_bracket=index == 0)
+                self.await_fusion(frames.has_all_listeners, new_bracket=index == 0)
                 if rospy.is_shutdown():
                     return
                 stamp = rospy.Time.now()
                 if frames.has_all_listeners():
-                    flow.published(stamp)
+                    self.flow.sent(Header(stamp=stamp))
                 frames.publish(image, stamp, bracket_id, index, count, index + 1 == count,
                                self._stack.distances[index])
                 due = max(due + self._period, time.monotonic())
@@ -102,6 +67,20 @@ class Player:
             if not self._loop:
                 rospy.loginfo("all %d frames are published", count)
                 rospy.spin()  # stay: slow subscribers are still fetching frames
+
+    def await_fusion(self, fusion_listens, new_bracket):
+        """Delays a frame while the fusion is behind: it would drop frames that wait too long, and large ones fill memory. A
+        bracket waits for the result of the one before it. Gives up on a fusion that has left, or acknowledges nothing for
+        ACKNOWLEDGE_TIMEOUT, RESULT_TIMEOUT before a bracket. fusion_listens: function."""
+        most, patience = (1, RESULT_TIMEOUT) if new_bracket else (MAX_UNPROCESSED, ACKNOWLEDGE_TIMEOUT)
+        received, since = self.flow.received, time.monotonic()
+        while self.flow.under_way() >= most and not rospy.is_shutdown():
+            if self.flow.received > received:
+                received, since = self.flow.received, time.monotonic()
+            elif time.monotonic() > since + patience or not fusion_listens() \
+                    or not self._acknowledgements.get_num_connections():
+                self.flow.give_up()
+            time.sleep(FLOW_PERIOD)
 
     def _wait(self, frames):
         """Wait until the fusion listens, then for a message on ~wait_for: the fusion has received what it announces."""

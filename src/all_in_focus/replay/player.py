@@ -19,6 +19,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
+from all_in_focus.acknowledgements import Acknowledgements
 from all_in_focus.bag.bag_file import TYPES
 from all_in_focus.bag.brackets import WINDOW
 
@@ -41,42 +42,6 @@ MAX_SILENCES = 3  # missing acknowledgements in a row before giving up
 
 class PlayError(ValueError):
     """The bag cannot be played to the end; the message is one line."""
-
-
-class Acknowledgements(rospy.SubscribeListener):
-    """Stamps (ns) of inputs that were sent and not yet acknowledged. Thread-safe. As listener of the publisher: when somebody
-    begins to listen, it may be the node, which stopped for a moment, and knows nothing of what was sent before."""
-
-    def __init__(self):
-        self._lock = threading.Lock()
-        self._under_way = Counter()
-        self.received = 0
-
-    def sent(self, stamp):
-        with self._lock:
-            self._under_way[stamp] += 1
-
-    def came(self, stamp):
-        with self._lock:
-            self.received += 1
-            self._under_way -= Counter({stamp: 1})  # an unexpected stamp changes nothing
-
-    def under_way(self):
-        with self._lock:
-            return sum(self._under_way.values())
-
-    def first(self):
-        """Smallest stamp (ns) that is not acknowledged, or None."""
-        with self._lock:
-            return min(self._under_way, default=None)
-
-    def give_up(self):
-        """Waits no longer for anything sent so far."""
-        with self._lock:
-            self._under_way.clear()
-
-    def peer_subscribe(self, *_):
-        self.give_up()
 
 
 class BagPlayer:
@@ -104,9 +69,7 @@ class BagPlayer:
         self._static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
         self._subscribers = {}
         for kind, topic in ACKNOWLEDGED.items():
-            waiting = self._acknowledged[kind]
-            self._subscribers[topic] = rospy.Subscriber(
-                topic, Header, lambda header, waiting=waiting: waiting.came(header.stamp.to_nsec()))
+            self._subscribers[topic] = rospy.Subscriber(topic, Header, self._acknowledged[kind].came)
 
     def loose_ends(self, outputs):
         """(topic, what is wrong with it) of each connection that is missing."""
@@ -215,7 +178,7 @@ class BagPlayer:
         registered, segmented = self._acknowledged["registration"], self._acknowledged["segmentation"]
         for waiting in (registered, segmented):
             waiting.give_up()
-            waiting.sent(message.header.stamp.to_nsec())
+            waiting.sent(message.header)
         self._publishers["depth"].publish(message)
         if not self._wait(lambda: not (registered.under_way() and segmented.under_way()), self._patience):
             self._silence(f"depth_preprocess did not acknowledge a depth image within {self._patience:g} s")
@@ -232,7 +195,7 @@ class BagPlayer:
     def _send_color(self, message):
         fitting = WINDOW_BYTES // max(1, len(message.data))
         self._wait_for_color(min(WINDOW, max(4, fitting)))
-        self._acknowledged["fusion"].sent(message.header.stamp.to_nsec())
+        self._acknowledged["fusion"].sent(message.header)
         self._publishers["rgb"].publish(message)
 
     def _wait_for_color(self, limit):
