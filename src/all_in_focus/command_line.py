@@ -116,7 +116,11 @@ def _exit_code(error, errors):
         return 128 + signal.SIGPIPE
     if not isinstance(error, (ValueError, OSError, MemoryError, *errors)):
         return None
-    print(f"{Path(sys.argv[0]).name}: {_no_master(error) or one_line(error)}", file=sys.stderr)
+    reason = one_line(error)
+    if isinstance(error, ConnectionRefusedError) and "rospy" in sys.modules:  # given private parameters, it waits for no master
+        reason = (f"the ROS master at {os.environ.get('ROS_MASTER_URI')} does not answer: start roscore, or compare "
+                  "ROS_MASTER_URI")
+    print(f"{Path(sys.argv[0]).name}: {reason}", file=sys.stderr)
     return BAD_INPUT
 
 
@@ -149,14 +153,6 @@ def _listed(name, parameters):
     width = 4 + max(map(len, parameters), default=0)
     lines = [f"  {'~' + parameter:{width}}{meaning}" for parameter, meaning in parameters.items()]
     return "\n".join([f"parameters (rosrun all_in_focus {name} _NAME:=VALUE):", *lines]) if lines else ""
-
-
-def _no_master(error):
-    """What to do where rospy, given private parameters, does not wait for a master; None for other errors."""
-    if isinstance(error, ConnectionRefusedError) and "rospy" in sys.modules:
-        return (f"the ROS master at {os.environ.get('ROS_MASTER_URI')} does not answer: start roscore, or compare "
-                "ROS_MASTER_URI")
-    return None
 
 
 def number_type(accepts, expected, kind=float):

@@ -35,17 +35,12 @@ class FocusDrive:
         self.position = 0
         self._camera = camera
         self._settle = maker.settle_s if settle_s is None else settle_s
-        self._widget = self._find()
+        found = (find_widget(self._camera, name) for name in maker.widgets)
+        self._widget = next((widget for widget in found if widget is not None and not widget.read_only), None)
+        if self._widget is None:
+            raise CameraError(BAD_PARAMETERS, "looking for the focus drive",
+                              f"no widget {' or '.join(maker.widgets)}: is the lens in the mode in which the camera can move it?")
         self._zero = self._absolute(self._widget.value) if maker.rule == POSITION else 0
-
-    def _find(self):
-        for name in self.maker.widgets:
-            widget = find_widget(self._camera, name)
-            if widget is not None and not widget.read_only:
-                return widget
-        raise CameraError(BAD_PARAMETERS, "looking for the focus drive",
-                          f"no widget {' or '.join(self.maker.widgets)}: is the lens in the mode in which the camera "
-                          "can move it?")
 
     def _absolute(self, value):
         """The value of the widget as a number; some cameras give it as a text."""

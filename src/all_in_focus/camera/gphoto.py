@@ -101,8 +101,9 @@ class GphotoCamera(CameraDriver):
         doing = f"setting '{name}' to {value}"
         with self._opened(doing) as camera:
             widget = camera.get_single_config(name, self._context)
+            type_of_kind = {gp.GP_WIDGET_RANGE: float, gp.GP_WIDGET_TOGGLE: int}
             try:
-                widget.set_value(_typed(widget.get_type(), value))
+                widget.set_value(type_of_kind.get(widget.get_type(), str)(value))
             except (TypeError, ValueError):
                 raise CameraError(BAD_PARAMETERS, doing)
             camera.set_single_config(name, widget, self._context)
@@ -149,10 +150,3 @@ def _look_up(what, name, look_up):
 
 def _content(file):
     return bytes(memoryview(file.get_data_and_size()))
-
-
-def _typed(kind, value):
-    """The value in the type that a widget of this kind takes."""
-    if kind == gp.GP_WIDGET_RANGE:
-        return float(value)
-    return int(value) if kind == gp.GP_WIDGET_TOGGLE else str(value)

@@ -75,7 +75,13 @@ class Session:
             self._photographer.reset()
             maker = self._maker_of(self.model)
             if self._drive is None or self._maker is not maker:
-                self._prepare_for(maker)
+                config = self.config
+                if config.drive == NONE:
+                    self._drive = RingDrive(RING_PAUSE if config.settle_s is None else config.settle_s)
+                else:
+                    self._drive = FocusDrive(self._camera, maker, config.step_size, config.settle_s)
+                self._hold = SettingsHold(self._camera, maker.holds if maker else ALL_HOLDS, config.white_balance, config.iso)
+                self._maker, self._start = maker, None
             if self.config.home != CURRENT:
                 self._drive.go_to_stop(self.config.home == FAR)
             self._restore()
@@ -100,14 +106,6 @@ class Session:
             raise CameraError(NOT_SUPPORTED, f"'{model}'", "its focus cannot be driven from here, only that of "
                               f"{makers}: use image_folder_camera, or ~drive:=none and turn the focus ring by hand")
         return maker
-
-    def _prepare_for(self, maker):
-        if self.config.drive == NONE:
-            self._drive = RingDrive(RING_PAUSE if self.config.settle_s is None else self.config.settle_s)
-        else:
-            self._drive = FocusDrive(self._camera, maker, self.config.step_size, self.config.settle_s)
-        self._hold = SettingsHold(self._camera, maker.holds if maker else ALL_HOLDS, self.config.white_balance, self.config.iso)
-        self._maker, self._start = maker, None
 
     def shoot(self, publish, on_release=lambda shot: None, exposures=(), distances=()):
         """A bracket of equal steps, or, with a table, at these distances (m), from near to far or from far to near; of frames

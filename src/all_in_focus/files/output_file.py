@@ -41,10 +41,14 @@ def whole_file(path):
     working = folder / f".{os.getpid()}.{target.name}"  # keeps the suffix, which may choose the format
     try:
         with named(path, working):
-            _require_writable(target)
+            if target.is_file() and not target.stat().st_mode & 0o222:  # replacing it would go around that
+                raise PermissionError(errno.EACCES, "is write-protected", str(target))
             yield working
             if stream:
-                _copy_into(working, path)
+                sys.stdout.flush()
+                number = _standard_stream(path)
+                with open(working, "rb") as file, open(path if number is None else os.dup(number), "wb") as output:
+                    shutil.copyfileobj(file, output)
             else:
                 if target.exists():
                     shutil.copymode(target, working)
@@ -54,12 +58,6 @@ def whole_file(path):
             working.unlink()
         if stream:
             folder.rmdir()
-
-
-def _require_writable(path):
-    """PermissionError for an existing file that nobody may write to: replacing it would go around that."""
-    if path.is_file() and not path.stat().st_mode & 0o222:
-        raise PermissionError(errno.EACCES, "is write-protected", str(path))
 
 
 def _standard_stream(path):
@@ -79,13 +77,6 @@ def _is_stream(path):
             raise OSError(errno.EINVAL, "is a device or socket, not a file to write", str(path))
         return stat.S_ISCHR(mode) or stat.S_ISFIFO(mode) or _standard_stream(path) is not None
     return False
-
-
-def _copy_into(working, path):
-    sys.stdout.flush()
-    number = _standard_stream(path)
-    with open(working, "rb") as file, open(path if number is None else os.dup(number), "wb") as stream:
-        shutil.copyfileobj(file, stream)
 
 
 def write_picture(path, image):

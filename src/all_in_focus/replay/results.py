@@ -122,7 +122,7 @@ class BracketCollector:
         self.brackets = []  # dicts, see evaluation.conclude()
 
     def add(self, name, stamp, data):
-        """data: PNG as bytes, a SegmentArray, or a ResultError to raise if a bracket needs this part."""
+        """data: PNG as bytes, or a SegmentArray."""
         parts = self._parts[name]
         parts[stamp.to_nsec()] = data
         while len(parts) > KEPT:
@@ -171,21 +171,13 @@ class BracketCollector:
             wanted = self._wanted(report)
             files = {name: self._parts[name][stamp] for name, stamp in wanted.items()}
             segments = files.pop("segments", None)
-            for data in files.values():
-                if isinstance(data, ResultError):
-                    raise data
             if segments is not None:
                 labels = cv2.imdecode(np.frombuffer(files["labels"], np.uint8), cv2.IMREAD_UNCHANGED)
                 files["regions"] = encode_png(region_picture(labels, to_plain(segments.segments)))
             self._folder.save(number, files, report_dict(report, segments))
-            self._forget(wanted)
-
-    def _forget(self, wanted):
-        """Drops what no later bracket can use: they have the same label image or later ones."""
-        for name, stamp in wanted.items():
-            parts = self._parts[name]
-            for key in [key for key in parts if key < stamp or key == stamp and name in IMAGES]:
-                del parts[key]
+            for name, stamp in wanted.items():  # later brackets have the same label image or later ones
+                self._parts[name] = {key: data for key, data in self._parts[name].items()
+                                     if key > stamp or key == stamp and name not in IMAGES}
 
 
 class ResultSaver:
@@ -197,7 +189,8 @@ class ResultSaver:
         self._error = None  # the first error, one line
         self.subscribers = {topic: rospy.Subscriber(topic, Image, functools.partial(self._on_image, name, encoding))
                             for name, (topic, encoding) in {**IMAGES, "labels": (LABELS, "passthrough")}.items()}
-        self.subscribers[SEGMENTS] = rospy.Subscriber(SEGMENTS, SegmentArray, self._on_segments)
+        self.subscribers[SEGMENTS] = rospy.Subscriber(SEGMENTS, SegmentArray, lambda message: self._collect(
+            self._collector.add, "segments", message.header.stamp, message))
         self.subscribers[REPORT] = rospy.Subscriber(REPORT, FusionReport,
                                                     functools.partial(self._collect, self._collector.add_report))
         self._complaints = {}  # text of a node: level
@@ -239,18 +232,14 @@ class ResultSaver:
         try:
             image = BRIDGE.imgmsg_to_cv2(message, encoding)
             data = encode_labels(image) if name == "labels" else encode_png(image)
-        except ResultError as error:
-            data = error
         except (cv_bridge.CvBridgeError, ValueError) as error:
-            data = ResultError(f"{name}: {one_line(error)}")
+            self._error = self._error or f"{name}: {one_line(error)}"
+            return
         self._collect(self._collector.add, name, message.header.stamp, data)
-
-    def _on_segments(self, message):
-        self._collect(self._collector.add, "segments", message.header.stamp, message)
 
     def _collect(self, method, *arguments):
         with self._lock:
             try:
                 method(*arguments)
-            except (ResultError, OSError) as error:
+            except OSError as error:
                 self._error = self._error or one_line(error)

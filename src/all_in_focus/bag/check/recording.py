@@ -122,17 +122,11 @@ def check_stamps(check, bag, scan, all_without_depth):
                           "set them in the camera's driver")
         if len(steps) and steps.max() > 0:
             rates.append(f"{title} at {NS / np.median(steps[steps > 0]):.3g} Hz")
-    delays = {kind: _delay(getattr(scan, kind)) for kind in TITLES}
-    delays = {kind: delay for kind, delay in delays.items() if delay is not None}
+    delays = {kind: [head.recorded - head.stamp for head in getattr(scan, kind) if head.stamp] for kind in TITLES}
+    delays = {kind: float(np.median(times)) / NS for kind, times in delays.items() if times}  # s
     _check_clocks(check, complain, delays)
     late = [f"{TITLES[kind]} recorded {delay:.3f} s after its stamp" for kind, delay in delays.items()]
     check.ok(", ".join(rates + late))
-
-
-def _delay(heads):
-    """Median time from stamp to recording, s; None where there are no stamps."""
-    delays = [head.recorded - head.stamp for head in heads if head.stamp]
-    return float(np.median(delays)) / NS if delays else None
 
 
 def _check_clocks(check, complain, delays):

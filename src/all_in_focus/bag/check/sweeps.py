@@ -101,20 +101,15 @@ def _problems(distances, known, optics, depth):
         known = known[known > least]
     elif len(known) < len(distances):
         yield f"{len(known)} of {len(distances)} focus distances are known"
-    if len(known) > 1:
-        yield from _order(known)
-    if len(known) and optics:
-        yield from _gaps(known, optics, depth)
-
-
-def _order(known):
     steps = np.diff(1 / known)
-    if not steps.any():
+    if len(steps) and not steps.any():
         yield f"all frames say the same focus distance, {known[0] / 1000:.4g} m: does the driver step the focus?"
     elif (steps == 0).any():
         yield f"{(steps == 0).sum()} times a frame has the focus distance of the one before"
     elif (steps > 0).any() and (steps < 0).any():
         yield "the focus goes to and fro, not in one sweep: gear backlash makes its distances less certain"
+    if len(known) and optics:
+        yield from _gaps(known, optics, depth)
 
 
 def _gaps(known, optics, depth):
