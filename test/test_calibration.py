@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from all_in_focus.calibration.command import depth_size
 from all_in_focus.calibration.board import Board, Pair, find_corners
 from all_in_focus.calibration.fit_report import view_warnings
 from all_in_focus.calibration.rig_fit import fit_camera, fit_rig
 from all_in_focus.calibration.live_view import Coverage, LiveView, measure, moved
-from all_in_focus.calibration.rig_folder import RigFolder, build_rig
+from all_in_focus.calibration.rig_folder import RigFolder, build_rig, depth_size
 from all_in_focus.files.rig import Camera, rotation_matrix
 
 from board_rendering import (SQUARE, board_poses, corner_points, in_color_camera, mapping_error, project, rays, render,
@@ -161,9 +160,7 @@ def test_boards_that_are_tilted_alike_or_leave_a_side_empty():
 
 
 def test_the_infrared_picture_of_a_kinect_may_have_more_rows():
-    class Kinect:
-        kinect = True
-    assert depth_size(Kinect, (640, 488)) == (640, 480) and depth_size(Kinect, (1280, 1024)) == (1280, 1024)
+    assert depth_size((640, 488), True) == (640, 480) and depth_size((1280, 1024), True) == (1280, 1024)
 
 
 def outline(x, y, width, height, lean=0.0):

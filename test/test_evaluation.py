@@ -17,7 +17,7 @@ from all_in_focus.replay import evaluation, graph as evaluation_graph, player as
 from all_in_focus.msg import FusionReport, Optics, Segment, SegmentArray, SegmentChoice
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import MARK
-from all_in_focus.replay.results import BracketCollector, ResultError, ResultFolder, encode_labels
+from all_in_focus.replay.results import BracketCollector, ResultFolder, encode_labels
 from file_helpers import call
 from tool_helpers import expect_refusal
 
@@ -53,7 +53,7 @@ def test_labels_are_16_bit():
     labels = np.array([[0, 1], [300, 65535]], np.int32)
     read = cv2.imdecode(np.frombuffer(encode_labels(labels), np.uint8), cv2.IMREAD_UNCHANGED)
     assert read.dtype == np.uint16 and np.array_equal(read, labels)
-    with pytest.raises(ResultError, match="65536 regions"):
+    with pytest.raises(ValueError, match="65536 regions"):
         encode_labels(labels + 1)
 
 

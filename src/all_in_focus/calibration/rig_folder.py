@@ -10,6 +10,11 @@ from all_in_focus.files.output_folder import OutputFolder
 from all_in_focus.files.rig import Camera, Rig, load_rig, save_rig
 
 FILES = ("depth.yaml", "color.yaml", "extrinsics.yaml", "optics.yaml", "calibration.yaml")
+# The depth image of a Kinect v1 lies higher and more to the left than its IR picture, by half a correlation window:
+# http://wiki.ros.org/kinect_calibration/technical measured it, openni_camera takes (-5, -4).
+KINECT_IR_OFFSET = (-4.8, -3.9)
+# libfreenect's infrared pictures have eight rows more than its depth images.
+KINECT_IR_SIZE, KINECT_DEPTH_SIZE = (640, 488), (640, 480)
 
 
 class RigFolder(OutputFolder):
@@ -33,6 +38,11 @@ class RigFolder(OutputFolder):
         (self.working / "calibration.yaml").write_text(record, encoding="utf-8")
         load_rig(self.working)  # checks that it can be read before it replaces anything
         self.commit()
+
+
+def depth_size(picture_size, is_kinect):
+    """Size (width, height) of the depth images of a camera whose infrared pictures have `picture_size`."""
+    return KINECT_DEPTH_SIZE if is_kinect and picture_size == KINECT_IR_SIZE else picture_size
 
 
 def build_rig(fit, names, sizes, offset=(0.0, 0.0), optics=None):

@@ -39,10 +39,6 @@ MAX_COMPLAINTS = 20
 KEPT = 2000  # label images (compressed) to keep until a report asks for them
 
 
-class ResultError(ValueError):
-    """A result that cannot be written; the message is one line."""
-
-
 def to_plain(value):
     """A ROS message, or a field of one, for JSON: times in seconds, NaN and infinity as null."""
     if isinstance(value, genpy.Message):
@@ -71,10 +67,10 @@ def report_dict(report, segment_array=None):
 
 
 def encode_labels(labels):
-    """16-bit PNG, as bytes, of an image of labels >= 0. Raises ResultError above 65535 regions."""
+    """16-bit PNG, as bytes, of an image of labels >= 0. ValueError above 65535 regions."""
     greatest = int(labels.max()) if labels.size else 0
     if greatest > MAX_LABEL:
-        raise ResultError(f"{greatest} regions do not fit a 16-bit PNG ({MAX_LABEL} at most): smooth the depth or "
+        raise ValueError(f"{greatest} regions do not fit a 16-bit PNG ({MAX_LABEL} at most): smooth the depth or "
                           "use wider optics")
     return encode_png(labels.astype(np.uint16))
 
@@ -197,9 +193,9 @@ class ResultSaver:
         self._log = rospy.Subscriber("/rosout", Log, self._on_log)
 
     def check(self):
-        """ResultError where something could not be saved."""
+        """ValueError where something could not be saved."""
         if self._error:
-            raise ResultError(self._error)
+            raise ValueError(self._error)
 
     def has_saved(self, brackets):
         """Whether so many brackets have come, with all of their images."""
@@ -207,7 +203,7 @@ class ResultSaver:
             return len(self._collector.brackets) >= brackets and not self._collector.waiting
 
     def finish(self):
-        """The brackets, as evaluation.conclude() takes them. ResultError."""
+        """The brackets, as evaluation.conclude() takes them. ValueError."""
         self.check()
         for subscriber in self.subscribers.values():
             subscriber.unregister()
