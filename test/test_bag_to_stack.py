@@ -40,7 +40,7 @@ class Files:
         entries = [{"file": f"{index:03d}.png", "focus_mm": mm} for index, mm in enumerate(FOCUS_MM)]
         (folder / "focus.yaml").write_text(yaml.safe_dump({"frames": entries}))
         stack = Stack(str(folder / "stack"), str(folder / "focus.yaml"))
-        write_bag(str(folder / "x.bag"), depth_image(), str(folder / "rig"), stack)
+        write_bag(str(folder / "x.bag"), depth_image(), load_rig(folder / "rig"), stack)
 
     @property
     def arguments(self):

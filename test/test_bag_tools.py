@@ -14,7 +14,7 @@ from sensor_msgs.msg import Image
 
 from all_in_focus.bag.bag_file import BagContents, BagError, Topics
 from all_in_focus.bag.writer import stamp_of, write_bag
-from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
+from all_in_focus.files.rig import Camera, Optics, Rig, load_rig, save_rig
 from all_in_focus.files.stack import Stack
 from bag_helpers import compressed, rewritten
 from file_helpers import SIZE, call, cut, file_limit, focus_file, pictures, run_script, write_pages, write_stack
@@ -52,7 +52,7 @@ def bag(tmp_path, rig, depth):
     names = [f"{i}.png" for i in range(5)]
     focus = focus_file(tmp_path, "frames: [{file: 1.png, focus_mm: 1500}]")
     path = str(tmp_path / "x.bag")
-    write_bag(path, depth, rig, Stack(write_stack(tmp_path / "stack", names, frames), focus), rate=20.0)
+    write_bag(path, depth, load_rig(rig), Stack(write_stack(tmp_path / "stack", names, frames), focus), rate=20.0)
     return path, frames
 
 
@@ -99,7 +99,7 @@ def test_bag_has_latched_transform_and_optics(bag):
 def test_equal_input_makes_equal_bags(tmp_path, bag, rig, depth):
     path, _ = bag
     again = str(tmp_path / "again.bag")
-    write_bag(again, depth, rig, Stack(str(tmp_path / "stack"), str(tmp_path / "focus.yaml")), rate=20.0)
+    write_bag(again, depth, load_rig(rig), Stack(str(tmp_path / "stack"), str(tmp_path / "focus.yaml")), rate=20.0)
     assert open(path, "rb").read() == open(again, "rb").read()
 
 

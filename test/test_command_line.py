@@ -204,7 +204,7 @@ def test_help_of_every_program():
 
 READERS = {"focus_bracket_camera": ["camera/bracket_node.py", "camera/frame_publisher.py"],
            "image_folder_camera": ["camera/folder_node.py", "camera/frame_publisher.py"],
-           "replay_bag": ["replay/over_and_over.py"], "capture": ["camera/capture_node.py"], "depth_file_camera": [],
+           "replay_bag": [], "capture": ["camera/capture_node.py"], "depth_file_camera": [],
            "rig_publisher": []}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from all_in_focus.bag.writer import write_bag
-from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
+from all_in_focus.files.rig import Camera, Optics, Rig, load_rig, save_rig
 from all_in_focus.files.stack import Stack
 from file_helpers import SCRIPTS, focus_file, run, write_stack
 from tool_helpers import PREFIX, expect_refusal, succeeded
@@ -37,7 +37,7 @@ def bag(tmp_path_factory):
     frames[1][:, :WIDTH // 2] = blurred[:, :WIDTH // 2]
     focus = focus_file(folder, "frames: [{file: 0.png, focus_mm: 2500}, {file: 1.png, focus_mm: 3500}]")
     path = str(folder / "x.bag")
-    write_bag(path, depth, str(folder / "rig"), Stack(write_stack(folder / "stack", ["0.png", "1.png"], frames), focus))
+    write_bag(path, depth, load_rig(folder / "rig"), Stack(write_stack(folder / "stack", ["0.png", "1.png"], frames), focus))
     return path
 
 

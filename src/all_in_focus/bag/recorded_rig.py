@@ -126,11 +126,6 @@ def optics_at(scan, order):
     return optics
 
 
-def transforms(scan):
-    """All TransformStamped of a Scan."""
-    return [transform for small in (*scan.tf_static, *scan.tf) for transform in small.message.transforms]
-
-
 def is_possible(transform):
     """Whether the rotation is a unit quaternion and all numbers are finite."""
     q, t = transform.transform.rotation, transform.transform.translation

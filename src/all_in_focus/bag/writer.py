@@ -11,7 +11,7 @@ from tf2_msgs.msg import TFMessage
 
 from all_in_focus.image_messages import color_message, to_message
 from all_in_focus.files.output_file import whole_file
-from all_in_focus.files.rig import load_rig, same_shape
+from all_in_focus.files.rig import same_shape
 from all_in_focus.files.rig_messages import camera_info, static_transform
 from all_in_focus.files.stack import StackError, size_text
 from all_in_focus.msg import FocusFrame, Optics
@@ -32,10 +32,9 @@ def _write_latched(bag, topic, message, stamp):
         "message_definition": message._full_text, "callerid": "/make_bag"})
 
 
-def _fill(bag, depth, rig_folder, stack, rate, with_focus):
-    rig = load_rig(rig_folder)
+def _fill(bag, depth, rig, stack, rate, with_focus):
     start = stamp_of(0, rate)
-    _write_latched(bag, "/tf_static", TFMessage([static_transform(rig_folder, start)]), start)
+    _write_latched(bag, "/tf_static", TFMessage([static_transform(rig, start)]), start)
     if rig.optics is not None:
         _write_latched(bag, "/rgb/optics", Optics(**vars(rig.optics)), start)
 
@@ -58,13 +57,13 @@ def _fill(bag, depth, rig_folder, stack, rate, with_focus):
         bag.write("/rgb/image", color_message(frame, header), stamp)
 
 
-def write_bag(output, depth, rig_folder, stack, rate=30.0, with_focus=True):
+def write_bag(output, depth, rig, stack, rate=30.0, with_focus=True):
     """Writes the bag; on any error nothing is left behind and an older bag stays.
 
-    depth: 16-bit image in mm; rig_folder: see rig.py; stack: a Stack; rate: colour frames per second;
+    depth: 16-bit image in mm; rig: a Rig; stack: a Stack; rate: colour frames per second;
     with_focus: whether to write FocusFrame messages.
     """
     if Path(output).is_dir():
         raise IsADirectoryError(errno.EISDIR, "is a folder", str(output))
     with whole_file(output) as working, rosbag.Bag(str(working), "w", compression=rosbag.Compression.LZ4) as bag:
-        _fill(bag, depth, rig_folder, stack, rate, with_focus)
+        _fill(bag, depth, rig, stack, rate, with_focus)

@@ -5,8 +5,6 @@ from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
-from all_in_focus.files.rig import load_rig
-
 
 def camera_info(camera, header):
     """CameraInfo of a camera of the rig."""
@@ -15,9 +13,8 @@ def camera_info(camera, header):
                       P=camera.P.ravel().tolist())
 
 
-def static_transform(rig_folder, stamp):
+def static_transform(rig, stamp):
     """Pose of the depth camera in the colour camera's frame (m), with the numbers as they stand in extrinsics.yaml."""
-    rig = load_rig(rig_folder)
     transform = TransformStamped(header=Header(stamp=stamp, frame_id=rig.parent_frame), child_frame_id=rig.child_frame)
     transform.transform.translation = Vector3(*rig.t.tolist())
     transform.transform.rotation = Quaternion(*rig.quaternion.tolist())

@@ -11,7 +11,7 @@ import numpy as np
 
 from all_in_focus import installed
 from all_in_focus.bag.check.findings import share_text
-from all_in_focus.bag.recorded_rig import camera_of, color_frame, is_possible, pose, transforms
+from all_in_focus.bag.recorded_rig import camera_of, color_frame, is_possible, pose
 from all_in_focus.files.errors import counted
 from all_in_focus.files.output_file import write_picture
 from all_in_focus.files.rig import RigError, same_shape, save_rig
@@ -127,7 +127,7 @@ def rig_warnings(rig, depth, picture):
 def check_transform(check, bag, scan, depth_head, ask):
     """ask: rig_warnings() of a Pose of the depth camera in the colour camera's frame, or None. Returns its answer."""
     child, parent = depth_head.frame_id, color_frame(scan, depth_head.order)
-    for transform in transforms(scan):
+    for transform in (transform for small in (*scan.tf_static, *scan.tf) for transform in small.message.transforms):
         if not is_possible(transform):
             check.warning(f"the transform from {transform.child_frame_id} to {transform.header.frame_id} is "
                           "impossible (rotation no unit quaternion, or not finite) and ignored: correct the "
