@@ -5,7 +5,6 @@
 All waiting is in wall time. Node time is that of the bag. It never passes a colour image that is not acknowledged yet,
 because the fusion ends brackets at gaps in time.
 """
-import math
 import re
 import threading
 import time

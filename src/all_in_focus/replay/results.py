@@ -70,8 +70,8 @@ def encode_labels(labels):
     """16-bit PNG, as bytes, of an image of labels >= 0. ValueError above 65535 regions."""
     greatest = int(labels.max()) if labels.size else 0
     if greatest > MAX_LABEL:
-        raise ValueError(f"{greatest} regions do not fit a 16-bit PNG ({MAX_LABEL} at most): smooth the depth or "
-                          "use wider optics")
+        raise ValueError(f"{greatest} regions do not fit a 16-bit PNG ({MAX_LABEL} at most): smooth the depth or use "
+                         "wider optics")
     return encode_png(labels.astype(np.uint16))
 
 
