@@ -21,7 +21,6 @@ class Acknowledgements(rospy.SubscribeListener):
             self._under_way[header.stamp.to_nsec()] += 1
 
     def came(self, header):
-        """The acknowledgement."""
         with self._lock:
             self.received += 1
             self._under_way -= Counter({header.stamp.to_nsec(): 1})  # an unexpected stamp changes nothing

@@ -213,7 +213,6 @@ def _legend(width, near, far, colour):
 
 
 def with_lines(image, lines):
-    """The BGR picture with lines of text below it."""
     size = max(1.0, image.shape[1] / 1000)
     step = round(TITLE_HEIGHT * size)
     text = np.zeros((step * len(lines) + 8, image.shape[1], 3), np.uint8)

@@ -78,7 +78,6 @@ class BagFile:
         self._bag.close()
 
     def has(self, kind):
-        """Whether there is a message of that kind."""
         return self.has_topic(self.topics[kind])
 
     def has_topic(self, name):

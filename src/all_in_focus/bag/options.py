@@ -11,7 +11,6 @@ from all_in_focus.command_line import Input, count_or_zero, not_negative, optics
 
 
 def add_topics(parser):
-    """Options for the names of the topics in the bag: --depth-topic and so on."""
     group = parser.add_argument_group("topics in the bag")
     group.add_argument("--topics", type=Input, metavar="FILE", help="their names, as check_bag --save-topics writes them")
     for kind, name in vars(Topics()).items():
@@ -44,7 +43,6 @@ def topics(args):
 
 
 def rules(args):
-    """Rules of brackets."""
     return Rules(args.bracket_size, args.bracket_gap, args.label_max_age)
 
 

@@ -38,8 +38,6 @@ def measure(outline, size):
 
 
 class Coverage:
-    """Views taken so far, as measured in both cameras."""
-
     def __init__(self):
         self._views = []
 

@@ -108,7 +108,6 @@ class EdgeFit:
     shifted: bool  # and it is not zero
 
     def lines(self):
-        """The result in two lines."""
         numbers = (f"edges agree {self.agreement:.2f} as they are, {self.best:.2f} at best, {self.chance:.2f} by "
                    f"chance ({self.borders} border pixels)")
         shift = (f"({self.shift[0]:+.1f}, {self.shift[1]:+.1f}) px +- ({self.deviation[0]:.1f}, "

@@ -23,7 +23,6 @@ LONGEST_CHECK = 0.5  # s; a request waits for a check of the camera, but not for
 
 
 def read_config():
-    """Config from the private parameters of the node."""
     table = rospy.get_param("~focus_table", [])
     default = Config()
     settle = parameters.number("settle", -1)

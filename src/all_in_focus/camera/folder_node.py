@@ -27,8 +27,6 @@ def _poll_until(condition, end=math.inf):
 
 
 class Player:
-    """Plays a stack at a rate, once or in a loop."""
-
     def __init__(self, path, focus):
         self._stack = Stack(path, focus or None, deep=True)
         for warning in self._stack.warnings:
@@ -96,8 +94,6 @@ class Player:
 
 
 class Watcher:
-    """Publishes the pictures that arrive in a folder."""
-
     def __init__(self, path, focus):
         self._distance = focus_of_arrivals(focus) if focus else lambda name, index: math.nan
         self._watch = FolderWatch(path, rospy.Time.now)

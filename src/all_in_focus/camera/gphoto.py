@@ -33,7 +33,6 @@ class GphotoCamera(CameraDriver):
 
     @contextlib.contextmanager
     def _errors(self, doing):
-        """Turns errors of libgphoto2 into CameraError."""
         del self._driver_messages[:]
         try:
             yield

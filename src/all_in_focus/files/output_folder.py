@@ -171,7 +171,6 @@ def _is_of_a_run(staging):
 
 
 def _entries(folder):
-    """Names in a folder."""
     return {path.name for path in folder.iterdir()} - {MARK}
 
 

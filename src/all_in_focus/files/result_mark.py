@@ -13,7 +13,6 @@ MARK = "all_in_focus"  # its value in a result; the ending of the file beside a 
 
 
 def is_result(path):
-    """Whether a program of this package wrote the picture."""
     with contextlib.suppress(OSError, SyntaxError, ValueError), Image.open(path) as image:
         if str(image.getexif().get(SOFTWARE, "")).startswith(MARK):
             return True

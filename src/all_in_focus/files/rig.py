@@ -205,7 +205,6 @@ class _Reader:
 
 
 def load_camera(path):
-    """Camera from a camera_info YAML file."""
     file = _Reader(path)
     K = file.array("camera_matrix.data", (3, 3))
     if K[0, 0] <= 0 or K[1, 1] <= 0:
@@ -228,7 +227,6 @@ def load_camera(path):
 
 
 def load_optics(path):
-    """Optics from optics.yaml."""
     file = _Reader(path)
     optics = Optics(file.positive("focal_length_mm"), file.positive("aperture"), file.positive("circle_of_confusion_mm"))
     optics.validate(path)
@@ -263,7 +261,6 @@ def _plain(values):
 
 
 def save_camera(path, camera):
-    """Writes a camera_info YAML file."""
     yaml_file.write(path, {"image_width": camera.width, "image_height": camera.height, "camera_name": camera.name,
                            "camera_matrix": _matrix(camera.K, 3), "distortion_model": camera.distortion_model,
                            "distortion_coefficients": _matrix(camera.D, 1), "rectification_matrix": _matrix(camera.R, 3),

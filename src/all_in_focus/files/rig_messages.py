@@ -7,7 +7,6 @@ from std_msgs.msg import Header
 
 
 def camera_info(camera, header):
-    """CameraInfo of a camera of the rig."""
     return CameraInfo(header=header, width=camera.width, height=camera.height, distortion_model=camera.distortion_model,
                       D=camera.D.ravel().tolist(), K=camera.K.ravel().tolist(), R=camera.R.ravel().tolist(),
                       P=camera.P.ravel().tolist())

@@ -145,7 +145,6 @@ def is_image_name(name):
 
 
 def size_text(image):
-    """Width and height for messages: 640x480."""
     return f"{image.shape[1]}x{image.shape[0]}"
 
 
@@ -326,6 +325,5 @@ def load_focus(path, names, frames, left_out=()):
 
 
 def save_focus(path, names, distances_mm):
-    """Writes focus distances as load_focus() reads them."""
     yaml_file.write(path, {"frames": [{"file": name, "focus_mm": float(distance)}
                                       for name, distance in zip(names, distances_mm)]})

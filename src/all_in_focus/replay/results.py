@@ -177,8 +177,6 @@ class BracketCollector:
 
 
 class ResultSaver:
-    """Subscribes to the outputs and passes them to a BracketCollector."""
-
     def __init__(self, folder):
         self._lock = threading.Lock()
         self._collector = BracketCollector(folder)

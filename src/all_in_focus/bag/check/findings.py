@@ -51,7 +51,6 @@ class BagReport:
         return [f"{finding.level:<7}  {finding.check:<{width}}  {finding.text}" for finding in self.findings]
 
     def plain(self):
-        """The report as plain dicts and lists."""
         return {"version": 1, "bag": self.bag, "fusable": self.fusable, "skipped": self.skipped,
                 "checks": [vars(finding) for finding in self.findings], "brackets": self.brackets}
 
