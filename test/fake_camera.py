@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A fake camera that behaves as those of each maker do through libgphoto2."""
 import time
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 
+from all_in_focus.camera.bracket_node import PARAMETERS
 from all_in_focus.camera.interface import (BAD_PARAMETERS, BUSY, CAMERA_ERROR, ERROR, FILE_NOT_FOUND, IO_WRITE,
                                            MODEL_NOT_FOUND, CameraDriver, CameraError, Widget)
 
@@ -26,6 +28,11 @@ def picture_of(lens, size=SIZE):
 
 def lens_of(picture):
     return float(np.mean(picture)) * LENS / 255
+
+
+def camera_settings(**given):
+    """Values of the parameters of focus_bracket_camera."""
+    return SimpleNamespace(**{**{name: one.default for name, one in PARAMETERS.items()}, **given})
 
 
 class FakeCamera(CameraDriver):

@@ -4,8 +4,8 @@
 import pytest
 import rospy
 
-from all_in_focus.camera.bracket_node import read_config
-from all_in_focus.camera.session import Config
+from all_in_focus import parameters
+from all_in_focus.camera.bracket_node import PARAMETERS, check
 from all_in_focus.files.rig import Camera
 
 
@@ -17,13 +17,14 @@ def given(monkeypatch):
     return values
 
 
-def test_defaults_are_those_of_the_config(given):
-    default = Config()
-    assert vars(read_config()) == {**vars(default), "table": []}
-    given["focus_table"] = [{"step": 0, "mm": 500}]
-    assert read_config().home == "near"  # a table counts from a stop
-    given["home"] = "current"
-    assert read_config().home == "current"
+def read_settings():
+    settings = parameters.read(PARAMETERS)
+    check(settings)
+    return settings
+
+
+def test_defaults(given):
+    assert vars(read_settings()) == {name: one.default for name, one in PARAMETERS.items()}
 
 
 @pytest.mark.parametrize("name, value, words", [
@@ -44,7 +45,7 @@ def test_defaults_are_those_of_the_config(given):
 def test_impossible_parameters_are_named(given, name, value, words):
     given[name] = value
     with pytest.raises(ValueError) as failure:
-        read_config()
+        read_settings()
     assert str(failure.value).startswith(words)
 
 
@@ -52,19 +53,19 @@ def test_text_that_means_a_number_is_taken_as_that(given, monkeypatch):
     said = []
     monkeypatch.setattr(rospy, "logwarn", lambda line, *values: said.append(line % values))
     given.update(count="5", settle="0.5", keep_files="true", iso=100)
-    config = read_config()
-    assert (config.count, config.settle_s, config.keep_files, config.iso) == (5, 0.5, True, "100")
-    assert said == ["settle is text: '0.5' is taken as 0.5; write it without quotes",
-                    "count is text: '5' is taken as 5; write it without quotes",
+    config = read_settings()
+    assert (config.count, config.settle, config.keep_files, config.iso) == (5, 0.5, True, "100")
+    assert said == ["count is text: '5' is taken as 5; write it without quotes",
+                    "settle is text: '0.5' is taken as 0.5; write it without quotes",
                     "keep_files is text: 'true' is taken as true; write it without quotes"]
 
 
 def test_a_ring_turned_by_hand_has_no_focus_distances(given):
     given.update(drive="none", step=0)
-    assert read_config().drive == "none"
+    assert read_settings().drive == "none"
     given["focus_table"] = [{"step": 0, "mm": 500}]
     with pytest.raises(ValueError, match="~drive: none takes neither ~focus_table nor ~home"):
-        read_config()
+        read_settings()
 
 
 def test_a_calibration_for_another_size_sees_the_same():

@@ -19,9 +19,8 @@ from all_in_focus.camera.folder_node import MAX_UNPROCESSED, Player
 def player(monkeypatch, tmp_path):
     monkeypatch.setattr(rospy, "Subscriber", lambda *_: SimpleNamespace(get_num_connections=lambda: 1))
     monkeypatch.setattr(rospy, "is_shutdown", lambda: False)
-    monkeypatch.setattr(rospy, "get_param", lambda _, default: default)
     cv2.imwrite(str(tmp_path / "0.png"), np.zeros((4, 4, 3), np.uint8))
-    return Player(str(tmp_path), "")
+    return Player(SimpleNamespace(stack=str(tmp_path), focus=""))
 
 
 def header(stamp):

@@ -11,8 +11,8 @@ from all_in_focus.camera import bracket, focus_drive, interface
 from all_in_focus.camera.focus_drive import FocusLimit
 from all_in_focus.camera.interface import (BUSY, CAMERA_ERROR, CORRUPTED, IO_WRITE, MODEL_NOT_FOUND, NO_SPACE,
                                            USB_CLAIM, CameraError)
-from all_in_focus.camera.session import Config, Session
-from fake_camera import LENS, MODELS, FakeCamera, lens_of
+from all_in_focus.camera.session import Session
+from fake_camera import LENS, MODELS, FakeCamera, camera_settings, lens_of
 from file_helpers import ENDLESS_PICTURE, VirtualTime
 
 MAKES = [make for make in MODELS if make != "none"]
@@ -26,7 +26,7 @@ def virtual_time(monkeypatch):
 
 
 def connected(camera, **config):
-    session = Session(camera, Config(**{"settle_s": 0, "count": 3, "patience_s": 1, "timeout_s": 1, **config}),
+    session = Session(camera, camera_settings(**{"settle": 0, "count": 3, "patience": 1, "timeout": 1, **config}),
                       itertools.count().__next__)
     session.connect()
     return session
@@ -103,7 +103,7 @@ def test_the_stamp_is_taken_at_the_release(frames):
             calls.append(name)
             return was(*arguments)
         setattr(camera, name, call)
-    session = Session(camera, Config(settle_s=0, count=2, frames=frames), lambda: len(calls))
+    session = Session(camera, camera_settings(settle=0, count=2, frames=frames), lambda: len(calls))
     session.connect()
     session.shoot(shots.append)
     release = "capture" if frames == "still" else "capture_preview"
@@ -148,7 +148,7 @@ def test_raw_alone_is_explained():
 @pytest.mark.parametrize("idle", [False, True])
 def test_a_picture_that_comes_too_late_is_not_taken_for_the_next(idle):
     camera, shots = FakeCamera(exposure=math.inf), []
-    session, before = connected(camera, timeout_s=0.2), settings(camera)
+    session, before = connected(camera, timeout=0.2), settings(camera)
     with pytest.raises(CameraError, match="none came in 0.2 s, is a card in the camera?"):
         session.shoot(shots.append)
     assert not shots and session.connected and settings(camera) == before and camera.lens == 400
@@ -183,7 +183,7 @@ def test_a_busy_camera_only_takes_longer():
     def publish(shot):
         shots.append(shot)
         camera.busy = 3
-    assert shot_with_warnings(connected(camera, patience_s=3), publish) == []
+    assert shot_with_warnings(connected(camera, patience=3), publish) == []
     assert len(shots) == 3 and camera.lens == 400
 
 
@@ -196,7 +196,7 @@ def test_latency_only_takes_longer():
 @pytest.mark.parametrize("again", ["check", "shoot"])
 def test_what_a_busy_camera_does_not_restore_is_restored_later(again):
     camera, shots = FakeCamera(), []
-    session, before = connected(camera, patience_s=0.1), settings(camera)
+    session, before = connected(camera, patience=0.1), settings(camera)
 
     def publish(shot):
         shots.append(shot)
@@ -267,7 +267,7 @@ def test_a_frame_is_the_last_if_the_camera_is_lost_on_the_way_to_the_next():
 def test_errors_are_one_line_with_a_remedy(code, words):
     camera = FakeCamera()
     camera.open_errors = [code] * 20
-    session = Session(camera, Config(patience_s=0.1), int)
+    session = Session(camera, camera_settings(patience=0.1), int)
     with pytest.raises(CameraError) as failure:
         session.connect()
     assert words in str(failure.value) and "\n" not in str(failure.value) and not session.connected
@@ -290,15 +290,22 @@ def test_a_camera_of_another_maker_is_never_driven_as_the_one_before():
 
 def test_calibrated_steps_have_distances():
     camera, shots = FakeCamera("Canon EOS", lens=700), []
-    connected(camera, table=TABLE, home="near", first=40, step=10).shoot(shots.append)
+    connected(camera, focus_table=TABLE, home="near", first=40, step=10).shoot(shots.append)
     assert [shot.distance for shot in shots] == pytest.approx([1 / 1.2, 1.0, 1 / 0.8])
     assert [round(lens_of(shot.image), -2) for shot in shots] == [400, 500, 600]
     assert camera.lens == 0  # where counting begins
 
 
+def test_a_focus_table_counts_from_a_stop():
+    for home, lens in (("", 0), ("current", 700)):
+        camera = FakeCamera("Canon EOS", lens=700)
+        connected(camera, focus_table=TABLE, home=home)
+        assert camera.lens == lens
+
+
 def test_a_plan_is_shot_exactly():
     camera, shots = FakeCamera("Nikon", lens=700), []
-    session = connected(camera, table=TABLE, home="near", step_size=10)
+    session = connected(camera, focus_table=TABLE, home="near", step_size=10)
     session.shoot(shots.append, distances=[0.3, 0.8, 2.0, math.inf])
     assert session.take_warnings() == ["0.30 m lies beyond the focus table: focused at its end"]
     assert [shot.position for shot in shots] == [0, 38, 75, 100]
@@ -320,7 +327,7 @@ def test_exposure_times_that_are_asked_for(wanted, taken):
 def test_a_plan_with_an_exposure_time_for_each_distance():
     """Also several times at one distance."""
     camera, seen = FakeCamera("Nikon", lens=700), []
-    session = connected(camera, table=TABLE, home="near", step_size=10)
+    session = connected(camera, focus_table=TABLE, home="near", step_size=10)
 
     def released(shot):
         seen.append((shot.position, camera.widgets["shutterspeed"].value))

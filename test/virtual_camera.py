@@ -20,7 +20,8 @@ if "VIRTUAL_CARD" not in os.environ:
     pytest.skip("is run by scripts/try_virtual_camera", allow_module_level=True)
 
 from all_in_focus.camera.gphoto import GphotoCamera  # noqa: E402
-from all_in_focus.camera.session import Config, Session  # noqa: E402
+from all_in_focus.camera.session import Session  # noqa: E402
+from fake_camera import camera_settings  # noqa: E402
 
 HERE = Path(__file__).resolve().parent
 CARD = Path(os.environ["VIRTUAL_CARD"])
@@ -39,7 +40,7 @@ def picture():
 @pytest.fixture(scope="module")
 def session(picture):
     camera = GphotoCamera()
-    session = Session(camera, Config(drive="none", count=3, settle_s=0, timeout_s=5), itertools.count().__next__)
+    session = Session(camera, camera_settings(drive="none", count=3, settle=0, timeout=5), itertools.count().__next__)
     session.connect()
     session.camera = camera
     yield session

@@ -124,22 +124,24 @@ def _exit_code(error, errors):
     return BAD_INPUT
 
 
-def node(name, description, body, parameters=None):
-    """The main of a ROS node, for run(). body: works until shutdown; returns the exit code, None means 0; parameters: what
-    --help says of each private parameter, by name.
+def node(name, description, body, table=None):
+    """The main of a ROS node, for run(). body: works until shutdown; returns the exit code, None means 0; table: of its private
+    parameters, whose values body gets, see parameters.read().
 
     If it raises ValueError or OSError, one line in the log says why, and the exit code is 2.
     """
     def main():
         import rospy  # most programs need no ROS
+
+        from all_in_focus import parameters
         Parser(prog=name, description=description, formatter_class=argparse.RawDescriptionHelpFormatter,
-               epilog=_listed(name, parameters or {})).parse_args(rospy.myargv()[1:])
+               epilog=_listed(name, table) if table else "").parse_args(rospy.myargv()[1:])
         # Signals are left to run(): their exceptions free what the main thread holds. rospy would shut down in the middle
         # of its work, and wait for ever for the lock of a connection to which it is just writing.
         end_in_any_case()
         rospy.init_node(name, disable_signals=True)
         try:
-            return body()
+            return body(parameters.read(table)) if table else body()
         except (rospy.ROSException, KeyboardInterrupt, SystemExit):  # shutdown
             return 0
         except (ValueError, OSError) as error:
@@ -148,11 +150,12 @@ def node(name, description, body, parameters=None):
     return main
 
 
-def _listed(name, parameters):
+def _listed(name, table):
     """The end of a node's --help."""
-    width = 4 + max(map(len, parameters), default=0)
-    lines = [f"  {'~' + parameter:{width}}{meaning}" for parameter, meaning in parameters.items()]
-    return "\n".join([f"parameters (rosrun all_in_focus {name} _NAME:=VALUE):", *lines]) if lines else ""
+    width = 4 + max(map(len, table))
+    lines = [f"  {'~' + parameter:{width}}{one.meaning}" + (f"; default {str(one.default).lower()}" if one.default != "" else "")
+             for parameter, one in table.items()]
+    return "\n".join([f"parameters (rosrun all_in_focus {name} _NAME:=VALUE):", *lines])
 
 
 def number_type(accepts, expected, kind=float):

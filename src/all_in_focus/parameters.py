@@ -3,8 +3,25 @@
 """Private parameters of a node, checked as src/ros/parameters.hpp does for the nodelets; but what is impossible ends the node:
 a ValueError, whose line names the parameter."""
 import math
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import rospy
+
+
+class Parameter(NamedTuple):
+    """default: a value of the type that the parameter has; meaning: for --help; limit: the least number, or the texts to choose
+    from."""
+    default: object
+    meaning: str
+    limit: object = None
+
+
+def read(table):
+    """The values of a table of Parameters by name, as attributes."""
+    readers = {bool: flag, int: whole, float: number, str: text, list: lambda name, value: rospy.get_param("~" + name, value)}
+    return SimpleNamespace(**{name: readers[type(one.default)](name, one.default, *([] if one.limit is None else [one.limit]))
+                              for name, one in table.items()})
 
 
 def text(name, default="", among=()):
@@ -12,7 +29,7 @@ def text(name, default="", among=()):
     value = rospy.get_param("~" + name, default)
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise ValueError(f"~{name}: expected text, not {value}: write it in quotes")
-    if among and str(value) not in among:
+    if among and value != default and str(value) not in among:
         raise ValueError(f"~{name}: '{value}' is not one of {', '.join(among)}")
     return str(value)
 

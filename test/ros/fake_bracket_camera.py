@@ -14,7 +14,7 @@ import rospy
 from std_msgs.msg import String
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-from all_in_focus.camera.bracket_node import shoot  # noqa: E402
+from all_in_focus.camera.bracket_node import PARAMETERS, shoot  # noqa: E402
 from all_in_focus.camera.interface import USB_CLAIM  # noqa: E402
 from all_in_focus.command_line import node, run  # noqa: E402
 from fake_camera import FakeCamera  # noqa: E402
@@ -40,4 +40,4 @@ def camera_at(_port, _model):
 
 
 if __name__ == "__main__":
-    run(node("focus_bracket_camera", __doc__, lambda: shoot(camera_at)))
+    run(node("focus_bracket_camera", __doc__, lambda settings: shoot(settings, camera_at), PARAMETERS))

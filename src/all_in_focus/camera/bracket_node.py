@@ -9,61 +9,66 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_srvs.srv import Trigger, TriggerResponse
 
-from all_in_focus import parameters
+from all_in_focus.camera import frame_publisher
 from all_in_focus.camera.bracket import PREVIEW, STILL
 from all_in_focus.camera.focus_drive import FocusLimit
 from all_in_focus.camera.frame_publisher import FramePublisher
 from all_in_focus.camera.interface import CameraError
 from all_in_focus.camera.makers import MAKERS, maker_of
-from all_in_focus.camera.session import CURRENT, FAR, MOTOR, NEAR, NONE, Config, Session
+from all_in_focus.camera.session import CURRENT, FAR, MOTOR, NEAR, NONE, Session
 from all_in_focus.msg import FocusPlan
+from all_in_focus.parameters import Parameter
 from all_in_focus.srv import Shoot, ShootResponse
 
 LONGEST_CHECK = 0.5  # s; a request waits for a check of the camera, but not for a bracket
 
 
-def read_config():
-    table = rospy.get_param("~focus_table", [])
-    default = Config()
-    settle = parameters.number("settle", -1)
-    config = Config(
-        drive=parameters.text("drive", default.drive, (MOTOR, NONE)),
-        maker=parameters.text("maker"),
-        frames=parameters.text("frames", STILL, (STILL, PREVIEW)),
-        count=parameters.whole("count", default.count, 1),
-        step=parameters.whole("step", default.step),
-        first=parameters.whole("first", default.first),
-        step_size=parameters.whole("step_size", default.step_size, 0),
-        settle_s=settle if settle >= 0 else None,
-        home=parameters.text("home", NEAR if table else CURRENT, (CURRENT, NEAR, FAR)),
-        table=table,
-        patience_s=parameters.number("patience", default.patience_s, 0),
-        timeout_s=parameters.number("timeout", default.timeout_s, 0),
-        keep_files=parameters.flag("keep_files", default.keep_files),
-        white_balance=parameters.text("white_balance"),
-        iso=parameters.text("iso"))
-    if config.maker and maker_of(config.maker) is None:
-        names = ", ".join(maker.name for maker in MAKERS)
-        raise ValueError(f"~maker: '{config.maker}' is not one of {names}")
-    if config.drive == NONE and (table or config.home != CURRENT):
+PARAMETERS = {
+    "port": Parameter("", "as gphoto2 --auto-detect names it; empty: the first camera"),
+    "model": Parameter("", "as gphoto2 --auto-detect names it; empty: the first camera"),
+    "drive": Parameter(MOTOR, "motor; none: a person turns the focus ring", (MOTOR, NONE)),
+    "maker": Parameter("", "name of the maker's rules; empty: by the camera's own name"),
+    "frames": Parameter(STILL, "still; preview: live view", (STILL, PREVIEW)),
+    "count": Parameter(9, "frames in a bracket", 1),
+    "step": Parameter(1, "focus steps from frame to frame, > 0 goes far"),
+    "first": Parameter(0, "steps to the first frame"),
+    "step_size": Parameter(0, "of one step, in the maker's unit; 0: typical of the maker", 0),
+    "settle": Parameter(-1.0, "s, pause after a move; < 0: typical of the maker"),
+    "home": Parameter("", "current, near or far: where step 0 is; empty: current, with a focus_table near", (CURRENT, NEAR, FAR)),
+    "focus_table": Parameter([], "[{step: 0, mm: 450}, {step: 40, mm: 900}]: see calibrate_focus"),
+    "rate": Parameter(0.0, "brackets a second while somebody listens; 0: by service ~bracket", 0),
+    "plan": Parameter(False, "brackets at a rate are those of segmentation/focus_plan"),
+    **frame_publisher.PARAMETERS,
+    "white_balance": Parameter("", "a choice of the camera, where it would choose by itself"),
+    "iso": Parameter("", "a choice of the camera, where it would choose by itself"),
+    "keep_files": Parameter(True, "false: pictures are deleted from the card once fetched"),
+    "patience": Parameter(5.0, "s, how long a busy camera is asked again", 0),
+    "timeout": Parameter(10.0, "s, how long a picture may take to come", 0),
+    "reconnect": Parameter(2.0, "s between attempts to find the camera", 0.05),
+    "diagnostic_period": Parameter(1.0, "s between checks of the connection", 0.01),
+}
+
+
+def check(settings):
+    """ValueError for values of PARAMETERS that are impossible, or contradict each other."""
+    if settings.maker and maker_of(settings.maker) is None:
+        raise ValueError(f"~maker: '{settings.maker}' is not one of {', '.join(maker.name for maker in MAKERS)}")
+    if settings.drive == NONE and (settings.focus_table or settings.home not in ("", CURRENT)):
         raise ValueError(f"~drive: {NONE} takes neither ~focus_table nor ~home: focus is set by hand")
-    if config.drive == MOTOR and config.step == 0 and config.count > 1:
-        raise ValueError(f"~step: 0 would take the same picture {config.count} times")
-    return config
+    if settings.drive == MOTOR and settings.step == 0 and settings.count > 1:
+        raise ValueError(f"~step: 0 would take the same picture {settings.count} times")
+    if settings.plan and not settings.focus_table:
+        raise ValueError("~plan: needs a ~focus_table, which gives the focus distance of each step")
 
 
 class FocusBracketCamera:
-    """camera: a CameraDriver, closed."""
+    """camera: a CameraDriver, closed; settings: values of PARAMETERS."""
 
-    def __init__(self, camera):
-        self._session = Session(camera, read_config(), rospy.Time.now)
-        self._rate = parameters.number("rate", 0, 0)
-        self._planned = parameters.flag("plan", False)
-        self._reconnect = parameters.number("reconnect", 2.0, 0.05)
-        self._check_period = parameters.number("diagnostic_period", 1.0, 0.01)
-        if self._planned and self._session.scale is None:
-            raise ValueError("~plan: needs a ~focus_table, which gives the focus distance of each step")
-        self._frames = FramePublisher()
+    def __init__(self, camera, settings):
+        check(settings)
+        self._settings = settings
+        self._session = Session(camera, settings, rospy.Time.now)
+        self._frames = FramePublisher(settings)
         self._frames.announce()
         self._lock = threading.Lock()  # guards the camera, which does one thing at a time
         self._plan = None
@@ -88,12 +93,14 @@ class FocusBracketCamera:
                     with self._lock:
                         self._check()
                         self._diagnose()
-                    next_check = time.monotonic() + (self._check_period if self._session.connected else self._reconnect)
+                    settings = self._settings
+                    next_check = time.monotonic() + (settings.diagnostic_period if self._session.connected else
+                                                     settings.reconnect)
                 # At a rate only while somebody subscribes to the pictures: each of them wears the shutter.
-                if self._rate and self._session.connected and now >= next_bracket and self._frames.has_listeners():
-                    next_bracket = max(next_bracket + 1 / self._rate, now)
+                if self._settings.rate and self._session.connected and now >= next_bracket and self._frames.has_listeners():
+                    next_bracket = max(next_bracket + 1 / self._settings.rate, now)
                     with self._lock:
-                        self._shoot(self._planned, (), (), [])
+                        self._shoot(self._settings.plan, (), (), [])
                 time.sleep(0.02)
         finally:
             with self._lock:
@@ -129,7 +136,7 @@ class FocusBracketCamera:
             self._warn(self._session.take_warnings())
         except CameraError as error:
             self._healthy = False
-            again = "" if self._session.connected else f"; trying again every {self._reconnect:g} s"
+            again = "" if self._session.connected else f"; trying again every {self._settings.reconnect:g} s"
             self._report(str(error) + again, DiagnosticStatus.ERROR if again else DiagnosticStatus.WARN)
 
     def _report_ready(self):
@@ -208,13 +215,13 @@ class FocusBracketCamera:
             return f"no plan has come on {rospy.resolve_name('segmentation/focus_plan')} yet"
         if planned and not len(distances):
             return "the plan is empty: no region has a depth"
-        frames = len(distances) or self._session.config.count
+        frames = len(distances) or self._settings.count
         if len(exposures) not in (0, 1, frames):
             return f"{len(exposures)} exposure times for {frames} frames: give one for all, or one for each"
         wrong = [time for time in exposures if not (time > 0 and math.isfinite(time))]
         return f"{wrong[0]:g} s is no exposure time" if wrong else ""
 
 
-def shoot(camera_at):
+def shoot(settings, camera_at):
     """Until shutdown. camera_at(port, model) -> CameraDriver."""
-    FocusBracketCamera(camera_at(parameters.text("port"), parameters.text("model"))).run()
+    FocusBracketCamera(camera_at(settings.port, settings.model), settings).run()

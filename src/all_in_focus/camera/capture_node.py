@@ -12,7 +12,6 @@ from dynamic_reconfigure.srv import Reconfigure
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from all_in_focus import parameters
 from all_in_focus.msg import CaptureAction, CaptureFeedback, CaptureResult, Progress
 from all_in_focus.srv import Shoot, ShootResponse
 
@@ -150,8 +149,8 @@ class _Work:
 
 
 class _Server:
-    def __init__(self):
-        self._timeout = parameters.number("timeout", 120.0, 0)
+    def __init__(self, timeout):
+        self._timeout = timeout
         self._work = None
         # Time goes back where a bag begins anew. SimpleActionServer refuses goals that seem older then, and actionlib's
         # timer ends.
@@ -196,9 +195,9 @@ def _set_mode(mode):
     return before
 
 
-def serve():
+def serve(settings):
     """Until shutdown."""
-    server = _Server()
+    server = _Server(settings.timeout)
     while not rospy.is_shutdown():
         server.actions.publish_status()
         time.sleep(STATUS_PERIOD)

@@ -8,12 +8,25 @@ import time
 import rospy
 from std_msgs.msg import Header
 
-from all_in_focus import parameters
 from all_in_focus.acknowledgements import Acknowledgements
+from all_in_focus.camera import frame_publisher
 from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
 from all_in_focus.camera.frame_publisher import FramePublisher
 from all_in_focus.files.stack import Stack, StackError, focus_of_arrivals
+from all_in_focus.parameters import Parameter
 
+PARAMETERS = {
+    "stack": Parameter("", "folder of images, or a video"),
+    "focus": Parameter("", "YAML file: focus distances, or a focus table"),
+    **frame_publisher.PARAMETERS,
+    "rate": Parameter(2.0, "frames a second", 0.001),
+    "loop": Parameter(False, "again and again, each time as a new bracket"),
+    "wait_for": Parameter("", "topic on which a message must come before the first frame"),
+    "wait_timeout": Parameter(10.0, "s, how long; 0: for ever", 0),
+    "watch": Parameter(False, "publish what comes into the folder from now on"),
+    "bracket_size": Parameter(0, "watching: frames; 0: a bracket ends with a pause", 0),
+    "bracket_gap": Parameter(2.0, "watching: s, the pause that ends a bracket", 0),
+}
 POLL_PERIOD, FLOW_PERIOD = 0.1, 0.005  # s
 MAX_UNPROCESSED = 8  # published frames that the fusion has not acknowledged yet
 ACKNOWLEDGE_TIMEOUT = 5.0  # s
@@ -27,15 +40,11 @@ def _poll_until(condition, end=math.inf):
 
 
 class Player:
-    def __init__(self, path, focus):
-        self._stack = Stack(path, focus or None, deep=True)
+    def __init__(self, settings):
+        self._stack = Stack(settings.stack, settings.focus or None, deep=True)
         for warning in self._stack.warnings:
             rospy.logwarn("%s", warning)
-        self._path = path
-        self._period = 1 / parameters.number("rate", 2.0, 0.001)
-        self._loop = parameters.flag("loop", False)
-        self._wait_for = parameters.text("wait_for")
-        self._wait_timeout = parameters.number("wait_timeout", 10.0, 0)
+        self._settings = settings
         self.flow = Acknowledgements()
         self._acknowledgements = rospy.Subscriber("all_in_focus/processed", Header, self.flow.came)
 
@@ -43,10 +52,10 @@ class Player:
         count, bracket_id = len(self._stack), 0
         frames.on_subscriber = self.flow.give_up  # maybe the fusion, which stopped for a moment
         frames.announce(next(iter(self._stack)).shape[1::-1])
-        rospy.loginfo("%s: %d frames, which wait for a listener on %s%s", self._path, count, rospy.resolve_name("rgb/image"),
-                      f", and for {rospy.resolve_name(self._wait_for)}" if self._wait_for else "")
+        rospy.loginfo("%s: %d frames, which wait for a listener on %s%s", self._settings.stack, count, rospy.resolve_name("rgb/image"),
+                      f", and for {rospy.resolve_name(self._settings.wait_for)}" if self._settings.wait_for else "")
         _poll_until(frames.has_listeners)
-        if self._wait_for:
+        if self._settings.wait_for:
             self._wait(frames)
         due = time.monotonic()
         while not rospy.is_shutdown():
@@ -60,9 +69,9 @@ class Player:
                     self.flow.sent(Header(stamp=stamp))
                 frames.publish(image, stamp, bracket_id, index, count, index + 1 == count,
                                self._stack.distances[index])
-                due = max(due + self._period, time.monotonic())
+                due = max(due + 1 / self._settings.rate, time.monotonic())
             bracket_id += 1
-            if not self._loop:
+            if not self._settings.loop:
                 rospy.loginfo("all %d frames are published", count)
                 rospy.spin()  # stay: slow subscribers are still fetching frames
 
@@ -83,23 +92,22 @@ class Player:
     def _wait(self, frames):
         """Wait until the fusion listens, then for a message on ~wait_for: the fusion has received what it announces."""
         came = threading.Event()
-        end = time.monotonic() + self._wait_timeout if self._wait_timeout else math.inf
+        end = time.monotonic() + self._settings.wait_timeout if self._settings.wait_timeout else math.inf
         _poll_until(frames.has_all_listeners, end)
-        subscriber = rospy.Subscriber(self._wait_for, rospy.AnyMsg, lambda _: came.set())
+        subscriber = rospy.Subscriber(self._settings.wait_for, rospy.AnyMsg, lambda _: came.set())
         _poll_until(came.is_set, end)
         subscriber.unregister()
         if not came.is_set() and not rospy.is_shutdown():
             rospy.logwarn("nothing came on %s for %g s: the pictures are published without waiting longer",
-                          rospy.resolve_name(self._wait_for), self._wait_timeout)
+                          rospy.resolve_name(self._settings.wait_for), self._settings.wait_timeout)
 
 
 class Watcher:
-    def __init__(self, path, focus):
-        self._distance = focus_of_arrivals(focus) if focus else lambda name, index: math.nan
-        self._watch = FolderWatch(path, rospy.Time.now)
-        self._brackets = BracketGrouper(parameters.whole("bracket_size", 0, 0),
-                                        parameters.number("bracket_gap", 2.0, 0))
-        self._path, self._last_error = path, ""
+    def __init__(self, settings):
+        self._distance = focus_of_arrivals(settings.focus) if settings.focus else lambda name, index: math.nan
+        self._watch = FolderWatch(settings.stack, rospy.Time.now)
+        self._brackets = BracketGrouper(settings.bracket_size, settings.bracket_gap)
+        self._path, self._last_error = settings.stack, ""
 
     def run(self, frames):
         frames.announce()
@@ -131,10 +139,8 @@ class Watcher:
                            self._distance(arrival.name, index))
 
 
-def publish():
+def publish(settings):
     """Until shutdown; ValueError for wrong parameters and files."""
-    path = parameters.text("stack")
-    if not path:
+    if not settings.stack:
         raise ValueError("~stack is missing: give a folder of images or a video")
-    source = (Watcher if parameters.flag("watch", False) else Player)(path, parameters.text("focus"))
-    source.run(FramePublisher())
+    (Watcher if settings.watch else Player)(settings).run(FramePublisher(settings))

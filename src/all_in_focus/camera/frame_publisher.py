@@ -10,26 +10,30 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from all_in_focus import parameters
 from all_in_focus.files.rig import Camera, load_rig, same_shape
 from all_in_focus.files.rig_messages import camera_info
 from all_in_focus.image_messages import color_message
 from all_in_focus.msg import FocusFrame
+from all_in_focus.parameters import Parameter
 
+PARAMETERS = {
+    "rig": Parameter("", "folder with the calibration"),
+    "width": Parameter(0, "pixels; pictures are shrunk to this width; 0: as they come", 0),
+    "frame_id": Parameter("", "empty: the rig's colour frame, else rgb_optical_frame"),
+}
 QUEUE = 30  # frames that may wait for a slow subscriber
 CORRECTION = 0.1  # s by which a corrected FocusFrame precedes its image: topics do not keep their order
 GRACE = 1.0  # s for a subscriber of the images to connect to the other topics, too
 
 
 class FramePublisher(rospy.SubscribeListener):
-    """Private parameters: rig, the folder with the calibration; width of the published pictures, 0 = as they come; frame_id.
-    on_subscriber: called whenever somebody begins to listen to the images."""
+    """settings: values of PARAMETERS. on_subscriber: called whenever somebody begins to listen to the images."""
 
-    def __init__(self):
-        rig = load_rig(parameters.text("rig")) if parameters.text("rig") else None
+    def __init__(self, settings):
+        rig = load_rig(settings.rig) if settings.rig else None
         self._calibration = rig.color if rig else None
-        self._frame_id = parameters.text("frame_id") or (rig.parent_frame if rig else "rgb_optical_frame")
-        self._width = parameters.whole("width", 0, 0)
+        self._frame_id = settings.frame_id or (rig.parent_frame if rig else "rgb_optical_frame")
+        self._width = settings.width
         self._info = None  # rig.Camera for the size of the last picture
         self._sent = None  # stamp, bracket_id, index, count and last of the FocusFrame that was published last
         self._listened_since = math.inf

@@ -4,9 +4,8 @@
 lost."""
 import contextlib
 import math
-from dataclasses import dataclass
 
-from all_in_focus.camera.bracket import STILL, Photographer, Shot
+from all_in_focus.camera.bracket import Photographer, Shot
 from all_in_focus.camera.focus_drive import FocusDrive, FocusLimit, RingDrive
 from all_in_focus.camera.interface import NOT_SUPPORTED, CameraError, RetryingCamera
 from all_in_focus.camera.makers import ALL_HOLDS, MAKERS, maker_of
@@ -19,41 +18,17 @@ MOTOR, NONE = "motor", "none"
 RING_PAUSE = 1.0  # s, default time to turn the focus ring between two frames
 
 
-@dataclass
-class Config:
-    """maker: name of a row of the table, "" = by the camera's own name; count, step, first: frames of a bracket, steps
-    between them (+ is far), steps from the start position to the first; step_size: 0 = typical of the maker; settle_s:
-    None = typical of the maker; home: where position 0 is, the focus at the start or a stop; table: of FocusTable,
-    empty = not calibrated; drive: MOTOR, or NONE where a person turns the focus ring for settle_s between the frames."""
-    drive: str = MOTOR
-    maker: str = ""
-    frames: str = STILL
-    count: int = 9
-    step: int = 1
-    first: int = 0
-    step_size: int = 0
-    settle_s: float = None
-    home: str = CURRENT
-    table: tuple = ()
-    patience_s: float = 5.0
-    timeout_s: float = 10.0
-    keep_files: bool = True
-    white_balance: str = ""
-    iso: str = ""
-
-
 class Session:
-    """clock: gives the stamps of the frames. All calls but close() may raise CameraError. One that loses the camera
+    """settings: values of bracket_node.PARAMETERS; clock: gives the stamps of the frames. All calls but close() may raise CameraError. One that loses the camera
     sets `connected` to false. After each call take_warnings() returns its warnings."""
 
-    def __init__(self, camera, config, clock):
-        self.config = config
-        self.scale = FocusTable(config.table) if config.table else None
+    def __init__(self, camera, settings, clock):
+        self._settings = settings
+        self.scale = FocusTable(settings.focus_table) if settings.focus_table else None
         self.connected = False
         self.model = self.description = ""  # of the camera, for people
-        self._camera = RetryingCamera(camera, config.patience_s)
-        self._photographer = Photographer(self._camera, clock, config.frames, config.timeout_s,
-                                          keep_files=config.keep_files)
+        self._camera = RetryingCamera(camera, settings.patience)
+        self._photographer = Photographer(self._camera, clock, settings.frames, settings.timeout, settings.keep_files)
         self._maker = self._drive = self._hold = None  # as long as no camera was there
         self._start = None  # focus position before the bracket
         self._warnings = []
@@ -75,33 +50,36 @@ class Session:
             self._photographer.reset()
             maker = self._maker_of(self.model)
             if self._drive is None or self._maker is not maker:
-                config = self.config
-                if config.drive == NONE:
-                    self._drive = RingDrive(RING_PAUSE if config.settle_s is None else config.settle_s)
+                settings = self._settings
+                if settings.drive == NONE:
+                    self._drive = RingDrive(settings.settle if settings.settle >= 0 else RING_PAUSE)
                 else:
-                    self._drive = FocusDrive(self._camera, maker, config.step_size, config.settle_s)
-                self._hold = SettingsHold(self._camera, maker.holds if maker else ALL_HOLDS, config.white_balance, config.iso)
+                    self._drive = FocusDrive(self._camera, maker, settings.step_size,
+                                             settings.settle if settings.settle >= 0 else None)
+                self._hold = SettingsHold(self._camera, maker.holds if maker else ALL_HOLDS, settings.white_balance,
+                                          settings.iso)
                 self._maker, self._start = maker, None
-            if self.config.home != CURRENT:
-                self._drive.go_to_stop(self.config.home == FAR)
+            home = self._settings.home or (NEAR if self.scale else CURRENT)
+            if home != CURRENT:
+                self._drive.go_to_stop(home == FAR)
             self._restore()
         except Exception:
             self.close()
             raise
         self.connected = True
-        if self.config.drive == NONE:
+        if self._settings.drive == NONE:
             self.description = f"{self.model}, focused by hand"
         else:
             limit = "" if maker.reports_limit else " (which do not report their focus limit)"
             self.description = f"{self.model}, focused as {maker.name} cameras are{limit}"
 
     def _maker_of(self, model):
-        names = [self.config.maker or model]
-        if not self.config.maker and maker_of(model) is None:
+        names = [self._settings.maker or model]
+        if not self._settings.maker and maker_of(model) is None:
             with contextlib.suppress(CameraError):
                 names.append(str(self._camera.get_config("manufacturer").value))
         maker = maker_of(*names)
-        if maker is None and self.config.drive != NONE:
+        if maker is None and self._settings.drive != NONE:
             makers = ", ".join(maker.name for maker in MAKERS)
             raise CameraError(NOT_SUPPORTED, f"'{model}'", "its focus cannot be driven from here, only that of "
                               f"{makers}: use image_folder_camera, or ~drive:=none and turn the focus ring by hand")
@@ -120,9 +98,9 @@ class Session:
         camera is busy or lost.
         """
         self._restore()
-        config, self._start = self.config, self._drive.position
-        first, step = (0, 1) if config.drive == NONE else (config.first, config.step)
-        positions = [self._start + first + index * step for index in range(config.count)]
+        settings, self._start = self._settings, self._drive.position
+        first, step = (0, 1) if settings.drive == NONE else (settings.first, settings.step)
+        positions = [self._start + first + index * step for index in range(settings.count)]
         if len(distances):
             for distance in distances:
                 if not self.scale.reaches(distance):
