@@ -100,7 +100,7 @@ class FocusBracketCamera:
                 if self._settings.rate and self._session.connected and now >= next_bracket and self._frames.has_listeners():
                     next_bracket = max(next_bracket + 1 / self._settings.rate, now)
                     with self._lock:
-                        self._shoot(self._settings.plan, (), (), [])
+                        self._shoot(self._settings.plan)
                 time.sleep(0.02)
         finally:
             with self._lock:
@@ -155,15 +155,13 @@ class FocusBracketCamera:
         if not self._lock.acquire(timeout=LONGEST_CHECK):
             return ShootResponse(message="the camera is shooting or being looked for: ask again in a moment")
         try:
-            bracket_id, frames = self._bracket_id, []
-            success, message = self._shoot(planned, distances, exposures, frames)
-            return ShootResponse(success, message, len(frames), bracket_id)
+            return self._shoot(planned, distances, exposures)
         finally:
             self._lock.release()
 
-    def _shoot(self, planned, distances, exposures, published):
-        """(success, message). distances: in m, empty: as planned, or as the node is set; exposures: times in s; published: gets
-        the index of each frame."""
+    def _shoot(self, planned, distances=(), exposures=()):
+        """ShootResponse. distances: in m, empty: as planned, or as the node is set; exposures: times in s."""
+        answer = ShootResponse(bracket_id=self._bracket_id)
         released = []
 
         def focus_of(shot):
@@ -177,28 +175,31 @@ class FocusBracketCamera:
 
         def publish(shot):
             self._frames.publish(shot.image, *focus_of(shot))
-            published.append(shot.index)
+            answer.frames += 1
 
         try:
             if not self._session.connected:
-                return False, self._status
+                answer.message = self._status
+                return answer
             if planned and self._plan:
                 distances = self._plan.focus_distance
-            reason = self._why_not(planned, distances, exposures)
-            if reason:
-                self._report(reason)
-                return False, reason
+            answer.message = self._why_not(planned, distances, exposures)
+            if answer.message:
+                self._report(answer.message)
+                return answer
             self._session.shoot(publish, on_release, exposures, distances)
         except (CameraError, FocusLimit, rospy.ROSException) as error:
-            self._report(f"bracket {self._bracket_id} broke off after {len(published)} frames: {error}")
-            return False, self._status
+            answer.message = f"bracket {self._bracket_id} broke off after {answer.frames} frames: {error}"
+            self._report(answer.message)
+            return answer
         finally:
             warnings = self._session.take_warnings()
             self._warn(warnings)
             if released:  # this id is taken, whether or not the picture came
                 self._bracket_id += 1
         self._report_ready()
-        return True, "; ".join([f"{len(published)} frames"] + warnings)
+        answer.success, answer.message = True, "; ".join([f"{answer.frames} frames"] + warnings)
+        return answer
 
     def _warn(self, warnings):
         """Log what was not logged for the bracket before."""

@@ -49,13 +49,13 @@ class Player:
         self._acknowledgements = rospy.Subscriber("all_in_focus/processed", Header, self.flow.came)
 
     def run(self, frames):
-        count, bracket_id = len(self._stack), 0
+        count, bracket_id, wait_for = len(self._stack), 0, self._settings.wait_for
         frames.on_subscriber = self.flow.give_up  # maybe the fusion, which stopped for a moment
         frames.announce(next(iter(self._stack)).shape[1::-1])
-        rospy.loginfo("%s: %d frames, which wait for a listener on %s%s", self._settings.stack, count, rospy.resolve_name("rgb/image"),
-                      f", and for {rospy.resolve_name(self._settings.wait_for)}" if self._settings.wait_for else "")
+        rospy.loginfo("%s: %d frames, which wait for a listener on %s%s", self._settings.stack, count,
+                      rospy.resolve_name("rgb/image"), f", and for {rospy.resolve_name(wait_for)}" if wait_for else "")
         _poll_until(frames.has_listeners)
-        if self._settings.wait_for:
+        if wait_for:
             self._wait(frames)
         due = time.monotonic()
         while not rospy.is_shutdown():

@@ -19,8 +19,8 @@ RING_PAUSE = 1.0  # s, default time to turn the focus ring between two frames
 
 
 class Session:
-    """settings: values of bracket_node.PARAMETERS; clock: gives the stamps of the frames. All calls but close() may raise CameraError. One that loses the camera
-    sets `connected` to false. After each call take_warnings() returns its warnings."""
+    """settings: values of bracket_node.PARAMETERS; clock: gives the stamps of the frames. All calls but close() may raise
+    CameraError. One that loses the camera sets `connected` to false. After each call take_warnings() returns its warnings."""
 
     def __init__(self, camera, settings, clock):
         self._settings = settings
