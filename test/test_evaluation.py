@@ -83,20 +83,18 @@ def test_bracket_is_saved_when_complete(tmp_path, report_first):
         collector.add("labels", genpy.Time(4), PNG)  # of an earlier depth image
         if report_first:
             collector.add_report(report_message())
-            assert collector.waiting
+            assert collector.missing()
         feed(collector)
         if not report_first:
             collector.add_report(report_message())
-        assert not collector.waiting and not (tmp_path / "out" / "bracket_0000").exists()
-        collector.finish()
+        assert not collector.missing() and not (tmp_path / "out" / "bracket_0000").exists()
     assert sorted(os.listdir(tmp_path / "out")) == [MARK, "bracket_0000"]
     assert sorted(os.listdir(tmp_path / "out" / "bracket_0000")) == [
         "confidence.png", "fused.png", "labels.png", "regions.png", "registered.png", "report.json",
         "source_index.png", "weights.png"]
     report = json.loads((tmp_path / "out" / "bracket_0000" / "report.json").read_text())
     assert report["bracket_id"] == 4 and report["segment_table"][0]["area"] == 9
-    assert collector.brackets == [{"folder": "bracket_0000", "bracket_id": 4, "frames_used": 3, "has_depth": True,
-                                   "missing": [], "notes": []}]
+    assert [report.bracket_id for report in collector.reports] == [4]
 
 
 def test_two_brackets_may_share_a_label_image(tmp_path):
@@ -118,7 +116,8 @@ def test_bracket_without_labels_or_without_result(tmp_path):
     assert os.listdir(tmp_path / "bracket_0000") == ["report.json"]
     assert len(os.listdir(tmp_path / "bracket_0001")) == 5 and len(os.listdir(tmp_path / "bracket_0002")) == 6
     assert (tmp_path / "bracket_0002" / "registered.png").exists()
-    assert [bracket["has_depth"] for bracket in collector.brackets[1:]] == [False, True]
+    assert evaluation.conclude(collector.reports[1:2], {}, [])[1] == "no region came of the bag's depth"
+    assert evaluation.conclude(collector.reports[2:], {}, []) == (0, "1 bracket fused")
 
 
 def test_missing_output_is_reported(tmp_path):
@@ -126,8 +125,7 @@ def test_missing_output_is_reported(tmp_path):
     collector = BracketCollector(folder)
     collector.add_report(report_message())
     feed(collector, names=PICTURES)
-    collector.finish()
-    assert collector.brackets[0]["missing"] == ["segmentation/labels", "segmentation/segments"]
+    assert collector.missing() == {0: ["segmentation/labels", "segmentation/segments"]}
     folder.discard()
 
     assert not os.listdir(tmp_path)
@@ -171,20 +169,19 @@ def test_brackets_of_others_are_not_touched(tmp_path, name):
 # ---- status, exit codes, flow
 
 
-def bracket(used=3, missing=(), notes=(), has_depth=True):
-    return {"folder": "bracket_0000", "bracket_id": 0, "frames_used": used, "has_depth": has_depth,
-            "missing": list(missing), "notes": list(notes)}
+def bracket(used=3, has_depth=True):
+    return report_message(used=used, has_labels=has_depth, sharpness_alone=not has_depth)
 
 
-@pytest.mark.parametrize("brackets, code, reason", [
-    ([bracket()], 0, "1 bracket fused"), ([bracket(), bracket()], 0, "2 brackets fused"),
-    ([bracket(), bracket(has_depth=False)], 0, "2 brackets fused"),
-    ([bracket(has_depth=False)], 2, "no region came of the bag's depth: a warning"),
-    ([bracket(), bracket(0)], 0, "1 bracket fused, 1 could not be"), ([], 2, "no bracket was fused: a warning"),
-    ([bracket(0, notes=["no frame"])], 2, "no bracket was fused: no frame"),
-    ([bracket(missing=["all_in_focus/image"])], 2, "bracket_0000: all_in_focus/image never came")])
-def test_conclusion(brackets, code, reason):
-    assert evaluation.conclude(brackets, ["a warning"]) == (code, reason)
+@pytest.mark.parametrize("reports, missing, code, reason", [
+    ([bracket()], {}, 0, "1 bracket fused"), ([bracket(), bracket()], {}, 0, "2 brackets fused"),
+    ([bracket(), bracket(has_depth=False)], {}, 0, "2 brackets fused"),
+    ([bracket(has_depth=False)], {}, 2, "no region came of the bag's depth: a warning"),
+    ([bracket(), bracket(0)], {}, 0, "1 bracket fused, 1 could not be"), ([], {}, 2, "no bracket was fused: a warning"),
+    ([bracket(0)], {}, 2, "no bracket was fused: no frame could be used"),
+    ([bracket()], {0: ["all_in_focus/image"]}, 2, "bracket_0000: all_in_focus/image never came")])
+def test_conclusion(reports, missing, code, reason):
+    assert evaluation.conclude(reports, missing, ["a warning"]) == (code, reason)
 
 
 def test_status_file(tmp_path):

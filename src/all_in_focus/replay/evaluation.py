@@ -46,22 +46,24 @@ class RunStatus:
             return None
 
 
-def conclude(brackets, warnings):
-    """Exit code and reason of a run. brackets: dicts with folder, bracket_id, frames_used, has_depth, missing (outputs that never
-    came), notes. warnings: of the nodes and the player, worst first."""
+def conclude(reports, missing, warnings):
+    """Exit code and reason of a run. missing: topics of outputs that never came, by the number of the bracket; warnings: of the
+    nodes and the player, worst first."""
     why = ": " + warnings[0] if warnings else ""
-    fused = [bracket for bracket in brackets if bracket["frames_used"] > 0]
-    incomplete = [bracket for bracket in fused if bracket["missing"]]
-    if incomplete:
-        return BAD_INPUT, f"{incomplete[0]['folder']}: {', '.join(incomplete[0]['missing'])} never came"
-    if fused and not any(bracket["has_depth"] for bracket in fused):
-        # A bag without depth is refused before: fusing by sharpness alone was not asked for.
+    if missing:
+        number = min(missing)
+        return BAD_INPUT, f"{ResultFolder.name(number)}: {', '.join(missing[number])} never came"
+    fused = [report for report in reports if report.frames_used > 0]
+    if not fused:
+        notes = [note for report in reports for note in report.notes]
+        return BAD_INPUT, "no bracket was fused" + (f": {notes[0]}" if notes else why)
+    # Of large images the fusion may have dropped the labels, and the regions with them. A bag without depth is refused before:
+    # fusing by sharpness alone was not asked for.
+    if not any(any(choice.label > 0 for choice in report.segments) or not (report.has_labels or report.sharpness_alone)
+               for report in fused):
         return BAD_INPUT, f"no region came of the bag's depth{why}"
-    if fused:
-        unfused = len(brackets) - len(fused)
-        return OK, f"{counted(len(fused), 'bracket')} fused" + (f", {unfused} could not be" if unfused else "")
-    notes = [note for bracket in brackets for note in bracket["notes"]]
-    return BAD_INPUT, "no bracket was fused" + (f": {notes[0]}" if notes else why)
+    unfused = len(reports) - len(fused)
+    return OK, f"{counted(len(fused), 'bracket')} fused" + (f", {unfused} could not be" if unfused else "")
 
 
 def _path(name):
@@ -105,8 +107,9 @@ def _run(bag, output, status, file):
         player = BagPlayer(contents, connect, acknowledge, heartbeat)
         _play(contents, player, saver, optics)
         problems = [f"{text} ({times} times)" if times > 1 else text for text, times in player.problems.items()]
-        brackets, status.warnings = saver.finish(), saver.complaints() + problems + contents.problems
-        code, reason = conclude(brackets, status.warnings)
+        reports, missing = saver.finish()
+        status.warnings = saver.complaints() + problems + contents.problems
+        code, reason = conclude(reports, missing, status.warnings)
         if code == OK:
             folder.commit()
         return code, reason

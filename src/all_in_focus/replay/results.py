@@ -99,11 +99,6 @@ class ResultFolder(OutputFolder):
             write_json(folder / "report.json", report)
 
 
-def _has_depth(report):
-    """Whether anything was known of depth. Of large images the fusion may have dropped the labels, and the regions with them."""
-    return any(choice.label > 0 for choice in report.segments) or not (report.has_labels or report.sharpness_alone)
-
-
 class BracketCollector:
     """Assembles the outputs of each bracket. Not thread-safe; needs no ROS master.
 
@@ -115,7 +110,7 @@ class BracketCollector:
         self._folder = folder
         self._parts = {name: {} for name in [*IMAGES, "labels", "segments"]}  # data by stamp in ns
         self._pending = {}  # reports by number
-        self.brackets = []  # dicts, see evaluation.conclude()
+        self.reports = []
 
     def add(self, name, stamp, data):
         """data: PNG as bytes, or a SegmentArray."""
@@ -126,22 +121,13 @@ class BracketCollector:
         self._save_complete()
 
     def add_report(self, report):
-        number = len(self.brackets)
-        self.brackets.append({"folder": self._folder.name(number), "bracket_id": report.bracket_id,
-                              "frames_used": report.frames_used, "missing": [], "notes": list(report.notes),
-                              "has_depth": _has_depth(report)})
-        self._pending[number] = report
+        self._pending[len(self.reports)] = report
+        self.reports.append(report)
         self._save_complete()
 
-    @property
-    def waiting(self):
-        """Whether a report still lacks some of its images."""
-        return bool(self._pending)
-
-    def finish(self):
-        """Call when nothing more will come: notes what is missing."""
-        for number, report in self._pending.items():
-            self.brackets[number]["missing"] = self._missing(report)
+    def missing(self):
+        """Topics of what has not come, by the number of its report."""
+        return {number: self._missing(report) for number, report in self._pending.items()}
 
     def _wanted(self, report):
         """Stamp (ns) of each part of a bracket, by name. Without focus distances a restored one has no depth."""
@@ -198,16 +184,15 @@ class ResultSaver:
     def has_saved(self, brackets):
         """Whether so many brackets have come, with all of their images."""
         with self._lock:
-            return len(self._collector.brackets) >= brackets and not self._collector.waiting
+            return len(self._collector.reports) >= brackets and not self._collector.missing()
 
     def finish(self):
-        """The brackets, as evaluation.conclude() takes them. ValueError."""
+        """The reports, and what is missing, as evaluation.conclude() takes them. ValueError."""
         self.check()
         for subscriber in self.subscribers.values():
             subscriber.unregister()
         with self._lock:
-            self._collector.finish()
-            return self._collector.brackets
+            return self._collector.reports, self._collector.missing()
 
     def complaints(self):
         """Errors and warnings that the nodes have logged, one line each, errors first."""
