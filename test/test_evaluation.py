@@ -13,7 +13,7 @@ from std_msgs.msg import Header
 
 from all_in_focus.acknowledgements import Acknowledgements
 from all_in_focus.bag import bag_file
-from all_in_focus.replay import evaluation, graph as evaluation_graph, player as bag_player, results
+from all_in_focus.replay import graph, player as bag_player, results
 from all_in_focus.msg import FusionReport, Optics, Segment, SegmentArray, SegmentChoice
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import MARK
@@ -116,8 +116,8 @@ def test_bracket_without_labels_or_without_result(tmp_path):
     assert os.listdir(tmp_path / "bracket_0000") == ["report.json"]
     assert len(os.listdir(tmp_path / "bracket_0001")) == 5 and len(os.listdir(tmp_path / "bracket_0002")) == 6
     assert (tmp_path / "bracket_0002" / "registered.png").exists()
-    assert evaluation.conclude(collector.reports[1:2], {}, [])[1] == "no region came of the bag's depth"
-    assert evaluation.conclude(collector.reports[2:], {}, []) == (0, "1 bracket fused")
+    assert graph.conclude(collector.reports[1:2], {}, [])[1] == "no region came of the bag's depth"
+    assert graph.conclude(collector.reports[2:], {}, []) == (0, "1 bracket fused")
 
 
 def test_missing_output_is_reported(tmp_path):
@@ -181,22 +181,22 @@ def bracket(used=3, has_depth=True):
     ([bracket(0)], {}, 2, "no bracket was fused: no frame could be used"),
     ([bracket()], {0: ["all_in_focus/image"]}, 2, "bracket_0000: all_in_focus/image never came")])
 def test_conclusion(reports, missing, code, reason):
-    assert evaluation.conclude(reports, missing, ["a warning"]) == (code, reason)
+    assert graph.conclude(reports, missing, ["a warning"]) == (code, reason)
 
 
 def test_status_file(tmp_path):
     path = str(tmp_path / "status.json")
-    assert evaluation.RunStatus.read(path) is None
-    status = evaluation.RunStatus(2, "why", ["a warning"], 3, 5)
+    assert graph.RunStatus.read(path) is None
+    status = graph.RunStatus(2, "why", ["a warning"], 3, 5)
     status.write(path)
-    assert evaluation.RunStatus.read(path) == status and os.listdir(tmp_path) == ["status.json"]
-    evaluation.RunStatus().write("")
+    assert graph.RunStatus.read(path) == status and os.listdir(tmp_path) == ["status.json"]
+    graph.RunStatus().write("")
 
 
 def test_final_status():
-    good, running = evaluation.RunStatus(0, "fine"), evaluation.RunStatus()
-    stopped = evaluation.RunStatus(2, "stopped from outside")
-    final = evaluation_graph.final_status
+    good, running = graph.RunStatus(0, "fine"), graph.RunStatus()
+    stopped = graph.RunStatus(2, "stopped from outside")
+    final = graph.final_status
     assert final(good, None, "SomeError: harmless") is good
     assert final(stopped, None, None) is stopped
     assert final(stopped, None, "manager was ended by SIGKILL").reason.endswith(": manager was ended by SIGKILL")

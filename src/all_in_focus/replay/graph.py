@@ -1,16 +1,67 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs evaluate.launch on a master of its own, with a time-out and an exit code, which roslaunch has not."""
+import json
 import tempfile
 import time
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import List, Optional
 
 import rospkg
 
+from all_in_focus.files.errors import counted
+from all_in_focus.files.output_file import write_json
 from all_in_focus.files.output_folder import remove_leftovers
 from all_in_focus.progress import Progress
-from all_in_focus.replay.evaluation import BAD_INPUT, RunStatus
 from all_in_focus.replay.launch import Launch
+from all_in_focus.replay.results import ResultFolder
+
+OK, BAD_INPUT = 0, 2  # exit codes
+
+
+@dataclass
+class RunStatus:
+    """State of a run, in a small file that evaluate_bag watches. code: None while it goes on; reason: one line; done of total:
+    messages played."""
+    code: Optional[int] = None
+    reason: str = "running"
+    warnings: List[str] = field(default_factory=list)
+    done: int = 0
+    total: int = 0
+
+    def write(self, path):
+        """Replaces the file in one step, so that nobody reads half of it; does nothing without a path."""
+        if path:
+            write_json(path, asdict(self))
+
+    @classmethod
+    def read(cls, path):
+        """None while there is no file."""
+        try:
+            return cls(**json.loads(Path(path).read_text(encoding="utf-8")))
+        except FileNotFoundError:
+            return None
+
+
+def conclude(reports, missing, warnings):
+    """Exit code and reason of a run. missing: topics of outputs that never came, by the number of the bracket; warnings: of the
+    nodes and the player, worst first."""
+    why = ": " + warnings[0] if warnings else ""
+    if missing:
+        number = min(missing)
+        return BAD_INPUT, f"{ResultFolder.name(number)}: {', '.join(missing[number])} never came"
+    fused = [report for report in reports if report.frames_used > 0]
+    if not fused:
+        notes = [note for report in reports for note in report.notes]
+        return BAD_INPUT, "no bracket was fused" + (f": {notes[0]}" if notes else why)
+    # Of large images the fusion may have dropped the labels, and the regions with them. A bag without depth is refused before:
+    # fusing by sharpness alone was not asked for.
+    if not any(any(choice.label > 0 for choice in report.segments) or not (report.has_labels or report.sharpness_alone)
+               for report in fused):
+        return BAD_INPUT, f"no region came of the bag's depth{why}"
+    unfused = len(reports) - len(fused)
+    return OK, f"{counted(len(fused), 'bracket')} fused" + (f", {unfused} could not be" if unfused else "")
 
 
 def _launch_file():

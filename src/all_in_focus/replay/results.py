@@ -187,7 +187,7 @@ class ResultSaver:
             return len(self._collector.reports) >= brackets and not self._collector.missing()
 
     def finish(self):
-        """The reports, and what is missing, as evaluation.conclude() takes them. ValueError."""
+        """The reports, and what is missing, as graph.conclude() takes them. ValueError."""
         self.check()
         for subscriber in self.subscribers.values():
             subscriber.unregister()
