@@ -145,7 +145,7 @@ def test_the_offset_between_a_depth_image_and_its_infrared_picture(tmp_path):
 @pytest.mark.parametrize("change, words", [
     (dict(rig="none"), "depth.yaml: No such file or directory"),
     (dict(depth="color.png"), "expected a 16-bit image with one channel"),
-    (dict(color="depth.png"), "depth.png: 640x480 pixels, expected 800x600"),
+    (dict(color="depth.png"), "color.yaml: 800x600 pixels, but the pictures have 640x480"),
     (dict(output="o.nonsense"), "no image format has this ending"),
     (dict(live=True), "give --rig, --depth and --color"),
 ])

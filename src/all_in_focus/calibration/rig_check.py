@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from all_in_focus import installed
+from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import read_depth
 from all_in_focus.imaging import fill_from_farther, with_lines
 
@@ -32,13 +33,26 @@ AWAY, FALL = 4, 0.2  # a peak falls by this share of its height at this distance
 SMALL = 1.5  # pixels at that width: a Kinect's own edges are no more precise
 
 
-def registered(rig_folder, depth_path):
-    """An image of the depth camera as the nodes register it to the colour picture: H x W, uint16 mm, 0 = unknown.
-    ValueError where that cannot be done."""
+def require_size(name, size, wanted):
+    if tuple(size) != tuple(wanted):
+        raise ValueError(f"{name}: {size[0]}x{size[1]} pixels, but the pictures have {wanted[0]}x{wanted[1]}")
+
+
+def registered_depth(args, size):
+    """H x W, uint16 mm, 0 = unknown: that of --registered-depth, or that of --depth as the nodes register it by --rig. ValueError
+    where that cannot be done, or its size is not that of the pictures (width, height)."""
+    if args.registered_depth:
+        depth = read_depth(args.registered_depth)
+        require_size(args.registered_depth, depth.shape[1::-1], size)
+        return depth
+    rig = load_rig(args.rig)
+    require_size(f"{args.rig}/color.yaml", (rig.color.width, rig.color.height), size)
+    if not read_depth(args.depth, rig.depth).any():
+        return np.zeros(size[::-1], np.uint16)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "registered.png")
         try:
-            installed.run([installed.find("check_depth"), "--rig", rig_folder, "--depth", depth_path, "--save-registered", path])
+            installed.run([installed.find("check_depth"), "--rig", args.rig, "--depth", args.depth, "--save-registered", path])
         except RuntimeError as error:
             raise ValueError(str(error).replace("check_depth: ", "", 1))
         return read_depth(path)
