@@ -72,19 +72,19 @@ sensor_msgs::ImagePtr toImage(const KinectFrame& frame, const std_msgs::Header& 
 
   const cv::Mat camera(frame.height, frame.width, layout.cv_type, const_cast<void*>(frame.data),
                        frame.stride);
-  OutgoingImage image(header, layout.encoding, camera.size());
+  cv::Mat image;
   if (frame.format == openni::PIXEL_FORMAT_YUV422) {
-    cv::cvtColor(camera, image.mat, cv::COLOR_YUV2RGB_UYVY);
+    cv::cvtColor(camera, image, cv::COLOR_YUV2RGB_UYVY);
   } else if (frame.format == openni::PIXEL_FORMAT_DEPTH_100_UM) {
-    camera.convertTo(image.mat, CV_16U, 0.1);
+    camera.convertTo(image, CV_16U, 0.1);
   } else {
-    camera.copyTo(image.mat);
+    image = camera.clone();
   }
-  if (frame.mode.mirrored) cv::flip(image.mat, image.mat, 1);
+  if (frame.mode.mirrored) cv::flip(image, image, 1);
   for (const int value : invalid_values) {
-    if (layout.is_depth) image.mat.setTo(0, image.mat == value);
+    if (layout.is_depth) image.setTo(0, image == value);
   }
-  return image.take();
+  return toImage(header, layout.encoding, image);
 }
 
 }  // namespace all_in_focus

@@ -96,8 +96,8 @@ class DepthPreprocess {
   bool isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason);
   Rig currentRig() const;
   void process(const sensor_msgs::ImageConstPtr& depth);
-  void registerAndPublish(const std_msgs::Header& header, const DepthImage& depth);
-  void warnOfRig(const cv::Mat& depth, const cv::Mat& registered);
+  void registerAndPublish(const std_msgs::Header& header, const cv::Mat& depth);
+  void warnOfRig(const cv::Mat& depth);
 
   CallbackGuard& guard_;
   NodeStatus& status_;
@@ -116,6 +116,7 @@ class DepthPreprocess {
   geometry_msgs::Transform transform_;
   std::unique_ptr<DepthPreprocessing> preprocessing_;  // of the current rig and mode
   std::string preprocessing_mode_;
+  cv::Mat registered_, filled_;  // reused
 
   image_transport::Subscriber depth_subscriber_;
   ros::Subscriber depth_info_subscriber_, rgb_info_subscriber_;
@@ -271,7 +272,7 @@ void DepthPreprocess::process(const sensor_msgs::ImageConstPtr& message) {
   const std::string topic = status_.resolved(depth_input_);
   requireFrame(message->header, topic);
   requireFrame(rgb_info_->header, status_.resolved(rgb_info_input_));
-  const DepthImage depth = toDepth(message, invalid_values_, topic);
+  const cv::Mat depth = toDepth(*message, invalid_values_, topic);
   const Rig rig = currentRig();
   requireSize(depth, rig.depth, topic, status_.resolved(depth_info_input_));
   if (!preprocessing_ || !(preprocessing_->rig() == rig) || preprocessing_mode_ != config_.mode) {
@@ -281,27 +282,24 @@ void DepthPreprocess::process(const sensor_msgs::ImageConstPtr& message) {
   registerAndPublish(message->header, depth);
 }
 
-void DepthPreprocess::registerAndPublish(const std_msgs::Header& depth_header, const DepthImage& depth) {
+void DepthPreprocess::registerAndPublish(const std_msgs::Header& depth_header, const cv::Mat& depth) {
   std_msgs::Header header = depth_header;
   header.frame_id = rgb_info_->header.frame_id;
-  const cv::Size size = preprocessing_->rig().color.size;
-  OutgoingImage registered(header, sensor_msgs::image_encodings::TYPE_16UC1, size);
-  OutgoingImage filled(header, sensor_msgs::image_encodings::TYPE_16UC1, size);
-  preprocessing_->compute(depth.mm, registered.mat, filled.mat);
+  preprocessing_->compute(depth, registered_, filled_);
 
   const auto info = boost::make_shared<sensor_msgs::CameraInfo>(*rgb_info_);
   info->header = header;
   info_publisher_.publish(info);
-  const cv::Mat registered_mm = registered.mat;
-  const sensor_msgs::ImagePtr registered_message = registered.take();
-  registered_publisher_.publish(registered_message);
-  filled_publisher_.publish(config_.fill_holes ? filled.take() : registered_message);
+  const std::string& encoding = sensor_msgs::image_encodings::TYPE_16UC1;
+  const sensor_msgs::ImagePtr registered = toImage(header, encoding, registered_);
+  registered_publisher_.publish(registered);
+  filled_publisher_.publish(config_.fill_holes ? toImage(header, encoding, filled_) : registered);
   status_.acknowledge(depth_header, Outcome::kProcessed);
-  warnOfRig(depth.mm, registered_mm);
+  warnOfRig(depth);
 }
 
 // Warns of likely mistakes in the rig, in the words of fuse_stack.
-void DepthPreprocess::warnOfRig(const cv::Mat& depth, const cv::Mat& registered) {
+void DepthPreprocess::warnOfRig(const cv::Mat& depth) {
   const std::string topic = status_.resolved(depth_input_) + ": ";
   if (cv::countNonZero(depth) == 0) {
     status_.warn(topic + "not one pixel has a depth: is something too near, or the sensor covered?");
@@ -316,7 +314,7 @@ void DepthPreprocess::warnOfRig(const cv::Mat& depth, const cv::Mat& registered)
   warn(core::checkPrincipalPoint(rig.color, "colour"));
   warn(core::checkPose(rig.depth_to_color));
   try {
-    warn(core::checkCoverage(registered, rig));
+    warn(core::checkCoverage(registered_, rig));
   } catch (const std::invalid_argument& e) {
     status_.error(topic + e.what());
   }

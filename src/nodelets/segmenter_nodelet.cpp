@@ -65,7 +65,7 @@ class Segmenter {
   SegmentMarkers markers_;
 
   std::unique_ptr<DofSegmentation> segmentation_;  // empty: the configuration has changed
-  Segmentation result_;
+  Segmentation result_;  // reused
 
   image_transport::Subscriber depth_subscriber_;
   std::unique_ptr<dynamic_reconfigure::Server<SegmenterConfig>> configuration_;
@@ -157,21 +157,18 @@ void Segmenter::onDepth(const sensor_msgs::ImageConstPtr& depth) {
 }
 
 void Segmenter::process(const sensor_msgs::ImageConstPtr& message) {
-  const DepthImage depth = toDepth(message, {}, status_.resolved(depth_input_));
+  const cv::Mat depth = toDepth(*message, {}, status_.resolved(depth_input_));
   if (!segmentation_) {
     segmentation_ = std::make_unique<DofSegmentation>(segmentationConfig(
         mode_, opticsOf(config_), parseDofSpan(config_.dof_rule), config_.min_region_size));
   }
-  OutgoingImage labels(message->header, sensor_msgs::image_encodings::TYPE_32SC1, depth.mm.size());
-  result_.labels = labels.mat;
-  segmentation_->compute(depth.mm, result_);
-  labels.mat = result_.labels;
+  segmentation_->compute(depth, result_);
 
   // The labels come first: whatever fails or takes long afterwards, the fusion has them.
   const SegmentArrayPtr segments = toMessage(result_, segmentation_->config());
   segments->header = message->header;
-  const sensor_msgs::ImagePtr labels_message = labels.take();  // owns the pixels of result_
-  labels_publisher_.publish(labels_message);
+  labels_publisher_.publish(
+      toImage(message->header, sensor_msgs::image_encodings::TYPE_32SC1, result_.labels));
   segments_publisher_.publish(segments);
   try {
     publishCaptioned(message->header);
@@ -179,9 +176,8 @@ void Segmenter::process(const sensor_msgs::ImageConstPtr& message) {
   } catch (const std::exception& e) {
     status_.error(std::string("labels are published, but not all that is drawn of them: ") + e.what());
   }
-  result_.labels.release();
 
-  const bool no_depth = result_.unknown_area == depth.mm.rows * depth.mm.cols;
+  const bool no_depth = result_.unknown_area == depth.rows * depth.cols;
   status_.setValue("segments", std::to_string(result_.segments.size()));
   status_.acknowledge(message->header, Outcome::kProcessed,
                       no_depth ? status_.resolved(depth_input_) + ": not one pixel has a depth" : "");
@@ -212,9 +208,8 @@ void Segmenter::publishPicture(const CaptionSet& captions) {
   if (picture_publisher_.getNumSubscribers() == 0) return;
   cv::Mat regions;
   drawRegions(result_, captions.captions, regions);
-  OutgoingImage picture(captions.header, sensor_msgs::image_encodings::RGB8, regions.size());
-  cv::cvtColor(regions, picture.mat, cv::COLOR_BGR2RGB);
-  picture_publisher_.publish(picture.take());
+  cv::cvtColor(regions, regions, cv::COLOR_BGR2RGB);
+  picture_publisher_.publish(toImage(captions.header, sensor_msgs::image_encodings::RGB8, regions));
 }
 
 using SegmenterNodelet = NodeletOf<Segmenter>;

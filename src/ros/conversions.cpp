@@ -80,27 +80,25 @@ cv::Mat metresToMm(const cv::Mat& m) {
 
 }  // namespace
 
-DepthImage toDepth(const sensor_msgs::ImageConstPtr& message, const std::vector<int>& invalid_values,
-                   const std::string& topic) {
-  const bool millimetres = message->encoding == enc::TYPE_16UC1 || message->encoding == enc::MONO16;
-  if (!millimetres && message->encoding != enc::TYPE_32FC1) {
-    fail(topic, "depth has encoding \"" + message->encoding +
+cv::Mat toDepth(const sensor_msgs::Image& message, const std::vector<int>& invalid_values,
+                const std::string& topic) {
+  const bool millimetres = message.encoding == enc::TYPE_16UC1 || message.encoding == enc::MONO16;
+  if (!millimetres && message.encoding != enc::TYPE_32FC1) {
+    fail(topic, "depth has encoding \"" + message.encoding +
                     "\": publish 16UC1 (millimetres) or 32FC1 (metres), or remap the topic");
   }
-  checkLayout(*message, millimetres ? sizeof(std::uint16_t) : sizeof(float), topic);
+  checkLayout(message, millimetres ? sizeof(std::uint16_t) : sizeof(float), topic);
 
-  DepthImage depth;
-  depth.mm = millimetres ? wrap(*message, CV_16UC1) : metresToMm(wrap(*message, CV_32FC1));
+  cv::Mat mm = millimetres ? wrap(message, CV_16UC1) : metresToMm(wrap(message, CV_32FC1));
   bool shared = millimetres;
   for (const int value : invalid_values) {
-    const cv::Mat invalid = depth.mm == value;
+    const cv::Mat invalid = mm == value;
     if (value == 0 || cv::countNonZero(invalid) == 0) continue;
-    if (shared) depth.mm = depth.mm.clone();
+    if (shared) mm = mm.clone();
     shared = false;
-    depth.mm.setTo(0, invalid);
+    mm.setTo(0, invalid);
   }
-  if (shared) depth.owner = message;
-  return depth;
+  return mm;
 }
 
 cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const std::string& topic) {
@@ -121,39 +119,17 @@ cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const 
   fail(topic, "no colour can be made of encoding \"" + image->encoding + remedy);
 }
 
-void requireSize(const DepthImage& depth, const Camera& camera, const std::string& topic,
+void requireSize(const cv::Mat& depth, const Camera& camera, const std::string& topic,
                  const std::string& info_topic) {
-  if (depth.mm.size() == camera.size) return;
-  fail(topic, "depth is " + sizeText(depth.mm.cols, depth.mm.rows) + ", but " + info_topic + " is for " +
+  if (depth.size() == camera.size) return;
+  fail(topic, "depth is " + sizeText(depth.cols, depth.rows) + ", but " + info_topic + " is for " +
                   sizeText(camera.size.width, camera.size.height) +
                   ": use the calibration of this resolution");
 }
 
-OutgoingImage::OutgoingImage(const std_msgs::Header& header, const std::string& encoding,
-                             const cv::Size& size)
-    : message_(boost::make_shared<sensor_msgs::Image>()) {
-  const int type = cv_bridge::getCvType(encoding);
-  message_->header = header;
-  message_->encoding = encoding;
-  message_->is_bigendian = kIsBigEndian;
-  message_->width = size.width;
-  message_->height = size.height;
-  message_->step = static_cast<std::uint32_t>(size.width * CV_ELEM_SIZE(type));
-  message_->data.resize(static_cast<std::size_t>(message_->step) * message_->height);
-  mat = cv::Mat(size, type, message_->data.data(), message_->step);
-}
-
-sensor_msgs::ImagePtr OutgoingImage::take() {
-  if (mat.data != message_->data.data()) {
-    cv::Mat own(static_cast<int>(message_->height), static_cast<int>(message_->width), mat.type(),
-                message_->data.data(), message_->step);
-    if (mat.size() != own.size() || mat.type() != cv_bridge::getCvType(message_->encoding)) {
-      throw std::logic_error("image changed size or type while a message was filled");
-    }
-    mat.copyTo(own);
-  }
-  mat.release();
-  return std::move(message_);
+sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
+                              const cv::Mat& image) {
+  return cv_bridge::CvImage(header, encoding, image).toImageMsg();
 }
 
 Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {

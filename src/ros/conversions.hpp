@@ -28,40 +28,24 @@ using namespace core;
 using OpticsMsg = all_in_focus::Optics;  // two messages share their names with types of the core
 using SegmentMsg = all_in_focus::Segment;
 
-/// Depth of a message, CV_16UC1 mm, 0 = unknown. Read only: it may share the message's memory.
-struct DepthImage {
-  cv::Mat mm;
-  sensor_msgs::ImageConstPtr owner;  ///< keeps shared memory alive
-};
-
-/// Accepts 16UC1 and mono16 (mm) and 32FC1 (m; NaN, infinite, negative and above 65.535 m mean unknown), as
-/// REP 118 says. invalid_values: further mm values that mean unknown. A 16-bit message that holds none of
-/// them is shared, not copied.
-DepthImage toDepth(const sensor_msgs::ImageConstPtr& message, const std::vector<int>& invalid_values,
-                   const std::string& topic);
+/// Depth of a message, CV_16UC1 mm, 0 = unknown. Accepts 16UC1 and mono16 (mm) and 32FC1 (m; NaN, infinite,
+/// negative and above 65.535 m mean unknown), as REP 118 says. invalid_values: further mm values that mean
+/// unknown. Where a 16-bit message holds none of them, the result is the message's own memory: do not write
+/// to it, and keep the message.
+cv::Mat toDepth(const sensor_msgs::Image& message, const std::vector<int>& invalid_values,
+                const std::string& topic);
 
 /// Throws unless the depth image has the size that its camera is calibrated for.
-void requireSize(const DepthImage& depth, const Camera& camera, const std::string& topic,
+void requireSize(const cv::Mat& depth, const Camera& camera, const std::string& topic,
                  const std::string& info_topic);
 
 /// The picture of a colour frame: bgr8, or bgr16 where the encoding has 16 bits. An image that is so already
 /// is not copied.
 cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const std::string& topic);
 
-/// An image message that the core writes into.
-class OutgoingImage {
- public:
-  /// encoding: of sensor_msgs/image_encodings.h.
-  OutgoingImage(const std_msgs::Header& header, const std::string& encoding, const cv::Size& size);
-
-  cv::Mat mat;  ///< the message's own memory; a Mat that is put in its place is copied by take()
-
-  /// The message, to be published; call once, when mat is complete.
-  sensor_msgs::ImagePtr take();
-
- private:
-  sensor_msgs::ImagePtr message_;
-};
+/// A copy as a message. encoding: of sensor_msgs/image_encodings.h.
+sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
+                              const cv::Mat& image);
 
 /// Models plumb_bob, rational_polynomial and "" (no distortion). Binning and region of interest are applied:
 /// the camera is the one of the images on the wire. topic: of the camera_info.

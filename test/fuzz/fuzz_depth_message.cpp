@@ -42,15 +42,15 @@ void run(Input& input) {
   image->data.assign(data.begin(), data.end());
 
   const sensor_msgs::Image before = *image;
-  DepthImage depth;
-  if (!accepts([&] { depth = toDepth(image, invalid_values, "/depth"); })) return;
+  cv::Mat depth;
+  if (!accepts([&] { depth = toDepth(*image, invalid_values, "/depth"); })) return;
   require(image->data == before.data, "the message has changed");
-  require(depth.mm.type() == CV_16UC1 && static_cast<unsigned>(depth.mm.cols) == image->width &&
-              static_cast<unsigned>(depth.mm.rows) == image->height,
+  require(depth.type() == CV_16UC1 && static_cast<unsigned>(depth.cols) == image->width &&
+              static_cast<unsigned>(depth.rows) == image->height,
           "another type or size");
   for (unsigned y = 0; y < image->height; ++y) {
     for (unsigned x = 0; x < image->width; ++x) {
-      require(depth.mm.at<std::uint16_t>(y, x) == plainDepth(*image, x, y, invalid_values), "another depth");
+      require(depth.at<std::uint16_t>(y, x) == plainDepth(*image, x, y, invalid_values), "another depth");
     }
   }
   Camera camera;

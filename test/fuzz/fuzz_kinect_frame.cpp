@@ -45,13 +45,13 @@ void run(Input& input) {
   require(image->data.size() == static_cast<std::size_t>(image->step) * image->height, "too few bytes");
   accepts([&] { toCamera(cameraInfoOf(frame.stream, frame.mode), "/camera_info"); });
   if (frame.format != openni::PIXEL_FORMAT_DEPTH_1_MM) return;
-  const DepthImage depth = toDepth(image, {}, "/depth");
+  const cv::Mat depth = toDepth(*image, {}, "/depth");
   for (int y = 0; y < frame.height; ++y) {
     for (int x = 0; x < frame.width; ++x) {
       std::uint16_t mm = 0;
       const int from = frame.mode.mirrored ? frame.width - 1 - x : x;
       std::memcpy(&mm, &data[static_cast<std::size_t>(y) * frame.stride + from * sizeof mm], sizeof mm);
-      require(depth.mm.at<std::uint16_t>(y, x) == (mm == invalid ? 0 : mm), "another depth");
+      require(depth.at<std::uint16_t>(y, x) == (mm == invalid ? 0 : mm), "another depth");
     }
   }
 }

@@ -32,9 +32,7 @@ sensor_msgs::ImageConstPtr image(double stamp_s, const std::string& encoding = e
                                  const cv::Size& size = {kWidth, kHeight}) {
   std_msgs::Header header;
   header.stamp = ros::Time(stamp_s);
-  OutgoingImage out(header, encoding, size);
-  out.mat.setTo(1);
-  return out.take();
+  return toImage(header, encoding, cv::Mat(size, cv_bridge::getCvType(encoding), cv::Scalar::all(1)));
 }
 
 OpticsPtr lens(double focal_length_mm = 24) {

@@ -3,6 +3,7 @@
 
 #include "bracket_scene.hpp"
 
+#include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>
 
 #include <stdexcept>
@@ -13,6 +14,8 @@ namespace all_in_focus {
 namespace {
 
 constexpr const char* kNotUsed = ": depth and lens data are not used";
+constexpr const char* kBySharpness = ": fused by sharpness alone";
+constexpr const char* kNoLabels = ": labels are not used";
 constexpr const char* kNotPublished = ": the result has no depth";
 
 std::invalid_argument missing(const char* topic) {
@@ -21,9 +24,9 @@ std::invalid_argument missing(const char* topic) {
 
 // Returns whether it could be taken. If not, a warning tells of it.
 template <typename Take>
-bool attempt(SharedScene& shared, const Take& take, const char* effect) {
+bool attempt(SharedScene& shared, const Take& take, const std::string& effect) {
   try {
-    take();
+    take(shared);
     return true;
   } catch (const std::exception& e) {
     shared.warnings.push_back(oneLine(e.what()) + effect);
@@ -31,24 +34,24 @@ bool attempt(SharedScene& shared, const Take& take, const char* effect) {
   }
 }
 
-void takeLabels(const SceneMessages& messages, SharedScene& shared) {
-  shared.labels = cv_bridge::toCvShare(messages.labels, sensor_msgs::image_encodings::TYPE_32SC1);
-  shared.scene.labels = shared.labels->image;
+void takeLabels(SharedScene& shared) {
+  shared.scene.labels =
+      cv_bridge::toCvShare(shared.messages.labels, sensor_msgs::image_encodings::TYPE_32SC1)->image;
 }
 
-void takeDepth(const SceneMessages& messages, SharedScene& shared) {
-  shared.depth = toDepth(messages.depth, {}, topics::kDepth);
+void takeDepth(SharedScene& shared) {
+  shared.depth = toDepth(*shared.messages.depth, {}, topics::kDepth);
 }
 
-void takeMeasured(const SceneMessages& messages, SharedScene& shared) {
-  if (!messages.measured) throw missing(topics::kMeasured);
-  shared.measured = toDepth(messages.measured, {}, topics::kMeasured);
-  shared.scene.measured = shared.measured.mm;
+void takeMeasured(SharedScene& shared) {
+  if (!shared.messages.measured) throw missing(topics::kMeasured);
+  shared.scene.measured = toDepth(*shared.messages.measured, {}, topics::kMeasured);
 }
 
 // The pixel pitch follows from the lens that the camera was calibrated with. The sensor does not change with
 // the lens. Where the lens of the calibration is unknown, it is taken to be the present one.
-void takeCamera(const SceneMessages& messages, const CalibrationLens& calibration, SharedScene& shared) {
+void takeCamera(const CalibrationLens& calibration, SharedScene& shared) {
+  const SceneMessages& messages = shared.messages;
   if (!messages.camera) throw missing(topics::kColorInfo);
   const OpticsConstPtr optics = messages.optics ? messages.optics : calibration.optics;
   if (!optics) throw missing(topics::kOptics);
@@ -65,30 +68,34 @@ void takeCamera(const SceneMessages& messages, const CalibrationLens& calibratio
 SharedScene toScene(const SceneMessages& messages, Mode mode, const cv::Size& frame,
                     const CalibrationLens& calibration) {
   SharedScene shared;
-  const auto take = [&](const auto& part, const char* effect) { return attempt(shared, part, effect); };
+  shared.messages = messages;
   const bool is_paper = mode == Mode::kPaper;
-  if (messages.camera && !take([&] { requireRegion(*messages.camera, frame, topics::kColorInfo); },
-                               ": fused by sharpness alone"))
-    return shared;
-  if (messages.labels)
-    take([&] { takeLabels(messages, shared); },
-         is_paper ? ": fused by sharpness alone" : ": labels are not used");
+  const auto check_region = [&](auto&) { requireRegion(*messages.camera, frame, topics::kColorInfo); };
+  if (messages.camera && !attempt(shared, check_region, kBySharpness)) return shared;
+  if (messages.labels) attempt(shared, takeLabels, is_paper ? kBySharpness : kNoLabels);
   const bool has_depth =
-      messages.depth && take([&] { takeDepth(messages, shared); }, is_paper ? kNotPublished : kNotUsed);
+      messages.depth && attempt(shared, takeDepth, is_paper ? kNotPublished : kNotUsed);
   if (is_paper) return shared;
-  shared.scene.depth = shared.depth.mm;
-  if (has_depth) take([&] { takeMeasured(messages, shared); }, ": filled depth counts as measured");
-  if (messages.depth || messages.camera) take([&] { takeCamera(messages, calibration, shared); }, kNotUsed);
+  shared.scene.depth = shared.depth;
+  if (has_depth) attempt(shared, takeMeasured, ": filled depth counts as measured");
+  const auto take_camera = [&](SharedScene& scene) { takeCamera(calibration, scene); };
+  if (messages.depth || messages.camera) attempt(shared, take_camera, kNotUsed);
   return shared;
 }
 
-void joinLate(const SceneMessages& before, const SceneMessages& now, SharedScene& shared) {
-  if (now.labels && !before.labels)
-    attempt(
-        shared, [&] { takeLabels(now, shared); }, ": labels are not used");
-  if (now.depth && !before.depth)
-    attempt(
-        shared, [&] { takeDepth(now, shared); }, kNotPublished);
+// What is there is not replaced: the scene may read its memory.
+void joinLate(const SceneMessages& now, SharedScene& shared) {
+  SceneMessages& messages = shared.messages;
+  if (now.labels && !messages.labels) {
+    messages.labels = now.labels;
+    messages.segments = now.segments;
+    attempt(shared, takeLabels, kNoLabels);
+  }
+  if (now.depth && !messages.depth) {
+    messages.depth = now.depth;
+    attempt(shared, takeDepth, kNotPublished);
+  }
+  if (now.camera) messages.camera = now.camera;
 }
 
 }  // namespace all_in_focus

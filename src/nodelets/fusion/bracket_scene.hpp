@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cv_bridge/cv_bridge.h>
-
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
@@ -23,12 +21,10 @@ struct CalibrationLens {
 /// The scene of the messages in the types of the core, and what is missing or refused, with its effect, one
 /// line each.
 struct SharedScene {
-  BracketScene scene;
+  BracketScene scene;  ///< may read the messages' own memory
   std::vector<std::string> warnings;
-
-  // The scene reads the messages' own memory.
-  cv_bridge::CvImageConstPtr labels;
-  DepthImage depth, measured;
+  SceneMessages messages;
+  cv::Mat depth;  ///< for the outputs, in all modes
 };
 
 /// The scene for a mode. Mode paper uses labels, the other modes depth, lens and camera; the report lists the
@@ -37,7 +33,7 @@ struct SharedScene {
 SharedScene toScene(const SceneMessages& messages, Mode mode, const cv::Size& frame,
                     const CalibrationLens& calibration);
 
-/// Adds labels and depth that were not there before: for the report and for the outputs.
-void joinLate(const SceneMessages& before, const SceneMessages& now, SharedScene& shared);
+/// Adds labels and depth that were not there before, for the report and for the outputs, and the newest camera.
+void joinLate(const SceneMessages& now, SharedScene& shared);
 
 }  // namespace all_in_focus

@@ -30,11 +30,6 @@ constexpr int kQueueSize = 10;          // images that a slow subscriber may lag
 constexpr int kReportQueueSize = 1000;  // reports are small; those of brackets without images come in bursts
 constexpr int kProgressQueueSize = 64;  // frames, which are small, and now and then a result
 
-sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
-                              const cv::Mat& image) {
-  return cv_bridge::CvImage(header, encoding, image).toImageMsg();
-}
-
 }  // namespace
 
 // Depth of the picture's size, mm; all 0 where it is unknown: the depth of an older result must not stay

@@ -75,7 +75,6 @@ struct FusionWorker::OpenBracket {
   int length = 0;           // as far as known
   bool has_begun = false;   // it has its scene
   SharedScene scene;
-  SceneMessages messages;
   std::map<int, Frame> frames;  // by index
   int white = 0;                // its code in frames with 16 bits; 0: none has come
   int missing = 0, dropped = 0;
@@ -321,12 +320,12 @@ void FusionWorker::open(const Task& first) {
 void FusionWorker::awaitScene(const sensor_msgs::Image& first) {
   FusionSettings& settings = open_->settings;
   const ros::WallTime start = ros::WallTime::now();
-  open_->messages = scenes_.await(open_->header.stamp, settings.label_timeout_s);
+  const SceneMessages messages = scenes_.await(open_->header.stamp, settings.label_timeout_s);
   open_->scene_wait_ms = (ros::WallTime::now() - start).toSec() * 1e3;
   const cv::Size size(static_cast<int>(first.width), static_cast<int>(first.height));
-  open_->scene = toScene(open_->messages, settings.bracket.mode, size, settings.calibration);
+  open_->scene = toScene(messages, settings.bracket.mode, size, settings.calibration);
   const bool is_paper = settings.bracket.mode == Mode::kPaper;
-  if (!(is_paper ? open_->messages.labels : open_->messages.depth)) {
+  if (!(is_paper ? messages.labels : messages.depth)) {
     open_->scene.warnings.push_back(
         std::string("no ") + (is_paper ? "label image" : topics::kDepth) +
         " in time for the bracket: fused by sharpness alone: " + scenes_.whyNone(open_->header.stamp));
@@ -391,14 +390,11 @@ cv::Mat FusionWorker::inFullRange(const cv::Mat& bgr) const {
 
 // Images that have the stamp of the scene may come after its depth.
 void FusionWorker::joinScene() {
-  const SceneMessages before = open_->messages;
-  const SceneMessages messages = scenes_.current(open_->header.stamp);
-  if (!messages.stamp.isZero()) open_->messages = messages;
-  if (messages.camera) open_->messages.camera = messages.camera;
-  const bool had_labels = open_->scene.labels != nullptr;
-  joinLate(before, open_->messages, open_->scene);
-  if (!had_labels && open_->scene.labels && open_->settings.bracket.mode != Mode::kPaper)
-    bracket_.setLabels(open_->scene.labels->image);
+  const bool had_labels = !open_->scene.scene.labels.empty();
+  joinLate(scenes_.current(open_->header.stamp), open_->scene);
+  const cv::Mat& labels = open_->scene.scene.labels;
+  if (!had_labels && !labels.empty() && open_->settings.bracket.mode != Mode::kPaper)
+    bracket_.setLabels(labels);
 }
 
 // Returns what has become of all frames.
@@ -419,7 +415,7 @@ std::vector<FrameStatus> FusionWorker::finishBracket() {
 }
 
 void FusionWorker::publish(const BracketResult& result, bool complete) {
-  FusedBracket bracket{result, toReport(result), open_->scene.depth.mm, open_->messages.camera};
+  FusedBracket bracket{result, toReport(result), open_->scene.depth, open_->scene.messages.camera};
   bracket.result.length = open_->length;
   std::vector<std::string> warnings = result.warnings;
   if (result.used == 0) warnings.emplace_back("no frame could be used: nothing to publish");
@@ -462,11 +458,11 @@ FusionReportPtr FusionWorker::toReport(const BracketResult& result) const {
   report->frames_missing = static_cast<std::uint32_t>(open_->missing + open_->dropped);
   report->reference = static_cast<std::uint32_t>(result.reference);
   report->has_labels = result.has_labels;
-  if (result.has_labels) report->label_stamp = open_->messages.labels->header.stamp;
+  if (result.has_labels) report->label_stamp = open_->scene.messages.labels->header.stamp;
   if (open_->scene.scene.camera) {
     report->optics = toMessage(open_->scene.scene.optics);
   } else if (result.has_labels) {
-    report->optics = open_->messages.segments->optics;
+    report->optics = open_->scene.messages.segments->optics;
   }
   report->blur_scale = result.blur_scale;
   for (const RegionChoice& choice : result.regions) {
