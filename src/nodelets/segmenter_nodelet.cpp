@@ -7,6 +7,7 @@
 
 #include <memory>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
 
@@ -45,29 +46,34 @@ class Segmenter {
   void reconfigure(SegmenterConfig& config);
   void connect();
   void onDepth(const sensor_msgs::ImageConstPtr& depth);
+  void onInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void process(const sensor_msgs::ImageConstPtr& depth);
   void publishPlan(const std_msgs::Header& header);
   void publishCaptioned(const std_msgs::Header& header);
   void publishPicture(const CaptionSet& captions);
+  void publishMarkers(const CaptionSet& captions);
+  void publishWaitingMarkers();
 
   CallbackGuard& guard_;
   NodeStatus& status_;
   TimeJumps time_jumps_;
-  const int depth_input_;
+  const int depth_input_, info_input_;
   int queue_size_ = 5;
   Mode mode_ = Mode::kRefined;
   SegmenterConfig config_ = SegmenterConfig::__getDefault__();  // always possible
 
   ros::Publisher labels_publisher_;  // no image_transport: lossy plug-ins would destroy labels
-  ros::Publisher segments_publisher_, plan_publisher_;
+  ros::Publisher segments_publisher_, plan_publisher_, markers_publisher_;
   ros::Publisher optics_publisher_;  // latched, so that every bag contains the lens
   image_transport::Publisher picture_publisher_;
-  SegmentMarkers markers_;
 
   std::unique_ptr<DofSegmentation> segmentation_;  // empty: the configuration has changed
-  Segmentation result_;  // reused
+  Segmentation result_;                            // reused
+  std::optional<Camera> camera_;                   // of the depth images, while anybody wants markers
+  std::optional<CaptionSet> without_camera_;       // the newest, if its camera is still to come
 
   image_transport::Subscriber depth_subscriber_;
+  ros::Subscriber info_subscriber_;
   std::unique_ptr<dynamic_reconfigure::Server<SegmenterConfig>> configuration_;
 };
 
@@ -75,7 +81,7 @@ Segmenter::Segmenter(CallbackGuard& guard, NodeStatus& status)
     : guard_(guard),
       status_(status),
       depth_input_(status.addInput(topics::kDepth, Expect::kStream, "start depth_preprocess")),
-      markers_(guard, status) {
+      info_input_(status.addInput(topics::kDepthInfo, Expect::kOptional, "")) {
   readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
   optics_publisher_ = guard.nh.advertise<OpticsMsg>(status.addOutput(topics::kOptics), 1, /*latch=*/true);
   readMode();
@@ -105,7 +111,8 @@ void Segmenter::advertise() {
       nh.advertise<FocusPlan>(status_.addOutput("segmentation/focus_plan"), 1, on_connect, on_connect);
   picture_publisher_ =
       transport.advertise(status_.addOutput("segmentation/image_color"), 1, on_connect, on_connect);
-  markers_.advertise(on_connect);
+  markers_publisher_ = nh.advertise<visualization_msgs::MarkerArray>(
+      status_.addOutput("segmentation/markers"), 1, on_connect, on_connect);
 }
 
 void Segmenter::reconfigure(SegmenterConfig& config) {
@@ -131,11 +138,18 @@ void Segmenter::reconfigure(SegmenterConfig& config) {
 
 // Works only while anybody subscribes.
 void Segmenter::connect() {
-  const bool wanted = labels_publisher_.getNumSubscribers() > 0 ||
-                      segments_publisher_.getNumSubscribers() > 0 ||
-                      plan_publisher_.getNumSubscribers() > 0 || picture_publisher_.getNumSubscribers() > 0 ||
-                      markers_.wanted();
-  markers_.listen(wanted);
+  const bool wants_markers = markers_publisher_.getNumSubscribers() > 0;
+  const bool wanted =
+      labels_publisher_.getNumSubscribers() > 0 || segments_publisher_.getNumSubscribers() > 0 ||
+      plan_publisher_.getNumSubscribers() > 0 || picture_publisher_.getNumSubscribers() > 0 || wants_markers;
+  if (wants_markers && !info_subscriber_) {
+    info_subscriber_ = guard_.subscribe<sensor_msgs::CameraInfo>(guard_.nh, info_input_, 1,
+                                                                 [this](const auto& info) { onInfo(info); });
+  } else if (!wants_markers) {
+    info_subscriber_ = {};
+    camera_.reset();  // may be out of date when the next subscriber comes
+    without_camera_.reset();
+  }
   if (wanted && !depth_subscriber_) {
     depth_subscriber_ =
         guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
@@ -153,6 +167,16 @@ void Segmenter::onDepth(const sensor_msgs::ImageConstPtr& depth) {
     process(depth);
   } catch (const std::exception& e) {
     status_.acknowledge(depth->header, Outcome::kInvalid, e.what());
+  }
+}
+
+void Segmenter::onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
+  camera_.reset();
+  try {
+    camera_ = toCamera(*info, status_.resolved(info_input_));
+    publishWaitingMarkers();
+  } catch (const std::invalid_argument& e) {
+    status_.error(e.what());
   }
 }
 
@@ -197,11 +221,11 @@ void Segmenter::publishPlan(const std_msgs::Header& header) {
 
 // Publishes the outputs with captions, which take longer than the labels.
 void Segmenter::publishCaptioned(const std_msgs::Header& header) {
-  if (picture_publisher_.getNumSubscribers() == 0 && !markers_.wanted()) return;
+  if (picture_publisher_.getNumSubscribers() == 0 && !info_subscriber_) return;
   CaptionSet captions{header, result_.labels.size(), static_cast<int>(result_.segments.size()), {}};
   captions.captions = captionRegions(result_, config_.caption_min_area);
   publishPicture(captions);
-  markers_.publish(captions);
+  if (info_subscriber_) publishMarkers(captions);
 }
 
 void Segmenter::publishPicture(const CaptionSet& captions) {
@@ -210,6 +234,24 @@ void Segmenter::publishPicture(const CaptionSet& captions) {
   drawRegions(result_, captions.captions, regions);
   cv::cvtColor(regions, regions, cv::COLOR_BGR2RGB);
   picture_publisher_.publish(toImage(captions.header, sensor_msgs::image_encodings::RGB8, regions));
+}
+
+void Segmenter::publishMarkers(const CaptionSet& captions) {
+  const bool second = without_camera_.has_value();
+  without_camera_ = captions;
+  publishWaitingMarkers();
+  if (without_camera_ && second) {
+    status_.warn(
+        "markers wait for " + status_.resolved(info_input_) +
+        ": nothing came that fits the depth image; publish its camera's calibration there, or remap it");
+  }
+}
+
+// The message of the camera may come after the image.
+void Segmenter::publishWaitingMarkers() {
+  if (!without_camera_ || !camera_ || camera_->size != without_camera_->size) return;
+  markers_publisher_.publish(toMarkers(*without_camera_, *camera_));
+  without_camera_.reset();
 }
 
 using SegmenterNodelet = NodeletOf<Segmenter>;

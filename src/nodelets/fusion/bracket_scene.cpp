@@ -73,8 +73,7 @@ SharedScene toScene(const SceneMessages& messages, Mode mode, const cv::Size& fr
   const auto check_region = [&](auto&) { requireRegion(*messages.camera, frame, topics::kColorInfo); };
   if (messages.camera && !attempt(shared, check_region, kBySharpness)) return shared;
   if (messages.labels) attempt(shared, takeLabels, is_paper ? kBySharpness : kNoLabels);
-  const bool has_depth =
-      messages.depth && attempt(shared, takeDepth, is_paper ? kNotPublished : kNotUsed);
+  const bool has_depth = messages.depth && attempt(shared, takeDepth, is_paper ? kNotPublished : kNotUsed);
   if (is_paper) return shared;
   shared.scene.depth = shared.depth;
   if (has_depth) attempt(shared, takeMeasured, ": filled depth counts as measured");

@@ -33,7 +33,8 @@ struct SharedScene {
 SharedScene toScene(const SceneMessages& messages, Mode mode, const cv::Size& frame,
                     const CalibrationLens& calibration);
 
-/// Adds labels and depth that were not there before, for the report and for the outputs, and the newest camera.
+/// Adds labels and depth that were not there before, for the report and for the outputs, and the newest
+/// camera.
 void joinLate(const SceneMessages& now, SharedScene& shared);
 
 }  // namespace all_in_focus
