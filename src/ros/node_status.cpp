@@ -20,7 +20,6 @@ namespace {
 using diagnostic_msgs::DiagnosticStatus;
 
 constexpr std::chrono::seconds kSilence{5};
-constexpr std::chrono::seconds kSilenceThrottle{30};
 constexpr std::chrono::seconds kPause{5};  // a text that comes again within it tells of the same condition
 constexpr std::chrono::seconds kReminder{60};
 constexpr std::chrono::seconds kRateWindow{10};
@@ -54,7 +53,7 @@ NodeStatus::NodeStatus(const std::string& name, ros::NodeHandle nh, const ros::N
 int NodeStatus::addInput(const std::string& topic, Expect expect, const std::string& remedy) {
   std::lock_guard<std::mutex> lock(mutex_);
   const std::string resolved = nh_.resolveName(topic);
-  inputs_.push_back({topic, resolved, resolved, expect, remedy, 0, false, {}});
+  inputs_.push_back({topic, resolved, resolved, expect, remedy, 0, {}});
   return static_cast<int>(inputs_.size()) - 1;
 }
 
@@ -82,8 +81,6 @@ void NodeStatus::setSubscribed(bool subscribed) {
   if (subscribed == subscribed_) return;
   subscribed_ = subscribed;
   subscribed_at_ = Clock::now();
-  silence_warned_at_ = subscribed_at_ - kSilenceThrottle;
-  for (Input& input : inputs_) input.since_subscribed = false;
   if (!subscribed) current_ = {};
 }
 
@@ -91,7 +88,6 @@ void NodeStatus::inputArrived(int input) {
   std::lock_guard<std::mutex> lock(mutex_);
   Input& in = inputs_.at(input);
   ++in.arrived;
-  in.since_subscribed = true;
   in.last_arrival = Clock::now();
 }
 
@@ -123,8 +119,8 @@ void NodeStatus::acknowledge(const std_msgs::Header& header, Outcome outcome, co
     const ros::Time now = ros::Time::now();
     std::lock_guard<std::mutex> lock(mutex_);
     processed_at_.push_back(Clock::now());
-    delay_known_ = !header.stamp.isZero() && !now.isZero();
-    if (delay_known_) delay_ms_ = secondsBetween(header.stamp, now) * 1e3;
+    const bool is_known = !header.stamp.isZero() && !now.isZero();
+    delay_ms_ = is_known ? std::to_string(secondsBetween(header.stamp, now) * 1e3) : "unknown";
     current_ = {};
   }
   if (!reason.empty()) outcome == Outcome::kInvalid ? error(reason) : warn(reason);
@@ -136,16 +132,12 @@ void NodeStatus::count(Outcome outcome, std::uint64_t n) {
   counts_[outcome] += n;
 }
 
-void NodeStatus::error(const std::string& reason) {
-  const std::string text = core::oneLine(reason);
-  raise(DiagnosticStatus::ERROR, text);
-  if (!throttled(text)) ROS_ERROR_STREAM(name_ << ": " << text);
+void NodeStatus::error(const std::string& text) {
+  report(DiagnosticStatus::ERROR, text);
 }
 
-void NodeStatus::warn(const std::string& reason) {
-  const std::string text = core::oneLine(reason);
-  raise(DiagnosticStatus::WARN, text);
-  if (!throttled(text)) ROS_WARN_STREAM(name_ << ": " << text);
+void NodeStatus::warn(const std::string& text) {
+  report(DiagnosticStatus::WARN, text);
 }
 
 void NodeStatus::recovered() {
@@ -153,18 +145,25 @@ void NodeStatus::recovered() {
   current_ = {};
 }
 
-void NodeStatus::raise(unsigned char level, const std::string& text) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  if (level == DiagnosticStatus::ERROR) last_error_ = text;
-  if (level >= current_.level) current_ = {level, text};
-  if (level >= unreported_.level) unreported_ = {level, text};
+void NodeStatus::report(unsigned char level, const std::string& reason) {
+  const std::string text = core::oneLine(reason);
+  const bool is_error = level == DiagnosticStatus::ERROR;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    if (is_error) last_error_ = text;
+    if (level >= current_.level) current_ = {level, text};
+    if (level >= unreported_.level) unreported_ = {level, text};
+    if (isThrottled(text)) return;
+  }
+  ROS_LOG_STREAM(is_error ? ros::console::levels::Error : ros::console::levels::Warn, ROSCONSOLE_DEFAULT_NAME,
+                 name_ << ": " << text);
 }
 
-bool NodeStatus::throttled(const std::string& text) {
+// Holds mutex_.
+bool NodeStatus::isThrottled(const std::string& text) {
   std::string key = text;
   key.erase(std::remove_if(key.begin(), key.end(), [](unsigned char c) { return std::isdigit(c); }),
             key.end());
-  std::lock_guard<std::mutex> lock(mutex_);
   const auto now = Clock::now();
   if (raised_.size() > 100) raised_.clear();
   const auto [entry, is_new] = raised_.try_emplace(key, Raised{now, now});
@@ -192,15 +191,14 @@ std::string NodeStatus::resolved(int input) const {
 
 bool NodeStatus::silent(const Input& input, Clock::time_point now) const {
   if (!subscribed_ || input.expect == Expect::kOptional) return false;
-  if (input.expect == Expect::kOnce && input.since_subscribed) return false;
-  return now - (input.since_subscribed ? input.last_arrival : subscribed_at_) > kSilence;
+  if (input.expect == Expect::kOnce && input.last_arrival >= subscribed_at_) return false;
+  return now - std::max(input.last_arrival, subscribed_at_) > kSilence;
 }
 
 void NodeStatus::warnOfSilence() {
   std::ostringstream text;
   const auto now = Clock::now();
   std::lock_guard<std::mutex> lock(mutex_);
-  if (now - silence_warned_at_ < kSilenceThrottle) return;
   for (const Input& input : inputs_) {
     if (!silent(input, now)) continue;
     text << "\n  " << input.resolved << ": ";
@@ -212,9 +210,8 @@ void NodeStatus::warnOfSilence() {
       text << "its publisher went silent: stopped, paused, or at the end of a bag?";
     }
   }
-  if (text.str().empty()) return;
-  silence_warned_at_ = now;
-  ROS_WARN_STREAM(name_ << ": no data for " << kSilence.count() << " s on" << text.str());
+  if (!text.str().empty() && !isThrottled(text.str()))
+    ROS_WARN_STREAM(name_ << ": no data for " << kSilence.count() << " s on" << text.str());
 }
 
 void NodeStatus::tick() {
@@ -239,7 +236,7 @@ void NodeStatus::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("rate [Hz]", processed_at_.empty() ? 0.0
                                                 : static_cast<double>(processed_at_.size()) /
                                                       std::max(1.0, seconds(now - processed_at_.front())));
-  status.add("delay [ms]", delay_known_ ? std::to_string(delay_ms_) : "unknown");
+  status.add("delay [ms]", delay_ms_);
   status.add("last error", last_error_);
   status.add("backward time jumps", time_jumps_);
   for (const Input& input : inputs_) {

@@ -105,7 +105,6 @@ class NodeStatus {
     Expect expect;
     std::string remedy;
     std::uint64_t arrived;
-    bool since_subscribed;  // arrived since the last subscription
     Clock::time_point last_arrival;
   };
   struct Raised {
@@ -116,8 +115,8 @@ class NodeStatus {
     std::string text = "ok";
   };
 
-  void raise(unsigned char level, const std::string& text);
-  bool throttled(const std::string& text);
+  void report(unsigned char level, const std::string& reason);
+  bool isThrottled(const std::string& text);
   bool silent(const Input& input, Clock::time_point now) const;
   void warnOfSilence();
   void fill(diagnostic_updater::DiagnosticStatusWrapper& status);
@@ -134,11 +133,10 @@ class NodeStatus {
   std::map<Outcome, std::uint64_t> counts_;
   std::map<std::string, Raised> raised_;
   bool subscribed_ = false;
-  Clock::time_point subscribed_at_, silence_warned_at_;
+  Clock::time_point subscribed_at_;
   std::uint64_t time_jumps_ = 0;
   std::deque<Clock::time_point> processed_at_;  // of the last ten seconds
-  double delay_ms_ = 0;
-  bool delay_known_ = false;
+  std::string delay_ms_ = "unknown";
   std::string last_error_ = "none";
   Condition current_;     // until the next processed input
   Condition unreported_;  // worst since the last report
