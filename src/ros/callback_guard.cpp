@@ -82,9 +82,9 @@ void CallbackGuard::start() {
 }
 
 void CallbackGuard::stop() {
+  quick_.spinner.stop();
   if (const auto end = std::exchange(on_stop, nullptr)) end();
   working_.spinner.stop();
-  quick_.spinner.stop();
 }
 
 void CallbackGuard::post(const std::string& place, const std::function<void()>& function) {

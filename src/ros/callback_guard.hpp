@@ -42,7 +42,7 @@ class CallbackGuard {
   /// Their callbacks run beside those of `nh`, one after the other, and must be short.
   ros::NodeHandle quick_nh, quick_private_nh;
 
-  /// Called first by stop(): ends what a callback waits for.
+  /// Called by stop() after the last quick callback: ends what a slow one waits for.
   std::function<void()> on_stop;
 
   /// Starts the threads. What comes before waits.

@@ -9,6 +9,7 @@
 #include <geometry_msgs/Transform.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
+#include <sensor_msgs/PointCloud2.h>
 #include <std_msgs/Header.h>
 
 #include <opencv2/core.hpp>
@@ -54,6 +55,12 @@ Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic);
 /// Throws if a region of interest is not that of images of this size: the camera would not be theirs. Without
 /// a region images may have another resolution than the camera. topic: of the camera_info.
 void requireRegion(const sensor_msgs::CameraInfo& info, const cv::Size& image, const std::string& topic);
+
+/// A coloured cloud with the fields of depth_image_proc: x, y, z in m, rgb; a point for each pixel, row by
+/// row, NaN where depth is unknown. bgr: CV_8UC3; mm: CV_16UC1 of the same size, 0 = unknown; camera: of
+/// pictures of the same shape, in any resolution.
+sensor_msgs::PointCloud2Ptr toPointCloud(const std_msgs::Header& header, const cv::Mat& bgr,
+                                         const cv::Mat& mm, const core::Camera& camera);
 
 RigidTransform toRigidTransform(const geometry_msgs::Transform& transform);
 

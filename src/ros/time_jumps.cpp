@@ -29,17 +29,6 @@ void requirePossible(const ros::Time& stamp) {
                               " ns is impossible: check the clock of its publisher");
 }
 
-void TimeJumps::setTolerance(double tolerance_s) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  tolerance_s_ = tolerance_s;
-}
-
-bool TimeJumps::clockWentBack() {
-  std::lock_guard<std::mutex> lock(mutex_);
-  return clockWentBack(ros::Time::now());
-}
-
-// Holds mutex_.
 bool TimeJumps::clockWentBack(const ros::Time& now) {
   const bool went_back = secondsBetween(now, last_now_) > kClockJitter;
   last_now_ = now;
@@ -49,7 +38,6 @@ bool TimeJumps::clockWentBack(const ros::Time& now) {
 }
 
 bool TimeJumps::streamWentBack(const ros::Time& stamp) {
-  std::lock_guard<std::mutex> lock(mutex_);
   const ros::Time now = ros::Time::now();
   bool went_back = clockWentBack(now);
   if (stamp.isZero()) return went_back;

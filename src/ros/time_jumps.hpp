@@ -4,8 +4,6 @@
 
 #include <ros/time.h>
 
-#include <mutex>
-
 namespace all_in_focus {
 
 /// Seconds from one time to another. The operators of ros::Time throw where a result leaves their range, and
@@ -17,23 +15,20 @@ double secondsBetween(const ros::Time& from, const ros::Time& to);
 void requirePossible(const ros::Time& stamp);
 
 /// Notices that time went back (a bag in a loop, a clock that was set): by ros::Time::now(), and by the
-/// stamps of the one stream that sets the pace of a node. Thread-safe.
+/// stamps of the one stream that sets the pace of a node.
 class TimeJumps {
  public:
   /// By how much stamps may go back while time does not, s.
-  void setTolerance(double tolerance_s);
+  void setTolerance(double tolerance_s) { tolerance_s_ = tolerance_s; }
 
   /// Call for every message of other streams, before it is used. True: the clock went back since the last
   /// message.
-  bool clockWentBack();
+  bool clockWentBack(const ros::Time& now = ros::Time::now());
   /// Call for every message of the stream, before it is used. True: the clock or the stamps went back. A
   /// stamp ahead of the clock counts as now: it may be from before the clock jumped.
   bool streamWentBack(const ros::Time& stamp);
 
  private:
-  bool clockWentBack(const ros::Time& now);
-
-  std::mutex mutex_;  // guards all below
   double tolerance_s_ = 1;
   ros::Time last_now_;
   ros::Time newest_;         // stamp since the last jump

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <boost/make_shared.hpp>
 #include <string>
 
 #include "bracket_assembler.hpp"
@@ -11,19 +12,26 @@ using namespace all_in_focus;
 
 namespace {
 
-FrameInfo focus(std::uint32_t id, std::uint32_t index, std::uint32_t count = 0, bool last = false) {
-  return {0, true, id, index, count, last};
+BracketFrame at(double stamp_s) {
+  const auto image = boost::make_shared<sensor_msgs::Image>();
+  image->header.stamp = ros::Time(stamp_s);
+  return {image, nullptr};
 }
 
-FrameInfo at(double stamp_s) {
-  return {stamp_s};
+BracketFrame focus(std::uint32_t id, std::uint32_t index, std::uint32_t count = 0, bool last = false) {
+  const auto message = boost::make_shared<FocusFrame>();
+  message->bracket_id = id;
+  message->index = index;
+  message->count = count;
+  message->last = last;
+  return {at(0).image, message};
 }
 
 BracketAssembler::Step last_step;  // of feed()
 
 // What becomes of a frame, as letters: ) closes the bracket before, ( begins, a digit is the index, x
 // refused; ] the bracket has ended with it.
-std::string feed(BracketAssembler& assembler, const FrameInfo& frame) {
+std::string feed(BracketAssembler& assembler, const BracketFrame& frame) {
   std::string story;
   if (assembler.endsBefore(frame)) {
     story += ')';
@@ -124,8 +132,8 @@ TEST(BracketAssembler, BracketByGap) {
   BracketAssembler a({0, 1.0});
   EXPECT_EQ(feed(a, at(0)), "(0");
   EXPECT_EQ(feed(a, at(0.9)), "1");
-  EXPECT_FALSE(a.gapElapsed(1.8));
-  EXPECT_TRUE(a.gapElapsed(2.0));
+  EXPECT_FALSE(a.endsAfter(0.9));
+  EXPECT_TRUE(a.endsAfter(1.1));
   EXPECT_EQ(feed(a, at(2.5)), ")(0");
   EXPECT_EQ(feed(a, at(1.6)), "1");
   EXPECT_EQ(feed(a, at(0.5)), ")(0");
@@ -149,7 +157,7 @@ TEST(BracketAssembler, FocusMessagesThatAppearBeginABracket) {
   BracketAssembler a;
   feed(a, at(0));
   EXPECT_EQ(feed(a, focus(3, 0)), ")(0");
-  EXPECT_FALSE(a.gapElapsed(1000));  // a focus bracket takes its time
+  EXPECT_FALSE(a.endsAfter(1000));  // a focus bracket takes its time
   EXPECT_TRUE(a.open() && a.byFocus());
   EXPECT_EQ(a.id(), 3u);
 }

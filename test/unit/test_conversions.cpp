@@ -90,8 +90,7 @@ TEST(Depth, MetresAreRoundedAndWhatIsNoDepthIsUnknown) {
                                      NAN, kInf, -kInf, -1.0f, 65.536f, 1e30f, 0.0f, 0.0004f, -0.0f, 1e-40f},
                                     4, enc::TYPE_32FC1);
   const cv::Mat depth = toDepth(*image, {2047}, "/topic");
-  EXPECT_EQ(valuesOf(depth),
-            (std::vector<int>{1000, 1234, 1235, 65535, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(valuesOf(depth), (std::vector<int>{1000, 1234, 1235, 65535, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}));
   EXPECT_EQ(valuesOf(toDepth(*image, {0}, "/topic"))[5], 2047);
 }
 

@@ -196,15 +196,11 @@ TEST_F(SceneCacheTest, WaitingEndsWhenAPublisherGoes) {
   EXPECT_TRUE(isReady(scene, 5000));
 }
 
-TEST_F(SceneCacheTest, ClearingAndCancellingLetGo) {
+TEST_F(SceneCacheTest, ClearingLetsGo) {
   publish();
   auto cleared = await();
   cache_.clear();
   EXPECT_TRUE(isReady(cleared, 5000));
-  publish();
-  auto cancelled = await();
-  cache_.cancel();
-  EXPECT_TRUE(isReady(cancelled, 5000));
   EXPECT_TRUE(isReady(await(), 5000));
 }
 

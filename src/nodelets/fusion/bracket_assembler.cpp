@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "time_jumps.hpp"
+
 namespace all_in_focus {
 namespace {
 
@@ -24,41 +26,42 @@ bool BracketAssembler::announce(std::uint32_t bracket_id, std::uint32_t index) {
   return begins;
 }
 
-bool BracketAssembler::endsBefore(const FrameInfo& frame) const {
+bool BracketAssembler::endsBefore(const BracketFrame& frame) const {
   std::string reason;
   if (!open_ || refuses(frame, reason)) return false;
-  if (frame.has_focus != by_focus_) return true;
+  if (by_focus_ != (frame.focus != nullptr)) return true;
   // A bracket number that begins again at index 0 is a new bracket: the bag loops, or the driver was
   // restarted.
-  if (frame.has_focus) return frame.bracket_id != id_ || frame.index == 0;
-  return config_.gap_s > 0 && std::abs(frame.stamp_s - last_stamp_s_) > config_.gap_s;
+  if (frame.focus) return frame.focus->bracket_id != id_ || frame.focus->index == 0;
+  return endsAfter(std::abs(secondsBetween(last_stamp_, frame.image->header.stamp)));
 }
 
-bool BracketAssembler::refuses(const FrameInfo& frame, std::string& reason) const {
-  if (!frame.has_focus) return false;
-  const std::string bracket = "bracket " + text(frame.bracket_id);
-  const bool same = by_focus_ && frame.bracket_id == id_ && !fresh_;
-  if (frame.index >= kMaxFrames) {
-    reason = bracket + ": frame index " + text(frame.index) + " is above 65534";
-  } else if (frame.index == 0) {
+bool BracketAssembler::refuses(const BracketFrame& frame, std::string& reason) const {
+  if (!frame.focus) return false;
+  const std::uint32_t id = frame.focus->bracket_id, index = frame.focus->index;
+  const std::string bracket = "bracket " + text(id);
+  const bool same = by_focus_ && id == id_ && !fresh_;
+  if (index >= kMaxFrames) {
+    reason = bracket + ": frame index " + text(index) + " is above 65534";
+  } else if (index == 0) {
     return false;  // the first frame of a bracket is always accepted
-  } else if (hasBegunUnseen(frame.bracket_id) || (skipping_ && frame.bracket_id == skip_id_)) {
+  } else if (hasBegunUnseen(id) || skipped_ == id) {
     reason = bracket + " had begun before anybody listened: waiting for the next one";
-  } else if (open_ && same && frame.index < next_) {
-    reason = bracket + ": frame " + text(frame.index) + " came twice or too late";
+  } else if (open_ && same && index < next_) {
+    reason = bracket + ": frame " + text(index) + " came twice or too late";
   } else if (!open_ && same) {
     reason = bracket + " is finished already";
   }
   return !reason.empty();
 }
 
-BracketAssembler::Step BracketAssembler::add(const FrameInfo& frame) {
+BracketAssembler::Step BracketAssembler::add(const BracketFrame& frame) {
+  const FocusFrame* focus = frame.focus.get();
   Step step;
   if (refuses(frame, step.reason)) {
-    if (hasBegunUnseen(frame.bracket_id)) {
-      skipping_ = true;
-      skip_id_ = frame.bracket_id;
-    } else if (skipping_ && frame.bracket_id == skip_id_) {
+    if (hasBegunUnseen(focus->bracket_id)) {
+      skipped_ = focus->bracket_id;
+    } else if (skipped_ == focus->bracket_id) {
       step.reason.clear();  // said once a bracket
     }
     fresh_ = false;
@@ -67,22 +70,23 @@ BracketAssembler::Step BracketAssembler::add(const FrameInfo& frame) {
   step.use = true;
   step.begin = !open_;
   if (step.begin) {
-    id_ = frame.has_focus ? frame.bracket_id : fresh_ ? 0 : id_ + 1;
+    id_ = focus ? focus->bracket_id : fresh_ ? 0 : id_ + 1;
     next_ = 0;
     missing_ = 0;
   }
-  const std::uint32_t index = frame.has_focus ? frame.index : next_;
+  const std::uint32_t index = focus ? focus->index : next_;
   open_ = true;
-  by_focus_ = frame.has_focus;
-  fresh_ = skipping_ = false;
-  count_ = frame.has_focus ? std::min(frame.count, kMaxFrames) : static_cast<std::uint32_t>(config_.size);
+  by_focus_ = focus != nullptr;
+  fresh_ = false;
+  skipped_.reset();
+  count_ = focus ? std::min(focus->count, kMaxFrames) : static_cast<std::uint32_t>(config_.size);
   missing_ += static_cast<int>(index - next_);
   next_ = index + 1;
-  last_stamp_s_ = frame.stamp_s;
+  last_stamp_ = frame.image->header.stamp;
   step.index = static_cast<int>(index);
   step.bracket_id = id_;
   step.length = static_cast<int>(count_);
-  step.last = (frame.has_focus && frame.last) || next_ == kMaxFrames || (count_ > 0 && next_ >= count_);
+  step.last = (focus && focus->last) || next_ == kMaxFrames || (count_ > 0 && next_ >= count_);
   if (step.last) close();
   step.missing = missing_;
   return step;
@@ -96,12 +100,11 @@ void BracketAssembler::close() {
 void BracketAssembler::restart() {
   open_ = false;
   fresh_ = true;
-  skipping_ = false;
-  announced_ = whole_ = std::nullopt;
+  skipped_ = announced_ = whole_ = std::nullopt;
 }
 
-bool BracketAssembler::gapElapsed(double now_s) const {
-  return open_ && !by_focus_ && config_.gap_s > 0 && now_s - last_stamp_s_ > config_.gap_s;
+bool BracketAssembler::endsAfter(double pause_s) const {
+  return open_ && !by_focus_ && config_.gap_s > 0 && pause_s > config_.gap_s;
 }
 
 }  // namespace all_in_focus

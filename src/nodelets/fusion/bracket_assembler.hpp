@@ -2,20 +2,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <all_in_focus/FocusFrame.h>
+#include <sensor_msgs/Image.h>
+
 #include <cstdint>
 #include <optional>
 #include <string>
 
 namespace all_in_focus {
 
-/// What is known about a colour frame besides its pixels.
-struct FrameInfo {
-  double stamp_s = 0;
-  bool has_focus = false;  ///< a FocusFrame with the same stamp has come; the next fields are from it
-  std::uint32_t bracket_id = 0;
-  std::uint32_t index = 0;
-  std::uint32_t count = 0;  ///< 0 = open
-  bool last = false;
+/// A colour frame and its message from rgb/focus, if there is one.
+struct BracketFrame {
+  sensor_msgs::ImageConstPtr image;
+  FocusFrameConstPtr focus;
 };
 
 struct BracketConfig {
@@ -49,17 +48,17 @@ class BracketAssembler {
 
   /// The frame belongs to another bracket than the open one, which ended without notice: close() it before
   /// add().
-  bool endsBefore(const FrameInfo& frame) const;
+  bool endsBefore(const BracketFrame& frame) const;
 
-  Step add(const FrameInfo& frame);
+  Step add(const BracketFrame& frame);
 
   /// Ends the open bracket.
   void close();
   /// Forgets all frames, as after the start: a bracket whose first frame was not seen is left out.
   void restart();
 
-  /// Whether no frame has come for longer than the gap.
-  bool gapElapsed(double now_s) const;
+  /// Whether a pause of that length ends the open bracket.
+  bool endsAfter(double pause_s) const;
 
   bool open() const { return open_; }
   bool byFocus() const { return by_focus_; }  ///< FocusFrame messages define the open bracket
@@ -68,11 +67,11 @@ class BracketAssembler {
   int missing() const { return missing_; }
 
  private:
-  bool refuses(const FrameInfo& frame, std::string& reason) const;
+  bool refuses(const BracketFrame& frame, std::string& reason) const;
   /// Whether a frame from the middle of a bracket is the first one with a FocusFrame, since the start or
   /// since frames without one.
   bool hasBegunUnseen(std::uint32_t bracket_id) const {
-    return (fresh_ || !by_focus_) && !skipping_ && whole_ != bracket_id;
+    return (fresh_ || !by_focus_) && !skipped_ && whole_ != bracket_id;
   }
 
   BracketConfig config_;
@@ -82,10 +81,9 @@ class BracketAssembler {
   std::uint32_t next_ = 0;  ///< index expected next
   std::uint32_t count_ = 0;
   int missing_ = 0;
-  double last_stamp_s_ = 0;
-  bool fresh_ = true;      ///< nothing seen since the start
-  bool skipping_ = false;  ///< leave out the rest of bracket skip_id_, whose first frame was not seen
-  std::uint32_t skip_id_ = 0;
+  ros::Time last_stamp_;
+  bool fresh_ = true;                     ///< nothing seen since the start
+  std::optional<std::uint32_t> skipped_;  ///< the bracket that is left out: its first frame was not seen
   std::optional<std::uint32_t> announced_, whole_;  ///< the last bracket announced; and from its beginning
 };
 

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <opencv2/core.hpp>
 #include <utility>
@@ -22,8 +23,8 @@ namespace enc = sensor_msgs::image_encodings;
 
 // Callbacks hand over at once; what waits there is bounded and counted.
 constexpr std::uint32_t kArrivingImages = 64, kArrivingMessages = 1000;
-// FocusFrame messages that may wait: a camera may send the pictures of a sweep after its end.
-constexpr std::uint32_t kFramesWaiting = 1024;
+// FocusFrame messages that may wait, and images: a camera may send the pictures of a sweep after its end.
+constexpr std::size_t kMostUnmatched = 1024;
 constexpr double kSettleTime = 1, kSettlePeriod = 0.02;  // s of wall time
 constexpr double kAheadOfClock = 0.1;                    // s that a frame may be ahead of /clock
 constexpr double kDefaultGap = 1;                        // s
@@ -49,7 +50,6 @@ FusionInputs::FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache&
   settling_ =
       guard.quick_nh.createWallTimer(ros::WallDuration(kSettlePeriod), guard.wrap("publishers", on_timer),
                                      /*oneshot=*/false, /*autostart=*/false);
-  resetFrames();
 }
 
 template <typename Message, typename Use>
@@ -92,7 +92,8 @@ void FusionInputs::unsubscribe() {
   settle_until_ = {};
   image_subscriber_ = {};
   subscribers_.clear();
-  resetFrames();
+  images_.clear();
+  focus_.clear();
   last_focus_ = last_frame_ = {};
   status_.setExpect(image_input_, Expect::kStream);
   worker_.cancel();
@@ -126,11 +127,10 @@ void FusionInputs::settle() {
   updatePublished(/*assumed=*/false);
   if (status_.publishers(focus_input_) > 0) return;
   // What was announced before the publisher went still has its message, or will.
-  const auto plain_begin = std::stable_partition(unmatched_.begin(), unmatched_.end(),
+  const auto plain_begin = std::stable_partition(images_.begin(), images_.end(),
                                                  [this](const auto& image) { return isAnnounced(*image); });
-  const std::vector<sensor_msgs::ImageConstPtr> plain(plain_begin, unmatched_.end());
-  unmatched_.erase(plain_begin, unmatched_.end());
-  if (last_focus_.isZero()) resetFrames();  // it holds the plain images
+  const std::vector<sensor_msgs::ImageConstPtr> plain(plain_begin, images_.end());
+  images_.erase(plain_begin, images_.end());
   for (const sensor_msgs::ImageConstPtr& image : plain) addPlain(image);
 }
 
@@ -149,23 +149,14 @@ void FusionInputs::startAfresh(int input, const ros::Time& now) {
   if (secondsBetween(now, before) <= kAheadOfClock) return;
   last_focus_ = last_frame_ = {};
   worker_.restart();
-  std::deque<sensor_msgs::ImageConstPtr> still_valid;
-  for (const sensor_msgs::ImageConstPtr& image : unmatched_) {
+  focus_.clear();
+  const auto is_of_before = [&](const sensor_msgs::ImageConstPtr& image) {
     const ros::Time& stamp = image->header.stamp;
-    if (std::abs(secondsBetween(stamp, now)) <= std::abs(secondsBetween(stamp, before))) {
-      still_valid.push_back(image);
-    } else {
-      status_.acknowledge(image->header, Outcome::kUnmatched, "time went back");
-    }
-  }
-  resetFrames();
-  for (const sensor_msgs::ImageConstPtr& image : still_valid) match(image);
-}
-
-void FusionInputs::resetFrames() {
-  frame_matcher_ = std::make_unique<Matcher>(ExactTime(kFramesWaiting));
-  frame_matcher_->registerCallback(&FusionInputs::onFrame, this);
-  unmatched_.clear();
+    if (std::abs(secondsBetween(stamp, now)) <= std::abs(secondsBetween(stamp, before))) return false;
+    status_.acknowledge(image->header, Outcome::kUnmatched, "time went back");
+    return true;
+  };
+  images_.erase(std::remove_if(images_.begin(), images_.end(), is_of_before), images_.end());
 }
 
 void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
@@ -177,11 +168,18 @@ void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
   // A publisher of rgb/focus defines the brackets while it is there.
   const bool has_focus = status_.publishers(focus_input_) > 0 || isAnnounced(*image);
   if (settled_ && !has_focus) {
-    giveUpAllFrames();  // the publisher of rgb/focus is gone
+    giveUpImages(images_.size());  // the publisher of rgb/focus is gone
     return addPlain(image);
   }
   if (time_jumps_.clockWentBack()) startAfresh(image_input_, ros::Time::now());
-  match(image);
+  if (images_.empty()) {
+    last_match_ = std::chrono::steady_clock::now();
+    least_off_s_ = std::numeric_limits<double>::infinity();
+  }
+  images_.push_back(image);
+  const std::size_t most = imageLimit(kMostUnmatched, *image);
+  if (images_.size() > most) giveUpImages(images_.size() - most);
+  match(image->header.stamp);
 }
 
 void FusionInputs::addPlain(const sensor_msgs::ImageConstPtr& image) {
@@ -192,65 +190,50 @@ void FusionInputs::addPlain(const sensor_msgs::ImageConstPtr& image) {
   worker_.add({image, nullptr});
 }
 
-void FusionInputs::match(const sensor_msgs::ImageConstPtr& image) {
-  if (unmatched_.empty()) {
-    last_match_ = std::chrono::steady_clock::now();
-    least_off_s_ = std::numeric_limits<double>::infinity();
-  }
-  unmatched_.push_back(image);
-  frame_matcher_->add<0>(image);
-  std::size_t bytes = 0;
-  for (const sensor_msgs::ImageConstPtr& each : unmatched_) bytes += each->data.size();
-  if (areTooMany(unmatched_.size(), bytes)) giveUpAllFrames();
-  warnOfMismatch();
-}
-
 // rgb/focus is sent at the shutter; the image may come much later.
 void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
   const ros::Time stamp = focus->header.stamp;
   if (time_jumps_.streamWentBack(stamp)) startAfresh(focus_input_, std::min(stamp, ros::Time::now()));
   worker_.announce(*focus);
   last_focus_ = last_frame_ = stamp;
-  frame_matcher_->add<1>(focus);
-  warnOfMismatch();
+  focus_[stamp] = focus;
+  if (focus_.size() > kMostUnmatched) focus_.erase(focus_.begin());
+  match(stamp);
 }
 
-// Topics keep their order: images that came before this one and are not matched will never be.
-void FusionInputs::onFrame(const sensor_msgs::ImageConstPtr& image, const FocusFrameConstPtr& focus) {
-  const auto found = std::find(unmatched_.begin(), unmatched_.end(), image);
-  if (found == unmatched_.end()) return;  // given up before
-  giveUpFrames(static_cast<std::size_t>(found - unmatched_.begin()));
-  unmatched_.pop_front();
+// Topics keep their order: what came before a match and is not matched will never be.
+void FusionInputs::match(const ros::Time& stamp) {
+  const auto focus = focus_.find(stamp);
+  const auto image = std::find_if(images_.begin(), images_.end(),
+                                  [&](const auto& each) { return each->header.stamp == stamp; });
+  if (focus == focus_.end() || image == images_.end()) return warnOfMismatch();
+  const BracketFrame frame{*image, focus->second};
+  giveUpImages(static_cast<std::size_t>(image - images_.begin()));
+  images_.pop_front();
+  focus_.erase(focus_.begin(), std::next(focus));
   last_match_ = std::chrono::steady_clock::now();
   status_.setExpect(image_input_, Expect::kOnce);  // the camera may be silent between brackets
-  worker_.add({image, focus});
+  worker_.add(frame);
 }
 
 // The oldest ones.
-void FusionInputs::giveUpFrames(std::size_t count) {
+void FusionInputs::giveUpImages(std::size_t count) {
   for (; count > 0; --count) {
-    status_.acknowledge(unmatched_.front()->header, Outcome::kUnmatched,
+    status_.acknowledge(images_.front()->header, Outcome::kUnmatched,
                         "colour frame without a rgb/focus message of the same stamp");
-    unmatched_.pop_front();
+    images_.pop_front();
   }
 }
 
-void FusionInputs::giveUpAllFrames() {
-  if (unmatched_.empty()) return;
-  giveUpFrames(unmatched_.size());
-  resetFrames();
-}
-
-// Call when an image or a message from rgb/focus has come.
 void FusionInputs::warnOfMismatch() {
-  if (unmatched_.empty()) return;
-  const double off_s = std::abs(secondsBetween(unmatched_.back()->header.stamp, last_focus_));
+  if (images_.empty()) return;
+  const double off_s = std::abs(secondsBetween(images_.back()->header.stamp, last_focus_));
   least_off_s_ = std::min(least_off_s_, off_s);
   if (std::chrono::steady_clock::now() - last_match_ < kPatience) return;
   status_.warn(
       cv::format("%zu colour frames wait for a rgb/focus message of the same stamp; the nearest one "
                  "differs by %g s",
-                 unmatched_.size(), least_off_s_));
+                 images_.size(), least_off_s_));
 }
 
 void FusionInputs::onOptics(const OpticsConstPtr& optics) {

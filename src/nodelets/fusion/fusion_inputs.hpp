@@ -5,8 +5,6 @@
 #include <all_in_focus/FocusFrame.h>
 #include <all_in_focus/SegmentArray.h>
 #include <image_transport/subscriber.h>
-#include <message_filters/sync_policies/exact_time.h>
-#include <message_filters/synchronizer.h>
 #include <ros/ros.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
@@ -16,7 +14,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
-#include <memory>
+#include <map>
 #include <vector>
 
 #include "callback_guard.hpp"
@@ -44,26 +42,20 @@ class FusionInputs {
   void configure(double gap_s);
 
  private:
-  using ExactTime = message_filters::sync_policies::ExactTime<sensor_msgs::Image, FocusFrame>;
-  using Matcher = message_filters::Synchronizer<ExactTime>;
-
   template <typename Message, typename Use>
   void subscribeTo(int input, std::uint32_t queue_size, Use use);
   void settle();
   bool isAnnounced(const sensor_msgs::Image& image) const;
   void updatePublished(bool assumed);
   void startAfresh(int input, const ros::Time& now);
-  void resetFrames();
 
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onFocus(const FocusFrameConstPtr& focus);
   void onOptics(const OpticsConstPtr& optics);
   void onLabels(const sensor_msgs::ImageConstPtr& labels);
-  void onFrame(const sensor_msgs::ImageConstPtr& image, const FocusFrameConstPtr& focus);
   void addPlain(const sensor_msgs::ImageConstPtr& image);
-  void match(const sensor_msgs::ImageConstPtr& image);
-  void giveUpFrames(std::size_t count);
-  void giveUpAllFrames();
+  void match(const ros::Time& stamp);
+  void giveUpImages(std::size_t count);
   void warnOfMismatch();
 
   CallbackGuard& guard_;
@@ -75,8 +67,9 @@ class FusionInputs {
   const std::array<int, kSceneTopics> scene_inputs_;
   TimeJumps time_jumps_;
 
-  std::unique_ptr<Matcher> frame_matcher_;
-  std::deque<sensor_msgs::ImageConstPtr> unmatched_;  // images in frame_matcher_, in the order of arrival
+  // What waits for its partner, from the oldest on.
+  std::deque<sensor_msgs::ImageConstPtr> images_;
+  std::map<ros::Time, FocusFrameConstPtr> focus_;
   std::chrono::steady_clock::time_point last_match_;  // or since when there is something to match
   double least_off_s_ = 0;                            // since then, between stamps of images and FocusFrames
 

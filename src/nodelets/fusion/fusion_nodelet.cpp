@@ -73,16 +73,17 @@ class Fusion {
 };
 
 Fusion::Fusion(CallbackGuard& guard, NodeStatus& status)
-    : status_(status), worker_(guard, status, scenes_, outputs_), inputs_(guard, status, scenes_, worker_) {
+    : status_(status),
+      outputs_(guard.quick_nh, status, guard.wrap(status.name(), [this] { connect(); })),
+      worker_(guard, status, scenes_, outputs_),
+      inputs_(guard, status, scenes_, worker_) {
   readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
   readParameter(guard.private_nh, "restore_every_bracket", at_start_.restore_every, status);
   at_start_.calibration = readCalibration(guard.private_nh, status);
-  // Their callbacks share a thread, which starts after this.
-  outputs_.advertise(guard.quick_nh, status, guard.wrap(status.name(), [this] { connect(); }));
   configuration_ = serveConfiguration<FusionConfig>(guard.quick_private_nh, guard, status,
                                                     [this](auto& config) { reconfigure(config); });
   finish_server_ = guard.private_nh.advertiseService("finish", &Fusion::finish, this);
-  guard.on_stop = [this] { worker_.stop(); };
+  guard.on_stop = [this] { inputs_.unsubscribe(); };
 }
 
 void Fusion::reconfigure(FusionConfig& config) {
@@ -124,7 +125,7 @@ bool Fusion::finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& re
   const int published = worker_.finish();
   response.success = published >= 0;
   response.message =
-      published >= 0 ? std::to_string(published) + " brackets published" : "the fusion is being unloaded";
+      published >= 0 ? std::to_string(published) + " brackets published" : "nobody listens any more";
   return true;
 }
 

@@ -17,7 +17,6 @@
 #include "all_in_focus/codes.hpp"
 #include "all_in_focus/depth_registration.hpp"
 #include "all_in_focus/drawing.hpp"
-#include "point_cloud.hpp"
 #include "topics.hpp"
 
 namespace all_in_focus {
@@ -44,8 +43,8 @@ cv::Mat FusionOutputs::depthOf(const FusedBracket& bracket) const {
 
 // Published by plain ROS: image_transport publishes to present subscribers only, so later ones would get an
 // older latched result, or none.
-void FusionOutputs::advertise(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect) {
-  status_ = &status;
+FusionOutputs::FusionOutputs(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect)
+    : status_(status) {
   const ros::SubscriberStatusCallback on_connect = [connect](const auto&) { connect(); };
   const auto advertise = [nh, on_connect](auto type, const std::string& topic, int queue_size = kQueueSize) {
     return ros::NodeHandle(nh).advertise<decltype(type)>(topic, queue_size, on_connect, on_connect,
@@ -157,7 +156,7 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
       progress->depth = *depth;
     }
   }
-  status_->setValue("asked for in vain", askedInVain(bracket, mm));
+  status_.setValue("asked for in vain", askedInVain(bracket, mm));
   report_.publish(bracket.report);
   progress->is_result = 1;
   progress->report = *bracket.report;
@@ -177,7 +176,7 @@ void FusionOutputs::publishPoints(const std::function<void(const sensor_msgs::Po
     const cv::Mat bgr = core::toEightBits(cv_bridge::toCvShare(latest.image)->image);
     publish(*toPointCloud(latest.image->header, bgr, latest.mm, camera));
   } catch (const std::exception& e) {
-    status_->error(std::string(topics::kPoints) + ": " + e.what());
+    status_.error(std::string(topics::kPoints) + ": " + e.what());
   }
 }
 

@@ -31,10 +31,10 @@ struct FusedBracket {
 /// the cloud, which is large, is made when somebody listens to it.
 class FusionOutputs {
  public:
-  /// connect: called whenever a subscriber comes or goes.
-  void advertise(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect);
+  /// connect: called by nh's callbacks whenever a subscriber comes or goes.
+  FusionOutputs(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect);
   /// all_in_focus/depth_restored exists in mode restored only; a result that comes after that mode is
-  /// published without it. After advertise().
+  /// published without it.
   void setMode(Mode mode);
   /// Whether anybody subscribes.
   bool wanted() const;
@@ -48,7 +48,7 @@ class FusionOutputs {
   std::string askedInVain(const FusedBracket& bracket, const cv::Mat& mm) const;
   void publishPoints(const std::function<void(const sensor_msgs::PointCloud2&)>& publish);
 
-  NodeStatus* status_ = nullptr;
+  NodeStatus& status_;
   ros::Publisher image_, weights_, depth_, source_index_, confidence_, info_, points_, report_, progress_;
   std::function<ros::Publisher()> advertise_restored_;
 

@@ -15,6 +15,7 @@
 #include "all_in_focus/codes.hpp"
 #include "all_in_focus/rig_checks.hpp"
 #include "image_limit.hpp"
+#include "time_jumps.hpp"
 #include "topics.hpp"
 
 namespace all_in_focus {
@@ -24,13 +25,6 @@ constexpr double kIdlePeriod = 0.05;          // s, between checks for a gap in 
 constexpr std::chrono::seconds kSilence(10);  // in an open bracket, before a warning
 constexpr double kMmPerM = 1000;
 constexpr const char* kProgress = "restoration";  // key of the diagnostics
-
-FrameInfo frameInfo(const BracketFrame& frame) {
-  const double stamp_s = frame.image->header.stamp.toSec();
-  if (!frame.focus) return {stamp_s};
-  const FocusFrame& focus = *frame.focus;
-  return {stamp_s, true, focus.bracket_id, focus.index, focus.count, focus.last != 0};
-}
 
 Outcome outcomeOf(const FrameStatus& status) {
   return status.kind == FrameStatus::Kind::kRejected ? Outcome::kInvalid : Outcome::kProcessed;
@@ -103,17 +97,16 @@ void FusionWorker::announce(const FocusFrame& focus) {
 }
 
 void FusionWorker::add(const BracketFrame& frame) {
-  const FrameInfo info = frameInfo(frame);
   Task task;
   task.frame = frame;
   task.header = frame.image->header;
   std::vector<sensor_msgs::ImageConstPtr> dropped;
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    if (assembler_.endsBefore(info)) endBracket();
-    stamp_age_s_ = ros::Time::now().toSec() - info.stamp_s;
-    last_frame_ = std::chrono::steady_clock::now();
-    dropped = append(task, info);
+    if (assembler_.endsBefore(frame)) endBracket();
+    last_frame_ = ros::Time::now();
+    silent_since_ = std::chrono::steady_clock::now();
+    dropped = append(task);
   }
   if (!task.step.use) status_.acknowledge(task.header, Outcome::kUnmatched, task.step.reason);
   for (const sensor_msgs::ImageConstPtr& image : dropped) {
@@ -141,27 +134,22 @@ void FusionWorker::push(Task task) {
 }
 
 // Holds mutex_. Returns the images that were dropped to make room.
-std::vector<sensor_msgs::ImageConstPtr> FusionWorker::append(Task& task, const FrameInfo& info) {
+std::vector<sensor_msgs::ImageConstPtr> FusionWorker::append(Task& task) {
   std::vector<sensor_msgs::ImageConstPtr> dropped;
-  task.step = assembler_.add(info);
+  task.step = assembler_.add(task.frame);
   if (!task.step.use) return dropped;
   if (task.step.begin) scenes_.pin(task.header.stamp);  // before the worker asks for the scene
   outputs_.tell(focusFrame(task));                      // before the result
   push(task);
-  for (Waiting now = waiting(); now.images > most_ || areTooMany(now.images, now.bytes); now = waiting())
-    dropped.push_back(dropOldest());
+  limit_ = imageLimit(most_, *task.frame.image);
+  while (waitingImages() > limit_) dropped.push_back(dropOldest());
   return dropped;
 }
 
 // Holds mutex_.
-FusionWorker::Waiting FusionWorker::waiting() const {
-  Waiting waiting;
-  for (const Task& task : tasks_) {
-    if (!task.frame.image) continue;
-    ++waiting.images;
-    waiting.bytes += task.frame.image->data.size();
-  }
-  return waiting;
+std::size_t FusionWorker::waitingImages() const {
+  return std::count_if(tasks_.begin(), tasks_.end(),
+                       [](const Task& task) { return task.frame.image != nullptr; });
 }
 
 sensor_msgs::ImageConstPtr FusionWorker::dropOldest() {
@@ -202,69 +190,60 @@ int FusionWorker::finish() {
     endBracket();
     waiting = tasks_.size();
   }
-  for (; waiting > 0; --waiting) handleNext();
-  std::lock_guard<std::mutex> lock(mutex_);
-  return stopped_ ? -1 : published_;
+  while (waiting > 0 && handleNext()) --waiting;
+  return waiting > 0 || isCancelled() ? -1 : published_;
 }
 
-void FusionWorker::stop() {
+bool FusionWorker::isCancelled() const {
   std::lock_guard<std::mutex> lock(mutex_);
-  stopped_ = true;
-  scenes_.cancel();
-}
-
-bool FusionWorker::isInterrupted() const {
-  std::lock_guard<std::mutex> lock(mutex_);
-  return stopped_ || (!tasks_.empty() && tasks_.front().kind == Task::Kind::kCancel);
+  return !tasks_.empty() && tasks_.front().kind == Task::Kind::kCancel;
 }
 
 bool FusionWorker::mayRestore(double done) const {
   const std::string id = std::to_string(open_->id);
   status_.setValue(kProgress, "bracket " + id + ": " + std::to_string(std::lround(100 * done)) + " %");
-  if (isInterrupted()) return false;
+  if (isCancelled()) return false;
   if (open_->settings.restore_every) return true;
   std::lock_guard<std::mutex> lock(mutex_);
   const bool is_whole = std::any_of(tasks_.begin(), tasks_.end(), [](const Task& task) {
     return task.kind == Task::Kind::kEnd || (task.kind == Task::Kind::kFrame && task.step.last);
   });
-  const Waiting now = waiting();
-  return !is_whole && 2 * now.images <= most_ && 2 * now.bytes <= kMaxWaitingBytes;
+  return !is_whole && 2 * waitingImages() <= limit_;
 }
 
-void FusionWorker::handleNext() {
-  const std::optional<Task> task = take();
-  if (!task) return;
+// Returns whether there was something to do.
+bool FusionWorker::handleNext() {
+  Task task;
+  {
+    std::lock_guard<std::mutex> lock(mutex_);
+    if (tasks_.empty()) return false;  // ~finish was first, or all were cancelled
+    task = std::move(tasks_.front());
+    tasks_.pop_front();
+  }
   try {
-    handle(*task);
+    handle(task);
   } catch (const std::exception& e) {
     open_.reset();  // what it holds is uncertain
     status_.error(std::string("fusion: ") + e.what());
-    if (task->frame.image) status_.acknowledge(task->header, Outcome::kInvalid, e.what());
+    if (task.frame.image) status_.acknowledge(task.header, Outcome::kInvalid, e.what());
   }
-}
-
-// Nothing if it was handled before or cancelled.
-std::optional<FusionWorker::Task> FusionWorker::take() {
-  std::lock_guard<std::mutex> lock(mutex_);
-  if (stopped_ || tasks_.empty()) return std::nullopt;
-  Task task = std::move(tasks_.front());
-  tasks_.pop_front();
-  return task;
+  return true;
 }
 
 // Ends a bracket after its gap in time, unless frames wait that may belong to it.
 void FusionWorker::onTimer() {
   std::lock_guard<std::mutex> lock(mutex_);
   if (!tasks_.empty()) return;
-  if (ros::Time::isValid() && assembler_.gapElapsed(ros::Time::now().toSec() - stamp_age_s_)) endBracket();
+  if (ros::Time::isValid() && assembler_.endsAfter(secondsBetween(last_frame_, ros::Time::now())))
+    endBracket();
   warnOfSilence();
 }
 
 // Holds mutex_. Without rgb/focus the gap ends a bracket.
 void FusionWorker::warnOfSilence() {
   const auto now = std::chrono::steady_clock::now();
-  if (!assembler_.open() || !assembler_.byFocus() || now - last_frame_ < kSilence) return;
-  last_frame_ = now;
+  if (!assembler_.open() || !assembler_.byFocus() || now - silent_since_ < kSilence) return;
+  silent_since_ = now;
   status_.warn("bracket " + std::to_string(assembler_.id()) + " is open and no frame has come for " +
                std::to_string(kSilence.count()) + " s: ~finish or the next bracket ends it");
 }
@@ -403,7 +382,7 @@ std::vector<FrameStatus> FusionWorker::finishBracket() {
   BracketResult result = bracket_.finish([this](double done) { return mayRestore(done); });
   status_.setValue(kProgress, "idle");
   if (result.stopped) result.warnings.emplace_back("not restored: the next bracket came first");
-  if (!isInterrupted()) publish(result, /*complete=*/true);
+  if (!isCancelled()) publish(result, /*complete=*/true);
   for (const FrameStatus& frame : result.frames) {
     if (!open_->frames.at(frame.index).acknowledged) continue;
     status_.count(outcomeOf(frame));

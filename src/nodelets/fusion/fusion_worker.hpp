@@ -10,7 +10,6 @@
 #include <deque>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <vector>
 
 #include "all_in_focus/bracket.hpp"
@@ -28,12 +27,6 @@ struct FusionSettings {
   double label_timeout_s = 2.0;
   bool restore_every = false;  ///< mode restored: the next bracket waits until this one is restored
   CalibrationLens calibration;
-};
-
-/// A colour frame and its message from rgb/focus, if there is one.
-struct BracketFrame {
-  sensor_msgs::ImageConstPtr image;
-  FocusFrameConstPtr focus;
 };
 
 /// Fuses focus brackets among the slow callbacks of the guard, so that the quick ones never wait. Asks
@@ -59,9 +52,8 @@ class FusionWorker {
   /// Nobody wants results any more: drops all that waits, and the open bracket.
   void cancel();
   /// Ends the open bracket, and returns when all frames so far are fused and restored: brackets published
-  /// since the start, or -1 after stop(). Call it in a slow callback.
+  /// since the start, or -1 if they were cancelled. Call it in a slow callback.
   int finish();
-  void stop();  ///< nothing is fused any more; ends what the worker waits for
 
  private:
   struct Task {
@@ -76,22 +68,18 @@ class FusionWorker {
     BracketFrame frame{};  ///< without an image: it was dropped to make room for newer ones
     std_msgs::Header header{};
   };
-  struct Waiting {
-    std::size_t images = 0, bytes = 0;
-  };
   struct OpenBracket;
 
   // Any thread.
   static FocusFrame focusFrame(const Task& task);
   void push(Task task);
-  std::vector<sensor_msgs::ImageConstPtr> append(Task& task, const FrameInfo& info);
-  Waiting waiting() const;
+  std::vector<sensor_msgs::ImageConstPtr> append(Task& task);
+  std::size_t waitingImages() const;
   sensor_msgs::ImageConstPtr dropOldest();
   void endBracket();
 
   // Slow callbacks.
-  void handleNext();
-  std::optional<Task> take();
+  bool handleNext();
   void onTimer();
   void warnOfSilence();
   void handle(const Task& task);
@@ -106,7 +94,7 @@ class FusionWorker {
   std::vector<FrameStatus> finishBracket();
   void publish(const BracketResult& result, bool complete);
   FusionReportPtr toReport(const BracketResult& result) const;
-  bool isInterrupted() const;
+  bool isCancelled() const;
   bool mayRestore(double done) const;
 
   CallbackGuard& guard_;
@@ -119,9 +107,10 @@ class FusionWorker {
   BracketAssembler assembler_;
   std::deque<Task> tasks_;  // for each a call of handleNext() is posted
   std::size_t most_ = 60;   // images that may wait
-  double stamp_age_s_ = 0;  // of the last frame at its arrival: stamps may come from another clock
-  std::chrono::steady_clock::time_point last_frame_;
-  bool stopped_ = false;
+  std::size_t limit_ = 60;  // of the size of the newest
+  // Arrival of the last frame: the pause after it, and silence.
+  ros::Time last_frame_;
+  std::chrono::steady_clock::time_point silent_since_;
 
   // Used by slow callbacks only.
   Bracket bracket_;

@@ -85,7 +85,6 @@ void SceneCache::add(const Message& message, Message SceneMessages::*as, SceneTo
 
 // Holds mutex_.
 void SceneCache::arrived(SceneTopic topic) {
-  ++(*this)[topic].arrived;
   (*this)[topic].silent = false;
   changed_.notify_all();
 }
@@ -225,13 +224,6 @@ void SceneCache::clear() {
   pinned_.clear();
   camera_.reset();
   topics_ = {};
-  ++waits_ended_;
-  changed_.notify_all();
-}
-
-void SceneCache::cancel() {
-  std::lock_guard<std::mutex> lock(mutex_);
-  cancelled_ = true;
   changed_.notify_all();
 }
 
@@ -239,16 +231,14 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) 
   const auto start = std::chrono::steady_clock::now();
   std::unique_lock<std::mutex> lock(mutex_);
   if (pinned_.try_emplace(first_frame).second) updatePinned();
-  const int waits_ended = waits_ended_;
-  const auto has_ended = [&] { return cancelled_ || waits_ended_ != waits_ended; };
   const auto scene = [&] { return sceneOf(first_frame); };
   const auto wait = [&](SceneTopic name, const auto& is_there, const auto& has_something) {
-    const std::uint64_t arrived = (*this)[name].arrived;
-    const double timeout = (*this)[name].silent ? std::min(timeout_s, kSilentTimeout) : timeout_s;
-    const bool in_time = changed_.wait_until(lock, start + seconds(timeout), [&] {
-      return has_ended() || !(*this)[name].published || is_there();
-    });
-    if (!in_time && (*this)[name].arrived == arrived && !has_something()) (*this)[name].silent = true;
+    Topic& topic = (*this)[name];
+    const double timeout = topic.silent ? std::min(timeout_s, kSilentTimeout) : timeout_s;
+    topic.silent = true;  // unless a message comes
+    const bool in_time =
+        changed_.wait_until(lock, start + seconds(timeout), [&] { return !topic.published || is_there(); });
+    if (in_time || has_something()) topic.silent = false;
   };
   const auto waitForImage = [&](SceneTopic name, const ros::Time& stamp, Image image) {
     wait(

@@ -10,7 +10,6 @@
 #include <array>
 #include <condition_variable>
 #include <cstddef>
-#include <cstdint>
 #include <map>
 #include <mutex>
 #include <string>
@@ -62,10 +61,8 @@ class SceneCache {
 
   /// Call when time went back to `now`: drops what is newer. Pinned scenes stay.
   void forgetAfter(const ros::Time& now);
-  /// Forgets everything but the lens, and ends all waits.
+  /// Forgets everything but the lens, also what is published, which ends all waits.
   void clear();
-  /// Ends all waits, also later ones.
-  void cancel();
 
   /// The scene of a bracket. Waits up to timeout_s until no better one can come, and until it is complete.
   /// After a wait that brought nothing of a topic the next waits are short, until one of its messages comes.
@@ -102,9 +99,8 @@ class SceneCache {
 
   struct Topic {
     bool published = false;
-    bool silent = false;        // the last wait brought nothing
-    std::uint64_t arrived = 0;  // messages
-    ros::Time last;             // stamp of the last image, small disorder aside; 0: none
+    bool silent = false;  // the last wait brought nothing
+    ros::Time last;       // stamp of the last image, small disorder aside; 0: none
   };
   Topic& operator[](SceneTopic topic) { return topics_[static_cast<std::size_t>(topic)]; }
 
@@ -117,8 +113,6 @@ class SceneCache {
   double max_age_s_ = 1, longest_latency_s_ = 0;
   sensor_msgs::CameraInfoConstPtr camera_;
   OpticsConstPtr optics_;
-  int waits_ended_ = 0;  // by clear()
-  bool cancelled_ = false;
 };
 
 }  // namespace all_in_focus
