@@ -19,16 +19,14 @@ std::string topicOf(KinectStream stream) {
 }  // namespace
 
 KinectOutput::KinectOutput(KinectStream stream, const ros::NodeHandle& nh, const KinectParameters& parameters,
-                           NodeStatus& status, const std::function<void()>& on_connect)
+                           NodeStatus& status)
     : stream_(stream),
       parameters_(parameters),
       of_stream_(parameters.streams[indexOf(stream)]),
       status_(status),
       topic_(topicOf(stream) + "/image_raw"),
       calibration_(stream, ros::NodeHandle(nh, topicOf(stream)), of_stream_, status) {
-  const auto connect = [on_connect](const auto& /*subscriber*/) { on_connect(); };
-  publisher_ = image_transport::ImageTransport(nh).advertiseCamera(topic_, parameters.queue_size, connect,
-                                                                   connect, connect, connect);
+  publisher_ = image_transport::ImageTransport(nh).advertiseCamera(topic_, parameters.queue_size);
   status_.addOutput(topic_);
   status_.addOutput(topicOf(stream) + "/camera_info");
 }

@@ -6,7 +6,6 @@
 
 #include <chrono>
 #include <cstdint>
-#include <functional>
 #include <string>
 
 #include "kinect_calibration.hpp"
@@ -23,9 +22,8 @@ class KinectOutput {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// on_connect: called from any thread whenever subscribers come or go.
   KinectOutput(KinectStream stream, const ros::NodeHandle& nh, const KinectParameters& parameters,
-               NodeStatus& status, const std::function<void()>& on_connect);
+               NodeStatus& status);
 
   KinectStream stream() const { return stream_; }
   const std::string& topic() const { return topic_; }
