@@ -7,7 +7,9 @@
 #include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/buffer.h>
 
+#include <algorithm>
 #include <boost/make_shared.hpp>
+#include <cstddef>
 #include <deque>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
@@ -80,24 +82,196 @@ class DepthPreprocess {
  public:
   static constexpr const char* kProcessedTopic = "depth_registered/processed";
 
-  DepthPreprocess(CallbackGuard& guard, NodeStatus& status);
+  DepthPreprocess(CallbackGuard& guard, NodeStatus& status)
+      : guard_(guard),
+        status_(status),
+        depth_input_(status.addInput("depth/image_raw", Expect::kStream, "start the depth camera's driver")),
+        depth_info_input_(
+            status.addInput("depth/camera_info", Expect::kOnce, "start the depth camera's driver")),
+        rgb_info_input_(
+            status.addInput(topics::kColorInfo, Expect::kOnce, "start the colour camera's driver")),
+        tf_listener_(guard, tf_buffer_) {
+    readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
+    readParameter(guard.private_nh, "invalid_values", invalid_values_, status);
+    configuration_ = serveConfiguration<DepthPreprocessConfig>(guard.private_nh, guard, status,
+                                                               [this](auto& config) { reconfigure(config); });
+    advertise();
+  }
 
  private:
-  void advertise();
-  void reconfigure(DepthPreprocessConfig& config);
-  void connect();
-  void subscribe();
-  void unsubscribe();
-  void onDepth(const sensor_msgs::ImageConstPtr& depth);
-  void onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot, const sensor_msgs::CameraInfoConstPtr& info);
-  void processWaiting();
-  void startAfresh(int input);
-  void giveUpWaiting(std::size_t oldest);
-  bool isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason);
-  Rig currentRig() const;
-  void process(const sensor_msgs::ImageConstPtr& depth);
-  void registerAndPublish(const std_msgs::Header& header, const cv::Mat& depth);
-  void warnOfRig(const cv::Mat& depth);
+  void advertise() {
+    ros::NodeHandle& nh = guard_.nh;
+    image_transport::ImageTransport transport(nh);
+    const auto on_connect = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) { connect(); });
+
+    registered_publisher_ =
+        transport.advertise(status_.addOutput(topics::kMeasured), 1, on_connect, on_connect);
+    filled_publisher_ = transport.advertise(status_.addOutput(topics::kDepth), 1, on_connect, on_connect);
+    info_publisher_ = nh.advertise<sensor_msgs::CameraInfo>(status_.addOutput(topics::kDepthInfo), 1,
+                                                            on_connect, on_connect);
+  }
+
+  void reconfigure(DepthPreprocessConfig& config) {
+    repair(config.mode, config_.mode, config.mode == "paper" || config.mode == "refined", "mode",
+           "paper or refined", status_);
+    config_ = config;
+    preprocessing_.reset();
+    status_.setValue("mode", config.mode);
+  }
+
+  // Works only while anybody subscribes.
+  void connect() {
+    const bool wanted = anybodyListens(registered_publisher_, filled_publisher_, info_publisher_);
+    if (wanted && !depth_subscriber_) subscribe();
+    if (!wanted && depth_subscriber_) unsubscribe();
+  }
+
+  void subscribe() {
+    const auto subscribe = [&](int input, sensor_msgs::CameraInfoConstPtr& slot) {
+      return guard_.subscribe<sensor_msgs::CameraInfo>(
+          guard_.nh, input, queue_size_,
+          [this, input, &slot](const auto& info) { onInfo(input, slot, info); });
+    };
+    depth_info_subscriber_ = subscribe(depth_info_input_, depth_info_);
+    rgb_info_subscriber_ = subscribe(rgb_info_input_, rgb_info_);
+    depth_subscriber_ =
+        guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
+    retry_timer_ = guard_.nh.createWallTimer(
+        ros::WallDuration(kRetryPeriod),
+        guard_.wrap(status_.name(), [this](const ros::WallTimerEvent&) { processWaiting(); }));
+    status_.setSubscribed(true);
+  }
+
+  void unsubscribe() {
+    retry_timer_.stop();
+    depth_subscriber_ = {};
+    depth_info_subscriber_ = rgb_info_subscriber_ = {};
+    waiting_.clear();
+    waiting_since_ = ros::WallTime();
+    depth_info_ = rgb_info_ = nullptr;  // may be out of date when the next subscriber comes
+    status_.setSubscribed(false);
+  }
+
+  void onDepth(const sensor_msgs::ImageConstPtr& depth) {
+    if (time_jumps_.streamWentBack(depth->header.stamp)) startAfresh(depth_input_);
+    waiting_.push_back(depth);
+    const std::size_t most = imageLimit(queue_size_, *depth);
+    if (waiting_.size() > most) giveUpWaiting(waiting_.size() - most);
+    processWaiting();
+  }
+
+  void onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot, const sensor_msgs::CameraInfoConstPtr& info) {
+    if (time_jumps_.clockWentBack()) startAfresh(input);
+    slot = info;
+    processWaiting();
+  }
+
+  // Camera infos and the transform usually come within a moment. The depth image waits for them, because it
+  // may be the only one in a bag.
+  void processWaiting() {
+    std::string missing;
+    const auto is_ready = [&](const auto& depth) { return !isSomethingMissing(*depth, missing); };
+    for (;;) {
+      const auto ready = std::find_if(waiting_.begin(), waiting_.end(), is_ready);
+      if (ready == waiting_.end()) break;
+      giveUpWaiting(ready - waiting_.begin());  // results are published in the order of stamps
+      const sensor_msgs::ImageConstPtr depth = waiting_.front();
+      waiting_.pop_front();
+      waiting_since_ = ros::WallTime();
+      try {
+        process(depth);
+      } catch (const std::exception& e) {
+        status_.acknowledge(depth->header, Outcome::kInvalid, e.what());
+      }
+    }
+    if (waiting_.empty()) return;
+    const ros::WallTime now = ros::WallTime::now();
+    if (waiting_since_.isZero()) waiting_since_ = now;
+    if ((now - waiting_since_).toSec() > kPatience) status_.error(missing);
+  }
+
+  void startAfresh(int input) {
+    status_.timeWentBack(input);
+    giveUpWaiting(waiting_.size());
+  }
+
+  void giveUpWaiting(std::ptrdiff_t oldest) {
+    for (; oldest > 0; --oldest, waiting_.pop_front())
+      status_.acknowledge(waiting_.front()->header, Outcome::kUnmatched);
+  }
+
+  // True while something is missing that may still come. When it returns false, transform_ is that of this
+  // image. It does not wait for anything that is broken: process() refuses that.
+  bool isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason) {
+    if (!depth_info_ || !rgb_info_) {
+      reason = "depth waits for " + status_.resolved(depth_info_ ? rgb_info_input_ : depth_info_input_) +
+               ": publish the camera's calibration there, or remap it";
+      return true;
+    }
+    const std::string from = withoutSlash(depth.header.frame_id),
+                      to = withoutSlash(rgb_info_->header.frame_id);
+    if (from.empty() || to.empty()) return false;
+    try {
+      transform_ = tf_buffer_.lookupTransform(to, from, ros::Time(0)).transform;
+      return false;
+    } catch (const tf2::TransformException& e) {
+      reason = "no transform from depth frame \"" + from + "\" to colour frame \"" + to +
+               "\": publish it, e.g. rosrun tf2_ros static_transform_publisher x y z qx qy qz qw " + to +
+               " " + from + " (" + e.what() + ")";
+      return true;
+    }
+  }
+
+  void process(const sensor_msgs::ImageConstPtr& message) {
+    const std::string topic = status_.resolved(depth_input_);
+    requireFrame(message->header, topic);
+    requireFrame(rgb_info_->header, status_.resolved(rgb_info_input_));
+    const cv::Mat depth = toDepth(*message, invalid_values_, topic);
+    const Rig rig = {toCamera(*depth_info_, status_.resolved(depth_info_input_)),
+                     toCamera(*rgb_info_, status_.resolved(rgb_info_input_)), toRigidTransform(transform_)};
+    requireSize(depth, rig.depth, topic, status_.resolved(depth_info_input_));
+    if (!preprocessing_ || !(preprocessing_->rig() == rig))
+      preprocessing_ = std::make_unique<DepthPreprocessing>(rig, parseMode(config_.mode));
+    registerAndPublish(message->header, depth);
+  }
+
+  void registerAndPublish(const std_msgs::Header& depth_header, const cv::Mat& depth) {
+    std_msgs::Header header = depth_header;
+    header.frame_id = rgb_info_->header.frame_id;
+    preprocessing_->compute(depth, registered_, filled_);
+
+    const auto info = boost::make_shared<sensor_msgs::CameraInfo>(*rgb_info_);
+    info->header = header;
+    info_publisher_.publish(info);
+    const std::string& encoding = sensor_msgs::image_encodings::TYPE_16UC1;
+    const sensor_msgs::ImagePtr registered = toImage(header, encoding, registered_);
+    registered_publisher_.publish(registered);
+    filled_publisher_.publish(config_.fill_holes ? toImage(header, encoding, filled_) : registered);
+    status_.acknowledge(depth_header, Outcome::kProcessed);
+    warnOfRig(depth);
+  }
+
+  // Warns of likely mistakes in the rig, in the words of fuse_stack.
+  void warnOfRig(const cv::Mat& depth) {
+    const std::string topic = status_.resolved(depth_input_) + ": ";
+    if (cv::countNonZero(depth) == 0) {
+      status_.warn(topic + "not one pixel has a depth: is something too near, or the sensor covered?");
+      return;
+    }
+    const auto warn = [&](const std::string& warning) {
+      if (!warning.empty()) status_.warn(topic + warning);
+    };
+    const Rig& rig = preprocessing_->rig();
+    warn(core::checkDepthUnit(depth));
+    warn(core::checkPrincipalPoint(rig.depth, "depth"));
+    warn(core::checkPrincipalPoint(rig.color, "colour"));
+    warn(core::checkPose(rig.depth_to_color));
+    try {
+      warn(core::checkCoverage(registered_, rig));
+    } catch (const std::invalid_argument& e) {
+      status_.error(topic + e.what());
+    }
+  }
 
   CallbackGuard& guard_;
   NodeStatus& status_;
@@ -114,211 +288,14 @@ class DepthPreprocess {
   ros::WallTime waiting_since_;                     // zero: nothing waits
   sensor_msgs::CameraInfoConstPtr depth_info_, rgb_info_;
   geometry_msgs::Transform transform_;
-  std::unique_ptr<DepthPreprocessing> preprocessing_;  // of the current rig and mode
-  std::string preprocessing_mode_;
-  cv::Mat registered_, filled_;  // reused
+  std::unique_ptr<DepthPreprocessing> preprocessing_;  // empty: the configuration has changed
+  cv::Mat registered_, filled_;                        // reused
 
   image_transport::Subscriber depth_subscriber_;
   ros::Subscriber depth_info_subscriber_, rgb_info_subscriber_;
   ros::WallTimer retry_timer_;
   std::unique_ptr<dynamic_reconfigure::Server<DepthPreprocessConfig>> configuration_;
 };
-
-DepthPreprocess::DepthPreprocess(CallbackGuard& guard, NodeStatus& status)
-    : guard_(guard),
-      status_(status),
-      depth_input_(status.addInput("depth/image_raw", Expect::kStream, "start the depth camera's driver")),
-      depth_info_input_(
-          status.addInput("depth/camera_info", Expect::kOnce, "start the depth camera's driver")),
-      rgb_info_input_(status.addInput(topics::kColorInfo, Expect::kOnce, "start the colour camera's driver")),
-      tf_listener_(guard, tf_buffer_) {
-  readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
-  readParameter(guard.private_nh, "invalid_values", invalid_values_, status);
-  configuration_ = serveConfiguration<DepthPreprocessConfig>(guard.private_nh, guard, status,
-                                                             [this](auto& config) { reconfigure(config); });
-  advertise();
-}
-
-void DepthPreprocess::advertise() {
-  ros::NodeHandle& nh = guard_.nh;
-  image_transport::ImageTransport transport(nh);
-  const auto on_connect = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) { connect(); });
-
-  registered_publisher_ =
-      transport.advertise(status_.addOutput(topics::kMeasured), 1, on_connect, on_connect);
-  filled_publisher_ = transport.advertise(status_.addOutput(topics::kDepth), 1, on_connect, on_connect);
-  info_publisher_ =
-      nh.advertise<sensor_msgs::CameraInfo>(status_.addOutput(topics::kDepthInfo), 1, on_connect, on_connect);
-}
-
-void DepthPreprocess::reconfigure(DepthPreprocessConfig& config) {
-  repair(config.mode, config_.mode, config.mode == "paper" || config.mode == "refined", "mode",
-         "paper or refined", status_);
-  config_ = config;
-  status_.setValue("mode", config.mode);
-}
-
-// Works only while anybody subscribes.
-void DepthPreprocess::connect() {
-  const bool wanted = registered_publisher_.getNumSubscribers() > 0 ||
-                      filled_publisher_.getNumSubscribers() > 0 || info_publisher_.getNumSubscribers() > 0;
-  if (wanted && !depth_subscriber_) subscribe();
-  if (!wanted && depth_subscriber_) unsubscribe();
-}
-
-void DepthPreprocess::subscribe() {
-  const auto subscribe = [&](int input, sensor_msgs::CameraInfoConstPtr& slot) {
-    return guard_.subscribe<sensor_msgs::CameraInfo>(
-        guard_.nh, input, queue_size_, [this, input, &slot](const auto& info) { onInfo(input, slot, info); });
-  };
-  depth_info_subscriber_ = subscribe(depth_info_input_, depth_info_);
-  rgb_info_subscriber_ = subscribe(rgb_info_input_, rgb_info_);
-  depth_subscriber_ =
-      guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
-  retry_timer_ = guard_.nh.createWallTimer(
-      ros::WallDuration(kRetryPeriod),
-      guard_.wrap(status_.name(), [this](const ros::WallTimerEvent&) { processWaiting(); }));
-  status_.setSubscribed(true);
-}
-
-void DepthPreprocess::unsubscribe() {
-  retry_timer_.stop();
-  depth_subscriber_ = {};
-  depth_info_subscriber_ = rgb_info_subscriber_ = {};
-  waiting_.clear();
-  waiting_since_ = ros::WallTime();
-  depth_info_ = rgb_info_ = nullptr;  // may be out of date when the next subscriber comes
-  status_.setSubscribed(false);
-}
-
-void DepthPreprocess::onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot,
-                             const sensor_msgs::CameraInfoConstPtr& info) {
-  if (time_jumps_.clockWentBack()) startAfresh(input);
-  slot = info;
-  processWaiting();
-}
-
-void DepthPreprocess::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  if (time_jumps_.streamWentBack(depth->header.stamp)) startAfresh(depth_input_);
-  waiting_.push_back(depth);
-  const std::size_t most = imageLimit(queue_size_, *depth);
-  if (waiting_.size() > most) giveUpWaiting(waiting_.size() - most);
-  processWaiting();
-}
-
-// Camera infos and the transform usually come within a moment. The depth image waits for them, because it may
-// be the only one in a bag.
-void DepthPreprocess::processWaiting() {
-  std::string missing;
-  for (std::size_t ready = 0; ready < waiting_.size();) {
-    if (isSomethingMissing(*waiting_[ready], missing)) {
-      ++ready;
-      continue;
-    }
-    giveUpWaiting(ready);  // results are published in the order of stamps
-    const sensor_msgs::ImageConstPtr depth = waiting_.front();
-    waiting_.pop_front();
-    waiting_since_ = ros::WallTime();
-    ready = 0;
-    try {
-      process(depth);
-    } catch (const std::exception& e) {
-      status_.acknowledge(depth->header, Outcome::kInvalid, e.what());
-    }
-  }
-  if (waiting_.empty()) return;
-  const ros::WallTime now = ros::WallTime::now();
-  if (waiting_since_.isZero()) waiting_since_ = now;
-  if ((now - waiting_since_).toSec() > kPatience) status_.error(missing);
-}
-
-void DepthPreprocess::startAfresh(int input) {
-  status_.timeWentBack(input);
-  giveUpWaiting(waiting_.size());
-}
-
-void DepthPreprocess::giveUpWaiting(std::size_t oldest) {
-  for (; oldest > 0; --oldest, waiting_.pop_front())
-    status_.acknowledge(waiting_.front()->header, Outcome::kUnmatched);
-}
-
-// True while something is missing that may still come. When it returns false, transform_ is that of this
-// image. It does not wait for anything that is broken: process() refuses that.
-bool DepthPreprocess::isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason) {
-  if (!depth_info_ || !rgb_info_) {
-    reason = "depth waits for " + status_.resolved(depth_info_ ? rgb_info_input_ : depth_info_input_) +
-             ": publish the camera's calibration there, or remap it";
-    return true;
-  }
-  const std::string from = withoutSlash(depth.header.frame_id), to = withoutSlash(rgb_info_->header.frame_id);
-  if (from.empty() || to.empty()) return false;
-  try {
-    transform_ = tf_buffer_.lookupTransform(to, from, ros::Time(0)).transform;
-    return false;
-  } catch (const tf2::TransformException& e) {
-    reason = "no transform from depth frame \"" + from + "\" to colour frame \"" + to +
-             "\": publish it, e.g. rosrun tf2_ros static_transform_publisher x y z qx qy qz qw " + to + " " +
-             from + " (" + e.what() + ")";
-    return true;
-  }
-}
-
-Rig DepthPreprocess::currentRig() const {
-  return {toCamera(*depth_info_, status_.resolved(depth_info_input_)),
-          toCamera(*rgb_info_, status_.resolved(rgb_info_input_)), toRigidTransform(transform_)};
-}
-
-void DepthPreprocess::process(const sensor_msgs::ImageConstPtr& message) {
-  const std::string topic = status_.resolved(depth_input_);
-  requireFrame(message->header, topic);
-  requireFrame(rgb_info_->header, status_.resolved(rgb_info_input_));
-  const cv::Mat depth = toDepth(*message, invalid_values_, topic);
-  const Rig rig = currentRig();
-  requireSize(depth, rig.depth, topic, status_.resolved(depth_info_input_));
-  if (!preprocessing_ || !(preprocessing_->rig() == rig) || preprocessing_mode_ != config_.mode) {
-    preprocessing_ = std::make_unique<DepthPreprocessing>(rig, parseMode(config_.mode));
-    preprocessing_mode_ = config_.mode;
-  }
-  registerAndPublish(message->header, depth);
-}
-
-void DepthPreprocess::registerAndPublish(const std_msgs::Header& depth_header, const cv::Mat& depth) {
-  std_msgs::Header header = depth_header;
-  header.frame_id = rgb_info_->header.frame_id;
-  preprocessing_->compute(depth, registered_, filled_);
-
-  const auto info = boost::make_shared<sensor_msgs::CameraInfo>(*rgb_info_);
-  info->header = header;
-  info_publisher_.publish(info);
-  const std::string& encoding = sensor_msgs::image_encodings::TYPE_16UC1;
-  const sensor_msgs::ImagePtr registered = toImage(header, encoding, registered_);
-  registered_publisher_.publish(registered);
-  filled_publisher_.publish(config_.fill_holes ? toImage(header, encoding, filled_) : registered);
-  status_.acknowledge(depth_header, Outcome::kProcessed);
-  warnOfRig(depth);
-}
-
-// Warns of likely mistakes in the rig, in the words of fuse_stack.
-void DepthPreprocess::warnOfRig(const cv::Mat& depth) {
-  const std::string topic = status_.resolved(depth_input_) + ": ";
-  if (cv::countNonZero(depth) == 0) {
-    status_.warn(topic + "not one pixel has a depth: is something too near, or the sensor covered?");
-    return;
-  }
-  const auto warn = [&](const std::string& warning) {
-    if (!warning.empty()) status_.warn(topic + warning);
-  };
-  const Rig& rig = preprocessing_->rig();
-  warn(core::checkDepthUnit(depth));
-  warn(core::checkPrincipalPoint(rig.depth, "depth"));
-  warn(core::checkPrincipalPoint(rig.color, "colour"));
-  warn(core::checkPose(rig.depth_to_color));
-  try {
-    warn(core::checkCoverage(registered_, rig));
-  } catch (const std::invalid_argument& e) {
-    status_.error(topic + e.what());
-  }
-}
 
 using DepthPreprocessNodelet = NodeletOf<DepthPreprocess>;
 

@@ -38,21 +38,183 @@ class Segmenter {
  public:
   static constexpr const char* kProcessedTopic = "segmentation/processed";
 
-  Segmenter(CallbackGuard& guard, NodeStatus& status);
+  Segmenter(CallbackGuard& guard, NodeStatus& status)
+      : guard_(guard),
+        status_(status),
+        depth_input_(status.addInput(topics::kDepth, Expect::kStream, "start depth_preprocess")),
+        info_input_(status.addInput(topics::kDepthInfo, Expect::kOptional, "")) {
+    readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
+    optics_publisher_ = guard.nh.advertise<OpticsMsg>(status.addOutput(topics::kOptics), 1, /*latch=*/true);
+    readMode();
+    configuration_ = serveConfiguration<SegmenterConfig>(guard.private_nh, guard, status,
+                                                         [this](auto& config) { reconfigure(config); });
+    advertise();
+  }
 
  private:
-  void readMode();
-  void advertise();
-  void reconfigure(SegmenterConfig& config);
-  void connect();
-  void onDepth(const sensor_msgs::ImageConstPtr& depth);
-  void onInfo(const sensor_msgs::CameraInfoConstPtr& info);
-  void process(const sensor_msgs::ImageConstPtr& depth);
-  void publishPlan(const std_msgs::Header& header);
-  void publishCaptioned(const std_msgs::Header& header);
-  void publishPicture(const CaptionSet& captions);
-  void publishMarkers(const CaptionSet& captions);
-  void publishWaitingMarkers();
+  void readMode() {
+    std::string mode = name(mode_);
+    readParameter(guard_.private_nh, "mode", mode, status_);
+    repairName(mode, name(mode_), parseMode, status_);
+    mode_ = parseMode(mode);
+    status_.setValue("mode", mode);
+  }
+
+  void advertise() {
+    ros::NodeHandle& nh = guard_.nh;
+    image_transport::ImageTransport transport(nh);
+    const auto on_connect = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) { connect(); });
+
+    labels_publisher_ =
+        nh.advertise<sensor_msgs::Image>(status_.addOutput(topics::kLabels), 1, on_connect, on_connect);
+    segments_publisher_ =
+        nh.advertise<SegmentArray>(status_.addOutput(topics::kSegments), 1, on_connect, on_connect);
+    plan_publisher_ =
+        nh.advertise<FocusPlan>(status_.addOutput("segmentation/focus_plan"), 1, on_connect, on_connect);
+    picture_publisher_ =
+        transport.advertise(status_.addOutput("segmentation/image_color"), 1, on_connect, on_connect);
+    markers_publisher_ = nh.advertise<visualization_msgs::MarkerArray>(
+        status_.addOutput("segmentation/markers"), 1, on_connect, on_connect);
+  }
+
+  void reconfigure(SegmenterConfig& config) {
+    const auto check = [this](double& value, double good, const core::OpticsRange& range, const char* name) {
+      repair(value, good, range.contains(value), name, cv::format("from %g to %g", range.min, range.max),
+             status_);
+    };
+    check(config.focal_length_mm, config_.focal_length_mm, core::kFocalLengthRange, "focal_length_mm");
+    check(config.aperture, config_.aperture, core::kApertureRange, "aperture");
+    check(config.circle_of_confusion_mm, config_.circle_of_confusion_mm, core::kCircleOfConfusionRange,
+          "circle_of_confusion_mm");
+    repairName(config.dof_rule, config_.dof_rule, core::parseDofSpan, status_);
+    repairNegative(config.min_region_size, config_.min_region_size, "min_region_size", status_);
+    repairNegative(config.caption_min_area, config_.caption_min_area, "caption_min_area", status_);
+    config_ = config;
+    segmentation_.reset();
+    optics_publisher_.publish(toMessage(opticsOf(config_)));
+
+    status_.setValue("optics", cv::format("f %g mm, F %g, circle of confusion %g mm", config.focal_length_mm,
+                                          config.aperture, config.circle_of_confusion_mm));
+    status_.setValue("dof_rule", config.dof_rule);
+  }
+
+  // Works only while anybody subscribes.
+  void connect() {
+    const bool wants_markers = anybodyListens(markers_publisher_);
+    const bool wanted = wants_markers || anybodyListens(labels_publisher_, segments_publisher_,
+                                                        plan_publisher_, picture_publisher_);
+    if (wants_markers && !info_subscriber_) {
+      info_subscriber_ = guard_.subscribe<sensor_msgs::CameraInfo>(
+          guard_.nh, info_input_, 1, [this](const auto& info) { onInfo(info); });
+    } else if (!wants_markers) {
+      info_subscriber_ = {};
+      camera_.reset();  // may be out of date when the next subscriber comes
+      without_camera_.reset();
+    }
+    if (wanted && !depth_subscriber_) {
+      depth_subscriber_ =
+          guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
+      status_.setSubscribed(true);
+    } else if (!wanted && depth_subscriber_) {
+      depth_subscriber_ = {};
+      status_.setSubscribed(false);
+    }
+  }
+
+  void onDepth(const sensor_msgs::ImageConstPtr& depth) {
+    // There is no cache to empty.
+    if (time_jumps_.streamWentBack(depth->header.stamp)) status_.timeWentBack(depth_input_);
+    try {
+      process(depth);
+    } catch (const std::exception& e) {
+      status_.acknowledge(depth->header, Outcome::kInvalid, e.what());
+    }
+  }
+
+  void onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
+    camera_.reset();
+    try {
+      camera_ = toCamera(*info, status_.resolved(info_input_));
+      publishWaitingMarkers();
+    } catch (const std::invalid_argument& e) {
+      status_.error(e.what());
+    }
+  }
+
+  void process(const sensor_msgs::ImageConstPtr& message) {
+    const cv::Mat depth = toDepth(*message, {}, status_.resolved(depth_input_));
+    if (!segmentation_) {
+      segmentation_ = std::make_unique<DofSegmentation>(segmentationConfig(
+          mode_, opticsOf(config_), parseDofSpan(config_.dof_rule), config_.min_region_size));
+    }
+    segmentation_->compute(depth, result_);
+
+    // The labels come first: whatever fails or takes long afterwards, the fusion has them.
+    const SegmentArrayPtr segments = toMessage(result_, segmentation_->config());
+    segments->header = message->header;
+    labels_publisher_.publish(
+        toImage(message->header, sensor_msgs::image_encodings::TYPE_32SC1, result_.labels));
+    segments_publisher_.publish(segments);
+    try {
+      publishCaptioned(message->header);
+      publishPlan(message->header);
+    } catch (const std::exception& e) {
+      status_.error(std::string("labels are published, but not all that is drawn of them: ") + e.what());
+    }
+
+    const bool no_depth = result_.unknown_area == depth.rows * depth.cols;
+    status_.setValue("segments", std::to_string(result_.segments.size()));
+    status_.acknowledge(message->header, Outcome::kProcessed,
+                        no_depth ? status_.resolved(depth_input_) + ": not one pixel has a depth" : "");
+  }
+
+  void publishPlan(const std_msgs::Header& header) {
+    if (!anybodyListens(plan_publisher_)) return;
+    const core::Optics& optics = segmentation_->config().optics;
+    try {
+      const FocusPlanPtr plan =
+          toMessage(planFocus(optics, result_.segments), optics, result_.segments.size());
+      plan->header = header;
+      plan_publisher_.publish(plan);
+    } catch (const std::invalid_argument& e) {
+      status_.warn(e.what());  // the labels are right without the captions
+    }
+  }
+
+  // Publishes the outputs with captions, which take longer than the labels.
+  void publishCaptioned(const std_msgs::Header& header) {
+    if (!anybodyListens(picture_publisher_) && !info_subscriber_) return;
+    CaptionSet captions{header, result_.labels.size(), static_cast<int>(result_.segments.size()), {}};
+    captions.captions = captionRegions(result_, config_.caption_min_area);
+    publishPicture(captions);
+    if (info_subscriber_) publishMarkers(captions);
+  }
+
+  void publishPicture(const CaptionSet& captions) {
+    if (!anybodyListens(picture_publisher_)) return;
+    cv::Mat regions;
+    drawRegions(result_, captions.captions, regions);
+    cv::cvtColor(regions, regions, cv::COLOR_BGR2RGB);
+    picture_publisher_.publish(toImage(captions.header, sensor_msgs::image_encodings::RGB8, regions));
+  }
+
+  void publishMarkers(const CaptionSet& captions) {
+    const bool second = without_camera_.has_value();
+    without_camera_ = captions;
+    publishWaitingMarkers();
+    if (without_camera_ && second) {
+      status_.warn(
+          "markers wait for " + status_.resolved(info_input_) +
+          ": nothing came that fits the depth image; publish its camera's calibration there, or remap it");
+    }
+  }
+
+  // The message of the camera may come after the image.
+  void publishWaitingMarkers() {
+    if (!without_camera_ || !camera_ || camera_->size != without_camera_->size) return;
+    markers_publisher_.publish(toMarkers(*without_camera_, *camera_));
+    without_camera_.reset();
+  }
 
   CallbackGuard& guard_;
   NodeStatus& status_;
@@ -76,183 +238,6 @@ class Segmenter {
   ros::Subscriber info_subscriber_;
   std::unique_ptr<dynamic_reconfigure::Server<SegmenterConfig>> configuration_;
 };
-
-Segmenter::Segmenter(CallbackGuard& guard, NodeStatus& status)
-    : guard_(guard),
-      status_(status),
-      depth_input_(status.addInput(topics::kDepth, Expect::kStream, "start depth_preprocess")),
-      info_input_(status.addInput(topics::kDepthInfo, Expect::kOptional, "")) {
-  readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
-  optics_publisher_ = guard.nh.advertise<OpticsMsg>(status.addOutput(topics::kOptics), 1, /*latch=*/true);
-  readMode();
-  configuration_ = serveConfiguration<SegmenterConfig>(guard.private_nh, guard, status,
-                                                       [this](auto& config) { reconfigure(config); });
-  advertise();
-}
-
-void Segmenter::readMode() {
-  std::string mode = name(mode_);
-  readParameter(guard_.private_nh, "mode", mode, status_);
-  repairName(mode, name(mode_), parseMode, status_);
-  mode_ = parseMode(mode);
-  status_.setValue("mode", mode);
-}
-
-void Segmenter::advertise() {
-  ros::NodeHandle& nh = guard_.nh;
-  image_transport::ImageTransport transport(nh);
-  const auto on_connect = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) { connect(); });
-
-  labels_publisher_ =
-      nh.advertise<sensor_msgs::Image>(status_.addOutput(topics::kLabels), 1, on_connect, on_connect);
-  segments_publisher_ =
-      nh.advertise<SegmentArray>(status_.addOutput(topics::kSegments), 1, on_connect, on_connect);
-  plan_publisher_ =
-      nh.advertise<FocusPlan>(status_.addOutput("segmentation/focus_plan"), 1, on_connect, on_connect);
-  picture_publisher_ =
-      transport.advertise(status_.addOutput("segmentation/image_color"), 1, on_connect, on_connect);
-  markers_publisher_ = nh.advertise<visualization_msgs::MarkerArray>(
-      status_.addOutput("segmentation/markers"), 1, on_connect, on_connect);
-}
-
-void Segmenter::reconfigure(SegmenterConfig& config) {
-  const auto check = [this](double& value, double good, const core::OpticsRange& range, const char* name) {
-    repair(value, good, range.contains(value), name, cv::format("from %g to %g", range.min, range.max),
-           status_);
-  };
-  check(config.focal_length_mm, config_.focal_length_mm, core::kFocalLengthRange, "focal_length_mm");
-  check(config.aperture, config_.aperture, core::kApertureRange, "aperture");
-  check(config.circle_of_confusion_mm, config_.circle_of_confusion_mm, core::kCircleOfConfusionRange,
-        "circle_of_confusion_mm");
-  repairName(config.dof_rule, config_.dof_rule, core::parseDofSpan, status_);
-  repairNegative(config.min_region_size, config_.min_region_size, "min_region_size", status_);
-  repairNegative(config.caption_min_area, config_.caption_min_area, "caption_min_area", status_);
-  config_ = config;
-  segmentation_.reset();
-  optics_publisher_.publish(toMessage(opticsOf(config_)));
-
-  status_.setValue("optics", cv::format("f %g mm, F %g, circle of confusion %g mm", config.focal_length_mm,
-                                        config.aperture, config.circle_of_confusion_mm));
-  status_.setValue("dof_rule", config.dof_rule);
-}
-
-// Works only while anybody subscribes.
-void Segmenter::connect() {
-  const bool wants_markers = markers_publisher_.getNumSubscribers() > 0;
-  const bool wanted =
-      labels_publisher_.getNumSubscribers() > 0 || segments_publisher_.getNumSubscribers() > 0 ||
-      plan_publisher_.getNumSubscribers() > 0 || picture_publisher_.getNumSubscribers() > 0 || wants_markers;
-  if (wants_markers && !info_subscriber_) {
-    info_subscriber_ = guard_.subscribe<sensor_msgs::CameraInfo>(guard_.nh, info_input_, 1,
-                                                                 [this](const auto& info) { onInfo(info); });
-  } else if (!wants_markers) {
-    info_subscriber_ = {};
-    camera_.reset();  // may be out of date when the next subscriber comes
-    without_camera_.reset();
-  }
-  if (wanted && !depth_subscriber_) {
-    depth_subscriber_ =
-        guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
-    status_.setSubscribed(true);
-  } else if (!wanted && depth_subscriber_) {
-    depth_subscriber_ = {};
-    status_.setSubscribed(false);
-  }
-}
-
-void Segmenter::onDepth(const sensor_msgs::ImageConstPtr& depth) {
-  // There is no cache to empty.
-  if (time_jumps_.streamWentBack(depth->header.stamp)) status_.timeWentBack(depth_input_);
-  try {
-    process(depth);
-  } catch (const std::exception& e) {
-    status_.acknowledge(depth->header, Outcome::kInvalid, e.what());
-  }
-}
-
-void Segmenter::onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
-  camera_.reset();
-  try {
-    camera_ = toCamera(*info, status_.resolved(info_input_));
-    publishWaitingMarkers();
-  } catch (const std::invalid_argument& e) {
-    status_.error(e.what());
-  }
-}
-
-void Segmenter::process(const sensor_msgs::ImageConstPtr& message) {
-  const cv::Mat depth = toDepth(*message, {}, status_.resolved(depth_input_));
-  if (!segmentation_) {
-    segmentation_ = std::make_unique<DofSegmentation>(segmentationConfig(
-        mode_, opticsOf(config_), parseDofSpan(config_.dof_rule), config_.min_region_size));
-  }
-  segmentation_->compute(depth, result_);
-
-  // The labels come first: whatever fails or takes long afterwards, the fusion has them.
-  const SegmentArrayPtr segments = toMessage(result_, segmentation_->config());
-  segments->header = message->header;
-  labels_publisher_.publish(
-      toImage(message->header, sensor_msgs::image_encodings::TYPE_32SC1, result_.labels));
-  segments_publisher_.publish(segments);
-  try {
-    publishCaptioned(message->header);
-    publishPlan(message->header);
-  } catch (const std::exception& e) {
-    status_.error(std::string("labels are published, but not all that is drawn of them: ") + e.what());
-  }
-
-  const bool no_depth = result_.unknown_area == depth.rows * depth.cols;
-  status_.setValue("segments", std::to_string(result_.segments.size()));
-  status_.acknowledge(message->header, Outcome::kProcessed,
-                      no_depth ? status_.resolved(depth_input_) + ": not one pixel has a depth" : "");
-}
-
-void Segmenter::publishPlan(const std_msgs::Header& header) {
-  if (plan_publisher_.getNumSubscribers() == 0) return;
-  const core::Optics& optics = segmentation_->config().optics;
-  try {
-    const FocusPlanPtr plan = toMessage(planFocus(optics, result_.segments), optics, result_.segments.size());
-    plan->header = header;
-    plan_publisher_.publish(plan);
-  } catch (const std::invalid_argument& e) {
-    status_.warn(e.what());  // the labels are right without the captions
-  }
-}
-
-// Publishes the outputs with captions, which take longer than the labels.
-void Segmenter::publishCaptioned(const std_msgs::Header& header) {
-  if (picture_publisher_.getNumSubscribers() == 0 && !info_subscriber_) return;
-  CaptionSet captions{header, result_.labels.size(), static_cast<int>(result_.segments.size()), {}};
-  captions.captions = captionRegions(result_, config_.caption_min_area);
-  publishPicture(captions);
-  if (info_subscriber_) publishMarkers(captions);
-}
-
-void Segmenter::publishPicture(const CaptionSet& captions) {
-  if (picture_publisher_.getNumSubscribers() == 0) return;
-  cv::Mat regions;
-  drawRegions(result_, captions.captions, regions);
-  cv::cvtColor(regions, regions, cv::COLOR_BGR2RGB);
-  picture_publisher_.publish(toImage(captions.header, sensor_msgs::image_encodings::RGB8, regions));
-}
-
-void Segmenter::publishMarkers(const CaptionSet& captions) {
-  const bool second = without_camera_.has_value();
-  without_camera_ = captions;
-  publishWaitingMarkers();
-  if (without_camera_ && second) {
-    status_.warn(
-        "markers wait for " + status_.resolved(info_input_) +
-        ": nothing came that fits the depth image; publish its camera's calibration there, or remap it");
-  }
-}
-
-// The message of the camera may come after the image.
-void Segmenter::publishWaitingMarkers() {
-  if (!without_camera_ || !camera_ || camera_->size != without_camera_->size) return;
-  markers_publisher_.publish(toMarkers(*without_camera_, *camera_));
-  without_camera_.reset();
-}
 
 using SegmenterNodelet = NodeletOf<Segmenter>;
 

@@ -16,6 +16,12 @@
 
 namespace all_in_focus {
 
+/// Whether anybody listens to one of the publishers.
+template <typename... Publishers>
+bool anybodyListens(const Publishers&... publishers) {
+  return ((publishers.getNumSubscribers() > 0) || ...);
+}
+
 /// How long an input may be silent before the node warns.
 enum class Expect {
   kStream,    ///< warn after five seconds without a message, at any time

@@ -53,15 +53,66 @@ class Fusion {
  public:
   static constexpr const char* kProcessedTopic = "all_in_focus/processed";
 
-  Fusion(CallbackGuard& guard, NodeStatus& status);
+  Fusion(CallbackGuard& guard, NodeStatus& status)
+      : status_(status),
+        outputs_(guard.quick_nh, status, guard.wrap(status.name(), [this] { connect(); })),
+        worker_(guard, status, scenes_, outputs_),
+        inputs_(guard, status, scenes_, worker_) {
+    readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, at_start_.most_waiting, status);
+    readParameter(guard.private_nh, "restore_every_bracket", at_start_.restore_every, status);
+    at_start_.calibration = readCalibration(guard.private_nh, status);
+    configuration_ = serveConfiguration<FusionConfig>(guard.quick_private_nh, guard, status,
+                                                      [this](auto& config) { reconfigure(config); });
+    finish_server_ = guard.private_nh.advertiseService("finish", &Fusion::finish, this);
+    guard.on_stop = [this] { inputs_.unsubscribe(); };
+  }
 
  private:
-  void reconfigure(FusionConfig& config);
-  void connect();
-  bool finish(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  void reconfigure(FusionConfig& config) {
+    repairName(config.mode, config_.mode, parseMode, status_);
+    repair(config.bracket_mode, config_.bracket_mode,
+           config.bracket_mode == "bracket" || config.bracket_mode == "sliding", "bracket_mode",
+           "bracket or sliding", status_);
+    repairNegative(config.max_held_frames, config_.max_held_frames, "max_held_frames", status_);
+    repairNegative(config.bracket_size, config_.bracket_size, "bracket_size", status_);
+    repairNegative(config.bracket_gap, config_.bracket_gap, "bracket_gap", status_);
+    repairNegative(config.label_max_age, config_.label_max_age, "label_max_age", status_);
+    repairNegative(config.label_timeout, config_.label_timeout, "label_timeout", status_);
+    config_ = config;
+
+    FusionSettings settings = at_start_;
+    settings.bracket.mode = parseMode(config.mode);
+    settings.bracket.reference = config.reference;
+    settings.bracket.sliding = config.bracket_mode == "sliding";
+    settings.bracket.max_held = config.max_held_frames;
+    settings.ends = {config.bracket_size, config.bracket_gap};
+    settings.label_timeout_s = config.label_timeout;
+    scenes_.configure(/*by_labels=*/settings.bracket.mode == Mode::kPaper, config.label_max_age);
+    worker_.configure(settings);
+    inputs_.configure(config.bracket_gap);
+    outputs_.setMode(settings.bracket.mode);
+    connect();  // who listened to nothing but an output that went is gone
+  }
+
+  // Works only while somebody listens.
+  void connect() {
+    const bool is_wanted = outputs_.wanted();
+    if (is_wanted && !inputs_.subscribed()) {
+      inputs_.subscribe();
+    } else if (!is_wanted && inputs_.subscribed()) {
+      inputs_.unsubscribe();
+    }
+  }
+
+  bool finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
+    const int published = worker_.finish();
+    response.success = published >= 0;
+    response.message =
+        published >= 0 ? std::to_string(published) + " brackets published" : "nobody listens any more";
+    return true;
+  }
 
   NodeStatus& status_;
-  int queue_size_ = 60;
   FusionSettings at_start_;                               // what reconfigure() does not change
   FusionConfig config_ = FusionConfig::__getDefault__();  // always possible
   FusionOutputs outputs_;
@@ -71,63 +122,6 @@ class Fusion {
   ros::ServiceServer finish_server_;
   std::unique_ptr<dynamic_reconfigure::Server<FusionConfig>> configuration_;
 };
-
-Fusion::Fusion(CallbackGuard& guard, NodeStatus& status)
-    : status_(status),
-      outputs_(guard.quick_nh, status, guard.wrap(status.name(), [this] { connect(); })),
-      worker_(guard, status, scenes_, outputs_),
-      inputs_(guard, status, scenes_, worker_) {
-  readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
-  readParameter(guard.private_nh, "restore_every_bracket", at_start_.restore_every, status);
-  at_start_.calibration = readCalibration(guard.private_nh, status);
-  configuration_ = serveConfiguration<FusionConfig>(guard.quick_private_nh, guard, status,
-                                                    [this](auto& config) { reconfigure(config); });
-  finish_server_ = guard.private_nh.advertiseService("finish", &Fusion::finish, this);
-  guard.on_stop = [this] { inputs_.unsubscribe(); };
-}
-
-void Fusion::reconfigure(FusionConfig& config) {
-  repairName(config.mode, config_.mode, parseMode, status_);
-  repair(config.bracket_mode, config_.bracket_mode,
-         config.bracket_mode == "bracket" || config.bracket_mode == "sliding", "bracket_mode",
-         "bracket or sliding", status_);
-  repairNegative(config.max_held_frames, config_.max_held_frames, "max_held_frames", status_);
-  repairNegative(config.bracket_size, config_.bracket_size, "bracket_size", status_);
-  repairNegative(config.bracket_gap, config_.bracket_gap, "bracket_gap", status_);
-  repairNegative(config.label_max_age, config_.label_max_age, "label_max_age", status_);
-  repairNegative(config.label_timeout, config_.label_timeout, "label_timeout", status_);
-  config_ = config;
-
-  FusionSettings settings = at_start_;
-  settings.bracket.mode = parseMode(config.mode);
-  settings.bracket.reference = config.reference;
-  settings.bracket.sliding = config.bracket_mode == "sliding";
-  settings.bracket.max_held = config.max_held_frames;
-  settings.label_timeout_s = config.label_timeout;
-  scenes_.configure(/*by_labels=*/settings.bracket.mode == Mode::kPaper, config.label_max_age);
-  worker_.configure(settings, {config.bracket_size, config.bracket_gap}, queue_size_);
-  inputs_.configure(config.bracket_gap);
-  outputs_.setMode(settings.bracket.mode);
-  connect();  // who listened to nothing but an output that went is gone
-}
-
-// Works only while somebody listens.
-void Fusion::connect() {
-  const bool is_wanted = outputs_.wanted();
-  if (is_wanted && !inputs_.subscribed()) {
-    inputs_.subscribe();
-  } else if (!is_wanted && inputs_.subscribed()) {
-    inputs_.unsubscribe();
-  }
-}
-
-bool Fusion::finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
-  const int published = worker_.finish();
-  response.success = published >= 0;
-  response.message =
-      published >= 0 ? std::to_string(published) + " brackets published" : "nobody listens any more";
-  return true;
-}
 
 using FusionNodelet = NodeletOf<Fusion>;
 

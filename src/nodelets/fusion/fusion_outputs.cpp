@@ -8,7 +8,6 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/image_encodings.h>
 
-#include <algorithm>
 #include <boost/algorithm/string/join.hpp>
 #include <boost/make_shared.hpp>
 #include <opencv2/imgproc.hpp>
@@ -88,7 +87,7 @@ std::string FusionOutputs::askedInVain(const FusedBracket& bracket, const cv::Ma
   std::vector<std::string> lines;
   const bool restored = !bracket.result.restored_depth.empty();
   const auto check = [&lines](const ros::Publisher& output, const std::string& missing) {
-    if (output.getNumSubscribers() > 0) lines.push_back(output.getTopic() + ": " + missing);
+    if (anybodyListens(output)) lines.push_back(output.getTopic() + ": " + missing);
   };
   if (!restored) check(restoredOutput(), "only a bracket that is restored by focus distances has it");
   if (!bracket.camera) check(points_, std::string("no calibration on ") + topics::kColorInfo);
@@ -100,10 +99,8 @@ std::string FusionOutputs::askedInVain(const FusedBracket& bracket, const cv::Ma
 }
 
 bool FusionOutputs::wanted() const {
-  const auto outputs = {image_,      weights_, depth_,  restoredOutput(), source_index_,
-                        confidence_, info_,    points_, report_,          progress_};
-  return std::any_of(outputs.begin(), outputs.end(),
-                     [](const ros::Publisher& output) { return output.getNumSubscribers() > 0; });
+  return anybodyListens(image_, weights_, depth_, restoredOutput(), source_index_, confidence_, info_,
+                        points_, report_, progress_);
 }
 
 void FusionOutputs::tell(const FocusFrame& frame) {
@@ -116,7 +113,7 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
   const std_msgs::Header& header = bracket.report->header;
   const BracketResult& result = bracket.result;
   const auto progress = boost::make_shared<Progress>();
-  const bool has_progress = progress_.getNumSubscribers() > 0;
+  const bool has_progress = anybodyListens(progress_);
   cv::Mat mm;
   if (!result.image.empty()) {
     // The camera comes first: rviz's DepthCloud drops images that come before it.
@@ -145,7 +142,7 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
       std::lock_guard<std::mutex> lock(mutex_);
       latest_ = {image, result.restored_depth.empty() ? mm : result.restored_depth, bracket.camera};
     }
-    if (points_.getNumSubscribers() > 0) {
+    if (anybodyListens(points_)) {
       publishPoints([&](const sensor_msgs::PointCloud2& cloud) {
         points_.publish(cloud);
         if (has_progress) progress->points = cloud;

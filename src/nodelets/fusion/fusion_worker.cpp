@@ -84,11 +84,10 @@ FusionWorker::FusionWorker(CallbackGuard& guard, NodeStatus& status, SceneCache&
 
 FusionWorker::~FusionWorker() = default;
 
-void FusionWorker::configure(const FusionSettings& settings, const BracketConfig& config, std::size_t most) {
+void FusionWorker::configure(const FusionSettings& settings) {
   std::lock_guard<std::mutex> lock(mutex_);
   settings_ = settings;
-  assembler_.configure(config);
-  most_ = std::max<std::size_t>(most, 1);
+  assembler_.configure(settings.ends);
 }
 
 void FusionWorker::announce(const FocusFrame& focus) {
@@ -141,7 +140,7 @@ std::vector<sensor_msgs::ImageConstPtr> FusionWorker::append(Task& task) {
   if (task.step.begin) scenes_.pin(task.header.stamp);  // before the worker asks for the scene
   outputs_.tell(focusFrame(task));                      // before the result
   push(task);
-  limit_ = imageLimit(most_, *task.frame.image);
+  limit_ = imageLimit(settings_.most_waiting, *task.frame.image);
   while (waitingImages() > limit_) dropped.push_back(dropOldest());
   return dropped;
 }

@@ -24,9 +24,11 @@ namespace all_in_focus {
 
 struct FusionSettings {
   BracketSettings bracket;  ///< but its length
+  BracketConfig ends;       ///< of the open bracket, too
   double label_timeout_s = 2.0;
   bool restore_every = false;  ///< mode restored: the next bracket waits until this one is restored
   CalibrationLens calibration;
+  int most_waiting = 60;  ///< images that may wait
 };
 
 /// Fuses focus brackets among the slow callbacks of the guard, so that the quick ones never wait. Asks
@@ -41,8 +43,8 @@ class FusionWorker {
   FusionWorker(CallbackGuard& guard, NodeStatus& status, SceneCache& scenes, FusionOutputs& outputs);
   ~FusionWorker();
 
-  /// settings: from the next bracket on. most: images that may wait.
-  void configure(const FusionSettings& settings, const BracketConfig& config, std::size_t most);
+  /// From the next bracket on.
+  void configure(const FusionSettings& settings);
 
   /// A message of rgb/focus has come; its frame may come much later.
   void announce(const FocusFrame& focus);
@@ -106,8 +108,7 @@ class FusionWorker {
   FusionSettings settings_;
   BracketAssembler assembler_;
   std::deque<Task> tasks_;  // for each a call of handleNext() is posted
-  std::size_t most_ = 60;   // images that may wait
-  std::size_t limit_ = 60;  // of the size of the newest
+  std::size_t limit_ = 1;   // how many images of the size of the newest may wait
   // Arrival of the last frame: the pause after it, and silence.
   ros::Time last_frame_;
   std::chrono::steady_clock::time_point silent_since_;
