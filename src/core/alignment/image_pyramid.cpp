@@ -4,6 +4,7 @@
 #include "alignment/image_pyramid.hpp"
 
 #include <algorithm>
+#include <cstddef>
 #include <opencv2/imgproc.hpp>
 
 #include "alignment/alignment_parameters.hpp"
@@ -19,22 +20,22 @@ void ImagePyramid::build(const cv::Mat& gray) {
     finest_reduction_ *= 2;
   }
   const int side = std::min(halved_.cols, halved_.rows);
-  for (levels_ = 1; side >> levels_ >= kAlignment.smallest_side;) ++levels_;
-  if (static_cast<int>(images_.size()) < levels_) images_.resize(levels_);
+  std::size_t levels = 1;
+  while (side >> levels >= kAlignment.smallest_side) ++levels;
+  images_.resize(levels);
   halved_.convertTo(images_[0], CV_32F);
-  for (int i = 0; i < levels_; ++i) {
+  for (std::size_t i = 0; i < levels; ++i) {
     if (i > 0) cv::pyrDown(images_[i - 1], images_[i]);
     cv::GaussianBlur(images_[i], images_[i], cv::Size(3, 3), 0);
   }
-  cv::GaussianBlur(images_[levels_ - 1], contrast_, cv::Size(), kAlignment.contrast_sigma);
-  cv::subtract(images_[levels_ - 1], contrast_, contrast_);
+  cv::GaussianBlur(images_.back(), contrast_, cv::Size(), kAlignment.contrast_sigma);
+  cv::subtract(images_.back(), contrast_, contrast_);
 }
 
 ImagePyramid ImagePyramid::clone() const {
   ImagePyramid copy;
-  for (int i = 0; i < levels_; ++i) copy.images_.push_back(images_[i].clone());
+  for (const cv::Mat& image : images_) copy.images_.push_back(image.clone());
   copy.contrast_ = contrast_.clone();
-  copy.levels_ = levels_;
   copy.finest_reduction_ = finest_reduction_;
   return copy;
 }

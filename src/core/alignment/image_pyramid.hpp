@@ -18,7 +18,7 @@ class ImagePyramid {
   /// A copy that does not share its pixels.
   ImagePyramid clone() const;
 
-  int levels() const { return levels_; }
+  int levels() const { return static_cast<int>(images_.size()); }
   const cv::Mat& level(int i) const { return images_[i]; }  ///< CV_32FC1
   double reduction(int i) const { return finest_reduction_ * (1 << i); }
 
@@ -26,9 +26,8 @@ class ImagePyramid {
   const cv::Mat& contrast() const { return contrast_; }
 
  private:
-  std::vector<cv::Mat> images_;  ///< maybe more than levels_, from a larger frame before
+  std::vector<cv::Mat> images_;
   cv::Mat halved_, halved_again_, contrast_;
-  int levels_ = 0;
   int finest_reduction_ = 2;
 };
 

@@ -9,16 +9,10 @@
 #include <utility>
 
 #include "all_in_focus/codes.hpp"
-#include "fusion/refined_fusion.hpp"
-#include "fusion/region_fusion.hpp"
 #include "fusion/region_summary.hpp"
 #include "util/transparency.hpp"
 
 namespace all_in_focus::core {
-
-BracketFusion::BracketFusion()
-    : regions_(std::make_unique<RegionFusion>()), refined_(std::make_unique<RefinedFusion>()) {}
-BracketFusion::~BracketFusion() = default;
 
 void BracketFusion::begin(const BracketScene& scene, const cv::Size& size, Mode mode,
                           const RefinedConfig& config) {
@@ -35,9 +29,9 @@ void BracketFusion::begin(const BracketScene& scene, const cv::Size& size, Mode 
     config_.alignment = config_.exposure = config_.soft = false;
   }
   if (by_region_) {
-    regions_->begin(labels_);
+    regions_.begin(labels_);
   } else {
-    refined_->begin(scene_, config_, size);
+    refined_.begin(scene_, config_, size);
   }
 }
 
@@ -64,15 +58,15 @@ void BracketFusion::takeApart(const cv::Mat& frame, int index) {
 
 void BracketFusion::observe(const cv::Mat& frame, int index, double focus_mm) {
   takeApart(frame, index);
-  if (!by_region_) refined_->observe(gray_, index, focus_mm);
+  if (!by_region_) refined_.observe(gray_, index, focus_mm);
 }
 
 std::string BracketFusion::add(const cv::Mat& frame, int index, double focus_mm, bool may_wait) {
   takeApart(frame, index);
   if (by_region_) {
-    regions_->add(color_, gray_, index);
+    regions_.add(color_, gray_, index);
   } else {
-    std::string rejection = refined_->add(color_, gray_, index, focus_mm, opaque_, may_wait);
+    std::string rejection = refined_.add(color_, gray_, index, focus_mm, opaque_, may_wait);
     if (!rejection.empty()) return rejection;
   }
   focus_mm_.push_back(focus_mm);
@@ -80,15 +74,15 @@ std::string BracketFusion::add(const cv::Mat& frame, int index, double focus_mm,
 }
 
 std::string BracketFusion::misfit(int index, int other) const {
-  return by_region_ ? "" : refined_->misfit(index, other);
+  return by_region_ ? "" : refined_.misfit(index, other);
 }
 
 FrameGroup BracketFusion::largestGroup() const {
-  return by_region_ ? FrameGroup() : refined_->largestGroup();
+  return by_region_ ? FrameGroup() : refined_.largestGroup();
 }
 
 void BracketFusion::setAlignedFrameCallback(std::function<void(const AlignedFrame&)> callback) {
-  refined_->setAlignedFrameCallback(std::move(callback));
+  refined_.setAlignedFrameCallback(std::move(callback));
 }
 
 FusedBy BracketFusion::fusedBy() const {
@@ -100,27 +94,27 @@ FusionResult BracketFusion::result() const {
   if (focus_mm_.empty()) throw std::logic_error("fusion: no frame yet");
   FusionResult result;
   if (by_region_) {
-    result.image = regions_->image().clone();
-    result.source_index = regions_->sourceIndex();
-    result.confidence = regions_->confidence();
-    result.regions = regions_->choices();
+    result.image = regions_.image().clone();
+    result.source_index = regions_.sourceIndex();
+    result.confidence = regions_.confidence();
+    result.regions = regions_.choices();
   } else {
-    result.image = refined_->image();
+    result.image = refined_.image();
     if (config_.choice) {
-      result.source_index = refined_->sourceIndex().clone();
-      result.confidence = refined_->confidence();
+      result.source_index = refined_.sourceIndex().clone();
+      result.confidence = refined_.confidence();
       if (!labels_.empty())
         result.regions = summarizeRegions(labels_, result.source_index, result.confidence);
     }
     result.notes = unreachedDistances(scene_, focus_mm_);
-    result.lens_notes = refined_->lensNotes();
-    if (std::string note = refined_->driftNote(); !note.empty()) result.notes.push_back(std::move(note));
+    result.lens_notes = refined_.lensNotes();
+    if (std::string note = refined_.driftNote(); !note.empty()) result.notes.push_back(std::move(note));
   }
   return result;
 }
 
 std::string BracketFusion::hiddenDriftNote() const {
-  return by_region_ ? "" : refined_->hiddenDriftNote();
+  return by_region_ ? "" : refined_.hiddenDriftNote();
 }
 
 }  // namespace all_in_focus::core

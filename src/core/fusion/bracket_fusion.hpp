@@ -3,18 +3,15 @@
 #pragma once
 
 #include <functional>
-#include <memory>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
 #include "all_in_focus/fusion.hpp"
-#include "fusion/frame_groups.hpp"
+#include "fusion/refined_fusion.hpp"
+#include "fusion/region_fusion.hpp"
 
 namespace all_in_focus::core {
-
-class RefinedFusion;
-class RegionFusion;
 
 /// All-in-focus image of one bracket, frame by frame. Memory does not grow with the number of frames: the
 /// mean or the chosen pixels are kept, not the frames. Not thread-safe; buffers are reused from bracket to
@@ -24,9 +21,6 @@ class RegionFusion;
 /// before it in the bracket (see RefinedFusion).
 class BracketFusion {
  public:
-  BracketFusion();
-  ~BracketFusion();
-
   /// Starts a bracket of frames of that size. The scene must be possible (Bracket checks it). Its images are
   /// shared, not copied; labels are scaled to the frames by nearest neighbour.
   void begin(const BracketScene& scene, const cv::Size& size, Mode mode, const RefinedConfig& config = {});
@@ -71,8 +65,8 @@ class BracketFusion {
   cv::Size size_;                 // of the frames
   std::vector<double> focus_mm_;  // of the frames used
   bool by_region_ = false;
-  std::unique_ptr<RegionFusion> regions_;
-  std::unique_ptr<RefinedFusion> refined_;
+  RegionFusion regions_;
+  RefinedFusion refined_;
   cv::Mat labels_;                 // of the frames' size
   int depth_ = -1;                 // of the bracket; -1: no frame yet
   cv::Mat color_, opaque_, gray_;  // of the present frame; opaque_ is empty where all pixels are

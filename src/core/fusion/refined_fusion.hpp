@@ -11,8 +11,8 @@
 
 #include "alignment/bracket_alignment.hpp"
 #include "alignment/reference_warp.hpp"
+#include "all_in_focus/fusion.hpp"
 #include "fusion/border_fade.hpp"
-#include "fusion/bracket_fusion.hpp"
 #include "fusion/brightness_penalty.hpp"
 #include "fusion/defocus_prediction.hpp"
 #include "fusion/exposure_matching.hpp"

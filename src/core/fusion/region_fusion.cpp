@@ -57,8 +57,8 @@ void RegionFusion::begin(const cv::Mat& labels) {
   }
   // Labels may be any numbers (label maps of other programs): regions are their ranks among those that occur.
   regions_.clear();
-  std::vector<int>& known = region_of_label_;
-  known.clear();
+  std::vector<int> known;
+  known.reserve(runs_.size());
   for (const Run& run : runs_) known.push_back(run.region);
   std::sort(known.begin(), known.end());
   known.erase(std::unique(known.begin(), known.end()), known.end());

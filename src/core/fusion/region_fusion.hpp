@@ -61,7 +61,6 @@ class RegionFusion {
   std::vector<int> row_begin_;
   std::vector<Region> regions_;
   std::vector<GraySums> sums_;
-  std::vector<int> region_of_label_;
   cv::Mat image_;
 };
 

@@ -11,12 +11,19 @@
 
 #include "all_in_focus/fusion.hpp"
 #include "util/image_rows.hpp"
-#include "util/rounding.hpp"
 #include "util/row_strips.hpp"
 #include "util/simd.hpp"
 
 namespace all_in_focus::core {
 namespace {
+
+// cv::saturate_cast<std::uint8_t>(value), which rounds half to even, in a form that compilers vectorise.
+// |value| < 2^22.
+inline std::uint8_t roundToCode(float value) {
+  constexpr float kInteger = 3 << 22;  // floats near it have no fraction, so that adding it rounds
+  const int code = static_cast<int>((value + kInteger) - kInteger);
+  return static_cast<std::uint8_t>(std::min(std::max(code, 0), 255));
+}
 
 constexpr struct MeanParameters {
   double rounding = 1.0 / 12;  // variance of rounding to 8 bits, which is noise, too
