@@ -8,6 +8,7 @@
 #include <iterator>
 #include <limits>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <utility>
 
 #include "image_limit.hpp"
@@ -203,8 +204,8 @@ SceneMessages SceneCache::sceneOf(const ros::Time& first_frame) const {
 
 // Whether no image with a stamp up to `stamp` can come any more. A topic keeps its order: none can once its
 // last image is at or after `stamp`, unless that one is from before /clock jumped back.
-bool SceneCache::isDecided(SceneTopic topic, const ros::Time& stamp) const {
-  const ros::Time last = topics_[static_cast<std::size_t>(topic)].last;
+bool SceneCache::isDecided(const Topic& topic, const ros::Time& stamp) {
+  const ros::Time& last = topic.last;
   const ros::Time latest = std::max(stamp, ros::Time::now());
   return !last.isZero() && last >= stamp && secondsBetween(latest, last) < kTolerance;
 }
@@ -232,30 +233,25 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) 
   std::unique_lock<std::mutex> lock(mutex_);
   if (pinned_.try_emplace(first_frame).second) updatePinned();
   const auto scene = [&] { return sceneOf(first_frame); };
-  const auto wait = [&](SceneTopic name, const auto& is_there, const auto& has_something) {
+  // stamp: of an image that may come; none: any message will do.
+  const auto wait = [&](SceneTopic name, const auto message, const std::optional<ros::Time>& stamp) {
     Topic& topic = (*this)[name];
+    const auto is_there = [&] { return scene().*message != nullptr; };
     const double timeout = topic.silent ? std::min(timeout_s, kSilentTimeout) : timeout_s;
     topic.silent = true;  // unless a message comes
-    const bool in_time =
-        changed_.wait_until(lock, start + seconds(timeout), [&] { return !topic.published || is_there(); });
-    if (in_time || has_something()) topic.silent = false;
-  };
-  const auto waitForImage = [&](SceneTopic name, const ros::Time& stamp, Image image) {
-    wait(
-        name, [&] { return isDecided(name, stamp); }, [&] { return scene().*image != nullptr; });
-  };
-  const auto waitForMessage = [&](SceneTopic name, const auto message) {
-    const auto is_there = [&] { return scene().*message != nullptr; };
-    wait(name, is_there, is_there);
+    const bool in_time = changed_.wait_until(lock, start + seconds(timeout), [&] {
+      return !topic.published || (stamp ? isDecided(topic, *stamp) : is_there());
+    });
+    if (in_time || is_there()) topic.silent = false;
   };
   if (by_labels_) {
-    waitForImage(SceneTopic::kLabels, first_frame, &SceneMessages::labels);
+    wait(SceneTopic::kLabels, &SceneMessages::labels, first_frame);
   } else {
-    waitForImage(SceneTopic::kDepth, first_frame, &SceneMessages::depth);
+    wait(SceneTopic::kDepth, &SceneMessages::depth, first_frame);
     if (scene().depth) {
-      waitForImage(SceneTopic::kMeasured, scene().stamp, &SceneMessages::measured);
-      waitForMessage(SceneTopic::kCamera, &SceneMessages::camera);
-      waitForMessage(SceneTopic::kOptics, &SceneMessages::optics);
+      wait(SceneTopic::kMeasured, &SceneMessages::measured, scene().stamp);
+      wait(SceneTopic::kCamera, &SceneMessages::camera, std::nullopt);
+      wait(SceneTopic::kOptics, &SceneMessages::optics, std::nullopt);
     }
   }
   const auto found = pinned_.find(first_frame);

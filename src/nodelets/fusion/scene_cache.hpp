@@ -94,7 +94,6 @@ class SceneCache {
   Entries::iterator mostDispensable();
   Entries::const_iterator newestAt(const ros::Time& frame) const;
   SceneMessages sceneOf(const ros::Time& first_frame) const;
-  bool isDecided(SceneTopic topic, const ros::Time& stamp) const;
   Image key() const { return by_labels_ ? &SceneMessages::labels : &SceneMessages::depth; }
 
   struct Topic {
@@ -102,6 +101,7 @@ class SceneCache {
     bool silent = false;  // the last wait brought nothing
     ros::Time last;       // stamp of the last image, small disorder aside; 0: none
   };
+  static bool isDecided(const Topic& topic, const ros::Time& stamp);
   Topic& operator[](SceneTopic topic) { return topics_[static_cast<std::size_t>(topic)]; }
 
   mutable std::mutex mutex_;  // guards all below
