@@ -27,36 +27,30 @@ constexpr bool kIsBigEndian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
   throw std::invalid_argument(topic + ": " + what);
 }
 
-std::string sizeText(unsigned width, unsigned height) {
-  return std::to_string(width) + "x" + std::to_string(height);
-}
-
 // Checks what a cv::Mat over the message's memory needs. value_bytes: of one channel of a pixel.
 void checkLayout(const sensor_msgs::Image& image, std::size_t value_bytes, const std::string& topic,
                  std::size_t channels = 1) {
-  if (image.width == 0 || image.height == 0) {
-    fail(topic, "the image is empty (" + sizeText(image.width, image.height) + "): check its publisher");
-  }
+  const char* encoding = image.encoding.c_str();
+  if (image.width == 0 || image.height == 0)
+    fail(topic, cv::format("the image is empty (%ux%u): check its publisher", image.width, image.height));
   const std::size_t row_bytes = image.width * value_bytes * channels;
   if (image.step < row_bytes || image.step % value_bytes != 0) {
-    fail(topic, "step is " + std::to_string(image.step) + " bytes, but a row of " +
-                    std::to_string(image.width) + " " + image.encoding + " pixels has " +
-                    std::to_string(row_bytes) + ": check its publisher");
+    fail(topic, cv::format("step is %u bytes, but a row of %u %s pixels has %zu: check its publisher",
+                           image.step, image.width, encoding, row_bytes));
   }
   const std::size_t bytes = static_cast<std::size_t>(image.step) * image.height;
   if (image.data.size() < bytes) {
-    fail(topic, "data holds " + std::to_string(image.data.size()) + " bytes, but " +
-                    sizeText(image.width, image.height) + " " + image.encoding + " needs " +
-                    std::to_string(bytes) + ": check its publisher");
+    fail(topic, cv::format("data holds %zu bytes, but %ux%u %s needs %zu: check its publisher",
+                           image.data.size(), image.width, image.height, encoding, bytes));
   }
   // OpenCV writes pairs of pixels, the last one beyond the end of the picture.
   if (image.encoding.rfind("yuv", 0) == 0 && image.width % 2 != 0) {
-    fail(topic, image.encoding + " tells pairs of pixels, but the width is " + std::to_string(image.width) +
-                    ": check its publisher");
+    fail(topic, cv::format("%s tells pairs of pixels, but the width is %u: check its publisher", encoding,
+                           image.width));
   }
   if (value_bytes > 1 && (image.is_bigendian != 0) != kIsBigEndian) {
-    fail(topic, std::string("the image is ") + (image.is_bigendian ? "big" : "little") +
-                    "-endian, this computer is not: publish it in host byte order");
+    fail(topic, cv::format("the image is %s-endian, this computer is not: publish it in host byte order",
+                           image.is_bigendian ? "big" : "little"));
   }
 }
 
@@ -125,9 +119,8 @@ cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const 
 void requireSize(const cv::Mat& depth, const Camera& camera, const std::string& topic,
                  const std::string& info_topic) {
   if (depth.size() == camera.size) return;
-  fail(topic, "depth is " + sizeText(depth.cols, depth.rows) + ", but " + info_topic + " is for " +
-                  sizeText(camera.size.width, camera.size.height) +
-                  ": use the calibration of this resolution");
+  fail(topic, cv::format("depth is %dx%d, but %s is for %dx%d: use the calibration of this resolution",
+                         depth.cols, depth.rows, info_topic.c_str(), camera.size.width, camera.size.height));
 }
 
 sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
@@ -136,30 +129,28 @@ sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string&
 }
 
 Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {
-  if (info.width == 0 || info.height == 0 || info.width > kMaxSize || info.height > kMaxSize) {
-    fail(topic, "image size is " + sizeText(info.width, info.height) + ": calibrate the camera");
-  }
-  if (std::uint64_t{info.width} * info.height > kMaxPixels) {
-    fail(topic, "image size is " + sizeText(info.width, info.height) +
-                    ", more than 100 megapixels: check width and height");
-  }
+  const std::string size = cv::format("image size is %ux%u", info.width, info.height);
+  if (info.width == 0 || info.height == 0 || info.width > kMaxSize || info.height > kMaxSize)
+    fail(topic, size + ": calibrate the camera");
+  if (std::uint64_t{info.width} * info.height > kMaxPixels)
+    fail(topic, size + ", more than 100 megapixels: check width and height");
   const sensor_msgs::RegionOfInterest& roi = info.roi;
   if (std::uint64_t{roi.x_offset} + roi.width > info.width ||
       std::uint64_t{roi.y_offset} + roi.height > info.height) {
-    fail(topic, "the region of interest (" + sizeText(roi.width, roi.height) + " at " +
-                    std::to_string(roi.x_offset) + ", " + std::to_string(roi.y_offset) +
-                    ") is not inside the image of " + sizeText(info.width, info.height));
+    fail(topic, cv::format("the region of interest (%ux%u at %u, %u) is not inside the image of %ux%u",
+                           roi.width, roi.height, roi.x_offset, roi.y_offset, info.width, info.height));
   }
   const bool is_whole = roi.width == 0 || roi.height == 0;
   const unsigned width = is_whole ? info.width : roi.width, height = is_whole ? info.height : roi.height;
   const unsigned bin_x = std::max(1u, info.binning_x), bin_y = std::max(1u, info.binning_y);
   if (bin_x > width || bin_y > height) {
-    fail(topic, "binning of " + sizeText(bin_x, bin_y) + " leaves an image of " +
-                    sizeText(width / bin_x, height / bin_y));
+    fail(topic, cv::format("binning of %ux%u leaves an image of %ux%u", bin_x, bin_y, width / bin_x,
+                           height / bin_y));
   }
   if (!(info.K[0] > 0 && info.K[4] > 0)) {
-    fail(topic, "the camera is not calibrated (fx = " + std::to_string(info.K[0]) + ", fy = " +
-                    std::to_string(info.K[4]) + "): calibrate it, or give its driver a calibration file");
+    fail(topic, cv::format("the camera is not calibrated (fx = %g, fy = %g): calibrate it, or give its "
+                           "driver a calibration file",
+                           info.K[0], info.K[4]));
   }
   Camera camera;
   try {
@@ -191,9 +182,9 @@ void requireRegion(const sensor_msgs::CameraInfo& info, const cv::Size& image, c
   if (is_whole) return;
   const cv::Size size = toCamera(info, topic).size;
   if (image == size) return;
-  fail(topic, "its region of interest gives images of " + sizeText(size.width, size.height) +
-                  ", but they have " + sizeText(image.width, image.height) +
-                  ": publish the region that they show, or none");
+  fail(topic, cv::format("its region of interest gives images of %dx%d, but they have %dx%d: publish the "
+                         "region that they show, or none",
+                         size.width, size.height, image.width, image.height));
 }
 
 sensor_msgs::PointCloud2Ptr toPointCloud(const std_msgs::Header& header, const cv::Mat& bgr,
