@@ -39,19 +39,19 @@ std::string feed(BracketAssembler& assembler, const BracketFrame& frame) {
   }
   const BracketAssembler::Step& step = last_step = assembler.add(frame);
   if (step.begin) story += '(';
-  story += step.use ? std::to_string(step.index) : "x";
+  story += step.use ? std::to_string(step.frame.index) : "x";
   EXPECT_TRUE(!step.use || step.reason.empty());
-  if (step.last) story += ']';
+  if (step.frame.last) story += ']';
   return story;
 }
 
 TEST(BracketAssembler, BracketByFocusFrame) {
   BracketAssembler a;
   EXPECT_EQ(feed(a, focus(7, 0, 3)), "(0");
-  EXPECT_EQ(last_step.length, 3);
+  EXPECT_EQ(last_step.frame.count, 3u);
   EXPECT_EQ(feed(a, focus(7, 1, 3)), "1");
   EXPECT_EQ(feed(a, focus(7, 2, 3)), "2]");
-  EXPECT_EQ(last_step.bracket_id, 7u);
+  EXPECT_EQ(last_step.frame.bracket_id, 7u);
   EXPECT_EQ(a.missing(), 0);
   EXPECT_EQ(feed(a, focus(7, 2, 3)), "x");  // late
 }
@@ -125,7 +125,7 @@ TEST(BracketAssembler, BracketBySize) {
   EXPECT_EQ(feed(a, at(0)), "(0");
   EXPECT_EQ(feed(a, at(100)), "1]");
   EXPECT_EQ(feed(a, at(101)), "(0");
-  EXPECT_EQ(last_step.bracket_id, 1u);
+  EXPECT_EQ(last_step.frame.bracket_id, 1u);
 }
 
 TEST(BracketAssembler, BracketByGap) {
@@ -142,7 +142,7 @@ TEST(BracketAssembler, BracketByGap) {
 TEST(BracketAssembler, ACountBeyondAllReasonIsLimited) {
   BracketAssembler a;
   feed(a, focus(0, 0, 0x7fffffff));
-  EXPECT_EQ(last_step.length, 65535);
+  EXPECT_EQ(last_step.frame.count, 65535u);
 }
 
 TEST(BracketAssembler, AFocusBracketAfterPlainFramesBeginsAtItsBeginning) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "time_jumps.hpp"
 
@@ -58,6 +59,7 @@ bool BracketAssembler::refuses(const BracketFrame& frame, std::string& reason) c
 BracketAssembler::Step BracketAssembler::add(const BracketFrame& frame) {
   const FocusFrame* focus = frame.focus.get();
   Step step;
+  step.frame.header = frame.image->header;
   if (refuses(frame, step.reason)) {
     if (hasBegunUnseen(focus->bracket_id)) {
       skipped_ = focus->bracket_id;
@@ -83,11 +85,12 @@ BracketAssembler::Step BracketAssembler::add(const BracketFrame& frame) {
   missing_ += static_cast<int>(index - next_);
   next_ = index + 1;
   last_stamp_ = frame.image->header.stamp;
-  step.index = static_cast<int>(index);
-  step.bracket_id = id_;
-  step.length = static_cast<int>(count_);
-  step.last = (focus && focus->last) || next_ == kMaxFrames || (count_ > 0 && next_ >= count_);
-  if (step.last) close();
+  step.frame.bracket_id = id_;
+  step.frame.index = index;
+  step.frame.count = count_;
+  step.frame.last = (focus && focus->last) || next_ == kMaxFrames || (count_ > 0 && next_ >= count_);
+  step.frame.focus_distance = focus ? focus->focus_distance : std::numeric_limits<double>::quiet_NaN();
+  if (step.frame.last) close();
   step.missing = missing_;
   return step;
 }

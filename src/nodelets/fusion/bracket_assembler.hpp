@@ -31,12 +31,9 @@ class BracketAssembler {
   struct Step {
     bool begin = false;  ///< a bracket begins with it
     bool use = false;    ///< false: it belongs to no bracket, `reason` says why
-    int index = 0;       ///< its place in the bracket
-    bool last = false;   ///< the bracket has ended with it
-    std::uint32_t bracket_id = 0;
-    int length = 0;   ///< frames that the bracket will have, where that is known in advance, else 0
-    int missing = 0;  ///< frames of the bracket that did not come so far; all of them, if it is the last
     std::string reason;
+    FocusFrame frame;  ///< which frame of which bracket it is; last: the bracket has ended with it
+    int missing = 0;   ///< frames of the bracket that did not come so far; all of them, if it is the last
   };
 
   explicit BracketAssembler(const BracketConfig& config = {}) : config_(config) {}

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <stdexcept>
 #include <string>
@@ -97,33 +96,21 @@ void FusionWorker::announce(const FocusFrame& focus) {
 
 void FusionWorker::add(const BracketFrame& frame) {
   Task task;
-  task.frame = frame;
-  task.header = frame.image->header;
+  task.image = frame.image;
   std::vector<sensor_msgs::ImageConstPtr> dropped;
   {
     std::lock_guard<std::mutex> lock(mutex_);
     if (assembler_.endsBefore(frame)) endBracket();
     last_frame_ = ros::Time::now();
     silent_since_ = std::chrono::steady_clock::now();
-    dropped = append(task);
+    task.step = assembler_.add(frame);
+    if (task.step.use) dropped = append(task);
   }
-  if (!task.step.use) status_.acknowledge(task.header, Outcome::kUnmatched, task.step.reason);
+  if (!task.step.use) status_.acknowledge(frame.image->header, Outcome::kUnmatched, task.step.reason);
   for (const sensor_msgs::ImageConstPtr& image : dropped) {
     status_.acknowledge(image->header, Outcome::kDropped,
                         "fusion cannot keep up: oldest waiting colour frame dropped");
   }
-}
-
-FocusFrame FusionWorker::focusFrame(const Task& task) {
-  FocusFrame frame;
-  frame.header = task.header;
-  frame.bracket_id = task.step.bracket_id;
-  frame.index = static_cast<std::uint32_t>(task.step.index);
-  frame.count = static_cast<std::uint32_t>(task.step.length);
-  frame.last = task.step.last;
-  frame.focus_distance =
-      task.frame.focus ? task.frame.focus->focus_distance : std::numeric_limits<double>::quiet_NaN();
-  return frame;
 }
 
 // Holds mutex_.
@@ -133,28 +120,24 @@ void FusionWorker::push(Task task) {
 }
 
 // Holds mutex_. Returns the images that were dropped to make room.
-std::vector<sensor_msgs::ImageConstPtr> FusionWorker::append(Task& task) {
+std::vector<sensor_msgs::ImageConstPtr> FusionWorker::append(const Task& task) {
   std::vector<sensor_msgs::ImageConstPtr> dropped;
-  task.step = assembler_.add(task.frame);
-  if (!task.step.use) return dropped;
-  if (task.step.begin) scenes_.pin(task.header.stamp);  // before the worker asks for the scene
-  outputs_.tell(focusFrame(task));                      // before the result
+  if (task.step.begin) scenes_.pin(task.image->header.stamp);  // before the worker asks for the scene
+  outputs_.tell(task.step.frame);                              // before the result
   push(task);
-  limit_ = imageLimit(settings_.most_waiting, *task.frame.image);
+  limit_ = imageLimit(settings_.most_waiting, *task.image);
   while (waitingImages() > limit_) dropped.push_back(dropOldest());
   return dropped;
 }
 
 // Holds mutex_.
 std::size_t FusionWorker::waitingImages() const {
-  return std::count_if(tasks_.begin(), tasks_.end(),
-                       [](const Task& task) { return task.frame.image != nullptr; });
+  return std::count_if(tasks_.begin(), tasks_.end(), [](const Task& task) { return task.image != nullptr; });
 }
 
 sensor_msgs::ImageConstPtr FusionWorker::dropOldest() {
-  Task& oldest =
-      *std::find_if(tasks_.begin(), tasks_.end(), [](const Task& task) { return task.frame.image; });
-  return std::exchange(oldest.frame.image, nullptr);
+  Task& oldest = *std::find_if(tasks_.begin(), tasks_.end(), [](const Task& task) { return task.image; });
+  return std::exchange(oldest.image, nullptr);
 }
 
 // Holds mutex_.
@@ -205,7 +188,7 @@ bool FusionWorker::mayRestore(double done) const {
   if (open_->settings.restore_every) return true;
   std::lock_guard<std::mutex> lock(mutex_);
   const bool is_whole = std::any_of(tasks_.begin(), tasks_.end(), [](const Task& task) {
-    return task.kind == Task::Kind::kEnd || (task.kind == Task::Kind::kFrame && task.step.last);
+    return task.kind == Task::Kind::kEnd || (task.kind == Task::Kind::kFrame && task.step.frame.last);
   });
   return !is_whole && 2 * waitingImages() <= limit_;
 }
@@ -224,7 +207,7 @@ bool FusionWorker::handleNext() {
   } catch (const std::exception& e) {
     open_.reset();  // what it holds is uncertain
     status_.error(std::string("fusion: ") + e.what());
-    if (task.frame.image) status_.acknowledge(task.header, Outcome::kInvalid, e.what());
+    if (task.image) status_.acknowledge(task.step.frame.header, Outcome::kInvalid, e.what());
   }
   return true;
 }
@@ -257,37 +240,38 @@ void FusionWorker::handle(const Task& task) {
 }
 
 void FusionWorker::handleFrame(const Task& task) {
-  if (task.step.begin) open(task);
+  const FocusFrame& frame = task.step.frame;
+  if (task.step.begin) open(frame);
   if (!open_) {
-    if (task.frame.image) status_.acknowledge(task.header, Outcome::kUnmatched, "its bracket was given up");
+    if (task.image) status_.acknowledge(frame.header, Outcome::kUnmatched, "its bracket was given up");
     return;
   }
   open_->missing = task.step.missing;
-  open_->length = std::max({open_->length, task.step.length, task.step.index + 1});
-  if (!task.frame.image) {
+  open_->length = std::max({open_->length, static_cast<int>(frame.count), static_cast<int>(frame.index) + 1});
+  if (!task.image) {
     ++open_->dropped;
-    if (task.step.last) finishBracket();
+    if (frame.last) finishBracket();
     return;
   }
-  if (!open_->has_begun) awaitScene(*task.frame.image);
+  if (!open_->has_begun) awaitScene(*task.image);
   FrameStatus status = fuse(task);
-  if (task.step.last) {
+  if (frame.last) {
     const std::vector<FrameStatus> frames = finishBracket();
     if (!frames.empty()) status = frames.back();
   } else if (status.kind == FrameStatus::Kind::kHeld) {
     open_->frames.at(status.index).acknowledged = true;
-    return status_.acknowledgeEarly(task.header);
+    return status_.acknowledgeEarly(frame.header);
   } else if (open_->settings.bracket.sliding && status.kind == FrameStatus::Kind::kUsed) {
     joinScene();
     publish(bracket_.preview(), /*complete=*/false);
   }
   // Whoever gets the acknowledgement of a frame may rely on its result.
-  status_.acknowledge(task.header, outcomeOf(status), reasonOf(status));
+  status_.acknowledge(frame.header, outcomeOf(status), reasonOf(status));
 }
 
-void FusionWorker::open(const Task& first) {
+void FusionWorker::open(const FocusFrame& first) {
   open_ = std::make_unique<OpenBracket>();
-  open_->id = first.step.bracket_id;
+  open_->id = first.bracket_id;
   open_->header = first.header;
   bracket_.begin({}, {}, {});
   std::lock_guard<std::mutex> lock(mutex_);
@@ -322,12 +306,12 @@ void FusionWorker::beginBracket() {
 }
 
 FrameStatus FusionWorker::fuse(const Task& task) {
-  const int index = task.step.index;
+  const auto index = static_cast<int>(task.step.frame.index);
   OpenBracket::Frame& frame = open_->frames[index];
-  frame.stamp = task.header.stamp;
-  if (task.frame.focus) frame.focus_mm = task.frame.focus->focus_distance * kMmPerM;
+  frame.stamp = task.step.frame.header.stamp;
+  frame.focus_mm = task.step.frame.focus_distance * kMmPerM;
   try {
-    frame.bgr = toBgr(task.frame.image, topics::kImage);
+    frame.bgr = toBgr(task.image, topics::kImage);
   } catch (const std::exception& e) {
     return bracket_.reject(index, e.what());
   }

@@ -60,22 +60,19 @@ class FusionWorker {
  private:
   struct Task {
     enum class Kind {
-      kFrame,   ///< step.begin: the first of a bracket; step.last: the last
+      kFrame,
       kEnd,     ///< the open bracket has ended
       kCancel,  ///< drop the open bracket
     };
     Kind kind = Kind::kFrame;
-    BracketAssembler::Step step{};  ///< kEnd: only what is missing
-    // kFrame:
-    BracketFrame frame{};  ///< without an image: it was dropped to make room for newer ones
-    std_msgs::Header header{};
+    BracketAssembler::Step step{};       ///< kEnd: only what is missing
+    sensor_msgs::ImageConstPtr image{};  ///< of kFrame; null: it was dropped to make room for newer ones
   };
   struct OpenBracket;
 
   // Any thread.
-  static FocusFrame focusFrame(const Task& task);
   void push(Task task);
-  std::vector<sensor_msgs::ImageConstPtr> append(Task& task);
+  std::vector<sensor_msgs::ImageConstPtr> append(const Task& task);
   std::size_t waitingImages() const;
   sensor_msgs::ImageConstPtr dropOldest();
   void endBracket();
@@ -86,7 +83,7 @@ class FusionWorker {
   void warnOfSilence();
   void handle(const Task& task);
   void handleFrame(const Task& task);
-  void open(const Task& first);
+  void open(const FocusFrame& first);
   void awaitScene(const sensor_msgs::Image& first);
   void beginBracket();
   FrameStatus fuse(const Task& task);
