@@ -38,9 +38,9 @@ class KinectOpenni2 {
   static constexpr const char* kProcessedTopic = "kinect/processed";
 
   KinectOpenni2(CallbackGuard& guard, NodeStatus& status)
-      : status_(status), parameters_(readKinectParameters(guard.private_nh, status)) {
+      : status_(status), parameters_(readKinectParameters(guard.slow.private_nh, status)) {
     for (const KinectStream stream : kKinectStreams) {
-      outputs_[indexOf(stream)] = std::make_unique<KinectOutput>(stream, guard.quick_nh, parameters_, status);
+      outputs_[indexOf(stream)] = std::make_unique<KinectOutput>(stream, guard.quick.nh, parameters_, status);
     }
     thread_ = runInLastingThread([this] { run(); });
   }

@@ -47,7 +47,7 @@ class TransformListener {
     constexpr std::uint32_t kQueueSize = 100;
     const auto subscribe = [&](const std::string& topic, bool is_static) {
       using Callback = boost::function<void(const tf2_msgs::TFMessageConstPtr&)>;
-      return guard.quick_nh.subscribe<tf2_msgs::TFMessage>(
+      return guard.quick.nh.subscribe<tf2_msgs::TFMessage>(
           topic, kQueueSize,
           Callback(guard.wrap(topic, [this, is_static](const tf2_msgs::TFMessageConstPtr& message) {
             add(*message, is_static);
@@ -91,16 +91,16 @@ class DepthPreprocess {
         rgb_info_input_(
             status.addInput(topics::kColorInfo, Expect::kOnce, "start the colour camera's driver")),
         tf_listener_(guard, tf_buffer_) {
-    readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
-    readParameter(guard.private_nh, "invalid_values", invalid_values_, status);
-    configuration_ = serveConfiguration<DepthPreprocessConfig>(guard.private_nh, guard, status,
+    readNumber(guard.slow.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
+    readParameter(guard.slow.private_nh, "invalid_values", invalid_values_, status);
+    configuration_ = serveConfiguration<DepthPreprocessConfig>(guard.slow.private_nh, guard, status,
                                                                [this](auto& config) { reconfigure(config); });
     advertise();
   }
 
  private:
   void advertise() {
-    ros::NodeHandle& nh = guard_.nh;
+    ros::NodeHandle& nh = guard_.slow.nh;
     image_transport::ImageTransport transport(nh);
     const auto on_connect = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) { connect(); });
 
@@ -129,14 +129,14 @@ class DepthPreprocess {
   void subscribe() {
     const auto subscribe = [&](int input, sensor_msgs::CameraInfoConstPtr& slot) {
       return guard_.subscribe<sensor_msgs::CameraInfo>(
-          guard_.nh, input, queue_size_,
+          guard_.slow, input, queue_size_,
           [this, input, &slot](const auto& info) { onInfo(input, slot, info); });
     };
     depth_info_subscriber_ = subscribe(depth_info_input_, depth_info_);
     rgb_info_subscriber_ = subscribe(rgb_info_input_, rgb_info_);
     depth_subscriber_ =
         guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
-    retry_timer_ = guard_.nh.createWallTimer(
+    retry_timer_ = guard_.slow.nh.createWallTimer(
         ros::WallDuration(kRetryPeriod),
         guard_.wrap(status_.name(), [this](const ros::WallTimerEvent&) { processWaiting(); }));
     status_.setSubscribed(true);

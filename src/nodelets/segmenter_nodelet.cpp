@@ -43,10 +43,11 @@ class Segmenter {
         status_(status),
         depth_input_(status.addInput(topics::kDepth, Expect::kStream, "start depth_preprocess")),
         info_input_(status.addInput(topics::kDepthInfo, Expect::kOptional, "")) {
-    readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
-    optics_publisher_ = guard.nh.advertise<OpticsMsg>(status.addOutput(topics::kOptics), 1, /*latch=*/true);
+    readNumber(guard.slow.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
+    optics_publisher_ =
+        guard.slow.nh.advertise<OpticsMsg>(status.addOutput(topics::kOptics), 1, /*latch=*/true);
     readMode();
-    configuration_ = serveConfiguration<SegmenterConfig>(guard.private_nh, guard, status,
+    configuration_ = serveConfiguration<SegmenterConfig>(guard.slow.private_nh, guard, status,
                                                          [this](auto& config) { reconfigure(config); });
     advertise();
   }
@@ -54,14 +55,14 @@ class Segmenter {
  private:
   void readMode() {
     std::string mode = name(mode_);
-    readParameter(guard_.private_nh, "mode", mode, status_);
+    readParameter(guard_.slow.private_nh, "mode", mode, status_);
     repairName(mode, name(mode_), parseMode, status_);
     mode_ = parseMode(mode);
     status_.setValue("mode", mode);
   }
 
   void advertise() {
-    ros::NodeHandle& nh = guard_.nh;
+    ros::NodeHandle& nh = guard_.slow.nh;
     image_transport::ImageTransport transport(nh);
     const auto on_connect = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) { connect(); });
 
@@ -105,7 +106,7 @@ class Segmenter {
                                                         plan_publisher_, picture_publisher_);
     if (wants_markers && !info_subscriber_) {
       info_subscriber_ = guard_.subscribe<sensor_msgs::CameraInfo>(
-          guard_.nh, info_input_, 1, [this](const auto& info) { onInfo(info); });
+          guard_.slow, info_input_, 1, [this](const auto& info) { onInfo(info); });
     } else if (!wants_markers) {
       info_subscriber_ = {};
       camera_.reset();  // may be out of date when the next subscriber comes

@@ -63,38 +63,35 @@ image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const
 
 }  // namespace
 
-CallbackGuard::CallbackGuard(const ros::NodeHandle& nodelet_nh, const ros::NodeHandle& nodelet_private_nh,
-                             NodeStatus& status)
-    : nh(nodelet_nh),
-      private_nh(nodelet_private_nh),
-      quick_nh(nodelet_nh),
-      quick_private_nh(nodelet_private_nh),
-      status_(status) {
-  nh.setCallbackQueue(&working_.queue);
-  private_nh.setCallbackQueue(&working_.queue);
-  quick_nh.setCallbackQueue(&quick_.queue);
-  quick_private_nh.setCallbackQueue(&quick_.queue);
+CallbackGuard::Thread::Thread(const ros::NodeHandle& nodelet_nh, const ros::NodeHandle& nodelet_private_nh)
+    : nh(nodelet_nh), private_nh(nodelet_private_nh) {
+  nh.setCallbackQueue(&queue_);
+  private_nh.setCallbackQueue(&queue_);
 }
 
+CallbackGuard::CallbackGuard(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, NodeStatus& status)
+    : slow(nh, private_nh), quick(nh, private_nh), status_(status) {}
+
 void CallbackGuard::start() {
-  working_.spinner.start();
-  quick_.spinner.start();
+  slow.spinner_.start();
+  quick.spinner_.start();
 }
 
 void CallbackGuard::stop() {
-  quick_.spinner.stop();
+  quick.spinner_.stop();
   if (const auto end = std::exchange(on_stop, nullptr)) end();
-  working_.spinner.stop();
+  slow.spinner_.stop();
 }
 
 void CallbackGuard::post(const std::string& place, const std::function<void()>& function) {
-  working_.queue.addCallback(boost::make_shared<Call>(wrap(place, function)));
+  slow.queue_.addCallback(boost::make_shared<Call>(wrap(place, function)));
 }
 
 image_transport::Subscriber CallbackGuard::receiveImages(int input, const ImageCallback& receive,
                                                          bool lossless) {
-  const image_transport::TransportHints hints = chosenTransport(quick_nh, private_nh, lossless, status_);
-  image_transport::Subscriber subscriber = image_transport::ImageTransport(quick_nh).subscribe(
+  const image_transport::TransportHints hints =
+      chosenTransport(quick.nh, quick.private_nh, lossless, status_);
+  image_transport::Subscriber subscriber = image_transport::ImageTransport(quick.nh).subscribe(
       status_.topic(input), kArriving, checked<sensor_msgs::Image>(input, receive), ros::VoidPtr(), hints);
   status_.setTransport(input, subscriber.getTransport());
   return subscriber;

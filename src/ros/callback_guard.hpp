@@ -37,10 +37,19 @@ class CallbackGuard {
   CallbackGuard(const CallbackGuard&) = delete;
   CallbackGuard& operator=(const CallbackGuard&) = delete;
 
-  /// Their callbacks run one after the other and may take their time.
-  ros::NodeHandle nh, private_nh;
-  /// Their callbacks run beside those of `nh`, one after the other, and must be short.
-  ros::NodeHandle quick_nh, quick_private_nh;
+  /// Runs the callbacks of its handles, one after the other.
+  class Thread {
+   public:
+    Thread(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh);
+    ros::NodeHandle nh, private_nh;
+
+   private:
+    friend class CallbackGuard;
+    ros::CallbackQueue queue_;
+    ros::AsyncSpinner spinner_{1, &queue_};
+  };
+  Thread slow;   ///< for callbacks that take their time
+  Thread quick;  ///< for callbacks that are short
 
   /// Called by stop() after the last quick callback: ends what a slow one waits for.
   std::function<void()> on_stop;
@@ -66,43 +75,37 @@ class CallbackGuard {
     };
   }
 
-  /// Runs a function among the callbacks of `nh`, after all that wait there. place: as in wrap().
+  /// Runs a function among the slow callbacks, after all that wait there. place: as in wrap().
   void post(const std::string& place, const std::function<void()>& function);
 
   /// Subscribes to an input of the status, which counts the arrivals. Messages with an impossible stamp are
-  /// refused. on: one of the node handles above.
+  /// refused. on: one of the threads above.
   template <typename Message, typename Function>
-  ros::Subscriber subscribe(ros::NodeHandle& on, int input, std::uint32_t queue_size, Function function) {
-    return on.subscribe<Message>(status_.topic(input), queue_size, checked<Message>(input, function));
+  ros::Subscriber subscribe(Thread& on, int input, std::uint32_t queue_size, Function function) {
+    return on.nh.subscribe<Message>(status_.topic(input), queue_size, checked<Message>(input, function));
   }
 
-  /// The same for images, by the image_transport of the parameters. receive: runs among the callbacks of
-  /// quick_nh. lossless: by no transport that may change values.
+  /// The same for images, by the image_transport of the parameters. receive: a quick callback. lossless: by
+  /// no transport that may change values.
   image_transport::Subscriber receiveImages(int input, const ImageCallback& receive, bool lossless = false);
 
-  /// The same for depth images, lossless. They take long to process: they wait for their turn among the
-  /// callbacks of `nh`. Where the node cannot keep up the oldest are dropped, counted and acknowledged;
+  /// The same for depth images, lossless. They take long to process: they wait for their turn among the slow
+  /// callbacks. Where the node cannot keep up the oldest are dropped, counted and acknowledged;
   /// roscpp's own queue would drop them silently. most: how many may wait, within imageLimit().
   image_transport::Subscriber subscribeToDepth(int input, std::size_t most, const ImageCallback& process);
 
  private:
-  struct Thread {
-    ros::CallbackQueue queue;
-    ros::AsyncSpinner spinner{1, &queue};
-  };
-
   template <typename Message, typename Function>
   boost::function<void(const boost::shared_ptr<const Message>&)> checked(int input, Function function) const {
     const auto check_and_call = [&status = status_, input, function](const auto& message) mutable {
       status.inputArrived(input);
-      requirePossible(message->header.stamp);
+      if constexpr (ros::message_traits::HasHeader<Message>::value) requirePossible(message->header.stamp);
       function(message);
     };
     return wrap(status_.resolved(input), check_and_call);
   }
 
   NodeStatus& status_;
-  Thread working_, quick_;
 };
 
 }  // namespace all_in_focus

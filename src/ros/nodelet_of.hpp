@@ -30,7 +30,7 @@ class NodeletOf : public nodelet::Nodelet {
     status_->start();
     double period = 1;  // s; the name of the parameter is that of diagnostic_updater
     readNumber(getPrivateNodeHandle(), "diagnostic_period", 0.01, 3600.0, period, *status_);
-    diagnostics_timer_ = guard_->quick_nh.createWallTimer(
+    diagnostics_timer_ = guard_->quick.nh.createWallTimer(
         ros::WallDuration(period),
         guard_->wrap("diagnostics", [this](const ros::WallTimerEvent&) { status_->tick(); }));
     guard_->start();

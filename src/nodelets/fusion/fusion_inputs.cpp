@@ -10,6 +10,7 @@
 #include <iterator>
 #include <limits>
 #include <opencv2/core.hpp>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -39,16 +40,15 @@ FusionInputs::FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache&
       worker_(worker),
       image_input_(status.addInput(topics::kImage, Expect::kStream, "start the colour camera's driver")),
       focus_input_(status.addInput(topics::kFocus, Expect::kOptional, "")),
-      info_input_(status.addInput(topics::kColorInfo, Expect::kOnce, "start the colour camera's driver")),
-      optics_input_(status.addInput(topics::kOptics, Expect::kOptional, "")),
-      labels_input_(status.addInput(topics::kLabels, Expect::kOnce, "start the segmenter")),
       segments_input_(status.addInput(topics::kSegments, Expect::kOnce, "start the segmenter")),
-      depth_input_(status.addInput(topics::kDepth, Expect::kOnce, "start depth_preprocess")),
-      measured_input_(status.addInput(topics::kMeasured, Expect::kOptional, "")),
-      scene_inputs_{depth_input_, measured_input_, labels_input_, info_input_, optics_input_} {
+      scene_inputs_{status.addInput(topics::kDepth, Expect::kOnce, "start depth_preprocess"),
+                    status.addInput(topics::kMeasured, Expect::kOptional, ""),
+                    status.addInput(topics::kLabels, Expect::kOnce, "start the segmenter"),
+                    status.addInput(topics::kColorInfo, Expect::kOnce, "start the colour camera's driver"),
+                    status.addInput(topics::kOptics, Expect::kOptional, "")} {
   const auto on_timer = [this](const ros::WallTimerEvent&) { settle(); };
   settling_ =
-      guard.quick_nh.createWallTimer(ros::WallDuration(kSettlePeriod), guard.wrap("publishers", on_timer),
+      guard.quick.nh.createWallTimer(ros::WallDuration(kSettlePeriod), guard.wrap("publishers", on_timer),
                                      /*oneshot=*/false, /*autostart=*/false);
 }
 
@@ -58,30 +58,29 @@ void FusionInputs::subscribeTo(int input, std::uint32_t queue_size, Use use) {
     if (time_jumps_.clockWentBack()) startAfresh(input, ros::Time::now());
     use(message);
   };
-  subscribers_.push_back(guard_.subscribe<Message>(guard_.quick_nh, input, queue_size, on_message));
+  subscribers_.push_back(guard_.subscribe<Message>(guard_.quick, input, queue_size, on_message));
 }
 
 void FusionInputs::subscribe() {
   updatePublished(/*assumed=*/true);
   // Depth and labels use plain ROS, because lossy transports would destroy them. They are subscribed first,
   // so that they are there when colour comes.
-  subscribeTo<sensor_msgs::Image>(measured_input_, kArrivingImages,
+  subscribeTo<sensor_msgs::Image>(inputOf(SceneTopic::kMeasured), kArrivingImages,
                                   [this](const auto& measured) { scenes_.addMeasured(measured); });
-  subscribeTo<sensor_msgs::Image>(depth_input_, kArrivingImages,
+  subscribeTo<sensor_msgs::Image>(inputOf(SceneTopic::kDepth), kArrivingImages,
                                   [this](const auto& depth) { scenes_.addDepth(depth); });
-  subscribeTo<sensor_msgs::Image>(labels_input_, kArrivingImages,
+  subscribeTo<sensor_msgs::Image>(inputOf(SceneTopic::kLabels), kArrivingImages,
                                   [this](const auto& labels) { onLabels(labels); });
   subscribeTo<SegmentArray>(segments_input_, kArrivingMessages,
                             [this](const auto& segments) { scenes_.addSegments(segments); });
-  subscribeTo<sensor_msgs::CameraInfo>(info_input_, kArrivingMessages,
+  subscribeTo<sensor_msgs::CameraInfo>(inputOf(SceneTopic::kCamera), kArrivingMessages,
                                        [this](const auto& info) { scenes_.setCamera(info); });
-  ros::NodeHandle& nh = guard_.quick_nh;
-  const auto on_optics = [this](const OpticsConstPtr& optics) { onOptics(optics); };
-  subscribers_.push_back(nh.subscribe<OpticsMsg>(
-      status_.topic(optics_input_), kArrivingMessages,
-      boost::function<void(const OpticsConstPtr&)>(guard_.wrap(status_.resolved(optics_input_), on_optics))));
+  const auto on_optics = [this](const auto& optics) { onOptics(optics); };
+  subscribers_.push_back(
+      guard_.subscribe<OpticsMsg>(guard_.quick, inputOf(SceneTopic::kOptics), kArrivingMessages, on_optics));
   const auto on_focus = [this](const auto& focus) { onFocus(focus); };
-  subscribers_.push_back(guard_.subscribe<FocusFrame>(nh, focus_input_, kArrivingMessages, on_focus));
+  subscribers_.push_back(
+      guard_.subscribe<FocusFrame>(guard_.quick, focus_input_, kArrivingMessages, on_focus));
   image_subscriber_ = guard_.receiveImages(image_input_, [this](const auto& image) { onImage(image); });
   status_.setSubscribed(true);
 }
@@ -172,10 +171,7 @@ void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
     return addPlain(image);
   }
   if (time_jumps_.clockWentBack()) startAfresh(image_input_, ros::Time::now());
-  if (images_.empty()) {
-    last_match_ = std::chrono::steady_clock::now();
-    least_off_s_ = std::numeric_limits<double>::infinity();
-  }
+  if (images_.empty()) last_match_ = std::chrono::steady_clock::now();
   images_.push_back(image);
   const std::size_t most = imageLimit(kMostUnmatched, *image);
   if (images_.size() > most) giveUpImages(images_.size() - most);
@@ -226,31 +222,28 @@ void FusionInputs::giveUpImages(std::size_t count) {
 }
 
 void FusionInputs::warnOfMismatch() {
-  if (images_.empty()) return;
-  const double off_s = std::abs(secondsBetween(images_.back()->header.stamp, last_focus_));
-  least_off_s_ = std::min(least_off_s_, off_s);
-  if (std::chrono::steady_clock::now() - last_match_ < kPatience) return;
+  if (images_.empty() || std::chrono::steady_clock::now() - last_match_ < kPatience) return;
+  double nearest_s = std::numeric_limits<double>::infinity();
+  for (const auto& [stamp, focus] : focus_)
+    nearest_s = std::min(nearest_s, std::abs(secondsBetween(images_.back()->header.stamp, stamp)));
   status_.warn(
       cv::format("%zu colour frames wait for a rgb/focus message of the same stamp; the nearest one "
                  "differs by %g s",
-                 images_.size(), least_off_s_));
+                 images_.size(), nearest_s));
 }
 
 void FusionInputs::onOptics(const OpticsConstPtr& optics) {
-  status_.inputArrived(optics_input_);
-  if (status_.publishers(optics_input_) > 1)
-    status_.warn(status_.resolved(optics_input_) + " has several publishers: the last message counts");
+  if (status_.publishers(inputOf(SceneTopic::kOptics)) > 1)
+    status_.warn(status_.resolved(inputOf(SceneTopic::kOptics)) +
+                 " has several publishers: the last message counts");
   scenes_.setOptics(optics);
 }
 
 void FusionInputs::onLabels(const sensor_msgs::ImageConstPtr& labels) {
-  if (labels->encoding != enc::TYPE_32SC1 ||
-      labels->data.size() < std::size_t{labels->step} * labels->height || labels->data.empty()) {
-    status_.count(Outcome::kInvalid);
-    status_.error(status_.resolved(labels_input_) + ": labels must be 32SC1 and not empty, not " +
-                  labels->encoding);
-    return;
-  }
+  const bool is_whole =
+      !labels->data.empty() && labels->data.size() >= std::size_t{labels->step} * labels->height;
+  if (labels->encoding != enc::TYPE_32SC1 || !is_whole)
+    throw std::invalid_argument("labels must be 32SC1 and not empty, not " + labels->encoding);
   scenes_.addLabels(labels);
 }
 

@@ -57,21 +57,20 @@ class FusionInputs {
   void match(const ros::Time& stamp);
   void giveUpImages(std::size_t count);
   void warnOfMismatch();
+  int inputOf(SceneTopic topic) const { return scene_inputs_[static_cast<std::size_t>(topic)]; }
 
   CallbackGuard& guard_;
   NodeStatus& status_;
   SceneCache& scenes_;
   FusionWorker& worker_;
-  const int image_input_, focus_input_, info_input_, optics_input_, labels_input_, segments_input_,
-      depth_input_, measured_input_;
-  const std::array<int, kSceneTopics> scene_inputs_;
+  const int image_input_, focus_input_, segments_input_;
+  const std::array<int, kSceneTopics> scene_inputs_;  // by SceneTopic
   TimeJumps time_jumps_;
 
   // What waits for its partner, from the oldest on.
   std::deque<sensor_msgs::ImageConstPtr> images_;
   std::map<ros::Time, FocusFrameConstPtr> focus_;
   std::chrono::steady_clock::time_point last_match_;  // or since when there is something to match
-  double least_off_s_ = 0;                            // since then, between stamps of images and FocusFrames
 
   bool settled_ = false;  // all publishers have had time to connect since the first frame
   ros::WallTimer settling_;

@@ -55,15 +55,15 @@ class Fusion {
 
   Fusion(CallbackGuard& guard, NodeStatus& status)
       : status_(status),
-        outputs_(guard.quick_nh, status, guard.wrap(status.name(), [this] { connect(); })),
+        outputs_(guard.quick.nh, status, guard.wrap(status.name(), [this] { connect(); })),
         worker_(guard, status, scenes_, outputs_),
         inputs_(guard, status, scenes_, worker_) {
-    readNumber(guard.private_nh, "queue_size", 1, kMostWaiting, at_start_.most_waiting, status);
-    readParameter(guard.private_nh, "restore_every_bracket", at_start_.restore_every, status);
-    at_start_.calibration = readCalibration(guard.private_nh, status);
-    configuration_ = serveConfiguration<FusionConfig>(guard.quick_private_nh, guard, status,
+    readNumber(guard.slow.private_nh, "queue_size", 1, kMostWaiting, at_start_.most_waiting, status);
+    readParameter(guard.slow.private_nh, "restore_every_bracket", at_start_.restore_every, status);
+    at_start_.calibration = readCalibration(guard.slow.private_nh, status);
+    configuration_ = serveConfiguration<FusionConfig>(guard.quick.private_nh, guard, status,
                                                       [this](auto& config) { reconfigure(config); });
-    finish_server_ = guard.private_nh.advertiseService("finish", &Fusion::finish, this);
+    finish_server_ = guard.slow.private_nh.advertiseService("finish", &Fusion::finish, this);
     guard.on_stop = [this] { inputs_.unsubscribe(); };
   }
 

@@ -78,7 +78,7 @@ FusionWorker::FusionWorker(CallbackGuard& guard, NodeStatus& status, SceneCache&
                            FusionOutputs& outputs)
     : guard_(guard), status_(status), scenes_(scenes), outputs_(outputs) {
   const auto on_timer = [this](const ros::WallTimerEvent&) { onTimer(); };
-  timer_ = guard.nh.createWallTimer(ros::WallDuration(kIdlePeriod), guard.wrap("gap in time", on_timer));
+  timer_ = guard.slow.nh.createWallTimer(ros::WallDuration(kIdlePeriod), guard.wrap("gap in time", on_timer));
 }
 
 FusionWorker::~FusionWorker() = default;
