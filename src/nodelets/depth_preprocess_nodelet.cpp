@@ -39,45 +39,11 @@ void requireFrame(const std_msgs::Header& header, const std::string& topic) {
     throw std::invalid_argument(topic + ": frame_id is empty: set it in the camera's driver");
 }
 
-/// Fills a tf2 buffer from /tf and /tf_static, as tf2_ros::TransformListener does. A transform with an
-/// impossible stamp would end that one and the whole process; here it is refused and reported.
-class TransformListener {
- public:
-  TransformListener(CallbackGuard& guard, tf2_ros::Buffer& buffer) : buffer_(buffer) {
-    constexpr std::uint32_t kQueueSize = 100;
-    const auto subscribe = [&](const std::string& topic, bool is_static) {
-      using Callback = boost::function<void(const tf2_msgs::TFMessageConstPtr&)>;
-      return guard.quick.nh.subscribe<tf2_msgs::TFMessage>(
-          topic, kQueueSize,
-          Callback(guard.wrap(topic, [this, is_static](const tf2_msgs::TFMessageConstPtr& message) {
-            add(*message, is_static);
-          })));
-    };
-    moving_ = subscribe("/tf", false);
-    static_ = subscribe("/tf_static", true);
-  }
-
- private:
-  void add(const tf2_msgs::TFMessage& message, bool is_static) {
-    const ros::Time now = ros::Time::now();
-    if (now < last_) buffer_.clear();  // time went back: all moving transforms are out of date
-    last_ = now;
-    for (const geometry_msgs::TransformStamped& transform : message.transforms) {
-      requirePossible(transform.header.stamp);
-      buffer_.setTransform(transform, "all_in_focus", is_static);
-    }
-  }
-
-  tf2_ros::Buffer& buffer_;
-  ros::Time last_;
-  ros::Subscriber moving_, static_;
-};
-
 }  // namespace
 
 /// Registers depth images to the colour camera and fills their holes.
 ///
-/// All callbacks run one after the other, except that transforms are also taken while an image is processed.
+/// Callbacks run one after the other; transforms are taken beside them, also while an image is processed.
 class DepthPreprocess {
  public:
   static constexpr const char* kProcessedTopic = "depth_registered/processed";
@@ -90,7 +56,8 @@ class DepthPreprocess {
             status.addInput("depth/camera_info", Expect::kOnce, "start the depth camera's driver")),
         rgb_info_input_(
             status.addInput(topics::kColorInfo, Expect::kOnce, "start the colour camera's driver")),
-        tf_listener_(guard, tf_buffer_) {
+        moving_subscriber_(listenToTransforms("/tf", /*is_static=*/false)),
+        static_subscriber_(listenToTransforms("/tf_static", /*is_static=*/true)) {
     readNumber(guard.slow.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
     readParameter(guard.slow.private_nh, "invalid_values", invalid_values_, status);
     configuration_ = serveConfiguration<DepthPreprocessConfig>(guard.slow.private_nh, guard, status,
@@ -99,6 +66,28 @@ class DepthPreprocess {
   }
 
  private:
+  // As tf2_ros::TransformListener does. A transform with an impossible stamp would end that one and the whole
+  // process; here it is refused and reported.
+  ros::Subscriber listenToTransforms(const std::string& topic, bool is_static) {
+    using Callback = boost::function<void(const tf2_msgs::TFMessageConstPtr&)>;
+    constexpr std::uint32_t kQueueSize = 100;
+    const Callback callback =
+        guard_.wrap(topic, [this, is_static](const tf2_msgs::TFMessageConstPtr& message) {
+          addTransforms(*message, is_static);
+        });
+    return guard_.quick.nh.subscribe<tf2_msgs::TFMessage>(topic, kQueueSize, callback);
+  }
+
+  void addTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
+    const ros::Time now = ros::Time::now();
+    if (now < last_transform_) tf_buffer_.clear();  // time went back: all moving transforms are out of date
+    last_transform_ = now;
+    for (const geometry_msgs::TransformStamped& transform : message.transforms) {
+      requirePossible(transform.header.stamp);
+      tf_buffer_.setTransform(transform, "all_in_focus", is_static);
+    }
+  }
+
   void advertise() {
     ros::NodeHandle& nh = guard_.slow.nh;
     image_transport::ImageTransport transport(nh);
@@ -278,7 +267,8 @@ class DepthPreprocess {
   const int depth_input_, depth_info_input_, rgb_info_input_;
   TimeJumps time_jumps_;
   tf2_ros::Buffer tf_buffer_;
-  TransformListener tf_listener_;
+  ros::Time last_transform_;  // when it came
+  ros::Subscriber moving_subscriber_, static_subscriber_;
   int queue_size_ = 5;
   std::vector<int> invalid_values_{0, 2047, 65535};
   DepthPreprocessConfig config_ = DepthPreprocessConfig::__getDefault__();  // always possible

@@ -4,12 +4,14 @@
 #include <all_in_focus/SegmenterConfig.h>
 #include <image_transport/image_transport.h>
 #include <sensor_msgs/image_encodings.h>
+#include <visualization_msgs/MarkerArray.h>
 
 #include <memory>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
+#include <vector>
 
 #include "all_in_focus/drawing.hpp"
 #include "all_in_focus/focus_plan.hpp"
@@ -18,15 +20,62 @@
 #include "image_limit.hpp"
 #include "nodelet_of.hpp"
 #include "parameters.hpp"
-#include "segment_markers.hpp"
 #include "time_jumps.hpp"
 #include "topics.hpp"
 
 namespace all_in_focus {
 namespace {
 
+using visualization_msgs::Marker;
+
+constexpr double kTextHeight = 0.02;  // of the distance: equally legible near and far
+
 core::Optics opticsOf(const SegmenterConfig& config) {
   return {config.focal_length_mm, config.aperture, config.circle_of_confusion_mm};
+}
+
+/// Captions of a label image.
+struct CaptionSet {
+  std_msgs::Header header;  ///< of the label image
+  cv::Size size;            ///< of the label image
+  int labels = 0;           ///< how many there are, captioned or not: sets the colours
+  std::vector<RegionCaption> captions;
+};
+
+// The captions as text in space for rviz. Each lies on the ray of its anchor, at the near end of its region,
+// because farther back the points of the region would hide it. camera: of the label image.
+visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& camera) {
+  visualization_msgs::MarkerArray array;
+  Marker marker;
+  marker.header = set.header;
+  marker.pose.orientation.w = 1;
+  marker.action = Marker::DELETEALL;  // there may be fewer segments than in the last image
+  array.markers.push_back(marker);
+
+  marker.ns = "segments";
+  marker.type = Marker::TEXT_VIEW_FACING;
+  marker.action = Marker::ADD;
+  const std::vector<cv::Vec3b> colors = labelColors(set.labels);
+  const auto pale = [](int value) {
+    return static_cast<float>(2 * value + 255) / 765;
+  };  // pure blue is not legible
+  for (const RegionCaption& caption : set.captions) {
+    const double z = caption.near_mm / 1e3;
+    const cv::Point2d ray = camera.ray(caption.anchor);
+    const cv::Vec3b& color = colors.at(caption.label);
+    marker.id = caption.label;
+    marker.text = caption.text;
+    marker.pose.position.x = ray.x * z;
+    marker.pose.position.y = ray.y * z;
+    marker.pose.position.z = z;
+    marker.scale.z = kTextHeight * z;
+    marker.color.r = pale(color[2]);
+    marker.color.g = pale(color[1]);
+    marker.color.b = pale(color[0]);
+    marker.color.a = 1;
+    array.markers.push_back(marker);
+  }
+  return array;
 }
 
 }  // namespace
