@@ -64,7 +64,7 @@ FusionOutputs::FusionOutputs(ros::NodeHandle& nh, NodeStatus& status, const std:
                                      on_connect, on_connect);
   const auto on_listener = [this, connect](const ros::SingleSubscriberPublisher& listener) {
     connect();
-    publishPoints([&listener](const sensor_msgs::PointCloud2& cloud) { listener.publish(cloud); });
+    if (const auto cloud = latestPoints()) listener.publish(*cloud);
   };
   points_ =
       nh.advertise<sensor_msgs::PointCloud2>(status.addOutput(topics::kPoints), 1, on_listener, on_connect);
@@ -140,13 +140,11 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
     }
     {
       std::lock_guard<std::mutex> lock(mutex_);
-      latest_ = {image, result.restored_depth.empty() ? mm : result.restored_depth, bracket.camera};
+      latest_ = {image, depth, bracket.camera};
     }
-    if (anybodyListens(points_)) {
-      publishPoints([&](const sensor_msgs::PointCloud2& cloud) {
-        points_.publish(cloud);
-        if (has_progress) progress->points = cloud;
-      });
+    if (const auto cloud = anybodyListens(points_) ? latestPoints() : nullptr) {
+      points_.publish(cloud);
+      if (has_progress) progress->points = *cloud;
     }
     if (has_progress) {
       progress->image = *image;
@@ -160,20 +158,23 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
   progress_.publish(progress);
 }
 
-// Nothing where there is no result yet, or no calibration.
-void FusionOutputs::publishPoints(const std::function<void(const sensor_msgs::PointCloud2&)>& publish) {
+// Null where there is no result yet, or no calibration.
+sensor_msgs::PointCloud2ConstPtr FusionOutputs::latestPoints() const {
   Latest latest;
   {
     std::lock_guard<std::mutex> lock(mutex_);
     latest = latest_;
   }
-  if (!latest.image || !latest.camera || cv::countNonZero(latest.mm) == 0) return;
+  if (!latest.image || !latest.camera) return nullptr;
   try {
+    const cv::Mat mm = cv_bridge::toCvShare(latest.depth)->image;
+    if (cv::countNonZero(mm) == 0) return nullptr;
     const core::Camera camera = toCamera(*latest.camera, topics::kColorInfo);
     const cv::Mat bgr = core::toEightBits(cv_bridge::toCvShare(latest.image)->image);
-    publish(*toPointCloud(latest.image->header, bgr, latest.mm, camera));
+    return toPointCloud(latest.image->header, bgr, mm, camera);
   } catch (const std::exception& e) {
     status_.error(std::string(topics::kPoints) + ": " + e.what());
+    return nullptr;
   }
 }
 

@@ -46,7 +46,7 @@ class FusionOutputs {
   ros::Publisher restoredOutput() const;
   cv::Mat depthOf(const FusedBracket& bracket) const;
   std::string askedInVain(const FusedBracket& bracket, const cv::Mat& mm) const;
-  void publishPoints(const std::function<void(const sensor_msgs::PointCloud2&)>& publish);
+  sensor_msgs::PointCloud2ConstPtr latestPoints() const;
 
   NodeStatus& status_;
   ros::Publisher image_, weights_, depth_, source_index_, confidence_, info_, points_, report_, progress_;
@@ -54,8 +54,7 @@ class FusionOutputs {
 
   /// What a cloud is made of.
   struct Latest {
-    sensor_msgs::ImageConstPtr image;
-    cv::Mat mm;
+    sensor_msgs::ImageConstPtr image, depth;
     sensor_msgs::CameraInfoConstPtr camera;
   };
   mutable std::mutex mutex_;       ///< guards what follows
