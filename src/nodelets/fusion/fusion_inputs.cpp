@@ -149,6 +149,7 @@ void FusionInputs::startAfresh(int input, const ros::Time& now) {
   last_focus_ = last_frame_ = {};
   worker_.restart();
   focus_.clear();
+  last_match_ = std::chrono::steady_clock::now();
   const auto is_of_before = [&](const sensor_msgs::ImageConstPtr& image) {
     const ros::Time& stamp = image->header.stamp;
     if (std::abs(secondsBetween(stamp, now)) <= std::abs(secondsBetween(stamp, before))) return false;

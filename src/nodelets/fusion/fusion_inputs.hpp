@@ -28,7 +28,7 @@ namespace all_in_focus {
 /// The subscriptions of the fusion. Matches frames with their messages from rgb/focus. Frames go to the
 /// worker, everything else goes to the scene cache.
 ///
-/// Callbacks are quick ones of the guard; the methods are to be called from one of them, or before the first.
+/// Callbacks are quick ones of the guard; the methods are to be called from one of them, or while none runs.
 class FusionInputs {
  public:
   /// Adds the inputs to the status, subscribes nothing.

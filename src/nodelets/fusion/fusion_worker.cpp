@@ -126,18 +126,18 @@ std::vector<sensor_msgs::ImageConstPtr> FusionWorker::append(const Task& task) {
   outputs_.tell(task.step.frame);                              // before the result
   push(task);
   limit_ = imageLimit(settings_.most_waiting, *task.image);
-  while (waitingImages() > limit_) dropped.push_back(dropOldest());
+  std::size_t waiting = waitingImages();
+  for (auto oldest = tasks_.begin(); waiting > limit_; ++oldest) {
+    if (!oldest->image) continue;
+    dropped.push_back(std::exchange(oldest->image, nullptr));
+    --waiting;
+  }
   return dropped;
 }
 
 // Holds mutex_.
 std::size_t FusionWorker::waitingImages() const {
   return std::count_if(tasks_.begin(), tasks_.end(), [](const Task& task) { return task.image != nullptr; });
-}
-
-sensor_msgs::ImageConstPtr FusionWorker::dropOldest() {
-  Task& oldest = *std::find_if(tasks_.begin(), tasks_.end(), [](const Task& task) { return task.image; });
-  return std::exchange(oldest.image, nullptr);
 }
 
 // Holds mutex_.

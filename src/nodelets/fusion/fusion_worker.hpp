@@ -74,7 +74,6 @@ class FusionWorker {
   void push(Task task);
   std::vector<sensor_msgs::ImageConstPtr> append(const Task& task);
   std::size_t waitingImages() const;
-  sensor_msgs::ImageConstPtr dropOldest();
   void endBracket();
 
   // Slow callbacks.
