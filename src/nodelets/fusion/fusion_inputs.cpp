@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <opencv2/core.hpp>
 #include <stdexcept>
@@ -24,8 +23,9 @@ namespace enc = sensor_msgs::image_encodings;
 
 // Callbacks hand over at once; what waits there is bounded and counted.
 constexpr std::uint32_t kArrivingImages = 64, kArrivingMessages = 1000;
-// FocusFrame messages that may wait, and images: a camera may send the pictures of a sweep after its end.
-constexpr std::size_t kMostUnmatched = 1024;
+// Images that may wait for FocusFrame messages, and the reverse: a camera may send the pictures of a sweep
+// after its end.
+constexpr std::uint32_t kMostUnmatched = 1024;
 constexpr double kSettleTime = 1, kSettlePeriod = 0.02;  // s of wall time
 constexpr double kAheadOfClock = 0.1;                    // s that a frame may be ahead of /clock
 constexpr double kDefaultGap = 1;                        // s
@@ -50,6 +50,7 @@ FusionInputs::FusionInputs(CallbackGuard& guard, NodeStatus& status, SceneCache&
   settling_ =
       guard.quick.nh.createWallTimer(ros::WallDuration(kSettlePeriod), guard.wrap("publishers", on_timer),
                                      /*oneshot=*/false, /*autostart=*/false);
+  restartMatcher();
 }
 
 template <typename Message, typename Use>
@@ -92,7 +93,7 @@ void FusionInputs::unsubscribe() {
   image_subscriber_ = {};
   subscribers_.clear();
   images_.clear();
-  focus_.clear();
+  restartMatcher();
   last_focus_ = last_frame_ = {};
   status_.setExpect(image_input_, Expect::kStream);
   worker_.cancel();
@@ -130,6 +131,7 @@ void FusionInputs::settle() {
                                                  [this](const auto& image) { return isAnnounced(*image); });
   const std::vector<sensor_msgs::ImageConstPtr> plain(plain_begin, images_.end());
   images_.erase(plain_begin, images_.end());
+  if (last_focus_.isZero()) restartMatcher();  // it holds the plain images
   for (const sensor_msgs::ImageConstPtr& image : plain) addPlain(image);
 }
 
@@ -148,8 +150,6 @@ void FusionInputs::startAfresh(int input, const ros::Time& now) {
   if (secondsBetween(now, before) <= kAheadOfClock) return;
   last_focus_ = last_frame_ = {};
   worker_.restart();
-  focus_.clear();
-  last_match_ = std::chrono::steady_clock::now();
   const auto is_of_before = [&](const sensor_msgs::ImageConstPtr& image) {
     const ros::Time& stamp = image->header.stamp;
     if (std::abs(secondsBetween(stamp, now)) <= std::abs(secondsBetween(stamp, before))) return false;
@@ -157,6 +157,15 @@ void FusionInputs::startAfresh(int input, const ros::Time& now) {
     return true;
   };
   images_.erase(std::remove_if(images_.begin(), images_.end(), is_of_before), images_.end());
+  restartMatcher();  // greater stamps, of before, would displace all new ones
+}
+
+// It forgets all but the images that are not matched.
+void FusionInputs::restartMatcher() {
+  matcher_ = std::make_unique<Matcher>(ExactTime(kMostUnmatched));
+  matcher_->registerCallback(&FusionInputs::onFrame, this);
+  last_match_ = std::chrono::steady_clock::now();
+  for (const sensor_msgs::ImageConstPtr& image : images_) matcher_->add<0>(image);
 }
 
 void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
@@ -168,15 +177,15 @@ void FusionInputs::onImage(const sensor_msgs::ImageConstPtr& image) {
   // A publisher of rgb/focus defines the brackets while it is there.
   const bool has_focus = status_.publishers(focus_input_) > 0 || isAnnounced(*image);
   if (settled_ && !has_focus) {
-    giveUpImages(images_.size());  // the publisher of rgb/focus is gone
+    giveUpAllImages();  // the publisher of rgb/focus is gone
     return addPlain(image);
   }
   if (time_jumps_.clockWentBack()) startAfresh(image_input_, ros::Time::now());
   if (images_.empty()) last_match_ = std::chrono::steady_clock::now();
   images_.push_back(image);
-  const std::size_t most = imageLimit(kMostUnmatched, *image);
-  if (images_.size() > most) giveUpImages(images_.size() - most);
-  match(image->header.stamp);
+  matcher_->add<0>(image);
+  if (images_.size() > imageLimit(kMostUnmatched, *image)) giveUpAllImages();
+  warnOfMismatch();
 }
 
 void FusionInputs::addPlain(const sensor_msgs::ImageConstPtr& image) {
@@ -193,24 +202,19 @@ void FusionInputs::onFocus(const FocusFrameConstPtr& focus) {
   if (time_jumps_.streamWentBack(stamp)) startAfresh(focus_input_, std::min(stamp, ros::Time::now()));
   worker_.announce(*focus);
   last_focus_ = last_frame_ = stamp;
-  focus_[stamp] = focus;
-  if (focus_.size() > kMostUnmatched) focus_.erase(focus_.begin());
-  match(stamp);
+  matcher_->add<1>(focus);
+  warnOfMismatch();
 }
 
-// Topics keep their order: what came before a match and is not matched will never be.
-void FusionInputs::match(const ros::Time& stamp) {
-  const auto focus = focus_.find(stamp);
-  const auto image = std::find_if(images_.begin(), images_.end(),
-                                  [&](const auto& each) { return each->header.stamp == stamp; });
-  if (focus == focus_.end() || image == images_.end()) return warnOfMismatch();
-  const BracketFrame frame{*image, focus->second};
-  giveUpImages(static_cast<std::size_t>(image - images_.begin()));
+// Topics keep their order: images that came before this one and are not matched will never be.
+void FusionInputs::onFrame(const sensor_msgs::ImageConstPtr& image, const FocusFrameConstPtr& focus) {
+  const auto found = std::find(images_.begin(), images_.end(), image);
+  if (found == images_.end()) return;  // given up before
+  giveUpImages(static_cast<std::size_t>(found - images_.begin()));
   images_.pop_front();
-  focus_.erase(focus_.begin(), std::next(focus));
   last_match_ = std::chrono::steady_clock::now();
   status_.setExpect(image_input_, Expect::kOnce);  // the camera may be silent between brackets
-  worker_.add(frame);
+  worker_.add({image, focus});
 }
 
 // The oldest ones.
@@ -222,11 +226,17 @@ void FusionInputs::giveUpImages(std::size_t count) {
   }
 }
 
+void FusionInputs::giveUpAllImages() {
+  if (images_.empty()) return;
+  giveUpImages(images_.size());
+  restartMatcher();  // it holds them
+}
+
 void FusionInputs::warnOfMismatch() {
   if (images_.empty() || std::chrono::steady_clock::now() - last_match_ < kPatience) return;
   double nearest_s = std::numeric_limits<double>::infinity();
-  for (const auto& [stamp, focus] : focus_)
-    nearest_s = std::min(nearest_s, std::abs(secondsBetween(images_.back()->header.stamp, stamp)));
+  for (const sensor_msgs::ImageConstPtr& image : images_)
+    nearest_s = std::min(nearest_s, std::abs(secondsBetween(image->header.stamp, last_focus_)));
   status_.warn(
       cv::format("%zu colour frames wait for a rgb/focus message of the same stamp; the nearest one "
                  "differs by %g s",

@@ -5,6 +5,8 @@
 #include <all_in_focus/FocusFrame.h>
 #include <all_in_focus/SegmentArray.h>
 #include <image_transport/subscriber.h>
+#include <message_filters/sync_policies/exact_time.h>
+#include <message_filters/synchronizer.h>
 #include <ros/ros.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
@@ -14,7 +16,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
-#include <map>
+#include <memory>
 #include <vector>
 
 #include "callback_guard.hpp"
@@ -42,6 +44,9 @@ class FusionInputs {
   void configure(double gap_s);
 
  private:
+  using ExactTime = message_filters::sync_policies::ExactTime<sensor_msgs::Image, FocusFrame>;
+  using Matcher = message_filters::Synchronizer<ExactTime>;
+
   template <typename Message, typename Use>
   void subscribeTo(int input, std::uint32_t queue_size, Use use);
   void settle();
@@ -54,8 +59,10 @@ class FusionInputs {
   void onOptics(const OpticsConstPtr& optics);
   void onLabels(const sensor_msgs::ImageConstPtr& labels);
   void addPlain(const sensor_msgs::ImageConstPtr& image);
-  void match(const ros::Time& stamp);
+  void onFrame(const sensor_msgs::ImageConstPtr& image, const FocusFrameConstPtr& focus);
+  void restartMatcher();
   void giveUpImages(std::size_t count);
+  void giveUpAllImages();
   void warnOfMismatch();
   int inputOf(SceneTopic topic) const { return scene_inputs_[static_cast<std::size_t>(topic)]; }
 
@@ -67,9 +74,8 @@ class FusionInputs {
   const std::array<int, kSceneTopics> scene_inputs_;  // by SceneTopic
   TimeJumps time_jumps_;
 
-  // What waits for its partner, from the oldest on.
-  std::deque<sensor_msgs::ImageConstPtr> images_;
-  std::map<ros::Time, FocusFrameConstPtr> focus_;
+  std::unique_ptr<Matcher> matcher_;                  // image + rgb/focus
+  std::deque<sensor_msgs::ImageConstPtr> images_;     // that it has not matched, from the oldest on
   std::chrono::steady_clock::time_point last_match_;  // or since when there is something to match
 
   bool settled_ = false;  // all publishers have had time to connect since the first frame
