@@ -90,7 +90,7 @@ class Source:
             ("/rgb/camera_info", CameraInfo), ("/depth/camera_info", CameraInfo), ("/depth/image_raw", Image),
             ("/rgb/focus", FocusFrame), ("/rgb/image", Image))}
         self.transform = tf2_ros.StaticTransformBroadcaster()
-        self.transform.sendTransform(static_transform(args.rig, rospy.Time.now()))
+        self.transform.sendTransform(static_transform(self.rig, rospy.Time.now()))
 
     def send(self, i):
         stamp, bracket = rospy.Time.now(), self.args.bracket
