@@ -224,6 +224,14 @@ def test_a_good_bag(tmp_path):
     assert json.loads((tmp_path / "r.json").read_text()) == report.plain()
 
 
+def test_a_warning_after_an_error_hides_no_error(tmp_path):
+    messages = setting("/rgb/camera_info", K=[200.0, 0, 31.5, 0, 200, 23.5, 0, 0, 1])(good_messages())
+    lens = setting("/rgb/optics", focal_length_mm=1100.0, circle_of_confusion_mm=9.9)
+    report = report_on(write(tmp_path / "x.bag", lens(messages)))
+    assert [finding.level for finding in report.findings if finding.check == "optics"] == ["error", "warning"]
+    assert report.skipped == ["focus steps"]
+
+
 def test_the_rig_is_checked_in_the_words_of_fuse_stack(tmp_path):
     """What fuse_stack warns of is what check_bag says of the same files in a bag."""
     planes, bag = TwoPlanes(tmp_path), tmp_path / "x.bag"

@@ -61,7 +61,7 @@ class Check:
     def __init__(self, report, name):
         self._report, self._name = report, name
         self._of_brackets = {}  # text -> numbers of brackets
-        self.level = OK
+        self.level = OK  # the worst
 
     def error(self, text):
         self._add(ERROR, text)
@@ -88,7 +88,7 @@ class Check:
             self._add(OK, text)
 
     def _add(self, level, text):
-        self.level = level
+        self.level = ERROR if ERROR in (level, self.level) else level
         self._report.findings.append(Finding(self._name, level, " ".join(text.split())))
 
 
