@@ -22,14 +22,18 @@ NO_CAMERA = 2.0  # s without the camera's service: the next bracket of whatever 
 def shoot(timeout):
     """(Sharpness, dioptres of its tiles, home, first, step); the last three as focus_bracket_camera has them."""
     rospy.init_node("calibrate_focus", anonymous=True, disable_signals=True)
-    came = queue.Queue()  # depth images, pairs of image and FocusFrame, or why the camera shoots no bracket
+    came = queue.Queue()  # depth images, pairs of image and FocusFrame, or why no bracket will come
     end = time.monotonic() + timeout
+    rospy.on_shutdown(lambda: came.put("stopped from outside"))
 
     def following(problem):
         try:
-            return came.get(timeout=max(0, end - time.monotonic()))
+            what = came.get(timeout=max(0, end - time.monotonic()))
         except queue.Empty:
-            raise ValueError(problem)
+            what = problem
+        if isinstance(what, str):
+            raise ValueError(what)
+        return what
 
     rospy.loginfo("waiting for depth on %s", rospy.resolve_name(DEPTH))
     rospy.Subscriber(DEPTH, Image, came.put, queue_size=1, buff_size=2 ** 26)
@@ -45,8 +49,6 @@ def shoot(timeout):
     sharpness, bracket_id, is_whole = None, None, False
     while not is_whole:
         what = following("no whole bracket came on rgb/image and rgb/focus")
-        if isinstance(what, str):
-            raise ValueError(what)
         if isinstance(what, Image):
             depth = depth if sharpness else what  # that of the beginning
             continue
@@ -61,7 +63,7 @@ def shoot(timeout):
         is_whole = focus.last
     if (depth.width, depth.height) != sharpness.size:
         raise ValueError(f"{DEPTH} and rgb/image have different sizes: does the rig belong to these pictures?")
-    home = rospy.get_param(f"{CAMERA}/home", "current") if asked else ""
+    home = (rospy.get_param(f"{CAMERA}/home", "") or "current") if asked else ""
     if home == "current":
         rospy.logwarn("the lens counts its steps from where it stood at the start: start robot.launch with home:=near, so "
                       "that the table holds the next time, too")
