@@ -17,6 +17,7 @@ from tool_helpers import expect_refusal, fuse_stack
 
 SIZE = (480, 320)
 NEAR, FAR = 1.4, 0.3  # 1/m, of the board's ends
+CAMERA = Camera.pinhole("camera", *SIZE, 500.0, 500.0, 239.5, 159.5)
 BLUR = 12.0  # pixels of blur (standard deviation) for a dioptre
 # The lens is not quite linear, and goes from nearer than the board to farther.
 FOCUS = [1.55 - 0.11 * step - 0.0015 * step ** 2 for step in range(11)]
@@ -66,13 +67,20 @@ def test_distances_are_those_of_the_lens(scene):
 
 
 def test_depth_of_the_depth_camera_is_registered(scene, tmp_path):
-    camera = Camera.pinhole("camera", *SIZE, 500.0, 500.0, 239.5, 159.5)
-    save_rig(tmp_path / "rig", Rig(camera, camera, np.eye(3), [0.0, 0.0, 0.0], None, "color", "depth"))
+    save_rig(tmp_path / "rig", Rig(CAMERA, CAMERA, np.eye(3), [0.0, 0.0, 0.0], None, "color", "depth"))
     done = run_script("calibrate_focus", "--stack", scene / "stack", "--depth", scene / "depth.png", "--rig", tmp_path / "rig",
                       "--first", 4, "--step", 3, "--output", tmp_path / "table.yaml")
     assert done.returncode == 0, done.stderr
     assert [read(path).distance(5) for path in (tmp_path / "table.yaml", scene / "table.yaml")] == pytest.approx(
         [1 / FOCUS[5]] * 2, rel=0.03)
+
+
+def test_depth_that_is_unknown_everywhere_is_named(scene, tmp_path):
+    save_rig(tmp_path / "rig", Rig(CAMERA, CAMERA, np.eye(3), [0.0, 0.0, 0.0], None, "color", "depth"))
+    cv2.imwrite(str(tmp_path / "none.png"), np.zeros(SIZE[::-1], np.uint16))
+    for depth in (["--registered-depth", tmp_path / "none.png"], ["--depth", tmp_path / "none.png", "--rig", tmp_path / "rig"]):
+        done = run_script("calibrate_focus", "--stack", scene / "stack", *depth, "--output", tmp_path / "table.yaml")
+        expect_refusal(done, "calibrate_focus", "none.png: no pixel of the pictures gets a depth")
 
 
 def test_beyond_the_board_the_table_goes_on(scene):
