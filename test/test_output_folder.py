@@ -51,6 +51,15 @@ def test_a_later_run_replaces_all_of_an_earlier_one(tmp_path):
     assert names(out) == [MARK, "sub"] and names(tmp_path) == ["out"] and out.stat().st_mode & 0o777 == 0o750
 
 
+def test_a_write_protected_folder_is_refused_before_the_work(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "of_the_user").write_text("")
+    monkeypatch.setattr(os, "access", lambda path, mode: path != out)  # root may write everywhere
+    with unchanged(tmp_path), pytest.raises(PermissionError, match="is write-protected"):
+        OutputFolder(out, PROGRAM, may_keep=lambda name: True)
+
+
 def test_after_an_error_everything_is_as_before(tmp_path):
     out = tmp_path / "out"
     for _ in range(2):

@@ -4,6 +4,8 @@
 
 A view is worth taking when it differs from those taken before, as ROS's camera_calibration judges it, in either camera.
 """
+import errno
+import os
 from pathlib import Path
 
 import cv2
@@ -101,6 +103,8 @@ class LiveView:
                 folder.mkdir(parents=True, exist_ok=True)
                 if any(folder.iterdir()):
                     raise ValueError(f"{pictures}: holds pictures already: name another folder")
+                if not os.access(folder, os.W_OK):
+                    raise PermissionError(errno.EACCES, "is write-protected", str(folder))
 
     @property
     def enough(self):

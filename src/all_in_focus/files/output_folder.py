@@ -105,6 +105,8 @@ class OutputFolder:
             return
         if not path.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, "is no folder", str(path))
+        if not os.access(path, os.W_OK):
+            raise PermissionError(errno.EACCES, "is write-protected", str(path))
         mark = read_mark(path)
         if mark and mark["program"] != self._program:
             raise FileExistsError(errno.EEXIST, f"was written by {mark['program']}: choose another folder", str(path))
