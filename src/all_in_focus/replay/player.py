@@ -90,9 +90,9 @@ class BagPlayer:
         self._publishers["depth_info"].publish(self._contents.depth_info)
         self._publishers["rgb_info"].publish(self._contents.rgb_info)
         if not self._wait(lambda: not self.loose_ends(outputs), patience):
-            topic, complaint = self.loose_ends(outputs)[0]
-            raise PlayError(f"{complaint} {rospy.resolve_name(topic)} for {patience:g} s: did the node "
-                            f"{NODES[topic.split('/')[0]]} start?")
+            for topic, complaint in self.loose_ends(outputs):  # none, if the last one has just connected
+                raise PlayError(f"{complaint} {rospy.resolve_name(topic)} for {patience:g} s: did the node "
+                                f"{NODES[topic.split('/')[0]]} start?")
         self.pause(SETTLE)
 
     def set_optics(self, optics):
