@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parts of the calibration: corners in pictures of all kinds, the order of corners, bad views, coverage."""
 import shutil
+import threading
+import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from all_in_focus.calibration.board import Board, Pair, find_corners
 from all_in_focus.calibration.fit_report import view_warnings
 from all_in_focus.calibration.rig_fit import fit_camera, fit_rig
+from all_in_focus.calibration.live_node import LiveNode
 from all_in_focus.calibration.live_view import Coverage, LiveView, measure, moved
 from all_in_focus.calibration.rig_folder import RigFolder, build_rig, depth_size
 from all_in_focus.files.rig import Camera, rotation_matrix
@@ -221,6 +225,22 @@ def test_where_nothing_can_be_written(tmp_path, place, why):
     with pytest.raises(OSError, match=why):
         RigFolder(str(tmp_path / place))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "gone"]
+
+
+def test_what_finish_has_begun_is_written_before_the_end():
+    begun, node = threading.Event(), LiveNode.__new__(LiveNode)
+
+    def calibrate(pairs, sizes):
+        begun.set()
+        time.sleep(0.2)
+        return ["wrote it"]
+    node._lock, node._done, node._calibrate = threading.Lock(), False, calibrate
+    node._view = SimpleNamespace(pairs=[None], sizes=[])
+    finish = threading.Thread(target=node._finish, args=(None,))
+    finish.start()
+    begun.wait()
+    assert node.end()
+    finish.join()
 
 
 def test_how_far_a_board_moved_does_not_depend_on_the_order():

@@ -50,7 +50,7 @@ class LiveNode:
         self._last_pair = time.monotonic()
 
     def run(self):
-        """Runs until the rig is written or the node is shut down; returns whether it is written."""
+        """Runs until the rig is written or the node is shut down."""
         while not rospy.is_shutdown() and not self._done:
             if not self._newest:
                 self._name_the_silent()
@@ -62,7 +62,6 @@ class LiveNode:
                     self._look(images)
         if self._done:
             time.sleep(GRACE)
-        return self._done
 
     def _images(self, messages):
         try:
@@ -104,6 +103,12 @@ class LiveNode:
             except (ValueError, OSError) as error:
                 return TriggerResponse(False, one_line(error))
 
+    def end(self):
+        """Whether the rig is written, if only by ~finish at the last moment. Nothing writes it from now on: the folder that it is
+        written in is about to be removed."""
+        self._lock.acquire()
+        return self._done
+
     def _name_the_silent(self):
         now = time.monotonic()
         for index, topic in enumerate(TOPICS):
@@ -123,7 +128,8 @@ def run(arguments, calibrate):
     rospy.loginfo("pictures from %s and %s, coverage on %s; ends with %d pairs that cover enough, or by %s",
                   *map(rospy.resolve_name, TOPICS + ("~coverage",)), arguments.views, rospy.resolve_name("~finish"))
     with contextlib.suppress(KeyboardInterrupt):
-        if node.run():
-            return 0
+        node.run()
+    if node.end():
+        return 0
     rospy.logerr("ended before there were enough pairs: no rig was written")
     return 2
