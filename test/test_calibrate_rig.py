@@ -103,6 +103,7 @@ def test_a_rig_without_a_lens_is_told(views, tmp_path):
     for options, told in (((), True), (("--force", "--optics", "24,4,0.019"), False), (("--force",), False)):
         done = succeeded(call(*arguments(views, tmp_path / "rig"), *options))
         assert ("warning: no lens" in done.stdout) == told
+    assert load_rig(tmp_path / "rig").optics.focal_length_mm == 24  # of the run before
 
 
 def test_an_existing_rig_stays(calibrated, views):

@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Writes the rig folder of a calibration: all of its files or none."""
+import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from all_in_focus.files.output_folder import OutputFolder
+from all_in_focus.files.output_folder import OutputFolder, read_mark
 from all_in_focus.files.rig import Camera, Rig, load_rig, save_rig
 
 FILES = ("depth.yaml", "color.yaml", "extrinsics.yaml", "optics.yaml", "calibration.yaml")
@@ -21,8 +22,8 @@ class RigFolder(OutputFolder):
     """The folder of one calibration; made before the work: nobody has to take the views twice. write() puts the rig there;
     discard() must follow.
 
-    An earlier rig is a ValueError unless `force`. A rig of others is an OSError, but their optics.yaml stays where the new rig
-    has no lens, and other files stay anyway.
+    An earlier rig is a ValueError unless `force`. A rig of others is an OSError. Where the new rig has no lens, optics.yaml
+    stays; files that are no part of a rig stay anyway.
     """
 
     def __init__(self, path, force=False, has_optics=False):
@@ -36,6 +37,9 @@ class RigFolder(OutputFolder):
         """record: text of calibration.yaml."""
         save_rig(self.working, rig)
         (self.working / "calibration.yaml").write_text(record, encoding="utf-8")
+        optics, mark = self.path / "optics.yaml", read_mark(self.path)
+        if rig.optics is None and optics.exists() and mark and optics.name in (mark["files"] or ()):
+            shutil.copy(optics, self.working)  # commit() removes what an earlier run has written
         load_rig(self.working)  # checks that it can be read before it replaces anything
         self.commit()
 
