@@ -155,8 +155,12 @@ void NodeStatus::report(unsigned char level, const std::string& reason) {
     if (level >= unreported_.level) unreported_ = {level, text};
     if (isThrottled(text)) return;
   }
-  ROS_LOG_STREAM(is_error ? ros::console::levels::Error : ros::console::levels::Warn, ROSCONSOLE_DEFAULT_NAME,
-                 name_ << ": " << text);
+  // A macro for each level: one macro keeps its level in a static variable, which all threads would share.
+  if (is_error) {
+    ROS_ERROR_STREAM(name_ << ": " << text);
+  } else {
+    ROS_WARN_STREAM(name_ << ": " << text);
+  }
 }
 
 // Holds mutex_.
