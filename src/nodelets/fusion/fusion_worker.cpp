@@ -172,8 +172,8 @@ int FusionWorker::finish() {
     endBracket();
     waiting = tasks_.size();
   }
-  while (waiting > 0 && handleNext()) --waiting;
-  return waiting > 0 || isCancelled() ? -1 : published_;
+  for (; waiting > 0 && !isCancelled(); --waiting) handleNext();
+  return isCancelled() ? -1 : published_;
 }
 
 bool FusionWorker::isCancelled() const {
@@ -193,12 +193,11 @@ bool FusionWorker::mayRestore(double done) const {
   return !is_whole && 2 * waitingImages() <= limit_;
 }
 
-// Returns whether there was something to do.
-bool FusionWorker::handleNext() {
+void FusionWorker::handleNext() {
   Task task;
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    if (tasks_.empty()) return false;  // ~finish was first, or all were cancelled
+    if (tasks_.empty()) return;  // ~finish was first, or all were cancelled
     task = std::move(tasks_.front());
     tasks_.pop_front();
   }
@@ -209,7 +208,6 @@ bool FusionWorker::handleNext() {
     status_.error(std::string("fusion: ") + e.what());
     if (task.image) status_.acknowledge(task.step.frame.header, Outcome::kInvalid, e.what());
   }
-  return true;
 }
 
 // Ends a bracket after its gap in time, unless frames wait that may belong to it.

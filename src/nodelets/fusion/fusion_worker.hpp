@@ -77,7 +77,7 @@ class FusionWorker {
   void endBracket();
 
   // Slow callbacks.
-  bool handleNext();
+  void handleNext();
   void onTimer();
   void warnOfSilence();
   void handle(const Task& task);
