@@ -204,6 +204,14 @@ TEST_F(SceneCacheTest, ClearingLetsGo) {
   EXPECT_TRUE(isReady(await(), 5000));
 }
 
+TEST_F(SceneCacheTest, ClearingLetsGoAlsoIfSomebodyListensAgainAtOnce) {
+  publish();
+  auto cleared = await();
+  cache_.clear();
+  publish();
+  EXPECT_TRUE(isReady(cleared, 5000));
+}
+
 TEST_F(SceneCacheTest, ThePixelPitchIsThatOfTheCalibration) {
   fill(cache_);
   const SceneMessages scene = found(10);

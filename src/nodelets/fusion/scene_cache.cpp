@@ -240,7 +240,8 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) 
     const double timeout = topic.silent ? std::min(timeout_s, kSilentTimeout) : timeout_s;
     topic.silent = true;  // unless a message comes
     const bool in_time = changed_.wait_until(lock, start + seconds(timeout), [&] {
-      return !topic.published || (stamp ? isDecided(topic, *stamp) : is_there());
+      const bool forgotten = pinned_.count(first_frame) == 0;  // by clear(); the topic may be published again
+      return forgotten || !topic.published || (stamp ? isDecided(topic, *stamp) : is_there());
     });
     if (in_time || is_there()) topic.silent = false;
   };

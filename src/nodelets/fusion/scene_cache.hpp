@@ -61,7 +61,7 @@ class SceneCache {
 
   /// Call when time went back to `now`: drops what is newer. Pinned scenes stay.
   void forgetAfter(const ros::Time& now);
-  /// Forgets everything but the lens, also what is published, which ends all waits.
+  /// Forgets everything but the lens, also what is published, and ends all waits.
   void clear();
 
   /// The scene of a bracket. Waits up to timeout_s until no better one can come, and until it is complete.
