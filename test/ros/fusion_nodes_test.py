@@ -147,6 +147,13 @@ class PlainBracketTest(FusionTest):
         self.finish()
         self.assertEqual(self.assert_fused_by_sharpness(stamp, near=0, far=1).frames_used, 2)
 
+    def test_frames_without_stamps_are_fused(self):
+        for number, sharp in enumerate(('near', 'far'), 1):
+            self.send_frame(0, sharp)
+            self.assertTrue(wait_until(lambda: len(self.processed.messages) == number))
+        self.finish()
+        self.assert_fused_by_sharpness(0, near=0, far=1)
+
     def test_finish_answers_after_publication(self):
         stamp = next(STAMPS)
         published = lambda: int(self.finish().message.split()[0])

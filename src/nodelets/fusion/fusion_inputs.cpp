@@ -137,7 +137,7 @@ void FusionInputs::settle() {
 
 // Whether rgb/focus has reached the image's time.
 bool FusionInputs::isAnnounced(const sensor_msgs::Image& image) const {
-  return image.header.stamp <= last_focus_;
+  return !last_focus_.isZero() && image.header.stamp <= last_focus_;
 }
 
 // What is newer than the new time is forgotten. The open bracket ends with what it has, unless its frames are
