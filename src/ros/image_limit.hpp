@@ -13,8 +13,7 @@ constexpr std::size_t kMaxWaitingBytes = 256 << 20;  ///< of one kind of image i
 constexpr std::size_t kFewestWaiting = 4;            ///< images that may wait however large they are
 constexpr int kMostWaiting = 1000;  ///< images, however small they are: the largest ~queue_size
 
-/// How many images of this size may wait: fewer of large ones, so that memory stays limited. At the limit the
-/// least needed one goes.
+/// How many images of this size may wait: fewer of large ones, so that memory stays limited.
 inline std::size_t imageLimit(std::size_t most, const sensor_msgs::Image& image) {
   const std::size_t fitting = kMaxWaitingBytes / std::max<std::size_t>(image.data.size(), 1);
   return std::min(most, std::max(kFewestWaiting, fitting));
