@@ -153,7 +153,7 @@ void NodeStatus::report(unsigned char level, const std::string& reason) {
     if (is_error) last_error_ = text;
     if (level >= current_.level) current_ = {level, text};
     if (level >= unreported_.level) unreported_ = {level, text};
-    if (isThrottled(text)) return;
+    if (isThrottled(text, kPause)) return;
   }
   // A macro for each level: one macro keeps its level in a static variable, which all threads would share.
   if (is_error) {
@@ -163,8 +163,8 @@ void NodeStatus::report(unsigned char level, const std::string& reason) {
   }
 }
 
-// Holds mutex_.
-bool NodeStatus::isThrottled(const std::string& text) {
+// Holds mutex_. pause: after it the text is new.
+bool NodeStatus::isThrottled(const std::string& text, std::chrono::seconds pause) {
   std::string key = text;
   key.erase(std::remove_if(key.begin(), key.end(), [](unsigned char c) { return std::isdigit(c); }),
             key.end());
@@ -172,7 +172,7 @@ bool NodeStatus::isThrottled(const std::string& text) {
   if (raised_.size() > 100) raised_.clear();
   const auto [entry, is_new] = raised_.try_emplace(key, Raised{now, now});
   Raised& text_raised = entry->second;
-  const bool goes_on = !is_new && now - text_raised.last < kPause && now - text_raised.logged < kReminder;
+  const bool goes_on = !is_new && now - text_raised.last < pause && now - text_raised.logged < kReminder;
   text_raised.last = now;
   if (!goes_on) text_raised.logged = now;
   return goes_on;
@@ -205,16 +205,17 @@ void NodeStatus::warnOfSilence() {
   std::lock_guard<std::mutex> lock(mutex_);
   for (const Input& input : inputs_) {
     if (!silent(input, now)) continue;
-    text << "\n  " << input.resolved << ": ";
+    std::string line = "\n  " + input.resolved + ": ";
     if (countPublishers(input.on_wire) == 0) {
-      text << "no publisher is connected; " << input.remedy << " (or remap it)";
+      line += "no publisher is connected; " + input.remedy + " (or remap it)";
     } else if (input.arrived == 0) {
-      text << "connected, but no message came: is its publisher working?";
+      line += "connected, but no message came: is its publisher working?";
     } else {
-      text << "its publisher went silent: stopped, paused, or at the end of a bag?";
+      line += "its publisher went silent: stopped, paused, or at the end of a bag?";
     }
+    if (!isThrottled(line, kSilence + kPause)) text << line;  // each silence is noticed kSilence late
   }
-  if (!text.str().empty() && !isThrottled(text.str()))
+  if (!text.str().empty())
     ROS_WARN_STREAM(name_ << ": no data for " << kSilence.count() << " s on" << text.str());
 }
 

@@ -122,7 +122,7 @@ class NodeStatus {
   };
 
   void report(unsigned char level, const std::string& reason);
-  bool isThrottled(const std::string& text);
+  bool isThrottled(const std::string& text, std::chrono::seconds pause);
   bool silent(const Input& input, Clock::time_point now) const;
   void warnOfSilence();
   void fill(diagnostic_updater::DiagnosticStatusWrapper& status);
