@@ -51,7 +51,7 @@ class CallbackGuard {
   Thread slow;   ///< for callbacks that take their time
   Thread quick;  ///< for callbacks that are short
 
-  /// Called by stop() after the last quick callback: ends what a slow one waits for.
+  /// Called by stop() after the last quick callback. It must wake a slow callback that waits.
   std::function<void()> on_stop;
 
   /// Starts the threads. What comes before waits.

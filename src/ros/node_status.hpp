@@ -87,9 +87,9 @@ class NodeStatus {
   /// Counts inputs that nobody waits for (labels of the fusion, for example).
   void count(Outcome outcome, std::uint64_t n = 1);
 
-  /// One line for people. Logged when it begins, and each minute while it goes on: a text (numbers in it do
-  /// not make it another one) that is given again within five seconds is not new. Sets the level of the
-  /// diagnostics until the next kProcessed, and for one report at least.
+  /// One line for people. A text that is given again within five seconds goes on, even if its numbers differ:
+  /// it is logged when it begins, and then once a minute. Sets the level of the diagnostics until the next
+  /// kProcessed, and for one report at least.
   void error(const std::string& text);
   void warn(const std::string& text);
 

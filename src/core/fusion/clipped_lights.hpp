@@ -17,9 +17,9 @@ namespace all_in_focus::core {
 /// empty if there are no lights. Smaller pictures are not reduced.
 cv::Mat clippedLights(const cv::Mat& gray);
 
-/// Those that are brighter than white: blur adds to what is white around them, by a fifth in one of the
-/// frames. gray: of the fused picture; frames: one at least, of the same size and type. Returns a map as
-/// above.
+/// The clipped lights that are brighter than white: in one of the frames a fifth more pixels around the light
+/// are white than in the fused picture. gray: of that picture; frames: one at least, of the same size and
+/// type. Returns a map as above.
 cv::Mat lightsBeyondWhite(const cv::Mat& gray, const std::vector<cv::Mat>& frames);
 
 }  // namespace all_in_focus::core

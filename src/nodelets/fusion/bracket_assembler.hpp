@@ -40,7 +40,7 @@ class BracketAssembler {
   void configure(const BracketConfig& config) { config_ = config; }
 
   /// Takes note of a FocusFrame, whose picture may come much later. Returns whether it is the first one of
-  /// its bracket. Where its index is 0 the other frames of the bracket count, also when that picture is lost.
+  /// its bracket. If it has index 0, the bracket is used even where that first picture is lost.
   bool announce(std::uint32_t bracket_id, std::uint32_t index);
 
   /// The frame belongs to another bracket than the open one, which ended without notice: close() it before

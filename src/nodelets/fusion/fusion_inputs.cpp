@@ -126,7 +126,7 @@ void FusionInputs::settle() {
   settling_.stop();
   updatePublished(/*assumed=*/false);
   if (status_.publishers(focus_input_) > 0) return;
-  // What was announced before the publisher went still has its message, or will.
+  // The publisher has gone. Images that it had announced still wait for their messages; the others are plain.
   const auto plain_begin = std::stable_partition(images_.begin(), images_.end(),
                                                  [this](const auto& image) { return isAnnounced(*image); });
   const std::vector<sensor_msgs::ImageConstPtr> plain(plain_begin, images_.end());
@@ -160,7 +160,7 @@ void FusionInputs::startAfresh(int input, const ros::Time& now) {
   restartMatcher();  // greater stamps, of before, would displace all new ones
 }
 
-// It forgets all but the images that are not matched.
+// A new matcher holds the images that are not matched yet, and no message of rgb/focus.
 void FusionInputs::restartMatcher() {
   matcher_ = std::make_unique<Matcher>(ExactTime(kMostUnmatched));
   matcher_->registerCallback(&FusionInputs::onFrame, this);

@@ -233,7 +233,7 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) 
   std::unique_lock<std::mutex> lock(mutex_);
   if (pinned_.try_emplace(first_frame).second) updatePinned();
   const auto scene = [&] { return sceneOf(first_frame); };
-  // stamp: of an image that may come; none: any message will do.
+  // stamp: waits until no better message for that stamp can come; without it, for any message.
   const auto wait = [&](SceneTopic name, const auto message, const std::optional<ros::Time>& stamp) {
     Topic& topic = (*this)[name];
     const auto is_there = [&] { return scene().*message != nullptr; };
