@@ -49,7 +49,7 @@ cv::Mat lightsBeyondWhite(const cv::Mat& gray, const std::vector<cv::Mat>& frame
     cv::blur(share, share, kAround);
     return share;
   };
-  cv::Mat most = whiteAround(frames.at(0), kWhite);
+  cv::Mat most = cv::Mat::zeros(lights.size(), CV_32FC1);
   for (const cv::Mat& frame : frames) cv::max(most, whiteAround(frame, kWhite), most);
   return (most > kGrows * whiteAround(gray, kNearlyWhite)) & lights;
 }

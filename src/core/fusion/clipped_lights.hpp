@@ -18,8 +18,8 @@ namespace all_in_focus::core {
 cv::Mat clippedLights(const cv::Mat& gray);
 
 /// The clipped lights that are brighter than white: in one of the frames a fifth more pixels around the light
-/// are white than in the fused picture. gray: of that picture; frames: one at least, of the same size and
-/// type. Returns a map as above.
+/// are white than in the fused picture. gray: of that picture; frames: of the same size and type. Returns a
+/// map as above.
 cv::Mat lightsBeyondWhite(const cv::Mat& gray, const std::vector<cv::Mat>& frames);
 
 }  // namespace all_in_focus::core
