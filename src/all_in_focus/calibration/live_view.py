@@ -4,8 +4,6 @@
 
 A view is worth taking when it differs from those taken before, as ROS's camera_calibration judges it, in either camera.
 """
-import errno
-import os
 from pathlib import Path
 
 import cv2
@@ -13,6 +11,7 @@ import numpy as np
 
 from all_in_focus.calibration.board import CAMERAS, Pair, find_corners, gray
 from all_in_focus.files.output_file import write_picture
+from all_in_focus.files.output_folder import require_writable
 from all_in_focus.imaging import with_lines
 
 HEIGHT = 360  # pixels, of both pictures
@@ -103,8 +102,7 @@ class LiveView:
                 folder.mkdir(parents=True, exist_ok=True)
                 if any(folder.iterdir()):
                     raise ValueError(f"{pictures}: holds pictures already: name another folder")
-                if not os.access(folder, os.W_OK):
-                    raise PermissionError(errno.EACCES, "is write-protected", str(folder))
+                require_writable(folder)
 
     @property
     def enough(self):
