@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <map>
+#include <utility>
 
 namespace all_in_focus::core {
 namespace {
@@ -20,49 +20,38 @@ constexpr std::size_t kMaxLines = 5;
 
 std::vector<RegionChoice> summarizeRegions(const cv::Mat& labels, const cv::Mat& source_index,
                                            const cv::Mat& confidence) {
-  // One entry per run of pixels of the same region and frame, then sorted: regions and frames may be many.
   struct Won {
-    std::uint64_t key;  // label, frame
-    std::int64_t pixels, confidence;
+    double pixels = 0, confidence = 0;
   };
-  std::vector<Won> runs;
+  std::map<std::pair<int, int>, Won> won;  // by label, frame
   for (int y = 0; y < labels.rows; ++y) {
     const auto* label = labels.ptr<std::int32_t>(y);
     const auto* source = source_index.ptr<std::uint16_t>(y);
     const auto* sure = confidence.ptr<std::uint8_t>(y);
+    Won* here = nullptr;
     for (int x = 0; x < labels.cols; ++x) {
-      const std::uint64_t key = static_cast<std::uint64_t>(label[x]) << 16 | source[x];
-      if (x == 0 || runs.back().key != key) runs.push_back({key, 0, 0});
-      ++runs.back().pixels;
-      runs.back().confidence += sure[x];
+      const bool goes_on = x > 0 && label[x] == label[x - 1] && source[x] == source[x - 1];
+      if (!goes_on) here = &won[{label[x], source[x]}];
+      ++here->pixels;
+      here->confidence += sure[x];
     }
   }
-  std::sort(runs.begin(), runs.end(), [](const Won& a, const Won& b) { return a.key < b.key; });
-
   std::vector<RegionChoice> regions;
-  for (std::size_t i = 0; i < runs.size();) {
-    const int label = static_cast<int>(runs[i].key >> 16);
-    std::int64_t area = 0, confidence_sum = 0, best = 0, second = 0;
-    int frame = kNoFrame;
-    while (i < runs.size() && static_cast<int>(runs[i].key >> 16) == label) {
-      const std::uint64_t key = runs[i].key;
-      std::int64_t pixels = 0;
-      for (; i < runs.size() && runs[i].key == key; ++i) {
-        pixels += runs[i].pixels;
-        confidence_sum += runs[i].confidence;
-      }
+  for (auto it = won.begin(); it != won.end();) {
+    RegionChoice region{it->first.first};
+    double area = 0, confidence_sum = 0, best = 0, second = 0;
+    for (; it != won.end() && it->first.first == region.label; ++it) {
+      const auto& [pixels, sum] = it->second;
       area += pixels;
-      if (pixels > best) {
-        second = best;
-        best = pixels;
-        frame = static_cast<int>(key & 0xffff);
-      } else {
-        second = std::max(second, pixels);
-      }
+      confidence_sum += sum;
+      second = std::max(second, std::min(best, pixels));
+      if (pixels > best) region.frame = it->first.second;
+      best = std::max(best, pixels);
     }
-    const auto whole = static_cast<double>(area), most = static_cast<double>(best);
-    const double score = most / whole, margin = 1 - static_cast<double>(second) / most;
-    regions.push_back({label, frame, score, margin, static_cast<double>(confidence_sum) / (255 * whole)});
+    region.score = best / area;
+    region.margin = 1 - second / best;
+    region.confidence = confidence_sum / (255 * area);
+    regions.push_back(region);
   }
   return regions;
 }
@@ -74,33 +63,27 @@ std::vector<std::string> unreachedDistances(const BracketScene& scene, const std
   if (focus_mm.empty() || std::any_of(focus_mm.begin(), focus_mm.end(), unknown)) return lines;
 
   struct Region {
-    std::int64_t area = 0;
-    double inverse_depth = 0;  // sum of 1 / depth
+    double area = 0, inverse_depth = 0;  // sum of 1 / depth
   };
   std::map<int, Region> regions;
-  Region* region = nullptr;
-  for (int y = 0, last = -1; y < scene.depth.rows; ++y) {
+  for (int y = 0; y < scene.depth.rows; ++y) {
     const auto* label = scene.labels.ptr<std::int32_t>(y);
     const auto* depth = scene.depth.ptr<std::uint16_t>(y);
+    Region* region = nullptr;
     for (int x = 0; x < scene.depth.cols; ++x) {
+      if (x == 0 || label[x] != label[x - 1]) region = &regions[label[x]];
       if (depth[x] == 0) continue;
-      if (!region || label[x] != last) region = &regions[last = label[x]];
       ++region->area;
       region->inverse_depth += 1.0 / depth[x];
     }
   }
-  for (const auto& [label, sum] : regions) {
-    const auto area = static_cast<double>(sum.area);
-    if (area < kLeastShare * static_cast<double>(scene.depth.total())) continue;
-    const double depth = area / sum.inverse_depth;
-    double least = std::numeric_limits<double>::infinity(), nearest = 0;
-    for (const double focus : focus_mm) {
-      const double blur = blurCircle(scene.optics, depth, focus);
-      if (blur < least) {
-        least = blur;
-        nearest = focus;
-      }
-    }
+  for (const auto& [label, region] : regions) {
+    if (region.area == 0 || region.area < kLeastShare * static_cast<double>(scene.depth.total())) continue;
+    const double depth = region.area / region.inverse_depth;
+    const auto blurOf = [&](double focus) { return blurCircle(scene.optics, depth, focus); };
+    const double nearest = *std::min_element(focus_mm.begin(), focus_mm.end(),
+                                             [&](double a, double b) { return blurOf(a) < blurOf(b); });
+    const double least = blurOf(nearest);
     if (least <= kSharp * scene.optics.circle_of_confusion_mm) continue;
     if (lines.size() == kMaxLines) {
       lines.push_back("further regions are not reached either");
