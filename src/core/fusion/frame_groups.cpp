@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "util/median.hpp"
 #include "util/srgb.hpp"
 
 namespace all_in_focus::core {
@@ -25,40 +26,20 @@ constexpr struct GroupParameters {
   std::size_t compared = 4;  // frames on each side: those of three that something hides, and one more
 } kGroups{};
 
-constexpr double kNone = std::numeric_limits<double>::infinity();
-
-// The lower one of two.
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 double medianOf(const cv::Mat& values) {
-  return median({values.begin<float>(), values.end<float>()});
+  return median(std::vector<float>(values.begin<float>(), values.end<float>()));
 }
-
-/// Frames that follow each other without a jump.
-struct Run {
-  std::set<int> frames;
-  int last() const { return *frames.rbegin(); }
-};
 
 }  // namespace
 
 void FrameLight::observe(const cv::Mat& gray, int index) {
   const cv::Size grid(std::clamp(gray.cols / kGroups.samples, 1, kGroups.most_columns),
                       std::clamp(gray.rows / kGroups.samples, 1, kGroups.most_rows));
-  cv::Mat sampled, codes, blocks(grid, CV_32FC1);
-  cv::resize(gray, sampled, grid * kGroups.samples, 0, 0, cv::INTER_NEAREST);
-  cv::resize(sampled, codes, grid, 0, 0, cv::INTER_AREA);
-  for (int y = 0; y < codes.rows; ++y) {
-    for (int x = 0; x < codes.cols; ++x)
-      blocks.at<float>(y, x) =
-          static_cast<float>(std::log(lightOf(codes.at<std::uint8_t>(y, x)) + lightOf(kGroups.dark_code)));
-  }
-  blocks_[index] = blocks;
+  cv::Mat codes, logarithms;
+  cv::resize(gray, codes, grid * kGroups.samples, 0, 0, cv::INTER_NEAREST);
+  cv::resize(codes, codes, grid, 0, 0, cv::INTER_AREA);
+  cv::log(linearLight(codes, LightCurve::srgb()) + lightOf(kGroups.dark_code), logarithms);
+  blocks_[index] = logarithms;
 }
 
 double FrameLight::ratio(int index, int reference) const {
@@ -126,17 +107,14 @@ double FrameLight::jump(int index, int reference, double most) const {
   const auto are_near = [most](double ratio) { return ratio <= most && ratio >= 1 / most; };
   const double direct = ratio(index, reference);
   if (are_near(direct)) return 1;
-  // Odd frames between are passed over.
-  int last = reference;
-  const auto pass = [&](int between) {
-    if (are_near(ratio(between, last))) last = between;
-  };
-  const auto first = blocks_.upper_bound(std::min(index, reference)),
-             end = blocks_.lower_bound(std::max(index, reference));
-  if (index > reference) {
-    for (auto it = first; it != end; ++it) pass(it->first);
-  } else {
-    for (auto it = end; it != first;) pass((--it)->first);
+  std::vector<int> between;
+  for (const auto& [other, blocks] : blocks_) {
+    if (other > std::min(index, reference) && other < std::max(index, reference)) between.push_back(other);
+  }
+  if (index < reference) std::reverse(between.begin(), between.end());
+  int last = reference;  // odd frames are passed over
+  for (const int other : between) {
+    if (are_near(ratio(other, last))) last = other;
   }
   return are_near(ratio(index, last)) ? 1 : direct;
 }
@@ -156,49 +134,45 @@ FrameGroup largestGroup(const FrameLight& light, const std::function<double(int,
   const auto change = [&light](int index, int earlier) {
     return std::abs(std::log(light.ratio(index, earlier)));
   };
-  // Steps to each frame from the nearer one of the two before it: an odd frame makes one long step, not two.
-  std::vector<double> shifts, changes, parts;
-  std::vector<int> before;
-  for (const auto& [index, blocks] : light.frames()) {
-    double shift = kNone, step = kNone, part = kNone;
-    for (const int earlier : before) {
-      const double moved = displacement(index, earlier);
-      if (moved < 0) continue;
-      shift = std::min(shift, moved / (index - earlier));
-      step = std::min(step, change(index, earlier) / (index - earlier));
-      part = std::min(part, light.changed(index, earlier) / (index - earlier));
+  // The usual step to a frame from the nearer one of the two before it: an odd frame makes one long step, not
+  // two.
+  const auto usual = [&](const auto& measure) {
+    std::vector<double> steps;
+    std::vector<int> before;
+    for (const auto& [index, blocks] : light.frames()) {
+      double step = std::numeric_limits<double>::infinity();
+      for (const int earlier : before) {
+        if (displacement(index, earlier) >= 0)
+          step = std::min(step, measure(index, earlier) / (index - earlier));
+      }
+      if (std::isfinite(step)) steps.push_back(step);
+      before.push_back(index);
+      if (before.size() > 2) before.erase(before.begin());
     }
-    if (shift < kNone) {
-      shifts.push_back(shift);
-      changes.push_back(step);
-      parts.push_back(part);
-    }
-    before.push_back(index);
-    if (before.size() > 2) before.erase(before.begin());
-  }
-  const double usual_shift = median(shifts), usual_change = median(changes), usual_part = median(parts);
+    return median(steps);
+  };
+  const auto part = [&light](int index, int earlier) { return light.changed(index, earlier); };
+  const double usual_shift = usual(displacement), usual_change = usual(change), usual_part = usual(part);
 
-  std::vector<Run> runs;
+  std::vector<std::set<int>> runs;  // of frames that follow each other without a jump
   for (const auto& [index, blocks] : light.frames()) {
-    const auto follows = [&, index = index](const Run& run) {
-      const double steps = kGroups.usual_steps * (index - run.last()),
-                   shift = displacement(index, run.last());
+    const auto follows = [&, index = index](const std::set<int>& run) {
+      const int last = *run.rbegin();
+      const double steps = kGroups.usual_steps * (index - last), shift = displacement(index, last);
       return shift >= 0 && shift <= std::max(kSmallShift * radius, steps * usual_shift) &&
-             change(index, run.last()) <= std::max(kGroups.small_change, steps * usual_change) &&
-             light.changed(index, run.last()) <= std::max(kGroups.small_part, steps * usual_part);
+             change(index, last) <= std::max(kGroups.small_change, steps * usual_change) &&
+             part(index, last) <= std::max(kGroups.small_part, steps * usual_part);
     };
     auto run = std::find_if(runs.begin(), runs.end(), follows);
-    if (run == runs.end()) run = runs.insert(run, Run());
-    run->frames.insert(index);
+    if (run == runs.end()) run = runs.emplace(run);
+    run->insert(index);
   }
 
   std::stable_sort(runs.begin(), runs.end(),
-                   [](const Run& a, const Run& b) { return a.frames.size() > b.frames.size(); });
+                   [](const auto& a, const auto& b) { return a.size() > b.size(); });
   FrameGroup group;
-  for (std::size_t i = 1; i < runs.size(); ++i)
-    group.others.insert(runs[i].frames.begin(), runs[i].frames.end());
-  if (!runs.empty())
-    group.lead = static_cast<int>(runs[0].frames.size() - (runs.size() > 1 ? runs[1].frames.size() : 0));
+  for (std::size_t i = 1; i < runs.size(); ++i) group.others.insert(runs[i].begin(), runs[i].end());
+  if (!runs.empty()) group.lead = static_cast<int>(runs[0].size() - (runs.size() > 1 ? runs[1].size() : 0));
   return group;
 }
 

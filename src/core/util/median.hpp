@@ -8,11 +8,11 @@
 
 namespace all_in_focus::core {
 
-/// The middle one of the values, of two the upper one; 0 if there are none.
+/// The middle one of the values, of two the lower one; 0 if there are none.
 template <typename T>
 T median(std::vector<T> values) {
   if (values.empty()) return T();
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
