@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
 #include <iterator>
 #include <limits>
 #include <opencv2/imgproc.hpp>
@@ -22,22 +21,6 @@ constexpr std::size_t kMostCopies = 12;
 // Share of the blur that right numbers explain at least. Noise and blur of less than a pixel of the copies
 // lower it: then other distances may seem to explain more.
 constexpr double kRight = 0.5;
-
-// What a frame shows of the reference, in pixels of the copies.
-cv::Rect seenInCopy(const Placement& placement, const cv::Size& size, const cv::Point2d& center,
-                    double shrink) {
-  const cv::Rect all = seenThrough(placement, size, center);
-  return {cv::Point(static_cast<int>(std::ceil(all.x * shrink)), static_cast<int>(std::ceil(all.y * shrink))),
-          cv::Point(static_cast<int>(all.br().x * shrink), static_cast<int>(all.br().y * shrink))};
-}
-
-// The motion in pixels of the copies, whose middles lie elsewhere.
-cv::Matx23d motionOfCopy(const Placement& placement, const cv::Point2d& center, double shrink) {
-  cv::Matx23d matrix = placement.matrix(center);
-  for (int i = 0; i < 2; ++i)
-    matrix(i, 2) = shrink * matrix(i, 2) + (1 - shrink) / 2 * (matrix(i, 0) + matrix(i, 1) - 1);
-  return matrix;
-}
 
 }  // namespace
 
@@ -97,6 +80,7 @@ void LensCheck::refuse(const char* reason) {
 LensCheck::Compared LensCheck::compare(const std::vector<Copy>& copies,
                                        const std::function<Placement(int)>& placement) const {
   const cv::Size size = copies[0].gray.size();
+  const cv::Point2d half(0.5, 0.5), copy_center = (center_ + half) / shrinking_ - half;
   const double mean = cv::mean(copies.back().gray)[0];
   Compared compared;
   compared.fused.create(size, CV_8UC1);
@@ -104,11 +88,11 @@ LensCheck::Compared LensCheck::compare(const std::vector<Copy>& copies,
   for (const Copy& copy : copies) {
     const Placement place = placement(copy.index);
     if (!place.fits) continue;
-    cv::Rect seen({}, size);
+    SimilarityTransform motion = place;  // in pixels of the copies
+    motion.shift *= 1 / shrinking_;
     cv::Mat gray = copy.gray;
-    if (!place.isIdentity()) {
-      seen &= seenInCopy(place, size_, center_, 1 / shrinking_);
-      cv::warpAffine(copy.gray, gray, motionOfCopy(place, center_, 1 / shrinking_), size,
+    if (!motion.isIdentity()) {
+      cv::warpAffine(copy.gray, gray, motion.matrix(copy_center), size,
                      cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
     }
     const double gain = mean / std::max(1.0, cv::mean(gray)[0]);
@@ -120,7 +104,7 @@ LensCheck::Compared LensCheck::compare(const std::vector<Copy>& copies,
     gray.convertTo(codes, CV_8U);
     codes.copyTo(compared.fused, sharper);
     sharpness.copyTo(sharpest, sharper);
-    compared.frames.push_back({gray, seen});
+    compared.frames.push_back({gray, seenThrough(motion, size, copy_center)});
     compared.details.push_back({copy.detail, place.matrix(center_), gain});
     compared.blur.push_back(frameBlur(scene_.optics, pixel_pitch_mm_ * shrinking_, 1 / copy.focus_mm));
   }
@@ -128,13 +112,11 @@ LensCheck::Compared LensCheck::compare(const std::vector<Copy>& copies,
 }
 
 cv::Mat1f LensCheck::inverseDepth(const cv::Size& size) const {
-  cv::Mat1f inverse_depth(size, 0.0f);
-  for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      const int mm = depth().at<std::uint16_t>(y * depth().rows / size.height, x * depth().cols / size.width);
-      if (mm > 0) inverse_depth(y, x) = 1.0f / static_cast<float>(mm);
-    }
-  }
+  cv::Mat small;
+  cv::Mat1f inverse_depth;
+  cv::resize(depth(), small, size, 0, 0, cv::INTER_NEAREST);
+  cv::divide(1, small, inverse_depth, CV_32F);
+  inverse_depth.setTo(0, small == 0);
   return inverse_depth;
 }
 
@@ -143,14 +125,12 @@ double LensCheck::focusOf(int index) const {
   if (fit_.focus.isNone()) return here->second;
   double inverse = 1 / here->second;
   if (fit_.focus.shift != 0) {
-    const bool late = fit_.focus.shift > 0;
-    const auto before = here == focus_mm_.begin() ? focus_mm_.end() : std::prev(here),
-               behind = std::next(here);
-    const auto from = late ? behind : before;
-    const auto other = late ? before : behind;
-    if (from != focus_mm_.end()) {
+    const auto behind = std::next(here), end = focus_mm_.end();
+    const auto before = here == focus_mm_.begin() ? end : std::prev(here);
+    const auto [from, other] = fit_.focus.shift > 0 ? std::pair(behind, before) : std::pair(before, behind);
+    if (from != end) {
       inverse = 1 / from->second;
-    } else if (other != focus_mm_.end()) {
+    } else if (other != end) {
       inverse += inverse - 1 / other->second;
     }
   }
