@@ -24,28 +24,18 @@ constexpr int kBorder = 5;        // pixels of a wide mean which light from outs
 constexpr double kDark = 8;       // codes; keeps ratios of black places small
 constexpr double kClearly = 0.9;  // less of a difference than with sRGB, to be believed
 
-cv::Mat sampled(const cv::Mat& gray) {
-  const double step = std::max(1.0, std::round(gray.cols / kWidth));
-  cv::Mat samples;
-  cv::resize(gray, samples, {}, 1 / step, 1 / step, cv::INTER_NEAREST);
-  return samples;
-}
-
-// Means of light over about kSigma, in a picture reduced by kReduction.
-cv::Mat wideMean(const cv::Mat& light) {
-  cv::Mat small;
-  cv::resize(light, small, {std::max(1, light.cols / kReduction), std::max(1, light.rows / kReduction)}, 0, 0,
-             cv::INTER_AREA);
-  cv::GaussianBlur(small, small, {}, kSigma / kReduction, 0, cv::BORDER_REFLECT_101);
-  return small;
-}
-
 // Wide means of light, as codes, without the border; empty for tiny pictures.
 cv::Mat1f wideCodes(const cv::Mat& gray, const LightCurve& curve) {
-  const cv::Mat light = wideMean(linearLight(gray, curve));
-  const cv::Size inner = light.size() - cv::Size(2 * kBorder, 2 * kBorder);
+  const double step = std::max(1.0, std::round(gray.cols / kWidth));
+  cv::Mat samples, means;
+  cv::resize(gray, samples, {}, 1 / step, 1 / step, cv::INTER_NEAREST);
+  const cv::Mat light = linearLight(samples, curve);
+  cv::resize(light, means, {std::max(1, light.cols / kReduction), std::max(1, light.rows / kReduction)}, 0, 0,
+             cv::INTER_AREA);
+  cv::GaussianBlur(means, means, {}, kSigma / kReduction, 0, cv::BORDER_REFLECT_101);
+  const cv::Rect inner(kBorder, kBorder, means.cols - 2 * kBorder, means.rows - 2 * kBorder);
   if (inner.width <= 0 || inner.height <= 0) return {};
-  cv::Mat1f codes = light(cv::Rect({kBorder, kBorder}, inner)).clone();
+  cv::Mat1f codes = means(inner).clone();
   for (float& value : codes) value = curve.code(value);
   return codes;
 }
@@ -69,12 +59,8 @@ double difference(const cv::Mat& reference, const std::vector<cv::Mat>& others, 
 }  // namespace
 
 bool hasLinearCodes(const cv::Mat& reference, const std::vector<cv::Mat>& others) {
-  const cv::Mat samples = sampled(reference);
-  std::vector<cv::Mat> of_others;
-  of_others.reserve(others.size());
-  for (const cv::Mat& other : others) of_others.push_back(sampled(other));
-  return difference(samples, of_others, LightCurve::linear()) <
-         kClearly * difference(samples, of_others, LightCurve::srgb());
+  return difference(reference, others, LightCurve::linear()) <
+         kClearly * difference(reference, others, LightCurve::srgb());
 }
 
 }  // namespace all_in_focus::core
