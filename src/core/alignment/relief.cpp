@@ -12,6 +12,7 @@
 #include "alignment/alignment_parameters.hpp"
 #include "util/row_strips.hpp"
 #include "util/simd.hpp"
+#include "util/transparency.hpp"
 
 namespace all_in_focus::core {
 
@@ -82,20 +83,10 @@ cv::Mat1f reliefImage(const Relief& relief, const cv::Size& size) {
   forEachRow(size.height, [&](int y) {
     std::transform(depth[y], depth[y] + size.width, result[y], [&](std::uint16_t z) { return relief.of(z); });
   });
-  const cv::Mat1b unknown(depth == 0);
-  const int holes = cv::countNonZero(unknown);
-  if (holes == 0) return result;
-  if (holes == size.area()) return cv::Mat1f(size, 0.0f);
-  cv::Mat1f distance;
-  cv::Mat1i cell;  // of the nearest pixel with depth; each such pixel has one
-  cv::distanceTransform(unknown, distance, cell, cv::DIST_L2, cv::DIST_MASK_5, cv::DIST_LABEL_PIXEL);
-  std::vector<float> of_cell(depth.total() + 1);
-  for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      if (depth(y, x) != 0) of_cell[cell(y, x)] = result(y, x);
-    }
-  }
-  std::transform(cell.begin(), cell.end(), result.begin(), [&](int i) { return of_cell[i]; });
+  const cv::Mat known = depth != 0;
+  const int count = cv::countNonZero(known);
+  if (count == 0) return cv::Mat1f(size, 0.0f);
+  if (count < size.area()) continueFromNearest(known, result);
   return result;
 }
 
@@ -134,8 +125,7 @@ ALL_IN_FOCUS_SIMD double mapRow(const MovedRow& row, int y, const float* relief,
 // the first row or column is (0, 0). reach: how far a pixel lies above or below its row at most.
 cv::Mat1f nearestInCells(const cv::Mat2f& map, const cv::Mat1f& relief, int reach) {
   cv::Mat1f nearest(map.rows + 1, map.cols + 1, -std::numeric_limits<float>::infinity());
-  const RowStrips strips({0, nearest.rows}, stripCount(nearest.rows));
-  strips.forEach([&](const cv::Range& rows, int) {
+  forEachBlock({0, nearest.rows}, [&](const cv::Range& rows) {
     // One row more on each side, for the rounding of the map.
     const int from = std::max(0, rows.start - 2 - reach), to = std::min(map.rows, rows.end + 1 + reach);
     for (int y = from; y < to; ++y) {

@@ -24,6 +24,16 @@ void forEachRow(int rows, const Work& work, double parts = -1) {
       parts);
 }
 
+/// Calls work(rows) for blocks of rows, in parallel. What a block needs stays in the cache.
+template <typename Work>
+void forEachBlock(const cv::Range& rows, const Work& work) {
+  constexpr int kBlockRows = 64;
+  forEachRow((rows.size() + kBlockRows - 1) / kBlockRows, [&](int i) {
+    const int start = rows.start + i * kBlockRows;
+    work(cv::Range(start, std::min(start + kBlockRows, rows.end)));
+  });
+}
+
 /// The rows of an image, divided evenly into strips, one for each thread.
 class RowStrips {
  public:

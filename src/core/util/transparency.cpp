@@ -36,27 +36,26 @@ cv::Rect insideOfEmptyBorder(const cv::Mat& frame) {
   return {left, top, w - left - right, h - top - bottom};
 }
 
-// Gives each pixel that shows nothing the colour of the nearest one that shows something.
-void continueColors(const cv::Mat& opaque, cv::Mat& color) {
+}  // namespace
+
+void continueFromNearest(const cv::Mat& known, cv::Mat& image) {
   cv::Mat distance, nearest;
-  cv::distanceTransform(opaque == 0, distance, nearest, cv::DIST_L2, cv::DIST_MASK_5, cv::DIST_LABEL_PIXEL);
-  std::vector<cv::Point> place(static_cast<std::size_t>(cv::countNonZero(opaque)) + 1);
-  for (int y = 0; y < color.rows; ++y) {
-    for (int x = 0; x < color.cols; ++x) {
-      if (opaque.at<uchar>(y, x) != 0) place[static_cast<std::size_t>(nearest.at<int>(y, x))] = {x, y};
+  cv::distanceTransform(known == 0, distance, nearest, cv::DIST_L2, cv::DIST_MASK_5, cv::DIST_LABEL_PIXEL);
+  std::vector<cv::Point> place(static_cast<std::size_t>(cv::countNonZero(known)) + 1);
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
+      if (known.at<uchar>(y, x) != 0) place[static_cast<std::size_t>(nearest.at<int>(y, x))] = {x, y};
     }
   }
-  const std::size_t bytes = color.elemSize();
-  for (int y = 0; y < color.rows; ++y) {
-    for (int x = 0; x < color.cols; ++x) {
-      if (opaque.at<uchar>(y, x) != 0) continue;
+  const std::size_t bytes = image.elemSize();
+  for (int y = 0; y < image.rows; ++y) {
+    for (int x = 0; x < image.cols; ++x) {
+      if (known.at<uchar>(y, x) != 0) continue;
       const cv::Point from = place[static_cast<std::size_t>(nearest.at<int>(y, x))];
-      std::memcpy(color.ptr(y) + x * bytes, color.ptr(from.y) + from.x * bytes, bytes);
+      std::memcpy(image.ptr(y) + x * bytes, image.ptr(from.y) + from.x * bytes, bytes);
     }
   }
 }
-
-}  // namespace
 
 cv::Mat contentOf(const cv::Mat& frame, cv::Mat& opaque) {
   opaque.release();
@@ -77,7 +76,7 @@ cv::Mat contentOf(const cv::Mat& frame, cv::Mat& opaque) {
   if (shown == static_cast<int>(opaque.total())) {
     opaque.release();
   } else if (shown > 0) {
-    continueColors(opaque, color);
+    continueFromNearest(opaque, color);
   }
   return color;
 }

@@ -6,6 +6,10 @@
 
 namespace all_in_focus::core {
 
+/// Gives each pixel of the image that is not known the value of the nearest one that is. known: CV_8UC1, not
+/// 0 at one pixel at least.
+void continueFromNearest(const cv::Mat& known, cv::Mat& image);
+
 /// The colours of a frame, and where it shows nothing: where alpha is 0, or, without alpha, in rows and
 /// columns at its border that are black from end to end beside a picture that is not, as programs that align
 /// frames leave them.
