@@ -17,8 +17,8 @@
 
 #include "all_in_focus/drawing.hpp"
 #include "command_line.hpp"
+#include "fusion/bracket_fusion.hpp"
 #include "fusion/defocus_prediction.hpp"
-#include "fusion/refined_fusion.hpp"
 #include "fusion/sharpness_pyramid.hpp"
 #include "image_files.hpp"
 #include "rig_files.hpp"
@@ -87,18 +87,25 @@ cv::Mat grayOf(const cv::Mat& frame) {
   return gray;
 }
 
-// Share of one frame in the weights, 0..255: the mean of a white frame among black ones, which weigh what the
-// real ones do.
+// Share of one frame in the weights, 0..255: what a little more light in it, too little for evidence of 8
+// bits, changes of the mean of 16.
 cv::Mat shareOf(int wanted, const Scene& scene, const BracketScene& bracket) {
+  constexpr double kMore = 100;
   RefinedConfig config;
   config.alignment = config.exposure = false;
-  RefinedFusion fusion;
-  fusion.begin(bracket, config, scene.truth.size());
-  for (int i = 0; i < static_cast<int>(scene.frames.size()); ++i) {
-    const cv::Mat marked(scene.truth.size(), CV_8UC3, cv::Scalar::all(i == wanted ? 255 : 0));
-    fusion.add(marked, grayOf(scene.frames[i]), i, scene.input.focus_mm[i]);
-  }
-  return grayOf(fusion.image());
+  const auto fused = [&](double more) {
+    BracketFusion fusion;
+    fusion.begin(bracket, scene.truth.size(), Mode::kRefined, config);
+    for (int i = 0; i < static_cast<int>(scene.frames.size()); ++i) {
+      cv::Mat frame;
+      scene.frames[i].convertTo(frame, CV_16U, kDeepPerCode, i == wanted ? more : 0);
+      fusion.add(frame, i, scene.input.focus_mm[i]);
+    }
+    return fusion.result().image;
+  };
+  cv::Mat share;
+  cv::Mat(fused(kMore) - fused(0)).convertTo(share, CV_8U, 255 / kMore);
+  return grayOf(share);
 }
 
 cv::Mat bestSingleFrame(const Scene& scene) {
@@ -125,9 +132,8 @@ cv::Mat enlarge(const std::vector<cv::Mat>& images, const cv::Rect& place) {
 // Of every pixel, at the finest scale or over all of them.
 cv::Mat sharpnessOf(const cv::Mat& gray, bool scales) {
   SharpnessPyramid pyramid;
-  SharpnessPyramid::Buffers buffers;
   pyramid.begin(gray, {NoiseSpectrum(), 1, scales});
-  return pyramid.compute({0, gray.rows}, buffers);
+  return pyramid.compute({0, gray.rows});
 }
 
 void drawAll(const po::variables_map& values) {

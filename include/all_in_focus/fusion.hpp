@@ -57,7 +57,7 @@ struct RefinedConfig {
 /// How a bracket was fused.
 enum class FusedBy {
   kRegions,    ///< one frame a region (RegionFusion, mode paper with labels)
-  kPixels,     ///< pixel by pixel, by sharpness, depth and optics (RefinedFusion)
+  kPixels,     ///< pixel by pixel, by sharpness, depth and optics
   kSharpness,  ///< pixel by pixel, by sharpness alone
   kRestored,   ///< as kPixels or kSharpness, then corrected beside depth edges (BracketRestoration)
 };

@@ -5,10 +5,8 @@
 
 #include <cmath>
 #include <cstdlib>
-#include <numeric>
 #include <vector>
 
-#include "fusion/border_fade.hpp"
 #include "fusion/weighted_mean.hpp"
 
 using namespace all_in_focus::core;
@@ -17,12 +15,6 @@ namespace {
 
 const cv::Size kSize(640, 480);
 const cv::Rect kWhole({}, kSize);
-
-std::array<float, 256> asTheyAre() {
-  std::array<float, 256> codes;
-  std::iota(codes.begin(), codes.end(), 0.0f);
-  return codes;
-}
 
 struct Frame {
   int code;
@@ -34,20 +26,20 @@ struct Frame {
 cv::Mat meanOf(const std::vector<Frame>& frames) {
   WeightedMean mean;
   mean.begin(kSize, 0, {});
-  BorderFade fade;
   for (const Frame& frame : frames) {
-    mean.beginFrame(frame.code, asTheyAre());
-    fade.begin(frame.seen, kSize);
+    mean.beginFrame(frame.code, {});
+    const cv::Range columns(frame.seen.x, frame.seen.br().x), rows(frame.seen.y, frame.seen.br().y);
+    const std::vector<float> fade_x = fadeAlong(columns, kSize.width), fade_y = fadeAlong(rows, kSize.height);
     const std::vector<std::uint8_t> pixels(3 * kSize.width, static_cast<std::uint8_t>(frame.code));
     for (int y = frame.seen.y; y < frame.seen.br().y; ++y) {
       const std::vector<float> sharpness(kSize.width, frame.sharpness);
-      std::vector<float> parts;
-      mean.addRow(y, {frame.seen.x, frame.seen.br().x}, pixels.data(),
-                  {sharpness.data(), nullptr, fade.row(y, parts)});
+      std::vector<float> parts = fade_x;
+      for (float& part : parts) part *= fade_y[y];
+      mean.addRow(y, columns, pixels.data(), {sharpness.data(), nullptr, parts.data()});
     }
   }
   cv::Mat red;
-  cv::extractChannel(mean.image(), red, 2);
+  cv::extractChannel(mean.image(CV_8U), red, 2);
   return red;
 }
 
@@ -59,10 +51,7 @@ int highestStep(const cv::Mat& codes) {
 }
 
 TEST(BorderFade, WholeFramesDoNotFade) {
-  BorderFade fade;
-  fade.begin(kWhole, kSize);
-  std::vector<float> parts;
-  for (int y = 0; y < kSize.height; ++y) EXPECT_EQ(fade.row(y, parts), nullptr);
+  for (const float part : fadeAlong({0, kSize.width}, kSize.width)) EXPECT_EQ(part, 1);
 }
 
 // However much sharper the frame is.

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
-#include <vector>
 
 #include "fusion/brightness_penalty.hpp"
 
@@ -12,11 +11,9 @@ namespace all_in_focus::core {
 namespace {
 
 // In the middle of a picture of 5 x 5 px.
-float penaltyOf(BrightnessPenalty& penalty, const cv::Mat& gray, double contrast = 1) {
-  penalty.beginFrame(gray, contrast);
-  std::vector<float> sharpness(gray.cols, 1.0f);
-  penalty.weigh(2, sharpness.data());
-  return sharpness[2];
+float penaltyOf(const cv::Mat& gray, double contrast = 1, double noise = 0, bool resampled = false) {
+  const BrightnessPenalty penalty = brightnessPenalty(gray, contrast, noise, resampled);
+  return penalty.of_level[penalty.level.at<std::uint8_t>(2, 2)];
 }
 
 cv::Mat flat(int level) {
@@ -30,37 +27,26 @@ cv::Mat darkPixelOn(int level) {
 }
 
 TEST(BrightnessPenalty, FollowsItsFormula) {
-  BrightnessPenalty penalty;
-  penalty.begin(0, false);
-  EXPECT_FLOAT_EQ(penaltyOf(penalty, flat(0)), 1);
-  EXPECT_FLOAT_EQ(penaltyOf(penalty, flat(60)), 0.125f);
+  EXPECT_FLOAT_EQ(penaltyOf(flat(0)), 1);
+  EXPECT_FLOAT_EQ(penaltyOf(flat(60)), 0.125f);
 }
 
 TEST(BrightnessPenalty, CountsInTheExposureOfTheReference) {
-  BrightnessPenalty penalty;
-  penalty.begin(0, false);
-  EXPECT_FLOAT_EQ(penaltyOf(penalty, flat(120), 0.5f), penaltyOf(penalty, flat(60)));
-  EXPECT_FLOAT_EQ(penaltyOf(penalty, flat(250), 2), penaltyOf(penalty, flat(255)));  // white stays white
+  EXPECT_FLOAT_EQ(penaltyOf(flat(120), 0.5f), penaltyOf(flat(60)));
+  EXPECT_FLOAT_EQ(penaltyOf(flat(250), 2), penaltyOf(flat(255)));  // white stays white
 }
 
 TEST(BrightnessPenalty, WithoutNoiseOnePixelIsDark) {
-  BrightnessPenalty penalty;
-  penalty.begin(0, false);
-  EXPECT_FLOAT_EQ(penaltyOf(penalty, darkPixelOn(200)), 1);
+  EXPECT_FLOAT_EQ(penaltyOf(darkPixelOn(200)), 1);
 }
 
 TEST(BrightnessPenalty, ADarkPixelOfNoiseOrRingingIsNotPreferred) {
-  BrightnessPenalty noisy, resampled;
-  noisy.begin(2, false);
-  resampled.begin(0, true);
-  EXPECT_FLOAT_EQ(penaltyOf(noisy, darkPixelOn(200)), penaltyOf(noisy, flat(200)));
-  EXPECT_FLOAT_EQ(penaltyOf(resampled, darkPixelOn(200)), penaltyOf(resampled, flat(200)));
+  EXPECT_FLOAT_EQ(penaltyOf(darkPixelOn(200), 1, 2), penaltyOf(flat(200)));
+  EXPECT_FLOAT_EQ(penaltyOf(darkPixelOn(200), 1, 0, true), penaltyOf(flat(200)));
 }
 
 TEST(BrightnessPenalty, WithSomeNoiseTheMedianCountsForAPart) {
-  BrightnessPenalty penalty;
-  penalty.begin(1, false);
-  EXPECT_FLOAT_EQ(penaltyOf(penalty, darkPixelOn(200)), penaltyOf(penalty, flat(100)));
+  EXPECT_FLOAT_EQ(penaltyOf(darkPixelOn(200), 1, 1), penaltyOf(flat(100)));
 }
 
 }  // namespace

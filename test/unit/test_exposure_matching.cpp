@@ -21,8 +21,8 @@ double toLight(double code) {
 // The frame with another exposure: as the camera would have rounded it.
 cv::Mat exposed(const cv::Mat& image, double gain) {
   cv::Mat codes(1, 256, CV_8UC1), out;
-  const std::array<float, 256> table = gainLut(gain);
-  for (int code = 0; code < 256; ++code) codes.at<uchar>(code) = cv::saturate_cast<uchar>(table[code]);
+  for (int code = 0; code < 256; ++code)
+    codes.at<uchar>(code) = cv::saturate_cast<uchar>(codeWithGain(code, gain));
   cv::LUT(image, codes, out);
   return out;
 }
@@ -34,12 +34,17 @@ cv::Mat color(const cv::Mat& gray) {
 }
 
 TEST(GainLut, IsAGainInLinearLight) {
-  const std::array<float, 256> table = gainLut(1.3);
-  EXPECT_EQ(table[0], 0);
-  for (const int code : {3, 30, 100, 200})
-    EXPECT_NEAR(toLight(table[code]), 1.3 * toLight(code), 1e-5) << code;
-  EXPECT_EQ(table[255], 255);  // the reference would have clipped, too
-  for (int code = 0; code < 256; ++code) EXPECT_NEAR(gainLut(1)[code], code, 1e-3);
+  for (const int depth : {CV_8U, CV_16U}) {
+    const std::vector<float> table = gainLut(1.3, depth);
+    const int codes_per_gray = depth == CV_8U ? 1 : 257;
+    ASSERT_EQ(table.size(), 255 * codes_per_gray + 1);
+    EXPECT_EQ(table[0], 0);
+    for (const int code : {3, 30, 100, 200})
+      EXPECT_NEAR(toLight(table[code * codes_per_gray] / 257), 1.3 * toLight(code), 1e-5) << code;
+    EXPECT_EQ(table.back(), 65535);  // the reference would have clipped, too
+    EXPECT_TRUE(gainLut(1, depth).empty());
+  }
+  for (int code = 0; code < 256; ++code) EXPECT_EQ(codeWithGain(code, 1), code);
 }
 
 TEST(ExposureMatching, FindsTheGainUnderChangesOfBlur) {

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "fusion/refined_fusion.hpp"
+#include "fusion/bracket_fusion.hpp"
 #include "optics/focus_votes.hpp"
 
 using namespace all_in_focus::core;
@@ -114,22 +114,24 @@ cv::Mat fuse(const std::vector<double>& told, std::vector<std::string>* notes = 
   scene.optics = kOptics;
   scene.camera = Camera{kSize, kPixels, kPixels, kCenter.x, kCenter.y, {}};
   if (has_depth) scene.depth = depth();
-  RefinedFusion fusion;
-  fusion.begin(scene, {}, kSize);
+  BracketFusion fusion;
+  fusion.begin(scene, kSize, Mode::kRefined);
   std::vector<cv::Mat> frames;
   for (const double mm : sweep()) frames.push_back(frame(mm));
   const int reference = kFrames / 2;
-  for (int k = 0; k <= reference; ++k) fusion.observe(gray(frames[k]), k, told[k]);
-  EXPECT_EQ(fusion.add(frames[reference], gray(frames[reference]), reference, told[reference]), "");
+  for (int k = 0; k <= reference; ++k) fusion.observe(frames[k], k, told[k]);
+  EXPECT_EQ(fusion.add(frames[reference], reference, told[reference]), "");
   for (int k = 0; k < kFrames; ++k) {
     if (k == reference) continue;
-    EXPECT_EQ(fusion.add(frames[k], gray(frames[k]), k, told[k]), "");
+    EXPECT_EQ(fusion.add(frames[k], k, told[k]), "");
   }
-  if (notes) *notes = fusion.lensNotes();
-  const cv::Mat image = fusion.image().clone();
-  fusion.begin({}, {}, kSize);
-  EXPECT_TRUE(fusion.lensNotes().empty());  // a bracket without depth does not keep those of the one before
-  return image;
+  const FusionResult result = fusion.result();
+  if (notes) *notes = result.lens_notes;
+  // A bracket without depth does not keep those of the one before.
+  fusion.begin({}, kSize, Mode::kRefined);
+  fusion.add(frames[0], 0);
+  EXPECT_TRUE(fusion.result().lens_notes.empty());
+  return result.image;
 }
 
 }  // namespace

@@ -13,7 +13,7 @@
 
 #include "alignment/bracket_alignment.hpp"
 #include "bracket_drawing.hpp"
-#include "fusion/refined_fusion.hpp"
+#include "fusion/bracket_fusion.hpp"
 
 using namespace all_in_focus::core;
 using bracket_drawing::kCenter;
@@ -212,22 +212,24 @@ TEST(Parallax, HiddenPixelsAreThoseOfTheReference) {
   cv::Mat blurred = seenFrom({}, 0, 1, 2);
   cv::GaussianBlur(blurred, blurred, {}, 1);
   const cv::Mat moved = seenFrom({0, 12, 0}, 0, 1, 2);
-  RefinedFusion fusion;
-  fusion.begin(scene, {}, kSize);
+  BracketFusion fusion;
+  fusion.begin(scene, kSize, Mode::kRefined);
   cv::Mat hidden;
   fusion.setAlignedFrameCallback([&](const AlignedFrame& frame) {
     if (frame.index == 1) cv::Mat(frame.opaque == 0).copyTo(hidden);
   });
-  ASSERT_EQ(fusion.add(colour(blurred), blurred, 0, kUnknownFocus), "");
-  ASSERT_EQ(fusion.add(colour(moved), moved, 1, kUnknownFocus), "");
+  ASSERT_EQ(fusion.add(colour(blurred), 0), "");
+  ASSERT_EQ(fusion.add(colour(moved), 1), "");
   // Bands that are nearer move up by 6 or 4 px, bands at 3 m by 1.6.
   ASSERT_GT(cv::countNonZero(hidden), 3 * kSize.width);
   ASSERT_LT(cv::countNonZero(hidden), 30 * kSize.width);
   cv::Mat difference;
-  cv::absdiff(fusion.image(), colour(blurred), difference);
+  const FusionResult result = fusion.result();
+  cv::absdiff(result.image, colour(blurred), difference);
   EXPECT_GT(cv::mean(difference, hidden == 0)[0], 2) << "the sharper frame is used where it can be";
   EXPECT_EQ(cv::norm(difference, cv::NORM_INF, hidden), 0);
-  EXPECT_NE(fusion.driftNote().find("the camera moved by up to 1"), std::string::npos) << fusion.driftNote();
+  ASSERT_EQ(result.notes.size(), 1);
+  EXPECT_NE(result.notes[0].find("the camera moved by up to 1"), std::string::npos) << result.notes[0];
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-#include "fusion/refined_fusion.hpp"
+#include "fusion/bracket_fusion.hpp"
 
 using namespace all_in_focus::core;
 
@@ -58,25 +58,15 @@ RefinedConfig inPlace() {
   return config;
 }
 
-cv::Mat gray(const cv::Mat& frame) {
-  cv::Mat gray;
-  cv::cvtColor(frame, gray, cv::COLOR_BGR2GRAY);
-  return gray;
-}
-
-std::string add(RefinedFusion& fusion, const cv::Mat& frame, int index, double focus_mm = kUnknownFocus) {
-  return fusion.add(frame, gray(frame), index, focus_mm);
-}
-
 cv::Mat fuse(const TwoPlanes& planes, const BracketScene& scene, const RefinedConfig& config,
              double noise = 0, bool focus_known = true) {
-  RefinedFusion fusion;
-  fusion.begin(scene, config, kSize);
+  BracketFusion fusion;
+  fusion.begin(scene, kSize, Mode::kRefined, config);
   for (std::size_t i = 0; i < kSweep.size(); ++i) {
     const double focus = focus_known ? kSweep[i] : kUnknownFocus;
-    EXPECT_EQ(add(fusion, planes.frame(kSweep[i], noise), static_cast<int>(i), focus), "");
+    EXPECT_EQ(fusion.add(planes.frame(kSweep[i], noise), static_cast<int>(i), focus), "");
   }
-  return fusion.image();
+  return fusion.result().image;
 }
 
 double psnr(const cv::Mat& a, const cv::Mat& b) {
@@ -89,18 +79,18 @@ bool areAlike(const cv::Mat& a, const cv::Mat& b) {
   return psnr(a, b) > 20 * std::log10(255);
 }
 
-TEST(RefinedFusion, TwoPlanesComeOutSharp) {
+TEST(ModeRefined, TwoPlanesComeOutSharp) {
   const TwoPlanes planes;
   for (const double focus : kSweep) EXPECT_FALSE(areAlike(planes.frame(focus), planes.truth));
   EXPECT_TRUE(areAlike(fuse(planes, planes.scene, inPlace()), planes.truth));
 }
 
-TEST(RefinedFusion, TwoPlanesComeOutSharpWithAllSteps) {
+TEST(ModeRefined, TwoPlanesComeOutSharpWithAllSteps) {
   const TwoPlanes planes;
   EXPECT_TRUE(areAlike(fuse(planes, planes.scene, {}), planes.truth));
 }
 
-TEST(RefinedFusion, TheMeanIsBetterThanTheChoice) {
+TEST(ModeRefined, TheMeanIsBetterThanTheChoice) {
   const TwoPlanes planes;
   RefinedConfig hard = inPlace();
   hard.soft = false;
@@ -108,7 +98,7 @@ TEST(RefinedFusion, TheMeanIsBetterThanTheChoice) {
             psnr(fuse(planes, planes.scene, hard, 4), planes.truth));
 }
 
-TEST(RefinedFusion, TheImageIsTheSameWithoutTheChoice) {
+TEST(ModeRefined, TheImageIsTheSameWithoutTheChoice) {
   const TwoPlanes planes;
   for (const bool soft : {true, false}) {
     RefinedConfig with = inPlace(), without = inPlace();
@@ -119,26 +109,26 @@ TEST(RefinedFusion, TheImageIsTheSameWithoutTheChoice) {
   }
 }
 
-TEST(RefinedFusion, ThePredictionDecidesWhereNoiseHidesTheTexture) {
+TEST(ModeRefined, ThePredictionDecidesWhereNoiseHidesTheTexture) {
   const TwoPlanes planes(12);
-  RefinedFusion fusion;
-  fusion.begin(planes.scene, inPlace(), kSize);
+  BracketFusion fusion;
+  fusion.begin(planes.scene, kSize, Mode::kRefined, inPlace());
   for (std::size_t i = 0; i < kSweep.size(); ++i) {
-    add(fusion, planes.frame(kSweep[i], 2), static_cast<int>(i), kSweep[i]);
+    fusion.add(planes.frame(kSweep[i], 2), static_cast<int>(i), kSweep[i]);
   }
   const int last = static_cast<int>(kSweep.size()) - 1;
   // 0.86 and 0.84 of the pixels; a fifth each by chance
-  EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kNear) == 0), 0.8 * kNear.area());
+  EXPECT_GT(cv::countNonZero(fusion.result().source_index(kNear) == 0), 0.8 * kNear.area());
   // Beside the near half its glow is expected, which these frames do not have.
   const cv::Rect far = kFar - cv::Size(9, 0) + cv::Point(9, 0);
-  EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(far) == last), 0.8 * far.area());
+  EXPECT_GT(cv::countNonZero(fusion.result().source_index(far) == last), 0.8 * far.area());
   RefinedConfig without_prediction = inPlace();
   without_prediction.prediction = false;
-  EXPECT_GT(psnr(fusion.image(), planes.truth),
+  EXPECT_GT(psnr(fusion.result().image, planes.truth),
             psnr(fuse(planes, planes.scene, without_prediction, 2), planes.truth) + 0.5);  // 0.8 dB
 }
 
-TEST(RefinedFusion, WhereThereIsNearlyNoTextureFramesAreAveraged) {
+TEST(ModeRefined, WhereThereIsNearlyNoTextureFramesAreAveraged) {
   // A blurred frame is no worse there, and each further frame lowers the noise.
   const TwoPlanes planes(1);
   const double one_frame = psnr(planes.frame(kNearMm, 4)(kNear), planes.truth(kNear));
@@ -146,7 +136,7 @@ TEST(RefinedFusion, WhereThereIsNearlyNoTextureFramesAreAveraged) {
   EXPECT_GT(psnr(fuse(planes, planes.scene, inPlace(), 4)(kNear), planes.truth(kNear)), one_frame + 4);
 }
 
-TEST(RefinedFusion, SharpnessAloneServesWithoutDepthCameraOrFocus) {
+TEST(ModeRefined, SharpnessAloneServesWithoutDepthCameraOrFocus) {
   const TwoPlanes planes;
   BracketScene without_depth = planes.scene, without_camera = planes.scene;
   without_depth.depth = cv::Mat();
@@ -162,50 +152,50 @@ TEST(RefinedFusion, SharpnessAloneServesWithoutDepthCameraOrFocus) {
   EXPECT_LE(cv::norm(without_focus, expected, cv::NORM_INF), 1);  // gray levels
 }
 
-TEST(RefinedFusion, DepthWithoutFocusDistancesChangesNothing) {
+TEST(ModeRefined, DepthWithoutFocusDistancesChangesNothing) {
   const TwoPlanes planes;
   BracketScene without_depth = planes.scene;
   without_depth.depth = cv::Mat();
   const auto image = [&](const BracketScene& scene) {
     RefinedConfig config = inPlace();
     config.noise = false;  // without noise the mean is narrower where nothing is predicted
-    RefinedFusion fusion;
-    fusion.begin(scene, config, kSize);
-    for (int i = 0; i < 4; ++i) EXPECT_EQ(add(fusion, planes.frame(kNearMm * (1 + 0.02 * i)), i), "");
-    return fusion.image();
+    BracketFusion fusion;
+    fusion.begin(scene, kSize, Mode::kRefined, config);
+    for (int i = 0; i < 4; ++i) EXPECT_EQ(fusion.add(planes.frame(kNearMm * (1 + 0.02 * i)), i), "");
+    return fusion.result().image;
   };
   EXPECT_EQ(cv::norm(image(planes.scene), image(without_depth), cv::NORM_INF), 0);
 }
 
-TEST(RefinedFusion, FramesThatAreSharpNowhereDoNotSpoilBareSurfaces) {
+TEST(ModeRefined, FramesThatAreSharpNowhereDoNotSpoilBareSurfaces) {
   // Only the near plane has texture; frames far out of focus shine on the bare one.
   const TwoPlanes planes;
-  RefinedFusion fusion;
-  fusion.begin({}, inPlace(), kSize);
+  BracketFusion fusion;
+  fusion.begin({}, kSize, Mode::kRefined, inPlace());
   for (int i = 0; i < 5; ++i) {
     cv::Mat frame = planes.truth.clone();
     if (i > 0) cv::GaussianBlur(frame, frame, {}, 20);
     frame(kFar) = cv::Scalar::all(i > 0 ? 110 : 100);
-    add(fusion, frame, i);
+    fusion.add(frame, i);
   }
-  const cv::Mat away_from_edge = fusion.image()(cv::Rect(110, 0, 50, 120));
+  const cv::Mat away_from_edge = fusion.result().image(cv::Rect(110, 0, 50, 120));
   EXPECT_LE(
       cv::norm(away_from_edge, cv::Mat(away_from_edge.size(), CV_8UC3, cv::Scalar::all(100)), cv::NORM_INF),
       1);
 }
 
-TEST(RefinedFusion, AveragesNoiseOnBareSurfaces) {
+TEST(ModeRefined, AveragesNoiseOnBareSurfaces) {
   constexpr int kFrames = 16;
   constexpr double kNoise = 5;
-  RefinedFusion fusion;
-  fusion.begin({}, inPlace(), kSize);
+  BracketFusion fusion;
+  fusion.begin({}, kSize, Mode::kRefined, inPlace());
   for (int i = 0; i < kFrames; ++i) {
     cv::Mat frame(kSize, CV_8UC3);
     cv::RNG(i + 1).fill(frame, cv::RNG::NORMAL, 128, kNoise);
-    add(fusion, frame, i);
+    fusion.add(frame, i);
   }
   cv::Scalar mean, deviation;
-  cv::meanStdDev(fusion.image().reshape(1), mean, deviation);
+  cv::meanStdDev(fusion.result().image.reshape(1), mean, deviation);
   EXPECT_LT(deviation[0], 1.4 * kNoise / std::sqrt(kFrames));  // 1.14; of eight frames: 1.41
 }
 
@@ -213,15 +203,15 @@ TEST(RefinedFusion, AveragesNoiseOnBareSurfaces) {
 // frames of `before` (by index) are only observed. How much noise they show decides the weights.
 cv::Mat meanAfter(const std::vector<std::pair<int, cv::Mat>>& before, const TwoPlanes& planes,
                   int reference) {
-  RefinedFusion fusion;
-  fusion.begin({}, inPlace(), kSize);
-  for (const auto& [index, frame] : before) fusion.observe(gray(frame), index, kUnknownFocus);
-  add(fusion, planes.frame(1500, 3), reference);
-  add(fusion, planes.frame(3000, 3), reference + 1);
-  return fusion.image();
+  BracketFusion fusion;
+  fusion.begin({}, kSize, Mode::kRefined, inPlace());
+  for (const auto& [index, frame] : before) fusion.observe(frame, index);
+  fusion.add(planes.frame(1500, 3), reference);
+  fusion.add(planes.frame(3000, 3), reference + 1);
+  return fusion.result().image;
 }
 
-TEST(RefinedFusion, MeasuresNoiseAgainstTheFrameBeforeTheReference) {
+TEST(ModeRefined, MeasuresNoiseAgainstTheFrameBeforeTheReference) {
   const TwoPlanes planes;
   const cv::Mat neighbour = planes.frame(1400, 3), reference = planes.frame(1500, 3);
   cv::Mat copied = reference.clone();  // the codec of a video changed one pixel
@@ -233,19 +223,17 @@ TEST(RefinedFusion, MeasuresNoiseAgainstTheFrameBeforeTheReference) {
   // A frame far from the reference differs by its blur as well.
   EXPECT_TRUE(differs(expected, meanAfter({{0, planes.frame(1000, 3)}}, planes, 6)));
   EXPECT_FALSE(differs(expected, meanAfter({{0, planes.frame(1000, 3)}, {5, neighbour}}, planes, 6)));
-  // The first of many frames is compared, too.
+  // A farther one is compared, too.
   const cv::Mat blurred = planes.frame(1000, 3);
-  EXPECT_FALSE(differs(
-      expected,
-      meanAfter({{0, neighbour}, {1, blurred}, {2, blurred}, {3, blurred}, {4, blurred}, {5, blurred}},
-                planes, 6)));
+  EXPECT_FALSE(
+      differs(expected, meanAfter({{2, neighbour}, {3, blurred}, {4, blurred}, {5, blurred}}, planes, 6)));
   // Copies of the reference have no noise of their own.
   EXPECT_FALSE(differs(expected, meanAfter({{4, neighbour}, {5, reference}}, planes, 6)));
   EXPECT_TRUE(differs(expected, meanAfter({{4, neighbour}, {5, copied}}, planes, 6)));
   EXPECT_FALSE(differs(expected, meanAfter({{36, neighbour}, {39, copied}}, planes, 40)));
 }
 
-TEST(RefinedFusion, PrefersAFrameThatWasNotResampledToOneThatIsAsSharp) {
+TEST(ModeRefined, PrefersAFrameThatWasNotResampledToOneThatIsAsSharp) {
   cv::Mat picture(260, 340, CV_8UC3);
   cv::RNG random(5);
   random.fill(picture, cv::RNG::NORMAL, 128, 40);
@@ -256,31 +244,31 @@ TEST(RefinedFusion, PrefersAFrameThatWasNotResampledToOneThatIsAsSharp) {
     cv::add(picture(cv::Rect(corner, grain.size())), grain, sum, cv::noArray(), CV_8U);
     return sum;
   };
-  RefinedFusion fusion;
-  fusion.begin({}, {}, {320, 240});
-  EXPECT_EQ(add(fusion, frame({10, 10}), 0), "");
-  EXPECT_EQ(add(fusion, frame({16, 14}), 1), "");
-  const cv::Mat seen = fusion.sourceIndex()(cv::Rect(20, 20, 280, 200));
+  BracketFusion fusion;
+  fusion.begin({}, {320, 240}, Mode::kRefined);
+  EXPECT_EQ(fusion.add(frame({10, 10}), 0), "");
+  EXPECT_EQ(fusion.add(frame({16, 14}), 1), "");
+  const cv::Mat seen = fusion.result().source_index(cv::Rect(20, 20, 280, 200));
   EXPECT_GT(cv::countNonZero(seen == 0), 0.85 * static_cast<double>(seen.total()));  // 0.90; by chance: half
 }
 
-TEST(RefinedFusion, LightsStaySmall) {
+TEST(ModeRefined, LightsStaySmall) {
   // A lamp is so bright that blur makes its white disc larger and no fainter; only its rim is softer.
   cv::Mat sharp(240, 320, CV_8UC3, cv::Scalar::all(80)), blurred = sharp.clone();
   cv::circle(sharp, {160, 120}, 2, cv::Scalar::all(255), cv::FILLED);
   cv::circle(blurred, {160, 120}, 4, cv::Scalar::all(255), cv::FILLED);
   cv::GaussianBlur(blurred, blurred, {}, 1);
   for (const bool sharp_first : {false, true}) {
-    RefinedFusion fusion;
-    fusion.begin({}, inPlace(), sharp.size());
-    add(fusion, sharp_first ? sharp : blurred, 0);
-    add(fusion, sharp_first ? blurred : sharp, 1);
+    BracketFusion fusion;
+    fusion.begin({}, sharp.size(), Mode::kRefined, inPlace());
+    fusion.add(sharp_first ? sharp : blurred, 0);
+    fusion.add(sharp_first ? blurred : sharp, 1);
     // 44 dB, 1.5 gray levels; the blurred frame alone: 39 dB, 3.
-    EXPECT_GT(psnr(fusion.image(), sharp), 42) << sharp_first;
+    EXPECT_GT(psnr(fusion.result().image, sharp), 42) << sharp_first;
   }
 }
 
-TEST(RefinedFusion, TheCameraMayBeCalibratedAtAnotherSize) {
+TEST(ModeRefined, TheCameraMayBeCalibratedAtAnotherSize) {
   const TwoPlanes planes;
   BracketScene twice = planes.scene, pitch = planes.scene;
   twice.camera = Camera{kSize * 2, 2000, 2000, 159.5, 119.5, {}};
@@ -291,63 +279,49 @@ TEST(RefinedFusion, TheCameraMayBeCalibratedAtAnotherSize) {
   EXPECT_EQ(cv::norm(fuse(planes, pitch, inPlace()), expected, cv::NORM_INF), 0);
 }
 
-TEST(RefinedFusion, AnyFrameMayBeTheReference) {
+TEST(ModeRefined, AnyFrameMayBeTheReference) {
   const TwoPlanes planes;
   for (const RefinedConfig& config : {inPlace(), RefinedConfig()}) {
-    RefinedFusion fusion;
-    fusion.begin(planes.scene, config, kSize);
-    for (int i = 0; i < 3; ++i) fusion.observe(gray(planes.frame(kSweep[i])), i, kSweep[i]);
-    for (const int i : {3, 0, 1, 2, 4}) EXPECT_EQ(add(fusion, planes.frame(kSweep[i]), i, kSweep[i]), "");
-    EXPECT_TRUE(areAlike(fusion.image(), fuse(planes, planes.scene, config)));
-    EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kNear) == 0), 0.9 * kNear.area());  // all but a few
-    EXPECT_GT(cv::countNonZero(fusion.sourceIndex()(kFar) == 4), 0.9 * kFar.area());
+    BracketFusion fusion;
+    fusion.begin(planes.scene, kSize, Mode::kRefined, config);
+    for (int i = 0; i < 3; ++i) fusion.observe(planes.frame(kSweep[i]), i, kSweep[i]);
+    for (const int i : {3, 0, 1, 2, 4}) EXPECT_EQ(fusion.add(planes.frame(kSweep[i]), i, kSweep[i]), "");
+    EXPECT_TRUE(areAlike(fusion.result().image, fuse(planes, planes.scene, config)));
+    EXPECT_GT(cv::countNonZero(fusion.result().source_index(kNear) == 0),
+              0.9 * kNear.area());  // all but a few
+    EXPECT_GT(cv::countNonZero(fusion.result().source_index(kFar) == 4), 0.9 * kFar.area());
   }
 }
 
-TEST(RefinedFusion, FewFramesAreEnough) {
+TEST(ModeRefined, FewFramesAreEnough) {
   const TwoPlanes planes;
   const cv::Mat near = planes.frame(kNearMm), far = planes.frame(kFarMm);
-  RefinedFusion fusion;
-  fusion.begin(planes.scene, {}, kSize);
-  add(fusion, near, 0, kNearMm);
-  EXPECT_EQ(cv::norm(fusion.image(), near, cv::NORM_INF), 0);
-  EXPECT_EQ(cv::countNonZero(fusion.sourceIndex()), 0);
-  EXPECT_EQ(cv::countNonZero(fusion.confidence() != 255), 0);
-  add(fusion, far, 1, kFarMm);
-  EXPECT_TRUE(areAlike(fusion.image(), planes.truth));
+  BracketFusion fusion;
+  fusion.begin(planes.scene, kSize, Mode::kRefined);
+  fusion.add(near, 0, kNearMm);
+  EXPECT_EQ(cv::norm(fusion.result().image, near, cv::NORM_INF), 0);
+  EXPECT_EQ(cv::countNonZero(fusion.result().source_index), 0);
+  EXPECT_EQ(cv::countNonZero(fusion.result().confidence != 255), 0);
+  fusion.add(far, 1, kFarMm);
+  EXPECT_TRUE(areAlike(fusion.result().image, planes.truth));
 }
 
-TEST(RefinedFusion, SmallFrames) {
+TEST(ModeRefined, SmallFrames) {
   for (const cv::Size& size :
        {cv::Size(1, 1), cv::Size(1, 2), cv::Size(2, 2), cv::Size(3, 1), cv::Size(9, 2)}) {
     const cv::Mat frame(size, CV_8UC3, cv::Scalar(10, 20, 30));
     BracketScene scene;
     scene.depth = cv::Mat(size, CV_16UC1, cv::Scalar(1000));
     scene.camera = Camera{size, 100, 100, 0, 0, {}};
-    RefinedFusion fusion;
-    fusion.begin(scene, inPlace(), size);
-    ASSERT_NO_THROW(add(fusion, frame, 0, 1000)) << size;
-    add(fusion, frame, 1, 2000);
-    EXPECT_EQ(cv::norm(fusion.image(), frame, cv::NORM_INF), 0) << size;
+    BracketFusion fusion;
+    fusion.begin(scene, size, Mode::kRefined, inPlace());
+    ASSERT_NO_THROW(fusion.add(frame, 0, 1000)) << size;
+    fusion.add(frame, 1, 2000);
+    EXPECT_EQ(cv::norm(fusion.result().image, frame, cv::NORM_INF), 0) << size;
   }
 }
 
-TEST(RefinedFusion, ManyFramesTakeNoMoreMemoryThanTwo) {
-  const TwoPlanes planes;
-  const cv::Mat frame = planes.frame(kNearMm);
-  RefinedFusion fusion;
-  const uchar* buffer = nullptr;
-  for (int bracket = 0; bracket < 2; ++bracket) {
-    fusion.begin(planes.scene, inPlace(), kSize);
-    for (int i = 0; i < 50; ++i) {
-      add(fusion, frame, i, kNearMm);
-      if (!buffer) buffer = fusion.sourceIndex().data;
-      ASSERT_EQ(fusion.sourceIndex().data, buffer);
-    }
-  }
-}
-
-TEST(RefinedFusion, DoesNotDependOnTheNumberOfThreads) {
+TEST(ModeRefined, DoesNotDependOnTheNumberOfThreads) {
   const cv::Size size(150, 500);
   cv::Mat texture(size, CV_8UC3);
   cv::RNG(3).fill(texture, cv::RNG::NORMAL, 128, 60);
@@ -360,18 +334,18 @@ TEST(RefinedFusion, DoesNotDependOnTheNumberOfThreads) {
     cv::Mat images[3], sources[3], confidences[3];
     for (int run = 0; run < 3; ++run) {
       cv::setNumThreads(1 + run);
-      RefinedFusion fusion;
-      fusion.begin(scene, {}, size);
+      BracketFusion fusion;
+      fusion.begin(scene, size, Mode::kRefined);
       for (int i = 0; i < 4; ++i) {
         cv::Mat frame;
         const cv::Matx23d magnified(1 + 0.01 * i, 0, -0.75 * i, 0, 1 + 0.01 * i, -2.5 * i);
         cv::warpAffine(texture, frame, magnified, size, cv::INTER_CUBIC, cv::BORDER_REFLECT);
         cv::GaussianBlur(frame, frame, {}, 0.5 + 0.5 * i);
-        EXPECT_EQ(add(fusion, frame, i, kSweep[i]), "");
+        EXPECT_EQ(fusion.add(frame, i, kSweep[i]), "");
       }
-      images[run] = fusion.image();
-      sources[run] = fusion.sourceIndex().clone();
-      confidences[run] = fusion.confidence();
+      images[run] = fusion.result().image;
+      sources[run] = fusion.result().source_index;
+      confidences[run] = fusion.result().confidence;
       EXPECT_EQ(cv::norm(images[run], images[0], cv::NORM_INF), 0);
       EXPECT_EQ(cv::norm(sources[run], sources[0], cv::NORM_INF), 0);
       EXPECT_EQ(cv::norm(confidences[run], confidences[0], cv::NORM_INF), 0);
@@ -380,17 +354,17 @@ TEST(RefinedFusion, DoesNotDependOnTheNumberOfThreads) {
   cv::setNumThreads(threads);
 }
 
-TEST(RefinedFusion, RefusesAnImpossibleScene) {
-  RefinedFusion fusion;
+TEST(ModeRefined, RefusesAnImpossibleScene) {
+  BracketFusion fusion;
   BracketScene scene = TwoPlanes().scene;
   scene.measured = cv::Mat(3, 3, CV_16UC1, cv::Scalar(1));
-  EXPECT_THROW(fusion.begin(scene, {}, kSize), std::invalid_argument);
+  EXPECT_THROW(fusion.begin(scene, kSize, Mode::kRefined), std::invalid_argument);
   scene = TwoPlanes().scene;
   scene.optics.aperture = 0;
-  EXPECT_THROW(fusion.begin(scene, {}, kSize), std::invalid_argument);
+  EXPECT_THROW(fusion.begin(scene, kSize, Mode::kRefined), std::invalid_argument);
   scene = TwoPlanes().scene;
   scene.camera->fx = 0;
-  EXPECT_THROW(fusion.begin(scene, {}, kSize), std::invalid_argument);
+  EXPECT_THROW(fusion.begin(scene, kSize, Mode::kRefined), std::invalid_argument);
 }
 
 }  // namespace

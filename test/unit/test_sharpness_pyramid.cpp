@@ -54,6 +54,7 @@ cv::Mat naiveProduct(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge) 
     cv::pyrDown(levels.back(), coarser);
     levels.push_back(coarser);
   }
+  const int predicted_level = std::max(1, static_cast<int>(std::round(std::log2(gray.cols / 640.0))));
   cv::Mat product;
   for (int l = static_cast<int>(levels.size()) - 1; l >= 0; --l) {
     const double floor = std::pow(0.6, l) * (1.7 + 12 * gauge.noise.deviation());
@@ -66,7 +67,10 @@ cv::Mat naiveProduct(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge) 
     cv::Mat root;
     cv::sqrt(product, root);
     if (l == 2) cv::pow(product, 0.75, product);
-    if (gauge.predicted.size() == product.size()) root.copyTo(product, gauge.predicted);
+    if (gauge.predicted.empty() || l != predicted_level) continue;
+    cv::Mat predicted;
+    cv::resize(gauge.predicted, predicted, root.size(), 0, 0, cv::INTER_NEAREST);
+    root.copyTo(product, predicted);
   }
   return product;
 }
@@ -75,12 +79,11 @@ cv::Mat naiveProduct(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge) 
 cv::Mat product(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge, int first = 0, int step = 64,
                 int rows = 64) {
   SharpnessPyramid pyramid;
-  SharpnessPyramid::Buffers buffers;
   pyramid.begin(gray, gauge);
   cv::Mat out(gray.size(), CV_32FC1, cv::Scalar(0));
   for (int y = first; y < gray.rows; y += step) {
     const cv::Range block(y, std::min(y + rows, gray.rows));
-    pyramid.compute(block, buffers).copyTo(out.rowRange(block));
+    pyramid.compute(block).copyTo(out.rowRange(block));
   }
   return out;
 }
@@ -199,15 +202,12 @@ TEST(SharpnessPyramid, CoarserLevelsCountByTheirRootWhereDepthHasASay) {
   EXPECT_LT(largestRatio(some(known), root.mul(of_finest)(known)), 0.05);
 }
 
-TEST(SharpnessPyramid, TheRootIsTakenFromTheLevelOfThatSize) {
-  const cv::Mat gray = randomGray({200, 120});
-  EXPECT_EQ(SharpnessPyramid::levelSize(gray.size(), 1), cv::Size(100, 60));
-  EXPECT_EQ(SharpnessPyramid::levelSize(gray.size(), 2), cv::Size(50, 30));
-  EXPECT_EQ(SharpnessPyramid::levelSize(gray.size(), 9), cv::Size(25, 15));  // the coarsest
-  for (const cv::Size& size : {cv::Size(100, 60), {50, 30}, {25, 15}}) {
+TEST(SharpnessPyramid, TheRootIsTakenWhereWindowsReachFartherThanEdgesAreUncertain) {
+  for (const cv::Size& size : {cv::Size(200, 120), {1200, 60}, {1900, 60}, {3700, 200}}) {
+    const cv::Mat gray = randomGray(size);
     SharpnessPyramid::Gauge gauge;
-    gauge.predicted = cv::Mat(size, CV_8UC1, cv::Scalar(0));
-    gauge.predicted.colRange(0, size.width / 2) = 255;
+    gauge.predicted = cv::Mat(size / 4, CV_8UC1, cv::Scalar(0));
+    gauge.predicted.colRange(0, size.width / 8) = 255;
     EXPECT_LT(largestRatio(product(gray, gauge), naiveProduct(gray, gauge)), 0.01) << size;
   }
 }

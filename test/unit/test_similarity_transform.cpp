@@ -41,16 +41,14 @@ TEST(SimilarityTransform, MovesTheFarthestCornerMost) {
 
 TEST(WarpToReference, NoMotionCopies) {
   const cv::Mat image = color(bracket_drawing::frame({}));
-  cv::Mat out;
-  ReferenceWarp().compute(image, {}, kCenter, out);
+  const cv::Mat out = warpedToReference(image, {}, kCenter);
   EXPECT_EQ(cv::norm(image, out, cv::NORM_INF), 0);
   EXPECT_NE(image.data, out.data);
 }
 
 TEST(WarpToReference, WholePixelsAreExactAndTheBorderGoesOn) {
   const cv::Mat image = color(bracket_drawing::frame({}));
-  cv::Mat out;
-  ReferenceWarp().compute(image, {1, {5, -3}}, kCenter, out);
+  const cv::Mat out = warpedToReference(image, {1, {5, -3}}, kCenter);
   const cv::Rect inside(0, 3, kSize.width - 5, kSize.height - 3);
   EXPECT_EQ(cv::norm(out(inside), image(inside + cv::Point(5, -3)), cv::NORM_INF), 0);
   EXPECT_EQ(out.at<cv::Vec3b>(0, kSize.width - 1), image.at<cv::Vec3b>(0, kSize.width - 1));
@@ -61,8 +59,7 @@ TEST(WarpToReference, BringsAFrameBack) {
   for (const SimilarityTransform& motion :
        {SimilarityTransform{1.03, {2.4, -1.7}}, SimilarityTransform{0.98, {-0.3, 0.5}},
         SimilarityTransform{1, {0.5, 0.5}}}) {
-    cv::Mat out;
-    ReferenceWarp().compute(color(bracket_drawing::frame(motion)), motion, kCenter, out);
+    const cv::Mat out = warpedToReference(color(bracket_drawing::frame(motion)), motion, kCenter);
     const cv::Rect inside(12, 12, kSize.width - 24, kSize.height - 24);
     EXPECT_GT(cv::PSNR(out(inside), color(bracket_drawing::frame({}))(inside)), 50) << motion.scale;  // 53
   }
@@ -72,8 +69,7 @@ TEST(WarpToReference, BringsARolledFrameBack) {
   for (const SimilarityTransform& motion :
        {SimilarityTransform{1, {}, 0.01}, SimilarityTransform{1.02, {1.4, -2.7}, -0.03},
         SimilarityTransform{0.99, {0.5, 0.25}, 0.002}}) {
-    cv::Mat out;
-    ReferenceWarp().compute(color(bracket_drawing::frame(motion)), motion, kCenter, out);
+    const cv::Mat out = warpedToReference(color(bracket_drawing::frame(motion)), motion, kCenter);
     const cv::Rect inside(16, 16, kSize.width - 32, kSize.height - 32);
     EXPECT_GT(cv::PSNR(out(inside), color(bracket_drawing::frame({}))(inside)), 50) << motion.angle;  // 53
   }
@@ -85,8 +81,7 @@ TEST(WarpToReference, SmallPicturesAndFarMotions) {
     for (const SimilarityTransform& motion :
          {SimilarityTransform{1.05, {0.4, 0.2}}, SimilarityTransform{0.1, {900, -900}},
           SimilarityTransform{9, {-900, 0}}, SimilarityTransform{1, {1, 2}, 0.5}}) {
-      cv::Mat out;
-      ReferenceWarp().compute(plain, motion, {1, 1}, out);
+      const cv::Mat out = warpedToReference(plain, motion, {1, 1});
       EXPECT_EQ(cv::norm(plain, out, cv::NORM_INF), 0);
     }
   }
@@ -96,8 +91,7 @@ TEST(WarpToReference, FlatPicturesKeepTheirLevel) {
   for (int level = 0; level < 256; ++level) {
     const cv::Mat plain(24, 40, CV_8UC3, cv::Scalar(level, 255 - level, 128));
     for (const double angle : {0.0, 0.03}) {
-      cv::Mat out;
-      ReferenceWarp().compute(plain, {1.037, {0.43, -0.21}, angle}, {20, 12}, out);
+      const cv::Mat out = warpedToReference(plain, {1.037, {0.43, -0.21}, angle}, {20, 12});
       EXPECT_EQ(cv::norm(plain, out, cv::NORM_INF), 0) << level << ", " << angle;
     }
   }
@@ -122,12 +116,12 @@ double lanczosAt(const cv::Mat& image, double x, double y, int channel) {
 }
 
 TEST(WarpToReference, IsALanczosKernelAlsoAtTheGreatestContrast) {
-  cv::Mat image(48, 64, CV_8UC3), out;
+  cv::Mat image(48, 64, CV_8UC3);
   cv::RNG(1).fill(image, cv::RNG::UNIFORM, 0, 2);
   image *= 255;
   const SimilarityTransform motion{1.03, {0.4, -0.7}};
   const cv::Point2d center(31.5, 23.5);
-  ReferenceWarp().compute(image, motion, center, out);
+  const cv::Mat out = warpedToReference(image, motion, center);
   int different = 0, all = 0;
   for (int y = 8; y < 40; ++y) {
     for (int x = 8; x < 56; ++x) {
@@ -144,9 +138,7 @@ TEST(WarpToReference, IsALanczosKernelAlsoAtTheGreatestContrast) {
 }
 
 TEST(WarpToReference, RefusesGray) {
-  cv::Mat out;
-  EXPECT_THROW(ReferenceWarp().compute(cv::Mat(8, 8, CV_8UC1), {1.1, {}}, kCenter, out),
-               std::invalid_argument);
+  EXPECT_THROW(warpedToReference(cv::Mat(8, 8, CV_8UC1), {1.1, {}}, kCenter), std::invalid_argument);
 }
 
 TEST(SimilarityTransform, AFrameShowsARectangleOfTheReference) {

@@ -2,14 +2,24 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <deque>
 #include <functional>
 #include <opencv2/core.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "alignment/bracket_alignment.hpp"
+#include "alignment/relief.hpp"
 #include "all_in_focus/fusion.hpp"
-#include "fusion/refined_fusion.hpp"
+#include "fusion/defocus_prediction.hpp"
+#include "fusion/exposure_matching.hpp"
+#include "fusion/frame_groups.hpp"
+#include "fusion/lens_check.hpp"
+#include "fusion/noise_estimation.hpp"
 #include "fusion/region_fusion.hpp"
+#include "fusion/sharpness_pyramid.hpp"
+#include "fusion/weighted_mean.hpp"
 
 namespace all_in_focus::core {
 
@@ -17,8 +27,12 @@ namespace all_in_focus::core {
 /// mean or the chosen pixels are kept, not the frames. Not thread-safe; buffers are reused from bracket to
 /// bracket.
 ///
-/// Mode paper takes frames in any order. Mode refined takes the reference first, after observing what comes
-/// before it in the bracket (see RefinedFusion).
+/// Mode paper takes frames in any order, region by region (RegionFusion). Mode refined computes the mean of
+/// all frames pixel by pixel, weighted by how sharp each frame is and by how sharp it should be by depth and
+/// optics; see docs/algorithms.md. The first frame added is the reference: the result keeps its geometry and
+/// exposure. Frames that come before it in the bracket are observed first, so that alignment can follow the
+/// lens from neighbour to neighbour:
+///   observe(0), .. observe(r), add(r), add(0), .. add(r - 1), add(r + 1), ...
 class BracketFusion {
  public:
   /// Starts a bracket of frames of that size. The scene must be possible (Bracket checks it). Its images are
@@ -48,17 +62,32 @@ class BracketFusion {
 
   /// Sets a function that receives each aligned frame from the next add() on, the reference first. add()
   /// calls it. Mode paper aligns no frames.
-  void setAlignedFrameCallback(std::function<void(const AlignedFrame&)> callback);
+  void setAlignedFrameCallback(std::function<void(const AlignedFrame&)> callback) {
+    on_aligned_ = std::move(callback);
+  }
 
   FusedBy fusedBy() const;
 
   /// The result of the frames so far; images are copies. Throws std::logic_error before the first frame.
   FusionResult result() const;
-  /// See RefinedFusion.
+
+  /// How far the camera has moved, for the user, where no depth is known, as far as the frames show it; "" if
+  /// it has not. Takes some milliseconds.
   std::string hiddenDriftNote() const;
 
  private:
   void takeApart(const cv::Mat& frame, int index);
+  void beginRefined();
+  void observeGray(int index, double focus_mm);
+  std::string addRefined(int index, double focus_mm, bool may_wait);
+  void setReference(int index);
+  void compareWithEarlier();
+  void checkLens();
+  bool hasMoved(int index) const;
+  std::function<bool(int)> fitting(int reference) const;
+  AlignedFrame warped(AlignedFrame frame, const CameraMotion& motion);
+  void noteDrift(const CameraMotion& motion);
+  void addAligned(const AlignedFrame& frame, const cv::Mat& gray, bool resampled);
 
   BracketScene scene_;
   RefinedConfig config_;
@@ -66,10 +95,38 @@ class BracketFusion {
   std::vector<double> focus_mm_;  // of the frames used
   bool by_region_ = false;
   RegionFusion regions_;
-  RefinedFusion refined_;
   cv::Mat labels_;                 // of the frames' size
   int depth_ = -1;                 // of the bracket; -1: no frame yet
   cv::Mat color_, opaque_, gray_;  // of the present frame; opaque_ is empty where all pixels are
+
+  cv::Point2d center_;
+  double focal_length_mm_ = 0;  // 0 = unknown
+  double focal_px_ = 0;         // 0 = unknown
+  bool focus_known_ = false;    // of a frame that was observed
+  bool predicts_ = false;
+  LensCheck lens_;
+  cv::Mat predicted_, lights_;  // see SharpnessPyramid::Gauge
+  struct HeldFrame {
+    int index;
+    cv::Mat gray;
+  };
+  std::deque<HeldFrame> held_;  // until the reference comes: the latest first
+  NoiseSpectrum noise_;
+  bool linear_ = false;     // codes are in proportion to light
+  int reference_ = -1;      // index; -1: none yet
+  bool resampled_ = false;  // frames are, as far as is known when the reference comes
+  Relief relief_;
+  cv::Mat1f relief_image_;            // empty until the first frame that needs it
+  double moved_mm_ = 0, turned_ = 0;  // the greatest of all frames; radians
+  cv::Mat reference_gray_;            // until a frame is measured against it; only where relief is known
+  BracketAlignment alignment_;
+  FrameLight light_;
+  ExposureMatching exposure_;
+  SharpnessPyramid sharpness_;
+  DefocusPrediction prediction_;
+  WeightedMean mean_;
+  std::function<void(const AlignedFrame&)> on_aligned_;
+  cv::Mat squared_error_, upsampled_error_;
 };
 
 }  // namespace all_in_focus::core

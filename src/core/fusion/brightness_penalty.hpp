@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <opencv2/core.hpp>
 
 namespace all_in_focus::core {
@@ -15,21 +16,13 @@ namespace all_in_focus::core {
 /// reference. Noise, and the ringing of resampling, would favour frames that are dark by chance, so there v
 /// is a mean of the pixel and of the median of its 3 x 3 neighbours: the median counts by its share min(1,
 /// deviation of the noise / 2), and alone where frames of the bracket are resampled.
-class BrightnessPenalty {
- public:
-  /// noise: standard deviation, gray levels; resampled: frames of the bracket are.
-  void begin(double noise, bool resampled);
-
-  /// gray: CV_8UC1, must outlive the rows; contrast: factor that brings its levels to the exposure of the
-  /// reference.
-  void beginFrame(const cv::Mat& gray, double contrast);
-
-  /// Multiplies row y of the frame's sharpness by the penalty.
-  void weigh(int y, float* sharpness) const;
-
- private:
-  float median_share_ = 0, contrast_ = 1;
-  cv::Mat gray_, median_;
+struct BrightnessPenalty {
+  cv::Mat level;                         ///< CV_8UC1, of each pixel
+  std::array<float, 256> of_level = {};  ///< factor on its sharpness
 };
+
+/// gray: CV_8UC1; contrast: factor that brings its levels to the exposure of the reference; noise: standard
+/// deviation, gray levels; resampled: frames of the bracket are.
+BrightnessPenalty brightnessPenalty(const cv::Mat& gray, double contrast, double noise, bool resampled);
 
 }  // namespace all_in_focus::core

@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "fusion/sharpness_pyramid.hpp"
+#include "optics/disc_blur.hpp"
 #include "util/simd.hpp"
 
 namespace all_in_focus::core {
@@ -24,9 +24,9 @@ constexpr struct PredictionParameters {
   float glow = 72;
   float contrast = 3;      // of its difference from that (0: gold pins before a board -0.6 to -1.7 dB)
   double hole_error = 10;  // of filled depth, which may be any surface nearby
-  double unknown_focus_error = 10;  // neither sharp nor much blurred
-  float peak = 2;                   // of the Laplacian, in units of its mean over a window
-  double most_laplacians = 4;       // by which blur changes a picture; a wider disc changes it no more
+  float unknown_focus_error = 10;  // neither sharp nor much blurred
+  float peak = 2;                  // of the Laplacian, in units of its mean over a window
+  float most_laplacians = 4;       // by which blur changes a picture; a wider disc changes it no more
   // How far the edges of registered depth lie from those of the picture: standard deviation, px of a picture
   // as wide as a depth sensor's own, more in a wider one. (0: -0.15 dB.)
   double edge_error = 2, sensor_columns = 640;
@@ -39,13 +39,11 @@ constexpr int kSlabs = 8;  // of inverse depth (16: plain_35mm +0.05 dB)
 // Light of a slab lies over those behind the next two: a slope lies in slabs that are neighbours (1: restored
 // slope -0.16 dB).
 constexpr std::size_t kFirstBehind = 3;
-constexpr int kLevels = 1024;  // of inverse depth, for the table
-constexpr int kUnknown = kLevels;
 
 // Scales squared_error from that of a textured picture to that of one with the modified Laplacian l, a mean
 // over a window, and one that noise hides.
-ALL_IN_FOCUS_SIMD void weigh(const float* l, float hidden, int n, float* squared_error) {
-  for (int i = 0; i < n; ++i) {
+ALL_IN_FOCUS_SIMD void weigh(const float* l, float hidden, std::size_t n, float* squared_error) {
+  for (std::size_t i = 0; i < n; ++i) {
     const float laplacian = hidden + kPrediction.peak * l[i];
     const float share = std::min(laplacian / kPrediction.laplacian, 1.0f);
     squared_error[i] *= share * share;
@@ -53,9 +51,9 @@ ALL_IN_FOCUS_SIMD void weigh(const float* l, float hidden, int n, float* squared
 }
 
 // squared_error = (72 c + 3 |light - c picture|)^2. nearer: 255 c and light of what covers the picture.
-ALL_IN_FOCUS_SIMD void glow(const std::uint8_t* nearer, const std::uint8_t* picture, int n,
+ALL_IN_FOCUS_SIMD void glow(const std::uint8_t* nearer, const std::uint8_t* picture, std::size_t n,
                             float* squared_error) {
-  for (int i = 0; i < n; ++i) {
+  for (std::size_t i = 0; i < n; ++i) {
     const float share = nearer[2 * i] / 255.0f;
     const float difference = std::abs(nearer[2 * i + 1] - share * picture[i]);
     const float error = kPrediction.glow * share + kPrediction.contrast * difference;
@@ -85,56 +83,39 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
   edge_error_px_ = edge_error / cell_;
   const cv::Size grid((size.width + cell_ - 1) / cell_, (size.height + cell_ - 1) / cell_);
 
-  // Depth at the middle of each cell.
-  cv::Mat coarse(grid, CV_16UC1);
-  cv::Mat doubt(grid, CV_32FC1);
-  int nearest = std::numeric_limits<int>::max(), farthest = 0;
+  // At the middle of each cell.
+  inverse_depth_ = cv::Mat1f::zeros(grid);
+  cv::Mat1f doubt(grid, 0.0f);
   for (int v = 0; v < grid.height; ++v) {
     const int y = static_cast<int>((v + 0.5) * depth.rows / grid.height);
-    auto* to = coarse.ptr<std::uint16_t>(v);
-    float* in_doubt = doubt.ptr<float>(v);
     for (int u = 0; u < grid.width; ++u) {
       const int x = static_cast<int>((u + 0.5) * depth.cols / grid.width);
-      to[u] = depth.at<std::uint16_t>(y, x);
-      if (to[u] <= optics.focal_length_mm) to[u] = 0;  // no lens can be focused there
-      const bool filled = !measured.empty() && measured.at<std::uint16_t>(y, x) == 0;
-      in_doubt[u] = filled && to[u] > 0 ? 1.0f : 0.0f;
-      if (to[u] > 0) nearest = std::min<int>(nearest, to[u]);
-      farthest = std::max<int>(farthest, to[u]);
+      const auto mm = static_cast<float>(depth.at<std::uint16_t>(y, x));
+      if (mm <= optics.focal_length_mm) continue;  // no lens can be focused there
+      inverse_depth_(v, u) = 1 / mm;
+      doubt(v, u) = !measured.empty() && measured.at<std::uint16_t>(y, x) == 0 ? 1.0f : 0.0f;
     }
   }
-  least_ = farthest > 0 ? 1.0 / farthest : 0;
-  level_step_ = farthest > nearest ? (1.0 / nearest - least_) / (kLevels - 1) : 0;
-
+  const cv::Mat known = inverse_depth_ > 0;
   laplacian_.release();
   hidden_ = 0;
-  level_.create(grid, CV_16UC1);
-  known_.create(grid, CV_32FC1);
-  for (int v = 0; v < grid.height; ++v) {
-    const auto* from = coarse.ptr<std::uint16_t>(v);
-    auto* level = level_.ptr<std::uint16_t>(v);
-    float* known = known_.ptr<float>(v);
-    for (int u = 0; u < grid.width; ++u) {
-      const double steps = from[u] > 0 && level_step_ > 0 ? (1.0 / from[u] - least_) / level_step_ : 0;
-      level[u] = static_cast<std::uint16_t>(from[u] > 0 ? std::lround(steps) : kUnknown);
-      known[u] = from[u] > 0 ? 1.0f : 0.0f;
-    }
-  }
+
   slabs_.clear();
-  for (int i = 0; i < kSlabs && least_ > 0; ++i) {
-    const int end = kLevels - i * kLevels / kSlabs, begin = kLevels - (i + 1) * kLevels / kSlabs;
+  double least = 0, most = 0;
+  cv::minMaxLoc(inverse_depth_, &least, &most, nullptr, nullptr, known);
+  for (int i = 0; i < kSlabs && least < most; ++i) {
+    const double near = most - i * (most - least) / kSlabs, far = most - (i + 1) * (most - least) / kSlabs;
     cv::Mat cells;
-    cv::inRange(level_, begin, end - 1, cells);
-    slabs_.push_back({1 / (least_ + 0.5 * (begin + end) * level_step_), cells, cv::Mat()});
+    cv::inRange(inverse_depth_, i + 1 < kSlabs ? far : least, i > 0 ? near : most, cells);
+    slabs_.push_back({2 / (near + far), cells, cv::Mat()});
   }
   setPicture(cv::Mat::zeros(grid, CV_8UC1));
+
   cv::GaussianBlur(doubt, constant_, cv::Size(), edge_error_px_);
   constant_ *= kPrediction.hole_error * kPrediction.hole_error;
-  cv::GaussianBlur(known_, known_, cv::Size(), edge_error_px_);
-  for (int v = 0; v < grid.height; ++v) {
-    float* known = known_.ptr<float>(v);
-    for (int u = 0; u < grid.width; ++u) known[u] = known[u] > kPrediction.least_known ? 1 / known[u] : 0;
-  }
+  known.convertTo(per_known_, CV_32F, 1.0 / 255);
+  cv::GaussianBlur(per_known_, per_known_, cv::Size(), edge_error_px_);
+  for (float& share : per_known_) share = share > kPrediction.least_known ? 1 / share : 0;
 }
 
 void DefocusPrediction::addTexture(const cv::Mat& sharpness, double noise) {
@@ -142,25 +123,20 @@ void DefocusPrediction::addTexture(const cv::Mat& sharpness, double noise) {
     throw std::invalid_argument("defocus: texture must be CV_32FC1 and not empty");
   }
   // The largest of a cell and its neighbours, because blur brings their light here.
-  cv::resize(sharpness, texture_, level_.size(), 0, 0, cv::INTER_AREA);
-  cv::dilate(texture_, texture_, cv::Mat());
-  cv::subtract(texture_, kNoiseMargin * noise, texture_);
-  if (laplacian_.empty()) laplacian_ = cv::Mat(level_.size(), CV_32FC1, cv::Scalar(0));
-  cv::max(laplacian_, texture_, laplacian_);
+  cv::Mat texture;
+  cv::resize(sharpness, texture, inverse_depth_.size(), 0, 0, cv::INTER_AREA);
+  cv::dilate(texture, texture, cv::Mat());
+  texture -= kNoiseMargin * noise;
+  if (laplacian_.empty()) laplacian_ = cv::Mat1f::zeros(texture.size());
+  cv::max(laplacian_, texture, laplacian_);
   hidden_ = std::max(hidden_, static_cast<float>(std::min(noise, kPrediction.most_hidden)));
 }
 
 void DefocusPrediction::setPicture(const cv::Mat& gray) {
   if (gray.type() != CV_8UC1 || gray.empty())
     throw std::invalid_argument("defocus: the picture must be CV_8UC1 and not empty");
-  cv::resize(gray, picture_, level_.size(), 0, 0, cv::INTER_AREA);
+  cv::resize(gray, picture_, inverse_depth_.size(), 0, 0, cv::INTER_AREA);
   for (Slab& slab : slabs_) cv::merge(std::vector<cv::Mat>{slab.cells, picture_ & slab.cells}, slab.light);
-}
-
-cv::Mat DefocusPrediction::known(const cv::Size& size) const {
-  cv::Mat known;
-  cv::resize(known_ > 0, known, size, 0, 0, cv::INTER_NEAREST);
-  return known;
 }
 
 void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
@@ -171,47 +147,39 @@ void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
   }
   // The texture is that of a coarser level: its pixels are the unit of the blur circle.
   const double unit_mm = pixel_pitch_mm_ * std::pow(2.0, static_cast<double>(texture_level_) - 1);
-  error_of_level_.assign(kLevels + 1, 0.0f);
-  for (int i = 0; i < kLevels && least_ > 0; ++i) {
-    const double b = blurCircle(optics_, 1 / (least_ + i * level_step_), focus_mm) / unit_mm;
-    const double error = std::isnan(focus_mm)
-                             ? kPrediction.unknown_focus_error
-                             : kPrediction.laplacian * std::min(b * b / 32, kPrediction.most_laplacians);
-    error_of_level_[i] = static_cast<float>(error * error);
-  }
-  error_.create(level_.size(), CV_32FC1);
-  for (int v = 0; v < level_.rows; ++v) {
-    const auto* level = level_.ptr<std::uint16_t>(v);
-    float* error = error_.ptr<float>(v);
-    for (int u = 0; u < level_.cols; ++u) error[u] = error_of_level_[level[u]];
-  }
+  const FrameBlur blur = frameBlur(optics_, unit_mm, 1 / focus_mm);
+  error_.create(inverse_depth_.size());
+  std::transform(inverse_depth_.begin(), inverse_depth_.end(), error_.begin(), [&](float inverse_depth) {
+    if (inverse_depth == 0) return 0.0f;
+    if (std::isnan(focus_mm)) return kPrediction.unknown_focus_error * kPrediction.unknown_focus_error;
+    const float b = 2 * blur.radius(inverse_depth);
+    const float error = kPrediction.laplacian * std::min(b * b / 32, kPrediction.most_laplacians);
+    return error * error;
+  });
   cv::GaussianBlur(error_, squared_error, cv::Size(), edge_error_px_);
   cv::add(squared_error, constant_, squared_error);
   // The mean over known depth. Where there is none, all frames get 0 alike.
-  cv::multiply(squared_error, known_, squared_error);
+  cv::multiply(squared_error, per_known_, squared_error);
   if (std::isnan(focus_mm)) return;
-  if (!laplacian_.empty()) {
-    for (int v = 0; v < squared_error.rows; ++v)
-      weigh(laplacian_.ptr<float>(v), hidden_, squared_error.cols, squared_error.ptr<float>(v));
-  }
+  if (!laplacian_.empty()) weigh(laplacian_[0], hidden_, squared_error.total(), squared_error.ptr<float>());
   addGlow(focus_mm, squared_error);
 }
 
 void DefocusPrediction::addGlow(double focus_mm, cv::Mat& squared_error) {
-  // Discs of the slabs so far: share that they cover and their light; nearer_: of those nearer than the cell.
-  covered_ = cv::Mat::zeros(level_.size(), CV_8UC2);
-  nearer_ = cv::Mat::zeros(level_.size(), CV_8UC2);
+  // Discs of the slabs so far: share that they cover and their light; nearer_light: of those nearer than a
+  // cell.
+  cv::Mat covered = cv::Mat::zeros(inverse_depth_.size(), CV_8UC2);
+  cv::Mat nearer_light = cv::Mat::zeros(inverse_depth_.size(), CV_8UC2), disc;
   for (std::size_t i = kFirstBehind; i < slabs_.size(); ++i) {
     const Slab& nearer = slabs_[i - kFirstBehind];
     // A disc wider than the picture, by wrong numbers maybe, would only take longer.
-    const double disc = std::min(blurCircle(optics_, nearer.depth_mm, focus_mm) / (pixel_pitch_mm_ * cell_),
-                                 static_cast<double>(level_.cols));
-    cv::GaussianBlur(nearer.light, disc_, cv::Size(), std::max(disc / 4, kPrediction.least_sigma));
-    covered_ += disc_;
-    covered_.copyTo(nearer_, slabs_[i].cells);
+    const double width = std::min(blurCircle(optics_, nearer.depth_mm, focus_mm) / (pixel_pitch_mm_ * cell_),
+                                  static_cast<double>(inverse_depth_.cols));
+    cv::GaussianBlur(nearer.light, disc, cv::Size(), std::max(width / 4, kPrediction.least_sigma));
+    covered += disc;
+    covered.copyTo(nearer_light, slabs_[i].cells);
   }
-  for (int v = 0; v < level_.rows; ++v)
-    glow(nearer_.ptr(v), picture_.ptr(v), level_.cols, error_.ptr<float>(v));
+  glow(nearer_light.ptr(), picture_.ptr(), picture_.total(), error_[0]);
   cv::GaussianBlur(error_, error_, cv::Size(), edge_error_px_);
   cv::add(squared_error, error_, squared_error);
 }

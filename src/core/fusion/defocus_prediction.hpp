@@ -44,8 +44,8 @@ class DefocusPrediction {
   /// The first frame, in gray levels, CV_8UC1: how surfaces look. Without it they all look alike.
   void setPicture(const cv::Mat& gray);
 
-  /// Where depth predicts the blur: CV_8UC1 of that size, 255 or 0.
-  cv::Mat known(const cv::Size& size) const;
+  /// Where depth predicts the blur: CV_8UC1, 255 or 0, on the grid.
+  cv::Mat known() const { return per_known_ > 0; }
 
   /// squared_error: CV_32FC1, on a grid about as coarse as edges are uncertain; upsample it linearly to the
   /// size of the frames. The same for all frames where depth is unknown, and for a frame whose focus_mm is
@@ -68,17 +68,15 @@ class DefocusPrediction {
   double edge_error_px_ = 0;  // on the grid
   std::size_t texture_level_ = 1;
 
-  // Depth on a grid as coarse as its edges are uncertain. Inverse depth = 1 / depth, 1/mm.
-  double least_ = 0, level_step_ = 0;
-  cv::Mat level_;            // CV_16UC1, inverse depth in steps; kUnknown
-  cv::Mat constant_;         // CV_32FC1, error that all frames share: the doubt in filled depth
-  cv::Mat known_;            // CV_32FC1, 1 / share of known depth under the Gaussian; 0 where there is none
-  cv::Mat laplacian_;        // CV_32FC1, largest so far above the noise; empty: not known
+  // On a grid as coarse as the edges of depth are uncertain.
+  cv::Mat1f inverse_depth_;  // 1/mm, 0 = unknown
+  cv::Mat1f constant_;       // error that all frames share: the doubt in filled depth
+  cv::Mat1f per_known_;      // 1 / share of known depth under the Gaussian; 0 where there is none
+  cv::Mat1f laplacian_;      // largest so far above the noise; empty: not known
   float hidden_ = 0;         // Laplacian of texture that noise may hide
   std::vector<Slab> slabs_;  // the nearest first
   cv::Mat picture_;          // CV_8UC1, gray levels
-  std::vector<float> error_of_level_;
-  cv::Mat error_, texture_, disc_, covered_, nearer_;
+  cv::Mat1f error_;
 };
 
 }  // namespace all_in_focus::core

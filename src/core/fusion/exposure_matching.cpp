@@ -87,42 +87,34 @@ double ExposureMatching::gain(const cv::Mat& frame) const {
   return std::clamp(std::exp(exposure), 1 / kLargestGain, kLargestGain);
 }
 
+double codeWithGain(double code, double gain) {
+  return gain == 1 ? code : std::min(255.0, codeOf(gain * lightOf(code)));  // exactly itself
+}
+
+std::vector<float> gainLut(double gain, int depth) {
+  if (gain == 1) return {};
+  const double code_step = depth == CV_16U ? 1 / kDeepPerCode : 1;
+  std::vector<float> table(depth == CV_16U ? 65536 : 256);
+  for (std::size_t code = 0; code < table.size(); ++code)
+    table[code] =
+        static_cast<float>(kDeepPerCode * codeWithGain(code_step * static_cast<double>(code), gain));
+  return table;
+}
+
 cv::Mat withGain(const AlignedFrame& frame) {
-  if (frame.gain == 1) return frame.image.clone();
-  cv::Mat image;
-  if (frame.image.depth() == CV_16U) {
-    const std::vector<float> codes = gainLut16(frame.gain);
-    image = frame.image.clone();
-    image.forEach<cv::Vec3w>([&codes](cv::Vec3w& pixel, const int*) {
-      for (std::uint16_t& code : pixel.val) code = cv::saturate_cast<std::uint16_t>(codes[code]);
+  cv::Mat image = frame.image.clone();
+  const std::vector<float> lut = gainLut(frame.gain, image.depth());
+  if (lut.empty()) return image;
+  if (image.depth() == CV_8U) {
+    cv::Mat codes;
+    cv::Mat(lut).reshape(1, 1).convertTo(codes, CV_8U, 1 / kDeepPerCode);
+    cv::LUT(image, codes, image);
+  } else {
+    image.forEach<cv::Vec3w>([&lut](cv::Vec3w& pixel, const int*) {
+      for (std::uint16_t& code : pixel.val) code = cv::saturate_cast<std::uint16_t>(lut[code]);
     });
-    return image;
   }
-  const std::array<float, 256> gray = gainLut(frame.gain);
-  cv::Mat1b codes(1, 256);
-  for (int i = 0; i < 256; ++i) codes(i) = cv::saturate_cast<std::uint8_t>(gray[static_cast<std::size_t>(i)]);
-  cv::LUT(frame.image, codes, image);
   return image;
-}
-
-std::array<float, 256> gainLut(double gain) {
-  std::array<float, 256> table;
-  for (int code = 0; code < 256; ++code) {
-    const double shown = gain == 1 ? code : codeOf(gain * lightOf(code));  // exactly itself
-    table[code] = static_cast<float>(std::min(255.0, shown));
-  }
-  return table;
-}
-
-std::vector<float> gainLut16(double gain) {
-  std::vector<float> table(65536);
-  for (std::size_t code = 0; code < table.size(); ++code) {
-    const double shown =
-        gain == 1 ? static_cast<double>(code)
-                  : kDeepPerCode * codeOf(gain * lightOf(static_cast<double>(code) / kDeepPerCode));
-    table[code] = static_cast<float>(std::min(65535.0, shown));
-  }
-  return table;
 }
 
 }  // namespace all_in_focus::core

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
 #include <opencv2/core.hpp>
+#include <vector>
 
 namespace all_in_focus::core {
 
@@ -36,10 +36,10 @@ class ExposureMatching {
   Blocks reference_;
 };
 
-/// 8-bit code -> the code that the reference would have shown, 0..255, not rounded.
-std::array<float, 256> gainLut(double gain);
+/// The code, 0..255, that the reference would have shown.
+double codeWithGain(double code, double gain);
 
-/// The same for codes of 16 bits, 65536 of them.
-std::vector<float> gainLut16(double gain);
+/// The same for each code of a frame, CV_8U or CV_16U, in codes of 16 bits, not rounded; empty: as they are.
+std::vector<float> gainLut(double gain, int depth);
 
 }  // namespace all_in_focus::core

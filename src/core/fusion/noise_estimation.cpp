@@ -81,7 +81,7 @@ void measure(const cv::Mat1f& rows, int x, Blocks& blocks) {
 
 // Blocks of a level, or of its difference to that of another frame, divided by the root of 2; of every other
 // row of blocks where that leaves plenty.
-Blocks measure(const cv::Mat& level, const cv::Mat& other = {}) {
+Blocks blocksOf(const cv::Mat& level, const cv::Mat& other) {
   Blocks blocks;
   const int step = level.total() > kNoise.plenty * kBlock * kBlock ? 2 * kBlock : kBlock;
   for (int y = 1; y + kBlock < level.rows; y += step) {
@@ -119,23 +119,21 @@ cv::Mat nextLevel(const cv::Mat& image) {
 }
 
 NoiseSpectrum NoiseSpectrum::of(const cv::Mat& gray, std::vector<cv::Mat> others) {
-  const auto is_copy = [&](const cv::Mat& other) { return cv::norm(gray, other, cv::NORM_INF) == 0; };
-  others.erase(std::remove_if(others.begin(), others.end(), is_copy), others.end());
   NoiseSpectrum noise;
   for (cv::Mat level = gray;; level = nextLevel(level)) {
     std::optional<double> least;
-    const auto lower = [&](const std::optional<double>& found) {
+    const auto measure = [&](const cv::Mat& a, const cv::Mat& b = {}) {
+      const std::optional<double> found = noiseOf(blocksOf(a, b), /*is_finest=*/noise.measured_.empty());
       if (found) least = std::min(*found, least.value_or(*found));
     };
-    const bool is_finest = noise.measured_.empty();
-    lower(noiseOf(measure(level), is_finest));
-    for (const cv::Mat& other : others) {
-      lower(noiseOf(measure(other), is_finest));
-      lower(noiseOf(measure(level, other), is_finest));
+    measure(level);
+    for (cv::Mat& other : others) {
+      measure(other);
+      measure(level, other);
+      other = nextLevel(other);
     }
     if (!least) return noise;
     noise.measured_.push_back(*least);
-    std::transform(others.begin(), others.end(), others.begin(), nextLevel);
   }
 }
 

@@ -33,7 +33,7 @@ class NoiseSpectrum {
   /// picture, that of each other frame, and that of its difference to the picture, divided by the root of 2.
   /// Texture that two frames show alike is no part of their difference, noise is. Frames may differ in blur,
   /// motion and exposure: that only adds to the difference. A frame with too few blocks, as a black or white
-  /// one, does not count, nor does a copy of the picture.
+  /// one, does not count. None may be a copy of the picture.
   /// gray, others: CV_8UC1 of one size, not empty.
   static NoiseSpectrum of(const cv::Mat& gray, std::vector<cv::Mat> others = {});
 

@@ -18,7 +18,8 @@ namespace all_in_focus::core {
 /// finest level. The coarser ones measure what is flat there; they reach farther, across thin things, too, so
 /// those from level 2 on count a little less. They also reach across depth edges, so where depth predicts the
 /// blur (`predicted`), the product of the coarser ones counts by its square root (of level 2 and coarser
-/// ones: instead of by the power 3/4).
+/// ones: instead of by the power 3/4). In pictures of 1810 px width and more the first of these is the level
+/// that is finer by one than textureLevel(), because depth edges are uncertain by more pixels there.
 ///
 /// s_0 of a `resampled` frame is multiplied by 0.85: resampling takes away the finest detail, and its errors
 /// look like detail.
@@ -37,59 +38,36 @@ class SharpnessPyramid {
   /// The noise of a frame, and what makes its contrast that of the reference.
   struct Gauge {
     NoiseSpectrum noise;
-    double contrast = 1;  ///< factor, > 0
-    bool scales = true;   ///< false: level 0 alone, for comparison
-    bool trust = false;   ///< count a frame that is sharp nowhere as hardly sharp everywhere
-    /// CV_8UC1; not 0: depth predicts the blur there; empty: nowhere. Its size is that of a level: the
-    /// product of that one and all coarser ones counts by its square root there.
-    cv::Mat predicted{};
+    double contrast = 1;     ///< factor, > 0
+    bool scales = true;      ///< false: level 0 alone, for comparison
+    bool trust = false;      ///< count a frame that is sharp nowhere as hardly sharp everywhere
+    cv::Mat predicted{};     ///< CV_8UC1, any size; not 0: depth predicts the blur there; empty: nowhere
     bool resampled = false;  ///< the frame was brought into the geometry of another
     cv::Mat lights{};        ///< CV_8UC1, see clippedLights(), the same for all frames; empty: none
   };
 
-  /// What a thread keeps from one block of rows to the next.
-  struct Buffers {
-    cv::Mat1f pixels, laplacian, sharpness;
-    std::vector<float> coarser;
-  };
-
-  static constexpr int kBlockRows = 64;  ///< so many rows at a time stay in the cache
-
   /// Level 1 of a picture 640 px wide, and the level of that size in a larger one.
   static std::size_t textureLevel(int width);
-
-  /// Size of that level of a picture, or of its coarsest one.
-  static cv::Size levelSize(const cv::Size& size, size_t level);
 
   /// gray: CV_8UC1, not empty, else std::invalid_argument; must outlive the rows.
   void begin(const cv::Mat& gray, const Gauge& gauge);
 
-  /// The product in some rows, best kBlockRows of them, > 0; valid until the next call with the same buffers.
-  /// Products stay below 1e38 for frames of up to a gigapixel.
-  cv::Mat1f& compute(const cv::Range& rows, Buffers& buffers) const;
+  /// The product in some rows, > 0. Products stay below 1e38 for frames of up to a gigapixel.
+  cv::Mat1f compute(const cv::Range& rows) const;
 
   /// contrast s_l of the frame at textureLevel(), or at the coarsest level, CV_32FC1; empty if there is only
   /// one.
   const cv::Mat& texture() const { return texture_; }
 
  private:
-  struct Level {
-    cv::Mat image;    ///< CV_32FC1, gray levels
-    cv::Mat product;  ///< CV_32FC1, of this level and all coarser ones
-    cv::Mat lights;   ///< CV_8UC1; empty: none
-    float floor = 0;  ///< n_l
-  };
-
-  void computeProduct(size_t level);
+  void multiply(const cv::Mat& image, size_t level, bool is_texture);
   float trust(double noise) const;
 
   cv::Mat gray_;
-  float contrast_ = 1, finest_contrast_ = 1, trust_ = 1;
-  size_t count_ = 0;  ///< of levels
-  size_t texture_level_ = 1;
-  std::vector<Level> levels_;  ///< maybe more, from a larger frame before; level 0 has no image: gray_
-  std::vector<Buffers> strips_;
-  cv::Mat texture_, root_, far_root_;
+  Gauge gauge_;
+  float trust_ = 1;
+  cv::Mat1f product_;  ///< of all coarser levels than the present one; empty: there are none
+  cv::Mat1f texture_;
 };
 
 }  // namespace all_in_focus::core

@@ -9,21 +9,13 @@
 #include <limits>
 #include <utility>
 
+#include "all_in_focus/codes.hpp"
 #include "all_in_focus/fusion.hpp"
-#include "util/image_rows.hpp"
 #include "util/row_strips.hpp"
 #include "util/simd.hpp"
 
 namespace all_in_focus::core {
 namespace {
-
-// cv::saturate_cast<std::uint8_t>(value), which rounds half to even, in a form that compilers vectorise.
-// |value| < 2^22.
-inline std::uint8_t roundToCode(float value) {
-  constexpr float kInteger = 3 << 22;  // floats near it have no fraction, so that adding it rounds
-  const int code = static_cast<int>((value + kInteger) - kInteger);
-  return static_cast<std::uint8_t>(std::min(std::max(code, 0), 255));
-}
 
 constexpr struct MeanParameters {
   double rounding = 1.0 / 12;  // variance of rounding to 8 bits, which is noise, too
@@ -49,16 +41,14 @@ float steepnessOf(double noise) {
 // Added to divisors. Avoids a division by 0 and changes no other weight.
 constexpr float kNoWeight = std::numeric_limits<float>::min();
 
-constexpr int kUnit = 128;  // of a gray level in the mean: 15 bits
-
 constexpr int kSpan = 512;  // pixels worked on at a time: what they need stays in the L1 cache
 
 // What follows works on a span of one row, n <= kSpan pixels.
 
-// weight: the power of the sharpness in units of the sharpest frame's, this one included; keep: what remains
-// of older sums in these units.
-ALL_IN_FOCUS_SIMD void weighSharpness(const float* sharpness, float steep, int n, float* sharpest,
-                                      float* keep, float* weight) {
+// weight: the power of the sharpness in units of the sharpest frame's, this one included, over the expected
+// error; keep: what remains of older sums in these units.
+ALL_IN_FOCUS_SIMD void weigh(const float* sharpness, const float* squared_error, float floor, float steep,
+                             int n, float* sharpest, float* keep, float* weight) {
   for (int i = 0; i < n; ++i) {
     const float less = std::min(sharpness[i], sharpest[i]), more = std::max(sharpness[i], sharpest[i]);
     const float share = std::max(less / more, kMean.least_share);
@@ -66,25 +56,21 @@ ALL_IN_FOCUS_SIMD void weighSharpness(const float* sharpness, float steep, int n
     const float power = fourth * fourth * (1 - steep + steep * fourth);
     const bool sharper = sharpness[i] > sharpest[i];
     keep[i] = sharper ? power : 1;
-    weight[i] = sharper ? 1 : power;
+    weight[i] = (sharper ? 1 : power) / (squared_error[i] + floor);
     sharpest[i] = more;
   }
 }
 
-ALL_IN_FOCUS_SIMD void weighError(const float* squared_error, float floor, int n, float* weight) {
-  for (int i = 0; i < n; ++i) weight[i] /= squared_error[i] + floor;
-}
-
-// Adds the weight to what remains of the sum. share: of the weight in the new sum.
-ALL_IN_FOCUS_SIMD void addWeights(const float* keep, const float* weight, int n, float* sum, float* share) {
+// before: the sum without the frame; share: of the weight in the new sum.
+ALL_IN_FOCUS_SIMD void addWeights(const float* before, const float* weight, int n, float* sum, float* share) {
   for (int i = 0; i < n; ++i) {
-    sum[i] = keep[i] * sum[i] + weight[i];
+    sum[i] = before[i] + weight[i];
     share[i] = weight[i] / (sum[i] + kNoWeight);
   }
 }
 
-// Of frames of which a part counts. before: the sum without the frame, 0: the first frame there has nothing
-// to fade into; sum: with the frame, then as much as later frames are to be compared with.
+// Of frames of which a part counts. The first frame there, before = 0, has nothing to fade into. sum: with
+// the frame, then as much as later frames are to be compared with.
 void fade(const float* part, const float* before, int n, float* sum, float* share) {
   constexpr float kLeast = 1e-8f;
   for (int i = 0; i < n; ++i) {
@@ -94,69 +80,51 @@ void fade(const float* part, const float* before, int n, float* sum, float* shar
   }
 }
 
-// Shares 0..1 in 16 bits, times -2^15: with that sign 1 has a number, too.
-ALL_IN_FOCUS_SIMD void toFixedPoint(const float* share, int n, std::int16_t* __restrict fixed) {
-  for (int i = 0; i < n; ++i)
-    fixed[i] = static_cast<std::int16_t>(-static_cast<int>(share[i] * 32768 + 0.5f));
-}
-
-// Moves the mean towards the values by their shares (toFixedPoint()). n: of values, three a pixel; unit: what
-// a value of 1 is in the mean.
-template <typename Value>
-inline void moveBy(const Value* values, int unit, const std::int16_t* shares, int n,
-                   std::int16_t* __restrict mean) {
-  for (int i = 0; i < n; ++i) {
-    const auto way = static_cast<std::int16_t>(unit * values[i] - mean[i]);
-    const auto step =
-        static_cast<std::int16_t>(((way * shares[i] >> 14) + 1) >> 1);  // one instruction in AVX2
-    mean[i] = static_cast<std::int16_t>(mean[i] - step);
+// Reads codes as those of 16 bits, by a LUT or, where that is empty, as they are.
+template <typename Code>
+void decode(const Code* codes, const std::vector<float>& lut, int n, float* values) {
+  constexpr float kUnit = sizeof(Code) == 1 ? static_cast<float>(kDeepPerCode) : 1;
+  if (lut.empty()) {
+    for (int i = 0; i < n; ++i) values[i] = kUnit * codes[i];
+  } else {
+    for (int i = 0; i < n; ++i) values[i] = lut[codes[i]];
   }
 }
 
-ALL_IN_FOCUS_SIMD void moveTowardsCodes(const std::uint8_t* codes, const std::int16_t* shares, int n,
-                                        std::int16_t* __restrict mean) {
-  moveBy(codes, kUnit, shares, n, mean);
+ALL_IN_FOCUS_SIMD void threeTimes(const float* values, int n, float* __restrict out) {
+  for (int i = 0; i < n; ++i) out[3 * i] = out[3 * i + 1] = out[3 * i + 2] = values[i];
 }
 
-ALL_IN_FOCUS_SIMD void moveTowards(const std::int16_t* values, const std::int16_t* shares, int n,
-                                   std::int16_t* __restrict mean) {
-  moveBy(values, 1, shares, n, mean);
+// Moves the mean towards the values by their shares.
+ALL_IN_FOCUS_SIMD void moveTowards(const float* values, const float* shares, int n,
+                                   std::uint16_t* __restrict mean) {
+  for (int i = 0; i < n; ++i) {
+    const auto now = static_cast<float>(mean[i]);
+    mean[i] = static_cast<std::uint16_t>(static_cast<int>(now + shares[i] * (values[i] - now) + 0.5f));
+  }
 }
 
-void decode(const std::uint8_t* codes, const std::array<std::int16_t, 256>& lut, int n,
-            std::int16_t* values) {
-  for (int i = 0; i < n; ++i) values[i] = lut[codes[i]];
-}
-
-ALL_IN_FOCUS_SIMD void scale(const float* factor, int n, float* values) {
-  for (int i = 0; i < n; ++i) values[i] *= factor[i];
-}
-
-// 1 where the frame weighs more than all before, else 0
-ALL_IN_FOCUS_SIMD void choose(const float* weight, const float* most, int n, float* __restrict share) {
-  for (int i = 0; i < n; ++i) share[i] = weight[i] > most[i] ? 1.0f : 0.0f;
-}
-
-ALL_IN_FOCUS_SIMD void keepHeavier(const float* weight, std::uint16_t index, int n, float* most,
-                                   std::uint16_t* source) {
+ALL_IN_FOCUS_SIMD void keepHeavier(const float* keep, const float* weight, std::uint16_t index, int n,
+                                   float* most, std::uint16_t* source) {
+  for (int i = 0; i < n; ++i) most[i] *= keep[i];
   for (int i = 0; i < n; ++i) source[i] = weight[i] > most[i] ? index : source[i];
   for (int i = 0; i < n; ++i) most[i] = std::max(most[i], weight[i]);
 }
 
-ALL_IN_FOCUS_SIMD void toCodes(const std::int16_t* mean, int n, std::uint8_t* __restrict codes) {
-  for (int i = 0; i < n; ++i) codes[i] = static_cast<std::uint8_t>((mean[i] + kUnit / 2) / kUnit);
-}
-
-// 255 (1 - mean / greatest weight) frames / (frames - 1); 0 where there is none
-ALL_IN_FOCUS_SIMD void rate(const float* weights, const float* most, float frames, int n,
-                            std::uint8_t* __restrict out) {
-  const float scale = 255 * frames / (frames - 1);
-  for (int i = 0; i < n; ++i) {
-    out[i] = roundToCode(scale * (most[i] - weights[i] / frames) / (most[i] + kNoWeight));
-  }
-}
-
 }  // namespace
+
+std::vector<float> fadeAlong(const cv::Range& seen, int size) {
+  constexpr double kWidth = 0.5;  // over what the frame lacks
+  const auto part = [](int distance, int lacks) {
+    return std::min(1.0, (distance + 0.5) / (kWidth * lacks));
+  };
+  std::vector<float> parts(static_cast<std::size_t>(size), 1);
+  for (int i = seen.start; i < seen.end; ++i) {
+    parts[static_cast<std::size_t>(i)] =
+        static_cast<float>(part(i - seen.start, seen.start) * part(seen.end - 1 - i, size - seen.end));
+  }
+  return parts;
+}
 
 void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
   soft_ = kind.soft;
@@ -164,7 +132,7 @@ void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
   frames_ = 0;
   steep_ = kind.steep ? steepnessOf(noise) : 0;
   error_floor_ = static_cast<float>(kMean.rounding + kMean.noise_variances * noise * noise);
-  mean_.create(size, kind.deep ? CV_32FC3 : CV_16SC3);
+  mean_.create(size, CV_16UC3);
   mean_.setTo(0);
   sharpest_.create(size, CV_32FC1);
   sharpest_.setTo(0);
@@ -177,95 +145,52 @@ void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
   source_index_.setTo(kNoFrame);
 }
 
-void WeightedMean::beginFrame(int index, const std::array<float, 256>& lut) {
-  ++frames_;
-  index_ = static_cast<std::uint16_t>(index);
-  plain_ = true;
-  for (int code = 0; code < 256; ++code) {
-    lut_[code] = static_cast<std::int16_t>(std::lround(kUnit * std::clamp(lut[code], 0.0f, 255.0f)));
-    plain_ = plain_ && lut_[code] == kUnit * code;
-  }
-}
-
 void WeightedMean::beginFrame(int index, std::vector<float> lut) {
   ++frames_;
   index_ = static_cast<std::uint16_t>(index);
-  deep_lut_ = std::move(lut);
-}
-
-void WeightedMean::addRow(int y, const cv::Range& columns, const std::uint8_t* pixels,
-                          const EvidenceRow& evidence) {
-  addCodes(y, columns, pixels, evidence);
-}
-
-void WeightedMean::addRow(int y, const cv::Range& columns, const std::uint16_t* pixels,
-                          const EvidenceRow& evidence) {
-  addCodes(y, columns, pixels, evidence);
+  lut_ = std::move(lut);
 }
 
 template <typename Code>
-void WeightedMean::addCodes(int y, const cv::Range& columns, const Code* pixels,
-                            const EvidenceRow& evidence) {
+void WeightedMean::addRow(int y, const cv::Range& columns, const Code* pixels, const EvidenceRow& evidence) {
+  constexpr std::array<float, kSpan> kNoError{};
   for (int x = columns.start; x < columns.end; x += kSpan) {
     const int n = std::min(kSpan, columns.end - x);
-    std::array<float, kSpan> keep, weight, share;
-    weighSharpness(evidence.sharpness + x, steep_, n, sharpest_.ptr<float>(y) + x, keep.data(),
-                   weight.data());
-    if (evidence.squared_error) weighError(evidence.squared_error + x, error_floor_, n, weight.data());
-    chooseShares(keep.data(), weight.data(), {x, y}, n, evidence.part ? evidence.part + x : nullptr,
-                 share.data());
-    move(share.data(), pixels + 3 * x, {x, y}, n);
+    std::array<float, kSpan> keep, weight, before, share;
+    float* sum = weights_.ptr<float>(y) + x;
+    weigh(evidence.sharpness + x, evidence.squared_error ? evidence.squared_error + x : kNoError.data(),
+          error_floor_, steep_, n, sharpest_.ptr<float>(y) + x, keep.data(), weight.data());
+    std::transform(sum, sum + n, keep.begin(), before.begin(), std::multiplies<>());
+    addWeights(before.data(), weight.data(), n, sum, share.data());
+    if (evidence.part) fade(evidence.part + x, before.data(), n, sum, share.data());
+    if (choice_) {
+      auto* source = source_index_.ptr<std::uint16_t>(y) + x;
+      keepHeavier(keep.data(), weight.data(), index_, n, most_.ptr<float>(y) + x, source);
+      for (int i = 0; i < n && !soft_; ++i) share[i] = source[i] == index_ ? 1 : 0;
+    }
+    std::array<float, 3 * kSpan> values, shares;
+    decode(pixels + 3 * x, lut_, 3 * n, values.data());
+    threeTimes(share.data(), n, shares.data());
+    moveTowards(values.data(), shares.data(), 3 * n, mean_.ptr<std::uint16_t>(y) + 3 * x);
   }
 }
+template void WeightedMean::addRow(int, const cv::Range&, const std::uint8_t*, const EvidenceRow&);
+template void WeightedMean::addRow(int, const cv::Range&, const std::uint16_t*, const EvidenceRow&);
 
-void WeightedMean::chooseShares(const float* keep, const float* weight, const cv::Point& at, int n,
-                                const float* part, float* share) {
-  float* sum = weights_.ptr<float>(at.y) + at.x;
-  std::array<float, kSpan> before;
-  if (part) std::transform(sum, sum + n, keep, before.begin(), std::multiplies<>());
-  addWeights(keep, weight, n, sum, share);
-  if (part) fade(part, before.data(), n, sum, share);
-  if (!choice_) return;
-  float* most = most_.ptr<float>(at.y) + at.x;
-  scale(keep, n, most);
-  if (!soft_) choose(weight, most, n, share);
-  keepHeavier(weight, index_, n, most, source_index_.ptr<std::uint16_t>(at.y) + at.x);
-}
-
-void WeightedMean::move(const float* share, const std::uint8_t* pixels, const cv::Point& at, int n) {
-  std::array<std::int16_t, kSpan> fixed;
-  std::array<std::int16_t, 3 * kSpan> shares;
-  toFixedPoint(share, n, fixed.data());
-  threeTimes(fixed.data(), n, shares.data());
-  auto* mean = mean_.ptr<std::int16_t>(at.y) + 3 * at.x;
-  if (plain_) return moveTowardsCodes(pixels, shares.data(), 3 * n, mean);
-  std::array<std::int16_t, 3 * kSpan> values;
-  decode(pixels, lut_, 3 * n, values.data());
-  moveTowards(values.data(), shares.data(), 3 * n, mean);
-}
-
-void WeightedMean::move(const float* share, const std::uint16_t* pixels, const cv::Point& at, int n) {
-  auto* mean = mean_.ptr<float>(at.y) + 3 * at.x;
-  for (int i = 0; i < 3 * n; ++i) mean[i] += share[i / 3] * (deep_lut_[pixels[i]] - mean[i]);
-}
-
-cv::Mat WeightedMean::image() const {
-  if (mean_.depth() == CV_32F) {
-    cv::Mat image;
-    mean_.convertTo(image, CV_16U);
-    return image;
-  }
-  cv::Mat image(mean_.size(), CV_8UC3);
-  forEachRow(image.rows, [&](int y) { toCodes(mean_.ptr<std::int16_t>(y), 3 * image.cols, image.ptr(y)); });
+cv::Mat WeightedMean::image(int depth) const {
+  cv::Mat image;
+  mean_.convertTo(image, depth, depth == CV_8U ? 1 / kDeepPerCode : 1);
   return image;
 }
 
 cv::Mat WeightedMean::confidence() const {
   cv::Mat confidence(weights_.size(), CV_8UC1, cv::Scalar(255));
   if (frames_ < 2) return confidence;
+  const double frames = frames_;
   forEachRow(confidence.rows, [&](int y) {
-    rate(weights_.ptr<float>(y), most_.ptr<float>(y), static_cast<float>(frames_), confidence.cols,
-         confidence.ptr(y));
+    const cv::Mat most = most_.row(y);
+    cv::Mat row = confidence.row(y);
+    cv::divide(most - weights_.row(y) / frames, most + kNoWeight, row, 255 * frames / (frames - 1), CV_8U);
   });
   return confidence;
 }
