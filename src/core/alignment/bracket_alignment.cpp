@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "alignment/alignment_parameters.hpp"
 
@@ -35,8 +36,7 @@ void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, co
   observations_.clear();
   shifts_.clear();
   scenes_ = 0;
-  mismatch_.clear();
-  keys_.clear();
+  kept_.clear();
 }
 
 void BracketAlignment::observe(const cv::Mat& gray, int index, bool is_odd) {
@@ -47,8 +47,7 @@ void BracketAlignment::observe(const cv::Mat& gray, int index, bool is_odd) {
   if (observations_.count(index) > 0) {
     throw std::invalid_argument("alignment: frame " + std::to_string(index) + " has been observed before");
   }
-  current_.pyramid.build(gray);
-  current_.frame = {};
+  current_ = {ImagePyramid(gray), {}};
   current_.frame.index = index;
 
   if (observations_.empty()) {
@@ -58,47 +57,40 @@ void BracketAlignment::observe(const cv::Mat& gray, int index, bool is_odd) {
   } else if (const PairMeasurement found = measureFromKey(); found.correlation >= kAlignment.same_scene) {
     current_.frame.scene = key_.scene;
     if (found.converged || !placeByOthers(/*measured=*/true)) place(found);
-  } else {
-    const int scene = current_.frame.scene = scenes_;
-    noteMismatch(key_.scene, found.correlation);
-    if (!placeByOthers(/*measured=*/false)) {
-      ++scenes_;
-      observations_[index] = current_.frame;
-      std::swap(stray_, current_);
-      return;
-    }
-    mismatch_.erase(mismatch_.lower_bound({scene, 0}), mismatch_.end());
+  } else if (!placeByOthers(/*measured=*/false)) {
+    current_.frame.scene = scenes_++;
+    observations_[index] = current_.frame;
+    keep(current_);
+    return;
   }
   observations_[index] = current_.frame;
-  if (!is_odd) std::swap(last_, current_);
+  if (!is_odd) last_ = current_;
 }
 
 void BracketAlignment::reconsider(const cv::Mat& gray, int index, int reference) {
   const int scene = observations_.at(reference).scene;
-  current_.pyramid.build(gray);
-  current_.frame = observations_.at(index);
-  std::vector<const View*> views;
-  if (last_.frame.scene == scene) views.push_back(&last_);
-  for (auto key = keys_.rbegin(); key != keys_.rend(); ++key) {
-    if (key->frame.scene == scene) views.push_back(&*key);
-  }
-  if (!placeByOneOf(views, /*measured=*/false)) return;
+  current_ = {ImagePyramid(gray), observations_.at(index)};
+  const auto shows_scene = [scene](const Observation& frame) { return frame.scene == scene; };
+  if (!placeByOneOf(views(shows_scene), /*measured=*/false)) return;
   observations_[index] = current_.frame;
-  std::swap(last_, current_);
+  last_ = current_;
+}
+
+// The frame before and those that are kept, the latest first.
+std::vector<const BracketAlignment::View*> BracketAlignment::views(
+    const std::function<bool(const Observation&)>& wanted) const {
+  std::vector<const View*> result;
+  if (wanted(last_.frame)) result.push_back(&last_);
+  for (auto kept = kept_.rbegin(); kept != kept_.rend(); ++kept) {
+    if (wanted(kept->frame)) result.push_back(&*kept);
+  }
+  return result;
 }
 
 // Places the frame by another one than the key frame, if it fits one.
 bool BracketAlignment::placeByOthers(bool measured) {
-  std::vector<const View*> views;
-  if (scenes_ > 1) views.push_back(&stray_);
-  if (last_.frame.index != key_.index) views.push_back(&last_);
-  for (auto key = keys_.rbegin(); key != keys_.rend(); ++key) {
-    if (key->frame.index != key_.index) views.push_back(&*key);
-  }
-  if (!placeByOneOf(views, measured)) return false;
-  // Frames in turn show another scene than those before: the bracket goes on with theirs. It may return.
-  if (last_.frame.scene != current_.frame.scene) std::swap(last_, stray_);
-  return true;
+  return placeByOneOf(views([this](const Observation& frame) { return frame.index != key_.index; }),
+                      measured);
 }
 
 // Places the frame by the first of the views from which its motion can be measured; measured = false: or else
@@ -107,10 +99,9 @@ bool BracketAlignment::placeByOneOf(const std::vector<const View*>& views, bool 
   const View* found = nullptr;
   PairMeasurement best;
   for (const View* view : views) {
-    const PairMeasurement now = measureFrom(*view, {});
-    if (now.correlation < kAlignment.same_scene) {
-      noteMismatch(view->frame.scene, now.correlation);
-    } else if (now.converged || (!measured && (!found || now.correlation > best.correlation))) {
+    const PairMeasurement now = measureFrom(*view);
+    if (now.correlation < kAlignment.same_scene) continue;
+    if (now.converged || (!measured && (!found || now.correlation > best.correlation))) {
       found = view;
       best = now;
     }
@@ -123,16 +114,9 @@ bool BracketAlignment::placeByOneOf(const std::vector<const View*>& views, bool 
   return true;
 }
 
-void BracketAlignment::noteMismatch(int scene, double correlation) {
-  if (scene == current_.frame.scene) return;
-  const auto [at, is_new] =
-      mismatch_.emplace(std::minmax(scene, current_.frame.scene, std::greater<int>()), correlation);
-  if (!is_new) at->second = std::max(at->second, correlation);
-}
-
-PairMeasurement BracketAlignment::measureFrom(const View& view, const SimilarityTransform& guess) {
+PairMeasurement BracketAlignment::measureFrom(const View& view) {
   other_alignment_.setKey(view.pyramid, center_);
-  return other_alignment_.measure(current_.pyramid, {guess, {}});
+  return other_alignment_.measure(current_.pyramid, {});
 }
 
 PairMeasurement BracketAlignment::measureFromKey() {
@@ -142,7 +126,7 @@ PairMeasurement BracketAlignment::measureFromKey() {
                     largestDisplacement(direct.motion, size_, center_) <= kAlignment.far_from_key * radius_;
   const bool usable = last_.frame.index != key_.index && last_.frame.measured;
   if (near || direct.correlation < kAlignment.same_scene || !usable) return direct;
-  PairMeasurement step = measureFrom(last_, {});
+  PairMeasurement step = measureFrom(last_);
   if (!step.converged) return direct;
   makeKey(last_);
   return step;
@@ -155,15 +139,20 @@ void BracketAlignment::makeKey(const View& view) {
   key_.key_covariance += key_.covariance;
   key_.covariance = cv::Matx44d::zeros();
   observations_[key_.index] = key_;
-  const auto known = std::find_if(keys_.begin(), keys_.end(),
-                                  [this](const View& it) { return it.frame.index == key_.index; });
-  if (known != keys_.end()) {
-    std::rotate(known, known + 1, keys_.end());
+  keep(view);
+  kept_.back().frame = key_;
+}
+
+// Makes the view the latest of those that are kept.
+void BracketAlignment::keep(const View& view) {
+  const auto known = std::find_if(kept_.begin(), kept_.end(),
+                                  [&](const View& kept) { return kept.frame.index == view.frame.index; });
+  if (known != kept_.end()) {
+    std::rotate(known, known + 1, kept_.end());
   } else {
-    if (keys_.size() == kAlignment.most_keys) keys_.erase(keys_.begin());
-    keys_.push_back({view.pyramid.clone(), {}});
+    if (kept_.size() == kAlignment.most_keys) kept_.erase(kept_.begin());
+    kept_.push_back(view);
   }
-  keys_.back().frame = key_;
 }
 
 // Takes note of a pair that shows that the camera moved: by its own parallax, or because all pairs together
@@ -211,14 +200,13 @@ CameraMotion BracketAlignment::measureDrift(const cv::Mat& reference, const cv::
                                             const Placement& placement) {
   if (!reference.empty()) {
     last_drift_ = {};
-    current_.pyramid.build(reference);
-    drift_alignment_.setKey(current_.pyramid, center_);
+    drift_alignment_.setKey(ImagePyramid(reference), center_);
   }
-  current_.pyramid.build(gray);
+  const ImagePyramid pyramid(gray);
   // Where the camera has moved far, the pairs between or the frame before give a nearer start.
   for (const CameraMotion& start :
        {CameraMotion{placement, {}}, {placement, placement.parallax}, last_drift_}) {
-    const PairMeasurement found = drift_alignment_.measure(current_.pyramid, start, /*parallax=*/true);
+    const PairMeasurement found = drift_alignment_.measure(pyramid, start, /*parallax=*/true);
     if (!found.converged || cv::trace(found.parallax_covariance) > std::pow(kAlignment.noticeable, 2))
       continue;
     last_drift_ = {found.motion, found.parallax};
@@ -229,20 +217,14 @@ CameraMotion BracketAlignment::measureDrift(const cv::Mat& reference, const cv::
 
 void BracketAlignment::place(const PairMeasurement& measurement) {
   Observation& frame = current_.frame;
-  frame.scene = key_.scene;
-  frame.correlation = measurement.correlation;
+  const int index = frame.index;
+  if (!measurement.converged) frame = last_.frame.scene == key_.scene ? last_.frame : key_;
+  frame.index = index;
   frame.measured = measurement.converged;
-  if (!measurement.converged) {
-    const Observation& like = last_.frame.scene == key_.scene ? last_.frame : key_;
-    frame.motion = like.motion;
-    frame.parallax = like.parallax;
-    frame.key_covariance = like.key_covariance;
-    frame.covariance = like.covariance;
-    frame.tiles = like.tiles;
-    return;
-  }
+  if (!measurement.converged) return;
   noteParallax(measurement);
-  if (!knows_relief_) shifts_[frame.index] = measurement.shifts;
+  if (!knows_relief_) shifts_[index] = measurement.shifts;
+  frame.scene = key_.scene;
   frame.motion = compose(key_.motion, measurement.motion);
   frame.parallax = key_.parallax + measurement.parallax;
   frame.key_covariance = key_.key_covariance;
@@ -256,11 +238,6 @@ Placement BracketAlignment::placement(int index, int reference) const {
   Placement result;
   result.fits = to.scene == from.scene;
   result.measured = to.measured && result.fits;
-  result.correlation = to.correlation;
-  if (!result.fits) {
-    const auto found = mismatch_.find(std::minmax(to.scene, from.scene, std::greater<int>()));
-    result.correlation = found == mismatch_.end() ? std::nan("") : found->second;
-  }
   if (index == reference || !result.fits) return result;
 
   result.parallax = to.parallax - from.parallax;

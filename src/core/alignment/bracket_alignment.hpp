@@ -6,8 +6,6 @@
 #include <limits>
 #include <map>
 #include <opencv2/core.hpp>
-#include <optional>
-#include <utility>
 #include <vector>
 
 #include "alignment/pair_alignment.hpp"
@@ -19,10 +17,7 @@ namespace all_in_focus::core {
 struct Placement : SimilarityTransform {
   bool fits = true;      ///< false: it shows something else than the reference; no motion then
   bool measured = true;  ///< false: it could not be aligned and moves like the frame before it
-  /// Of its coarse local contrast with an earlier frame's. If it does not fit: the highest that a frame which
-  /// shows the same has with one that shows what the reference shows; NaN: none of them were compared.
-  double correlation = 1;
-  cv::Vec3d parallax;  ///< roughly: the sum over the pairs between; see CameraMotion
+  cv::Vec3d parallax;    ///< roughly: the sum over the pairs between; see CameraMotion
 };
 
 /// Aligns the frames of a focus bracket as they come. Memory does not grow but for a thousand numbers per
@@ -77,19 +72,19 @@ class BracketAlignment {
     cv::Matx44d covariance;      ///< of the motion from there
     double tiles = std::numeric_limits<double>::infinity();  ///< that tell it, see PairMeasurement
     bool measured = true;
-    double correlation = 1;
   };
   struct View {
     ImagePyramid pyramid;
     Observation frame;
   };
 
-  PairMeasurement measureFrom(const View& view, const SimilarityTransform& guess);
+  PairMeasurement measureFrom(const View& view);
   PairMeasurement measureFromKey();
   bool placeByOthers(bool measured);
+  std::vector<const View*> views(const std::function<bool(const Observation&)>& wanted) const;
   bool placeByOneOf(const std::vector<const View*>& views, bool measured);
-  void noteMismatch(int scene, double correlation);
   void makeKey(const View& view);
+  void keep(const View& view);
   void noteParallax(const PairMeasurement& measurement);
   bool isNoticeable(const CameraMotion& motion) const;
   void place(const PairMeasurement& measurement);
@@ -102,13 +97,12 @@ class BracketAlignment {
   std::map<int, Observation> observations_;
   std::map<int, CellShifts> shifts_;  ///< of the frames that were measured; only where no relief is known
   int scenes_ = 0;
-  std::map<std::pair<int, int>, double> mismatch_;  ///< highest correlation between two scenes
 
   CameraMotion last_drift_;  ///< that measureDrift() found
   Observation key_;
   PairAlignment key_alignment_, other_alignment_, drift_alignment_;
-  View current_, last_, stray_;  ///< stray: the last frame that shows another scene than the key frame
-  std::vector<View> keys_;       ///< the last key frames; the present one is the last
+  View current_, last_;
+  std::vector<View> kept_;  ///< the latest key frames, and first frames of scenes that fitted none
 };
 
 }  // namespace all_in_focus::core

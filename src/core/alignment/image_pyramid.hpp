@@ -12,11 +12,8 @@ namespace all_in_focus::core {
 /// level i.
 class ImagePyramid {
  public:
-  /// gray: CV_8UC1. Buffers are reused.
-  void build(const cv::Mat& gray);
-
-  /// A copy that does not share its pixels.
-  ImagePyramid clone() const;
+  ImagePyramid() = default;
+  explicit ImagePyramid(const cv::Mat& gray);  ///< CV_8UC1
 
   int levels() const { return static_cast<int>(images_.size()); }
   const cv::Mat& level(int i) const { return images_[i]; }  ///< CV_32FC1
@@ -27,7 +24,7 @@ class ImagePyramid {
 
  private:
   std::vector<cv::Mat> images_;
-  cv::Mat halved_, halved_again_, contrast_;
+  cv::Mat contrast_;
   int finest_reduction_ = 2;
 };
 

@@ -118,7 +118,7 @@ void PairAlignment::setKey(const ImagePyramid& key, const cv::Point2d& center) {
       }
     }
   }
-  key.contrast().copyTo(contrast_);
+  contrast_ = key.contrast();
 }
 
 ALL_IN_FOCUS_SIMD void PairAlignment::fill(const cv::Mat& image, const cv::Point& corner, Tile& tile) {
