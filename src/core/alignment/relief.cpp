@@ -11,7 +11,6 @@
 
 #include "alignment/alignment_parameters.hpp"
 #include "util/row_strips.hpp"
-#include "util/simd.hpp"
 #include "util/transparency.hpp"
 
 namespace all_in_focus::core {
@@ -90,68 +89,32 @@ cv::Mat1f reliefImage(const Relief& relief, const cv::Size& size) {
   return result;
 }
 
-namespace {
-
-// A row of the reference in the frame of a camera that has moved: where its first pixel lies there and how
-// far apart they lie, without relief and by relief.
-struct MovedRow {
-  cv::Point2d first, step, per_relief;
-  double per_relief_step;  // to the right; none down
-};
-
-MovedRow rowOf(const CameraMotion& motion, int y, const cv::Point2d& center, const cv::Size& size) {
-  const cv::Matx23d m = motion.matrix(center);
-  const cv::Point2d per_relief = motion.perRelief(cv::Point2d(0, y), center, size);
-  return {{m(0, 1) * y + m(0, 2), m(1, 1) * y + m(1, 2)},
-          {m(0, 0), m(1, 0)},
-          per_relief,
-          motion.perRelief(cv::Point2d(1, y), center, size).x - per_relief.x};
-}
-
-// Returns the farthest that one of n pixels lies above or below its own row y.
-ALL_IN_FOCUS_SIMD double mapRow(const MovedRow& row, int y, const float* relief, int n, cv::Vec2f* to) {
-  double farthest = 0;
-  for (int x = 0; x < n; ++x) {
-    const double there = row.first.y + row.step.y * x + relief[x] * row.per_relief.y;
-    to[x][0] = static_cast<float>(row.first.x + row.step.x * x +
-                                  relief[x] * (row.per_relief.x + row.per_relief_step * x));
-    to[x][1] = static_cast<float>(there);
-    farthest = std::max(farthest, std::abs(there - y));
-  }
-  return farthest;
-}
-
-// The largest relief of the pixels that lie in each cell between four pixels of the frame; the cell before
-// the first row or column is (0, 0). reach: how far a pixel lies above or below its row at most.
-cv::Mat1f nearestInCells(const cv::Mat2f& map, const cv::Mat1f& relief, int reach) {
-  cv::Mat1f nearest(map.rows + 1, map.cols + 1, -std::numeric_limits<float>::infinity());
-  forEachBlock({0, nearest.rows}, [&](const cv::Range& rows) {
-    // One row more on each side, for the rounding of the map.
-    const int from = std::max(0, rows.start - 2 - reach), to = std::min(map.rows, rows.end + 1 + reach);
-    for (int y = from; y < to; ++y) {
-      for (int x = 0; x < map.cols; ++x) {
-        const int column = cvFloor(map(y, x)[0]) + 1, row = cvFloor(map(y, x)[1]) + 1;
-        if (row < rows.start || row >= rows.end || column < 0 || column >= nearest.cols) continue;
-        nearest(row, column) = std::max(nearest(row, column), relief(y, x));
-      }
-    }
-  });
-  return nearest;
-}
-
-}  // namespace
-
 ParallaxView viewOf(const CameraMotion& motion, const cv::Mat1f& relief, const cv::Point2d& center) {
   const cv::Size size = relief.size();
+  const cv::Matx23d m = motion.matrix(center);
+  const cv::Vec3d parallax = motion.parallax;
+  const double radius = 0.5 * std::hypot(size.width, size.height);
+  // Displacement by relief, px.
+  const auto across = [&](int x) { return parallax[0] + parallax[2] * (x - center.x) / radius; };
+  const auto down = [&](int y) { return parallax[1] + parallax[2] * (y - center.y) / radius; };
   ParallaxView view{cv::Mat2f(size), cv::Mat1b(size)};
-  std::vector<double> farthest(size.height);
   forEachRow(size.height, [&](int y) {
-    farthest[y] = mapRow(rowOf(motion, y, center, size), y, relief[y], size.width, view.map[y]);
+    for (int x = 0; x < size.width; ++x) {
+      const double n = relief(y, x);
+      view.map(y, x) = {static_cast<float>(m(0, 0) * x + m(0, 1) * y + m(0, 2) + n * across(x)),
+                        static_cast<float>(m(1, 0) * x + m(1, 1) * y + m(1, 2) + n * down(y))};
+    }
   });
-  const int reach = cvCeil(*std::max_element(farthest.begin(), farthest.end()));
-  const cv::Mat1f nearest = nearestInCells(view.map, relief, reach);
+  // The largest relief of the pixels that lie in each cell between four pixels of the frame; the cell before
+  // the first row or column is (0, 0).
+  cv::Mat1f nearest(size.height + 1, size.width + 1, -std::numeric_limits<float>::infinity());
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      const cv::Point cell(cvFloor(view.map(y, x)[0]) + 1, cvFloor(view.map(y, x)[1]) + 1);
+      if (cv::Rect({}, nearest.size()).contains(cell)) nearest(cell) = std::max(nearest(cell), relief(y, x));
+    }
+  }
   forEachRow(size.height, [&](int y) {
-    const MovedRow row = rowOf(motion, y, center, size);
     for (int x = 0; x < size.width; ++x) {
       const cv::Point there(cvRound(view.map(y, x)[0]), cvRound(view.map(y, x)[1]));
       view.shown(y, x) = 0;
@@ -159,8 +122,7 @@ ParallaxView viewOf(const CameraMotion& motion, const cv::Mat1f& relief, const c
       const float* above = nearest[there.y] + there.x;
       const float* below = nearest[there.y + 1] + there.x;
       const double in_front = std::max({above[0], above[1], below[0], below[1]}) - relief(y, x);
-      const double px = std::hypot(row.per_relief.x + row.per_relief_step * x, row.per_relief.y);
-      view.shown(y, x) = in_front * px > kAlignment.hidden ? 0 : 255;
+      view.shown(y, x) = in_front * std::hypot(across(x), down(y)) > kAlignment.hidden ? 0 : 255;
     }
   });
   return view;
