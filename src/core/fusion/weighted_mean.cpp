@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <utility>
 
@@ -45,25 +44,23 @@ constexpr int kSpan = 512;  // pixels worked on at a time: what they need stays 
 
 // What follows works on a span of one row, n <= kSpan pixels.
 
+// Adds the weight of a frame to what remains of the sum of weights.
 // weight: the power of the sharpness in units of the sharpest frame's, this one included, over the expected
-// error; keep: what remains of older sums in these units.
-ALL_IN_FOCUS_SIMD void weigh(const float* sharpness, const float* squared_error, float floor, float steep,
-                             int n, float* sharpest, float* keep, float* weight) {
+// error; keep: what remains of older sums in these units; before: the sum without the frame; share: of the
+// weight in the new sum.
+ALL_IN_FOCUS_SIMD void addWeights(const float* sharpness, const float* squared_error, float floor,
+                                  float steep, int n, float* sharpest, float* sum, float* keep, float* weight,
+                                  float* before, float* share) {
   for (int i = 0; i < n; ++i) {
     const float less = std::min(sharpness[i], sharpest[i]), more = std::max(sharpness[i], sharpest[i]);
-    const float share = std::max(less / more, kMean.least_share);
-    const float square = share * share, fourth = square * square;
+    const float ratio = std::max(less / more, kMean.least_share);
+    const float square = ratio * ratio, fourth = square * square;
     const float power = fourth * fourth * (1 - steep + steep * fourth);
     const bool sharper = sharpness[i] > sharpest[i];
     keep[i] = sharper ? power : 1;
     weight[i] = (sharper ? 1 : power) / (squared_error[i] + floor);
     sharpest[i] = more;
-  }
-}
-
-// before: the sum without the frame; share: of the weight in the new sum.
-ALL_IN_FOCUS_SIMD void addWeights(const float* before, const float* weight, int n, float* sum, float* share) {
-  for (int i = 0; i < n; ++i) {
+    before[i] = keep[i] * sum[i];
     sum[i] = before[i] + weight[i];
     share[i] = weight[i] / (sum[i] + kNoWeight);
   }
@@ -158,10 +155,9 @@ void WeightedMean::addRow(int y, const cv::Range& columns, const Code* pixels, c
     const int n = std::min(kSpan, columns.end - x);
     std::array<float, kSpan> keep, weight, before, share;
     float* sum = weights_.ptr<float>(y) + x;
-    weigh(evidence.sharpness + x, evidence.squared_error ? evidence.squared_error + x : kNoError.data(),
-          error_floor_, steep_, n, sharpest_.ptr<float>(y) + x, keep.data(), weight.data());
-    std::transform(sum, sum + n, keep.begin(), before.begin(), std::multiplies<>());
-    addWeights(before.data(), weight.data(), n, sum, share.data());
+    addWeights(evidence.sharpness + x, evidence.squared_error ? evidence.squared_error + x : kNoError.data(),
+               error_floor_, steep_, n, sharpest_.ptr<float>(y) + x, sum, keep.data(), weight.data(),
+               before.data(), share.data());
     if (evidence.part) fade(evidence.part + x, before.data(), n, sum, share.data());
     if (choice_) {
       auto* source = source_index_.ptr<std::uint16_t>(y) + x;
