@@ -298,13 +298,4 @@ TEST(BracketAlignment, BeginsAnew) {
   EXPECT_NEAR(alignment.placement(1, 0).shift.x, 2, 0.02);
 }
 
-TEST(BracketAlignment, RefusesOtherFrames) {
-  BracketAlignment alignment = begun();
-  alignment.observe(frame({}), 0);
-  EXPECT_THROW(alignment.observe(frame({}), 0), std::invalid_argument);
-  EXPECT_THROW(alignment.observe(cv::Mat(10, 10, CV_8UC1), 1), std::invalid_argument);
-  EXPECT_THROW(alignment.observe(cv::Mat(kSize, CV_8UC3), 1), std::invalid_argument);
-  EXPECT_THROW(alignment.placement(0, 1), std::out_of_range);
-}
-
 }  // namespace

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
-#include <stdexcept>
 
 #include "fusion/defocus_prediction.hpp"
 
@@ -226,29 +225,6 @@ TEST(DefocusPrediction, CanBeginAnew) {
   const cv::Mat error = errorOf(prediction, 3000, {50, 25});
   EXPECT_EQ(error.size(), cv::Size(50, 25));
   expectEverywhere(error, expected(2000, 3000, 2 * kPitch));
-}
-
-TEST(DefocusPrediction, RefusesWhatItCannotUse) {
-  DefocusPrediction prediction;
-  const auto begin = [&](const cv::Mat& depth, const cv::Mat& measured, double pitch, const Optics& optics) {
-    prediction.begin(depth, measured, kSize, optics, pitch);
-  };
-  const cv::Mat depth = uniform(2000), none;
-  EXPECT_THROW(begin(none, none, kPitch, kOptics), std::invalid_argument);
-  EXPECT_THROW(begin(cv::Mat(kSize, CV_32FC1), none, kPitch, kOptics), std::invalid_argument);
-  EXPECT_THROW(begin(depth, cv::Mat(kSize, CV_8UC1), kPitch, kOptics), std::invalid_argument);
-  EXPECT_THROW(begin(depth, uniform(2000, {10, 6}), kPitch, kOptics), std::invalid_argument);
-  for (const double pitch : {0.0, -1.0, kUnknownFocus}) {
-    EXPECT_THROW(begin(depth, none, pitch, kOptics), std::invalid_argument) << pitch;
-  }
-  EXPECT_THROW(begin(depth, none, kPitch, {50, 0, 0.03}), std::invalid_argument);
-  begin(depth, none, kPitch, kOptics);
-  cv::Mat error;
-  for (const double focus : {-1000.0, 0.0, 49.9, 50.0}) {
-    EXPECT_THROW(prediction.compute(focus, error), std::invalid_argument) << focus;
-  }
-  EXPECT_THROW(prediction.setPicture({}), std::invalid_argument);
-  EXPECT_THROW(prediction.setPicture(depth), std::invalid_argument);
 }
 
 TEST(DefocusPrediction, BareSurfacesErrLessThanTexturedOnes) {

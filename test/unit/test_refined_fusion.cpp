@@ -6,7 +6,6 @@
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
-#include <stdexcept>
 
 #include "fusion/bracket_fusion.hpp"
 
@@ -352,19 +351,6 @@ TEST(ModeRefined, DoesNotDependOnTheNumberOfThreads) {
     }
   }
   cv::setNumThreads(threads);
-}
-
-TEST(ModeRefined, RefusesAnImpossibleScene) {
-  BracketFusion fusion;
-  BracketScene scene = TwoPlanes().scene;
-  scene.measured = cv::Mat(3, 3, CV_16UC1, cv::Scalar(1));
-  EXPECT_THROW(fusion.begin(scene, kSize, Mode::kRefined), std::invalid_argument);
-  scene = TwoPlanes().scene;
-  scene.optics.aperture = 0;
-  EXPECT_THROW(fusion.begin(scene, kSize, Mode::kRefined), std::invalid_argument);
-  scene = TwoPlanes().scene;
-  scene.camera->fx = 0;
-  EXPECT_THROW(fusion.begin(scene, kSize, Mode::kRefined), std::invalid_argument);
 }
 
 }  // namespace

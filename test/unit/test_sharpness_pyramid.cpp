@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <stdexcept>
 #include <vector>
 
 #include "fusion/sharpness_pyramid.hpp"
@@ -243,12 +242,6 @@ TEST(SharpnessPyramid, HandsOutTheSharpnessOfALevel) {
   EXPECT_EQ(texture({1280, 60}).size(), cv::Size(320, 15));
   EXPECT_EQ(texture({1280, 30}).size(), cv::Size(640, 15)) << "the coarsest there is";
   EXPECT_TRUE(texture({200, 20}).empty());
-}
-
-TEST(SharpnessPyramid, RefusesWhatIsNotGray) {
-  SharpnessPyramid pyramid;
-  EXPECT_THROW(pyramid.begin(cv::Mat(), {}), std::invalid_argument);
-  EXPECT_THROW(pyramid.begin(cv::Mat(4, 4, CV_8UC3), {}), std::invalid_argument);
 }
 
 }  // namespace

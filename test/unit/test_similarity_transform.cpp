@@ -137,10 +137,6 @@ TEST(WarpToReference, IsALanczosKernelAlsoAtTheGreatestContrast) {
   EXPECT_LT(different, all / 20);  // rounded the other way: 1 of 35
 }
 
-TEST(WarpToReference, RefusesGray) {
-  EXPECT_THROW(warpedToReference(cv::Mat(8, 8, CV_8UC1), {1.1, {}}, kCenter), std::invalid_argument);
-}
-
 TEST(SimilarityTransform, AFrameShowsARectangleOfTheReference) {
   const cv::Size size(640, 480);
   const cv::Point2d center(319.5, 239.5);

@@ -6,8 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <stdexcept>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -40,13 +38,6 @@ void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, co
 }
 
 void BracketAlignment::observe(const cv::Mat& gray, int index, bool is_odd) {
-  if (gray.type() != CV_8UC1 || gray.size() != size_) {
-    throw std::invalid_argument("alignment: frame " + std::to_string(index) +
-                                " must be CV_8UC1 and of the bracket's size");
-  }
-  if (observations_.count(index) > 0) {
-    throw std::invalid_argument("alignment: frame " + std::to_string(index) + " has been observed before");
-  }
   current_ = {ImagePyramid(gray), {}};
   current_.frame.index = index;
 

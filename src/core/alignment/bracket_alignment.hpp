@@ -34,9 +34,8 @@ class BracketAlignment {
   /// center: principal point, pixels. relief: of the reference, if known.
   void begin(const cv::Size& size, const cv::Point2d& center, const Relief& relief = {});
 
-  /// The next frame of the bracket. gray: CV_8UC1; index: any, each once. Throws std::invalid_argument on
-  /// another type, another size than the bracket's, or a known index.
-  /// is_odd: frames that follow are not measured against it.
+  /// The next frame of the bracket. gray: CV_8UC1, of its size; index: any, each once. is_odd: frames that
+  /// follow are not measured against it.
   void observe(const cv::Mat& gray, int index, bool is_odd = false);
 
   /// Measures an observed frame once more, against the frames of the reference's scene that have come since.

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstddef>
 #include <opencv2/imgproc.hpp>
-#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -111,8 +110,6 @@ void readAlong(const cv::Mat& row, const RowTaps& taps, float* out) {
 
 cv::Mat warpedToReference(const cv::Mat& frame, const SimilarityTransform& transform,
                           const cv::Point2d& center) {
-  if (frame.type() != CV_8UC3 && frame.type() != CV_16UC3)
-    throw std::invalid_argument("warp: the frame must be CV_8UC3 or CV_16UC3");
   if (transform.isIdentity()) return frame.clone();
   cv::Mat out(frame.size(), frame.type());
   if (transform.angle != 0) {

@@ -15,7 +15,7 @@ namespace all_in_focus::core {
 /// time of cv::warpAffine, and does not round positions to a 32nd of a pixel. A frame that rolls goes through
 /// cv::warpAffine with its cubic kernel.
 ///
-/// frame: CV_8UC3 or CV_16UC3, else std::invalid_argument. transform: from the reference to the frame.
+/// frame: CV_8UC3 or CV_16UC3. transform: from the reference to the frame.
 cv::Mat warpedToReference(const cv::Mat& frame, const SimilarityTransform& transform,
                           const cv::Point2d& center);
 

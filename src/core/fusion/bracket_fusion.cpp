@@ -78,7 +78,6 @@ void BracketFusion::beginRefined() {
   focal_length_mm_ = focal_px_ = 0;
   double pixel_pitch_mm = 0;
   if (scene_.camera) {
-    validate(*scene_.camera, "colour camera");
     // The camera may have been calibrated at another resolution.
     const double scale = static_cast<double>(size_.width) / scene_.camera->size.width;
     center_ = {(scene_.camera->cx + 0.5) * scale - 0.5, (scene_.camera->cy + 0.5) * scale - 0.5};

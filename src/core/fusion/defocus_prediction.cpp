@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
-#include <stdexcept>
 
 #include "fusion/sharpness_pyramid.hpp"
 #include "optics/disc_blur.hpp"
@@ -65,14 +64,6 @@ ALL_IN_FOCUS_SIMD void glow(const std::uint8_t* nearer, const std::uint8_t* pict
 
 void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, const cv::Size& size,
                               const Optics& optics, double pixel_pitch_mm) {
-  if (depth.type() != CV_16UC1 || depth.empty()) {
-    throw std::invalid_argument("defocus: depth must be CV_16UC1 and not empty");
-  }
-  if (!measured.empty() && (measured.type() != CV_16UC1 || measured.size() != depth.size())) {
-    throw std::invalid_argument("defocus: measured depth must be CV_16UC1 and of the size of the filled");
-  }
-  if (!(pixel_pitch_mm > 0)) throw std::invalid_argument("defocus: the pixel pitch must be positive");
-  validate(optics);
   optics_ = optics;
   pixel_pitch_mm_ = pixel_pitch_mm;
 
@@ -119,9 +110,6 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
 }
 
 void DefocusPrediction::addTexture(const cv::Mat& sharpness, double noise) {
-  if (sharpness.type() != CV_32FC1 || sharpness.empty()) {
-    throw std::invalid_argument("defocus: texture must be CV_32FC1 and not empty");
-  }
   // The largest of a cell and its neighbours, because blur brings their light here.
   cv::Mat texture;
   cv::resize(sharpness, texture, inverse_depth_.size(), 0, 0, cv::INTER_AREA);
@@ -133,18 +121,11 @@ void DefocusPrediction::addTexture(const cv::Mat& sharpness, double noise) {
 }
 
 void DefocusPrediction::setPicture(const cv::Mat& gray) {
-  if (gray.type() != CV_8UC1 || gray.empty())
-    throw std::invalid_argument("defocus: the picture must be CV_8UC1 and not empty");
   cv::resize(gray, picture_, inverse_depth_.size(), 0, 0, cv::INTER_AREA);
   for (Slab& slab : slabs_) cv::merge(std::vector<cv::Mat>{slab.cells, picture_ & slab.cells}, slab.light);
 }
 
 void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
-  if (focus_mm <= optics_.focal_length_mm) {
-    throw std::invalid_argument(
-        cv::format("defocus: focus distance %g mm is not beyond the focal length, %g mm", focus_mm,
-                   optics_.focal_length_mm));
-  }
   // The texture is that of a coarser level: its pixels are the unit of the blur circle.
   const double unit_mm = pixel_pitch_mm_ * std::pow(2.0, static_cast<double>(texture_level_) - 1);
   const FrameBlur blur = frameBlur(optics_, unit_mm, 1 / focus_mm);

@@ -26,7 +26,7 @@ namespace all_in_focus::core {
 class DefocusPrediction {
  public:
   /// depth: CV_16UC1 mm, 0 = unknown, seen from the colour camera, any size. measured: the same before holes
-  /// were filled, or empty. size: of the frames. pixel_pitch_mm: > 0. Throws std::invalid_argument.
+  /// were filled, or empty. size: of the frames. pixel_pitch_mm: > 0.
   void begin(const cv::Mat& depth, const cv::Mat& measured, const cv::Size& size, const Optics& optics,
              double pixel_pitch_mm);
 
@@ -49,7 +49,7 @@ class DefocusPrediction {
 
   /// squared_error: CV_32FC1, on a grid about as coarse as edges are uncertain; upsample it linearly to the
   /// size of the frames. The same for all frames where depth is unknown, and for a frame whose focus_mm is
-  /// NaN. focus_mm may be infinite; throws std::invalid_argument unless beyond f.
+  /// NaN. focus_mm is beyond f, may be infinite.
   void compute(double focus_mm, cv::Mat& squared_error);
 
  private:

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstddef>
 #include <opencv2/imgproc.hpp>
-#include <stdexcept>
 #include <vector>
 
 #include "all_in_focus/codes.hpp"
@@ -59,19 +58,7 @@ ExposureMatching::Blocks ExposureMatching::blocksOf(const cv::Mat& image) {
   return blocks;
 }
 
-void ExposureMatching::setReference(const cv::Mat& reference) {
-  if (reference.type() != CV_8UC1 && reference.type() != CV_8UC3) {
-    throw std::invalid_argument("exposure: the reference must be CV_8UC1 or CV_8UC3");
-  }
-  size_ = reference.size();
-  type_ = reference.type();
-  reference_ = blocksOf(reference);
-}
-
 double ExposureMatching::gain(const cv::Mat& frame) const {
-  if (frame.size() != size_ || frame.type() != type_) {
-    throw std::invalid_argument("exposure: the frame must be of the reference's size and type");
-  }
   const Blocks seen = blocksOf(frame);
   std::vector<float> ratios;
   for (int i = 0; i < static_cast<int>(seen.counts.total()); ++i) {

@@ -17,11 +17,10 @@ class ExposureMatching {
   static constexpr double kLargestGain = 2;
 
   /// reference: CV_8UC1 or CV_8UC3.
-  void setReference(const cv::Mat& reference);
+  void setReference(const cv::Mat& reference) { reference_ = blocksOf(reference); }
 
   /// Gain for a frame of the reference's size and type, aligned to it to a few pixels: 1 /
-  /// kLargestGain..kLargestGain, and 1 where it is not significant. Throws std::invalid_argument on another
-  /// size or type.
+  /// kLargestGain..kLargestGain, and 1 where it is not significant.
   double gain(const cv::Mat& frame) const;
 
  private:
@@ -31,8 +30,6 @@ class ExposureMatching {
   };
   static Blocks blocksOf(const cv::Mat& image);
 
-  cv::Size size_;
-  int type_ = 0;
   Blocks reference_;
 };
 

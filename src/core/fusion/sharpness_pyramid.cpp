@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <stdexcept>
 #include <vector>
 
 #include "util/row_strips.hpp"
@@ -104,9 +103,6 @@ void toProduct(const cv::Mat1f& coarser, const cv::Range& rows, float contrast, 
 }  // namespace
 
 void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
-  if (gray.type() != CV_8UC1 || gray.empty()) {
-    throw std::invalid_argument("sharpness: the image must be CV_8UC1 and not empty");
-  }
   gray_ = gray;
   gauge_ = gauge;
   trust_ = 1;

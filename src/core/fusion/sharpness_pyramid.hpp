@@ -49,7 +49,7 @@ class SharpnessPyramid {
   /// Level 1 of a picture 640 px wide, and the level of that size in a larger one.
   static std::size_t textureLevel(int width);
 
-  /// gray: CV_8UC1, not empty, else std::invalid_argument; must outlive the rows.
+  /// gray: CV_8UC1, not empty; must outlive the rows.
   void begin(const cv::Mat& gray, const Gauge& gauge);
 
   /// The product in some rows, > 0. Products stay below 1e38 for frames of up to a gigapixel.
