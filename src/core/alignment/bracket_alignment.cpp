@@ -37,7 +37,7 @@ void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, co
   kept_.clear();
 }
 
-void BracketAlignment::observe(const cv::Mat& gray, int index, bool is_odd) {
+void BracketAlignment::observe(const cv::Mat& gray, int index) {
   current_ = {ImagePyramid(gray), {}};
   current_.frame.index = index;
 
@@ -55,7 +55,7 @@ void BracketAlignment::observe(const cv::Mat& gray, int index, bool is_odd) {
     return;
   }
   observations_[index] = current_.frame;
-  if (!is_odd) last_ = current_;
+  last_ = current_;
 }
 
 void BracketAlignment::reconsider(const cv::Mat& gray, int index, int reference) {

@@ -34,9 +34,8 @@ class BracketAlignment {
   /// center: principal point, pixels. relief: of the reference, if known.
   void begin(const cv::Size& size, const cv::Point2d& center, const Relief& relief = {});
 
-  /// The next frame of the bracket. gray: CV_8UC1, of its size; index: any, each once. is_odd: frames that
-  /// follow are not measured against it.
-  void observe(const cv::Mat& gray, int index, bool is_odd = false);
+  /// The next frame of the bracket. gray: CV_8UC1, of its size; index: any, each once.
+  void observe(const cv::Mat& gray, int index);
 
   /// Measures an observed frame once more, against the frames of the reference's scene that have come since.
   void reconsider(const cv::Mat& gray, int index, int reference);

@@ -137,7 +137,7 @@ void BracketFusion::observeGray(int index, double focus_mm) {
   }
   focus_known_ = focus_known_ || !std::isnan(focus_mm);
   light_.observe(gray_, index);
-  if (config_.alignment) alignment_.observe(gray_, index, light_.isOdd(index, kMostLight));
+  if (config_.alignment) alignment_.observe(gray_, index);
   const bool is_behind = reference_ >= 0;
   if (predicts_ && !std::isnan(focus_mm)) lens_.observe(is_behind ? cv::Mat() : gray_, index, focus_mm);
   if (is_behind) return;

@@ -119,16 +119,6 @@ double FrameLight::jump(int index, int reference, double most) const {
   return are_near(ratio(index, last)) ? 1 : direct;
 }
 
-bool FrameLight::isOdd(int index, double most) const {
-  auto before = blocks_.find(index);
-  bool is_odd = before != blocks_.begin();
-  for (int i = 0; i < 2 && before != blocks_.begin(); ++i) {
-    const double light = ratio(index, (--before)->first);
-    is_odd = is_odd && (light > most || light < 1 / most);
-  }
-  return is_odd;
-}
-
 FrameGroup largestGroup(const FrameLight& light, const std::function<double(int, int)>& displacement,
                         double radius) {
   const auto change = [&light](int index, int earlier) {

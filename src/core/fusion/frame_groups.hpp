@@ -30,9 +30,6 @@ class FrameLight {
   /// that drifts is no fault of a frame.
   double jump(int index, int reference, double most) const;
 
-  /// Whether the light of an observed frame is more than `most` times that of both frames before it, or less.
-  bool isOdd(int index, double most) const;
-
   /// Share of the picture in which the light of two frames differs by more than a quarter from that ratio.
   double changed(int index, int other) const;
 
