@@ -30,12 +30,12 @@ cv::Mat meanOf(const std::vector<Frame>& frames) {
     mean.beginFrame(frame.code, {});
     const cv::Range columns(frame.seen.x, frame.seen.br().x), rows(frame.seen.y, frame.seen.br().y);
     const std::vector<float> fade_x = fadeAlong(columns, kSize.width), fade_y = fadeAlong(rows, kSize.height);
-    const std::vector<std::uint8_t> pixels(3 * kSize.width, static_cast<std::uint8_t>(frame.code));
+    const cv::Mat picture(kSize, CV_8UC3, cv::Scalar::all(frame.code));
     for (int y = frame.seen.y; y < frame.seen.br().y; ++y) {
       const std::vector<float> sharpness(kSize.width, frame.sharpness);
       std::vector<float> parts = fade_x;
       for (float& part : parts) part *= fade_y[y];
-      mean.addRow(y, columns, pixels.data(), {sharpness.data(), nullptr, parts.data()});
+      mean.addRow(y, columns, picture, {sharpness.data(), nullptr, parts.data()});
     }
   }
   cv::Mat red;

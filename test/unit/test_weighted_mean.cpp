@@ -51,7 +51,7 @@ void add(WeightedMean& mean, const cv::Mat& frame, const std::vector<float>& cod
   mean.beginFrame(index, codes);
   cv::parallel_for_({inside.y, inside.br().y}, [&](const cv::Range& rows) {
     for (int y = rows.start; y < rows.end; ++y) {
-      mean.addRow(y, {inside.x, inside.br().x}, frame.ptr<std::uint8_t>(y),
+      mean.addRow(y, {inside.x, inside.br().x}, frame,
                   {row(evidence.sharpness, y), row(evidence.squared_error, y)});
     }
   });

@@ -21,18 +21,6 @@ inline float spline(float a, float b, float c, float d, float f) {
          (g * g * g * a + (4 - 3 * f * f * (2 - f)) * b + (4 - 3 * g * g * (2 - g)) * c + f * f * f * d);
 }
 
-// Floats are right to 1e-4 px in levels of this size. NaN gives the first taps.
-ALL_IN_FOCUS_SIMD void findTaps(float begin, float step, int n, int length, int* __restrict first,
-                                float* __restrict fraction) {
-  const auto last = static_cast<float>(length - 2);
-  for (int i = 0; i < n; ++i) {
-    const float inside = std::min(std::max(1.0f, begin + step * static_cast<float>(i)), last);
-    const int whole = std::min(static_cast<int>(inside), length - 3);
-    first[i] = whole - 1;
-    fraction[i] = inside - static_cast<float>(whole);
-  }
-}
-
 using TapRows = std::array<const float*, 4>;
 
 // Values begin .. end - 1.
@@ -78,9 +66,10 @@ void normalize(std::array<float, N>& a) {
   for (float& value : a) value *= factor;
 }
 
-// Normalised correlation of the contrast of two frames; of two frames without any, 1. aligned: buffer.
+// Normalised correlation of the contrast of two frames; of two frames without any, 1.
 double correlation(const cv::Mat& key, const cv::Mat& frame, const SimilarityTransform& motion,
-                   const cv::Point2d& center, cv::Mat& aligned) {
+                   const cv::Point2d& center) {
+  cv::Mat aligned;
   cv::warpAffine(frame, aligned, motion.matrix(center), key.size(), cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
                  cv::BORDER_REPLICATE);
   const double floor =
@@ -186,11 +175,19 @@ bool PairAlignment::Shears::cover(const cv::Rect& tile) const {
   return true;
 }
 
-// Taps at begin, begin + step, ... of pixels 0..length-1; length >= 4.
+// Taps at begin, begin + step, ... of pixels 0..length-1; length >= 4. Floats are right to 1e-4 px in levels
+// of this size. NaN gives the first taps.
 void PairAlignment::Taps::prepare(double begin, double step, int count, int length) {
   first.resize(count);
   fraction.resize(count);
-  findTaps(static_cast<float>(begin), static_cast<float>(step), count, length, first.data(), fraction.data());
+  const auto start = static_cast<float>(begin), by = static_cast<float>(step),
+             last = static_cast<float>(length - 2);
+  for (int i = 0; i < count; ++i) {
+    const float inside = std::min(std::max(1.0f, start + by * static_cast<float>(i)), last);
+    const int whole = std::min(static_cast<int>(inside), length - 3);
+    first[i] = whole - 1;
+    fraction[i] = inside - static_cast<float>(whole);
+  }
 }
 
 // out[i] = spline of the picture where pixel at + (i, 0) lies in it.
@@ -387,7 +384,7 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const CameraMo
   }
   SimilarityTransform coarse = result.motion;
   coarse.shift *= 1 / levels_.back().reduction;
-  result.correlation = correlation(contrast_, frame.contrast(), coarse, levels_.back().center, aligned_);
+  result.correlation = correlation(contrast_, frame.contrast(), coarse, levels_.back().center);
   return result;
 }
 

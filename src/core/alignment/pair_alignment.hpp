@@ -119,7 +119,6 @@ class PairAlignment {
   Taps across_, along_;
   std::vector<float> row_, band_;  ///< of the frame: one row; a row of tiles
   std::vector<Pull> pulls_;
-  cv::Mat aligned_;
 };
 
 }  // namespace all_in_focus::core

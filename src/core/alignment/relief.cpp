@@ -20,21 +20,15 @@ Relief reliefOf(const cv::Mat& filled, const cv::Mat& measured) {
   if (filled.empty()) return relief;
   relief.filled = filled;
   relief.measured = measured.empty() ? filled : measured;
-  const int step = std::max(1, relief.measured.cols / 160);
-  double count = 0, sum = 0, squares = 0;
-  for (int y = step / 2; y < relief.measured.rows; y += step) {
-    for (int x = step / 2; x < relief.measured.cols; x += step) {
-      const std::uint16_t z = relief.measured(y, x);
-      if (z == 0) continue;
-      const double inverse = 1.0 / z;
-      count += 1;
-      sum += inverse;
-      squares += inverse * inverse;
-    }
-  }
-  if (count == 0) return relief;
-  relief.mean = sum / count;
-  relief.deviation = std::sqrt(std::max(squares / count - relief.mean * relief.mean, 0.0));
+  const double share = std::min(1.0, 160.0 / relief.measured.cols);
+  cv::Mat samples, inverse, mean, deviation;
+  const cv::Size size(cvRound(share * relief.measured.cols),
+                      std::max(1, cvRound(share * relief.measured.rows)));
+  cv::resize(relief.measured, samples, size, 0, 0, cv::INTER_NEAREST);
+  cv::divide(1, samples, inverse, CV_32F);
+  cv::meanStdDev(inverse, mean, deviation, samples != 0);
+  relief.mean = mean.at<double>(0);
+  relief.deviation = deviation.at<double>(0);
   if (relief.deviation < kAlignment.flat * relief.mean) relief.deviation = 0;
   return relief;
 }

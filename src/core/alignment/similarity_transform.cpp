@@ -26,10 +26,11 @@ cv::Matx23d SimilarityTransform::matrix(const cv::Point2d& center) const {
   return {x.x, y.x, origin.x, x.y, y.y, origin.y};
 }
 
-cv::Point2d CameraMotion::perRelief(const cv::Point2d& p, const cv::Point2d& center,
-                                    const cv::Size& size) const {
+cv::Point2d CameraMotion::apply(const cv::Point2d& p, double relief, const cv::Point2d& center,
+                                const cv::Size& size) const {
   const cv::Point2d outwards = (p - center) / (0.5 * std::hypot(size.width, size.height));
-  return cv::Point2d(parallax[0], parallax[1]) + parallax[2] * outwards;
+  return SimilarityTransform::apply(p, center) +
+         relief * (cv::Point2d(parallax[0], parallax[1]) + parallax[2] * outwards);
 }
 
 SimilarityTransform compose(const SimilarityTransform& first, const SimilarityTransform& second) {

@@ -35,11 +35,8 @@ struct CameraMotion : SimilarityTransform {
 
   bool hasParallax() const { return parallax != cv::Vec3d(); }
   bool isIdentity() const { return SimilarityTransform::isIdentity() && !hasParallax(); }
-  cv::Point2d perRelief(const cv::Point2d& p, const cv::Point2d& center, const cv::Size& size) const;
   cv::Point2d apply(const cv::Point2d& p, double relief, const cv::Point2d& center,
-                    const cv::Size& size) const {
-    return SimilarityTransform::apply(p, center) + relief * perRelief(p, center, size);
-  }
+                    const cv::Size& size) const;
 };
 
 /// First `first`, then `second`, both about the same centre.

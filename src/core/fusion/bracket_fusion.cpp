@@ -358,11 +358,7 @@ void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
                        [part = fade_y[y]](float along) { return part * along; });
         evidence.part = parts.data();
       }
-      if (depth_ == CV_16U) {
-        mean_.addRow(y, columns, frame.image.ptr<std::uint16_t>(y), evidence);
-      } else {
-        mean_.addRow(y, columns, frame.image.ptr<std::uint8_t>(y), evidence);
-      }
+      mean_.addRow(y, columns, frame.image, evidence);
     }
   });
 }

@@ -29,32 +29,23 @@ constexpr struct ExposureParameters {
   double noticeable = 0.002;  // a quarter of a code
 } kExposure{};
 
-// Linear light by code. Codes from kExposure.clipped on get so much light that their block counts as too
-// bright.
-const cv::Mat1f& lightOfCode() {
-  static const cv::Mat1f table = [] {
-    cv::Mat1f light(1, 256, 1e6f);
-    for (int code = 0; code < kExposure.clipped; ++code) light(code) = static_cast<float>(lightOf(code));
-    return light;
-  }();
-  return table;
-}
-
 }  // namespace
 
 ExposureMatching::Blocks ExposureMatching::blocksOf(const cv::Mat& image) {
   Blocks blocks;
   const cv::Size grid = image.size() / std::max(image.cols / kExposure.columns, kExposure.samples);
   if (grid.empty()) return blocks;
-  cv::Mat samples, light, squares;
+  cv::Mat samples, squares;
   cv::resize(image, samples, grid * kExposure.samples, 0, 0, cv::INTER_NEAREST);
-  cv::LUT(samples, lightOfCode(), light);
+  cv::Mat light = linearLight(samples, LightCurve::srgb());
+  // So much light that their block counts as too bright.
+  light.reshape(1).setTo(1e6, samples.reshape(1) >= kExposure.clipped);
   cv::resize(light.mul(light), squares, grid, 0, 0, cv::INTER_AREA);
   cv::resize(light, light, grid, 0, 0, cv::INTER_AREA);
   blocks.light = light.reshape(1);
   const cv::Mat1f contrast(squares.reshape(1) / blocks.light.mul(blocks.light) - 1);
-  const float dark = lightOfCode()(kExposure.dark), bright = lightOfCode()(kExposure.bright);
-  blocks.counts = (blocks.light > dark) & (blocks.light < bright) & (contrast < kExposure.textured);
+  blocks.counts = (blocks.light > lightOf(kExposure.dark)) & (blocks.light < lightOf(kExposure.bright)) &
+                  (contrast < kExposure.textured);
   return blocks;
 }
 

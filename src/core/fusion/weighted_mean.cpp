@@ -49,8 +49,9 @@ constexpr int kSpan = 512;  // pixels worked on at a time: what they need stays 
 // error; keep: what remains of older sums in these units; before: the sum without the frame; share: of the
 // weight in the new sum.
 ALL_IN_FOCUS_SIMD void addWeights(const float* sharpness, const float* squared_error, float floor,
-                                  float steep, int n, float* sharpest, float* sum, float* keep, float* weight,
-                                  float* before, float* share) {
+                                  float steep, int n, float* __restrict sharpest, float* __restrict sum,
+                                  float* __restrict keep, float* __restrict weight, float* __restrict before,
+                                  float* __restrict share) {
   for (int i = 0; i < n; ++i) {
     const float less = std::min(sharpness[i], sharpest[i]), more = std::max(sharpness[i], sharpest[i]);
     const float ratio = std::max(less / more, kMean.least_share);
@@ -148,8 +149,8 @@ void WeightedMean::beginFrame(int index, std::vector<float> lut) {
   lut_ = std::move(lut);
 }
 
-template <typename Code>
-void WeightedMean::addRow(int y, const cv::Range& columns, const Code* pixels, const EvidenceRow& evidence) {
+void WeightedMean::addRow(int y, const cv::Range& columns, const cv::Mat& frame,
+                          const EvidenceRow& evidence) {
   constexpr std::array<float, kSpan> kNoError{};
   for (int x = columns.start; x < columns.end; x += kSpan) {
     const int n = std::min(kSpan, columns.end - x);
@@ -165,13 +166,15 @@ void WeightedMean::addRow(int y, const cv::Range& columns, const Code* pixels, c
       for (int i = 0; i < n && !soft_; ++i) share[i] = source[i] == index_ ? 1 : 0;
     }
     std::array<float, 3 * kSpan> values, shares;
-    decode(pixels + 3 * x, lut_, 3 * n, values.data());
+    if (frame.depth() == CV_16U) {
+      decode(frame.ptr<std::uint16_t>(y) + 3 * x, lut_, 3 * n, values.data());
+    } else {
+      decode(frame.ptr<std::uint8_t>(y) + 3 * x, lut_, 3 * n, values.data());
+    }
     threeTimes(share.data(), n, shares.data());
     moveTowards(values.data(), shares.data(), 3 * n, mean_.ptr<std::uint16_t>(y) + 3 * x);
   }
 }
-template void WeightedMean::addRow(int, const cv::Range&, const std::uint8_t*, const EvidenceRow&);
-template void WeightedMean::addRow(int, const cv::Range&, const std::uint16_t*, const EvidenceRow&);
 
 cv::Mat WeightedMean::image(int depth) const {
   cv::Mat image;

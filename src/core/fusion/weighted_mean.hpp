@@ -51,10 +51,9 @@ class WeightedMean {
   /// (gainLut()); empty: as it is.
   void beginFrame(int index, std::vector<float> lut);
 
-  /// Adds row y. columns: those that the frame has seen; pixels: of the whole row, three codes of 8 or 16
-  /// bits each. Other threads may add other rows at the same time.
-  template <typename Code>
-  void addRow(int y, const cv::Range& columns, const Code* pixels, const EvidenceRow& evidence);
+  /// Adds row y of the frame, CV_8UC3 or CV_16UC3. columns: those that it has seen. Other threads may add
+  /// other rows at the same time.
+  void addRow(int y, const cv::Range& columns, const cv::Mat& frame, const EvidenceRow& evidence);
 
   cv::Mat image(int depth) const;                               ///< CV_8UC3 or CV_16UC3
   const cv::Mat& sourceIndex() const { return source_index_; }  ///< CV_16UC1
