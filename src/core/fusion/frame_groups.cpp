@@ -30,6 +30,18 @@ double medianOf(const cv::Mat& values) {
   return median(std::vector<float>(values.begin<float>(), values.end<float>()));
 }
 
+// The usual step to a frame from the nearer one of the two before it: an odd frame makes one long step, not
+// two. Infinite ones do not count.
+double usualStep(const std::vector<int>& frames, const std::function<double(int, int)>& distance) {
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    double step = distance(frames[i], frames[i - 1]) / (frames[i] - frames[i - 1]);
+    if (i > 1) step = std::min(step, distance(frames[i], frames[i - 2]) / (frames[i] - frames[i - 2]));
+    if (std::isfinite(step)) steps.push_back(step);
+  }
+  return median(steps);
+}
+
 }  // namespace
 
 void FrameLight::observe(const cv::Mat& gray, int index) {
@@ -67,13 +79,7 @@ FrameLight::Neighbours FrameLight::neighbours(int index, const std::function<boo
   std::vector<int> order(near.before.rbegin(), near.before.rend());
   order.push_back(index);
   order.insert(order.end(), near.behind.begin(), near.behind.end());
-  const auto step = [&](std::size_t i, std::size_t earlier) {
-    return changed(order[i], order[earlier]) / (order[i] - order[earlier]);
-  };
-  std::vector<double> steps;
-  for (std::size_t i = 1; i < order.size(); ++i)
-    steps.push_back(i == 1 ? step(1, 0) : std::min(step(i, i - 1), step(i, i - 2)));
-  near.usual = median(steps);
+  near.usual = usualStep(order, [this](int later, int earlier) { return changed(later, earlier); });
   for (const int other : order) near.differing += differs(index, other, near.usual) ? 1 : 0;
   near.alike = static_cast<int>(order.size()) - near.differing;
   return near;
@@ -124,29 +130,20 @@ FrameGroup largestGroup(const FrameLight& light, const std::function<double(int,
   const auto change = [&light](int index, int earlier) {
     return std::abs(std::log(light.ratio(index, earlier)));
   };
-  // The usual step to a frame from the nearer one of the two before it: an odd frame makes one long step, not
-  // two.
-  const auto usual = [&](const auto& measure) {
-    std::vector<double> steps;
-    std::vector<int> before;
-    for (const auto& [index, blocks] : light.frames()) {
-      double step = std::numeric_limits<double>::infinity();
-      for (const int earlier : before) {
-        if (displacement(index, earlier) >= 0)
-          step = std::min(step, measure(index, earlier) / (index - earlier));
-      }
-      if (std::isfinite(step)) steps.push_back(step);
-      before.push_back(index);
-      if (before.size() > 2) before.erase(before.begin());
-    }
-    return median(steps);
-  };
   const auto part = [&light](int index, int earlier) { return light.changed(index, earlier); };
+  std::vector<int> frames;
+  for (const auto& [index, blocks] : light.frames()) frames.push_back(index);
+  const auto usual = [&](const std::function<double(int, int)>& distance) {
+    return usualStep(frames, [&](int index, int earlier) {
+      return displacement(index, earlier) >= 0 ? distance(index, earlier)
+                                               : std::numeric_limits<double>::infinity();
+    });
+  };
   const double usual_shift = usual(displacement), usual_change = usual(change), usual_part = usual(part);
 
   std::vector<std::set<int>> runs;  // of frames that follow each other without a jump
-  for (const auto& [index, blocks] : light.frames()) {
-    const auto follows = [&, index = index](const std::set<int>& run) {
+  for (const int index : frames) {
+    const auto follows = [&](const std::set<int>& run) {
       const int last = *run.rbegin();
       const double steps = kGroups.usual_steps * (index - last), shift = displacement(index, last);
       return shift >= 0 && shift <= std::max(kSmallShift * radius, steps * usual_shift) &&
