@@ -44,16 +44,14 @@ void RegionFusion::begin(const cv::Mat& labels) {
   image_.setTo(cv::Scalar::all(0));
 
   runs_.clear();
-  row_begin_.assign(1, 0);
   for (int y = 0; y < labels.rows; ++y) {
     const auto* row = labels.ptr<std::int32_t>(y);
     for (int x = 0; x < labels.cols;) {
       const int begin = x, label = row[x];
       while (++x < labels.cols && row[x] == label) {
       }
-      runs_.push_back({begin, x, label});
+      runs_.push_back({y, begin, x, label});
     }
-    row_begin_.push_back(static_cast<int>(runs_.size()));
   }
   // Labels may be any numbers (label maps of other programs): regions are their ranks among those that occur.
   regions_.clear();
@@ -70,12 +68,7 @@ void RegionFusion::begin(const cv::Mat& labels) {
 
 void RegionFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index) {
   sums_.assign(regions_.size(), {});
-  for (int y = 0; y < size_.height; ++y) {
-    const auto* row = gray.ptr<std::uint8_t>(y);
-    for (int i = row_begin_[y]; i < row_begin_[y + 1]; ++i) {
-      addRun(row + runs_[i].begin, runs_[i].end - runs_[i].begin, sums_[runs_[i].region]);
-    }
-  }
+  for (const Run& run : runs_) addRun(gray.ptr(run.y) + run.begin, run.end - run.begin, sums_[run.region]);
 
   bool any_won = false;
   for (std::size_t r = 0; r < regions_.size(); ++r) {
@@ -99,13 +92,10 @@ void RegionFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index) {
 
 template <typename Pixel>
 void RegionFusion::copyWon(const cv::Mat& frame) {
-  for (int y = 0; y < size_.height; ++y) {
-    const auto* from = frame.ptr<Pixel>(y);
-    auto* to = image_.ptr<Pixel>(y);
-    for (int i = row_begin_[y]; i < row_begin_[y + 1]; ++i) {
-      const Run& run = runs_[i];
-      if (regions_[run.region].won) std::copy(from + run.begin, from + run.end, to + run.begin);
-    }
+  for (const Run& run : runs_) {
+    const auto* from = frame.ptr<Pixel>(run.y);
+    if (regions_[run.region].won)
+      std::copy(from + run.begin, from + run.end, image_.ptr<Pixel>(run.y) + run.begin);
   }
 }
 
@@ -119,11 +109,9 @@ cv::Mat RegionFusion::paint(int type, Value value) const {
   std::vector<Pixel> values(regions_.size());
   std::transform(regions_.begin(), regions_.end(), values.begin(), value);
   cv::Mat painted(size_, type);
-  for (int y = 0; y < size_.height; ++y) {
-    auto* row = painted.ptr<Pixel>(y);
-    for (int i = row_begin_[y]; i < row_begin_[y + 1]; ++i) {
-      std::fill(row + runs_[i].begin, row + runs_[i].end, values[runs_[i].region]);
-    }
+  for (const Run& run : runs_) {
+    auto* row = painted.ptr<Pixel>(run.y);
+    std::fill(row + run.begin, row + run.end, values[run.region]);
   }
   return painted;
 }

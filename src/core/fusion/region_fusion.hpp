@@ -42,8 +42,8 @@ class RegionFusion {
   template <typename Pixel>
   void copyWon(const cv::Mat& frame);
 
-  struct Run {  ///< pixels begin..end-1 of one row, all of one region
-    int begin, end, region;
+  struct Run {  ///< pixels begin..end-1 of row y, all of one region
+    int y, begin, end, region;
   };
   struct Region {
     int label;
@@ -58,7 +58,6 @@ class RegionFusion {
 
   cv::Size size_;
   std::vector<Run> runs_;
-  std::vector<int> row_begin_;
   std::vector<Region> regions_;
   std::vector<GraySums> sums_;
   cv::Mat image_;
