@@ -86,7 +86,6 @@ void BracketFusion::beginRefined() {
     pixel_pitch_mm = scene_.calibratedPitch() / scale;
   }
   lens_ = {};
-  predicted_.release();
   focus_known_ = linear_ = false;
   noise_ = {};
   held_.clear();
@@ -94,7 +93,6 @@ void BracketFusion::beginRefined() {
   predicts_ = config_.prediction && !scene_.depth.empty() && pixel_pitch_mm > 0;
   if (predicts_) {
     prediction_.begin(scene_.depth, scene_.measured, size_, scene_.optics, pixel_pitch_mm);
-    predicted_ = prediction_.known();
     lens_.begin(scene_, pixel_pitch_mm, size_, center_);
   }
   moved_mm_ = turned_ = 0;
@@ -230,7 +228,6 @@ void BracketFusion::checkLens() {
     return config_.alignment ? alignment_.placement(index, reference_) : Placement();
   });
   predicts_ = lens_.mayPredict();
-  if (!predicts_) predicted_.release();
   prediction_.setAperture(lens_.aperture());
 }
 
@@ -325,7 +322,7 @@ void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   gauge.resampled = resampled;
   gauge.scales = config_.scales;
   gauge.trust = !predicts_ || std::isnan(frame.focus_mm);
-  if (focus_known_) gauge.predicted = predicted_;
+  if (predicts_ && focus_known_) gauge.predicted = prediction_.known();
   gauge.lights = lights_;
   sharpness_.begin(gray, gauge);
   const bool prefers_dark = config_.brightness && !linear_;

@@ -105,7 +105,7 @@ class BracketFusion {
   bool focus_known_ = false;    // of a frame that was observed
   bool predicts_ = false;
   LensCheck lens_;
-  cv::Mat predicted_, lights_;  // see SharpnessPyramid::Gauge
+  cv::Mat lights_;  // see SharpnessPyramid::Gauge
   struct HeldFrame {
     int index;
     cv::Mat gray;

@@ -36,7 +36,7 @@ void LensCheck::begin(const BracketScene& scene, double pixel_pitch_mm, const cv
 void LensCheck::observe(const cv::Mat& gray, int index, double focus_mm) {
   focus_mm_[index] = focus_mm;
   if (gray.empty() || observed_++ % step_ != 0) return;
-  copies_.push_back({index, focus_mm, BlurEvidence::copyOf(gray, shrinking_), DetailMap::of(gray)});
+  copies_.push_back({index, BlurEvidence::copyOf(gray, shrinking_), DetailMap::of(gray)});
   if (copies_.size() <= kMostCopies) return;
   step_ *= 2;
   std::vector<Copy> left;
@@ -106,7 +106,8 @@ LensCheck::Compared LensCheck::compare(const std::vector<Copy>& copies,
     sharpness.copyTo(sharpest, sharper);
     compared.frames.push_back({gray, seenThrough(motion, size, copy_center)});
     compared.details.push_back({copy.detail, place.matrix(center_), gain});
-    compared.blur.push_back(frameBlur(scene_.optics, pixel_pitch_mm_ * shrinking_, 1 / copy.focus_mm));
+    compared.blur.push_back(
+        frameBlur(scene_.optics, pixel_pitch_mm_ * shrinking_, 1 / focus_mm_.at(copy.index)));
   }
   return compared;
 }

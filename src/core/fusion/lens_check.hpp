@@ -47,7 +47,6 @@ class LensCheck {
  private:
   struct Copy {
     int index;
-    double focus_mm;
     cv::Mat gray;  // small, CV_8UC1
     DetailMap detail;
   };
