@@ -94,10 +94,12 @@ RowTaps rowTaps(double begin, double step, int count) {
 }
 
 void readAlong(const cv::Mat& row, const RowTaps& taps, float* out) {
-  cv::Mat bordered, values;
-  cv::copyMakeBorder(row, bordered, 0, 0, kBorder, kBorder, cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
-  bordered.convertTo(values, CV_32F);
-  const float* inside = values.ptr<float>() + kChannels * kBorder;
+  cv::Mat3f values(1, row.cols + 2 * kBorder);
+  cv::Mat3f middle = values.colRange(kBorder, kBorder + row.cols);
+  row.convertTo(middle, CV_32F);
+  std::fill_n(values[0], kBorder, middle(0));
+  std::fill_n(values[0] + kBorder + row.cols, kBorder, middle(row.cols - 1));
+  const float* inside = middle.ptr<float>();
   int x = 0;
   for (const int end : taps.ends) {
     combineAlong(inside + kChannels * taps.first[x], taps.weights.data() + kChannels * x,

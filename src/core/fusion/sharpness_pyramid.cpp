@@ -54,18 +54,17 @@ float floorOf(const NoiseSpectrum& noise, size_t level) {
 
 // The modified Laplacian of some rows in a window, gray levels. OpenCV sees the rows around these, too, and
 // continues the picture where there are none.
-cv::Mat1f smoothedLaplacian(const cv::Mat& image, const cv::Range& rows, const Window& window) {
+void smoothedLaplacian(const cv::Mat& image, const cv::Range& rows, const Window& window, cv::Mat1f& out) {
   const cv::Range all(std::max(rows.start - window.radius, 0),
                       std::min(rows.end + window.radius, image.rows));
-  cv::Mat1f along, across, smoothed;
+  cv::Mat1f along, across;
   cv::Sobel(image.rowRange(all), along, CV_32F, 2, 0, 1, 1, 0, cv::BORDER_REPLICATE);
   cv::Sobel(image.rowRange(all), across, CV_32F, 0, 2, 1, 1, 0, cv::BORDER_REPLICATE);
   std::transform(along[0], along[0] + along.total(), across[0], along[0],
                  [](float a, float b) { return std::abs(a) + std::abs(b); });
   const int side = 2 * window.radius + 1;
-  cv::GaussianBlur(along.rowRange(rows.start - all.start, rows.end - all.start), smoothed, {side, side},
+  cv::GaussianBlur(along.rowRange(rows.start - all.start, rows.end - all.start), out, {side, side},
                    window.sigma, window.sigma, cv::BORDER_REFLECT_101);
-  return smoothed;
 }
 
 ALL_IN_FOCUS_SIMD void mean(const float* a, const float* b, int n, float* __restrict out) {
@@ -154,19 +153,20 @@ void SharpnessPyramid::multiply(const cv::Mat& image, size_t level, bool is_text
     cv::resize(gauge_.lights, lights, image.size(), 0, 0, cv::INTER_NEAREST);
   cv::Mat1f product(image.size());
   forEachBlock({0, image.rows}, [&](const cv::Range& rows) {
-    cv::Mat1f sharpness = smoothedLaplacian(image, rows, kSharpness.coarser_window);
+    cv::Mat1f sharpness = product.rowRange(rows);
+    smoothedLaplacian(image, rows, kSharpness.coarser_window, sharpness);
     if (is_texture) sharpness.convertTo(texture_.rowRange(rows), -1, contrast);
     if (!lights.empty())
       cv::Mat(cv::min(sharpness, kSharpness.most_near_lights / contrast))
           .copyTo(sharpness, lights.rowRange(rows));
     toProduct(product_, rows, contrast, floorOf(gauge_.noise, level), sharpness);
-    sharpness.copyTo(product.rowRange(rows));
   });
   product_ = product;
 }
 
 cv::Mat1f SharpnessPyramid::compute(const cv::Range& rows) const {
-  cv::Mat1f sharpness = smoothedLaplacian(gray_, rows, kSharpness.finest_window);
+  cv::Mat1f sharpness;
+  smoothedLaplacian(gray_, rows, kSharpness.finest_window, sharpness);
   const double contrast = (gauge_.resampled ? kSharpness.resampled : 1) * gauge_.contrast;
   toProduct(product_, rows, trust_ * static_cast<float>(contrast), trust_ * floorOf(gauge_.noise, 0),
             sharpness);
