@@ -15,6 +15,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "all_in_focus/codes.hpp"
 #include "all_in_focus/drawing.hpp"
 #include "command_line.hpp"
 #include "fusion/bracket_fusion.hpp"
