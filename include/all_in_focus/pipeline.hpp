@@ -13,7 +13,6 @@
 #include "all_in_focus/bracket.hpp"
 #include "all_in_focus/depth_registration.hpp"
 #include "all_in_focus/dof_segmentation.hpp"
-#include "all_in_focus/hole_filling.hpp"
 
 namespace all_in_focus::core {
 
@@ -31,8 +30,6 @@ class DepthPreprocessing {
  private:
   Mode mode_;
   DepthRegistration registration_;
-  DiffusionFilling diffusion_;
-  FarSideFilling far_side_;
 };
 
 /// How a mode cuts regions: paper merges small ones as printed, refined keeps them.

@@ -3,6 +3,7 @@
 
 #include "all_in_focus/pipeline.hpp"
 
+#include "all_in_focus/hole_filling.hpp"
 #include "util/stopwatch.hpp"
 
 namespace all_in_focus::core {
@@ -43,9 +44,9 @@ void DepthPreprocessing::compute(const cv::Mat& depth, cv::Mat& registered, cv::
   registration_.compute(depth, registered);  // equations 1 to 3
   if (mode_ == Mode::kPaper) {
     dilateDepth(registered, filled);  // equation 4
-    diffusion_.fill(filled);          // equations 5 to 8
+    fillByDiffusion(filled);          // equations 5 to 8
   } else {
-    far_side_.fill(registered, filled);
+    fillFromFarSide(registered, filled);
   }
 }
 

@@ -128,13 +128,13 @@ inline cv::Mat referenceDilation(const cv::Mat& depth) {
 }
 
 /// Equations 5 to 8.
-inline cv::Mat referenceDiffusion(cv::Mat depth, const DiffusionFilling& filling = {}) {
-  const double K = filling.conduction_mm;
+inline cv::Mat referenceDiffusion(cv::Mat depth) {
+  constexpr double K = 25;
   const auto at = [&](int i, int j) -> std::uint16_t& { return depth.at<std::uint16_t>(i, j); };
   for (int i = 3; i < depth.rows; ++i) {
     for (int j = 0; j < depth.cols; ++j) {
       const int here = at(i - 2, j);
-      if (at(i, j) >= filling.hole_below_mm || here < filling.hole_below_mm) continue;
+      if (at(i, j) >= 10 || here < 10) continue;
       const auto flow = [&](int neighbour) {
         const int d = neighbour - here;
         return std::abs(d) > 8 * K ? 0.0 : std::exp(-(d / K) * (d / K)) * d;
@@ -142,13 +142,13 @@ inline cv::Mat referenceDiffusion(cv::Mat depth, const DiffusionFilling& filling
       double flows = flow(at(i - 3, j)) + flow(at(i - 1, j));
       if (j > 0) flows += flow(at(i - 2, j - 1));
       if (j + 1 < depth.cols) flows += flow(at(i - 2, j + 1));
-      at(i, j) = static_cast<std::uint16_t>(here + filling.lambda * flows + 0.5);
+      at(i, j) = static_cast<std::uint16_t>(here + 0.25 * flows + 0.5);
     }
   }
   return depth;
 }
 
-/// FarSideFilling, hole pixel by hole pixel.
+/// Filling from the far side, hole pixel by hole pixel.
 inline cv::Mat referenceFarSide(const cv::Mat& depth) {
   cv::Mat filled = depth.clone();
   const auto inside = [&](int i, int j) { return i >= 0 && j >= 0 && i < depth.rows && j < depth.cols; };
