@@ -81,7 +81,7 @@ struct DofSegmentation::Work {
     region_count = relabelSets(regions.data(), region_count, merged.data());
     for (int i = 1; i <= node_count; ++i) nodes[i].parent = regions[nodes[i].parent].parent;
     std::swap(regions, merged);
-    statistics.merge(regionMap(), merged.data());
+    statistics.measure(regionMap());
   }
 };
 

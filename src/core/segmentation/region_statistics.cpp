@@ -18,23 +18,6 @@ void RegionStatistics::measure(const RegionMap& map) {
   }
 }
 
-void RegionStatistics::merge(const RegionMap& map, const RegionNode* before) {
-  std::swap(histogram_begin_, begin_before_);
-  std::swap(min_, min_before_);
-  std::swap(histograms_[0], histograms_before_);
-  const bool had_histograms = have_histograms_;
-  if (!layOutHistograms(map) || !had_histograms) return measure(map);
-  std::vector<int>& counts = histograms_[0];
-  counts.assign(histogram_begin_[map.count + 1], 0);
-  for (std::size_t i = 1; i + 1 < begin_before_.size(); ++i) {
-    const int region = before[i].parent, first = histogram_begin_[region] - min_[region] + min_before_[i];
-    const auto begin = histograms_before_.begin() + begin_before_[i];
-    const auto end = histograms_before_.begin() + begin_before_[i + 1];
-    std::transform(begin, end, counts.begin() + first, counts.begin() + first, std::plus<int>());
-  }
-  readHistograms(map);
-}
-
 // Lays out a histogram for each region, with a bin for each mm of its depth range. False if they would be
 // much larger than the image, as with many regions of many depths each where depth of field is wide.
 bool RegionStatistics::layOutHistograms(const RegionMap& map) {
@@ -50,9 +33,8 @@ bool RegionStatistics::layOutHistograms(const RegionMap& map) {
     total += map.depths(i);
   }
   histogram_begin_[map.count + 1] = static_cast<int>(total);
-  have_histograms_ = total <= most;
   histograms_.resize(map.graph.strips().count());
-  return have_histograms_;
+  return total <= most;
 }
 
 // Fills the histograms, one set for each strip of rows, and adds them up in the first.

@@ -30,10 +30,6 @@ class RegionStatistics {
   /// Measures areas and medians.
   void measure(const RegionMap& map);
 
-  /// The same, after regions of the last measure() have been merged: adds up their histograms, which is
-  /// quicker than a pass over the image. before[i].parent is the region that the former region i is in now.
-  void merge(const RegionMap& map, const RegionNode* before);
-
   const std::vector<int>& areas() const { return areas_; }  ///< pixels by region, from 1 on
 
   /// Writes what has been measured, with labels from near to far.
@@ -49,8 +45,6 @@ class RegionStatistics {
   std::vector<int> histogram_begin_, min_;  ///< by region: first bin, and the depth it stands for, mm
   std::vector<std::vector<int>>
       histograms_;  ///< by strip of rows: the histograms of all regions, one after another
-  bool have_histograms_ = false;
-  std::vector<int> begin_before_, min_before_, histograms_before_;
   std::vector<int> of_node_, order_, labels_;
 };
 
