@@ -59,7 +59,7 @@ void LensCheck::ask(const LightCurve& curve, const std::function<Placement(int)>
   const BlurEvidence evidence(compared.fused, compared.frames, curve, inverseDepth(compared.fused.size()));
   if ((!voted || voted->isNone()) && evidence.explained(blur, 1) >= kRight) return;
 
-  const LensFit fit = voted ? fitLens(evidence, blur, *voted) : fitLens(evidence, blur, true);
+  const LensFit fit = fitLens(evidence, blur, voted, true);
   const bool is_right = fit.scale == 1 && fit.focus.isNone();
   const double least = voted && fit.scale == 1 ? kRight
                        : voted || is_right     ? LensFit::kBelieved

@@ -66,61 +66,45 @@ Factor bestScale(const BlurEvidence& evidence, const std::vector<FrameBlur>& blu
 // Mistakes in the order of focus distances.
 constexpr std::array<FocusCorrection, 3> kOfOrder = {{{true, 0, 1}, {false, 1, 1}, {false, -1, 1}}};
 
-// A guess has no scale of its own.
-LensFit fitGuess(const BlurEvidence& evidence, const std::vector<FrameBlur>& blur) {
-  const Factor best = bestScale(evidence, blur);
-  return {{}, best.value, best.explained};
-}
-
-LensFit search(const BlurEvidence& evidence, const std::vector<FrameBlur>& given, bool has_scale) {
-  if (!has_scale) return fitGuess(evidence, given);
+LensFit search(const BlurEvidence& evidence, const std::vector<FrameBlur>& given,
+               const std::optional<FocusCorrection>& voted, bool has_scale) {
   const auto with = [&](const FocusCorrection& focus, double scale) {
     return LensFit{focus, scale, evidence.explained(focus.of(given), scale)};
   };
   const auto better = [](const LensFit& a, const LensFit& b) { return a.explained < b.explained; };
-  const LensFit as_given = with({}, 1);
-  LensFit ordered = as_given;  // the best in another order
-  for (const FocusCorrection& focus : kOfOrder) {
-    if (evidence.hasDepth()) ordered = std::max(ordered, with(focus, 1), better);
+  const bool may_correct = evidence.hasDepth() && has_scale && !voted;
+  const FocusCorrection focus = voted.value_or(FocusCorrection());
+  LensFit best = with(focus, 1);
+  LensFit ordered = best;  // the best in another order
+  for (const FocusCorrection& other : kOfOrder) {
+    if (may_correct) ordered = std::max(ordered, with(other, 1), better);
   }
   // A mistake shows beside what was given, too: so most lenses need no search.
-  if (as_given.explained >= LensFit::kBelieved && as_given.explained + kClearly >= ordered.explained &&
-      as_given.explained + kAsGood >=
-          std::max(with({}, kNeighbour), with({}, 1 / kNeighbour), better).explained)
-    return as_given;
+  if (has_scale && best.explained >= LensFit::kBelieved && best.explained + kClearly >= ordered.explained &&
+      best.explained + kAsGood >=
+          std::max(with(focus, kNeighbour), with(focus, 1 / kNeighbour), better).explained)
+    return best;
 
   // The more common mistakes first: a later one must explain more.
-  LensFit best = as_given;
+  const Factor scale = bestScale(evidence, focus.of(given));
+  const LensFit scaled = {focus, scale.value, scale.explained};
+  if (!has_scale) return scaled;  // a guess has no scale of its own
+  const double as_given = best.explained;
   const auto take = [&best](const LensFit& fit, double clearly) {
     if (fit.explained > best.explained + clearly) best = fit;
   };
   take(ordered, kClearly);
-  const LensFit scaled = fitGuess(evidence, given);
   take(scaled, kAsGood);
-  if (!evidence.hasDepth()) return best;
-  const auto explainedBy = [&](double factor) { return with({false, 0, factor}, 1).explained; };
-  Factor factor = bestFactor(kStepOfDistances, explainedBy);
-  for (const Unit& unit : kUnits) {
-    if (const double share = explainedBy(unit.factor); share > factor.explained + kAsGood)
-      factor = {unit.factor, share};
-  }
+  if (!may_correct) return best;
+  const Factor factor = bestFactor(kStepOfDistances, [&](double value) {
+    return with({false, 0, value}, 1).explained;
+  });
   const LensFit enlarged = {{false, 0, factor.value}, 1, factor.explained};
-  if (enlarged.explained > as_given.explained + kClearly) take(enlarged, kAsGood);
+  if (enlarged.explained > as_given + kClearly) take(enlarged, kAsGood);
   const std::array<LensFit, 3> all = {ordered, scaled, enlarged};
   best.is_certain = 1 == std::count_if(all.begin(), all.end(), [&](const LensFit& fit) {
                       return fit.explained > best.explained - kAsGood;
                     });
-  if (best.explained >= LensFit::kBelieved) return best;
-  LensFit two = best;
-  const auto tryBoth = [&](const FocusCorrection& focus) {
-    const Factor scale = bestScale(evidence, focus.of(given));
-    two = std::max(two, {focus, scale.value, scale.explained}, better);
-    return scale.explained;
-  };
-  for (const FocusCorrection& focus : kOfOrder) tryBoth(focus);
-  bestFactor(kStepOfDistances, [&](double one) { return tryBoth({false, 0, one}); });
-  two.is_certain = false;
-  take(two, kClearly);  // two mistakes are less likely than one
   return best;
 }
 
@@ -168,29 +152,14 @@ std::vector<std::string> LensFit::notes(const Optics& optics) const {
   return notes;
 }
 
-LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given, bool has_scale) {
+LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given,
+                const std::optional<FocusCorrection>& voted, bool has_scale) {
   if (!evidence.showsBlur()) return {{}, 1, 1, false};
-  const LensFit fit = search(evidence, given, has_scale);
-  if (!evidence.hasDepth() || !fit.contradicts()) return fit;
-  LensFit free = search(evidence.withoutDepth(), given, has_scale);
+  const LensFit fit = search(evidence, given, voted, has_scale);
+  if (voted || !evidence.hasDepth() || !fit.contradicts()) return fit;
+  LensFit free = search(evidence.withoutDepth(), given, voted, has_scale);
   free.uses_depth = false;
   return free;
-}
-
-LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given,
-                const FocusCorrection& focus) {
-  if (!evidence.showsBlur()) return {{}, 1, 1, false};
-  const std::vector<FrameBlur> blur = focus.of(given);
-  LensFit fit = {focus, 1, evidence.explained(blur, 1)};
-  const double beside =
-      std::max(evidence.explained(blur, kNeighbour), evidence.explained(blur, 1 / kNeighbour));
-  if (fit.explained >= LensFit::kBelieved && fit.explained + kAsGood >= beside) return fit;
-  const Factor best = bestScale(evidence, blur);
-  if (best.explained > fit.explained + kAsGood) {
-    fit.scale = best.value;
-    fit.explained = best.explained;
-  }
-  return fit;
 }
 
 }  // namespace all_in_focus::core

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,11 +42,9 @@ struct LensFit {
 };
 
 /// Numbers that explain nearly as much as the best stay as they are. given: of each frame, in the order of
-/// the bracket. has_scale: its px_mm are more than a guess.
-LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given, bool has_scale);
-
-/// The same where the focus distances are known to need that correction, and no other.
+/// the bracket. voted: what the focus distances are known to need, and nothing else. has_scale: its px_mm are
+/// more than a guess.
 LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given,
-                const FocusCorrection& focus);
+                const std::optional<FocusCorrection>& voted, bool has_scale);
 
 }  // namespace all_in_focus::core

@@ -471,10 +471,10 @@ LensFit BracketRestoration::lens(const ObservedBracket& bracket) const {
   }
   const BlurEvidence evidence = evidenceOf(bracket, shrinking());
   if (const auto voted = focus_known_ ? votes().correctionOf(of_copies) : std::nullopt) {
-    const LensFit fit = fitLens(evidence, of_copies, *voted);
+    const LensFit fit = fitLens(evidence, of_copies, voted, hasScale());
     if (!fit.contradicts()) return fit;
   }
-  return fitLens(evidence, of_copies, hasScale());
+  return fitLens(evidence, of_copies, std::nullopt, hasScale());
 }
 
 std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused,
