@@ -38,6 +38,10 @@ constexpr struct ContourParameters {
 
 const std::array<cv::Point, 4> kNeighbours = {cv::Point(-1, 0), {1, 0}, {0, -1}, {0, 1}};
 
+cv::Mat square(int reach) {
+  return cv::getStructuringElement(cv::MORPH_RECT, {2 * reach + 1, 2 * reach + 1});
+}
+
 bool inside(const cv::Mat& picture, const cv::Point& p) {
   return cv::Rect({}, picture.size()).contains(p);
 }
@@ -146,56 +150,37 @@ class Contours {
         explanation_(bracket, formation),
         pending_(inverse_depth.size()) {
     findJumpCosts(stiffness);
-    const auto square = [](int reach) {
-      return cv::getStructuringElement(cv::MORPH_RECT, {2 * reach + 1, 2 * reach + 1});
-    };
     if (!bracket.filled.empty()) cv::dilate(bracket.filled, nearest_, square(kContours.near));
     if (!bracket.measured.empty()) cv::erode(bracket.measured, farthest_, square(kContours.rim));
     within_ = besideJumps(inverse_depth, gap_, kContours.reach);
     within_.copyTo(pending_);
   }
 
-  // Tries every second pixel of those that are pending; returns how many change.
+  // Tries every second pixel of those that are pending; returns how many change. They do not see each other:
+  // only neighbours, and the formation as it was.
   int sweep(int parity) {
-    const RowStrips strips({0, inverse_depth_.rows}, std::max(1, inverse_depth_.rows / 16));
-    std::vector<std::vector<Move>> moves(strips.count());
-    strips.forEach([&](const cv::Range& rows, int strip) {
-      for (int y = rows.start; y < rows.end; ++y) {
-        for (int x = (y + parity) % 2; x < inverse_depth_.cols; x += 2) {
-          if (!pending_(y, x)) continue;
-          pending_(y, x) = 0;
-          const float own = inverse_depth_(y, x), best = bestOf({x, y});
-          if (best != own) moves[strip].push_back({{x, y}, best});
-        }
+    cv::Mat1b changed(inverse_depth_.size(), 0), nearby;
+    forEachRow(inverse_depth_.rows, [&](int y) {
+      for (int x = (y + parity) % 2; x < inverse_depth_.cols; x += 2) {
+        if (!pending_(y, x)) continue;
+        pending_(y, x) = 0;
+        const float best = bestOf({x, y});
+        if (best == inverse_depth_(y, x)) continue;
+        inverse_depth_(y, x) = best;
+        changed(y, x) = 255;
       }
     });
-    std::vector<cv::Point> changed;
-    for (const std::vector<Move>& of_strip : moves) {
-      for (const Move& move : of_strip) {
-        inverse_depth_(move.at) = move.to;
-        changed.push_back(move.at);
-        setPending(move.at);
-      }
-    }
+    std::vector<cv::Point> places;
+    cv::findNonZero(changed, places);
+    cv::dilate(changed, nearby, square(kContours.effect));
+    pending_ |= nearby & within_;
     cv::parallel_for_({0, static_cast<int>(formation_.size())}, [&](const cv::Range& range) {
-      for (int k = range.start; k < range.end; ++k) formation_[k].update(changed);
+      for (int k = range.start; k < range.end; ++k) formation_[k].update(places);
     });
-    return static_cast<int>(changed.size());
+    return static_cast<int>(places.size());
   }
 
  private:
-  struct Move {
-    cv::Point at;
-    float to;
-  };
-
-  void setPending(const cv::Point& p) {
-    const cv::Rect around = cv::Rect(p.x - kContours.effect, p.y - kContours.effect, 2 * kContours.effect + 1,
-                                     2 * kContours.effect + 1) &
-                            cv::Rect({}, inverse_depth_.size());
-    cv::bitwise_or(pending_(around), within_(around), pending_(around));
-  }
-
   // The inverse depth of a pixel or of a neighbour, whichever explains the frames best.
   float bestOf(const cv::Point& p) const {
     float best = inverse_depth_(p);
