@@ -58,12 +58,12 @@ class Explanation {
 
   // How badly each of two inverse depths explains the frames at a pixel.
   std::array<float, 2> costsOf(const cv::Point& p, float now, float tried) const {
-    const float own[2] = {now, tried};
     std::array<FramePixel, 4> pixels;
     int count = 0;
     for (const int k : sharpestFrames(now, tried, p)) {
       if (k < 0) break;
-      formation_[k].predict(p, own, sharp_, pixels[count].predictions);
+      pixels[count].predictions[0] = formation_[k].predict(p, now, sharp_);
+      pixels[count].predictions[1] = formation_[k].predict(p, tried, sharp_);
       pixels[count++].seen = bracket_.frames[k].codes(p);
     }
     const float first = now > tried ? kContours.near_color_deviation : kContours.far_color_deviation;

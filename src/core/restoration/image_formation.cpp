@@ -21,7 +21,7 @@ constexpr int kMostParts = (2 * DiscKernels::kSide + 1) * (2 * DiscKernels::kSid
 constexpr int kBlock = cv::v_uint8x16::nlanes;  // columns looked at together
 
 int mirrored(int i, int size) {
-  return cv::borderInterpolate(i, size, cv::BORDER_REFLECT_101);
+  return i >= 0 && i < size ? i : cv::borderInterpolate(i, size, cv::BORDER_REFLECT_101);
 }
 
 // Weights of hidden pixels by kNearbySide dy + dx.
@@ -46,10 +46,14 @@ struct ImageFormation::Candidate {
   int index, layer, reach;
 };
 
-// Shares and light of what lights up a pixel, but that pixel itself, by layer.
-struct ImageFormation::Layers {
-  std::uint64_t present = 0;
-  std::array<std::array<float, 4>, kLayers> sums;  // light and, last, share; of layers present
+// What lights up a pixel.
+struct ImageFormation::Lights {
+  int count = 0;
+  float total = 0;  // of their shares, once factors are applied
+  std::array<std::int8_t, kMostParts> dx, dy;
+  std::array<float, kMostParts> shares;
+  std::array<std::uint8_t, kMostParts> layers;
+  std::array<float, kLayers> factors;  // on shares, by layer
 };
 
 // What is hidden at a pixel: what lies farther nearby.
@@ -75,8 +79,7 @@ void updateAll(std::vector<ImageFormation>& formation) {
 
 cv::Mat4f ImageFormation::withMargin(const cv::Mat3f& light) {
   cv::Mat4f four, wide;
-  cv::cvtColor(light, four,
-               cv::COLOR_BGR2BGRA);  // its last channel is 1: what is summed up there is the share
+  cv::cvtColor(light, four, cv::COLOR_BGR2BGRA);
   cv::copyMakeBorder(four, wide, kMargin, kMargin, kMargin, kMargin, cv::BORDER_REFLECT_101);
   return wide;
 }
@@ -144,77 +147,75 @@ void ImageFormation::forEachThatLightsUp(const cv::Point& p, int half, const Vis
   }
 }
 
-// Nothing that may light up p is nearer than its own surface.
-bool ImageFormation::isOnTop(const cv::Point& p, const Candidate& own) const {
-  return nearest_(p) <= own.layer + 1;
-}
-
-void ImageFormation::partsOf(const cv::Point& p, float inverse_depth, std::vector<Part>& parts) const {
-  const Candidate own = candidate(inverse_depth);
-  // Where nothing nearer comes into it the own disc is enough, if it is filled.
-  if (isOnTop(p, own)) {
-    if (own.reach == 0) {
-      parts.assign(1, {0, 0, 1});
-      return;
-    }
-    if (gather(p, own, own.reach, parts) >= kWhole) return;
-  }
-  const float total = gather(p, own, std::max<int>(reach_(p), own.reach), parts);
-  if (total >= kWhole) return;
-  const Hidden hidden = hiddenAt(p, own.layer);
-  if (hidden.count == 0) {
-    for (Part& part : parts) part.share /= total;
-  }
-  for (int i = 0; i < hidden.count; ++i) {
-    parts.push_back({static_cast<std::int16_t>(hidden.at[i] % kNearbySide - kNearby),
-                     static_cast<std::int16_t>(hidden.at[i] / kNearbySide - kNearby),
-                     nearbyWeights()[hidden.at[i]] * (1 - total) / hidden.sum});
-  }
-}
-
-// Parts no farther than `half` away; returns the sum of their shares, which is 1 if it is nearly 1.
-float ImageFormation::gather(const cv::Point& p, const Candidate& own, int half,
-                             std::vector<Part>& parts) const {
-  std::array<float, kLayers> sums;
-  std::uint64_t present = 0;
-  std::array<Part, kMostParts> found;  // member by member: a Part made elsewhere and copied takes longer
-  std::array<std::uint8_t, kMostParts> layers;
-  int count = 0;
+// Parts no farther than `half` away. Nearest layers come first, until the pixel has all its light.
+void ImageFormation::gather(const cv::Point& p, const Candidate& own, int half, Lights& lights) const {
+  lights.count = 0;
+  lights.factors.fill(0);
   const auto take = [&](int dx, int dy, float share, int l) {
-    if (!(present >> l & 1)) sums[l] = 0;
-    present |= std::uint64_t{1} << l;
-    sums[l] += share;
-    found[count].dx = static_cast<std::int16_t>(dx);
-    found[count].dy = static_cast<std::int16_t>(dy);
-    found[count].share = share;
-    layers[count++] = static_cast<std::uint8_t>(l);
+    lights.dx[lights.count] = static_cast<std::int8_t>(dx);
+    lights.dy[lights.count] = static_cast<std::int8_t>(dy);
+    lights.shares[lights.count] = share;
+    lights.layers[lights.count++] = static_cast<std::uint8_t>(l);
+    lights.factors[l] += share;
   };
   take(0, 0, DiscKernels::get().shares(own.index)[0], own.layer);
   forEachThatLightsUp(p, half, take);
-  // Nearest layers first, until the pixel has all its light.
-  std::array<float, kLayers> factors;
-  float total = 0;
-  for (; present != 0; present &= ~(std::uint64_t{1} << (63 - __builtin_clzll(present)))) {
-    const int l = 63 - __builtin_clzll(present);
-    factors[l] = std::clamp((1 - total) / sums[l], 0.0f, 1.0f);
-    total += factors[l] * sums[l];
+  lights.total = 0;
+  int l = std::max<int>(nearest_(p), own.layer);
+  for (; l >= 0 && lights.total < 1; --l) {
+    if (lights.factors[l] == 0) continue;
+    const float sum = lights.factors[l];
+    lights.factors[l] = std::min((1 - lights.total) / sum, 1.0f);
+    lights.total += lights.factors[l] * sum;
   }
-  const float scale = total >= kWhole ? 1 / total : 1;
-  const bool inside =
-      cv::Rect(half, half, inverse_depth_.cols - 2 * half, inverse_depth_.rows - 2 * half).contains(p);
-  parts.resize(count);
-  Part* to = parts.data();
-  for (int i = 0; i < count; ++i) {
-    const Part& part = found[i];
-    const float share = part.share * factors[layers[i]] * scale;
-    if (share <= 0) continue;
-    to->dx = inside ? part.dx : static_cast<std::int16_t>(mirrored(p.x + part.dx, inverse_depth_.cols) - p.x);
-    to->dy = inside ? part.dy : static_cast<std::int16_t>(mirrored(p.y + part.dy, inverse_depth_.rows) - p.y);
-    to->share = share;
-    ++to;
+  std::fill_n(lights.factors.begin(), l + 1, 0.0f);
+}
+
+// visit(dx, dy, share) of every part. What lies dx, dy away may be outside the picture.
+template <typename Visit>
+void ImageFormation::forEachPart(const cv::Point& p, float inverse_depth, const Visit& visit) const {
+  const Candidate own = candidate(inverse_depth);
+  // Where nothing nearer comes into it the own disc is enough, if it is filled.
+  const bool is_on_top = nearest_(p) <= own.layer + 1;
+  if (is_on_top && own.reach == 0) return visit(0, 0, 1);
+  const int farthest = std::max<int>(reach_(p), own.reach), half = is_on_top ? own.reach : farthest;
+  Lights lights;
+  gather(p, own, half, lights);
+  if (lights.total < kWhole && half < farthest) gather(p, own, farthest, lights);
+  Hidden hidden;
+  if (lights.total < kWhole) hidden = hiddenAt(p, own.layer);
+  const float scale = hidden.count > 0 ? 1 : 1 / lights.total;
+  for (int i = 0; i < lights.count; ++i) {
+    const float share = scale * lights.factors[lights.layers[i]] * lights.shares[i];
+    if (share > 0) visit(lights.dx[i], lights.dy[i], share);
   }
-  parts.resize(to - parts.data());
-  return total;
+  for (int i = 0; i < hidden.count; ++i) {
+    visit(hidden.at[i] % kNearbySide - kNearby, hidden.at[i] / kNearbySide - kNearby,
+          nearbyWeights()[hidden.at[i]] * (1 - lights.total) / hidden.sum);
+  }
+}
+
+void ImageFormation::partsOf(const cv::Point& p, float inverse_depth, std::vector<Part>& parts) const {
+  parts.clear();
+  forEachPart(p, inverse_depth, [&](int dx, int dy, float share) {
+    const int x = mirrored(p.x + dx, inverse_depth_.cols), y = mirrored(p.y + dy, inverse_depth_.rows);
+    parts.push_back({static_cast<std::int16_t>(x - p.x), static_cast<std::int16_t>(y - p.y), share});
+  });
+}
+
+ImageFormation::Prediction ImageFormation::predict(const cv::Point& p, float inverse_depth,
+                                                   const cv::Mat4f& sharp) const {
+  const cv::Vec4f* here = &sharp(p.y + kMargin, p.x + kMargin);
+  const auto stride = static_cast<std::ptrdiff_t>(sharp.step1() / 4);
+  cv::v_float32x4 sum = cv::v_setzero_f32();
+  float own_share = 0;
+  forEachPart(p, inverse_depth, [&](int dx, int dy, float share) {
+    sum += cv::v_load(here[dy * stride + dx].val) * cv::v_setall_f32(share);
+    if (dx == 0 && dy == 0) own_share += share;
+  });
+  cv::Vec4f light;
+  cv::v_store(light.val, sum);
+  return {{light[0], light[1], light[2]}, own_share};
 }
 
 // The share that no disc provides belongs to what is hidden: if something nearby covers p's own surface, to
@@ -246,85 +247,5 @@ ImageFormation::Hidden ImageFormation::hiddenAt(const cv::Point& p, int own_laye
   }
   return hidden;
 }
-
-void ImageFormation::collect(const cv::Point& p, int half, const cv::Mat4f& sharp, Layers& layers) const {
-  layers.present = 0;
-  const cv::Vec4f* centre = &sharp(p.y + kMargin, p.x + kMargin);
-  const auto stride = static_cast<std::ptrdiff_t>(sharp.step1() / 4);
-  forEachThatLightsUp(p, half, [&](int dx, int dy, float share, int l) {
-    float* sum = layers.sums[l].data();
-    const cv::v_float32x4 more = cv::v_load(centre[dy * stride + dx].val) * cv::v_setall_f32(share);
-    if (layers.present >> l & 1) {
-      cv::v_store(sum, cv::v_load(sum) + more);
-    } else {
-      layers.present |= std::uint64_t{1} << l;
-      cv::v_store(sum, more);
-    }
-  });
-}
-
-template <std::size_t N>
-void ImageFormation::predict(const cv::Point& p, const float (&own)[N], const cv::Mat4f& sharp,
-                             Prediction (&predictions)[N]) const {
-  Candidate candidates[N];
-  int half = reach_(p);
-  for (std::size_t i = 0; i < N; ++i) {
-    candidates[i] = candidate(own[i]);
-    half = std::max(half, candidates[i].reach);
-  }
-  const cv::Vec4f& here = sharp(p.y + kMargin, p.x + kMargin);
-  // Light and share of all parts, and the share of p itself; as in gather().
-  const auto mixed = [&](const Candidate& one, const Layers& layers, float& own_share) {
-    const float own_light = DiscKernels::get().shares(one.index)[0];
-    cv::Vec4f sum;
-    std::uint64_t left = layers.present | std::uint64_t{1} << one.layer;
-    for (; left != 0 && sum[3] < 1; left &= ~(std::uint64_t{1} << (63 - __builtin_clzll(left)))) {
-      const int l = 63 - __builtin_clzll(left);
-      cv::Vec4f of_layer;
-      if (layers.present >> l & 1) of_layer = cv::Vec4f(layers.sums[l].data());
-      if (l == one.layer) of_layer += own_light * here;
-      const float taken = std::min((1 - sum[3]) / of_layer[3], 1.0f);
-      sum += taken * of_layer;
-      if (l == one.layer) own_share = taken * own_light;
-    }
-    return sum;
-  };
-  Layers near, all;
-  bool has_all = false;
-  for (std::size_t i = 0; i < N; ++i) {
-    const Candidate& one = candidates[i];
-    cv::Vec4f sum;
-    float own_share = 0;
-    if (isOnTop(p, one)) {
-      if (one.reach == 0) {
-        predictions[i] = {{here[0], here[1], here[2]}, 1};
-        continue;
-      }
-      collect(p, one.reach, sharp, near);
-      sum = mixed(one, near, own_share);
-    }
-    if (sum[3] < kWhole) {
-      if (!has_all) collect(p, half, sharp, all);
-      has_all = true;
-      own_share = 0;
-      sum = mixed(one, all, own_share);
-    }
-    if (sum[3] < kWhole) {
-      const Hidden hidden = hiddenAt(p, one.layer);
-      cv::Vec4f behind;
-      for (int k = 0; k < hidden.count; ++k) {
-        behind += nearbyWeights()[hidden.at[k]] * sharp(p.y + hidden.at[k] / kNearbySide - kNearby + kMargin,
-                                                        p.x + hidden.at[k] % kNearbySide - kNearby + kMargin);
-      }
-      if (hidden.count > 0) sum += (1 - sum[3]) / hidden.sum * behind;
-    }
-    predictions[i] = {cv::Vec3f(sum[0], sum[1], sum[2]) / sum[3], own_share / sum[3]};
-  }
-}
-
-template void ImageFormation::predict(const cv::Point&, const float (&)[1], const cv::Mat4f&,
-                                      Prediction (&)[1]) const;
-template void ImageFormation::predict(const cv::Point&, const float (&)[2], const cv::Mat4f&,
-                                      Prediction (&)[2]) const;
 
 }  // namespace all_in_focus::core

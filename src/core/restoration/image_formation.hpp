@@ -44,10 +44,8 @@ class ImageFormation {
     float own_share = 1;  ///< of the same pixel of the sharp picture in it
   };
 
-  /// Predicts pixel p for each of the inverse depths that it might have, one or two. sharp: see withMargin().
-  template <std::size_t N>
-  void predict(const cv::Point& p, const float (&own)[N], const cv::Mat4f& sharp,
-               Prediction (&predictions)[N]) const;
+  /// Predicts pixel p, if its inverse depth were `own`. sharp: see withMargin().
+  Prediction predict(const cv::Point& p, float own, const cv::Mat4f& sharp) const;
 
   float inverseDepth(const cv::Point& p) const { return inverse_depth_(p); }
   float radius(const cv::Point& p) const { return blur_.radius(inverse_depth_(p)); }
@@ -58,7 +56,7 @@ class ImageFormation {
   static constexpr int kMargin = 2 * DiscKernels::kSide;
 
   struct Candidate;
-  struct Layers;
+  struct Lights;
   struct Hidden;
 
   int layer(float inverse_depth) const {
@@ -67,9 +65,9 @@ class ImageFormation {
   Candidate candidate(float inverse_depth) const;
   template <typename Visit>
   void forEachThatLightsUp(const cv::Point& p, int half, const Visit& visit) const;
-  float gather(const cv::Point& p, const Candidate& own, int half, std::vector<Part>& parts) const;
-  bool isOnTop(const cv::Point& p, const Candidate& own) const;
-  void collect(const cv::Point& p, int half, const cv::Mat4f& sharp, Layers& layers) const;
+  template <typename Visit>
+  void forEachPart(const cv::Point& p, float own, const Visit& visit) const;
+  void gather(const cv::Point& p, const Candidate& own, int half, Lights& lights) const;
   Hidden hiddenAt(const cv::Point& p, int own_layer) const;
 
   cv::Mat1f inverse_depth_;

@@ -243,7 +243,6 @@ cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<Ima
   const cv::Mat4f sharp = ImageFormation::withMargin(light);
   cv::Mat1f errors(asked.size(), 0.0f);
   cv::parallel_for_({0, (asked.rows + 1) / kErrorGrid}, [&](const cv::Range& range) {
-    ImageFormation::Prediction predicted[1];
     for (int y = kErrorGrid * range.start; y < std::min(asked.rows, kErrorGrid * range.end);
          y += kErrorGrid) {
       for (int x = 0; x < asked.cols; x += kErrorGrid) {
@@ -251,11 +250,12 @@ cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<Ima
         for (std::size_t k = 0; k < formation.size(); ++k) {
           const ObservedFrame& frame = bracket.frames[k];
           if (!frame.shows({x, y})) continue;
-          formation[k].predict({x, y}, {formation[k].inverseDepth({x, y})}, sharp, predicted);
+          const cv::Vec3f predicted =
+              formation[k].predict({x, y}, formation[k].inverseDepth({x, y}), sharp).light;
           float squared = 0;
           for (int c = 0; c < 3; ++c) {
-            const float difference = bracket.curve->code(predicted[0].light[c]) -
-                                     static_cast<float>(frame.codes(y, x)[c]) / kCodeScale;
+            const float difference =
+                bracket.curve->code(predicted[c]) - static_cast<float>(frame.codes(y, x)[c]) / kCodeScale;
             squared += difference * difference;
           }
           errors(y, x) += std::min(squared, kRestoration.most_squared_error);
