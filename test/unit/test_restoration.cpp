@@ -533,7 +533,7 @@ TEST(Contours, GoByMeasuredDepthWhereFramesDoNotTell) {
   bracket.px_mm = 3 / (1.0 / kNearMm - 1.0 / kFarMm);
   const cv::Mat3s codes(size, cv::Vec3s::all(128 * kCodeScale));
   for (const int focus_mm : {kFarMm, kNearMm})
-    bracket.frames.push_back({codes, cv::Rect({}, size), {}, {1.0 / focus_mm, bracket.px_mm}});
+    bracket.frames.push_back({codes, cv::Mat1b(size, 255), {1.0 / focus_mm, bracket.px_mm}});
   for (const bool measured : {true, false}) {
     bracket.filled = cv::Mat1f(size, 1.0f / kNearMm);
     bracket.measured = measured ? bracket.filled.clone() : cv::Mat1f();

@@ -53,12 +53,13 @@ Levels makeLevels(const ObservedBracket& bracket, const InverseDepthRange& range
   return {range.least, std::max(span / static_cast<float>(count - 1), gap), count};
 }
 
-// costs[x] += least of the most and the squared difference of two rows of codes times a factor.
-ALL_IN_FOCUS_SIMD void addCosts(const short* a, const short* b, float factor, float most, int n,
-                                float* costs) {
+// costs[x] += least of the most and the squared difference of two rows of codes times a factor, where shown.
+ALL_IN_FOCUS_SIMD void addCosts(const short* a, const short* b, const std::uint8_t* shown, float factor,
+                                float most, int n, float* costs) {
   for (int x = 0; x < n; ++x) {
     const int d0 = a[3 * x] - b[3 * x], d1 = a[3 * x + 1] - b[3 * x + 1], d2 = a[3 * x + 2] - b[3 * x + 2];
-    costs[x] += std::min(most, static_cast<float>(d0 * d0 + d1 * d1 + d2 * d2) * factor);
+    const float cost = std::min(most, static_cast<float>(d0 * d0 + d1 * d1 + d2 * d2) * factor);
+    costs[x] += shown[x] != 0 ? cost : 0;
   }
 }
 
@@ -71,18 +72,6 @@ std::vector<float> costsBesideMeasured(const Levels& levels, double px_mm) {
         kDepth.measured_weight *
         std::clamp((static_cast<float>(i) * px - kDepth.agree) / (kDepth.differ - kDepth.agree), 0.0f, 1.0f);
   return costs;
-}
-
-// Calls f(x, n) for each run of n pixels of a row that a frame shows.
-template <class Function>
-void forEachRun(const ObservedFrame& frame, int y, const Function& f) {
-  const int end = y < frame.seen.y || y >= frame.seen.br().y ? frame.seen.x : frame.seen.br().x;
-  for (int x = frame.seen.x; x < end;) {
-    int next = frame.opaque.empty() ? end : x;
-    while (next < end && frame.opaque(y, next) != 0) ++next;
-    if (next > x) f(x, next - x);
-    x = next + 1;
-  }
 }
 
 CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictures, const Levels& levels) {
@@ -100,12 +89,9 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
               const float radius = frame.blur.radius(levels.inverseDepth(l));
               const double variance =
                   2 * bracket.noise_variance + kDepth.variance + kDepth.model_error * radius * radius;
-              const auto* picture = pictures.at(radius).ptr<short>(y);
-              forEachRun(frame, y, [&](int x, int n) {
-                addCosts(picture + 3 * x, frame.codes.ptr<short>(y) + 3 * x,
-                         static_cast<float>(1 / (3 * variance * kCodeScale * kCodeScale)), kDepth.most_cost,
-                         n, costs.ptr<float>(l) + x);
-              });
+              addCosts(pictures.at(radius).ptr<short>(y), frame.codes.ptr<short>(y), frame.shown[y],
+                       static_cast<float>(1 / (3 * variance * kCodeScale * kCodeScale)), kDepth.most_cost,
+                       size.width, costs[l]);
             }
           }
           for (int x = 0; x < size.width; ++x) {

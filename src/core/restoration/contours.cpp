@@ -85,7 +85,7 @@ class Explanation {
     for (const float inverse_depth : {a, b}) {
       std::array<int, 2> sharpest = {-1, -1};
       for (int k = 0; k < static_cast<int>(bracket_.frames.size()); ++k) {
-        if (!bracket_.frames[k].shows(p)) continue;
+        if (!bracket_.frames[k].shown(p)) continue;
         const auto radius = [&](int i) { return bracket_.frames[i].blur.radius(inverse_depth); };
         if (radius(k) > kContours.sharp) continue;
         if (sharpest[0] < 0 || radius(k) < radius(sharpest[0])) {

@@ -167,7 +167,7 @@ class Equations {
         nearly_sharp.clear();
         for (size_t k = 0; k < formation.size(); ++k) {
           const float radius = formation[k].radius({x, y});
-          if (radius < kInversion.sharp && bracket_.frames[k].shows({x, y}))
+          if (radius < kInversion.sharp && bracket_.frames[k].shown(y, x))
             nearly_sharp.emplace_back(radius, k);
         }
         std::sort(nearly_sharp.begin(), nearly_sharp.end());
@@ -404,7 +404,7 @@ void findRegion(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth, 
   forEachPixel(region.size(), [&](int y, int x) {
     float least = kInversion.soft_to;
     for (const ObservedFrame& frame : bracket.frames) {
-      if (frame.shows({x, y})) least = std::min(least, frame.blur.radius(inverse_depth(y, x)));
+      if (frame.shown(y, x)) least = std::min(least, frame.blur.radius(inverse_depth(y, x)));
     }
     const float soft = (least - kInversion.soft_from) / (kInversion.soft_to - kInversion.soft_from);
     region(y, x) = std::max(region(y, x), soft);

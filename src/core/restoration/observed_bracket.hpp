@@ -13,12 +13,9 @@ namespace all_in_focus::core {
 
 /// A frame of a bracket in the form in which restoration compares it with predictions.
 struct ObservedFrame {
-  cv::Mat3s codes;   ///< 8-bit codes times kCodeScale, with the exposure of the fused picture
-  cv::Rect seen;     ///< other pixels are not valid
-  cv::Mat1b opaque;  ///< 0 where pixels in it are not valid either; empty: nowhere
+  cv::Mat3s codes;  ///< 8-bit codes times kCodeScale, with the exposure of the fused picture
+  cv::Mat1b shown;  ///< 0 where its pixels are not valid, else 255
   FrameBlur blur;
-
-  bool shows(const cv::Point& p) const { return seen.contains(p) && (opaque.empty() || opaque(p) != 0); }
 };
 
 /// A bracket, the picture it was fused to, and its depth. All have one size, one geometry and one exposure.

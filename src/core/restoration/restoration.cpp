@@ -140,7 +140,8 @@ BlurEvidence evidenceOf(const ObservedBracket& bracket, double shrinking) {
     cv::Mat floats;
     frame.codes.convertTo(floats, CV_32F);
     frames.push_back({gray(floats, kCodeScale), {}});
-    frames.back().seen = downsampled(frame.seen, bracket.fused.size(), frames.back().gray.size());
+    frames.back().seen =
+        downsampled(cv::boundingRect(frame.shown), bracket.fused.size(), frames.back().gray.size());
   }
   cv::Mat1f surfaces;
   if (!bracket.measured.empty()) {
@@ -249,7 +250,7 @@ cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<Ima
         if (!asked(y, x)) continue;
         for (std::size_t k = 0; k < formation.size(); ++k) {
           const ObservedFrame& frame = bracket.frames[k];
-          if (!frame.shows({x, y})) continue;
+          if (!frame.shown(y, x)) continue;
           const cv::Vec3f predicted =
               formation[k].predict({x, y}, formation[k].inverseDepth({x, y}), sharp).light;
           float squared = 0;
@@ -345,8 +346,13 @@ void BracketRestoration::add(const AlignedFrame& frame) {
   if (held_.empty()) working_size_ = workingSize(scene_, size_);
   HeldFrame held;
   held.image = downsampled(toEightBits(frame.image), working_size_);
-  held.seen = downsampled(frame.seen, size_, working_size_);
-  if (!frame.opaque.empty()) cv::resize(frame.opaque, held.opaque, working_size_, 0, 0, cv::INTER_NEAREST);
+  held.shown = cv::Mat1b::zeros(working_size_);
+  held.shown(downsampled(frame.seen, size_, working_size_)).setTo(255);
+  if (!frame.opaque.empty()) {
+    cv::Mat opaque;
+    cv::resize(frame.opaque, opaque, working_size_, 0, 0, cv::INTER_NEAREST);
+    held.shown &= opaque;
+  }
   held.gain = frame.gain;
   held.inverse_depth = known ? 1 / frame.focus_mm : 1 + frame.index;
   held.index = frame.index;
@@ -416,7 +422,7 @@ ObservedBracket BracketRestoration::observed(const cv::Mat& fused) const {
     const FrameBlur blur =
         hasScale() ? blurOf(scene_, held.inverse_depth, working_size_.width)
                    : FrameBlur{held.inverse_depth, kRestoration.guessed_blur * shrinking() / span};
-    bracket.frames.push_back({exposed(held.image, held.gain, *bracket.curve), held.seen, held.opaque, blur});
+    bracket.frames.push_back({exposed(held.image, held.gain, *bracket.curve), held.shown, blur});
     bracket.px_mm = std::max(bracket.px_mm, blur.px_mm);
   }
   bracket.noise_variance = noiseVariance(images());

@@ -64,9 +64,8 @@ class BracketRestoration {
 
  private:
   struct HeldFrame {
-    cv::Mat image;  ///< CV_8UC3, downsampled
-    cv::Rect seen;
-    cv::Mat opaque;  ///< see AlignedFrame, downsampled
+    cv::Mat image;    ///< CV_8UC3, downsampled
+    cv::Mat1b shown;  ///< 0 where its pixels are not valid, else 255
     double gain = 1;
     int index = 0;             ///< of the bracket
     double inverse_depth = 0;  ///< 1 / focus distance, 1/mm
