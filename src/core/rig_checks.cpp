@@ -4,7 +4,6 @@
 #include "all_in_focus/rig_checks.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -22,7 +21,6 @@ constexpr double kAxesApart = 60;        // degrees; more are probably other axe
 constexpr double kLittleCoverage = 0.3;  // share of the picture
 constexpr double kSamplesPerCell = 4;    // depth pixels in a cell of the picture where depth is known
 constexpr int kProbablyMetres = 20;      // mm
-constexpr int kUnitSamples = 100000;     // pixels
 
 // Depth edges and picture are compared at this width, so that a sharp frame is not needed.
 constexpr int kWidth = 320;
@@ -102,21 +100,11 @@ cv::Mat1f rankOfGradient(const cv::Mat& picture) {
   cv::cvtColor(small, gray, cv::COLOR_BGR2GRAY);
   cv::GaussianBlur(gray, gray, cv::Size(), 1);
   cv::Sobel(gray, gradient, CV_16S, 1, 0);
-  gradient = cv::abs(gradient);
+  cv::convertScaleAbs(gradient, gradient, 0.5);
   cv::dilate(gradient, gradient, cv::Mat::ones(1, 3, CV_8U));
-
-  std::array<int, 1021> count{};  // 4 * 255 is the greatest gradient
-  const auto bin = [&count](std::int16_t value) { return std::min<std::size_t>(value, count.size() - 1); };
-  for (auto it = gradient.begin<std::int16_t>(); it != gradient.end<std::int16_t>(); ++it) ++count[bin(*it)];
-  std::array<float, 1021> rank{};
-  double below = 0;
-  for (std::size_t i = 0; i < count.size(); ++i) {
-    rank[i] = static_cast<float>((below + 0.5 * count[i]) / static_cast<double>(gradient.total()));
-    below += count[i];
-  }
-  cv::Mat1f ranks(gradient.size());
-  std::transform(gradient.begin<std::int16_t>(), gradient.end<std::int16_t>(), ranks.begin(),
-                 [&](std::int16_t value) { return rank[bin(value)]; });
+  cv::equalizeHist(gradient, gradient);
+  cv::Mat1f ranks;
+  gradient.convertTo(ranks, CV_32F, 1 / 255.0);
   return ranks;
 }
 
@@ -188,21 +176,11 @@ std::string checkPose(const RigidTransform& depth_to_color) {
 }
 
 std::string checkDepthUnit(const cv::Mat& depth) {
-  const int step =
-      std::max(1, static_cast<int>(std::sqrt(static_cast<double>(depth.total()) / kUnitSamples)));
-  std::array<int, kProbablyMetres + 1> count{};  // of each small value
-  int known = 0;
-  for (int y = 0; y < depth.rows; y += step) {
-    const auto* row = depth.ptr<std::uint16_t>(y);
-    for (int x = 0; x < depth.cols; x += step) {
-      if (row[x] == 0) continue;
-      ++known;
-      if (row[x] <= kProbablyMetres) ++count[row[x]];
-    }
-  }
-  int median = 0, up_to = 0;
-  while (median < kProbablyMetres && 2 * up_to < known) up_to += count[++median];
-  if (known == 0 || 2 * up_to < known) return "";
+  const int known = cv::countNonZero(depth);
+  const auto is_half = [&](int mm) { return 2 * cv::countNonZero(depth > mm) <= known; };
+  if (known == 0 || !is_half(kProbablyMetres)) return "";
+  int median = 1;
+  while (!is_half(median)) ++median;
   return cv::format("half of the depths are %d or less: m, but a depth image means mm: multiply by 1000",
                     median);
 }
