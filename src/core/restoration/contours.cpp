@@ -56,83 +56,69 @@ class Explanation {
             1 / (6 * (bracket.noise_variance + kContours.model_variance) * kCodeScale * kCodeScale))),
         sharp_(ImageFormation::withMargin(bracket.light)) {}
 
-  // How badly each of two inverse depths explains the frames at a pixel.
-  std::array<float, 2> costsOf(const cv::Point& p, float now, float tried) const {
-    std::array<FramePixel, 4> pixels;
+  // Up to four frames of a pixel.
+  struct Frames {
+    std::array<int, 4> at;
     int count = 0;
-    for (const int k : sharpestFrames(now, tried, p)) {
-      if (k < 0) break;
-      pixels[count].predictions[0] = formation_[k].predict(p, now, sharp_);
-      pixels[count].predictions[1] = formation_[k].predict(p, tried, sharp_);
-      pixels[count++].seen = bracket_.frames[k].codes(p);
-    }
-    const float first = now > tried ? kContours.near_color_deviation : kContours.far_color_deviation;
-    const float second = now > tried ? kContours.far_color_deviation : kContours.near_color_deviation;
-    return {costOf(p, pixels.data(), count, 0, first), costOf(p, pixels.data(), count, 1, second)};
-  }
-
- private:
-  // A pixel in a frame: as it is, and as two inverse depths predict it.
-  struct FramePixel {
-    cv::Vec3s seen;
-    ImageFormation::Prediction predictions[2];
   };
 
-  // The two frames that are sharpest at either inverse depth, those that are not too blurred; -1 = none.
-  std::array<int, 4> sharpestFrames(float a, float b, const cv::Point& p) const {
-    std::array<int, 4> frames = {-1, -1, -1, -1};
-    size_t count = 0;
+  // The two frames that are sharpest at either inverse depth, those that are not too blurred.
+  Frames sharpestFrames(float a, float b, const cv::Point& p) const {
+    Frames frames;
     for (const float inverse_depth : {a, b}) {
-      std::array<int, 2> sharpest = {-1, -1};
-      for (int k = 0; k < static_cast<int>(bracket_.frames.size()); ++k) {
-        if (!bracket_.frames[k].shown(p)) continue;
-        const auto radius = [&](int i) { return bracket_.frames[i].blur.radius(inverse_depth); };
-        if (radius(k) > kContours.sharp) continue;
-        if (sharpest[0] < 0 || radius(k) < radius(sharpest[0])) {
-          sharpest[1] = sharpest[0];
-          sharpest[0] = k;
-        } else if (sharpest[1] < 0 || radius(k) < radius(sharpest[1])) {
-          sharpest[1] = k;
+      const auto radius = [&](int k) { return bracket_.frames[k].blur.radius(inverse_depth); };
+      int first = -1;
+      for (int i = 0; i < 2; ++i) {
+        int sharpest = -1;
+        for (int k = 0; k < static_cast<int>(bracket_.frames.size()); ++k) {
+          if (k == first || !bracket_.frames[k].shown(p) || radius(k) > kContours.sharp) continue;
+          if (sharpest < 0 || radius(k) < radius(sharpest)) sharpest = k;
         }
-      }
-      for (const int k : sharpest) {
-        if (k >= 0 && std::find(frames.begin(), frames.end(), k) == frames.end()) frames[count++] = k;
+        const auto end = frames.at.begin() + frames.count;
+        if (sharpest >= 0 && std::find(frames.at.begin(), end, sharpest) == end)
+          frames.at[frames.count++] = sharpest;
+        first = sharpest;
       }
     }
     return frames;
   }
 
-  // i: of the predictions. The fused picture may show the blur or the colour of a nearer object at p, which
-  // the frames would contradict whatever the depth. So p has the colour that explains them best, by least
-  // squares. color_deviation: how far that may be from the fused picture's.
-  float costOf(const cv::Point& p, const FramePixel* pixels, int count, int i, float color_deviation) const {
+  // How badly an inverse depth explains some frames at a pixel. The fused picture may show the blur or the
+  // colour of a nearer object at p, which the frames would contradict whatever the depth. So p has the colour
+  // that explains them best, by least squares. color_deviation: how far that may be from the fused picture's.
+  float costOf(const cv::Point& p, float inverse_depth, const Frames& frames, float color_deviation) const {
     const LightCurve& curve = *bracket_.curve;
+    std::array<ImageFormation::Prediction, 4> predictions;
+    for (int k = 0; k < frames.count; ++k)
+      predictions[k] = formation_[frames.at[k]].predict(p, inverse_depth, sharp_);
     std::array<float, 4> squared = {};
     float cost = 0;
     for (int c = 0; c < 3; ++c) {
+      const auto seen = [&](int k) { return bracket_.frames[frames.at[k]].codes(p)[c]; };
       const float fused = bracket_.light(p)[c];
       const float deviation = color_deviation / curve.slope(curve.code(fused));  // in light
       float weight = 1 / cost_scale_, sum = 0;
-      for (int k = 0; k < count; ++k) {
-        const auto& [light, own_share] = pixels[k].predictions[i];
+      for (int k = 0; k < frames.count; ++k) {
+        const auto& [light, own_share] = predictions[k];
         const float code = curve.code(light[c]);
         const float gain = kCodeScale * own_share * curve.slope(code) * deviation;
         weight += gain * gain;
-        sum += gain * (pixels[k].seen[c] - kCodeScale * code);
+        sum += gain * (seen(k) - kCodeScale * code);
       }
       const float deviations = sum / weight;
       cost += deviations * deviations;
       const float change = std::clamp(fused + deviations * deviation, 0.0f, curve.light(255)) - fused;
-      for (int k = 0; k < count; ++k) {
-        const auto& [light, own_share] = pixels[k].predictions[i];
-        const float left = kCodeScale * curve.code(light[c] + own_share * change) - pixels[k].seen[c];
+      for (int k = 0; k < frames.count; ++k) {
+        const auto& [light, own_share] = predictions[k];
+        const float left = kCodeScale * curve.code(light[c] + own_share * change) - seen(k);
         squared[k] += left * left;
       }
     }
-    for (int k = 0; k < count; ++k) cost += std::min(kContours.most_cost, squared[k] * cost_scale_);
+    for (int k = 0; k < frames.count; ++k) cost += std::min(kContours.most_cost, squared[k] * cost_scale_);
     return cost;
   }
 
+ private:
   const ObservedBracket& bracket_;
   const std::vector<ImageFormation>& formation_;
   float cost_scale_;
@@ -198,12 +184,15 @@ class Contours {
       candidates[count++] = other;
     }
     for (int i = 0; i < count; ++i) {
-      const float tried = candidates[i];
-      const std::array<float, 2> costs = explanation_.costsOf(p, best, tried);
-      const bool is_farther = tried < best;
-      const float now = costs[0] + jumpCost(p, best, across_x[i]) + depthCost(p, best) +
-                        (is_farther ? kContours.near_excess : -kContours.near_excess);
-      if (costs[1] + jumpCost(p, tried, across_x[i]) + depthCost(p, tried) < now) best = tried;
+      const float near = std::max(best, candidates[i]), far = std::min(best, candidates[i]);
+      const auto frames = explanation_.sharpestFrames(best, candidates[i], p);
+      const auto cost = [&](float inverse_depth, float color_deviation) {
+        return explanation_.costOf(p, inverse_depth, frames, color_deviation) +
+               jumpCost(p, inverse_depth, across_x[i]) + depthCost(p, inverse_depth);
+      };
+      const float excess = cost(near, kContours.near_color_deviation) + kContours.near_excess -
+                           cost(far, kContours.far_color_deviation);
+      if (excess != 0) best = excess < 0 ? near : far;
     }
     return best;
   }

@@ -149,19 +149,21 @@ void ImageFormation::forEachThatLightsUp(const cv::Point& p, int half, const Vis
 
 // Parts no farther than `half` away. Nearest layers come first, until the pixel has all its light.
 void ImageFormation::gather(const cv::Point& p, const Candidate& own, int half, Lights& lights) const {
-  lights.count = 0;
+  int count = 0, nearest = own.layer;
   lights.factors.fill(0);
   const auto take = [&](int dx, int dy, float share, int l) {
-    lights.dx[lights.count] = static_cast<std::int8_t>(dx);
-    lights.dy[lights.count] = static_cast<std::int8_t>(dy);
-    lights.shares[lights.count] = share;
-    lights.layers[lights.count++] = static_cast<std::uint8_t>(l);
+    lights.dx[count] = static_cast<std::int8_t>(dx);
+    lights.dy[count] = static_cast<std::int8_t>(dy);
+    lights.shares[count] = share;
+    lights.layers[count++] = static_cast<std::uint8_t>(l);
     lights.factors[l] += share;
+    nearest = std::max(nearest, l);
   };
   take(0, 0, DiscKernels::get().shares(own.index)[0], own.layer);
   forEachThatLightsUp(p, half, take);
+  lights.count = count;
   lights.total = 0;
-  int l = std::max<int>(nearest_(p), own.layer);
+  int l = nearest;
   for (; l >= 0 && lights.total < 1; --l) {
     if (lights.factors[l] == 0) continue;
     const float sum = lights.factors[l];
@@ -185,10 +187,8 @@ void ImageFormation::forEachPart(const cv::Point& p, float inverse_depth, const 
   Hidden hidden;
   if (lights.total < kWhole) hidden = hiddenAt(p, own.layer);
   const float scale = hidden.count > 0 ? 1 : 1 / lights.total;
-  for (int i = 0; i < lights.count; ++i) {
-    const float share = scale * lights.factors[lights.layers[i]] * lights.shares[i];
-    if (share > 0) visit(lights.dx[i], lights.dy[i], share);
-  }
+  for (int i = 0; i < lights.count; ++i)
+    visit(lights.dx[i], lights.dy[i], scale * lights.factors[lights.layers[i]] * lights.shares[i]);
   for (int i = 0; i < hidden.count; ++i) {
     visit(hidden.at[i] % kNearbySide - kNearby, hidden.at[i] / kNearbySide - kNearby,
           nearbyWeights()[hidden.at[i]] * (1 - lights.total) / hidden.sum);
@@ -198,6 +198,7 @@ void ImageFormation::forEachPart(const cv::Point& p, float inverse_depth, const 
 void ImageFormation::partsOf(const cv::Point& p, float inverse_depth, std::vector<Part>& parts) const {
   parts.clear();
   forEachPart(p, inverse_depth, [&](int dx, int dy, float share) {
+    if (share == 0) return;
     const int x = mirrored(p.x + dx, inverse_depth_.cols), y = mirrored(p.y + dy, inverse_depth_.rows);
     parts.push_back({static_cast<std::int16_t>(x - p.x), static_cast<std::int16_t>(y - p.y), share});
   });
