@@ -298,11 +298,7 @@ cv::Mat1f weightOf(const Equations& equations) {
 cv::Mat1f priorOf(const cv::Mat1f& excess, const cv::Mat1f& weight, double noise_variance) {
   const auto least =
       static_cast<float>(kInversion.prior_share * (noise_variance + kInversion.least_variance));
-  cv::Mat1f prior(excess.size());
-  forEachPixel(prior.size(), [&](int y, int x) {
-    prior(y, x) = 1 / (least + std::max(0.0f, excess(y, x) / std::max(weight(y, x), 1e-6f)));
-  });
-  return prior;
+  return cv::Mat1f(1 / (least + cv::max(excess / cv::max(weight, 1e-6f), 0)));
 }
 
 // (A^T omega A + 1 / s^2 + smoothness) z
@@ -365,34 +361,29 @@ std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior,
 
 // |z| is at most what the frames differ by there; its colour stays.
 void limit(const ObservedBracket& bracket, cv::Mat3f& z) {
+  cv::Mat least = bracket.frames[0].codes.clone(), most = least.clone();
+  for (const ObservedFrame& frame : bracket.frames) {
+    cv::min(least, frame.codes, least);
+    cv::max(most, frame.codes, most);
+  }
+  const cv::Mat3s range(most - least);
   forEachPixel(z.size(), [&](int y, int x) {
-    cv::Vec3f& here = z(y, x);
-    if (here == cv::Vec3f()) return;
-    cv::Vec3s least = bracket.frames[0].codes(y, x), most = least;
-    for (const ObservedFrame& frame : bracket.frames) {
-      for (int c = 0; c < 3; ++c) {
-        least[c] = std::min(least[c], frame.codes(y, x)[c]);
-        most[c] = std::max(most[c], frame.codes(y, x)[c]);
-      }
-    }
     float factor = 1;
     for (int c = 0; c < 3; ++c) {
-      const float range = static_cast<float>(most[c] - least[c]) / kCodeScale + kInversion.range_margin;
-      if (std::abs(here[c]) > range) factor = std::min(factor, range / std::abs(here[c]));
+      const float allowed = static_cast<float>(range(y, x)[c]) / kCodeScale + kInversion.range_margin;
+      factor = std::min(factor, allowed / std::max(std::abs(z(y, x)[c]), allowed));
     }
-    here *= factor;
+    z(y, x) *= factor;
   });
 }
 
-// By the share of the residual in excess of noise that z explains.
-void gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weight, double noise_variance,
-          cv::Mat3f& z) {
-  const auto chance = static_cast<float>(kInversion.chance * noise_variance) + 1e-3f;
-  forEachPixel(z.size(), [&](int y, int x) {
-    const float share = (before(y, x) - after(y, x)) / std::max(before(y, x), chance * weight(y, x) + 1e-9f);
-    z(y, x) *=
-        std::clamp((share - kInversion.gate_from) / (kInversion.gate_to - kInversion.gate_from), 0.0f, 1.0f);
-  });
+// How much of z is kept, 0..1: by the share of the residual in excess of noise that z explains.
+cv::Mat1f gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weight,
+               double noise_variance) {
+  const double chance = kInversion.chance * noise_variance + 1e-3;
+  const cv::Mat1f share((before - after) / cv::max(before, chance * weight + 1e-9));
+  return cv::Mat1f(
+      cv::max(cv::min((share - kInversion.gate_from) / (kInversion.gate_to - kInversion.gate_from), 1), 0));
 }
 
 // region, 0..1: where to correct. Beside jumps, and where no frame is sharp. solved: see Equations.
@@ -431,8 +422,8 @@ std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
   if (!z) return z;
   limit(bracket, *z);
   const cv::Mat1f left = excessOf(equations, equations.toLight(*z), bracket.noise_variance);
-  gate(excess, left, weight, bracket.noise_variance, *z);
-  forEachPixel(region.size(), [&](int y, int x) { (*z)(y, x) *= region(y, x); });
+  const cv::Mat1f kept(region.mul(gate(excess, left, weight, bracket.noise_variance)));
+  forEachPixel(kept.size(), [&](int y, int x) { (*z)(y, x) *= kept(y, x); });
   return z;
 }
 
