@@ -48,9 +48,9 @@ constexpr struct RestorationParameters {
   // Do the frames show the restored picture as well as the given one?
   float most_squared_error = 3 * 900;  // of a pixel; larger ones are cut, as it may show what no other does
   double tile_sigma = 5;               // px: errors are means over that
-  double model_error = 0.4;            // standard deviation, as a share of the error: depth may be wrong
-  // Rise of the error in standard deviations, up to which all of a correction is kept, and at which nothing.
-  float worse = 1, surely_worse = 3;
+  // Rise of the error, as a share of it, up to which all of a correction is kept, and at which nothing: depth
+  // may be wrong.
+  float worse = 0.4f, surely_worse = 1.2f;
   double told_share = 0.9;  // of a correction; if less is kept, a note says so
   // A channel of the fused picture that is this dark is not brightened, one this bright as the equations say;
   // gray levels. (Without: slope_24mm -0.4 dB, motorcycle_breathing +0.2, 30 scenes -0.06.)
@@ -268,14 +268,10 @@ cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<Ima
 }
 
 // Keeps a correction but where the frames show the given picture, blurred by the lens, better than the
-// corrected one, beyond noise and errors of the depth. Returns the share that is kept.
+// corrected one by more than errors of the depth explain. Returns the share that is kept.
 double keepWhatFramesShow(const cv::Mat1f& before, const cv::Mat1f& after, cv::Mat3f& correction) {
-  cv::Mat1f rise(after - before), variance, given;
+  cv::Mat1f rise(after - before), given;
   cv::GaussianBlur(before, given, {}, kRestoration.tile_sigma);
-  cv::GaussianBlur(rise.mul(rise), variance, {},
-                   kRestoration.tile_sigma / std::sqrt(2));  // squared weights of the mean
-  variance /= 4 * CV_PI * kRestoration.tile_sigma * kRestoration.tile_sigma;
-  variance += kRestoration.model_error * kRestoration.model_error * given.mul(given);
   cv::GaussianBlur(rise, rise, {}, kRestoration.tile_sigma);
   double all = 0, kept = 0;
   for (int y = 0; y < rise.rows; ++y) {
@@ -283,10 +279,9 @@ double keepWhatFramesShow(const cv::Mat1f& before, const cv::Mat1f& after, cv::M
       cv::Vec3f& z = correction(y, x);
       const double size = cv::norm(z, cv::NORM_L2SQR);
       if (size == 0) continue;
-      const float deviations = rise(y, x) / std::sqrt(variance(y, x) + 1e-9f);
+      const float worse = rise(y, x) / (given(y, x) + 1e-4f);
       const float keep = std::clamp(
-          (kRestoration.surely_worse - deviations) / (kRestoration.surely_worse - kRestoration.worse), 0.0f,
-          1.0f);
+          (kRestoration.surely_worse - worse) / (kRestoration.surely_worse - kRestoration.worse), 0.0f, 1.0f);
       z *= keep;
       all += size;
       kept += keep * size;
