@@ -66,39 +66,21 @@ cv::Mat downsampled(const cv::Mat& image, const cv::Size& size) {
   return small;
 }
 
-cv::Rect downsampled(const cv::Rect& seen, const cv::Size& from, const cv::Size& to) {
-  if (from == to) return seen;
-  const double x = static_cast<double>(to.width) / from.width,
-               y = static_cast<double>(to.height) / from.height;
-  const cv::Point first(static_cast<int>(std::ceil(seen.x * x)), static_cast<int>(std::ceil(seen.y * y)));
-  const cv::Point last(static_cast<int>(seen.br().x * x), static_cast<int>(seen.br().y * y));
-  return cv::Rect(first, last) & cv::Rect({}, to);
-}
-
 // Depth in mm, any size -> inverse depth, 1/mm, 0 = unknown.
 cv::Mat1f inverseDepthOf(const cv::Mat& depth, const cv::Size& size) {
   cv::Mat scaled;
   resizeDepth(depth, size, scaled);
-  cv::Mat1f inverse_depth(size);
-  for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      const int mm = scaled.at<std::uint16_t>(y, x);
-      inverse_depth(y, x) = mm > 0 ? 1.0f / static_cast<float>(mm) : 0;
-    }
-  }
+  cv::Mat1f inverse_depth;
+  scaled.convertTo(inverse_depth, CV_32F);
+  cv::divide(1, inverse_depth, inverse_depth);
+  inverse_depth.setTo(0, scaled == 0);
   return inverse_depth;
 }
 
 cv::Mat depthOf(const cv::Mat1f& inverse_depth, const cv::Size& size) {
-  cv::Mat1w depth(inverse_depth.size());
-  for (int y = 0; y < depth.rows; ++y) {
-    for (int x = 0; x < depth.cols; ++x) {
-      const float mm = 1 / std::max(inverse_depth(y, x), 1e-9f);
-      depth(y, x) = static_cast<std::uint16_t>(std::clamp(mm + 0.5f, 1.0f, 65535.0f));
-    }
-  }
-  cv::Mat scaled;
-  resizeDepth(depth, size, scaled);
+  cv::Mat depth, scaled;
+  cv::Mat(1 / cv::max(inverse_depth, 1e-9f)).convertTo(depth, CV_16U);
+  resizeDepth(cv::max(depth, 1), size, scaled);
   return scaled;
 }
 
@@ -140,8 +122,7 @@ BlurEvidence evidenceOf(const ObservedBracket& bracket, double shrinking) {
     cv::Mat floats;
     frame.codes.convertTo(floats, CV_32F);
     frames.push_back({gray(floats, kCodeScale), {}});
-    frames.back().seen =
-        downsampled(cv::boundingRect(frame.shown), bracket.fused.size(), frames.back().gray.size());
+    frames.back().seen = cv::boundingRect(BlurEvidence::copyOf(frame.shown, shrinking) == 255);
   }
   cv::Mat1f surfaces;
   if (!bracket.measured.empty()) {
@@ -176,9 +157,8 @@ cv::Size workingSize(const BracketScene& scene, const cv::Size& size) {
 
 // What lies beyond a range is as near as its end.
 void cut(const InverseDepthRange& range, cv::Mat1f& inverse_depth) {
-  for (float& value : inverse_depth) {
-    if (value > 0) value = std::clamp(value, range.least, range.largest);
-  }
+  const cv::Mat1b known(inverse_depth > 0);
+  cv::Mat1f(cv::min(cv::max(inverse_depth, range.least), range.largest)).copyTo(inverse_depth, known);
 }
 
 double largestRadius(const ObservedBracket& bracket, const InverseDepthRange& range) {
@@ -341,13 +321,10 @@ void BracketRestoration::add(const AlignedFrame& frame) {
   if (held_.empty()) working_size_ = workingSize(scene_, size_);
   HeldFrame held;
   held.image = downsampled(toEightBits(frame.image), working_size_);
-  held.shown = cv::Mat1b::zeros(working_size_);
-  held.shown(downsampled(frame.seen, size_, working_size_)).setTo(255);
-  if (!frame.opaque.empty()) {
-    cv::Mat opaque;
-    cv::resize(frame.opaque, opaque, working_size_, 0, 0, cv::INTER_NEAREST);
-    held.shown &= opaque;
-  }
+  cv::Mat1b shown(size_, 0);
+  shown(frame.seen).setTo(255);
+  if (!frame.opaque.empty()) shown &= frame.opaque;
+  held.shown = downsampled(shown, working_size_) == 255;
   held.gain = frame.gain;
   held.inverse_depth = known ? 1 / frame.focus_mm : 1 + frame.index;
   held.index = frame.index;
@@ -557,10 +534,9 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   }
 
   // 5. Do the frames show the restored picture as well as the given one?
-  cv::Mat1b changed(sum.size(), 0);
-  for (int y = 0; y < sum.rows; ++y) {
-    for (int x = 0; x < sum.cols; ++x) changed(y, x) = sum(y, x) == cv::Vec3f() ? 0 : 255;
-  }
+  cv::Mat unchanged;
+  cv::inRange(sum, cv::Scalar(), cv::Scalar(), unchanged);
+  const cv::Mat1b changed(~unchanged);
   result.kept = keepWhatFramesShow(predictionErrors(bracket, formation, given_light, changed),
                                    predictionErrors(bracket, formation, bracket.light, changed), sum);
   if (!linear_) keepDark(given, sum);
