@@ -173,13 +173,17 @@ void ImageFormation::gather(const cv::Point& p, const Candidate& own, int half, 
   std::fill_n(lights.factors.begin(), l + 1, 0.0f);
 }
 
-// visit(dx, dy, share) of every part. What lies dx, dy away may be outside the picture.
+// visit(dx, dy, share) of every part. What lies dx, dy away may be outside the picture. Returns the share of
+// p's own disc.
 template <typename Visit>
-void ImageFormation::forEachPart(const cv::Point& p, float inverse_depth, const Visit& visit) const {
+float ImageFormation::forEachPart(const cv::Point& p, float inverse_depth, const Visit& visit) const {
   const Candidate own = candidate(inverse_depth);
   // Where nothing nearer comes into it the own disc is enough, if it is filled.
   const bool is_on_top = nearest_(p) <= own.layer + 1;
-  if (is_on_top && own.reach == 0) return visit(0, 0, 1);
+  if (is_on_top && own.reach == 0) {
+    visit(0, 0, 1);
+    return 1;
+  }
   const int farthest = std::max<int>(reach_(p), own.reach), half = is_on_top ? own.reach : farthest;
   Lights lights;
   gather(p, own, half, lights);
@@ -193,6 +197,7 @@ void ImageFormation::forEachPart(const cv::Point& p, float inverse_depth, const 
     visit(hidden.at[i] % kNearbySide - kNearby, hidden.at[i] / kNearbySide - kNearby,
           nearbyWeights()[hidden.at[i]] * (1 - lights.total) / hidden.sum);
   }
+  return scale * lights.factors[own.layer] * lights.shares[0];
 }
 
 void ImageFormation::partsOf(const cv::Point& p, float inverse_depth, std::vector<Part>& parts) const {
@@ -209,10 +214,8 @@ ImageFormation::Prediction ImageFormation::predict(const cv::Point& p, float inv
   const cv::Vec4f* here = &sharp(p.y + kMargin, p.x + kMargin);
   const auto stride = static_cast<std::ptrdiff_t>(sharp.step1() / 4);
   cv::v_float32x4 sum = cv::v_setzero_f32();
-  float own_share = 0;
-  forEachPart(p, inverse_depth, [&](int dx, int dy, float share) {
+  const float own_share = forEachPart(p, inverse_depth, [&](int dx, int dy, float share) {
     sum += cv::v_load(here[dy * stride + dx].val) * cv::v_setall_f32(share);
-    if (dx == 0 && dy == 0) own_share += share;
   });
   cv::Vec4f light;
   cv::v_store(light.val, sum);

@@ -66,7 +66,7 @@ class ImageFormation {
   template <typename Visit>
   void forEachThatLightsUp(const cv::Point& p, int half, const Visit& visit) const;
   template <typename Visit>
-  void forEachPart(const cv::Point& p, float own, const Visit& visit) const;
+  float forEachPart(const cv::Point& p, float own, const Visit& visit) const;
   void gather(const cv::Point& p, const Candidate& own, int half, Lights& lights) const;
   Hidden hiddenAt(const cv::Point& p, int own_layer) const;
 
