@@ -425,8 +425,8 @@ TEST(Restoration, PixelsThatShowNothingAreNotCorrectedBy) {
     }
     return errorLeft(*restoration.restore(card.fused()), card);
   };
-  EXPECT_LT(errorWith(true), 1) << "restored is not worse than what was fused";
-  EXPECT_GT(errorWith(false), 1.2) << "the test can fail";  // 1.34
+  EXPECT_LT(errorWith(true), 0.32) << "restored is better than what was fused";  // 0.16
+  EXPECT_GT(errorWith(false), 0.64) << "the test can fail";                      // 0.98
 }
 
 TEST(Restoration, SaysWhatIsMissing) {
