@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <functional>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <vector>
@@ -59,15 +60,17 @@ void fillAcross(const std::uint16_t* row, const std::uint8_t* holes, int cols, s
   }
 }
 
-// Fills the holes of some columns at those pixels where they are wider than high. ends: row y differs from 0
-// where a hole begins or ends between rows y and y + 1.
-void fillDown(const cv::Mat1w& depth, const cv::Mat1b& ends, const cv::Range& columns, const cv::Mat1w& width,
-              cv::Mat1w& filled) {
-  std::vector<int> begin(depth.cols, 0);  // of the last hole; 0: it has no upper end
+// Fills the holes of some columns at those pixels where they are wider than high.
+void fillDown(const cv::Mat1w& depth, const cv::Mat1b& holes, const cv::Range& columns,
+              const cv::Mat1w& width, cv::Mat1w& filled) {
+  std::vector<int> begin(depth.cols, 0);          // of the last hole; 0: it has no upper end
+  std::vector<std::uint8_t> ends(depth.cols, 0);  // 255: a hole begins or ends between this row and the last
   for (int y = 1; y < depth.rows; ++y) {
-    const std::uint8_t* const here = ends[y - 1];
-    for (int x = find(here, columns.start, columns.end, 255); x < columns.end;
-         x = find(here, x + 1, columns.end, 255)) {
+    const std::uint8_t *const above = holes[y - 1], *const here = holes[y];
+    std::transform(above + columns.start, above + columns.end, here + columns.start,
+                   ends.begin() + columns.start, std::bit_xor<>());
+    for (int x = find(ends.data(), columns.start, columns.end, 255); x < columns.end;
+         x = find(ends.data(), x + 1, columns.end, 255)) {
       if (depth(y, x) == 0) {
         begin[x] = y;
         continue;
@@ -110,10 +113,8 @@ void fillFromFarSide(const cv::Mat& depth, cv::Mat& filled) {
   const cv::Mat1b holes(depth == 0);
   cv::Mat1w width(depth.size()), result(filled);
   forEachRow(depth.rows, [&](int y) { fillAcross(known[y], holes[y], depth.cols, result[y], width[y]); });
-  if (depth.rows == 1) return;
-  const cv::Mat1b ends(holes.rowRange(1, depth.rows) ^ holes.rowRange(0, depth.rows - 1));
   RowStrips({0, depth.cols}, stripCount(depth.cols)).forEach([&](const cv::Range& columns, int) {
-    fillDown(known, ends, columns, width, result);
+    fillDown(known, holes, columns, width, result);
   });
 }
 
