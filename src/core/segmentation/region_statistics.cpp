@@ -75,23 +75,15 @@ void RegionStatistics::readHistograms(const RegionMap& map) {
 
 // Finds areas and medians without histograms, from the sorted depths of each region.
 void RegionStatistics::sortDepths(const RegionMap& map) {
-  const auto forEachPixel = [&](const auto& use) {
-    for (int y = 0; y < map.graph.rows(); ++y) {
-      for (int x = 0; x < map.graph.cols(); ++x)
-        use(map.nodes[map.graph.labelRow(y)[x]].parent, map.graph.depthRow(y)[x]);
-    }
-  };
-  forEachPixel([&](int region, int) { ++areas_[region]; });
-  histogram_begin_.assign(map.count + 2, 0);
-  for (int i = 0; i <= map.count; ++i) histogram_begin_[i + 1] = histogram_begin_[i] + areas_[i];
-  histograms_.resize(1);
-  std::vector<int>& depths = histograms_[0];
-  depths.resize(histogram_begin_[map.count + 1]);
-  forEachPixel([&](int region, int depth) { depths[histogram_begin_[region]++] = depth; });
+  std::vector<std::vector<std::uint16_t>> depths(map.count + 1);
+  for (int y = 0; y < map.graph.rows(); ++y) {
+    for (int x = 0; x < map.graph.cols(); ++x)
+      depths[map.nodes[map.graph.labelRow(y)[x]].parent].push_back(map.graph.depthRow(y)[x]);
+  }
   for (int i = 1; i <= map.count; ++i) {
-    const auto end = depths.begin() + histogram_begin_[i], begin = end - areas_[i];
-    const auto median = begin + (areas_[i] - 1) / 2;
-    std::nth_element(begin, median, end);
+    areas_[i] = static_cast<int>(depths[i].size());
+    const auto median = depths[i].begin() + (areas_[i] - 1) / 2;
+    std::nth_element(depths[i].begin(), median, depths[i].end());
     medians_[i] = *median;
   }
 }
