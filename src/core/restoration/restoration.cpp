@@ -136,6 +136,26 @@ FrameBlur blurOf(const BracketScene& scene, double inverse_depth, int columns) {
   return frameBlur(scene.optics, scene.calibratedPitch() * scene.camera->size.width / columns, inverse_depth);
 }
 
+// Of the frames, in their order; scale: on radii.
+std::vector<FrameBlur> blurOf(const ObservedBracket& bracket, double scale) {
+  std::vector<FrameBlur> blur;
+  for (const ObservedFrame& frame : bracket.frames)
+    blur.push_back({frame.blur.inverse_depth, frame.blur.px_mm * scale});
+  return blur;
+}
+
+// Gives the frames the lens that they show.
+void correct(const LensFit& fit, ObservedBracket& bracket) {
+  if (!fit.uses_depth) bracket.filled = bracket.measured = cv::Mat1f();
+  const std::vector<FrameBlur> blur = fit.focus.of(blurOf(bracket, fit.scale));
+  for (std::size_t k = 0; k < blur.size(); ++k) bracket.frames[k].blur = blur[k];
+  bracket.px_mm *= fit.scale;
+  std::stable_sort(bracket.frames.begin(), bracket.frames.end(),
+                   [](const ObservedFrame& a, const ObservedFrame& b) {
+                     return a.blur.inverse_depth < b.blur.inverse_depth;
+                   });
+}
+
 // The size in which a bracket is restored.
 cv::Size workingSize(const BracketScene& scene, const cv::Size& size) {
   double pixels = kRestoration.least_pixels;
@@ -359,20 +379,19 @@ std::string BracketRestoration::missing() const {
 }
 
 // Tells the user what the frames say about the lens.
-void BracketRestoration::tell(const LensFit& fit, bool has_scale, RestorationResult& result) const {
+void BracketRestoration::tell(const LensFit& fit, RestorationResult& result) const {
   if (!fit.shows_blur) {
-    if (!has_scale) result.refusal = "the frames hardly differ in blur, and no lens is known";
+    if (!hasScale()) result.refusal = "the frames hardly differ in blur, and no lens is known";
     return;
   }
-  if (has_scale) result.blur_scale = fit.scale;
+  if (hasScale()) result.blur_scale = fit.scale;
   if (fit.contradicts()) {
     result.refusal = cv::format("the best lens %s explains only %.0f %% of the blur in the frames",
-                                has_scale ? "with these focus distances" : "that is moved in even steps",
+                                hasScale() ? "with these focus distances" : "that is moved in even steps",
                                 100 * std::max(0.0, fit.explained));
     return;
   }
-  result.notes = fit.notes(scene_.optics);
-  if (!has_scale) result.notes.clear();
+  if (hasScale()) result.notes = fit.notes(scene_.optics);
 }
 
 double BracketRestoration::shrinking() const {
@@ -442,11 +461,7 @@ bool BracketRestoration::findFocus() {
 
 // What the frames say about lens and focus distances; those are in the order of inverse distance.
 LensFit BracketRestoration::lens(const ObservedBracket& bracket) const {
-  std::vector<FrameBlur> of_copies;
-  for (const ObservedFrame& frame : bracket.frames) {
-    of_copies.push_back(frame.blur);
-    of_copies.back().px_mm /= shrinking();
-  }
+  const std::vector<FrameBlur> of_copies = blurOf(bracket, 1 / shrinking());
   const BlurEvidence evidence = evidenceOf(bracket, shrinking());
   if (const auto voted = focus_known_ ? votes().correctionOf(of_copies) : std::nullopt) {
     const LensFit fit = fitLens(evidence, of_copies, voted, hasScale());
@@ -465,31 +480,15 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
 
   // 1. All pictures in one size and one exposure.
   ObservedBracket bracket = observed(fused);
-  bool has_depth = !bracket.filled.empty();
   if (!proceed(0.05)) return std::nullopt;
 
   // 2. What the frames say about the lens and its focus distances.
   RestorationResult result;
-  std::vector<FrameBlur> blur;
-  for (const ObservedFrame& frame : bracket.frames) blur.push_back(frame.blur);
-  {
-    const LensFit found = lens(bracket);
-    tell(found, hasScale(), result);
-    if (!result.refusal.empty()) return result;
-    if (!found.uses_depth) {
-      has_depth = false;
-      bracket.filled.release();
-      bracket.measured.release();
-    }
-    blur = found.focus.of(blur);
-    for (FrameBlur& one : blur) one.px_mm *= found.scale;
-    bracket.px_mm *= found.scale;
-  }
-  for (std::size_t k = 0; k < blur.size(); ++k) bracket.frames[k].blur = blur[k];
-  std::stable_sort(bracket.frames.begin(), bracket.frames.end(),
-                   [](const ObservedFrame& a, const ObservedFrame& b) {
-                     return a.blur.inverse_depth < b.blur.inverse_depth;
-                   });
+  const LensFit found = lens(bracket);
+  tell(found, result);
+  if (!result.refusal.empty()) return result;
+  correct(found, bracket);
+  const bool has_depth = !bracket.filled.empty();
   const InverseDepthRange range = rangeOf(bracket);
   if (has_depth) {
     cut(range, bracket.filled);

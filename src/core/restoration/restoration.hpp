@@ -77,7 +77,7 @@ class BracketRestoration {
   LensFit lens(const ObservedBracket& bracket) const;
   double shrinking() const;
   bool hasScale() const { return scene_.camera && focus_known_; }
-  void tell(const LensFit& fit, bool has_scale, RestorationResult& result) const;
+  void tell(const LensFit& fit, RestorationResult& result) const;
 
   BracketScene scene_;
   cv::Size size_;          // of the frames; empty before the first
