@@ -96,15 +96,29 @@ LensFit search(const BlurEvidence& evidence, const std::vector<FrameBlur>& given
   take(ordered, kClearly);
   take(scaled, kAsGood);
   if (!may_correct) return best;
-  const Factor factor = bestFactor(kStepOfDistances, [&](double value) {
-    return with({false, 0, value}, 1).explained;
-  });
+  const auto explainedBy = [&](double value) { return with({false, 0, value}, 1).explained; };
+  Factor factor = bestFactor(kStepOfDistances, explainedBy);
+  for (const Unit& unit : kUnits) {
+    if (const double share = explainedBy(unit.factor); share > factor.explained + kAsGood)
+      factor = {unit.factor, share};
+  }
   const LensFit enlarged = {{false, 0, factor.value}, 1, factor.explained};
   if (enlarged.explained > as_given + kClearly) take(enlarged, kAsGood);
   const std::array<LensFit, 3> all = {ordered, scaled, enlarged};
   best.is_certain = 1 == std::count_if(all.begin(), all.end(), [&](const LensFit& fit) {
                       return fit.explained > best.explained - kAsGood;
                     });
+  if (best.explained >= LensFit::kBelieved) return best;
+  LensFit two = best;
+  const auto tryBoth = [&](const FocusCorrection& other) {
+    const Factor of_other = bestScale(evidence, other.of(given));
+    two = std::max(two, {other, of_other.value, of_other.explained}, better);
+    return of_other.explained;
+  };
+  for (const FocusCorrection& other : kOfOrder) tryBoth(other);
+  bestFactor(kStepOfDistances, [&](double one) { return tryBoth({false, 0, one}); });
+  two.is_certain = false;
+  take(two, kClearly);  // two mistakes are less likely than one
   return best;
 }
 
