@@ -330,6 +330,20 @@ TEST(Restoration, FocusDistancesInReverseOrderAreTurnedRound) {
   EXPECT_LT(errorLeft(with({kSweep.rbegin(), kSweep.rend()}, scene), card), 0.4);
 }
 
+TEST(Restoration, NearThingsCoverFarOnesInWhicheverOrderFramesCome) {
+  const CardBeforeWall card;
+  BracketScene bare;
+  for (const bool far_first : {false, true}) {
+    std::vector<double> sweep = kSweep;
+    if (far_first) std::reverse(sweep.begin(), sweep.end());
+    BracketRestoration restoration;
+    restoration.begin(bare);
+    for (size_t i = 0; i < sweep.size(); ++i)
+      restoration.add({card.frame(sweep[i]), cv::Rect({}, kSize), 1, static_cast<int>(i), kUnknownFocus});
+    EXPECT_LT(errorLeft(*restoration.restore(card.fused()), card), 0.4) << far_first;
+  }
+}
+
 TEST(Restoration, FocusDistancesOffByAFactorAreMadeUpFor) {
   const CardBeforeWall card;
   BracketRestoration restoration;

@@ -7,7 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "restoration/semi_global_matching.hpp"
@@ -24,6 +24,11 @@ constexpr struct DepthParameters {
   float most_cost = 12;       // larger costs are cut, as a frame may show what no other does
   double variance = 1;        // of the fused picture
   double model_error = 0.36;  // and of the lens model, by squared radius
+  // Variance of a pixel over the frames, in multiples of the noise's: from here on all of its costs count.
+  // Gray levels squared: of rounding.
+  double textured = 6, rounding = 0.2;
+  // The cost of all levels but the farthest where nothing tells the depth.
+  float nearer = 0.05f;
   // Of neighbours: one level apart, and more.
   double small_step = 1.5, jump = 6;
   // Measured depth: the greatest cost of a level beside it, and the px of blur where it begins and is
@@ -74,9 +79,35 @@ std::vector<float> costsBesideMeasured(const Levels& levels, double px_mm) {
   return costs;
 }
 
+// How much of depth a pixel tells, 0..1: bare surfaces look alike in all frames, whatever their depth.
+cv::Mat1f textureOf(const ObservedBracket& bracket) {
+  cv::Mat1f texture(bracket.fused.size(), 0);
+  forEachRow(texture.rows, [&](int y) {
+    for (int x = 0; x < texture.cols; ++x) {
+      std::array<float, 3> sum = {};
+      float squares = 0, count = 0;
+      for (const ObservedFrame& frame : bracket.frames) {
+        if (!frame.shown(y, x)) continue;
+        for (int c = 0; c < 3; ++c) {
+          const float code = static_cast<float>(frame.codes(y, x)[c]) / kCodeScale;
+          sum[c] += code;
+          squares += code * code;
+        }
+        ++count;
+      }
+      if (count < 2) continue;
+      for (const float of_channel : sum) squares -= of_channel * of_channel / count;
+      texture(y, x) = squares / (3 * (count - 1));
+    }
+  });
+  cv::blur(texture, texture, {3, 3});
+  return cv::Mat1f(cv::min(1, texture / (kDepth.textured * (bracket.noise_variance + kDepth.rounding))));
+}
+
 CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictures, const Levels& levels) {
   const cv::Size size = bracket.fused.size();
   const std::vector<float> beside_measured = costsBesideMeasured(levels, bracket.px_mm);
+  const cv::Mat1f texture = textureOf(bracket);
   CostVolume volume(size, levels.count);
   cv::parallel_for_(
       {0, size.height},
@@ -95,7 +126,10 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
             }
           }
           for (int x = 0; x < size.width; ++x) {
-            const float measured = bracket.measured.empty() ? 0 : bracket.measured(y, x);
+            const float seen = texture(y, x),
+                        measured = bracket.measured.empty() ? 0 : bracket.measured(y, x);
+            for (int l = 0; l < levels.count && seen < 1; ++l)
+              costs(l, x) = seen * costs(l, x) + (l > 0 ? (1 - seen) * kDepth.nearer : 0);
             for (int l = 0; l < levels.count && measured > 0; ++l)
               costs(l, x) += beside_measured[std::abs(l - levels.nearest(measured))];
             std::int16_t* to = volume.at(y, x);

@@ -40,9 +40,11 @@ constexpr struct RestorationParameters {
   // Depth.
   double range_margin = 0.5;   // px of blur, beyond the depth that was measured
   double range_share = 0.005;  // of measured pixels that may lie beyond, at each end
-  double turned = 0.93;    // share of the error that must be left, to turn focus distances that were given
-  double occlusion = 1.5;  // px of blur; at smaller jumps little is covered
-  int beside = 4;          // px; how far from jumps coverage is looked at
+  double occlusion = 1.5;      // px of blur; at smaller jumps little is covered
+  int beside = 4;              // px; how far from jumps coverage is looked at
+  int order_tile = 16;         // px; errors of different tiles are independent
+  double order = 2.5;          // standard deviations that tell near from far
+  double turned = 0.93;  // share of the error that must be left, too, to turn focus distances that were given
   // Of contours, in each round: in the first one they lie at colour edges.
   std::array<float, 2> stiffness = {2, 1};
   // Do the frames show the restored picture as well as the given one?
@@ -290,27 +292,64 @@ double keepWhatFramesShow(const cv::Mat1f& before, const cv::Mat1f& after, cv::M
   return all > 0 ? kept / all : 1;
 }
 
-// Blur alone does not tell near from far where no depth was measured: what lies as far before the focus as
-// something else behind it looks alike. But near things cover far ones. Turns depth and focus distances round
-// where the frames are explained better so.
-bool orderByOcclusion(ObservedBracket& bracket, cv::Mat1f& inverse_depth, bool order_known) {
+ObservedBracket turnedRound(const ObservedBracket& bracket) {
   ObservedBracket turned = bracket;
   const double sum = bracket.frames.front().blur.inverse_depth + bracket.frames.back().blur.inverse_depth;
   for (ObservedFrame& frame : turned.frames) frame.blur.inverse_depth = sum - frame.blur.inverse_depth;
   std::reverse(turned.frames.begin(), turned.frames.end());
-  cv::Mat1f turned_depth(cv::max(static_cast<float>(sum) - inverse_depth, 1e-9f));
-  const cv::Mat1b beside =
-      besideJumps(inverse_depth, bracket.gap(kRestoration.occlusion), kRestoration.beside);
-  const auto errorOf = [&](const ObservedBracket& one, const cv::Mat1f& depth) {
-    return cv::sum(predictionErrors(one, formationOf(one, depth), one.light, beside))[0];
-  };
-  const double straight = errorOf(bracket, inverse_depth), round = errorOf(turned, turned_depth);
-  // Where nothing tells, the first frame is the nearest, as in the brackets that cameras take by themselves.
-  if (order_known ? round >= kRestoration.turned * straight : round > straight) return false;
-  bracket = turned;
-  inverse_depth = turned_depth;
-  bracket.filled = turned_depth.clone();
-  return true;
+  return turned;
+}
+
+// Standard deviations by which errors are larger than others.
+double rise(const cv::Mat1f& before, const cv::Mat1f& after) {
+  cv::Mat1f tiles;
+  cv::resize(after - before, tiles, {}, 1.0 / kRestoration.order_tile, 1.0 / kRestoration.order_tile,
+             cv::INTER_AREA);
+  const double deviation = cv::norm(tiles);
+  return deviation > 0 ? cv::sum(tiles)[0] / deviation : 0;
+}
+
+// A bracket in one of the two orders of near and far, and the depth that explains it.
+struct OrderedBracket {
+  ObservedBracket observed;
+  bool turned = false;
+  cv::Mat1f inverse_depth = {};
+};
+
+// Blur alone does not tell near from far where no depth was measured: what lies as far before the focus as
+// something else behind it looks alike. But near things cover far ones. So of both orders that one counts
+// which explains the frames better, once its contours lie where they should. Where nothing tells, the focus
+// distances that were given are right, or the first frame is the nearest, as cameras take brackets by
+// themselves. Empty: progress said stop.
+std::optional<OrderedBracket> orderByOcclusion(const ObservedBracket& given,
+                                               std::unique_ptr<BlurredPictures> pictures,
+                                               const InverseDepthRange& range, bool order_known,
+                                               const BracketRestoration::Progress& proceed) {
+  std::array<OrderedBracket, 2> both = {{{given, false}, {turnedRound(given), true}}};
+  std::array<cv::Mat1f, 2> errors;
+  cv::Mat1b beside(given.fused.size(), 0);
+  for (auto& [bracket, turned, inverse_depth] : both) {
+    // Without outliers, which nobody contradicts.
+    cv::medianBlur(depthFromBracket(bracket, *pictures, range), bracket.filled, 5);
+    inverse_depth = bracket.filled.clone();
+    cv::bitwise_or(
+        beside, besideJumps(inverse_depth, bracket.gap(kRestoration.occlusion), kRestoration.beside), beside);
+  }
+  pictures.reset();  // by far the largest part of memory
+  for (std::size_t i = 0; i < both.size(); ++i) {
+    auto& [bracket, turned, inverse_depth] = both[i];
+    std::vector<ImageFormation> formation = formationOf(bracket, inverse_depth);
+    if (!moveContours(bracket, formation, inverse_depth, kRestoration.stiffness[0], proceed))
+      return std::nullopt;
+    errors[i] = predictionErrors(bracket, formation, bracket.light, beside);
+  }
+  const double turned_is_worse = rise(errors[0], errors[1]);
+  bool turned = turned_is_worse < kRestoration.order;
+  if (order_known) {
+    turned = turned_is_worse < -kRestoration.order &&
+             cv::sum(errors[1])[0] < kRestoration.turned * cv::sum(errors[0])[0];
+  }
+  return both[turned ? 1 : 0];
 }
 
 void addTo(cv::Mat& image, const cv::Mat3f& correction) {
@@ -499,16 +538,21 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   if (!proceed(0.2)) return std::nullopt;
 
   // 3. The depth map that explains the frames.
-  cv::Mat1f inverse_depth = depthFromBracket(bracket, *pictures, range);
-  pictures.reset();  // by far the largest part of memory
-  if (!has_depth) {
-    cv::medianBlur(inverse_depth, bracket.filled, 5);  // without outliers, which nobody contradicts
-    bracket.filled.copyTo(inverse_depth);
-    if (orderByOcclusion(bracket, inverse_depth, focus_known_) && focus_known_) {
+  cv::Mat1f inverse_depth;
+  if (has_depth) {
+    inverse_depth = depthFromBracket(bracket, *pictures, range);
+    pictures.reset();  // by far the largest part of memory
+  } else {
+    const std::optional<OrderedBracket> ordered =
+        orderByOcclusion(bracket, std::move(pictures), range, focus_known_, part(0.25, 0.4));
+    if (!ordered) return std::nullopt;
+    if (ordered->turned && focus_known_) {
       LensFit turned;
       turned.focus.reversed = true;
       for (std::string& note : turned.notes(scene_.optics)) result.notes.push_back(note);
     }
+    bracket = ordered->observed;
+    inverse_depth = bracket.filled.clone();
   }
   if (!proceed(0.4)) return std::nullopt;
 
