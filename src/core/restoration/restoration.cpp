@@ -300,20 +300,21 @@ ObservedBracket turnedRound(const ObservedBracket& bracket) {
   return turned;
 }
 
-// Standard deviations by which errors are larger than others.
-double rise(const cv::Mat1f& before, const cv::Mat1f& after) {
+// Standard deviations by which errors rise from one picture to another.
+double deviationsOfRise(const cv::Mat1f& before, const cv::Mat1f& after) {
+  const cv::Size size(std::max(1, before.cols / kRestoration.order_tile),
+                      std::max(1, before.rows / kRestoration.order_tile));
   cv::Mat1f tiles;
-  cv::resize(after - before, tiles, {}, 1.0 / kRestoration.order_tile, 1.0 / kRestoration.order_tile,
-             cv::INTER_AREA);
+  cv::resize(after - before, tiles, size, 0, 0, cv::INTER_AREA);
   const double deviation = cv::norm(tiles);
   return deviation > 0 ? cv::sum(tiles)[0] / deviation : 0;
 }
 
-// A bracket in one of the two orders of near and far, and the depth that explains it.
+// A bracket without measured depth in one of the two orders of near and far; its filled depth is that which
+// explains the frames.
 struct OrderedBracket {
   ObservedBracket observed;
   bool turned = false;
-  cv::Mat1f inverse_depth = {};
 };
 
 // Blur alone does not tell near from far where no depth was measured: what lies as far before the focus as
@@ -327,23 +328,24 @@ std::optional<OrderedBracket> orderByOcclusion(const ObservedBracket& given,
                                                const BracketRestoration::Progress& proceed) {
   std::array<OrderedBracket, 2> both = {{{given, false}, {turnedRound(given), true}}};
   std::array<cv::Mat1f, 2> errors;
+  const float gap = given.gap(kRestoration.occlusion);
   cv::Mat1b beside(given.fused.size(), 0);
-  for (auto& [bracket, turned, inverse_depth] : both) {
+  for (auto& [bracket, turned] : both) {
     // Without outliers, which nobody contradicts.
     cv::medianBlur(depthFromBracket(bracket, *pictures, range), bracket.filled, 5);
-    inverse_depth = bracket.filled.clone();
-    cv::bitwise_or(
-        beside, besideJumps(inverse_depth, bracket.gap(kRestoration.occlusion), kRestoration.beside), beside);
+    cv::bitwise_or(beside, besideJumps(bracket.filled, gap, kRestoration.beside), beside);
   }
   pictures.reset();  // by far the largest part of memory
   for (std::size_t i = 0; i < both.size(); ++i) {
-    auto& [bracket, turned, inverse_depth] = both[i];
+    const ObservedBracket& bracket = both[i].observed;
+    cv::Mat1f inverse_depth = bracket.filled.clone();
     std::vector<ImageFormation> formation = formationOf(bracket, inverse_depth);
-    if (!moveContours(bracket, formation, inverse_depth, kRestoration.stiffness[0], proceed))
+    const auto half = [&](double done) { return proceed(0.5 * (static_cast<double>(i) + done)); };
+    if (!moveContours(bracket, formation, inverse_depth, kRestoration.stiffness[0], half))
       return std::nullopt;
     errors[i] = predictionErrors(bracket, formation, bracket.light, beside);
   }
-  const double turned_is_worse = rise(errors[0], errors[1]);
+  const double turned_is_worse = deviationsOfRise(errors[0], errors[1]);
   bool turned = turned_is_worse < kRestoration.order;
   if (order_known) {
     turned = turned_is_worse < -kRestoration.order &&
@@ -544,7 +546,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     pictures.reset();  // by far the largest part of memory
   } else {
     const std::optional<OrderedBracket> ordered =
-        orderByOcclusion(bracket, std::move(pictures), range, focus_known_, part(0.25, 0.4));
+        orderByOcclusion(bracket, std::move(pictures), range, focus_known_, part(0.3, 0.4));
     if (!ordered) return std::nullopt;
     if (ordered->turned && focus_known_) {
       LensFit turned;
