@@ -86,8 +86,8 @@ struct BracketResult : FusionResult {
 /// they show is compared with that of later frames. An automatic reference that was taken unlike most frames
 /// gives its place to another one.
 ///
-/// Memory does not grow with the number of frames. Not thread-safe; buffers are reused from bracket to
-/// bracket.
+/// Memory does not grow with the number of frames. Not thread-safe; the largest buffers are reused from
+/// bracket to bracket.
 class Bracket {
  public:
   /// Returns a frame that is held back once more.

@@ -102,9 +102,14 @@ cv::Mat1f rankOfGradient(const cv::Mat& picture) {
   cv::Sobel(gray, gradient, CV_16S, 1, 0);
   cv::convertScaleAbs(gradient, gradient, 0.5);
   cv::dilate(gradient, gradient, cv::Mat::ones(1, 3, CV_8U));
+  double least = 0;
+  cv::minMaxLoc(gradient, &least);
+  const cv::Mat is_least = gradient == least;  // whose rank equalizeHist() takes for 0
+  const double share = cv::countNonZero(is_least) / static_cast<double>(gradient.total());
   cv::equalizeHist(gradient, gradient);
   cv::Mat1f ranks;
-  gradient.convertTo(ranks, CV_32F, 1 / 255.0);
+  gradient.convertTo(ranks, CV_32F, (1 - share) / 255, share);
+  ranks.setTo(share / 2, is_least);
   return ranks;
 }
 

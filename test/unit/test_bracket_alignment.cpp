@@ -222,6 +222,16 @@ TEST(BracketAlignment, ReturnsToASceneAfterAnInterruption) {
   EXPECT_NEAR(alignment.placement(5, 0).shift.x, 2.5, 0.05);
 }
 
+TEST(BracketAlignment, TheLastFrameBeforeAnInterruptionIsKept) {
+  BracketAlignment alignment = begun();
+  const std::vector<std::pair<double, int>> frames = {{0, 1}, {5, 1}, {0, 8}, {0, 8}, {18, 1}, {22, 1}};
+  for (size_t k = 0; k < frames.size();
+       ++k)  // the later ones are near enough to the second, not to the first
+    alignment.observe(frame({1, {frames[k].first, 0}}, 0, 0, frames[k].second), static_cast<int>(k));
+  for (const int k : {1, 4, 5}) EXPECT_TRUE(alignment.placement(k, 0).fits) << k;
+  for (const int k : {2, 3}) EXPECT_FALSE(alignment.placement(k, 0).fits) << k;
+}
+
 TEST(BracketAlignment, FramesOutOfOrderFitTheNearestKeyFrame) {
   BracketAlignment alignment = begun();
   const std::vector<double> scales = {1, 1.03, 1.06, 1.09, 1.12, 1.15, 1, 1.1, 1.02, 1.15};

@@ -330,20 +330,6 @@ TEST(Restoration, FocusDistancesInReverseOrderAreTurnedRound) {
   EXPECT_LT(errorLeft(with({kSweep.rbegin(), kSweep.rend()}, scene), card), 0.4);
 }
 
-TEST(Restoration, NearThingsCoverFarOnesInWhicheverOrderFramesCome) {
-  const CardBeforeWall card;
-  BracketScene bare;
-  for (const bool far_first : {false, true}) {
-    std::vector<double> sweep = kSweep;
-    if (far_first) std::reverse(sweep.begin(), sweep.end());
-    BracketRestoration restoration;
-    restoration.begin(bare);
-    for (size_t i = 0; i < sweep.size(); ++i)
-      restoration.add({card.frame(sweep[i]), cv::Rect({}, kSize), 1, static_cast<int>(i), kUnknownFocus});
-    EXPECT_LT(errorLeft(*restoration.restore(card.fused()), card), 0.4) << far_first;
-  }
-}
-
 TEST(Restoration, FocusDistancesOffByAFactorAreMadeUpFor) {
   const CardBeforeWall card;
   BracketRestoration restoration;
@@ -459,24 +445,45 @@ TEST(Restoration, SaysWhatIsMissing) {
 
 TEST(Restoration, ProgressGrowsAndCanStop) {
   const CardBeforeWall card;
-  BracketRestoration restoration;
-  restoration.begin(card.scene);
-  card.addTo(restoration);
-  std::vector<double> told;
-  ASSERT_TRUE(restoration.restore(card.fused(), [&](double done) {
-    told.push_back(done);
-    return true;
-  }));
-  EXPECT_GE(told.size(), 8u);  // 21; while it is not asked, the next bracket waits
-  EXPECT_TRUE(std::is_sorted(told.begin(), told.end()));
-  EXPECT_EQ(told.front(), 0);
-  EXPECT_EQ(told.back(), 1);
-  for (size_t i = 0; i + 1 < told.size(); ++i) {
-    size_t calls = 0;
-    EXPECT_FALSE(restoration.restore(card.fused(), [&](double) { return calls++ < i; }))
-        << "stopped at call " << i;
-    EXPECT_EQ(calls, i + 1);
+  for (const bool has_depth : {true, false}) {
+    BracketScene scene = card.scene;
+    if (!has_depth) scene.depth = cv::Mat();
+    BracketRestoration restoration;
+    restoration.begin(scene);
+    card.addTo(restoration);
+    std::vector<double> told;
+    ASSERT_TRUE(restoration.restore(card.fused(), [&](double done) {
+      told.push_back(done);
+      return true;
+    }));
+    EXPECT_GE(told.size(), 8u);  // 21; while it is not asked, the next bracket waits
+    EXPECT_TRUE(std::is_sorted(told.begin(), told.end()));
+    EXPECT_EQ(told.front(), 0);
+    EXPECT_EQ(told.back(), 1);
+    for (size_t i = 0; i + 1 < told.size(); ++i) {
+      size_t calls = 0;
+      EXPECT_FALSE(restoration.restore(card.fused(), [&](double) { return calls++ < i; }))
+          << "stopped at call " << i;
+      EXPECT_EQ(calls, i + 1);
+    }
   }
+}
+
+TEST(Restoration, ABareSurfaceLiesWhereItsTextureDoes) {
+  CardBeforeWall card;
+  const cv::Rect bare(80, 55, 40, 40);
+  card.front(bare).setTo(cv::Scalar::all(0.5));
+  BracketScene scene = card.scene;
+  scene.depth = cv::Mat();
+  const cv::Mat depth = restored(card, scene).depth;
+  EXPECT_NEAR(cv::mean(depth(bare))[0], kNearMm, 50);
+}
+
+TEST(Restoration, SmallPicturesNeedNoDepth) {
+  const CardBeforeWall card({40, 7}, {10, 2, 20, 4});
+  BracketScene scene = card.scene;
+  scene.depth = cv::Mat();
+  EXPECT_EQ(restored(card, scene).image.size(), cv::Size(40, 7));
 }
 
 TEST(Restoration, TheResultDoesNotDependOnTheNumberOfThreads) {

@@ -45,7 +45,7 @@ inline constexpr struct AlignmentParameters {
   /// of a camera that turns 3.4, and where a thing moves in a thirtieth of the picture 3.2.
   double bend_significance = 4.5;
   double noticeable = 0.35;      ///< px; a smaller motion is not worth resampling a frame
-  double noticeable_roll = 0.1;  ///< px at the corners; a warp without a roll takes half as long
+  double noticeable_roll = 0.1;  ///< px at the corners; a warp without a roll is faster
 
   // Parallax: how depth moves a pixel.
   int samples = 8;               ///< of depth, a side of a tile

@@ -102,6 +102,7 @@ bool BracketAlignment::placeByOneOf(const std::vector<const View*>& views, bool 
   other_alignment_.setKey(found->pyramid, center_);
   makeKey(*found);
   place(best);
+  if (last_.frame.scene != current_.frame.scene) keep(last_);  // that scene may return
   return true;
 }
 

@@ -177,7 +177,7 @@ bool PairAlignment::Shears::cover(const cv::Rect& tile) const {
 
 // Taps at begin, begin + step, ... of pixels 0..length-1; length >= 4. Floats are right to 1e-4 px in levels
 // of this size. NaN gives the first taps.
-void PairAlignment::Taps::prepare(double begin, double step, int count, int length) {
+ALL_IN_FOCUS_SIMD void PairAlignment::Taps::prepare(double begin, double step, int count, int length) {
   first.resize(count);
   fraction.resize(count);
   const auto start = static_cast<float>(begin), by = static_cast<float>(step),

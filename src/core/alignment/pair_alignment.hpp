@@ -87,8 +87,8 @@ class PairAlignment {
     cv::Vec2d pull;
   };
 
-  /// A motion in a level, as two shears (see warpedToReference()): row y of the result is read across the
-  /// rows of the picture first, at v(u, y), and along the row that this gives then, at u(x, y).
+  /// A motion in a level, as two shears (Catmull and Smith 1980): row y of the result is read across the rows
+  /// of the picture first, at v(u, y), and along the row that this gives then, at u(x, y).
   struct Shears {
     Shears(const Motion& motion, const Level& level, const cv::Size& picture);
     Shears movedBy(double x, double y) const;

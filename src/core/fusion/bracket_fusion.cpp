@@ -24,8 +24,9 @@
 namespace all_in_focus::core {
 namespace {
 
-// At most so many frames are held until the reference comes: the latest ones. Some may show another scene.
-constexpr size_t kMostHeld = 6;
+// At most so many frames are held until the reference comes: the first one, which may be the only one before
+// it, and the latest ones. Some may show another scene.
+constexpr size_t kMostHeld = 4;
 
 // Light of a frame over that of the reference which exposure matching makes equal, with a margin because both
 // measure.
@@ -141,7 +142,7 @@ void BracketFusion::observeGray(int index, double focus_mm) {
   if (is_behind) return;
   if (!held_.empty() && !areApart(index, held_.front().index)) return;
   held_.push_front({index, gray_.clone()});
-  if (held_.size() > kMostHeld) held_.pop_back();
+  if (held_.size() > kMostHeld) held_.erase(held_.end() - 2);
 }
 
 std::string BracketFusion::add(const cv::Mat& frame, int index, double focus_mm, bool may_wait) {

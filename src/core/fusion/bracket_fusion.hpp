@@ -24,8 +24,8 @@
 namespace all_in_focus::core {
 
 /// All-in-focus image of one bracket, frame by frame. Memory does not grow with the number of frames: the
-/// mean or the chosen pixels are kept, not the frames. Not thread-safe; buffers are reused from bracket to
-/// bracket.
+/// mean or the chosen pixels are kept, not the frames. The largest buffers are reused from bracket to
+/// bracket. Not thread-safe.
 ///
 /// Mode paper takes frames in any order, region by region (RegionFusion). Mode refined computes the mean of
 /// all frames pixel by pixel, weighted by how sharp each frame is and by how sharp it should be by depth and
@@ -48,10 +48,10 @@ class BracketFusion {
 
   /// frame: CV_8U or CV_16U, three channels or four, of the bracket's size (else std::invalid_argument, and
   /// the bracket is as before). Pixels whose alpha is 0 weigh nothing. The first frame decides whether the
-  /// result has 8 or 16 bits; evidence has 8. index: 0..65534, names the frame in the result. focus_mm: NaN =
-  /// unknown, may be infinite. Returns why the frame does not fit the others and was left out, or "". A frame
-  /// that was left out may be added once more: it may fit what has come since. may_wait: leaves out a frame,
-  /// too, of which only later ones will tell.
+  /// result has 8 or 16 bits; evidence has 8. index: 0..65534, names the frame in the result; once a bracket.
+  /// focus_mm: NaN = unknown, may be infinite. Returns why the frame does not fit the others and was left
+  /// out, or "". A frame that was left out may be added once more: it may fit what has come since. may_wait:
+  /// leaves out a frame, too, of which only later ones will tell.
   std::string add(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus, bool may_wait = false);
 
   /// Mode refined: why a frame that was observed or added does not fit another one, or "".

@@ -115,7 +115,7 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
                predicted_level = std::min(coarsest, std::max<size_t>(textureLevel(gray.cols), 2) - 1);
   for (size_t l = coarsest; l > 0; --l) {
     if (l == texture_level) texture_.create(levels[l].size());
-    multiply(levels[l], l, l == texture_level);
+    addLevel(levels[l], l, l == texture_level);
     if (gauge.trust && l == texture_level) trust_ = trust(gauge.noise.sharpness(l));
     const bool is_predicted = l == predicted_level && !gauge.predicted.empty();
     cv::Mat root, fourth_root;
@@ -146,7 +146,7 @@ float SharpnessPyramid::trust(double noise) const {
 }
 
 // Multiplies the product of all coarser levels by that of a level.
-void SharpnessPyramid::multiply(const cv::Mat& image, size_t level, bool is_texture) {
+void SharpnessPyramid::addLevel(const cv::Mat& image, size_t level, bool is_texture) {
   const auto contrast = static_cast<float>(gauge_.contrast);
   cv::Mat1b lights;
   if (!gauge_.lights.empty() && image.cols <= kSharpness.finest_of_lights * gauge_.lights.cols)

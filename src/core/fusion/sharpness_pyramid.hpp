@@ -60,7 +60,7 @@ class SharpnessPyramid {
   const cv::Mat& texture() const { return texture_; }
 
  private:
-  void multiply(const cv::Mat& image, size_t level, bool is_texture);
+  void addLevel(const cv::Mat& image, size_t level, bool is_texture);
   float trust(double noise) const;
 
   cv::Mat gray_;

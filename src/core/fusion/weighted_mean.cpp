@@ -186,10 +186,11 @@ cv::Mat WeightedMean::confidence() const {
   cv::Mat confidence(weights_.size(), CV_8UC1, cv::Scalar(255));
   if (frames_ < 2) return confidence;
   const double frames = frames_;
-  forEachRow(confidence.rows, [&](int y) {
-    const cv::Mat most = most_.row(y);
-    cv::Mat row = confidence.row(y);
-    cv::divide(most - weights_.row(y) / frames, most + kNoWeight, row, 255 * frames / (frames - 1), CV_8U);
+  forEachBlock({0, confidence.rows}, [&](const cv::Range& rows) {
+    const cv::Mat most = most_.rowRange(rows);
+    cv::Mat block = confidence.rowRange(rows);
+    cv::divide(most - weights_.rowRange(rows) / frames, most + kNoWeight, block, 255 * frames / (frames - 1),
+               CV_8U);
   });
   return confidence;
 }

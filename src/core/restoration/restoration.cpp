@@ -8,7 +8,6 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <numeric>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
@@ -310,11 +309,12 @@ double deviationsOfRise(const cv::Mat1f& before, const cv::Mat1f& after) {
   return deviation > 0 ? cv::sum(tiles)[0] / deviation : 0;
 }
 
-// A bracket without measured depth in one of the two orders of near and far; its filled depth is that which
-// explains the frames.
+// A bracket without measured depth in one of the two orders of near and far. Its filled depth is that which
+// explains the frames, and here its contours have been moved once.
 struct OrderedBracket {
   ObservedBracket observed;
   bool turned = false;
+  cv::Mat1f inverse_depth = {};
 };
 
 // Blur alone does not tell near from far where no depth was measured: what lies as far before the focus as
@@ -330,15 +330,16 @@ std::optional<OrderedBracket> orderByOcclusion(const ObservedBracket& given,
   std::array<cv::Mat1f, 2> errors;
   const float gap = given.gap(kRestoration.occlusion);
   cv::Mat1b beside(given.fused.size(), 0);
-  for (auto& [bracket, turned] : both) {
+  for (auto& [bracket, turned, inverse_depth] : both) {
     // Without outliers, which nobody contradicts.
     cv::medianBlur(depthFromBracket(bracket, *pictures, range), bracket.filled, 5);
-    cv::bitwise_or(beside, besideJumps(bracket.filled, gap, kRestoration.beside), beside);
+    inverse_depth = bracket.filled.clone();
+    cv::bitwise_or(beside, besideJumps(inverse_depth, gap, kRestoration.beside), beside);
+    if (!proceed(0)) return std::nullopt;
   }
   pictures.reset();  // by far the largest part of memory
   for (std::size_t i = 0; i < both.size(); ++i) {
-    const ObservedBracket& bracket = both[i].observed;
-    cv::Mat1f inverse_depth = bracket.filled.clone();
+    auto& [bracket, turned, inverse_depth] = both[i];
     std::vector<ImageFormation> formation = formationOf(bracket, inverse_depth);
     const auto half = [&](double done) { return proceed(0.5 * (static_cast<double>(i) + done)); };
     if (!moveContours(bracket, formation, inverse_depth, kRestoration.stiffness[0], half))
@@ -384,7 +385,7 @@ void BracketRestoration::add(const AlignedFrame& frame) {
   held.image = downsampled(toEightBits(frame.image), working_size_);
   cv::Mat1b shown(size_, 0);
   shown(frame.seen).setTo(255);
-  if (!frame.opaque.empty()) shown &= frame.opaque;
+  if (!frame.opaque.empty()) shown.setTo(0, frame.opaque == 0);
   held.shown = downsampled(shown, working_size_) == 255;
   held.gain = frame.gain;
   held.inverse_depth = known ? 1 / frame.focus_mm : 1 + frame.index;
@@ -554,7 +555,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
       for (std::string& note : turned.notes(scene_.optics)) result.notes.push_back(note);
     }
     bracket = ordered->observed;
-    inverse_depth = bracket.filled.clone();
+    inverse_depth = ordered->inverse_depth;
   }
   if (!proceed(0.4)) return std::nullopt;
 
@@ -566,7 +567,8 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   cv::Mat3f sum(given.size(), cv::Vec3f::all(0));
   double from = 0.4;
   for (const float stiffness : kRestoration.stiffness) {
-    if (!moveContours(bracket, formation, inverse_depth, stiffness, part(from, from + 0.15)))
+    const bool has_moved = !has_depth && stiffness == kRestoration.stiffness[0];  // to find the order
+    if (!has_moved && !moveContours(bracket, formation, inverse_depth, stiffness, part(from, from + 0.15)))
       return std::nullopt;
     const std::optional<cv::Mat3f> z =
         correction(bracket, formation, inverse_depth, part(from + 0.15, from + 0.3));
