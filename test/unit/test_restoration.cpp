@@ -469,16 +469,6 @@ TEST(Restoration, ProgressGrowsAndCanStop) {
   }
 }
 
-TEST(Restoration, ABareSurfaceLiesWhereItsTextureDoes) {
-  CardBeforeWall card;
-  const cv::Rect bare(80, 55, 40, 40);
-  card.front(bare).setTo(cv::Scalar::all(0.5));
-  BracketScene scene = card.scene;
-  scene.depth = cv::Mat();
-  const cv::Mat depth = restored(card, scene).depth;
-  EXPECT_NEAR(cv::mean(depth(bare))[0], kNearMm, 50);
-}
-
 TEST(Restoration, SmallPicturesNeedNoDepth) {
   const CardBeforeWall card({40, 7}, {10, 2, 20, 4});
   BracketScene scene = card.scene;
