@@ -11,7 +11,7 @@ namespace all_in_focus::core {
 /// Brings a frame into the geometry of the reference: out(p) = frame(p'). What a frame does not show is
 /// continued from its border.
 ///
-/// By a Lanczos kernel of six taps, along the rows first and then across them, which takes a fifth of the
+/// A Lanczos kernel of six taps reads along the rows first and then across them. That takes a fifth of the
 /// time of cv::warpAffine, and does not round positions to a 32nd of a pixel. A frame that rolls goes through
 /// cv::warpAffine with its cubic kernel.
 ///

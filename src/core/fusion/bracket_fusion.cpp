@@ -38,7 +38,7 @@ bool areApart(int index, int earlier) {
   return index - earlier > index / 16;
 }
 
-// What a kernel of a warp reaches no transparent pixel from.
+// The pixels from which the kernel of a warp reaches no transparent one.
 cv::Mat clear(const cv::Mat& opaque) {
   cv::Mat out;
   cv::erode(opaque, out, cv::Mat::ones(9, 9, CV_8UC1));

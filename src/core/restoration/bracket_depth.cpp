@@ -24,8 +24,8 @@ constexpr struct DepthParameters {
   float most_cost = 12;       // larger costs are cut, as a frame may show what no other does
   double variance = 1;        // of the fused picture
   double model_error = 0.36;  // and of the lens model, by squared radius
-  // Variance of a pixel over the frames, in multiples of the noise's: from here on all of its costs count.
-  // Gray levels squared: of rounding.
+  // All costs of a pixel count where its variance over the frames is so many times that of noise and
+  // rounding (gray levels squared).
   double textured = 6, rounding = 0.2;
   // The cost of all levels but the farthest where nothing tells the depth.
   float nearer = 0.05f;

@@ -41,7 +41,7 @@ constexpr struct RestorationParameters {
   double range_share = 0.005;  // of measured pixels that may lie beyond, at each end
   double occlusion = 1.5;      // px of blur; at smaller jumps little is covered
   int beside = 4;              // px; how far from jumps coverage is looked at
-  int order_tile = 16;         // px; errors of different tiles are independent
+  int order_tile = 16;         // px; errors of different tiles count as independent
   double order = 2.5;          // standard deviations that tell near from far
   double turned = 0.93;  // share of the error that must be left, too, to turn focus distances that were given
   // Of contours, in each round: in the first one they lie at colour edges.
@@ -309,12 +309,11 @@ double deviationsOfRise(const cv::Mat1f& before, const cv::Mat1f& after) {
   return deviation > 0 ? cv::sum(tiles)[0] / deviation : 0;
 }
 
-// A bracket without measured depth in one of the two orders of near and far. Its filled depth is that which
-// explains the frames, and here its contours have been moved once.
+// A bracket without measured depth in one of the two orders of near and far.
 struct OrderedBracket {
-  ObservedBracket observed;
+  ObservedBracket observed;  // its filled depth is that which explains the frames
   bool turned = false;
-  cv::Mat1f inverse_depth = {};
+  cv::Mat1f inverse_depth = {};  // the same, with contours that were moved once
 };
 
 // Blur alone does not tell near from far where no depth was measured: what lies as far before the focus as
@@ -567,7 +566,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   cv::Mat3f sum(given.size(), cv::Vec3f::all(0));
   double from = 0.4;
   for (const float stiffness : kRestoration.stiffness) {
-    const bool has_moved = !has_depth && stiffness == kRestoration.stiffness[0];  // to find the order
+    const bool has_moved = !has_depth && stiffness == kRestoration.stiffness[0];  // by orderByOcclusion()
     if (!has_moved && !moveContours(bracket, formation, inverse_depth, stiffness, part(from, from + 0.15)))
       return std::nullopt;
     const std::optional<cv::Mat3f> z =
