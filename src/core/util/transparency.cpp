@@ -3,6 +3,7 @@
 
 #include "util/transparency.hpp"
 
+#include <algorithm>
 #include <cstring>
 #include <functional>
 #include <opencv2/imgproc.hpp>
@@ -15,11 +16,21 @@ namespace {
 
 constexpr double kDark = 8;  // 8-bit code; a darker picture may well end in black
 
+// A line of most pictures is known not to be by its first pixel.
+bool isBlack(const cv::Mat& line) {
+  for (int y = 0; y < line.rows; ++y) {
+    const uchar* const codes = line.ptr(y);
+    if (std::any_of(codes, codes + line.cols * line.elemSize(), [](uchar code) { return code != 0; }))
+      return false;
+  }
+  return true;
+}
+
 // How many of `count` lines, from the first one on, are black and end at a picture; the line where both mix
 // is one of them.
 int emptyLines(int count, const std::function<cv::Mat(int)>& line) {
   int empty = 0;
-  while (empty < count && cv::countNonZero(line(empty).reshape(1)) == 0) ++empty;
+  while (empty < count && isBlack(line(empty))) ++empty;
   if (empty == 0 || empty + 1 >= count) return 0;
   const cv::Mat beside = line(empty + 1);
   const cv::Scalar sum = cv::sum(beside);
