@@ -185,7 +185,7 @@ std::string BracketFusion::addRefined(int index, double focus_mm, bool may_wait)
     cv::cvtColor(toEightBits(aligned.image), gray, cv::COLOR_BGR2GRAY);
   }
   if (!aligned.opaque.empty()) aligned.seen &= cv::boundingRect(aligned.opaque);
-  if (config_.exposure && !is_reference) aligned.gain = exposure_.gain(toEightBits(aligned.image));
+  if (config_.exposure && !is_reference) aligned.gain = exposure_.gain(gray);
   if (on_aligned_) on_aligned_(aligned);
   addAligned(aligned, gray, !is_still);
   return "";
@@ -201,7 +201,7 @@ void BracketFusion::setReference(int index) {
   resampled_ = config_.alignment && (alignment_.drifts() || alignment_.moves(reference_));
   mean_.begin(size_, noise_.deviation(),
               {config_.soft, config_.choice, !(predicts_ && focus_known_) && !resampled_});
-  exposure_.setReference(toEightBits(color_));
+  exposure_.setReference(gray_);
 }
 
 // Measures the noise of the reference and finds the camera's curve, by earlier frames. One that does not fit,

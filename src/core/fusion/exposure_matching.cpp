@@ -31,26 +31,25 @@ constexpr struct ExposureParameters {
 
 }  // namespace
 
-ExposureMatching::Blocks ExposureMatching::blocksOf(const cv::Mat& image) {
+ExposureMatching::Blocks ExposureMatching::blocksOf(const cv::Mat& gray) {
   Blocks blocks;
-  const cv::Size grid = image.size() / std::max(image.cols / kExposure.columns, kExposure.samples);
+  const cv::Size grid = gray.size() / std::max(gray.cols / kExposure.columns, kExposure.samples);
   if (grid.empty()) return blocks;
   cv::Mat samples, squares;
-  cv::resize(image, samples, grid * kExposure.samples, 0, 0, cv::INTER_NEAREST);
+  cv::resize(gray, samples, grid * kExposure.samples, 0, 0, cv::INTER_NEAREST);
   cv::Mat light = linearLight(samples, LightCurve::srgb());
   // So much light that their block counts as too bright.
-  light.reshape(1).setTo(1e6, samples.reshape(1) >= kExposure.clipped);
+  light.setTo(1e6, samples >= kExposure.clipped);
   cv::resize(light.mul(light), squares, grid, 0, 0, cv::INTER_AREA);
-  cv::resize(light, light, grid, 0, 0, cv::INTER_AREA);
-  blocks.light = light.reshape(1);
-  const cv::Mat1f contrast(squares.reshape(1) / blocks.light.mul(blocks.light) - 1);
+  cv::resize(light, blocks.light, grid, 0, 0, cv::INTER_AREA);
+  const cv::Mat1f contrast(squares / blocks.light.mul(blocks.light) - 1);
   blocks.counts = (blocks.light > lightOf(kExposure.dark)) & (blocks.light < lightOf(kExposure.bright)) &
                   (contrast < kExposure.textured);
   return blocks;
 }
 
-double ExposureMatching::gain(const cv::Mat& frame) const {
-  const Blocks seen = blocksOf(frame);
+double ExposureMatching::gain(const cv::Mat& gray) const {
+  const Blocks seen = blocksOf(gray);
   std::vector<float> ratios;
   for (int i = 0; i < static_cast<int>(seen.counts.total()); ++i) {
     if (seen.counts(i) && reference_.counts(i))

@@ -16,19 +16,19 @@ class ExposureMatching {
  public:
   static constexpr double kLargestGain = 2;
 
-  /// reference: CV_8UC1 or CV_8UC3.
-  void setReference(const cv::Mat& reference) { reference_ = blocksOf(reference); }
+  /// gray: CV_8UC1.
+  void setReference(const cv::Mat& gray) { reference_ = blocksOf(gray); }
 
-  /// Gain for a frame of the reference's size and type, aligned to it to a few pixels: 1 /
+  /// Gain for the gray levels of a frame of the reference's size and type, aligned to it to a few pixels: 1 /
   /// kLargestGain..kLargestGain, and 1 where it is not significant.
-  double gain(const cv::Mat& frame) const;
+  double gain(const cv::Mat& gray) const;
 
  private:
-  struct Blocks {      ///< of each channel
+  struct Blocks {
     cv::Mat1f light;   ///< mean, 0..1
     cv::Mat1b counts;  ///< 0: too dark, bright or textured
   };
-  static Blocks blocksOf(const cv::Mat& image);
+  static Blocks blocksOf(const cv::Mat& gray);
 
   Blocks reference_;
 };
