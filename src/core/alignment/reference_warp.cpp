@@ -19,8 +19,8 @@ namespace {
 
 constexpr int kTaps = 6;
 constexpr int kChannels = 3;
-constexpr int kBorder = 3 + kTaps;  // pixels that taps may lie beyond a border
-constexpr int kSteps = 2048;        // of a pixel: positions are rounded to these
+constexpr int kSteps = 2048;       // of a pixel: positions are rounded to these
+constexpr int kTileColumns = 256;  // worked on at a time: their weights stay in the L1 cache
 
 using Weights = std::array<float, kTaps>;
 
@@ -60,14 +60,14 @@ ALL_IN_FOCUS_SIMD void combineAcross(const TapRows& rows, const float* w, int n,
     to[i] = a[i] * w[0] + b[i] * w[1] + c[i] * w[2] + d[i] * w[3] + e[i] * w[4] + f[i] * w[5];
 }
 
-// Six taps at a position among pixels 0..length-1. Beyond the border all of them read its pixel.
+// Six taps at a position among pixels 0..length-1. Beyond the border the one that counts reads its pixel.
 struct Tap {
   int first;
   const Weights& weights;
 };
 
 Tap tapAt(double position, int length) {
-  const double inside = std::clamp(position, -3.0, length + 2.0);
+  const double inside = std::clamp(position, -2.0, length + 1.0);
   const int whole = cvFloor(inside);
   return {whole - (kTaps / 2 - 1), lanczos()[static_cast<std::size_t>((inside - whole) * kSteps + 0.5)]};
 }
@@ -93,17 +93,16 @@ RowTaps rowTaps(double begin, double step, int count) {
   return taps;
 }
 
-void readAlong(const cv::Mat& row, const RowTaps& taps, float* out) {
-  cv::Mat3f values(1, row.cols + 2 * kBorder);
-  cv::Mat3f middle = values.colRange(kBorder, kBorder + row.cols);
-  row.convertTo(middle, CV_32F);
-  std::fill_n(values[0], kBorder, middle(0));
-  std::fill_n(values[0] + kBorder + row.cols, kBorder, middle(row.cols - 1));
-  const float* inside = middle.ptr<float>();
-  int x = 0;
-  for (const int end : taps.ends) {
-    combineAlong(inside + kChannels * taps.first[x], taps.weights.data() + kChannels * x,
-                 kChannels * row.cols, kChannels * (end - x), out + kChannels * x);
+// Reads the pixels of some columns along a row. values: of the frame's row, from that of the first tap on.
+void readAlong(const float* values, const RowTaps& taps, const cv::Range& columns, float* out) {
+  const int stride = kChannels * static_cast<int>(taps.first.size());
+  int x = columns.start;
+  for (const int end_of_run : taps.ends) {
+    const int end = std::min(end_of_run, columns.end);
+    if (end <= x) continue;
+    combineAlong(values + kChannels * (taps.first[x] - taps.first[columns.start]),
+                 taps.weights.data() + kChannels * x, stride, kChannels * (end - x), out);
+    out += kChannels * (end - x);
     x = end;
   }
 }
@@ -123,18 +122,29 @@ cv::Mat warpedToReference(const cv::Mat& frame, const SimilarityTransform& trans
   const RowTaps columns = rowTaps(begin.x, transform.scale, frame.cols);
   const auto tapAtRow = [&](int y) { return tapAt(begin.y + transform.scale * y, frame.rows); };
   forEachBlock({0, frame.rows}, [&](const cv::Range& rows) {
-    // The rows of the frame that the block is made of, read along x.
+    // The rows of the frame that the block is made of.
     const int last = frame.rows - 1, from = std::clamp(tapAtRow(rows.start).first, 0, last),
               to = std::clamp(tapAtRow(rows.end - 1).first + kTaps - 1, 0, last);
-    cv::Mat1f along(to - from + 1, kChannels * frame.cols);
-    for (int v = from; v <= to; ++v) readAlong(frame.row(v), columns, along[v - from]);
-    cv::Mat row(1, frame.cols, CV_32FC3);
-    for (int y = rows.start; y < rows.end; ++y) {
-      const Tap tap = tapAtRow(y);
-      TapRows tap_rows;
-      for (int k = 0; k < kTaps; ++k) tap_rows[k] = along[std::clamp(tap.first + k, 0, last) - from];
-      combineAcross(tap_rows, tap.weights.data(), along.cols, row.ptr<float>());
-      row.convertTo(out.row(y), out.type());
+    for (int x = 0; x < frame.cols; x += kTileColumns) {
+      const cv::Range tile(x, std::min(x + kTileColumns, frame.cols));
+      const cv::Range read(columns.first[tile.start], columns.first[tile.end - 1] + kTaps),
+          inside = read & cv::Range(0, frame.cols);
+      cv::Mat values;
+      frame({from, to + 1}, inside).convertTo(values, CV_32F);
+      if (inside != read) {
+        cv::copyMakeBorder(values.clone(), values, 0, 0, inside.start - read.start, read.end - inside.end,
+                           cv::BORDER_REPLICATE);
+      }
+      cv::Mat1f along(values.rows, kChannels * tile.size());
+      for (int v = 0; v < values.rows; ++v) readAlong(values.ptr<float>(v), columns, tile, along[v]);
+      cv::Mat pixels(rows.size(), tile.size(), CV_32FC3);
+      for (int y = rows.start; y < rows.end; ++y) {
+        const Tap tap = tapAtRow(y);
+        TapRows tap_rows;
+        for (int k = 0; k < kTaps; ++k) tap_rows[k] = along[std::clamp(tap.first + k, 0, last) - from];
+        combineAcross(tap_rows, tap.weights.data(), along.cols, pixels.ptr<float>(y - rows.start));
+      }
+      pixels.convertTo(out(rows, tile), out.type());
     }
   });
   return out;
