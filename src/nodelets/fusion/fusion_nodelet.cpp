@@ -2,25 +2,47 @@
 // SPDX-License-Identifier: BSD-3-Clause
 
 #include <all_in_focus/FusionConfig.h>
+#include <image_transport/subscriber.h>
+#include <message_filters/sync_policies/exact_time.h>
+#include <message_filters/synchronizer.h>
 #include <std_srvs/Trigger.h>
 
+#include <algorithm>
+#include <array>
 #include <boost/make_shared.hpp>
+#include <chrono>
+#include <cmath>
+#include <deque>
+#include <limits>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
+#include <vector>
 
 #include "conversions.hpp"
-#include "fusion_inputs.hpp"
 #include "fusion_outputs.hpp"
 #include "fusion_worker.hpp"
 #include "image_limit.hpp"
 #include "nodelet_of.hpp"
 #include "parameters.hpp"
 #include "scene_cache.hpp"
+#include "time_jumps.hpp"
+#include "topics.hpp"
 
 namespace all_in_focus {
 namespace {
+
+// Callbacks hand over at once; what waits there is bounded and counted.
+constexpr std::uint32_t kArrivingImages = 64, kArrivingMessages = 1000;
+// Images that may wait for FocusFrame messages, and the reverse: a camera may send the pictures of a sweep
+// after its end.
+constexpr std::uint32_t kMostUnmatched = 1024;
+constexpr double kSettleTime = 1;             // s of wall time
+constexpr double kAheadOfClock = 0.1;         // s that a frame may be ahead of /clock
+constexpr double kDefaultGap = 1;             // s
+constexpr std::chrono::seconds kPatience(5);  // before a warning
 
 // all_in_focus.launch loads the lens of the rig as ~calibration.
 CalibrationLens readCalibration(const ros::NodeHandle& private_nh, NodeStatus& status) {
@@ -45,7 +67,8 @@ CalibrationLens readCalibration(const ros::NodeHandle& private_nh, NodeStatus& s
 
 }  // namespace
 
-/// Fuses focus brackets into all-in-focus images: inputs -> worker -> outputs.
+/// Fuses focus brackets into all-in-focus images: inputs -> worker -> outputs. Matches frames with their
+/// messages from rgb/focus. Frames go to the worker, everything else goes to the scene cache.
 ///
 /// The quick callbacks only pass messages on. The worker and the service ~finish, which waits for it, share
 /// the slow ones.
@@ -54,20 +77,36 @@ class Fusion {
   static constexpr const char* kProcessedTopic = "all_in_focus/processed";
 
   Fusion(CallbackGuard& guard, NodeStatus& status)
-      : status_(status),
+      : guard_(guard),
+        status_(status),
         outputs_(guard.quick.nh, status, guard.wrap(status.name(), [this] { connect(); })),
         worker_(guard, status, scenes_, outputs_),
-        inputs_(guard, status, scenes_, worker_) {
+        image_input_(status.addInput(topics::kImage, Expect::kStream, "start the colour camera's driver")),
+        focus_input_(status.addInput(topics::kFocus, Expect::kOptional, "")),
+        segments_input_(status.addInput(topics::kSegments, Expect::kOnce, "start the segmenter")),
+        scene_inputs_{status.addInput(topics::kDepth, Expect::kOnce, "start depth_preprocess"),
+                      status.addInput(topics::kMeasured, Expect::kOptional, ""),
+                      status.addInput(topics::kLabels, Expect::kOnce, "start the segmenter"),
+                      status.addInput(topics::kColorInfo, Expect::kOnce, "start the colour camera's driver"),
+                      status.addInput(topics::kOptics, Expect::kOptional, "")} {
+    restartMatcher();
+    const auto on_timer = [this](const ros::WallTimerEvent&) { settle(); };
+    settling_ =
+        guard.quick.nh.createWallTimer(ros::WallDuration(kSettleTime), guard.wrap("publishers", on_timer),
+                                       /*oneshot=*/true, /*autostart=*/false);
     readNumber(guard.slow.private_nh, "queue_size", 1, kMostWaiting, at_start_.most_waiting, status);
     readParameter(guard.slow.private_nh, "restore_every_bracket", at_start_.restore_every, status);
     at_start_.calibration = readCalibration(guard.slow.private_nh, status);
     configuration_ = serveConfiguration<FusionConfig>(guard.quick.private_nh, guard, status,
                                                       [this](auto& config) { reconfigure(config); });
     finish_server_ = guard.slow.private_nh.advertiseService("finish", &Fusion::finish, this);
-    guard.on_stop = [this] { inputs_.unsubscribe(); };
+    guard.on_stop = [this] { unsubscribe(); };
   }
 
  private:
+  using ExactTime = message_filters::sync_policies::ExactTime<sensor_msgs::Image, FocusFrame>;
+  using Matcher = message_filters::Synchronizer<ExactTime>;
+
   void reconfigure(FusionConfig& config) {
     repairName(config.mode, config_.mode, parseMode, status_);
     repair(config.bracket_mode, config_.bracket_mode,
@@ -89,19 +128,191 @@ class Fusion {
     settings.label_timeout_s = config.label_timeout;
     scenes_.configure(/*by_labels=*/settings.bracket.mode == Mode::kPaper, config.label_max_age);
     worker_.configure(settings);
-    inputs_.configure(config.bracket_gap);
+    time_jumps_.setTolerance(config.bracket_gap > 0 ? config.bracket_gap : kDefaultGap);
     outputs_.setMode(settings.bracket.mode);
     connect();  // who listened to nothing but an output that went is gone
   }
 
   // Works only while somebody listens.
   void connect() {
-    const bool is_wanted = outputs_.wanted();
-    if (is_wanted && !inputs_.subscribed()) {
-      inputs_.subscribe();
-    } else if (!is_wanted && inputs_.subscribed()) {
-      inputs_.unsubscribe();
+    const bool is_wanted = outputs_.wanted(), is_subscribed = static_cast<bool>(image_subscriber_);
+    if (is_wanted && !is_subscribed) subscribe();
+    if (!is_wanted && is_subscribed) unsubscribe();
+  }
+
+  // Quick callbacks: they hand over at once. What is for the scene goes to the cache.
+  template <typename Message>
+  void subscribeTo(int input, void (SceneCache::*use)(const boost::shared_ptr<const Message>&)) {
+    constexpr bool is_image = std::is_same_v<Message, sensor_msgs::Image>;
+    const auto on_message = [this, input, use](const boost::shared_ptr<const Message>& message) {
+      if (time_jumps_.clockWentBack()) startAfresh(input, ros::Time::now());
+      (scenes_.*use)(message);
+    };
+    subscribers_.push_back(guard_.subscribe<Message>(
+        guard_.quick, input, is_image ? kArrivingImages : kArrivingMessages, on_message));
+  }
+
+  // Depth and labels use plain ROS, because lossy transports would destroy them. They are subscribed first,
+  // so that they are there when colour comes.
+  void subscribe() {
+    updatePublished();
+    subscribeTo(inputOf(SceneTopic::kMeasured), &SceneCache::addMeasured);
+    subscribeTo(inputOf(SceneTopic::kDepth), &SceneCache::addDepth);
+    subscribeTo(inputOf(SceneTopic::kLabels), &SceneCache::addLabels);
+    subscribeTo(segments_input_, &SceneCache::addSegments);
+    subscribeTo(inputOf(SceneTopic::kCamera), &SceneCache::setCamera);
+    subscribeTo(inputOf(SceneTopic::kOptics), &SceneCache::setOptics);
+    const auto on_focus = [this](const auto& focus) { onFocus(focus); };
+    subscribers_.push_back(
+        guard_.subscribe<FocusFrame>(guard_.quick, focus_input_, kArrivingMessages, on_focus));
+    image_subscriber_ = guard_.receiveImages(image_input_, [this](const auto& image) { onImage(image); });
+    status_.setSubscribed(true);
+  }
+
+  void unsubscribe() {
+    settling_.stop();
+    settled_ = false;
+    image_subscriber_ = {};
+    subscribers_.clear();
+    images_.clear();
+    restartMatcher();
+    last_focus_ = last_frame_ = {};
+    status_.setExpect(image_input_, Expect::kStream);
+    worker_.cancel();
+    scenes_.clear();
+    status_.setSubscribed(false);
+  }
+
+  // Until they have had time to connect, publishers are assumed.
+  void updatePublished() {
+    for (std::size_t topic = 0; topic < kSceneTopics; ++topic) {
+      const bool is_published = !settled_ || status_.publishers(scene_inputs_[topic]) > 0;
+      scenes_.setPublished(static_cast<SceneTopic>(topic), is_published);
     }
+  }
+
+  // After the first frame other publishers may still be connecting. Without their messages from rgb/focus, or
+  // without its scene, the first bracket would be cut or fused differently.
+  void settle() {
+    settled_ = true;
+    updatePublished();
+    const int optics = inputOf(SceneTopic::kOptics);
+    if (status_.publishers(optics) > 1)
+      status_.warn(status_.resolved(optics) + " has several publishers: the last message counts");
+    if (status_.publishers(focus_input_) > 0) return;
+    // The publisher has gone. Images that it had announced still wait for their messages; the others are
+    // plain.
+    const auto plain_begin = std::stable_partition(images_.begin(), images_.end(),
+                                                   [this](const auto& image) { return isAnnounced(*image); });
+    const std::vector<sensor_msgs::ImageConstPtr> plain(plain_begin, images_.end());
+    images_.erase(plain_begin, images_.end());
+    if (last_focus_.isZero()) restartMatcher();  // it holds the plain images
+    for (const sensor_msgs::ImageConstPtr& image : plain) addPlain(image);
+  }
+
+  // Whether rgb/focus has reached the image's time.
+  bool isAnnounced(const sensor_msgs::Image& image) const {
+    return !last_focus_.isZero() && image.header.stamp <= last_focus_;
+  }
+
+  // What is newer than the new time is forgotten. The open bracket ends with what it has, unless its frames
+  // are those of the new time already: they may overtake /clock. Unmatched images belong to that time to
+  // which their stamps are nearer: some of the new time may have overtaken rgb/focus.
+  void startAfresh(int input, const ros::Time& now) {
+    status_.timeWentBack(input);
+    scenes_.forgetAfter(now);
+    const ros::Time before = last_frame_;
+    if (secondsBetween(now, before) <= kAheadOfClock) return;
+    last_focus_ = last_frame_ = {};
+    worker_.restart();
+    const auto is_of_before = [&](const sensor_msgs::ImageConstPtr& image) {
+      const ros::Time& stamp = image->header.stamp;
+      if (std::abs(secondsBetween(stamp, now)) <= std::abs(secondsBetween(stamp, before))) return false;
+      status_.acknowledge(image->header, Outcome::kUnmatched, "time went back");
+      return true;
+    };
+    images_.erase(std::remove_if(images_.begin(), images_.end(), is_of_before), images_.end());
+    restartMatcher();  // greater stamps, of before, would displace all new ones
+  }
+
+  // A new matcher holds the images that are not matched yet, and no message of rgb/focus.
+  void restartMatcher() {
+    matcher_ = std::make_unique<Matcher>(ExactTime(kMostUnmatched));
+    matcher_->registerCallback(&Fusion::onFrame, this);
+    last_match_ = std::chrono::steady_clock::now();
+    for (const sensor_msgs::ImageConstPtr& image : images_) matcher_->add<0>(image);
+  }
+
+  void onImage(const sensor_msgs::ImageConstPtr& image) {
+    settling_.start();  // by the first image
+    updatePublished();
+    // A publisher of rgb/focus defines the brackets while it is there.
+    const bool has_focus = status_.publishers(focus_input_) > 0 || isAnnounced(*image);
+    if (settled_ && !has_focus) {
+      giveUpAllImages();  // the publisher of rgb/focus is gone
+      return addPlain(image);
+    }
+    if (time_jumps_.clockWentBack()) startAfresh(image_input_, ros::Time::now());
+    if (images_.empty()) last_match_ = std::chrono::steady_clock::now();
+    images_.push_back(image);
+    matcher_->add<0>(image);
+    if (images_.size() > imageLimit(kMostUnmatched, *image)) giveUpAllImages();
+    warnOfMismatch();
+  }
+
+  void addPlain(const sensor_msgs::ImageConstPtr& image) {
+    const ros::Time stamp = image->header.stamp;
+    if (time_jumps_.streamWentBack(stamp)) startAfresh(image_input_, std::min(stamp, ros::Time::now()));
+    last_frame_ = stamp;
+    status_.setExpect(image_input_, Expect::kStream);
+    worker_.add({image, nullptr});
+  }
+
+  // rgb/focus is sent at the shutter; the image may come much later.
+  void onFocus(const FocusFrameConstPtr& focus) {
+    const ros::Time stamp = focus->header.stamp;
+    if (time_jumps_.streamWentBack(stamp)) startAfresh(focus_input_, std::min(stamp, ros::Time::now()));
+    worker_.announce(*focus);
+    last_focus_ = last_frame_ = stamp;
+    matcher_->add<1>(focus);
+    warnOfMismatch();
+  }
+
+  // Topics keep their order: images that came before this one and are not matched will never be.
+  void onFrame(const sensor_msgs::ImageConstPtr& image, const FocusFrameConstPtr& focus) {
+    const auto found = std::find(images_.begin(), images_.end(), image);
+    if (found == images_.end()) return;  // given up before
+    giveUpImages(static_cast<std::size_t>(found - images_.begin()));
+    images_.pop_front();
+    last_match_ = std::chrono::steady_clock::now();
+    status_.setExpect(image_input_, Expect::kOnce);  // the camera may be silent between brackets
+    worker_.add({image, focus});
+  }
+
+  // The oldest ones.
+  void giveUpImages(std::size_t count) {
+    for (; count > 0; --count) {
+      status_.acknowledge(images_.front()->header, Outcome::kUnmatched,
+                          "colour frame without a rgb/focus message of the same stamp");
+      images_.pop_front();
+    }
+  }
+
+  void giveUpAllImages() {
+    if (images_.empty()) return;
+    giveUpImages(images_.size());
+    restartMatcher();  // it holds them
+  }
+
+  void warnOfMismatch() {
+    if (images_.empty() || std::chrono::steady_clock::now() - last_match_ < kPatience) return;
+    double nearest_s = std::numeric_limits<double>::infinity();
+    for (const sensor_msgs::ImageConstPtr& image : images_)
+      nearest_s = std::min(nearest_s, std::abs(secondsBetween(image->header.stamp, last_focus_)));
+    status_.warn(
+        cv::format("%zu colour frames wait for a rgb/focus message of the same stamp; the nearest one "
+                   "differs by %g s",
+                   images_.size(), nearest_s));
   }
 
   bool finish(std_srvs::Trigger::Request&, std_srvs::Trigger::Response& response) {
@@ -112,13 +323,28 @@ class Fusion {
     return true;
   }
 
+  int inputOf(SceneTopic topic) const { return scene_inputs_[static_cast<std::size_t>(topic)]; }
+
+  CallbackGuard& guard_;
   NodeStatus& status_;
   FusionSettings at_start_;                               // what reconfigure() does not change
   FusionConfig config_ = FusionConfig::__getDefault__();  // always possible
   FusionOutputs outputs_;
   SceneCache scenes_;
   FusionWorker worker_;
-  FusionInputs inputs_;
+  const int image_input_, focus_input_, segments_input_;
+  const std::array<int, kSceneTopics> scene_inputs_;  // by SceneTopic
+  TimeJumps time_jumps_;
+
+  std::unique_ptr<Matcher> matcher_;                  // image + rgb/focus
+  std::deque<sensor_msgs::ImageConstPtr> images_;     // that it has not matched, from the oldest on
+  std::chrono::steady_clock::time_point last_match_;  // or since when there is something to match
+
+  bool settled_ = false;  // all publishers have had time to connect since the first frame
+  ros::WallTimer settling_;
+  ros::Time last_focus_, last_frame_;  // stamps: of rgb/focus; of that or a frame without it
+  image_transport::Subscriber image_subscriber_;
+  std::vector<ros::Subscriber> subscribers_;  // all others
   ros::ServiceServer finish_server_;
   std::unique_ptr<dynamic_reconfigure::Server<FusionConfig>> configuration_;
 };

@@ -3,12 +3,15 @@
 
 #include "scene_cache.hpp"
 
+#include <sensor_msgs/image_encodings.h>
+
 #include <algorithm>
 #include <chrono>
 #include <iterator>
 #include <limits>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <stdexcept>
 #include <utility>
 
 #include "image_limit.hpp"
@@ -62,6 +65,10 @@ void SceneCache::addMeasured(const sensor_msgs::ImageConstPtr& measured) {
 }
 
 void SceneCache::addLabels(const sensor_msgs::ImageConstPtr& labels) {
+  const bool is_whole =
+      !labels->data.empty() && labels->data.size() >= std::size_t{labels->step} * labels->height;
+  if (labels->encoding != sensor_msgs::image_encodings::TYPE_32SC1 || !is_whole)
+    throw std::invalid_argument("labels must be 32SC1 and not empty, not " + labels->encoding);
   add(labels, &SceneMessages::labels, SceneTopic::kLabels);
 }
 

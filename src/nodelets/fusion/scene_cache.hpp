@@ -45,7 +45,8 @@ class SceneCache {
  public:
   void addDepth(const sensor_msgs::ImageConstPtr& depth);
   void addMeasured(const sensor_msgs::ImageConstPtr& measured);
-  void addLabels(const sensor_msgs::ImageConstPtr& labels);  ///< count together with their segments
+  /// They count together with their segments. Throws std::invalid_argument for what is no whole 32SC1 image.
+  void addLabels(const sensor_msgs::ImageConstPtr& labels);
   void addSegments(const SegmentArrayConstPtr& segments);
   void setCamera(const sensor_msgs::CameraInfoConstPtr& camera);
   void setOptics(const OpticsConstPtr& optics);
