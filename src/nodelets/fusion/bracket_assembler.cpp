@@ -14,17 +14,11 @@ namespace {
 
 constexpr std::uint32_t kMaxFrames = 65535;  // 65535 itself means "none" in a source index
 
-std::string text(std::uint32_t number) {
-  return std::to_string(number);
-}
-
 }  // namespace
 
 bool BracketAssembler::announce(std::uint32_t bracket_id, std::uint32_t index) {
-  const bool begins = index == 0 || announced_ != bracket_id;
-  announced_ = bracket_id;
   if (index == 0) whole_ = bracket_id;
-  return begins;
+  return index == 0;
 }
 
 bool BracketAssembler::endsBefore(const BracketFrame& frame) const {
@@ -40,16 +34,16 @@ bool BracketAssembler::endsBefore(const BracketFrame& frame) const {
 bool BracketAssembler::refuses(const BracketFrame& frame, std::string& reason) const {
   if (!frame.focus) return false;
   const std::uint32_t id = frame.focus->bracket_id, index = frame.focus->index;
-  const std::string bracket = "bracket " + text(id);
-  const bool same = by_focus_ && id == id_ && !fresh_;
+  const std::string bracket = "bracket " + std::to_string(id);
+  const bool same = by_focus_ && id == id_;
   if (index >= kMaxFrames) {
-    reason = bracket + ": frame index " + text(index) + " is above 65534";
+    reason = bracket + ": frame index " + std::to_string(index) + " is above 65534";
   } else if (index == 0) {
     return false;  // the first frame of a bracket is always accepted
   } else if (hasBegunUnseen(id) || skipped_ == id) {
     reason = bracket + " had begun before anybody listened: waiting for the next one";
   } else if (open_ && same && index < next_) {
-    reason = bracket + ": frame " + text(index) + " came twice or too late";
+    reason = bracket + ": frame " + std::to_string(index) + " came twice or too late";
   } else if (!open_ && same) {
     reason = bracket + " is finished already";
   }
@@ -66,20 +60,18 @@ BracketAssembler::Step BracketAssembler::add(const BracketFrame& frame) {
     } else if (skipped_ == focus->bracket_id) {
       step.reason.clear();  // said once a bracket
     }
-    fresh_ = false;
     return step;
   }
   step.use = true;
   step.begin = !open_;
   if (step.begin) {
-    id_ = focus ? focus->bracket_id : fresh_ ? 0 : id_ + 1;
+    id_ = focus ? focus->bracket_id : id_ + 1;
     next_ = 0;
     missing_ = 0;
   }
   const std::uint32_t index = focus ? focus->index : next_;
   open_ = true;
   by_focus_ = focus != nullptr;
-  fresh_ = false;
   skipped_.reset();
   count_ = focus ? std::min(focus->count, kMaxFrames) : static_cast<std::uint32_t>(config_.size);
   missing_ += static_cast<int>(index - next_);
@@ -98,12 +90,6 @@ BracketAssembler::Step BracketAssembler::add(const BracketFrame& frame) {
 void BracketAssembler::close() {
   if (open_ && by_focus_ && count_ > next_) missing_ += static_cast<int>(count_ - next_);
   open_ = false;
-}
-
-void BracketAssembler::restart() {
-  open_ = false;
-  fresh_ = true;
-  skipped_ = announced_ = whole_ = std::nullopt;
 }
 
 bool BracketAssembler::endsAfter(double pause_s) const {

@@ -40,7 +40,7 @@ class BracketAssembler {
   void configure(const BracketConfig& config) { config_ = config; }
 
   /// Takes note of a FocusFrame, whose picture may come much later. Returns whether it is the first one of
-  /// its bracket. If it has index 0, the bracket is used even where that first picture is lost.
+  /// its bracket. Then the bracket is used even where that first picture is lost.
   bool announce(std::uint32_t bracket_id, std::uint32_t index);
 
   /// The frame belongs to another bracket than the open one, which ended without notice: close() it before
@@ -52,7 +52,7 @@ class BracketAssembler {
   /// Ends the open bracket.
   void close();
   /// Forgets all frames, as after the start: a bracket whose first frame was not seen is left out.
-  void restart();
+  void restart() { *this = BracketAssembler(config_); }
 
   /// Whether a pause of that length ends the open bracket.
   bool endsAfter(double pause_s) const;
@@ -68,20 +68,19 @@ class BracketAssembler {
   /// Whether a frame from the middle of a bracket is the first one with a FocusFrame, since the start or
   /// since frames without one.
   bool hasBegunUnseen(std::uint32_t bracket_id) const {
-    return (fresh_ || !by_focus_) && !skipped_ && whole_ != bracket_id;
+    return !by_focus_ && !skipped_ && whole_ != bracket_id;
   }
 
   BracketConfig config_;
   bool open_ = false;
-  bool by_focus_ = false;   ///< the open bracket, or the last one
-  std::uint32_t id_ = 0;    ///< of the open bracket, or the last one
-  std::uint32_t next_ = 0;  ///< index expected next
+  bool by_focus_ = false;          ///< the open bracket, or the last one
+  std::uint32_t id_ = UINT32_MAX;  ///< of the open bracket, or the last one; 0 follows
+  std::uint32_t next_ = 0;         ///< index expected next
   std::uint32_t count_ = 0;
   int missing_ = 0;
   ros::Time last_stamp_;
-  bool fresh_ = true;                     ///< nothing seen since the start
   std::optional<std::uint32_t> skipped_;  ///< the bracket that is left out: its first frame was not seen
-  std::optional<std::uint32_t> announced_, whole_;  ///< the last bracket announced; and from its beginning
+  std::optional<std::uint32_t> whole_;    ///< the last bracket whose beginning was announced
 };
 
 }  // namespace all_in_focus

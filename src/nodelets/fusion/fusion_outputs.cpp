@@ -30,16 +30,6 @@ constexpr int kProgressQueueSize = 64;  // frames, which are small, and now and 
 
 }  // namespace
 
-// Depth of the picture's size, mm; all 0 where it is unknown: the depth of an older result must not stay
-// beside a newer picture. rviz's DepthCloud wants depth of the colour image's stamp, frame and size.
-cv::Mat FusionOutputs::depthOf(const FusedBracket& bracket) const {
-  const cv::Size size = bracket.result.image.size();
-  if (bracket.depth.empty()) return cv::Mat::zeros(size, CV_16UC1);
-  cv::Mat mm;
-  core::resizeDepth(bracket.depth, size, mm);
-  return mm;
-}
-
 // Published by plain ROS: image_transport publishes to present subscribers only, so later ones would get an
 // older latched result, or none.
 FusionOutputs::FusionOutputs(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect)
@@ -82,19 +72,16 @@ ros::Publisher FusionOutputs::restoredOutput() const {
   return depth_restored_;
 }
 
-// A listener that gets nothing is told why. mm: depthOf(bracket), empty without a picture.
-std::string FusionOutputs::askedInVain(const FusedBracket& bracket, const cv::Mat& mm) const {
+// A listener that gets nothing is told why.
+std::string FusionOutputs::askedInVain(bool has_camera, bool has_depth, bool is_restored) const {
   std::vector<std::string> lines;
-  const bool restored = !bracket.result.restored_depth.empty();
-  const auto check = [&lines](const ros::Publisher& output, const std::string& missing) {
-    if (anybodyListens(output)) lines.push_back(output.getTopic() + ": " + missing);
+  const auto check = [&lines](bool has, const ros::Publisher& output, const std::string& missing) {
+    if (!has && anybodyListens(output)) lines.push_back(output.getTopic() + ": " + missing);
   };
-  if (!restored) check(restoredOutput(), "only a bracket that is restored by focus distances has it");
-  if (!bracket.camera) check(points_, std::string("no calibration on ") + topics::kColorInfo);
-  if (!restored && (mm.empty() || cv::countNonZero(mm) == 0)) {
-    if (bracket.camera) check(points_, "no depth is known");
-    check(depth_, "no depth is known, all 0");
-  }
+  check(is_restored, restoredOutput(), "only a bracket that is restored by focus distances has it");
+  check(has_camera, points_, std::string("no calibration on ") + topics::kColorInfo);
+  check(has_depth || !has_camera, points_, "no depth is known");
+  check(has_depth, depth_, "no depth is known, all 0");
   return lines.empty() ? "nothing" : boost::algorithm::join(lines, "; ");
 }
 
@@ -109,16 +96,17 @@ void FusionOutputs::tell(const FocusFrame& frame) {
   progress_.publish(progress);
 }
 
-void FusionOutputs::publish(const FusedBracket& bracket) {
-  const std_msgs::Header& header = bracket.report->header;
-  const BracketResult& result = bracket.result;
+void FusionOutputs::publish(const BracketResult& result, const FusionReportPtr& report,
+                            const SharedScene& scene) {
+  const std_msgs::Header& header = report->header;
+  const sensor_msgs::CameraInfoConstPtr& camera = scene.messages.camera;
   const auto progress = boost::make_shared<Progress>();
-  const bool has_progress = anybodyListens(progress_);
+  const bool is_restored = !result.restored_depth.empty();
   cv::Mat mm;
   if (!result.image.empty()) {
     // The camera comes first: rviz's DepthCloud drops images that come before it.
-    if (bracket.camera) {
-      const auto restamped = boost::make_shared<sensor_msgs::CameraInfo>(*bracket.camera);
+    if (camera) {
+      const auto restamped = boost::make_shared<sensor_msgs::CameraInfo>(*camera);
       restamped->header = header;
       info_.publish(restamped);
     }
@@ -131,30 +119,33 @@ void FusionOutputs::publish(const FusedBracket& bracket) {
     drawWeights(result.source_index, result.confidence, result.length, weights);
     cv::cvtColor(weights, weights, cv::COLOR_BGR2RGB);
     weights_.publish(toImage(header, enc::RGB8, weights));
-    mm = depthOf(bracket);
+    // All 0 where depth is unknown: that of an older result must not stay beside a newer picture. rviz's
+    // DepthCloud wants depth of the colour image's stamp, frame and size.
+    mm = cv::Mat::zeros(result.image.size(), CV_16UC1);
+    if (!scene.depth.empty()) core::resizeDepth(scene.depth, result.image.size(), mm);
     sensor_msgs::ImagePtr depth = toImage(header, enc::TYPE_16UC1, mm);
     depth_.publish(depth);
-    if (!result.restored_depth.empty()) {
+    if (is_restored) {
       depth = toImage(header, enc::TYPE_16UC1, result.restored_depth);
       if (const ros::Publisher output = restoredOutput()) output.publish(depth);
     }
     {
       std::lock_guard<std::mutex> lock(mutex_);
-      latest_ = {image, depth, bracket.camera};
+      latest_ = {image, depth, camera};
     }
-    if (const auto cloud = anybodyListens(points_) ? latestPoints() : nullptr) {
-      points_.publish(cloud);
-      if (has_progress) progress->points = *cloud;
-    }
-    if (has_progress) {
+    const auto cloud = anybodyListens(points_) ? latestPoints() : nullptr;
+    if (cloud) points_.publish(cloud);
+    if (anybodyListens(progress_)) {
       progress->image = *image;
       progress->depth = *depth;
+      if (cloud) progress->points = *cloud;
     }
   }
-  status_.setValue("asked for in vain", askedInVain(bracket, mm));
-  report_.publish(bracket.report);
+  const bool has_depth = is_restored || (!mm.empty() && cv::countNonZero(mm) > 0);
+  status_.setValue("asked for in vain", askedInVain(camera != nullptr, has_depth, is_restored));
+  report_.publish(report);
   progress->is_result = 1;
-  progress->report = *bracket.report;
+  progress->report = *report;
   progress_.publish(progress);
 }
 

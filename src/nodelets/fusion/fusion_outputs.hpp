@@ -14,18 +14,10 @@
 #include <string>
 
 #include "all_in_focus/bracket.hpp"
-#include "conversions.hpp"
+#include "bracket_scene.hpp"
 #include "node_status.hpp"
 
 namespace all_in_focus {
-
-/// One all-in-focus image and what belongs to it.
-struct FusedBracket {
-  BracketResult result;  ///< its image is empty when no frame of the bracket could be used
-  FusionReportPtr report;
-  cv::Mat depth;                           ///< registered, of the scene, mm; may be empty
-  sensor_msgs::CameraInfoConstPtr camera;  ///< may be empty
-};
 
 /// The topics that the fusion publishes. All messages of one result have the same header. They are latched;
 /// the cloud, which is large, is made when somebody listens to it.
@@ -40,12 +32,12 @@ class FusionOutputs {
   bool wanted() const;
   /// Which frame of which bracket has come.
   void tell(const FocusFrame& frame);
-  void publish(const FusedBracket& bracket);
+  /// result: its image is empty when no frame of the bracket could be used.
+  void publish(const BracketResult& result, const FusionReportPtr& report, const SharedScene& scene);
 
  private:
   ros::Publisher restoredOutput() const;
-  cv::Mat depthOf(const FusedBracket& bracket) const;
-  std::string askedInVain(const FusedBracket& bracket, const cv::Mat& mm) const;
+  std::string askedInVain(bool has_camera, bool has_depth, bool is_restored) const;
   sensor_msgs::PointCloud2ConstPtr latestPoints() const;
 
   NodeStatus& status_;

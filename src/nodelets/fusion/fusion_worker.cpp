@@ -20,8 +20,8 @@
 namespace all_in_focus {
 namespace {
 
-constexpr double kIdlePeriod = 0.05;          // s, between checks for a gap in time
-constexpr std::chrono::seconds kSilence(10);  // in an open bracket, before a warning
+constexpr double kIdlePeriod = 0.05;  // s, between checks for a gap in time
+constexpr int kSilence = 10;          // s, in an open bracket, before a warning
 constexpr double kMmPerM = 1000;
 constexpr const char* kProgress = "restoration";  // key of the diagnostics
 
@@ -34,17 +34,15 @@ std::string reasonOf(const FrameStatus& status) {
 }
 
 // Likely mistakes in optics or depth, one line each, in the words of fuse_stack.
-std::vector<std::string> checkRig(const FusedBracket& bracket) {
+std::vector<std::string> checkRig(const FusionReport& report, const SharedScene& scene,
+                                  const cv::Mat& image) {
   std::vector<std::string> warnings;
   try {
-    if (bracket.report->optics.focal_length_mm > 0 && bracket.camera) {
-      warnings.push_back(core::checkCircleOfConfusion(toOptics(bracket.report->optics),
-                                                      toCamera(*bracket.camera, topics::kColorInfo)));
+    if (report.optics.focal_length_mm > 0 && scene.messages.camera) {
+      warnings.push_back(core::checkCircleOfConfusion(toOptics(report.optics),
+                                                      toCamera(*scene.messages.camera, topics::kColorInfo)));
     }
-    if (!bracket.depth.empty() && !bracket.result.image.empty()) {
-      warnings.push_back(
-          core::checkMirroring(bracket.depth, cv::Mat(), core::toEightBits(bracket.result.image)));
-    }
+    warnings.push_back(core::checkMirroring(scene.depth, cv::Mat(), image));
   } catch (const std::invalid_argument&) {
     // Reported where it is used.
   }
@@ -65,8 +63,6 @@ struct FusionWorker::OpenBracket {
   FusionSettings settings;
   std::uint32_t id = 0;
   std_msgs::Header header;  // of the first frame
-  int length = 0;           // as far as known
-  bool has_begun = false;   // it has its scene
   SharedScene scene;
   std::map<int, Frame> frames;  // by index
   int white = 0;                // its code in frames with 16 bits; 0: none has come
@@ -95,44 +91,30 @@ void FusionWorker::announce(const FocusFrame& focus) {
 }
 
 void FusionWorker::add(const BracketFrame& frame) {
-  Task task;
-  task.image = frame.image;
-  std::vector<sensor_msgs::ImageConstPtr> dropped;
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    if (assembler_.endsBefore(frame)) endBracket();
-    last_frame_ = ros::Time::now();
-    silent_since_ = std::chrono::steady_clock::now();
-    task.step = assembler_.add(frame);
-    if (task.step.use) dropped = append(task);
-  }
-  if (!task.step.use) status_.acknowledge(frame.image->header, Outcome::kUnmatched, task.step.reason);
-  for (const sensor_msgs::ImageConstPtr& image : dropped) {
-    status_.acknowledge(image->header, Outcome::kDropped,
+  const std_msgs::Header& header = frame.image->header;
+  std::lock_guard<std::mutex> lock(mutex_);
+  if (assembler_.endsBefore(frame)) endBracket();
+  last_frame_ = ros::Time::now();
+  const BracketAssembler::Step step = assembler_.add(frame);
+  if (!step.use) return status_.acknowledge(header, Outcome::kUnmatched, step.reason);
+  if (step.begin) scenes_.pin(header.stamp);  // before the worker asks for the scene
+  outputs_.tell(step.frame);                  // before the result
+  push({Task::Kind::kFrame, step, frame.image});
+  limit_ = imageLimit(settings_.most_waiting, *frame.image);
+  std::size_t waiting = waitingImages();
+  for (auto oldest = tasks_.begin(); waiting > limit_; ++oldest) {
+    if (!oldest->image) continue;
+    status_.acknowledge(oldest->image->header, Outcome::kDropped,
                         "fusion cannot keep up: oldest waiting colour frame dropped");
+    oldest->image.reset();
+    --waiting;
   }
 }
 
 // Holds mutex_.
-void FusionWorker::push(Task task) {
-  tasks_.push_back(std::move(task));
+void FusionWorker::push(const Task& task) {
+  tasks_.push_back(task);
   guard_.post(status_.name(), [this] { handleNext(); });
-}
-
-// Holds mutex_. Returns the images that were dropped to make room.
-std::vector<sensor_msgs::ImageConstPtr> FusionWorker::append(const Task& task) {
-  std::vector<sensor_msgs::ImageConstPtr> dropped;
-  if (task.step.begin) scenes_.pin(task.image->header.stamp);  // before the worker asks for the scene
-  outputs_.tell(task.step.frame);                              // before the result
-  push(task);
-  limit_ = imageLimit(settings_.most_waiting, *task.image);
-  std::size_t waiting = waitingImages();
-  for (auto oldest = tasks_.begin(); waiting > limit_; ++oldest) {
-    if (!oldest->image) continue;
-    dropped.push_back(std::exchange(oldest->image, nullptr));
-    --waiting;
-  }
-  return dropped;
 }
 
 // Holds mutex_.
@@ -144,10 +126,9 @@ std::size_t FusionWorker::waitingImages() const {
 void FusionWorker::endBracket() {
   if (!assembler_.open()) return;
   assembler_.close();
-  Task task;
-  task.kind = Task::Kind::kEnd;
-  task.step.missing = assembler_.missing();
-  push(task);
+  BracketAssembler::Step end;
+  end.missing = assembler_.missing();
+  push({Task::Kind::kEnd, end, nullptr});
 }
 
 void FusionWorker::restart() {
@@ -160,9 +141,7 @@ void FusionWorker::cancel() {
   std::lock_guard<std::mutex> lock(mutex_);
   tasks_.clear();
   assembler_.restart();
-  Task task;
-  task.kind = Task::Kind::kCancel;
-  push(task);
+  push({Task::Kind::kCancel, {}, nullptr});
 }
 
 int FusionWorker::finish() {
@@ -202,7 +181,12 @@ void FusionWorker::handleNext() {
     tasks_.pop_front();
   }
   try {
-    handle(task);
+    if (task.kind == Task::Kind::kFrame) handleFrame(task);
+    if (task.kind == Task::Kind::kCancel) open_.reset();
+    if (task.kind == Task::Kind::kEnd && open_) {
+      open_->missing = task.step.missing;
+      finishBracket();
+    }
   } catch (const std::exception& e) {
     open_.reset();  // what it holds is uncertain
     status_.error(std::string("fusion: ") + e.what());
@@ -210,31 +194,16 @@ void FusionWorker::handleNext() {
   }
 }
 
-// Ends a bracket after its gap in time, unless frames wait that may belong to it.
+// Ends a bracket after its gap in time, unless frames wait that may belong to it. With rgb/focus a gap ends
+// none.
 void FusionWorker::onTimer() {
   std::lock_guard<std::mutex> lock(mutex_);
-  if (!tasks_.empty()) return;
-  if (ros::Time::isValid() && assembler_.endsAfter(secondsBetween(last_frame_, ros::Time::now())))
-    endBracket();
-  warnOfSilence();
-}
-
-// Holds mutex_. Without rgb/focus the gap ends a bracket.
-void FusionWorker::warnOfSilence() {
-  const auto now = std::chrono::steady_clock::now();
-  if (!assembler_.open() || !assembler_.byFocus() || now - silent_since_ < kSilence) return;
-  silent_since_ = now;
+  if (!tasks_.empty() || !assembler_.open() || !ros::Time::isValid()) return;
+  const double pause_s = secondsBetween(last_frame_, ros::Time::now());
+  if (assembler_.endsAfter(pause_s)) return endBracket();
+  if (!assembler_.byFocus() || pause_s < kSilence) return;
   status_.warn("bracket " + std::to_string(assembler_.id()) + " is open and no frame has come for " +
-               std::to_string(kSilence.count()) + " s: ~finish or the next bracket ends it");
-}
-
-void FusionWorker::handle(const Task& task) {
-  if (task.kind == Task::Kind::kFrame) handleFrame(task);
-  if (task.kind == Task::Kind::kEnd && open_) {
-    open_->missing = task.step.missing;
-    finishBracket();
-  }
-  if (task.kind == Task::Kind::kCancel) open_.reset();
+               std::to_string(kSilence) + " s: ~finish or the next bracket ends it");
 }
 
 void FusionWorker::handleFrame(const Task& task) {
@@ -245,13 +214,12 @@ void FusionWorker::handleFrame(const Task& task) {
     return;
   }
   open_->missing = task.step.missing;
-  open_->length = std::max({open_->length, static_cast<int>(frame.count), static_cast<int>(frame.index) + 1});
   if (!task.image) {
     ++open_->dropped;
     if (frame.last) finishBracket();
     return;
   }
-  if (!open_->has_begun) awaitScene(*task.image);
+  if (open_->frames.empty()) awaitScene(frame, *task.image);
   FrameStatus status = fuse(task);
   if (frame.last) {
     const std::vector<FrameStatus> frames = finishBracket();
@@ -276,13 +244,13 @@ void FusionWorker::open(const FocusFrame& first) {
   open_->settings = settings_;
 }
 
-// first: the first frame whose image was not dropped.
-void FusionWorker::awaitScene(const sensor_msgs::Image& first) {
+// Of the first frame whose image was not dropped.
+void FusionWorker::awaitScene(const FocusFrame& first, const sensor_msgs::Image& image) {
   FusionSettings& settings = open_->settings;
   const ros::WallTime start = ros::WallTime::now();
   const SceneMessages messages = scenes_.await(open_->header.stamp, settings.label_timeout_s);
   open_->scene_wait_ms = (ros::WallTime::now() - start).toSec() * 1e3;
-  const cv::Size size(static_cast<int>(first.width), static_cast<int>(first.height));
+  const cv::Size size(static_cast<int>(image.width), static_cast<int>(image.height));
   open_->scene = toScene(messages, settings.bracket.mode, size, settings.calibration);
   const bool is_paper = settings.bracket.mode == Mode::kPaper;
   if (!(is_paper ? messages.labels : messages.depth)) {
@@ -292,10 +260,9 @@ void FusionWorker::awaitScene(const sensor_msgs::Image& first) {
   }
   for (const std::string& warning : open_->scene.warnings) status_.warn(warning);
 
-  settings.bracket.length = open_->length;
-  settings.bracket.max_held = static_cast<int>(imageLimit(settings.bracket.max_held, first));
+  settings.bracket.length = static_cast<int>(std::max(first.count, first.index + 1));
+  settings.bracket.max_held = static_cast<int>(imageLimit(settings.bracket.max_held, image));
   beginBracket();
-  open_->has_begun = true;
 }
 
 void FusionWorker::beginBracket() {
@@ -375,13 +342,11 @@ std::vector<FrameStatus> FusionWorker::finishBracket() {
 }
 
 void FusionWorker::publish(const BracketResult& result, bool complete) {
-  FusedBracket bracket{result, toReport(result), open_->scene.depth, open_->scene.messages.camera};
-  bracket.result.length = open_->length;
+  const FusionReportPtr report = toReport(result);
   std::vector<std::string> warnings = result.warnings;
   if (result.used == 0) warnings.emplace_back("no frame could be used: nothing to publish");
-  const int length = std::max(result.length, open_->length);
-  if (complete && result.used > 0 && 2 * result.used < length) {
-    warnings.push_back("only " + std::to_string(result.used) + " of " + std::to_string(length) +
+  if (complete && result.used > 0 && 2 * result.used < result.length) {
+    warnings.push_back("only " + std::to_string(result.used) + " of " + std::to_string(result.length) +
                        " frames were used, see the notes of the report");
   }
   if (result.used == 1 && complete) warnings.emplace_back("only one frame: the result is that frame");
@@ -389,19 +354,21 @@ void FusionWorker::publish(const BracketResult& result, bool complete) {
   if (open_->dropped > 0)
     warnings.push_back(std::to_string(open_->dropped) + " frames were dropped: the fusion could not keep up");
   if (complete) {
-    for (const std::string& warning : checkRig(bracket)) warnings.push_back(warning);
+    for (const std::string& warning : checkRig(*report, open_->scene, core::toEightBits(result.image)))
+      warnings.push_back(warning);
     for (const std::string& warning : warnings)
       status_.warn("bracket " + std::to_string(open_->id) + ": " + warning);
     ++published_;
   }
-  std::vector<std::string>& notes = bracket.report->notes;
-  const auto append = [&notes](const auto& lines) { notes.insert(notes.end(), lines.begin(), lines.end()); };
+  const auto append = [&notes = report->notes](const auto& lines) {
+    notes.insert(notes.end(), lines.begin(), lines.end());
+  };
   append(open_->scene.warnings);
   if (open_->white > 0 && open_->white < 65535)
-    notes.push_back("frames with 16 bits: code " + std::to_string(open_->white) + " is white");
+    report->notes.push_back("frames with 16 bits: code " + std::to_string(open_->white) + " is white");
   append(result.notes);
   append(warnings);
-  outputs_.publish(bracket);
+  outputs_.publish(result, report, open_->scene);
 }
 
 // All but the notes.

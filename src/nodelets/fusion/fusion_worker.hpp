@@ -5,7 +5,6 @@
 #include <all_in_focus/FocusFrame.h>
 #include <sensor_msgs/Image.h>
 
-#include <chrono>
 #include <cstddef>
 #include <deque>
 #include <memory>
@@ -65,25 +64,22 @@ class FusionWorker {
       kCancel,  ///< drop the open bracket
     };
     Kind kind = Kind::kFrame;
-    BracketAssembler::Step step{};       ///< kEnd: only what is missing
-    sensor_msgs::ImageConstPtr image{};  ///< of kFrame; null: it was dropped to make room for newer ones
+    BracketAssembler::Step step;       ///< kEnd: only what is missing
+    sensor_msgs::ImageConstPtr image;  ///< of kFrame; null: it was dropped to make room for newer ones
   };
   struct OpenBracket;
 
   // Any thread.
-  void push(Task task);
-  std::vector<sensor_msgs::ImageConstPtr> append(const Task& task);
+  void push(const Task& task);
   std::size_t waitingImages() const;
   void endBracket();
 
   // Slow callbacks.
   void handleNext();
   void onTimer();
-  void warnOfSilence();
-  void handle(const Task& task);
   void handleFrame(const Task& task);
   void open(const FocusFrame& first);
-  void awaitScene(const sensor_msgs::Image& first);
+  void awaitScene(const FocusFrame& first, const sensor_msgs::Image& image);
   void beginBracket();
   FrameStatus fuse(const Task& task);
   void findWhite(const cv::Mat& bgr);
@@ -105,9 +101,7 @@ class FusionWorker {
   BracketAssembler assembler_;
   std::deque<Task> tasks_;  // for each a call of handleNext() is posted
   std::size_t limit_ = 1;   // how many images of the size of the newest may wait
-  // Arrival of the last frame: the pause after it, and silence.
-  ros::Time last_frame_;
-  std::chrono::steady_clock::time_point silent_since_;
+  ros::Time last_frame_;    // when it came
 
   // Used by slow callbacks only.
   Bracket bracket_;
