@@ -69,13 +69,10 @@ class DepthPreprocess {
   // As tf2_ros::TransformListener does. A transform with an impossible stamp would end that one and the whole
   // process; here it is refused and reported.
   ros::Subscriber listenToTransforms(const std::string& topic, bool is_static) {
-    using Callback = boost::function<void(const tf2_msgs::TFMessageConstPtr&)>;
     constexpr std::uint32_t kQueueSize = 100;
-    const Callback callback =
-        guard_.wrap(topic, [this, is_static](const tf2_msgs::TFMessageConstPtr& message) {
-          addTransforms(*message, is_static);
-        });
-    return guard_.quick.nh.subscribe<tf2_msgs::TFMessage>(topic, kQueueSize, callback);
+    return guard_.subscribe<tf2_msgs::TFMessage>(
+        guard_.quick, status_.addInput(topic, Expect::kOptional, ""), kQueueSize,
+        [this, is_static](const auto& message) { addTransforms(*message, is_static); });
   }
 
   void addTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
@@ -176,7 +173,7 @@ class DepthPreprocess {
     if (waiting_.empty()) return;
     const ros::WallTime now = ros::WallTime::now();
     if (waiting_since_.isZero()) waiting_since_ = now;
-    if ((now - waiting_since_).toSec() > kPatience) status_.error(missing);
+    if (!missing.empty() && (now - waiting_since_).toSec() > kPatience) status_.error(missing);
   }
 
   void startAfresh(int input) {
@@ -192,11 +189,7 @@ class DepthPreprocess {
   // True while something is missing that may still come. When it returns false, transform_ is that of this
   // image. It does not wait for anything that is broken: process() refuses that.
   bool isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason) {
-    if (!depth_info_ || !rgb_info_) {
-      reason = "depth waits for " + status_.resolved(depth_info_ ? rgb_info_input_ : depth_info_input_) +
-               ": publish the camera's calibration there, or remap it";
-      return true;
-    }
+    if (!depth_info_ || !rgb_info_) return true;  // the status names silent inputs
     const std::string from = withoutSlash(depth.header.frame_id),
                       to = withoutSlash(rgb_info_->header.frame_id);
     if (from.empty() || to.empty()) return false;
@@ -221,14 +214,10 @@ class DepthPreprocess {
     requireSize(depth, rig.depth, topic, status_.resolved(depth_info_input_));
     if (!preprocessing_ || !(preprocessing_->rig() == rig))
       preprocessing_ = std::make_unique<DepthPreprocessing>(rig, parseMode(config_.mode));
-    registerAndPublish(message->header, depth);
-  }
-
-  void registerAndPublish(const std_msgs::Header& depth_header, const cv::Mat& depth) {
-    std_msgs::Header header = depth_header;
-    header.frame_id = rgb_info_->header.frame_id;
     preprocessing_->compute(depth, registered_, filled_);
 
+    std_msgs::Header header = message->header;
+    header.frame_id = rgb_info_->header.frame_id;
     const auto info = boost::make_shared<sensor_msgs::CameraInfo>(*rgb_info_);
     info->header = header;
     info_publisher_.publish(info);
@@ -236,7 +225,7 @@ class DepthPreprocess {
     const sensor_msgs::ImagePtr registered = toImage(header, encoding, registered_);
     registered_publisher_.publish(registered);
     filled_publisher_.publish(config_.fill_holes ? toImage(header, encoding, filled_) : registered);
-    status_.acknowledge(depth_header, Outcome::kProcessed);
+    status_.acknowledge(message->header, Outcome::kProcessed);
     warnOfRig(depth);
   }
 
@@ -247,18 +236,17 @@ class DepthPreprocess {
       status_.warn(topic + "not one pixel has a depth: is something too near, or the sensor covered?");
       return;
     }
-    const auto warn = [&](const std::string& warning) {
-      if (!warning.empty()) status_.warn(topic + warning);
-    };
     const Rig& rig = preprocessing_->rig();
-    warn(core::checkDepthUnit(depth));
-    warn(core::checkPrincipalPoint(rig.depth, "depth"));
-    warn(core::checkPrincipalPoint(rig.color, "colour"));
-    warn(core::checkPose(rig.depth_to_color));
+    std::vector<std::string> warnings{
+        core::checkDepthUnit(depth), core::checkPrincipalPoint(rig.depth, "depth"),
+        core::checkPrincipalPoint(rig.color, "colour"), core::checkPose(rig.depth_to_color)};
     try {
-      warn(core::checkCoverage(registered_, rig));
+      warnings.push_back(core::checkCoverage(registered_, rig));
     } catch (const std::invalid_argument& e) {
       status_.error(topic + e.what());
+    }
+    for (const std::string& warning : warnings) {
+      if (!warning.empty()) status_.warn(topic + warning);
     }
   }
 

@@ -1,11 +1,14 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
+#include <all_in_focus/FocusPlan.h>
 #include <all_in_focus/SegmenterConfig.h>
 #include <image_transport/image_transport.h>
 #include <sensor_msgs/image_encodings.h>
 #include <visualization_msgs/MarkerArray.h>
 
+#include <boost/make_shared.hpp>
+#include <cstdint>
 #include <memory>
 #include <opencv2/imgproc.hpp>
 #include <optional>
@@ -28,6 +31,7 @@ namespace {
 
 using visualization_msgs::Marker;
 
+constexpr double kMmPerM = 1000;
 constexpr double kTextHeight = 0.02;  // of the distance: equally legible near and far
 
 core::Optics opticsOf(const SegmenterConfig& config) {
@@ -60,7 +64,7 @@ visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& c
     return static_cast<float>(2 * value + 255) / 765;
   };  // pure blue is not legible
   for (const RegionCaption& caption : set.captions) {
-    const double z = caption.near_mm / 1e3;
+    const double z = caption.near_mm / kMmPerM;
     const cv::Point2d ray = camera.ray(caption.anchor);
     const cv::Vec3b& color = colors.at(caption.label);
     marker.id = caption.label;
@@ -95,21 +99,17 @@ class Segmenter {
     readNumber(guard.slow.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
     optics_publisher_ =
         guard.slow.nh.advertise<OpticsMsg>(status.addOutput(topics::kOptics), 1, /*latch=*/true);
-    readMode();
+    std::string mode = name(mode_);
+    readParameter(guard.slow.private_nh, "mode", mode, status);
+    repairName(mode, name(mode_), parseMode, status);
+    mode_ = parseMode(mode);
+    status.setValue("mode", mode);
     configuration_ = serveConfiguration<SegmenterConfig>(guard.slow.private_nh, guard, status,
                                                          [this](auto& config) { reconfigure(config); });
     advertise();
   }
 
  private:
-  void readMode() {
-    std::string mode = name(mode_);
-    readParameter(guard_.slow.private_nh, "mode", mode, status_);
-    repairName(mode, name(mode_), parseMode, status_);
-    mode_ = parseMode(mode);
-    status_.setValue("mode", mode);
-  }
-
   void advertise() {
     ros::NodeHandle& nh = guard_.slow.nh;
     image_transport::ImageTransport transport(nh);
@@ -171,27 +171,19 @@ class Segmenter {
     }
   }
 
-  void onDepth(const sensor_msgs::ImageConstPtr& depth) {
-    // There is no cache to empty.
-    if (time_jumps_.streamWentBack(depth->header.stamp)) status_.timeWentBack(depth_input_);
-    try {
-      process(depth);
-    } catch (const std::exception& e) {
-      status_.acknowledge(depth->header, Outcome::kInvalid, e.what());
-    }
-  }
-
   void onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
     camera_.reset();
     try {
       camera_ = toCamera(*info, status_.resolved(info_input_));
-      publishWaitingMarkers();
+      publishMarkers();
     } catch (const std::invalid_argument& e) {
       status_.error(e.what());
     }
   }
 
-  void process(const sensor_msgs::ImageConstPtr& message) {
+  void onDepth(const sensor_msgs::ImageConstPtr& message) {
+    // There is no cache to empty.
+    if (time_jumps_.streamWentBack(message->header.stamp)) status_.timeWentBack(depth_input_);
     const cv::Mat depth = toDepth(*message, {}, status_.resolved(depth_input_));
     if (!segmentation_) {
       segmentation_ = std::make_unique<DofSegmentation>(segmentationConfig(
@@ -221,37 +213,38 @@ class Segmenter {
   void publishPlan(const std_msgs::Header& header) {
     if (!anybodyListens(plan_publisher_)) return;
     const core::Optics& optics = segmentation_->config().optics;
+    const auto plan = boost::make_shared<FocusPlan>();
+    plan->header = header;
+    plan->optics = toMessage(optics);
+    plan->segments = static_cast<std::uint32_t>(result_.segments.size());
     try {
-      const FocusPlanPtr plan =
-          toMessage(planFocus(optics, result_.segments), optics, result_.segments.size());
-      plan->header = header;
+      for (const PlannedFocus& one : planFocus(optics, result_.segments)) {
+        plan->focus_distance.push_back(one.focus_mm / kMmPerM);
+        plan->near_limit.push_back(one.near_mm / kMmPerM);
+        plan->far_limit.push_back(one.far_mm / kMmPerM);
+      }
       plan_publisher_.publish(plan);
     } catch (const std::invalid_argument& e) {
-      status_.warn(e.what());  // the labels are right without the captions
+      status_.warn(e.what());  // the labels are right without a plan
     }
   }
 
   // Publishes the outputs with captions, which take longer than the labels.
   void publishCaptioned(const std_msgs::Header& header) {
-    if (!anybodyListens(picture_publisher_) && !info_subscriber_) return;
+    const bool wants_picture = anybodyListens(picture_publisher_);
+    if (!wants_picture && !info_subscriber_) return;
     CaptionSet captions{header, result_.labels.size(), static_cast<int>(result_.segments.size()), {}};
     captions.captions = captionRegions(result_, config_.caption_min_area);
-    publishPicture(captions);
-    if (info_subscriber_) publishMarkers(captions);
-  }
-
-  void publishPicture(const CaptionSet& captions) {
-    if (!anybodyListens(picture_publisher_)) return;
-    cv::Mat regions;
-    drawRegions(result_, captions.captions, regions);
-    cv::cvtColor(regions, regions, cv::COLOR_BGR2RGB);
-    picture_publisher_.publish(toImage(captions.header, sensor_msgs::image_encodings::RGB8, regions));
-  }
-
-  void publishMarkers(const CaptionSet& captions) {
+    if (wants_picture) {
+      cv::Mat regions;
+      drawRegions(result_, captions.captions, regions);
+      cv::cvtColor(regions, regions, cv::COLOR_BGR2RGB);
+      picture_publisher_.publish(toImage(header, sensor_msgs::image_encodings::RGB8, regions));
+    }
+    if (!info_subscriber_) return;
     const bool second = without_camera_.has_value();
     without_camera_ = captions;
-    publishWaitingMarkers();
+    publishMarkers();
     if (without_camera_ && second) {
       status_.warn(
           "markers wait for " + status_.resolved(info_input_) +
@@ -260,7 +253,7 @@ class Segmenter {
   }
 
   // The message of the camera may come after the image.
-  void publishWaitingMarkers() {
+  void publishMarkers() {
     if (!without_camera_ || !camera_ || camera_->size != without_camera_->size) return;
     markers_publisher_.publish(toMarkers(*without_camera_, *camera_));
     without_camera_.reset();

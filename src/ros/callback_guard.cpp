@@ -36,7 +36,7 @@ class Call : public ros::CallbackInterface {
 
 struct WaitingImages {
   std::mutex mutex;
-  std::deque<sensor_msgs::ImageConstPtr> images;  // oldest first; for each a call in the queue
+  std::deque<sensor_msgs::ImageConstPtr> images;  // oldest first; for each a call in the queue, or more
 };
 
 // The transport of the private parameter image_transport. If it may not be used, an error is logged and raw
@@ -45,18 +45,19 @@ image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const
                                                 bool lossless, NodeStatus& status) {
   const std::string raw = "raw", package = "image_transport/";
   const std::string wanted = private_nh.param("image_transport", raw);
+  std::string problem;
   if (lossless && wanted != raw && wanted != "compressedDepth") {
-    status.error("~image_transport: '" + wanted +
-                 "' may change depths, only raw and compressedDepth do not: using raw");
-    private_nh.setParam("image_transport", raw);
+    problem = "may change depths, only raw and compressedDepth do not";
   } else if (wanted != raw) {
     const std::vector<std::string> installed = image_transport::ImageTransport(nh).getLoadableTransports();
     if (std::find(installed.begin(), installed.end(), package + wanted) == installed.end()) {
-      std::string names;
-      for (const std::string& name : installed) names += " " + name.substr(package.size());
-      status.error("~image_transport: '" + wanted + "' is not installed here, only" + names + ": using raw");
-      private_nh.setParam("image_transport", raw);
+      problem = "is not installed here, only";
+      for (const std::string& name : installed) problem += " " + name.substr(package.size());
     }
+  }
+  if (!problem.empty()) {
+    status.error("~image_transport: '" + wanted + "' " + problem + ": using raw");
+    private_nh.setParam("image_transport", raw);
   }
   return {raw, ros::TransportHints(), private_nh};
 }
@@ -65,26 +66,26 @@ image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const
 
 CallbackGuard::Thread::Thread(const ros::NodeHandle& nodelet_nh, const ros::NodeHandle& nodelet_private_nh)
     : nh(nodelet_nh), private_nh(nodelet_private_nh) {
-  nh.setCallbackQueue(&queue_);
-  private_nh.setCallbackQueue(&queue_);
+  nh.setCallbackQueue(&queue);
+  private_nh.setCallbackQueue(&queue);
 }
 
 CallbackGuard::CallbackGuard(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, NodeStatus& status)
     : slow(nh, private_nh), quick(nh, private_nh), status_(status) {}
 
 void CallbackGuard::start() {
-  slow.spinner_.start();
-  quick.spinner_.start();
+  slow.spinner.start();
+  quick.spinner.start();
 }
 
 void CallbackGuard::stop() {
-  quick.spinner_.stop();
+  quick.spinner.stop();
   if (const auto end = std::exchange(on_stop, nullptr)) end();
-  slow.spinner_.stop();
+  slow.spinner.stop();
 }
 
 void CallbackGuard::post(const std::string& place, const std::function<void()>& function) {
-  slow.queue_.addCallback(boost::make_shared<Call>(wrap(place, function)));
+  slow.queue.addCallback(boost::make_shared<Call>(wrap(place, function)));
 }
 
 image_transport::Subscriber CallbackGuard::receiveImages(int input, const ImageCallback& receive,
@@ -101,7 +102,7 @@ image_transport::Subscriber CallbackGuard::subscribeToDepth(int input, std::size
                                                             const ImageCallback& process) {
   // The subscription owns what waits: nothing of it is processed after it ends.
   const auto waiting = std::make_shared<WaitingImages>();
-  const auto turn = [waits = std::weak_ptr<WaitingImages>(waiting), process] {
+  const auto turn = [this, waits = std::weak_ptr<WaitingImages>(waiting), process] {
     const auto waiting = waits.lock();
     if (!waiting) return;
     sensor_msgs::ImageConstPtr oldest;
@@ -111,19 +112,20 @@ image_transport::Subscriber CallbackGuard::subscribeToDepth(int input, std::size
       oldest = std::move(waiting->images.front());
       waiting->images.pop_front();
     }
-    process(oldest);
+    try {
+      process(oldest);
+    } catch (const std::exception& e) {
+      status_.acknowledge(oldest->header, Outcome::kInvalid, e.what());
+    }
   };
   const auto receive = [this, input, waiting, most, turn](const sensor_msgs::ImageConstPtr& image) {
-    std::vector<sensor_msgs::ImageConstPtr> dropped;
-    {
-      std::lock_guard<std::mutex> lock(waiting->mutex);
-      waiting->images.push_back(image);
-      for (; waiting->images.size() > imageLimit(most, *image); waiting->images.pop_front())
-        dropped.push_back(std::move(waiting->images.front()));
+    std::lock_guard<std::mutex> lock(waiting->mutex);
+    waiting->images.push_back(image);
+    post(status_.resolved(input), turn);
+    for (; waiting->images.size() > imageLimit(most, *image); waiting->images.pop_front()) {
+      status_.acknowledge(waiting->images.front()->header, Outcome::kDropped,
+                          "cannot keep up: oldest waiting image dropped");
     }
-    for (const auto& each : dropped)
-      status_.acknowledge(each->header, Outcome::kDropped, "cannot keep up: oldest waiting image dropped");
-    if (dropped.empty()) post(status_.resolved(input), turn);
   };
   return receiveImages(input, receive, /*lossless=*/true);
 }

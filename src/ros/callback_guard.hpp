@@ -34,19 +34,13 @@ class CallbackGuard {
   /// nh, private_nh: those of the nodelet. status: must live until stop() returns.
   CallbackGuard(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, NodeStatus& status);
   ~CallbackGuard() { stop(); }
-  CallbackGuard(const CallbackGuard&) = delete;
-  CallbackGuard& operator=(const CallbackGuard&) = delete;
 
   /// Runs the callbacks of its handles, one after the other.
-  class Thread {
-   public:
+  struct Thread {
     Thread(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh);
     ros::NodeHandle nh, private_nh;
-
-   private:
-    friend class CallbackGuard;
-    ros::CallbackQueue queue_;
-    ros::AsyncSpinner spinner_{1, &queue_};
+    ros::CallbackQueue queue;
+    ros::AsyncSpinner spinner{1, &queue};
   };
   Thread slow;   ///< for callbacks that take their time
   Thread quick;  ///< for callbacks that are short
@@ -91,7 +85,8 @@ class CallbackGuard {
 
   /// The same for depth images, lossless. They take long to process: they wait for their turn among the slow
   /// callbacks. Where the node cannot keep up the oldest are dropped, counted and acknowledged;
-  /// roscpp's own queue would drop them silently. most: how many may wait, within imageLimit().
+  /// roscpp's own queue would drop them silently. One at which `process` throws is acknowledged as invalid.
+  /// most: how many may wait, within imageLimit().
   image_transport::Subscriber subscribeToDepth(int input, std::size_t most, const ImageCallback& process);
 
  private:

@@ -27,10 +27,11 @@ constexpr bool kIsBigEndian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
   throw std::invalid_argument(topic + ": " + what);
 }
 
-// Checks what a cv::Mat over the message's memory needs. value_bytes: of one channel of a pixel.
-void checkLayout(const sensor_msgs::Image& image, std::size_t value_bytes, const std::string& topic,
-                 std::size_t channels = 1) {
+// Checks what a cv::Mat over the message's memory needs. The encoding must be a known one.
+void checkLayout(const sensor_msgs::Image& image, const std::string& topic) {
   const char* encoding = image.encoding.c_str();
+  const auto value_bytes = static_cast<std::size_t>(enc::bitDepth(image.encoding)) / 8;  // of a channel
+  const auto channels = static_cast<std::size_t>(enc::numChannels(image.encoding));
   if (image.width == 0 || image.height == 0)
     fail(topic, cv::format("the image is empty (%ux%u): check its publisher", image.width, image.height));
   const std::size_t row_bytes = image.width * value_bytes * channels;
@@ -84,7 +85,7 @@ cv::Mat toDepth(const sensor_msgs::Image& message, const std::vector<int>& inval
     fail(topic, "depth has encoding \"" + message.encoding +
                     "\": publish 16UC1 (millimetres) or 32FC1 (metres), or remap the topic");
   }
-  checkLayout(message, millimetres ? sizeof(std::uint16_t) : sizeof(float), topic);
+  checkLayout(message, topic);
 
   cv::Mat mm = millimetres ? wrap(message, CV_16UC1) : metresToMm(wrap(message, CV_32FC1));
   bool shared = millimetres;
@@ -100,16 +101,13 @@ cv::Mat toDepth(const sensor_msgs::Image& message, const std::vector<int>& inval
 
 cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const std::string& topic) {
   const std::string remedy = "\": publish bgr8 or rgb8, or remap the topic";
-  std::size_t value_bytes = 0, channels = 0;
   try {
-    value_bytes = static_cast<std::size_t>(enc::bitDepth(image->encoding)) / 8;
-    channels = static_cast<std::size_t>(enc::numChannels(image->encoding));
+    checkLayout(*image, topic);
   } catch (const std::runtime_error&) {
     fail(topic, "unknown encoding \"" + image->encoding + remedy);
   }
-  checkLayout(*image, value_bytes, topic, channels);
   try {
-    return cv_bridge::toCvShare(image, value_bytes == 2 ? enc::BGR16 : enc::BGR8);
+    return cv_bridge::toCvShare(image, enc::bitDepth(image->encoding) == 16 ? enc::BGR16 : enc::BGR8);
   } catch (const std::runtime_error&) {  // cv_bridge::Exception
   } catch (const cv::Exception&) {
   }
@@ -129,11 +127,11 @@ sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string&
 }
 
 Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {
-  const std::string size = cv::format("image size is %ux%u", info.width, info.height);
-  if (info.width == 0 || info.height == 0 || info.width > kMaxSize || info.height > kMaxSize)
-    fail(topic, size + ": calibrate the camera");
-  if (std::uint64_t{info.width} * info.height > kMaxPixels)
-    fail(topic, size + ", more than 100 megapixels: check width and height");
+  if (std::max(info.width, info.height) > kMaxSize || std::uint64_t{info.width} * info.height > kMaxPixels) {
+    fail(topic,
+         cv::format("image size is %ux%u, more than 100 megapixels or %u in a row: check width and height",
+                    info.width, info.height, kMaxSize));
+  }
   const sensor_msgs::RegionOfInterest& roi = info.roi;
   if (std::uint64_t{roi.x_offset} + roi.width > info.width ||
       std::uint64_t{roi.y_offset} + roi.height > info.height) {
@@ -143,10 +141,6 @@ Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {
   const bool is_whole = roi.width == 0 || roi.height == 0;
   const unsigned width = is_whole ? info.width : roi.width, height = is_whole ? info.height : roi.height;
   const unsigned bin_x = std::max(1u, info.binning_x), bin_y = std::max(1u, info.binning_y);
-  if (bin_x > width || bin_y > height) {
-    fail(topic, cv::format("binning of %ux%u leaves an image of %ux%u", bin_x, bin_y, width / bin_x,
-                           height / bin_y));
-  }
   if (!(info.K[0] > 0 && info.K[4] > 0)) {
     fail(topic, cv::format("the camera is not calibrated (fx = %g, fy = %g): calibrate it, or give its "
                            "driver a calibration file",
@@ -156,21 +150,16 @@ Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {
   try {
     camera.setMatrix(info.K.data());
     camera.setDistortion(info.distortion_model, info.D);
+    // K is that of the full sensor; the images hold its region of interest, binned.
+    camera.size = cv::Size(static_cast<int>(width / bin_x), static_cast<int>(height / bin_y));
+    camera.fx /= bin_x;
+    camera.fy /= bin_y;
+    // Pixel centres are integers, so a binned pixel's centre lies half a bin inside.
+    camera.cx = (camera.cx - static_cast<double>(roi.x_offset) + 0.5) / bin_x - 0.5;
+    camera.cy = (camera.cy - static_cast<double>(roi.y_offset) + 0.5) / bin_y - 0.5;
+    validate(camera, "impossible calibration of the");
   } catch (const std::invalid_argument& e) {
     fail(topic, e.what());
-  }
-
-  // K is that of the full sensor; the images hold its region of interest, binned.
-  camera.size = cv::Size(static_cast<int>(width / bin_x), static_cast<int>(height / bin_y));
-  camera.fx /= bin_x;
-  camera.fy /= bin_y;
-  // Pixel centres are integers, so a binned pixel's centre lies half a bin inside.
-  camera.cx = (camera.cx - static_cast<double>(roi.x_offset) + 0.5) / bin_x - 0.5;
-  camera.cy = (camera.cy - static_cast<double>(roi.y_offset) + 0.5) / bin_y - 0.5;
-  try {
-    validate(camera, "");
-  } catch (const std::invalid_argument& e) {
-    fail(topic, std::string("impossible calibration,") + e.what());
   }
   return camera;
 }
@@ -259,19 +248,6 @@ SegmentArrayPtr toMessage(const Segmentation& segmentation, const SegmentationCo
     array->segments.push_back(message);
   }
   return array;
-}
-
-FocusPlanPtr toMessage(const std::vector<PlannedFocus>& plan, const core::Optics& optics,
-                       std::size_t segments) {
-  auto message = boost::make_shared<FocusPlan>();
-  message->optics = toMessage(optics);
-  message->segments = static_cast<std::uint32_t>(segments);
-  for (const PlannedFocus& one : plan) {
-    message->focus_distance.push_back(one.focus_mm / kMmPerM);
-    message->near_limit.push_back(one.near_mm / kMmPerM);
-    message->far_limit.push_back(one.far_mm / kMmPerM);
-  }
-  return message;
 }
 
 }  // namespace all_in_focus

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <all_in_focus/FocusPlan.h>
 #include <all_in_focus/FusionReport.h>
 #include <all_in_focus/SegmentArray.h>
 #include <cv_bridge/cv_bridge.h>
@@ -18,7 +17,6 @@
 
 #include "all_in_focus/camera.hpp"
 #include "all_in_focus/dof_segmentation.hpp"
-#include "all_in_focus/focus_plan.hpp"
 #include "all_in_focus/optics.hpp"
 
 /// Convert between ROS messages and the types of the core. All functions throw std::invalid_argument with one
@@ -69,9 +67,5 @@ core::Optics toOptics(const OpticsMsg& message);
 
 /// All but the header.
 SegmentArrayPtr toMessage(const Segmentation& segmentation, const SegmentationConfig& config);
-
-/// All but the header.
-FocusPlanPtr toMessage(const std::vector<PlannedFocus>& plan, const core::Optics& optics,
-                       std::size_t segments);
 
 }  // namespace all_in_focus

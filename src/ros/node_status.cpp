@@ -51,28 +51,19 @@ NodeStatus::NodeStatus(const std::string& name, ros::NodeHandle nh, const ros::N
 }
 
 int NodeStatus::addInput(const std::string& topic, Expect expect, const std::string& remedy) {
-  std::lock_guard<std::mutex> lock(mutex_);
   const std::string resolved = nh_.resolveName(topic);
   inputs_.push_back({topic, resolved, resolved, expect, remedy, 0, {}});
+  topics_ += "\n  subscribes " + resolved + (expect == Expect::kOptional ? " (optional)" : "");
   return static_cast<int>(inputs_.size()) - 1;
 }
 
 std::string NodeStatus::addOutput(const std::string& topic) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  outputs_.push_back(nh_.resolveName(topic));
+  topics_ += "\n  publishes  " + nh_.resolveName(topic);
   return topic;
 }
 
 void NodeStatus::start() {
-  {
-    std::lock_guard<std::mutex> lock(mutex_);
-    std::ostringstream text;
-    for (const Input& input : inputs_) {
-      text << "\n  subscribes " << input.resolved << (input.expect == Expect::kOptional ? " (optional)" : "");
-    }
-    for (const std::string& output : outputs_) text << "\n  publishes  " << output;
-    ROS_INFO_STREAM(name_ << ":" << text.str());
-  }
+  ROS_INFO_STREAM(name_ << ":" << topics_);
   updater_.add("processing", this, &NodeStatus::fill);
 }
 
@@ -183,16 +174,6 @@ void NodeStatus::setValue(const std::string& key, const std::string& value) {
   values_[key] = value;
 }
 
-std::string NodeStatus::topic(int input) const {
-  std::lock_guard<std::mutex> lock(mutex_);
-  return inputs_.at(input).topic;
-}
-
-std::string NodeStatus::resolved(int input) const {
-  std::lock_guard<std::mutex> lock(mutex_);
-  return inputs_.at(input).resolved;
-}
-
 bool NodeStatus::silent(const Input& input, Clock::time_point now) const {
   if (!subscribed_ || input.expect == Expect::kOptional) return false;
   if (input.expect == Expect::kOnce && input.last_arrival >= subscribed_at_) return false;
@@ -208,10 +189,8 @@ void NodeStatus::warnOfSilence() {
     std::string line = "\n  " + input.resolved + ": ";
     if (countPublishers(input.on_wire) == 0) {
       line += "no publisher is connected; " + input.remedy + " (or remap it)";
-    } else if (input.arrived == 0) {
-      line += "connected, but no message came: is its publisher working?";
     } else {
-      line += "its publisher went silent: stopped, paused, or at the end of a bag?";
+      line += "connected, but no message comes: is its publisher working, or its bag at the end?";
     }
     if (!isThrottled(line, kSilence + kPause)) text << line;  // each silence is noticed kSilence late
   }

@@ -51,8 +51,6 @@ class NodeStatus {
   /// header of every acknowledged input.
   NodeStatus(const std::string& name, ros::NodeHandle nh, const ros::NodeHandle& private_nh,
              const std::string& processed_topic);
-  NodeStatus(const NodeStatus&) = delete;
-  NodeStatus& operator=(const NodeStatus&) = delete;
 
   const std::string& name() const { return name_; }
 
@@ -99,8 +97,8 @@ class NodeStatus {
   /// Extra lines of the diagnostics, e.g. ("optics", "f 24 mm, F 4").
   void setValue(const std::string& key, const std::string& value);
 
-  std::string topic(int input) const;     ///< as it was added
-  std::string resolved(int input) const;  ///< for people
+  const std::string& topic(int input) const { return inputs_.at(input).topic; }        ///< as it was added
+  const std::string& resolved(int input) const { return inputs_.at(input).resolved; }  ///< for people
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -132,9 +130,9 @@ class NodeStatus {
   diagnostic_updater::Updater updater_;
   ros::Publisher processed_;
 
-  mutable std::mutex mutex_;  // guards all below
+  std::string topics_;        // resolved, for people
+  mutable std::mutex mutex_;  // guards all below, but the names of the inputs
   std::vector<Input> inputs_;
-  std::vector<std::string> outputs_;
   std::map<std::string, std::string> values_;
   std::map<Outcome, std::uint64_t> counts_;
   std::map<std::string, Raised> raised_;

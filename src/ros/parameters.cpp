@@ -3,30 +3,24 @@
 
 #include "parameters.hpp"
 
+#include <boost/algorithm/string/case_conv.hpp>
 #include <cmath>
 #include <cstddef>
-#include <cstdlib>
+#include <cstdio>
 #include <limits>
+#include <type_traits>
 
 namespace all_in_focus {
 namespace {
 
 using XmlRpc::XmlRpcValue;
 
-const char* typeName(bool) {
-  return "true or false";
-}
-const char* typeName(int) {
-  return "a whole number";
-}
-const char* typeName(double) {
-  return "a number";
-}
-const char* typeName(const std::string&) {
-  return "text";
-}
-const char* typeName(const std::vector<int>&) {
-  return "a list of whole numbers";
+template <typename T>
+const char* typeName() {
+  if (std::is_same_v<T, bool>) return "true or false";
+  if (std::is_same_v<T, int>) return "a whole number";
+  if (std::is_same_v<T, double>) return "a number";
+  return std::is_same_v<T, std::string> ? "text" : "a list of whole numbers";
 }
 
 std::string show(XmlRpcValue value) {
@@ -48,12 +42,6 @@ std::string show(const std::vector<int>& values) {
   return '[' + text + ']';
 }
 
-bool toWhole(double number, int& value) {
-  if (number != std::floor(number) || std::abs(number) > std::numeric_limits<int>::max()) return false;
-  value = static_cast<int>(number);
-  return true;
-}
-
 // As roscpp reads it; but roscpp rounds a number where a whole one is expected.
 template <typename T>
 bool read(const ros::NodeHandle& nh, const std::string& name, T& value) {
@@ -61,26 +49,21 @@ bool read(const ros::NodeHandle& nh, const std::string& name, T& value) {
 }
 bool read(const ros::NodeHandle& nh, const std::string& name, int& value) {
   double number = 0;
-  return nh.getParam(name, number) && toWhole(number, value);
+  if (!nh.getParam(name, number) || number != std::floor(number) ||
+      std::abs(number) > std::numeric_limits<int>::max())
+    return false;
+  value = static_cast<int>(number);
+  return true;
 }
 
 // Text that can mean nothing but the value.
 template <typename T>
-bool parse(const std::string&, T&) {
+bool parse(const std::string& text, T& value) {
+  if constexpr (std::is_arithmetic_v<T>) {
+    std::istringstream words(boost::algorithm::to_lower_copy(text));
+    return words >> std::boolalpha >> value && words.peek() == EOF;
+  }
   return false;
-}
-bool parse(const std::string& text, bool& value) {
-  value = text == "true" || text == "True";
-  return value || text == "false" || text == "False";
-}
-bool parse(const std::string& text, double& value) {
-  char* end = nullptr;
-  value = std::strtod(text.c_str(), &end);
-  return !text.empty() && *end == '\0';
-}
-bool parse(const std::string& text, int& value) {
-  double number = 0;
-  return parse(text, number) && toWhole(number, value);
 }
 
 template <typename T>
@@ -114,13 +97,13 @@ bool readTyped(const ros::NodeHandle& nh, const std::string& name, const std::st
 
 template <typename T>
 void readParameter(const ros::NodeHandle& nh, const std::string& name, T& value, NodeStatus& status) {
-  readTyped(nh, name, typeName(value), value, status);
+  readTyped(nh, name, typeName<T>(), value, status);
 }
 
 template <typename T>
 void readNumber(const ros::NodeHandle& nh, const std::string& name, T least, T most, T& value,
                 NodeStatus& status) {
-  const std::string expected = typeName(value) + (" from " + show(least) + " to " + show(most));
+  const std::string expected = typeName<T>() + (" from " + show(least) + " to " + show(most));
   const T before = value;
   if (!readTyped(nh, name, expected, value, status) || (value >= least && value <= most)) return;
   value = before;
