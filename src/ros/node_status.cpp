@@ -33,11 +33,6 @@ double seconds(std::chrono::steady_clock::duration d) {
   return std::chrono::duration<double>(d).count();
 }
 
-// roscpp knows the connected ones; the master, which may hang, need not be asked.
-std::size_t countPublishers(const std::string& topic) {
-  return ros::TopicManager::instance()->getNumPublishers(topic);
-}
-
 }  // namespace
 
 NodeStatus::NodeStatus(const std::string& name, ros::NodeHandle nh, const ros::NodeHandle& private_nh,
@@ -86,11 +81,6 @@ void NodeStatus::setTransport(int input, const std::string& transport) {
   std::lock_guard<std::mutex> lock(mutex_);
   Input& in = inputs_.at(input);
   in.on_wire = transport == "raw" ? in.resolved : in.resolved + "/" + transport;
-}
-
-std::size_t NodeStatus::publishers(int input) const {
-  std::lock_guard<std::mutex> lock(mutex_);
-  return countPublishers(inputs_.at(input).on_wire);
 }
 
 void NodeStatus::setExpect(int input, Expect expect) {
@@ -187,7 +177,8 @@ void NodeStatus::warnOfSilence() {
   for (const Input& input : inputs_) {
     if (!silent(input, now)) continue;
     std::string line = "\n  " + input.resolved + ": ";
-    if (countPublishers(input.on_wire) == 0) {
+    // It knows the connected ones; the master, which may hang, need not be asked.
+    if (ros::TopicManager::instance()->getNumPublishers(input.on_wire) == 0) {
       line += "no publisher is connected; " + input.remedy + " (or remap it)";
     } else {
       line += "connected, but no message comes: is its publisher working, or its bag at the end?";

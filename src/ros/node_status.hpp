@@ -69,8 +69,6 @@ class NodeStatus {
   void inputArrived(int input);
   /// The image_transport of an input that is not subscribed to as it is.
   void setTransport(int input, const std::string& transport);
-  /// Connected publishers of a subscribed input.
-  std::size_t publishers(int input) const;
   /// Changes how long an input may be silent.
   void setExpect(int input, Expect expect);
 

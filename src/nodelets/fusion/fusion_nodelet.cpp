@@ -14,12 +14,12 @@
 #include <cmath>
 #include <deque>
 #include <limits>
+#include <map>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
-#include <vector>
 
 #include "conversions.hpp"
 #include "fusion_outputs.hpp"
@@ -148,8 +148,8 @@ class Fusion {
       if (time_jumps_.clockWentBack()) startAfresh(input, ros::Time::now());
       (scenes_.*use)(message);
     };
-    subscribers_.push_back(guard_.subscribe<Message>(
-        guard_.quick, input, is_image ? kArrivingImages : kArrivingMessages, on_message));
+    subscribers_[input] = guard_.subscribe<Message>(
+        guard_.quick, input, is_image ? kArrivingImages : kArrivingMessages, on_message);
   }
 
   // Depth and labels use plain ROS, because lossy transports would destroy them. They are subscribed first,
@@ -163,8 +163,8 @@ class Fusion {
     subscribeTo(inputOf(SceneTopic::kCamera), &SceneCache::setCamera);
     subscribeTo(inputOf(SceneTopic::kOptics), &SceneCache::setOptics);
     const auto on_focus = [this](const auto& focus) { onFocus(focus); };
-    subscribers_.push_back(
-        guard_.subscribe<FocusFrame>(guard_.quick, focus_input_, kArrivingMessages, on_focus));
+    subscribers_[focus_input_] =
+        guard_.subscribe<FocusFrame>(guard_.quick, focus_input_, kArrivingMessages, on_focus);
     image_subscriber_ = guard_.receiveImages(image_input_, [this](const auto& image) { onImage(image); });
     status_.setSubscribed(true);
   }
@@ -186,7 +186,7 @@ class Fusion {
   // Until they have had time to connect, publishers are assumed.
   void updatePublished() {
     for (std::size_t topic = 0; topic < kSceneTopics; ++topic) {
-      const bool is_published = !settled_ || status_.publishers(scene_inputs_[topic]) > 0;
+      const bool is_published = !settled_ || isPublished(scene_inputs_[topic]);
       scenes_.setPublished(static_cast<SceneTopic>(topic), is_published);
     }
   }
@@ -197,17 +197,15 @@ class Fusion {
     settled_ = true;
     updatePublished();
     const int optics = inputOf(SceneTopic::kOptics);
-    if (status_.publishers(optics) > 1)
+    if (subscribers_[optics].getNumPublishers() > 1)
       status_.warn(status_.resolved(optics) + " has several publishers: the last message counts");
-    if (status_.publishers(focus_input_) > 0) return;
+    if (isPublished(focus_input_)) return;
     // The publisher has gone. Images that it had announced still wait for their messages; the others are
     // plain.
-    const auto plain_begin = std::stable_partition(images_.begin(), images_.end(),
-                                                   [this](const auto& image) { return isAnnounced(*image); });
-    const std::vector<sensor_msgs::ImageConstPtr> plain(plain_begin, images_.end());
-    images_.erase(plain_begin, images_.end());
+    std::deque<sensor_msgs::ImageConstPtr> waiting;
+    waiting.swap(images_);
     if (last_focus_.isZero()) restartMatcher();  // it holds the plain images
-    for (const sensor_msgs::ImageConstPtr& image : plain) addPlain(image);
+    for (const auto& image : waiting) isAnnounced(*image) ? images_.push_back(image) : addPlain(image);
   }
 
   // Whether rgb/focus has reached the image's time.
@@ -247,7 +245,7 @@ class Fusion {
     settling_.start();  // by the first image
     updatePublished();
     // A publisher of rgb/focus defines the brackets while it is there.
-    const bool has_focus = status_.publishers(focus_input_) > 0 || isAnnounced(*image);
+    const bool has_focus = isPublished(focus_input_) || isAnnounced(*image);
     if (settled_ && !has_focus) {
       giveUpAllImages();  // the publisher of rgb/focus is gone
       return addPlain(image);
@@ -323,6 +321,8 @@ class Fusion {
     return true;
   }
 
+  // roscpp knows who is connected; the master, which may hang, need not be asked.
+  bool isPublished(int input) { return subscribers_[input].getNumPublishers() > 0; }
   int inputOf(SceneTopic topic) const { return scene_inputs_[static_cast<std::size_t>(topic)]; }
 
   CallbackGuard& guard_;
@@ -344,7 +344,7 @@ class Fusion {
   ros::WallTimer settling_;
   ros::Time last_focus_, last_frame_;  // stamps: of rgb/focus; of that or a frame without it
   image_transport::Subscriber image_subscriber_;
-  std::vector<ros::Subscriber> subscribers_;  // all others
+  std::map<int, ros::Subscriber> subscribers_;  // all others, by input
   ros::ServiceServer finish_server_;
   std::unique_ptr<dynamic_reconfigure::Server<FusionConfig>> configuration_;
 };

@@ -61,8 +61,7 @@ struct FusionWorker::OpenBracket {
     bool acknowledged = false;       // early
   };
   FusionSettings settings;
-  std::uint32_t id = 0;
-  std_msgs::Header header;  // of the first frame
+  FocusFrame first;  // which frame came first
   SharedScene scene;
   std::map<int, Frame> frames;  // by index
   int white = 0;                // its code in frames with 16 bits; 0: none has come
@@ -161,7 +160,7 @@ bool FusionWorker::isCancelled() const {
 }
 
 bool FusionWorker::mayRestore(double done) const {
-  const std::string id = std::to_string(open_->id);
+  const std::string id = std::to_string(open_->first.bracket_id);
   status_.setValue(kProgress, "bracket " + id + ": " + std::to_string(std::lround(100 * done)) + " %");
   if (isCancelled()) return false;
   if (open_->settings.restore_every) return true;
@@ -237,8 +236,7 @@ void FusionWorker::handleFrame(const Task& task) {
 
 void FusionWorker::open(const FocusFrame& first) {
   open_ = std::make_unique<OpenBracket>();
-  open_->id = first.bracket_id;
-  open_->header = first.header;
+  open_->first = first;
   bracket_.begin({}, {}, {});
   std::lock_guard<std::mutex> lock(mutex_);
   open_->settings = settings_;
@@ -248,7 +246,7 @@ void FusionWorker::open(const FocusFrame& first) {
 void FusionWorker::awaitScene(const FocusFrame& first, const sensor_msgs::Image& image) {
   FusionSettings& settings = open_->settings;
   const ros::WallTime start = ros::WallTime::now();
-  const SceneMessages messages = scenes_.await(open_->header.stamp, settings.label_timeout_s);
+  const SceneMessages messages = scenes_.await(open_->first.header.stamp, settings.label_timeout_s);
   open_->scene_wait_ms = (ros::WallTime::now() - start).toSec() * 1e3;
   const cv::Size size(static_cast<int>(image.width), static_cast<int>(image.height));
   open_->scene = toScene(messages, settings.bracket.mode, size, settings.calibration);
@@ -256,7 +254,7 @@ void FusionWorker::awaitScene(const FocusFrame& first, const sensor_msgs::Image&
   if (!(is_paper ? messages.labels : messages.depth)) {
     open_->scene.warnings.push_back(
         std::string("no ") + (is_paper ? "label image" : topics::kDepth) +
-        " in time for the bracket: fused by sharpness alone: " + scenes_.whyNone(open_->header.stamp));
+        " in time for the bracket: fused by sharpness alone: " + scenes_.whyNone(open_->first.header.stamp));
   }
   for (const std::string& warning : open_->scene.warnings) status_.warn(warning);
 
@@ -318,7 +316,7 @@ cv::Mat FusionWorker::inFullRange(const cv::Mat& bgr) const {
 // Images that have the stamp of the scene may come after its depth.
 void FusionWorker::joinScene() {
   const bool had_labels = !open_->scene.scene.labels.empty();
-  joinLate(scenes_.current(open_->header.stamp), open_->scene);
+  joinLate(scenes_.current(open_->first.header.stamp), open_->scene);
   const cv::Mat& labels = open_->scene.scene.labels;
   if (!had_labels && !labels.empty() && open_->settings.bracket.mode != Mode::kPaper)
     bracket_.setLabels(labels);
@@ -336,7 +334,7 @@ std::vector<FrameStatus> FusionWorker::finishBracket() {
     status_.count(outcomeOf(frame));
     if (!frame.reason.empty()) status_.error(reasonOf(frame));
   }
-  scenes_.release(open_->header.stamp);
+  scenes_.release(open_->first.header.stamp);
   open_.reset();
   return result.frames;
 }
@@ -357,7 +355,7 @@ void FusionWorker::publish(const BracketResult& result, bool complete) {
     for (const std::string& warning : checkRig(*report, open_->scene, core::toEightBits(result.image)))
       warnings.push_back(warning);
     for (const std::string& warning : warnings)
-      status_.warn("bracket " + std::to_string(open_->id) + ": " + warning);
+      status_.warn("bracket " + std::to_string(open_->first.bracket_id) + ": " + warning);
     ++published_;
   }
   const auto append = [&notes = report->notes](const auto& lines) {
@@ -374,9 +372,9 @@ void FusionWorker::publish(const BracketResult& result, bool complete) {
 // All but the notes.
 FusionReportPtr FusionWorker::toReport(const BracketResult& result) const {
   auto report = boost::make_shared<FusionReport>();
-  report->header = open_->header;
+  report->header = open_->first.header;
   if (result.used > 0) report->header.stamp = open_->frames.at(result.reference).stamp;
-  report->bracket_id = open_->id;
+  report->bracket_id = open_->first.bracket_id;
   report->mode = name(modeThatRan(open_->settings.bracket.mode, result.fused_by));
   report->sharpness_alone = result.fused_by == FusedBy::kSharpness;
   report->frames_seen = static_cast<std::uint32_t>(result.frames.size());

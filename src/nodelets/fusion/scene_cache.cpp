@@ -147,31 +147,24 @@ void SceneCache::makeRoom() {
     return bytes > kMaxBytes && entries_.size() > kFewestWaiting;
   };
   while (entries_.size() > kMaxCached || are_too_large()) {
-    if (entries_.size() > kMaxCached || !dropLabels()) entries_.erase(mostDispensable());
+    const auto newest_quarter = static_cast<std::ptrdiff_t>((entries_.size() + 3) / 4);
+    const auto end = std::prev(entries_.end(), newest_quarter);  // it stays complete
+    const auto labelled =
+        std::find_if(entries_.begin(), end, [](const auto& entry) { return entry.second.labels != nullptr; });
+    if (entries_.size() > kMaxCached || by_labels_ || labelled == end) {
+      entries_.erase(mostDispensable(end));
+    } else {
+      labelled->second.labels.reset();
+      labelled->second.segments.reset();
+    }
   }
 }
 
-// Those of the oldest scene that has some. Returns whether there was one.
-bool SceneCache::dropLabels() {
-  const auto end = endOfOlder();
-  const auto found =
-      std::find_if(entries_.begin(), end, [](const auto& entry) { return entry.second.labels != nullptr; });
-  if (by_labels_ || found == end) return false;
-  found->second.labels.reset();
-  found->second.segments.reset();
-  return true;
-}
-
-// The newest quarter is complete.
-SceneCache::Entries::iterator SceneCache::endOfOlder() {
-  return std::prev(entries_.end(), static_cast<std::ptrdiff_t>((entries_.size() + 3) / 4));
-}
-
-SceneCache::Entries::iterator SceneCache::mostDispensable() {
+// Of those before `end`.
+SceneCache::Entries::iterator SceneCache::mostDispensable(Entries::iterator end) {
   const double latency =
       longest_latency_s_ > 0 ? std::max(kLeastLatency, kLatencyMargin * longest_latency_s_) : kAssumedLatency;
   const ros::Time newest = entries_.rbegin()->first;
-  const auto end = endOfOlder();
   auto found = entries_.begin();
   double smallest_gap = std::numeric_limits<double>::infinity();
   for (auto it = entries_.begin(); it != end; ++it) {

@@ -90,9 +90,7 @@ class SceneCache {
   void arrived(SceneTopic topic);
   void updatePinned();
   void makeRoom();
-  bool dropLabels();
-  Entries::iterator endOfOlder();
-  Entries::iterator mostDispensable();
+  Entries::iterator mostDispensable(Entries::iterator end);
   Entries::const_iterator newestAt(const ros::Time& frame) const;
   SceneMessages sceneOf(const ros::Time& first_frame) const;
   Image key() const { return by_labels_ ? &SceneMessages::labels : &SceneMessages::depth; }
