@@ -193,8 +193,8 @@ void FusionWorker::handleNext() {
   }
 }
 
-// Ends a bracket after its gap in time, unless frames wait that may belong to it. With rgb/focus a gap ends
-// none.
+// Ends a bracket after its gap in time, unless frames wait that may belong to it. A bracket of rgb/focus has
+// no gap: there a long pause is told of.
 void FusionWorker::onTimer() {
   std::lock_guard<std::mutex> lock(mutex_);
   if (!tasks_.empty() || !assembler_.open() || !ros::Time::isValid()) return;
