@@ -38,6 +38,8 @@ constexpr struct InversionParameters {
   float range_margin = 2;                  // gray levels, beyond what the frames differ by
   float gate_from = 0.1f, gate_to = 0.4f;  // share of the residual that is explained: none is kept, all
   double chance = 0.3;                     // of the variance of the noise; a smaller excess may be chance
+  double own_sigma = 1;                    // px: what frames show of a pixel is a mean over that
+  float own_rise = 4;                      // variances; where it becomes worse by so many, nothing is kept
 } kInversion{};
 
 constexpr int kFarthestPart = 4;  // px; parts farther away count as known
@@ -386,6 +388,22 @@ cv::Mat1f gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f&
       cv::max(cv::min((share - kInversion.gate_from) / (kInversion.gate_to - kInversion.gate_from), 1), 0));
 }
 
+// The same by the frames that show a pixel itself: they count by the squared share of its own disc, and must
+// not show it worse. z: in light.
+cv::Mat1f gateOfOwnFrames(const Equations& equations, const cv::Mat4f& z) {
+  cv::Mat1f rise(equations.solved().size(), 0), weight(rise.size(), 0);
+  equations.forEach([&](const Row& row, const Part* parts) {
+    if (row.count == 0 || parts->dx != 0 || parts->dy != 0) return;  // of all parts the own one comes first
+    const float own = static_cast<float>(parts->share) / kWholeShare;
+    const cv::Vec3f left = row.residual - Equations::predicted(row, parts, z);
+    rise(row.y, row.x) += own * own * row.weight * mean(squared(left) - squared(row.residual));
+    weight(row.y, row.x) += own * own;
+  });
+  cv::GaussianBlur(rise, rise, {}, kInversion.own_sigma);
+  cv::GaussianBlur(weight, weight, {}, kInversion.own_sigma);
+  return cv::Mat1f(cv::max(cv::min(1 - rise / cv::max(weight, 1e-6f) / kInversion.own_rise, 1), 0));
+}
+
 // region, 0..1: where to correct. Beside jumps, and where no frame is sharp. solved: see Equations.
 void findRegion(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth, cv::Mat1f& region,
                 cv::Mat1b& solved) {
@@ -421,8 +439,10 @@ std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
                                      [&](double done) { return proceed(0.4 + 0.5 * done); });
   if (!z) return z;
   limit(bracket, *z);
-  const cv::Mat1f left = excessOf(equations, equations.toLight(*z), bracket.noise_variance);
-  const cv::Mat1f kept(region.mul(gate(excess, left, weight, bracket.noise_variance)));
+  const cv::Mat4f& light = equations.toLight(*z);
+  const cv::Mat1f left = excessOf(equations, light, bracket.noise_variance);
+  const cv::Mat1f by_frames = gate(excess, left, weight, bracket.noise_variance);
+  const cv::Mat1f kept(region.mul(by_frames).mul(gateOfOwnFrames(equations, light)));
   forEachPixel(kept.size(), [&](int y, int x) { (*z)(y, x) *= kept(y, x); });
   return z;
 }
