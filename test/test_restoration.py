@@ -91,6 +91,17 @@ def test_a_wrong_f_number_is_said_and_made_up_for(scene, tmp_path, factor, depth
     assert psnr(restored, truth.image) > psnr(refined, truth.image) - 0.05
 
 
+def test_two_frames_tell_a_wrong_f_number_without_depth(tmp_path):
+    scene = made_scene("--scene", "planes", "--frames", "2", "--optics", "24,4,0.03", "--size", "320x240")
+    refined, _ = fuse(scene, tmp_path, "refined", depth=False)
+    for aperture, scale in ((2, 0.5), (4, 1), (8, 2)):
+        lens = ["--rig", scene / "rig", "--optics", f"24,{aperture},0.03"]
+        restored, report = fuse(scene, tmp_path, "restored", *lens, depth=False)
+        assert report["blur_scale"] == pytest.approx(scale, rel=0.1)
+        truth = truth_of(scene)
+        assert psnr(restored, truth.image) > psnr(refined, truth.image) - 0.05
+
+
 def test_focus_distances_in_reverse_order_are_said_and_cost_refined_nothing(scene, tmp_path):
     listed = yaml.safe_load((scene / "focus.yaml").read_text())
     for frame, focus in zip(listed["frames"], [frame["focus_mm"] for frame in listed["frames"]][::-1]):

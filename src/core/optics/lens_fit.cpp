@@ -11,7 +11,9 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kAsGood = 0.03;    // shares that differ by less tell nothing of a scale
+constexpr double kAsGood = 0.03;  // shares that differ by less tell nothing of a scale
+// The same of two frames without depth: other depths make up for most of a scale that is too large.
+constexpr double kAsGoodOfTwo = 0.005;
 constexpr double kClearly = 0.06;   // the same of focus distances: depth has errors of its own
 constexpr double kNeighbour = 1.2;  // factor between a scale and those beside it
 constexpr double kUnusual = 1.1;    // a factor that people are told of
@@ -72,6 +74,7 @@ LensFit search(const BlurEvidence& evidence, const std::vector<FrameBlur>& given
     return LensFit{focus, scale, evidence.explained(focus.of(given), scale)};
   };
   const auto better = [](const LensFit& a, const LensFit& b) { return a.explained < b.explained; };
+  const double as_good = given.size() == 2 && !evidence.hasDepth() ? kAsGoodOfTwo : kAsGood;
   const bool may_correct = evidence.hasDepth() && has_scale && !voted;
   const FocusCorrection focus = voted.value_or(FocusCorrection());
   LensFit best = with(focus, 1);
@@ -81,7 +84,7 @@ LensFit search(const BlurEvidence& evidence, const std::vector<FrameBlur>& given
   }
   // A mistake shows beside what was given, too: so most lenses need no search.
   if (has_scale && best.explained >= LensFit::kBelieved && best.explained + kClearly >= ordered.explained &&
-      best.explained + kAsGood >=
+      best.explained + as_good >=
           std::max(with(focus, kNeighbour), with(focus, 1 / kNeighbour), better).explained)
     return best;
 
@@ -94,7 +97,7 @@ LensFit search(const BlurEvidence& evidence, const std::vector<FrameBlur>& given
     if (fit.explained > best.explained + clearly) best = fit;
   };
   take(ordered, kClearly);
-  take(scaled, kAsGood);
+  take(scaled, as_good);
   if (!may_correct) return best;
   const auto explainedBy = [&](double value) { return with({false, 0, value}, 1).explained; };
   Factor factor = bestFactor(kStepOfDistances, explainedBy);
