@@ -120,12 +120,14 @@ image_transport::Subscriber CallbackGuard::subscribeToDepth(int input, std::size
   };
   const auto receive = [this, input, waiting, most, turn](const sensor_msgs::ImageConstPtr& image) {
     std::lock_guard<std::mutex> lock(waiting->mutex);
+    const std::size_t before = waiting->images.size();
     waiting->images.push_back(image);
-    post(status_.resolved(input), turn);
     for (; waiting->images.size() > imageLimit(most, *image); waiting->images.pop_front()) {
       status_.acknowledge(waiting->images.front()->header, Outcome::kDropped,
                           "cannot keep up: oldest waiting image dropped");
     }
+    if (waiting->images.size() > before)
+      post(status_.resolved(input), turn);  // else it has that of a dropped one
   };
   return receiveImages(input, receive, /*lossless=*/true);
 }
