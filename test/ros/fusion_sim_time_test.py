@@ -6,8 +6,8 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
 
-from depth_testing import run_tests, wait_until
-from fusion_testing import PERIOD, regions
+from depth_testing import WARN, run_tests, wait_until
+from fusion_testing import BRACKET_IDS, PERIOD, regions
 from time_testing import STARTS, RoundsTest, TimeTest
 
 
@@ -62,6 +62,15 @@ class GapTest(ClockTest):
         self.finish()
         self.assertEqual(self.assert_fused_by_sharpness(start, near=0, far=1).frames_used, 2)
         self.assert_noted(self.report(start + 500 + PERIOD), 'only one frame')
+
+
+class EndTest(ClockTest):
+    def test_a_bracket_that_is_open_when_the_bag_ends_is_told_of(self):
+        start, bracket_id = next(STARTS), next(BRACKET_IDS)
+        self.set_clock(start)
+        self.send_frame(start, 'both', bracket_id=bracket_id, index=0, count=2)
+        self.assert_diagnosed(WARN, f'bracket {bracket_id} is open and no frame has come for 10 s')
+        self.finish()
 
 
 class JumpTest(ClockTest, RoundsTest):

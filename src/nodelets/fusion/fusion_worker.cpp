@@ -21,7 +21,7 @@ namespace all_in_focus {
 namespace {
 
 constexpr double kIdlePeriod = 0.05;  // s, between checks for a gap in time
-constexpr int kSilence = 10;          // s, in an open bracket, before a warning
+constexpr int kSilence = 10;          // s of wall time, in an open bracket, before a warning
 constexpr double kMmPerM = 1000;
 constexpr const char* kProgress = "restoration";  // key of the diagnostics
 
@@ -94,6 +94,7 @@ void FusionWorker::add(const BracketFrame& frame) {
   std::lock_guard<std::mutex> lock(mutex_);
   if (assembler_.endsBefore(frame)) endBracket();
   last_frame_ = ros::Time::now();
+  silent_since_ = ros::WallTime::now();
   const BracketAssembler::Step step = assembler_.add(frame);
   if (!step.use) return status_.acknowledge(header, Outcome::kUnmatched, step.reason);
   if (step.begin) scenes_.pin(header.stamp);  // before the worker asks for the scene
@@ -194,13 +195,13 @@ void FusionWorker::handleNext() {
 }
 
 // Ends a bracket after its gap in time, unless frames wait that may belong to it. A bracket of rgb/focus has
-// no gap: there a long pause is told of.
+// no gap: there a long pause is told of, also while /clock stands still because a bag is at its end.
 void FusionWorker::onTimer() {
   std::lock_guard<std::mutex> lock(mutex_);
-  if (!tasks_.empty() || !assembler_.open() || !ros::Time::isValid()) return;
-  const double pause_s = secondsBetween(last_frame_, ros::Time::now());
-  if (assembler_.endsAfter(pause_s)) return endBracket();
-  if (!assembler_.byFocus() || pause_s < kSilence) return;
+  if (!tasks_.empty() || !assembler_.open()) return;
+  if (ros::Time::isValid() && assembler_.endsAfter(secondsBetween(last_frame_, ros::Time::now())))
+    return endBracket();
+  if (!assembler_.byFocus() || (ros::WallTime::now() - silent_since_).toSec() < kSilence) return;
   status_.warn("bracket " + std::to_string(assembler_.id()) + " is open and no frame has come for " +
                std::to_string(kSilence) + " s: ~finish or the next bracket ends it");
 }
@@ -242,7 +243,7 @@ void FusionWorker::open(const FocusFrame& first) {
   open_->settings = settings_;
 }
 
-// Of the first frame whose image was not dropped.
+// first, image: those of the first frame whose image was not dropped.
 void FusionWorker::awaitScene(const FocusFrame& first, const sensor_msgs::Image& image) {
   FusionSettings& settings = open_->settings;
   const ros::WallTime start = ros::WallTime::now();

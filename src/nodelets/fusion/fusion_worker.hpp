@@ -101,7 +101,8 @@ class FusionWorker {
   BracketAssembler assembler_;
   std::deque<Task> tasks_;  // for each a call of handleNext() is posted
   std::size_t limit_ = 1;   // how many images of the size of the newest may wait
-  ros::Time last_frame_;    // when it came
+  ros::Time last_frame_;    // when it came; for people:
+  ros::WallTime silent_since_;
 
   // Used by slow callbacks only.
   Bracket bracket_;
