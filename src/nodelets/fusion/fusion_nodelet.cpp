@@ -189,6 +189,9 @@ class Fusion {
       const bool is_published = !settled_ || isPublished(scene_inputs_[topic]);
       scenes_.setPublished(static_cast<SceneTopic>(topic), is_published);
     }
+    const int optics = inputOf(SceneTopic::kOptics);
+    if (subscribers_[optics].getNumPublishers() > 1)
+      status_.warn(status_.resolved(optics) + " has several publishers: the last message counts");
   }
 
   // After the first frame other publishers may still be connecting. Without their messages from rgb/focus, or
@@ -196,9 +199,6 @@ class Fusion {
   void settle() {
     settled_ = true;
     updatePublished();
-    const int optics = inputOf(SceneTopic::kOptics);
-    if (subscribers_[optics].getNumPublishers() > 1)
-      status_.warn(status_.resolved(optics) + " has several publishers: the last message counts");
     if (isPublished(focus_input_)) return;
     // The publisher has gone. Images that it had announced still wait for their messages; the others are
     // plain.
@@ -242,7 +242,7 @@ class Fusion {
   }
 
   void onImage(const sensor_msgs::ImageConstPtr& image) {
-    settling_.start();  // by the first image
+    settling_.start();  // the first image starts it
     updatePublished();
     // A publisher of rgb/focus defines the brackets while it is there.
     const bool has_focus = isPublished(focus_input_) || isAnnounced(*image);
