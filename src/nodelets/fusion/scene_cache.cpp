@@ -148,7 +148,7 @@ void SceneCache::makeRoom() {
   };
   while (entries_.size() > kMaxCached || are_too_large()) {
     const auto newest_quarter = static_cast<std::ptrdiff_t>((entries_.size() + 3) / 4);
-    const auto end = std::prev(entries_.end(), newest_quarter);  // it stays complete
+    const auto end = std::prev(entries_.end(), newest_quarter);  // that quarter stays complete
     const auto labelled =
         std::find_if(entries_.begin(), end, [](const auto& entry) { return entry.second.labels != nullptr; });
     if (entries_.size() > kMaxCached || by_labels_ || labelled == end) {
