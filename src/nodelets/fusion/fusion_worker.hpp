@@ -99,10 +99,10 @@ class FusionWorker {
   mutable std::mutex mutex_;  // guards all up to the next comment
   FusionSettings settings_;
   BracketAssembler assembler_;
-  std::deque<Task> tasks_;  // for each a call of handleNext() is posted
-  std::size_t limit_ = 1;   // how many images of the size of the newest may wait
-  ros::Time last_frame_;    // when it came; for people:
-  ros::WallTime silent_since_;
+  std::deque<Task> tasks_;      // for each a call of handleNext() is posted
+  std::size_t limit_ = 1;       // how many images of the size of the newest may wait
+  ros::Time last_frame_;        // when it came, for the gap
+  ros::WallTime silent_since_;  // the same, for the warning
 
   // Used by slow callbacks only.
   Bracket bracket_;
