@@ -40,7 +40,7 @@ class BracketAssembler {
   void configure(const BracketConfig& config) { config_ = config; }
 
   /// Takes note of a FocusFrame, whose picture may come much later. Returns whether it is the first one of
-  /// its bracket. Then the bracket is used even where that first picture is lost.
+  /// its bracket. If it has index 0, the bracket is used even where that first picture is lost.
   bool announce(std::uint32_t bracket_id, std::uint32_t index);
 
   /// The frame belongs to another bracket than the open one, which ended without notice: close() it before
@@ -80,7 +80,7 @@ class BracketAssembler {
   int missing_ = 0;
   ros::Time last_stamp_;
   std::optional<std::uint32_t> skipped_;  ///< the bracket that is left out: its first frame was not seen
-  std::optional<std::uint32_t> whole_;    ///< the last bracket whose beginning was announced
+  std::optional<std::uint32_t> announced_, whole_;  ///< the last bracket announced; and from its beginning
 };
 
 }  // namespace all_in_focus
