@@ -174,6 +174,21 @@ def test_a_damaged_picture_is_given_up(watched, virtual_time):
     assert len(watch.warnings) == 1
 
 
+def test_a_picture_that_is_written_while_it_is_read_comes_once(watched, monkeypatch):
+    folder, watch = watched
+    data = cv2.imencode(".png", pictures(1)[0])[1].tobytes()
+    (folder / "slow.png").write_bytes(data[:len(data) // 2])
+    read = folder_watch.read_pages
+
+    def finished_meanwhile(path):
+        (folder / "slow.png").write_bytes(data)
+        monkeypatch.setattr(folder_watch, "read_pages", read)
+        return read(path)
+
+    monkeypatch.setattr(folder_watch, "read_pages", finished_meanwhile)
+    assert polled(watch, times=5) == [("slow.png", 0)]
+
+
 def test_a_folder_may_go_and_come_back(watched):
     folder, watch = watched
     folder.rename(folder.parent / "away")

@@ -77,12 +77,13 @@ class FolderWatch:
 
     def _read(self, name, state, stamp, changed_at):
         try:
-            images = read_pages(str(self._folder / name))
+            images, damage = read_pages(str(self._folder / name)), []
         except StackError as error:
-            if time.monotonic() - changed_at < self._patience:
-                return []
-            self.warnings.append(f"{error}; left out")
-            images = []
+            images, damage = [], [f"{error}; left out"]
+        was_written_to = self._states()[0].get(name) != state
+        if was_written_to or damage and time.monotonic() - changed_at < self._patience:
+            return []
+        self.warnings += damage
         self._done[name] = state
         del self._coming[name]
         return [Arrival(image, page, stamp) for page, image in images]
