@@ -98,7 +98,7 @@ def test_two_frames_tell_a_wrong_f_number_without_depth(tmp_path):
         lens = ["--rig", scene / "rig", "--optics", f"24,{aperture},0.03"]
         restored, report = fuse(scene, tmp_path, "restored", *lens, depth=False)
         assert report["blur_scale"] == pytest.approx(scale, rel=0.1)
-        truth = truth_of(scene)
+        truth = Truth.load(scene)
         assert psnr(restored, truth.image) > psnr(refined, truth.image) - 0.05
 
 

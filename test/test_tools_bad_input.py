@@ -118,6 +118,12 @@ def test_depth(planes, kind):
     planes.refused_by_segment_depth(complaint)
 
 
+def test_data_behind_the_end_of_a_png_do_no_harm(planes):
+    with planes.depth_file.open("ab") as file:
+        file.write(bytes(1000))
+    succeeded(fuse_stack("--stack", planes.stack, "--output", planes.output("new.png"), *planes.with_depth))
+
+
 def test_depth_in_other_formats_that_is_cut_off(planes):
     for name in ("d.tiff", "d.pgm"):
         path = write(planes.folder / name, planes.depth)
@@ -200,7 +206,8 @@ def test_rig_key_is_missing_or_of_another_kind(planes, name, key):
     ("depth.yaml", ["distortion_model"], "omni", "not supported"),
     ("depth.yaml", ["camera_matrix", "data"], [60.0] * 8, "needs 9 numbers"),
     ("extrinsics.yaml", ["rotation"], [0, 0, 0, 0], "quaternion"),
-    ("extrinsics.yaml", ["rotation"], [0, 0, 1], "4 numbers"),
+    ("extrinsics.yaml", ["rotation"], [0, 0, 1], "x, y, z, w, not 3 numbers"),
+    ("extrinsics.yaml", ["translation"], [7, 0, 0, 0], "needs 3 numbers, not 4"),
     ("extrinsics.yaml", ["rotation"], [1, 0, 0, 0, 1, 0, 0, 0, 1], "x, y, z, w, not 9 numbers"),
     ("extrinsics.yaml", ["translation"], [52, 0, 0], "depth.png: no depth falls into the colour picture"),
     ("extrinsics.yaml", ["rotation"], [0, 0, 0, float("nan")], "quaternion"),

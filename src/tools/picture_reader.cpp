@@ -45,7 +45,7 @@ bool isPng(const std::string& data) {
 }
 
 bool isWholePng(const std::string& data) {
-  return data.find("IEND", data.size() - std::min<std::size_t>(data.size(), 12)) != std::string::npos;
+  return data.rfind("IEND") != std::string::npos;  // cameras append data after it
 }
 
 // Looks for the end mark behind the beginning of the image data: thumbnails before it have end marks of their

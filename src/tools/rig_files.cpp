@@ -38,10 +38,13 @@ T get(const YAML::Node& node, const std::string& key, const std::string& path) {
   }
 }
 
-std::vector<double> numbers(const YAML::Node& node, const std::string& key, std::size_t least,
+std::vector<double> numbers(const YAML::Node& node, const std::string& key, std::size_t count,
                             const std::string& path) {
   auto values = get<std::vector<double>>(node, key, path);
-  if (values.size() < least) fail(path, "key '" + key + "' needs " + std::to_string(least) + " numbers");
+  if (values.size() != count) {
+    fail(path, "key '" + key + "' needs " + std::to_string(count) + " numbers, not " +
+                   std::to_string(values.size()));
+  }
   return values;
 }
 
@@ -81,7 +84,7 @@ Camera readCamera(const std::string& path) {
   const auto model =
       node["distortion_model"] ? get<std::string>(node, "distortion_model", path) : "plumb_bob";
   const auto coefficients = node["distortion_coefficients"]
-                                ? numbers(node["distortion_coefficients"], "data", 0, path)
+                                ? get<std::vector<double>>(node["distortion_coefficients"], "data", path)
                                 : std::vector<double>();
   naming(path + ": distortion_coefficients", [&] { camera.setDistortion(model, coefficients); });
   naming(path, [&] { validate(camera, "this"); });
@@ -147,7 +150,7 @@ Rig readRig(const std::string& folder) {
   const YAML::Node pose = load(path);
   requireColorAsParent(pose, folder, path);
   const auto t = numbers(pose, "translation", 3, path);
-  const auto q = numbers(pose, "rotation", 4, path);
+  const auto q = get<std::vector<double>>(pose, "rotation", path);
   if (q.size() != 4) {
     fail(path,
          "rotation: expected a unit quaternion x, y, z, w, not " + std::to_string(q.size()) + " numbers");
