@@ -17,6 +17,13 @@ class Arrival:
     stamp: object
 
 
+def _state(path):
+    """(size, time of change) of a file; None if it has been deleted."""
+    with contextlib.suppress(OSError):
+        status = path.stat()
+        return status.st_size, status.st_mtime_ns
+
+
 class FolderWatch:
     """New and overwritten pictures of a folder. Files that are there at the beginning are not reported.
 
@@ -41,9 +48,9 @@ class FolderWatch:
             raise StackError(f"{self._folder}: {error.strerror}")
         for path in paths:
             if is_image_name(path.name):
-                with contextlib.suppress(OSError):  # deleted since it was listed
-                    status = path.stat()
-                    states[path.name] = (status.st_size, status.st_mtime_ns)
+                state = _state(path)
+                if state:
+                    states[path.name] = state
             elif not path.name.startswith("."):
                 others.add(path.name)
         return states, others
@@ -80,8 +87,9 @@ class FolderWatch:
             images, damage = read_pages(str(self._folder / name)), []
         except StackError as error:
             images, damage = [], [f"{error}; left out"]
-        was_written_to = self._states()[0].get(name) != state
-        if was_written_to or damage and time.monotonic() - changed_at < self._patience:
+        was_written_to = _state(self._folder / name) != state
+        may_become_whole = damage and time.monotonic() - changed_at < self._patience
+        if was_written_to or may_become_whole:
             return []
         self.warnings += damage
         self._done[name] = state
