@@ -36,7 +36,7 @@ class Call : public ros::CallbackInterface {
 
 struct WaitingImages {
   std::mutex mutex;
-  std::deque<sensor_msgs::ImageConstPtr> images;  // oldest first; for each a call in the queue, or more
+  std::deque<sensor_msgs::ImageConstPtr> images;  // oldest first; the queue has a call for each, at least
 };
 
 // The transport of the private parameter image_transport. If it may not be used, an error is logged and raw
@@ -126,8 +126,8 @@ image_transport::Subscriber CallbackGuard::subscribeToDepth(int input, std::size
       status_.acknowledge(waiting->images.front()->header, Outcome::kDropped,
                           "cannot keep up: oldest waiting image dropped");
     }
-    if (waiting->images.size() > before)
-      post(status_.resolved(input), turn);  // else it has that of a dropped one
+    // An image that displaces another one takes over its call.
+    if (waiting->images.size() > before) post(status_.resolved(input), turn);
   };
   return receiveImages(input, receive, /*lossless=*/true);
 }

@@ -60,7 +60,8 @@ ALL_IN_FOCUS_SIMD void combineAcross(const TapRows& rows, const float* w, int n,
     to[i] = a[i] * w[0] + b[i] * w[1] + c[i] * w[2] + d[i] * w[3] + e[i] * w[4] + f[i] * w[5];
 }
 
-// Six taps at a position among pixels 0..length-1. Beyond the border the one that counts reads its pixel.
+// Six taps at a position among pixels 0..length-1. Beyond the border only one tap counts, and it
+// reads the pixel at the border.
 struct Tap {
   int first;
   const Weights& weights;

@@ -19,8 +19,8 @@ class ExposureMatching {
   /// gray: CV_8UC1.
   void setReference(const cv::Mat& gray) { reference_ = blocksOf(gray); }
 
-  /// Gain for the gray levels of a frame of the reference's size and type, aligned to it to a few pixels: 1 /
-  /// kLargestGain..kLargestGain, and 1 where it is not significant.
+  /// Gain for a frame that is aligned to the reference to a few pixels: 1 / kLargestGain..kLargestGain, and 1
+  /// where it is not significant. gray: CV_8UC1, of the reference's size.
   double gain(const cv::Mat& gray) const;
 
  private:

@@ -38,8 +38,8 @@ constexpr struct InversionParameters {
   float range_margin = 2;                  // gray levels, beyond what the frames differ by
   float gate_from = 0.1f, gate_to = 0.4f;  // share of the residual that is explained: none is kept, all
   double chance = 0.3;                     // of the variance of the noise; a smaller excess may be chance
-  double own_sigma = 1;                    // px: what frames show of a pixel is a mean over that
-  float own_rise = 4;                      // variances; where it becomes worse by so many, nothing is kept
+  double own_sigma = 1;                    // px; frames are compared by means over so much
+  float own_rise = 4;  // variances of the noise; where the error rises by so many, nothing is kept
 } kInversion{};
 
 constexpr int kFarthestPart = 4;  // px; parts farther away count as known
@@ -388,8 +388,8 @@ cv::Mat1f gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f&
       cv::max(cv::min((share - kInversion.gate_from) / (kInversion.gate_to - kInversion.gate_from), 1), 0));
 }
 
-// The same by the frames that show a pixel itself: they count by the squared share of its own disc, and must
-// not show it worse. z: in light.
+// The share of the correction to keep by the frames that show a pixel itself: their error must not rise. They
+// count by the squared share of the pixel's own disc. z: in light.
 cv::Mat1f gateOfOwnFrames(const Equations& equations, const cv::Mat4f& z) {
   cv::Mat1f rise(equations.solved().size(), 0), weight(rise.size(), 0);
   equations.forEach([&](const Row& row, const Part* parts) {

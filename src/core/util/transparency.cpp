@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kDark = 8;  // 8-bit code; a darker picture may well end in black
 
-// A line of most pictures is known not to be by its first pixel.
+// In most pictures the first pixel of a line shows already that it is not.
 bool isBlack(const cv::Mat& line) {
   for (int y = 0; y < line.rows; ++y) {
     const uchar* const codes = line.ptr(y);

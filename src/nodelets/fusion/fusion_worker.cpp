@@ -195,7 +195,7 @@ void FusionWorker::handleNext() {
 }
 
 // Ends a bracket after its gap in time, unless frames wait that may belong to it. A bracket of rgb/focus has
-// no gap: there a long pause is told of, also while /clock stands still because a bag is at its end.
+// no gap: it is warned of after a long pause, also while /clock stands still because a bag is at its end.
 void FusionWorker::onTimer() {
   std::lock_guard<std::mutex> lock(mutex_);
   if (!tasks_.empty() || !assembler_.open()) return;
