@@ -4,6 +4,8 @@
 import contextlib
 import json
 import os
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import genpy
@@ -229,6 +231,21 @@ def test_acknowledgements():
     under_way.sent(header(5))
     under_way.peer_subscribe("rgb/image", None, None)  # a node that listens anew knows nothing of it
     assert under_way.under_way() == 0
+
+
+def test_acknowledgements_come_while_frames_are_sent():
+    headers, under_way = [Header(stamp=genpy.Time(nsecs=stamp)) for stamp in range(2000)], Acknowledgements()
+    for header in headers[::2]:
+        under_way.sent(header)
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)  # threads take turns in the middle of all that is not locked
+    try:
+        with ThreadPoolExecutor() as threads:
+            results_of = [threads.map(under_way.came, headers[::2]), threads.map(under_way.sent, headers[1::2])]
+            assert [len(list(each)) for each in results_of] == [1000, 1000]
+    finally:
+        sys.setswitchinterval(interval)
+    assert under_way.under_way() == 1000 and under_way.first() == 1
 
 
 def test_every_kind_of_the_bag_is_known():
