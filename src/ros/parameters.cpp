@@ -66,48 +66,40 @@ bool parse(const std::string& text, T& value) {
   return false;
 }
 
-template <typename T>
-void refuse(const ros::NodeHandle& nh, const std::string& name, const std::string& expected, const T& value,
-            NodeStatus& status) {
+// is_possible: of a value of the right type.
+template <typename T, typename Check>
+void readChecked(const ros::NodeHandle& nh, const std::string& name, const std::string& expected,
+                 const Check& is_possible, T& value, NodeStatus& status) {
   XmlRpcValue given;
-  nh.getParam(name, given);
-  status.error(name + " must be " + expected + ", not " + show(given) + ": using " + show(value));
-}
-
-// False if it is not set, or refused.
-template <typename T>
-bool readTyped(const ros::NodeHandle& nh, const std::string& name, const std::string& expected, T& value,
-               NodeStatus& status) {
-  if (!nh.hasParam(name)) return false;
+  if (!nh.getParam(name, given)) return;
   T wanted{};
   std::string text;
-  if (!read(nh, name, wanted)) {
-    if (!nh.getParam(name, text) || !parse(text, wanted)) {
-      refuse(nh, name, expected, value, status);
-      return false;
-    }
+  bool is_known = read(nh, name, wanted);
+  const bool is_text = !is_known && nh.getParam(name, text);
+  if (is_text) is_known = parse(text, wanted);
+  if (!is_known || !is_possible(wanted))
+    return status.error(name + " must be " + expected + ", not " + show(given) + ": using " + show(value));
+  if (is_text) {
     status.warn(name + " is text: " + show(text) + " is taken as " + show(wanted) +
                 "; write it without quotes");
   }
   value = wanted;
-  return true;
 }
 
 }  // namespace
 
 template <typename T>
 void readParameter(const ros::NodeHandle& nh, const std::string& name, T& value, NodeStatus& status) {
-  readTyped(nh, name, typeName<T>(), value, status);
+  const auto any = [](const T& /*value*/) { return true; };
+  readChecked(nh, name, typeName<T>(), any, value, status);
 }
 
 template <typename T>
 void readNumber(const ros::NodeHandle& nh, const std::string& name, T least, T most, T& value,
                 NodeStatus& status) {
   const std::string expected = typeName<T>() + (" from " + show(least) + " to " + show(most));
-  const T before = value;
-  if (!readTyped(nh, name, expected, value, status) || (value >= least && value <= most)) return;
-  value = before;
-  refuse(nh, name, expected, value, status);
+  const auto is_within = [least, most](const T& wanted) { return wanted >= least && wanted <= most; };
+  readChecked(nh, name, expected, is_within, value, status);
 }
 
 template void readParameter(const ros::NodeHandle&, const std::string&, bool&, NodeStatus&);
