@@ -94,7 +94,7 @@ image_transport::Subscriber CallbackGuard::receiveImages(int input, const ImageC
       chosenTransport(quick.nh, quick.private_nh, lossless, status_);
   image_transport::Subscriber subscriber = image_transport::ImageTransport(quick.nh).subscribe(
       status_.topic(input), kArriving, checked<sensor_msgs::Image>(input, receive), ros::VoidPtr(), hints);
-  status_.setTransport(input, subscriber.getTransport());
+  status_.setOnWire(input, subscriber.getTopic());
   return subscriber;
 }
 

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cctype>
 #include <opencv2/core.hpp>
-#include <sstream>
 #include <utility>
 
 #include "all_in_focus/bracket.hpp"
@@ -77,10 +76,9 @@ void NodeStatus::inputArrived(int input) {
   in.last_arrival = Clock::now();
 }
 
-void NodeStatus::setTransport(int input, const std::string& transport) {
+void NodeStatus::setOnWire(int input, const std::string& topic) {
   std::lock_guard<std::mutex> lock(mutex_);
-  Input& in = inputs_.at(input);
-  in.on_wire = transport == "raw" ? in.resolved : in.resolved + "/" + transport;
+  inputs_.at(input).on_wire = topic;
 }
 
 void NodeStatus::setExpect(int input, Expect expect) {
@@ -170,28 +168,16 @@ bool NodeStatus::silent(const Input& input, Clock::time_point now) const {
   return now - std::max(input.last_arrival, subscribed_at_) > kSilence;
 }
 
-void NodeStatus::warnOfSilence() {
-  std::ostringstream text;
-  const auto now = Clock::now();
-  std::lock_guard<std::mutex> lock(mutex_);
-  for (const Input& input : inputs_) {
-    if (!silent(input, now)) continue;
-    std::string line = "\n  " + input.resolved + ": ";
-    // It knows the connected ones; the master, which may hang, need not be asked.
-    if (ros::TopicManager::instance()->getNumPublishers(input.on_wire) == 0) {
-      line += "no publisher is connected; " + input.remedy + " (or remap it)";
-    } else {
-      line += "connected, but no message comes: is its publisher working, or its bag at the end?";
-    }
-    if (!isThrottled(line, kSilence + kPause)) text << line;  // each silence is noticed kSilence late
-  }
-  if (!text.str().empty())
-    ROS_WARN_STREAM(name_ << ": no data for " << kSilence.count() << " s on" << text.str());
-}
-
-void NodeStatus::tick() {
-  warnOfSilence();
-  updater_.force_update();  // update() starves after a backward jump of ROS time
+// Holds mutex_.
+void NodeStatus::warnOfSilence(const Input& input) {
+  // It knows the connected ones; the master, which may hang, need not be asked.
+  const bool is_connected = ros::TopicManager::instance()->getNumPublishers(input.on_wire) > 0;
+  const std::string text =
+      cv::format("no data for %d s on %s: ", static_cast<int>(kSilence.count()), input.resolved.c_str()) +
+      (is_connected ? "connected, but no message comes: is its publisher working, or its bag at the end?"
+                    : "no publisher is connected; " + input.remedy + " (or remap it)");
+  // Each silence is noticed kSilence late.
+  if (!isThrottled(text, kSilence + kPause)) ROS_WARN_STREAM(name_ << ": " << text);
 }
 
 void NodeStatus::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
@@ -204,7 +190,9 @@ void NodeStatus::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
   if (worst.level == DiagnosticStatus::OK) worst.text = subscribed_ ? "processing" : "idle: nobody listens";
   status.summary(worst.level, worst.text);
   for (const Input& input : inputs_) {
-    if (silent(input, now)) status.mergeSummary(DiagnosticStatus::WARN, "no data on " + input.resolved);
+    if (!silent(input, now)) continue;
+    status.mergeSummary(DiagnosticStatus::WARN, "no data on " + input.resolved);
+    warnOfSilence(input);
   }
 
   for (const auto& [outcome, key] : kOutcomes) status.add(key, counts_[outcome]);

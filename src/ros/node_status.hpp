@@ -61,14 +61,14 @@ class NodeStatus {
   /// Prints the resolved topics.
   void start();
   /// Publishes the diagnostics, warns of silent inputs. Call regularly, also during long callbacks.
-  void tick();
+  void tick() { updater_.force_update(); }  // update() starves after a backward jump of ROS time
 
   /// Lazy subscription: silence counts only while subscribed. Ends errors and warnings when it becomes false.
   void setSubscribed(bool subscribed);
 
   void inputArrived(int input);
-  /// The image_transport of an input that is not subscribed to as it is.
-  void setTransport(int input, const std::string& transport);
+  /// The topic that the image_transport of an input subscribes to.
+  void setOnWire(int input, const std::string& topic);
   /// Changes how long an input may be silent.
   void setExpect(int input, Expect expect);
 
@@ -103,7 +103,7 @@ class NodeStatus {
 
   struct Input {
     std::string topic, resolved;
-    std::string on_wire;  // the topic that its image_transport subscribes to
+    std::string on_wire;  // see setOnWire()
     Expect expect;
     std::string remedy;
     std::uint64_t arrived;
@@ -120,7 +120,7 @@ class NodeStatus {
   void report(unsigned char level, const std::string& reason);
   bool isThrottled(const std::string& text, std::chrono::seconds pause);
   bool silent(const Input& input, Clock::time_point now) const;
-  void warnOfSilence();
+  void warnOfSilence(const Input& input);
   void fill(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   const std::string name_;
