@@ -31,27 +31,20 @@ namespace {
 
 using visualization_msgs::Marker;
 
-constexpr double kMmPerM = 1000;
 constexpr double kTextHeight = 0.02;  // of the distance: equally legible near and far
 
 core::Optics opticsOf(const SegmenterConfig& config) {
   return {config.focal_length_mm, config.aperture, config.circle_of_confusion_mm};
 }
 
-/// Captions of a label image.
-struct CaptionSet {
-  std_msgs::Header header;  ///< of the label image
-  cv::Size size;            ///< of the label image
-  int labels = 0;           ///< how many there are, captioned or not: sets the colours
-  std::vector<RegionCaption> captions;
-};
-
 // The captions as text in space for rviz. Each lies on the ray of its anchor, at the near end of its region,
-// because farther back the points of the region would hide it. camera: of the label image.
-visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& camera) {
+// because farther back the points of the region would hide it. header, camera: of the label image. labels:
+// how many it has.
+visualization_msgs::MarkerArray toMarkers(const std_msgs::Header& header, const Camera& camera, int labels,
+                                          const std::vector<RegionCaption>& captions) {
   visualization_msgs::MarkerArray array;
   Marker marker;
-  marker.header = set.header;
+  marker.header = header;
   marker.pose.orientation.w = 1;
   marker.action = Marker::DELETEALL;  // there may be fewer segments than in the last image
   array.markers.push_back(marker);
@@ -59,11 +52,11 @@ visualization_msgs::MarkerArray toMarkers(const CaptionSet& set, const Camera& c
   marker.ns = "segments";
   marker.type = Marker::TEXT_VIEW_FACING;
   marker.action = Marker::ADD;
-  const std::vector<cv::Vec3b> colors = labelColors(set.labels);
+  const std::vector<cv::Vec3b> colors = labelColors(labels);
   const auto pale = [](int value) {
     return static_cast<float>(2 * value + 255) / 765;
   };  // pure blue is not legible
-  for (const RegionCaption& caption : set.captions) {
+  for (const RegionCaption& caption : captions) {
     const double z = caption.near_mm / kMmPerM;
     const cv::Point2d ray = camera.ray(caption.anchor);
     const cv::Vec3b& color = colors.at(caption.label);
@@ -159,7 +152,7 @@ class Segmenter {
     } else if (!wants_markers) {
       info_subscriber_ = {};
       camera_.reset();  // may be out of date when the next subscriber comes
-      without_camera_.reset();
+      unmarked_.reset();
     }
     if (wanted && !depth_subscriber_) {
       depth_subscriber_ =
@@ -233,19 +226,18 @@ class Segmenter {
   void publishCaptioned(const std_msgs::Header& header) {
     const bool wants_picture = anybodyListens(picture_publisher_);
     if (!wants_picture && !info_subscriber_) return;
-    CaptionSet captions{header, result_.labels.size(), static_cast<int>(result_.segments.size()), {}};
-    captions.captions = captionRegions(result_, config_.caption_min_area);
+    captions_ = captionRegions(result_, config_.caption_min_area);
     if (wants_picture) {
       cv::Mat regions;
-      drawRegions(result_, captions.captions, regions);
+      drawRegions(result_, captions_, regions);
       cv::cvtColor(regions, regions, cv::COLOR_BGR2RGB);
       picture_publisher_.publish(toImage(header, sensor_msgs::image_encodings::RGB8, regions));
     }
     if (!info_subscriber_) return;
-    const bool second = without_camera_.has_value();
-    without_camera_ = captions;
+    const bool is_second = unmarked_.has_value();
+    unmarked_ = header;
     publishMarkers();
-    if (without_camera_ && second) {
+    if (unmarked_ && is_second) {
       status_.warn(
           "markers wait for " + status_.resolved(info_input_) +
           ": nothing came that fits the depth image; publish its camera's calibration there, or remap it");
@@ -254,9 +246,10 @@ class Segmenter {
 
   // The message of the camera may come after the image.
   void publishMarkers() {
-    if (!without_camera_ || !camera_ || camera_->size != without_camera_->size) return;
-    markers_publisher_.publish(toMarkers(*without_camera_, *camera_));
-    without_camera_.reset();
+    if (!unmarked_ || !camera_ || camera_->size != result_.labels.size()) return;
+    const auto labels = static_cast<int>(result_.segments.size());
+    markers_publisher_.publish(toMarkers(*unmarked_, *camera_, labels, captions_));
+    unmarked_.reset();
   }
 
   CallbackGuard& guard_;
@@ -273,9 +266,10 @@ class Segmenter {
   image_transport::Publisher picture_publisher_;
 
   std::unique_ptr<DofSegmentation> segmentation_;  // empty: the configuration has changed
-  Segmentation result_;                            // reused
+  Segmentation result_;                            // of the newest depth image
+  std::vector<RegionCaption> captions_;            // of the result
   std::optional<Camera> camera_;                   // of the depth images, while anybody wants markers
-  std::optional<CaptionSet> without_camera_;       // the newest, if its camera is still to come
+  std::optional<std_msgs::Header> unmarked_;       // of the result, if its camera is still to come
 
   image_transport::Subscriber depth_subscriber_;
   ros::Subscriber info_subscriber_;

@@ -18,7 +18,6 @@ namespace {
 
 namespace enc = sensor_msgs::image_encodings;
 
-constexpr double kMmPerM = 1000.0;
 constexpr unsigned kMaxSize = 32767;  // pixels, width or height of a camera
 constexpr std::uint64_t kMaxPixels = 100000000;
 constexpr bool kIsBigEndian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
@@ -61,18 +60,13 @@ cv::Mat wrap(const sensor_msgs::Image& image, int type) {
                  const_cast<std::uint8_t*>(image.data.data()), image.step);
 }
 
-// Comparisons with NaN are false: it becomes 0 like all that is out of range.
+// What OpenCV makes of NaN and of what is out of range differs from processor to processor.
 cv::Mat metresToMm(const cv::Mat& m) {
-  cv::Mat mm(m.size(), CV_16UC1);
-  for (int y = 0; y < m.rows; ++y) {
-    const float* in = m.ptr<float>(y);
-    auto* out = mm.ptr<std::uint16_t>(y);
-    for (int x = 0; x < m.cols; ++x) {
-      const float rounded = in[x] * static_cast<float>(kMmPerM) + 0.5f;
-      const float valid = rounded >= 1.0f && rounded < 65536.0f ? rounded : 0.0f;
-      out[x] = static_cast<std::uint16_t>(static_cast<std::int32_t>(valid));
-    }
-  }
+  constexpr double kFarthest = 65.5354;
+  cv::Mat mm, is_depth;
+  m.convertTo(mm, CV_16UC1, kMmPerM);
+  cv::inRange(m, 0, kFarthest, is_depth);
+  mm.setTo(0, is_depth == 0);
   return mm;
 }
 
@@ -100,18 +94,14 @@ cv::Mat toDepth(const sensor_msgs::Image& message, const std::vector<int>& inval
 }
 
 cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const std::string& topic) {
-  const std::string remedy = "\": publish bgr8 or rgb8, or remap the topic";
   try {
     checkLayout(*image, topic);
-  } catch (const std::runtime_error&) {
-    fail(topic, "unknown encoding \"" + image->encoding + remedy);
-  }
-  try {
     return cv_bridge::toCvShare(image, enc::bitDepth(image->encoding) == 16 ? enc::BGR16 : enc::BGR8);
-  } catch (const std::runtime_error&) {  // cv_bridge::Exception
+  } catch (const std::runtime_error&) {  // sensor_msgs or cv_bridge does not know it
   } catch (const cv::Exception&) {
   }
-  fail(topic, "no colour can be made of encoding \"" + image->encoding + remedy);
+  fail(topic, "no colour can be made of encoding \"" + image->encoding +
+                  "\": publish bgr8 or rgb8, or remap the topic");
 }
 
 void requireSize(const cv::Mat& depth, const Camera& camera, const std::string& topic,

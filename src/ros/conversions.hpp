@@ -26,6 +26,7 @@ namespace all_in_focus {
 using namespace core;
 using OpticsMsg = all_in_focus::Optics;  // two messages share their names with types of the core
 using SegmentMsg = all_in_focus::Segment;
+constexpr double kMmPerM = 1000;  // messages tell lengths in m, but for those of the lens
 
 /// Depth of a message, CV_16UC1 mm, 0 = unknown. Accepts 16UC1 and mono16 (mm) and 32FC1 (m; NaN, infinite,
 /// negative and above 65.535 m mean unknown), as REP 118 says. invalid_values: further mm values that mean

@@ -158,7 +158,7 @@ TEST(Colour, BrokenImagesAreRefusedWithPlaceAndReason) {
     expectRefused([&] { toBgr(image, "/topic"); }, word);
   };
   refused([](auto& image) { image.is_bigendian = !image.is_bigendian; }, "endian");
-  refused([](auto& image) { image.encoding = "what"; }, "unknown encoding \"what\"");
+  refused([](auto& image) { image.encoding = "what"; }, "no colour can be made of encoding \"what\"");
   refused([](auto& image) { image.encoding = enc::TYPE_16UC2; },
           "no colour can be made of encoding \"16UC2\"");
   refused([](auto& image) { image.height = 0; }, "empty");

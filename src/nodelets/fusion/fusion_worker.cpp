@@ -22,7 +22,6 @@ namespace {
 
 constexpr double kIdlePeriod = 0.05;  // s, between checks for a gap in time
 constexpr int kSilence = 10;          // s of wall time, in an open bracket, before a warning
-constexpr double kMmPerM = 1000;
 constexpr const char* kProgress = "restoration";  // key of the diagnostics
 
 Outcome outcomeOf(const FrameStatus& status) {
