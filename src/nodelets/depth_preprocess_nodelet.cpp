@@ -115,8 +115,10 @@ class DepthPreprocess {
   void subscribe() {
     const auto subscribe = [&](int input, sensor_msgs::CameraInfoConstPtr& slot) {
       return guard_.subscribe<sensor_msgs::CameraInfo>(
-          guard_.slow, input, queue_size_,
-          [this, input, &slot](const auto& info) { onInfo(input, slot, info); });
+          guard_.slow, input, queue_size_, [this, &slot](const auto& info) {
+            slot = info;
+            processWaiting();
+          });
     };
     depth_info_subscriber_ = subscribe(depth_info_input_, depth_info_);
     rgb_info_subscriber_ = subscribe(rgb_info_input_, rgb_info_);
@@ -139,16 +141,13 @@ class DepthPreprocess {
   }
 
   void onDepth(const sensor_msgs::ImageConstPtr& depth) {
-    if (time_jumps_.streamWentBack(depth->header.stamp)) startAfresh(depth_input_);
+    if (time_jumps_.streamWentBack(depth->header.stamp)) {
+      status_.timeWentBack(depth_input_);
+      giveUpWaiting(waiting_.size());
+    }
     waiting_.push_back(depth);
     const std::size_t most = imageLimit(queue_size_, *depth);
     if (waiting_.size() > most) giveUpWaiting(waiting_.size() - most);
-    processWaiting();
-  }
-
-  void onInfo(int input, sensor_msgs::CameraInfoConstPtr& slot, const sensor_msgs::CameraInfoConstPtr& info) {
-    if (time_jumps_.clockWentBack()) startAfresh(input);
-    slot = info;
     processWaiting();
   }
 
@@ -174,11 +173,6 @@ class DepthPreprocess {
     const ros::WallTime now = ros::WallTime::now();
     if (waiting_since_.isZero()) waiting_since_ = now;
     if (!missing.empty() && (now - waiting_since_).toSec() > kPatience) status_.error(missing);
-  }
-
-  void startAfresh(int input) {
-    status_.timeWentBack(input);
-    giveUpWaiting(waiting_.size());
   }
 
   void giveUpWaiting(std::ptrdiff_t oldest) {
