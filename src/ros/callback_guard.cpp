@@ -5,13 +5,12 @@
 
 #include <image_transport/image_transport.h>
 
-#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <stdexcept>
 #include <utility>
-#include <vector>
 
 #include "image_limit.hpp"
 
@@ -38,29 +37,6 @@ struct WaitingImages {
   std::mutex mutex;
   std::deque<sensor_msgs::ImageConstPtr> images;  // oldest first; the queue has a call for each, at least
 };
-
-// The transport of the private parameter image_transport. If it may not be used, an error is logged and raw
-// is used: image_transport would throw where it is not installed. lossless: only those that change no value.
-image_transport::TransportHints chosenTransport(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-                                                bool lossless, NodeStatus& status) {
-  const std::string raw = "raw", package = "image_transport/";
-  const std::string wanted = private_nh.param("image_transport", raw);
-  std::string problem;
-  if (lossless && wanted != raw && wanted != "compressedDepth") {
-    problem = "may change depths, only raw and compressedDepth do not";
-  } else if (wanted != raw) {
-    const std::vector<std::string> installed = image_transport::ImageTransport(nh).getLoadableTransports();
-    if (std::find(installed.begin(), installed.end(), package + wanted) == installed.end()) {
-      problem = "is not installed here, only";
-      for (const std::string& name : installed) problem += " " + name.substr(package.size());
-    }
-  }
-  if (!problem.empty()) {
-    status.error("~image_transport: '" + wanted + "' " + problem + ": using raw");
-    private_nh.setParam("image_transport", raw);
-  }
-  return {raw, ros::TransportHints(), private_nh};
-}
 
 }  // namespace
 
@@ -90,10 +66,22 @@ void CallbackGuard::post(const std::string& place, const std::function<void()>& 
 
 image_transport::Subscriber CallbackGuard::receiveImages(int input, const ImageCallback& receive,
                                                          bool lossless) {
-  const image_transport::TransportHints hints =
-      chosenTransport(quick.nh, quick.private_nh, lossless, status_);
-  image_transport::Subscriber subscriber = image_transport::ImageTransport(quick.nh).subscribe(
-      status_.topic(input), kArriving, checked<sensor_msgs::Image>(input, receive), ros::VoidPtr(), hints);
+  const std::string raw = "raw", wanted = quick.private_nh.param("image_transport", raw);
+  const auto subscribe = [&] {
+    const image_transport::TransportHints hints(raw, ros::TransportHints(), quick.private_nh);
+    return image_transport::ImageTransport(quick.nh).subscribe(
+        status_.topic(input), kArriving, checked<sensor_msgs::Image>(input, receive), ros::VoidPtr(), hints);
+  };
+  image_transport::Subscriber subscriber;
+  try {
+    if (lossless && wanted != raw && wanted != "compressedDepth")
+      throw std::invalid_argument('\'' + wanted + "' may change depths, only raw and compressedDepth do not");
+    subscriber = subscribe();
+  } catch (const std::exception& e) {
+    status_.error(std::string("~image_transport: using raw: ") + e.what());
+    quick.private_nh.setParam("image_transport", raw);
+    subscriber = subscribe();
+  }
   status_.setOnWire(input, subscriber.getTopic());
   return subscriber;
 }

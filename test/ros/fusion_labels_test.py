@@ -200,7 +200,7 @@ class BadFramesTest(FusionTest):
             output.close()
         self.diagnostics.wait(self.topic('fusion').lstrip('/'), lambda s: 'nobody listens' in s.message)
         self.outputs = {name: self.listen(self.topic('all_in_focus/' + name), OUTPUTS[name]) for name in self.outputs}
-        self.assert_diagnosed(ERROR, "~image_transport: 'nonsense' is not installed here, only", 'raw: using raw')
+        self.assert_diagnosed(ERROR, "~image_transport: using raw: Unable to load plugin for transport 'nonsense'")
         self.assert_next_bracket_is_good(next(STAMPS))
 
     def test_colours_of_other_encodings(self):
