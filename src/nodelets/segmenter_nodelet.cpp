@@ -96,7 +96,6 @@ class Segmenter {
     readParameter(guard.slow.private_nh, "mode", mode, status);
     repairName(mode, name(mode_), parseMode, status);
     mode_ = parseMode(mode);
-    status.setValue("mode", mode);
     configuration_ = serveConfiguration<SegmenterConfig>(guard.slow.private_nh, guard, status,
                                                          [this](auto& config) { reconfigure(config); });
     advertise();
@@ -135,10 +134,6 @@ class Segmenter {
     config_ = config;
     segmentation_.reset();
     optics_publisher_.publish(toMessage(opticsOf(config_)));
-
-    status_.setValue("optics", cv::format("f %g mm, F %g, circle of confusion %g mm", config.focal_length_mm,
-                                          config.aperture, config.circle_of_confusion_mm));
-    status_.setValue("dof_rule", config.dof_rule);
   }
 
   // Works only while anybody subscribes.
@@ -198,7 +193,6 @@ class Segmenter {
     }
 
     const bool no_depth = result_.unknown_area == depth.rows * depth.cols;
-    status_.setValue("segments", std::to_string(result_.segments.size()));
     status_.acknowledge(message->header, Outcome::kProcessed,
                         no_depth ? status_.resolved(depth_input_) + ": not one pixel has a depth" : "");
   }

@@ -28,10 +28,6 @@ constexpr std::pair<Outcome, const char*> kOutcomes[] = {{Outcome::kProcessed, "
                                                          {Outcome::kUnmatched, "unmatched"},
                                                          {Outcome::kInvalid, "invalid"}};
 
-double seconds(std::chrono::steady_clock::duration d) {
-  return std::chrono::duration<double>(d).count();
-}
-
 }  // namespace
 
 NodeStatus::NodeStatus(const std::string& name, ros::NodeHandle nh, const ros::NodeHandle& private_nh,
@@ -189,23 +185,18 @@ void NodeStatus::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
   unreported_ = {};
   if (worst.level == DiagnosticStatus::OK) worst.text = subscribed_ ? "processing" : "idle: nobody listens";
   status.summary(worst.level, worst.text);
-  for (const Input& input : inputs_) {
-    if (!silent(input, now)) continue;
-    status.mergeSummary(DiagnosticStatus::WARN, "no data on " + input.resolved);
-    warnOfSilence(input);
-  }
-
   for (const auto& [outcome, key] : kOutcomes) status.add(key, counts_[outcome]);
-  status.add("rate [Hz]", processed_at_.empty() ? 0.0
-                                                : static_cast<double>(processed_at_.size()) /
-                                                      std::max(1.0, seconds(now - processed_at_.front())));
+  const std::chrono::duration<double> since_first =
+      now - (processed_at_.empty() ? now : processed_at_.front());
+  status.add("rate [Hz]", static_cast<double>(processed_at_.size()) / std::max(1.0, since_first.count()));
   status.add("delay [ms]", delay_ms_);
   status.add("last error", last_error_);
   status.add("backward time jumps", time_jumps_);
   for (const Input& input : inputs_) {
-    std::string text = std::to_string(input.arrived) + " messages";
-    if (input.arrived > 0) text += cv::format(", last %.1f s ago", seconds(now - input.last_arrival));
-    status.add(input.resolved, text);
+    status.add(input.resolved, std::to_string(input.arrived) + " messages");
+    if (!silent(input, now)) continue;
+    status.mergeSummary(DiagnosticStatus::WARN, "no data on " + input.resolved);
+    warnOfSilence(input);
   }
   for (const auto& value : values_) status.add(value.first, value.second);
 }

@@ -92,7 +92,7 @@ class NodeStatus {
   /// Ends errors and warnings, as a processed input does.
   void recovered();
 
-  /// Extra lines of the diagnostics, e.g. ("optics", "f 24 mm, F 4").
+  /// Extra lines of the diagnostics, e.g. ("restoration", "idle").
   void setValue(const std::string& key, const std::string& value);
 
   const std::string& topic(int input) const { return inputs_.at(input).topic; }        ///< as it was added
