@@ -102,7 +102,6 @@ class DepthPreprocess {
            "paper or refined", status_);
     config_ = config;
     preprocessing_.reset();
-    status_.setValue("mode", config.mode);
   }
 
   // Works only while anybody subscribes.
@@ -114,11 +113,11 @@ class DepthPreprocess {
 
   void subscribe() {
     const auto subscribe = [&](int input, sensor_msgs::CameraInfoConstPtr& slot) {
-      return guard_.subscribe<sensor_msgs::CameraInfo>(
-          guard_.slow, input, queue_size_, [this, &slot](const auto& info) {
-            slot = info;
-            processWaiting();
-          });
+      return guard_.subscribe<sensor_msgs::CameraInfo>(guard_.slow, input, queue_size_,
+                                                       [this, &slot](const auto& info) {
+                                                         slot = info;
+                                                         processWaiting();
+                                                       });
     };
     depth_info_subscriber_ = subscribe(depth_info_input_, depth_info_);
     rgb_info_subscriber_ = subscribe(rgb_info_input_, rgb_info_);

@@ -24,7 +24,8 @@ TEST(CallbackGuard, AnImageThatTakesThePlaceOfADroppedOneHasNoCallOfItsOwn) {
   CallbackGuard guard(nh, private_nh, status);
   std::vector<std::uint32_t> processed;
   const auto process = [&](const auto& image) { processed.push_back(image->header.stamp.sec); };
-  const auto subscriber = guard.subscribeToDepth(status.addInput("depth", Expect::kStream, ""), kMost, process);
+  const auto subscriber =
+      guard.subscribeToDepth(status.addInput("depth", Expect::kStream, ""), kMost, process);
   const ros::Publisher publisher = nh.advertise<sensor_msgs::Image>("depth", kSent);
   const ros::WallTime end = ros::WallTime::now() + patience;
   while (publisher.getNumSubscribers() == 0 && ros::WallTime::now() < end) ros::WallDuration(0.01).sleep();

@@ -83,18 +83,19 @@ SharedScene toScene(const SceneMessages& messages, Mode mode, const cv::Size& fr
 }
 
 // What is there is not replaced: the scene may read its memory.
-void joinLate(const SceneMessages& now, SharedScene& shared) {
+bool joinLate(const SceneMessages& now, SharedScene& shared) {
   SceneMessages& messages = shared.messages;
-  if (now.labels && !messages.labels) {
+  const bool are_new = now.labels && !messages.labels;
+  if (are_new) {
     messages.labels = now.labels;
     messages.segments = now.segments;
-    attempt(shared, takeLabels, kNoLabels);
   }
   if (now.depth && !messages.depth) {
     messages.depth = now.depth;
     attempt(shared, takeDepth, kNotPublished);
   }
   if (now.camera) messages.camera = now.camera;
+  return are_new && attempt(shared, takeLabels, kNoLabels);
 }
 
 }  // namespace all_in_focus

@@ -34,7 +34,7 @@ SharedScene toScene(const SceneMessages& messages, Mode mode, const cv::Size& fr
                     const CalibrationLens& calibration);
 
 /// Adds labels and depth that were not there before, for the report and for the outputs, and the newest
-/// camera.
-void joinLate(const SceneMessages& now, SharedScene& shared);
+/// camera. Returns whether there are labels now that were not there before.
+bool joinLate(const SceneMessages& now, SharedScene& shared);
 
 }  // namespace all_in_focus

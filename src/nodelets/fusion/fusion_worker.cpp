@@ -20,8 +20,8 @@
 namespace all_in_focus {
 namespace {
 
-constexpr double kIdlePeriod = 0.05;  // s, between checks for a gap in time
-constexpr int kSilence = 10;          // s of wall time, in an open bracket, before a warning
+constexpr double kIdlePeriod = 0.05;              // s, between checks for a gap in time
+constexpr int kSilence = 10;                      // s of wall time, in an open bracket, before a warning
 constexpr const char* kProgress = "restoration";  // key of the diagnostics
 
 Outcome outcomeOf(const FrameStatus& status) {
@@ -315,11 +315,9 @@ cv::Mat FusionWorker::inFullRange(const cv::Mat& bgr) const {
 
 // Images that have the stamp of the scene may come after its depth.
 void FusionWorker::joinScene() {
-  const bool had_labels = !open_->scene.scene.labels.empty();
-  joinLate(scenes_.current(open_->first.header.stamp), open_->scene);
-  const cv::Mat& labels = open_->scene.scene.labels;
-  if (!had_labels && !labels.empty() && open_->settings.bracket.mode != Mode::kPaper)
-    bracket_.setLabels(labels);
+  const bool has_new_labels = joinLate(scenes_.current(open_->first.header.stamp), open_->scene);
+  if (has_new_labels && open_->settings.bracket.mode != Mode::kPaper)
+    bracket_.setLabels(open_->scene.scene.labels);
 }
 
 // Returns what has become of all frames.
@@ -341,10 +339,11 @@ std::vector<FrameStatus> FusionWorker::finishBracket() {
 
 void FusionWorker::publish(const BracketResult& result, bool complete) {
   const FusionReportPtr report = toReport(result);
+  const std::uint32_t length = report->frames_seen + report->frames_missing;
   std::vector<std::string> warnings = result.warnings;
   if (result.used == 0) warnings.emplace_back("no frame could be used: nothing to publish");
-  if (complete && result.used > 0 && 2 * result.used < result.length) {
-    warnings.push_back("only " + std::to_string(result.used) + " of " + std::to_string(result.length) +
+  if (complete && result.used > 0 && 2 * report->frames_used < length) {
+    warnings.push_back("only " + std::to_string(result.used) + " of " + std::to_string(length) +
                        " frames were used, see the notes of the report");
   }
   if (result.used == 1 && complete) warnings.emplace_back("only one frame: the result is that frame");

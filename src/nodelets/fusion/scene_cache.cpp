@@ -50,10 +50,6 @@ void join(const SceneMessages& entry, SceneMessages& scene) {
   if (entry.segments) scene.segments = entry.segments;
 }
 
-std::chrono::steady_clock::duration seconds(double s) {
-  return std::chrono::duration_cast<std::chrono::steady_clock::duration>(std::chrono::duration<double>(s));
-}
-
 }  // namespace
 
 void SceneCache::addDepth(const sensor_msgs::ImageConstPtr& depth) {
@@ -237,9 +233,10 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) 
   const auto wait = [&](SceneTopic name, const auto message, const std::optional<ros::Time>& stamp) {
     Topic& topic = (*this)[name];
     const auto is_there = [&] { return scene().*message != nullptr; };
-    const double timeout = topic.silent ? std::min(timeout_s, kSilentTimeout) : timeout_s;
+    const std::chrono::duration<double> timeout(topic.silent ? std::min(timeout_s, kSilentTimeout)
+                                                             : timeout_s);
     topic.silent = true;  // unless a message comes
-    const bool in_time = changed_.wait_until(lock, start + seconds(timeout), [&] {
+    const bool in_time = changed_.wait_until(lock, start + timeout, [&] {
       const bool forgotten = pinned_.count(first_frame) == 0;  // by clear(); the topic may be published again
       return forgotten || !topic.published || (stamp ? isDecided(topic, *stamp) : is_there());
     });
