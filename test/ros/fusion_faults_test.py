@@ -118,6 +118,15 @@ class SilenceTest(FusionTest):
             self.assert_noted(report, 'none ever came') if report.frames_used else self.assert_noted(report, 'dropped')
         self.assert_next_bracket_is_good(stamp + count + 1)
 
+    def test_frames_that_were_dropped_at_the_end_of_an_open_sweep_count(self):
+        self.expect_labels()
+        stamp = next(STAMPS)
+        for frames in (self.bracket_of(stamp, count=0), *(self.bracket_of(stamp + 10 * n, ['none'] * AT_ONCE) for n in (1, 2))):
+            self.deliver(self.node, *frames)  # the first frame waits for labels, the others for the first one
+        for at in (stamp, stamp + 10, stamp + 20):
+            self.send_labels(at)
+        self.assert_noted(self.report(stamp), 'only 1 of 3 frames were used')
+
     def test_a_camera_that_shoots_on_request_may_be_silent_between_brackets(self):
         """The other rig, without rgb/focus, tells how long is too long."""
         self.assert_next_bracket_is_good(next(STAMPS))
