@@ -2,9 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parts of the calibration: corners in pictures of all kinds, the order of corners, bad views, coverage."""
 import shutil
-import threading
-import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from all_in_focus.calibration.board import Board, Pair, find_corners
 from all_in_focus.calibration.fit_report import view_warnings
+from all_in_focus.calibration.live import ADVICE, LiveView, measure, moved, spanned
 from all_in_focus.calibration.rig_fit import fit_camera, fit_rig
-from all_in_focus.calibration.live_node import LiveNode
-from all_in_focus.calibration.live_view import Coverage, LiveView, measure, moved
 from all_in_focus.calibration.rig_folder import RigFolder, build_rig, depth_size
 from all_in_focus.files.rig import Camera, rotation_matrix
 
@@ -82,7 +78,7 @@ def test_the_order_of_corners_does_not_matter_however_the_cameras_are_mounted(ro
     truth.color.K[:2, 2] = 2000
     truth.color.D[:] = 0
     fit = fit_rig(BOARD, shuffled(seen_pairs(truth, poses), BOARD), (SIZES[0], (4000, 4000)))
-    assert np.linalg.norm(fit.t - truth.t) < 0.002 and not fit.left_out
+    assert np.linalg.norm(fit.t - truth.t) < 0.002 and not fit.remarks
     assert np.allclose(fit.R, truth.R, atol=3e-3)
 
 
@@ -95,7 +91,7 @@ def test_square_boards_too():
         seen = corner_points(in_color_camera(truth, pose), (6, 6, SQUARE))
         pairs.append(Pair(str(number), project(truth.depth, points), project(truth.color, seen)))
     fit = fit_rig(board, shuffled(pairs, board), SIZES)
-    assert mapping_error(rig_of(fit), truth).max() < 0.01 and not fit.left_out
+    assert mapping_error(rig_of(fit), truth).max() < 0.01 and not fit.remarks
 
 
 def test_several_moved_boards_and_a_bad_picture_are_left_out():
@@ -105,8 +101,7 @@ def test_several_moved_boards_and_a_bad_picture_are_left_out():
         pairs[number].color = pairs[number].color + [shift, 0]
     pairs[16].depth = pairs[16].depth + np.random.default_rng(0).normal(0, 2, pairs[16].depth.shape)
     fit = fit_rig(BOARD, pairs, SIZES)
-    assert sorted({**fit.left_out, **fit.color.left_out}) == ["02", "05", "09", "13"]
-    assert list(fit.depth.left_out) == ["16"]
+    assert sorted(fit.remarks) == ["02", "05", "09", "13", "16"] and list(fit.depth.left_out) == ["16"]
     assert np.percentile(mapping_error(rig_of(fit), truth), 95) < 0.3
 
 
@@ -125,7 +120,7 @@ def test_a_known_camera_may_have_the_rational_distortion():
     fit = fit_rig(BOARD, pairs, SIZES, (None, truth.color))
     rig = rig_of(fit)
     assert np.array_equal(rig.color.D, truth.color.D) and rig.color.distortion_model == "rational_polynomial"
-    assert np.linalg.norm(rig.t - truth.t) < 0.004 and fit.rms < 0.1 and not fit.left_out
+    assert np.linalg.norm(rig.t - truth.t) < 0.004 and fit.rms < 0.1 and not fit.remarks
 
 
 def test_refining_both_cameras_together_is_worth_it():
@@ -151,13 +146,13 @@ def warnings_of(poses):
     truth = true_rig()
     corners = {pair.name: pair.depth for pair in seen_pairs(truth, poses)}
     fit = fit_camera("depth", BOARD, corners, SIZES[0])
-    return "\n".join(view_warnings("depth", fit, corners, SIZES[0], False))
+    return "\n".join(view_warnings("depth", fit, corners, SIZES[0]))
 
 
 def test_boards_that_are_tilted_alike_or_leave_a_side_empty():
     spread = [[0.1 * (n % 5) - 0.2, 0.06 * (n % 4) - 0.1, 0.8 + 0.05 * n] for n in range(14)]
     alike = warnings_of([tilted(3 + 0.5 * (n % 3), 2, 5 * n, place) for n, place in enumerate(spread)])
-    assert "nearly the same tilt" in alike
+    assert "% only: take more views, each tilted differently" in alike
     places = [[-0.22 + 0.01 * n, 0.04 * (n % 4) - 0.06, 0.9] for n in range(8)]
     left = warnings_of([tilted(30 * (-1) ** n, 25 * (-1) ** (n // 2), 5 * n, place) for n, place in enumerate(places)])
     assert "no board in the right" in left and "has 8 views of the board only" in left and "tilt" not in left
@@ -171,21 +166,19 @@ def outline(x, y, width, height, lean=0.0):
     return np.array([[x, y], [x + width, y], [x + width + lean, y + height], [x + lean, y + height]], float)
 
 
-def test_coverage_counts_what_is_new_and_tells_what_lacks():
-    coverage, size = Coverage(), (640, 480)
-
+def test_what_the_views_span():
     def view(*shape):
-        return np.array([measure(outline(*shape), size)] * 2)
+        return [measure(outline(*shape), (640, 480))] * 2
 
-    assert coverage.lacking() and coverage.is_new(view(10, 10, 100, 80))
-    coverage.add(view(10, 10, 100, 80))
-    assert not coverage.is_new(view(25, 10, 100, 80)) and coverage.is_new(view(300, 10, 100, 80))
-    coverage.add(view(520, 10, 100, 80))
-    assert coverage.progress()["across"] == 1 and coverage.lacking() == [
-        "to the upper and lower border", "nearer", "tilted more"]
-    coverage.add(view(100, 380, 100, 80, 60))
-    coverage.add(view(100, 50, 400, 300))
-    assert not coverage.lacking()
+    def lacking():
+        return [advice for advice, share in zip(ADVICE, spanned(views)) if share < 1]
+
+    views = []
+    assert len(lacking()) == 4
+    views += [view(10, 10, 100, 80), view(520, 10, 100, 80)]
+    assert spanned(views)[0] == 1 and lacking() == ["to the upper and lower border", "nearer", "tilted more"]
+    views += [view(100, 380, 100, 80, 60), view(100, 50, 400, 300)]
+    assert not lacking()
 
 
 def test_a_view_is_taken_when_it_is_new_and_held_still(tmp_path):
@@ -203,7 +196,7 @@ def test_a_view_is_taken_when_it_is_new_and_held_still(tmp_path):
     assert not view.add(pictures(poses[1], 4)) and "hold it still" in view.status()[1]
     assert view.add(pictures(poses[1], 5)) and len(view.pairs) == 2 and not view.enough
     assert not view.add([np.full((480, 640), 90, np.uint8), pictures(poses[0], 0)[1]])
-    assert "no board of 8x6 in the depth picture" in view.status()[1]
+    assert "no board in the depth picture" in view.status()[1]
     assert view.picture().shape[0] > 360
     assert sorted(path.name for path in (tmp_path / "depth").iterdir()) == ["000.png", "001.png"]
     with pytest.raises(ValueError, match="holds pictures already"):
@@ -225,22 +218,6 @@ def test_where_nothing_can_be_written(tmp_path, place, why):
     with pytest.raises(OSError, match=why):
         RigFolder(str(tmp_path / place))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "gone"]
-
-
-def test_what_finish_has_begun_is_written_before_the_end():
-    begun, node = threading.Event(), LiveNode.__new__(LiveNode)
-
-    def calibrate(pairs, sizes):
-        begun.set()
-        time.sleep(0.2)
-        return ["wrote it"]
-    node._lock, node._done, node._calibrate = threading.Lock(), False, calibrate
-    node._view = SimpleNamespace(pairs=[None], sizes=[])
-    finish = threading.Thread(target=node._finish, args=(None,))
-    finish.start()
-    begun.wait()
-    assert node.end()
-    finish.join()
 
 
 def test_how_far_a_board_moved_does_not_depend_on_the_order():

@@ -140,6 +140,12 @@ class Pair:
     color: Optional[np.ndarray]
     unreadable: str = ""
 
+    @property
+    def problem(self):
+        """Why it is no view of the board for both cameras; empty if it is."""
+        missing = [camera for camera in CAMERAS if getattr(self, camera) is None]
+        return self.unreadable or (f"no board in the {' and the '.join(missing)} picture" if missing else "")
+
 
 class PairFolders:
     """Two folders of pictures; files of the same name, apart from the suffix, are a pair. warnings: one line each."""

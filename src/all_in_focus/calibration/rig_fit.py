@@ -4,17 +4,21 @@
 
 First each camera alone (fit_camera), then the relative pose on which most views agree (agree), then all together.
 """
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Dict, List, Tuple
 
 import cv2
 import numpy as np
 
+from all_in_focus.calibration.board import CAMERAS
 
 MIN_VIEWS = MIN_PAIRS = 5
 CAMERA_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-8)
 RIG_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-7)
+KNOWN = (cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_FOCAL_LENGTH | cv2.CALIB_FIX_PRINCIPAL_POINT
+         | cv2.CALIB_FIX_TANGENT_DIST | cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_FIX_K4
+         | cv2.CALIB_FIX_K5 | cv2.CALIB_FIX_K6)
 TERMS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 GROUPS = 8  # of views; each is left out once to see how much the result depends on it
 DEPTHS = (0.8, 1.5, 4.0)  # m: where the mapping is evaluated
@@ -24,13 +28,13 @@ MOVED = "the cameras' relative pose is another: was the board moved between the 
 
 @dataclass
 class CameraFit:
-    """K 3x3, D 5. errors: RMS in pixels by view; left_out: reason by view; deviations: standard deviations by term."""
+    """K 3x3, D 5. errors: RMS in pixels by view; left_out: reason by view; deviations: standard deviations by term, none of a
+    known camera."""
     K: np.ndarray
     D: np.ndarray
     errors: Dict[str, float]
     left_out: Dict[str, str]
     deviations: Dict[str, float]
-    tilts: Dict[str, np.ndarray]  # normal of the board, in the camera
 
     @property
     def rms(self):
@@ -50,8 +54,12 @@ def distortion_flags(radial):
     return sum(flags[radial:]) + (cv2.CALIB_ZERO_TANGENT_DIST if radial == 0 else 0)
 
 
-def fit_camera(name, board, corners, size, radial=2):
-    """CameraFit. corners: N x 2 by view; size: (width, height); radial: terms of the distortion."""
+def fit_camera(name, board, corners, size, known=None, radial=2):
+    """CameraFit. corners: N x 2 by view; size: (width, height); known: files.rig.Camera whose intrinsics stay as they are;
+    radial: terms of the distortion otherwise."""
+    K, D, flags = (known.K, known.D, KNOWN) if known else (None, None, distortion_flags(radial))
+    if known and len(D) > 5:
+        flags |= cv2.CALIB_RATIONAL_MODEL
     left_out = {}
     while True:
         kept = [view for view in corners if view not in left_out]
@@ -59,34 +67,20 @@ def fit_camera(name, board, corners, size, radial=2):
             raise ValueError(f"the {name} camera: {len(kept)} usable views of the board, at least {MIN_VIEWS} "
                              "are needed, 20 are good")
         try:
-            _, K, D, rotations, _, deviations, _, errors = cv2.calibrateCameraExtended(
-                [board.points] * len(kept), [corners[view].astype(np.float32) for view in kept], size, None, None,
-                flags=distortion_flags(radial), criteria=CAMERA_CRITERIA)
+            _, found_K, found_D, _, _, deviations, _, errors = cv2.calibrateCameraExtended(
+                [board.points] * len(kept), [corners[view].astype(np.float32) for view in kept], size,
+                *(None if part is None else part.copy() for part in (K, D)), flags=flags, criteria=CAMERA_CRITERIA)
         except cv2.error:
             raise ValueError(f"the {name} camera: its views do not determine a calibration: tilt the "
                              "board differently in each")
         errors = dict(zip(kept, errors.ravel().tolist()))
         worst = max(errors, key=errors.get)
         if errors[worst] <= limit(errors.values()):
-            return CameraFit(K, D.ravel()[:5], errors, left_out, dict(zip(TERMS, deviations.ravel().tolist())),
-                             {view: cv2.Rodrigues(rotation)[0][:, 2] for view, rotation in zip(kept, rotations)})
+            if known:
+                return CameraFit(K, D, errors, left_out, {})
+            return CameraFit(found_K, found_D.ravel()[:5], errors, left_out, dict(zip(TERMS, deviations.ravel().tolist())))
         # One at a time: a very bad view increases the errors of the others.
         left_out[worst] = f"{errors[worst]:.2f} px in the {name} picture, far above the others"
-
-
-def known_camera(name, board, corners, camera):
-    """CameraFit of a camera (files.rig.Camera) whose intrinsics stay as they are."""
-    errors, tilts = {}, {}
-    for view, points in corners.items():
-        pose = board_pose(board, points, camera.K, camera.D)
-        seen = cv2.projectPoints(board.points, *pose, camera.K, camera.D)[0].reshape(-1, 2)
-        errors[view] = float(np.sqrt(np.mean(np.sum((seen - points) ** 2, axis=1))))
-        tilts[view] = cv2.Rodrigues(pose[0])[0][:, 2]
-    bound = limit(errors.values()) if errors else 0
-    left_out = {view: f"{error:.2f} px in the {name} picture, far above the others"
-                for view, error in errors.items() if error > bound}
-    errors = {view: error for view, error in errors.items() if view not in left_out}
-    return CameraFit(camera.K, camera.D, errors, left_out, {}, tilts)
 
 
 def board_pose(board, corners, K, D):
@@ -149,28 +143,32 @@ def agree(board, pairs, depth, color, width):
 
 @dataclass
 class RigFit:
-    """X_color = R X_depth + t (m). errors: pixels RMS of each camera by pair; left_out: pair -> reason.
+    """X_color = R X_depth + t (m). errors: pixels RMS of each camera by pair; remarks: pair -> why it is not used, or by one
+    camera only.
 
     deviations: standard deviations of t (m, 3), of the rotation (rad) and of the place of a depth pixel in the colour
-    picture (pixels, RMS over the picture and DEPTHS). missing: pair -> which picture does not show the board, and why.
+    picture (pixels, RMS over the picture and DEPTHS).
     """
     depth: CameraFit
     color: CameraFit
     R: np.ndarray
     t: np.ndarray
     errors: Dict[str, Tuple[float, float]]
-    left_out: Dict[str, str]
+    remarks: Dict[str, str]
     jointly: bool
-    deviations: tuple = (None, None, None)
-    missing: Dict[str, str] = field(default_factory=dict)
+    deviations: tuple
     rms = CameraFit.rms
 
 
 def fit_rig(board, pairs: List, sizes, known=(None, None), radial=2):
-    """RigFit of pairs.Pair; sizes: ((width, height) of the depth, of the colour camera); known: rig.Camera or None."""
-    missing = _missing(pairs)
-    fits = [_fit(name, board, pairs, size, camera, radial)
-            for name, size, camera in zip(("depth", "color"), sizes, known)]
+    """RigFit of board.Pairs; sizes: ((width, height) of the depth, of the colour camera); known: rig.Camera or None."""
+    fits = []
+    for name, size, camera in zip(CAMERAS, sizes, known):
+        if camera and (camera.width, camera.height) != tuple(size):
+            raise ValueError(f"the {name} camera's known calibration is for {camera.width}x{camera.height} "
+                             f"pixels, its pictures have {size[0]}x{size[1]}")
+        corners = {pair.name: getattr(pair, name) for pair in pairs if getattr(pair, name) is not None}
+        fits.append(fit_camera(name, board, corners, size, camera, radial))
     both = [pair for pair in pairs if pair.depth is not None and pair.color is not None
             and not any(pair.name in fit.left_out for fit in fits)]
     if len(both) < MIN_PAIRS:
@@ -198,24 +196,10 @@ def fit_rig(board, pairs: List, sizes, known=(None, None), radial=2):
     Ks, Ds, R, t = solution
     for fit, K, D in zip(fits, Ks, Ds):
         fit.K, fit.D = K, D
-    return RigFit(*fits, R, t, errors, left_out, jointly, _deviations(solve, kept, solution, sizes), missing)
-
-
-def _missing(pairs):
-    words = {(True, True): "no board in either picture", (True, False): "no board in the depth picture",
-             (False, True): "no board in the color picture"}
-    found = {pair.name: pair.unreadable or words.get((pair.depth is None, pair.color is None)) for pair in pairs}
-    return {name: word for name, word in found.items() if word}
-
-
-def _fit(name, board, pairs, size, camera, radial):
-    corners = {pair.name: getattr(pair, name) for pair in pairs if getattr(pair, name) is not None}
-    if camera is None:
-        return fit_camera(name, board, corners, size, radial)
-    if (camera.width, camera.height) != tuple(size):
-        raise ValueError(f"the {name} camera's known calibration is for {camera.width}x{camera.height} "
-                         f"pixels, its pictures have {size[0]}x{size[1]}")
-    return known_camera(name, board, corners, camera)
+    remarks = {pair.name: pair.problem for pair in pairs if pair.problem}
+    for part in (left_out, *(fit.left_out for fit in fits)):
+        remarks.update({name: f"left out: {reason}" for name, reason in part.items()})
+    return RigFit(*fits, R, t, errors, remarks, jointly, _deviations(solve, kept, solution, sizes))
 
 
 def _disagreeing(off, width):
