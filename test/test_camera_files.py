@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from all_in_focus.camera import folder_watch
-from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
+from all_in_focus.camera.folder_watch import Arrival, BracketGrouper, FolderWatch
 from all_in_focus.camera.interface import FILE_NOT_FOUND, NOT_SUPPORTED, CameraError
 from all_in_focus.files.stack import StackError
 from file_helpers import VirtualTime, cut, pictures, write_pages
@@ -198,19 +198,24 @@ def test_a_folder_may_go_and_come_back(watched):
     assert polled(watch) == []
 
 
+def numbered(frame):
+    return frame and (frame.image, frame.bracket_id, frame.index, frame.count, frame.last)
+
+
 def test_brackets_of_known_size():
     grouper = BracketGrouper(size=2)
-    assert [grouper.add(name) for name in "abc"] == [[("a", 0, 0, 2, False)], [("b", 0, 1, 2, True)],
-                                                     [("c", 1, 0, 2, False)]]
-    assert grouper.tick() == []
+    assert [numbered(grouper.after(Arrival(name, name, 0))) for name in "abc"] == [
+        ("a", 0, 0, 2, False), ("b", 0, 1, 2, True), ("c", 1, 0, 2, False)]
+    assert grouper.after() is None
 
 
 def test_brackets_that_end_with_a_pause(virtual_time):
     grouper = BracketGrouper(gap=0.05)
-    assert grouper.add("a") == [] and grouper.tick() == []
-    assert grouper.add("b") == [("a", 0, 0, 0, False)]
+    a, b, c = (Arrival(name, name, 0) for name in "abc")
+    assert grouper.after(a) is None and grouper.after() is None
+    assert numbered(grouper.after(b)) == ("a", 0, 0, 0, False)
     virtual_time.sleep(0.06)
-    assert grouper.tick() == [("b", 0, 1, 2, True)] and grouper.tick() == []
-    assert grouper.add("c") == []
+    assert numbered(grouper.after()) == ("b", 0, 1, 2, True) and grouper.after() is None
+    assert grouper.after(c) is None
     virtual_time.sleep(0.06)
-    assert grouper.tick() == [("c", 1, 0, 1, True)]
+    assert numbered(grouper.after()) == ("c", 1, 0, 1, True)

@@ -435,7 +435,7 @@ def test_a_lens_that_does_not_go_back_is_told_once():
     session = connected(camera)
     camera.refuses.append(("manualfocusdrive", -100))
     line, = shot_with_warnings(session, shots.append)
-    assert line.startswith("the focus is not back at its start position: setting 'manualfocusdrive' to -100: ")
+    assert line.startswith("the focus is not back at its start position (setting 'manualfocusdrive' to -100: ")
     session.check()
     assert session.take_warnings() == [] and settings(camera)["iso"] == "Auto"
 

@@ -158,7 +158,7 @@ def test_events_come_in_order_and_the_queue_gets_empty(session):
 
 def test_a_setting_that_the_driver_refuses_to_take_back_is_told_once(session):
     """As after a changed lens or mode: the value of before is no longer there."""
-    session._hold._changed.append(("shutterspeed", "Auto"))
+    session._hold._set("shutterspeed", session.camera.get_config("shutterspeed").value, "Auto")
     session.check()
     line, = session.take_warnings()
     assert line.startswith("'shutterspeed' was 'Auto' and cannot be set back: set it on the camera (setting ")

@@ -4,9 +4,6 @@
 import contextlib
 import posixpath
 import time
-from dataclasses import dataclass
-
-import numpy as np
 
 from all_in_focus.camera.interface import CAMERA_ERROR, CORRUPTED, CameraError
 from all_in_focus.files.stack import IMAGE_SUFFIXES, decode_image
@@ -16,19 +13,6 @@ STALE_PREVIEWS = 1  # live view frames that may have been exposed before the len
 QUEUE_EMPTY = 0.02  # s without an event after which the camera's queue counts as empty
 LATE_COPIES = 20  # frames after which a copy still counts as one; later a camera may have started a new folder
 LONGEST_DRAIN = 2.0  # s, for cameras that report events all the time
-
-
-@dataclass
-class Shot:
-    """One frame of a bracket. stamp: time of the release; position: in steps; index, count and last: see FocusFrame.msg;
-    distance: in m, NaN = unknown; image: BGR, None until it is downloaded."""
-    stamp: object
-    position: int
-    index: int
-    count: int
-    last: bool
-    distance: float
-    image: np.ndarray = None
 
 
 class Photographer:

@@ -11,7 +11,6 @@ from std_srvs.srv import Trigger, TriggerResponse
 
 from all_in_focus.camera import frame_publisher
 from all_in_focus.camera.bracket import PREVIEW, STILL
-from all_in_focus.camera.focus_drive import FocusLimit
 from all_in_focus.camera.frame_publisher import FramePublisher
 from all_in_focus.camera.interface import CameraError
 from all_in_focus.camera.makers import MAKERS, maker_of
@@ -164,17 +163,15 @@ class FocusBracketCamera:
         answer = ShootResponse(bracket_id=self._bracket_id)
         released = []
 
-        def focus_of(shot):
+        def on_release(frame):
             if rospy.is_shutdown():
                 raise rospy.ROSInterruptException("shutdown")
-            return shot.stamp, self._bracket_id, shot.index, shot.count, shot.last, shot.distance
+            frame.bracket_id = self._bracket_id
+            self._frames.publish_focus(frame)
+            released.append(frame)
 
-        def on_release(shot):
-            self._frames.publish_focus(*focus_of(shot))
-            released.append(shot.index)
-
-        def publish(shot):
-            self._frames.publish(shot.image, *focus_of(shot))
+        def publish(frame):
+            self._frames.publish(frame)
             answer.frames += 1
 
         try:
@@ -188,7 +185,7 @@ class FocusBracketCamera:
                 self._report(answer.message)
                 return answer
             self._session.shoot(publish, on_release, exposures, distances)
-        except (CameraError, FocusLimit, rospy.ROSException) as error:
+        except (CameraError, rospy.ROSException) as error:
             answer.message = f"bracket {self._bracket_id} broke off after {answer.frames} frames: {error}"
             self._report(answer.message)
             return answer

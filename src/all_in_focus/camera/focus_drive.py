@@ -5,28 +5,28 @@ import math
 import time
 
 from all_in_focus.camera.interface import BAD_PARAMETERS, CAMERA_ERROR, CameraError, find_widget
-from all_in_focus.camera.makers import CHOICES, POSITION
+from all_in_focus.camera.makers import CHOICES, HAND, POSITION
 
 READ_BACK = 5.0  # s that the lens may take to reach an absolute position
 TO_STOP = 30  # moves of the greatest size that are enough to reach the end of any lens's range
 
 
-class FocusLimit(Exception):
+class FocusLimit(CameraError):
     """The focus is at the end of its range; the message says which end."""
 
     def __init__(self, far):
-        super().__init__(f"the focus is at its {'far' if far else 'near'} limit")
+        super().__init__(CAMERA_ERROR)
+        self.args = (f"the focus is at its {'far' if far else 'near'} limit",)
 
 
 class FocusDrive:
     """Focus of one camera. position: in steps, + is far, 0 = where the focus was when the drive was made.
 
-    size: of one step, in the maker's unit; 0 = typical of the maker. A camera that does not report its limit goes on
-    counting although its lens has stopped: start far enough from the limit.
+    size: of one step, in the maker's unit; 0 = typical of the maker; settle_s: < 0 = typical. A camera that does not report
+    its limit goes on counting although its lens has stopped: start far enough from the limit.
     """
-    REMEDY = "check the AF/MF switch of the lens (docs/dslr.md: makers), or take larger steps"
 
-    def __init__(self, camera, maker, size=0, settle_s=None):
+    def __init__(self, camera, maker, size=0, settle_s=-1.0):
         self.maker, self.size = maker, size or maker.typical
         smallest, greatest = maker.sizes
         if not smallest <= self.size <= greatest:
@@ -34,10 +34,10 @@ class FocusDrive:
                               f"{maker.name} cameras take {smallest} to {greatest}")
         self.position = 0
         self._camera = camera
-        self._settle = maker.settle_s if settle_s is None else settle_s
+        self._settle = settle_s if settle_s >= 0 else maker.settle_s
         found = (find_widget(self._camera, name) for name in maker.widgets)
         self._widget = next((widget for widget in found if widget is not None and not widget.read_only), None)
-        if self._widget is None:
+        if self._widget is None and maker.rule != HAND:
             raise CameraError(BAD_PARAMETERS, "looking for the focus drive",
                               f"no widget {' or '.join(maker.widgets)}: is the lens in the mode in which the camera can move it?")
         self._zero = self._absolute(self._widget.value) if maker.rule == POSITION else 0
@@ -53,6 +53,10 @@ class FocusDrive:
         """Drive to this position. Raises FocusLimit at the end of the range; `position` is then the one reached."""
         steps = position - self.position
         if steps == 0:
+            return
+        if self.maker.rule == HAND:
+            time.sleep(self._settle if steps > 0 else 0)
+            self.position = position
             return
         self.wake()
         if self.maker.rule == POSITION:
@@ -121,23 +125,3 @@ class FocusDrive:
             time.sleep(0.05)
         self.position = position
         time.sleep(self._settle)
-
-
-class RingDrive:
-    """Takes the place of FocusDrive where a person turns the focus ring. position: number of the frame.
-
-    pause_s: time to turn the ring, before each frame but the first.
-    """
-    REMEDY = "turn the focus ring further between the frames"
-
-    def __init__(self, pause_s):
-        self.position = 0
-        self._pause = pause_s
-
-    def move_to(self, position):
-        if position > self.position:
-            time.sleep(self._pause)
-        self.position = position
-
-    def wake(self):
-        pass

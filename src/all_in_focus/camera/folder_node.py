@@ -11,7 +11,7 @@ from std_msgs.msg import Header
 from all_in_focus.acknowledgements import Acknowledgements
 from all_in_focus.camera import frame_publisher
 from all_in_focus.camera.folder_watch import BracketGrouper, FolderWatch
-from all_in_focus.camera.frame_publisher import FramePublisher
+from all_in_focus.camera.frame_publisher import Frame, FramePublisher
 from all_in_focus.files.stack import Stack, StackError, focus_of_arrivals
 from all_in_focus.parameters import Parameter
 
@@ -67,8 +67,7 @@ class Player:
                 stamp = rospy.Time.now()
                 if frames.has_all_listeners():
                     self.flow.sent(Header(stamp=stamp))
-                frames.publish(image, stamp, bracket_id, index, count, index + 1 == count,
-                               self._stack.distances[index])
+                frames.publish(Frame(index, count, index + 1 == count, self._stack.distances[index], bracket_id, stamp, image))
                 due = max(due + 1 / self._settings.rate, time.monotonic())
             bracket_id += 1
             if not self._settings.loop:
@@ -104,39 +103,30 @@ class Player:
 
 class Watcher:
     def __init__(self, settings):
-        self._distance = focus_of_arrivals(settings.focus) if settings.focus else lambda name, index: math.nan
+        self._path = settings.stack
         self._watch = FolderWatch(settings.stack, rospy.Time.now)
-        self._brackets = BracketGrouper(settings.bracket_size, settings.bracket_gap)
-        self._path, self._last_error = settings.stack, ""
+        distance = [focus_of_arrivals(settings.focus)] if settings.focus else []
+        self._brackets = BracketGrouper(settings.bracket_size, settings.bracket_gap, *distance)
 
     def run(self, frames):
+        """The folder may disappear and come back (a memory card, a network share)."""
         frames.announce()
         rospy.loginfo("watching %s", self._path)
+        last_error = ""
         while not rospy.is_shutdown():
-            arrivals = self._poll()
-            for arrival in arrivals:
-                self._publish(frames, self._brackets.add(arrival))
-            if not arrivals:
-                self._publish(frames, self._brackets.tick())
+            try:
+                arrivals, error = self._watch.poll(), ""
+            except StackError as failure:
+                arrivals, error = [], str(failure)
+            if error and error != last_error:
+                rospy.logwarn("%s; waiting for it", error)
+            last_error = error
+            while self._watch.warnings:
+                rospy.logwarn("%s", self._watch.warnings.pop(0))
+            for frame in map(self._brackets.after, arrivals or [None]):
+                if frame:
+                    frames.publish(frame)
             time.sleep(POLL_PERIOD)
-
-    def _poll(self):
-        """New pictures. The folder may disappear and come back (a memory card, a network share)."""
-        try:
-            arrivals, error = self._watch.poll(), ""
-        except StackError as failure:
-            arrivals, error = [], str(failure)
-        if error and error != self._last_error:
-            rospy.logwarn("%s; waiting for it", error)
-        self._last_error = error
-        while self._watch.warnings:
-            rospy.logwarn("%s", self._watch.warnings.pop(0))
-        return arrivals
-
-    def _publish(self, frames, ready):
-        for arrival, bracket_id, index, count, last in ready:
-            frames.publish(arrival.image, arrival.stamp, bracket_id, index, count, last,
-                           self._distance(arrival.name, index))
 
 
 def publish(settings):

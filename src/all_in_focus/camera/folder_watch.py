@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Finds pictures that arrive in a folder one by one, and groups them into focus brackets."""
 import contextlib
+import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from all_in_focus.camera.frame_publisher import Frame
 from all_in_focus.files.stack import StackError, is_image_name, read_pages
 
 
@@ -98,40 +100,29 @@ class FolderWatch:
 
 
 class BracketGrouper:
-    """Numbers the arrivals by bracket and index.
+    """Makes frames of the arrivals, numbered by bracket and index.
 
     A bracket has `size` frames. With size 0 it ends when nothing has arrived for `gap` seconds; then the newest frame is
-    held back until it is known whether it is the last one.
+    held back until it is known whether it is the last one. distance: function of name and index.
     """
 
-    def __init__(self, size=0, gap=2.0):
-        self._size, self._gap = size, gap
+    def __init__(self, size=0, gap=2.0, distance=lambda name, index: math.nan):
+        self._size, self._gap, self._distance = size, gap, distance
         self._bracket_id, self._index = 0, 0
         self._held, self._held_since = None, 0.0
 
-    def add(self, frame):
-        """[(frame, bracket_id, index, count, last), ...] that can be published; count 0 = not known yet."""
+    def after(self, arrival=None):
+        """The Frame that can be published after an arrival, or when nothing has arrived; None: there is none."""
         if self._size:
-            return [self._numbered(frame, self._size, self._index + 1 == self._size)]
-        ready = self._release(False)
-        self._held, self._held_since = frame, time.monotonic()
-        return ready
-
-    def tick(self):
-        """As add(), to be called when nothing has arrived: the frame that was held back, once the gap is over."""
-        if self._held is None or time.monotonic() - self._held_since < self._gap:
-            return []
-        return self._release(True)
-
-    def _release(self, last):
-        if self._held is None:
-            return []
-        frame, self._held = self._held, None
-        return [self._numbered(frame, self._index + 1 if last else 0, last)]
-
-    def _numbered(self, frame, count, last):
-        numbered = (frame, self._bracket_id, self._index, count, last)
-        self._index += 1
-        if last:
-            self._bracket_id, self._index = self._bracket_id + 1, 0
-        return numbered
+            ready, count, last = arrival, self._size, self._index + 1 == self._size
+        elif arrival or time.monotonic() - self._held_since >= self._gap:
+            ready, last = self._held, arrival is None
+            count = self._index + 1 if last else 0  # not known yet
+            self._held, self._held_since = arrival, time.monotonic()
+        else:
+            return None
+        if ready is None:
+            return None
+        frame = Frame(self._index, count, last, self._distance(ready.name, self._index), self._bracket_id, ready.stamp, ready.image)
+        self._bracket_id, self._index = (self._bracket_id + 1, 0) if last else (self._bracket_id, self._index + 1)
+        return frame

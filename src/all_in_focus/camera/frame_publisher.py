@@ -3,6 +3,7 @@
 """Publishes the frames of a focus bracket: image, camera_info and focus, all with the same stamp."""
 import math
 import time
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -26,6 +27,20 @@ CORRECTION = 0.1  # s by which a corrected FocusFrame precedes its image: topics
 GRACE = 1.0  # s for a subscriber of the images to connect to the other topics, too
 
 
+@dataclass
+class Frame:
+    """One of a focus bracket: see FocusFrame.msg. stamp: of the release; distance: m, NaN = unknown; image: BGR, 8 or 16 bit, None
+    until it is there; position: of the lens, in steps."""
+    index: int
+    count: int
+    last: bool
+    distance: float
+    bracket_id: int = 0
+    stamp: rospy.Time = None
+    image: np.ndarray = None
+    position: int = 0
+
+
 class FramePublisher(rospy.SubscribeListener):
     """settings: values of PARAMETERS. on_subscriber: called whenever somebody begins to listen to the images."""
 
@@ -35,7 +50,7 @@ class FramePublisher(rospy.SubscribeListener):
         self._frame_id = settings.frame_id or (rig.parent_frame if rig else "rgb_optical_frame")
         self._width = settings.width
         self._info = None  # rig.Camera for the size of the last picture
-        self._sent = None  # stamp, bracket_id, index, count and last of the FocusFrame that was published last
+        self._sent = None  # stamp, and (bracket_id, index, count, last), of the FocusFrame that was published last
         self._listened_since = math.inf
         self.on_subscriber = lambda: None
         self._image_publisher = rospy.Publisher("rgb/image", Image, subscriber_listener=self, queue_size=QUEUE)
@@ -56,7 +71,7 @@ class FramePublisher(rospy.SubscribeListener):
         like = self._info or self._calibration
         camera = self._camera_of(*self._published(size or (like.width, like.height)))
         if camera.K[0, 0]:
-            self._info_publisher.publish(camera_info(camera, Header(stamp=rospy.Time.now(), frame_id=self._frame_id)))
+            self._info_publisher.publish(camera_info(camera, self._header(rospy.Time.now())))
 
     def has_all_listeners(self):
         """Whether image, camera_info and focus all have a subscriber, as they have when the fusion runs."""
@@ -69,26 +84,29 @@ class FramePublisher(rospy.SubscribeListener):
         rospy.topics.get_topic_manager().check_all()  # else rospy takes who has left for present for another half second
         return self._image_publisher.get_num_connections() > 0 and time.monotonic() > self._listened_since + GRACE
 
-    def publish_focus(self, stamp, bracket_id, index, count, last, distance):
+    def publish_focus(self, frame):
         """Publish the FocusFrame at the release: the fusion keeps the regions and the depth of this moment until the
         image follows. A second one with the same stamp, before the image, replaces the first."""
-        if self._sent != (stamp, bracket_id, index, count, last):
-            header = Header(stamp=stamp, frame_id=self._frame_id)
-            self._focus_publisher.publish(FocusFrame(header, bracket_id, index, count, last, distance))
-            self._sent = (stamp, bracket_id, index, count, last)
+        focus = (frame.bracket_id, frame.index, frame.count, frame.last)
+        if self._sent != (frame.stamp, focus):
+            self._focus_publisher.publish(FocusFrame(self._header(frame.stamp), *focus, frame.distance))
+            self._sent = (frame.stamp, focus)
 
-    def publish(self, image, stamp, bracket_id, index, count, last, distance):
-        """image: BGR, 8 or 16 bit; the rest: see FocusFrame.msg. The FocusFrame goes first, unless it is out already."""
-        if self._sent and self._sent[0] == stamp and self._sent != (stamp, bracket_id, index, count, last):
-            self.publish_focus(stamp, bracket_id, index, count, last, distance)
+    def publish(self, frame):
+        """The FocusFrame goes first, unless it is out already."""
+        before = self._sent
+        self.publish_focus(frame)
+        if before and before[0] == frame.stamp and before != self._sent:
             time.sleep(CORRECTION)
-        size = self._published(image.shape[1::-1])
+        image, size = frame.image, self._published(frame.image.shape[1::-1])
         if size != image.shape[1::-1]:
             image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-        header = Header(stamp=stamp, frame_id=self._frame_id)
-        self.publish_focus(stamp, bracket_id, index, count, last, distance)
+        header = self._header(frame.stamp)
         self._info_publisher.publish(camera_info(self._camera_of(*size), header))
         self._image_publisher.publish(color_message(np.ascontiguousarray(image), header))
+
+    def _header(self, stamp):
+        return Header(stamp=stamp, frame_id=self._frame_id)
 
     def _published(self, size):
         """(width, height) with which pictures of this size are published."""

@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """How each maker's cameras are focused, and which settings must not change in a bracket, as libgphoto2 names them."""
+import math
 from dataclasses import dataclass
 
-CHOICES, RANGE, POSITION = "choices", "range", "position"
+CHOICES, RANGE, POSITION, HAND = "choices", "range", "position", "hand"
 
 MANUAL = ("Manual", "M")
 OFF = ("Off", "off")
@@ -16,7 +17,8 @@ class Maker:
     words: the row is for cameras with one of them in the name of model or manufacturer.
     widgets: the focus drive; the first one that the camera has is used.
     rule: CHOICES: 'Near N' and 'Far N', N = step size; the camera obeys the same choice again only after 'None'.
-          RANGE: a signed number of motor steps, + is far. POSITION: the absolute focus position.
+          RANGE: a signed number of motor steps, + is far. POSITION: the absolute focus position. HAND: a person turns the
+          focus ring, for which there is time before each frame but the first.
     sizes: smallest and greatest step size; typical: the default.
     settle_s: how long the lens takes to come to rest.
     live_view: the drive works only while live view runs.
@@ -58,3 +60,8 @@ def maker_of(*texts):
     """The row for a camera by its names (model, manufacturer); None if there is none."""
     text = " ".join(texts).lower()
     return next((maker for maker in MAKERS if any(word in text for word in maker.words)), None)
+
+
+def by_hand(maker):
+    """The row for a camera, of this row or none, whose focus ring a person turns."""
+    return Maker("hand", (), (), HAND, (1, math.inf), 1, 1.0, False, True, maker.holds if maker else ALL_HOLDS)

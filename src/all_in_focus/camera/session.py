@@ -5,17 +5,17 @@ lost."""
 import contextlib
 import math
 
-from all_in_focus.camera.bracket import Photographer, Shot
-from all_in_focus.camera.focus_drive import FocusDrive, FocusLimit, RingDrive
+from all_in_focus.camera.bracket import Photographer
+from all_in_focus.camera.focus_drive import FocusDrive, FocusLimit
+from all_in_focus.camera.frame_publisher import Frame
 from all_in_focus.camera.interface import NOT_SUPPORTED, CameraError, RetryingCamera
-from all_in_focus.camera.makers import ALL_HOLDS, MAKERS, maker_of
+from all_in_focus.camera.makers import HAND, MAKERS, by_hand, maker_of
 from all_in_focus.camera.settings_hold import SettingsHold
 from all_in_focus.files.focus_table import FocusTable
 from all_in_focus.imaging import FocusCheck
 
 CURRENT, NEAR, FAR = "current", "near", "far"
 MOTOR, NONE = "motor", "none"
-RING_PAUSE = 1.0  # s, default time to turn the focus ring between two frames
 
 
 class Session:
@@ -30,7 +30,6 @@ class Session:
         self._camera = RetryingCamera(camera, settings.patience)
         self._photographer = Photographer(self._camera, clock, settings.frames, settings.timeout, settings.keep_files)
         self._maker = self._drive = self._hold = None  # as long as no camera was there
-        self._start = None  # focus position before the bracket
         self._warnings = []
 
     @contextlib.contextmanager
@@ -49,16 +48,11 @@ class Session:
             self.model = self._camera.open()
             self._photographer.reset()
             maker = self._maker_of(self.model)
-            if self._drive is None or self._maker is not maker:
+            if self._maker != maker:
                 settings = self._settings
-                if settings.drive == NONE:
-                    self._drive = RingDrive(settings.settle if settings.settle >= 0 else RING_PAUSE)
-                else:
-                    self._drive = FocusDrive(self._camera, maker, settings.step_size,
-                                             settings.settle if settings.settle >= 0 else None)
-                self._hold = SettingsHold(self._camera, maker.holds if maker else ALL_HOLDS, settings.white_balance,
-                                          settings.iso)
-                self._maker, self._start = maker, None
+                self._drive = FocusDrive(self._camera, maker, settings.step_size, settings.settle)
+                self._hold = SettingsHold(self._camera, maker.holds, self._warnings.append, settings.white_balance, settings.iso)
+                self._maker = maker
             home = self._settings.home or (NEAR if self.scale else CURRENT)
             if home != CURRENT:
                 self._drive.go_to_stop(home == FAR)
@@ -67,11 +61,9 @@ class Session:
             self.close()
             raise
         self.connected = True
-        if self._settings.drive == NONE:
-            self.description = f"{self.model}, focused by hand"
-        else:
-            limit = "" if maker.reports_limit else " (which do not report their focus limit)"
-            self.description = f"{self.model}, focused as {maker.name} cameras are{limit}"
+        limit = "" if maker.reports_limit else " (which do not report their focus limit)"
+        how = "by hand" if maker.rule == HAND else f"as {maker.name} cameras are{limit}"
+        self.description = f"{self.model}, focused {how}"
 
     def _maker_of(self, model):
         names = [self._settings.maker or model]
@@ -79,7 +71,9 @@ class Session:
             with contextlib.suppress(CameraError):
                 names.append(str(self._camera.get_config("manufacturer").value))
         maker = maker_of(*names)
-        if maker is None and self._settings.drive != NONE:
+        if self._settings.drive == NONE:
+            return by_hand(maker)
+        if maker is None:
             makers = ", ".join(maker.name for maker in MAKERS)
             raise CameraError(NOT_SUPPORTED, f"'{model}'", "its focus cannot be driven from here, only that of "
                               f"{makers}: use image_folder_camera, or ~drive:=none and turn the focus ring by hand")
@@ -90,7 +84,7 @@ class Session:
         that are alike in position and exposure only the first is taken then. exposures: times in s, one for all frames or one
         for each; empty: as metered.
 
-        on_release(Shot): at the release, before the picture is downloaded; publish(Shot): with the picture. Between the
+        on_release(Frame): at the release, before the picture is downloaded; publish(Frame): with the picture. Between the
         two, count and last change if the bracket has to end with this frame.
 
         At the end of the focus range the bracket ends early, with a warning; it raises FocusLimit if not even the first
@@ -98,9 +92,9 @@ class Session:
         camera is busy or lost.
         """
         self._restore()
-        settings, self._start = self._settings, self._drive.position
+        settings = self._settings
         first, step = (0, 1) if settings.drive == NONE else (settings.first, settings.step)
-        positions = [self._start + first + index * step for index in range(settings.count)]
+        positions = [self._drive.position + first + index * step for index in range(settings.count)]
         if len(distances):
             for distance in distances:
                 if not self.scale.reaches(distance):
@@ -112,7 +106,8 @@ class Session:
                 positions = list(dict.fromkeys(positions))
         with self._watching():
             try:
-                self._hold.hold(self._warnings)
+                self._hold.hold()
+                self._hold.hold_focus(self._drive)
                 exposures = self._hold.shutter_choices(exposures)
                 if len(exposures) == 1:
                     exposures *= len(positions)
@@ -133,13 +128,13 @@ class Session:
         for index in range(len(positions)):
             self._drive.wake()
             distance = self.scale.distance(self._drive.position) if self.scale else math.nan
-            shot = Shot(None, self._drive.position, index, count, index + 1 == count, distance)
+            frame = Frame(index=index, count=count, last=index + 1 == count, distance=distance, position=self._drive.position)
 
-            def released(stamp, shot=shot):
-                shot.stamp = stamp
-                on_release(shot)
-            shot.image = self._photographer.take(released)
-            focus.add(shot.image)
+            def released(stamp, frame=frame):
+                frame.stamp = stamp
+                on_release(frame)
+            frame.image = self._photographer.take(released)
+            focus.add(frame.image)
             failure = None
             if index + 1 < count:
                 # Move on before this frame is published: if the next position cannot be reached, this frame is the
@@ -151,15 +146,17 @@ class Session:
                     count = index + 1
                 except CameraError as error:
                     failure, count = error, index + 1
-            shot.count, shot.last = count, index + 1 == count
-            publish(shot)
+            frame.count, frame.last = count, index + 1 == count
+            publish(frame)
             if failure:
                 raise failure
-            if shot.last:
+            if frame.last:
                 break
         if focus.stood_still:
+            remedy = ("turn the focus ring further between the frames" if self._maker.rule == HAND else
+                      "check the AF/MF switch of the lens (docs/dslr.md: makers), or take larger steps")
             self._warnings.append(f"the focus did not move: the sharpness changed by {100 * focus.change:.0f} % at most over "
-                                  f"{count} frames; {self._drive.REMEDY}")
+                                  f"{count} frames; {remedy}")
 
     def check(self):
         """Raises CameraError if the camera is no longer there."""
@@ -169,26 +166,9 @@ class Session:
 
     def _restore(self):
         """Restore focus and settings as before the last bracket. Raises CameraError if the camera is busy or lost; then the
-        next call goes on. What the camera refuses otherwise is given up with a warning."""
+        next call goes on."""
         with self._watching():
-            try:
-                if self._start is not None:
-                    self._return_to_start()
-                self._start = None
-            finally:
-                self._hold.release(self._warnings)
-
-    def _return_to_start(self):
-        for last_try in (False, True):
-            try:
-                return self._drive.move_to(self._start)
-            except FocusLimit as limit:
-                return self._warnings.append(f"{limit}: the start position is not reached")
-            except CameraError as error:
-                if error.busy or error.lost:
-                    raise
-                if last_try:
-                    self._warnings.append(f"the focus is not back at its start position: {error}")
+            self._hold.restore()
 
     def take_warnings(self):
         """Warnings since the last call, one line each."""

@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Fixes exposure, white balance and autofocus during a bracket, and restores them afterwards."""
+"""Fixes exposure, white balance and autofocus during a bracket, and restores them and the focus afterwards."""
 import math
 from fractions import Fraction
+from functools import partial
 
 from all_in_focus.camera.interface import NOT_SUPPORTED, CameraError, find_widget
 
@@ -17,36 +18,30 @@ NEAR_ENOUGH = 1.5  # factor between the exposure time that is wanted and the one
 
 
 class SettingsHold:
-    """hold() fixes the settings, release() restores them. Both append to the list `warnings` what the camera refuses, one
-    line each.
+    """hold() fixes the settings, restore() restores them. warn(): gets a line for each that the camera refuses.
 
     holds: settings besides white balance, ISO and exposure; see Maker.holds.
     """
 
-    def __init__(self, camera, holds, white_balance="", iso=""):
-        self._camera = camera
-        self._holds = dict(holds)
-        self._fixed = {"whitebalance": (white_balance,) if white_balance else WHITE_BALANCE,
-                       "iso": (str(iso),) if iso else ISO}
-        self._changed = []  # (name, value before), in the order of the changes
+    def __init__(self, camera, holds, warn, white_balance="", iso=""):
+        self._camera, self._holds, self._warn = camera, holds, warn
+        self._chosen = {"whitebalance": (white_balance,) if white_balance else WHITE_BALANCE, "iso": (iso,) if iso else ISO}
+        self._changed = {}  # name -> (function that restores it, the warning where it cannot), in the order of the changes
 
-    def hold(self, warnings):
+    def hold(self):
         """Raises CameraError only if the camera is lost."""
         metered = [(name, find_widget(self._camera, name)) for name in EXPOSURE]
-        unknown = [name for name, widget in metered if widget is not None and _is_automatic(widget.value)]
-        for name, values in self._holds.items():
-            if unknown and name in MODES:
-                self._warn_of_unknown_exposure(name, values, unknown[0], warnings)
-                continue
-            self._take(name, values, "the exposure or the focus may change within the bracket", warnings)
-        for name, values in self._fixed.items():
-            widget = find_widget(self._camera, name)
-            if widget is not None and _is_automatic(widget.value):
-                self._take(name, values, "it may change within the bracket", warnings)
+        unknown = next((name for name, widget in metered if widget is not None and _is_automatic(widget.value)), None)
+        for name, values in (*self._holds, *self._chosen.items()):
+            self._take(name, values, unknown if name in MODES else None)
         for name, before in metered:
             now = find_widget(self._camera, name)
             if before is not None and now is not None and now.value != before.value and before.value in now.choices:
                 self._set(name, before.value, now.value)
+
+    def hold_focus(self, drive):
+        """restore() begins with the focus: some lenses move only as long as the settings hold."""
+        self._changed["focus"] = (partial(drive.move_to, drive.position), "the focus is not back at its start position")
 
     def shutter_choices(self, seconds):
         """What expose() takes for each of these exposure times. CameraError where the camera has none that is near enough."""
@@ -61,52 +56,49 @@ class SettingsHold:
         return []
 
     def expose(self, choice):
-        """choice: of shutter_choices(); until release()."""
+        """choice: of shutter_choices(); until restore()."""
         name, value = choice
         before = find_widget(self._camera, name).value
         if value != before and not self._set(name, value, before):
             raise CameraError(NOT_SUPPORTED, f"setting '{name}' to {value}", "switch the camera to M")
 
-    def release(self, warnings):
-        """Restores the settings, the last change first.
+    def restore(self):
+        """Restores what has changed, the last change first.
 
-        A setting that the camera refuses is tried again after the others, because its choices may depend on them (ISO
-        'Auto' on the exposure mode), and then given up with a warning. If the camera is busy or lost, it goes on with the
-        other settings and raises the first such error at the end; the next call tries those settings again.
+        What the camera refuses is tried again after the others, because choices may depend on them (ISO 'Auto' on the
+        exposure mode), and then given up with a warning. If the camera is busy or lost, it goes on with the others and
+        raises the first such error at the end; the next call tries those again.
         """
-        first, later, refused = None, [], self._changed
+        later, refused = {}, self._changed
         for last_try in (False, True):
-            pending, refused = refused, []
-            for name, value in reversed(pending):
+            pending, refused = refused, {}
+            for name, (restore, warning) in reversed(list(pending.items())):
                 try:
-                    self._camera.set_config(name, value)
+                    restore()
                 except CameraError as error:
                     if error.busy or error.lost:
-                        later.insert(0, (name, value))
-                        first = first or error
+                        later[name] = error
                     elif last_try:
-                        warnings.append(f"'{name}' was '{value}' and cannot be set back: set it on the camera ({error})")
+                        self._warn(f"{warning} ({error})")
                     else:
-                        refused.insert(0, (name, value))
-        self._changed = later
-        if first:
-            raise first
+                        refused = {name: (restore, warning), **refused}
+        self._changed = {name: change for name, change in self._changed.items() if name in later}
+        for error in later.values():
+            raise error
 
-    def _warn_of_unknown_exposure(self, name, values, unknown, warnings):
-        """Manual mode is left alone: without the metered values the pictures could have any exposure."""
+    def _take(self, name, values, unknown):
+        """Sets the first of the values that the camera has. unknown: an exposure that it has metered and does not report, without
+        which the pictures could have any exposure in manual mode."""
         widget = find_widget(self._camera, name)
-        if widget is not None and str(widget.value) not in values:
-            warnings.append(f"'{name}' is '{widget.value}' and the camera does not report the '{unknown}' that it has "
-                            "metered: set it to manual yourself, the exposure may change within the bracket")
-
-    def _take(self, name, values, consequence, warnings):
-        widget = find_widget(self._camera, name)
-        if widget is None or str(widget.value) in values:
+        if widget is None or str(widget.value) in values or name in self._chosen and not _is_automatic(widget.value):
             return
-        wanted = next((value for value in values if value in widget.choices), None)
-        if wanted is None or widget.read_only or not self._set(name, wanted, widget.value):
-            warnings.append(f"'{name}' is '{widget.value}' and cannot be set to {wanted or ' or '.join(values)} from "
-                            f"here: set it on the camera, {consequence}")
+        wanted, problem = next((value for value in values if value in widget.choices), None), ""
+        if unknown:
+            problem = f"the camera does not report the '{unknown}' that it has metered: set it to manual yourself"
+        elif wanted is None or widget.read_only or not self._set(name, wanted, widget.value):
+            problem = f"cannot be set to {wanted or ' or '.join(values)} from here: set it on the camera"
+        if problem:
+            self._warn(f"'{name}' is '{widget.value}' and {problem}, it may change within the bracket")
 
     def _set(self, name, value, before):
         try:
@@ -115,8 +107,8 @@ class SettingsHold:
             if error.lost:
                 raise
             return False
-        if name not in dict(self._changed):
-            self._changed.append((name, before))
+        restore = partial(self._camera.set_config, name, before)
+        self._changed.setdefault(name, (restore, f"'{name}' was '{before}' and cannot be set back: set it on the camera"))
         return True
 
 
