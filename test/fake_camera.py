@@ -9,7 +9,7 @@ import numpy as np
 
 from all_in_focus.camera.bracket_node import PARAMETERS
 from all_in_focus.camera.interface import (BAD_PARAMETERS, BUSY, CAMERA_ERROR, ERROR, FILE_NOT_FOUND, IO_WRITE,
-                                           MODEL_NOT_FOUND, CameraDriver, CameraError, Widget)
+                                           MODEL_NOT_FOUND, CameraError, Widget)
 
 SIZE = (48, 32)  # width, height of a picture
 LENS = 1000  # motor positions from the near limit, 0, to the far limit
@@ -35,8 +35,8 @@ def camera_settings(**given):
     return SimpleNamespace(**{**{name: one.default for name, one in PARAMETERS.items()}, **given})
 
 
-class FakeCamera(CameraDriver):
-    """make: a key of MODELS. All calls take `latency` seconds; a picture arrives `exposure` seconds after the release.
+class FakeCamera:
+    """Has the calls of GphotoCamera. make: a key of MODELS. All calls take `latency` seconds; a picture arrives `exposure` seconds after the release.
     cards: number of memory cards, each of which gets a copy; the second one `second_card` seconds after the first.
 
     See also press() and develop(). To provoke errors: busy (the next so many calls are refused as busy), unplug(), plug(),

@@ -66,7 +66,9 @@ def test_no_camera_is_explained(port, model):
 
 
 def test_a_model_is_looked_for_among_those_plugged_in():
-    found = [("Nikon DSC D750", "usb:001,004"), ("Canon EOS 80D", "usb:001,005")]
+    found = gphoto.gp.CameraList()
+    for model, port in (("Nikon DSC D750", "usb:001,004"), ("Canon EOS 80D", "usb:001,005")):
+        found.append(model, port)
     assert gphoto.GphotoCamera("", "Canon EOS 80D")._port_among(found) == "usb:001,005"
     # Where the port is given, too, the model says how the camera there is to be spoken to.
     assert gphoto.GphotoCamera("usb:001,004", "Canon EOS 80D")._port_among(found) == "usb:001,004"

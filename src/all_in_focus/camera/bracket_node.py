@@ -61,7 +61,7 @@ def check(settings):
 
 
 class FocusBracketCamera:
-    """camera: a CameraDriver, closed; settings: values of PARAMETERS."""
+    """camera: a GphotoCamera, closed; settings: values of PARAMETERS."""
 
     def __init__(self, camera, settings):
         check(settings)
@@ -221,5 +221,5 @@ class FocusBracketCamera:
 
 
 def shoot(settings, camera_at):
-    """Until shutdown. camera_at(port, model) -> CameraDriver."""
+    """Until shutdown. camera_at(port, model) -> GphotoCamera."""
     FocusBracketCamera(camera_at(settings.port, settings.model), settings).run()

@@ -1,23 +1,24 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The camera interface on libgphoto2."""
+"""A camera through libgphoto2: the calls that a focus bracket needs."""
 import contextlib
 import posixpath
 
 import gphoto2 as gp
 
-from all_in_focus.camera.interface import (BAD_PARAMETERS, IO, MODEL_NOT_FOUND, NOT_SUPPORTED, UNKNOWN_PORT, CameraDriver,
-                                           CameraError, Widget)
+from all_in_focus.camera.interface import (BAD_PARAMETERS, IO, MODEL_NOT_FOUND, NOT_SUPPORTED, UNKNOWN_PORT, CameraError,
+                                           Widget)
 
 _CHOICES = (gp.GP_WIDGET_RADIO, gp.GP_WIDGET_MENU)
 # Since version 2.5, python-gphoto2 wants a file to write into before the context, and makes one where it is None.
 _NEW_FILE = (None,) if [int(part) for part in gp.__version__.split(".")[:2]] >= [2, 5] else ()
 
 
-class GphotoCamera(CameraDriver):
+class GphotoCamera:
     """The camera at a port (usb:001,004 or disk:/folder), or the first one found.
 
-    model: as libgphoto2 names it; needed for ports that cannot be asked for it.
+    model: as libgphoto2 names it; needed for ports that cannot be asked for it. All calls but close() may raise CameraError. A
+    path is the full name of a file on the camera.
     """
 
     def __init__(self, port="", model=""):
@@ -48,32 +49,27 @@ class GphotoCamera(CameraDriver):
             yield self._camera
 
     def open(self):
+        """The name of the model."""
         self.close()
         camera = gp.Camera()
         with self._errors("opening the camera"):
-            self._choose(camera)
+            models, ports, port = gp.CameraAbilitiesList(), gp.PortInfoList(), self._port
+            models.load(self._context)
+            ports.load()
+            if self._model:
+                camera.set_abilities(models[_look_up("model", self._model, models.lookup_model)])
+                if not port or port.startswith("usb:"):
+                    port = self._port_among(models.detect(ports, self._context))
+            if port:
+                camera.set_port_info(ports[_look_up("port", port, ports.lookup_path)])
             camera.init(self._context)
             self._camera = camera
             return camera.get_abilities().model
 
-    def _choose(self, camera):
-        """Set model and port of `camera`, as far as they are given."""
-        models, ports, port = gp.CameraAbilitiesList(), gp.PortInfoList(), self._port
-        models.load(self._context)
-        ports.load()
-        if self._model:
-            camera.set_abilities(models[_look_up("model", self._model, models.lookup_model)])
-            if not port or port.startswith("usb:"):
-                found = models.detect(ports, self._context)
-                port = self._port_among([(found.get_name(index), found.get_value(index)) for index in range(found.count())])
-        if port:
-            camera.set_port_info(ports[_look_up("port", port, ports.lookup_path)])
-
     def _port_among(self, found):
-        """The port of the camera that was asked for: libgphoto2 itself searches only where no model is given.
-
-        found: (model, port) of each camera that is plugged in.
-        """
+        """Of the camera that was asked for: libgphoto2 itself searches only where no model is given. found: CameraList of those
+        that are plugged in."""
+        found = [(found.get_name(index), found.get_value(index)) for index in range(found.count())]
         for model, port in found:
             if port == self._port or (not self._port and model == self._model):
                 return port
@@ -108,6 +104,7 @@ class GphotoCamera(CameraDriver):
             camera.set_single_config(name, widget, self._context)
 
     def capture(self):
+        """Releases the shutter and returns at once, where the camera can; wait_for_event() delivers the picture."""
         with self._opened("releasing the shutter") as camera:
             try:
                 camera.trigger_capture(self._context)
@@ -118,6 +115,7 @@ class GphotoCamera(CameraDriver):
                 self._captured.append(posixpath.join(path.folder, path.name))
 
     def wait_for_event(self, seconds):
+        """The next event in the camera's order: the path of a new file, "" = any other event; None if none came in this time."""
         if self._captured:
             return self._captured.pop(0)
         with self._opened("waiting for the camera") as camera:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The interface to a camera: the calls of libgphoto2 that a focus bracket needs, its errors explained, and retries."""
+"""What is common to cameras, apart from libgphoto2: settings, errors explained, and retries. The calls: gphoto.GphotoCamera."""
 import functools
 import re
 import time
@@ -59,21 +59,6 @@ class Widget:
     low: Optional[float] = None
     high: Optional[float] = None
     read_only: bool = False
-
-
-class CameraDriver:
-    """The calls that a driver has to provide. All but close() may raise CameraError. A path is the full name of a file
-    on the camera.
-
-    open() -> name of the model; close()
-    get_config(name) -> Widget; raises BAD_PARAMETERS or ERROR if there is no such widget
-    set_config(name, value)
-    capture(): releases the shutter and returns at once; wait_for_event() delivers the picture
-    wait_for_event(seconds) -> the next event in the camera's order: the path of a new file, "" = any other event; None if
-                               none came in this time
-    capture_preview() -> bytes of a JPEG picture
-    download(path) -> bytes; delete(path)
-    """
 
 
 def find_widget(camera, name):
