@@ -147,47 +147,40 @@ class Pair:
         return self.unreadable or (f"no board in the {' and the '.join(missing)} picture" if missing else "")
 
 
-class PairFolders:
-    """Two folders of pictures; files of the same name, apart from the suffix, are a pair. warnings: one line each."""
-
-    def __init__(self, depth_folder, color_folder):
-        self._folders = (depth_folder, color_folder)
-        self._files = [_images(folder) for folder in self._folders]
-        self.names = sorted(set(self._files[0]) & set(self._files[1]))
-        if not self.names:
-            raise ValueError(f"no picture of {depth_folder} has a counterpart of the same name in {color_folder}")
-        self.warnings = []
-        for one, other in ((0, 1), (1, 0)):
-            alone = sorted(set(self._files[one]) - set(self._files[other]))
-            if alone:
-                self.warnings.append(f"{self._folders[one]}: no picture in {self._folders[other]} is named like "
-                                     f"{', '.join(alone)}: left out")
-        self.sizes = [None, None]  # (width, height) of the cameras' pictures
-
-    def pairs(self, board):
-        """Yields one Pair after the other. ValueError where no picture of a camera can be read."""
-        for name in self.names:
-            corners, complaints = [None, None], []
-            for camera in (0, 1):
-                try:
-                    corners[camera] = find_corners(self._read(camera, name), board)
-                except StackError as error:
-                    complaints.append(str(error))
-            yield Pair(name, *corners, "; ".join(complaints))
-        for folder, size in zip(self._folders, self.sizes):
-            if size is None:
-                raise ValueError(f"{folder}: none of the {len(self.names)} pictures can be read")
-
-    def _read(self, camera, name):
-        path = Path(self._folders[camera]) / self._files[camera][name]
-        image = read_image(path, cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-        size = image.shape[1::-1]
-        self.sizes[camera] = self.sizes[camera] or size
-        if size != self.sizes[camera]:
-            width, height = self.sizes[camera]
-            raise ValueError(f"{path}: {size[0]}x{size[1]} pixels, but the {CAMERAS[camera]} camera's pictures "
-                             f"before it have {width}x{height}")
-        return image
+def read_pairs(folders, board, warn, progress=iter):
+    """([Pair], sizes of the cameras' pictures (width, height)): files of the same name in both folders, apart from the suffix, are
+    a pair. warn: gets a line for what is left out. ValueError where no picture of a camera can be read."""
+    files = [_images(folder) for folder in folders]
+    names = sorted(set(files[0]) & set(files[1]))
+    if not names:
+        raise ValueError(f"no picture of {folders[0]} has a counterpart of the same name in {folders[1]}")
+    for folder, of_stems in zip(folders, files):
+        alone = sorted(set(of_stems) - set(names))
+        if alone:
+            warn(f"{folder}: no picture in the other folder is named like {', '.join(alone)}: left out")
+    pairs, sizes = [], [None, None]
+    for name in progress(names):
+        corners, unreadable = [None, None], []
+        for camera, folder in enumerate(folders):
+            path = Path(folder, files[camera][name])
+            try:
+                image = read_image(path, cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+            except StackError as error:
+                unreadable.append(str(error))
+                continue
+            size = image.shape[1::-1]
+            sizes[camera] = width, height = sizes[camera] or size
+            if size != (width, height):
+                raise ValueError(f"{path}: {size[0]}x{size[1]} pixels, but the {CAMERAS[camera]} camera's pictures "
+                                 f"before it have {width}x{height}")
+            corners[camera] = find_corners(image, board)
+        pairs.append(Pair(name, *corners, "; ".join(unreadable)))
+        if unreadable:
+            warn(f"{pairs[-1].unreadable}: left out")
+    for folder, size in zip(folders, sizes):
+        if size is None:
+            raise ValueError(f"{folder}: none of the {len(names)} pictures can be read")
+    return pairs, tuple(sizes)
 
 
 def _images(folder):
