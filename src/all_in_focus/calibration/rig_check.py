@@ -107,36 +107,6 @@ def contours(depth):
     return Contours(at, normal, begin)
 
 
-@dataclass
-class EdgeFit:
-    """Agreement (0..1) without a shift, at the best shift, and by chance; the best shift (x, y) and its standard
-    deviation, pixels."""
-    agreement: float
-    best: float
-    chance: float
-    shift: np.ndarray
-    deviation: np.ndarray
-    borders: int
-    sure: np.ndarray  # whether x and y of the shift are known
-    clear: bool  # the best shift stands out of all others
-    shifted: bool  # and it is not zero
-
-    def lines(self):
-        numbers = (f"edges agree {self.agreement:.2f} as they are, {self.best:.2f} at best, {self.chance:.2f} by "
-                   f"chance ({self.borders} border pixels)")
-        shift = (f"({self.shift[0]:+.1f}, {self.shift[1]:+.1f}) px +- ({self.deviation[0]:.1f}, "
-                 f"{self.deviation[1]:.1f})")
-        if not self.clear:
-            return [numbers, "cannot tell whether it fits: too few depth edges are edges of the picture"]
-        if not self.sure.any():
-            return [numbers, f"cannot tell whether a shift would fit better: found {shift}"]
-        reasons = ("x, too few upright edges", "y, too few level edges")
-        note = "".join(f"; unsure in {reason}" for reason, sure in zip(reasons, self.sure) if not sure)
-        if self.shifted:
-            return [numbers, f"edges fit best when shifted by {shift}{note}"]
-        return [numbers, f"fits: no shift is clearly better, best {shift}{note}"]
-
-
 def _edges(image):
     """Gradient (x, y) of a picture, H x W each, length at most 1: relative to the gradients around it."""
     gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float32)
@@ -182,14 +152,14 @@ def _distinct(score, shift):
 
 
 def fit_edges(image, contours):
-    """EdgeFit of Contours on a BGR picture of 8 bit."""
+    """Two lines: how well Contours lie on the edges of a BGR picture of 8 bit, and whether a shift would fit better."""
     scale = min(1.0, WIDTH / image.shape[1])
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else image
     at = np.clip((contours.at + 0.5) * scale - 0.5, 0, np.array(small.shape[1::-1]) - 1)
     blocks, members = np.unique((at // BLOCK).astype(int), axis=0, return_inverse=True)
-    nothing = np.zeros(2)
+    cannot_tell = "cannot tell whether it fits: too few depth edges are edges of the picture"
     if len(blocks) < ENOUGH:
-        return EdgeFit(0, 0, 0, nothing, nothing, len(at), np.zeros(2, bool), False, False)
+        return [f"too few depth edges to compare ({len(at)} border pixels)", cannot_tell]
     scores = _scores(_edges(small), at, contours.normal)
     sums = np.array([np.bincount(members.ravel(), column, len(blocks)) for column in scores.reshape(len(at), -1).T])
     counts = np.bincount(members.ravel(), minlength=len(blocks))
@@ -202,13 +172,22 @@ def fit_edges(image, contours):
     # Bootstrap: how far the peak varies when the blocks are drawn again from these, with replacement.
     rng = np.random.default_rng(0)
     draws = rng.multinomial(len(blocks), np.full(len(blocks), 1 / len(blocks)), DRAWS)
-    peaks = np.array([_peak(score(draw)) for draw in draws])
-    shift, deviation = _peak(whole), peaks.std(axis=0)
+    shift, deviation = _peak(whole), np.std([_peak(score(draw)) for draw in draws], axis=0)
     sure = (deviation < SURE) & _distinct(whole, shift)
-    clear = bool(whole.max() > whole.mean() + 3 * np.median(np.abs(whole - np.median(whole))))
-    shifted = bool((sure & (np.abs(shift) > np.maximum(SMALL, 2 * deviation))).any())
-    return EdgeFit(float(whole[REACH, REACH]), float(whole.max()), float(np.median(whole)), shift / scale,
-                   deviation / scale, len(at), sure, clear, shifted)
+    chance = np.median(whole)
+    numbers = (f"edges agree {whole[REACH, REACH]:.2f} as they are, {whole.max():.2f} at best, {chance:.2f} by chance "
+               f"({len(at)} border pixels)")
+    if whole.max() <= whole.mean() + 3 * np.median(np.abs(whole - chance)):  # the best shift does not stand out of all others
+        return [numbers, cannot_tell]
+    (x, y), (x_deviation, y_deviation) = shift / scale, deviation / scale
+    found = f"({x:+.1f}, {y:+.1f}) px +- ({x_deviation:.1f}, {y_deviation:.1f})"
+    if not sure.any():
+        return [numbers, f"cannot tell whether a shift would fit better: found {found}"]
+    reasons = ("x, too few upright edges", "y, too few level edges")
+    found += "".join(f"; unsure in {reason}" for reason, known in zip(reasons, sure) if not known)
+    if (sure & (np.abs(shift) > np.maximum(SMALL, 2 * deviation))).any():
+        return [numbers, f"edges fit best when shifted by {found}"]
+    return [numbers, f"fits: no shift is clearly better, best {found}"]
 
 
 def overlay(image, contours, lines):
