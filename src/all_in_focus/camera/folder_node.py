@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node image_folder_camera: publishes the pictures of a folder or a video as if a camera had just taken them."""
 import math
-import threading
 import time
 
 import rospy
@@ -90,13 +89,13 @@ class Player:
 
     def _wait(self, frames):
         """Wait until the fusion listens, then for a message on ~wait_for: the fusion has received what it announces."""
-        came = threading.Event()
-        end = time.monotonic() + self._settings.wait_timeout if self._settings.wait_timeout else math.inf
+        end = time.monotonic() + (self._settings.wait_timeout or math.inf)
         _poll_until(frames.has_all_listeners, end)
-        subscriber = rospy.Subscriber(self._settings.wait_for, rospy.AnyMsg, lambda _: came.set())
-        _poll_until(came.is_set, end)
-        subscriber.unregister()
-        if not came.is_set() and not rospy.is_shutdown():
+        try:
+            rospy.wait_for_message(self._settings.wait_for, rospy.AnyMsg, max(POLL_PERIOD, end - time.monotonic()))
+        except rospy.ROSInterruptException:
+            raise
+        except rospy.ROSException:
             rospy.logwarn("nothing came on %s for %g s: the pictures are published without waiting longer",
                           rospy.resolve_name(self._settings.wait_for), self._settings.wait_timeout)
 

@@ -20,10 +20,9 @@ class Arrival:
 
 
 def _state(path):
-    """(size, time of change) of a file; None if it has been deleted."""
-    with contextlib.suppress(OSError):
-        status = path.stat()
-        return status.st_size, status.st_mtime_ns
+    """Size and time of change of a file."""
+    status = path.stat()
+    return status.st_size, status.st_mtime_ns
 
 
 class FolderWatch:
@@ -35,61 +34,50 @@ class FolderWatch:
 
     def __init__(self, folder, clock, patience=5.0):
         self._folder, self._clock, self._patience = Path(folder), clock, patience
-        self._done, self._others = self._states()  # name -> state of the file when it was reported or left out
+        self._done = self._states()  # name -> state of the file when it was reported or left out
         self._coming = {}  # name -> state, stamp, time of the last change
-        self._may_miss_pictures, self._others_since = True, time.monotonic()
+        self._may_miss_pictures = True
         self.warnings = []
 
     def _states(self):
-        """Name -> (size, time of change) of every picture, and the names of other files. Raises StackError if the folder is not
-        there."""
-        states, others = {}, set()
+        """Name -> state of all files but hidden ones. Raises StackError if the folder is not there."""
+        states = {}
         try:
-            paths = list(self._folder.iterdir())
+            for path in self._folder.iterdir():
+                if not path.name.startswith("."):
+                    with contextlib.suppress(OSError):  # it has been deleted
+                        states[path.name] = _state(path)
         except OSError as error:
             raise StackError(f"{self._folder}: {error.strerror}")
-        for path in paths:
-            if is_image_name(path.name):
-                state = _state(path)
-                if state:
-                    states[path.name] = state
-            elif not path.name.startswith("."):
-                others.add(path.name)
-        return states, others
+        return states
 
     def poll(self):
         """Arrivals since the last call, in the order of their stamps, then names."""
         arrived = []
-        states, others = self._states()
-        for name, state in sorted(states.items()):
+        for name, state in sorted(self._states().items()):
+            before, stamp, changed_at = self._coming.get(name, (None, None, 0.0))
             if self._done.get(name) == state:
                 continue
-            coming = self._coming.get(name)
-            if coming is None or coming[0] != state:
-                stamp = coming[1] if coming else self._clock()
-                self._coming[name] = (state, stamp, time.monotonic())
-                continue
-            arrived += self._read(name, *coming)
-        self._may_miss_pictures &= not (arrived or self._coming)
-        if self._may_miss_pictures:
-            self._tell_of_others(others - self._others)
+            if before != state:
+                self._coming[name] = (state, self._clock() if before is None else stamp, time.monotonic())
+                self._may_miss_pictures &= not is_image_name(name)
+            elif is_image_name(name):
+                arrived += self._read(name, state, stamp, changed_at)
+            elif self._may_miss_pictures and time.monotonic() - changed_at > self._patience:
+                self._may_miss_pictures = False
+                self.warnings.append(f"{self._folder}: {name} came, and no picture: let the camera write JPEG, too; raw files "
+                                     "are not read here")
         return sorted(arrived, key=lambda arrival: arrival.stamp)
-
-    def _tell_of_others(self, names):
-        """Once: a camera may write raw files alone."""
-        if not names:
-            self._others_since = time.monotonic()
-        elif time.monotonic() - self._others_since > self._patience:
-            self.warnings.append(f"{self._folder}: {min(names)} came, and no picture: let the camera write JPEG, too; raw files "
-                                 "are not read here")
-            self._may_miss_pictures = False
 
     def _read(self, name, state, stamp, changed_at):
         try:
             images, damage = read_pages(str(self._folder / name)), []
         except StackError as error:
             images, damage = [], [f"{error}; left out"]
-        was_written_to = _state(self._folder / name) != state
+        try:
+            was_written_to = _state(self._folder / name) != state
+        except OSError:
+            was_written_to = True
         may_become_whole = damage and time.monotonic() - changed_at < self._patience
         if was_written_to or may_become_whole:
             return []
