@@ -12,12 +12,6 @@ DEVIATION = 0.01  # of the focal length
 FEW = 12  # views
 
 
-def uncovered(corners, size):
-    """[(side, share of the picture along it without a corner)] of sides above MARGIN; corners: N x 2, pixels."""
-    low, high = corners.min(axis=0) / size, corners.max(axis=0) / size
-    return [(side, share) for side, share in zip(SIDES, (low[0], low[1], 1 - high[0], 1 - high[1])) if share > MARGIN]
-
-
 def view_warnings(name, fit, corners, size):
     """Yields what the views of one camera do not determine well; nothing of a known one. fit: CameraFit; corners: by view; size:
     (w, h)."""
@@ -25,8 +19,10 @@ def view_warnings(name, fit, corners, size):
         return
     if len(fit.errors) < FEW:
         yield f"the {name} camera has {len(fit.errors)} views of the board only, 20 are good"
-    for side, share in uncovered(np.concatenate([corners[view] for view in fit.errors]), size):
-        yield f"no board in the {side} {100 * share:.0f} % of the {name} picture: its distortion there is a guess"
+    used = np.concatenate([corners[view] for view in fit.errors]) / size
+    for side, share in zip(SIDES, (*used.min(axis=0), *(1 - used.max(axis=0)))):
+        if share > MARGIN:
+            yield f"no board in the {side} {100 * share:.0f} % of the {name} picture: its distortion there is a guess"
     for term, value in (("fx", fit.K[0, 0]), ("fy", fit.K[1, 1])):
         share = fit.deviations[term] / value
         if share > DEVIATION:

@@ -52,14 +52,13 @@ def dioptres_of_registered(depth, grid):
     side, columns, rows = grid
     tiles = depth[:rows * side, :columns * side].reshape(rows, side, columns, side).swapaxes(1, 2).reshape(rows, columns, -1)
     known = tiles > 0
-    with np.errstate(divide="ignore"):
-        dioptre = 1000.0 / tiles
+    dioptre = 1000.0 / np.maximum(tiles, 1)
     count = known.sum(axis=2)
-    low, high = np.where(known, dioptre, np.inf).min(axis=2), np.where(known, dioptre, -np.inf).max(axis=2)
+    low, high = dioptre.min(axis=2, where=known, initial=np.inf), dioptre.max(axis=2, where=known, initial=-np.inf)
     around = np.ones((3, 3), np.uint8)  # the blur of what is beside a tile reaches into it
     with np.errstate(over="ignore", invalid="ignore"):  # where nothing is known
         spread = cv2.dilate(high, around) - cv2.erode(low, around)
-    mean = np.where(known, dioptre, 0).sum(axis=2) / np.maximum(count, 1)
+    mean = dioptre.sum(axis=2, where=known) / np.maximum(count, 1)
     return np.where((count >= ENOUGH_PIXELS) & (spread < ONE_DISTANCE), mean, np.nan)
 
 

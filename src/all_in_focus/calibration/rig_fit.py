@@ -108,7 +108,8 @@ def agree(board, pairs, depth, color, width):
     A board looks alike from two sides, a square one from four, so a single picture does not tell which corner is the
     first. The cameras do not move on the rig, and a wrong choice gives another relative pose in each view: the pose
     that most views share is the right one. Returns two dicts by view: the colour picture's corners in the order of the
-    depth picture's, and the distance in pixels from the common pose.
+    depth picture's, and why a view is left out before the fit. The poses of single views are not precise, so only gross
+    outliers are.
 
     pairs: Pair with both corners; depth, color: CameraFit; width: of the colour picture.
     """
@@ -136,9 +137,10 @@ def agree(board, pairs, depth, color, width):
             cost = np.minimum(off.min(axis=1), ROBUST_COST_CAP * width).sum()
             if cost < best_cost * (1 - 1e-6):
                 best, best_cost = off, cost
-    chosen = best.argmin(axis=1)
-    return ({pair.name: view[order] for pair, view, order in zip(pairs, orders, chosen)},
-            {pair.name: float(off[order]) for pair, off, order in zip(pairs, best, chosen)})
+    pixels = best.min(axis=1)
+    bound = min(max(0.01 * width, 6 * np.median(pixels)), ROBUST_COST_CAP * width)
+    return ({pair.name: view[off.argmin()] for pair, view, off in zip(pairs, orders, best)},
+            {pair.name: f"{off:.0f} px from where the other pairs put it: {MOVED}" for pair, off in zip(pairs, pixels) if off > bound})
 
 
 @dataclass
@@ -174,8 +176,7 @@ def fit_rig(board, pairs: List, sizes, known=(None, None), radial=2):
     if len(both) < MIN_PAIRS:
         raise ValueError(f"{len(both)} usable pairs show the board to both cameras, at least {MIN_PAIRS} are "
                          "needed, 20 are good")
-    order, off = agree(board, both, *fits, sizes[1][0])
-    left_out = _disagreeing(off, sizes[1][0])
+    order, left_out = agree(board, both, *fits, sizes[1][0])
     # Refined together, the intrinsics of both cameras fit each other: in the tests a depth pixel is then mapped more
     # precisely than with each camera's own. With few pairs among many single views the single views know more.
     jointly = known == (None, None) and all(2 * len(both) >= len(fit.errors) for fit in fits)
@@ -200,13 +201,6 @@ def fit_rig(board, pairs: List, sizes, known=(None, None), radial=2):
     for part in (left_out, *(fit.left_out for fit in fits)):
         remarks.update({name: f"left out: {reason}" for name, reason in part.items()})
     return RigFit(*fits, R, t, errors, remarks, jointly, _deviations(solve, kept, solution, sizes))
-
-
-def _disagreeing(off, width):
-    """Views to leave out before the fit. The poses of single views are not precise, so only gross outliers count."""
-    bound = min(max(0.01 * width, 6 * float(np.median(list(off.values())))), ROBUST_COST_CAP * width)
-    return {name: f"{pixels:.0f} px from where the other pairs put it: {MOVED}"
-            for name, pixels in off.items() if pixels > bound}
 
 
 def _solve(board, corners, fits, size, flags, names):
