@@ -37,7 +37,8 @@ def camera_settings(**given):
 
 class FakeCamera:
     """Has the calls of GphotoCamera. make: a key of MODELS. All calls take `latency` seconds; a picture arrives `exposure`
-    seconds after the release. cards: number of memory cards, each of which gets a copy; the second one `second_card` seconds after the first.
+    seconds after the release. cards: number of memory cards, each of which gets a copy; the second one `second_card`
+    seconds after the first.
 
     See also press() and develop(). To provoke errors: busy (the next so many calls are refused as busy), unplug(), plug(),
     open_errors (the error codes of the next calls of open()), fail (code, n: the n-th call from now on fails).

@@ -148,8 +148,8 @@ class Pair:
 
 
 def read_pairs(folders, board, warn, progress=iter):
-    """([Pair], sizes of the cameras' pictures (width, height)): files of the same name in both folders, apart from the suffix, are
-    a pair. warn: gets a line for what is left out. ValueError where no picture of a camera can be read."""
+    """([Pair], sizes of the cameras' pictures (width, height)): files of the same name in both folders, apart from the
+    suffix, are a pair. warn: gets a line for what is left out. ValueError where no picture of a camera can be read."""
     files = [_images(folder) for folder in folders]
     names = sorted(set(files[0]) & set(files[1]))
     if not names:

@@ -64,7 +64,8 @@ def shoot(timeout):
         is_whole = focus.last
     if (depth.width, depth.height) != sharpness.size:
         raise ValueError(f"{DEPTH} and rgb/image have different sizes: does the rig belong to these pictures?")
-    first, step = (int(rospy.get_param(f"{CAMERA}/{name}", usual)) if asked else usual for name, usual in (("first", 0), ("step", 1)))
+    first = int(rospy.get_param(f"{CAMERA}/first", 0)) if asked else 0
+    step = int(rospy.get_param(f"{CAMERA}/step", 1)) if asked else 1
     home = (rospy.get_param(f"{CAMERA}/home", "") or "current") if asked else ""
     if home == "current":
         rospy.logwarn("the lens counts its steps from where it stood at the start: start robot.launch with home:=near, so "

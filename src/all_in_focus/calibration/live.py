@@ -21,7 +21,7 @@ from all_in_focus.calibration.board import CAMERAS, Pair, find_corners, gray
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.output_file import write_picture
 from all_in_focus.image_messages import BRIDGE, ImageError, bgr
-from all_in_focus.imaging import with_lines
+from all_in_focus.imaging import contact_sheet, shrunk, with_lines
 
 TOPICS = ("ir/image", "rgb/image")
 SIXTEEN_BIT = ("mono16", "16UC1")
@@ -31,7 +31,7 @@ POLL = 0.05  # s
 MORE = 5  # pairs to wait before a calibration that failed is tried again
 GRACE = 1.0  # s for the answer of ~finish to be sent
 
-HEIGHT = 360  # pixels, of both pictures
+WIDTH = 480  # pixels, of both pictures
 TAKEN, SEEN = (60, 200, 60), (60, 180, 255)  # BGR
 NEW = 0.2  # a new view differs by so much, summed over what measure() returns
 RANGES = np.array([0.7, 0.7, 0.4, 0.5])  # of what measure() returns, that the views must span; size and tilt from 0 on
@@ -129,24 +129,18 @@ class LiveView:
     def picture(self):
         """BGR: both cameras' images side by side, boards of the views taken in green, the board seen now in orange; call
         after add()."""
-        images, outlines, _ = self._now
-        panes = [self._pane(camera, image, seen) for camera, (image, seen) in enumerate(zip(images, outlines))]
-        return with_lines(np.hstack([panes[0], np.zeros((HEIGHT, 4, 3), np.uint8), panes[1]]), self.status())
-
-    def _pane(self, camera, image, seen):
-        scale = HEIGHT / image.shape[0]
-        size = (max(1, round(image.shape[1] * scale)), HEIGHT)
-        small = cv2.resize(np.rint(gray(image)).astype(np.uint8), size, interpolation=cv2.INTER_AREA)
-        pane = cv2.cvtColor(small, cv2.COLOR_GRAY2BGR)
-        shapes = [np.rint(outlines[camera] * scale).astype(np.int32) for outlines in self._taken]
-        covered = pane.copy()
-        for shape in shapes:
-            cv2.fillConvexPoly(covered, shape, TAKEN)
-        pane = cv2.addWeighted(covered, 0.3, pane, 0.7, 0)
-        cv2.polylines(pane, shapes, True, TAKEN, 1, cv2.LINE_AA)
-        if seen is not None:
-            cv2.polylines(pane, [np.rint(seen * scale).astype(np.int32)], True, SEEN, 3, cv2.LINE_AA)
-        return pane
+        panes, (images, outlines, _) = [], self._now
+        for camera, (image, seen) in enumerate(zip(images, outlines)):
+            pane = cv2.cvtColor(np.rint(gray(shrunk(image, WIDTH))).astype(np.uint8), cv2.COLOR_GRAY2BGR)
+            scale = pane.shape[1] / image.shape[1]
+            covered = pane.copy()
+            for taken in self._taken:
+                cv2.fillConvexPoly(covered, np.rint(taken[camera] * scale).astype(np.int32), TAKEN)
+            pane = cv2.addWeighted(covered, 0.3, pane, 0.7, 0)
+            if seen is not None:
+                cv2.polylines(pane, [np.rint(seen * scale).astype(np.int32)], True, SEEN, 3, cv2.LINE_AA)
+            panes.append(pane)
+        return with_lines(contact_sheet(panes, CAMERAS, 2, WIDTH), self.status())
 
 
 def run(view, calibrate):

@@ -96,12 +96,6 @@ def _pose_matrix(rotation, position):
     return pose
 
 
-def _orders(board, pair):
-    """Orders of the corners in the colour picture; the first assumes that both cameras are the same way up."""
-    along = pair.depth[board.columns - 1] - pair.depth[0]
-    return sorted(board.orders(pair.color), key=lambda corners: -np.dot(corners[board.columns - 1] - corners[0], along))
-
-
 def agree(board, pairs, depth, color, width):
     """Finds the pose of one camera in the other on which most views agree.
 
@@ -114,7 +108,7 @@ def agree(board, pairs, depth, color, width):
     pairs: Pair with both corners; depth, color: CameraFit; width: of the colour picture.
     """
     poses = [_pose_matrix(*board_pose(board, pair.depth, depth.K, depth.D)) for pair in pairs]
-    orders = [_orders(board, pair) for pair in pairs]
+    orders = [board.orders(pair.color) for pair in pairs]
     flat = np.array([[cv2.undistortPoints(order.astype(np.float64).reshape(-1, 1, 2), color.K, color.D)[:, 0]
                       for order in view] for view in orders])  # views x orders x corners x 2
     points = np.concatenate([board.points, np.ones((len(board.points), 1))], axis=1)
@@ -135,12 +129,13 @@ def agree(board, pairs, depth, color, width):
             candidate = _pose_matrix(*board_pose(board, orders[view][order], color.K, color.D)) @ np.linalg.inv(pose)
             off = errors(candidate)
             cost = np.minimum(off.min(axis=1), ROBUST_COST_CAP * width).sum()
-            if cost < best_cost * (1 - 1e-6):
+            if cost < best_cost:
                 best, best_cost = off, cost
     pixels = best.min(axis=1)
     bound = min(max(0.01 * width, 6 * np.median(pixels)), ROBUST_COST_CAP * width)
-    return ({pair.name: view[off.argmin()] for pair, view, off in zip(pairs, orders, best)},
-            {pair.name: f"{off:.0f} px from where the other pairs put it: {MOVED}" for pair, off in zip(pairs, pixels) if off > bound})
+    left_out = {pair.name: f"{off:.0f} px from where the other pairs put it: {MOVED}"
+                for pair, off in zip(pairs, pixels) if off > bound}
+    return {pair.name: view[off.argmin()] for pair, view, off in zip(pairs, orders, best)}, left_out
 
 
 @dataclass

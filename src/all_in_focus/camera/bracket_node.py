@@ -122,12 +122,9 @@ class FocusBracketCamera:
         self._diagnostics.publish(message)
 
     def _check(self):
+        self._healthy &= self._session.connected
         try:
-            if self._session.connected:
-                self._session.check()
-            else:
-                self._healthy = False
-                self._session.connect()
+            self._session.check()
             if not self._healthy:
                 self._frames.announce()  # again: another program may have had the camera, and published its own calibration
                 self._report_ready()

@@ -100,36 +100,35 @@ class Player:
                           rospy.resolve_name(self._settings.wait_for), self._settings.wait_timeout)
 
 
-class Watcher:
-    def __init__(self, settings):
-        self._path = settings.stack
-        self._watch = FolderWatch(settings.stack, rospy.Time.now)
-        distance = [focus_of_arrivals(settings.focus)] if settings.focus else []
-        self._brackets = BracketGrouper(settings.bracket_size, settings.bracket_gap, *distance)
-
-    def run(self, frames):
-        """The folder may disappear and come back (a memory card, a network share)."""
-        frames.announce()
-        rospy.loginfo("watching %s", self._path)
-        last_error = ""
-        while not rospy.is_shutdown():
-            try:
-                arrivals, error = self._watch.poll(), ""
-            except StackError as failure:
-                arrivals, error = [], str(failure)
-            if error and error != last_error:
-                rospy.logwarn("%s; waiting for it", error)
-            last_error = error
-            while self._watch.warnings:
-                rospy.logwarn("%s", self._watch.warnings.pop(0))
-            for frame in map(self._brackets.after, arrivals or [None]):
-                if frame:
-                    frames.publish(frame)
-            time.sleep(POLL_PERIOD)
+def watch(settings, frames):
+    """The folder may disappear and come back (a memory card, a network share)."""
+    distance = [focus_of_arrivals(settings.focus)] if settings.focus else []
+    brackets = BracketGrouper(settings.bracket_size, settings.bracket_gap, *distance)
+    folder = FolderWatch(settings.stack, rospy.Time.now)
+    frames.announce()
+    rospy.loginfo("watching %s", settings.stack)
+    last_error = ""
+    while not rospy.is_shutdown():
+        try:
+            arrivals, error = folder.poll(), ""
+        except StackError as failure:
+            arrivals, error = [], str(failure)
+        if error and error != last_error:
+            rospy.logwarn("%s; waiting for it", error)
+        last_error = error
+        while folder.warnings:
+            rospy.logwarn("%s", folder.warnings.pop(0))
+        for frame in map(brackets.after, arrivals or [None]):
+            if frame:
+                frames.publish(frame)
+        time.sleep(POLL_PERIOD)
 
 
 def publish(settings):
     """Until shutdown; ValueError for wrong parameters and files."""
     if not settings.stack:
         raise ValueError("~stack is missing: give a folder of images or a video")
-    (Watcher if settings.watch else Player)(settings).run(FramePublisher(settings))
+    if settings.watch:
+        watch(settings, FramePublisher(settings))
+    else:
+        Player(settings).run(FramePublisher(settings))

@@ -111,6 +111,7 @@ class BracketGrouper:
             return None
         if ready is None:
             return None
-        frame = Frame(self._index, count, last, self._distance(ready.name, self._index), self._bracket_id, ready.stamp, ready.image)
+        distance = self._distance(ready.name, self._index)
+        frame = Frame(self._index, count, last, distance, self._bracket_id, ready.stamp, ready.image)
         self._bracket_id, self._index = (self._bracket_id + 1, 0) if last else (self._bracket_id, self._index + 1)
         return frame

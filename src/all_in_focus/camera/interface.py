@@ -72,10 +72,12 @@ def find_widget(camera, name):
 
 
 class RetryingCamera:
-    """Forwards every call to `camera` and repeats it for up to `patience` seconds while the camera is busy."""
+    """Forwards every call to `camera`, repeats it for up to `patience` seconds while the camera is busy, and closes the camera
+    when it is lost. connected: set by whoever has opened it, until it is closed."""
 
     def __init__(self, camera, patience=5.0):
         self._camera, self._patience = camera, patience
+        self.connected = False
 
     def _retry(self, call, *arguments):
         end, pause = time.monotonic() + self._patience, FIRST_PAUSE
@@ -83,6 +85,8 @@ class RetryingCamera:
             try:
                 return call(*arguments)
             except CameraError as error:
+                if error.lost:
+                    self.close()
                 if not error.busy or time.monotonic() + pause > end:
                     raise
             time.sleep(pause)
@@ -92,6 +96,7 @@ class RetryingCamera:
         return functools.partial(self._retry, getattr(self._camera, name))
 
     def close(self):
+        self.connected = False
         self._camera.close()
 
     def capture(self, before_attempt=None):

@@ -25,22 +25,15 @@ class Session:
     def __init__(self, camera, settings, clock):
         self._settings = settings
         self.scale = FocusTable(settings.focus_table) if settings.focus_table else None
-        self.connected = False
         self.model = self.description = ""  # of the camera, for people
         self._camera = RetryingCamera(camera, settings.patience)
         self._photographer = Photographer(self._camera, clock, settings.frames, settings.timeout, settings.keep_files)
         self._maker = self._drive = self._hold = None  # as long as no camera was there
         self._warnings = []
 
-    @contextlib.contextmanager
-    def _watching(self):
-        """Closes the camera when it is lost."""
-        try:
-            yield
-        except CameraError as error:
-            if error.lost:
-                self.close()
-            raise
+    @property
+    def connected(self):
+        return self._camera.connected
 
     def connect(self):
         """Open the camera, and restore what an interrupted bracket has left changed."""
@@ -56,11 +49,11 @@ class Session:
             home = self._settings.home or (NEAR if self.scale else CURRENT)
             if home != CURRENT:
                 self._drive.go_to_stop(home == FAR)
-            self._restore()
+            self._hold.restore()
         except Exception:
             self.close()
             raise
-        self.connected = True
+        self._camera.connected = True
         limit = "" if maker.reports_limit else " (which do not report their focus limit)"
         how = "by hand" if maker.rule == HAND else f"as {maker.name} cameras are{limit}"
         self.description = f"{self.model}, focused {how}"
@@ -91,7 +84,7 @@ class Session:
         frame can be reached. Focus and settings are restored afterwards, also after an error; by the next call if the
         camera is busy or lost.
         """
-        self._restore()
+        self._hold.restore()
         settings = self._settings
         first, step = (0, 1) if settings.drive == NONE else (settings.first, settings.step)
         positions = [self._drive.position + first + index * step for index in range(settings.count)]
@@ -104,19 +97,18 @@ class Session:
                 positions, exposures = zip(*dict.fromkeys(zip(positions, exposures)))
             else:
                 positions = list(dict.fromkeys(positions))
-        with self._watching():
-            try:
-                self._hold.hold()
-                self._hold.hold_focus(self._drive)
-                exposures = self._hold.shutter_choices(exposures)
-                if len(exposures) == 1:
-                    exposures *= len(positions)
-                self._sweep(positions, exposures, publish, on_release)
-            except BaseException:
-                with contextlib.suppress(CameraError):  # report the first error, not this one
-                    self._restore()
-                raise
-        self._restore()
+        try:
+            self._hold.hold()
+            self._hold.hold_focus(self._drive)
+            exposures = self._hold.shutter_choices(exposures)
+            if len(exposures) == 1:
+                exposures *= len(positions)
+            self._sweep(positions, exposures, publish, on_release)
+        except BaseException:
+            with contextlib.suppress(CameraError):  # report the first error, not this one
+                self._hold.restore()
+            raise
+        self._hold.restore()
 
     def _sweep(self, positions, exposures, publish, on_release):
         def prepare(index):
@@ -159,16 +151,11 @@ class Session:
                                   f"{count} frames; {remedy}")
 
     def check(self):
-        """Raises CameraError if the camera is no longer there."""
-        with self._watching():
-            self._photographer.drain()
-        self._restore()
-
-    def _restore(self):
-        """Restore focus and settings as before the last bracket. Raises CameraError if the camera is busy or lost; then the
-        next call goes on."""
-        with self._watching():
-            self._hold.restore()
+        """Connects to the camera, or raises CameraError if it is no longer there."""
+        if not self.connected:
+            self.connect()
+        self._photographer.drain()
+        self._hold.restore()
 
     def take_warnings(self):
         """Warnings since the last call, one line each."""
@@ -177,5 +164,4 @@ class Session:
         return warnings
 
     def close(self):
-        self.connected = False
         self._camera.close()
