@@ -98,6 +98,8 @@ class CalibrateRigTest(CameraTest):
 
     def test_what_ends_early_writes_nothing(self):
         program = self.live()
+        damaged = Image(height=480, width=640, encoding="mono16", step=1280, data=b"short")
+        self.publish(self.publishers, [damaged, damaged])
         self.show((np.full((120, 160), 500, np.uint16), np.zeros((120, 160, 3), np.uint8)))
         finish = rospy.ServiceProxy(self.topic("calibrate_rig/finish"), Trigger)
         self.assertFalse(finish().success)

@@ -10,7 +10,6 @@ from collections import deque
 from pathlib import Path
 
 import cv2
-import cv_bridge
 import message_filters
 import numpy as np
 import rospy
@@ -20,11 +19,10 @@ from std_srvs.srv import Trigger, TriggerResponse
 from all_in_focus.calibration.board import CAMERAS, Pair, find_corners, gray
 from all_in_focus.files.errors import one_line
 from all_in_focus.files.output_file import write_picture
-from all_in_focus.image_messages import BRIDGE, ImageError, bgr
+from all_in_focus.image_messages import BRIDGE, MILLIMETRES, ImageError, bgr, check_depth, depth_as_sent
 from all_in_focus.imaging import contact_sheet, shrunk, with_lines
 
 TOPICS = ("ir/image", "rgb/image")
-SIXTEEN_BIT = ("mono16", "16UC1")
 SLOP = 0.2  # s between the two pictures; the board is held still
 SILENCE = 5.0  # s
 POLL = 0.05  # s
@@ -188,12 +186,19 @@ def run(view, calibrate):
     raise ValueError("ended before there were enough pairs: no rig was written")
 
 
+def _picture(message):
+    """8 bit, BGR, or 16 bit, as infrared cameras send it. ImageError."""
+    if message.encoding not in MILLIMETRES:
+        return bgr(message)
+    check_depth(message)
+    return depth_as_sent(message)
+
+
 def _look(view, messages, pictures):
     try:
-        images = [BRIDGE.imgmsg_to_cv2(message) if message.encoding in SIXTEEN_BIT else bgr(message) for message in messages]
-        if view.add(images):
+        if view.add([_picture(message) for message in messages]):
             rospy.loginfo("%s", "; ".join(view.status()))
-    except (cv_bridge.CvBridgeError, ImageError) as error:
+    except ImageError as error:
         rospy.logwarn_throttle(10, f"a picture cannot be used: {error}")
         return
     except OSError as error:  # the pair counts all the same

@@ -148,40 +148,6 @@ class _Work:
         return CaptureFeedback("fusing" if newest.last else "shooting", newest.index + 1, newest.count)
 
 
-class _Server:
-    def __init__(self, timeout):
-        self._timeout = timeout
-        self._work = None
-        # Time goes back where a bag begins anew. SimpleActionServer refuses goals that seem older then, and actionlib's
-        # timer ends.
-        rospy.set_param("~actionlib_status_frequency", 0)
-        self.actions = actionlib.ActionServer("all_in_focus/capture", CaptureAction, self._on_goal, auto_start=False)
-        self.actions.start()
-
-    def _on_goal(self, handle):
-        if self._work:
-            handle.set_rejected(text="another goal is being worked on: cancel it, or wait")
-            return
-        self._work = _Work(handle)
-        handle.set_accepted()
-        threading.Thread(target=self._execute, args=(handle,), daemon=True).start()
-
-    def _execute(self, handle):
-        result, problem = None, ""
-        try:
-            result = self._work.run(self._timeout)
-        except Exception as error:  # whatever it is, the goal has an end
-            problem = str(error)
-            rospy.logwarn("a goal is given up: %s", problem)
-        self._work = None  # before the client is told: it may send the next goal at once
-        if handle.get_goal_status().status == GoalStatus.PREEMPTING:
-            handle.set_canceled(text="cancelled")
-        elif result:
-            handle.set_succeeded(result)
-        else:
-            handle.set_aborted(text=problem)
-
-
 def _set_mode(mode):
     """Returns the mode of before."""
     rospy.wait_for_service(SET_MODE, PATIENCE)
@@ -197,7 +163,34 @@ def _set_mode(mode):
 
 def serve(settings):
     """Until shutdown."""
-    server = _Server(settings.timeout)
+    busy = threading.Lock()
+
+    def on_goal(handle):
+        if not busy.acquire(blocking=False):
+            handle.set_rejected(text="another goal is being worked on: cancel it, or wait")
+            return
+        handle.set_accepted()
+        threading.Thread(target=execute, args=(handle,), daemon=True).start()
+
+    def execute(handle):
+        result, problem = None, ""
+        try:
+            result = _Work(handle).run(settings.timeout)
+        except Exception as error:  # whatever it is, the goal has an end
+            problem = str(error)
+            rospy.logwarn("a goal is given up: %s", problem)
+        busy.release()  # before the client is told: it may send the next goal at once
+        if handle.get_goal_status().status == GoalStatus.PREEMPTING:
+            handle.set_canceled(text="cancelled")
+        elif result:
+            handle.set_succeeded(result)
+        else:
+            handle.set_aborted(text=problem)
+
+    # Time goes back where a bag begins anew. SimpleActionServer refuses goals that seem older then, and actionlib's timer ends.
+    rospy.set_param("~actionlib_status_frequency", 0)
+    actions = actionlib.ActionServer("all_in_focus/capture", CaptureAction, on_goal, auto_start=False)
+    actions.start()
     while not rospy.is_shutdown():
-        server.actions.publish_status()
+        actions.publish_status()
         time.sleep(STATUS_PERIOD)

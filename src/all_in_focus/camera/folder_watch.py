@@ -4,19 +4,15 @@
 import contextlib
 import math
 import time
-from dataclasses import dataclass
+from collections import namedtuple
 from pathlib import Path
 
 from all_in_focus.camera.frame_publisher import Frame
 from all_in_focus.files.stack import StackError, is_image_name, read_pages
 
 
-@dataclass
-class Arrival:
-    """A picture: BGR; name: of its file or page; stamp: when the file was first seen."""
-    image: object
-    name: str
-    stamp: object
+# A picture: BGR; name: of its file or page; stamp: when the file was first seen.
+Arrival = namedtuple("Arrival", "image name stamp")
 
 
 def _state(path):

@@ -17,7 +17,7 @@ NOT_THERE = {MODEL_NOT_FOUND, USB_FIND}
 CLAIMED = {USB_CLAIM, IO_LOCK}
 BROKEN = {IO, TIMEOUT, IO_INIT, IO_READ, IO_WRITE, OS_FAILURE}
 
-FIRST_PAUSE, LONGEST_PAUSE = 0.05, 0.5  # s, between retries
+PAUSE = 0.1  # s, between retries
 
 _EXPLANATIONS = {
     **dict.fromkeys(NOT_THERE, "no camera found: switch it on and check the USB cable"),
@@ -80,17 +80,16 @@ class RetryingCamera:
         self.connected = False
 
     def _retry(self, call, *arguments):
-        end, pause = time.monotonic() + self._patience, FIRST_PAUSE
+        end = time.monotonic() + self._patience
         while True:
             try:
                 return call(*arguments)
             except CameraError as error:
                 if error.lost:
                     self.close()
-                if not error.busy or time.monotonic() + pause > end:
+                if not error.busy or time.monotonic() + PAUSE > end:
                     raise
-            time.sleep(pause)
-            pause = min(2 * pause, LONGEST_PAUSE)
+            time.sleep(PAUSE)
 
     def __getattr__(self, name):
         return functools.partial(self._retry, getattr(self._camera, name))

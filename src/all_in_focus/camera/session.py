@@ -85,39 +85,35 @@ class Session:
         camera is busy or lost.
         """
         self._hold.restore()
-        settings = self._settings
-        first, step = (0, 1) if settings.drive == NONE else (settings.first, settings.step)
-        positions = [self._drive.position + first + index * step for index in range(settings.count)]
+        first, step = (0, 1) if self._maker.rule == HAND else (self._settings.first, self._settings.step)
+        positions = [self._drive.position + first + index * step for index in range(self._settings.count)]
+        for distance in distances:
+            if not self.scale.reaches(distance):
+                self._warnings.append(f"{distance:.2f} m lies beyond the focus table: focused at its end")
         if len(distances):
-            for distance in distances:
-                if not self.scale.reaches(distance):
-                    self._warnings.append(f"{distance:.2f} m lies beyond the focus table: focused at its end")
             positions = list(map(self.scale.nearest_step, distances))
-            if len(exposures) > 1:
-                positions, exposures = zip(*dict.fromkeys(zip(positions, exposures)))
-            else:
-                positions = list(dict.fromkeys(positions))
         try:
             self._hold.hold()
             self._hold.hold_focus(self._drive)
-            exposures = self._hold.shutter_choices(exposures)
-            if len(exposures) == 1:
-                exposures *= len(positions)
-            self._sweep(positions, exposures, publish, on_release)
+            choices = self._hold.shutter_choices(exposures) or [None]
+            plan = list(zip(positions, choices * len(positions) if len(choices) == 1 else choices))
+            self._sweep(list(dict.fromkeys(plan)) if len(distances) else plan, publish, on_release)
         except BaseException:
             with contextlib.suppress(CameraError):  # report the first error, not this one
                 self._hold.restore()
             raise
         self._hold.restore()
 
-    def _sweep(self, positions, exposures, publish, on_release):
+    def _sweep(self, plan, publish, on_release):
+        """plan: of each frame position and choice of the shutter, None: as metered."""
         def prepare(index):
-            self._drive.move_to(positions[index])
-            if exposures:
-                self._hold.expose(exposures[index])
+            position, choice = plan[index]
+            self._drive.move_to(position)
+            if choice:
+                self._hold.expose(choice)
         prepare(0)
-        count, focus = len(positions), FocusCheck()
-        for index in range(len(positions)):
+        count, focus = len(plan), FocusCheck()
+        for index in range(len(plan)):
             self._drive.wake()
             distance = self.scale.distance(self._drive.position) if self.scale else math.nan
             frame = Frame(index=index, count=count, last=index + 1 == count, distance=distance, position=self._drive.position)
