@@ -112,14 +112,18 @@ class _Work:
     def _result(self, has_camera, timeout):
         told, changed = None, time.monotonic()
         while not self._is_over():
-            feedback = self._feedback(has_camera)
+            followed, feedback = self._followed(has_camera), CaptureFeedback("waiting", 0, 0)
+            frames = [frame for frame in list(self._frames) if frame.bracket_id == followed]
+            if frames:
+                newest = frames[-1]
+                feedback = CaptureFeedback("fusing" if newest.last else "shooting", newest.index + 1, newest.count)
             if feedback != told:
                 told, changed = feedback, time.monotonic()
                 self._handle.publish_feedback(feedback)
             if self._answer and not self._answer.success:
                 raise RuntimeError(self._answer.message)
             for result in list(self._results):
-                if self._counts(result.report, has_camera):
+                if result.report.bracket_id == followed and (self._answer or not has_camera):
                     if result.report.frames_used == 0:
                         raise RuntimeError("; ".join(result.report.notes))
                     points = result.points if self._goal.with_points else PointCloud2()  # others may listen to them
@@ -129,23 +133,16 @@ class _Work:
             time.sleep(POLL)
         return None
 
-    def _counts(self, report, has_camera):
-        """Whether it is that of the goal's bracket. One that came by itself before any depth did is fused by sharpness; where
-        brackets follow each other, as from a folder that is played, the next one is better."""
-        if has_camera:
-            return self._answer and report.bracket_id == self._answer.bracket_id
-        return not report.sharpness_alone or not self._is_early(report)
-
-    def _is_early(self, bracket):
-        return bracket.bracket_id in self._early and time.monotonic() < self._depth_by
-
-    def _feedback(self, has_camera):
-        frames = [frame for frame in list(self._frames) if has_camera or not self._is_early(frame)]
-        if not frames:
-            return CaptureFeedback("waiting", 0, 0)
-        followed = frames[-1 if has_camera else 0].bracket_id  # a camera shoots brackets of others before
-        newest = [frame for frame in frames if frame.bracket_id == followed][-1]
-        return CaptureFeedback("fusing" if newest.last else "shooting", newest.index + 1, newest.count)
+    def _followed(self, has_camera):
+        """Id of the goal's bracket, None before it has begun. One that came by itself before any depth did is fused by sharpness:
+        where brackets follow each other, as from a folder that is played, the next one is better."""
+        frames = list(self._frames)
+        if self._answer:
+            return self._answer.bracket_id
+        if has_camera:  # it may shoot brackets of others before
+            return frames[-1].bracket_id if frames else None
+        early = self._early if time.monotonic() < self._depth_by else ()
+        return next((frame.bracket_id for frame in frames if frame.bracket_id not in early), None)
 
 
 def _set_mode(mode):
