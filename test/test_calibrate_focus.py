@@ -130,7 +130,8 @@ def test_depth_of_another_scene_is_refused():
 
 
 @pytest.mark.parametrize("values, peak", [
-    ([1, 2, 4, 2, 1], 2.0), ([1, 4, 4, 1], 1.5), ([4, 3, 2, 1], math.nan), ([1, 2, 3, 3], math.nan), ([3, 3, 3], math.nan)])
+    ([1, 2, 4, 2, 1], 2.0), ([1, 4, 4, 1], 1.5), ([4, 3, 2, 1], math.nan), ([1, 2, 3, 3], math.nan), ([3, 3, 3], math.nan),
+    ([0, 0, 0], math.nan)])
 def test_the_peak_lies_between_frames_that_are_less_sharp(values, peak):
     assert peak_of(np.array(values, float)) == pytest.approx(peak, abs=0.01, nan_ok=True)
 

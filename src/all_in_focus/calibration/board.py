@@ -175,8 +175,9 @@ def read_pairs(folders, board, warn, progress=iter):
                                  f"before it have {width}x{height}")
             corners[camera] = find_corners(image, board)
         pairs.append(Pair(name, *corners, "; ".join(unreadable)))
-        if unreadable:
-            warn(f"{pairs[-1].unreadable}: left out")
+    for pair in pairs:
+        if pair.unreadable:
+            warn(f"{pair.unreadable}: left out")
     for folder, size in zip(folders, sizes):
         if size is None:
             raise ValueError(f"{folder}: none of the {len(names)} pictures can be read")

@@ -67,15 +67,11 @@ def peak_of(sharpness):
     the peak. NaN where sharpness does not fall on both sides. sharpness: one value a frame."""
     best = int(np.argmax(sharpness))
     foot = max(sharpness[:best + 1].min(), sharpness[best:].min())
-    if sharpness[best] < PROMINENT * foot:
+    if sharpness[best] <= PROMINENT * foot:
         return np.nan
     half = (sharpness[best] + foot) / 2
-    first = last = best
-    while sharpness[first - 1] > half:  # ends at the foot
-        first -= 1
-    while sharpness[last + 1] > half:
-        last += 1
-    first, last = min(first, best - 1), max(last, best + 1)
+    below = np.flatnonzero(sharpness <= half)  # on either side the foot is
+    first, last = min(below[below < best].max() + 1, best - 1), max(below[below > best].min() - 1, best + 1)
     values = sharpness[first:last + 1]
     frame = np.arange(first, last + 1) - best
     bend, slope, _ = np.polyfit(frame, np.log(np.maximum(values, 1e-12)), 2, w=np.sqrt(values / values.max()))

@@ -142,8 +142,8 @@ class LiveView:
 
 
 def run(view, calibrate):
-    """Takes pairs until there are enough, or ~finish is called, and calibrate() succeeds with them. calibrate: function of pairs
-    and sizes that returns lines, or raises ValueError or OSError."""
+    """Takes pairs until there are enough, or ~finish is called, and calibrate() succeeds with them. calibrate: function of
+    pairs and sizes that returns lines, or raises ValueError or OSError."""
     rospy.init_node("calibrate_rig", disable_signals=True)
     newest = deque(maxlen=1)  # pairs that come during a search are skipped
     requests = []  # a queue for the answer to each call of ~finish
@@ -166,8 +166,8 @@ def run(view, calibrate):
             last = time.monotonic()
             _look(view, newest.pop(), pictures)
         elif time.monotonic() > last + SILENCE:
-            rospy.logwarn_throttle(30, f"no pair of pictures for {SILENCE:g} s: do {topics} both come, with stamps less than "
-                                       f"{SLOP:g} s apart?")
+            rospy.logwarn_throttle(30, f"no pair of pictures for {SILENCE:g} s: do {topics} both come, with stamps less "
+                                       f"than {SLOP:g} s apart?")
         if requests or view.enough and len(view.pairs) >= next_try:
             try:
                 if not view.pairs:

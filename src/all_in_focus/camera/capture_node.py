@@ -134,8 +134,8 @@ class _Work:
         return None
 
     def _followed(self, has_camera):
-        """Id of the goal's bracket, None before it has begun. One that came by itself before any depth did is fused by sharpness:
-        where brackets follow each other, as from a folder that is played, the next one is better."""
+        """Id of the goal's bracket, None before it has begun. One that came by itself before any depth did is fused by
+        sharpness: where brackets follow each other, as from a folder that is played, the next one is better."""
         frames = list(self._frames)
         if self._answer:
             return self._answer.bracket_id
@@ -184,7 +184,8 @@ def serve(settings):
         else:
             handle.set_aborted(text=problem)
 
-    # Time goes back where a bag begins anew. SimpleActionServer refuses goals that seem older then, and actionlib's timer ends.
+    # Time goes back where a bag begins anew. SimpleActionServer refuses goals that seem older then, and actionlib's
+    # timer ends.
     rospy.set_param("~actionlib_status_frequency", 0)
     actions = actionlib.ActionServer("all_in_focus/capture", CaptureAction, on_goal, auto_start=False)
     actions.start()

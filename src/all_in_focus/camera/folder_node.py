@@ -66,7 +66,8 @@ class Player:
                 stamp = rospy.Time.now()
                 if frames.has_all_listeners():
                     self.flow.sent(Header(stamp=stamp))
-                frames.publish(Frame(index, count, index + 1 == count, self._stack.distances[index], bracket_id, stamp, image))
+                distance = self._stack.distances[index]
+                frames.publish(Frame(index, count, index + 1 == count, distance, bracket_id, stamp, image))
                 due = max(due + 1 / self._settings.rate, time.monotonic())
             bracket_id += 1
             if not self._settings.loop:

@@ -61,8 +61,8 @@ class FolderWatch:
                 arrived += self._read(name, state, stamp, changed_at)
             elif self._may_miss_pictures and time.monotonic() - changed_at > self._patience:
                 self._may_miss_pictures = False
-                self.warnings.append(f"{self._folder}: {name} came, and no picture: let the camera write JPEG, too; raw files "
-                                     "are not read here")
+                self.warnings.append(f"{self._folder}: {name} came, and no picture: let the camera write JPEG, too; raw "
+                                     "files are not read here")
         return sorted(arrived, key=lambda arrival: arrival.stamp)
 
     def _read(self, name, state, stamp, changed_at):

@@ -29,8 +29,8 @@ GRACE = 1.0  # s for a subscriber of the images to connect to the other topics, 
 
 @dataclass
 class Frame:
-    """One of a focus bracket: see FocusFrame.msg. stamp: of the release; distance: m, NaN = unknown; image: BGR, 8 or 16 bit,
-    None until it is there; position: of the lens, in steps."""
+    """One of a focus bracket: see FocusFrame.msg. stamp: of the release; distance: m, NaN = unknown; image: BGR, 8 or
+    16 bit, None until it is there; position: of the lens, in steps."""
     index: int
     count: int
     last: bool

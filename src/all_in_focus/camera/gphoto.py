@@ -17,8 +17,8 @@ _NEW_FILE = (None,) if [int(part) for part in gp.__version__.split(".")[:2]] >= 
 class GphotoCamera:
     """The camera at a port (usb:001,004 or disk:/folder), or the first one found.
 
-    model: as libgphoto2 names it; needed for ports that cannot be asked for it. All calls but close() may raise CameraError. A
-    path is the full name of a file on the camera.
+    model: as libgphoto2 names it; needed for ports that cannot be asked for it. All calls but close() may raise
+    CameraError. A path is the full name of a file on the camera.
     """
 
     def __init__(self, port="", model=""):
@@ -67,8 +67,8 @@ class GphotoCamera:
             return camera.get_abilities().model
 
     def _port_among(self, found):
-        """Of the camera that was asked for: libgphoto2 itself searches only where no model is given. found: CameraList of those
-        that are plugged in."""
+        """Of the camera that was asked for: libgphoto2 itself searches only where no model is given. found: CameraList of
+        those that are plugged in."""
         found = [(found.get_name(index), found.get_value(index)) for index in range(found.count())]
         for model, port in found:
             if port == self._port or (not self._port and model == self._model):
@@ -115,7 +115,7 @@ class GphotoCamera:
                 self._captured.append(posixpath.join(path.folder, path.name))
 
     def wait_for_event(self, seconds):
-        """The next event in the camera's order: the path of a new file, "" = any other event; None if none came in this time."""
+        """The next event in the camera's order: the path of a new file, "" = any other; None: none came in this time."""
         if self._captured:
             return self._captured.pop(0)
         with self._opened("waiting for the camera") as camera:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What is common to cameras, apart from libgphoto2: settings, errors explained, and retries. The calls: gphoto.GphotoCamera."""
+"""What sessions know of cameras: settings, errors explained, and retries. Their calls are those of gphoto.GphotoCamera."""
 import functools
 import re
 import time
@@ -72,7 +72,7 @@ def find_widget(camera, name):
 
 
 class RetryingCamera:
-    """Forwards every call to `camera`, repeats it for up to `patience` seconds while the camera is busy, and closes the camera
+    """Forwards every call to `camera`, repeats it for up to `patience` seconds while the camera is busy, and closes it
     when it is lost. connected: set by whoever has opened it, until it is closed."""
 
     def __init__(self, camera, patience=5.0):

@@ -44,7 +44,8 @@ class Session:
             if self._maker != maker:
                 settings = self._settings
                 self._drive = FocusDrive(self._camera, maker, settings.step_size, settings.settle)
-                self._hold = SettingsHold(self._camera, maker.holds, self._warnings.append, settings.white_balance, settings.iso)
+                self._hold = SettingsHold(self._camera, maker.holds, self._warnings.append, settings.white_balance,
+                                          settings.iso)
                 self._maker = maker
             home = self._settings.home or (NEAR if self.scale else CURRENT)
             if home != CURRENT:
@@ -116,7 +117,7 @@ class Session:
         for index in range(len(plan)):
             self._drive.wake()
             distance = self.scale.distance(self._drive.position) if self.scale else math.nan
-            frame = Frame(index=index, count=count, last=index + 1 == count, distance=distance, position=self._drive.position)
+            frame = Frame(index, count, index + 1 == count, distance, position=self._drive.position)
 
             def released(stamp, frame=frame):
                 frame.stamp = stamp

@@ -87,8 +87,8 @@ class SettingsHold:
             raise error
 
     def _take(self, name, values, unknown):
-        """Sets the first of the values that the camera has. unknown: an exposure that it has metered and does not report, without
-        which the pictures could have any exposure in manual mode."""
+        """Sets the first of the values that the camera has. unknown: an exposure that it has metered and does not report,
+        without which the pictures could have any exposure in manual mode."""
         widget = find_widget(self._camera, name)
         if widget is None or str(widget.value) in values or name in self._chosen and not _is_automatic(widget.value):
             return
