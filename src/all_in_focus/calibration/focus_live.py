@@ -22,21 +22,22 @@ NO_CAMERA = 2.0  # s without the camera's service: the next bracket of whatever 
 def shoot(timeout):
     """(Sharpness, dioptres of its tiles, home, first, step); the last three as focus_bracket_camera has them."""
     rospy.init_node("calibrate_focus", anonymous=True, disable_signals=True)
-    came = queue.Queue()  # pairs of image and FocusFrame, or why no bracket will come
+    came = queue.Queue()  # depth images, pairs of image and FocusFrame, or why no bracket will come
     end = time.monotonic() + timeout
     rospy.on_shutdown(lambda: came.put("stopped from outside"))
 
-    def left():
-        return max(0.1, end - time.monotonic())
-
-    def newest_depth():
+    def following(problem):
         try:
-            return rospy.wait_for_message(DEPTH, Image, left())
-        except rospy.ROSException:
-            raise ValueError(f"no depth came on {DEPTH}: is robot.launch running, with a rig?")
+            what = came.get(timeout=max(0, end - time.monotonic()))
+        except queue.Empty:
+            what = problem
+        if isinstance(what, str):
+            raise ValueError(what)
+        return what
 
     rospy.loginfo("waiting for depth on %s", rospy.resolve_name(DEPTH))
-    newest_depth()
+    rospy.Subscriber(DEPTH, Image, came.put, queue_size=1, buff_size=2 ** 26)
+    depth = following(f"no depth came on {DEPTH}: is robot.launch running, with a rig?")
     frames = message_filters.TimeSynchronizer(
         [message_filters.Subscriber("rgb/image", Image, queue_size=QUEUE, buff_size=2 ** 26),
          message_filters.Subscriber("rgb/focus", FocusFrame, queue_size=QUEUE)], QUEUE)
@@ -45,17 +46,15 @@ def shoot(timeout):
     rospy.loginfo("asked %s for a bracket" if asked else "waiting for the next bracket: there is no %s to ask",
                   rospy.resolve_name(CAMERA))
 
-    bracket_id, is_whole = None, False
+    sharpness, bracket_id, is_whole = None, None, False
     while not is_whole:
-        try:
-            frame = came.get(timeout=left())
-        except queue.Empty:
-            frame = "no whole bracket came on rgb/image and rgb/focus"
-        if isinstance(frame, str):
-            raise ValueError(frame)
-        image, focus = frame
+        what = following("no whole bracket came on rgb/image and rgb/focus")
+        if isinstance(what, Image):
+            depth = depth if sharpness else what  # that of the beginning
+            continue
+        image, focus = what
         if focus.index == 0:
-            sharpness, bracket_id, depth = Sharpness(), focus.bracket_id, newest_depth()
+            sharpness, bracket_id = Sharpness(), focus.bracket_id
         if focus.bracket_id != bracket_id:
             continue
         if focus.index != len(sharpness.frames):
@@ -64,13 +63,13 @@ def shoot(timeout):
         is_whole = focus.last
     if (depth.width, depth.height) != sharpness.size:
         raise ValueError(f"{DEPTH} and rgb/image have different sizes: does the rig belong to these pictures?")
-    first = int(rospy.get_param(f"{CAMERA}/first", 0)) if asked else 0
-    step = int(rospy.get_param(f"{CAMERA}/step", 1)) if asked else 1
     home = (rospy.get_param(f"{CAMERA}/home", "") or "current") if asked else ""
     if home == "current":
         rospy.logwarn("the lens counts its steps from where it stood at the start: start robot.launch with home:=near, so "
                       "that the table holds the next time, too")
-    return sharpness, dioptres_of_registered(depth_mm(depth), sharpness.grid()), home, first, step
+    return (sharpness, dioptres_of_registered(depth_mm(depth), sharpness.grid()), home,
+            int(rospy.get_param(f"{CAMERA}/first", 0)) if asked else 0,
+            int(rospy.get_param(f"{CAMERA}/step", 1)) if asked else 1)
 
 
 def _ask_for_bracket(tell):
