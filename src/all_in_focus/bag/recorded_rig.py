@@ -19,10 +19,8 @@ FOREVER = genpy.Duration(10 ** 8)
 
 def camera_of(info, name):
     """Camera of the images as sent: with binning and region of interest applied. RigError."""
-    if not (0 < info.width <= MAX_SIZE and 0 < info.height <= MAX_SIZE):
-        raise RigError(f"image size is {info.width}x{info.height}: calibrate the camera")
-    if info.width * info.height > MAX_PIXELS:
-        raise RigError(f"image size is {info.width}x{info.height}, more than 100 megapixels: check width and height")
+    if not (0 < info.width <= MAX_SIZE and 0 < info.height <= MAX_SIZE and info.width * info.height <= MAX_PIXELS):
+        raise RigError(f"image size is {info.width}x{info.height}, not 1x1 to 100 megapixels: calibrate the camera")
     K = np.array(info.K, float).reshape(3, 3)
     if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0):
         raise RigError(f"the camera is not calibrated (fx = {K[0, 0]:g}, fy = {K[1, 1]:g}): calibrate it, or "

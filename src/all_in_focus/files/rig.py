@@ -177,10 +177,6 @@ class _Reader:
             value = yaml_file.read(self.path, RigError, yaml.BaseLoader)[key]
         return value if isinstance(value, str) and value else self.fail(key, "expected a name")
 
-    def positive(self, key):
-        value = float(self.array(key, ()))
-        return value if value > 0 else self.fail(key, "must be positive")
-
     def size(self, key):
         value = self.value(key)
         return value if type(value) is int and value > 0 else self.fail(key, "expected a positive whole number")
@@ -219,8 +215,6 @@ def load_camera(path):
         if file.data.get(key, 0) not in (0, 1):
             file.fail(key, "is not supported in a file: give the calibration of the binned pictures")
     D = file.matrix("distortion_coefficients", None)
-    if model not in DISTORTION_COEFFICIENTS:
-        file.fail("distortion_model", f"'{model}' is not one of {', '.join(sorted(DISTORTION_COEFFICIENTS))}")
     D = distortion_of(model, [] if D is None else D, f"{path}: distortion_coefficients.data: ")
     return Camera(file.text("camera_name", "camera"), file.size("image_width"), file.size("image_height"), K, D, model,
                   file.matrix("rectification_matrix", (3, 3)), file.matrix("projection_matrix", (3, 4)))
@@ -228,7 +222,7 @@ def load_camera(path):
 
 def load_optics(path):
     file = _Reader(path)
-    optics = Optics(file.positive("focal_length_mm"), file.positive("aperture"), file.positive("circle_of_confusion_mm"))
+    optics = Optics(*(float(file.array(name, ())) for name in OPTICS_RANGES))
     optics.validate(path)
     return optics
 
