@@ -55,7 +55,7 @@ def check_bag(bag, rules, invalid_values=(0,), optics=None):
     messages = [fetch(bag, "depth", head) for head in sample(usable, DEPTH_SAMPLES)]
     images = [depth_mm(message, invalid_values) for message in messages]
     if usable:
-        check_depth_values(check("depth values"), bag.topics["depth"], messages, images)
+        check_depth_values(check("depth values"), bag.topics["depth"], messages, images, said.unit if said else "")
     if said:
         check_overlap(check("overlap"), said)
     known = np.concatenate([image[image > 0] for image in images]) if images else np.zeros(0)

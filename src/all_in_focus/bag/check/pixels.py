@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 
 from all_in_focus.bag.check.findings import share_text
-from all_in_focus.image_messages import METRES, ImageError, bgr, depth_as_sent
+from all_in_focus.image_messages import METRES, bgr, depth_as_sent
 from all_in_focus.bag.scan import NS, fetch
 from all_in_focus.files.errors import counted
 from all_in_focus.imaging import CHECKED_WIDTH, FocusCheck, shrunk, srgb_to_linear, white_code
 
-NEAR_MM, FAR_MM = 150, 20000  # medians beyond are mistakes
+MOST_METRES = 100             # medians beyond are mm
 MOSTLY_UNKNOWN = 0.7
 NO_READING = 2047             # of a raw Kinect stream: no measurement
 NOTICEABLE = 0.01             # share of pixels
@@ -54,14 +54,15 @@ def check_images(check, bag, scan, kind):
     return good
 
 
-def check_depth_values(check, name, messages, images):
-    """name: topic; images: H x W mm, 0 = unknown, of the same messages."""
+def check_depth_values(check, name, messages, images, unit):
+    """name: topic; images: H x W mm, 0 = unknown, of the same messages; unit: what check_depth says of the first, or empty."""
     encoding = messages[0].encoding
     values = np.concatenate([image.ravel() for image in images])
     known = values[values > 0]
     sent = np.concatenate([depth_as_sent(message).ravel() for message in messages])
     sent = sent[np.isfinite(sent) & (sent > 0)]
-    unit = _wrong_unit(encoding, sent)
+    if encoding == METRES and len(sent) and np.median(sent) >= MOST_METRES:
+        unit = f"half of the values are above {np.median(sent):.4g}: mm, but 32FC1 means m: divide by 1000, or send 16UC1"
     if unit:
         (check.warning if len(known) else check.error)(f"{name}: {unit}")
     elif not len(known):
@@ -77,23 +78,7 @@ def check_depth_values(check, name, messages, images):
     if encoding != METRES and no_reading > NOTICEABLE:
         check.warning(f"{name}: {share_text(no_reading)} of the pixels are exactly {NO_READING} mm, which means "
                       f"unknown in a raw Kinect stream: --invalid-values [0,{NO_READING},65535]")
-    if not unit and not NEAR_MM <= middle * 1000 <= FAR_MM:
-        check.warning(f"{name}: half of the depths are {'below' if middle < 1 else 'above'} {middle:.3g} m: is the "
-                      "unit right (16UC1: mm, 32FC1: m)?")
     check.ok(f"{near:.2f} to {far:.2f} m, half of them below {middle:.2f} m; {share_text(unknown)} unknown")
-
-
-def _wrong_unit(encoding, sent):
-    """Detects mm where the encoding means metres, and the reverse; empty where the unit is plausible."""
-    if not len(sent):
-        return ""
-    middle = np.median(sent)
-    if encoding == METRES and middle >= 100:
-        return f"half of the values are above {middle:.4g}: mm, but 32FC1 means m: divide by 1000, or send 16UC1"
-    if encoding != METRES and middle <= 20:
-        return (f"half of the values are {middle} or less: m, but {encoding} means mm: multiply by 1000, or send "
-                "32FC1")
-    return ""
 
 
 def sample(items, most):
@@ -106,18 +91,14 @@ def sample(items, most):
 class Sample:
     """Measurements of some frames of one bracket, read one at a time.
 
-    light: frames x blocks, mean linear light; focus: FocusCheck; problem: of the first frame that cannot be read, or None.
+    light: frames x blocks, mean linear light; focus: FocusCheck. bracket: of frames that check_images() has accepted.
     """
 
     def __init__(self, bag, number, bracket, most):
-        self.number, self.light, self.focus, self.frames, self.problem = number, [], FocusCheck(), [], None
+        self.number, self.light, self.focus, self.frames = number, [], FocusCheck(), []
         size, pictures, highest = None, [], 0
         for frame in sample(bracket.frames, most):
-            try:
-                picture = bgr(fetch(bag, "rgb", frame.head), deep=True)
-            except ImageError as error:
-                self.problem = self.problem or f"frame {frame.index}: {error}"
-                continue
+            picture = bgr(fetch(bag, "rgb", frame.head), deep=True)
             size = size or picture.shape
             if picture.shape != size:
                 continue
@@ -134,8 +115,6 @@ class Sample:
 def check_exposure(check, brackets, samples):
     worst = 0.0
     for one in samples:
-        if one.problem:
-            check.bracket_warning(one.number, one.problem)
         if len(one.frames) < 2:
             continue
         gains = relative_light(np.array(one.light))
