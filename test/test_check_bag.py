@@ -112,10 +112,10 @@ ERRORS = {
     "no depth info": (without("/depth/camera_info"), "topics", "no camera info of the depth camera"),
     "no colour info": (without("/rgb/camera_info"), "topics", "no camera info of the colour camera"),
     "renamed": (lambda m: moved(m, "/depth/image_raw", "/camera/depth/image_raw"), "topics",
-                "nothing on /depth/image_raw; /camera/depth/image_raw has that type: "
+                "nothing on /depth/image_raw; of that type there is /camera/depth/image_raw: "
                 "--depth-topic /camera/depth/image_raw$"),
     "renamed info": (lambda m: moved(m, "/rgb/camera_info", "/dslr/camera_info"), "topics",
-                     "/dslr/camera_info has that type: --rgb-info-topic /dslr/camera_info$"),
+                     "/dslr/camera_info: --rgb-info-topic /dslr/camera_info$"),
     "compressed depth": (lambda m: moved(changed("/depth/image_raw", compressed)(m), "/depth/image_raw",
                                          "/depth/image_raw/compressedDepth"), "topics",
                          "compressedDepth cannot be read: rosrun image_transport republish compressedDepth in:="),
@@ -146,7 +146,7 @@ ERRORS = {
     "tf turned round": (transform(w=0.0, y=1.0), "overlap", "no depth falls"),
     "all stamps": (later("/", 0), "stamps", "/rgb/image: 4 of 4 stamps are zero"),
     "depth stamps": (later("/depth/", 0), "stamps", "/depth/image_raw: 1 of 1 stamps are zero"),
-    "clocks": (later("/rgb/", 3612), "stamps", "colour is stamped 1 h 0 min 12 s later than depth.*chrony"),
+    "clocks": (later("/rgb/", 3612), "stamps", "colour is stamped 1:00:12 later than depth.*chrony"),
     "depth too late": (later("/depth/", 0.2), "depth in time",
                        "bracket 0: no depth .*the first depth comes 0.2 s too late"),
     "focus stamps": (later("/rgb/focus", 0.01), "brackets", "no colour image has a message of the same stamp"),
@@ -171,7 +171,7 @@ WARNINGS = {
     "tf late": (late_transform, "transform", "recorded after the first depth image"),
     "no calibration of the pose": (transform(x=0.0), "transform", "at one place"),
     "stamps go back": (swapped, "stamps", "stamps go back 1 time, by up to 0.100 s"),
-    "recorded again": (later("/", -3600), "stamps", "recorded 1 h 0 min 0 s after their stamps"),
+    "recorded again": (later("/", -3600), "stamps", "recorded 1:00:00 after their stamps"),
     "frames without focus": (changed("/rgb/focus", lambda message, number: number == 2 and setattr(
         message.header, "stamp", genpy.Time(1))), "brackets", "1 of 4 colour images have no message of the same stamp"),
     "frame missing": (lambda m: [entry for entry in m if entry[2] != START + 0.2], "brackets",
@@ -192,7 +192,7 @@ WARNINGS = {
     "no lens": (without("/rgb/optics"), "optics", "nothing on /rgb/optics.*--optics f,F,coc"),
     "impossible lens": (setting("/rgb/optics", aperture=0.0), "optics", "impossible .f = 24, F = 0"),
     "no distances": (setting("/rgb/focus", focus_distance=float("nan")), "focus steps", "no focus distances are known"),
-    "one distance": (focus([1.3] * 4), "focus steps", "all frames say the same focus distance, 1.3 m"),
+    "one distance": (focus([1.3] * 4), "focus steps", "3 of 3 steps leave the focus distance as it is"),
     "to and fro": (focus([1, 1.5, 1.2, 2]), "focus steps", "to and fro"),
     "nothing near": (focus([2, 3, 4, 5]), "focus steps", "nothing is sharp between 1 and 1.58 m, where 50 %"),
     "exposure": (changed("/rgb/image", brighter), "exposure", "the light changes by 2. %, most in frame 2"),
@@ -252,6 +252,12 @@ def test_the_rig_is_checked_in_the_words_of_fuse_stack(tmp_path):
         assert found - said <= {"both cameras stand at one place: was the rig calibrated?"}
         words |= {line[-40:] for line in said}
     assert len(words) == 4
+
+
+def test_metres_in_an_image_of_millimetres(tmp_path):
+    report = report_on(write(tmp_path / "x.bag", depth(np.rint(depth_image() / 1000))(good_messages())))
+    assert any(finding.check == "depth values" and "m, but a depth image means mm" in finding.text
+               for finding in report.findings), report.lines()
 
 
 def test_depth_of_some_brackets_only(tmp_path):

@@ -118,13 +118,6 @@ class BagFile:
         types = (TYPES[kind]._type,) + ((CompressedImage._type,) if TYPES[kind] is Image else ())
         return sorted(name for name, info in self.found.items() if info.msg_type in types and info.message_count > 0)
 
-    def description(self):
-        """Length and compression, in words."""
-        there = any(self.has_topic(name) for name in self.found)
-        seconds = self._bag.get_end_time() - self._bag.get_start_time() if there else 0
-        compression = self._bag.get_compression_info().compression
-        return ("" if compression == "none" else f"{compression}, ") + f"{seconds:.1f} s"
-
     def _types_of_topics(self):
         """topic -> type -> checksums of its definition. rosbag's own list knows one type of each topic."""
         found = {}

@@ -17,7 +17,6 @@ from all_in_focus.files.output_file import write_picture
 from all_in_focus.files.rig import RigError, same_shape, save_rig
 from all_in_focus.imaging import shrunk
 
-FIELD_OF_VIEW = (3, 150)  # degrees; beyond is a mistake
 WIDTH = 640  # pixels to which larger pictures are reduced: enough for the check of mirroring
 
 
@@ -42,8 +41,6 @@ def check_camera(check, bag, scan, kind, heads):
                       "zoomed, every bracket is fused with the calibration of its time")
     _check_rectification(check, bag, kind, info, camera)
     field = np.degrees(2 * np.arctan(camera.width / 2 / camera.K[0, 0]))
-    if not camera.is_fisheye and not FIELD_OF_VIEW[0] < field < FIELD_OF_VIEW[1]:
-        check.warning(f"{name}: horizontal field of view {field:.3g} degrees: was the calibration made for these images?")
     check.ok(f"{camera.width}x{camera.height}, fx {camera.K[0, 0]:.1f}, field of view {field:.1f} degrees, "
              f"{'distortion known' if camera.D.any() else 'no distortion'}")
     return camera

@@ -76,10 +76,7 @@ class Check:
     def ok(self, text, brackets=0):
         """Adds a line "ok", unless the check has found something. brackets: how many there are."""
         for warning, numbers in list(self._of_brackets.items())[:MOST]:
-            where = f"bracket {numbers[0]}"
-            if len(numbers) > 1:
-                where = "all brackets" if len(numbers) == brackets else \
-                    f"{len(numbers)} of {brackets} brackets, the first is {numbers[0]}"
+            where = f"{len(numbers)} of {brackets} brackets, the first is {numbers[0]}"
             self.warning(f"{where}: {warning}" if brackets > 1 else warning)
         more = len(self._of_brackets) - MOST
         if more > 0:

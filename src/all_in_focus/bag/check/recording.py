@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Is everything recorded that the nodes need, under these names, with stamps that fit each other?"""
 import re
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ TITLES = {"depth": "depth", "rgb": "colour"}
 
 
 def check_file(check, bag):
-    check.ok(f"{Path(bag.path).stat().st_size / 1e6:.1f} MB, {bag.description()}")
+    check.ok(f"{Path(bag.path).stat().st_size / 1e6:.1f} MB")
 
 
 def check_topics(check, bag, scan):
@@ -56,12 +57,7 @@ def _where(bag, kind):
 def suggestion(bag, kind):
     """The topic that may be meant where the expected one is missing, with the option for it; empty if there is none."""
     names = _candidates(bag, kind)
-    if not names:
-        return ""
-    if len(names) == 1:
-        return f"{names[0]} has that type: {option_of(kind)} {names[0]}"
-    return (f"{counted(len(names), 'topic')} of that type ({', '.join(names[:5])}): such as {option_of(kind)} "
-            f"{names[0]}")
+    return f"of that type there is {', '.join(names[:5])}: {option_of(kind)} {names[0]}" if names else ""
 
 
 def likely_topics(bag):
@@ -146,10 +142,7 @@ def check_depth_in_time(check, brackets, usable, rules):
     if without:
         number, bracket = without[0]
         everywhere = len(without) == len(brackets)
-        where = f"bracket {number}"
-        if len(brackets) > 1:
-            share = "all" if everywhere else f"{len(without)} of {len(brackets)}"
-            where = f"{share} brackets, such as {where}"
+        where = f"{len(without)} of {counted(len(brackets), 'bracket')}, such as bracket {number}"
         (check.error if everywhere else check.warning)(
             f"{where}: no depth image at or before the first frame and not older than {rules.max_age:g} s "
             f"({_nearest(bracket, usable)}): fused by sharpness alone")
@@ -171,11 +164,5 @@ def _nearest(bracket, usable):
 
 
 def duration(seconds):
-    """0.5 -> 0.5 s, 3612 -> 1 h 0 min 12 s."""
-    if seconds < 120:
-        return f"{seconds:.4g} s"
-    days, rest = divmod(int(seconds + 0.5), 86400)
-    parts = [(days, "d"), (rest // 3600, "h"), (rest // 60 % 60, "min"), (rest % 60, "s")]
-    while parts[0][0] == 0:
-        parts.pop(0)
-    return " ".join(f"{part[0]} {part[1]}" for part in parts[:3])
+    """0.5 -> 0.5 s, 3612 -> 1:00:12."""
+    return f"{seconds:.4g} s" if seconds < 120 else str(timedelta(seconds=round(seconds)))

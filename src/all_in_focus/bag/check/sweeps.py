@@ -64,9 +64,6 @@ def _inconsistent(bracket):
     counts = sorted({frame.focus.count for frame in bracket.frames})
     if len(counts) > 1:
         yield f"count is {' and '.join(map(str, counts[:3]))}"
-    early = [frame.index for frame in bracket.frames[:-1] if frame.focus.last]
-    if early:
-        yield f"frame {early[0]} says last, others follow"
     if not missing and not bracket.frames[-1].focus.last and not bracket.announced:
         yield "no frame says last and count is 0: it ends only when the next begins"
 
@@ -95,17 +92,12 @@ def _problems(distances, known, optics, depth):
     if not len(known):
         return
     least = optics.focal_length_mm if optics else 0
-    if (known <= least).any():
-        yield (f"{counted(int((known <= least).sum()), 'focus distance')} not beyond the focal length count as "
-               f"unknown, such as {known.min() / 1000:.4g} m")
-        known = known[known > least]
-    elif len(known) < len(distances):
-        yield f"{len(known)} of {len(distances)} focus distances are known"
+    known = known[known > least]
+    if len(known) < len(distances):
+        yield f"{len(distances) - len(known)} of {len(distances)} focus distances are unknown, or not beyond the focal length"
     steps = np.diff(1 / known)
-    if len(steps) and not steps.any():
-        yield f"all frames say the same focus distance, {known[0] / 1000:.4g} m: does the driver step the focus?"
-    elif (steps == 0).any():
-        yield f"{(steps == 0).sum()} times a frame has the focus distance of the one before"
+    if (steps == 0).any():
+        yield f"{(steps == 0).sum()} of {len(steps)} steps leave the focus distance as it is: does the driver step the focus?"
     elif (steps > 0).any() and (steps < 0).any():
         yield "the focus goes to and fro, not in one sweep: gear backlash makes its distances less certain"
     if len(known) and optics:
