@@ -49,19 +49,20 @@ def test_rig_files_are_camera_info_files(tmp_path):
 
 
 @pytest.mark.parametrize("name, old, new, message", [
-    ("color.yaml", "image_width: 640", "image_width: wide", "image_width: expected a positive whole number"),
-    ("color.yaml", "data: [810.0, ", "data: [", "camera_matrix.data: expected 9 numbers"),
-    ("color.yaml", "data: [810.0, ", "data: [-810.0, ", "camera_matrix.data: focal lengths must be positive"),
-    ("depth.yaml", "plumb_bob", "fisheye", 'distortion_coefficients.data: distortion model "fisheye" is not supported'),
+    ("color.yaml", "image_width: 640", "image_width: wide", "image_width: expected 1 finite number"),
+    ("color.yaml", "image_width: 640", "image_width: 640.5", "image_width: expected a positive whole number"),
+    ("color.yaml", "data: [810.0, ", "data: [", "camera_matrix: expected 9 finite numbers"),
+    ("color.yaml", "data: [810.0, ", "data: [-810.0, ", "camera_matrix: the camera is not calibrated (fx = -810"),
+    ("depth.yaml", "plumb_bob", "fisheye", 'distortion model "fisheye" is not supported'),
     ("depth.yaml", "distortion_model", "camera_model: fisheye\ndistortion_model", "camera_model: 'fisheye' is not supported"),
     ("depth.yaml", "distortion_model", "binning_x: 4\ndistortion_model", "binning_x: is not supported"),
-    ("color.yaml", "data: [810.0, 0.0, ", "data: [810.0, 2.0, ", "camera_matrix.data: the camera matrix has a skew, 2"),
+    ("color.yaml", "data: [810.0, 0.0, ", "data: [810.0, 2.0, ", "camera_matrix: the camera matrix has a skew, 2"),
     ("depth.yaml", "image_width: 640", "image_width: [", "not valid YAML"),
-    ("extrinsics.yaml", "rotation: [", "rotation: [7.0, ", "rotation: expected 4 numbers"),
-    ("extrinsics.yaml", "translation: [-0.03", "translation: [.nan", "translation: must be finite"),
+    ("extrinsics.yaml", "rotation: [", "rotation: [7.0, ", "rotation: expected 4 finite numbers"),
+    ("extrinsics.yaml", "translation: [-0.03", "translation: [.nan", "translation: expected 3 finite numbers"),
     ("optics.yaml", "aperture: 2.0", "aperture: 0.0", "aperture must be 0.1 to 1000, not 0"),
     ("optics.yaml", "aperture: 2.0", "aperture: 1e-200", "aperture must be 0.1 to 1000, not 1e-200"),
-    ("optics.yaml", "aperture: 2.0", "aperture: .inf", "aperture: must be finite"),
+    ("optics.yaml", "aperture: 2.0", "aperture: .inf", "aperture: expected 1 finite number"),
 ])
 def test_rig_errors_name_file_and_key(tmp_path, name, old, new, message):
     save_changed_rig(tmp_path, name, old, new)

@@ -22,9 +22,6 @@ def camera_of(info, name):
     if not (0 < info.width <= MAX_SIZE and 0 < info.height <= MAX_SIZE and info.width * info.height <= MAX_PIXELS):
         raise RigError(f"image size is {info.width}x{info.height}, not 1x1 to 100 megapixels: calibrate the camera")
     K = np.array(info.K, float).reshape(3, 3)
-    if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0):
-        raise RigError(f"the camera is not calibrated (fx = {K[0, 0]:g}, fy = {K[1, 1]:g}): calibrate it, or "
-                       "give its driver a calibration file")
     model = info.distortion_model or "plumb_bob"
     check_matrix(K)
     D = distortion_of(model, info.D if info.distortion_model else [])

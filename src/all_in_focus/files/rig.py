@@ -15,6 +15,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from all_in_focus.files import yaml_file
+from all_in_focus.files.errors import counted
 
 DISTORTION_COEFFICIENTS = {"plumb_bob": 5, "rational_polynomial": 8, "equidistant": 4}
 KNOWN_TO_OPENCV = (0, 4, 5, 8, 12, 14)
@@ -53,8 +54,11 @@ def same_shape(one, other):
 
 
 def check_matrix(K, where=""):
-    """RigError, which begins with `where`, for a camera matrix (3x3) that says more than fx, fy, cx, cy: nothing here would use
-    it."""
+    """RigError, which begins with `where`, for a camera matrix (3x3) that says less or more than fx, fy, cx, cy: nothing here
+    would use it."""
+    if not (np.isfinite(K).all() and K[0, 0] > 0 and K[1, 1] > 0):
+        raise RigError(f"{where}the camera is not calibrated (fx = {K[0, 0]:g}, fy = {K[1, 1]:g}): calibrate it, or give its "
+                       "driver a calibration file")
     if abs(K[0, 1]) > LARGEST_SKEW:
         raise RigError(f"{where}the camera matrix has a skew, {K[0, 1]:g}, which is not supported: calibrate without one")
     if K[1, 0] or (K[2] != (0, 0, 1)).any():
@@ -151,95 +155,72 @@ class Rig:
 
 
 class _Reader:
-    """One YAML file, read key by key; errors name file and key."""
+    """One YAML file, read key by key; errors name file and key. Values are read as texts: a name may be a serial number."""
 
     def __init__(self, path):
-        self.path = path
-        self.data = yaml_file.read(path, RigError)
+        self.path, self.data = path, yaml_file.read(path, RigError, yaml.BaseLoader)
         if not isinstance(self.data, dict):
             raise RigError(f"{path}: expected keys and values")
 
     def fail(self, key, reason):
         raise RigError(f"{self.path}: {key}: {reason}")
 
-    def value(self, key, default=None):
-        node = self.data
-        for part in key.split("."):
-            if not isinstance(node, dict) or part not in node:
-                return default if default is not None else self.fail(key, "missing")
-            node = node[part]
-        return node
-
     def text(self, key, default=None):
-        """A name. One that looks like a number, such as a serial number, is returned as it is written in the file."""
-        value = self.value(key, default)
-        if type(value) in (int, float, bool):
-            value = yaml_file.read(self.path, RigError, yaml.BaseLoader)[key]
-        return value if isinstance(value, str) and value else self.fail(key, "expected a name")
+        value = self.data.get(key, default)
+        return value if isinstance(value, str) and value not in ("", "~") else self.fail(key, "expected a name")
+
+    def numbers(self, key, shape=()):
+        """Finite numbers in the given shape, those of a matrix from its data; shape None: any list."""
+        node = self.data.get(key)
+        try:
+            values = np.array(node["data"] if isinstance(node, dict) else node, float)
+            if np.isfinite(values).all() and values.ndim < 2:
+                return values.reshape(values.size if shape is None else shape)
+        except (KeyError, TypeError, ValueError):
+            pass
+        expected = "finite numbers" if shape is None else counted(np.prod(shape, dtype=int), "finite number")
+        return self.fail(key, f"expected {expected}")
 
     def size(self, key):
-        value = self.value(key)
-        return value if type(value) is int and value > 0 else self.fail(key, "expected a positive whole number")
-
-    def array(self, key, shape):
-        """Finite numbers in the given shape; shape None: any flat list."""
-        try:
-            values = np.array(self.value(key), float)
-        except (TypeError, ValueError):
-            self.fail(key, "expected numbers")
-        if not np.isfinite(values).all():
-            self.fail(key, "must be finite")
-        if shape is None:
-            return values if values.ndim == 1 else self.fail(key, "expected a list of numbers")
-        if values.size != int(np.prod(shape)) or values.ndim > 1:
-            self.fail(key, "expected a number" if shape == () else f"expected {np.prod(shape)} numbers")
-        return values.reshape(shape)
-
-    def matrix(self, key, shape):
-        """None where the file has none."""
-        return self.array(f"{key}.data", shape) if key in self.data else None
+        value = self.numbers(key)
+        return int(value) if value >= 1 and value % 1 == 0 else self.fail(key, "expected a positive whole number")
 
 
 def load_camera(path):
     file = _Reader(path)
-    K = file.array("camera_matrix.data", (3, 3))
-    if K[0, 0] <= 0 or K[1, 1] <= 0:
-        file.fail("camera_matrix.data", "focal lengths must be positive")
-    check_matrix(K, f"{path}: camera_matrix.data: ")
-    model = file.text("distortion_model", "plumb_bob")
-    kind = file.text("camera_model", "pinhole")
-    if kind != "pinhole" and (kind, file.data.get("distortion_model")) != ("fisheye", "equidistant"):
+    K = file.numbers("camera_matrix", (3, 3))
+    check_matrix(K, f"{path}: camera_matrix: ")
+    model, kind = file.text("distortion_model", "plumb_bob"), file.text("camera_model", "pinhole")
+    if kind != "pinhole" and (kind, model) != ("fisheye", "equidistant"):
         file.fail("camera_model", f"'{kind}' is not supported: use pinhole, or fisheye with distortion_model: equidistant "
                                   "(OpenCV's fisheye model)")
     for key in ("binning_x", "binning_y"):
-        if file.data.get(key, 0) not in (0, 1):
+        if key in file.data and file.numbers(key) not in (0, 1):
             file.fail(key, "is not supported in a file: give the calibration of the binned pictures")
-    D = file.matrix("distortion_coefficients", None)
-    D = distortion_of(model, [] if D is None else D, f"{path}: distortion_coefficients.data: ")
-    return Camera(file.text("camera_name", "camera"), file.size("image_width"), file.size("image_height"), K, D, model,
-                  file.matrix("rectification_matrix", (3, 3)), file.matrix("projection_matrix", (3, 4)))
-
-
-def load_optics(path):
-    file = _Reader(path)
-    optics = Optics(*(float(file.array(name, ())) for name in OPTICS_RANGES))
-    optics.validate(path)
-    return optics
+    D = file.numbers("distortion_coefficients", None) if "distortion_coefficients" in file.data else []
+    R, P = (file.numbers(key, shape) if key in file.data else None
+            for key, shape in (("rectification_matrix", (3, 3)), ("projection_matrix", (3, 4))))
+    return Camera(file.text("camera_name", "camera"), file.size("image_width"), file.size("image_height"), K,
+                  distortion_of(model, D, f"{path}: "), model, R, P)
 
 
 def load_rig(folder):
     """Rig from its folder; `optics` is None where optics.yaml does not exist. Raises RigError."""
     folder = Path(folder)
     depth, color = load_camera(folder / "depth.yaml"), load_camera(folder / "color.yaml")
-    file, optics = _Reader(folder / "extrinsics.yaml"), folder / "optics.yaml"
+    file, optics = _Reader(folder / "extrinsics.yaml"), None
     parent, child = file.text("parent_frame"), file.text("child_frame")
     if _is_of(parent, depth) and _is_of(child, color) and not _is_of(parent, color) and not _is_of(child, depth):
         file.fail("parent_frame", "is that of the depth camera: give the pose of the depth camera in the colour camera's frame")
-    quaternion = file.array("rotation", (4,))
+    quaternion = file.numbers("rotation", (4,))
     if abs(np.linalg.norm(quaternion) - 1) > 1e-3:
         file.fail("rotation", "expected a unit quaternion x, y, z, w")
-    return Rig(depth, color, rotation_matrix(Rotation.from_quat(quaternion)), file.array("translation", (3,)),
-               load_optics(optics) if optics.exists() else None, parent, child, quaternion)
+    if (folder / "optics.yaml").exists():
+        lens = _Reader(folder / "optics.yaml")
+        optics = Optics(*(float(lens.numbers(name)) for name in OPTICS_RANGES))
+        optics.validate(lens.path)
+    return Rig(depth, color, rotation_matrix(Rotation.from_quat(quaternion)), file.numbers("translation", (3,)), optics, parent,
+               child, quaternion)
 
 
 def _is_of(frame, camera):
