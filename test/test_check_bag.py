@@ -123,7 +123,7 @@ ERRORS = {
                    "/depth/image_raw holds sensor_msgs/CameraInfo, not sensor_msgs/Image"),
     "two types": (lambda m: m + moved([entry for entry in m if entry[0] == "/depth/camera_info"], "/depth/camera_info",
                                       "depth/image_raw"), "topics",  # without "/": rosbag then writes a connection of its own
-                  "/depth/image_raw holds sensor_msgs/CameraInfo and sensor_msgs/Image: record one publisher"),
+                  "/depth/image_raw holds sensor_msgs/CameraInfo and sensor_msgs/Image, not sensor_msgs/Image.*of one publisher"),
     "depth encoding": (setting("/depth/image_raw", encoding="mono8"), "depth image", "\"mono8\": publish 16UC1"),
     "byte order": (setting("/depth/image_raw", is_bigendian=1), "depth image", "byte order"),
     "colour encoding": (setting("/rgb/image", encoding="8UC3"), "colour image", "8UC3.*publish bgr8 or rgb8"),
@@ -190,7 +190,7 @@ WARNINGS = {
     "circle of confusion": (setting("/rgb/optics", circle_of_confusion_mm=1.9), "optics",
                             "the circle of confusion, 1.9 mm, is over a fiftieth of the sensor"),
     "no lens": (without("/rgb/optics"), "optics", "nothing on /rgb/optics.*--optics f,F,coc"),
-    "impossible lens": (setting("/rgb/optics", aperture=0.0), "optics", "impossible .f = 24, F = 0"),
+    "impossible lens": (setting("/rgb/optics", aperture=0.0), "optics", "impossible .f = 24 mm, F = 0"),
     "no distances": (setting("/rgb/focus", focus_distance=float("nan")), "focus steps", "no focus distances are known"),
     "one distance": (focus([1.3] * 4), "focus steps", "3 of 3 steps leave the focus distance as it is"),
     "to and fro": (focus([1, 1.5, 1.2, 2]), "focus steps", "to and fro"),

@@ -90,6 +90,13 @@ class BagFile:
         except (OSError, *DAMAGE) as error:
             raise BagError(f"{self.path}: damaged or unreadable: {one_line(error)}")
 
+    def read_at(self, place):
+        """The message at this place of the file, as read(raw=True) tells it."""
+        try:
+            return self._bag._read_message(place).message
+        except (OSError, *DAMAGE) as error:
+            raise BagError(f"{self.path}: damaged or unreadable: {one_line(error)}")
+
     def first(self, name):
         """(message, time) of a topic that has() one."""
         for _, message, time in self.read([name]):
@@ -101,17 +108,13 @@ class BagFile:
         return [kind for kind in REQUIRED if not self.has(kind)]
 
     def wrong_types(self):
-        """Yields (kind, one line) for topics of another type."""
+        """Yields (kind, one line) for topics of another type, of several, or of another version of the message."""
         for kind, expected in TYPES.items():
-            name, found = self.topics[kind], self._types.get(self.topics[kind], {})
-            if len(found) > 1:
-                yield kind, f"{name} holds {' and '.join(sorted(found))}: record one publisher of it, of {expected._type}"
-            elif not found or kind == "rgb" and CompressedImage._type in found:
-                continue
-            elif expected._type not in found:
-                yield kind, f"{name} holds {next(iter(found))}, not {expected._type}"
-            elif found[expected._type] != {expected._md5sum}:
-                yield kind, f"{name}: {expected._type} was recorded in another version of that message"
+            name, found = self.topics[kind], self._types.get(self.topics[kind], set())
+            known = {(one._type, one._md5sum) for one in (expected, *([CompressedImage] if kind == "rgb" else []))}
+            if len(found) > 1 or found - known:
+                yield kind, (f"{name} holds {' and '.join(sorted(datatype for datatype, _ in found))}, not {expected._type} as it "
+                             "is today, of one publisher")
 
     def alternatives(self, kind):
         """Names of topics that have messages of the type that this kind needs."""
@@ -119,11 +122,11 @@ class BagFile:
         return sorted(name for name, info in self.found.items() if info.msg_type in types and info.message_count > 0)
 
     def _types_of_topics(self):
-        """topic -> type -> checksums of its definition. rosbag's own list knows one type of each topic."""
+        """topic -> its types, with the checksums of their definitions. rosbag's own list knows one type of each topic."""
         found = {}
 
         def note(topic, datatype, md5sum, *_):
-            found.setdefault(absolute(topic), {}).setdefault(datatype, set()).add(md5sum)
+            found.setdefault(absolute(topic), set()).add((datatype, md5sum))
         for _ in self._bag.read_messages(connection_filter=note):  # no connection passes
             pass
         return found

@@ -10,7 +10,7 @@ from all_in_focus.bag.brackets import assemble
 from all_in_focus.bag.bag_file import BagError
 from all_in_focus.image_messages import ImageError, bgr, depth_mm
 from all_in_focus.bag.recorded_rig import camera_at, color_frame, depth_problem, optics_at, pose
-from all_in_focus.bag.scan import fetch, scan
+from all_in_focus.bag.scan import scan
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import whole_folder
 from all_in_focus.files.rig import DEFAULT_OPTICS, Rig, RigError, save_rig
@@ -82,7 +82,7 @@ class _BracketWriter:
         for frame in self._bracket.frames:
             bar.update()
             try:
-                picture = bgr(fetch(self._bag, "rgb", frame.head), deep=True)
+                picture = bgr(self._bag.read_at(frame.head.place), deep=True)
                 size = size or picture.shape
                 if picture.shape != size:
                     raise ImageError(f"it is {size_text(picture)}, the first is {size[1]}x{size[0]}")
@@ -108,7 +108,7 @@ class _BracketWriter:
                 why = depth_problem(self._scan, self._scan.depth[0]) or why
             self._warnings.append(f"no depth: {why if self._scan.depth else 'nothing on ' + self._bag.topics['depth']}")
             return False
-        self._write_png("depth.png", depth_mm(fetch(self._bag, "depth", head), self._invalid_values))
+        self._write_png("depth.png", depth_mm(self._bag.read_at(head.place), self._invalid_values))
         order = self._bracket.frames[0].head.order
         try:
             cameras = camera_at(self._scan, "depth", head.order), camera_at(self._scan, "rgb", head.order)

@@ -121,7 +121,7 @@ def optics_at(scan, order):
     return optics
 
 
-def is_possible(transform):
+def _is_possible(transform):
     """Whether the rotation is a unit quaternion and all numbers are finite."""
     q, t = transform.transform.rotation, transform.transform.translation
     values = np.array([q.x, q.y, q.z, q.w, t.x, t.y, t.z])
@@ -130,6 +130,6 @@ def is_possible(transform):
 
 def _good(message):
     # tf2 refuses the others too, and prints a message for each.
-    return [transform for transform in message.transforms if is_possible(transform)
+    return [transform for transform in message.transforms if _is_possible(transform)
             and transform.header.frame_id and transform.child_frame_id
             and transform.header.frame_id.strip("/") != transform.child_frame_id.strip("/")]

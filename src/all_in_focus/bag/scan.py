@@ -9,7 +9,7 @@ import genpy
 from sensor_msgs.msg import CompressedImage
 from tf2_msgs.msg import TFMessage
 
-from all_in_focus.bag.bag_file import TYPES, BagError, absolute
+from all_in_focus.bag.bag_file import TYPES, absolute
 from all_in_focus.image_messages import ImageError, bgr, check_depth
 from all_in_focus.progress import Progress
 
@@ -20,13 +20,12 @@ SMALL = {**TYPES, "tf": TFMessage, "tf_static": TFMessage}  # tf2 does not accep
 class Head(NamedTuple):
     """An image without its pixels. Times in ns.
 
-    order: position among the messages scanned; nth: position among those of its topic recorded at the same time; size:
-    (width, height), None of a compressed image that nobody has looked at; problem: why the nodes refuse it, else "";
-    checksum: of the pixels.
+    order: position among the messages scanned; place: in the file; size: (width, height), None of a compressed image that
+    nobody has looked at; problem: why the nodes refuse it, else ""; checksum: of the pixels.
     """
     order: int
     recorded: int
-    nth: int
+    place: tuple
     stamp: int
     frame_id: str
     encoding: str
@@ -67,18 +66,16 @@ def scan(bag, pixels=False):
     kinds.update({"/tf": "tf", "/tf_static": "tf_static"})
     found = Scan()
     total = sum(bag.found[name].message_count for name in kinds if name in bag.found)
-    last, infos = {}, {}  # (recorded, nth) by kind; the last camera info without its stamp
+    infos = {}  # the last camera info by kind, without its stamp
     messages = enumerate(bag.read(list(kinds), raw=True))
     bar = Progress(messages, total=total, unit="message", leave=False)
-    for order, (name, (_, data, _, _, message_type), time) in bar:
+    for order, (name, (_, data, _, place, message_type), time) in bar:
         kind, recorded = kinds[absolute(name)], time.to_nsec()
         found.counts[kind] = found.counts.get(kind, 0) + 1
         found.start = found.start or recorded
         try:
             if kind in ("depth", "rgb"):
-                nth = last[kind][1] + 1 if last.get(kind, (None,))[0] == recorded else 0
-                last[kind] = (recorded, nth)
-                getattr(found, kind).append(_head(message_type().deserialize(data), kind, pixels, order, recorded, nth))
+                getattr(found, kind).append(_head(message_type().deserialize(data), kind, pixels, order, recorded, place))
                 continue
             if kind.endswith("_info"):
                 if infos.get(kind) == data[12:]:
@@ -90,7 +87,7 @@ def scan(bag, pixels=False):
     return found
 
 
-def _head(message, kind, pixels, *place):
+def _head(message, kind, pixels, *where):
     is_compressed, problem = message._type == CompressedImage._type, ""
     size = None if is_compressed else (message.width, message.height)
     try:
@@ -100,17 +97,8 @@ def _head(message, kind, pixels, *place):
             size = bgr(message, deep=True).shape[1::-1]
     except ImageError as error:
         problem = str(error)
-    return Head(*place, message.header.stamp.to_nsec(), message.header.frame_id,
+    return Head(*where, message.header.stamp.to_nsec(), message.header.frame_id,
                 message.format if is_compressed else message.encoding, size, problem, zlib.crc32(message.data) if pixels else 0)
-
-
-def fetch(bag, kind, head):
-    """The whole message of a Head."""
-    time = genpy.Time(nsecs=head.recorded)
-    for nth, (_, message, _) in enumerate(bag.read([bag.topics[kind]], start_time=time, end_time=time)):
-        if nth == head.nth:
-            return message
-    raise BagError(f"{bag.path}: the image of {head.recorded / NS:.6f} on {bag.topics[kind]} cannot be read again")
 
 
 def newest(messages, order):

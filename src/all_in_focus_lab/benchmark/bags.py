@@ -15,7 +15,7 @@ from all_in_focus.bag.bag_file import BagContents, BagFile, Topics, load_topics
 from all_in_focus.bag.brackets import Rules, assemble
 from all_in_focus.bag.options import option_of
 from all_in_focus.image_messages import bgr
-from all_in_focus.bag.scan import fetch, scan
+from all_in_focus.bag.scan import scan
 from all_in_focus.files.output_folder import whole_folder
 from all_in_focus.files.stack import read_image
 from all_in_focus_lab.benchmark.methods import OWN
@@ -82,7 +82,7 @@ def export_frames(bag, options, results, folder):
             target = Path(folder) / f"bracket_{number:04d}"
             target.mkdir(parents=True)
             for place, frame in enumerate(bracket.frames):
-                cv2.imwrite(str(target / f"{place:03d}.png"), bgr(fetch(file, "rgb", frame.head)))
+                cv2.imwrite(str(target / f"{place:03d}.png"), bgr(file.read_at(frame.head.place)))
 
 
 def _of_reports(reports, found):

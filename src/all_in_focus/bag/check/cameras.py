@@ -11,7 +11,7 @@ import numpy as np
 
 from all_in_focus import installed
 from all_in_focus.bag.check.findings import share_text
-from all_in_focus.bag.recorded_rig import camera_of, color_frame, is_possible, pose
+from all_in_focus.bag.recorded_rig import camera_of, color_frame, pose
 from all_in_focus.files.errors import counted
 from all_in_focus.files.output_file import write_picture
 from all_in_focus.files.rig import RigError, same_shape, save_rig
@@ -68,13 +68,8 @@ def _check_size(check, bag, kind, camera, heads, infos):
     text = (f"{bag.topics[f'{kind}_info']} is for {size[0]}x{size[1]}, the images have {found}: use the calibration of "
             "this resolution")
     fitting = [head for head in heads if (head.size == size if kind == "depth" else same_shape(head.size, size))]
-    level = check.warning if fitting else check.error
-    if kind == "depth":
-        level(f"{text}; such depth is refused")
-    elif all(same_shape(other, size) for other in others):
-        level(f"{text}; until then labels are scaled")
-    else:
-        level(f"{text}; frames of another shape are refused")
+    refused = "such depth is refused" if kind == "depth" else "frames of another shape are refused, others scaled"
+    (check.warning if fitting else check.error)(f"{text}; {refused}")
 
 
 def _check_frames(check, bag, kind, info, heads):
@@ -83,8 +78,7 @@ def _check_frames(check, bag, kind, info, heads):
     decisive = frames if kind == "depth" else [frame]
     if "" in decisive:
         level = check.warning if any(decisive) else check.error
-        level(f"{bag.topics['depth' if kind == 'depth' else 'rgb_info']}: frame_id is empty: set it in the camera's "
-              "driver")
+        level(f"{bag.topics['depth' if kind == 'depth' else 'rgb_info']}: frame_id is empty: set it in the camera's driver")
     elif len(frames) > 1 or frames and frames[0].lstrip("/") != frame.lstrip("/"):
         found = "', '".join(frames)
         check.warning(f"{name} says frame '{frame}', the images '{found}': the nodes go by '{decisive[0]}'")
@@ -92,14 +86,10 @@ def _check_frames(check, bag, kind, info, heads):
 
 def _check_rectification(check, bag, kind, info, camera):
     """Warns of rectified images: the nodes expect images of the sensor, and apply K and D."""
-    image, name = bag.topics[kind], bag.topics[f"{kind}_info"]
     P = np.array(info.P, float).reshape(3, 4)[:, :3]
-    if "rect" in image.rsplit("/", 1)[-1] and camera.D.any():
-        check.warning(f"{image} seems to be rectified, but {name} has distortion, which would be applied again: "
-                      "take the raw images, or publish D = 0 and K = P")
-    elif not camera.D.any() and P[0, 0] > 0 and not np.allclose(P, np.array(info.K).reshape(3, 3), rtol=0.01, atol=1):
-        check.warning(f"{name} has no distortion, but P (fx {P[0, 0]:.1f}) is not K (fx {info.K[0]:.1f}), as of "
-                      "rectified images: the nodes use K and D")
+    if not camera.D.any() and P[0, 0] > 0 and not np.allclose(P, np.array(info.K).reshape(3, 3), rtol=0.01, atol=1):
+        check.warning(f"{bag.topics[f'{kind}_info']} has no distortion, but P (fx {P[0, 0]:.1f}) is not K (fx {info.K[0]:.1f}), "
+                      "as of rectified images: the nodes use K and D")
 
 
 def rig_warnings(rig, depth, picture):
@@ -124,23 +114,15 @@ def rig_warnings(rig, depth, picture):
 def check_transform(check, bag, scan, depth_head, ask):
     """ask: rig_warnings() of a Pose of the depth camera in the colour camera's frame, or None. Returns its answer."""
     child, parent = depth_head.frame_id, color_frame(scan, depth_head.order)
-    for transform in (transform for small in (*scan.tf_static, *scan.tf) for transform in small.message.transforms):
-        if not is_possible(transform):
-            check.warning(f"the transform from {transform.child_frame_id} to {transform.header.frame_id} is "
-                          "impossible (rotation no unit quaternion, or not finite) and ignored: correct the "
-                          "node that publishes it")
-            break
     try:
         found = pose(scan, child, parent, depth_head.order)
     except RigError as error:
-        if not scan.tf and not scan.tf_static:
-            check.error("nothing on /tf_static or /tf: record them too; rig_publisher publishes what a rig folder says")
-        else:
-            check.error(f"no transform connects depth frame '{child}' with colour frame '{parent}': record "
-                        f"/tf_static too, or publish it by rig_publisher (tf2: {error})")
+        problem = "nothing on /tf_static or /tf"
+        if scan.tf or scan.tf_static:
+            problem = f"no transform connects depth frame '{child}' with colour frame '{parent}' ({error})"
+        check.error(f"{problem}: record them too; rig_publisher publishes what a rig folder says")
         return None
     distance, angle = np.linalg.norm(found.t), np.degrees(np.linalg.norm(cv2.Rodrigues(found.R)[0]))
-    where = f"the depth camera stands {distance:.4g} m from the colour camera, rotated by {angle:.3g} degrees"
     if child.strip("/") == parent.strip("/"):
         check.ok(f"both cameras have the frame '{parent}'")
         return ask(found)
@@ -153,7 +135,7 @@ def check_transform(check, bag, scan, depth_head, ask):
             check.warning(warning)
     if distance == 0 and angle == 0:
         check.warning("both cameras stand at one place: was the rig calibrated?")
-    check.ok(where)
+    check.ok(f"the depth camera stands {distance:.4g} m from the colour camera, rotated by {angle:.3g} degrees")
     return said
 
 

@@ -13,7 +13,7 @@ from all_in_focus.bag.check.pixels import (BRACKETS, FRAMES, Sample, check_depth
 from all_in_focus.bag.check.recording import TITLES, check_depth_in_time, check_file, check_stamps, check_topics
 from all_in_focus.bag.check.sweeps import check_brackets, check_focus_steps, check_optics
 from all_in_focus.bag.recorded_rig import camera_at, color_frame, depth_problem, optics_at
-from all_in_focus.bag.scan import fetch, scan
+from all_in_focus.bag.scan import scan
 from all_in_focus.files.rig import Rig, RigError
 from all_in_focus.image_messages import ImageError, bgr, depth_mm
 
@@ -52,7 +52,7 @@ def check_bag(bag, rules, invalid_values=(0,), optics=None):
     if brackets and usable:
         check_depth_in_time(check("depth in time"), brackets, usable, rules)
 
-    messages = [fetch(bag, "depth", head) for head in sample(usable, DEPTH_SAMPLES)]
+    messages = [bag.read_at(head.place) for head in sample(usable, DEPTH_SAMPLES)]
     images = [depth_mm(message, invalid_values) for message in messages]
     if usable:
         check_depth_values(check("depth values"), bag.topics["depth"], messages, images, said.unit if said else "")
@@ -80,12 +80,12 @@ def check_bag(bag, rules, invalid_values=(0,), optics=None):
 
 def _warnings_of_rig(bag, found, head, pictures, pose, optics, invalid_values):
     """rig_warnings() of a depth image, or None. head: of that image; pictures: heads of colour images; pose: Pose."""
-    depth = depth_mm(fetch(bag, "depth", head), invalid_values)
+    depth = depth_mm(bag.read_at(head.place), invalid_values)
     try:
         rig = Rig(camera_at(found, "depth", head.order), camera_at(found, "rgb", head.order), pose.R, pose.t,
                   optics or optics_at(found, head.order), quaternion=pose.quaternion)
         picture = min(pictures, key=lambda other: abs(other.order - head.order), default=None)
-        picture = None if picture is None else bgr(fetch(bag, "rgb", picture))
+        picture = None if picture is None else bgr(bag.read_at(picture.place))
     except (RigError, ImageError):
         return None
     return rig_warnings(rig, depth, picture) if depth.any() else None

@@ -8,7 +8,7 @@ import numpy as np
 
 from all_in_focus.bag.check.findings import share_text
 from all_in_focus.image_messages import METRES, bgr, depth_as_sent
-from all_in_focus.bag.scan import NS, fetch
+from all_in_focus.bag.scan import NS
 from all_in_focus.files.errors import counted
 from all_in_focus.imaging import CHECKED_WIDTH, FocusCheck, shrunk, srgb_to_linear, white_code
 
@@ -98,7 +98,7 @@ class Sample:
         self.number, self.light, self.focus, self.frames = number, [], FocusCheck(), []
         size, pictures, highest = None, [], 0
         for frame in sample(bracket.frames, most):
-            picture = bgr(fetch(bag, "rgb", frame.head), deep=True)
+            picture = bgr(bag.read_at(frame.head.place), deep=True)
             size = size or picture.shape
             if picture.shape != size:
                 continue

@@ -30,8 +30,6 @@ def check_topics(check, bag, scan):
         check.error(f"no {REQUIRED[kind]}: {'; '.join(_where(bag, kind))}")
     for kind, problem in bag.wrong_types():
         remedy = suggestion(bag, kind)
-        if "another version" in problem:
-            remedy = "record it again, or rosbag fix"
         check.error(problem + (": " + remedy if remedy else ""))
     broken = [kind for kind, _ in scan.unreadable if kind not in ("depth", "rgb")]  # images: see check_images()
     for kind in sorted(set(broken)):
@@ -158,8 +156,6 @@ def _nearest(bracket, usable):
     if not len(before):
         return f"the first depth comes {duration(-gaps.max())} too late: start the depth camera first"
     age = before.min()
-    if age == 0:
-        return "the one that belongs to it is recorded too long after its frames"
     return f"the newest before it is {duration(age)} old" + (": --label-max-age allows more" if age < OLD else "")
 
 

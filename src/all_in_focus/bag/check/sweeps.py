@@ -42,15 +42,15 @@ def check_brackets(check, bag, scan, assembled, rules):
 
 def _check_focus_messages(check, bag, scan, assembled):
     name = bag.topics["focus"]
-    if assembled.unpaired:
-        check.warning(f"{len(assembled.unpaired)} of {len(scan.rgb)} colour images have no message of the same "
-                      f"stamp on {name} and are left out, the first of stamp {assembled.unpaired[0].stamp / NS:.6f}")
-    if assembled.stray:
-        check.warning(f"{len(assembled.stray)} of {len(scan.focus)} messages on {name} have no image of the same "
-                      f"stamp, the first of stamp {assembled.stray[0].header.stamp.to_sec():.6f}")
-    if assembled.refused:
-        check.warning(f"{counted(len(assembled.refused), 'image')} left out (came twice or too late, or the bracket began "
-                      f"before the recording), the first of stamp {assembled.refused[0].stamp / NS:.6f}")
+    for stamps, text in (
+            ([head.stamp for head in assembled.unpaired],
+             f"of {len(scan.rgb)} colour images have no message of the same stamp on {name} and are left out"),
+            ([message.header.stamp.to_nsec() for message in assembled.stray],
+             f"of {len(scan.focus)} messages on {name} have no image of the same stamp"),
+            ([head.stamp for head in assembled.refused],
+             f"of {len(scan.rgb)} colour images came twice or too late, or their bracket began before the recording")):
+        if stamps:
+            check.warning(f"{len(stamps)} {text}, the first of stamp {stamps[0] / NS:.6f}")
     for number, bracket in enumerate(assembled.found):
         for text in _inconsistent(bracket):
             check.bracket_warning(number, text)
@@ -128,16 +128,12 @@ def _gaps(known, optics, depth):
 def check_optics(check, bag, scan, optics, given, nearest, warning):
     """optics: of the bag or None; given: at the command line; nearest: known depth in mm, or None; warning: of the
     circle of confusion, or empty."""
-    if scan.optics and optics is None and not given:
-        message = scan.optics[0].message
-        check.warning(f"{bag.topics['optics']}: impossible (f = {message.focal_length_mm:g}, F = "
-                      f"{message.aperture:g}, circle of confusion {message.circle_of_confusion_mm:g}): the nodes "
-                      f"keep their default of {DEFAULT_OPTICS}; give --optics f,F,coc")
-    elif optics is None and not given:
-        reason = "; ".join(filter(None, [f"nothing on {bag.topics['optics']}", suggestion(bag, "optics")]))
-        check.warning(f"{reason}: the nodes take their default, {_lens_text(DEFAULT_OPTICS)}: give --optics f,F,coc, or "
-                      "optics.yaml to make_bag")
+    reason = "; ".join(filter(None, [f"nothing on {bag.topics['optics']}", suggestion(bag, "optics")]))
+    if scan.optics:
+        reason = f"{bag.topics['optics']}: impossible ({_lens_text(scan.optics[0].message)})"
     lens = given or optics
+    if lens is None:
+        check.warning(f"{reason}: the nodes take their default, {_lens_text(DEFAULT_OPTICS)}: give --optics f,F,coc")
     if lens and nearest is not None and nearest <= lens.focal_length_mm:
         check.error(f"the focal length of {lens.focal_length_mm:g} mm is not below the nearest depth, {nearest:g} "
                     "mm: is one of them in another unit?")
