@@ -123,7 +123,7 @@ ERRORS = {
                    "/depth/image_raw holds sensor_msgs/CameraInfo, not sensor_msgs/Image"),
     "two types": (lambda m: m + moved([entry for entry in m if entry[0] == "/depth/camera_info"], "/depth/camera_info",
                                       "depth/image_raw"), "topics",  # without "/": rosbag then writes a connection of its own
-                  "/depth/image_raw holds sensor_msgs/CameraInfo and sensor_msgs/Image, not sensor_msgs/Image.*of one publisher"),
+                  "holds sensor_msgs/CameraInfo and sensor_msgs/Image, not sensor_msgs/Image.*of one publisher"),
     "depth encoding": (setting("/depth/image_raw", encoding="mono8"), "depth image", "\"mono8\": publish 16UC1"),
     "byte order": (setting("/depth/image_raw", is_bigendian=1), "depth image", "byte order"),
     "colour encoding": (setting("/rgb/image", encoding="8UC3"), "colour image", "8UC3.*publish bgr8 or rgb8"),

@@ -113,8 +113,8 @@ class BagFile:
             name, found = self.topics[kind], self._types.get(self.topics[kind], set())
             known = {(one._type, one._md5sum) for one in (expected, *([CompressedImage] if kind == "rgb" else []))}
             if len(found) > 1 or found - known:
-                yield kind, (f"{name} holds {' and '.join(sorted(datatype for datatype, _ in found))}, not {expected._type} as it "
-                             "is today, of one publisher")
+                held = " and ".join(sorted({datatype for datatype, _ in found}))
+                yield kind, f"{name} holds {held}, not {expected._type} as it is today, of one publisher"
 
     def alternatives(self, kind):
         """Names of topics that have messages of the type that this kind needs."""

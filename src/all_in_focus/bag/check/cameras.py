@@ -88,8 +88,8 @@ def _check_rectification(check, bag, kind, info, camera):
     """Warns of rectified images: the nodes expect images of the sensor, and apply K and D."""
     P = np.array(info.P, float).reshape(3, 4)[:, :3]
     if not camera.D.any() and P[0, 0] > 0 and not np.allclose(P, np.array(info.K).reshape(3, 3), rtol=0.01, atol=1):
-        check.warning(f"{bag.topics[f'{kind}_info']} has no distortion, but P (fx {P[0, 0]:.1f}) is not K (fx {info.K[0]:.1f}), "
-                      "as of rectified images: the nodes use K and D")
+        check.warning(f"{bag.topics[f'{kind}_info']} has no distortion, but P (fx {P[0, 0]:.1f}) is not K "
+                      f"(fx {info.K[0]:.1f}), as of rectified images: the nodes use K and D")
 
 
 def rig_warnings(rig, depth, picture):
@@ -119,7 +119,8 @@ def check_transform(check, bag, scan, depth_head, ask):
     except RigError as error:
         problem = "nothing on /tf_static or /tf"
         if scan.tf or scan.tf_static:
-            problem = f"no transform connects depth frame '{child}' with colour frame '{parent}' ({error})"
+            problem = (f"no transform connects depth frame '{child}' with colour frame '{parent}' ({error}; impossible "
+                       "ones are ignored)")
         check.error(f"{problem}: record them too; rig_publisher publishes what a rig folder says")
         return None
     distance, angle = np.linalg.norm(found.t), np.degrees(np.linalg.norm(cv2.Rodrigues(found.R)[0]))
