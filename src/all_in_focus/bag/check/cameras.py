@@ -86,9 +86,13 @@ def _check_frames(check, bag, kind, info, heads):
 
 def _check_rectification(check, bag, kind, info, camera):
     """Warns of rectified images: the nodes expect images of the sensor, and apply K and D."""
+    image, name = bag.topics[kind], bag.topics[f"{kind}_info"]
     P = np.array(info.P, float).reshape(3, 4)[:, :3]
-    if not camera.D.any() and P[0, 0] > 0 and not np.allclose(P, np.array(info.K).reshape(3, 3), rtol=0.01, atol=1):
-        check.warning(f"{bag.topics[f'{kind}_info']} has no distortion, but P (fx {P[0, 0]:.1f}) is not K "
+    if "rect" in image.rsplit("/", 1)[-1] and camera.D.any():
+        check.warning(f"{image} seems to be rectified, but {name} has distortion, which would be applied again: "
+                      "take the raw images, or publish D = 0 and K = P")
+    elif not camera.D.any() and P[0, 0] > 0 and not np.allclose(P, np.array(info.K).reshape(3, 3), rtol=0.01, atol=1):
+        check.warning(f"{name} has no distortion, but P (fx {P[0, 0]:.1f}) is not K "
                       f"(fx {info.K[0]:.1f}), as of rectified images: the nodes use K and D")
 
 
