@@ -112,7 +112,7 @@ class Run:
         self.output = folder / "out"
         self.process = start([sys.executable, SCRIPTS / "evaluate_bag", "--bag", bag, "--output", self.output])
         self.family = {}  # command line by process
-        self.manager = wait_until(lambda: self.find("evaluation_player") and self.find("__name:=manager"))
+        self.manager = wait_until(lambda: self.find("all_in_focus/fusion manager") and self.find("__name:=manager"))
         assert self.manager, "not within a minute"
 
     def find(self, words):
@@ -127,7 +127,7 @@ class Run:
         out, err = self.process.communicate(timeout=300)
         assert (self.process.returncode, out) == (code, ""), err
         assert len(err.splitlines()) == (1 if words else 0) and all(word in err for word in words), err
-        assert len(self.family) >= 7  # launcher, master, rosout, manager, three loaders, player
+        assert len(self.family) >= 7  # roslaunch, master, rosout, manager, three loaders
         assert wait_until(lambda: not any(process.is_running() for process in self.family)), "not within a minute"
         assert not self.output.parent.exists() or not list(self.output.parent.iterdir())
 

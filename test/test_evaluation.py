@@ -15,10 +15,11 @@ from std_msgs.msg import Header
 
 from all_in_focus.acknowledgements import Acknowledgements
 from all_in_focus.bag import bag_file
-from all_in_focus.replay import graph, player as bag_player, results
+from all_in_focus.replay import player as bag_player, results
 from all_in_focus.msg import FusionReport, Optics, Segment, SegmentArray, SegmentChoice
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import MARK
+from all_in_focus.replay.evaluation import conclude
 from all_in_focus.replay.results import BracketCollector, ResultFolder, encode_labels
 from file_helpers import call
 from tool_helpers import expect_refusal
@@ -118,8 +119,9 @@ def test_bracket_without_labels_or_without_result(tmp_path):
     assert os.listdir(tmp_path / "bracket_0000") == ["report.json"]
     assert len(os.listdir(tmp_path / "bracket_0001")) == 5 and len(os.listdir(tmp_path / "bracket_0002")) == 6
     assert (tmp_path / "bracket_0002" / "registered.png").exists()
-    assert graph.conclude(collector.reports[1:2], {}, [])[1] == "no region came of the bag's depth"
-    assert graph.conclude(collector.reports[2:], {}, []) == (0, "1 bracket fused")
+    with pytest.raises(ValueError, match="^no region came of the bag's depth$"):
+        conclude(collector.reports[1:2], {}, [])
+    assert conclude(collector.reports[2:], {}, []) == "1 bracket fused"
 
 
 def test_missing_output_is_reported(tmp_path):
@@ -168,42 +170,27 @@ def test_brackets_of_others_are_not_touched(tmp_path, name):
     assert (tmp_path / "out" / name / "mine.png").exists() and os.listdir(tmp_path) == ["out"]
 
 
-# ---- status, exit codes, flow
+# ---- what is said, flow
 
 
 def bracket(used=3, has_depth=True):
     return report_message(used=used, has_labels=has_depth, sharpness_alone=not has_depth)
 
 
-@pytest.mark.parametrize("reports, missing, code, reason", [
-    ([bracket()], {}, 0, "1 bracket fused"), ([bracket(), bracket()], {}, 0, "2 brackets fused"),
-    ([bracket(), bracket(has_depth=False)], {}, 0, "2 brackets fused"),
-    ([bracket(has_depth=False)], {}, 2, "no region came of the bag's depth: a warning"),
-    ([bracket(), bracket(0)], {}, 0, "1 bracket fused, 1 could not be"), ([], {}, 2, "no bracket was fused: a warning"),
-    ([bracket(0)], {}, 2, "no bracket was fused: no frame could be used"),
-    ([bracket()], {0: ["all_in_focus/image"]}, 2, "bracket_0000: all_in_focus/image never came")])
-def test_conclusion(reports, missing, code, reason):
-    assert graph.conclude(reports, missing, ["a warning"]) == (code, reason)
+@pytest.mark.parametrize("reports, summary", [
+    ([bracket()], "1 bracket fused"), ([bracket(), bracket()], "2 brackets fused"),
+    ([bracket(), bracket(has_depth=False)], "2 brackets fused"), ([bracket(), bracket(0)], "1 bracket fused, 1 could not be")])
+def test_conclusion(reports, summary):
+    assert conclude(reports, {}, ["a warning"]) == summary
 
 
-def test_status_file(tmp_path):
-    path = str(tmp_path / "status.json")
-    assert graph.RunStatus.read(path) is None
-    status = graph.RunStatus(2, "why", ["a warning"], 3, 5)
-    status.write(path)
-    assert graph.RunStatus.read(path) == status and os.listdir(tmp_path) == ["status.json"]
-    graph.RunStatus().write("")
-
-
-def test_final_status():
-    good, running = graph.RunStatus(0, "fine"), graph.RunStatus()
-    stopped = graph.RunStatus(2, "stopped from outside")
-    final = graph.final_status
-    assert final(good, None, "SomeError: harmless") is good
-    assert final(stopped, None, None) is stopped
-    assert final(stopped, None, "manager was ended by SIGKILL").reason.endswith(": manager was ended by SIGKILL")
-    assert final(None, None, None).code == 2 and "before the bag was played" in final(running, None, None).reason
-    assert final(running, "no progress for 9 s", "fusion ended").reason == "no progress for 9 s: fusion ended"
+@pytest.mark.parametrize("reports, missing, reason", [
+    ([bracket(has_depth=False)], {}, "no region came of the bag's depth: a warning"),
+    ([], {}, "no bracket was fused: a warning"), ([bracket(0)], {}, "no bracket was fused: no frame could be used"),
+    ([bracket()], {0: ["all_in_focus/image"]}, "bracket_0000: all_in_focus/image never came")])
+def test_why_there_is_no_result(reports, missing, reason):
+    with pytest.raises(ValueError, match=f"^{reason}$"):
+        conclude(reports, missing, ["a warning"])
 
 
 def test_evaluate_bag_refuses_bad_input_in_one_line(tmp_path):

@@ -8,12 +8,11 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import pytest
 import rosgraph
 
-from all_in_focus.replay.launch import Death, Launch, child_environment
+from all_in_focus.replay.launch import Launch, own_master
 from file_helpers import wait_until
 
 
@@ -40,7 +39,7 @@ class Nodes:
         return self
 
     def launch(self, **options):
-        return Launch(self.folder / "log", [self.file()], **options)
+        return Launch(self.folder, self.file(), **options)
 
     def file(self):
         path = self.folder / "nodes.launch"
@@ -53,6 +52,15 @@ class Nodes:
         return int(path.read_text())
 
 
+@pytest.fixture(autouse=True)
+def master(monkeypatch, tmp_path):
+    """URI of a master that does not run yet."""
+    monkeypatch.setenv("ROS_IP", "1.2.3.4")
+    for name, value in own_master(tmp_path / "log").items():
+        monkeypatch.setenv(name, value)
+    return os.environ["ROS_MASTER_URI"]
+
+
 @pytest.fixture
 def nodes(tmp_path):
     return Nodes(tmp_path)
@@ -62,16 +70,9 @@ FOREVER = "while True: time.sleep(0.1)"
 STUBBORN = "for s in (signal.SIGINT, signal.SIGTERM): signal.signal(s, signal.SIG_IGN)\n"
 
 
-def test_environment_puts_the_system_first():
-    child = child_environment({"PATH": "/home/me/.pyenv/shims", "ROS_IP": "1.2.3.4"}, 12345, "/log")
-    assert child["PATH"].startswith("/usr/bin:/bin:") and "ROS_IP" not in child
-    assert child["ROS_MASTER_URI"].endswith(":12345") and child["ROS_HOSTNAME"] == "localhost"
-
-
-def test_words_for_a_death():
-    assert str(Death("rig/fusion-12", -9)) == "rig/fusion was ended by SIGKILL"
-    assert str(Death("fusion-1", 3, "no such mode")) == "fusion ended with exit code 3: no such mode"
-    assert str(Death("master", 0, "bye")) == "master ended with exit code 0"
+def test_environment_puts_the_system_first(master):
+    assert os.environ["PATH"].startswith("/usr/bin:/bin:") and os.environ["ROS_HOSTNAME"] == "localhost"
+    assert rosgraph.get_master_uri() == master
 
 
 def test_the_death_of_a_required_node_ends_the_others_and_is_told(nodes):
@@ -80,7 +81,7 @@ def test_the_death_of_a_required_node_ends_the_others_and_is_told(nodes):
         other = nodes.pid("other")
         os.kill(nodes.pid("victim"), signal.SIGKILL)
         assert wait_until(launch.ended)
-        assert [(death.node, death.code) for death in launch.deaths] == [("victim", -signal.SIGKILL)]
+        assert launch.deaths() == [(-signal.SIGKILL, "victim was ended by SIGKILL")]
         assert launch.reason() == "victim was ended by SIGKILL"
         assert not is_alive(other)
 
@@ -95,20 +96,11 @@ def test_the_exit_code_and_the_last_words_of_a_node_are_told(nodes):
         assert launch.reason() == "short ended with exit code 1: no such lens"
 
 
-def test_last_words_that_are_read_after_the_end(nodes, monkeypatch):
-    """They come by another pipe."""
-    read = Launch._read_printed
-    monkeypatch.setattr(Launch, "_read_printed", lambda launch: (time.sleep(3), read(launch)))
-    with nodes.add("short", "sys.exit('no such lens')", 'required="true"').launch() as launch:
-        assert wait_until(launch.ended)
-        assert launch.reason() == "short ended with exit code 1: no such lens"
-
-
 def test_a_node_that_is_not_required_may_end(nodes):
     nodes.add("short", "sys.exit(4)").add("other", FOREVER)
     with nodes.launch() as launch:
-        assert wait_until(lambda: launch.deaths)
-        assert str(launch.deaths[0]) == "short ended with exit code 4"
+        assert wait_until(launch.deaths)
+        assert launch.deaths()[0] == (4, "short ended with exit code 4")
         time.sleep(1.0)
         assert not launch.ended() and is_alive(nodes.pid("other"))
 
@@ -116,78 +108,81 @@ def test_a_node_that_is_not_required_may_end(nodes):
 @pytest.mark.parametrize("text, reason", [
     ("<launch><arg name='bag'/><param name='a' value='$(arg bag)'/></launch>", "requires the 'bag' arg to be set"),
     ("<launch><node", "Invalid roslaunch XML syntax"),
-    ("<launch><node pkg='rosout' type='none' name='lost'/></launch>", "node lost: Cannot locate node of type [none]"),
-    ("<launch><node pkg='no_such_package' type='x' name='lost'/></launch>", "node lost: no_such_package")])
+    ("<launch><node pkg='rosout' type='none' name='lost'/></launch>",
+     "cannot launch node of type [rosout/none]: Cannot locate node of type [none]"),
+    ("<launch><node pkg='no_such_package' type='x' name='lost'/></launch>",
+     "cannot launch node of type [no_such_package/x]: no_such_package")])
 def test_what_cannot_be_launched_is_told_in_one_line(tmp_path, text, reason):
     (tmp_path / "x.launch").write_text(text)
-    with Launch(tmp_path, [tmp_path / "x.launch"]) as launch:
-        assert wait_until(launch.ended)
+    with Launch(tmp_path, tmp_path / "x.launch") as launch:
+        assert wait_until(launch.reason)
         assert reason in launch.reason() and "\n" not in launch.reason()
-        assert not launch.deaths
+        assert not launch.deaths()
 
 
-def test_nodes_join_a_master_that_runs_already(nodes):
+def test_nodes_join_a_master_that_runs_already(nodes, master):
     with nodes.add("host", FOREVER).launch() as first:
         nodes.pid("host")
         nodes.text = ""
         nodes.add("guest", FOREVER)
-        with nodes.launch(port=urlsplit(first.master_uri).port) as second:
+        (nodes.folder / "guests").mkdir()
+        with Launch(nodes.folder / "guests", nodes.file()):
             pid = nodes.pid("guest")
-            assert second.master_uri == first.master_uri
-        assert not is_alive(pid)
-        assert rosgraph.is_master_online(first.master_uri)
+        assert not is_alive(pid) and not first.ended()
+        assert rosgraph.is_master_online(master)
 
 
-def test_what_is_printed_goes_to_a_file(nodes, tmp_path):
+def test_what_is_printed_is_shown(nodes, capsys):
     nodes.add("talker", f"print('this is said', flush=True)\n{FOREVER}", 'output="screen"')
-    with open(tmp_path / "printed", "w+", encoding="utf-8") as printed:
-        with nodes.launch(verbose=printed):
-            assert wait_until(lambda: printed.flush() or "this is said" in (tmp_path / "printed").read_text())
+    with nodes.launch(verbose=True) as launch:
+        assert wait_until(lambda: not launch.reason() and "this is said" in capsys.readouterr().err)
 
 
-def test_a_node_that_comes_again_is_known_by_its_new_process(nodes):
+def test_a_node_that_comes_again_is_ended_with_the_others_where_roslaunch_is_killed(nodes):
     nodes.add("phoenix", FOREVER, 'respawn="true"')
     with nodes.launch() as launch:
         pid = nodes.pid("phoenix")
-        assert wait_until(lambda: pid in launch._running.values())
+        assert wait_until(lambda: f"with pid [{pid}]" in (nodes.folder / "stdout").read_text())
         os.kill(pid, signal.SIGKILL)
-        assert wait_until(lambda: nodes.pid("phoenix") != pid and nodes.pid("phoenix") in launch._running.values())
-        assert str(launch.deaths[0]) == "phoenix was ended by SIGKILL"
+        assert wait_until(lambda: nodes.pid("phoenix") != pid)
+        pid = nodes.pid("phoenix")
+        assert launch.deaths()[0] == (-signal.SIGKILL, "phoenix was ended by SIGKILL")
+        assert wait_until(lambda: f"with pid [{pid}]" in (nodes.folder / "stdout").read_text())
+        launch._process.kill()
+    assert wait_until(lambda: not is_alive(pid))
 
 
-def test_everything_started_is_ended(nodes):
+def test_everything_started_is_ended(nodes, master):
     """Also a node and its child that ignore the first signals, and the master."""
     nodes.add("stubborn", f"{STUBBORN}os.fork() or open({str(nodes.folder / 'child')!r}, 'w').write(str(os.getpid()))\n"
                           f"{FOREVER}")
     with nodes.launch(grace=(1.0, 1.0)) as launch:
         pids = [nodes.pid("stubborn"), nodes.pid("child")]
-        assert rosgraph.is_master_online(launch.master_uri)
+        assert rosgraph.is_master_online(master) and launch.reason() is None
     assert wait_until(lambda: not any(map(is_alive, pids)))
-    assert not rosgraph.is_master_online(launch.master_uri)
-    assert launch.ended() and launch.reason() is None
+    assert not rosgraph.is_master_online(master)
+    assert launch.ended()
 
 
-def test_nothing_stays_where_the_launcher_is_killed(nodes):
+def test_nothing_stays_where_roslaunch_is_killed(nodes, master):
     nodes.add("stubborn", STUBBORN + FOREVER)
     with nodes.launch() as launch:
         pid = nodes.pid("stubborn")
-        assert wait_until(lambda: any(name.startswith("stubborn") for name in launch._running))
+        assert wait_until(lambda: "process[stubborn" in (nodes.folder / "stdout").read_text())
         launch._process.kill()
         assert wait_until(launch.ended)
+        assert launch.reason() == "roslaunch was ended by SIGKILL"
     assert wait_until(lambda: not is_alive(pid))
-    assert not rosgraph.is_master_online(launch.master_uri)
-    assert launch.reason().startswith("the launcher was ended by SIGKILL")
+    assert not rosgraph.is_master_online(master)
 
 
-def test_nothing_stays_where_the_caller_is_killed(nodes):
+def test_nothing_stays_where_the_caller_is_killed(nodes, master):
     nodes.add("node", FOREVER)
     caller = subprocess.Popen([sys.executable, "-c", "import sys, time\n"
                                "from all_in_focus.replay.launch import Launch\n"
-                               "launch = Launch(sys.argv[1], [sys.argv[2]])\n"
-                               "print(launch.master_uri, flush=True)\ntime.sleep(600)",
-                               str(nodes.folder / "log"), str(nodes.file())],
-                              stdout=subprocess.PIPE, text=True)
-    master_uri, pid = caller.stdout.readline().strip(), nodes.pid("node")
+                               "launch = Launch(sys.argv[1], sys.argv[2])\ntime.sleep(600)",
+                               str(nodes.folder), str(nodes.file())])
+    pid = nodes.pid("node")
     caller.kill()
     caller.communicate()
-    assert wait_until(lambda: not is_alive(pid) and not rosgraph.is_master_online(master_uri))
+    assert wait_until(lambda: not is_alive(pid) and not rosgraph.is_master_online(master))

@@ -3,11 +3,8 @@
 """The three nodes under stress: all_in_focus.launch on a master of its own, good brackets, and what they must give."""
 import time
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import numpy as np
-import rosgraph
-import rospkg
 import rospy
 from cv_bridge import CvBridge
 from sensor_msgs.msg import CameraInfo, Image
@@ -39,15 +36,13 @@ class Scene(MadeScene):
 
 
 class Graph:
-    """all_in_focus.launch with the rig of a scene. log: file for what it prints."""
+    """all_in_focus.launch with the rig of a scene, on the master of this process. folder: gets what it prints."""
 
-    def __init__(self, scene, log):
+    def __init__(self, scene, folder):
         self.scene = scene
-        self._log = open(log, "w", encoding="utf-8")
-        self._launch = Launch(log.with_name("ros_home") / "log",
-                              [Path(rospkg.RosPack().get_path("all_in_focus")) / "launch" / "all_in_focus.launch"],
-                              [f"rig:={scene.rig}", "invalid_values:=[0]"],  # as in fuse_stack: 2047 mm is a distance
-                              verbose=self._log, port=urlsplit(rosgraph.get_master_uri()).port)
+        folder.mkdir(exist_ok=True)
+        self._launch = Launch(folder, "all_in_focus", "all_in_focus.launch", f"rig:={scene.rig}",
+                              "invalid_values:=[0]")  # as in fuse_stack: 2047 mm is a distance
         rig, self._bridge = load_rig(str(scene.rig)), CvBridge()
         self._rig, self._bracket_id = rig, int(time.time()) % 10 ** 6 * 1000
         self._publishers = {topic: rospy.Publisher(topic, kind, queue_size=50) for topic, kind in (
@@ -133,7 +128,7 @@ class Graph:
 
     def deaths(self):
         """Processes that ended, a line each."""
-        return [str(death) for death in self._launch.deaths]
+        return [reason for _, reason in self._launch.deaths()]
 
     def resident_mb(self):
         """Memory of the nodelet manager, MB."""
@@ -144,4 +139,3 @@ class Graph:
         for one in [*self._subscribers, *self._publishers.values()]:
             one.unregister()
         self._launch.close()
-        self._log.close()

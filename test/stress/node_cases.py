@@ -46,7 +46,7 @@ def recovery():
 @contextmanager
 def working_graph(case, scene):
     """The nodes, once they have given a right bracket."""
-    graph = Graph(scene, case.folder / f"{case.name}.log")
+    graph = Graph(scene, case.folder / case.name)
     try:
         if not graph.connected():
             raise RuntimeError("the nodes did not start")
@@ -277,7 +277,7 @@ def loop_bag(case, scene, seconds):
 
 def play_in_loop(case, scene, bag, seconds):
     """(results, reports, rounds that ended, deaths of processes); the first round, during which nodes connect, is left out."""
-    graph = Graph(scene, case.folder / f"{case.name}.log")
+    graph = Graph(scene, case.folder / case.name)
     pictures, reports, ends = [], [], []
     subscribers = [rospy.Subscriber("/all_in_focus/image", Image, pictures.append, buff_size=2 ** 22),
                    rospy.Subscriber("/all_in_focus/report", FusionReport, reports.append),

@@ -1,39 +1,22 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Launch files on a ROS master of their own, whose end is reported and leaves no process behind."""
-import json
+"""roslaunch on a ROS master of its own, whose end is told and leaves no process behind."""
 import os
-import queue
 import re
 import signal
 import socket
 import subprocess
 import sys
-import threading
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
-from typing import NamedTuple, Optional
 
-GRACE = (5.0, 3.0)  # s between SIGINT, SIGTERM and SIGKILL to a process that does not end
-SHUTDOWN = 3 * sum(GRACE) + 6.0  # s: the nodes together, then /rosout, then the master
-LAUNCHER = Path(__file__).with_name("launcher.py")
-
-
-class Death(NamedTuple):
-    """A process that ended by itself."""
-    process: str  # node name and a number
-    code: Optional[int]  # exit code, or minus the number of a signal
-    last_line: str = ""  # that the nodes printed before
-
-    @property
-    def node(self):
-        return self.process.rpartition("-")[0] or self.process
-
-    def __str__(self):
-        if self.code is not None and self.code < 0:
-            return f"{self.node} was ended by {signal.Signals(-self.code).name}"
-        text = f"{self.node} ended with exit code {self.code}"
-        return f"{text}: {self.last_line}" if self.code and self.last_line else text
+GRACE = (5, 3)  # s between SIGINT, SIGTERM and SIGKILL to a node that does not end
+SHUTDOWN = 3 * sum(GRACE) + 6  # s: the nodes together, then /rosout, then the master
+# What roslaunch prints
+COLOUR_OR_TITLE = re.compile(r"\x1b(?:\[[0-9;]*m|\][^\x07]*\x07)")
+START = re.compile(r"process\[.*\]: started with pid \[(\d+)\]")
+DEATH = re.compile(r"\[(\S+?)(?:-\d+)?\](?: has died!\n| )process has (?:died \[pid \d+, exit code (-?\d+),|finished cleanly)")
+FAILURE = re.compile(r"(cannot launch node .*)|(?:RLException|Resource not found|Value error): ([\s\S]*?)\nThe traceback")
 
 
 def free_port():
@@ -42,94 +25,81 @@ def free_port():
         return probe.getsockname()[1]
 
 
-def child_environment(environment, port, log_folder):
-    """Environment of the nodes: the distribution's Python first, and a master of its own."""
-    child = {name: value for name, value in environment.items()
-             if name not in ("ROS_IP", "ROS_NAMESPACE", "PYTHONHOME")}
-    child.update(PATH=f"/usr/bin:/bin:{environment.get('PATH', '')}", ROS_MASTER_URI=f"http://localhost:{port}",
-                 ROS_HOSTNAME="localhost", ROS_LOG_DIR=str(log_folder), PYTHONUNBUFFERED="1")
-    return child
+def own_master(log_folder):
+    """Environment of nodes with a master of their own: the distribution's Python first."""
+    return {"ROS_MASTER_URI": f"http://localhost:{free_port()}", "ROS_HOSTNAME": "localhost", "ROS_NAMESPACE": "/",
+            "ROS_LOG_DIR": str(log_folder), "PYTHONUNBUFFERED": "1", "PATH": f"/usr/bin:/bin:{os.environ.get('PATH', '')}"}
 
 
 class Launch(AbstractContextManager):
-    """Launches at once; close() must follow. The nodes end, too, when this process or launcher.py is killed."""
+    """roslaunch at work. At the end of the block, or when this process is killed, its nodes end, then the master if it has
+    started that."""
 
-    def __init__(self, log_folder, files, arguments=(), verbose=False, grace=GRACE, port=None):
-        """files: launch files, with arguments "name:=value"; verbose: repeats on stderr, or on the text file given, what
-        roslaunch and the nodes print; grace: see GRACE; port: of a master on this computer that runs already."""
-        port = port or free_port()
-        environment = child_environment(os.environ, port, log_folder)
-        self.master_uri = environment["ROS_MASTER_URI"]
-        if not verbose:
-            environment["ROSCONSOLE_FORMAT"] = "${message}"  # fit for Death.last_line
-        self.deaths = []  # in their order, without those of the shutdown
-        self._error = None  # why nothing could be launched
-        self._running = {}  # pid by process
-        self._echo = sys.stderr if verbose is True else verbose or None
-        self._last_line = ""
-        self._last_words = queue.SimpleQueue()  # of each process that died, in their order
-        self._process = subprocess.Popen([sys.executable, str(LAUNCHER)], env=environment, text=True, errors="replace",
-                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                                         start_new_session=True)
-        self._events = threading.Thread(target=self._read_events, daemon=True)
-        self._printed = threading.Thread(target=self._read_printed, daemon=True)
-        self._events.start()
-        self._printed.start()
-        order = {"files": [str(file) for file in files], "arguments": list(arguments), "port": port, "grace": grace}
-        with suppress(BrokenPipeError):
-            print(json.dumps(order), file=self._process.stdin, flush=True)
+    def __init__(self, folder, *arguments, verbose=False, grace=GRACE):
+        """folder: gets stdout and stderr of roslaunch and the nodes; verbose: repeats both on stderr; grace: see GRACE."""
+        files = [Path(folder, name) for name in ("stdout", "stderr")]
+        with open(files[0], "wb") as stdout, open(files[1], "wb") as stderr:
+            self._process = subprocess.Popen(
+                ["setpriv", "--pdeathsig", "INT", "roslaunch", f"--sigint-timeout={grace[0]}", f"--sigterm-timeout={grace[1]}",
+                 *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=stdout, stderr=stderr, start_new_session=True)
+        self._verbose, self._printed = verbose, {open(file, encoding="utf-8", errors="replace"): "" for file in files}
 
-    def _read_events(self):
-        for line in self._process.stdout:
-            event = json.loads(line)
-            if "started" in event:
-                self._running[event["started"]] = event["pid"]
-            elif "died" in event:
-                self._running.pop(event["died"], None)
-                self.deaths.append(Death(event["died"], event["code"], self._last_words.get()))
-            elif "error" in event:
-                self._error = event["error"]
-            elif self._echo:
-                print(event["printed"], file=self._echo)
+    def _read(self):
+        """All that has come on stdout and on stderr so far."""
+        for file in self._printed:
+            new = file.read()
+            if self._verbose:
+                sys.stderr.write(new)
+            self._printed[file] += new
+        return [COLOUR_OR_TITLE.sub("", text) for text in self._printed.values()]
 
-    def _read_printed(self):
-        for line in self._process.stderr:
-            line, died, _ = line.partition("\0")
-            if self._echo:
-                self._echo.write(line)
-            line = re.sub(r"\x1b(?:\[[0-9;]*m|\][^\x07]*\x07)", "", line).strip()  # colours, titles of terminals
-            self._last_line = line or self._last_line
-            if died:
-                self._last_words.put(self._last_line)
+    def deaths(self):
+        """(exit code, one line) of each process that has ended by itself, in their order."""
+        return list(_deaths(self._read()[1]))
 
     def ended(self):
-        """Whether nothing runs any more: nothing could be launched, or a required node or all nodes have ended."""
-        if self._process.poll() is None:
-            return False
-        self._events.join()
-        return True
+        return self._process.poll() is not None
 
     def reason(self):
-        """Why it ended, one line; None if no process ended by itself."""
-        failures = [death for death in self.deaths if death.code]  # first: roslaunch fails when a node dies early
-        launcher = Death("the launcher", self._process.returncode, self._last_line) if self._process.poll() else None
-        return next((str(reason) for reason in [*failures, self._error, launcher, *self.deaths] if reason), None)
+        """Why it has ended, or will not do its work; one line. None while all is well."""
+        code, text = self._process.poll(), self._read()[1]
+        deaths = list(_deaths(text))
+        reasons = [reason for died, reason in deaths if died]
+        reasons += [" ".join((one[1] or one[2]).split()) for one in FAILURE.finditer(text)]
+        if code is not None and code < 0:
+            reasons.append(_ended("roslaunch", code))
+        reasons += [reason for _, reason in deaths]
+        if code is not None:
+            reasons.append(_ended("roslaunch", code, text))
+        return reasons[0] if reasons else None
 
     def close(self):
-        """Ends the nodes, then the master."""
-        with suppress(BrokenPipeError):
-            self._process.stdin.close()
+        self._process.send_signal(signal.SIGINT)
         try:
             self._process.wait(SHUTDOWN)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        self._events.join()
-        if self._process.returncode != 0:  # it was killed, and its nodes go on
-            for group in self._running.values():
+        if self._process.returncode < 0:  # it was killed, and its nodes go on
+            for group in START.findall(self._read()[0]):
                 with suppress(ProcessLookupError):
-                    os.killpg(group, signal.SIGKILL)
-        self._printed.join(1.0)
+                    os.killpg(int(group), signal.SIGKILL)
+        self._read()
+        for file in self._printed:
+            file.close()
 
     def __exit__(self, *_):
         self.close()
+
+
+def _deaths(text):
+    for death in DEATH.finditer(text):
+        yield int(death[2] or 0), _ended(death[1], int(death[2] or 0), text[:death.start()].rpartition("\n")[0])
+
+
+def _ended(process, code, before=""):
+    """before: what was printed before; its last line may say why."""
+    if code < 0:
+        return f"{process} was ended by {signal.Signals(-code).name}"
+    words = [line.strip() for line in before.splitlines() if line.strip()]
+    return f"{process} ended with exit code {code}" + (f": {words[-1]}" if code and words else "")
