@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """check_bag: each damage to a good bag is found, under the right name, and nothing else is an error."""
 import json
+import os
 import re
 from dataclasses import replace
 
@@ -12,7 +13,7 @@ import pytest
 import rosbag
 from bag_helpers import (BRIDGE, COLOR_CAMERA, SIZE, START, changed, compressed, depth_image, frames, good_messages, setting,
                          without, write)
-from file_helpers import call, cut, run_script
+from file_helpers import call, cut, run, run_script
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 from tool_helpers import TwoPlanes, expect_refusal, fuse_stack, set_up_boards, succeeded, unchanged
@@ -23,7 +24,7 @@ from all_in_focus.bag.check.checker import check_bag
 from all_in_focus.image_messages import to_message
 from all_in_focus.files.rig import load_rig, save_rig
 from all_in_focus.files.rig_messages import camera_info
-from all_in_focus.replay import graph
+from all_in_focus.replay.launch import own_master
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of cv_bridge
 CHECKS = ["file", "topics", "depth image", "colour image", "depth camera", "colour camera", "transform", "stamps",
@@ -475,6 +476,7 @@ def test_evaluate_launch_takes_the_names_of_topics_from_a_file(tmp_path):
     bag, names = tmp_path / "x.bag", tmp_path / "topics.yaml"
     write(bag, moved(good_messages(), "/rgb/image", "/dslr/image"))
     names.write_text("rgb_topic: /dslr/image\n")
-    status = graph.run({"bag": bag, "output": tmp_path / "out", "topics": names}, str(tmp_path / "out"), 60.0)
-    assert status.code == 0, status.reason
+    done = run(["roslaunch", "all_in_focus", "evaluate.launch", "bag:=x.bag", "output:=out", "topics:=topics.yaml"],
+               cwd=str(tmp_path), env=dict(os.environ, PWD=str(tmp_path), **own_master(tmp_path / "log")))
+    assert "1 bracket fused" in done.stdout, done.stderr
     assert json.loads((tmp_path / "out" / "bracket_0000" / "report.json").read_text())["frames_used"] == 4
