@@ -65,8 +65,8 @@ PICTURES = ("fused", "registered", "source_index", "confidence", "weights")
 
 
 def feed(collector, stamp=genpy.Time(7, 500000000), names=None):
-    for name in names or (*PICTURES, "labels"):
-        collector.add(name, genpy.Time(5) if name == "labels" else stamp, PNG)
+    for name in names or (*PICTURES, "labels", "regions"):
+        collector.add(name, genpy.Time(5) if name in ("labels", "regions") else stamp, PNG)
     if names is None:
         collector.add("segments", genpy.Time(5), segments_message())
 
@@ -129,7 +129,7 @@ def test_missing_output_is_reported(tmp_path):
     collector = BracketCollector(folder)
     collector.add_report(report_message())
     feed(collector, names=PICTURES)
-    assert collector.missing() == {0: ["segmentation/labels", "segmentation/segments"]}
+    assert collector.missing() == {0: ["segmentation/labels", "segmentation/image_color", "segmentation/segments"]}
     folder.discard()
 
     assert not os.listdir(tmp_path)

@@ -131,7 +131,7 @@ def picture(image, zero_is_unknown=True):
         if not zero_is_unknown:
             known = image[image != NO_FRAME]
             return index_picture(image, int(known.max()) + 1 if known.size else 1)
-        return region_picture(image) if _are_labels(image) else depth_picture(image)
+        return _region_picture(image) if _are_labels(image) else depth_picture(image)
     if image.dtype == np.uint16:
         image = (image >> 8).astype(np.uint8)
     if image.ndim == 2:
@@ -171,21 +171,9 @@ def depth_picture(depth):
     return np.vstack([shown[depth], _legend(depth.shape[1], near, far, colour)])
 
 
-def region_picture(labels, table=()):
-    """Labels (H x W, 0 = unknown, 1.. near to far) as BGR, from red (near) to blue; every other is darker.
-
-    table: of the regions, dicts with depth_min, depth_max, depth_median (m), as in report.json: for the legend below.
-    """
-    count = max(int(labels.max(initial=0)), len(table))
-    colours = np.vstack([np.zeros((1, 3), np.uint8), hues(count, alternate=True)])
-    if not table or any(not row[key] for row in table for key in ("depth_min", "depth_median", "depth_max")):
-        return colours[labels]
-    near, far = (1000 * end(row[key] for row in table) for end, key in ((min, "depth_min"), (max, "depth_max")))
-    medians = 1000 * np.array([row["depth_median"] for row in table])  # they ascend
-
-    def colour(millimetres):
-        return colours[1 + np.searchsorted((medians[1:] + medians[:-1]) / 2, millimetres)]
-    return np.vstack([colours[labels], _legend(labels.shape[1], near, far, colour)])
+def _region_picture(labels):
+    """Labels (H x W, 0 = unknown, 1.. near to far) as BGR, from red (near) to blue; every other is darker."""
+    return np.vstack([np.zeros((1, 3), np.uint8), hues(int(labels.max()), alternate=True)])[labels]
 
 
 def index_picture(index, frames):

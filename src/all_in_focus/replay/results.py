@@ -10,7 +10,6 @@ import math
 import re
 import threading
 
-import cv2
 import cv_bridge
 import genpy
 import numpy as np
@@ -22,7 +21,6 @@ from all_in_focus.files.errors import one_line
 from all_in_focus.files.output_file import encode_png, named, write_json
 from all_in_focus.files.output_folder import OutputFolder
 from all_in_focus.image_messages import BRIDGE
-from all_in_focus.imaging import region_picture
 from all_in_focus.msg import FusionReport, SegmentArray
 
 REPORT_VERSION = 1
@@ -33,7 +31,8 @@ IMAGES = {"fused": ("all_in_focus/image", "passthrough"), "registered": ("all_in
           "depth_restored": (DEPTH_RESTORED, "passthrough"),
           "source_index": ("all_in_focus/source_index", "passthrough"),
           "confidence": ("all_in_focus/confidence", "passthrough"), "weights": ("all_in_focus/weights_color", "bgr8")}
-LABELS, SEGMENTS, REPORT = "segmentation/labels", "segmentation/segments", "all_in_focus/report"
+OF_LABELS = {"labels": ("segmentation/labels", "passthrough"), "regions": ("segmentation/image_color", "bgr8")}
+SEGMENTS, REPORT = "segmentation/segments", "all_in_focus/report"
 NODES = ("depth_preprocess", "segmenter", "fusion")
 MAX_COMPLAINTS = 20
 KEPT = 2000  # label images (compressed) to keep until a report asks for them
@@ -108,7 +107,7 @@ class BracketCollector:
 
     def __init__(self, folder):
         self._folder = folder
-        self._parts = {name: {} for name in [*IMAGES, "labels", "segments"]}  # data by stamp in ns
+        self._parts = {name: {} for name in [*IMAGES, *OF_LABELS, "segments"]}  # data by stamp in ns
         self._pending = {}  # reports by number
         self.reports = []
 
@@ -140,12 +139,12 @@ class BracketCollector:
         if not report.sharpness_alone:
             wanted["registered"] = result
         if report.has_labels:
-            wanted.update(labels=label, segments=label)
+            wanted.update(labels=label, regions=label, segments=label)
         return wanted
 
     def _missing(self, report):
-        return [IMAGES[name][0] if name in IMAGES else f"segmentation/{name}"
-                for name, stamp in self._wanted(report).items() if stamp not in self._parts[name]]
+        topics = {name: topic for name, (topic, _) in {**IMAGES, **OF_LABELS, "segments": (SEGMENTS, "")}.items()}
+        return [topics[name] for name, stamp in self._wanted(report).items() if stamp not in self._parts[name]]
 
     def _save_complete(self):
         for number in [n for n, report in self._pending.items() if not self._missing(report)]:
@@ -153,9 +152,6 @@ class BracketCollector:
             wanted = self._wanted(report)
             files = {name: self._parts[name][stamp] for name, stamp in wanted.items()}
             segments = files.pop("segments", None)
-            if segments is not None:
-                labels = cv2.imdecode(np.frombuffer(files["labels"], np.uint8), cv2.IMREAD_UNCHANGED)
-                files["regions"] = encode_png(region_picture(labels, to_plain(segments.segments)))
             self._folder.save(number, files, report_dict(report, segments))
             for name, stamp in wanted.items():  # later brackets have the same label image or later ones
                 self._parts[name] = {key: data for key, data in self._parts[name].items()
@@ -168,7 +164,7 @@ class ResultSaver:
         self._collector = BracketCollector(folder)
         self._error = None  # the first error, one line
         self.subscribers = {topic: rospy.Subscriber(topic, Image, functools.partial(self._on_image, name, encoding))
-                            for name, (topic, encoding) in {**IMAGES, "labels": (LABELS, "passthrough")}.items()}
+                            for name, (topic, encoding) in {**IMAGES, **OF_LABELS}.items()}
         self.subscribers[SEGMENTS] = rospy.Subscriber(SEGMENTS, SegmentArray, lambda message: self._collect(
             self._collector.add, "segments", message.header.stamp, message))
         self.subscribers[REPORT] = rospy.Subscriber(REPORT, FusionReport,

@@ -37,15 +37,15 @@ VARIANTS = re.compile(rf"-[a-z][a-z_-]*(,[a-z_-]+)*|frames|no-depth(\+({WRONG}))
 WRONG_LENS = [f"{factor}*{times}" for factor in ("aperture", "focus") for times in ("0.25", "0.5", "2", "4", "8")] + [
     "focus-reversed", "focus-late", "focus-early"]
 TIMEOUT_S = 3600.0
-PICTURES = ("source_index", "labels")
-DEPTHS = ("measured", "registered", "depth")  # as fuse_stack --save-NAME saves them
+PICTURES = ("source_index", "labels", "regions")  # as fuse_stack --save-NAME saves them
+DEPTHS = ("measured", "registered", "depth")  # the same
 KNOWN_DEPTH = {"depth": "--depth", "registered_depth": "--registered-depth", "label": "--label-map"}  # the first counts
 
 
 @dataclass
 class Produced:
     """fused: H x W x 3 uint8. winners: H x W uint16, frame with the most weight, 65535 = none; share: H x W, that of the second
-    of two frames, 0..1, W of equation 11. labels: H x W uint16. table: of their regions, as in report.json.
+    of two frames, 0..1, W of equation 11. labels: H x W uint16; regions: picture of them for people, BGR.
     seconds: from frames in memory to the fused image.
     depths: H x W uint16 mm, 0 = unknown, by DEPTHS: as measured, with filled holes, and what mode restored estimates.
     """
@@ -53,7 +53,7 @@ class Produced:
     winners: Optional[np.ndarray] = None
     share: Optional[np.ndarray] = None
     labels: Optional[np.ndarray] = None
-    table: List[dict] = field(default_factory=list)
+    regions: Optional[np.ndarray] = None
     seconds: Optional[float] = None
     notes: List[str] = field(default_factory=list)
     depths: Dict[str, np.ndarray] = field(default_factory=dict)
@@ -212,7 +212,7 @@ def fuse_stack_command(mode, variant, program, scene, folder):
         options[KNOWN_DEPTH[depth]] = beside[depth]
     command = [program, "--mode", mode, "--stack", _stack(scene, folder), "--output", folder / "fused.png", "--report",
                folder / "report.json", *(part for option, value in options.items() if value for part in (option, value))]
-    saved = list(PICTURES if depth else PICTURES[:1])
+    saved = list(PICTURES[:{None: 1, "label": 2}.get(depth, 3)])  # regions: where their depth is known
     if {"rig", "depth"} <= set(beside):
         saved += DEPTHS[:2]
     if mode == "restored" and {"rig", "focus"} <= set(beside):  # else it is refined
@@ -312,7 +312,7 @@ def _read_own(folder, measured="", steps=None):
     paths = {name: Path(folder, f"{name}.png") for name in ("fused", *PICTURES, *DEPTHS)}
     images = {name: read_image(path, cv2.IMREAD_UNCHANGED) for name, path in paths.items() if path.exists()}
     times = dict(zip(report["timing_names"], report["timing_ms"]))
-    return Produced(images["fused"], images.get("source_index"), None, images.get("labels"), report.get("segment_table", []),
+    return Produced(images["fused"], images.get("source_index"), None, images.get("labels"), images.get("regions"),
                     sum(ms for name, ms in times.items() if steps is None or name in steps) / 1000,
                     report["notes"] + (["time: " + measured] if measured else []),
                     {name: images[name] for name in DEPTHS if name in images})

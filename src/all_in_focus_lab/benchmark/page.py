@@ -118,7 +118,7 @@ def _labels(scene, worked, store):
         if path:
             regions = np.count_nonzero(np.unique(read_image(path, cv2.IMREAD_UNCHANGED)))
             drawn = read_image(store.picture(scene.name, name, "regions"))
-            figures.append(_figure(name, drawn, "map", f"regions: {regions}"))
+            figures.append(_figure(name, drawn, caption=f"regions: {regions}"))  # its captions shrink as a photograph does
     return figures
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.stack import load_focus, read_depth, read_image, size_text
-from all_in_focus.imaging import region_picture
 from all_in_focus_lab import metrics
 from all_in_focus_lab.benchmark import methods, versions
 from all_in_focus_lab.metrics.kept_contrast import kept_contrast, roughness
@@ -74,8 +73,7 @@ def measure_depths(scene, depths):
 
 
 def pictures(produced):
-    """PNG bytes by name: fused, weights (16 bit: 65535 = all of the second frame) or source_index, labels,
-    and regions: labels for people."""
+    """PNG bytes by name: fused, weights (16 bit: 65535 = all of the second frame) or source_index, labels, regions."""
     files = {"fused": encode_png(produced.fused)}
     if produced.share is not None:
         files["weights"] = encode_png(np.rint(np.clip(produced.share, 0, 1) * 65535).astype(np.uint16))
@@ -83,5 +81,6 @@ def pictures(produced):
         files["source_index"] = encode_png(produced.winners)
     if produced.labels is not None:
         files["labels"] = encode_png(produced.labels.astype(np.uint16))
-        files["regions"] = encode_png(region_picture(produced.labels, produced.table))
+    if produced.regions is not None:
+        files["regions"] = encode_png(produced.regions)
     return files
