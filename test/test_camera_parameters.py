@@ -28,10 +28,10 @@ def test_defaults(given):
 
 
 @pytest.mark.parametrize("name, value, words", [
-    ("count", 0, "~count: expected a number of at least 1, not '0'"),
+    ("count", 0, "~count: expected a whole number of at least 1, not '0'"),
     ("count", 2.5, "~count: expected a whole number of at least 1, not '2.5'"),
-    ("count", "many", "~count: expected a number of at least 1, not 'many'"),
-    ("count", True, "~count: expected a number"),
+    ("count", "many", "~count: expected a whole number of at least 1, not 'many'"),
+    ("count", True, "~count: expected a whole number"),
     ("drive", "ring", "~drive: 'ring' is not one of motor, none"),
     ("step", 0, "~step: 0 would take the same picture 9 times"),
     ("frames", "film", "~frames: 'film' is not one of still, preview"),

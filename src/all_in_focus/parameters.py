@@ -17,47 +17,42 @@ class Parameter(NamedTuple):
     limit: object = None
 
 
+EXPECTED = {bool: "true or false", int: "a whole number", float: "a number"}
+
+
 def read(table):
     """The values of a table of Parameters by name, as attributes."""
-    readers = {bool: flag, int: whole, float: number, str: text, list: lambda name, value: rospy.get_param("~" + name, value)}
-    return SimpleNamespace(**{name: readers[type(one.default)](name, one.default, *([] if one.limit is None else [one.limit]))
-                              for name, one in table.items()})
+    return SimpleNamespace(**{name: _checked(name, rospy.get_param("~" + name, one.default), one) for name, one in table.items()})
 
 
-def text(name, default="", among=()):
+def _checked(name, value, one):
+    kind = type(one.default)
+    if kind is list:
+        return value
+    if kind is str:
+        return _text(name, value, one)
+    value = _meaning(name, value)
+    if kind is bool:
+        fits = isinstance(value, bool)
+    else:
+        fits = type(value) in (int, float) and math.isfinite(value) and (kind is float or value == int(value))
+    if not fits or one.limit is not None and value < one.limit:
+        at_least = "" if one.limit is None else f" of at least {one.limit:g}"
+        raise ValueError(f"~{name}: expected {EXPECTED[kind]}{at_least}, not '{value}'")
+    return int(value) if kind is int else value
+
+
+def _text(name, value, one):
     """A number counts as text: a name may consist of digits."""
-    value = rospy.get_param("~" + name, default)
-    if isinstance(value, bool) or not isinstance(value, (str, int, float)):
+    if type(value) not in (str, int, float):
         raise ValueError(f"~{name}: expected text, not {value}: write it in quotes")
-    if among and value != default and str(value) not in among:
-        raise ValueError(f"~{name}: '{value}' is not one of {', '.join(among)}")
+    if one.limit and value != one.default and str(value) not in one.limit:
+        raise ValueError(f"~{name}: '{value}' is not one of {', '.join(one.limit)}")
     return str(value)
 
 
-def number(name, default, low=-math.inf):
-    value = _meaning(name, default)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value < math.inf:
-        raise ValueError(f"~{name}: expected a number{_at_least(low)}, not '{value}'")
-    return value
-
-
-def whole(name, default, low=-math.inf):
-    value = number(name, default, low)
-    if value != int(value):
-        raise ValueError(f"~{name}: expected a whole number{_at_least(low)}, not '{value}'")
-    return int(value)
-
-
-def flag(name, default):
-    value = _meaning(name, default)
-    if not isinstance(value, bool):
-        raise ValueError(f"~{name}: expected true or false, not '{value}'")
-    return value
-
-
-def _meaning(name, default):
+def _meaning(name, value):
     """Text that is nothing but a number, or true or false, counts as that, and that is said."""
-    value = rospy.get_param("~" + name, default)
     if not isinstance(value, str):
         return value
     try:
@@ -67,7 +62,3 @@ def _meaning(name, default):
     shown = str(meant).lower() if isinstance(meant, bool) else f"{meant:g}"
     rospy.logwarn("%s is text: '%s' is taken as %s; write it without quotes", name, value, shown)
     return meant
-
-
-def _at_least(low):
-    return "" if low == -math.inf else f" of at least {low:g}"
