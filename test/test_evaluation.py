@@ -20,7 +20,7 @@ from all_in_focus.msg import FusionReport, Optics, Segment, SegmentArray, Segmen
 from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import MARK
 from all_in_focus.replay.evaluation import conclude
-from all_in_focus.replay.results import BracketCollector, ResultFolder, encode_labels
+from all_in_focus.replay.results import ResultFolder, encode_labels, to_plain
 from file_helpers import call
 from tool_helpers import expect_refusal
 
@@ -42,7 +42,7 @@ def segments_message():
 
 
 def test_report_mirrors_the_message():
-    plain = results.report_dict(report_message(), segments_message())
+    plain = results.report_dict(report_message(), to_plain(segments_message()))
     assert plain["version"] == 1 and plain["header"] == {"stamp": 7.5, "frame_id": "color_frame"}
     assert set(plain) == set(FusionReport.__slots__) | {"version", "dof_rule", "unknown_area", "segment_table"}
     assert plain["label_stamp"] == 5.0 and plain["optics"]["aperture"] == 4.0
@@ -64,97 +64,105 @@ PNG = encode_png(np.zeros((2, 2), np.uint8))
 PICTURES = ("fused", "registered", "source_index", "confidence", "weights")
 
 
-def feed(collector, stamp=genpy.Time(7, 500000000), names=None):
+def feed(folder, stamp=genpy.Time(7, 500000000), names=None):
     for name in names or (*PICTURES, "labels", "regions"):
-        collector.add(name, genpy.Time(5) if name in ("labels", "regions") else stamp, PNG)
+        folder.add(name, genpy.Time(5) if name in ("labels", "regions") else stamp, PNG)
     if names is None:
-        collector.add("segments", genpy.Time(5), segments_message())
+        folder.add("segments", genpy.Time(5), json.dumps(to_plain(segments_message())).encode())
 
 
 @contextlib.contextmanager
 def collecting(path):
-    """A BracketCollector, whose results are there at the end."""
+    """A ResultFolder, whose results are there at the end."""
     folder = ResultFolder(str(path))
-    yield BracketCollector(folder)
+    yield folder
     folder.commit()
     folder.discard()
 
 
 @pytest.mark.parametrize("report_first", [True, False])
 def test_bracket_is_saved_when_complete(tmp_path, report_first):
-    with collecting(tmp_path / "out") as collector:
-        collector.add("labels", genpy.Time(4), PNG)  # of an earlier depth image
+    with collecting(tmp_path / "out") as folder:
+        folder.add("labels", genpy.Time(4), PNG)  # of an earlier depth image
         if report_first:
-            collector.add_report(report_message())
-            assert collector.missing()
-        feed(collector)
+            folder.reports.append(report_message())
+            assert folder.missing()
+        feed(folder)
         if not report_first:
-            collector.add_report(report_message())
-        assert not collector.missing() and not (tmp_path / "out" / "bracket_0000").exists()
+            folder.reports.append(report_message())
+        assert not folder.missing() and not (tmp_path / "out" / "bracket_0000").exists()
     assert sorted(os.listdir(tmp_path / "out")) == [MARK, "bracket_0000"]
     assert sorted(os.listdir(tmp_path / "out" / "bracket_0000")) == [
         "confidence.png", "fused.png", "labels.png", "regions.png", "registered.png", "report.json",
         "source_index.png", "weights.png"]
     report = json.loads((tmp_path / "out" / "bracket_0000" / "report.json").read_text())
     assert report["bracket_id"] == 4 and report["segment_table"][0]["area"] == 9
-    assert [report.bracket_id for report in collector.reports] == [4]
+    assert [report.bracket_id for report in folder.reports] == [4]
 
 
 def test_two_brackets_may_share_a_label_image(tmp_path):
-    with collecting(tmp_path) as collector:
-        feed(collector)
-        collector.add_report(report_message())
-        feed(collector, genpy.Time(9, 500000000), names=PICTURES)
-        collector.add_report(report_message(stamp=9))
+    with collecting(tmp_path) as folder:
+        feed(folder)
+        folder.reports.append(report_message())
+        feed(folder, genpy.Time(9, 500000000), names=PICTURES)
+        folder.reports.append(report_message(stamp=9))
     assert sorted(os.listdir(tmp_path)) == [MARK, "bracket_0000", "bracket_0001"]
 
 
 def test_bracket_without_labels_or_without_result(tmp_path):
-    with collecting(tmp_path) as collector:
-        collector.add_report(report_message(used=0))
-        collector.add_report(report_message(stamp=8, has_labels=False, sharpness_alone=True))
-        feed(collector, genpy.Time(8, 500000000), names=[name for name in PICTURES if name != "registered"])
-        collector.add_report(report_message(stamp=9, has_labels=False))  # of large images depth stays, labels do not
-        feed(collector, genpy.Time(9, 500000000), names=PICTURES)
+    with collecting(tmp_path) as folder:
+        folder.reports.append(report_message(used=0))
+        folder.reports.append(report_message(stamp=8, has_labels=False, sharpness_alone=True))
+        feed(folder, genpy.Time(8, 500000000), names=[name for name in PICTURES if name != "registered"])
+        folder.reports.append(report_message(stamp=9, has_labels=False))  # of large images depth stays, labels do not
+        feed(folder, genpy.Time(9, 500000000), names=PICTURES)
     assert os.listdir(tmp_path / "bracket_0000") == ["report.json"]
     assert len(os.listdir(tmp_path / "bracket_0001")) == 5 and len(os.listdir(tmp_path / "bracket_0002")) == 6
     assert (tmp_path / "bracket_0002" / "registered.png").exists()
     with pytest.raises(ValueError, match="^no region came of the bag's depth$"):
-        conclude(collector.reports[1:2], {}, [])
-    assert conclude(collector.reports[2:], {}, []) == "1 bracket fused"
+        conclude(folder.reports[1:2], {}, [])
+    assert conclude(folder.reports[2:], {}, []) == "1 bracket fused"
 
 
 def test_missing_output_is_reported(tmp_path):
     folder = ResultFolder(str(tmp_path / "one"))
-    collector = BracketCollector(folder)
-    collector.add_report(report_message())
-    feed(collector, names=PICTURES)
-    assert collector.missing() == {0: ["segmentation/labels", "segmentation/image_color", "segmentation/segments"]}
+    folder.reports.append(report_message())
+    feed(folder, names=PICTURES)
+    assert folder.missing() == {0: ["segmentation/labels", "segmentation/image_color", "segmentation/segments"]}
     folder.discard()
 
     assert not os.listdir(tmp_path)
 
 
+WITHOUT_DEPTH = ("confidence", "fused", "source_index", "weights")
+
+
+def add_bracket(folder):
+    stamp = 7 + len(folder.reports)
+    folder.reports.append(report_message(stamp, has_labels=False, sharpness_alone=True))
+    feed(folder, genpy.Time(stamp, 500000000), WITHOUT_DEPTH)
+
+
 def test_old_results_stay_until_the_new_are_complete(tmp_path):
     out = tmp_path / "out"
     folder = ResultFolder(str(out))
-    for index in range(3):
-        folder.save(index, {"old": PNG}, {})
+    for _ in range(3):
+        add_bracket(folder)
     folder.commit()
     folder.discard()
     (out / "mine").mkdir()
     folder = ResultFolder(str(out))
-    folder.save(0, {"fused": PNG}, {})
+    add_bracket(folder)
     folder.discard()
     assert sorted(os.listdir(out)) == [MARK, "bracket_0000", "bracket_0001", "bracket_0002", "mine"]
-    assert (out / "bracket_0000" / "old.png").exists()
+    assert (out / "bracket_0002" / "fused.png").exists()
     folder = ResultFolder(str(out))
-    folder.save(0, {"fused": PNG}, {})
-    folder.save(1, {"fused": PNG}, {})
+    add_bracket(folder)
+    add_bracket(folder)
     folder.commit()
     folder.discard()
     assert sorted(os.listdir(out)) == [MARK, "bracket_0000", "bracket_0001", "mine"]
-    assert sorted(os.listdir(out / "bracket_0001")) == ["fused.png", "report.json"]
+    assert sorted(os.listdir(out / "bracket_0001")) == sorted([*(f"{name}.png" for name in WITHOUT_DEPTH), "report.json"])
     new = tmp_path / "new"
     ResultFolder(str(new)).discard()
     assert not new.exists() and os.listdir(tmp_path) == ["out"]

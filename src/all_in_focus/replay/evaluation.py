@@ -26,9 +26,9 @@ def evaluate(contents, output, optics, restores, connect, acknowledge, heartbeat
         player.play(follow_optics=optics is None)
         player.end_bracket(saver.has_saved)
         problems = [f"{text} ({times} times)" if times > 1 else text for text, times in player.problems.items()]
-        reports, missing = saver.finish()
+        missing = saver.finish()
         warnings = saver.complaints() + problems + contents.problems
-        summary = conclude(reports, missing, warnings)
+        summary = conclude(folder.reports, missing, warnings)
         folder.commit()
         return summary, warnings
     finally:

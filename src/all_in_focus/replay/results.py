@@ -6,8 +6,11 @@ On disk: bracket_0000/{fused,labels,regions,registered,source_index,confidence,w
 restored depth_restored.png too.
 """
 import functools
+import json
 import math
+import os
 import re
+import shutil
 import threading
 
 import cv_bridge
@@ -30,12 +33,12 @@ DEPTH_RESTORED = "all_in_focus/depth_restored"
 IMAGES = {"fused": ("all_in_focus/image", "passthrough"), "registered": ("all_in_focus/depth", "passthrough"),
           "depth_restored": (DEPTH_RESTORED, "passthrough"),
           "source_index": ("all_in_focus/source_index", "passthrough"),
-          "confidence": ("all_in_focus/confidence", "passthrough"), "weights": ("all_in_focus/weights_color", "bgr8")}
-OF_LABELS = {"labels": ("segmentation/labels", "passthrough"), "regions": ("segmentation/image_color", "bgr8")}
+          "confidence": ("all_in_focus/confidence", "passthrough"), "weights": ("all_in_focus/weights_color", "bgr8"),
+          "labels": ("segmentation/labels", "passthrough"), "regions": ("segmentation/image_color", "bgr8")}
 SEGMENTS, REPORT = "segmentation/segments", "all_in_focus/report"
+OF_LABELS = ("labels", "regions", "segments")  # with the stamp of a label image, which brackets may share
 NODES = ("depth_preprocess", "segmenter", "fusion")
 MAX_COMPLAINTS = 20
-KEPT = 2000  # label images (compressed) to keep until a report asks for them
 
 
 def to_plain(value):
@@ -51,17 +54,15 @@ def to_plain(value):
     return value
 
 
-def report_dict(report, segment_array=None):
-    """FusionReport under its own field names; with the SegmentArray of its label image, the table of the regions."""
+def report_dict(report, segments=None):
+    """FusionReport under its own field names; segments: plain SegmentArray of its label image, for the table of the regions."""
     plain = {"version": REPORT_VERSION}
     plain.update(to_plain(report))
     del plain["header"]["seq"]  # a counter of the publisher
     if not report.has_labels:
         plain["label_stamp"] = None
-    if segment_array is not None:
-        plain["dof_rule"] = segment_array.dof_rule
-        plain["unknown_area"] = segment_array.unknown_area
-        plain["segment_table"] = to_plain(segment_array.segments)
+    if segments is not None:
+        plain.update(dof_rule=segments["dof_rule"], unknown_area=segments["unknown_area"], segment_table=segments["segments"])
     return plain
 
 
@@ -75,100 +76,76 @@ def encode_labels(labels):
 
 
 class ResultFolder(OutputFolder):
-    """The brackets of one run. commit() puts them in the place of an earlier run's; discard() must follow.
+    """The brackets of one run. commit() puts them in the place of an earlier run's; discard() must follow. Needs no ROS master.
 
     Brackets that evaluate_bag did not write are an OSError; other things of the user in the folder stay there.
+    All outputs of a result have the stamp of its report; those OF_LABELS that of report.label_stamp. Outputs may come before the
+    report or after: until commit() each is a file by name and stamp. Brackets are numbered in the order of their reports.
     """
 
     def __init__(self, path):
         super().__init__(path, "evaluate_bag", lambda name: not re.fullmatch(r"bracket_\d{4,}", name), parents=True)
+        self.reports = []
 
     @staticmethod
     def name(number):
         """Folder of a bracket; brackets are counted from 0 in the order of their reports."""
         return f"bracket_{number:04d}"
 
-    def save(self, number, files, report):
-        """Writes one bracket. files: PNG bytes by name, without suffix; report: plain dictionary."""
-        folder = self.working / self.name(number)
-        with named(self.path, self.working):
-            folder.mkdir()
-            for name, data in files.items():
-                (folder / f"{name}.png").write_bytes(data)
-            write_json(folder / "report.json", report)
-
-
-class BracketCollector:
-    """Assembles the outputs of each bracket. Not thread-safe; needs no ROS master.
-
-    All outputs of a result have the stamp of its report; labels and segments that of report.label_stamp. Outputs may
-    come before the report or after. Brackets are numbered in the order of their reports.
-    """
-
-    def __init__(self, folder):
-        self._folder = folder
-        self._parts = {name: {} for name in [*IMAGES, *OF_LABELS, "segments"]}  # data by stamp in ns
-        self._pending = {}  # reports by number
-        self.reports = []
-
     def add(self, name, stamp, data):
-        """data: PNG as bytes, or a SegmentArray."""
-        parts = self._parts[name]
-        parts[stamp.to_nsec()] = data
-        while len(parts) > KEPT:
-            del parts[next(iter(parts))]
-        self._save_complete()
-
-    def add_report(self, report):
-        self._pending[len(self.reports)] = report
-        self.reports.append(report)
-        self._save_complete()
+        """data: PNG, or the SegmentArray as JSON; bytes."""
+        with named(self.path, self.working):
+            self._part(name, stamp).write_bytes(data)
 
     def missing(self):
         """Topics of what has not come, by the number of its report."""
-        return {number: self._missing(report) for number, report in self._pending.items()}
+        missing = {number: [name for name, part in self._wanted(report).items() if not part.exists()]
+                   for number, report in enumerate(self.reports)}
+        return {number: [IMAGES.get(name, (SEGMENTS,))[0] for name in names] for number, names in missing.items() if names}
+
+    def commit(self):
+        """When nothing is missing."""
+        with named(self.path, self.working):
+            for number, report in enumerate(self.reports):
+                wanted, folder = self._wanted(report), self.working / self.name(number)
+                folder.mkdir()
+                segments = json.loads(wanted.pop("segments").read_text(encoding="utf-8")) if "segments" in wanted else None
+                write_json(folder / "report.json", report_dict(report, segments))
+                for name, part in wanted.items():
+                    (shutil.copyfile if name in OF_LABELS else os.replace)(part, folder / f"{name}.png")
+            for part in self.working.glob("part_*"):
+                part.unlink()
+        super().commit()
+
+    def _part(self, name, stamp):
+        return self.working / f"part_{name}_{stamp.to_nsec()}"
 
     def _wanted(self, report):
-        """Stamp (ns) of each part of a bracket, by name. Without focus distances a restored one has no depth."""
+        """The file of each part of a bracket, by name. Without focus distances a restored one has no depth."""
         if report.frames_used == 0:
             return {}
-        result, label = report.header.stamp.to_nsec(), report.label_stamp.to_nsec()
-        wanted = dict.fromkeys(("fused", "source_index", "confidence", "weights"), result)
-        if report.mode == "restored" and (report.blur_scale > 0 or result in self._parts["depth_restored"]):
-            wanted["depth_restored"] = result
+        names = ["fused", "source_index", "confidence", "weights"]
+        restored = self._part("depth_restored", report.header.stamp)
+        if report.mode == "restored" and (report.blur_scale > 0 or restored.exists()):
+            names.append("depth_restored")
         if not report.sharpness_alone:
-            wanted["registered"] = result
+            names.append("registered")
         if report.has_labels:
-            wanted.update(labels=label, regions=label, segments=label)
-        return wanted
-
-    def _missing(self, report):
-        topics = {name: topic for name, (topic, _) in {**IMAGES, **OF_LABELS, "segments": (SEGMENTS, "")}.items()}
-        return [topics[name] for name, stamp in self._wanted(report).items() if stamp not in self._parts[name]]
-
-    def _save_complete(self):
-        for number in [n for n, report in self._pending.items() if not self._missing(report)]:
-            report = self._pending.pop(number)
-            wanted = self._wanted(report)
-            files = {name: self._parts[name][stamp] for name, stamp in wanted.items()}
-            segments = files.pop("segments", None)
-            self._folder.save(number, files, report_dict(report, segments))
-            for name, stamp in wanted.items():  # later brackets have the same label image or later ones
-                self._parts[name] = {key: data for key, data in self._parts[name].items()
-                                     if key > stamp or key == stamp and name not in IMAGES}
+            names.extend(OF_LABELS)
+        return {name: self._part(name, report.label_stamp if name in OF_LABELS else report.header.stamp) for name in names}
 
 
 class ResultSaver:
+    """Gives what the nodes publish to a ResultFolder."""
+
     def __init__(self, folder):
         self._lock = threading.Lock()
-        self._collector = BracketCollector(folder)
+        self._folder = folder
         self._error = None  # the first error, one line
-        self.subscribers = {topic: rospy.Subscriber(topic, Image, functools.partial(self._on_image, name, encoding))
-                            for name, (topic, encoding) in {**IMAGES, **OF_LABELS}.items()}
-        self.subscribers[SEGMENTS] = rospy.Subscriber(SEGMENTS, SegmentArray, lambda message: self._collect(
-            self._collector.add, "segments", message.header.stamp, message))
-        self.subscribers[REPORT] = rospy.Subscriber(REPORT, FusionReport,
-                                                    functools.partial(self._collect, self._collector.add_report))
+        self.subscribers = {topic: rospy.Subscriber(topic, Image, functools.partial(self._keep, name, encoding))
+                            for name, (topic, encoding) in IMAGES.items()}
+        self.subscribers[SEGMENTS] = rospy.Subscriber(SEGMENTS, SegmentArray, functools.partial(self._keep, "segments", None))
+        self.subscribers[REPORT] = rospy.Subscriber(REPORT, FusionReport, folder.reports.append)
         self._complaints = {}  # text of a node: level
         self._log = rospy.Subscriber("/rosout", Log, self._on_log)
 
@@ -180,15 +157,15 @@ class ResultSaver:
     def has_saved(self, brackets):
         """Whether so many brackets have come, with all of their images."""
         with self._lock:
-            return len(self._collector.reports) >= brackets and not self._collector.missing()
+            return len(self._folder.reports) >= brackets and not self._folder.missing()
 
     def finish(self):
-        """The reports, and what is missing, as graph.conclude() takes them. ValueError."""
-        self.check()
+        """What is missing, as evaluation.conclude() takes it; from then on nothing is added. ValueError."""
         for subscriber in self.subscribers.values():
             subscriber.unregister()
         with self._lock:
-            return self._collector.reports, self._collector.missing()
+            self.check()
+            return self._folder.missing()
 
     def complaints(self):
         """Errors and warnings that the nodes have logged, one line each, errors first."""
@@ -203,18 +180,14 @@ class ResultSaver:
                 text = " ".join(message.msg[message.msg.index(nodelet[1]):].split())
                 self._complaints.setdefault(text, message.level)
 
-    def _on_image(self, name, encoding, message):
+    def _keep(self, name, encoding, message):
         try:
-            image = BRIDGE.imgmsg_to_cv2(message, encoding)
-            data = encode_labels(image) if name == "labels" else encode_png(image)
-        except (cv_bridge.CvBridgeError, ValueError) as error:
+            if name == "segments":
+                data = json.dumps(to_plain(message)).encode()
+            else:
+                image = BRIDGE.imgmsg_to_cv2(message, encoding)
+                data = encode_labels(image) if name == "labels" else encode_png(image)
+            with self._lock:
+                self._folder.add(name, message.header.stamp, data)
+        except (cv_bridge.CvBridgeError, ValueError, OSError) as error:
             self._error = self._error or f"{name}: {one_line(error)}"
-            return
-        self._collect(self._collector.add, name, message.header.stamp, data)
-
-    def _collect(self, method, *arguments):
-        with self._lock:
-            try:
-                method(*arguments)
-            except OSError as error:
-                self._error = self._error or one_line(error)
