@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 
 GRACE = (5, 3)  # s between SIGINT, SIGTERM and SIGKILL to a node that does not end
-SHUTDOWN = 3 * sum(GRACE) + 6  # s: the nodes together, then /rosout, then the master
+SHUTDOWN = sum(GRACE) + 6  # s; what is left then is killed: less than command_line.LONGEST_END
 # What roslaunch prints
 COLOUR_OR_TITLE = re.compile(r"\x1b(?:\[[0-9;]*m|\][^\x07]*\x07)")
 START = re.compile(r"process\[.*\]: started with pid \[(\d+)\]")
