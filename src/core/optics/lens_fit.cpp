@@ -74,7 +74,7 @@ LensFit search(const BlurEvidence& evidence, const std::vector<FrameBlur>& given
     return LensFit{focus, scale, evidence.explained(focus.of(given), scale)};
   };
   const auto better = [](const LensFit& a, const LensFit& b) { return a.explained < b.explained; };
-  const double as_good = given.size() == 2 && !evidence.hasDepth() ? kAsGoodOfTwo : kAsGood;
+  const bool is_of_two = given.size() == 2 && !evidence.hasDepth();
   const bool may_correct = evidence.hasDepth() && has_scale && !voted;
   const FocusCorrection focus = voted.value_or(FocusCorrection());
   LensFit best = with(focus, 1);
@@ -82,9 +82,10 @@ LensFit search(const BlurEvidence& evidence, const std::vector<FrameBlur>& given
   for (const FocusCorrection& other : kOfOrder) {
     if (may_correct) ordered = std::max(ordered, with(other, 1), better);
   }
-  // A mistake shows beside what was given, too: so most lenses need no search.
-  if (has_scale && best.explained >= LensFit::kBelieved && best.explained + kClearly >= ordered.explained &&
-      best.explained + as_good >=
+  // A mistake shows beside what was given, too, unless the frames are two: so most lenses need no search.
+  if (has_scale && !is_of_two && best.explained >= LensFit::kBelieved &&
+      best.explained + kClearly >= ordered.explained &&
+      best.explained + kAsGood >=
           std::max(with(focus, kNeighbour), with(focus, 1 / kNeighbour), better).explained)
     return best;
 
@@ -97,7 +98,7 @@ LensFit search(const BlurEvidence& evidence, const std::vector<FrameBlur>& given
     if (fit.explained > best.explained + clearly) best = fit;
   };
   take(ordered, kClearly);
-  take(scaled, as_good);
+  take(scaled, is_of_two ? kAsGoodOfTwo : kAsGood);
   if (!may_correct) return best;
   const auto explainedBy = [&](double value) { return with({false, 0, value}, 1).explained; };
   Factor factor = bestFactor(kStepOfDistances, explainedBy);
