@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <opencv2/core/hal/intrin.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
@@ -361,21 +362,26 @@ std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior,
   }
 }
 
-// |z| is at most what the frames differ by there; its colour stays.
+// |z| is at most what the frames that show a pixel differ by there; its colour stays.
 void limit(const ObservedBracket& bracket, cv::Mat3f& z) {
-  cv::Mat least = bracket.frames[0].codes.clone(), most = least.clone();
-  for (const ObservedFrame& frame : bracket.frames) {
-    cv::min(least, frame.codes, least);
-    cv::max(most, frame.codes, most);
-  }
-  const cv::Mat3s range(most - least);
   forEachPixel(z.size(), [&](int y, int x) {
+    cv::Vec3f& here = z(y, x);
+    if (here == cv::Vec3f()) return;
+    cv::Vec3s least = cv::Vec3s::all(std::numeric_limits<short>::max()), most;
+    for (const ObservedFrame& frame : bracket.frames) {
+      if (!frame.shown(y, x)) continue;
+      for (int c = 0; c < 3; ++c) {
+        least[c] = std::min(least[c], frame.codes(y, x)[c]);
+        most[c] = std::max(most[c], frame.codes(y, x)[c]);
+      }
+    }
     float factor = 1;
     for (int c = 0; c < 3; ++c) {
-      const float allowed = static_cast<float>(range(y, x)[c]) / kCodeScale + kInversion.range_margin;
-      factor = std::min(factor, allowed / std::max(std::abs(z(y, x)[c]), allowed));
+      const float range = static_cast<float>(std::max(0, most[c] - least[c])) / kCodeScale;
+      const float allowed = range + kInversion.range_margin;
+      factor = std::min(factor, allowed / std::max(std::abs(here[c]), allowed));
     }
-    z(y, x) *= factor;
+    here *= factor;
   });
 }
 
