@@ -64,6 +64,13 @@ def test_the_parallax_of_a_camera_that_moves_says_nothing_about_its_lens(tmp_pat
     assert not any("give depth" in note for note in report["notes"])
 
 
+def test_restored_is_no_worse_than_refined_if_the_camera_moves(tmp_path):
+    scene = made_scene("--scene", "plain", "--frames", 10, "--optics", "35,2,0.03", "--noise", 0.7, "--drift", 20)
+    pictures = {mode: fuse(scene, tmp_path, mode)[0] for mode in ("refined", "restored")}
+    truth = Truth.load(scene)
+    assert psnr(pictures["restored"], truth.image) > psnr(pictures["refined"], truth.image)
+
+
 def test_without_depth_a_note_says_that_the_camera_moved(tmp_path):
     options = ["--scene", "clutter", "--frames", 10, "--optics", "35,2.8,0.03", "--noise", 0.7]
     said = {}

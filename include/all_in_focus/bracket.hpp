@@ -155,7 +155,7 @@ class Bracket {
   std::string name(int index) const;
   std::string anotherSize(const cv::Size& size) const;
   std::string whyUnused(const Held& held) const;
-  void restore(const Progress& progress, BracketResult& result) const;
+  void restore(bool has_moved, const Progress& progress, BracketResult& result) const;
   bool isFree() const { return settings_.reference == BracketSettings::kAutoReference; }
   int mostHeld() const { return settings_.sliding ? 0 : settings_.max_held; }
   bool restores() const { return settings_.mode == Mode::kRestored && !settings_.sliding; }

@@ -446,12 +446,13 @@ BracketResult Bracket::finish(const Progress& progress) {
   while (!held_.empty()) markRejected(held_.begin()->first, whyUnused(held_.begin()->second));
   Stopwatch watch;
   BracketResult result = preview();
-  if (std::string note = fusion_->hiddenDriftNote(); !note.empty()) result.notes.push_back(std::move(note));
+  const std::string hidden_drift = fusion_->hiddenDriftNote();
+  if (!hidden_drift.empty()) result.notes.push_back(hidden_drift);
   if (restores() && predicts_ && !focus_known_ && restoration_->findFocus())
     std::replace(result.notes.begin(), result.notes.end(), kNoFocus, kFocusFound);
   result.fusion_ms += watch.lap();
   if (restores()) {
-    restore(progress, result);
+    restore(fusion_->drifts() || !hidden_drift.empty(), progress, result);
     // Restoration has asked all frames, not only those before the reference.
     if (result.fused_by == FusedBy::kRestored) result.lens_notes.clear();
     result.restoration_ms = watch.lap();
@@ -461,7 +462,7 @@ BracketResult Bracket::finish(const Progress& progress) {
 }
 
 // Replaces the picture of mode refined, or says why not.
-void Bracket::restore(const Progress& progress, BracketResult& result) const {
+void Bracket::restore(bool has_moved, const Progress& progress, BracketResult& result) const {
   if (result.image.empty()) return;
   const std::string missing = restoration_->missing();
   if (!missing.empty()) {
@@ -469,7 +470,8 @@ void Bracket::restore(const Progress& progress, BracketResult& result) const {
     return;
   }
   try {
-    const std::optional<RestorationResult> restored = restoration_->restore(result.image, progress);
+    const std::optional<RestorationResult> restored = restoration_->restore(
+        result.image, progress, has_moved ? std::optional(result.reference) : std::nullopt);
     result.stopped = !restored;
     if (!restored) return;
     result.blur_scale = restored->blur_scale;

@@ -74,6 +74,8 @@ class BracketFusion {
   /// How far the camera has moved, for the user, where no depth is known, as far as the frames show it; "" if
   /// it has not. Takes some milliseconds.
   std::string hiddenDriftNote() const;
+  /// Whether the camera moved, and depth corrects it.
+  bool drifts() const { return alignment_.drifts(); }
 
  private:
   void takeApart(const cv::Mat& frame, int index);

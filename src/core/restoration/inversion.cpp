@@ -33,7 +33,8 @@ constexpr struct InversionParameters {
   double model_variance = 0.49, model_error = 0.09;  // of a frame; by squared radius
   double prior_share = 0.49, least_variance = 0.1;   // of the prior: of the noise, and besides
   float smoothness = 0.1f;
-  int steps = 2;  // of conjugate gradients
+  int steps = 2;               // of conjugate gradients
+  float inexact_share = 0.1f;  // of the weight of other frames, where the camera moved
   // The limits of the correction.
   double residual_sigma = 2;               // px: residuals are means over that
   float range_margin = 2;                  // gray levels, beyond what the frames differ by
@@ -58,6 +59,7 @@ void forEachPixel(const cv::Size& size, const Work& work) {
 struct Row {
   int x, y;
   float weight;                // omega
+  float trust;                 // 1, less of a frame that is not exact
   cv::Vec3f residual;          // of the fused picture, gray levels
   cv::Vec3f slope;             // d code / d light
   std::uint32_t first, count;  // its parts
@@ -177,14 +179,14 @@ class Equations {
         if (nearly_sharp.size() > solved_(y, x)) nearly_sharp.resize(solved_(y, x));
         for (const auto& [radius, k] : nearly_sharp) {
           formation[k].partsOf({x, y}, formation[k].inverseDepth({x, y}), parts);
-          addRow({x, y}, bracket_.frames[k].codes(y, x), radius, parts, strip);
+          addRow({x, y}, bracket_.frames[k], radius, parts, strip);
         }
       }
     }
   }
 
   // radius: of p's blur in that frame.
-  void addRow(const cv::Point& p, const cv::Vec3s& seen, float radius,
+  void addRow(const cv::Point& p, const ObservedFrame& frame, float radius,
               const std::vector<ImageFormation::Part>& parts, Strip& strip) const {
     const LightCurve& curve = *bracket_.curve;
     const std::ptrdiff_t stride = solved_.cols;
@@ -199,11 +201,12 @@ class Equations {
     Row row;
     row.x = p.x;
     row.y = p.y;
-    row.weight = static_cast<float>(
-        1 / (bracket_.noise_variance + kInversion.model_variance + kInversion.model_error * radius * radius));
+    row.trust = frame.is_exact ? 1 : kInversion.inexact_share;
+    row.weight = static_cast<float>(row.trust / (bracket_.noise_variance + kInversion.model_variance +
+                                                 kInversion.model_error * radius * radius));
     for (int c = 0; c < 3; ++c) {
       const float code = curve.code(light[c]);
-      row.residual[c] = static_cast<float>(seen[c]) / kCodeScale - code;
+      row.residual[c] = static_cast<float>(frame.codes(p)[c]) / kCodeScale - code;
       row.slope[c] = curve.slope(code);
     }
     row.first = static_cast<std::uint32_t>(strip.parts.size());
@@ -403,7 +406,7 @@ cv::Mat1f gateOfOwnFrames(const Equations& equations, const cv::Mat4f& z) {
     const float own = static_cast<float>(parts->share) / kWholeShare;
     const cv::Vec3f left = row.residual - Equations::predicted(row, parts, z);
     rise(row.y, row.x) += own * own * row.weight * mean(squared(left) - squared(row.residual));
-    weight(row.y, row.x) += own * own;
+    weight(row.y, row.x) += own * own * row.trust;
   });
   cv::GaussianBlur(rise, rise, {}, kInversion.own_sigma);
   cv::GaussianBlur(weight, weight, {}, kInversion.own_sigma);

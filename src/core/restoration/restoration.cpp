@@ -440,7 +440,7 @@ double BracketRestoration::shrinking() const {
 }
 
 // All pictures in one size and one exposure, with the lens that was given.
-ObservedBracket BracketRestoration::observed(const cv::Mat& fused) const {
+ObservedBracket BracketRestoration::observed(const cv::Mat& fused, std::optional<int> exact) const {
   if (!missing().empty()) throw std::logic_error("restoration: " + missing());
   if ((fused.type() != CV_8UC3 && fused.type() != CV_16UC3) || fused.size() != size_)
     throw std::invalid_argument(
@@ -454,7 +454,8 @@ ObservedBracket BracketRestoration::observed(const cv::Mat& fused) const {
     const FrameBlur blur =
         hasScale() ? blurOf(scene_, held.inverse_depth, working_size_.width)
                    : FrameBlur{held.inverse_depth, kRestoration.guessed_blur * shrinking() / span};
-    bracket.frames.push_back({exposed(held.image, held.gain, *bracket.curve), held.shown, blur});
+    bracket.frames.push_back(
+        {exposed(held.image, held.gain, *bracket.curve), held.shown, blur, !exact || held.index == *exact});
     bracket.px_mm = std::max(bracket.px_mm, blur.px_mm);
   }
   bracket.noise_variance = noiseVariance(images());
@@ -511,8 +512,8 @@ LensFit BracketRestoration::lens(const ObservedBracket& bracket) const {
   return fitLens(evidence, of_copies, std::nullopt, hasScale());
 }
 
-std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused,
-                                                             const Progress& progress) const {
+std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused, const Progress& progress,
+                                                             std::optional<int> exact) const {
   const auto proceed = [&](double done) { return !progress || progress(done); };
   const auto part = [&](double from, double to) {
     return [&proceed, from, to](double done) { return proceed(from + done * (to - from)); };
@@ -520,7 +521,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   if (!proceed(0)) return std::nullopt;
 
   // 1. All pictures in one size and one exposure.
-  ObservedBracket bracket = observed(fused);
+  ObservedBracket bracket = observed(fused, exact);
   if (!proceed(0.05)) return std::nullopt;
 
   // 2. What the frames say about the lens and its focus distances.

@@ -58,9 +58,12 @@ class BracketRestoration {
   /// What is missing for a restoration, as text for a user; "" = restore() will work.
   std::string missing() const;
 
-  /// fused: CV_8UC3 of the frames' size, the result of mode refined. Empty when progress said stop. Throws
-  /// std::logic_error when something is missing, std::invalid_argument on another size or type.
-  std::optional<RestorationResult> restore(const cv::Mat& fused, const Progress& progress = {}) const;
+  /// fused: CV_8UC3 of the frames' size, the result of mode refined. exact: index of the frame whose geometry
+  /// it has, if the camera moved: contours of the others may be a pixel off, or more without depth.
+  /// Empty when progress said stop. Throws std::logic_error when something is missing, std::invalid_argument
+  /// on another size or type.
+  std::optional<RestorationResult> restore(const cv::Mat& fused, const Progress& progress = {},
+                                           std::optional<int> exact = {}) const;
 
  private:
   struct HeldFrame {
@@ -71,7 +74,7 @@ class BracketRestoration {
     double inverse_depth = 0;  ///< 1 / focus distance, 1/mm
   };
   void dropOne();
-  ObservedBracket observed(const cv::Mat& fused) const;
+  ObservedBracket observed(const cv::Mat& fused, std::optional<int> exact) const;
   std::vector<cv::Mat> images() const;
   FocusVotes votes() const;
   LensFit lens(const ObservedBracket& bracket) const;
