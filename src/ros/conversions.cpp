@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cstdint>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "all_in_focus/scene_points.hpp"
@@ -60,13 +61,12 @@ cv::Mat wrap(const sensor_msgs::Image& image, int type) {
                  const_cast<std::uint8_t*>(image.data.data()), image.step);
 }
 
-// What OpenCV makes of NaN and of what is out of range differs from processor to processor.
+// convertTo() makes 0 of NaN and of what is negative, but not of all that is too far.
 cv::Mat metresToMm(const cv::Mat& m) {
   constexpr double kFarthest = 65.5354;
-  cv::Mat mm, is_depth;
-  m.convertTo(mm, CV_16UC1, kMmPerM);
-  cv::inRange(m, 0, kFarthest, is_depth);
-  mm.setTo(0, is_depth == 0);
+  cv::Mat near, mm;
+  cv::threshold(m, near, kFarthest, 0, cv::THRESH_TOZERO_INV);
+  near.convertTo(mm, CV_16UC1, kMmPerM);
   return mm;
 }
 
