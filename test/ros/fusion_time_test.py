@@ -20,6 +20,14 @@ class GapTest(TimeTest):
             self.send_frame(start + index / 1024, sharp)
         self.assert_fused_by_sharpness(start, near=0, far=1)
 
+    def test_a_bracket_that_a_pause_cuts_short_says_so(self):
+        self.reconfigure(bracket_gap=0.5, bracket_size=5)
+        start = rospy.get_time()
+        for index, sharp in enumerate(('near', 'far')):
+            self.send_frame(start + index / 1024, sharp)
+        self.assertTrue(wait_until(lambda: self.outputs['report'].messages))
+        self.assert_noted(self.outputs['report'].messages[-1], 'only 2 of 5 frames were used')
+
     def test_a_jump_back_ends_a_bracket(self):
         self.reconfigure(bracket_size=4)
         self.expect_labels()

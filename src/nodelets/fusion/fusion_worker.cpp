@@ -339,10 +339,10 @@ std::vector<FrameStatus> FusionWorker::finishBracket() {
 
 void FusionWorker::publish(const BracketResult& result, bool complete) {
   const FusionReportPtr report = toReport(result);
-  const std::uint32_t length = report->frames_seen + report->frames_missing;
+  const int length = std::max(result.length, static_cast<int>(report->frames_seen + report->frames_missing));
   std::vector<std::string> warnings = result.warnings;
   if (result.used == 0) warnings.emplace_back("no frame could be used: nothing to publish");
-  if (complete && result.used > 0 && 2 * report->frames_used < length) {
+  if (complete && result.used > 0 && 2 * result.used < length) {
     warnings.push_back("only " + std::to_string(result.used) + " of " + std::to_string(length) +
                        " frames were used, see the notes of the report");
   }
