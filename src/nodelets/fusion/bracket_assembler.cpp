@@ -89,9 +89,10 @@ BracketAssembler::Step BracketAssembler::add(const BracketFrame& frame) {
   return step;
 }
 
-void BracketAssembler::close() {
+int BracketAssembler::close() {
   if (open_ && by_focus_ && count_ > next_) missing_ += static_cast<int>(count_ - next_);
   open_ = false;
+  return missing_;
 }
 
 bool BracketAssembler::endsAfter(double pause_s) const {

@@ -18,9 +18,8 @@ struct BracketFrame {
 };
 
 struct BracketConfig {
-  int size = 0;  ///< frames of a bracket without FocusFrame, 0 = unknown
-  double gap_s =
-      1;  ///< without FocusFrame a longer gap between stamps, either way, ends a bracket; 0 = never
+  int size = 0;      ///< frames of a bracket without FocusFrame, 0 = unknown
+  double gap_s = 1;  ///< without FocusFrame a longer gap, either way, ends a bracket; 0 = never
 };
 
 /// Finds where a focus bracket begins and ends, and the index of each frame: from FocusFrame messages where
@@ -49,8 +48,8 @@ class BracketAssembler {
 
   Step add(const BracketFrame& frame);
 
-  /// Ends the open bracket.
-  void close();
+  /// Ends the open bracket. Returns how many of its frames, as far as they were announced, did not come.
+  int close();
   /// Forgets all frames, as after the start: a bracket whose first frame was not seen is left out.
   void restart() { *this = BracketAssembler(config_); }
 
@@ -60,8 +59,6 @@ class BracketAssembler {
   bool open() const { return open_; }
   bool byFocus() const { return by_focus_; }  ///< FocusFrame messages define the open bracket
   std::uint32_t id() const { return id_; }    ///< of the open bracket
-  /// Frames of the bracket announced so far (all of them, once it is complete) that did not come.
-  int missing() const { return missing_; }
 
  private:
   bool refuses(const BracketFrame& frame, std::string& reason) const;

@@ -124,9 +124,8 @@ std::size_t FusionWorker::waitingImages() const {
 // Holds mutex_.
 void FusionWorker::endBracket() {
   if (!assembler_.open()) return;
-  assembler_.close();
   BracketAssembler::Step end;
-  end.missing = assembler_.missing();
+  end.missing = assembler_.close();
   push({Task::Kind::kEnd, end, nullptr});
 }
 
