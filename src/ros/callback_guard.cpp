@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "image_limit.hpp"
+#include "parameters.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -66,7 +67,9 @@ void CallbackGuard::post(const std::string& place, const std::function<void()>& 
 
 image_transport::Subscriber CallbackGuard::receiveImages(int input, const ImageCallback& receive,
                                                          bool lossless) {
-  const std::string raw = "raw", wanted = quick.private_nh.param("image_transport", raw);
+  const std::string raw = "raw";
+  std::string wanted = raw;
+  readParameter(quick.private_nh, "image_transport", wanted, status_);
   const auto subscribe = [&] {
     const image_transport::TransportHints hints(raw, ros::TransportHints(), quick.private_nh);
     return image_transport::ImageTransport(quick.nh).subscribe(

@@ -124,16 +124,19 @@ class DepthPreprocessTest(GraphTest):
         self.diagnostics.wait(self.NODE, lambda s: s.level == OK)
 
     def test_a_transport_that_changes_depths_or_is_not_installed_is_raw(self):
-        for transport, complaint in (('compressed', "'compressed' may change depths, only raw and compressedDepth do not"),
-                                     ('compressedDepth', "Unable to load plugin for transport 'compressedDepth'")):
+        using_raw = '~image_transport: using raw: '
+        for transport, complaint, shown in (
+                ('compressed', using_raw + "'compressed' may change depths, only raw and compressedDepth do not", 'raw'),
+                ('compressedDepth', using_raw + "Unable to load plugin for transport 'compressedDepth'", 'raw'),
+                (5, "image_transport must be text, not 5: using 'raw'", 5)):
             self.diagnostics.wait(self.NODE, lambda s: 'nobody listens' not in s.message)  # it has seen those that go now
             rospy.set_param('/' + self.NODE + '/image_transport', transport)
             for listener in (self.raw, self.processed):
                 listener.close()
             self.diagnostics.wait(self.NODE, lambda s: 'nobody listens' in s.message)  # the next listener counts as the first
             self.raw = self.listen('/chain/depth_registered/image_raw', Image)
-            self.assert_error(f'~image_transport: using raw: {complaint}')
-            self.assertEqual(rospy.get_param('/' + self.NODE + '/image_transport'), 'raw')
+            self.assert_error(complaint)
+            self.assertEqual(rospy.get_param('/' + self.NODE + '/image_transport'), shown)
         self.assert_good_depth_is_processed()
 
     def test_an_impossible_stamp_ends_no_node(self):
