@@ -161,12 +161,8 @@ class Segmenter {
 
   void onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
     camera_.reset();
-    try {
-      camera_ = toCamera(*info, status_.resolved(info_input_));
-      publishMarkers();
-    } catch (const std::invalid_argument& e) {
-      status_.error(e.what());
-    }
+    camera_ = toCamera(*info, "markers");
+    publishMarkers();
   }
 
   void onDepth(const sensor_msgs::ImageConstPtr& message) {

@@ -14,7 +14,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from depth_testing import (ERROR, HEIGHT, OK, WARN, WIDTH, AloneTest, GraphTest, Talker, camera_info, image_message, pixels_of,
-                           run_tests, transform, two_planes)
+                           run_tests, transform, two_planes, values_of)
 
 STAMPS = itertools.count(1000)
 LAST_STAMP = rospy.Time(4294967295, 950000000)
@@ -70,6 +70,16 @@ class SegmenterTest(AloneTest):
             talker.say(message)
             self.diagnostics.wait('alone/segmenter', lambda s: s.level == ERROR and 'is impossible' in s.message
                                   and '/alone/depth_registered/' + topic in s.message)
+        self.assert_good_depth_is_processed()
+
+    def test_a_camera_of_markers_that_is_broken_is_refused_and_counted(self):
+        info = self.talk('/alone/depth_registered/camera_info', CameraInfo)
+        self.listen('/alone/segmentation/markers', MarkerArray)
+        refused = lambda status: int(values_of(status)['invalid'])
+        before = refused(self.diagnostics.next('alone/segmenter'))
+        info.say(camera_info(0, 'color', 0.0))
+        self.diagnostics.wait('alone/segmenter', lambda s: s.level == ERROR and 'not calibrated' in s.message
+                              and '/alone/depth_registered/camera_info' in s.message and refused(s) == before + 1)
         self.assert_good_depth_is_processed()
 
     def test_no_depth_at_all(self):
