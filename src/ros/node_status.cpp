@@ -42,7 +42,7 @@ NodeStatus::NodeStatus(const std::string& name, ros::NodeHandle nh, const ros::N
 
 int NodeStatus::addInput(const std::string& topic, Expect expect, const std::string& remedy) {
   const std::string resolved = nh_.resolveName(topic);
-  inputs_.push_back({topic, resolved, resolved, expect, remedy, 0, {}});
+  inputs_.push_back({topic, resolved, resolved, remedy, expect, 0, {}});
   topics_ += "\n  subscribes " + resolved + (expect == Expect::kOptional ? " (optional)" : "");
   return static_cast<int>(inputs_.size()) - 1;
 }
@@ -128,7 +128,10 @@ void NodeStatus::report(unsigned char level, const std::string& reason) {
     if (is_error) last_error_ = text;
     if (level >= current_.level) current_ = {level, text};
     if (level >= unreported_.level) unreported_ = {level, text};
-    if (isThrottled(text, kPause)) return;
+    std::string key = text;
+    const auto is_digit = [](unsigned char c) { return std::isdigit(c); };
+    key.erase(std::remove_if(key.begin(), key.end(), is_digit), key.end());
+    if (isThrottled(key, kPause)) return;
   }
   // A macro for each level: one macro keeps its level in a static variable, which all threads would share.
   if (is_error) {
@@ -138,11 +141,8 @@ void NodeStatus::report(unsigned char level, const std::string& reason) {
   }
 }
 
-// Holds mutex_. pause: after it the text is new.
-bool NodeStatus::isThrottled(const std::string& text, std::chrono::seconds pause) {
-  std::string key = text;
-  key.erase(std::remove_if(key.begin(), key.end(), [](unsigned char c) { return std::isdigit(c); }),
-            key.end());
+// Holds mutex_. pause: after it the text of this key is new.
+bool NodeStatus::isThrottled(const std::string& key, std::chrono::seconds pause) {
   const auto now = Clock::now();
   if (raised_.size() > 100) raised_.clear();
   const auto [entry, is_new] = raised_.try_emplace(key, Raised{now, now});

@@ -102,10 +102,8 @@ class NodeStatus {
   using Clock = std::chrono::steady_clock;
 
   struct Input {
-    std::string topic, resolved;
-    std::string on_wire;  // see setOnWire()
+    std::string topic, resolved, on_wire, remedy;  // see addInput() and setOnWire()
     Expect expect;
-    std::string remedy;
     std::uint64_t arrived;
     Clock::time_point last_arrival;
   };
@@ -118,7 +116,7 @@ class NodeStatus {
   };
 
   void report(unsigned char level, const std::string& reason);
-  bool isThrottled(const std::string& text, std::chrono::seconds pause);
+  bool isThrottled(const std::string& key, std::chrono::seconds pause);
   bool silent(const Input& input, Clock::time_point now) const;
   void warnOfSilence(const Input& input);
   void fill(diagnostic_updater::DiagnosticStatusWrapper& status);

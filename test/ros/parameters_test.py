@@ -7,7 +7,7 @@ import unittest
 import numpy as np
 import rospy
 from roslib.packages import find_node
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from depth_testing import GraphTest, image_message, run_tests, values_of, wait_until
@@ -38,9 +38,9 @@ CASES = {
         'label_max_age': (3, None, 3.0)}}
 
 
-def start(test, node, parameters):
+def start(test, node, parameters, *remappings):
     rospy.set_param('/' + node, parameters)
-    process = Talkative([find_node('all_in_focus', node)[0]], ROSCONSOLE_STDOUT_LINE_BUFFERED='1')
+    process = Talkative([find_node('all_in_focus', node)[0], *remappings], ROSCONSOLE_STDOUT_LINE_BUFFERED='1')
     test.addCleanup(process.stop)
     test.assertTrue(process.said('publishes  /'))
     return process
@@ -62,6 +62,17 @@ class ParametersTest(unittest.TestCase):
         for node in CASES:
             process = start(self, node, {'queue_size': 7})
             self.assertFalse([line for line in process.lines if 'WARN' in line or 'ERROR' in line])
+
+
+class SilenceTest(GraphTest):
+    def test_each_silent_input_has_its_line(self):
+        topics = ['/camera_1/camera_info', '/camera_2/camera_info']
+        for topic in topics:
+            self.talk(topic, CameraInfo)
+        process = start(self, 'depth_preprocess', {}, 'depth/camera_info:=' + topics[0], 'rgb/camera_info:=' + topics[1])
+        self.listen('depth_registered/image', Image)
+        for topic in topics:
+            self.assertTrue(process.said(f'no data for 5 s on {topic}: connected, but no message comes'), process.lines)
 
 
 class QueueSizeTest(GraphTest):
