@@ -53,9 +53,8 @@ visualization_msgs::MarkerArray toMarkers(const std_msgs::Header& header, const 
   marker.type = Marker::TEXT_VIEW_FACING;
   marker.action = Marker::ADD;
   const std::vector<cv::Vec3b> colors = labelColors(labels);
-  const auto pale = [](int value) {
-    return static_cast<float>(2 * value + 255) / 765;
-  };  // pure blue is not legible
+  // Pure blue is not legible.
+  const auto pale = [](int value) { return static_cast<float>(2 * value + 255) / 765; };
   for (const RegionCaption& caption : captions) {
     const double z = caption.near_mm / kMmPerM;
     const cv::Point2d ray = camera.ray(caption.anchor);

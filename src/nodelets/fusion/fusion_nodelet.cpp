@@ -140,7 +140,6 @@ class Fusion {
     if (!is_wanted && is_subscribed) unsubscribe();
   }
 
-  // Quick callbacks: they hand over at once. What is for the scene goes to the cache.
   template <typename Message>
   void subscribeTo(int input, void (SceneCache::*use)(const boost::shared_ptr<const Message>&)) {
     constexpr bool is_image = std::is_same_v<Message, sensor_msgs::Image>;
