@@ -182,18 +182,9 @@ def values_of(status):
     return {pair.key: pair.value for pair in status.values}
 
 
-def publishers_of(topic):
-    """As the ROS master sees them."""
-    return _nodes_of(topic, rosgraph.Master('/test').getSystemState()[0])
-
-
 def subscribers_of(topic):
     """As the ROS master sees them."""
-    return _nodes_of(topic, rosgraph.Master('/test').getSystemState()[1])
-
-
-def _nodes_of(topic, connections):
-    return next((nodes for name, nodes in connections if name == topic), [])
+    return next((nodes for name, nodes in rosgraph.Master('/test').getSystemState()[1] if name == topic), [])
 
 
 def hears(node, topic):

@@ -5,7 +5,7 @@
 import numpy as np
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
-from depth_testing import SANITIZED, WARN, publishers_of, run_tests, subscribers_of, values_of, wait_until
+from depth_testing import SANITIZED, WARN, run_tests, subscribers_of, values_of, wait_until
 from fusion_testing import BRACKET_IDS, PERIOD, array_of, colour_message
 from refined_testing import FRAMES, INDICES, MIDDLE, STAMPS, RefinedTest, fused_by_files, pixels
 
@@ -61,32 +61,6 @@ class RestoredTest(RefinedTest):
                 np.testing.assert_allclose(place, wanted, atol=1e-5)
             at = cloud.fields[3].offset
             np.testing.assert_array_equal(points[..., at:at + 3], picture)
-
-    def test_diagnostics_say_which_listener_gets_nothing(self):
-        missing = self.topic('all_in_focus/depth_restored') + ': only a bracket that is restored by focus distances has it'
-        for focus, told in (({'focus_distance': float('nan')}, missing), ({}, 'nothing')):
-            self.report(self.fuse(**focus) + AT_REFERENCE)
-            self.diagnostics.wait(self.node, lambda status: values_of(status).get('asked for in vain') == told)
-
-    def test_the_restored_depth_is_a_topic_of_its_mode_only(self):
-        """Who listens to it when the mode comes back gets it; what is fused meanwhile is not for them."""
-        topic = self.topic('all_in_focus/depth_restored')
-        for mode in ('refined', 'paper', 'restored'):
-            self.reconfigure(mode=mode)
-            self.assertTrue(wait_until(lambda: bool(publishers_of(topic)) == (mode == 'restored')), mode)
-        self.assertTrue(wait_until(self.outputs['depth_restored'].subscriber.get_num_connections))
-        stamp = self.fuse() + AT_REFERENCE
-        self.assertIsNotNone(self.outputs['depth_restored'].at(stamp))
-
-    def test_who_listened_to_the_restored_depth_only_keeps_the_node_awake_no_longer(self):
-        for name in [name for name in self.outputs if name != 'depth_restored']:
-            self.outputs.pop(name).close()
-        images = self.topic('rgb/image')
-        self.assertTrue(wait_until(lambda: bool(subscribers_of(images))))
-        self.reconfigure(mode='refined')
-        self.assertTrue(wait_until(lambda: not subscribers_of(images)))
-        self.reconfigure(mode='restored')
-        self.assertTrue(wait_until(lambda: bool(subscribers_of(images))))
 
     def test_the_next_bracket_goes_first(self):
         """The older one is published as refined at that moment; each bracket once, in their order."""
@@ -144,6 +118,14 @@ class RestoredTest(RefinedTest):
         self.assertEqual(report.blur_scale, 0)
         self.assert_pixels(stamp, 'restored', focus=False)
         self.assertIsNone(self.outputs['depth_restored'].at(stamp + AT_REFERENCE, 0.2))
+
+    def test_who_listens_to_the_restored_depth_gets_it_when_the_mode_comes_back(self):
+        self.reconfigure(mode='refined')
+        refined = self.fuse() + AT_REFERENCE
+        self.assertEqual(self.report(refined).mode, 'refined')
+        self.reconfigure()
+        self.assertIsNotNone(self.outputs['depth_restored'].at(self.fuse() + AT_REFERENCE))
+        self.assertIsNone(self.outputs['depth_restored'].at(refined, 0))
 
     def test_without_optics_the_frames_tell_the_blur(self):
         self.expect_scene('depth_registered/image', 'depth_registered/image_raw', 'rgb/optics')

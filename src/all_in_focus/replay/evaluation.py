@@ -3,13 +3,13 @@
 """What evaluate_bag and the node evaluation_player do: play a bag to the nodes, and save their results."""
 from all_in_focus.files.errors import counted
 from all_in_focus.replay.player import BagPlayer
-from all_in_focus.replay.results import DEPTH_RESTORED, ResultFolder, ResultSaver
+from all_in_focus.replay.results import ResultFolder, ResultSaver
 
 
-def evaluate(contents, output, optics, restores, connect, acknowledge, heartbeat=lambda done: None):
+def evaluate(contents, output, optics, connect, acknowledge, heartbeat=lambda done: None):
     """Returns what came of it, one line, and warnings. ValueError, OSError.
 
-    contents: BagContents; optics: of the lens, instead of the bag's; restores: whether the nodes are in mode restored; the rest:
+    contents: BagContents; optics: of the lens, instead of the bag's; the rest:
     of BagPlayer.
     """
     folder = ResultFolder(output)
@@ -20,7 +20,7 @@ def evaluate(contents, output, optics, restores, connect, acknowledge, heartbeat
             heartbeat(done)
             saver.check()
         player = BagPlayer(contents, connect, acknowledge, alive)
-        player.connect({topic: end for topic, end in saver.subscribers.items() if restores or topic != DEPTH_RESTORED})
+        player.connect(saver.subscribers)
         if optics or contents.optics:
             player.set_optics(optics or contents.optics)
         player.play(follow_optics=optics is None)

@@ -28,10 +28,9 @@ from all_in_focus.msg import FusionReport, SegmentArray
 
 REPORT_VERSION = 1
 MAX_LABEL = 65535
-DEPTH_RESTORED = "all_in_focus/depth_restored"
 # file name: topic, encoding to save (OpenCV writes BGR)
 IMAGES = {"fused": ("all_in_focus/image", "passthrough"), "registered": ("all_in_focus/depth", "passthrough"),
-          "depth_restored": (DEPTH_RESTORED, "passthrough"),
+          "depth_restored": ("all_in_focus/depth_restored", "passthrough"),
           "source_index": ("all_in_focus/source_index", "passthrough"),
           "confidence": ("all_in_focus/confidence", "passthrough"), "weights": ("all_in_focus/weights_color", "bgr8"),
           "labels": ("segmentation/labels", "passthrough"), "regions": ("segmentation/image_color", "bgr8")}

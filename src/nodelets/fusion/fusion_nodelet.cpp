@@ -129,8 +129,6 @@ class Fusion {
     scenes_.configure(/*by_labels=*/settings.bracket.mode == Mode::kPaper, config.label_max_age);
     worker_.configure(settings);
     time_jumps_.setTolerance(config.bracket_gap > 0 ? config.bracket_gap : kDefaultGap);
-    outputs_.setMode(settings.bracket.mode);
-    connect();  // who listened to nothing but an output that went is gone
   }
 
   // Works only while somebody listens.

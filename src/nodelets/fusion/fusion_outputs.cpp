@@ -8,10 +8,8 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/image_encodings.h>
 
-#include <boost/algorithm/string/join.hpp>
 #include <boost/make_shared.hpp>
 #include <opencv2/imgproc.hpp>
-#include <vector>
 
 #include "all_in_focus/codes.hpp"
 #include "all_in_focus/depth_registration.hpp"
@@ -35,9 +33,9 @@ constexpr int kProgressQueueSize = 64;  // frames, which are small, and now and 
 FusionOutputs::FusionOutputs(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect)
     : status_(status) {
   const ros::SubscriberStatusCallback on_connect = [connect](const auto&) { connect(); };
-  const auto advertise = [nh, on_connect](auto type, const std::string& topic, int queue_size = kQueueSize) {
-    return ros::NodeHandle(nh).advertise<decltype(type)>(topic, queue_size, on_connect, on_connect,
-                                                         ros::VoidConstPtr(), /*latch=*/true);
+  const auto advertise = [&](auto type, const std::string& topic, int queue_size = kQueueSize) {
+    return nh.advertise<decltype(type)>(topic, queue_size, on_connect, on_connect, ros::VoidConstPtr(),
+                                        /*latch=*/true);
   };
   const sensor_msgs::Image image;
   image_ = advertise(image, status.addOutput("all_in_focus/image"));
@@ -45,8 +43,7 @@ FusionOutputs::FusionOutputs(ros::NodeHandle& nh, NodeStatus& status, const std:
   depth_ = advertise(image, status.addOutput("all_in_focus/depth"));
   source_index_ = advertise(image, status.addOutput("all_in_focus/source_index"));
   confidence_ = advertise(image, status.addOutput("all_in_focus/confidence"));
-  const std::string restored = status.addOutput("all_in_focus/depth_restored");
-  advertise_restored_ = [advertise, image, restored] { return advertise(image, restored); };
+  depth_restored_ = advertise(image, status.addOutput("all_in_focus/depth_restored"));
   info_ = advertise(sensor_msgs::CameraInfo(), status.addOutput("all_in_focus/camera_info"));
   report_ = advertise(FusionReport(), status.addOutput("all_in_focus/report"), kReportQueueSize);
   // Not latched: of what is latched nobody knows whether it is new.
@@ -60,34 +57,9 @@ FusionOutputs::FusionOutputs(ros::NodeHandle& nh, NodeStatus& status, const std:
       nh.advertise<sensor_msgs::PointCloud2>(status.addOutput(topics::kPoints), 1, on_listener, on_connect);
 }
 
-void FusionOutputs::setMode(Mode mode) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  const bool restores = mode == Mode::kRestored;
-  if (restores != static_cast<bool>(depth_restored_))
-    depth_restored_ = restores ? advertise_restored_() : ros::Publisher();
-}
-
-ros::Publisher FusionOutputs::restoredOutput() const {
-  std::lock_guard<std::mutex> lock(mutex_);
-  return depth_restored_;
-}
-
-// A listener that gets nothing is told why.
-std::string FusionOutputs::askedInVain(bool has_camera, bool has_depth, bool is_restored) const {
-  std::vector<std::string> lines;
-  const auto check = [&lines](bool has, const ros::Publisher& output, const std::string& missing) {
-    if (!has && anybodyListens(output)) lines.push_back(output.getTopic() + ": " + missing);
-  };
-  check(is_restored, restoredOutput(), "only a bracket that is restored by focus distances has it");
-  check(has_camera, points_, std::string("no calibration on ") + topics::kColorInfo);
-  check(has_depth || !has_camera, points_, "no depth is known");
-  check(has_depth, depth_, "no depth is known, all 0");
-  return lines.empty() ? "nothing" : boost::algorithm::join(lines, "; ");
-}
-
 bool FusionOutputs::wanted() const {
-  return anybodyListens(image_, weights_, depth_, restoredOutput(), source_index_, confidence_, info_,
-                        points_, report_, progress_);
+  return anybodyListens(image_, weights_, depth_, depth_restored_, source_index_, confidence_, info_, points_,
+                        report_, progress_);
 }
 
 void FusionOutputs::tell(const FocusFrame& frame) {
@@ -101,8 +73,6 @@ void FusionOutputs::publish(const BracketResult& result, const FusionReportPtr& 
   const std_msgs::Header& header = report->header;
   const sensor_msgs::CameraInfoConstPtr& camera = scene.messages.camera;
   const auto progress = boost::make_shared<Progress>();
-  const bool is_restored = !result.restored_depth.empty();
-  cv::Mat mm;
   if (!result.image.empty()) {
     // The camera comes first: rviz's DepthCloud drops images that come before it.
     if (camera) {
@@ -121,13 +91,13 @@ void FusionOutputs::publish(const BracketResult& result, const FusionReportPtr& 
     weights_.publish(toImage(header, enc::RGB8, weights));
     // All 0 where depth is unknown: that of an older result must not stay beside a newer picture. rviz's
     // DepthCloud wants depth of the colour image's stamp, frame and size.
-    mm = cv::Mat::zeros(result.image.size(), CV_16UC1);
+    cv::Mat mm = cv::Mat::zeros(result.image.size(), CV_16UC1);
     if (!scene.depth.empty()) core::resizeDepth(scene.depth, result.image.size(), mm);
     sensor_msgs::ImagePtr depth = toImage(header, enc::TYPE_16UC1, mm);
     depth_.publish(depth);
-    if (is_restored) {
+    if (!result.restored_depth.empty()) {
       depth = toImage(header, enc::TYPE_16UC1, result.restored_depth);
-      if (const ros::Publisher output = restoredOutput()) output.publish(depth);
+      depth_restored_.publish(depth);
     }
     {
       std::lock_guard<std::mutex> lock(mutex_);
@@ -141,8 +111,6 @@ void FusionOutputs::publish(const BracketResult& result, const FusionReportPtr& 
       if (cloud) progress->points = *cloud;
     }
   }
-  const bool has_depth = is_restored || (!mm.empty() && cv::countNonZero(mm) > 0);
-  status_.setValue("asked for in vain", askedInVain(camera != nullptr, has_depth, is_restored));
   report_.publish(report);
   progress->is_result = 1;
   progress->report = *report;

@@ -25,9 +25,6 @@ class FusionOutputs {
  public:
   /// connect: called by nh's callbacks whenever a subscriber comes or goes.
   FusionOutputs(ros::NodeHandle& nh, NodeStatus& status, const std::function<void()>& connect);
-  /// all_in_focus/depth_restored exists in mode restored only; a result that comes after that mode is
-  /// published without it.
-  void setMode(Mode mode);
   /// Whether anybody subscribes.
   bool wanted() const;
   /// Which frame of which bracket has come.
@@ -36,21 +33,18 @@ class FusionOutputs {
   void publish(const BracketResult& result, const FusionReportPtr& report, const SharedScene& scene);
 
  private:
-  ros::Publisher restoredOutput() const;
-  std::string askedInVain(bool has_camera, bool has_depth, bool is_restored) const;
   sensor_msgs::PointCloud2ConstPtr latestPoints() const;
 
   NodeStatus& status_;
-  ros::Publisher image_, weights_, depth_, source_index_, confidence_, info_, points_, report_, progress_;
-  std::function<ros::Publisher()> advertise_restored_;
+  ros::Publisher image_, weights_, depth_, depth_restored_, source_index_, confidence_, info_, points_,
+      report_, progress_;
 
   /// What a cloud is made of.
   struct Latest {
     sensor_msgs::ImageConstPtr image, depth;
     sensor_msgs::CameraInfoConstPtr camera;
   };
-  mutable std::mutex mutex_;       ///< guards what follows
-  ros::Publisher depth_restored_;  ///< empty in the other modes
+  mutable std::mutex mutex_;  ///< guards what follows
   Latest latest_;
 };
 
