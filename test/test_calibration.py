@@ -6,13 +6,17 @@ import shutil
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
 
+from all_in_focus.calibration import live
 from all_in_focus.calibration.board import Board, Pair, find_corners
 from all_in_focus.calibration.fit_report import view_warnings
 from all_in_focus.calibration.live import ADVICE, LiveView, measure, moved, spanned
 from all_in_focus.calibration.rig_fit import fit_camera, fit_rig
 from all_in_focus.calibration.rig_folder import RigFolder, build_rig, depth_size
 from all_in_focus.files.rig import Camera, rotation_matrix
+from all_in_focus.image_messages import color_message
 
 from board_rendering import (SQUARE, board_poses, corner_points, in_color_camera, mapping_error, project, rays, render,
                              seen_pairs, true_rig)
@@ -218,6 +222,13 @@ def test_where_nothing_can_be_written(tmp_path, place, why):
     with pytest.raises(OSError, match=why):
         RigFolder(str(tmp_path / place))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "gone"]
+
+
+def test_a_damaged_picture_is_told_with_its_topic(monkeypatch):
+    said, damaged = [], Image(height=480, width=640, encoding="mono16", step=1280, data=b"short")
+    monkeypatch.setattr(live.rospy, "logwarn_throttle", lambda _, line: said.append(line))
+    live._look(None, [color_message(np.zeros((480, 640, 3), np.uint8), Header()), damaged], None)
+    assert len(said) == 1 and said[0].startswith("/rgb/image: a picture cannot be used: data holds 5 bytes")
 
 
 def test_how_far_a_board_moved_does_not_depend_on_the_order():

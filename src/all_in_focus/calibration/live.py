@@ -195,11 +195,14 @@ def _picture(message):
 
 
 def _look(view, messages, pictures):
+    images = []
     try:
-        if view.add([_picture(message) for message in messages]):
+        for message in messages:
+            images.append(_picture(message))
+        if view.add(images):
             rospy.loginfo("%s", "; ".join(view.status()))
     except ImageError as error:
-        rospy.logwarn_throttle(10, f"a picture cannot be used: {error}")
+        rospy.logwarn_throttle(10, f"{rospy.resolve_name(TOPICS[len(images)])}: a picture cannot be used: {error}")
         return
     except OSError as error:  # the pair counts all the same
         rospy.logwarn("%s", error)
