@@ -191,6 +191,17 @@ def test_a_picture_that_is_written_while_it_is_read_comes_once(watched, monkeypa
     assert polled(watch, times=5) == [("slow.png", 0)]
 
 
+def test_the_stamp_of_a_deleted_file_is_not_that_of_a_later_one(watched):
+    folder, watch = watched
+    for image in pictures(2):
+        cv2.imwrite(str(folder / "1.png"), image)
+        assert watch.poll() == []
+        (folder / "1.png").rename(folder / ".1.png")
+        watch.poll()
+    (folder / ".1.png").rename(folder / "1.png")
+    assert polled(watch) == [("1.png", 2)]
+
+
 def test_a_folder_may_go_and_come_back(watched):
     folder, watch = watched
     folder.rename(folder.parent / "away")

@@ -49,8 +49,9 @@ class FolderWatch:
 
     def poll(self):
         """Arrivals since the last call, in the order of their stamps, then names."""
-        arrived = []
-        for name, state in sorted(self._states().items()):
+        arrived, states = [], self._states()
+        self._coming = {name: coming for name, coming in self._coming.items() if name in states}
+        for name, state in sorted(states.items()):
             before, stamp, changed_at = self._coming.get(name, (None, None, 0.0))
             if self._done.get(name) == state:
                 continue
