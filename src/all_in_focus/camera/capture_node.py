@@ -112,6 +112,7 @@ class _Work:
     def _result(self, has_camera, timeout):
         told, changed = None, time.monotonic()
         while not self._is_over():
+            answer = self._answer  # first: from then on, what is followed is the bracket that it names
             followed, feedback = self._followed(has_camera), CaptureFeedback("waiting", 0, 0)
             frames = [frame for frame in list(self._frames) if frame.bracket_id == followed]
             if frames:
@@ -120,10 +121,10 @@ class _Work:
             if feedback != told:
                 told, changed = feedback, time.monotonic()
                 self._handle.publish_feedback(feedback)
-            if self._answer and not self._answer.success:
-                raise RuntimeError(self._answer.message)
+            if answer and not answer.success:
+                raise RuntimeError(answer.message)
             for result in list(self._results):
-                if result.report.bracket_id == followed and (self._answer or not has_camera):
+                if result.report.bracket_id == followed and (answer or not has_camera):
                     if result.report.frames_used == 0:
                         raise RuntimeError("; ".join(result.report.notes))
                     points = result.points if self._goal.with_points else PointCloud2()  # others may listen to them
