@@ -98,7 +98,7 @@ class SettingsHold:
         elif wanted is None or widget.read_only or not self._set(name, wanted, widget.value):
             problem = f"cannot be set to {wanted or ' or '.join(values)} from here: set it on the camera"
         if problem:
-            self._warn(f"'{name}' is '{widget.value}' and {problem}, it may change within the bracket")
+            self._warn(f"'{name}' is '{widget.value}' and {problem}, or the frames of a bracket may differ")
 
     def _set(self, name, value, before):
         try:
