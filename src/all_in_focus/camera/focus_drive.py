@@ -93,8 +93,8 @@ class FocusDrive:
         name = self._widget.name
         try:
             if self.maker.rule == CHOICES:
+                self._camera.set_config(name, "None")  # first: if it fails, nothing has moved
                 self._camera.set_config(name, f"{'Far' if far else 'Near'} {size}")
-                self._camera.set_config(name, "None")
             else:
                 self._camera.set_config(name, size if far else -size)
         except CameraError as error:
@@ -118,10 +118,10 @@ class FocusDrive:
         """Set the absolute position and wait until the lens reports it."""
         wanted = round(self._zero + position * self.size)
         self._camera.set_config(self._widget.name, wanted)
+        self.position = position
         end = time.monotonic() + READ_BACK
         while abs(self._absolute(self._camera.get_config(self._widget.name).value) - wanted) > 0.5:
             if time.monotonic() > end:
                 raise CameraError(CAMERA_ERROR, f"driving the focus to {wanted:g}", "the lens does not get there")
             time.sleep(0.05)
-        self.position = position
         time.sleep(self._settle)
