@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Brackets: frames, fixed settings, restoring, and errors of the camera."""
+import contextlib
 import itertools
 import math
 
@@ -404,6 +405,20 @@ def test_the_same_name_again_is_a_new_picture():
     camera.capture = same_number
     assert shot_with_warnings(connected(camera, keep_files=False), shots.append) == []
     assert lenses(shots) == [400, 410, 420]
+
+
+@pytest.mark.parametrize("make", MAKES)
+def test_one_error_leaves_nothing_changed_whichever_call_it_is(make):
+    for number in range(1, 100):
+        camera = FakeCamera(make)
+        session, before = connected(camera), settings(camera)
+        camera.fail = (CAMERA_ERROR, number)
+        with contextlib.suppress(CameraError):
+            session.shoot(lambda frame: None, exposures=(1 / 30, 1 / 60, 1 / 125))
+        camera.fail = None
+        session.check()
+        after = {**settings(camera), "shutterspeed": before["shutterspeed"]}  # in the mode of before the camera chooses it
+        assert (after, camera.lens) == (before, 400), number
 
 
 def test_a_setting_that_cannot_be_set_back_is_told_once():

@@ -40,8 +40,15 @@ class SettingsHold:
                 self._set(name, before.value, now.value)
 
     def hold_focus(self, drive):
-        """restore() begins with the focus: some lenses move only as long as the settings hold."""
-        self._changed["focus"] = (partial(drive.move_to, drive.position), "the focus is not back at its start position")
+        """restore() begins with the focus, and tries twice: some lenses move only as long as the settings hold."""
+        def restore(start=drive.position):
+            try:
+                drive.move_to(start)
+            except CameraError as error:
+                if error.busy or error.lost:
+                    raise
+                drive.move_to(start)
+        self._changed["focus"] = (restore, "the focus is not back at its start position")
 
     def shutter_choices(self, seconds):
         """What expose() takes for each of these exposure times. CameraError where the camera has none that is near enough."""
@@ -58,7 +65,7 @@ class SettingsHold:
     def expose(self, choice):
         """choice: of shutter_choices(); until restore()."""
         name, value = choice
-        before = find_widget(self._camera, name).value
+        before = self._camera.get_config(name).value
         if value != before and not self._set(name, value, before):
             raise CameraError(NOT_SUPPORTED, f"setting '{name}' to {value}", "switch the camera to M")
 
