@@ -127,6 +127,14 @@ def test_a_known_camera_may_have_the_rational_distortion():
     assert np.linalg.norm(rig.t - truth.t) < 0.004 and fit.rms < 0.1 and not fit.remarks
 
 
+def test_a_known_camera_whose_principal_point_lies_outside_the_picture():
+    truth = true_rig()
+    pairs = seen_pairs(truth, board_poses(truth, 6))
+    truth.color.K[0, 2] = -1
+    with pytest.raises(ValueError, match="the color camera: .* compare --color-info with the pictures$"):
+        fit_rig(BOARD, pairs, SIZES, (None, truth.color))
+
+
 def test_refining_both_cameras_together_is_worth_it():
     """The reason why intrinsics do not stay as each camera alone gives them."""
     truth = true_rig()

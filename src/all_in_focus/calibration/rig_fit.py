@@ -70,9 +70,9 @@ def fit_camera(name, board, corners, size, known=None, radial=2):
             _, found_K, found_D, _, _, deviations, _, errors = cv2.calibrateCameraExtended(
                 [board.points] * len(kept), [corners[view].astype(np.float32) for view in kept], size,
                 *(None if part is None else part.copy() for part in (K, D)), flags=flags, criteria=CAMERA_CRITERIA)
-        except cv2.error as error:  # the known principal point may lie outside the picture, too
-            raise ValueError(f"the {name} camera: its views do not determine a calibration ({error.err}): tilt the board "
-                             "differently in each")
+        except cv2.error as error:  # of a known camera: its principal point lies outside the picture
+            remedy = f"compare --{name}-info with the pictures" if known else "tilt the board differently in each"
+            raise ValueError(f"the {name} camera: its views do not determine a calibration ({error.err}): {remedy}")
         errors = dict(zip(kept, errors.ravel().tolist()))
         worst = max(errors, key=errors.get)
         if errors[worst] <= limit(errors.values()):
