@@ -9,8 +9,7 @@ from all_in_focus.replay.results import ResultFolder, ResultSaver
 def evaluate(contents, output, optics, connect, acknowledge, heartbeat=lambda done: None):
     """Returns what came of it, one line, and warnings. ValueError, OSError.
 
-    contents: BagContents; optics: of the lens, instead of the bag's; the rest:
-    of BagPlayer.
+    contents: BagContents; optics: of the lens, instead of the bag's; the rest: of BagPlayer.
     """
     folder = ResultFolder(output)
     try:
