@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cstdint>
-#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "all_in_focus/scene_points.hpp"
@@ -61,12 +60,16 @@ cv::Mat wrap(const sensor_msgs::Image& image, int type) {
                  const_cast<std::uint8_t*>(image.data.data()), image.step);
 }
 
-// convertTo() makes 0 of NaN and of what is negative, but not of all that is too far.
+// Comparisons with NaN are false: it becomes 0 like all that is out of range.
 cv::Mat metresToMm(const cv::Mat& m) {
-  constexpr double kFarthest = 65.5354;
-  cv::Mat near, mm;
-  cv::threshold(m, near, kFarthest, 0, cv::THRESH_TOZERO_INV);
-  near.convertTo(mm, CV_16UC1, kMmPerM);
+  cv::Mat mm(m.size(), CV_16UC1);
+  for (int y = 0; y < m.rows; ++y) {
+    std::transform(m.ptr<float>(y), m.ptr<float>(y) + m.cols, mm.ptr<std::uint16_t>(y), [](float metres) {
+      const float rounded = metres * static_cast<float>(kMmPerM) + 0.5f;
+      const float valid = rounded >= 1.0f && rounded < 65536.0f ? rounded : 0.0f;
+      return static_cast<std::uint16_t>(static_cast<std::int32_t>(valid));
+    });
+  }
   return mm;
 }
 
