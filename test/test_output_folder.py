@@ -11,7 +11,7 @@ import pytest
 from tool_helpers import snapshot, unchanged
 
 from all_in_focus.files import output_folder
-from all_in_focus.files.output_folder import MARK, OutputFolder, read_mark, remove_leftovers, whole_folder
+from all_in_focus.files.output_folder import MARK, OutputFolder, read_mark, whole_folder
 
 PROGRAM = "a_program"
 
@@ -169,7 +169,6 @@ def test_two_runs_do_not_meet(tmp_path):
     first = OutputFolder(out, PROGRAM)
     with pytest.raises(BlockingIOError, match="another run is writing there"):
         OutputFolder(out, PROGRAM)
-    remove_leftovers(out)  # does nothing while a run is at work
     (first.working / "a.txt").write_text("")
     first.commit()
     first.discard()
@@ -219,7 +218,7 @@ def test_what_a_killed_run_leaves_is_cleaned_up_by_the_next(tmp_path, renames, f
     assert done.returncode == -signal.SIGKILL and len(names(tmp_path)) == 2
     (tmp_path / ".out.0123456789ab.incomplete").mkdir()  # of somebody else
     (tmp_path / ".out.0123456789ab.incomplete" / "mine2").write_text("y")
-    remove_leftovers(out)
+    OutputFolder(out, PROGRAM, may_keep=lambda name: True).discard()
     assert (out / "mine").read_text() == "x" and read_mark(out)["files"] == files
     write(out, may_keep=lambda name: True)
     kept = sorted(path.read_text() for path in tmp_path.rglob("mine*"))

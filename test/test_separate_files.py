@@ -15,8 +15,7 @@ import pytest
 
 from all_in_focus.bag.bag_file import BagError, BagFile
 from all_in_focus.files import yaml_file
-from all_in_focus.files.output_file import whole_file, write_picture
-from all_in_focus.files.result_mark import is_result
+from all_in_focus.files.output_file import is_result, whole_file, write_picture
 from all_in_focus.files.stack import Stack, StackError, read_image
 from file_helpers import call, run, run_script
 from tool_helpers import (TwoPlanes, expect_refusal, fuse_stack, read, read_report, run_tool, succeeded, tool,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Image operations that several modules share: gray values, sRGB, filling of holes, sharpness, contact sheets.
+"""Image operations that several modules share: sRGB, filling of holes, sharpness, contact sheets.
 
 Depth maps are H x W, 0 = unknown.
 """
@@ -9,7 +9,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-GRAY_OF_BGR = (0.114021, 0.587043, 0.298936)  # as Matlab's rgb2gray; cvtColor's differ by 1 in some pixels
 NO_FRAME = 65535  # in source_index images
 TITLE_HEIGHT, MARGIN = 24, 6  # pixels
 BACKGROUND, INK = 255, (40, 40, 40)
@@ -22,15 +21,6 @@ LEAST_TEXTURE = 0.01  # root mean square gradient per mean brightness; a tile wi
 LEAST_TILES = 4  # textured tiles, without which nothing can be said
 LEAST_CHANGE = 0.2  # of the gradient energy: noise of 6 of 255 grey levels changes it by up to 0.17 over nine frames
 FAR_HUE, LAST_FRAME_HUE = 120, 150  # blue, violet, in OpenCV's unit of two degrees; near and first are red
-
-
-def to_gray(image):
-    """H x W uint8 of H x W (as it is) or H x W x 3 (BGR) uint8; ValueError for anything else."""
-    image = np.asarray(image)
-    if image.dtype != np.uint8 or not (image.ndim == 2 or image.ndim == 3 and image.shape[2] == 3):
-        raise ValueError(f"expected an 8-bit image with one or three channels, not {image.dtype} of shape "
-                         f"{image.shape}")
-    return image if image.ndim == 2 else np.floor(image @ np.array(GRAY_OF_BGR) + 0.5).astype(np.uint8)
 
 
 def srgb_to_linear(code):
@@ -156,19 +146,15 @@ def hues(count, last=FAR_HUE, alternate=False):
 
 def depth_picture(depth):
     """Depth (H x W uint16 mm, 0 = unknown) as BGR, from red (nearest) to blue (farthest), evenly in dioptres, unknown
-    black; below it a legend with metres."""
+    black; both distances are written below."""
     known = depth[depth > 0]
     if not known.size:
         return np.zeros(depth.shape + (3,), np.uint8)
     near, far = float(known.min()), float(known.max())
-    colours = hues(256)
-
-    def colour(millimetres):
-        share = (1 / near - 1 / np.maximum(millimetres, 1.0)) / max(1e-12, 1 / near - 1 / far)
-        return colours[np.rint(np.clip(share, 0, 1) * 255).astype(int)]
-    shown = colour(np.arange(65536))
+    share = (1 / near - 1 / np.maximum(np.arange(65536), 1)) / max(1e-12, 1 / near - 1 / far)
+    shown = hues(256)[np.rint(np.clip(share, 0, 1) * 255).astype(int)]
     shown[0] = 0
-    return np.vstack([shown[depth], _legend(depth.shape[1], near, far, colour)])
+    return with_lines(shown[depth], [f"{near / 1000:.3g} m (red) to {far / 1000:.3g} m (blue)"])
 
 
 def _region_picture(labels):
@@ -181,23 +167,6 @@ def index_picture(index, frames):
     shown = hues(frames, LAST_FRAME_HUE)[np.minimum(index, frames - 1)]
     shown[index == NO_FRAME] = 0
     return shown
-
-
-def _legend(width, near, far, colour):
-    """Strip of colours from near to far (mm), evenly in dioptres, with metres below; colour: of an array of mm."""
-    scale, line, bar = max(0.3, width / 1100), max(1, round(width / 900)), max(6, width // 40)
-    gap = max(2, bar // 4)
-
-    def size(text):
-        return cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, line)[0]
-    strip = np.full((bar + size("0")[1] + 3 * gap, width, 3), BACKGROUND, np.uint8)
-    strip[gap:gap + bar] = colour(1 / np.interp((np.arange(width) + 0.5) / width, [0, 1], [1 / near, 1 / far]))
-    ticks = 1 if near == far else min(5, max(2, width // (2 * size("8.88 m")[0])))
-    for share in np.linspace(0, 1, ticks):
-        text = f"{1 / (1 / near + share * (1 / far - 1 / near)) / 1000:.3g} m"
-        cv2.putText(strip, text, (round(share * (width - size(text)[0])), strip.shape[0] - gap), cv2.FONT_HERSHEY_SIMPLEX,
-                    scale, INK, line, cv2.LINE_AA)
-    return strip
 
 
 def with_lines(image, lines):

@@ -1,19 +1,24 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writes files that are complete or not there: beside their place first, then renamed in one step."""
+"""Writes files that are complete or not there: beside their place first, then renamed in one step. Pictures get a mark, by
+which a later run does not take them for frames of a stack."""
 import contextlib
 import errno
 import json
 import os
 import shutil
 import stat
+import struct
 import sys
 import tempfile
+import zlib
 from pathlib import Path
 
 import cv2
+from PIL import Image
 
-from all_in_focus.files.result_mark import marked
+SOFTWARE = 305  # EXIF
+MARK = "all_in_focus"  # its value in a result; the ending of the file beside a result of a format without EXIF
 
 
 @contextlib.contextmanager
@@ -86,7 +91,29 @@ def write_picture(path, image):
     except cv2.error:
         raise ValueError(f"{path}: no image format has this ending: use .png") from None
     with whole_file(path) as working:
-        working.write_bytes(marked(data))
+        working.write_bytes(_marked(data))
+
+
+def is_result(path):
+    with contextlib.suppress(OSError, SyntaxError, ValueError), Image.open(path) as image:
+        if str(image.getexif().get(SOFTWARE, "")).startswith(MARK):
+            return True
+    return Path(f"{path}.{MARK}").exists()
+
+
+def _marked(data):
+    """A PNG or JPEG file with the mark of a result; other data as they are."""
+    exif = Image.Exif()
+    exif[SOFTWARE] = MARK
+    block = exif.tobytes()
+    if data.startswith(b"\x89PNG"):
+        chunk = b"eXIf" + block[len(b"Exif\0\0"):]
+        place = 33  # behind the first chunk, IHDR
+        return b"".join([data[:place], struct.pack(">I", len(chunk) - 4), chunk, struct.pack(">I", zlib.crc32(chunk)),
+                         data[place:]])
+    if data.startswith(b"\xff\xd8"):
+        return b"".join([data[:2], b"\xff\xe1", struct.pack(">H", len(block) + 2), block, data[2:]])
+    return data
 
 
 def write_json(path, data):

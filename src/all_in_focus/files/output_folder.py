@@ -20,12 +20,6 @@ from all_in_focus.files.output_file import named
 MARK = ".all_in_focus"
 
 
-def require_writable(folder):
-    """PermissionError for a folder that the user may not write to."""
-    if not os.access(folder, os.W_OK):
-        raise PermissionError(errno.EACCES, "is write-protected", str(folder))
-
-
 class OutputFolder:
     """The output folder `path` of a program.
 
@@ -111,7 +105,8 @@ class OutputFolder:
             return
         if not path.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, "is no folder", str(path))
-        require_writable(path)
+        if not os.access(path, os.W_OK):
+            raise PermissionError(errno.EACCES, "is write-protected", str(path))
         mark = read_mark(path)
         if mark and mark["program"] != self._program:
             raise FileExistsError(errno.EEXIST, f"was written by {mark['program']}: choose another folder", str(path))
@@ -145,12 +140,6 @@ def whole_folder(path, program, **options):
             folder.commit()
     finally:
         folder.discard()
-
-
-def remove_leftovers(path):
-    """Removes what a killed run to the output `path` has left, unless a run is at work there."""
-    with contextlib.suppress(OSError):
-        OutputFolder(path, "").discard()
 
 
 def read_mark(folder):

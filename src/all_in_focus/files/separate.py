@@ -6,7 +6,7 @@ import errno
 from pathlib import Path
 
 from all_in_focus.files.output_folder import read_mark
-from all_in_focus.files.result_mark import is_result
+from all_in_focus.files.output_file import is_result
 
 READ_FROM_FOLDERS = (".yaml", ".yml", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".pnm", ".jp2",
                      ".webp")

@@ -4,7 +4,7 @@
 import cv2
 import numpy as np
 
-from all_in_focus.imaging import to_gray
+from all_in_focus_lab.metrics.images import to_gray
 
 
 def grays_of(images):

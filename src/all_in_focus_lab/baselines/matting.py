@@ -16,7 +16,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 from skimage.morphology import disk, thin
 
-from all_in_focus.imaging import to_gray
+from all_in_focus_lab.metrics.images import to_gray
 from all_in_focus_lab.baselines.common import mixed, one_after_the_other, to_8_bit
 
 TOP_HAT = disk(2)

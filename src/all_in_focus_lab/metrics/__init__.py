@@ -9,10 +9,9 @@ H x W uint8, at least 7 x 7. NaN where nothing in the images is measurable. With
 were published. The docstring of each metric says how it is generalised to more sources.
 """
 from all_in_focus.files.stack import size_text
-from all_in_focus.imaging import to_gray
 from all_in_focus_lab.metrics.contrast import q_cb
 from all_in_focus_lab.metrics.gradient import q_g
-from all_in_focus_lab.metrics.images import MIN_SIZE, check_same_size
+from all_in_focus_lab.metrics.images import MIN_SIZE, check_same_size, to_gray
 from all_in_focus_lab.metrics.information import q_mi, q_ncie
 from all_in_focus_lab.metrics.phase import q_p
 from all_in_focus_lab.metrics.structure import q_y

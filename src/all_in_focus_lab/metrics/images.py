@@ -13,6 +13,14 @@ from all_in_focus.files.stack import size_text
 
 MEMORY_BYTES = 512 << 20  # of cached results
 MIN_SIZE = 7  # pixels, the window of Q_Y
+GRAY_OF_BGR = (0.114021, 0.587043, 0.298936)  # as Matlab's rgb2gray; cvtColor's differ by 1 in some pixels
+
+
+def to_gray(image):
+    """H x W uint8 of H x W (as it is) or H x W x 3 (BGR) uint8; ValueError for anything else."""
+    if image.dtype != np.uint8 or not (image.ndim == 2 or image.ndim == 3 and image.shape[2] == 3):
+        raise ValueError(f"expected an 8-bit image with one or three channels, not {image.dtype} of shape {image.shape}")
+    return image if image.ndim == 2 else np.floor(image @ np.array(GRAY_OF_BGR) + 0.5).astype(np.uint8)
 
 
 def check_same_size(image, other):

@@ -5,8 +5,8 @@ and how rough the map of winners is."""
 import cv2
 import numpy as np
 
-from all_in_focus.imaging import NO_FRAME, to_gray
-from all_in_focus_lab.metrics.images import check_same_size, remembered
+from all_in_focus.imaging import NO_FRAME
+from all_in_focus_lab.metrics.images import check_same_size, remembered, to_gray
 
 TILE = 64          # pixels of the full picture
 BANDS = 6          # of the Laplacian pyramid; a tile of the last one is 2 x 2 pixels
