@@ -205,8 +205,6 @@ class BagPlayer:
             if self._wait(lambda: fused.received > before or not fused.under_way(), self._patience):
                 self._silences = 0
             else:
-                rospy.logwarn("%d colour images are not acknowledged, the first of stamp %.6f",
-                              fused.under_way(), (fused.first() or 0) / 1e9)
                 fused.give_up()
                 text = f"fusion did not acknowledge colour images within {self._patience:g} s"
                 if "focus" in self._publishers:
