@@ -6,6 +6,7 @@ import platform
 import re
 import shutil
 import sys
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
@@ -45,15 +46,12 @@ def versions(program=""):
     """Name -> version of everything that results depend on; program: see fusion_digest()."""
     found = {"all_in_focus": _package_version(), "python": sys.version.split()[0]}
     for name in LIBRARIES:
-        try:
+        with suppress(ImportError):
             found[name] = import_module(name).__version__
-        except ImportError:
-            pass
     if shutil.which("enfuse"):
-        try:
+        found["enfuse"] = "unknown"
+        with suppress(RuntimeError):
             found["enfuse"] = run(["enfuse", "--version"]).partition("\n")[0] or "unknown"
-        except RuntimeError:
-            found["enfuse"] = "unknown"
     found.update(code=code_digest(), fuse_stack=fusion_digest(program), nodes=nodes_digest(), machine=platform.node(),
                  system=platform.platform(), processor=f"{os.cpu_count()} x {_processor()}")
     return found
