@@ -27,15 +27,18 @@ def test_contact_sheet(tmp_path):
         assert not (tmp_path / "no.png").exists()
 
 
-def test_near_is_red_and_both_distances_stand_below():
+def test_near_is_red_and_depth_has_a_legend():
     depth = np.full((300, 600), 1000, np.uint16)
     depth[:, 200:400], depth[:, 400:] = 4000, 0
     shown = imaging.picture(depth)
     assert shown.shape[0] > 300 and shown.shape[1:] == (600, 3)
     assert [shown[9, x].argmax() for x in (0, 300)] == [2, 0] and not shown[9, 500].any()  # BGR: red, blue, black
+    legend = shown[300:]
+    row = legend[legend.shape[0] // 4]
+    assert row[0].argmax() == 2 and row[-1].argmax() == 0
     middle = imaging.depth_picture(np.array([[1000, 1600, 4000]], np.uint16))[0, 1]  # half way in dioptres
-    assert middle.argmax() == 1  # green
-    assert (shown[300:] > 128).any()  # metres
+    assert np.abs(row[300].astype(int) - middle).max() < 10
+    assert (legend[legend.shape[0] // 2:] < 128).any()  # metres
 
 
 def test_regions_are_red_where_they_are_near():

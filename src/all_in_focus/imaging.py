@@ -146,15 +146,19 @@ def hues(count, last=FAR_HUE, alternate=False):
 
 def depth_picture(depth):
     """Depth (H x W uint16 mm, 0 = unknown) as BGR, from red (nearest) to blue (farthest), evenly in dioptres, unknown
-    black; both distances are written below."""
+    black; below it a legend with metres."""
     known = depth[depth > 0]
     if not known.size:
         return np.zeros(depth.shape + (3,), np.uint8)
     near, far = float(known.min()), float(known.max())
-    share = (1 / near - 1 / np.maximum(np.arange(65536), 1)) / max(1e-12, 1 / near - 1 / far)
-    shown = hues(256)[np.rint(np.clip(share, 0, 1) * 255).astype(int)]
+    colours = hues(256)
+
+    def colour(millimetres):
+        share = (1 / near - 1 / np.maximum(millimetres, 1.0)) / max(1e-12, 1 / near - 1 / far)
+        return colours[np.rint(np.clip(share, 0, 1) * 255).astype(int)]
+    shown = colour(np.arange(65536))
     shown[0] = 0
-    return with_lines(shown[depth], [f"{near / 1000:.3g} m (red) to {far / 1000:.3g} m (blue)"])
+    return np.vstack([shown[depth], _legend(depth.shape[1], near, far, colour)])
 
 
 def _region_picture(labels):
@@ -167,6 +171,23 @@ def index_picture(index, frames):
     shown = hues(frames, LAST_FRAME_HUE)[np.minimum(index, frames - 1)]
     shown[index == NO_FRAME] = 0
     return shown
+
+
+def _legend(width, near, far, colour):
+    """Strip of colours from near to far (mm), evenly in dioptres, with metres below; colour: of an array of mm."""
+    scale, line, bar = max(0.3, width / 1100), max(1, round(width / 900)), max(6, width // 40)
+    gap = max(2, bar // 4)
+
+    def size(text):
+        return cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, line)[0]
+    strip = np.full((bar + size("0")[1] + 3 * gap, width, 3), BACKGROUND, np.uint8)
+    strip[gap:gap + bar] = colour(1 / np.interp((np.arange(width) + 0.5) / width, [0, 1], [1 / near, 1 / far]))
+    ticks = 1 if near == far else min(5, max(2, width // (2 * size("8.88 m")[0])))
+    for share in np.linspace(0, 1, ticks):
+        text = f"{1 / (1 / near + share * (1 / far - 1 / near)) / 1000:.3g} m"
+        cv2.putText(strip, text, (round(share * (width - size(text)[0])), strip.shape[0] - gap), cv2.FONT_HERSHEY_SIMPLEX,
+                    scale, INK, line, cv2.LINE_AA)
+    return strip
 
 
 def with_lines(image, lines):

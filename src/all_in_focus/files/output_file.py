@@ -95,6 +95,7 @@ def write_picture(path, image):
 
 
 def is_result(path):
+    """Whether a picture is one that this package has written."""
     with contextlib.suppress(OSError, SyntaxError, ValueError), Image.open(path) as image:
         if str(image.getexif().get(SOFTWARE, "")).startswith(MARK):
             return True

@@ -34,7 +34,7 @@ constexpr struct InversionParameters {
   double prior_share = 0.49, least_variance = 0.1;   // of the prior: of the noise, and besides
   float smoothness = 0.1f;
   int steps = 2;               // of conjugate gradients
-  float inexact_share = 0.1f;  // of the weight of other frames, where the camera moved
+  float inexact_share = 0.1f;  // weight of a frame whose contours may be off, where others have 1
   // The limits of the correction.
   double residual_sigma = 2;               // px: residuals are means over that
   float range_margin = 2;                  // gray levels, beyond what the frames differ by

@@ -16,7 +16,7 @@ struct ObservedFrame {
   cv::Mat3s codes;  ///< 8-bit codes times kCodeScale, with the exposure of the fused picture
   cv::Mat1b shown;  ///< 0 where its pixels are not valid, else 255
   FrameBlur blur;
-  bool is_exact = true;  ///< contours lie where they do in the fused picture
+  bool is_exact = true;  ///< its contours lie where the fused picture has them
 };
 
 /// A bracket, the picture it was fused to, and its depth. All have one size, one geometry and one exposure.

@@ -58,8 +58,8 @@ class BracketRestoration {
   /// What is missing for a restoration, as text for a user; "" = restore() will work.
   std::string missing() const;
 
-  /// fused: CV_8UC3 of the frames' size, the result of mode refined. exact: index of the frame whose geometry
-  /// it has, if the camera moved: contours of the others may be a pixel off, or more without depth.
+  /// fused: CV_8UC3 of the frames' size, the result of mode refined. exact: if the camera moved, the index
+  /// of the frame whose geometry the picture has. Contours of the others may be a pixel off, or more.
   /// Empty when progress said stop. Throws std::logic_error when something is missing, std::invalid_argument
   /// on another size or type.
   std::optional<RestorationResult> restore(const cv::Mat& fused, const Progress& progress = {},
