@@ -280,7 +280,7 @@ def test_what_is_neither_folder_nor_video(planes):
                           ("v", b"\0" * 5000)):
         (planes.folder / name).write_bytes(content)
         planes.refused("video", stack=planes.folder / name)
-    planes.refused("no such folder or video", stack="/dev/null")
+    planes.refused("is no regular file", stack="/dev/null")
 
 
 @pytest.mark.parametrize("arguments", [True, False])

@@ -80,7 +80,8 @@ StackReader::StackReader(const std::string& path, const std::vector<cv::Size>& c
         std::make_unique<ReadAhead>(static_cast<int>(names().size()), [this](int i) { return read(i); });
     return;
   }
-  if (!fs::is_regular_file(path)) fail(path, "no such folder or video");
+  if (!fs::exists(path)) fail(path, "no such folder or video");
+  if (!fs::is_regular_file(path)) fail(path, "is no regular file: copy what it gives into a file");
   // OpenCV would open it as a video, together with the images numbered after it.
   if (isPictureName(path)) fail(path, "a single image: give its folder, or a video");
   requireWholeAvi(path);

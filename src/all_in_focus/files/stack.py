@@ -46,19 +46,14 @@ class Stack:
     def __init__(self, path, focus=None, deep=False):
         self.path = Path(path)
         self._deep = deep
-        self.warnings = []
-        if not self.path.exists():
-            raise StackError(f"{path}: no such folder or video")
-        try:
-            require_regular(path)
-        except OSError as error:
-            raise StackError(f"{path}: {error.strerror}")
-        self._left_out = []  # names of pictures that are no frames
-        self._pages, self.names, self.files = [], None, [self.path]
-        if self.path.is_dir() or self.path.suffix.lower() in TIFF_SUFFIXES:
-            self._list()
-        self._count = len(self.names) if self.names is not None else self._count_video()
-        self.distances = load_focus(focus, self.names, self._count, self._left_out) if focus else [math.nan] * self._count
+        listing = _listing(path)
+        self.names, self.warnings, self._count = listing["frames"] or None, listing["notes"], listing["count"]
+        if self.names and self._count == 1 and self.path.is_file():
+            raise StackError(f"{self.path}: a single image: give its folder, or a video")
+        self._pages = list(zip(listing["frames"], listing["paths"], listing["pages"]))
+        self.files = [Path(path) for path in dict.fromkeys(listing["paths"])]
+        known = load_focus(focus, self.names, self._count, listing["left_out"]) if focus else None
+        self.distances = known or [math.nan] * self._count
 
     def __len__(self):
         return self._count
@@ -72,50 +67,14 @@ class Stack:
                 raise StackError(f"{name}: {size_text(frame)} pixels, but the first frame has {size[1]}x{size[0]}")
             yield frame
 
-    def _list(self):
-        listing = _listing(self.path)
-        self._pages = list(zip(listing["frames"], listing["paths"], listing["pages"]))
-        if self.path.is_file() and len(self._pages) == 1:
-            raise self._single_image()
-        self.names = listing["frames"]
-        self.files = [Path(path) for path in dict.fromkeys(listing["paths"])]
-        self.warnings += listing["notes"]
-        self._left_out = listing["left_out"]
-
-    def _single_image(self):
-        return StackError(f"{self.path}: is a single image; give its folder or a video")
-
-    def _count_video(self):
-        """Number of frames, by decoding them: the number in the header is an estimate."""
-        if self.path.suffix.lower() in IMAGE_SUFFIXES:
-            raise self._single_image()
-        _check_riff(self.path)
-        video = self._open_video()
-        announced = video.get(cv2.CAP_PROP_FRAME_COUNT)
-        found = 0
-        while video.grab():
-            found += 1
-        if found == 0:
-            raise StackError(f"{self.path}: holds no readable frame")
-        # Headers are commonly off by one; more frames are missing only in truncated files.
-        if math.isfinite(announced) and announced - found > max(1, 0.01 * announced):
-            raise StackError(f"{self.path}: truncated: {found} of {announced:.0f} frames can be read")
-        return found
-
-    def _open_video(self):
-        video = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG)
-        if not video.isOpened():
-            raise StackError(f"{self.path}: not a readable video")
-        if hasattr(cv2, "CAP_PROP_ORIENTATION_AUTO"):
-            video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)  # as stored, like pictures: the calibration is of the sensor
-        return video
-
     def _frames(self):
         if self.names is not None:
             for name, path, page_at in self._pages:
                 yield Path(path).parent / name, read_color(path, self._deep, page_at)
             return
-        video = self._open_video()
+        video = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG)
+        if hasattr(cv2, "CAP_PROP_ORIENTATION_AUTO"):
+            video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)  # as stored, like pictures: the calibration is of the sensor
         for index in range(self._count):  # one after the other: seeking by frame number is not reliable
             good, frame = video.read()
             if not good:
@@ -124,7 +83,8 @@ class Stack:
 
 
 def _listing(path):
-    """Frames in their order. One program knows the rule for all, those in C++ and those in Python."""
+    """Frames in their order, or the number of those of a video. One program knows the rule for all, those in C++ and those in
+    Python."""
     try:
         return json.loads(installed.run([installed.find("list_stack"), "--stack", str(path)]))
     except RuntimeError as error:
@@ -256,15 +216,6 @@ def is_complete(data):
     except (OSError, SyntaxError, ValueError, EOFError, struct.error):
         return False
     return True
-
-
-def _check_riff(path):
-    """Raises StackError where an AVI file is shorter than its header says."""
-    with path.open("rb") as file:
-        head = file.read(12)
-    announced, size = int.from_bytes(head[4:8], "little") + 8, path.stat().st_size
-    if head[:4] == b"RIFF" and announced > size:
-        raise StackError(f"{path}: truncated: {size} bytes of {announced}")
 
 
 def focus_of_arrivals(path):
