@@ -26,10 +26,6 @@ def check_images(check, bag, scan, kind):
     """Returns the heads of the images that the nodes accept. kind: "depth" or "rgb"."""
     heads, name = getattr(scan, kind), bag.topics[kind]
     good = [head for head in heads if not head.problem]
-    broken = [time for which, time in scan.unreadable if which == kind]
-    if broken:
-        check.warning(f"{name}: {counted(len(broken), 'message')} cannot be read, the first recorded at "
-                      f"{(broken[0] - scan.start) / NS:.3f} s")
     for text, number in Counter(head.problem for head in heads if head.problem).most_common(3):
         if not good:
             check.error(f"{name}: {text}")

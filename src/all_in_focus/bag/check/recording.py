@@ -31,9 +31,10 @@ def check_topics(check, bag, scan):
     for kind, problem in bag.wrong_types():
         remedy = suggestion(bag, kind)
         check.error(problem + (": " + remedy if remedy else ""))
-    broken = [kind for kind, _ in scan.unreadable if kind not in ("depth", "rgb")]  # images: see check_images()
-    for kind in sorted(set(broken)):
-        check.warning(f"{bag.topics.get(kind, '/' + kind)}: {counted(broken.count(kind), 'message')} cannot be read")
+    for kind in sorted({kind for kind, _ in scan.unreadable}):
+        times = [time for which, time in scan.unreadable if which == kind]
+        check.warning(f"{bag.topics.get(kind, '/' + kind)}: {counted(len(times), 'message')} cannot be read, the first recorded "
+                      f"at {(times[0] - scan.start) / NS:.3f} s")
     names = [bag.topics[kind] for kind in REQUIRED]
     counts = ", ".join(f"{name} {bag.found[name].message_count}" if bag.has_topic(name) else name for name in names)
     check.ok(counts + (" (compressed colour: decoded frame by frame)" if names[2].endswith("/compressed") else ""))
