@@ -30,7 +30,7 @@ GRACE = 1.0  # s for a subscriber of the images to connect to the other topics, 
 @dataclass
 class Frame:
     """One of a focus bracket: see FocusFrame.msg. stamp: of the release; distance: m, NaN = unknown; image: BGR, 8 or
-    16 bit, None until it is there; position: of the lens, in steps."""
+    16 bit, None until it is there."""
     index: int
     count: int
     last: bool
@@ -38,7 +38,6 @@ class Frame:
     bracket_id: int = 0
     stamp: rospy.Time = None
     image: np.ndarray = None
-    position: int = 0
 
 
 class FramePublisher(rospy.SubscribeListener):

@@ -117,7 +117,7 @@ class Session:
         for index in range(len(plan)):
             self._drive.wake()
             distance = self.scale.distance(self._drive.position) if self.scale else math.nan
-            frame = Frame(index, count, index + 1 == count, distance, position=self._drive.position)
+            frame = Frame(index, count, index + 1 == count, distance)
 
             def released(stamp, frame=frame):
                 frame.stamp = stamp
