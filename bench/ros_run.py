@@ -8,7 +8,6 @@ import time
 import psutil
 import rosgraph
 
-from all_in_focus import installed
 from all_in_focus.replay.launch import free_port
 
 PATIENCE_S = 30
@@ -36,7 +35,8 @@ class Ros:
 
     def __exit__(self, *_):
         for process in reversed(self.started):
-            installed.end(process)
+            process.terminate()
+            process.wait()
 
 
 def cpu_seconds(pid):

@@ -3,6 +3,7 @@
 """The package's own programs: where they are, and running them."""
 import os
 import subprocess
+from contextlib import suppress
 from pathlib import Path
 
 import rospkg
@@ -40,7 +41,7 @@ def run(command, timeout=None):
 
     RuntimeError with its last line where it fails, or after `timeout` seconds.
     If an exception such as KeyboardInterrupt comes meanwhile, the program is ended by SIGTERM, so that evaluate_bag
-    ends its nodes.
+    ends its nodes, and by SIGKILL if it ignores that.
     """
     program = Path(command[0])
     of_a_build = program.parent.name == "all_in_focus"  # maybe of another one, which has its own libraries
@@ -53,19 +54,11 @@ def run(command, timeout=None):
         except subprocess.TimeoutExpired:
             raise RuntimeError(f"{program.name}: not done after {timeout:g} s, given up")
         finally:
-            if process.poll() is None:
-                end(process)
+            process.terminate()  # of no effect where it has ended
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(GRACE_S)
+            process.kill()
     if process.returncode:
         said = (err or out).strip().splitlines()
         raise RuntimeError(said[-1] if said else f"{program.name}: exit code {process.returncode}")
     return out
-
-
-def end(process):
-    """SIGTERM, and SIGKILL for a process that ignores it."""
-    process.terminate()
-    try:
-        process.communicate(timeout=GRACE_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
