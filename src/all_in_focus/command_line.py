@@ -40,7 +40,7 @@ class Parser(argparse.ArgumentParser):
             import rospy  # files need no ROS
             argv = rospy.myargv(argv)
         parsed = super().parse_args(argv)
-        values = list(_flat(vars(parsed).values()))
+        values = [one for value in vars(parsed).values() for one in (value if isinstance(value, list) else [value])]
         try:
             require_separate(*([value for value in values if isinstance(value, kind)] for kind in (Input, Output)))
         except OSError as error:
@@ -53,15 +53,6 @@ class Parser(argparse.ArgumentParser):
 
     def warn(self, message):
         print(f"{self.prog}: warning: {message}", file=sys.stderr)
-
-
-def _flat(values):
-    """The values, and those in lists and tuples among them."""
-    for value in values:
-        if isinstance(value, (list, tuple)):
-            yield from _flat(value)
-        else:
-            yield value
 
 
 came = []  # signals
