@@ -4,17 +4,12 @@
 
 
 def one_line(error, path=None):
-    """The message of an exception as one line. OSErrors name their file; `path` where they do not know it."""
+    """The message of an exception as one line; of a KeyError and its kind with the type: a key alone explains nothing. OSErrors
+    name their file; `path` where they do not know it."""
     if isinstance(error, OSError) and error.strerror and (error.filename or path):
         return f"{error.filename or path}: {error.strerror}"
-    return " ".join(str(error).split()) or type(error).__name__
-
-
-def one_line_with_type(error):
-    """As one_line(), after the type of an exception whose message alone may explain nothing, such as a KeyError's."""
-    if isinstance(error, (OSError, ValueError)) or type(error) is RuntimeError or not str(error):
-        return one_line(error)
-    return f"{type(error).__name__}: {one_line(error)}"
+    kind, text = type(error).__name__, " ".join(str(error).split())
+    return f"{kind}: {text}" if isinstance(error, LookupError) else text or kind
 
 
 def counted(number, noun):

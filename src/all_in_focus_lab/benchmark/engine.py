@@ -12,7 +12,7 @@ import time
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, nullcontext
 
-from all_in_focus.files.errors import one_line_with_type
+from all_in_focus.files.errors import one_line
 
 POLL_S = 0.1
 PATIENCE_S = 60.0  # without any worker, before it is given up
@@ -77,7 +77,7 @@ def outcome(function, *arguments):
     try:
         return function(*arguments)
     except Exception as error:
-        return {"error": one_line_with_type(error), "host": platform.node()}
+        return {"error": one_line(error), "host": platform.node()}
 
 
 class InProcess:
@@ -124,7 +124,7 @@ class OnWorkers:
             raise EngineError(LOST)
         except Exception as error:
             self._check()
-            return {"error": one_line_with_type(error)}
+            return {"error": one_line(error)}
 
     def _workers(self):
         return self._client.scheduler_info().get("workers", {})
