@@ -66,6 +66,10 @@ def nodes(tmp_path):
     return Nodes(tmp_path)
 
 
+def ended(launch):
+    return launch._process.poll() is not None
+
+
 FOREVER = "while True: time.sleep(0.1)"
 STUBBORN = "for s in (signal.SIGINT, signal.SIGTERM): signal.signal(s, signal.SIG_IGN)\n"
 
@@ -80,7 +84,7 @@ def test_the_death_of_a_required_node_ends_the_others_and_is_told(nodes):
     with nodes.launch() as launch:
         other = nodes.pid("other")
         os.kill(nodes.pid("victim"), signal.SIGKILL)
-        assert wait_until(launch.ended)
+        assert wait_until(lambda: ended(launch))
         assert launch.deaths() == [(-signal.SIGKILL, "victim was ended by SIGKILL")]
         assert launch.reason() == "victim was ended by SIGKILL"
         assert not is_alive(other)
@@ -92,7 +96,7 @@ def test_the_exit_code_and_the_last_words_of_a_node_are_told(nodes):
     for number in range(5):
         nodes.add(f"other_{number}", FOREVER)
     with nodes.launch() as launch:
-        assert wait_until(launch.ended)
+        assert wait_until(lambda: ended(launch))
         assert launch.reason() == "short ended with exit code 1: no such lens"
 
 
@@ -102,7 +106,7 @@ def test_a_node_that_is_not_required_may_end(nodes):
         assert wait_until(launch.deaths)
         assert launch.deaths()[0] == (4, "short ended with exit code 4")
         time.sleep(1.0)
-        assert not launch.ended() and is_alive(nodes.pid("other"))
+        assert not ended(launch) and is_alive(nodes.pid("other"))
 
 
 @pytest.mark.parametrize("text, reason", [
@@ -128,7 +132,7 @@ def test_nodes_join_a_master_that_runs_already(nodes, master):
         (nodes.folder / "guests").mkdir()
         with Launch(nodes.folder / "guests", nodes.file()):
             pid = nodes.pid("guest")
-        assert not is_alive(pid) and not first.ended()
+        assert not is_alive(pid) and not ended(first)
         assert rosgraph.is_master_online(master)
 
 
@@ -161,7 +165,7 @@ def test_everything_started_is_ended(nodes, master):
         assert rosgraph.is_master_online(master) and launch.reason() is None
     assert wait_until(lambda: not any(map(is_alive, pids)))
     assert not rosgraph.is_master_online(master)
-    assert launch.ended()
+    assert ended(launch)
 
 
 def test_nothing_stays_where_roslaunch_is_killed(nodes, master):
@@ -170,7 +174,7 @@ def test_nothing_stays_where_roslaunch_is_killed(nodes, master):
         pid = nodes.pid("stubborn")
         assert wait_until(lambda: "process[stubborn" in (nodes.folder / "stdout").read_text())
         launch._process.kill()
-        assert wait_until(launch.ended)
+        assert wait_until(lambda: ended(launch))
         assert launch.reason() == "roslaunch was ended by SIGKILL"
     assert wait_until(lambda: not is_alive(pid))
     assert not rosgraph.is_master_online(master)

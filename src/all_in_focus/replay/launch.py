@@ -55,15 +55,13 @@ class Launch(AbstractContextManager):
 
     def deaths(self):
         """(exit code, one line) of each process that has ended by itself, in their order."""
-        return list(_deaths(self._read()[1]))
-
-    def ended(self):
-        return self._process.poll() is not None
+        text = self._read()[1]
+        return [(int(death[2] or 0), _ended(death[1], int(death[2] or 0), text[:death.start()].rpartition("\n")[0]))
+                for death in DEATH.finditer(text)]
 
     def reason(self):
         """Why it has ended, or will not do its work; one line. None while all is well."""
-        code, text = self._process.poll(), self._read()[1]
-        deaths = list(_deaths(text))
+        code, deaths, text = self._process.poll(), self.deaths(), self._read()[1]
         reasons = [reason for died, reason in deaths if died]
         reasons += [" ".join((one[1] or one[2]).split()) for one in FAILURE.finditer(text)]
         if code is not None and code < 0:
@@ -90,11 +88,6 @@ class Launch(AbstractContextManager):
 
     def __exit__(self, *_):
         self.close()
-
-
-def _deaths(text):
-    for death in DEATH.finditer(text):
-        yield int(death[2] or 0), _ended(death[1], int(death[2] or 0), text[:death.start()].rpartition("\n")[0])
 
 
 def _ended(process, code, before=""):
