@@ -127,9 +127,6 @@ def write_json(path, data):
 def encode_png(image):
     """PNG file as bytes; colour images are BGR. ValueError where the type of the image does not fit PNG."""
     try:
-        good, data = cv2.imencode(".png", image)
+        return cv2.imencode(".png", image)[1].tobytes()
     except cv2.error:
-        good = False
-    if not good:
-        raise ValueError(f"an image of type {image.dtype} cannot be written as PNG")
-    return data.tobytes()
+        raise ValueError(f"an image of type {image.dtype} cannot be written as PNG") from None
