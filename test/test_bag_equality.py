@@ -12,6 +12,7 @@ import psutil
 import pytest
 
 from all_in_focus.image_messages import to_message
+from all_in_focus_lab.metrics.truth import Truth, psnr
 from bag_helpers import BRIDGE, good_messages, rewritten, write as write_bag
 from file_helpers import SCRIPTS, call, cut, start, wait_until
 from tool_helpers import (check_equality, evaluate_bag, expect_refusal, fuse, fuse_stack, made_scene, read, succeeded,
@@ -64,6 +65,17 @@ def test_nodes_give_the_pixels_of_fuse_stack_without_focus_and_with_another_lens
     options = ["--optics", "35,8,0.03", "--mode", mode]
     report = scene.check_equality(f"lens_{mode}", bag, [*options, "--bracket-size", FRAMES], options, focus=False)
     assert any("no focus distances" in note for note in report["notes"]) == (mode != "paper")
+
+
+def test_both_fuse_frames_anew_if_the_camera_was_found_to_move_late(tmp_path):
+    folder = made_scene("--scene", "slope", "--frames", 10, "--optics", "35,2.8,0.03", "--noise", 0.7, "--drift", 1)
+    files = ["--depth", folder / "depth.png", "--rig", folder / "rig", "--stack", folder / "stack",
+             "--focus", folder / "focus.yaml"]
+    succeeded(call("make_bag", *files, "--output", tmp_path / "late.bag"))
+    report = check_equality(evaluate_bag(tmp_path / "late_bag", tmp_path / "late.bag"), fuse(tmp_path / "late_files", *files))
+    assert any("the camera moved" in note for note in report["notes"])
+    # 35.9 dB where nine of ten frames are fused as if the camera stood still.
+    assert psnr(read(tmp_path / "late_files" / "fused.png"), Truth.load(folder).image) > 36.5
 
 
 def test_both_leave_out_frames_that_do_not_fit(scene):

@@ -27,7 +27,7 @@ struct BracketSettings {
   RefinedConfig refined;
   int length = 0;                  ///< frames that the bracket will have, 0 = unknown
   int reference = kAutoReference;  ///< index of the frame whose geometry and exposure mode refined keeps
-  int max_held = kNoFrame;         ///< how many frames may be held back at a time
+  int max_held = kNoFrame;         ///< how many frames may be held back, or fused anew, at a time
   bool sliding = false;            ///< preview() is wanted after every frame: none is held back or restored
   /// A scene or a frame that cannot be used throws std::invalid_argument. Otherwise a warning tells of it and
   /// the bracket goes on without it.
@@ -47,7 +47,7 @@ struct BracketSettings {
 /// What has become of a frame.
 struct FrameStatus {
   enum class Kind {
-    kHeld,  ///< Bracket may ask for it again
+    kHeld,  ///< Bracket will ask for it again
     kUsed,
     kRejected,
   };
@@ -79,7 +79,8 @@ struct BracketResult : FusionResult {
 ///
 /// Mode paper fuses frames as they come. Modes refined and restored fuse the reference first, then the frames
 /// before it, then those behind it, because the result has its geometry and exposure. Frames that come before
-/// the reference are held back: their pixels are not kept, but asked for again.
+/// the reference are held back: their pixels are not kept, but asked for again. So are, where depth is known,
+/// up to max_held frames that were fused before they showed that the camera moves: the bracket starts over.
 ///
 /// All frames of a bracket must have one size, show the same and have a similar exposure. Frames that do not
 /// fit are held back, too: if most turn out to be like them, the bracket starts over; and at its end what
@@ -90,7 +91,7 @@ struct BracketResult : FusionResult {
 /// bracket to bracket.
 class Bracket {
  public:
-  /// Returns a frame that is held back once more.
+  /// Returns a frame that Bracket holds once more.
   using FrameAgain = std::function<cv::Mat(int index)>;
   /// Receives how much of the restoration is done, 0..1; returns false to stop it.
   using Progress = std::function<bool(double done)>;
@@ -115,8 +116,8 @@ class Bracket {
   /// paper.
   void setLabels(const cv::Mat& labels);
 
-  /// Whether the frame is held back.
-  bool holds(int index) const { return held_.count(index) > 0; }
+  /// Whether the frame may be asked for again.
+  bool holds(int index) const { return held_.count(index) + fused_.count(index) > 0; }
 
   /// The result of the frames fused so far.
   BracketResult preview() const;
@@ -135,7 +136,7 @@ class Bracket {
   void planReference(int first_index);
   void chooseReference(bool may_wait);
   void take(const cv::Mat& frame, int index, double focus_mm);
-  void start(const cv::Size& size);
+  void start(const cv::Size& size, bool drifts = false);
   void drop(const std::function<std::string(int index)>& why);
   bool passes(const std::function<void()>& check, const std::string& effect);
   cv::Mat usableLabels(const cv::Size& size);
@@ -148,6 +149,7 @@ class Bracket {
   bool fuse(int index);
   bool mayWait() const;
   bool startsOver(int newest);
+  bool startsOverMoved();
   void markUsed(int index);
   void markRejected(int index, const std::string& reason);
   FrameStatus& statusOf(int index);
@@ -173,8 +175,10 @@ class Bracket {
   bool holding_ = false;                        // all frames wait for the reference
   bool is_ending_ = false;                      // no frame follows
   std::map<int, Held> held_;                    // by index
-  std::vector<FrameStatus> frames_;             // by index
-  std::pair<int, cv::Mat> current_;             // the frame that is being added
+  std::map<int, Held> fused_;        // all that were, by index, while they may be fused anew; else empty
+  bool drifts_ = false;              // known when the first frame was fused
+  std::vector<FrameStatus> frames_;  // by index
+  std::pair<int, cv::Mat> current_;  // the frame that is being added
   int used_ = 0;
   bool has_labels_ = false, predicts_ = false, focus_known_ = false, focus_refused_ = false;
   std::vector<std::string> scene_warnings_, notes_;

@@ -90,6 +90,7 @@ void Bracket::begin(const BracketScene& scene, const BracketSettings& settings, 
   reference_ = nearest_ = 0;
   holding_ = is_ending_ = false;
   held_.clear();
+  fused_.clear();
   frames_.clear();
   used_ = 0;
   has_labels_ = predicts_ = focus_known_ = focus_refused_ = false;
@@ -204,16 +205,17 @@ void Bracket::drop(const std::function<std::string(int index)>& why) {
     if (frame.kind == FrameStatus::Kind::kUsed) markRejected(frame.index, why(frame.index));
   }
   used_ = 0;
+  fused_.clear();
 }
 
 // Starts to fuse frames of a size, or starts over with them because most have it.
-void Bracket::start(const cv::Size& size) {
+void Bracket::start(const cv::Size& size, bool drifts) {
   const cv::Size before = std::exchange(size_, size);
   if (before != size) drop([&](int) { return anotherSize(before); });
   scene_warnings_.clear();
   BracketScene scene = usableScene(size);
   const auto begin = [&] {
-    fusion_->begin(scene, size, settings_.mode, settings_.refined);
+    fusion_->begin(scene, size, settings_.mode, settings_.refined, drifts);
     if (restores()) restoration_->begin(scene);
   };
   try {
@@ -336,7 +338,7 @@ void Bracket::fuseReady() {
     while (const std::optional<int> index = next()) {
       if (!fuse(*index)) misfit = *index;
     }
-  } while (misfit != kNone && startsOver(misfit));
+  } while ((misfit != kNone && startsOver(misfit)) || startsOverMoved());
 }
 
 // Returns false if the frame does not fit those fused so far. It is kept: they may be the odd ones.
@@ -381,11 +383,28 @@ bool Bracket::startsOver(int newest) {
   return true;
 }
 
+// Starts over with the frames fused so far if the first of them were fused before it showed that the camera
+// moves: then depth moves them, too. Returns whether it did.
+bool Bracket::startsOverMoved() {
+  if (drifts_ || !fusion_->drifts() || fused_.empty()) return false;
+  for (const auto& fused : fused_) statusOf(fused.first).kind = FrameStatus::Kind::kHeld;
+  held_.merge(fused_);
+  used_ = 0;
+  start(size_, /*drifts=*/true);
+  return true;
+}
+
 // Mode paper keeps no geometry: there the nearest of all frames stands for the reference.
 void Bracket::markUsed(int index) {
   const bool is_nearer = std::abs(index - reference_) < std::abs(nearest_ - reference_);
   if (used_++ == 0 || (settings_.mode == Mode::kPaper && is_nearer)) nearest_ = index;
-  held_.erase(index);
+  if (used_ == 1) drifts_ = fusion_->drifts();
+  auto frame = held_.extract(index);
+  if (!drifts_ && fusion_->mayDrift() && used_ <= mostHeld()) {
+    fused_.insert(std::move(frame));
+  } else {
+    fused_.clear();
+  }
   statusOf(index).kind = FrameStatus::Kind::kUsed;
 }
 

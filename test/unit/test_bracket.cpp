@@ -73,7 +73,7 @@ class Sender {
 
   FrameStatus add(int index, const cv::Mat& frame, double focus_mm = kUnknownFocus) {
     FrameStatus status = bracket.add(frame, index, focus_mm);
-    if (status.kind == Kind::kHeld) kept[index] = frame;
+    kept[index] = frame;
     for (auto it = kept.begin(); it != kept.end();)
       it = bracket.holds(it->first) ? std::next(it) : kept.erase(it);
     most_kept = std::max(most_kept, kept.size());

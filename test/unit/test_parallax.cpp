@@ -5,13 +5,17 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <map>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 #include <vector>
 
 #include "alignment/bracket_alignment.hpp"
+#include "all_in_focus/bracket.hpp"
 #include "bracket_drawing.hpp"
 #include "fusion/bracket_fusion.hpp"
 
@@ -52,6 +56,20 @@ cv::Mat seenFrom(const cv::Vec3d& place_mm, double right, int k, int n) {
     }
   }
   return picture;
+}
+
+cv::Mat coloured(const cv::Mat& gray) {
+  cv::Mat picture;
+  cv::cvtColor(gray, picture, cv::COLOR_GRAY2BGR);
+  return picture;
+}
+
+BracketScene bands() {
+  BracketScene scene;
+  scene.depth = depthImage();
+  scene.optics = {50, 4, 0.03};
+  scene.camera = Camera{kSize, kFocalPx, kFocalPx, kCenter.x, kCenter.y, {}};
+  return scene;
 }
 
 BracketAlignment begun(const cv::Mat& depth) {
@@ -200,36 +218,91 @@ TEST(Parallax, WhatLeavesThePictureIsNotShown) {
 
 // The frames before and behind the reference are much sharper there, and yet count for nothing.
 TEST(Parallax, HiddenPixelsAreThoseOfTheReference) {
-  BracketScene scene;
-  scene.depth = depthImage();
-  scene.optics = {50, 4, 0.03};
-  scene.camera = Camera{kSize, kFocalPx, kFocalPx, kCenter.x, kCenter.y, {}};
-  const auto colour = [](const cv::Mat& gray) {
-    cv::Mat picture;
-    cv::cvtColor(gray, picture, cv::COLOR_GRAY2BGR);
-    return picture;
-  };
   cv::Mat blurred = seenFrom({}, 0, 1, 2);
   cv::GaussianBlur(blurred, blurred, {}, 1);
   const cv::Mat moved = seenFrom({0, 12, 0}, 0, 1, 2);
   BracketFusion fusion;
-  fusion.begin(scene, kSize, Mode::kRefined);
+  fusion.begin(bands(), kSize, Mode::kRefined);
   cv::Mat hidden;
   fusion.setAlignedFrameCallback([&](const AlignedFrame& frame) {
     if (frame.index == 1) cv::Mat(frame.opaque == 0).copyTo(hidden);
   });
-  ASSERT_EQ(fusion.add(colour(blurred), 0), "");
-  ASSERT_EQ(fusion.add(colour(moved), 1), "");
+  ASSERT_EQ(fusion.add(coloured(blurred), 0), "");
+  ASSERT_EQ(fusion.add(coloured(moved), 1), "");
   // Bands that are nearer move up by 6 or 4 px, bands at 3 m by 1.6.
   ASSERT_GT(cv::countNonZero(hidden), 3 * kSize.width);
   ASSERT_LT(cv::countNonZero(hidden), 30 * kSize.width);
   cv::Mat difference;
   const FusionResult result = fusion.result();
-  cv::absdiff(result.image, colour(blurred), difference);
+  cv::absdiff(result.image, coloured(blurred), difference);
   EXPECT_GT(cv::mean(difference, hidden == 0)[0], 2) << "the sharper frame is used where it can be";
   EXPECT_EQ(cv::norm(difference, cv::NORM_INF, hidden), 0);
   ASSERT_EQ(result.notes.size(), 1);
   EXPECT_NE(result.notes[0].find("the camera moved by up to 1"), std::string::npos) << result.notes[0];
+}
+
+// What a bracket of a camera that moves slowly has become, and what it has asked for.
+struct SlowBracket {
+  BracketResult result;
+  std::vector<int> fused, asked;  // indices, in order
+  std::size_t most_kept = 0;
+};
+
+constexpr int kSlowFrames = 8;
+
+cv::Mat slowFrame(int k) {
+  return coloured(seenFrom({0.3 * k, 0, 0}, 0, k, kSlowFrames));
+}
+
+SlowBracket slowBracket(int max_held) {
+  SlowBracket slow;
+  BracketSettings settings;
+  settings.reference = 0;
+  settings.max_held = max_held;
+  settings.on_aligned = [&](const AlignedFrame& frame) { slow.fused.push_back(frame.index); };
+  std::map<int, cv::Mat> kept;
+  Bracket bracket;
+  bracket.begin(bands(), settings, [&](int index) {
+    slow.asked.push_back(index);
+    return kept.at(index);
+  });
+  for (int k = 0; k < kSlowFrames; ++k) {
+    kept[k] = slowFrame(k);
+    bracket.add(kept[k], k);
+    for (int i = 0; i <= k; ++i) {
+      if (!bracket.holds(i)) kept.erase(i);
+    }
+    slow.most_kept = std::max(slow.most_kept, kept.size());
+  }
+  EXPECT_TRUE(kept.empty()) << "that the camera moves is known: no frame need be fused anew";
+  slow.result = bracket.finish();
+  return slow;
+}
+
+// That the camera moves shows after some frames. They are fused anew, as if it had been known from the first.
+TEST(Parallax, FramesBeforeItShowsAreFusedAnew) {
+  const SlowBracket slow = slowBracket(kNoFrame);
+  const int before = static_cast<int>(slow.fused.size()) - kSlowFrames;
+  ASSERT_GT(before, 2);
+  ASSERT_LE(before, kSlowFrames) << "once";
+  std::vector<int> expected;
+  for (int k = 0; k < before; ++k) expected.push_back(k);
+  EXPECT_EQ(slow.asked, std::vector<int>(expected.begin(), expected.end() - 1)) << "the newest is there";
+  for (int k = 0; k < kSlowFrames; ++k) expected.push_back(k);
+  EXPECT_EQ(slow.fused, expected);
+  EXPECT_EQ(slow.result.used, kSlowFrames);
+
+  BracketFusion fusion;
+  fusion.begin(bands(), kSize, Mode::kRefined, {}, /*drifts=*/true);
+  for (int k = 0; k < kSlowFrames; ++k) ASSERT_EQ(fusion.add(slowFrame(k), k), "");
+  EXPECT_EQ(cv::norm(slow.result.image, fusion.result().image, cv::NORM_INF), 0);
+}
+
+TEST(Parallax, NoMoreFramesAreKeptThanMayBeHeld) {
+  const SlowBracket slow = slowBracket(/*max_held=*/2);
+  EXPECT_EQ(slow.most_kept, 2u);
+  EXPECT_TRUE(slow.asked.empty());
+  EXPECT_EQ(slow.fused.size(), static_cast<std::size_t>(kSlowFrames));
 }
 
 }  // namespace

@@ -21,12 +21,13 @@ double modelVariance(double radius, double tiles) {
 
 }  // namespace
 
-void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, const Relief& relief) {
+void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, const Relief& relief,
+                             bool drifts) {
   key_alignment_.setRelief(relief);
   other_alignment_.setRelief(relief);
   drift_alignment_.setRelief(relief);
   knows_relief_ = relief.isKnown();
-  drifts_ = false;
+  drifts_ = drifts && knows_relief_;
   along_shift_ = shift_information_ = 0;
   size_ = size;
   center_ = center;

@@ -56,7 +56,7 @@ double contrastGain(double gain) {
 }  // namespace
 
 void BracketFusion::begin(const BracketScene& scene, const cv::Size& size, Mode mode,
-                          const RefinedConfig& config) {
+                          const RefinedConfig& config, bool drifts) {
   scene_ = scene;
   config_ = config;
   size_ = size;
@@ -70,10 +70,10 @@ void BracketFusion::begin(const BracketScene& scene, const cv::Size& size, Mode 
     scene_.depth = cv::Mat();
     config_.alignment = config_.exposure = config_.soft = false;
   }
-  beginRefined();
+  beginRefined(drifts);
 }
 
-void BracketFusion::beginRefined() {
+void BracketFusion::beginRefined(bool drifts) {
   reference_ = -1;
   center_ = {(size_.width - 1) / 2.0, (size_.height - 1) / 2.0};
   focal_length_mm_ = focal_px_ = 0;
@@ -99,7 +99,7 @@ void BracketFusion::beginRefined() {
   moved_mm_ = turned_ = 0;
   relief_image_.release();
   relief_ = config_.alignment ? reliefOf(scene_.depth, scene_.measured) : Relief();
-  alignment_.begin(size_, center_, relief_);
+  alignment_.begin(size_, center_, relief_, drifts);
 }
 
 void BracketFusion::setLabels(const cv::Mat& labels) {

@@ -36,8 +36,10 @@ namespace all_in_focus::core {
 class BracketFusion {
  public:
   /// Starts a bracket of frames of that size. The scene must be possible (Bracket checks it). Its images are
-  /// shared, not copied; labels are scaled to the frames by nearest neighbour.
-  void begin(const BracketScene& scene, const cv::Size& size, Mode mode, const RefinedConfig& config = {});
+  /// shared, not copied; labels are scaled to the frames by nearest neighbour. drifts: of these frames it is
+  /// known already.
+  void begin(const BracketScene& scene, const cv::Size& size, Mode mode, const RefinedConfig& config = {},
+             bool drifts = false);
 
   /// Mode refined: sets or replaces the labels by which the result tells its regions.
   void setLabels(const cv::Mat& labels);
@@ -76,10 +78,12 @@ class BracketFusion {
   std::string hiddenDriftNote() const;
   /// Whether the camera moved, and depth corrects it.
   bool drifts() const { return alignment_.drifts(); }
+  /// Whether frames may still come that show it.
+  bool mayDrift() const { return !by_region_ && relief_.isKnown(); }
 
  private:
   void takeApart(const cv::Mat& frame, int index);
-  void beginRefined();
+  void beginRefined(bool drifts);
   void observeGray(int index, double focus_mm);
   std::string addRefined(int index, double focus_mm, bool may_wait);
   void setReference(int index);
