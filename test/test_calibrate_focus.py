@@ -140,6 +140,9 @@ def test_tables_that_cannot_be_right(tmp_path):
     path = tmp_path / "table.yaml"
     for text, complaint in (("focus_table: [{step: 0, mm: 500}]", "two steps or more"),
                             ("focus_table: 3", "expected"),
+                            ("focus_table: [{step: 0, mm: 500}, {step: 9.5, mm: 900}]", "expected"),
+                            ("focus_table: [{step: 0, mm: 500}, {step: .inf, mm: 900}]", "expected"),
+                            ("focus_table: [{step: 0, mm: 500}, {step: true, mm: 900}]", "expected"),
                             ("{step: 0.5, focus_table: [{step: 0, mm: 500}, {step: 9, mm: .inf}]}", "step: expected a whole")):
         path.write_text(text)
         with pytest.raises(ValueError, match=complaint):

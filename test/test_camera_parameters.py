@@ -41,7 +41,9 @@ def test_defaults(given):
     ("timeout", float("nan"), "~timeout: expected a number"),
     ("keep_files", 1, "~keep_files: expected true or false, not '1'"),
     ("white_balance", True, "~white_balance: expected text, not True: write it in quotes"),
-    ("iso", [100], "~iso: expected text, not [100]")])
+    ("iso", [100], "~iso: expected text, not [100]"),
+    ("focus_table", "", "~focus_table: expected a list, not ''"),
+    ("focus_table", 0, "~focus_table: expected a list, not '0'")])
 def test_impossible_parameters_are_named(given, name, value, words):
     given[name] = value
     with pytest.raises(ValueError) as failure:

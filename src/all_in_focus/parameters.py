@@ -28,6 +28,8 @@ def read(table):
 def _checked(name, value, one):
     kind = type(one.default)
     if kind is list:
+        if not isinstance(value, list):
+            raise ValueError(f"~{name}: expected a list, not '{value}'")
         return value
     if kind is str:
         return _text(name, value, one)

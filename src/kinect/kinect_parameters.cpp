@@ -28,7 +28,7 @@ KinectParameters readKinectParameters(const ros::NodeHandle& nh, NodeStatus& sta
     p.playback.rate = 1;
   }
   readParameter(nh, "repeat", p.playback.repeat, status);
-  readParameter(nh, "invalid_values", p.invalid_values, status);
+  readInvalidValues(nh, p.invalid_values, status);
   readNumber(nh, "time_offset", -kMostSeconds, kMostSeconds, p.time_offset, status);
   readNumber(nh, "reconnect_period", 0.1, kMostSeconds, p.reconnect_period, status);
   readNumber(nh, "silence_timeout", 0.0, kMostSeconds, p.silence_timeout, status);

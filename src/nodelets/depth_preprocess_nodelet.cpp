@@ -59,7 +59,7 @@ class DepthPreprocess {
         moving_subscriber_(listenToTransforms("/tf", /*is_static=*/false)),
         static_subscriber_(listenToTransforms("/tf_static", /*is_static=*/true)) {
     readNumber(guard.slow.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
-    readParameter(guard.slow.private_nh, "invalid_values", invalid_values_, status);
+    readInvalidValues(guard.slow.private_nh, invalid_values_, status);
     configuration_ = serveConfiguration<DepthPreprocessConfig>(guard.slow.private_nh, guard, status,
                                                                [this](auto& config) { reconfigure(config); });
     advertise();

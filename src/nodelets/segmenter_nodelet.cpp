@@ -120,16 +120,15 @@ class Segmenter {
 
   void reconfigure(SegmenterConfig& config) {
     const auto check = [this](double& value, double good, const core::OpticsRange& range, const char* name) {
-      repair(value, good, range.contains(value), name, cv::format("from %g to %g", range.min, range.max),
-             status_);
+      repairNumber(value, good, range.min, range.max, name, status_);
     };
     check(config.focal_length_mm, config_.focal_length_mm, core::kFocalLengthRange, "focal_length_mm");
     check(config.aperture, config_.aperture, core::kApertureRange, "aperture");
     check(config.circle_of_confusion_mm, config_.circle_of_confusion_mm, core::kCircleOfConfusionRange,
           "circle_of_confusion_mm");
     repairName(config.dof_rule, config_.dof_rule, core::parseDofSpan, status_);
-    repairNegative(config.min_region_size, config_.min_region_size, "min_region_size", status_);
-    repairNegative(config.caption_min_area, config_.caption_min_area, "caption_min_area", status_);
+    repairNumber(config.min_region_size, config_.min_region_size, 0, 100000, "min_region_size", status_);
+    repairNumber(config.caption_min_area, config_.caption_min_area, 0.0, 100.0, "caption_min_area", status_);
     config_ = config;
     segmentation_.reset();
     optics_publisher_.publish(toMessage(opticsOf(config_)));

@@ -3,9 +3,11 @@
 
 #include "parameters.hpp"
 
+#include <algorithm>
 #include <boost/algorithm/string/case_conv.hpp>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <cstdio>
 #include <limits>
 #include <type_traits>
@@ -20,7 +22,7 @@ const char* typeName() {
   if (std::is_same_v<T, bool>) return "true or false";
   if (std::is_same_v<T, int>) return "a whole number";
   if (std::is_same_v<T, double>) return "a number";
-  return std::is_same_v<T, std::string> ? "text" : "a list of whole numbers";
+  return "text";
 }
 
 std::string show(XmlRpcValue value) {
@@ -29,11 +31,14 @@ std::string show(XmlRpcValue value) {
   if (value.getType() == XmlRpcValue::TypeBoolean) return static_cast<bool>(value) ? "true" : "false";
   if (value.getType() == XmlRpcValue::TypeDouble) {
     text << static_cast<double>(value);
+  } else if (value.getType() == XmlRpcValue::TypeArray) {
+    for (int i = 0; i < value.size(); ++i) text << (i > 0 ? ", " : "") << show(value[i]);
   } else {
     text << value;
   }
   std::string shown = text.str();
   if (shown.size() > kMost) shown = shown.substr(0, kMost) + "...";
+  if (value.getType() == XmlRpcValue::TypeArray) return '[' + shown + ']';
   return value.getType() == XmlRpcValue::TypeString ? '\'' + shown + '\'' : shown;
 }
 std::string show(const std::vector<int>& values) {
@@ -42,17 +47,31 @@ std::string show(const std::vector<int>& values) {
   return '[' + text + ']';
 }
 
-// As roscpp reads it; but roscpp rounds a number where a whole one is expected.
+// Where whole numbers are expected, roscpp takes a fraction, and in a list true, as if they were.
+bool isWhole(XmlRpcValue given, int& value) {
+  const bool is_int = given.getType() == XmlRpcValue::TypeInt;
+  if (!is_int && given.getType() != XmlRpcValue::TypeDouble) return false;
+  const double number = is_int ? static_cast<int>(given) : static_cast<double>(given);
+  if (number != std::floor(number) || std::abs(number) > std::numeric_limits<int>::max()) return false;
+  value = static_cast<int>(number);
+  return true;
+}
+
 template <typename T>
 bool read(const ros::NodeHandle& nh, const std::string& name, T& value) {
   return nh.getParam(name, value);
 }
 bool read(const ros::NodeHandle& nh, const std::string& name, int& value) {
-  double number = 0;
-  if (!nh.getParam(name, number) || number != std::floor(number) ||
-      std::abs(number) > std::numeric_limits<int>::max())
-    return false;
-  value = static_cast<int>(number);
+  XmlRpcValue given;
+  return nh.getParam(name, given) && isWhole(given, value);
+}
+bool read(const ros::NodeHandle& nh, const std::string& name, std::vector<int>& values) {
+  XmlRpcValue given;
+  if (!nh.getParam(name, given) || given.getType() != XmlRpcValue::TypeArray) return false;
+  values.resize(given.size());
+  for (int i = 0; i < given.size(); ++i) {
+    if (!isWhole(given[i], values[i])) return false;
+  }
   return true;
 }
 
@@ -86,6 +105,11 @@ void readChecked(const ros::NodeHandle& nh, const std::string& name, const std::
   value = wanted;
 }
 
+template <typename T>
+std::string fromTo(T least, T most) {
+  return " from " + show(least) + " to " + show(most);
+}
+
 }  // namespace
 
 template <typename T>
@@ -97,16 +121,24 @@ void readParameter(const ros::NodeHandle& nh, const std::string& name, T& value,
 template <typename T>
 void readNumber(const ros::NodeHandle& nh, const std::string& name, T least, T most, T& value,
                 NodeStatus& status) {
-  const std::string expected = typeName<T>() + (" from " + show(least) + " to " + show(most));
+  const std::string expected = typeName<T>() + fromTo(least, most);
   const auto is_within = [least, most](const T& wanted) { return wanted >= least && wanted <= most; };
   readChecked(nh, name, expected, is_within, value, status);
+}
+
+void readInvalidValues(const ros::NodeHandle& nh, std::vector<int>& values, NodeStatus& status) {
+  constexpr int kMost = std::numeric_limits<std::uint16_t>::max();
+  const auto is_depth = [](int value) { return value >= 0 && value <= kMost; };
+  const auto are_depths = [&](const std::vector<int>& wanted) {
+    return std::all_of(wanted.begin(), wanted.end(), is_depth);
+  };
+  readChecked(nh, "invalid_values", "a list of whole numbers" + fromTo(0, kMost), are_depths, values, status);
 }
 
 template void readParameter(const ros::NodeHandle&, const std::string&, bool&, NodeStatus&);
 template void readParameter(const ros::NodeHandle&, const std::string&, int&, NodeStatus&);
 template void readParameter(const ros::NodeHandle&, const std::string&, double&, NodeStatus&);
 template void readParameter(const ros::NodeHandle&, const std::string&, std::string&, NodeStatus&);
-template void readParameter(const ros::NodeHandle&, const std::string&, std::vector<int>&, NodeStatus&);
 template void readNumber(const ros::NodeHandle&, const std::string&, int, int, int&, NodeStatus&);
 template void readNumber(const ros::NodeHandle&, const std::string&, double, double, double&, NodeStatus&);
 

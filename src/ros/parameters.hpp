@@ -6,7 +6,6 @@
 #include <ros/node_handle.h>
 
 #include <boost/any.hpp>
-#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -24,7 +23,7 @@ namespace all_in_focus {
 
 /// Reads a parameter if it is set. Text that is nothing but a number, or true or false, is converted where
 /// such a value is expected, and that is said. Anything else of another type leaves `value` as it is.
-/// T: bool, int, double, std::string, std::vector<int>.
+/// T: bool, int, double, std::string.
 template <typename T>
 void readParameter(const ros::NodeHandle& nh, const std::string& name, T& value, NodeStatus& status);
 
@@ -32,6 +31,9 @@ void readParameter(const ros::NodeHandle& nh, const std::string& name, T& value,
 template <typename T>
 void readNumber(const ros::NodeHandle& nh, const std::string& name, T least, T most, T& value,
                 NodeStatus& status);
+
+/// Reads ~invalid_values: depths in mm that mean unknown.
+void readInvalidValues(const ros::NodeHandle& nh, std::vector<int>& values, NodeStatus& status);
 
 /// Replaces an impossible value of a dynamic_reconfigure configuration by the last good one. expected: which
 /// values are possible.
@@ -48,8 +50,10 @@ void repair(T& value, const T& good, bool possible, const char* name, const std:
   value = good;
 }
 template <typename T>
-void repairNegative(T& value, const T& good, const char* name, NodeStatus& status) {
-  repair(value, good, std::isfinite(value) && value >= 0, name, "0 or more", status);
+void repairNumber(T& value, const T& good, T least, T most, const char* name, NodeStatus& status) {
+  std::ostringstream expected;
+  expected << "from " << least << " to " << most;
+  repair(value, good, value >= least && value <= most, name, expected.str(), status);
 }
 
 /// The same for a name: `parse` throws std::invalid_argument where it does not know it.

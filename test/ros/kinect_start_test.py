@@ -35,7 +35,8 @@ class StartTest(KinectTest):
 
     def test_impossible_parameters_are_named_and_the_defaults_taken(self):
         image, said = self.assert_runs_and_names({
-            '_invalid_values:=none': "invalid_values must be a list of whole numbers, not 'none': using [0, 2047, 65535]",
+            '_invalid_values:=none': "invalid_values must be a list of whole numbers from 0 to 65535, not 'none': "
+            'using [0, 2047, 65535]',
             '_queue_size:=0': 'queue_size must be a whole number from 1 to 1000, not 0: using 5',
             '_time_offset:=soon': "time_offset must be a number from -3600 to 3600, not 'soon': using 0",
             '_silence_timeout:=-1': 'silence_timeout must be a number from 0 to 3600, not -1: using 5'})

@@ -2,6 +2,7 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Parameters of a wrong type or out of range: one line names each, and the value that is used."""
+import math
 import unittest
 
 import numpy as np
@@ -13,29 +14,46 @@ from std_msgs.msg import Header
 from depth_testing import GraphTest, image_message, run_tests, values_of, wait_until
 from process_testing import Talkative
 
-# node -> parameter -> (what the user gives, what the node says, what it then uses)
-CASES = {
-    'depth_preprocess': {
+INVALID = 'invalid_values must be a list of whole numbers from 0 to 65535, not %s: using [0, 2047, 65535]'
+
+# node, parameter -> (what the user gives, what the node says, what it then uses)
+CASES = [
+    ('depth_preprocess', {
         'queue_size': (-5, 'queue_size must be a whole number from 1 to 1000, not -5: using 5', None),
-        'invalid_values': ('none', "invalid_values must be a list of whole numbers, not 'none': using [0, 2047, 65535]", None),
+        'invalid_values': ('none', INVALID % "'none'", None),
         'mode': ('best', 'mode = best, must be paper or refined: keeping refined', 'refined'),
-        'fill_holes': ('false', "fill_holes is text: 'false' is taken as false; write it without quotes", False)},
-    'segmenter': {
+        'fill_holes': ('false', "fill_holes is text: 'false' is taken as false; write it without quotes", False)}),
+    ('depth_preprocess', {'invalid_values': ([0, 2047.5, True], INVALID % '[0, 2047.5, true]', None)}),
+    ('depth_preprocess', {'invalid_values': ([0, True], INVALID % '[0, true]', None)}),
+    ('depth_preprocess', {'invalid_values': ([-1, 'far', [0]], INVALID % "[-1, 'far', [0]]", None)}),
+    ('depth_preprocess', {'invalid_values': ([0, 65536], INVALID % '[0, 65536]', None)}),
+    ('depth_preprocess', {'invalid_values': ([0, 65535.0], None, None)}),
+    ('segmenter', {
         'queue_size': (2.5, 'queue_size must be a whole number from 1 to 1000, not 2.5: using 5', None),
         'mode': (3, "mode must be text, not 3: using 'refined'", None),
         'focal_length_mm': ('35', "focal_length_mm is text: '35' is taken as 35; write it without quotes", 35.0),
         'aperture': ('wide', "aperture must be a number, not 'wide': using 4", 4.0),
         'circle_of_confusion_mm': (0, 'circle_of_confusion_mm = 0, must be from 1e-06 to 10: keeping 0.019', 0.019),
-        'min_region_size': (7.0, None, 7)},
-    'fusion': {
+        'min_region_size': (7.0, None, 7)}),
+    ('segmenter', {
+        'min_region_size': (200000, 'min_region_size = 100001, must be from 0 to 100000: keeping 10', 10),
+        'caption_min_area': (150, 'caption_min_area = 101, must be from 0 to 100: keeping 1', 1.0)}),
+    ('fusion', {
         'queue_size': ('many', "queue_size must be a whole number from 1 to 1000, not 'many': using 60", None),
         'diagnostic_period': (0, 'diagnostic_period must be a number from 0.01 to 3600, not 0: using 1', None),
         'restore_every_bracket': (1, 'restore_every_bracket must be true or false, not 1: using false', None),
         'mode': (3, "mode must be text, not 3: using 'refined'", 'refined'),
         'bracket_size': ('five', "bracket_size must be a whole number, not 'five': using 0", 0),
         'bracket_gap': (True, 'bracket_gap must be a number, not true: using 1', 1.0),
-        'label_timeout': ([1, 2], 'label_timeout must be a number, not {1,2}: using 2', 2.0),
-        'label_max_age': (3, None, 3.0)}}
+        'label_timeout': ([1, 2], 'label_timeout must be a number, not [1, 2]: using 2', 2.0),
+        'label_max_age': (3, None, 3.0)}),
+    ('fusion', {
+        'reference': (-7, 'reference = -2, must be from -1 to 65534: keeping -1', -1),
+        'max_held_frames': (100000, 'max_held_frames = 65535, must be from 0 to 65534: keeping 64', 64),
+        'bracket_size': (2.5, 'bracket_size must be a whole number, not 2.5: using 0', 0),
+        'bracket_gap': (math.inf, 'bracket_gap = 3601, must be from 0 to 3600: keeping 1', 1.0),
+        'label_max_age': (math.nan, 'label_max_age = nan, must be from 0 to 3600: keeping 1', 1.0),
+        'label_timeout': (100, 'label_timeout = 61, must be from 0 to 60: keeping 2', 2.0)})]
 
 
 def start(test, node, parameters, *remappings):
@@ -48,7 +66,7 @@ def start(test, node, parameters, *remappings):
 
 class ParametersTest(unittest.TestCase):
     def test_each_is_named_once_and_what_is_used_is_shown(self):
-        for node, cases in CASES.items():
+        for node, cases in CASES:
             process = start(self, node, {name: given for name, (given, _, _) in cases.items()})
             for name, (_, line, used) in cases.items():
                 if line:
@@ -59,7 +77,7 @@ class ParametersTest(unittest.TestCase):
                     self.assertEqual(rospy.get_param(f'/{node}/{name}'), used)
 
     def test_good_ones_are_used_without_a_word(self):
-        for node in CASES:
+        for node in {node for node, _ in CASES}:
             process = start(self, node, {'queue_size': 7})
             self.assertFalse([line for line in process.lines if 'WARN' in line or 'ERROR' in line])
 

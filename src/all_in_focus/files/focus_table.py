@@ -23,7 +23,9 @@ class FocusTable:
         steps throughout, or fall throughout. Raises ValueError, which begins with `where`."""
         self.table, self.first, self.step = table, first, step
         try:
-            rows = sorted((int(row["step"]), float(row["mm"])) for row in table)
+            rows = sorted((row["step"], float(row["mm"])) for row in table)
+            if not all(type(step) is int for step, _ in rows):
+                raise ValueError
         except (KeyError, TypeError, ValueError):
             raise ValueError(f"{where}focus_table: expected [{{step: 0, mm: 500}}, {{step: 12, mm: .inf}}, ...]")
         if len(rows) < 2 or not all(mm > 0 for _, mm in rows):

@@ -21,6 +21,7 @@
 #include <string>
 #include <type_traits>
 
+#include "all_in_focus/fusion.hpp"
 #include "conversions.hpp"
 #include "fusion_outputs.hpp"
 #include "fusion_worker.hpp"
@@ -112,11 +113,16 @@ class Fusion {
     repair(config.bracket_mode, config_.bracket_mode,
            config.bracket_mode == "bracket" || config.bracket_mode == "sliding", "bracket_mode",
            "bracket or sliding", status_);
-    repairNegative(config.max_held_frames, config_.max_held_frames, "max_held_frames", status_);
-    repairNegative(config.bracket_size, config_.bracket_size, "bracket_size", status_);
-    repairNegative(config.bracket_gap, config_.bracket_gap, "bracket_gap", status_);
-    repairNegative(config.label_max_age, config_.label_max_age, "label_max_age", status_);
-    repairNegative(config.label_timeout, config_.label_timeout, "label_timeout", status_);
+    constexpr int kMostFrames = kNoFrame - 1;
+    const auto check = [this](auto& value, auto good, auto least, auto most, const char* name) {
+      repairNumber(value, good, least, most, name, status_);
+    };
+    check(config.reference, config_.reference, -1, kMostFrames, "reference");
+    check(config.max_held_frames, config_.max_held_frames, 0, kMostFrames, "max_held_frames");
+    check(config.bracket_size, config_.bracket_size, 0, kMostFrames, "bracket_size");
+    check(config.bracket_gap, config_.bracket_gap, 0.0, 3600.0, "bracket_gap");
+    check(config.label_max_age, config_.label_max_age, 0.0, 3600.0, "label_max_age");
+    check(config.label_timeout, config_.label_timeout, 0.0, 60.0, "label_timeout");
     config_ = config;
 
     FusionSettings settings = at_start_;
