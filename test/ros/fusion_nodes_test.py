@@ -117,11 +117,12 @@ class FocusBracketTest(FusionTest):
         self.assertEqual(self.report(stamp + 2 * PERIOD).reference, 2)
 
     def test_impossible_values_are_repaired_and_shown(self):
-        good = dict(DEFAULTS, max_held_frames=7, bracket_size=4, bracket_gap=2.5, label_max_age=0.5, label_timeout=3.0)
+        good = dict(DEFAULTS, reference=3, max_held_frames=7, bracket_size=4, bracket_gap=2.5, label_max_age=0.5,
+                    label_timeout=3.0)
         self.reconfigure(**good)
         for wrong in ({'mode': 'best'}, {'max_held_frames': -1}, {'bracket_mode': 'none'}, {'bracket_size': -1},
                       {'bracket_gap': -1.0}, {'bracket_gap': math.nan}, {'label_max_age': -0.5}, {'label_timeout': math.nan},
-                      {'reference': -7}):
+                      {'reference': -7}, {'reference': 65535}, {'bracket_size': 100000}, {'bracket_gap': math.inf}):
             shown = self.reconfigure(**{**good, **wrong})
             for name, value in good.items():
                 self.assertEqual(shown[name], value, wrong)
