@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "fusion/bracket_fusion.hpp"
+#include "optics/blur_evidence.hpp"
 #include "optics/focus_votes.hpp"
 
 using namespace all_in_focus::core;
@@ -226,4 +227,41 @@ TEST(LensFit, NamesTheUnitThatDistancesSeemToBeIn) {
   EXPECT_NE(note(25).find("are they in inches?"), std::string::npos) << note(25);
   EXPECT_NE(note(1000).find("are they in m?"), std::string::npos) << note(1000);
   EXPECT_EQ(note(2).find("are they in"), std::string::npos) << note(2);
+}
+
+TEST(LensFit, FocusDistancesThatAreCorrectedMoveTheLens) {
+  const auto of = [](double mm) { return frameBlur(kOptics, 0.05, 1 / mm); };
+  const std::vector<FrameBlur> halved = {of(2000), of(500)}, right = {of(4000), of(1000)};
+  const FocusCorrection doubled = {false, 0, 2}, reversed = {true, 0, 1};
+  for (std::size_t k = 0; k < 2; ++k) {
+    EXPECT_NEAR(doubled.of(halved)[k].px_mm, right[k].px_mm, 1e-9 * right[k].px_mm) << k;
+    EXPECT_NEAR(reversed.of(right)[k].px_mm, right[1 - k].px_mm, 1e-9 * right[k].px_mm) << k;
+  }
+}
+
+// A disc covers pixels in part. So it blurs a small copy less than the same disc, drawn in the copy, would.
+TEST(BlurEvidence, SmallCopiesShowTheScaleOfTheirPictures) {
+  constexpr double kShrinking = 1.75;
+  cv::Mat3b sharp(480, 640);
+  cv::RNG random(1);
+  random.fill(sharp, cv::RNG::NORMAL, 128, 50);
+  cv::GaussianBlur(sharp, sharp, {}, 1);
+  const auto grayCopy = [&](const cv::Mat& codes) { return gray(BlurEvidence::copyOf(codes, kShrinking)); };
+  const cv::Mat3f light = linearLight(sharp, LightCurve::srgb());
+  std::vector<BlurEvidence::Frame> frames;
+  std::vector<FrameBlur> blur;
+  for (const float radius : {0.0f, 0.9f, 1.8f, 2.7f}) {  // of a surface that the first frame shows sharp
+    cv::Mat blurred;
+    blurByDisc(light, radius, blurred);
+    for (cv::Vec3f& pixel : cv::Mat3f(blurred)) {
+      for (int c = 0; c < 3; ++c) pixel[c] = LightCurve::srgb().code(pixel[c]);
+    }
+    const cv::Mat1f copy = grayCopy(blurred);
+    frames.push_back({copy, cv::Rect({}, copy.size())});
+    blur.push_back({kFar + radius, 1});
+  }
+  const cv::Mat1f surface(frames[0].gray.size(), static_cast<float>(kFar));
+  const BlurEvidence evidence(grayCopy(sharp), frames, LightCurve::srgb(), surface, kShrinking);
+  EXPECT_GT(evidence.explained(blur, 1), 0.95);
+  EXPECT_NEAR(evidence.typicalScale(blur, 1), 1, 0.04);
 }

@@ -56,7 +56,8 @@ void LensCheck::ask(const LightCurve& curve, const std::function<Placement(int)>
     return refuse(
         "the frames show that the focus distances are in reverse order: depth and lens data are not used");
   }
-  const BlurEvidence evidence(compared.fused, compared.frames, curve, inverseDepth(compared.fused.size()));
+  const BlurEvidence evidence(compared.fused, compared.frames, curve, inverseDepth(compared.fused.size()),
+                              shrinking_);
   if ((!voted || voted->isNone()) && evidence.explained(blur, 1) >= kRight) return;
 
   const LensFit fit = fitLens(evidence, blur, voted, true);
@@ -106,8 +107,7 @@ LensCheck::Compared LensCheck::compare(const std::vector<Copy>& copies,
     sharpness.copyTo(sharpest, sharper);
     compared.frames.push_back({gray, seenThrough(motion, size, copy_center)});
     compared.details.push_back({copy.detail, place.matrix(center_), gain});
-    compared.blur.push_back(
-        frameBlur(scene_.optics, pixel_pitch_mm_ * shrinking_, 1 / focus_mm_.at(copy.index)));
+    compared.blur.push_back(frameBlur(scene_.optics, pixel_pitch_mm_, 1 / focus_mm_.at(copy.index)));
   }
   return compared;
 }

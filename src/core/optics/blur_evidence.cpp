@@ -26,16 +26,21 @@ constexpr double kBeyond = 0.05;  // of the span of focus distances, to either s
 constexpr int kScales = 20;       // tried up to a factor of two
 constexpr double kNoMore = 0.002;  // share of what discs explain, at which no wider ones are tried
 // The error changes slowly between them; discs up to the first lie within their pixel.
-constexpr std::array<float, 16> kRadii = {0.5, 0.75, 1, 1.25, 1.5, 1.75, 2,  2.5,
-                                          3,   3.5,  4, 5,    6.5, 8.5,  11, 16};
+constexpr std::array<float, 18> kRadii = {0.5, 0.625, 0.75, 0.875, 1, 1.25, 1.5, 1.75, 2,
+                                          2.5, 3,     3.5,  4,     5, 6.5,  8.5, 11,   16};
 
-// Place of a radius in kRadii, with a fraction.
-float placeOf(float radius) {
-  if (radius <= kRadii.front()) return 0;
-  if (radius >= kRadii.back()) return kRadii.size() - 1;
-  const auto above = std::upper_bound(kRadii.begin(), kRadii.end(), radius);
+// Place of a variance among those of kRadii, with a fraction.
+double placeOf(double variance) {
+  static const std::array<double, kRadii.size()> variances = [] {
+    std::array<double, kRadii.size()> of{};
+    std::transform(kRadii.begin(), kRadii.end(), of.begin(),
+                   [](float radius) { return DiscKernels::get().variance(radius); });
+    return of;
+  }();
+  if (variance >= variances.back()) return kRadii.size() - 1;
+  const auto above = std::upper_bound(variances.begin(), variances.end(), variance);
   const auto below = above - 1;
-  return static_cast<float>(below - kRadii.begin()) + (radius - *below) / (*above - *below);
+  return static_cast<double>(below - variances.begin()) + (variance - *below) / (*above - *below);
 }
 
 // out = codes of light
@@ -73,7 +78,8 @@ cv::Mat BlurEvidence::copyOf(const cv::Mat& image, double shrinking) {
 }
 
 BlurEvidence::BlurEvidence(const cv::Mat1b& fused, const std::vector<Frame>& frames, const LightCurve& curve,
-                           const cv::Mat1f& inverse_depth) {
+                           const cv::Mat1f& inverse_depth, double shrinking)
+    : pixels_(shrinking * shrinking) {
   std::vector<cv::Rect> places;
   for (int y = 0; y + kTile <= fused.rows; y += kTile) {
     for (int x = 0; x + kTile <= fused.cols; x += kTile) places.emplace_back(x, y, kTile, kTile);
@@ -142,23 +148,23 @@ bool BlurEvidence::showsBlur() const {
 // Of a tile, summed over frames. The fused picture has the blur of the sharpest frame already.
 double BlurEvidence::error(const Tile& tile, const std::vector<FrameBlur>& blur, double scale,
                            double inverse_depth) const {
-  const auto radius = [&](std::size_t k) {
-    return static_cast<float>(scale) * blur[k].radius(static_cast<float>(inverse_depth));
+  const DiscKernels& discs = DiscKernels::get();
+  const auto variance = [&](std::size_t k) {
+    return discs.variance(scale * blur[k].radius(static_cast<float>(inverse_depth)));
   };
-  float sharpest = std::numeric_limits<float>::infinity();
+  double sharpest = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < blur.size(); ++k) {
-    if (!tile.errors[k].empty()) sharpest = std::min(sharpest, radius(k));
+    if (!tile.errors[k].empty()) sharpest = std::min(sharpest, variance(k));
   }
   double sum = 0;
   for (std::size_t k = 0; k < blur.size(); ++k) {
     const std::vector<float>& errors = tile.errors[k];
     if (errors.empty()) continue;
     // To discs that are wider than those tried the error of the last one is ascribed.
-    const float place =
-        std::min(placeOf(std::sqrt(std::max(0.0f, radius(k) * radius(k) - sharpest * sharpest))),
-                 static_cast<float>(errors.size() - 1));
+    const double place = std::min(placeOf(std::max(0.0, variance(k) - sharpest) / pixels_),
+                                  static_cast<double>(errors.size() - 1));
     const auto below = std::min(static_cast<std::size_t>(place), errors.size() - 2);
-    const float share = place - static_cast<float>(below);
+    const double share = place - static_cast<double>(below);
     sum += (1 - share) * errors[below] + share * errors[below + 1];
   }
   return sum;

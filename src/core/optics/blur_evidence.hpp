@@ -26,14 +26,15 @@ class BlurEvidence {
   static double shrinking(const cv::Size& size, double pixels);
   static cv::Mat copyOf(const cv::Mat& image, double shrinking);
 
-  /// inverse_depth: 1/mm as a sensor measured it, 0 = unknown; or empty. All of the frames' size.
+  /// inverse_depth: 1/mm as a sensor measured it, 0 = unknown; or empty. All of the frames' size. shrinking:
+  /// of the pictures that these are copies of.
   BlurEvidence(const cv::Mat1b& fused, const std::vector<Frame>& frames, const LightCurve& curve,
-               const cv::Mat1f& inverse_depth);
+               const cv::Mat1f& inverse_depth, double shrinking);
 
   /// Share of the blur in the frames that a lens explains: 1 = as much as if each tile of each frame had a
   /// disc of its own, 0 = no more than without blur; negative: less. The depth of a tile is one of those
   /// measured in it, where there are some, and else any: the one that suits this lens best. blur: of each
-  /// frame, in pixels of the copies; scale: factor on radii.
+  /// frame, in pixels before it was shrunk; scale: factor on radii.
   double explained(const std::vector<FrameBlur>& blur, double scale) const;
 
   /// The scale, up to twice as large or small as `near`, at which a tile of measured depth is explained best:
@@ -59,6 +60,7 @@ class BlurEvidence {
   double error(const Tile& tile, const std::vector<FrameBlur>& blur, double scale,
                double inverse_depth) const;
 
+  double pixels_;  // in one of a copy
   std::vector<Tile> tiles_;
   bool has_depth_ = false;
   int compared_ = 0;                  // tiles of frames

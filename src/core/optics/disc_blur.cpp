@@ -45,13 +45,14 @@ double coverage(double radius, int dx, int dy) {
 
 FrameBlur frameBlur(const Optics& optics, double pixel_pitch_mm, double inverse_depth) {
   const double f = optics.focal_length_mm;
-  return {inverse_depth, f * f / (2 * optics.aperture * pixel_pitch_mm) / (1 - f * inverse_depth)};
+  return {inverse_depth, f * f / (2 * optics.aperture * pixel_pitch_mm) / (1 - f * inverse_depth), f};
 }
 
 DiscKernels::DiscKernels() {
   const int count = kLargestPx * kStepsPerPx + 1;
   shares_.resize(static_cast<size_t>(count) * kSide * kSide);
   reach_.resize(count);
+  variance_.resize(count);
   least_.assign(static_cast<size_t>(4) * kSide * kSide, 255);
   for (int i = 0; i < count; ++i) {
     // A disc that lies within its own pixel is that pixel.
@@ -62,11 +63,14 @@ DiscKernels::DiscKernels() {
       for (int dx = dy; dx < kSide; ++dx) {
         const double share = radius <= 0.5 ? dx + dy == 0 : coverage(radius, dx, dy);
         shares[kSide * dy + dx] = shares[kSide * dx + dy] = static_cast<float>(share);
-        sum += share * (dx ? 2 : 1) * (dy ? 2 : 1) * (dx != dy ? 2 : 1);
+        const double sharing = share * (dx ? 2 : 1) * (dy ? 2 : 1) * (dx != dy ? 2 : 1);
+        sum += sharing;
+        variance_[i] += sharing * (dx * dx + dy * dy) / 2;
         if (share > 0) reach_[i] = std::max(reach_[i], dx);
       }
     }
     for (int k = 0; k < kSide * kSide; ++k) shares[k] /= static_cast<float>(sum);
+    variance_[i] /= sum;
     for (int dy = 0; dy < kSide; ++dy) {
       for (int dx = 1 - kSide; dx < kSide; ++dx) {
         std::uint8_t& least = least_[4 * kSide * dy + kSide + dx];
@@ -79,6 +83,14 @@ DiscKernels::DiscKernels() {
 const DiscKernels& DiscKernels::get() {
   static const DiscKernels kernels;
   return kernels;
+}
+
+double DiscKernels::variance(double radius) const {
+  if (!(radius < kLargestPx)) return variance_.back() + (radius * radius - kLargestPx * kLargestPx) / 4;
+  const double place = radius * kStepsPerPx;
+  const auto below = static_cast<std::size_t>(place);
+  const double share = place - static_cast<double>(below);
+  return (1 - share) * variance_[below] + share * variance_[below + 1];
 }
 
 void blurByDisc(const cv::Mat& image, float radius, cv::Mat& out) {

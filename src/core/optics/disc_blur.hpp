@@ -20,9 +20,14 @@ constexpr int kCodeScale = 16;  ///< codes as integers have fractions of a gray 
 struct FrameBlur {
   double inverse_depth = 0;  ///< of the focus distance
   double px_mm = 0;          ///< radius per inverse depth: f^2 / (2 F pitch) u / (u - f)
+  double focal_length_mm = 0;
 
   float radius(float w) const {
-    return static_cast<float>(px_mm) * std::abs(w - static_cast<float>(inverse_depth));
+    return std::abs(static_cast<float>(px_mm) * (w - static_cast<float>(inverse_depth)));
+  }
+  /// The same lens, focused elsewhere.
+  FrameBlur focusedAt(double w) const {
+    return {w, px_mm * ((1 - focal_length_mm * inverse_depth) / (1 - focal_length_mm * w)), focal_length_mm};
   }
 };
 
@@ -53,10 +58,15 @@ class DiscKernels {
   /// Offsets beyond which there is no share.
   int reach(int index) const { return reach_[index]; }
 
+  /// Of the shares, px^2, along an axis: by how much they blur. A disc alone has radius^2 / 4; pixels that it
+  /// covers in part add to that.
+  double variance(double radius) const;
+
  private:
   DiscKernels();
   std::vector<float> shares_;
   std::vector<int> reach_;
+  std::vector<double> variance_;
   std::vector<std::uint8_t> least_;
 };
 

@@ -134,12 +134,11 @@ std::vector<FrameBlur> FocusCorrection::of(const std::vector<FrameBlur>& given) 
   for (int k = 0; k < n; ++k) {
     const auto focus = [&](int i) { return given[static_cast<std::size_t>(i)].inverse_depth; };
     const int from = (reversed ? n - 1 - k : k) + shift;
-    double& to = blur[static_cast<std::size_t>(k)].inverse_depth;
     // Beyond its ends the list goes on in even steps.
-    to = from < 0    ? focus(0) + from * (focus(1) - focus(0))
-         : from >= n ? focus(n - 1) + (from - n + 1) * (focus(n - 1) - focus(n - 2))
-                     : focus(from);
-    to /= factor;
+    const double to = from < 0    ? focus(0) + from * (focus(1) - focus(0))
+                      : from >= n ? focus(n - 1) + (from - n + 1) * (focus(n - 1) - focus(n - 2))
+                                  : focus(from);
+    blur[static_cast<std::size_t>(k)] = blur[static_cast<std::size_t>(k)].focusedAt(to / factor);
   }
   return blur;
 }

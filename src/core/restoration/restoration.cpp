@@ -129,7 +129,7 @@ BlurEvidence evidenceOf(const ObservedBracket& bracket, double shrinking) {
   if (!bracket.measured.empty()) {
     cv::resize(bracket.measured, surfaces, frames[0].gray.size(), 0, 0, cv::INTER_NEAREST);
   }
-  return BlurEvidence(gray(bracket.fused, 1), frames, *bracket.curve, surfaces);
+  return BlurEvidence(gray(bracket.fused, 1), frames, *bracket.curve, surfaces, shrinking);
 }
 
 // Blur of a frame in pictures of that many columns.
@@ -141,7 +141,7 @@ FrameBlur blurOf(const BracketScene& scene, double inverse_depth, int columns) {
 std::vector<FrameBlur> blurOf(const ObservedBracket& bracket, double scale) {
   std::vector<FrameBlur> blur;
   for (const ObservedFrame& frame : bracket.frames)
-    blur.push_back({frame.blur.inverse_depth, frame.blur.px_mm * scale});
+    blur.push_back({frame.blur.inverse_depth, frame.blur.px_mm * scale, frame.blur.focal_length_mm});
   return blur;
 }
 
@@ -149,8 +149,11 @@ std::vector<FrameBlur> blurOf(const ObservedBracket& bracket, double scale) {
 void correct(const LensFit& fit, ObservedBracket& bracket) {
   if (!fit.uses_depth) bracket.filled = bracket.measured = cv::Mat1f();
   const std::vector<FrameBlur> blur = fit.focus.of(blurOf(bracket, fit.scale));
-  for (std::size_t k = 0; k < blur.size(); ++k) bracket.frames[k].blur = blur[k];
-  bracket.px_mm *= fit.scale;
+  bracket.px_mm = 0;
+  for (std::size_t k = 0; k < blur.size(); ++k) {
+    bracket.frames[k].blur = blur[k];
+    bracket.px_mm = std::max(bracket.px_mm, blur[k].px_mm);
+  }
   std::stable_sort(bracket.frames.begin(), bracket.frames.end(),
                    [](const ObservedFrame& a, const ObservedFrame& b) {
                      return a.blur.inverse_depth < b.blur.inverse_depth;
@@ -503,13 +506,13 @@ bool BracketRestoration::findFocus() {
 
 // What the frames say about lens and focus distances; those are in the order of inverse distance.
 LensFit BracketRestoration::lens(const ObservedBracket& bracket) const {
-  const std::vector<FrameBlur> of_copies = blurOf(bracket, 1 / shrinking());
+  const std::vector<FrameBlur> given = blurOf(bracket, 1);
   const BlurEvidence evidence = evidenceOf(bracket, shrinking());
-  if (const auto voted = focus_known_ ? votes().correctionOf(of_copies) : std::nullopt) {
-    const LensFit fit = fitLens(evidence, of_copies, voted, hasScale());
+  if (const auto voted = focus_known_ ? votes().correctionOf(given) : std::nullopt) {
+    const LensFit fit = fitLens(evidence, given, voted, hasScale());
     if (!fit.contradicts()) return fit;
   }
-  return fitLens(evidence, of_copies, std::nullopt, hasScale());
+  return fitLens(evidence, given, std::nullopt, hasScale());
 }
 
 std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused, const Progress& progress,
