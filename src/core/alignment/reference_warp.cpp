@@ -7,8 +7,10 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
-#include <utility>
+#include <type_traits>
 #include <vector>
 
 #include "util/row_strips.hpp"
@@ -22,69 +24,121 @@ constexpr int kChannels = 3;
 constexpr int kSteps = 2048;       // of a pixel: positions are rounded to these
 constexpr int kTileColumns = 256;  // worked on at a time: their weights stay in the L1 cache
 
-using Weights = std::array<float, kTaps>;
+// Codes of 8 bits are combined in fixed point, in half the time of floats: a tenth of what a frame takes.
+using Fixed = std::int16_t;
+constexpr int kInputBits = 7;  // behind the point of a code
+// A product keeps the upper 16 of its 32 bits, which is one less behind the point with each pass. The six of
+// a sum lose three units on average.
+constexpr int kOutputBits = kInputBits - 2, kLost = kTaps / 2;
+
+template <typename Value>
+using Weights = std::array<Value, kTaps>;
 
 // The kernel sinc(x) sinc(x / 3) at x = fraction + 2, + 1, ... - 3, by steps of the fraction; the sum is 1.
-const std::array<Weights, kSteps + 1>& lanczos() {
+template <typename Value>
+const std::array<Weights<Value>, kSteps + 1>& lanczos() {
+  constexpr double kOne = std::is_same_v<Value, Fixed> ? 1 << 15 : 1;
   static const auto table = [] {
     const auto sinc = [](double x) { return x == 0 ? 1 : std::sin(CV_PI * x) / (CV_PI * x); };
-    std::array<Weights, kSteps + 1> weights;
+    std::array<Weights<Value>, kSteps + 1> weights;
     for (int i = 0; i <= kSteps; ++i) {
-      float sum = 0;
+      std::array<double, kTaps> kernel;
       for (int k = 0; k < kTaps; ++k) {
         const double x = static_cast<double>(i) / kSteps + 2 - k;
-        sum += weights[i][k] = static_cast<float>(sinc(x) * sinc(x / 3));
+        kernel[k] = sinc(x) * sinc(x / 3);
       }
-      for (float& weight : weights[i]) weight /= sum;
+      const double sum = std::accumulate(kernel.begin(), kernel.end(), 0.0);
+      for (int k = 0; k < kTaps; ++k) weights[i][k] = cv::saturate_cast<Value>(kOne * kernel[k] / sum);
     }
     return weights;
   }();
   return table;
 }
 
+inline float product(float value, float weight) {
+  return value * weight;
+}
+
+inline int product(Fixed value, Fixed weight) {
+  return (value * weight) >> 16;
+}
+
 // Every value has weights of its own: w[i], w[stride + i], ...
+template <typename Value>
+inline auto sumAlong(const Value* from, const Value* w, int stride, int i) {
+  return product(from[i], w[i]) + product(from[i + kChannels], w[stride + i]) +
+         product(from[i + 2 * kChannels], w[2 * stride + i]) +
+         product(from[i + 3 * kChannels], w[3 * stride + i]) +
+         product(from[i + 4 * kChannels], w[4 * stride + i]) +
+         product(from[i + 5 * kChannels], w[5 * stride + i]);
+}
+
+ALL_IN_FOCUS_SIMD void combineAlong(const Fixed* from, const Fixed* w, int stride, int n,
+                                    Fixed* __restrict to) {
+  for (int i = 0; i < n; ++i) to[i] = static_cast<Fixed>(sumAlong(from, w, stride, i) + kLost);
+}
+
 ALL_IN_FOCUS_SIMD void combineAlong(const float* from, const float* w, int stride, int n,
                                     float* __restrict to) {
+  for (int i = 0; i < n; ++i) to[i] = sumAlong(from, w, stride, i);
+}
+
+template <typename Value>
+using TapRows = std::array<const Value*, kTaps>;
+
+template <typename Value>
+inline auto sumAcross(const TapRows<Value>& rows, const Weights<Value>& w, int i) {
+  return product(rows[0][i], w[0]) + product(rows[1][i], w[1]) + product(rows[2][i], w[2]) +
+         product(rows[3][i], w[3]) + product(rows[4][i], w[4]) + product(rows[5][i], w[5]);
+}
+
+ALL_IN_FOCUS_SIMD void combineAcross(TapRows<Fixed> rows, Weights<Fixed> w, int n,
+                                     std::uint8_t* __restrict to) {
+  constexpr int kHalf = 1 << (kOutputBits - 1);
   for (int i = 0; i < n; ++i) {
-    to[i] = from[i] * w[i] + from[i + kChannels] * w[stride + i] +
-            from[i + 2 * kChannels] * w[2 * stride + i] + from[i + 3 * kChannels] * w[3 * stride + i] +
-            from[i + 4 * kChannels] * w[4 * stride + i] + from[i + 5 * kChannels] * w[5 * stride + i];
+    const auto sum = static_cast<Fixed>(sumAcross(rows, w, i) + kLost + kHalf);
+    to[i] = static_cast<std::uint8_t>(std::clamp<Fixed>(static_cast<Fixed>(sum >> kOutputBits), 0, 255));
   }
 }
 
-using TapRows = std::array<const float*, kTaps>;
-
-ALL_IN_FOCUS_SIMD void combineAcross(const TapRows& rows, const float* w, int n, float* __restrict to) {
-  const float *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3], *e = rows[4], *f = rows[5];
-  for (int i = 0; i < n; ++i)
-    to[i] = a[i] * w[0] + b[i] * w[1] + c[i] * w[2] + d[i] * w[3] + e[i] * w[4] + f[i] * w[5];
+ALL_IN_FOCUS_SIMD void combineAcross(TapRows<float> rows, Weights<float> w, int n,
+                                     std::uint16_t* __restrict to) {
+  for (int i = 0; i < n; ++i) {
+    const float sum = std::clamp(sumAcross(rows, w, i), 0.0f, 65535.0f);
+    to[i] = static_cast<std::uint16_t>(static_cast<int>(sum + 0.5f));
+  }
 }
 
 // Six taps at a position among pixels 0..length-1. Beyond the border only one tap counts, and it
 // reads the pixel at the border.
+template <typename Value>
 struct Tap {
   int first;
-  const Weights& weights;
+  const Weights<Value>& weights;
 };
 
-Tap tapAt(double position, int length) {
+template <typename Value>
+Tap<Value> tapAt(double position, int length) {
   const double inside = std::clamp(position, -2.0, length + 1.0);
   const int whole = cvFloor(inside);
-  return {whole - (kTaps / 2 - 1), lanczos()[static_cast<std::size_t>((inside - whole) * kSteps + 0.5)]};
+  return {whole - (kTaps / 2 - 1),
+          lanczos<Value>()[static_cast<std::size_t>((inside - whole) * kSteps + 0.5)]};
 }
 
 // Taps at all pixels of a row.
+template <typename Value>
 struct RowTaps {
   std::vector<int> first;
-  std::vector<float> weights;  // by tap, position, channel
+  std::vector<Value> weights;  // by tap, position, channel
   std::vector<int> ends;       // of runs of positions whose first taps lie side by side: one loop each
 };
 
-RowTaps rowTaps(double begin, double step, int count) {
-  RowTaps taps;
+template <typename Value>
+RowTaps<Value> rowTaps(double begin, double step, int count) {
+  RowTaps<Value> taps;
   taps.weights.resize(static_cast<std::size_t>(kTaps) * kChannels * count);
   for (int i = 0; i < count; ++i) {
-    const Tap tap = tapAt(begin + step * i, count);
+    const Tap<Value> tap = tapAt<Value>(begin + step * i, count);
     for (int k = 0; k < kTaps; ++k)
       std::fill_n(&taps.weights[kChannels * (k * count + i)], kChannels, tap.weights[k]);
     if (i > 0 && tap.first != taps.first.back() + 1) taps.ends.push_back(i);
@@ -95,7 +149,8 @@ RowTaps rowTaps(double begin, double step, int count) {
 }
 
 // Reads the pixels of some columns along a row. values: of the frame's row, from that of the first tap on.
-void readAlong(const float* values, const RowTaps& taps, const cv::Range& columns, float* out) {
+template <typename Value>
+void readAlong(const Value* values, const RowTaps<Value>& taps, const cv::Range& columns, Value* out) {
   const int stride = kChannels * static_cast<int>(taps.first.size());
   int x = columns.start;
   for (const int end_of_run : taps.ends) {
@@ -108,46 +163,57 @@ void readAlong(const float* values, const RowTaps& taps, const cv::Range& column
   }
 }
 
+// begin, scale: the pixel (x, y) of the result lies at begin + scale (x, y) of the frame.
+template <typename Code, typename Value>
+void warp(const cv::Mat& frame, const cv::Point2d& begin, double scale, cv::Mat& out) {
+  constexpr int kUnit = std::is_same_v<Value, Fixed> ? 1 << kInputBits : 1;  // of a code
+  const RowTaps<Value> columns = rowTaps<Value>(begin.x, scale, frame.cols);
+  const auto tapAtRow = [&](int y) { return tapAt<Value>(begin.y + scale * y, frame.rows); };
+  forEachBlock({0, frame.rows}, [&](const cv::Range& rows) {
+    // The rows of the frame that the block is made of.
+    const int last = frame.rows - 1, from = std::clamp(tapAtRow(rows.start).first, 0, last),
+              to = std::clamp(tapAtRow(rows.end - 1).first + kTaps - 1, 0, last);
+    std::vector<Value> values;
+    cv::Mat_<Value> along(to - from + 1, kChannels * kTileColumns);
+    for (int x = 0; x < frame.cols; x += kTileColumns) {
+      const cv::Range tile(x, std::min(x + kTileColumns, frame.cols));
+      const cv::Range read(columns.first[tile.start], columns.first[tile.end - 1] + kTaps),
+          inside = read & cv::Range(0, frame.cols);
+      values.resize(static_cast<std::size_t>(kChannels) * read.size());
+      const auto first = values.begin() + kChannels * (inside.start - read.start);
+      for (int v = from; v <= to; ++v) {
+        const Code* codes = frame.ptr<Code>(v) + kChannels * inside.start;
+        auto after = std::transform(codes, codes + kChannels * inside.size(), first,
+                                    [](Code code) { return static_cast<Value>(kUnit * code); });
+        for (auto before = first; before != values.begin(); --before) before[-1] = before[kChannels - 1];
+        for (; after != values.end(); ++after) *after = after[-kChannels];
+        readAlong(values.data(), columns, tile, along[v - from]);
+      }
+      for (int y = rows.start; y < rows.end; ++y) {
+        const Tap<Value> tap = tapAtRow(y);
+        TapRows<Value> tap_rows;
+        for (int k = 0; k < kTaps; ++k) tap_rows[k] = along[std::clamp(tap.first + k, 0, last) - from];
+        combineAcross(tap_rows, tap.weights, kChannels * tile.size(), out.ptr<Code>(y) + kChannels * x);
+      }
+    }
+  });
+}
+
 }  // namespace
 
 cv::Mat warpedToReference(const cv::Mat& frame, const SimilarityTransform& transform,
                           const cv::Point2d& center) {
   if (transform.isIdentity()) return frame.clone();
   cv::Mat out(frame.size(), frame.type());
+  const cv::Point2d begin = transform.apply({}, center);
   if (transform.angle != 0) {
     cv::warpAffine(frame, out, transform.matrix(center), frame.size(), cv::INTER_CUBIC | cv::WARP_INVERSE_MAP,
                    cv::BORDER_REPLICATE);
-    return out;
+  } else if (frame.depth() == CV_8U) {
+    warp<std::uint8_t, Fixed>(frame, begin, transform.scale, out);
+  } else {
+    warp<std::uint16_t, float>(frame, begin, transform.scale, out);
   }
-  const cv::Point2d begin = transform.apply({}, center);
-  const RowTaps columns = rowTaps(begin.x, transform.scale, frame.cols);
-  const auto tapAtRow = [&](int y) { return tapAt(begin.y + transform.scale * y, frame.rows); };
-  forEachBlock({0, frame.rows}, [&](const cv::Range& rows) {
-    // The rows of the frame that the block is made of.
-    const int last = frame.rows - 1, from = std::clamp(tapAtRow(rows.start).first, 0, last),
-              to = std::clamp(tapAtRow(rows.end - 1).first + kTaps - 1, 0, last);
-    for (int x = 0; x < frame.cols; x += kTileColumns) {
-      const cv::Range tile(x, std::min(x + kTileColumns, frame.cols));
-      const cv::Range read(columns.first[tile.start], columns.first[tile.end - 1] + kTaps),
-          inside = read & cv::Range(0, frame.cols);
-      cv::Mat values;
-      frame({from, to + 1}, inside).convertTo(values, CV_32F);
-      if (inside != read) {
-        cv::copyMakeBorder(values.clone(), values, 0, 0, inside.start - read.start, read.end - inside.end,
-                           cv::BORDER_REPLICATE);
-      }
-      cv::Mat1f along(values.rows, kChannels * tile.size());
-      for (int v = 0; v < values.rows; ++v) readAlong(values.ptr<float>(v), columns, tile, along[v]);
-      cv::Mat pixels(rows.size(), tile.size(), CV_32FC3);
-      for (int y = rows.start; y < rows.end; ++y) {
-        const Tap tap = tapAtRow(y);
-        TapRows tap_rows;
-        for (int k = 0; k < kTaps; ++k) tap_rows[k] = along[std::clamp(tap.first + k, 0, last) - from];
-        combineAcross(tap_rows, tap.weights.data(), along.cols, pixels.ptr<float>(y - rows.start));
-      }
-      pixels.convertTo(out(rows, tile), out.type());
-    }
-  });
   return out;
 }
 
