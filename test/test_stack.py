@@ -2,15 +2,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Focus stacks: order, completeness, focus distances."""
 import math
+import os
 import struct
 import zlib
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from PIL import Image
 
-from all_in_focus.files.stack import Stack, StackError, read_depth, read_image
+from all_in_focus.files.stack import Stack, StackError, read_depth, read_image, read_pages
 from file_helpers import SIZE, cut, focus_file, hide_cut, pictures, run_script, write_pages, write_stack, write_video
 
 
@@ -84,6 +86,16 @@ def test_pages_of_a_tiff_are_frames(tmp_path):
     assert np.array_equal(list(alone), frames[1:]) and alone.distances[1] == 1.5
     with pytest.raises(StackError, match="a.tif: a single image"):
         Stack(folder / "a.tif")
+    (folder / "damaged.tif").write_bytes(b"II*\0")
+    with pytest.raises(StackError, match="damaged.tif: not a readable image"):
+        read_pages(folder / "damaged.tif")
+
+
+def test_names_that_are_not_utf8_are_refused(tmp_path):
+    path = Path(os.fsdecode(bytes(tmp_path) + b"/\xff.avi"))
+    write_video(tmp_path / "v.avi", pictures(3)).rename(path)
+    with pytest.raises(StackError, match=r"\.avi: a file or folder has a name that is not UTF-8"):
+        Stack(path)
 
 
 def test_pages_keep_sixteen_bits(tmp_path):

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line.hpp"
+#include "file_error.hpp"
 #include "stack_files.hpp"
 #include "stack_reader.hpp"
 #include "tiff_pages.hpp"
@@ -24,7 +25,7 @@ void list(const po::variables_map& values) {
   StackFiles files;
   nlohmann::json paths, pages;  // of each frame; where the directory of its page begins, 0 = no TIFF
   int count = 0;
-  if (fs::is_directory(path) || (fs::is_regular_file(path) && !readTiffPages(path).empty())) {
+  if (holdsPictures(path) || (fs::is_regular_file(path) && isPictureName(path))) {
     files = listStack(path, {}, /*plain=*/true);
     count = static_cast<int>(files.frames.size());
   } else {
@@ -37,13 +38,17 @@ void list(const po::variables_map& values) {
     paths.push_back(source.path);
     pages.push_back(found.empty() ? 0 : found[static_cast<std::size_t>(source.page)].at);
   }
-  std::cout << nlohmann::json{{"frames", files.frames},
-                              {"count", count},
-                              {"paths", paths},
-                              {"pages", pages},
-                              {"left_out", files.left_out},
-                              {"notes", files.notes}}
-            << '\n';
+  try {
+    std::cout << nlohmann::json{{"frames", files.frames},
+                                {"count", count},
+                                {"paths", paths},
+                                {"pages", pages},
+                                {"left_out", files.left_out},
+                                {"notes", files.notes}}
+              << '\n';
+  } catch (const nlohmann::json::type_error&) {
+    fail(path, "a file or folder has a name that is not UTF-8: rename it");
+  }
 }
 
 }  // namespace
