@@ -230,7 +230,7 @@ def test_program_compares_with_programs_of_others(scenes, tmp_path):
                  "copy+ecc=cp {stack}/000.png {output}", "--peer", "broken=false {output}", "--output", tmp_path / "out"]
     result = compare(*arguments)
     assert result.returncode == 1
-    assert result.stderr.splitlines() == [f"evaluate: warning: {scene} broken: false: exit code 1"
+    assert result.stderr.splitlines() == [f"evaluate: warning: {scene} broken: false ended with exit code 1"
                                           for scene in ("still", "breathing")]
     written = sorted(str(path.parent.relative_to(tmp_path / "out/results")) for path in (tmp_path / "out").rglob("fused.png"))
     assert written == [f"{scene}/{method}" for scene in ("breathing", "still")

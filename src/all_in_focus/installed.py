@@ -60,5 +60,5 @@ def run(command, timeout=None):
             process.kill()
     if process.returncode:
         said = (err or out).strip().splitlines()
-        raise RuntimeError(said[-1] if said else f"{program.name}: exit code {process.returncode}")
+        raise RuntimeError(said[-1] if said else f"{program.name} ended with exit code {process.returncode}")
     return out
