@@ -9,7 +9,7 @@ def one_line(error, path=None):
     if isinstance(error, OSError) and error.strerror and (error.filename or path):
         return f"{error.filename or path}: {error.strerror}"
     kind, text = type(error).__name__, " ".join(str(error).split())
-    return f"{kind}: {text}" if isinstance(error, LookupError) else text or kind
+    return f"{kind}: {text}" if text and isinstance(error, LookupError) else text or kind
 
 
 def counted(number, noun):
