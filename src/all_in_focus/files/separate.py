@@ -13,7 +13,8 @@ READ_FROM_FOLDERS = (".yaml", ".yml", ".png", ".jpg", ".jpeg", ".tif", ".tiff", 
 
 
 def require_separate(inputs, outputs):
-    """FileExistsError where an output is one of the inputs, or the same as another output: what has one device and inode.
+    """FileExistsError where an output is one of the inputs, or the same as another output, by device and inode; new outputs, by
+    their resolved paths.
 
     Of a folder that is read, pictures and YAML files are inputs; earlier results of this package in it are not.
     """
