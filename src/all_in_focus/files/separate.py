@@ -22,7 +22,7 @@ def require_separate(inputs, outputs):
         if any(_same(output, path) or _is_read_from(path, output) or _would_go_with(output, path) for path in inputs):
             raise FileExistsError(errno.EEXIST, "is an input of this run, which would be replaced: choose another name",
                                   str(output))
-        if any(_same(output, other) or Path(output).resolve() == Path(other).resolve() for other in outputs[:place]):
+        if any(_same(output, other) or _have_one_name(output, other) for other in outputs[:place]):
             raise FileExistsError(errno.EEXIST, "two outputs are to go there", str(output))
 
 
@@ -31,6 +31,12 @@ def _same(one, other):
     with contextlib.suppress(OSError):
         return Path(one).samefile(other)
     return False
+
+
+def _have_one_name(one, other):
+    """Of files that may not be there yet: in one folder, whatever the folder is called."""
+    one, other = Path(one).resolve(), Path(other).resolve()
+    return one.name == other.name and _same(one.parent, other.parent)
 
 
 def _is_read_from(folder, path):
