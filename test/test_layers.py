@@ -18,8 +18,8 @@ NOT_OURS = {'.git', 'build', 'demo_output', '__pycache__', '.pytest_cache'}
 CORE_NAMES = {'dof_rule': 'span'}
 
 # Functions of os.path that pathlib of Python 3.8 does not have: to take `..` out without following links, to find a link that
-# leads nowhere, to compare an open file with one on disk.
-OS_PATH_FUNCTIONS = {'abspath', 'lexists', 'samestat'}
+# leads nowhere, to compare an open file with one on disk, to follow links where one may lead to itself.
+OS_PATH_FUNCTIONS = {'abspath', 'lexists', 'realpath', 'samestat'}
 
 
 def literal_defaults(name, text):

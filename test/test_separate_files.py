@@ -193,6 +193,14 @@ def test_a_link_stays_and_its_target_is_replaced(planes):
     assert link.is_symlink() and target.read_bytes() != before and np.array_equal(read(target), planes.blurred)
 
 
+def test_a_link_to_itself_is_no_output(planes):
+    link = planes.output("link.png")
+    link.symlink_to(link)
+    expect_refusal(fuse_stack("--stack", planes.stack, "--output", link), "fuse_stack", "symbolic links")
+    expect_refusal(call("contact_sheet", planes.stack / "00.png", "--output", link), "contact_sheet", "symbolic links")
+    assert link.is_symlink()
+
+
 def test_devices_and_pipes_are_written_to(planes):
     fifo = planes.output("fifo")
     os.mkfifo(fifo)

@@ -41,7 +41,7 @@ def whole_file(path):
     symbolic link stays, and what it names is replaced. Into what is no regular file (a FIFO, /dev/stdout) the content is
     copied."""
     stream = _is_stream(path)
-    target = Path(path).resolve() if Path(path).is_symlink() and not stream else Path(path)
+    target = Path(os.path.realpath(path)) if Path(path).is_symlink() and not stream else Path(path)
     folder = Path(tempfile.mkdtemp()) if stream else target.parent
     working = folder / f".{os.getpid()}.{target.name}"  # keeps the suffix, which may choose the format
     try:

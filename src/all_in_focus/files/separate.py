@@ -3,6 +3,7 @@
 """Keeps outputs apart from inputs: no program replaces what it reads."""
 import contextlib
 import errno
+import os
 from pathlib import Path
 
 from all_in_focus.files.output_folder import read_mark
@@ -13,8 +14,7 @@ READ_FROM_FOLDERS = (".yaml", ".yml", ".png", ".jpg", ".jpeg", ".tif", ".tiff", 
 
 
 def require_separate(inputs, outputs):
-    """FileExistsError where an output is one of the inputs, or the same as another output, by device and inode; new outputs, by
-    their resolved paths.
+    """FileExistsError where an output is one of the inputs, or the same as another output: what has one device and inode.
 
     Of a folder that is read, pictures and YAML files are inputs; earlier results of this package in it are not.
     """
@@ -35,13 +35,13 @@ def _same(one, other):
 
 def _have_one_name(one, other):
     """Of files that may not be there yet: in one folder, whatever the folder is called."""
-    one, other = Path(one).resolve(), Path(other).resolve()
+    one, other = Path(os.path.realpath(one)), Path(os.path.realpath(other))
     return one.name == other.name and _same(one.parent, other.parent)
 
 
 def _is_read_from(folder, path):
     """Whether the folder is read and the file `path`, which is there, is a part of what is read."""
-    path, folder = Path(path).resolve(), Path(folder).resolve()
+    path, folder = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
     if not path.is_file() or not folder.is_dir() or path.suffix.lower() not in READ_FROM_FOLDERS or is_result(path):
         return False
     return any(_same(above, folder) for above in path.parents) or any(_same(entry, path) for entry in folder.iterdir())
@@ -50,6 +50,6 @@ def _is_read_from(folder, path):
 def _would_go_with(folder, path):
     """Whether the input `path` was written by an earlier run to the output folder, and goes with what that run wrote."""
     mark = read_mark(folder)
-    path, folder = Path(path).resolve(), Path(folder).resolve()
+    path, folder = Path(os.path.realpath(path)), Path(os.path.realpath(folder))
     return bool(mark) and any(file in (path, *path.parents) or path in file.parents
                               for file in (folder / name for name in mark["files"] or ()))
