@@ -208,8 +208,9 @@ void Bracket::drop(const std::function<std::string(int index)>& why) {
   fused_.clear();
 }
 
-// Starts to fuse frames of a size, or starts over with them because most have it.
+// Starts to fuse frames of a size, or starts over with them. Those that did not fit are judged anew.
 void Bracket::start(const cv::Size& size, bool drifts) {
+  for (auto& [index, held] : held_) held.misfit.clear();
   const cv::Size before = std::exchange(size_, size);
   if (before != size) drop([&](int) { return anotherSize(before); });
   scene_warnings_.clear();
@@ -378,7 +379,6 @@ bool Bracket::startsOver(int newest) {
     return misfit.empty() ? "the reference that it was fused with was given up" : misfit;
   });
   reference_ = alike.front();
-  for (auto& [index, held] : held_) held.misfit.clear();
   start(size_);
   return true;
 }

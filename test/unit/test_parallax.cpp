@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <map>
 #include <opencv2/imgproc.hpp>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -296,6 +297,27 @@ TEST(Parallax, FramesBeforeItShowsAreFusedAnew) {
   fusion.begin(bands(), kSize, Mode::kRefined, {}, /*drifts=*/true);
   for (int k = 0; k < kSlowFrames; ++k) ASSERT_EQ(fusion.add(slowFrame(k), k), "");
   EXPECT_EQ(cv::norm(slow.result.image, fusion.result().image, cv::NORM_INF), 0);
+}
+
+// They wait for the end, and are judged like the others after the bracket has started over.
+TEST(Parallax, OddFramesBeforeItShowsAreLeftOut) {
+  cv::Mat odd(kSize, CV_8UC3);
+  cv::RNG(7).fill(odd, cv::RNG::UNIFORM, 40, 200);
+  const std::vector<int> odd_ones = {2, kSlowFrames - 1};
+  const auto is_odd = [&](int k) { return std::count(odd_ones.begin(), odd_ones.end(), k) > 0; };
+  std::vector<int> fused;
+  BracketSettings settings;
+  settings.on_aligned = [&](const AlignedFrame& frame) { fused.push_back(frame.index); };
+  const auto frame = [&](int k) { return is_odd(k) ? odd : slowFrame(k); };
+  Bracket bracket;
+  bracket.begin(bands(), settings, frame);
+  for (int k = 0; k < kSlowFrames; ++k) bracket.add(frame(k), k);
+  const BracketResult result = bracket.finish();
+  EXPECT_GT(fused.size(), static_cast<std::size_t>(result.used)) << "it has started over";
+  for (const FrameStatus& status : result.frames) {
+    EXPECT_EQ(status.kind == FrameStatus::Kind::kRejected, is_odd(status.index)) << status.index;
+    EXPECT_EQ(status.reason.find("another scene") != std::string::npos, is_odd(status.index)) << status.reason;
+  }
 }
 
 TEST(Parallax, NoMoreFramesAreKeptThanMayBeHeld) {
