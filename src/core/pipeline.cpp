@@ -23,6 +23,7 @@ class FrameReader {
       next_ = 0;
     }
     for (; next_ <= index; ++next_) {
+      frame_.release();  // else a video would overwrite a frame that Bracket still has
       if (!source_.next(frame_)) return false;
     }
     return true;

@@ -11,12 +11,12 @@
 #include <cstdint>
 #include <map>
 #include <opencv2/imgproc.hpp>
-#include <string>
 #include <utility>
 #include <vector>
 
 #include "alignment/bracket_alignment.hpp"
 #include "all_in_focus/bracket.hpp"
+#include "all_in_focus/pipeline.hpp"
 #include "bracket_drawing.hpp"
 #include "fusion/bracket_fusion.hpp"
 
@@ -318,6 +318,38 @@ TEST(Parallax, OddFramesBeforeItShowsAreLeftOut) {
     EXPECT_EQ(status.kind == FrameStatus::Kind::kRejected, is_odd(status.index)) << status.index;
     EXPECT_EQ(status.reason.find("another scene") != std::string::npos, is_odd(status.index)) << status.reason;
   }
+}
+
+// As a video does.
+class ReadIntoOneBuffer : public FrameSource {
+ public:
+  bool next(cv::Mat& frame) override {
+    if (next_ == kSlowFrames) return false;
+    slowFrame(next_++).copyTo(frame);
+    return true;
+  }
+  void rewind() override { next_ = 0; }
+  int count() override { return kSlowFrames; }
+
+ private:
+  int next_ = 0;
+};
+
+// The newest one, too, although frames are read between its coming and its fusion.
+TEST(Parallax, FramesThatAreFusedAnewHaveTheirOwnPixels) {
+  std::vector<cv::Mat> frames;
+  for (int k = 0; k < kSlowFrames; ++k) frames.push_back(slowFrame(k));
+  FramesInMemory from_memory(frames);
+  ReadIntoOneBuffer from_buffer;
+  PipelineInput input;
+  input.registered_depth = depthImage();
+  input.optics = bands().optics;
+  input.reference = 0;
+  const auto fused = [&input](FrameSource& source) {
+    input.frames = &source;
+    return Pipeline(Mode::kRefined).run(input).bracket.image;
+  };
+  EXPECT_EQ(cv::norm(fused(from_buffer), fused(from_memory), cv::NORM_INF), 0);
 }
 
 TEST(Parallax, NoMoreFramesAreKeptThanMayBeHeld) {
