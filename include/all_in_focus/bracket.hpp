@@ -79,8 +79,9 @@ struct BracketResult : FusionResult {
 ///
 /// Mode paper fuses frames as they come. Modes refined and restored fuse the reference first, then the frames
 /// before it, then those behind it, because the result has its geometry and exposure. Frames that come before
-/// the reference are held back: their pixels are not kept, but asked for again. So are, where depth is known,
-/// up to max_held frames that were fused before they showed that the camera moves: the bracket starts over.
+/// the reference are held back: their pixels are not kept, but asked for again. If depth is known, and frames
+/// show late that the camera moves, the bracket starts over: it asks for all that were fused, max_held at
+/// most.
 ///
 /// All frames of a bracket must have one size, show the same and have a similar exposure. Frames that do not
 /// fit are held back, too: if most turn out to be like them, the bracket starts over; and at its end what
@@ -153,9 +154,10 @@ class Bracket {
   void markUsed(int index);
   void markRejected(int index, const std::string& reason);
   FrameStatus& statusOf(int index);
-  void limitOthers();
+  void limitHeld();
   std::string name(int index) const;
   std::string anotherSize(const cv::Size& size) const;
+  std::string whyNotHeld() const;
   std::string whyUnused(const Held& held) const;
   void restore(bool has_moved, const Progress& progress, BracketResult& result) const;
   bool isFree() const { return settings_.reference == BracketSettings::kAutoReference; }
@@ -177,6 +179,7 @@ class Bracket {
   std::map<int, Held> held_;                    // by index
   std::map<int, Held> fused_;        // all that were, by index, while they may be fused anew; else empty
   bool drifts_ = false;              // known when the first frame was fused
+  int still_ = 0;                    // frames behind the first that were fused while no motion was known
   std::vector<FrameStatus> frames_;  // by index
   std::pair<int, cv::Mat> current_;  // the frame that is being added
   int used_ = 0;

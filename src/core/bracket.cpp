@@ -109,10 +109,7 @@ void Bracket::planReference(int first_index) {
   if (settings_.mode == Mode::kPaper || reference_ <= first_index) return;
   holding_ = reference_ - first_index <= mostHeld();
   if (holding_) return;
-  notes_.push_back((settings_.sliding ? std::string("sliding")
-                                      : cv::format("at most %d frames are held (max_held_frames, memory)",
-                                                   settings_.max_held)) +
-                   ": the first frame is the reference, not " + name(reference_));
+  notes_.push_back(whyNotHeld() + ": the first frame is the reference, not " + name(reference_));
   reference_ = first_index;
 }
 
@@ -196,7 +193,7 @@ void Bracket::take(const cv::Mat& frame, int index, double focus_mm) {
     observe(index);
   }
   fuseReady();
-  limitOthers();
+  limitHeld();
 }
 
 // Gives the fused frames up.
@@ -290,14 +287,20 @@ double Bracket::usableFocus(int index, double focus_mm) {
   return kUnknownFocus;
 }
 
-// At most mostHeld() frames are held that do not fit.
-void Bracket::limitOthers() {
+// At most mostHeld() frames are held that do not fit, and no more together with those that were fused.
+void Bracket::limitHeld() {
   std::vector<int> others;
   for (const auto& [index, held] : held_) {
     if (held.size != size_ || !held.misfit.empty()) others.push_back(index);
   }
   for (std::size_t i = 0; i + static_cast<std::size_t>(mostHeld()) < others.size(); ++i)
     markRejected(others[i], whyUnused(held_.at(others[i])));
+  if (held_.size() + fused_.size() > static_cast<std::size_t>(mostHeld())) fused_.clear();
+}
+
+std::string Bracket::whyNotHeld() const {
+  if (settings_.sliding) return "sliding";
+  return cv::format("at most %d frames are held (max_held_frames, memory)", settings_.max_held);
 }
 
 std::string Bracket::whyUnused(const Held& held) const {
@@ -397,10 +400,16 @@ bool Bracket::startsOverMoved() {
 // Mode paper keeps no geometry: there the nearest of all frames stands for the reference.
 void Bracket::markUsed(int index) {
   const bool is_nearer = std::abs(index - reference_) < std::abs(nearest_ - reference_);
+  const bool has_all = fused_.size() == static_cast<std::size_t>(used_);
   if (used_++ == 0 || (settings_.mode == Mode::kPaper && is_nearer)) nearest_ = index;
-  if (used_ == 1) drifts_ = fusion_->drifts();
+  if (used_ == 1) {
+    drifts_ = fusion_->drifts();
+    still_ = 0;
+  } else if (!fusion_->drifts()) {
+    ++still_;
+  }
   auto frame = held_.extract(index);
-  if (!drifts_ && fusion_->mayDrift() && used_ <= mostHeld()) {
+  if (!drifts_ && fusion_->mayDrift() && has_all) {
     fused_.insert(std::move(frame));
   } else {
     fused_.clear();
@@ -440,6 +449,11 @@ BracketResult Bracket::preview() const {
     notes.push_back("the reference, " + name(reference_) + ", is missing or was rejected: " + name(nearest_) +
                     " takes its place");
   }
+  if (used_ > 0 && still_ > 0 && fusion_->drifts())
+    notes.push_back(whyNotHeld() +
+                    cv::format(": %d frames that were fused before the camera was found to move are "
+                               "not corrected by depth",
+                               still_));
   for (const FrameStatus& frame : frames_) {
     if (frame.kind != FrameStatus::Kind::kRejected) continue;
     if (static_cast<std::size_t>(result.rejected++) < kMostRejections)

@@ -11,6 +11,8 @@
 #include <cstdint>
 #include <map>
 #include <opencv2/imgproc.hpp>
+#include <set>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -255,10 +257,16 @@ cv::Mat slowFrame(int k) {
   return coloured(seenFrom({0.3 * k, 0, 0}, 0, k, kSlowFrames));
 }
 
-SlowBracket slowBracket(int max_held) {
+cv::Mat anotherScene() {
+  cv::Mat frame(kSize, CV_8UC3);
+  cv::RNG(7).fill(frame, cv::RNG::UNIFORM, 40, 200);
+  return frame;
+}
+
+// odd: frames that show another scene.
+SlowBracket slowBracket(int max_held, const std::set<int>& odd = {}) {
   SlowBracket slow;
   BracketSettings settings;
-  settings.reference = 0;
   settings.max_held = max_held;
   settings.on_aligned = [&](const AlignedFrame& frame) { slow.fused.push_back(frame.index); };
   std::map<int, cv::Mat> kept;
@@ -268,14 +276,15 @@ SlowBracket slowBracket(int max_held) {
     return kept.at(index);
   });
   for (int k = 0; k < kSlowFrames; ++k) {
-    kept[k] = slowFrame(k);
+    kept[k] = odd.count(k) > 0 ? anotherScene() : slowFrame(k);
     bracket.add(kept[k], k);
     for (int i = 0; i <= k; ++i) {
       if (!bracket.holds(i)) kept.erase(i);
     }
     slow.most_kept = std::max(slow.most_kept, kept.size());
   }
-  EXPECT_TRUE(kept.empty()) << "that the camera moves is known: no frame need be fused anew";
+  for (const auto& frame : kept)
+    EXPECT_EQ(odd.count(frame.first), 1u) << "that the camera moves is known: no frame need be fused anew";
   slow.result = bracket.finish();
   return slow;
 }
@@ -301,22 +310,13 @@ TEST(Parallax, FramesBeforeItShowsAreFusedAnew) {
 
 // They wait for the end, and are judged like the others after the bracket has started over.
 TEST(Parallax, OddFramesBeforeItShowsAreLeftOut) {
-  cv::Mat odd(kSize, CV_8UC3);
-  cv::RNG(7).fill(odd, cv::RNG::UNIFORM, 40, 200);
-  const std::vector<int> odd_ones = {2, kSlowFrames - 1};
-  const auto is_odd = [&](int k) { return std::count(odd_ones.begin(), odd_ones.end(), k) > 0; };
-  std::vector<int> fused;
-  BracketSettings settings;
-  settings.on_aligned = [&](const AlignedFrame& frame) { fused.push_back(frame.index); };
-  const auto frame = [&](int k) { return is_odd(k) ? odd : slowFrame(k); };
-  Bracket bracket;
-  bracket.begin(bands(), settings, frame);
-  for (int k = 0; k < kSlowFrames; ++k) bracket.add(frame(k), k);
-  const BracketResult result = bracket.finish();
-  EXPECT_GT(fused.size(), static_cast<std::size_t>(result.used)) << "it has started over";
-  for (const FrameStatus& status : result.frames) {
-    EXPECT_EQ(status.kind == FrameStatus::Kind::kRejected, is_odd(status.index)) << status.index;
-    EXPECT_EQ(status.reason.find("another scene") != std::string::npos, is_odd(status.index)) << status.reason;
+  const std::set<int> odd = {2, kSlowFrames - 1};
+  const SlowBracket slow = slowBracket(kNoFrame, odd);
+  EXPECT_GT(slow.fused.size(), kSlowFrames - odd.size()) << "it has started over";
+  for (const FrameStatus& frame : slow.result.frames) {
+    EXPECT_EQ(frame.kind == FrameStatus::Kind::kRejected, odd.count(frame.index) > 0) << frame.index;
+    EXPECT_EQ(frame.reason.find("another scene") != std::string::npos, odd.count(frame.index) > 0)
+        << frame.reason;
   }
 }
 
@@ -353,10 +353,20 @@ TEST(Parallax, FramesThatAreFusedAnewHaveTheirOwnPixels) {
 }
 
 TEST(Parallax, NoMoreFramesAreKeptThanMayBeHeld) {
-  const SlowBracket slow = slowBracket(/*max_held=*/2);
-  EXPECT_EQ(slow.most_kept, 2u);
-  EXPECT_TRUE(slow.asked.empty());
-  EXPECT_EQ(slow.fused.size(), static_cast<std::size_t>(kSlowFrames));
+  for (const int max_held : {0, 2, 3}) {
+    for (const std::set<int>& odd : {std::set<int>{}, {1, 3}}) {
+      const SlowBracket slow = slowBracket(max_held, odd);
+      EXPECT_EQ(slow.most_kept, static_cast<std::size_t>(max_held)) << odd.size();
+      EXPECT_EQ(slow.fused.size(), kSlowFrames - odd.size()) << max_held;
+      const std::string words = cv::format("at most %d frames are held", max_held);
+      EXPECT_EQ(std::count_if(slow.result.notes.begin(), slow.result.notes.end(),
+                              [&](const std::string& note) { return note.find(words) == 0; }),
+                1)
+          << max_held << ' ' << odd.size();
+    }
+  }
+  for (const std::string& note : slowBracket(kNoFrame).result.notes)
+    EXPECT_EQ(note.find("frames are held"), std::string::npos) << note;
 }
 
 }  // namespace

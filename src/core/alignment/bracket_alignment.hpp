@@ -31,8 +31,8 @@ struct Placement : SimilarityTransform {
 /// long bracket are near enough.
 class BracketAlignment {
  public:
-  /// center: principal point, pixels. relief: of the reference, if known. drifts: that
-  /// the camera moves is known.
+  /// center: principal point, pixels. relief: of the reference, if known. drifts: the camera is known to
+  /// move.
   void begin(const cv::Size& size, const cv::Point2d& center, const Relief& relief = {}, bool drifts = false);
 
   /// The next frame of the bracket. gray: CV_8UC1, of its size; index: any, each once.

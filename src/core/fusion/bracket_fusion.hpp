@@ -36,8 +36,8 @@ namespace all_in_focus::core {
 class BracketFusion {
  public:
   /// Starts a bracket of frames of that size. The scene must be possible (Bracket checks it). Its images are
-  /// shared, not copied; labels are scaled to the frames by nearest neighbour. drifts: of these frames it is
-  /// known already.
+  /// shared, not copied; labels are scaled to the frames by nearest neighbour. drifts: the camera is known to
+  /// move.
   void begin(const BracketScene& scene, const cv::Size& size, Mode mode, const RefinedConfig& config = {},
              bool drifts = false);
 
