@@ -106,7 +106,7 @@ cv::Mat1f textureOf(const ObservedBracket& bracket) {
 
 CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictures, const Levels& levels) {
   const cv::Size size = bracket.fused.size();
-  const std::vector<float> beside_measured = costsBesideMeasured(levels, bracket.px_mm);
+  const std::vector<float> beside_measured = costsBesideMeasured(levels, bracket.pxMm());
   const cv::Mat1f texture = textureOf(bracket);
   CostVolume volume(size, levels.count);
   cv::parallel_for_(
@@ -178,11 +178,11 @@ cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures
     return inverse_depth;
   }
   const cv::Mat1f clear = distanceFromDoubt(bracket);
+  const float take = bracket.gap(kDepth.take);
   for (int y = 0; y < inverse_depth.rows; ++y) {
     for (int x = 0; x < inverse_depth.cols; ++x) {
       const float measured = bracket.measured(y, x);
-      if (measured > 0 &&
-          (clear(y, x) > kDepth.clear || std::abs(measured - inverse_depth(y, x)) < bracket.gap(kDepth.take)))
+      if (measured > 0 && (clear(y, x) > kDepth.clear || std::abs(measured - inverse_depth(y, x)) < take))
         inverse_depth(y, x) = measured;
     }
   }

@@ -3,10 +3,17 @@
 
 #include "restoration/observed_bracket.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
 namespace all_in_focus::core {
+double ObservedBracket::pxMm() const {
+  double largest = 0;
+  for (const ObservedFrame& frame : frames) largest = std::max(largest, frame.blur.px_mm);
+  return largest;
+}
+
 cv::Mat1b jumps(const cv::Mat1f& inverse_depth, float gap) {
   cv::Mat1b found(inverse_depth.size(), 0);
   for (int y = 0; y < inverse_depth.rows; ++y) {

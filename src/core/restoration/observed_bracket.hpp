@@ -28,10 +28,11 @@ struct ObservedBracket {
   double noise_variance = 0;                      ///< gray levels squared, of a channel
   cv::Mat1f measured;  ///< inverse depth (1 / depth, 1/mm) that a sensor measured, 0 = unknown; may be empty
   cv::Mat1f filled;    ///< the same with filled holes
-  double px_mm = 0;    ///< the largest of the frames' FrameBlur::px_mm
 
+  /// The largest of the frames' FrameBlur::px_mm.
+  double pxMm() const;
   /// Difference in inverse depth that changes the blur by so many pixels of radius.
-  float gap(double px) const { return static_cast<float>(px / px_mm); }
+  float gap(double px) const { return static_cast<float>(px / pxMm()); }
 };
 
 constexpr double kJumpPx = 0.35;  ///< neighbours that differ by more do not lie on one surface

@@ -149,11 +149,7 @@ std::vector<FrameBlur> blurOf(const ObservedBracket& bracket, double scale) {
 void correct(const LensFit& fit, ObservedBracket& bracket) {
   if (!fit.uses_depth) bracket.filled = bracket.measured = cv::Mat1f();
   const std::vector<FrameBlur> blur = fit.focus.of(blurOf(bracket, fit.scale));
-  bracket.px_mm = 0;
-  for (std::size_t k = 0; k < blur.size(); ++k) {
-    bracket.frames[k].blur = blur[k];
-    bracket.px_mm = std::max(bracket.px_mm, blur[k].px_mm);
-  }
+  for (std::size_t k = 0; k < blur.size(); ++k) bracket.frames[k].blur = blur[k];
   std::stable_sort(bracket.frames.begin(), bracket.frames.end(),
                    [](const ObservedFrame& a, const ObservedFrame& b) {
                      return a.blur.inverse_depth < b.blur.inverse_depth;
@@ -297,7 +293,8 @@ double keepWhatFramesShow(const cv::Mat1f& before, const cv::Mat1f& after, cv::M
 ObservedBracket turnedRound(const ObservedBracket& bracket) {
   ObservedBracket turned = bracket;
   const double sum = bracket.frames.front().blur.inverse_depth + bracket.frames.back().blur.inverse_depth;
-  for (ObservedFrame& frame : turned.frames) frame.blur.inverse_depth = sum - frame.blur.inverse_depth;
+  for (ObservedFrame& frame : turned.frames)
+    frame.blur = frame.blur.focusedAt(sum - frame.blur.inverse_depth);
   std::reverse(turned.frames.begin(), turned.frames.end());
   return turned;
 }
@@ -459,7 +456,6 @@ ObservedBracket BracketRestoration::observed(const cv::Mat& fused, std::optional
                    : FrameBlur{held.inverse_depth, kRestoration.guessed_blur * shrinking() / span};
     bracket.frames.push_back(
         {exposed(held.image, held.gain, *bracket.curve), held.shown, blur, !exact || held.index == *exact});
-    bracket.px_mm = std::max(bracket.px_mm, blur.px_mm);
   }
   bracket.noise_variance = noiseVariance(images());
   if (!scene_.depth.empty() && focus_known_) {
