@@ -138,7 +138,9 @@ def test_frames_are_those_of_their_bracket(tmp_path):
     assert len(parts(tmp_path / "two")) == 4 and len(stack_of(tmp_path / "two" / "bracket_0003")) == 2
     export(bag, tmp_path / "never", "--bracket-gap", 0, "--bracket-size", 0, "--bracket", "all")
     assert len(stack_of(tmp_path / "never" / "bracket_0000")) == 8 and parts(tmp_path / "never") == ["bracket_0000"]
-    for option, value in (("--bracket-size", -1), ("--bracket-size", 2.5), ("--bracket-gap", -1), ("--bracket-gap", "x")):
+    for option, value in (("--bracket-size", -1), ("--bracket-size", 2.5), ("--bracket-size", 65535), ("--bracket-gap", -1),
+                          ("--bracket-gap", "x"), ("--bracket-gap", 3601), ("--label-max-age", 3601),
+                          ("--invalid-values", "[0,65536]"), ("--invalid-values", "[0,-1]")):
         refused(f"argument {option}: '{value}': expected", bag, "--output", tmp_path / "none", option, value)
 
 

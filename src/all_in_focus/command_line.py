@@ -168,9 +168,7 @@ def digits(text):
 
 
 positive = number_type(lambda value: 0 < value < math.inf, "a positive number")
-not_negative = number_type(lambda value: 0 <= value < math.inf, "a positive number, or 0")
 count = number_type(lambda value: value > 0, "a positive whole number", digits)
-count_or_zero = number_type(lambda value: value >= 0, "a positive whole number", digits)
 
 
 def optics(text):
