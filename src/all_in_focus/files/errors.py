@@ -4,8 +4,7 @@
 
 
 def one_line(error, path=None):
-    """The message of an exception as one line; of a KeyError and its kind with the type: a key alone explains nothing. OSErrors
-    name their file; `path` where they do not know it."""
+    """An exception as one line, a KeyError with its type: a key says little. OSErrors name their file, or `path`."""
     if isinstance(error, OSError) and error.strerror and (error.filename or path):
         return f"{error.filename or path}: {error.strerror}"
     kind, text = type(error).__name__, " ".join(str(error).split())

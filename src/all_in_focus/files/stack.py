@@ -52,8 +52,7 @@ class Stack:
             raise StackError(f"{self.path}: a single image: give its folder, or a video")
         self._pages = list(zip(listing["frames"], listing["paths"], listing["pages"]))
         self.files = [Path(path) for path in dict.fromkeys(listing["paths"])]
-        known = load_focus(focus, self.names, self._count, listing["left_out"]) if focus else None
-        self.distances = known or [math.nan] * self._count
+        self.distances = load_focus(focus, self.names, self._count, listing["left_out"]) if focus else [math.nan] * self._count
 
     def __len__(self):
         return self._count
@@ -83,8 +82,7 @@ class Stack:
 
 
 def _listing(path):
-    """Frames in their order, or the number of those of a video. One program knows the rule for all, those in C++ and those in
-    Python."""
+    """Frames in their order, or how many a video has: one program knows the rule for those in C++ and in Python."""
     try:
         return json.loads(installed.run([installed.find("list_stack"), "--stack", str(path)]))
     except RuntimeError as error:
