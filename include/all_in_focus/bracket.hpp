@@ -92,7 +92,7 @@ struct BracketResult : FusionResult {
 /// bracket to bracket.
 class Bracket {
  public:
-  /// Returns a frame that Bracket holds once more.
+  /// Returns once more a frame that Bracket holds.
   using FrameAgain = std::function<cv::Mat(int index)>;
   /// Receives how much of the restoration is done, 0..1; returns false to stop it.
   using Progress = std::function<bool(double done)>;

@@ -47,7 +47,7 @@ std::string show(const std::vector<int>& values) {
   return '[' + text + ']';
 }
 
-// Where whole numbers are expected, roscpp takes a fraction, and in a list true, as if they were.
+// roscpp itself takes a fraction for a whole number, and in a list also true.
 bool isWhole(XmlRpcValue given, int& value) {
   const bool is_int = given.getType() == XmlRpcValue::TypeInt;
   if (!is_int && given.getType() != XmlRpcValue::TypeDouble) return false;

@@ -27,8 +27,8 @@ constexpr int kTileColumns = 256;  // worked on at a time: their weights stay in
 // Codes of 8 bits are combined in fixed point, in half the time of floats: a tenth of what a frame takes.
 using Fixed = std::int16_t;
 constexpr int kInputBits = 7;  // behind the point of a code
-// A product keeps the upper 16 of its 32 bits, which is one less behind the point with each pass. The six of
-// a sum lose three units on average.
+// A product keeps the upper 16 of its 32 bits, so each pass leaves one bit less behind the point. The six
+// products of a sum lose three units on average, which are added again.
 constexpr int kOutputBits = kInputBits - 2, kLost = kTaps / 2;
 
 template <typename Value>

@@ -78,7 +78,7 @@ class BracketFusion {
   std::string hiddenDriftNote() const;
   /// Whether the camera moved, and depth corrects it.
   bool drifts() const { return alignment_.drifts(); }
-  /// Whether frames may still come that show it.
+  /// Whether depth would correct that if frames showed it.
   bool mayDrift() const { return !by_region_ && relief_.isKnown(); }
 
  private:

@@ -27,7 +27,7 @@ class BlurEvidence {
   static cv::Mat copyOf(const cv::Mat& image, double shrinking);
 
   /// inverse_depth: 1/mm as a sensor measured it, 0 = unknown; or empty. All of the frames' size. shrinking:
-  /// of the pictures that these are copies of.
+  /// how many times as wide the pictures were from which these copies are made.
   BlurEvidence(const cv::Mat1b& fused, const std::vector<Frame>& frames, const LightCurve& curve,
                const cv::Mat1f& inverse_depth, double shrinking);
 
@@ -60,7 +60,7 @@ class BlurEvidence {
   double error(const Tile& tile, const std::vector<FrameBlur>& blur, double scale,
                double inverse_depth) const;
 
-  double pixels_;  // in one of a copy
+  double pixels_;  // of the pictures in one pixel of their copies
   std::vector<Tile> tiles_;
   bool has_depth_ = false;
   int compared_ = 0;                  // tiles of frames

@@ -58,8 +58,8 @@ class DiscKernels {
   /// Offsets beyond which there is no share.
   int reach(int index) const { return reach_[index]; }
 
-  /// Of the shares, px^2, along an axis: by how much they blur. A disc alone has radius^2 / 4; pixels that it
-  /// covers in part add to that.
+  /// Variance of the shares along an axis, px^2: how much they blur. A disc by itself has radius^2 / 4;
+  /// pixels that it covers in part add to that.
   double variance(double radius) const;
 
  private:
