@@ -66,7 +66,7 @@ void LensCheck::ask(const LightCurve& curve, const std::function<Placement(int)>
                        : voted || is_right     ? LensFit::kBelieved
                                                : LensFit::kTrusted;
   const bool is_late_by_unknown = fit.focus.shift != 0 && step_ > 1;
-  if (fit.explained < least || !fit.uses_depth || !fit.is_certain || is_late_by_unknown)
+  if (fit.explained < least || !fit.is_certain || is_late_by_unknown)
     return refuse("the frames contradict focus distances or f-number: depth and lens data are not used");
   notes_ = fit.notes(scene_.optics);
   may_predict_ = !fit.focus.reversed && (fit.focus.shift == 0 || voted);

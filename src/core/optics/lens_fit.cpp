@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace all_in_focus::core {
@@ -68,61 +69,21 @@ Factor bestScale(const BlurEvidence& evidence, const std::vector<FrameBlur>& blu
 // Mistakes in the order of focus distances.
 constexpr std::array<FocusCorrection, 3> kOfOrder = {{{true, 0, 1}, {false, 1, 1}, {false, -1, 1}}};
 
-LensFit search(const BlurEvidence& evidence, const std::vector<FrameBlur>& given,
-               const std::optional<FocusCorrection>& voted, bool has_scale) {
-  const auto with = [&](const FocusCorrection& focus, double scale) {
-    return LensFit{focus, scale, evidence.explained(focus.of(given), scale)};
-  };
-  const auto better = [](const LensFit& a, const LensFit& b) { return a.explained < b.explained; };
-  const bool is_of_two = given.size() == 2 && !evidence.hasDepth();
-  const bool may_correct = evidence.hasDepth() && has_scale && !voted;
-  const FocusCorrection focus = voted.value_or(FocusCorrection());
-  LensFit best = with(focus, 1);
-  LensFit ordered = best;  // the best in another order
-  for (const FocusCorrection& other : kOfOrder) {
-    if (may_correct) ordered = std::max(ordered, with(other, 1), better);
-  }
-  // A mistake shows beside what was given, too, unless the frames are two: so most lenses need no search.
-  if (has_scale && !is_of_two && best.explained >= LensFit::kBelieved &&
-      best.explained + kClearly >= ordered.explained &&
-      best.explained + kAsGood >=
-          std::max(with(focus, kNeighbour), with(focus, 1 / kNeighbour), better).explained)
-    return best;
+bool explainsLess(const LensFit& a, const LensFit& b) {
+  return a.explained < b.explained;
+}
 
-  // The more common mistakes first: a later one must explain more.
-  const Factor scale = bestScale(evidence, focus.of(given));
-  const LensFit scaled = {focus, scale.value, scale.explained};
-  if (!has_scale) return scaled;  // a guess has no scale of its own
-  const double as_given = best.explained;
-  const auto take = [&best](const LensFit& fit, double clearly) {
-    if (fit.explained > best.explained + clearly) best = fit;
+// evidence has depth.
+LensFit twoMistakes(const BlurEvidence& evidence, const std::vector<FrameBlur>& given) {
+  LensFit best = {{}, 1, -std::numeric_limits<double>::infinity()};
+  const auto tryBoth = [&](const FocusCorrection& focus) {
+    const Factor scale = bestScale(evidence, focus.of(given));
+    best = std::max(best, {focus, scale.value, scale.explained}, explainsLess);
+    return scale.explained;
   };
-  take(ordered, kClearly);
-  take(scaled, is_of_two ? kAsGoodOfTwo : kAsGood);
-  if (!may_correct) return best;
-  const auto explainedBy = [&](double value) { return with({false, 0, value}, 1).explained; };
-  Factor factor = bestFactor(kStepOfDistances, explainedBy);
-  for (const Unit& unit : kUnits) {
-    if (const double share = explainedBy(unit.factor); share > factor.explained + kAsGood)
-      factor = {unit.factor, share};
-  }
-  const LensFit enlarged = {{false, 0, factor.value}, 1, factor.explained};
-  if (enlarged.explained > as_given + kClearly) take(enlarged, kAsGood);
-  const std::array<LensFit, 3> all = {ordered, scaled, enlarged};
-  best.is_certain = 1 == std::count_if(all.begin(), all.end(), [&](const LensFit& fit) {
-                      return fit.explained > best.explained - kAsGood;
-                    });
-  if (best.explained >= LensFit::kBelieved) return best;
-  LensFit two = best;
-  const auto tryBoth = [&](const FocusCorrection& other) {
-    const Factor of_other = bestScale(evidence, other.of(given));
-    two = std::max(two, {other, of_other.value, of_other.explained}, better);
-    return of_other.explained;
-  };
-  for (const FocusCorrection& other : kOfOrder) tryBoth(other);
-  bestFactor(kStepOfDistances, [&](double one) { return tryBoth({false, 0, one}); });
-  two.is_certain = false;
-  take(two, kClearly);  // two mistakes are less likely than one
+  for (const FocusCorrection& focus : kOfOrder) tryBoth(focus);
+  bestFactor(kStepOfDistances, [&](double factor) { return tryBoth({false, 0, factor}); });
+  best.is_certain = false;
   return best;
 }
 
@@ -172,9 +133,59 @@ std::vector<std::string> LensFit::notes(const Optics& optics) const {
 LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given,
                 const std::optional<FocusCorrection>& voted, bool has_scale) {
   if (!evidence.showsBlur()) return {{}, 1, 1, false};
-  const LensFit fit = search(evidence, given, voted, has_scale);
-  if (voted || !evidence.hasDepth() || !fit.contradicts()) return fit;
-  LensFit free = search(evidence.withoutDepth(), given, voted, has_scale);
+  const auto with = [&](const FocusCorrection& focus, double scale) {
+    return LensFit{focus, scale, evidence.explained(focus.of(given), scale)};
+  };
+  const bool is_of_two = given.size() == 2 && !evidence.hasDepth();
+  const bool may_correct = evidence.hasDepth() && has_scale && !voted;
+  const FocusCorrection focus = voted.value_or(FocusCorrection());
+  LensFit best = with(focus, 1);
+  LensFit ordered = best;  // the best in another order
+  for (const FocusCorrection& other : kOfOrder) {
+    if (may_correct) ordered = std::max(ordered, with(other, 1), explainsLess);
+  }
+  // A mistake shows beside what was given, too, unless the frames are two: so most lenses need no search.
+  if (has_scale && !is_of_two && best.explained >= LensFit::kBelieved &&
+      best.explained + kClearly >= ordered.explained &&
+      best.explained + kAsGood >=
+          std::max(with(focus, kNeighbour), with(focus, 1 / kNeighbour), explainsLess).explained)
+    return best;
+
+  // The more common mistakes first: a later one must explain more.
+  const Factor scale = bestScale(evidence, focus.of(given));
+  const LensFit scaled = {focus, scale.value, scale.explained};
+  if (!has_scale) return scaled;  // a guess has no scale of its own
+  const double as_given = best.explained;
+  const auto take = [&best](const LensFit& fit, double clearly) {
+    if (fit.explained > best.explained + clearly) best = fit;
+  };
+  take(ordered, kClearly);
+  take(scaled, is_of_two ? kAsGoodOfTwo : kAsGood);
+  if (!may_correct) return best;
+  const auto explainedBy = [&](double value) { return with({false, 0, value}, 1).explained; };
+  Factor factor = bestFactor(kStepOfDistances, explainedBy);
+  for (const Unit& unit : kUnits) {
+    if (const double share = explainedBy(unit.factor); share > factor.explained + kAsGood)
+      factor = {unit.factor, share};
+  }
+  const LensFit enlarged = {{false, 0, factor.value}, 1, factor.explained};
+  if (enlarged.explained > as_given + kClearly) take(enlarged, kAsGood);
+  const std::array<LensFit, 3> all = {ordered, scaled, enlarged};
+  best.is_certain = 1 == std::count_if(all.begin(), all.end(), [&](const LensFit& fit) {
+                      return fit.explained > best.explained - kAsGood;
+                    });
+  return best;
+}
+
+LensFit fitWrongLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given, bool has_scale) {
+  LensFit fit = fitLens(evidence, given, std::nullopt, has_scale);
+  if (!evidence.hasDepth() || !fit.contradicts()) return fit;
+  if (has_scale) {
+    const LensFit two = twoMistakes(evidence, given);
+    if (two.explained > fit.explained + kClearly) fit = two;  // two mistakes are less likely than one
+    if (!fit.contradicts()) return fit;
+  }
+  LensFit free = fitLens(evidence.withoutDepth(), given, std::nullopt, has_scale);
   free.uses_depth = false;
   return free;
 }

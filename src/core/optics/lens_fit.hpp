@@ -41,10 +41,14 @@ struct LensFit {
   std::vector<std::string> notes(const Optics& optics) const;
 };
 
-/// Numbers that explain nearly as much as the best stay as they are. given: of each frame, in the order of
-/// the bracket. voted: what the focus distances are known to need, and nothing else. has_scale: its px_mm are
-/// more than a guess.
+/// Corrects one mistake at most. Numbers that explain nearly as much as the best stay as they are. given: of
+/// each frame, in the order of the bracket. voted: what the focus distances are known to need, and nothing
+/// else. has_scale: its px_mm are more than a guess.
 LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given,
                 const std::optional<FocusCorrection>& voted, bool has_scale);
+
+/// Where that contradicts the frames, two mistakes are tried, too, and then the frames without depth: no
+/// result of these is certain, and they take 30 times as long.
+LensFit fitWrongLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given, bool has_scale);
 
 }  // namespace all_in_focus::core

@@ -508,7 +508,7 @@ LensFit BracketRestoration::lens(const ObservedBracket& bracket) const {
     const LensFit fit = fitLens(evidence, given, voted, hasScale());
     if (!fit.contradicts()) return fit;
   }
-  return fitLens(evidence, given, std::nullopt, hasScale());
+  return fitWrongLens(evidence, given, hasScale());
 }
 
 std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fused, const Progress& progress,
