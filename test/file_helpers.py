@@ -125,6 +125,16 @@ def wait_until(condition, timeout=60.0):
         time.sleep(0.02)
 
 
+def wait_for(process, condition, timeout=300.0):
+    """The first true value of condition() while a program works. If none comes, the test fails with what the program says."""
+    found = []
+    wait_until(lambda: found.append(condition()) or found[-1] or process.poll() is not None, timeout)
+    if not found[-1]:
+        process.kill()
+        pytest.fail(f"{' '.join(process.args)} said {process.communicate()}, exit code {process.returncode}")
+    return found[-1]
+
+
 @contextmanager
 def captured():
     """A list that holds stdout and stderr afterwards: what is printed meanwhile in this process, by C and C++, too."""

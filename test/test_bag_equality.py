@@ -14,7 +14,7 @@ import pytest
 from all_in_focus.image_messages import to_message
 from all_in_focus_lab.metrics.truth import Truth, psnr
 from bag_helpers import BRIDGE, good_messages, rewritten, write as write_bag
-from file_helpers import SCRIPTS, call, cut, start, wait_until
+from file_helpers import SCRIPTS, call, cut, start, wait_for, wait_until
 from tool_helpers import (check_equality, evaluate_bag, expect_refusal, fuse, fuse_stack, made_scene, read, succeeded,
                           texture, unchanged, write)
 
@@ -124,8 +124,8 @@ class Run:
         self.output = folder / "out"
         self.process = start([sys.executable, SCRIPTS / "evaluate_bag", "--bag", bag, "--output", self.output])
         self.family = {}  # command line by process
-        self.manager = wait_until(lambda: self.find("all_in_focus/fusion manager") and self.find("__name:=manager"))
-        assert self.manager, "not within a minute"
+        self.manager = wait_for(self.process,
+                                lambda: self.find("all_in_focus/fusion manager") and self.find("__name:=manager"))
 
     def find(self, words):
         """The process below evaluate_bag whose command line has these words."""
@@ -140,7 +140,7 @@ class Run:
         assert (self.process.returncode, out) == (code, ""), err
         assert len(err.splitlines()) == (1 if words else 0) and all(word in err for word in words), err
         assert len(self.family) >= 7  # roslaunch, master, rosout, manager, three loaders
-        assert wait_until(lambda: not any(process.is_running() for process in self.family)), "not within a minute"
+        assert wait_until(lambda: not any(process.is_running() for process in self.family)), self.family
         assert not self.output.parent.exists() or not list(self.output.parent.iterdir())
 
 

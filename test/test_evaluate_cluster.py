@@ -4,7 +4,6 @@
 import http.client
 import re
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -12,9 +11,10 @@ import urllib.request
 
 import pytest
 from evaluate_helpers import DASK, METHODS, evaluate, make_scene, results, start_evaluate
-from file_helpers import environment, run_script, wait_until
+from file_helpers import environment, run_script, wait_for
 from tool_helpers import succeeded
 
+from all_in_focus.replay.launch import free_port
 from all_in_focus_lab.benchmark.engine import engine
 
 LOST_WORKER = r"evaluate: warning: Dask worker tcp://\S+ is lost; its tasks go to others"
@@ -44,11 +44,9 @@ class Cluster:
     """A scheduler and workers as people start them by hand."""
 
     def __init__(self, folder, workers):
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.address = f"tcp://127.0.0.1:{probe.getsockname()[1]}"
+        port = free_port()
+        self.address = f"tcp://127.0.0.1:{port}"
         self._folder, self.processes = folder, []
-        port = self.address.rpartition(":")[2]
         self._start("dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard")
         self.workers = [self.add_worker() for _ in range(workers)]
 
@@ -90,12 +88,7 @@ def expect_same(folder, alone):
 
 def wait_for_a_result(run, folder):
     """Paths of the results that are there, one at least."""
-    def found():
-        assert run.poll() is None, run.communicate()
-        return list(folder.glob("results/*/*/result.json"))
-    there = wait_until(found, 120)
-    assert there, "no result within two minutes"
-    return there
+    return wait_for(run, lambda: list(folder.glob("results/*/*/result.json")))
 
 
 def test_a_killed_worker_loses_nothing(scenes, alone, cluster, tmp_path):

@@ -4,6 +4,7 @@
 process stays behind. Real roslaunch, real masters."""
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -77,6 +78,12 @@ STUBBORN = "for s in (signal.SIGINT, signal.SIGTERM): signal.signal(s, signal.SI
 def test_environment_puts_the_system_first(master):
     assert os.environ["PATH"].startswith("/usr/bin:/bin:") and os.environ["ROS_HOSTNAME"] == "localhost"
     assert rosgraph.get_master_uri() == master
+
+
+def test_the_port_of_the_master_is_kept_for_it(master):
+    """Other programs, which may start before it, cannot take it. That it can is what all tests here show."""
+    with socket.socket() as other, pytest.raises(OSError, match="in use"):
+        other.bind(("", int(master.rpartition(":")[2])))
 
 
 def test_the_death_of_a_required_node_ends_the_others_and_is_told(nodes):

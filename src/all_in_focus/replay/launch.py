@@ -20,8 +20,11 @@ FAILURE = re.compile(r"(cannot launch node .*)|(?:RLException|Resource not found
 
 
 def free_port():
+    """Until this process ends, programs that ask for any port get another: a copy of the socket holds it without listening."""
     with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # so that the master, which sets this, too, can listen
         probe.bind(("localhost", 0))
+        os.dup(probe.fileno())
         return probe.getsockname()[1]
 
 
@@ -62,13 +65,10 @@ class Launch(AbstractContextManager):
     def reason(self):
         """Why it has ended, or will not do its work; one line. None while all is well."""
         code, deaths, text = self._process.poll(), self.deaths(), self._read()[1]
+        ended = [] if code is None else [_ended("roslaunch", code, text)]
         reasons = [reason for died, reason in deaths if died]
         reasons += [" ".join((one[1] or one[2]).split()) for one in FAILURE.finditer(text)]
-        if code is not None and code < 0:
-            reasons.append(_ended("roslaunch", code))
-        reasons += [reason for _, reason in deaths]
-        if code is not None:
-            reasons.append(_ended("roslaunch", code, text))
+        reasons += [*(ended if (code or 0) < 0 else []), *(reason for _, reason in deaths), *ended]
         return reasons[0] if reasons else None
 
     def close(self):
