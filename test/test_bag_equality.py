@@ -227,11 +227,11 @@ def test_depth_that_fuse_stack_would_refuse(scene, change):
 
 def test_make_bag_refuses_what_fuse_stack_refuses(scene, tmp_path):
     depth = read(scene.folder / "scene" / "depth.png")
-    for name, image in (("8.png", (depth // 256).astype(np.uint8)), ("small.png", depth[:-1])):
+    for name, image in (("8.png", (depth // 256).astype(np.uint8)), ("small.png", depth[:-1]), ("unknown.png", 0 * depth)):
         cv2.imwrite(str(tmp_path / name), image)
     cv2.imwrite(str(tmp_path / "cut.png"), depth)
     cut(tmp_path / "cut.png")
-    for name in ("8.png", "small.png", "cut.png", "none.png"):
+    for name in ("8.png", "small.png", "unknown.png", "cut.png", "none.png"):
         arguments = [*scene.files()[2:], "--depth", tmp_path / name, "--output"]
         with unchanged(tmp_path):
             expect_refusal(call("make_bag", *arguments, tmp_path / "x.bag"), "make_bag", name)

@@ -401,7 +401,7 @@ def test_bad_input_is_one_line(tmp_path):
     cut(tmp_path / "cut.bag")
     with unchanged(tmp_path):
         for arguments, complaint in (([tmp_path / "none.bag"], "No such file"), ([tmp_path / "text.bag"], "not a bag"),
-                                     ([tmp_path / "picture.bag"], "picture.bag: not a bag\n"),
+                                     ([tmp_path / "picture.bag"], "picture.bag: not a bag of ROS 1\n"),
                                      ([tmp_path / "cut.bag"], "rosbag reindex"), ([tmp_path], "is a folder"),
                                      ([path, "--invalid-values", "many"], "list of whole numbers"),
                                      ([path, "--json", tmp_path / "none" / "r.json"], "No such file")):

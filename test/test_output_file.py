@@ -3,8 +3,8 @@
 """Files that are whole or not there, and errors that name the file that was asked for."""
 import numpy as np
 import pytest
-from file_helpers import call
-from tool_helpers import TwoPlanes, snapshot, succeeded
+from file_helpers import call, file_limit, run_script
+from tool_helpers import TwoPlanes, expect_refusal, snapshot, succeeded
 
 from all_in_focus.files.output_file import named, whole_file, write_picture
 
@@ -57,6 +57,15 @@ def test_a_missing_folder_is_told_with_the_file_as_it_was_given(scene, tmp_path,
     output = str(tmp_path / "none" / "o.png")
     done = call(name, *options.format(scene.folder).split(), "--output", output)
     assert done.returncode == 2 and done.stderr.splitlines()[-1] == f"{name}: {output}: No such file or directory"
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kb", [0, 4, 16])
+def test_a_full_disk_is_told_of_a_bag(scene, tmp_path, kb):
+    """The LZ4 of rosbag fails once more when the bag is closed, and does not say why."""
+    done = run_script("make_bag", *scene.with_depth, "--stack", scene.stack, "--output", tmp_path / "x.bag",
+                      preexec_fn=file_limit(kb), restore_signals=False)
+    expect_refusal(done, "make_bag", f"{tmp_path / 'x.bag'}: File too large")
     assert not list(tmp_path.iterdir())
 
 

@@ -361,7 +361,7 @@ def test_read_only_output_folder(planes):
     bounded = ["setpriv", "--bounding-set=-dac_override", "--inh-caps=-dac_override"] if os.getuid() == 0 else []
     (planes.folder / "out").chmod(0o555)
     try:
-        planes.refused("cannot be written", *planes.with_depth, prefix=bounded)
+        planes.refused("cannot be written: Permission denied", *planes.with_depth, prefix=bounded)
     finally:
         (planes.folder / "out").chmod(0o755)
 
@@ -373,7 +373,7 @@ def test_full_disk(planes, kb, output):
     write(planes.stack / "03.png", cv2.resize(texture(), (128, 96), interpolation=cv2.INTER_NEAREST))
     for name in ("00.png", "01.png", "02.png"):
         (planes.stack / name).unlink()
-    planes.refused("cannot be written", output=output, preexec_fn=file_limit(kb), restore_signals=False)
+    planes.refused("cannot be written: File too large", output=output, preexec_fn=file_limit(kb), restore_signals=False)
 
 
 # --- possible, and most likely a mistake ------------------------------------------------------------------------------

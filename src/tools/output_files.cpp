@@ -211,10 +211,11 @@ void OutputFiles::add(const std::string& path, const std::string& data) {
     g_temporaries[g_count] = strdup(files_.back().temporary.c_str());
     ++g_count;
   }
+  errno = 0;
   std::ofstream file(files_.back().temporary, std::ios::binary);
   file << data;
   file.close();  // a full disk may show only here
-  if (!file) fail(path, "cannot be written");
+  if (!file) fail(path, "cannot be written: " + std::generic_category().message(errno));
   std::error_code ignored;
   const fs::file_status before = fs::status(place, ignored);
   if (fs::exists(before)) fs::permissions(files_.back().temporary, before.permissions(), ignored);

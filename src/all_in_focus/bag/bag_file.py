@@ -133,7 +133,7 @@ class BagFile:
 
     def _open(self):
         if Path(self.path).is_dir():
-            raise BagError(f"{self.path}: is a folder, not a bag")
+            raise BagError(f"{self.path}: is a folder, not a bag of ROS 1")
         try:
             require_regular(self.path)
             bag = rosbag.Bag(str(self.path))
@@ -146,9 +146,9 @@ class BagFile:
         except OSError as error:
             raise BagError(f"{self.path}: {error.strerror or error}")
         except UnicodeDecodeError:  # its first line is no text
-            raise BagError(f"{self.path}: not a bag")
+            raise BagError(f"{self.path}: not a bag of ROS 1")
         except DAMAGE as error:
-            raise BagError(f"{self.path}: not a bag: {one_line(error)}")
+            raise BagError(f"{self.path}: not a bag of ROS 1: {one_line(error)}")
 
 
 class BagContents(BagFile):

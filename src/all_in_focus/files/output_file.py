@@ -24,11 +24,13 @@ MARK = "all_in_focus"  # its value in a result; the ending of the file beside a 
 @contextlib.contextmanager
 def named(path, working):
     """Re-raises OSErrors about the temporary file or folder `working` with the user's path instead. An OSError that names no
-    file, as that of a full disk, gets the user's path, too."""
+    file, as that of a full disk, gets the user's path, too. If closing the file fails after it without saying why, as LZ4
+    does in a bag, the first one is raised."""
     path, working = Path(path), Path(working)
     try:
         yield
-    except OSError as error:
+    except OSError as last:
+        error = last.__context__ if last.errno is None and isinstance(last.__context__, OSError) else last
         place = working if error.filename is None else Path(str(error.filename))
         if error.errno is None or working not in (place, *place.parents):
             raise
@@ -108,10 +110,8 @@ def _marked(data):
     exif[SOFTWARE] = MARK
     block = exif.tobytes()
     if data.startswith(b"\x89PNG"):
-        chunk = b"eXIf" + block[len(b"Exif\0\0"):]
-        place = 33  # behind the first chunk, IHDR
-        return b"".join([data[:place], struct.pack(">I", len(chunk) - 4), chunk, struct.pack(">I", zlib.crc32(chunk)),
-                         data[place:]])
+        chunk = b"eXIf" + block[len(b"Exif\0\0"):]  # goes behind the first one, IHDR
+        return b"".join([data[:33], struct.pack(">I", len(chunk) - 4), chunk, struct.pack(">I", zlib.crc32(chunk)), data[33:]])
     if data.startswith(b"\xff\xd8"):
         return b"".join([data[:2], b"\xff\xe1", struct.pack(">H", len(block) + 2), block, data[2:]])
     return data
