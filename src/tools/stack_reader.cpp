@@ -93,6 +93,9 @@ StackReader::StackReader(const std::string& path, const std::vector<cv::Size>& c
                     calibrated);
 }
 
+// Here, because only this file is compiled without the sanitizer "vptr".
+StackReader::~StackReader() = default;
+
 void StackReader::decideOrientation(const cv::Size& stored, const std::vector<cv::Size>& calibrated) {
   if (files_.orientation == 1) return;
   const cv::Size shown = uprightSize(stored, files_.orientation);

@@ -26,6 +26,7 @@ class StackReader : public core::FrameSource {
   /// nothing to read.
   explicit StackReader(const std::string& path, const std::vector<cv::Size>& calibrated = {},
                        const std::set<std::string>& only = {});
+  ~StackReader() override;
 
   /// CV_8U or CV_16U; three channels, or four where pixels are transparent. False at the end. Throws
   /// std::invalid_argument on a broken image or a video that is cut short.
