@@ -283,7 +283,7 @@ def test_no_reader_waits_for_a_fifo(planes, alarm):
 def test_no_program_waits_for_a_fifo(planes, program, arguments):
     fifo = planes.folder / "fifo"
     os.mkfifo(fifo)
-    done = run_script(program, *arguments.format(fifo, planes.folder).split(), timeout=60)
+    done = run_script(program, *arguments.format(fifo, planes.folder).split())
     assert done.returncode == 2 and "is no regular file" in done.stderr
 
 
