@@ -30,13 +30,14 @@ class Ros:
         return self
 
     def start(self, command):
-        self.started.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+        self.started.append(psutil.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
         return self.started[-1]
 
     def __exit__(self, *_):
         for process in reversed(self.started):
             process.terminate()
-            process.wait()
+            for deaf in psutil.wait_procs([process], PATIENCE_S)[1]:
+                deaf.kill()
 
 
 def cpu_seconds(pid):
