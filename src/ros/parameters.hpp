@@ -44,16 +44,18 @@ void repair(T& value, const T& good, bool possible, const char* name, const std:
             NodeStatus& status) {
   if (possible) return;
   std::ostringstream text;
-  text << "impossible configuration: " << name << " = " << value << ", must be " << expected << ": keeping "
+  text << "impossible configuration: " << name << " = " << value << ", must be " << expected << ": using "
        << good;
   status.warn(text.str());
   value = good;
 }
+/// The same for a number. In the place of one above `most` comes `most`: whoever sets a very long time-out
+/// wants a long one.
 template <typename T>
 void repairNumber(T& value, const T& good, T least, T most, const char* name, NodeStatus& status) {
   std::ostringstream expected;
   expected << "from " << least << " to " << most;
-  repair(value, good, value >= least && value <= most, name, expected.str(), status);
+  repair(value, value > most ? most : good, value >= least && value <= most, name, expected.str(), status);
 }
 
 /// The same for a name: `parse` throws std::invalid_argument where it does not know it.
@@ -62,7 +64,7 @@ void repairName(std::string& value, const std::string& good, const Parse& parse,
   try {
     parse(value);
   } catch (const std::invalid_argument& e) {
-    status.warn(std::string("impossible configuration: ") + e.what() + ": keeping " + good);
+    status.warn(std::string("impossible configuration: ") + e.what() + ": using " + good);
     value = good;
   }
 }

@@ -120,11 +120,14 @@ class FocusBracketTest(FusionTest):
         good = dict(DEFAULTS, reference=3, max_held_frames=7, bracket_size=4, bracket_gap=2.5, label_max_age=0.5,
                     label_timeout=3.0)
         self.reconfigure(**good)
-        for wrong in ({'mode': 'best'}, {'max_held_frames': -1}, {'bracket_mode': 'none'}, {'bracket_size': -1},
-                      {'bracket_gap': -1.0}, {'bracket_gap': math.nan}, {'label_max_age': -0.5}, {'label_timeout': math.nan},
-                      {'reference': -7}, {'reference': 65535}, {'bracket_size': 100000}, {'bracket_gap': math.inf}):
+        wrongs = [(wrong, good) for wrong in (
+            {'mode': 'best'}, {'max_held_frames': -1}, {'bracket_mode': 'none'}, {'bracket_size': -1}, {'bracket_gap': -1.0},
+            {'bracket_gap': math.nan}, {'label_max_age': -0.5}, {'label_timeout': math.nan}, {'reference': -7})]
+        wrongs += [({name: math.inf}, {**good, name: 3600.0}) for name in ('bracket_gap', 'label_max_age')]
+        wrongs += [({name: 65535}, {**good, name: 65534}) for name in ('reference', 'bracket_size', 'max_held_frames')]
+        for wrong, used in wrongs:
             shown = self.reconfigure(**{**good, **wrong})
-            for name, value in good.items():
+            for name, value in used.items():
                 self.assertEqual(shown[name], value, wrong)
                 self.assertEqual(rospy.get_param(self.topic('fusion/' + name)), value)
         self.assert_diagnosed(WARN, 'impossible configuration')

@@ -21,7 +21,7 @@ CASES = [
     ('depth_preprocess', {
         'queue_size': (-5, 'queue_size must be a whole number from 1 to 1000, not -5: using 5', None),
         'invalid_values': ('none', INVALID % "'none'", None),
-        'mode': ('best', 'mode = best, must be paper or refined: keeping refined', 'refined'),
+        'mode': ('best', 'mode = best, must be paper or refined: using refined', 'refined'),
         'fill_holes': ('false', "fill_holes is text: 'false' is taken as false; write it without quotes", False)}),
     ('depth_preprocess', {'invalid_values': ([0, 2047.5, True], INVALID % '[0, 2047.5, true]', None)}),
     ('depth_preprocess', {'invalid_values': ([0, True], INVALID % '[0, true]', None)}),
@@ -33,11 +33,11 @@ CASES = [
         'mode': (3, "mode must be text, not 3: using 'refined'", None),
         'focal_length_mm': ('35', "focal_length_mm is text: '35' is taken as 35; write it without quotes", 35.0),
         'aperture': ('wide', "aperture must be a number, not 'wide': using 4", 4.0),
-        'circle_of_confusion_mm': (0, 'circle_of_confusion_mm = 0, must be from 1e-06 to 10: keeping 0.019', 0.019),
+        'circle_of_confusion_mm': (0, 'circle_of_confusion_mm = 0, must be from 1e-06 to 10: using 0.019', 0.019),
         'min_region_size': (7.0, None, 7)}),
     ('segmenter', {
-        'min_region_size': (200000, 'min_region_size = 100001, must be from 0 to 100000: keeping 10', 10),
-        'caption_min_area': (150, 'caption_min_area = 101, must be from 0 to 100: keeping 1', 1.0)}),
+        'min_region_size': (200000, 'min_region_size = 100001, must be from 0 to 100000: using 100000', 100000),
+        'caption_min_area': (150, 'caption_min_area = 101, must be from 0 to 100: using 100', 100.0)}),
     ('fusion', {
         'queue_size': ('many', "queue_size must be a whole number from 1 to 1000, not 'many': using 60", None),
         'diagnostic_period': (0, 'diagnostic_period must be a number from 0.01 to 3600, not 0: using 1', None),
@@ -48,12 +48,12 @@ CASES = [
         'label_timeout': ([1, 2], 'label_timeout must be a number, not [1, 2]: using 2', 2.0),
         'label_max_age': (3, None, 3.0)}),
     ('fusion', {
-        'reference': (-7, 'reference = -2, must be from -1 to 65534: keeping -1', -1),
-        'max_held_frames': (100000, 'max_held_frames = 65535, must be from 0 to 65534: keeping 64', 64),
+        'reference': (-7, 'reference = -2, must be from -1 to 65534: using -1', -1),
+        'max_held_frames': (100000, 'max_held_frames = 65535, must be from 0 to 65534: using 65534', 65534),
         'bracket_size': (2.5, 'bracket_size must be a whole number, not 2.5: using 0', 0),
-        'bracket_gap': (math.inf, 'bracket_gap = 3601, must be from 0 to 3600: keeping 1', 1.0),
-        'label_max_age': (math.nan, 'label_max_age = nan, must be from 0 to 3600: keeping 1', 1.0),
-        'label_timeout': (100, 'label_timeout = 61, must be from 0 to 60: keeping 2', 2.0)})]
+        'bracket_gap': (math.inf, 'bracket_gap = 3601, must be from 0 to 3600: using 3600', 3600.0),
+        'label_max_age': (math.nan, 'label_max_age = nan, must be from 0 to 3600: using 1', 1.0),
+        'label_timeout': (100, 'label_timeout = 61, must be from 0 to 60: using 60', 60.0)})]
 
 
 def start(test, node, parameters, *remappings):
