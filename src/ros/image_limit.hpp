@@ -14,8 +14,9 @@ constexpr std::size_t kFewestWaiting = 4;            ///< images that may wait h
 constexpr int kMostWaiting = 1000;  ///< images, however small they are: the largest ~queue_size
 
 /// How many images of this size may wait: fewer of large ones, so that memory stays limited.
-inline std::size_t imageLimit(std::size_t most, const sensor_msgs::Image& image) {
-  const std::size_t fitting = kMaxWaitingBytes / std::max<std::size_t>(image.data.size(), 1);
+inline std::size_t imageLimit(std::size_t most, const sensor_msgs::Image& image,
+                              std::size_t most_bytes = kMaxWaitingBytes) {
+  const std::size_t fitting = most_bytes / std::max<std::size_t>(image.data.size(), 1);
   return std::min(most, std::max(kFewestWaiting, fitting));
 }
 

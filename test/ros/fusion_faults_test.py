@@ -103,6 +103,14 @@ class PlainLateFramesTest(LateFrames):
 
 
 class SilenceTest(FusionTest):
+    def send_behind_one_that_waits(self, stamp, *brackets):
+        """The first frame waits for labels, the others for the first one."""
+        messages = [message for bracket in brackets for message in bracket]
+        for first in range(0, len(messages), 2 * AT_ONCE):
+            self.deliver(self.node, *messages[first:first + 2 * AT_ONCE])
+        for n in range(len(brackets)):
+            self.send_labels(stamp + 10 * n)
+
     def test_every_bracket_is_reported_while_labels_are_silent(self):
         self.reconfigure(label_timeout=2.0)
         self.expect_labels()
@@ -121,11 +129,18 @@ class SilenceTest(FusionTest):
     def test_frames_that_were_dropped_at_the_end_of_an_open_sweep_count(self):
         self.expect_labels()
         stamp = next(STAMPS)
-        for frames in (self.bracket_of(stamp, count=0), *(self.bracket_of(stamp + 10 * n, ['none'] * AT_ONCE) for n in (1, 2))):
-            self.deliver(self.node, *frames)  # the first frame waits for labels, the others for the first one
-        for at in (stamp, stamp + 10, stamp + 20):
-            self.send_labels(at)
+        self.send_behind_one_that_waits(stamp, self.bracket_of(stamp, count=0),
+                                        self.bracket_of(stamp + 10, ['none'] * 2 * AT_ONCE))
         self.assert_noted(self.report(stamp), 'only 1 of 3 frames were used')
+
+    def test_a_whole_bracket_is_dropped_so_that_others_are_fused_whole(self):
+        self.expect_labels()
+        stamp, ids = next(STAMPS), list(itertools.islice(BRACKET_IDS, 3))
+        self.send_behind_one_that_waits(stamp, self.bracket_of(stamp, bracket_id=ids[0]), *(
+            self.bracket_of(stamp + 10 * n, ['near', 'far'] * (AT_ONCE // 2), bracket_id=ids[n]) for n in (1, 2)))
+        reports = lambda: {r.bracket_id: [r.frames_used, r.frames_missing] for r in self.outputs['report'].messages}
+        self.assertTrue(wait_until(lambda: set(ids) <= set(reports())))
+        self.assertEqual([reports()[number] for number in ids], [[3, 0], [0, AT_ONCE], [AT_ONCE, 0]])
 
     def test_a_camera_that_shoots_on_request_may_be_silent_between_brackets(self):
         """The other rig, without rgb/focus, tells how long is too long."""

@@ -319,6 +319,7 @@ TEST(ImageLimit, BoundsNumberAndBytes) {
   EXPECT_EQ(imageLimit(64, image), 64u);
   image.data.resize(16 << 20);
   EXPECT_EQ(imageLimit(64, image), 16u);
+  EXPECT_EQ(imageLimit(64, image, kMaxWaitingBytes / 2), 8u);
   EXPECT_EQ(imageLimit(3, image), 3u);
   image.data.resize(100 << 20);
   EXPECT_EQ(imageLimit(64, image), 4u);

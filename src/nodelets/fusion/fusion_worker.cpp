@@ -56,8 +56,8 @@ struct FusionWorker::OpenBracket {
   struct Frame {
     ros::Time stamp;
     double focus_mm = kUnknownFocus;
-    cv_bridge::CvImageConstPtr bgr;  // while it is held
-    bool acknowledged = false;       // early
+    sensor_msgs::ImageConstPtr image;  // while it is held
+    bool acknowledged = false;         // early
   };
   FusionSettings settings;
   FocusFrame first;  // which frame came first
@@ -100,14 +100,30 @@ void FusionWorker::add(const BracketFrame& frame) {
   outputs_.tell(step.frame);                  // before the result
   push({Task::Kind::kFrame, step, frame.image});
   limit_ = imageLimit(settings_.most_waiting, *frame.image);
-  std::size_t waiting = waitingImages();
-  for (auto oldest = tasks_.begin(); waiting > limit_; ++oldest) {
-    if (!oldest->image) continue;
-    status_.acknowledge(oldest->image->header, Outcome::kDropped,
-                        "fusion cannot keep up: oldest waiting colour frame dropped");
-    oldest->image.reset();
-    --waiting;
+  while (waitingImages() > imageLimit(settings_.most_waiting, *frame.image, kMaxWaitingBytes / 2) &&
+         dropWholeBracket()) {
   }
+  for (auto oldest = tasks_.begin(); waitingImages() > limit_; ++oldest) drop(*oldest);
+}
+
+// Holds mutex_. The oldest one that has not begun, if a newer one waits: a few whole brackets are worth more
+// than a few frames of each.
+bool FusionWorker::dropWholeBracket() {
+  const auto begins = [](const Task& task) { return task.step.begin && task.image; };
+  const auto first = std::find_if(tasks_.begin(), tasks_.end(), begins);
+  if (first == tasks_.end()) return false;
+  const auto end = std::find_if(std::next(first), tasks_.end(), begins);
+  if (end == tasks_.end()) return false;
+  std::for_each(first, end, [this](Task& task) { drop(task); });
+  return true;
+}
+
+// Holds mutex_.
+void FusionWorker::drop(Task& task) {
+  if (!task.image) return;
+  status_.acknowledge(task.image->header, Outcome::kDropped,
+                      "fusion cannot keep up: oldest waiting colour frames dropped");
+  task.image.reset();
 }
 
 // Holds mutex_.
@@ -263,8 +279,9 @@ void FusionWorker::awaitScene(const FocusFrame& first, const sensor_msgs::Image&
 }
 
 void FusionWorker::beginBracket() {
-  bracket_.begin(open_->scene.scene, open_->settings.bracket,
-                 [this](int index) { return inFullRange(open_->frames.at(index).bgr->image); });
+  bracket_.begin(open_->scene.scene, open_->settings.bracket, [this](int index) {
+    return inFullRange(toBgr(open_->frames.at(index).image, topics::kImage)->image);
+  });
 }
 
 FrameStatus FusionWorker::fuse(const Task& task) {
@@ -272,15 +289,17 @@ FrameStatus FusionWorker::fuse(const Task& task) {
   OpenBracket::Frame& frame = open_->frames[index];
   frame.stamp = task.step.frame.header.stamp;
   frame.focus_mm = task.step.frame.focus_distance * kMmPerM;
+  cv::Mat bgr;
   try {
-    frame.bgr = toBgr(task.image, topics::kImage);
+    bgr = toBgr(task.image, topics::kImage)->image;
   } catch (const std::exception& e) {
     return bracket_.reject(index, e.what());
   }
-  findWhite(frame.bgr->image);
-  FrameStatus status = bracket_.add(inFullRange(frame.bgr->image), index, frame.focus_mm);
+  frame.image = task.image;
+  findWhite(bgr);
+  FrameStatus status = bracket_.add(inFullRange(bgr), index, frame.focus_mm);
   for (auto& [i, each] : open_->frames) {
-    if (each.bgr && !bracket_.holds(i)) each.bgr.reset();
+    if (each.image && !bracket_.holds(i)) each.image.reset();
   }
   return status;
 }
@@ -299,8 +318,9 @@ void FusionWorker::findWhite(const cv::Mat& bgr) {
   beginBracket();
   for (const FrameStatus& frame : so_far.frames) {
     const OpenBracket::Frame& held = open_->frames.at(frame.index);
-    held.bgr ? bracket_.add(inFullRange(held.bgr->image), frame.index, held.focus_mm)
-             : bracket_.reject(frame.index, frame.reason);
+    held.image
+        ? bracket_.add(inFullRange(toBgr(held.image, topics::kImage)->image), frame.index, held.focus_mm)
+        : bracket_.reject(frame.index, frame.reason);
   }
 }
 

@@ -32,8 +32,8 @@ struct FusionSettings {
 
 /// Fuses focus brackets among the slow callbacks of the guard, so that the quick ones never wait. Asks
 /// BracketAssembler where brackets begin and end while frames arrive. When too many wait, by number or by
-/// bytes, the oldest images are dropped; their frames stay, so that every bracket that began is reported. All
-/// public methods but finish() are thread-safe and return at once.
+/// bytes, the oldest images are dropped, where they can whole brackets; their frames stay, so that every
+/// bracket that began is reported. All public methods but finish() are thread-safe and return at once.
 ///
 /// Restoration runs among them, too. It stops when a whole further bracket waits, or so many frames that some
 /// would soon be dropped.
@@ -72,6 +72,8 @@ class FusionWorker {
   // Any thread.
   void push(const Task& task);
   std::size_t waitingImages() const;
+  bool dropWholeBracket();
+  void drop(Task& task);
   void endBracket();
 
   // Slow callbacks.
