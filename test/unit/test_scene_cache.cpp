@@ -5,6 +5,7 @@
 #include <sensor_msgs/image_encodings.h>
 
 #include <boost/make_shared.hpp>
+#include <boost/weak_ptr.hpp>
 #include <chrono>
 #include <functional>
 #include <future>
@@ -339,6 +340,19 @@ TEST_F(SceneCacheTest, WhatAnAnnouncedFrameNeedsStaysWhateverComesLater) {
   ASSERT_TRUE(scene.labels && scene.depth && scene.measured);
   for (const auto& each : {scene.depth, scene.measured, scene.labels})
     EXPECT_EQ(each->header.stamp, ros::Time(10 + 15 / 30.0));
+}
+
+TEST_F(SceneCacheTest, NothingIsKeptForABracketThatWasDropped) {
+  const boost::weak_ptr<const sensor_msgs::Image> depth = [this] {
+    const auto kept = image(10);
+    cache_.addDepth(kept);
+    return kept;
+  }();
+  cache_.pin(ros::Time(10));
+  for (int i = 11; i < 100; ++i) cache_.addDepth(image(i));
+  EXPECT_FALSE(depth.expired());
+  cache_.unpin(ros::Time(10));
+  EXPECT_TRUE(depth.expired());
 }
 
 TEST_F(SceneCacheTest, FramesThatNobodyAnnouncedMayBeLate) {

@@ -115,6 +115,7 @@ bool FusionWorker::dropWholeBracket() {
   const auto end = std::find_if(std::next(first), tasks_.end(), begins);
   if (end == tasks_.end()) return false;
   std::for_each(first, end, [this](Task& task) { drop(task); });
+  scenes_.unpin(first->step.frame.header.stamp);  // it takes as much memory as two or three frames
   return true;
 }
 

@@ -126,6 +126,11 @@ void SceneCache::pin(const ros::Time& first_frame) {
   if (pinned_.size() > kMaxPinned) pinned_.erase(pinned_.begin());
 }
 
+void SceneCache::unpin(const ros::Time& first_frame) {
+  std::lock_guard<std::mutex> lock(mutex_);
+  pinned_.erase(first_frame);
+}
+
 // A pinned scene outlives its entry.
 void SceneCache::updatePinned() {
   for (auto& [frame, pinned] : pinned_) {

@@ -59,6 +59,8 @@ class SceneCache {
   /// Call when a bracket begins or is announced: its scene is kept, whatever comes later, until release().
   /// How much later than its first frame that is tells how long scenes are kept.
   void pin(const ros::Time& first_frame);
+  /// Call when that bracket will not be fused.
+  void unpin(const ros::Time& first_frame);
 
   /// Call when time went back to `now`: drops what is newer. Pinned scenes stay.
   void forgetAfter(const ros::Time& now);
