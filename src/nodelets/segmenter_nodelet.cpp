@@ -119,8 +119,10 @@ class Segmenter {
   }
 
   void reconfigure(SegmenterConfig& config) {
+    // No end of a range takes the place of a lens: depth would be cut and fused by a lens that nobody has.
     const auto check = [this](double& value, double good, const core::OpticsRange& range, const char* name) {
-      repairNumber(value, good, range.min, range.max, name, status_);
+      repair(value, good, value >= range.min && value <= range.max, name,
+             cv::format("from %g to %g", range.min, range.max), status_);
     };
     check(config.focal_length_mm, config_.focal_length_mm, core::kFocalLengthRange, "focal_length_mm");
     check(config.aperture, config_.aperture, core::kApertureRange, "aperture");

@@ -36,6 +36,7 @@ CASES = [
         'circle_of_confusion_mm': (0, 'circle_of_confusion_mm = 0, must be from 1e-06 to 10: using 0.019', 0.019),
         'min_region_size': (7.0, None, 7)}),
     ('segmenter', {
+        'focal_length_mm': (35000, 'focal_length_mm = 20000, must be from 0.1 to 10000: using 24', 24.0),
         'min_region_size': (200000, 'min_region_size = 100001, must be from 0 to 100000: using 100000', 100000),
         'caption_min_area': (150, 'caption_min_area = 101, must be from 0 to 100: using 100', 100.0)}),
     ('fusion', {
