@@ -200,6 +200,19 @@ TEST(Restoration, SharpensASurfaceBetweenTwoFoci) {
   EXPECT_EQ(result.blur_scale, 0);                              // nothing is sharp enough to measure it
 }
 
+TEST(Restoration, FindsTheDepthOfASurfaceBetweenTwoFoci) {
+  const CardBeforeWall wall(kSize, {});
+  BracketScene scene = wall.scene;
+  scene.depth = cv::Mat();
+  BracketRestoration restoration;
+  restoration.begin(scene);
+  wall.addTo(restoration, {1300, 2200});
+  const cv::Mat fused = wall.frame(1300);
+  const RestorationResult result = *restoration.restore(fused);
+  EXPECT_NEAR(cv::mean(result.depth)[0], kFarMm, 10);          // 1499
+  EXPECT_LT(errorLeft(result.image, fused, wall.truth), 0.5);  // 0.27
+}
+
 TEST(Restoration, TextureAloneTellsTheBlurScale) {
   const CardBeforeWall card;
   const cv::Mat black(kSize, CV_8UC3, cv::Scalar::all(0));

@@ -93,6 +93,16 @@ double DiscKernels::variance(double radius) const {
   return (1 - share) * variance_[below] + share * variance_[below + 1];
 }
 
+float DiscKernels::radius(double variance) const {
+  if (!(variance < variance_.back()))
+    return static_cast<float>(std::sqrt(kLargestPx * kLargestPx + 4 * (variance - variance_.back())));
+  const auto above = std::upper_bound(variance_.begin() + 1, variance_.end(), variance);
+  const auto below = above - 1;
+  const double place =
+      static_cast<double>(below - variance_.begin()) + (variance - *below) / (*above - *below);
+  return static_cast<float>(place / kStepsPerPx);
+}
+
 void blurByDisc(const cv::Mat& image, float radius, cv::Mat& out) {
   const int index = DiscKernels::index(radius);
   const DiscKernels& kernels = DiscKernels::get();

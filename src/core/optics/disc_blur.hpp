@@ -62,6 +62,9 @@ class DiscKernels {
   /// pixels that it covers in part add to that.
   double variance(double radius) const;
 
+  /// The radius of the disc with that variance.
+  float radius(double variance) const;
+
  private:
   DiscKernels();
   std::vector<float> shares_;

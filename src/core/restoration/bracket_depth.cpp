@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
 #include <vector>
@@ -104,10 +105,26 @@ cv::Mat1f textureOf(const ObservedBracket& bracket) {
   return cv::Mat1f(cv::min(1, texture / (kDepth.textured * (bracket.noise_variance + kDepth.rounding))));
 }
 
+// The fused picture has the blur of the sharpest frame already. Radii of the discs that give it the blur of
+// each frame at an inverse depth.
+std::vector<float> radiiBeyondSharpest(const ObservedBracket& bracket, float inverse_depth) {
+  const DiscKernels& discs = DiscKernels::get();
+  std::vector<double> variances;
+  for (const ObservedFrame& frame : bracket.frames)
+    variances.push_back(discs.variance(frame.blur.radius(inverse_depth)));
+  const double least = *std::min_element(variances.begin(), variances.end());
+  std::vector<float> radii;
+  for (const double variance : variances) radii.push_back(discs.radius(variance - least));
+  return radii;
+}
+
 CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictures, const Levels& levels) {
   const cv::Size size = bracket.fused.size();
   const std::vector<float> beside_measured = costsBesideMeasured(levels, bracket.pxMm());
   const cv::Mat1f texture = textureOf(bracket);
+  std::vector<std::vector<float>> beyond_sharpest;
+  for (int l = 0; l < levels.count; ++l)
+    beyond_sharpest.push_back(radiiBeyondSharpest(bracket, levels.inverseDepth(l)));
   CostVolume volume(size, levels.count);
   cv::parallel_for_(
       {0, size.height},
@@ -115,14 +132,15 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
         cv::Mat1f costs(levels.count, size.width);
         for (int y = rows.start; y < rows.end; ++y) {
           costs = 0;
-          for (const ObservedFrame& frame : bracket.frames) {
+          for (std::size_t k = 0; k < bracket.frames.size(); ++k) {
+            const ObservedFrame& frame = bracket.frames[k];
             for (int l = 0; l < levels.count; ++l) {
               const float radius = frame.blur.radius(levels.inverseDepth(l));
               const double variance =
                   2 * bracket.noise_variance + kDepth.variance + kDepth.model_error * radius * radius;
-              addCosts(pictures.at(radius).ptr<short>(y), frame.codes.ptr<short>(y), frame.shown[y],
-                       static_cast<float>(1 / (3 * variance * kCodeScale * kCodeScale)), kDepth.most_cost,
-                       size.width, costs[l]);
+              addCosts(pictures.at(beyond_sharpest[l][k]).ptr<short>(y), frame.codes.ptr<short>(y),
+                       frame.shown[y], static_cast<float>(1 / (3 * variance * kCodeScale * kCodeScale)),
+                       kDepth.most_cost, size.width, costs[l]);
             }
           }
           for (int x = 0; x < size.width; ++x) {
