@@ -26,9 +26,9 @@ void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, co
   key_alignment_.setRelief(relief);
   other_alignment_.setRelief(relief);
   drift_alignment_.setRelief(relief);
-  knows_relief_ = relief.isKnown();
-  drifts_ = drifts && knows_relief_;
-  along_shift_ = shift_information_ = 0;
+  relief_ = relief;
+  drifts_ = drifts && relief.isKnown();
+  as_expected_ = expected_ = 0;
   size_ = size;
   center_ = center;
   radius_ = 0.5 * std::hypot(size.width, size.height);
@@ -148,22 +148,27 @@ void BracketAlignment::keep(const View& view) {
   }
 }
 
-// Takes note of a pair that shows that the camera moved: by its own parallax, or because all pairs together
-// show that the parallax follows the shift. It does where the camera moves sideways, and a lens, a head that
-// sags and contours that blur do not make it.
+cv::Matx33d BracketAlignment::parallaxInformation(const PairMeasurement& measurement) const {
+  const double variance = modelVariance(radius_, measurement.tiles);
+  return (measurement.parallax_covariance + variance * cv::Matx33d::eye()).inv();
+}
+
+// Takes note of a pair whose parallax shows that the camera moved.
 void BracketAlignment::noteParallax(const PairMeasurement& measurement) {
-  if (!knows_relief_) return;
-  const cv::Vec3d& parallax = measurement.parallax;
-  const cv::Matx33d information =
-      (measurement.parallax_covariance + modelVariance(radius_, measurement.tiles) * cv::Matx33d::eye())
-          .inv();
+  if (!relief_.isKnown() || !isNoticeable({{}, measurement.parallax})) return;
+  const double squared = measurement.parallax.dot(parallaxInformation(measurement) * measurement.parallax);
+  drifts_ = drifts_ || squared > std::pow(kAlignment.parallax_significance, 2);
+}
+
+// Whether all frames measured against the reference so far show that parallax follows the shift, as where the
+// camera moves sideways. Where it turns, or a head sags, there is a shift, too, but no parallax.
+bool BracketAlignment::parallaxFollows(const PairMeasurement& measurement) {
+  const cv::Matx33d information = parallaxInformation(measurement);
   const cv::Vec3d shift(measurement.motion.shift.x, measurement.motion.shift.y, 0);
-  along_shift_ += shift.dot(information * parallax);
-  shift_information_ += shift.dot(information * shift);
-  const bool is_significant =
-      parallax.dot(information * parallax) > std::pow(kAlignment.parallax_significance, 2) ||
-      along_shift_ > kAlignment.significance * std::sqrt(shift_information_);
-  drifts_ = drifts_ || (is_significant && isNoticeable({{}, parallax}));
+  const cv::Vec3d expected = shift * (relief_.deviation / relief_.mean);
+  as_expected_ += expected.dot(information * measurement.parallax);
+  expected_ += expected.dot(information * expected);
+  return as_expected_ > std::max(0.5 * expected_, kAlignment.follow_significance * std::sqrt(expected_));
 }
 
 double BracketAlignment::hiddenParallax(int reference, const std::function<bool(int)>& counts) const {
@@ -203,6 +208,8 @@ CameraMotion BracketAlignment::measureDrift(const cv::Mat& reference, const cv::
     if (!found.converged || cv::trace(found.parallax_covariance) > std::pow(kAlignment.noticeable, 2))
       continue;
     last_drift_ = {found.motion, found.parallax};
+    drifts_ = drifts_ || parallaxFollows(found);
+    if (!drifts_) break;
     return isNoticeable(last_drift_) ? last_drift_ : CameraMotion();
   }
   return {placement, {}};
@@ -216,7 +223,7 @@ void BracketAlignment::place(const PairMeasurement& measurement) {
   frame.measured = measurement.converged;
   if (!measurement.converged) return;
   noteParallax(measurement);
-  if (!knows_relief_) shifts_[index] = measurement.shifts;
+  if (!relief_.isKnown()) shifts_[index] = measurement.shifts;
   frame.scene = key_.scene;
   frame.motion = compose(key_.motion, measurement.motion);
   frame.parallax = key_.parallax + measurement.parallax;

@@ -49,8 +49,9 @@ class BracketAlignment {
   /// counts: of the index of a frame, whether it does.
   double hiddenParallax(int reference, const std::function<bool(int)>& counts) const;
 
-  /// Motion of a frame against the reference, both CV_8UC1, of a camera that drifts; none if it is not
-  /// noticeable, the placement if it cannot be measured. An empty reference is that of the call before.
+  /// Motion of a frame against the reference, both CV_8UC1, of a camera that drifts, as this may show; none if
+  /// it is not noticeable, the placement if it cannot be measured or the camera does not seem to drift. An
+  /// empty reference is that of the call before.
   CameraMotion measureDrift(const cv::Mat& reference, const cv::Mat& gray, const Placement& placement);
 
   /// Placement of one observed frame relative to another, from all that has been observed so far. A motion
@@ -84,15 +85,18 @@ class BracketAlignment {
   bool placeByOneOf(const std::vector<const View*>& views, bool measured);
   void makeKey(const View& view);
   void keep(const View& view);
+  cv::Matx33d parallaxInformation(const PairMeasurement& measurement) const;
   void noteParallax(const PairMeasurement& measurement);
+  bool parallaxFollows(const PairMeasurement& measurement);
   bool isNoticeable(const CameraMotion& motion) const;
   void place(const PairMeasurement& measurement);
 
   cv::Size size_;
   cv::Point2d center_;
-  bool knows_relief_ = false, drifts_ = false;
-  double along_shift_ = 0, shift_information_ = 0;  ///< of the parallax in units of the shift, of all pairs
-  double radius_ = 0;                               ///< half the diagonal, px
+  Relief relief_;
+  bool drifts_ = false;
+  double as_expected_ = 0, expected_ = 0;  ///< parallax of the frames measured against the reference, variances
+  double radius_ = 0;                      ///< half the diagonal, px
   std::map<int, Observation> observations_;
   std::map<int, CellShifts> shifts_;  ///< of the frames that were measured; only where no relief is known
   int scenes_ = 0;

@@ -170,7 +170,8 @@ std::string BracketFusion::addRefined(int index, double focus_mm, bool may_wait)
     return "it shows something else than the frames before";
   const Placement placement = config_.alignment ? alignment_.placement(index, reference_) : Placement();
   CameraMotion motion{placement, {}};
-  if (!is_reference && alignment_.drifts()) {
+  const bool may_drift = relief_.isKnown() && placement.shift != cv::Point2d();
+  if (!is_reference && (alignment_.drifts() || may_drift)) {
     motion = alignment_.measureDrift(reference_gray_, gray_, placement);
     reference_gray_.release();
     noteDrift(motion);
