@@ -129,6 +129,22 @@ TEST(Parallax, SmallSidewaysMotionsOfManyFramesCount) {
   EXPECT_TRUE(alignment.drifts());
 }
 
+// Either shifts the picture alike. One frame that is measured against the reference tells which it was.
+TEST(Parallax, ASmallMoveIsToldFromATurn) {
+  const double mm = 0.7, mean_depth_mm = 1 / reliefOf(depthImage(), {}).mean;
+  for (const bool turns : {false, true}) {
+    BracketAlignment alignment = begun(depthImage());
+    const cv::Mat reference = seenFrom({}, 0, 1, 2);
+    const cv::Mat frame = turns ? seenFrom({}, mm / mean_depth_mm, 0, 2) : seenFrom({mm, 0, 0}, 0, 0, 2);
+    alignment.observe(reference, 0);
+    alignment.observe(frame, 1);
+    EXPECT_FALSE(alignment.drifts()) << "the pair alone does not tell";
+    const CameraMotion motion = alignment.measureDrift(reference, frame, alignment.placement(1, 0));
+    EXPECT_EQ(alignment.drifts(), !turns);
+    EXPECT_EQ(motion.hasParallax(), !turns);
+  }
+}
+
 // Only the camera's place makes a parallax: not the lens, not a turn, not the order of blur and depth.
 TEST(Parallax, NothingElseMakesOne) {
   BracketAlignment with_depth = begun(depthImage()), without = begun({});
