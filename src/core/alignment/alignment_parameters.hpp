@@ -40,8 +40,7 @@ inline constexpr struct AlignmentParameters {
   double significance = 3;              ///< standard deviations
   double shift_significance = 3.44;     ///< of two components; as rare as 3 of a single number
   double parallax_significance = 3.76;  ///< of three components
-  /// Of the parallax that a shift foretells, if all of it comes from the camera's place.
-  double follow_significance = 2;
+  double follow_significance = 2;       ///< of the parallax that shifts foretell; noise reaches 1.4
   int shift_level = 1 << 17;  ///< pixels of a level; in larger ones things may move by more than a tile sees
   /// Of paths that bend in the same sense all over the picture. 102 brackets of still scenes reach 2.9, those
   /// of a camera that turns 3.4, and where a thing moves in a thirtieth of the picture 3.2.

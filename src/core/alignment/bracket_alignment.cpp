@@ -19,6 +19,10 @@ double modelVariance(double radius, double tiles) {
   return std::pow(kAlignment.model_error * radius, 2) / std::max(kAlignment.fewest_tiles, tiles);
 }
 
+cv::Matx33d parallaxInformation(const PairMeasurement& found, double radius) {
+  return (found.parallax_covariance + modelVariance(radius, found.tiles) * cv::Matx33d::eye()).inv();
+}
+
 }  // namespace
 
 void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, const Relief& relief,
@@ -28,7 +32,7 @@ void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, co
   drift_alignment_.setRelief(relief);
   relief_ = relief;
   drifts_ = drifts && relief.isKnown();
-  as_expected_ = expected_ = 0;
+  seen_ = foretold_ = 0;
   size_ = size;
   center_ = center;
   radius_ = 0.5 * std::hypot(size.width, size.height);
@@ -148,27 +152,22 @@ void BracketAlignment::keep(const View& view) {
   }
 }
 
-cv::Matx33d BracketAlignment::parallaxInformation(const PairMeasurement& measurement) const {
-  const double variance = modelVariance(radius_, measurement.tiles);
-  return (measurement.parallax_covariance + variance * cv::Matx33d::eye()).inv();
-}
-
 // Takes note of a pair whose parallax shows that the camera moved.
-void BracketAlignment::noteParallax(const PairMeasurement& measurement) {
-  if (!relief_.isKnown() || !isNoticeable({{}, measurement.parallax})) return;
-  const double squared = measurement.parallax.dot(parallaxInformation(measurement) * measurement.parallax);
+void BracketAlignment::noteParallax(const PairMeasurement& found) {
+  if (!relief_.isKnown() || !isNoticeable({{}, found.parallax})) return;
+  const double squared = found.parallax.dot(parallaxInformation(found, radius_) * found.parallax);
   drifts_ = drifts_ || squared > std::pow(kAlignment.parallax_significance, 2);
 }
 
-// Whether all frames measured against the reference so far show that parallax follows the shift, as where the
-// camera moves sideways. Where it turns, or a head sags, there is a shift, too, but no parallax.
-bool BracketAlignment::parallaxFollows(const PairMeasurement& measurement) {
-  const cv::Matx33d information = parallaxInformation(measurement);
-  const cv::Vec3d shift(measurement.motion.shift.x, measurement.motion.shift.y, 0);
-  const cv::Vec3d expected = shift * (relief_.deviation / relief_.mean);
-  as_expected_ += expected.dot(information * measurement.parallax);
-  expected_ += expected.dot(information * expected);
-  return as_expected_ > std::max(0.5 * expected_, kAlignment.follow_significance * std::sqrt(expected_));
+// Whether the frames measured against the reference so far show more than half of the parallax that their
+// shift foretells where it comes from the camera's place. Where the camera turns there is none.
+bool BracketAlignment::parallaxFollows(const PairMeasurement& found) {
+  const cv::Matx33d information = parallaxInformation(found, radius_);
+  const cv::Point2d shift = found.motion.shift * (relief_.deviation / relief_.mean);
+  const cv::Vec3d foretold(shift.x, shift.y, 0);
+  seen_ += foretold.dot(information * found.parallax);
+  foretold_ += foretold.dot(information * foretold);
+  return seen_ > std::max(0.5 * foretold_, kAlignment.follow_significance * std::sqrt(foretold_));
 }
 
 double BracketAlignment::hiddenParallax(int reference, const std::function<bool(int)>& counts) const {

@@ -49,8 +49,8 @@ class BracketAlignment {
   /// counts: of the index of a frame, whether it does.
   double hiddenParallax(int reference, const std::function<bool(int)>& counts) const;
 
-  /// Motion of a frame against the reference, both CV_8UC1, of a camera that drifts, as this may show; none if
-  /// it is not noticeable, the placement if it cannot be measured or the camera does not seem to drift. An
+  /// Motion of a frame against the reference, both CV_8UC1, of a camera that drifts, as this may show; none
+  /// if it is not noticeable, the placement if it cannot be measured or the camera does not seem to drift. An
   /// empty reference is that of the call before.
   CameraMotion measureDrift(const cv::Mat& reference, const cv::Mat& gray, const Placement& placement);
 
@@ -85,9 +85,8 @@ class BracketAlignment {
   bool placeByOneOf(const std::vector<const View*>& views, bool measured);
   void makeKey(const View& view);
   void keep(const View& view);
-  cv::Matx33d parallaxInformation(const PairMeasurement& measurement) const;
-  void noteParallax(const PairMeasurement& measurement);
-  bool parallaxFollows(const PairMeasurement& measurement);
+  void noteParallax(const PairMeasurement& found);
+  bool parallaxFollows(const PairMeasurement& found);
   bool isNoticeable(const CameraMotion& motion) const;
   void place(const PairMeasurement& measurement);
 
@@ -95,8 +94,8 @@ class BracketAlignment {
   cv::Point2d center_;
   Relief relief_;
   bool drifts_ = false;
-  double as_expected_ = 0, expected_ = 0;  ///< parallax of the frames measured against the reference, variances
-  double radius_ = 0;                      ///< half the diagonal, px
+  double seen_ = 0, foretold_ = 0;  ///< parallax of frames measured against the reference, variances
+  double radius_ = 0;               ///< half the diagonal, px
   std::map<int, Observation> observations_;
   std::map<int, CellShifts> shifts_;  ///< of the frames that were measured; only where no relief is known
   int scenes_ = 0;
