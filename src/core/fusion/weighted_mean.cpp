@@ -67,6 +67,12 @@ ALL_IN_FOCUS_SIMD void addWeights(const float* sharpness, const float* squared_e
   }
 }
 
+ALL_IN_FOCUS_SIMD bool isWhole(const float* part, int n) {
+  int parts = 0;
+  for (int i = 0; i < n; ++i) parts += part[i] != 1;
+  return parts == 0;
+}
+
 // Of frames of which a part counts. The first frame there, before = 0, has nothing to fade into. sum: with
 // the frame, then as much as later frames are to be compared with.
 void fade(const float* part, const float* before, int n, float* sum, float* share) {
@@ -159,7 +165,8 @@ void WeightedMean::addRow(int y, const cv::Range& columns, const cv::Mat& frame,
     addWeights(evidence.sharpness + x, evidence.squared_error ? evidence.squared_error + x : kNoError.data(),
                error_floor_, steep_, n, sharpest_.ptr<float>(y) + x, sum, keep.data(), weight.data(),
                before.data(), share.data());
-    if (evidence.part) fade(evidence.part + x, before.data(), n, sum, share.data());
+    if (evidence.part && !isWhole(evidence.part + x, n))
+      fade(evidence.part + x, before.data(), n, sum, share.data());
     if (choice_) {
       auto* source = source_index_.ptr<std::uint16_t>(y) + x;
       keepHeavier(keep.data(), weight.data(), index_, n, most_.ptr<float>(y) + x, source);
