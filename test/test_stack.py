@@ -238,6 +238,8 @@ def test_focus_of_a_video_goes_in_frame_order(tmp_path):
 @pytest.mark.parametrize("text, complaint", [
     ("frames: [{file: 9.png, focus_mm: 1}]", "9.png"), ("frames: 3", "expected frames"), ("[", "not valid YAML"),
     ("frames: [{file: 0.png, focus_mm: -1}]", "positive"), ("frames: [{file: 0.png, focus_mm: near}]", "positive"),
+    ("frames: [{file: 0.png, focus_mm: 800,314}]", "a number ends with ',314': write a decimal point"),
+    ("focus_table: [{step: 0, mm: 500,5}, {step: 9, mm: 900}]", "ends with ',5'"),
     ("frames: [{file: 0.png, focus_mm: yes}]", "positive"), ("frames: [7]", "entry 0"),
     ("frames: [{file: 0.png, focus_mm: 1}, {file: 0.png, focus_mm: 2}]", "twice"), ("", "expected frames")])
 def test_bad_focus_files_are_refused(tmp_path, text, complaint):

@@ -296,6 +296,8 @@ def test_truncated_video(planes, arguments):
 # --- focus ------------------------------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("text, complaint", [
+    ("frames: [{file: 00.png, focus_mm: 900,5}]", "a number ends with ',5': write a decimal point"),
+    ("focus_table: [{step: 0, mm: 500,25}, {step: 9, mm: 900}]", "ends with ',25'"),
     ("frames: [{file: 00.png, focus_mm: 23}]", "not beyond the focal length"),
     ("frames: [{file: 00.png, focus_mm: 24.0}]", "not beyond the focal length"),
     ("frames: [{file: 00.png, focus_mm: 0}]", "positive"), ("frames: [{file: 00.png, focus_mm: -900}]", "positive"),

@@ -17,11 +17,24 @@
 namespace all_in_focus {
 namespace {
 
+// {focus_mm: 800,5} is read as focus_mm: 800 and a key 5 without a value.
+void refuseDecimalCommas(const YAML::Node& node, const std::string& path) {
+  for (std::size_t i = 0; node.IsSequence() && i < node.size(); ++i) refuseDecimalCommas(node[i], path);
+  if (!node.IsMap()) return;
+  for (const auto& entry : node) {
+    const std::string& key = entry.first.Scalar();
+    if (entry.second.IsNull() && !key.empty() && key.find_first_not_of("0123456789") == std::string::npos)
+      fail(path, "a number ends with '," + key + "': write a decimal point");
+    refuseDecimalCommas(entry.second, path);
+  }
+}
+
 YAML::Node load(const std::string& path) {
   if (!std::filesystem::is_regular_file(path)) fail(path, "no such file");
   try {
     YAML::Node node = YAML::LoadFile(path);
     if (!node.IsMap()) fail(path, "holds no keys");
+    refuseDecimalCommas(node, path);
     return node;
   } catch (const YAML::Exception& e) {
     fail(path, std::string("not YAML: ") + e.what());

@@ -219,10 +219,8 @@ def is_complete(data):
 def focus_of_arrivals(path):
     """Function of (name, index in its bracket) that returns the focus distance of a picture in m, NaN = unknown."""
     table, entries = _focus_file(path)
-    if table:
-        return lambda _, index: table.distance(index)
     by_name = dict(entries)
-    return lambda name, _: by_name.get(name, math.nan)
+    return lambda name, index: table.distance(index) if table else by_name.get(name, math.nan)
 
 
 def _focus_file(path):
@@ -251,8 +249,7 @@ def load_focus(path, names, frames, left_out=()):
     """Focus distances of a stack in m, NaN = unknown; see _focus_file().
 
     names: file names of the stack, None for a video: its entries are in frame order and name no file. Entries for names in
-    left_out, pictures that are no frames, count for nothing.
-    """
+    left_out, pictures that are no frames, count for nothing."""
     table, entries = _focus_file(path)
     if table:
         return [table.distance(index) for index in range(frames)]

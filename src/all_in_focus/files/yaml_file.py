@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Reads and writes YAML files. Errors of reading name the file in one line."""
+import json
+import re
 from pathlib import Path
 
 import yaml
@@ -13,7 +15,10 @@ def read(path, failure, loader=yaml.SafeLoader):
     """Content of a YAML file. Raises an exception of the type `failure` where the file cannot be read."""
     try:
         require_regular(path)
-        return yaml.load(Path(path).read_text(encoding="utf-8"), Loader=loader)
+        data = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=loader)
+        if cut := re.search(r'"(\d+)": null', json.dumps(data, default=str, skipkeys=True)):  # {focus_mm: 800,5}
+            raise ValueError(f"a number ends with ',{cut[1]}': write a decimal point")
+        return data
     except OSError as error:
         raise failure(f"{path}: {error.strerror}")
     except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
@@ -21,10 +26,8 @@ def read(path, failure, loader=yaml.SafeLoader):
 
 
 def write(path, data, comment=""):
-    """Every number is exact to the last bit. A list of numbers is one line, a list of mappings one line for each.
-
-    comment: lines at the beginning, with their #.
-    """
+    """Every number is exact to the last bit. A list of numbers is one line, a list of mappings one line for each. comment:
+    lines at the beginning, with their #."""
     flow = None if any(isinstance(value, (dict, list)) for value in data.values()) else False  # None: of what holds no other
     text = yaml.safe_dump(data, sort_keys=False, default_flow_style=flow, width=10 ** 6, allow_unicode=True)
     with whole_file(path) as working:
