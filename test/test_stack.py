@@ -115,6 +115,12 @@ def test_pictures_that_cannot_be_read_are_named(tmp_path):
         assert any(part in warning for warning in stack.warnings)
 
 
+def test_pictures_that_stand_there_twice_are_named(tmp_path):
+    stack = Stack(write_stack(tmp_path / "stack", ["1.jpg", "1.tif", "2.jpg", "2.tif", "3.jpg"]))
+    assert len(stack.names) == 5 and [warning.split(": ")[1:] for warning in stack.warnings] == [
+        ["1.tif, 2.tif", "the same name has another ending, too, and both are frames", "keep one of each shot"]]
+
+
 def test_alpha_gray_and_16_bit_are_read_as_8_bit_color(tmp_path):
     cv2.imwrite(str(tmp_path / "a.png"), np.full((4, 5, 4), 77, np.uint8))
     cv2.imwrite(str(tmp_path / "b.png"), np.full((4, 5), 77 * 257, np.uint16))

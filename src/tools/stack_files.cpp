@@ -38,6 +38,10 @@ std::string nameOf(const std::string& file, int page) {
   return file + kPage + std::to_string(page + 1);
 }
 
+std::string stem(const Picture& picture) {
+  return fs::path(picture.name).stem().string();
+}
+
 /// Sorts out the pictures of one folder, or of one file.
 class Listing {
  public:
@@ -58,6 +62,7 @@ class Listing {
     leaveOutLaterOnes();
     if (pictures_.empty())
       fail(folder_, "the folder holds no image" + (files_.notes.empty() ? "" : ": " + files_.notes[0]));
+    findTwins();
     compareTimes();
     findOrientation();
     for (const Picture& picture : pictures_) addPages((fs::path(folder_) / picture.name).string());
@@ -120,7 +125,6 @@ class Listing {
   // Cameras write both of one shot.
   void chooseRawOrPictures() {
     const auto isRaw = [](const Picture& it) { return rawEndings().count(ending(it.name)) != 0; };
-    const auto stem = [](const Picture& it) { return fs::path(it.name).stem().string(); };
     std::set<std::string> raw;
     for (const Picture& picture : pictures_) {
       if (isRaw(picture)) raw.insert(stem(picture));
@@ -197,6 +201,18 @@ class Listing {
         std::max<fs::file_time_type::duration>(std::chrono::minutes(1), 10 * (before - times.front()));
     if (last - before <= rhythm) return;
     leaveOut("it was made long after all others", [last](const Picture& it) { return it.changed == last; });
+  }
+
+  // Cameras and programs that develop pictures write one shot twice. Which of them is meant nothing tells.
+  void findTwins() {
+    std::set<std::string> stems;
+    std::vector<std::string> twins;
+    for (const Picture& picture : pictures_) {
+      if (!stems.insert(stem(picture)).second) twins.push_back(picture.name);
+    }
+    if (!twins.empty())
+      note(listed(twins) +
+           ": the same name has another ending, too, and both are frames: keep one of each shot");
   }
 
   void compareTimes() {
