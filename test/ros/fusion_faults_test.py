@@ -133,14 +133,24 @@ class SilenceTest(FusionTest):
                                         self.bracket_of(stamp + 10, ['none'] * 2 * AT_ONCE))
         self.assert_noted(self.report(stamp), 'only 1 of 3 frames were used')
 
-    def test_a_whole_bracket_is_dropped_so_that_others_are_fused_whole(self):
+    def assert_counts(self, *brackets):
+        """brackets: (length, frames used, frames missing), behind a first one that waits for labels."""
         self.expect_labels()
-        stamp, ids = next(STAMPS), list(itertools.islice(BRACKET_IDS, 3))
-        self.send_behind_one_that_waits(stamp, self.bracket_of(stamp, bracket_id=ids[0]), *(
-            self.bracket_of(stamp + 10 * n, ['near', 'far'] * (AT_ONCE // 2), bracket_id=ids[n]) for n in (1, 2)))
-        reports = lambda: {r.bracket_id: [r.frames_used, r.frames_missing] for r in self.outputs['report'].messages}
-        self.assertTrue(wait_until(lambda: set(ids) <= set(reports())))
-        self.assertEqual([reports()[number] for number in ids], [[3, 0], [0, AT_ONCE], [AT_ONCE, 0]])
+        stamp, ids = next(STAMPS), list(itertools.islice(BRACKET_IDS, len(brackets)))
+        self.send_behind_one_that_waits(stamp, *(
+            self.bracket_of(stamp + 10 * n, (['near', 'far'] * length)[:length], bracket_id=ids[n])
+            for n, (length, *_) in enumerate(brackets)))
+        reports = lambda: [(r.bracket_id, r.frames_used, r.frames_missing) for r in self.outputs['report'].messages
+                           if r.bracket_id in ids]
+        self.assertTrue(wait_until(lambda: len(reports()) >= len(ids)), reports())
+        self.assertEqual(reports(), [(number, *counts) for number, (_, *counts) in zip(ids, brackets)])
+
+    def test_a_whole_bracket_is_dropped_so_that_others_are_fused_whole(self):
+        self.assert_counts((3, 3, 0), (AT_ONCE, 0, AT_ONCE), (AT_ONCE, AT_ONCE, 0))
+
+    def test_the_rest_of_a_bracket_is_dropped_before_a_whole_one(self):
+        """Of the long one the first frames do not fit, nor those of the bracket before it that wait."""
+        self.assert_counts((3, 1, 2), (2 * AT_ONCE, 0, 2 * AT_ONCE), (20, 20, 0), (AT_ONCE, AT_ONCE, 0))
 
     def test_a_camera_that_shoots_on_request_may_be_silent_between_brackets(self):
         """The other rig, without rgb/focus, tells how long is too long."""

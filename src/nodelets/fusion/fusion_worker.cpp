@@ -100,23 +100,22 @@ void FusionWorker::add(const BracketFrame& frame) {
   outputs_.tell(step.frame);                  // before the result
   push({Task::Kind::kFrame, step, frame.image});
   limit_ = imageLimit(settings_.most_waiting, *frame.image);
-  while (waitingImages() > imageLimit(settings_.most_waiting, *frame.image, kMaxWaitingBytes / 2) &&
-         dropWholeBracket()) {
-  }
+  dropWholeBrackets(imageLimit(settings_.most_waiting, *frame.image, kMaxWaitingBytes / 2));
   for (auto oldest = tasks_.begin(); waitingImages() > limit_; ++oldest) drop(*oldest);
 }
 
-// Holds mutex_. The oldest one that has not begun, if a newer one waits: a few whole brackets are worth more
-// than a few frames of each.
-bool FusionWorker::dropWholeBracket() {
-  const auto begins = [](const Task& task) { return task.step.begin && task.image; };
-  const auto first = std::find_if(tasks_.begin(), tasks_.end(), begins);
-  if (first == tasks_.end()) return false;
-  const auto end = std::find_if(std::next(first), tasks_.end(), begins);
-  if (end == tasks_.end()) return false;
-  std::for_each(first, end, [this](Task& task) { drop(task); });
-  scenes_.unpin(first->step.frame.header.stamp);  // it takes as much memory as two or three frames
-  return true;
+// Holds mutex_. The oldest ones of which no frame has been handled, but never the newest one: a few whole
+// brackets are worth more than a few frames of each.
+void FusionWorker::dropWholeBrackets(std::size_t most) {
+  const auto begins = [](const Task& task) { return task.step.begin; };
+  auto next = std::find_if(tasks_.begin(), tasks_.end(), begins);
+  while (next != tasks_.end() && waitingImages() > most) {
+    const auto first = next;
+    next = std::find_if(std::next(first), tasks_.end(), begins);
+    if (next == tasks_.end()) return;
+    std::for_each(first, next, [this](Task& task) { drop(task); });
+    scenes_.unpin(first->step.frame.header.stamp);  // it takes as much memory as two or three frames
+  }
 }
 
 // Holds mutex_.

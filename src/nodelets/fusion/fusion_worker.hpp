@@ -32,7 +32,7 @@ struct FusionSettings {
 
 /// Fuses focus brackets among the slow callbacks of the guard, so that the quick ones never wait. Asks
 /// BracketAssembler where brackets begin and end while frames arrive. When too many wait, by number or by
-/// bytes, the oldest images are dropped, where they can whole brackets; their frames stay, so that every
+/// bytes, the oldest images are dropped, by whole brackets where possible; their frames stay, so that every
 /// bracket that began is reported. All public methods but finish() are thread-safe and return at once.
 ///
 /// Restoration runs among them, too. It stops when a whole further bracket waits, or so many frames that some
@@ -72,7 +72,7 @@ class FusionWorker {
   // Any thread.
   void push(const Task& task);
   std::size_t waitingImages() const;
-  bool dropWholeBracket();
+  void dropWholeBrackets(std::size_t most);
   void drop(Task& task);
   void endBracket();
 
