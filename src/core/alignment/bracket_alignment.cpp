@@ -159,8 +159,9 @@ void BracketAlignment::noteParallax(const PairMeasurement& found) {
   drifts_ = drifts_ || squared > std::pow(kAlignment.parallax_significance, 2);
 }
 
-// Where the camera moves sideways, the shift of a frame foretells its parallax; where it turns, there is none.
-// Returns whether all frames measured against the reference so far show more than half of what is foretold.
+// Where the camera moves sideways, the shift of a frame foretells its parallax; where it turns, there is
+// none. Returns whether all frames measured against the reference so far show more than half of what is
+// foretold.
 bool BracketAlignment::parallaxFollows(const PairMeasurement& found) {
   const cv::Matx33d information = parallaxInformation(found, radius_);
   const cv::Point2d shift = found.motion.shift * (relief_.deviation / relief_.mean);
