@@ -44,7 +44,7 @@ class Cluster:
     """A scheduler and workers as people start them by hand."""
 
     def __init__(self, folder, workers):
-        port = free_port()
+        port = str(free_port())
         self.address = f"tcp://127.0.0.1:{port}"
         self._folder, self.processes = folder, []
         self._start("dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard")
