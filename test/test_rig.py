@@ -63,6 +63,7 @@ def test_rig_files_are_camera_info_files(tmp_path):
     ("optics.yaml", "aperture: 2.0", "aperture: 0.0", "aperture must be 0.1 to 1000, not 0"),
     ("optics.yaml", "aperture: 2.0", "aperture: 1e-200", "aperture must be 0.1 to 1000, not 1e-200"),
     ("optics.yaml", "aperture: 2.0", "aperture: .inf", "aperture: expected 1 finite number"),
+    ("optics.yaml", "aperture: 2.0", "lens: {aperture: 2,8}", "not valid YAML: a number ends with ',8': write a decimal point"),
 ])
 def test_rig_errors_name_file_and_key(tmp_path, name, old, new, message):
     save_changed_rig(tmp_path, name, old, new)

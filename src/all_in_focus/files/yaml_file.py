@@ -16,7 +16,7 @@ def read(path, failure, loader=yaml.SafeLoader):
     try:
         require_regular(path)
         data = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=loader)
-        if cut := re.search(r'"(\d+)": null', json.dumps(data, default=str, skipkeys=True)):  # {focus_mm: 800,5}
+        if cut := re.search(r'"(\d+)": (null|"")', json.dumps(data, default=str, skipkeys=True)):  # {focus_mm: 800,5}
             raise ValueError(f"a number ends with ',{cut[1]}': write a decimal point")
         return data
     except OSError as error:
