@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Launches on a master of their own, as evaluate_bag needs them: how their end is told, and that no
 process stays behind. Real roslaunch, real masters."""
+import contextlib
 import os
 import signal
 import socket
@@ -22,6 +23,12 @@ def is_alive(pid):
         return "\nState:\tZ" not in Path(f"/proc/{pid}/status").read_text()
     except (FileNotFoundError, ProcessLookupError):
         return False
+
+
+def read_or_nothing(path):
+    with contextlib.suppress(OSError):
+        return path.read_text()
+    return ""
 
 
 class Nodes:
@@ -84,6 +91,17 @@ def test_the_port_of_the_master_is_kept_for_it(master):
     """Other programs, which may start before it, cannot take it. That it can is what all tests here show."""
     with socket.socket() as other, pytest.raises(OSError, match="in use"):
         other.bind(("", int(master.rpartition(":")[2])))
+
+
+def test_a_launch_that_ends_while_it_starts_nodes_leaves_none(nodes, master):
+    """roslaunch knows nothing of the node that it is starting."""
+    names = [f"n{number}" for number in range(8)]
+    for name in names:
+        nodes.add(name, FOREVER)
+    with nodes.launch():
+        nodes.pid(names[2])
+    commands = lambda: map(read_or_nothing, Path("/proc").glob("[0-9]*/cmdline"))
+    assert wait_until(lambda: not any(str(nodes.folder) in command for command in commands()))
 
 
 def test_the_death_of_a_required_node_ends_the_others_and_is_told(nodes):

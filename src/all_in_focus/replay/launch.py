@@ -14,7 +14,6 @@ GRACE = (5, 3)  # s between SIGINT, SIGTERM and SIGKILL to a node that does not 
 SHUTDOWN = sum(GRACE) + 6  # s; what is left then is killed: less than command_line.LONGEST_END
 # What roslaunch prints
 COLOUR_OR_TITLE = re.compile(r"\x1b(?:\[[0-9;]*m|\][^\x07]*\x07)")
-START = re.compile(r"process\[.*\]: started with pid \[(\d+)\]")
 DEATH = re.compile(r"\[(\S+?)(?:-\d+)?\](?: has died!\n| )process has (?:died \[pid \d+, exit code (-?\d+),|finished cleanly)")
 FAILURE = re.compile(r"(cannot launch node .*)|(?:RLException|Resource not found|Value error): ([\s\S]*?)\nThe traceback")
 
@@ -35,16 +34,17 @@ def own_master(log_folder):
 
 
 class Launch(AbstractContextManager):
-    """roslaunch at work. At the end of the block, or when this process is killed, its nodes end, then the master if it has
-    started that."""
+    """roslaunch at work. At the end of the block, or of this process, its nodes end, then the master if it has started that."""
 
     def __init__(self, folder, *arguments, verbose=False, grace=GRACE):
         """folder: gets stdout and stderr of roslaunch and the nodes; verbose: repeats both on stderr; grace: see GRACE."""
         files = [Path(folder, name) for name in ("stdout", "stderr")]
+        self._mark = f"ALL_IN_FOCUS_LAUNCH={Path(folder).resolve()}"
         with open(files[0], "wb") as stdout, open(files[1], "wb") as stderr:
             self._process = subprocess.Popen(
                 ["setpriv", "--pdeathsig", "INT", "roslaunch", f"--sigint-timeout={grace[0]}", f"--sigterm-timeout={grace[1]}",
-                 *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=stdout, stderr=stderr, start_new_session=True)
+                 *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=stdout, stderr=stderr, start_new_session=True,
+                env=dict([*os.environ.items(), self._mark.split("=", 1)]))
         self._verbose, self._printed = verbose, {open(file, encoding="utf-8", errors="replace"): "" for file in files}
 
     def _read(self):
@@ -78,10 +78,10 @@ class Launch(AbstractContextManager):
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        if self._process.returncode < 0:  # it was killed, and its nodes go on
-            for group in START.findall(self._read()[0]):
-                with suppress(ProcessLookupError):
-                    os.killpg(int(group), signal.SIGKILL)
+        for process in Path("/proc").glob("[0-9]*"):  # what is left if it was killed, or asked to end while it started nodes
+            with suppress(OSError):
+                if self._mark.encode() in (process / "environ").read_bytes().split(b"\0"):
+                    os.kill(int(process.name), signal.SIGKILL)
         self._read()
         for file in self._printed:
             file.close()
