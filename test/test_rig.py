@@ -8,7 +8,7 @@ import yaml
 from all_in_focus.files.rig import Camera, Optics, RigError, distortion_of, load_rig, save_rig
 from all_in_focus_lab.simulation.presets import kinect_beside
 from file_helpers import write_stack
-from tool_helpers import fuse_stack
+from tool_helpers import fuse_stack, succeeded
 
 OPTICS = Optics(50.0, 2.0, 0.03)
 
@@ -70,6 +70,14 @@ def test_rig_errors_name_file_and_key(tmp_path, name, old, new, message):
     with pytest.raises(RigError) as error:
         load_rig(tmp_path)
     assert f"{name}: {message}" in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("more", [
+    "a: &a {b: *a}", "\n".join(["a0: &a0 [7]", *(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 10))])])
+def test_aliases_without_end_do_not_count(tmp_path, more):
+    save_changed_rig(tmp_path, "optics.yaml", "aperture: 2.0", f"aperture: 2.0\n{more}")
+    assert load_rig(tmp_path).optics == OPTICS
+    succeeded(fuse_stack(write_stack(tmp_path / "stack", ["0.png"]), "--rig", tmp_path, "--output", tmp_path / "o.png"))
 
 
 def test_the_pose_of_the_other_camera_is_refused(tmp_path):

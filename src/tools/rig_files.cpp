@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <limits>
 #include <map>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 
@@ -17,15 +18,17 @@
 namespace all_in_focus {
 namespace {
 
-// {focus_mm: 800,5} is read as focus_mm: 800 and a key 5 without a value.
-void refuseDecimalCommas(const YAML::Node& node, const std::string& path) {
-  for (std::size_t i = 0; node.IsSequence() && i < node.size(); ++i) refuseDecimalCommas(node[i], path);
+// {focus_mm: 800,5} is read as focus_mm: 800 and a key 5 without a value. seen: where the nodes so far begin,
+// because aliases may repeat one without end.
+void refuseDecimalCommas(const YAML::Node& node, const std::string& path, std::set<int>& seen) {
+  if (!seen.insert(node.Mark().pos).second) return;
+  for (std::size_t i = 0; node.IsSequence() && i < node.size(); ++i) refuseDecimalCommas(node[i], path, seen);
   if (!node.IsMap()) return;
   for (const auto& entry : node) {
     const std::string& key = entry.first.Scalar();
     if (entry.second.IsNull() && !key.empty() && key.find_first_not_of("0123456789") == std::string::npos)
       fail(path, "a number ends with '," + key + "': write a decimal point");
-    refuseDecimalCommas(entry.second, path);
+    refuseDecimalCommas(entry.second, path, seen);
   }
 }
 
@@ -34,7 +37,8 @@ YAML::Node load(const std::string& path) {
   try {
     YAML::Node node = YAML::LoadFile(path);
     if (!node.IsMap()) fail(path, "holds no keys");
-    refuseDecimalCommas(node, path);
+    std::set<int> seen;
+    refuseDecimalCommas(node, path, seen);
     return node;
   } catch (const YAML::Exception& e) {
     fail(path, std::string("not YAML: ") + e.what());

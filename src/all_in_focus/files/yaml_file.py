@@ -1,8 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Reads and writes YAML files. Errors of reading name the file in one line."""
-import json
-import re
 from pathlib import Path
 
 import yaml
@@ -15,10 +13,11 @@ def read(path, failure, loader=yaml.SafeLoader):
     """Content of a YAML file. Raises an exception of the type `failure` where the file cannot be read."""
     try:
         require_regular(path)
-        data = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=loader)
-        if cut := re.search(r'"(\d+)": (null|"")', json.dumps(data, default=str, skipkeys=True)):  # {focus_mm: 800,5}
-            raise ValueError(f"a number ends with ',{cut[1]}': write a decimal point")
-        return data
+        text = Path(path).read_text(encoding="utf-8")
+        values = [getattr(event, "value", "none") for event in yaml.parse(text)]  # an alias is one event, whatever it holds
+        if cut := [key for key, value in zip(values, values[1:]) if key.isdecimal() and not value]:  # {focus_mm: 800,5}
+            raise ValueError(f"a number ends with ',{cut[0]}': write a decimal point")
+        return yaml.load(text, Loader=loader)
     except OSError as error:
         raise failure(f"{path}: {error.strerror}")
     except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
