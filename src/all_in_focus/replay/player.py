@@ -36,7 +36,7 @@ CONNECT = 60.0  # s, usual patience for nodes to connect, and for the last resul
 ACKNOWLEDGE = 10.0  # s, usual patience for one input
 ACKNOWLEDGE_RESTORED = 300.0  # s; the last frame is acknowledged when its picture is restored
 FOLLOW_UP = 3.0  # s for the segmenter once depth_preprocess is done with a depth image
-WINDOW_BYTES = 1 << 28  # of colour images under way, so that the fusion need not drop any; 4 may always wait
+WINDOW_BYTES = 1 << 27  # of colour images under way, so that the fusion need not drop a bracket; 4 may always wait
 MAX_SILENCES = 3  # missing acknowledgements in a row before giving up
 
 
