@@ -101,7 +101,8 @@ void FusionWorker::add(const BracketFrame& frame) {
   push({Task::Kind::kFrame, step, frame.image});
   limit_ = imageLimit(settings_.most_waiting, *frame.image);
   dropWholeBrackets(imageLimit(settings_.most_waiting, *frame.image, kMaxWaitingBytes / 2));
-  for (auto oldest = tasks_.begin(); waitingImages() > limit_; ++oldest) drop(*oldest);
+  const auto waits = [](const Task& task) { return task.image != nullptr; };
+  while (waitingImages() > limit_) drop(*std::find_if(tasks_.begin(), tasks_.end(), waits));
 }
 
 // Holds mutex_. The oldest ones of which no frame has been handled, but never the newest one: a few whole
@@ -114,7 +115,7 @@ void FusionWorker::dropWholeBrackets(std::size_t most) {
     next = std::find_if(std::next(first), tasks_.end(), begins);
     if (next == tasks_.end()) return;
     std::for_each(first, next, [this](Task& task) { drop(task); });
-    scenes_.unpin(first->step.frame.header.stamp);  // it takes as much memory as two or three frames
+    scenes_.unpin(first->step.frame.header.stamp);  // a scene takes as much memory as two or three frames
   }
 }
 
