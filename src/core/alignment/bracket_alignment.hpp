@@ -49,9 +49,9 @@ class BracketAlignment {
   /// counts: of the index of a frame, whether it does.
   double hiddenParallax(int reference, const std::function<bool(int)>& counts) const;
 
-  /// Motion of a frame against the reference, both CV_8UC1, of a camera that drifts, as this may show; none
-  /// if it is not noticeable, the placement if it cannot be measured or the camera does not seem to drift. An
-  /// empty reference is that of the call before.
+  /// Motion of a frame against the reference, both CV_8UC1, as depth tells it: this may show that the camera
+  /// drifts. None if it is not noticeable. The placement if it cannot be measured or the camera does not seem
+  /// to drift. An empty reference is that of the call before.
   CameraMotion measureDrift(const cv::Mat& reference, const cv::Mat& gray, const Placement& placement);
 
   /// Placement of one observed frame relative to another, from all that has been observed so far. A motion
@@ -94,8 +94,10 @@ class BracketAlignment {
   cv::Point2d center_;
   Relief relief_;
   bool drifts_ = false;
-  double seen_ = 0, foretold_ = 0;  ///< parallax of frames measured against the reference, variances
-  double radius_ = 0;               ///< half the diagonal, px
+  /// Sums over the frames measured against the reference, over the variance: foretold parallax times that
+  /// which was seen, and squared.
+  double seen_ = 0, foretold_ = 0;
+  double radius_ = 0;  ///< half the diagonal, px
   std::map<int, Observation> observations_;
   std::map<int, CellShifts> shifts_;  ///< of the frames that were measured; only where no relief is known
   int scenes_ = 0;
