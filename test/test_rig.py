@@ -8,7 +8,7 @@ import yaml
 from all_in_focus.files.rig import Camera, Optics, RigError, distortion_of, load_rig, save_rig
 from all_in_focus_lab.simulation.presets import kinect_beside
 from file_helpers import write_stack
-from tool_helpers import fuse_stack, succeeded
+from tool_helpers import fuse_stack
 
 OPTICS = Optics(50.0, 2.0, 0.03)
 
@@ -77,7 +77,8 @@ def test_rig_errors_name_file_and_key(tmp_path, name, old, new, message):
 def test_aliases_without_end_do_not_count(tmp_path, more):
     save_changed_rig(tmp_path, "optics.yaml", "aperture: 2.0", f"aperture: 2.0\n{more}")
     assert load_rig(tmp_path).optics == OPTICS
-    succeeded(fuse_stack(write_stack(tmp_path / "stack", ["0.png"]), "--rig", tmp_path, "--output", tmp_path / "o.png"))
+    done = fuse_stack(write_stack(tmp_path / "stack", ["0.png"]), "--rig", tmp_path, "--output", tmp_path / "o.png")
+    assert done.returncode == 2 and "not the same picture" in done.stderr  # the rig was read
 
 
 def test_the_pose_of_the_other_camera_is_refused(tmp_path):
