@@ -159,8 +159,8 @@ void BracketAlignment::noteParallax(const PairMeasurement& found) {
   drifts_ = drifts_ || squared > std::pow(kAlignment.parallax_significance, 2);
 }
 
-// Where the camera moves sideways, the shift of a frame foretells its parallax; where it turns, there is
-// none. Returns whether all frames measured against the reference so far show more than half of what is
+// Where the camera moves sideways, the shift of a frame foretells its parallax; where it turns, there is next
+// to none. Returns whether all frames measured against the reference so far show more than half of what is
 // foretold.
 bool BracketAlignment::parallaxFollows(const PairMeasurement& found) {
   const cv::Matx33d information = parallaxInformation(found, radius_);
@@ -208,7 +208,7 @@ CameraMotion BracketAlignment::measureDrift(const cv::Mat& reference, const cv::
     if (!found.converged || cv::trace(found.parallax_covariance) > std::pow(kAlignment.noticeable, 2))
       continue;
     last_drift_ = {found.motion, found.parallax};
-    drifts_ = drifts_ || (parallaxFollows(found) && isNoticeable(last_drift_));
+    drifts_ = drifts_ || (parallaxFollows(found) && isNoticeable({{}, found.parallax}));
     if (!drifts_) break;
     return isNoticeable(last_drift_) ? last_drift_ : CameraMotion();
   }
