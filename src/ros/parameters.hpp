@@ -49,8 +49,8 @@ void repair(T& value, const T& good, bool possible, const char* name, const std:
   status.warn(text.str());
   value = good;
 }
-/// The same for a number. In the place of one above `most` comes `most`: whoever sets a very long time-out
-/// wants a long one.
+/// The same for a number. One above `most` becomes `most`: whoever sets a very long time-out wants a long
+/// one.
 template <typename T>
 void repairNumber(T& value, const T& good, T least, T most, const char* name, NodeStatus& status) {
   std::ostringstream expected;

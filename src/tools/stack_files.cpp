@@ -203,7 +203,7 @@ class Listing {
     leaveOut("it was made long after all others", [last](const Picture& it) { return it.changed == last; });
   }
 
-  // Cameras and programs that develop pictures write one shot twice. Which of them is meant nothing tells.
+  // Cameras and programs that develop pictures write one shot twice. Nothing tells which one is meant.
   void findTwins() {
     std::set<std::string> stems;
     std::vector<std::string> twins;

@@ -19,7 +19,7 @@ FAILURE = re.compile(r"(cannot launch node .*)|(?:RLException|Resource not found
 
 
 def free_port():
-    """Until this process ends, programs that ask for any port get another: a copy of the socket holds it without listening."""
+    """No program that asks for any port gets this one until this process ends: a copy of the socket holds it."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # so that the master, which sets this, too, can listen
         probe.bind(("localhost", 0))
@@ -78,7 +78,7 @@ class Launch(AbstractContextManager):
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        for process in Path("/proc").glob("[0-9]*"):  # what is left if it was killed, or asked to end while it started nodes
+        for process in Path("/proc").glob("[0-9]*"):  # roslaunch leaves nodes if it is killed, or ended while it starts them
             with suppress(OSError):
                 if self._mark.encode() in (process / "environ").read_bytes().split(b"\0"):
                     os.kill(int(process.name), signal.SIGKILL)

@@ -47,8 +47,8 @@ struct LensFit {
 LensFit fitLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given,
                 const std::optional<FocusCorrection>& voted, bool has_scale);
 
-/// Where that contradicts the frames, two mistakes are tried, too, and then the frames without depth: no
-/// result of these is certain, and they take 30 times as long.
+/// The same. Where its result contradicts the frames, two mistakes at once are tried, then any depth in place
+/// of the measured one. That takes many times as long.
 LensFit fitWrongLens(const BlurEvidence& evidence, const std::vector<FrameBlur>& given, bool has_scale);
 
 }  // namespace all_in_focus::core
