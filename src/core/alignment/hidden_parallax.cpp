@@ -70,6 +70,17 @@ bool isInFirstHalf(int cell) {
   return (cell % CellShifts::kAcross / kBlock + cell / CellShifts::kAcross / kBlock) % 2 == 0;
 }
 
+// Without BLAS: where memory is short, OpenBLAS waits for its buffer of 128 MB for ever.
+cv::Mat1d product(const cv::Mat1d& a, const cv::Mat1d& b) {
+  cv::Mat1d sums(a.rows, b.cols, 0.0);
+  for (int row = 0; row < a.rows; ++row) {
+    for (int k = 0; k < a.cols; ++k) {
+      for (int column = 0; column < b.cols; ++column) sums(row, column) += a(row, k) * b(k, column);
+    }
+  }
+  return sums;
+}
+
 // How much the path of each cell bends, positive: in the same sense as those of the other half.
 std::vector<double> bends(const Pulls& pulls) {
   std::vector<double> result(kCells);
@@ -94,11 +105,12 @@ std::vector<double> bends(const Pulls& pulls) {
     for (int i = 0; i < kIterations; ++i) {
       if (i > 0) cv::swap(from, to);
       cv::normalize(from, from);
-      to = x * (y_transposed * from) - y * (x_transposed * from);
+      to = product(x, product(y_transposed, from)) - product(y, product(x_transposed, from));
     }
     cv::normalize(to, to);
-    const cv::Mat1d to_x(to.t() * pulls.x), to_y(to.t() * pulls.y), from_x(from.t() * pulls.x),
-        from_y(from.t() * pulls.y);
+    const cv::Mat1d to_row(to.t()), from_row(from.t());
+    const cv::Mat1d to_x = product(to_row, pulls.x), to_y = product(to_row, pulls.y),
+                    from_x = product(from_row, pulls.x), from_y = product(from_row, pulls.y);
     for (int i = 0; i < kCells; ++i) {
       if (isInFirstHalf(i) == first) result[i] = to_x(0, i) * from_y(0, i) - to_y(0, i) * from_x(0, i);
     }
