@@ -208,7 +208,7 @@ CameraMotion BracketAlignment::measureDrift(const cv::Mat& reference, const cv::
     if (!found.converged || cv::trace(found.parallax_covariance) > std::pow(kAlignment.noticeable, 2))
       continue;
     last_drift_ = {found.motion, found.parallax};
-    drifts_ = drifts_ || (parallaxFollows(found) && isNoticeable({{}, found.parallax}));
+    drifts_ = drifts_ || parallaxFollows(found);
     if (!drifts_) break;
     return isNoticeable(last_drift_) ? last_drift_ : CameraMotion();
   }
