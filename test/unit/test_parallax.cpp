@@ -90,7 +90,7 @@ TEST(Parallax, TheMotionOfACameraIsMeasured) {
   alignment.observe(reference, 0);
   alignment.observe(frame, 1);
   ASSERT_TRUE(alignment.drifts());
-  const CameraMotion motion = alignment.measureDrift(reference, frame, alignment.placement(1, 0));
+  const CameraMotion motion = alignment.measureMotion(reference, frame, alignment.placement(1, 0));
   const CameraPose pose = poseOf(motion, relief, kFocalPx, kSize);
   const double error_mm = kMostError / (kFocalPx * relief.deviation);  // where a parallax is off by so much
   EXPECT_NEAR(pose.place_mm[0], place[0], error_mm);
@@ -114,7 +114,7 @@ TEST(Parallax, ACameraThatMovesFarIsFollowed) {
     cv::Mat reference = frames[last];
     for (int k = 0; k < kFrames; ++k) {
       if (k == last) continue;
-      const CameraMotion motion = alignment.measureDrift(reference, frames[k], alignment.placement(k, last));
+      const CameraMotion motion = alignment.measureMotion(reference, frames[k], alignment.placement(k, last));
       reference.release();
       EXPECT_NEAR(poseOf(motion, relief, kFocalPx, kSize).place_mm[0], 10 * (k - last), 0.5)
           << k << " from " << last;
@@ -139,7 +139,7 @@ TEST(Parallax, ASmallMoveIsToldFromATurn) {
     alignment.observe(reference, 0);
     alignment.observe(frame, 1);
     EXPECT_FALSE(alignment.drifts()) << "the pair alone does not tell";
-    const CameraMotion motion = alignment.measureDrift(reference, frame, alignment.placement(1, 0));
+    const CameraMotion motion = alignment.measureMotion(reference, frame, alignment.placement(1, 0));
     EXPECT_EQ(alignment.drifts(), !turns);
     EXPECT_EQ(motion.hasParallax(), !turns);
   }

@@ -19,6 +19,10 @@ double modelVariance(double radius, double tiles) {
   return std::pow(kAlignment.model_error * radius, 2) / std::max(kAlignment.fewest_tiles, tiles);
 }
 
+cv::Matx22d turnInformation(const PairMeasurement& found, double radius) {
+  return (found.turn_covariance + modelVariance(radius, found.tiles) * cv::Matx22d::eye()).inv();
+}
+
 cv::Matx33d parallaxInformation(const PairMeasurement& found, double radius) {
   return (found.parallax_covariance + modelVariance(radius, found.tiles) * cv::Matx33d::eye()).inv();
 }
@@ -32,7 +36,7 @@ void BracketAlignment::begin(const cv::Size& size, const cv::Point2d& center, co
   drift_alignment_.setRelief(relief);
   relief_ = relief;
   drifts_ = drifts && relief.isKnown();
-  seen_ = foretold_ = 0;
+  seen_ = foretold_ = turned_ = shifted_ = 0;
   size_ = size;
   center_ = center;
   radius_ = 0.5 * std::hypot(size.width, size.height);
@@ -118,7 +122,7 @@ PairMeasurement BracketAlignment::measureFrom(const View& view) {
 
 PairMeasurement BracketAlignment::measureFromKey() {
   const SimilarityTransform guess = compose(inverse(key_.motion), last_.frame.motion);
-  PairMeasurement direct = key_alignment_.measure(current_.pyramid, {guess, {}});
+  PairMeasurement direct = key_alignment_.measure(current_.pyramid, {guess});
   const bool near = direct.converged &&
                     largestDisplacement(direct.motion, size_, center_) <= kAlignment.far_from_key * radius_;
   const bool usable = last_.frame.index != key_.index && last_.frame.measured;
@@ -154,9 +158,19 @@ void BracketAlignment::keep(const View& view) {
 
 // Takes note of a pair whose parallax shows that the camera moved.
 void BracketAlignment::noteParallax(const PairMeasurement& found) {
-  if (!relief_.isKnown() || !isNoticeable({{}, found.parallax})) return;
+  if (!relief_.isKnown() || !isNoticeable({{}, {}, found.parallax})) return;
   const double squared = found.parallax.dot(parallaxInformation(found, radius_) * found.parallax);
   drifts_ = drifts_ || squared > std::pow(kAlignment.parallax_significance, 2);
+}
+
+// Where the camera turns, the shift of a frame tells how far: the corners move more than the middle by a part
+// that is the same in all frames. What the mean depth shifts by a parallax is no turn.
+void BracketAlignment::noteTurn(const PairMeasurement& found) {
+  cv::Vec2d shift(found.motion.shift.x, found.motion.shift.y);
+  if (relief_.isKnown()) shift -= cv::Vec2d(found.parallax[0], found.parallax[1]) * (relief_.mean / relief_.deviation);
+  const cv::Matx22d information = turnInformation(found, radius_);
+  turned_ += shift.dot(information * found.turn);
+  shifted_ += shift.dot(information * shift);
 }
 
 // Where the camera moves sideways, the shift of a frame foretells its parallax; where it turns, there is next
@@ -194,8 +208,8 @@ bool BracketAlignment::isNoticeable(const CameraMotion& motion) const {
   return false;
 }
 
-CameraMotion BracketAlignment::measureDrift(const cv::Mat& reference, const cv::Mat& gray,
-                                            const Placement& placement) {
+CameraMotion BracketAlignment::measureMotion(const cv::Mat& reference, const cv::Mat& gray,
+                                             const Placement& placement) {
   if (!reference.empty()) {
     last_drift_ = {};
     drift_alignment_.setKey(ImagePyramid(reference), center_);
@@ -203,16 +217,31 @@ CameraMotion BracketAlignment::measureDrift(const cv::Mat& reference, const cv::
   const ImagePyramid pyramid(gray);
   // Where the camera has moved far, the pairs between or the frame before give a nearer start.
   for (const CameraMotion& start :
-       {CameraMotion{placement, {}}, {placement, placement.parallax}, last_drift_}) {
-    const PairMeasurement found = drift_alignment_.measure(pyramid, start, /*parallax=*/true);
-    if (!found.converged || cv::trace(found.parallax_covariance) > std::pow(kAlignment.noticeable, 2))
-      continue;
-    last_drift_ = {found.motion, found.parallax};
-    drifts_ = drifts_ || parallaxFollows(found);
-    if (!drifts_) break;
-    return isNoticeable(last_drift_) ? last_drift_ : CameraMotion();
+       {CameraMotion{placement}, {placement, {}, placement.parallax}, last_drift_}) {
+    const PairMeasurement free =
+        drift_alignment_.measure(pyramid, start, {/*turn=*/true, /*parallax=*/relief_.isKnown()});
+    if (!free.converged) continue;
+    drifts_ = drifts_ || (relief_.isKnown() && parallaxFollows(free));
+    // A turn before a wall that stands askew looks like a parallax.
+    noteTurn(drifts_ || !relief_.isKnown() ? free
+                                           : drift_alignment_.measure(pyramid, {placement}, {/*turn=*/true}));
+    const bool turns = turned_ > kAlignment.shift_significance * std::sqrt(shifted_);
+    const double turn_per_shift = turns ? turned_ / shifted_ : 0;
+    if (drifts_) {
+      const PairMeasurement found =
+          drift_alignment_.measure(pyramid, {free.motion, {}, free.parallax}, {false, true, turn_per_shift});
+      if (!found.converged || cv::trace(found.parallax_covariance) > std::pow(kAlignment.noticeable, 2))
+        continue;
+      last_drift_ = {found.motion, found.turn, found.parallax};
+      return isNoticeable(last_drift_) ? last_drift_ : CameraMotion();
+    }
+    if (turn_per_shift * cv::norm(placement.shift) < kAlignment.noticeable) break;
+    const PairMeasurement found =
+        drift_alignment_.measure(pyramid, {placement}, {false, false, turn_per_shift});
+    if (found.converged) return {found.motion, found.turn};
+    break;
   }
-  return {placement, {}};
+  return {placement};
 }
 
 void BracketAlignment::place(const PairMeasurement& measurement) {

@@ -49,10 +49,10 @@ class BracketAlignment {
   /// counts: of the index of a frame, whether it does.
   double hiddenParallax(int reference, const std::function<bool(int)>& counts) const;
 
-  /// Motion of a frame against the reference, both CV_8UC1, as depth tells it: this may show that the camera
-  /// drifts. None if it is not noticeable. The placement if it cannot be measured or the camera does not seem
-  /// to drift. An empty reference is that of the call before.
-  CameraMotion measureDrift(const cv::Mat& reference, const cv::Mat& gray, const Placement& placement);
+  /// Motion of a frame against the reference, both CV_8UC1: this may show that the camera turns, or by depth
+  /// that it drifts. None if it is not noticeable. The placement if it cannot be measured, or if the camera
+  /// seems neither to turn nor to drift. An empty reference is that of the call before.
+  CameraMotion measureMotion(const cv::Mat& reference, const cv::Mat& gray, const Placement& placement);
 
   /// Placement of one observed frame relative to another, from all that has been observed so far. A motion
   /// that is not significant or not noticeable is none at all.
@@ -86,6 +86,7 @@ class BracketAlignment {
   void makeKey(const View& view);
   void keep(const View& view);
   void noteParallax(const PairMeasurement& found);
+  void noteTurn(const PairMeasurement& found);
   bool parallaxFollows(const PairMeasurement& found);
   bool isNoticeable(const CameraMotion& motion) const;
   void place(const PairMeasurement& measurement);
@@ -95,14 +96,14 @@ class BracketAlignment {
   Relief relief_;
   bool drifts_ = false;
   /// Sums over the frames measured against the reference, over the variance: foretold parallax times that
-  /// which was seen, and squared.
-  double seen_ = 0, foretold_ = 0;
+  /// which was seen, and squared. The same of shift and turn.
+  double seen_ = 0, foretold_ = 0, turned_ = 0, shifted_ = 0;
   double radius_ = 0;  ///< half the diagonal, px
   std::map<int, Observation> observations_;
   std::map<int, CellShifts> shifts_;  ///< of the frames that were measured; only where no relief is known
   int scenes_ = 0;
 
-  CameraMotion last_drift_;  ///< that measureDrift() found
+  CameraMotion last_drift_;  ///< that measureMotion() found
   Observation key_;
   PairAlignment key_alignment_, other_alignment_, drift_alignment_;
   View current_, last_;

@@ -226,26 +226,44 @@ void PairAlignment::sampleTile(const cv::Mat& image, const Shears& shears, const
   }
 }
 
-// One Gauss-Newton step of the first N numbers of the motion, by the pulls of the tiles. Returns its length.
+// The turn, with the part that the shift tells.
+cv::Vec2d PairAlignment::turnOf(const Motion& motion) const {
+  const double known = freedom_.turn_per_shift;
+  return {motion[4] + known * (motion[2] - shift_of_parallax_ * motion[6]),
+          motion[5] + known * (motion[3] - shift_of_parallax_ * motion[7])};
+}
+
+// One Gauss-Newton step of N numbers of the motion, by the pulls of the tiles: the first four, and of the
+// others turn (6), parallax (7) or both (9). Returns its length.
 template <int N>
 inline __attribute__((always_inline)) double PairAlignment::step(const Level& level,
                                                                  Estimate& estimate) const {
   using Numbers = cv::Vec<double, N>;
   using Square = cv::Matx<double, N, N>;
+  const auto number = [](int i) { return N == 7 && i >= 4 ? i + 2 : i; };
   // The guess counts with the largest motion as its standard deviation: it stays where there is no texture.
   const Square prior = Square::eye() * (1 / std::pow(kAlignment.largest_motion * level.radius, 2));
   Square information = prior, scatter = prior;
   Numbers gradient;
   double texture = 0, squared_texture = 0;
   for (const Pull& tile : pulls_) {
-    if (N > 4 && std::isnan(tile.relief)) continue;
+    if (N > 6 && std::isnan(tile.relief)) continue;
     // Derivative of the tile's shift by the numbers of the motion.
-    const double x = tile.x, y = tile.y, n = tile.relief;
+    const double x = tile.x, y = tile.y, n = tile.relief, known = freedom_.turn_per_shift;
+    const cv::Vec2d by_x(x * x, x * y), by_y(x * y, y * y);  // by a turn
+    const std::array<cv::Vec2d, 9> by = {cv::Vec2d(x, y),
+                                         cv::Vec2d(-y, x),
+                                         cv::Vec2d(1, 0) + known * by_x,
+                                         cv::Vec2d(0, 1) + known * by_y,
+                                         by_x,
+                                         by_y,
+                                         cv::Vec2d(n, 0) - known * shift_of_parallax_ * by_x,
+                                         cv::Vec2d(0, n) - known * shift_of_parallax_ * by_y,
+                                         cv::Vec2d(n * x, n * y)};
     cv::Matx<double, 2, N> shift;
-    if constexpr (N == 4) {
-      shift = {x, -y, 1, 0, y, x, 0, 1};
-    } else {
-      shift = {x, -y, 1, 0, n, 0, n * x, y, x, 0, 1, 0, n, n * y};
+    for (int i = 0; i < N; ++i) {
+      shift(0, i) = by[number(i)][0];
+      shift(1, i) = by[number(i)][1];
     }
     const Numbers pull = shift.t() * (tile.weight * tile.pull);
     information += shift.t() * (tile.weight * tile.information) * shift;
@@ -260,42 +278,46 @@ inline __attribute__((always_inline)) double PairAlignment::step(const Level& le
   // Uncertain as far as the tiles disagree: A^-1 sum(g g^T) A^-1, the "sandwich" estimate.
   const Square covariance = inverse * scatter * inverse;
   for (int i = 0; i < N; ++i) {
-    estimate.motion[i] -= step[i];
-    for (int k = 0; k < N; ++k) estimate.covariance(i, k) = covariance(i, k);
+    estimate.motion[number(i)] -= step[i];
+    for (int k = 0; k < N; ++k) estimate.covariance(number(i), number(k)) = covariance(i, k);
   }
   estimate.tiles = squared_texture > 0 ? texture * texture / squared_texture : 0;
   return cv::norm(step);
 }
 
 ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& level, const cv::Mat& image,
-                                                                const Motion& guess, bool parallax) {
+                                                                const Motion& guess) {
   const int width = level.grid.width * kTile;
   band_.resize(static_cast<size_t>(width) * kTile);
   const double pitch = 1 / level.radius;
   constexpr double kMiddle = (kTile - 1) / 2.0;   // of a tile, px from its first pixel
   constexpr double kFreedom = kTile * kTile - 3;  // pixels less nuisances
 
-  Estimate estimate{guess, cv::Matx<double, 7, 7>::zeros(), 0, 0};
+  const bool by_tiles = !freedom_.isNone();  // each moves in its own way
+  Estimate estimate{guess, Covariance::zeros(), 0, 0};
   for (int iteration = 0; iteration < kAlignment.iterations; ++iteration) {
-    const Shears shears(estimate.motion, level, image.size());
+    const Motion& motion = estimate.motion;
+    const Shears shears(motion, level, image.size());
+    const cv::Vec2d turn = turnOf(motion);
     pulls_.clear();
     for (int j = 0; j < level.grid.height; ++j) {
       const int top = level.origin.y + j * kTile;
-      for (int v = 0; !parallax && v < kTile; ++v) {
+      for (int v = 0; !by_tiles && v < kTile; ++v) {
         sampleRow(image, shears, {level.origin.x, top + v}, width, band_.data() + v * width);
       }
       const double y = (top + kMiddle - level.center.y) * pitch;
-      const bool all_covered = !parallax && shears.cover({level.origin.x, top, width, kTile});
+      const bool all_covered = !by_tiles && shears.cover({level.origin.x, top, width, kTile});
       for (int k = 0; k < level.grid.width; ++k) {
         const int left = level.origin.x + k * kTile, index = j * level.grid.width + k;
         const double x = (left + kMiddle - level.center.x) * pitch;
         const double relief = level.relief.empty() ? std::nan("") : level.relief[index];
         const Tile& tile = level.tiles[index];
         Pixels residual;
-        if (parallax) {
-          if (std::isnan(relief)) continue;
-          const Shears moved = shears.movedBy(relief * (estimate.motion[4] + x * estimate.motion[6]),
-                                              relief * (estimate.motion[5] + y * estimate.motion[6]));
+        if (by_tiles) {
+          if (freedom_.parallax && std::isnan(relief)) continue;
+          const double n = freedom_.parallax ? relief : 0, turned = turn[0] * x + turn[1] * y;
+          const Shears moved = shears.movedBy(turned * x + n * (motion[6] + x * motion[8]),
+                                              turned * y + n * (motion[7] + y * motion[8]));
           if (!moved.cover({left, top, kTile, kTile})) continue;
           sampleTile(image, moved, {left, top}, residual);
         } else {
@@ -317,13 +339,17 @@ ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& lev
       }
     }
     Estimate more = estimate;
-    estimate.step = parallax ? step<7>(level, estimate) : step<4>(level, estimate);
+    if (freedom_.parallax) {
+      estimate.step = freedom_.turn ? step<9>(level, estimate) : step<7>(level, estimate);
+    } else {
+      estimate.step = freedom_.turn ? step<6>(level, estimate) : step<4>(level, estimate);
+    }
     if (estimate.step >= kAlignment.small_step && iteration + 1 < kAlignment.iterations) continue;
-    if (!parallax && !level.relief.empty()) {
-      step<7>(level, more);
-      for (int i = 4; i < 7; ++i) {
+    if (!by_tiles && !level.relief.empty()) {
+      step<9>(level, more);
+      for (int i = 6; i < 9; ++i) {
         estimate.motion[i] = more.motion[i];
-        for (int k = 4; k < 7; ++k) estimate.covariance(i, k) = more.covariance(i, k);
+        for (int k = 6; k < 9; ++k) estimate.covariance(i, k) = more.covariance(i, k);
       }
     }
     break;
@@ -345,29 +371,36 @@ CellShifts PairAlignment::shifts(const Level& level) const {
   return result;
 }
 
-PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const CameraMotion& guess, bool parallax) {
+PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const CameraMotion& guess,
+                                       const Freedom& freedom) {
+  freedom_ = freedom;
+  shift_of_parallax_ = freedom.parallax ? relief_.mean / relief_.deviation : 0;
+  const bool parallax = freedom.parallax;
   const double radius = levels_[0].radius * levels_[0].reduction;
   const double width = levels_[0].size.width * levels_[0].reduction;
   PairMeasurement result;
   result.motion = guess;
   Motion motion((guess.scale - 1) * radius, guess.angle * radius, guess.shift.x, guess.shift.y,
-                guess.parallax[0], guess.parallax[1], guess.parallax[2]);
+                freedom.turn ? guess.turn[0] : 0, freedom.turn ? guess.turn[1] : 0, guess.parallax[0],
+                guess.parallax[1], guess.parallax[2]);
   const double most = (parallax ? kAlignment.farther_by_parallax : 1) * kAlignment.largest_motion;
   double least = 0;
   for (int i = frame.levels() - 1; i >= 0; --i) {
     const double reduction = levels_[i].reduction;
-    const Estimate estimate = refine(levels_[i], frame.level(i), motion * (1 / reduction), parallax);
+    const Estimate estimate = refine(levels_[i], frame.level(i), motion * (1 / reduction));
     const Motion refined = estimate.motion * reduction;
-    const cv::Matx<double, 7, 7> covariance = estimate.covariance * (reduction * reduction);
+    const Covariance covariance = estimate.covariance * (reduction * reduction);
     const cv::Matx44d of_similarity = covariance.get_minor<4, 4>(0, 0);
-    const cv::Vec3d of_parallax(refined[4], refined[5], refined[6]);
+    const cv::Vec2d of_turn = turnOf(refined);
+    const cv::Vec3d of_parallax(refined[6], refined[7], refined[8]);
     const bool converged = estimate.step <= kAlignment.largest_step &&
                            std::hypot(refined[0], refined[1]) <= most * radius &&
                            std::hypot(refined[2], refined[3]) <= most * width &&
+                           cv::norm(of_turn) <= most * width &&
                            (!parallax || cv::norm(of_parallax) <= most * width);
     if (!converged) continue;  // NaN is not
     motion = refined;
-    if (!parallax) motion[4] = motion[5] = motion[6] = 0;
+    if (!parallax) motion[6] = motion[7] = motion[8] = 0;
     if (!relief_.isKnown() && levels_[i].size.area() <= kAlignment.shift_level)
       result.shifts = shifts(levels_[i]);
     // The most certain level counts: mostly the finest, but in blurred pictures that has only noise.
@@ -375,8 +408,10 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const CameraMo
     if (!result.converged || variance < least) {
       result.motion = {1 + motion[0] / radius, {motion[2], motion[3]}, motion[1] / radius};
       result.covariance = of_similarity;
+      result.turn = of_turn;
+      result.turn_covariance = covariance.get_minor<2, 2>(4, 4);
       result.parallax = of_parallax;
-      result.parallax_covariance = covariance.get_minor<3, 3>(4, 4);
+      result.parallax_covariance = covariance.get_minor<3, 3>(6, 6);
       result.tiles = estimate.tiles;
       result.converged = true;
       least = variance;

@@ -19,11 +19,21 @@ struct PairMeasurement {
   cv::Matx44d covariance;
   double tiles = 0;        ///< so many tiles of equal texture would tell as much
   bool converged = false;  ///< otherwise the motion is the guess
+  cv::Vec2d turn;          ///< see CameraMotion
+  cv::Matx22d turn_covariance;  ///< px^2; zeros: not measured
   /// Where relief is known, see CameraMotion. Without `parallax` in measure(): what one more step would find.
   cv::Vec3d parallax;
   cv::Matx33d parallax_covariance;  ///< px^2; zeros: unknown
   CellShifts shifts;                ///< beside the motion; only where no relief is known
   double correlation = 0;           ///< of the local contrast of both frames, once aligned
+};
+
+/// What a motion may be beside magnification, roll and shift.
+struct Freedom {
+  bool turn = false, parallax = false;  ///< see CameraMotion; parallax: relief must be known
+  double turn_per_shift = 0;            ///< that is known, of the shift that is no parallax of the mean depth
+
+  bool isNone() const { return !turn && !parallax && turn_per_shift == 0; }
 };
 
 /// Magnification, roll and shift between two frames that are focused differently, to a few hundredths of a
@@ -36,8 +46,8 @@ struct PairMeasurement {
 /// and a weight by what they leave unexplained. Making the gradients in J orthogonal to these three
 /// eliminates them, and with them I_a itself. All pixels of a tile move as its centre.
 ///
-/// Where the relief of a tile is known, it may have a parallax, too: three more unknowns of the motion. Tiles
-/// without relief then do not count, for nobody knows how far they move.
+/// Two more unknowns of the motion are a turn of the camera. Where the relief of a tile is known, it may have
+/// a parallax, too: three more. Tiles without relief then do not count, for nobody knows how far they move.
 ///
 /// Frames are read as coefficients of cubic B-splines. That smooths them, but unlike an interpolation it
 /// moves them by fractions of a pixel without bias: cv::warpAffine, linear, is off by up to 0.06 px where
@@ -50,8 +60,8 @@ class PairAlignment {
   /// center: fixed point of the magnification, pixels of the frame.
   void setKey(const ImagePyramid& key, const cv::Point2d& center);
 
-  /// frame: of the key's size. parallax: the camera may have moved; relief must be known.
-  PairMeasurement measure(const ImagePyramid& frame, const CameraMotion& guess, bool parallax = false);
+  /// frame: of the key's size.
+  PairMeasurement measure(const ImagePyramid& frame, const CameraMotion& guess, const Freedom& freedom = {});
 
  private:
   static constexpr int kTile = 8;
@@ -70,11 +80,12 @@ class PairAlignment {
     std::vector<Tile> tiles;
     std::vector<float> relief;  ///< of the tiles, NaN = unknown; empty: of all
   };
-  /// Magnification and roll at the radius, shift x, y, parallax; pixels of the level.
-  using Motion = cv::Vec<double, 7>;
+  /// Magnification and roll at the radius, shift x, y, turn x, y, parallax; pixels of the level.
+  using Motion = cv::Vec<double, 9>;
+  using Covariance = cv::Matx<double, 9, 9>;
   struct Estimate {
     Motion motion;
-    cv::Matx<double, 7, 7> covariance;
+    Covariance covariance;
     double tiles = 0;
     double step = 0;  ///< the last one
   };
@@ -105,14 +116,17 @@ class PairAlignment {
   };
 
   static void fill(const cv::Mat& image, const cv::Point& corner, Tile& tile);
+  cv::Vec2d turnOf(const Motion& motion) const;
   template <int N>
   double step(const Level& level, Estimate& estimate) const;
   CellShifts shifts(const Level& level) const;
-  Estimate refine(const Level& level, const cv::Mat& image, const Motion& guess, bool parallax);
+  Estimate refine(const Level& level, const cv::Mat& image, const Motion& guess);
   void sampleRow(const cv::Mat& image, const Shears& shears, const cv::Point& at, int width, float* out);
   static void sampleTile(const cv::Mat& image, const Shears& shears, const cv::Point& corner, Pixels& out);
 
   Relief relief_;
+  Freedom freedom_;             ///< of the motion that is measured
+  double shift_of_parallax_ = 0;  ///< that its mean depth has, px each
   std::vector<Level> levels_;
   cv::Mat contrast_;
 

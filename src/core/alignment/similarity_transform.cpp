@@ -29,7 +29,7 @@ cv::Matx23d SimilarityTransform::matrix(const cv::Point2d& center) const {
 cv::Point2d CameraMotion::apply(const cv::Point2d& p, double relief, const cv::Point2d& center,
                                 const cv::Size& size) const {
   const cv::Point2d outwards = (p - center) / (0.5 * std::hypot(size.width, size.height));
-  return SimilarityTransform::apply(p, center) +
+  return SimilarityTransform::apply(p, center) + cv::Point2d(turn).dot(outwards) * outwards +
          relief * (cv::Point2d(parallax[0], parallax[1]) + parallax[2] * outwards);
 }
 

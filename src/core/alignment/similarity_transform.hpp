@@ -24,17 +24,20 @@ struct SimilarityTransform {
 
 /// Where a point p of the reference that has the relief n (see Relief) lies in a frame of a camera that has
 /// moved:
-///   p' + n (parallax_x + parallax_z u / r, parallax_y + parallax_z v / r)
-/// p' by the similarity transform, (u, v) = p - center, r half the diagonal of the picture. To first order
-/// this is what a camera with focal length f sees that moved by t and turned by w (Longuet-Higgins and
+///   p' + (turn_x x + turn_y y) (x, y) + n (parallax_x + parallax_z x, parallax_y + parallax_z y)
+/// p' by the similarity transform, (x, y) = (p - center) / r, r half the diagonal of the picture. To first
+/// order this is what a camera with focal length f sees that moved by t and turned by w (Longuet-Higgins and
 /// Prazdny 1980):
+///   turn = r^2 / f (-w_y, w_x),
 ///   parallax = s (-f t_x, -f t_y, r t_z),  s the standard deviation of inverse depth,
 /// while scale, angle and shift hold what turns, the lens and the mean inverse depth move.
 struct CameraMotion : SimilarityTransform {
-  cv::Vec3d parallax;  ///< px
+  cv::Vec2d turn{};      ///< px: by how much more the corners move than the middle
+  cv::Vec3d parallax{};  ///< px
 
   bool hasParallax() const { return parallax != cv::Vec3d(); }
-  bool isIdentity() const { return SimilarityTransform::isIdentity() && !hasParallax(); }
+  bool isSimilarity() const { return turn == cv::Vec2d() && !hasParallax(); }
+  bool isIdentity() const { return SimilarityTransform::isIdentity() && isSimilarity(); }
   cv::Point2d apply(const cv::Point2d& p, double relief, const cv::Point2d& center,
                     const cv::Size& size) const;
 };

@@ -169,10 +169,9 @@ std::string BracketFusion::addRefined(int index, double focus_mm, bool may_wait)
       light_.isSudden(index, fitting(reference_)))
     return "it shows something else than the frames before";
   const Placement placement = config_.alignment ? alignment_.placement(index, reference_) : Placement();
-  CameraMotion motion{placement, {}};
-  const bool may_drift = relief_.isKnown() && placement.shift != cv::Point2d();
-  if (!is_reference && (alignment_.drifts() || may_drift)) {
-    motion = alignment_.measureDrift(reference_gray_, gray_, placement);
+  CameraMotion motion{placement};
+  if (!is_reference && (alignment_.drifts() || placement.shift != cv::Point2d())) {
+    motion = alignment_.measureMotion(reference_gray_, gray_, placement);
     reference_gray_.release();
     noteDrift(motion);
   }
@@ -198,7 +197,7 @@ void BracketFusion::setReference(int index) {
   checkLens();
   if (predicts_) prediction_.setPicture(gray_);
   lights_ = clippedLights(gray_);
-  if (relief_.isKnown()) gray_.copyTo(reference_gray_);
+  if (config_.alignment) gray_.copyTo(reference_gray_);
   resampled_ = config_.alignment && (alignment_.drifts() || alignment_.moves(reference_));
   mean_.begin(size_, noise_.deviation(),
               {config_.soft, config_.choice, !(predicts_ && focus_known_) && !resampled_});
@@ -276,8 +275,9 @@ FrameGroup BracketFusion::largestGroup() const {
 
 // The frame in the geometry of the reference.
 AlignedFrame BracketFusion::warped(AlignedFrame frame, const CameraMotion& motion) {
-  if (motion.hasParallax()) {
-    if (relief_image_.empty()) relief_image_ = reliefImage(relief_, size_);
+  if (!motion.isSimilarity()) {
+    if (relief_image_.empty())
+      relief_image_ = relief_.isKnown() ? reliefImage(relief_, size_) : cv::Mat1f(size_, 0.0f);
     const ParallaxView view = viewOf(motion, relief_image_, center_);
     cv::Mat image;
     cv::remap(frame.image, image, view.map, cv::noArray(), cv::INTER_CUBIC, cv::BORDER_REPLICATE);

@@ -124,7 +124,7 @@ class BracketFusion {
   Relief relief_;
   cv::Mat1f relief_image_;            // empty until the first frame that needs it
   double moved_mm_ = 0, turned_ = 0;  // the greatest of all frames; radians
-  cv::Mat reference_gray_;            // until a frame is measured against it; only where relief is known
+  cv::Mat reference_gray_;            // until a frame is measured against it
   BracketAlignment alignment_;
   FrameLight light_;
   ExposureMatching exposure_;
