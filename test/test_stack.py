@@ -246,11 +246,17 @@ def test_focus_of_a_video_goes_in_frame_order(tmp_path):
     ("frames: [{file: 0.png, focus_mm: -1}]", "positive"), ("frames: [{file: 0.png, focus_mm: near}]", "positive"),
     ("frames: [{file: 0.png, focus_mm: 800,314}]", "a number ends with ',314': write a decimal point"),
     ("focus_table: [{step: 0, mm: 500,5}, {step: 9, mm: 900}]", "ends with ',5'"),
-    ("frames: [{file: 0.png, focus_mm: yes}]", "positive"), ("frames: [7]", "entry 0"),
+    ("frames: [{file: 0.png, focus_mm: 800,5e1}]", "ends with ',5e1'"),
+    ("frames: [{file: 0.png, focus_mn: 800}]", "entry 0: 'focus_mn' is none of the keys file, focus_mm"),
+    ("frames: [{file: 0.png, focus_mm: 800, 314: x}]", "entry 0: '314' is none of the keys file, focus_mm"),
+    ("{frames: [], step: 2}", "'step' is none of the keys frames"),
+    ("{focus_table: [{step: 0, mm: 500}, {step: 9, mm: 900}], setp: 2}", "'setp' is none of the keys focus_table, first, step"),
+    ("focus_table: [{step: 0, mm: 500}, {step: 9, mm: 900, x: 1}]", "focus_table: entry 1: 'x' is none of the keys step, mm"),
+    ("frames: [{file: 0.png, focus_mm: yes}]", "positive"), ("frames: [7]", "entry 0: '7' is none of the keys file, focus_mm"),
     ("frames: [{file: 0.png, focus_mm: 1}, {file: 0.png, focus_mm: 2}]", "twice"), ("", "expected frames")])
 def test_bad_focus_files_are_refused(tmp_path, text, complaint):
     folder = write_stack(tmp_path / "stack", ["0.png"])
-    with pytest.raises(StackError, match=complaint) as error:
+    with pytest.raises(ValueError, match=complaint) as error:
         Stack(folder, focus_file(tmp_path, text))
     assert "focus.yaml" in str(error.value) and "\n" not in str(error.value)
     with pytest.raises(StackError, match="No such file"):

@@ -298,6 +298,12 @@ def test_truncated_video(planes, arguments):
 @pytest.mark.parametrize("text, complaint", [
     ("frames: [{file: 00.png, focus_mm: 900,5}]", "a number ends with ',5': write a decimal point"),
     ("focus_table: [{step: 0, mm: 500,25}, {step: 9, mm: 900}]", "ends with ',25'"),
+    ("frames: [{file: 00.png, focus_mm: 800,5e1}]", "ends with ',5e1'"),
+    ("frames: [{file: 00.png, focus_mn: 800}]", "entry 0: 'focus_mn' is none of the keys file, focus_mm"),
+    ("frames: [{file: 00.png, focus_mm: 800, 314: x}]", "entry 0: '314' is none of the keys file, focus_mm"),
+    ("{frames: [], step: 2}", "'step' is none of the keys frames"),
+    ("{focus_table: [{step: 0, mm: 500}, {step: 9, mm: 900}], setp: 2}", "'setp' is none of the keys focus_table, first, step"),
+    ("focus_table: [{step: 0, mm: 500}, {step: 9, mm: 900, x: 1}]", "focus_table: entry 1: 'x' is none of the keys step, mm"),
     ("frames: [{file: 00.png, focus_mm: 23}]", "not beyond the focal length"),
     ("frames: [{file: 00.png, focus_mm: 24.0}]", "not beyond the focal length"),
     ("frames: [{file: 00.png, focus_mm: 0}]", "positive"), ("frames: [{file: 00.png, focus_mm: -900}]", "positive"),

@@ -5,6 +5,7 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -26,7 +27,7 @@ void refuseDecimalCommas(const YAML::Node& node, const std::string& path, std::s
   if (!node.IsMap()) return;
   for (const auto& entry : node) {
     const std::string& key = entry.first.Scalar();
-    if (entry.second.IsNull() && !key.empty() && key.find_first_not_of("0123456789") == std::string::npos)
+    if (entry.second.IsNull() && key.find_first_of("0123456789") == 0)
       fail(path, "a number ends with '," + key + "': write a decimal point");
     refuseDecimalCommas(entry.second, path, seen);
   }
@@ -52,6 +53,18 @@ T get(const YAML::Node& node, const std::string& key, const std::string& path) {
     return node[key].as<T>();
   } catch (const YAML::Exception&) {
     fail(path, "key '" + key + "' is of the wrong type");
+  }
+}
+
+// Fails for a key that is not known: nobody would read it.
+void requireKeys(const YAML::Node& node, const std::vector<std::string>& known, const std::string& where) {
+  if (!node.IsMap()) return;
+  for (const auto& entry : node) {
+    const std::string& key = entry.first.Scalar();
+    if (std::find(known.begin(), known.end(), key) != known.end()) continue;
+    std::string keys = known[0];
+    for (std::size_t i = 1; i < known.size(); ++i) keys += ", " + known[i];
+    fail(where, "'" + key + "' is none of the keys " + keys);
   }
 }
 
@@ -128,12 +141,15 @@ void requireColorAsParent(const YAML::Node& pose, const std::string& folder, con
 
 // What files/focus_table.py does: dioptres are interpolated, beyond the table they are unknown.
 std::vector<double> focusOfTable(const YAML::Node& file, const std::string& path, int count) {
+  requireKeys(file, {"focus_table", "first", "step", "home"}, path);
   const int first = file["first"] ? get<int>(file, "first", path) : 0;
   const int step = file["step"] ? get<int>(file, "step", path) : 1;
   const YAML::Node table = get<YAML::Node>(file, "focus_table", path);
   if (!table.IsSequence()) fail(path, "key 'focus_table' must be a list");
   std::map<int, double> dioptres;  // by lens step
-  for (const YAML::Node& row : table) {
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    const YAML::Node row = table[i];
+    requireKeys(row, {"step", "mm"}, path + ": focus_table: entry " + std::to_string(i));
     const double focus = get<double>(row, "mm", path);
     if (!(focus > 0)) fail(path, cv::format("mm must be positive, not %g", focus));
     dioptres[get<int>(row, "step", path)] = 1 / focus;
@@ -212,10 +228,13 @@ std::vector<double> readFocus(const std::string& path, const std::vector<std::st
   if (file.IsMap() && file["focus_table"]) return focusOfTable(file, path, count);
   const YAML::Node frames = get<YAML::Node>(file, "frames", path);
   if (!frames.IsSequence()) fail(path, "key 'frames' must be a list");
+  requireKeys(file, {"frames"}, path);
   const double unknown = std::numeric_limits<double>::quiet_NaN();
   std::vector<double> in_order;
   std::map<std::string, double> by_name;
-  for (const YAML::Node& frame : frames) {
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const YAML::Node frame = frames[i];
+    requireKeys(frame, {"file", "focus_mm"}, path + ": entry " + std::to_string(i));
     const bool none = frame.IsMap() && frame["focus_mm"] && frame["focus_mm"].IsNull();
     const double focus = none ? unknown : get<double>(frame, "focus_mm", path);
     if (!(focus > 0) && !std::isnan(focus))

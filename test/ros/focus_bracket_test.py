@@ -230,7 +230,7 @@ class FocusBracketTest(CameraTest):
 
     def test_wrong_parameters_end_in_one_line(self):
         self.assert_all_refused(HERE / "fake_bracket_camera.py", [
-            ({"focus_table": "[1]"}, "focus_table: expected"),
+            ({"focus_table": "[1]"}, "focus_table: entry 0: '1' is none of the keys step, mm"),
             ({"diagnostic_period": 0}, "~diagnostic_period: expected a number of at least 0.01, not '0'")])
 
     def test_without_a_camera_the_real_node_waits(self):

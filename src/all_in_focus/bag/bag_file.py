@@ -47,8 +47,7 @@ def save_topics(path, topics):
     yaml_file.write(path, {f"{kind}_topic": name for kind, name in topics.items()})
 
 
-TYPES = {"depth": Image, "depth_info": CameraInfo, "rgb": Image, "rgb_info": CameraInfo, "focus": FocusFrame,
-         "optics": Optics}
+TYPES = {"depth": Image, "depth_info": CameraInfo, "rgb": Image, "rgb_info": CameraInfo, "focus": FocusFrame, "optics": Optics}
 REQUIRED = {"depth": "depth image", "depth_info": "camera info of the depth camera", "rgb": "colour image",
             "rgb_info": "camera info of the colour camera"}
 # What rosbag raises for damaged files; some of it comes from its decompressors.

@@ -52,8 +52,7 @@ def _fill(bag, depth, rig, stack, rate, with_focus):
         bag.write("/rgb/camera_info", camera_info(rig.color, header), stamp)
         if with_focus:
             bag.write("/rgb/focus", FocusFrame(header=header, bracket_id=0, index=index, count=len(stack),
-                                               last=index + 1 == len(stack),
-                                               focus_distance=stack.distances[index]), stamp)
+                                               last=index + 1 == len(stack), focus_distance=stack.distances[index]), stamp)
         bag.write("/rgb/image", color_message(frame, header), stamp)
 
 

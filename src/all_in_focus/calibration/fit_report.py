@@ -56,9 +56,7 @@ def record(fit, rig, names, board, offset, warnings):
     position, rotation, mapping = fit.deviations
     angles = Rotation.from_quat(rig.quaternion).as_euler("xyz", degrees=True)
     data = {
-        "version": VERSION,
-        "board": str(board),
-        "square_mm": round(1000 * board.square, 6),
+        "version": VERSION, "board": str(board), "square_mm": round(1000 * board.square, 6),
         "ir_offset_px": _plain(offset),
         "pairs": pairs,
         "depth": _camera_record(fit.depth, rig.depth),

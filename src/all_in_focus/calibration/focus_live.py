@@ -68,8 +68,7 @@ def shoot(timeout):
         rospy.logwarn("the lens counts its steps from where it stood at the start: start robot.launch with home:=near, so "
                       "that the table holds the next time, too")
     return (sharpness, dioptres_of_registered(depth_mm(depth), sharpness.grid()), home,
-            int(rospy.get_param(f"{CAMERA}/first", 0)) if asked else 0,
-            int(rospy.get_param(f"{CAMERA}/step", 1)) if asked else 1)
+            int(rospy.get_param(f"{CAMERA}/first", 0)) if asked else 0, int(rospy.get_param(f"{CAMERA}/step", 1)) if asked else 1)
 
 
 def _ask_for_bracket(tell):

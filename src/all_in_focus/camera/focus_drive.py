@@ -30,8 +30,7 @@ class FocusDrive:
         self.maker, self.size = maker, size or maker.typical
         smallest, greatest = maker.sizes
         if not smallest <= self.size <= greatest:
-            raise CameraError(BAD_PARAMETERS, f"step_size {self.size}",
-                              f"{maker.name} cameras take {smallest} to {greatest}")
+            raise CameraError(BAD_PARAMETERS, f"step_size {self.size}", f"{maker.name} cameras take {smallest} to {greatest}")
         self.position = 0
         self._camera = camera
         self._settle = settle_s if settle_s >= 0 else maker.settle_s

@@ -6,8 +6,7 @@ import posixpath
 
 import gphoto2 as gp
 
-from all_in_focus.camera.interface import (BAD_PARAMETERS, IO, MODEL_NOT_FOUND, NOT_SUPPORTED, UNKNOWN_PORT, CameraError,
-                                           Widget)
+from all_in_focus.camera.interface import (BAD_PARAMETERS, IO, MODEL_NOT_FOUND, NOT_SUPPORTED, UNKNOWN_PORT, CameraError, Widget)
 
 _CHOICES = (gp.GP_WIDGET_RADIO, gp.GP_WIDGET_MENU)
 # Since version 2.5, python-gphoto2 wants a file to write into before the context, and makes one where it is None.

@@ -44,8 +44,7 @@ class Session:
             if self._maker != maker:
                 settings = self._settings
                 self._drive = FocusDrive(self._camera, maker, settings.step_size, settings.settle)
-                self._hold = SettingsHold(self._camera, maker.holds, self._warnings.append, settings.white_balance,
-                                          settings.iso)
+                self._hold = SettingsHold(self._camera, maker.holds, self._warnings.append, settings.white_balance, settings.iso)
                 self._maker = maker
             home = self._settings.home or (NEAR if self.scale else CURRENT)
             if home != CURRENT:

@@ -22,6 +22,8 @@ class FocusTable:
         """table: [{step: 0, mm: 500}, {step: 12, mm: .inf}, ...], two entries or more; the distances must grow with the
         steps throughout, or fall throughout. Raises ValueError, which begins with `where`."""
         self.table, self.first, self.step = table, first, step
+        for number, row in enumerate(table if isinstance(table, list) else ()):
+            yaml_file.require_keys(row, ("step", "mm"), f"{where}focus_table: entry {number}")
         try:
             rows = sorted((row["step"], float(row["mm"])) for row in table)
             if not all(type(step) is int for step, _ in rows):
@@ -41,6 +43,7 @@ class FocusTable:
         """From the content of the YAML file `path`; None where it holds no table. ValueError."""
         if not isinstance(data, dict) or "focus_table" not in data:
             return None
+        yaml_file.require_keys(data, ("focus_table", "first", "step", "home"), path)
         first, step = data.get("first", 0), data.get("step", 1)
         for name, value in (("first", first), ("step", step)):
             if type(value) is not int:

@@ -233,11 +233,11 @@ def _focus_file(path):
     entries = data.get("frames") if isinstance(data, dict) else None
     if not isinstance(entries, list):
         raise StackError(f"{path}: expected frames: [{{file: 00.png, focus_mm: 855.0}}, ...]")
+    yaml_file.require_keys(data, ("frames",), path)
     found = []
     for number, entry in enumerate(entries):
         where = f"{path}: entry {number}"
-        if not isinstance(entry, dict):
-            raise StackError(f"{where}: expected {{file: NAME, focus_mm: NUMBER}}")
+        yaml_file.require_keys(entry, ("file", "focus_mm"), where)
         value = math.nan if entry.get("focus_mm") is None else entry["focus_mm"]
         if type(value) not in (int, float) or value <= 0:
             raise StackError(f"{where}: focus_mm: expected a positive number, not '{value}'")

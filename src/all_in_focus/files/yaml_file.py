@@ -15,13 +15,20 @@ def read(path, failure, loader=yaml.SafeLoader):
         require_regular(path)
         text = Path(path).read_text(encoding="utf-8")
         values = [getattr(event, "value", "none") for event in yaml.parse(text)]  # an alias is one event, whatever it holds
-        if cut := [key for key, value in zip(values, values[1:]) if key.isdecimal() and not value]:  # {focus_mm: 800,5}
+        if cut := [key for key, value in zip(values, values[1:]) if key[:1].isdigit() and not value]:  # {focus_mm: 800,5}
             raise ValueError(f"a number ends with ',{cut[0]}': write a decimal point")
         return yaml.load(text, Loader=loader)
     except OSError as error:
         raise failure(f"{path}: {error.strerror}")
     except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
         raise failure(f"{path}: not valid YAML: {' '.join(str(error).split())}")
+
+
+def require_keys(data, known, where):
+    """ValueError, which begins with `where`, for what is no mapping, and for a key that is not known: nobody would read it."""
+    wrong = [key for key in data if key not in known] if isinstance(data, dict) else [data]
+    if wrong:
+        raise ValueError(f"{where}: '{wrong[0]}' is none of the keys {', '.join(known)}")
 
 
 def write(path, data, comment=""):

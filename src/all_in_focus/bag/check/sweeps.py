@@ -83,8 +83,7 @@ def check_focus_steps(check, brackets, optics, depth):
                       "alone (a table of steps gives them: see docs/dslr.md)")
         return
     near, far = min(low for low, _ in ranges), max(high for _, high in ranges)
-    check.ok(f"focused from {near / 1000:.4g} to {far / 1000:.4g} m{'' if optics else '; the lens is not known'}",
-             len(brackets))
+    check.ok(f"focused from {near / 1000:.4g} to {far / 1000:.4g} m{'' if optics else '; the lens is not known'}", len(brackets))
 
 
 def _problems(distances, known, optics, depth):
