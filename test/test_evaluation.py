@@ -21,7 +21,8 @@ from all_in_focus.files.output_file import encode_png
 from all_in_focus.files.output_folder import MARK
 from all_in_focus.replay.evaluation import conclude
 from all_in_focus.replay.results import ResultFolder, encode_labels, to_plain
-from file_helpers import call
+import bag_helpers
+from file_helpers import call, file_limit, run_script
 from tool_helpers import expect_refusal
 
 
@@ -209,6 +210,13 @@ def test_evaluate_bag_refuses_bad_input_in_one_line(tmp_path):
         done = call("evaluate_bag", "--bag", tmp_path / bag_name, "--output", tmp_path / "out", *more)
         expect_refusal(done, "evaluate_bag", complaint)
     assert not (tmp_path / "out").exists()
+
+
+def test_evaluate_bag_says_that_there_is_no_room_for_what_nodes_print(tmp_path):
+    bag_helpers.write(tmp_path / "x.bag", bag_helpers.good_messages())
+    done = run_script("evaluate_bag", "--bag", tmp_path / "x.bag", "--output", tmp_path / "out", restore_signals=False,
+                      preexec_fn=file_limit(512))
+    expect_refusal(done, "evaluate_bag", "/room: File too large")
 
 
 def test_acknowledgements():

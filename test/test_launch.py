@@ -193,6 +193,15 @@ def test_everything_started_is_ended(nodes, master):
     assert ended(launch)
 
 
+def test_after_an_error_nobody_waits_for_nodes(nodes, monkeypatch):
+    monkeypatch.setattr("all_in_focus.replay.launch.SHUTDOWN", 600)
+    nodes.add("stubborn", STUBBORN + FOREVER)
+    with pytest.raises(KeyboardInterrupt), nodes.launch(grace=(600, 600)):
+        pid = nodes.pid("stubborn")
+        raise KeyboardInterrupt
+    assert wait_until(lambda: not is_alive(pid))
+
+
 def test_nothing_stays_where_roslaunch_is_killed(nodes, master):
     nodes.add("stubborn", STUBBORN + FOREVER)
     with nodes.launch() as launch:

@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 
 GRACE = (5, 3)  # s between SIGINT, SIGTERM and SIGKILL to a node that does not end
-SHUTDOWN = sum(GRACE) + 6  # s; what is left then is killed: less than command_line.LONGEST_END
+SHUTDOWN, AT_ONCE = sum(GRACE) + 6, 2  # s; what is left then, after an error AT_ONCE, is killed: below command_line.LONGEST_END
 # What roslaunch prints
 COLOUR_OR_TITLE = re.compile(r"\x1b(?:\[[0-9;]*m|\][^\x07]*\x07)")
 DEATH = re.compile(r"\[(\S+?)(?:-\d+)?\](?: has died!\n| )process has (?:died \[pid \d+, exit code (-?\d+),|finished cleanly)")
@@ -71,10 +71,10 @@ class Launch(AbstractContextManager):
         reasons += [*(ended if (code or 0) < 0 else []), *(reason for _, reason in deaths), *ended]
         return reasons[0] if reasons else None
 
-    def close(self):
+    def close(self, patience=SHUTDOWN):
         self._process.send_signal(signal.SIGINT)
         try:
-            self._process.wait(SHUTDOWN)
+            self._process.wait(patience)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
@@ -86,8 +86,8 @@ class Launch(AbstractContextManager):
         for file in self._printed:
             file.close()
 
-    def __exit__(self, *_):
-        self.close()
+    def __exit__(self, error, *_):
+        self.close(AT_ONCE if error else SHUTDOWN)  # a roslaunch that is starting a node may wait for itself, as after Ctrl-C
 
 
 def _ended(process, code, before=""):
