@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sensor_msgs/image_encodings.h>
 
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <boost/weak_ptr.hpp>
 #include <chrono>
@@ -342,17 +343,34 @@ TEST_F(SceneCacheTest, WhatAnAnnouncedFrameNeedsStaysWhateverComesLater) {
     EXPECT_EQ(each->header.stamp, ros::Time(10 + 15 / 30.0));
 }
 
-TEST_F(SceneCacheTest, NothingIsKeptForABracketThatWasDropped) {
-  const boost::weak_ptr<const sensor_msgs::Image> depth = [this] {
-    const auto kept = image(10);
-    cache_.addDepth(kept);
-    return kept;
-  }();
+// They were announced, or dropped.
+TEST_F(SceneCacheTest, BracketsThatNeverComeKeepLittle) {
+  const std::size_t bytes = std::size_t{4416} * 1242 * 2;  // 11 MB
+  std::vector<boost::weak_ptr<const sensor_msgs::Image>> all;
+  for (int i = 0; i < 60; ++i) {
+    const auto large = boost::make_shared<sensor_msgs::Image>(*image(10 + i));
+    large->data.resize(bytes);
+    cache_.addDepth(large);
+    cache_.pin(ros::Time(10 + i));
+    if (i == 0) cache_.await(ros::Time(10), 0);  // this one is fused meanwhile
+    all.emplace_back(large);
+  }
+  const auto kept = std::count_if(all.begin(), all.end(), [](const auto& depth) { return !depth.expired(); });
+  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / bytes));  // with those that are not pinned
+  EXPECT_TRUE(cache_.current(ros::Time(10)).depth);
+  EXPECT_TRUE(cache_.current(ros::Time(69)).depth);
+}
+
+// As in a bag of one bracket that is played in a loop.
+TEST_F(SceneCacheTest, TheSceneOfTheNextBracketWithTheSameFirstFrameStays) {
+  cache_.addDepth(image(10));
   cache_.pin(ros::Time(10));
-  for (int i = 11; i < 100; ++i) cache_.addDepth(image(i));
-  EXPECT_FALSE(depth.expired());
-  cache_.unpin(ros::Time(10));
-  EXPECT_TRUE(depth.expired());
+  EXPECT_TRUE(cache_.await(ros::Time(10), 0).depth);
+  cache_.pin(ros::Time(10));
+  cache_.release(ros::Time(10));
+  for (int i = 0; i < 1000; ++i) cache_.addDepth(image(20 + i));
+  EXPECT_TRUE(found(10).depth);
+  EXPECT_FALSE(found(10).depth) << "was released";
 }
 
 TEST_F(SceneCacheTest, FramesThatNobodyAnnouncedMayBeLate) {

@@ -115,7 +115,6 @@ void FusionWorker::dropWholeBrackets(std::size_t most) {
     next = std::find_if(std::next(first), tasks_.end(), begins);
     if (next == tasks_.end()) return;
     std::for_each(first, next, [this](Task& task) { drop(task); });
-    scenes_.unpin(first->step.frame.header.stamp);  // a scene takes as much memory as two or three frames
   }
 }
 

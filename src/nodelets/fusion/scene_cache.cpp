@@ -21,7 +21,7 @@ namespace all_in_focus {
 namespace {
 
 constexpr std::size_t kMaxCached = 64;                   // stamps
-constexpr std::size_t kMaxBytes = kMaxWaitingBytes / 2;  // of all scenes that are not pinned
+constexpr std::size_t kMaxBytes = kMaxWaitingBytes / 2;  // of all pinned scenes, and of all others
 constexpr std::size_t kMaxPinned = 64;                   // brackets
 constexpr double kTolerance = 1;  // s that a stamp may be ahead of the clock, or older than the one before
 constexpr double kAssumedLatency = 30;  // s that frames may be late, before the first one came
@@ -123,12 +123,7 @@ void SceneCache::pin(const ros::Time& first_frame) {
   updatePinned();
   if (is_new && !entries_.empty())
     longest_latency_s_ = std::max(longest_latency_s_, secondsBetween(first_frame, entries_.rbegin()->first));
-  if (pinned_.size() > kMaxPinned) pinned_.erase(pinned_.begin());
-}
-
-void SceneCache::unpin(const ros::Time& first_frame) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  pinned_.erase(first_frame);
+  makeRoom();
 }
 
 // A pinned scene outlives its entry.
@@ -142,6 +137,16 @@ void SceneCache::updatePinned() {
 }
 
 void SceneCache::makeRoom() {
+  std::size_t pinned_bytes = 0;
+  for (const auto& [frame, pinned] : pinned_) pinned_bytes += bytesOf(pinned.scene);
+  while (pinned_.size() > kMaxPinned || (pinned_bytes > kMaxBytes && pinned_.size() > kFewestWaiting)) {
+    // The oldest one, whose bracket was dropped or never came, but not that of the bracket at work.
+    const auto dispensable =
+        std::min_element(pinned_.begin(), pinned_.end(),
+                         [](const auto& a, const auto& b) { return a.second.chosen < b.second.chosen; });
+    pinned_bytes -= bytesOf(dispensable->second.scene);
+    pinned_.erase(dispensable);
+  }
   const auto are_too_large = [this] {
     std::size_t bytes = 0;
     for (const auto& [stamp, entry] : entries_) bytes += bytesOf(entry);
@@ -267,10 +272,13 @@ SceneMessages SceneCache::current(const ros::Time& first_frame) const {
   return sceneOf(first_frame);
 }
 
-// Brackets of older frames were announced, but never came.
+// Brackets of older frames were announced, but never came. Where none is chosen, another bracket waits that
+// has the same first frame, as in a bag that is played in a loop.
 void SceneCache::release(const ros::Time& first_frame) {
   std::lock_guard<std::mutex> lock(mutex_);
-  pinned_.erase(pinned_.begin(), pinned_.upper_bound(first_frame));
+  const auto own = pinned_.lower_bound(first_frame);
+  const bool has_ended = own != pinned_.end() && own->first == first_frame && own->second.chosen;
+  pinned_.erase(pinned_.begin(), has_ended ? std::next(own) : own);
 }
 
 std::string SceneCache::whyNone(const ros::Time& frame) const {

@@ -38,9 +38,11 @@ constexpr std::size_t kSceneTopics = 5;
 /// The scene of a bracket is that of the newest depth at or before its first frame; in mode paper that of the
 /// newest labels. What has the same stamp belongs to it. Camera and lens are the newest ones.
 ///
-/// Scenes are limited in number and bytes. At the limit the labels of older ones go first, unless they choose
-/// the scene: only a report needs them. Then, of the older scenes, those go whose neighbours are nearest in
-/// time, so that the whole time that a frame may be late stays covered. All methods are thread-safe.
+/// Scenes are limited in number and bytes, and so are those that are kept for brackets: at the limit the
+/// oldest of these go, whose bracket was dropped or never came. Of the others the labels of older ones go
+/// first, unless they choose the scene: only a report needs them. Then, of the older scenes, those go whose
+/// neighbours are nearest in time, so that the whole time that a frame may be late stays covered. All methods
+/// are thread-safe.
 class SceneCache {
  public:
   void addDepth(const sensor_msgs::ImageConstPtr& depth);
@@ -59,8 +61,6 @@ class SceneCache {
   /// Call when a bracket begins or is announced: its scene is kept, whatever comes later, until release().
   /// How much later than its first frame that is tells how long scenes are kept.
   void pin(const ros::Time& first_frame);
-  /// Call when that bracket will not be fused.
-  void unpin(const ros::Time& first_frame);
 
   /// Call when time went back to `now`: drops what is newer. Pinned scenes stay.
   void forgetAfter(const ros::Time& now);
