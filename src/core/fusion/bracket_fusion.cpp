@@ -19,6 +19,7 @@
 #include "fusion/clipped_lights.hpp"
 #include "fusion/region_summary.hpp"
 #include "util/row_strips.hpp"
+#include "util/simd.hpp"
 #include "util/transparency.hpp"
 
 namespace all_in_focus::core {
@@ -51,6 +52,11 @@ constexpr float kNothing = 1e-6f;
 // The factor by which a gain changes the contrast of middle gray.
 double contrastGain(double gain) {
   return (codeWithGain(192, gain) - codeWithGain(64, gain)) / 128;
+}
+
+ALL_IN_FOCUS_SIMD void weigh(const std::uint8_t* level, const float* of_level, int n,
+                             float* __restrict sharpness) {
+  for (int i = 0; i < n; ++i) sharpness[i] *= of_level[level[i]];
 }
 
 }  // namespace
@@ -346,8 +352,7 @@ void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
     std::vector<float> parts(fade_x.size());
     for (int y = block.start; y < block.end; ++y) {
       float* row = sharpness[y - block.start];
-      for (int x = 0; prefers_dark && x < size_.width; ++x)
-        row[x] *= penalty.of_level[penalty.level.at<std::uint8_t>(y, x)];
+      if (prefers_dark) weigh(penalty.level.ptr(y), penalty.of_level.data(), size_.width, row);
       for (int x = 0; !frame.opaque.empty() && x < size_.width; ++x)
         row[x] *= frame.opaque.at<std::uint8_t>(y, x) != 0 ? 1 : kNothing;
       EvidenceRow evidence{row};

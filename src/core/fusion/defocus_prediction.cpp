@@ -39,6 +39,16 @@ constexpr int kSlabs = 8;  // of inverse depth (16: plain_35mm +0.05 dB)
 // slope -0.16 dB).
 constexpr std::size_t kFirstBehind = 3;
 
+// The squared error of a textured picture by its blur; 0 where depth is unknown.
+ALL_IN_FOCUS_SIMD void blurError(const float* inverse_depth, FrameBlur blur, std::size_t n,
+                                 float* __restrict squared_error) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const float b = 2 * blur.radius(inverse_depth[i]);
+    const float error = kPrediction.laplacian * std::min(b * b / 32, kPrediction.most_laplacians);
+    squared_error[i] = inverse_depth[i] == 0 ? 0 : error * error;
+  }
+}
+
 // Scales squared_error from that of a textured picture to that of one with the modified Laplacian l, a mean
 // over a window, and one that noise hides.
 ALL_IN_FOCUS_SIMD void weigh(const float* l, float hidden, std::size_t n, float* squared_error) {
@@ -130,13 +140,9 @@ void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
   const double unit_mm = pixel_pitch_mm_ * std::pow(2.0, static_cast<double>(texture_level_) - 1);
   const FrameBlur blur = frameBlur(optics_, unit_mm, 1 / focus_mm);
   error_.create(inverse_depth_.size());
-  std::transform(inverse_depth_.begin(), inverse_depth_.end(), error_.begin(), [&](float inverse_depth) {
-    if (inverse_depth == 0) return 0.0f;
-    if (std::isnan(focus_mm)) return kPrediction.unknown_focus_error * kPrediction.unknown_focus_error;
-    const float b = 2 * blur.radius(inverse_depth);
-    const float error = kPrediction.laplacian * std::min(b * b / 32, kPrediction.most_laplacians);
-    return error * error;
-  });
+  blurError(inverse_depth_[0], blur, error_.total(), error_[0]);
+  if (std::isnan(focus_mm))
+    error_.setTo(kPrediction.unknown_focus_error * kPrediction.unknown_focus_error, inverse_depth_ > 0);
   cv::GaussianBlur(error_, squared_error, cv::Size(), edge_error_px_);
   cv::add(squared_error, constant_, squared_error);
   // The mean over known depth. Where there is none, all frames get 0 alike.

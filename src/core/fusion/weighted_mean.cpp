@@ -77,21 +77,15 @@ ALL_IN_FOCUS_SIMD bool isWhole(const float* part, int n) {
 // the frame, then as much as later frames are to be compared with.
 void fade(const float* part, const float* before, int n, float* sum, float* share) {
   constexpr float kLeast = 1e-8f;
-  for (int i = 0; i < n; ++i) {
-    if (part[i] == 1) continue;
-    if (before[i] > 0) share[i] *= part[i];
-    sum[i] *= std::pow(std::max(before[i] / (sum[i] + kNoWeight), kLeast), 1 - part[i]);
-  }
-}
-
-// Reads codes as those of 16 bits, by a LUT or, where that is empty, as they are.
-template <typename Code>
-void decode(const Code* codes, const std::vector<float>& lut, int n, float* values) {
-  constexpr float kUnit = sizeof(Code) == 1 ? static_cast<float>(kDeepPerCode) : 1;
-  if (lut.empty()) {
-    for (int i = 0; i < n; ++i) values[i] = kUnit * codes[i];
-  } else {
-    for (int i = 0; i < n; ++i) values[i] = lut[codes[i]];
+  constexpr int kPiece = 64;  // most are whole
+  for (int begin = 0; begin < n; begin += kPiece) {
+    const int end = std::min(begin + kPiece, n);
+    if (isWhole(part + begin, end - begin)) continue;
+    for (int i = begin; i < end; ++i) {
+      if (part[i] == 1) continue;
+      if (before[i] > 0) share[i] *= part[i];
+      sum[i] *= std::pow(std::max(before[i] / (sum[i] + kNoWeight), kLeast), 1 - part[i]);
+    }
   }
 }
 
@@ -99,13 +93,39 @@ ALL_IN_FOCUS_SIMD void threeTimes(const float* values, int n, float* __restrict 
   for (int i = 0; i < n; ++i) out[3 * i] = out[3 * i + 1] = out[3 * i + 2] = values[i];
 }
 
-// Moves the mean towards the values by their shares.
-ALL_IN_FOCUS_SIMD void moveTowards(const float* values, const float* shares, int n,
-                                   std::uint16_t* __restrict mean) {
+// Moves the mean towards the values by their shares. unit: of a value, in codes of 16 bits.
+template <typename Value>
+inline void move(const Value* values, float unit, const float* shares, int n, std::uint16_t* __restrict mean) {
   for (int i = 0; i < n; ++i) {
     const auto now = static_cast<float>(mean[i]);
-    mean[i] = static_cast<std::uint16_t>(static_cast<int>(now + shares[i] * (values[i] - now) + 0.5f));
+    const float next = now + shares[i] * (unit * static_cast<float>(values[i]) - now);
+    mean[i] = static_cast<std::uint16_t>(static_cast<int>(next + 0.5f));
   }
+}
+
+ALL_IN_FOCUS_SIMD void moveTowards(const std::uint8_t* codes, const float* shares, int n,
+                                   std::uint16_t* __restrict mean) {
+  move(codes, static_cast<float>(kDeepPerCode), shares, n, mean);
+}
+
+ALL_IN_FOCUS_SIMD void moveTowards(const std::uint16_t* codes, const float* shares, int n,
+                                   std::uint16_t* __restrict mean) {
+  move(codes, 1, shares, n, mean);
+}
+
+ALL_IN_FOCUS_SIMD void moveTowards(const float* values, const float* shares, int n,
+                                   std::uint16_t* __restrict mean) {
+  move(values, 1, shares, n, mean);
+}
+
+// lut: see WeightedMean::beginFrame().
+template <typename Code>
+void moveTowards(const Code* codes, const std::vector<float>& lut, const float* shares, int n,
+                 std::uint16_t* mean) {
+  if (lut.empty()) return moveTowards(codes, shares, n, mean);
+  std::array<float, 3 * kSpan> values;
+  for (int i = 0; i < n; ++i) values[i] = lut[codes[i]];
+  moveTowards(values.data(), shares, n, mean);
 }
 
 ALL_IN_FOCUS_SIMD void keepHeavier(const float* keep, const float* weight, std::uint16_t index, int n,
@@ -157,7 +177,7 @@ void WeightedMean::beginFrame(int index, std::vector<float> lut) {
 
 void WeightedMean::addRow(int y, const cv::Range& columns, const cv::Mat& frame,
                           const EvidenceRow& evidence) {
-  constexpr std::array<float, kSpan> kNoError{};
+  static constexpr std::array<float, kSpan> kNoError{};
   for (int x = columns.start; x < columns.end; x += kSpan) {
     const int n = std::min(kSpan, columns.end - x);
     std::array<float, kSpan> keep, weight, before, share;
@@ -165,21 +185,20 @@ void WeightedMean::addRow(int y, const cv::Range& columns, const cv::Mat& frame,
     addWeights(evidence.sharpness + x, evidence.squared_error ? evidence.squared_error + x : kNoError.data(),
                error_floor_, steep_, n, sharpest_.ptr<float>(y) + x, sum, keep.data(), weight.data(),
                before.data(), share.data());
-    if (evidence.part && !isWhole(evidence.part + x, n))
-      fade(evidence.part + x, before.data(), n, sum, share.data());
+    if (evidence.part) fade(evidence.part + x, before.data(), n, sum, share.data());
     if (choice_) {
       auto* source = source_index_.ptr<std::uint16_t>(y) + x;
       keepHeavier(keep.data(), weight.data(), index_, n, most_.ptr<float>(y) + x, source);
       for (int i = 0; i < n && !soft_; ++i) share[i] = source[i] == index_ ? 1 : 0;
     }
-    std::array<float, 3 * kSpan> values, shares;
-    if (frame.depth() == CV_16U) {
-      decode(frame.ptr<std::uint16_t>(y) + 3 * x, lut_, 3 * n, values.data());
-    } else {
-      decode(frame.ptr<std::uint8_t>(y) + 3 * x, lut_, 3 * n, values.data());
-    }
+    std::array<float, 3 * kSpan> shares;
     threeTimes(share.data(), n, shares.data());
-    moveTowards(values.data(), shares.data(), 3 * n, mean_.ptr<std::uint16_t>(y) + 3 * x);
+    auto* mean = mean_.ptr<std::uint16_t>(y) + 3 * x;
+    if (frame.depth() == CV_16U) {
+      moveTowards(frame.ptr<std::uint16_t>(y) + 3 * x, lut_, shares.data(), 3 * n, mean);
+    } else {
+      moveTowards(frame.ptr<std::uint8_t>(y) + 3 * x, lut_, shares.data(), 3 * n, mean);
+    }
   }
 }
 
