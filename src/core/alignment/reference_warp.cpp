@@ -63,6 +63,14 @@ inline int product(Fixed value, Fixed weight) {
   return (value * weight) >> 16;
 }
 
+ALL_IN_FOCUS_SIMD void read(const std::uint8_t* codes, int n, Fixed* __restrict values) {
+  for (int i = 0; i < n; ++i) values[i] = static_cast<Fixed>(codes[i] << kInputBits);
+}
+
+ALL_IN_FOCUS_SIMD void read(const std::uint16_t* codes, int n, float* __restrict values) {
+  for (int i = 0; i < n; ++i) values[i] = codes[i];
+}
+
 // Every value has weights of its own: w[i], w[stride + i], ...
 template <typename Value>
 inline auto sumAlong(const Value* from, const Value* w, int stride, int i) {
@@ -166,7 +174,6 @@ void readAlong(const Value* values, const RowTaps<Value>& taps, const cv::Range&
 // begin, scale: the pixel (x, y) of the result lies at begin + scale (x, y) of the frame.
 template <typename Code, typename Value>
 void warp(const cv::Mat& frame, const cv::Point2d& begin, double scale, cv::Mat& out) {
-  constexpr int kUnit = std::is_same_v<Value, Fixed> ? 1 << kInputBits : 1;  // of a code
   const RowTaps<Value> columns = rowTaps<Value>(begin.x, scale, frame.cols);
   const auto tapAtRow = [&](int y) { return tapAt<Value>(begin.y + scale * y, frame.rows); };
   forEachBlock({0, frame.rows}, [&](const cv::Range& rows) {
@@ -177,14 +184,14 @@ void warp(const cv::Mat& frame, const cv::Point2d& begin, double scale, cv::Mat&
     cv::Mat_<Value> along(to - from + 1, kChannels * kTileColumns);
     for (int x = 0; x < frame.cols; x += kTileColumns) {
       const cv::Range tile(x, std::min(x + kTileColumns, frame.cols));
-      const cv::Range read(columns.first[tile.start], columns.first[tile.end - 1] + kTaps),
-          inside = read & cv::Range(0, frame.cols);
-      values.resize(static_cast<std::size_t>(kChannels) * read.size());
-      const auto first = values.begin() + kChannels * (inside.start - read.start);
+      const cv::Range reach(columns.first[tile.start], columns.first[tile.end - 1] + kTaps),
+          inside = reach & cv::Range(0, frame.cols);
+      values.resize(static_cast<std::size_t>(kChannels) * reach.size());
+      const auto first = values.begin() + kChannels * (inside.start - reach.start);
       for (int v = from; v <= to; ++v) {
         const Code* codes = frame.ptr<Code>(v) + kChannels * inside.start;
-        auto after = std::transform(codes, codes + kChannels * inside.size(), first,
-                                    [](Code code) { return static_cast<Value>(kUnit * code); });
+        read(codes, kChannels * inside.size(), &*first);
+        auto after = first + kChannels * inside.size();
         for (auto before = first; before != values.begin(); --before) before[-1] = before[kChannels - 1];
         for (; after != values.end(); ++after) *after = after[-kChannels];
         readAlong(values.data(), columns, tile, along[v - from]);

@@ -29,17 +29,25 @@ constexpr struct ExposureParameters {
   double noticeable = 0.002;  // a quarter of a code
 } kExposure{};
 
+// Of the codes; clipped ones have so much that their block counts as too bright.
+const cv::Mat& lights() {
+  static const cv::Mat lights = [] {
+    cv::Mat1f of_code(1, 256, 1e6f);
+    for (int code = 0; code < kExposure.clipped; ++code) of_code(code) = LightCurve::srgb().light(code);
+    return of_code;
+  }();
+  return lights;
+}
+
 }  // namespace
 
 ExposureMatching::Blocks ExposureMatching::blocksOf(const cv::Mat& gray) {
   Blocks blocks;
   const cv::Size grid = gray.size() / std::max(gray.cols / kExposure.columns, kExposure.samples);
   if (grid.empty()) return blocks;
-  cv::Mat samples, squares;
+  cv::Mat samples, light, squares;
   cv::resize(gray, samples, grid * kExposure.samples, 0, 0, cv::INTER_NEAREST);
-  cv::Mat light = linearLight(samples, LightCurve::srgb());
-  // So much light that their block counts as too bright.
-  light.setTo(1e6, samples >= kExposure.clipped);
+  cv::LUT(samples, lights(), light);
   cv::resize(light.mul(light), squares, grid, 0, 0, cv::INTER_AREA);
   cv::resize(light, blocks.light, grid, 0, 0, cv::INTER_AREA);
   const cv::Mat1f contrast(squares / blocks.light.mul(blocks.light) - 1);
