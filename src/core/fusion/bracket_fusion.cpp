@@ -54,6 +54,10 @@ double contrastGain(double gain) {
   return (codeWithGain(192, gain) - codeWithGain(64, gain)) / 128;
 }
 
+ALL_IN_FOCUS_SIMD void blend(const float* a, const float* b, float part, int n, float* __restrict out) {
+  for (int i = 0; i < n; ++i) out[i] = (1 - part) * a[i] + part * b[i];
+}
+
 ALL_IN_FOCUS_SIMD void weigh(const std::uint8_t* level, const float* of_level, int n,
                              float* __restrict sharpness) {
   for (int i = 0; i < n; ++i) sharpness[i] *= of_level[level[i]];
@@ -341,7 +345,7 @@ void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
       prediction_.addTexture(texture, noise_.sharpness(prediction_.textureLevel()));
     const double focus_mm = std::isnan(frame.focus_mm) ? kUnknownFocus : lens_.focusOf(frame.index);
     prediction_.compute(focus_mm > focal_length_mm_ ? focus_mm : kUnknownFocus, squared_error_);
-    cv::resize(squared_error_, upsampled_error_, size_, 0, 0, cv::INTER_LINEAR);
+    cv::resize(squared_error_, wide_error_, {size_.width, squared_error_.rows}, 0, 0, cv::INTER_LINEAR);
   }
   const cv::Range columns(frame.seen.x, frame.seen.br().x), rows(frame.seen.y, frame.seen.br().y);
   const bool fades = config_.soft && frame.seen.size() != size_;
@@ -349,14 +353,21 @@ void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   mean_.beginFrame(frame.index, gainLut(frame.gain, depth_));
   forEachBlock(rows, [&](const cv::Range& block) {
     cv::Mat1f sharpness = sharpness_.compute(block);
-    std::vector<float> parts(fade_x.size());
+    std::vector<float> parts(fade_x.size()), error(fade_x.size());
     for (int y = block.start; y < block.end; ++y) {
       float* row = sharpness[y - block.start];
       if (prefers_dark) weigh(penalty.level.ptr(y), penalty.of_level.data(), size_.width, row);
       for (int x = 0; !frame.opaque.empty() && x < size_.width; ++x)
         row[x] *= frame.opaque.at<std::uint8_t>(y, x) != 0 ? 1 : kNothing;
       EvidenceRow evidence{row};
-      if (predicts_) evidence.squared_error = upsampled_error_.ptr<float>(y);
+      if (predicts_) {
+        const double place =
+            std::clamp((y + 0.5) * wide_error_.rows / size_.height - 0.5, 0.0, wide_error_.rows - 1.0);
+        const int above = static_cast<int>(place), below = std::min(above + 1, wide_error_.rows - 1);
+        blend(wide_error_[above], wide_error_[below], static_cast<float>(place - above), size_.width,
+              error.data());
+        evidence.squared_error = error.data();
+      }
       if (fades) {
         std::transform(fade_x.begin(), fade_x.end(), parts.begin(),
                        [part = fade_y[y]](float along) { return part * along; });

@@ -132,7 +132,7 @@ class BracketFusion {
   DefocusPrediction prediction_;
   WeightedMean mean_;
   std::function<void(const AlignedFrame&)> on_aligned_;
-  cv::Mat squared_error_, upsampled_error_;
+  cv::Mat1f squared_error_, wide_error_;  // on the grid of the prediction; with the frames' columns
 };
 
 }  // namespace all_in_focus::core

@@ -21,7 +21,7 @@ BrightnessPenalty brightnessPenalty(const cv::Mat& gray, double contrast, double
   if (median_share > 0) {
     cv::Mat median;
     cv::medianBlur(gray, median, 3);
-    cv::addWeighted(gray, 1 - median_share, median, median_share, 0, median);
+    if (median_share < 1) cv::addWeighted(gray, 1 - median_share, median, median_share, 0, median);
     penalty.level = median;
   }
   for (int level = 0; level < 256; ++level) {

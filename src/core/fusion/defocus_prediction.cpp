@@ -159,11 +159,14 @@ void DefocusPrediction::addGlow(double focus_mm, cv::Mat& squared_error) {
   cv::Mat nearer_light = cv::Mat::zeros(inverse_depth_.size(), CV_8UC2), disc;
   for (std::size_t i = kFirstBehind; i < slabs_.size(); ++i) {
     const Slab& nearer = slabs_[i - kFirstBehind];
-    // A disc wider than the picture, by wrong numbers maybe, would only take longer.
-    const double width = std::min(blurCircle(optics_, nearer.depth_mm, focus_mm) / (pixel_pitch_mm_ * cell_),
-                                  static_cast<double>(inverse_depth_.cols));
-    cv::GaussianBlur(nearer.light, disc, cv::Size(), std::max(width / 4, kPrediction.least_sigma));
-    covered += disc;
+    if (cv::countNonZero(nearer.cells) > 0) {
+      // A disc wider than the picture, by wrong numbers maybe, would only take longer.
+      const double width =
+          std::min(blurCircle(optics_, nearer.depth_mm, focus_mm) / (pixel_pitch_mm_ * cell_),
+                   static_cast<double>(inverse_depth_.cols));
+      cv::GaussianBlur(nearer.light, disc, cv::Size(), std::max(width / 4, kPrediction.least_sigma));
+      covered += disc;
+    }
     covered.copyTo(nearer_light, slabs_[i].cells);
   }
   glow(nearer_light.ptr(), picture_.ptr(), picture_.total(), error_[0]);

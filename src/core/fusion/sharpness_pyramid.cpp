@@ -129,13 +129,15 @@ void SharpnessPyramid::begin(const cv::Mat& gray, const Gauge& gauge) {
     addLevel(levels[l], l, l == texture_level);
     if (gauge.trust && l == texture_level) trust_ = trust(gauge.noise.sharpness(l));
     const bool is_predicted = l == predicted_level && !gauge.predicted.empty();
-    cv::Mat root, fourth_root;
+    cv::Mat1f root, fourth_root;
     if (is_predicted || l == kSharpness.far_level) cv::sqrt(product_, root);
     if (l == kSharpness.far_level) {
       cv::sqrt(root, fourth_root);
       cv::multiply(root, fourth_root, product_);
     }
-    if (is_predicted) {
+    if (is_predicted && cv::countNonZero(gauge.predicted) == static_cast<int>(gauge.predicted.total())) {
+      product_ = root;
+    } else if (is_predicted) {
       cv::Mat predicted;
       cv::resize(gauge.predicted, predicted, root.size(), 0, 0, cv::INTER_NEAREST);
       root.copyTo(product_, predicted);

@@ -95,7 +95,8 @@ ALL_IN_FOCUS_SIMD void threeTimes(const float* values, int n, float* __restrict 
 
 // Moves the mean towards the values by their shares. unit: of a value, in codes of 16 bits.
 template <typename Value>
-inline void move(const Value* values, float unit, const float* shares, int n, std::uint16_t* __restrict mean) {
+inline void move(const Value* values, float unit, const float* shares, int n,
+                 std::uint16_t* __restrict mean) {
   for (int i = 0; i < n; ++i) {
     const auto now = static_cast<float>(mean[i]);
     const float next = now + shares[i] * (unit * static_cast<float>(values[i]) - now);
