@@ -145,6 +145,43 @@ TEST(Parallax, ASmallMoveIsToldFromATurn) {
   }
 }
 
+// The corners move more than the middle where the camera turns, and as much where the picture is shifted. The
+// shifts of several frames tell which it was, without the focal length.
+TEST(Parallax, ATurnIsToldFromAShiftOfThePicture) {
+  constexpr int kFrames = 4;
+  constexpr double kPx = 6;
+  const cv::Mat reference = refocused({}, 0, kFrames, 0);
+  for (const bool turns : {true, false}) {
+    for (const cv::Mat& depth : {cv::Mat(), depthImage()}) {
+      BracketAlignment alignment = begun(depth);
+      alignment.observe(reference, 0);
+      for (int k = 1; k < kFrames; ++k) {
+        const double angle = kPx * k / kFrames / kFocalPx, c = std::cos(angle), s = std::sin(angle);
+        const cv::Matx33d camera(kFocalPx, 0, kCenter.x, 0, kFocalPx, kCenter.y, 0, 0, 1);
+        const cv::Matx33d turned = camera * cv::Matx33d(c, 0, s, 0, 1, 0, -s, 0, c) * camera.inv(),
+                          shifted(1, 0, kPx * k / kFrames, 0, 1, 0, 0, 0, 1);
+        cv::Mat frame;
+        cv::warpPerspective(reference, frame, turns ? turned : shifted, kSize, cv::INTER_CUBIC,
+                            cv::BORDER_REFLECT_101);
+        alignment.observe(frame, k);
+        const CameraMotion motion =
+            alignment.measureMotion(k == 1 ? reference : cv::Mat(), frame, alignment.placement(k, 0));
+        EXPECT_FALSE(alignment.drifts());
+        EXPECT_FALSE(motion.hasParallax());
+        EXPECT_EQ(motion.isSimilarity(), !turns) << k;
+        if (!turns) continue;
+        for (const cv::Point2d& p : {cv::Point2d(0, 0), cv::Point2d(kSize.width - 1, kSize.height / 2.0)}) {
+          const cv::Vec3d there = turned * cv::Vec3d(p.x, p.y, 1);
+          EXPECT_LT(cv::norm(motion.apply(p, 0, kCenter, kSize) -
+                             cv::Point2d(there[0] / there[2], there[1] / there[2])),
+                    kMostError)
+              << k;
+        }
+      }
+    }
+  }
+}
+
 // Only the camera's place makes a parallax: not the lens, not a turn, not the order of blur and depth.
 TEST(Parallax, NothingElseMakesOne) {
   BracketAlignment with_depth = begun(depthImage()), without = begun({});

@@ -167,7 +167,8 @@ void BracketAlignment::noteParallax(const PairMeasurement& found) {
 // that is the same in all frames. What the mean depth shifts by a parallax is no turn.
 void BracketAlignment::noteTurn(const PairMeasurement& found) {
   cv::Vec2d shift(found.motion.shift.x, found.motion.shift.y);
-  if (relief_.isKnown()) shift -= cv::Vec2d(found.parallax[0], found.parallax[1]) * (relief_.mean / relief_.deviation);
+  if (relief_.isKnown())
+    shift -= cv::Vec2d(found.parallax[0], found.parallax[1]) * (relief_.mean / relief_.deviation);
   const cv::Matx22d information = turnInformation(found, radius_);
   turned_ += shift.dot(information * found.turn);
   shifted_ += shift.dot(information * shift);

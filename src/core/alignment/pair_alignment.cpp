@@ -393,11 +393,10 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const CameraMo
     const cv::Matx44d of_similarity = covariance.get_minor<4, 4>(0, 0);
     const cv::Vec2d of_turn = turnOf(refined);
     const cv::Vec3d of_parallax(refined[6], refined[7], refined[8]);
-    const bool converged = estimate.step <= kAlignment.largest_step &&
-                           std::hypot(refined[0], refined[1]) <= most * radius &&
-                           std::hypot(refined[2], refined[3]) <= most * width &&
-                           cv::norm(of_turn) <= most * width &&
-                           (!parallax || cv::norm(of_parallax) <= most * width);
+    const bool converged =
+        estimate.step <= kAlignment.largest_step && std::hypot(refined[0], refined[1]) <= most * radius &&
+        std::hypot(refined[2], refined[3]) <= most * width && cv::norm(of_turn) <= most * width &&
+        (!parallax || cv::norm(of_parallax) <= most * width);
     if (!converged) continue;  // NaN is not
     motion = refined;
     if (!parallax) motion[6] = motion[7] = motion[8] = 0;

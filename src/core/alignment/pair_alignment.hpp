@@ -17,9 +17,9 @@ struct PairMeasurement {
   SimilarityTransform motion;  ///< from the key frame to the frame
   /// px^2, of magnification and roll (both at half a diagonal from the centre) and shift x, y
   cv::Matx44d covariance;
-  double tiles = 0;        ///< so many tiles of equal texture would tell as much
-  bool converged = false;  ///< otherwise the motion is the guess
-  cv::Vec2d turn;          ///< see CameraMotion
+  double tiles = 0;             ///< so many tiles of equal texture would tell as much
+  bool converged = false;       ///< otherwise the motion is the guess
+  cv::Vec2d turn;               ///< see CameraMotion
   cv::Matx22d turn_covariance;  ///< px^2; zeros: not measured
   /// Where relief is known, see CameraMotion. Without `parallax` in measure(): what one more step would find.
   cv::Vec3d parallax;
@@ -125,7 +125,7 @@ class PairAlignment {
   static void sampleTile(const cv::Mat& image, const Shears& shears, const cv::Point& corner, Pixels& out);
 
   Relief relief_;
-  Freedom freedom_;             ///< of the motion that is measured
+  Freedom freedom_;               ///< of the motion that is measured
   double shift_of_parallax_ = 0;  ///< that its mean depth has, px each
   std::vector<Level> levels_;
   cv::Mat contrast_;

@@ -97,9 +97,8 @@ ParallaxView viewOf(const CameraMotion& motion, const cv::Mat1f& relief, const c
       const double n = relief(y, x);
       const double u = (x - center.x) / radius, v = (y - center.y) / radius,
                    turn = motion.turn[0] * u + motion.turn[1] * v;
-      view.map(y, x) = {
-          static_cast<float>(m(0, 0) * x + m(0, 1) * y + m(0, 2) + turn * u + n * across(x)),
-          static_cast<float>(m(1, 0) * x + m(1, 1) * y + m(1, 2) + turn * v + n * down(y))};
+      view.map(y, x) = {static_cast<float>(m(0, 0) * x + m(0, 1) * y + m(0, 2) + turn * u + n * across(x)),
+                        static_cast<float>(m(1, 0) * x + m(1, 1) * y + m(1, 2) + turn * v + n * down(y))};
     }
   });
   // The largest relief of the pixels that lie in each cell between four pixels of the frame; the cell before
