@@ -166,6 +166,7 @@ void BracketAlignment::noteParallax(const PairMeasurement& found) {
 // Where the camera turns, the shift of a frame tells how far: the corners move more than the middle by a part
 // that is the same in all frames. What the mean depth shifts by a parallax is no turn.
 void BracketAlignment::noteTurn(const PairMeasurement& found) {
+  if (!found.converged) return;
   cv::Vec2d shift(found.motion.shift.x, found.motion.shift.y);
   if (relief_.isKnown())
     shift -= cv::Vec2d(found.parallax[0], found.parallax[1]) * (relief_.mean / relief_.deviation);
@@ -215,6 +216,9 @@ CameraMotion BracketAlignment::measureMotion(const cv::Mat& reference, const cv:
     last_drift_ = {};
     drift_alignment_.setKey(ImagePyramid(reference), center_);
   }
+  const double most_turn = turned_ + kAlignment.shift_significance * std::sqrt(shifted_);
+  if (!relief_.isKnown() && cv::norm(placement.shift) * most_turn < kAlignment.noticeable * shifted_)
+    return {placement};  // the frames so far tell that no turn would show here
   const ImagePyramid pyramid(gray);
   // Where the camera has moved far, the pairs between or the frame before give a nearer start.
   for (const CameraMotion& start :

@@ -33,6 +33,19 @@ cv::Point2d CameraMotion::apply(const cv::Point2d& p, double relief, const cv::P
          relief * (cv::Point2d(parallax[0], parallax[1]) + parallax[2] * outwards);
 }
 
+cv::Matx33d CameraMotion::homography(const cv::Point2d& center, const cv::Size& size) const {
+  const cv::Vec2d by = turn * (4 / std::pow(std::hypot(size.width, size.height), 2));
+  const cv::Matx23d m = matrix(center);
+  const cv::Vec3d less(-by[0], -by[1], by[0] * center.x + by[1] * center.y);  // of the scale at a pixel
+  cv::Matx33d result = cv::Matx33d::eye();
+  for (int i = 0; i < 3; ++i) {
+    result(0, i) = m(0, i) + center.x * less[i];
+    result(1, i) = m(1, i) + center.y * less[i];
+    result(2, i) += less[i];
+  }
+  return result;
+}
+
 SimilarityTransform compose(const SimilarityTransform& first, const SimilarityTransform& second) {
   return {second.scale * first.scale, second.scale * rotate(first.shift, second.angle) + second.shift,
           first.angle + second.angle};

@@ -40,6 +40,8 @@ struct CameraMotion : SimilarityTransform {
   bool isIdentity() const { return SimilarityTransform::isIdentity() && isSimilarity(); }
   cv::Point2d apply(const cv::Point2d& p, double relief, const cv::Point2d& center,
                     const cv::Size& size) const;
+  /// The same without parallax, to first order of the turn: homography * (x, y, 1).
+  cv::Matx33d homography(const cv::Point2d& center, const cv::Size& size) const;
 };
 
 /// First `first`, then `second`, both about the same centre.

@@ -285,9 +285,8 @@ FrameGroup BracketFusion::largestGroup() const {
 
 // The frame in the geometry of the reference.
 AlignedFrame BracketFusion::warped(AlignedFrame frame, const CameraMotion& motion) {
-  if (!motion.isSimilarity()) {
-    if (relief_image_.empty())
-      relief_image_ = relief_.isKnown() ? reliefImage(relief_, size_) : cv::Mat1f(size_, 0.0f);
+  if (motion.hasParallax()) {
+    if (relief_image_.empty()) relief_image_ = reliefImage(relief_, size_);
     const ParallaxView view = viewOf(motion, relief_image_, center_);
     cv::Mat image;
     cv::remap(frame.image, image, view.map, cv::noArray(), cv::INTER_CUBIC, cv::BORDER_REPLICATE);
@@ -298,6 +297,14 @@ AlignedFrame BracketFusion::warped(AlignedFrame frame, const CameraMotion& motio
       shown &= view.shown;
     }
     frame.opaque = shown;
+  } else if (!motion.isSimilarity()) {
+    const cv::Matx33d homography = motion.homography(center_, size_);
+    cv::Mat image,
+        shown = frame.opaque.empty() ? cv::Mat(size_, CV_8UC1, cv::Scalar(255)) : clear(frame.opaque);
+    cv::warpPerspective(frame.image, image, homography, size_, cv::INTER_CUBIC | cv::WARP_INVERSE_MAP,
+                        cv::BORDER_REPLICATE);
+    cv::warpPerspective(shown, frame.opaque, homography, size_, cv::INTER_NEAREST | cv::WARP_INVERSE_MAP);
+    frame.image = image;
   } else {
     frame.image = warpedToReference(frame.image, motion, center_);
     frame.seen = seenThrough(motion, size_, center_);
