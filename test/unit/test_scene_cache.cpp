@@ -343,22 +343,41 @@ TEST_F(SceneCacheTest, WhatAnAnnouncedFrameNeedsStaysWhateverComesLater) {
     EXPECT_EQ(each->header.stamp, ros::Time(10 + 15 / 30.0));
 }
 
+constexpr std::size_t kLargeBytes = std::size_t{4416} * 1242 * 2;  // 11 MB
+
+sensor_msgs::ImagePtr largeImage(double stamp) {
+  const auto large = boost::make_shared<sensor_msgs::Image>(*image(stamp));
+  large->data.resize(kLargeBytes);
+  return large;
+}
+
 // They were announced, or dropped.
 TEST_F(SceneCacheTest, BracketsThatNeverComeKeepLittle) {
-  const std::size_t bytes = std::size_t{4416} * 1242 * 2;  // 11 MB
   std::vector<boost::weak_ptr<const sensor_msgs::Image>> all;
   for (int i = 0; i < 60; ++i) {
-    const auto large = boost::make_shared<sensor_msgs::Image>(*image(10 + i));
-    large->data.resize(bytes);
+    const auto large = largeImage(10 + i);
     cache_.addDepth(large);
     cache_.pin(ros::Time(10 + i));
     if (i == 0) cache_.await(ros::Time(10), 0);  // this one is fused meanwhile
     all.emplace_back(large);
   }
   const auto kept = std::count_if(all.begin(), all.end(), [](const auto& depth) { return !depth.expired(); });
-  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / bytes));  // with those that are not pinned
+  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / kLargeBytes));  // with those that are not pinned
   EXPECT_TRUE(cache_.current(ros::Time(10)).depth);
   EXPECT_TRUE(cache_.current(ros::Time(69)).depth);
+}
+
+TEST_F(SceneCacheTest, BracketsThatNeverComeLeaveTheSceneThatABracketWaitsFor) {
+  cache_.setPublished(SceneTopic::kMeasured, true);
+  cache_.addDepth(largeImage(10));
+  cache_.pin(ros::Time(10));
+  auto waits = std::async(std::launch::async, [this] { return cache_.await(ros::Time(10), 1); });
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  for (int i = 1; i < 30; ++i) {
+    cache_.addDepth(largeImage(10 + i));
+    cache_.pin(ros::Time(10 + i));
+  }
+  EXPECT_TRUE(waits.get().depth);
 }
 
 // As in a bag of one bracket that is played in a loop.
@@ -392,16 +411,14 @@ TEST_F(SceneCacheTest, FramesThatNobodyAnnouncedMayBeLate) {
 }
 
 TEST_F(SceneCacheTest, TheCacheIsBoundedByBytes) {
-  const std::size_t bytes = std::size_t{4416} * 1242 * 2;  // 11 MB
   cache_.configure(/*by_labels=*/false, 0.5);
   for (int i = 0; i < 60; ++i) {
-    const auto large = boost::make_shared<sensor_msgs::Image>(*image(10 + i));
-    large->data.resize(bytes);
+    const auto large = largeImage(10 + i);
     cache_.addDepth(large);
   }
   int kept = 0;
   for (int i = 0; i < 60; ++i) kept += found(10 + i).depth != nullptr;
-  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / bytes));
+  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / kLargeBytes));
   EXPECT_GE(kept, 4);
 }
 

@@ -220,16 +220,21 @@ CameraMotion BracketAlignment::measureMotion(const cv::Mat& reference, const cv:
   if (!relief_.isKnown() && cv::norm(placement.shift) * most_turn < kAlignment.noticeable * shifted_)
     return {placement};  // the frames so far tell that no turn would show here
   const ImagePyramid pyramid(gray);
+  bool is_noted = false;
   // Where the camera has moved far, the pairs between or the frame before give a nearer start.
   for (const CameraMotion& start :
        {CameraMotion{placement}, {placement, {}, placement.parallax}, last_drift_}) {
     const PairMeasurement free =
         drift_alignment_.measure(pyramid, start, {/*turn=*/true, /*parallax=*/relief_.isKnown()});
+    if (!free.converged && !relief_.isKnown()) break;
     if (!free.converged) continue;
-    drifts_ = drifts_ || (relief_.isKnown() && parallaxFollows(free));
-    // A turn before a wall that stands askew looks like a parallax.
-    noteTurn(drifts_ || !relief_.isKnown() ? free
-                                           : drift_alignment_.measure(pyramid, {placement}, {/*turn=*/true}));
+    if (!is_noted) {
+      drifts_ = drifts_ || (relief_.isKnown() && parallaxFollows(free));
+      // A turn before a wall that stands askew looks like a parallax.
+      const bool tells = drifts_ || !relief_.isKnown();
+      noteTurn(tells ? free : drift_alignment_.measure(pyramid, {placement}, {/*turn=*/true}));
+      is_noted = true;
+    }
     const bool turns = turned_ > kAlignment.shift_significance * std::sqrt(shifted_);
     const double turn_per_shift = turns ? turned_ / shifted_ : 0;
     if (drifts_) {

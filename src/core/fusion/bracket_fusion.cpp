@@ -305,6 +305,7 @@ AlignedFrame BracketFusion::warped(AlignedFrame frame, const CameraMotion& motio
                         cv::BORDER_REPLICATE);
     cv::warpPerspective(shown, frame.opaque, homography, size_, cv::INTER_NEAREST | cv::WARP_INVERSE_MAP);
     frame.image = image;
+    frame.seen = seenThrough(motion, size_, center_);
   } else {
     frame.image = warpedToReference(frame.image, motion, center_);
     frame.seen = seenThrough(motion, size_, center_);

@@ -143,7 +143,7 @@ void SceneCache::makeRoom() {
     // The oldest one, whose bracket was dropped or never came, but not that of the bracket at work.
     const auto dispensable =
         std::min_element(pinned_.begin(), pinned_.end(),
-                         [](const auto& a, const auto& b) { return a.second.chosen < b.second.chosen; });
+                         [](const auto& a, const auto& b) { return a.second.at_work < b.second.at_work; });
     pinned_bytes -= bytesOf(dispensable->second.scene);
     pinned_.erase(dispensable);
   }
@@ -237,7 +237,9 @@ void SceneCache::clear() {
 SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) {
   const auto start = std::chrono::steady_clock::now();
   std::unique_lock<std::mutex> lock(mutex_);
-  if (pinned_.try_emplace(first_frame).second) updatePinned();
+  const auto [own, is_new] = pinned_.try_emplace(first_frame);
+  own->second.at_work = true;
+  if (is_new) updatePinned();
   const auto scene = [&] { return sceneOf(first_frame); };
   // stamp: waits until no better message for that stamp can come; without it, for any message.
   const auto wait = [&](SceneTopic name, const auto message, const std::optional<ros::Time>& stamp) {

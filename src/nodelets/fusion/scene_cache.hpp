@@ -82,8 +82,9 @@ class SceneCache {
  private:
   using Entries = std::map<ros::Time, SceneMessages>;  // without camera and lens
   struct Pinned {
-    SceneMessages scene;  // the best one so far
-    bool chosen = false;  // no other one will do any more
+    SceneMessages scene;   // the best one so far
+    bool at_work = false;  // its bracket waits for it, or is fused
+    bool chosen = false;   // no other one will do any more
   };
   using Image = sensor_msgs::ImageConstPtr SceneMessages::*;
 
