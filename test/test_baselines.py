@@ -136,8 +136,8 @@ both_pairs = pytest.mark.parametrize("pair", ["scene1", "scene2"], indirect=True
 
 @needs_pairs
 @both_pairs
-@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if name == "nsct-pcnn" else ())
-                                  for name in sorted(PUBLISHED)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(PUBLISHED))
 def test_published_result(name, pair):
     method, gray, decibels, distance = PUBLISHED[name]
     scene, sources = pair

@@ -102,8 +102,9 @@ def test_the_tools_in_cpp_read_the_rig(calibrated, tmp_path):
 
 
 def test_a_rig_without_a_lens_is_told(views, tmp_path):
+    few = subset(views, tmp_path / "few", 6)
     for options, told in (((), True), (("--force", "--optics", "24,4,0.019"), False), (("--force",), False)):
-        done = succeeded(call(*arguments(views, tmp_path / "rig"), *options))
+        done = succeeded(call(*arguments(few, tmp_path / "rig"), *options))
         assert ("no lens: robot.launch needs" in done.stdout) == told
     assert load_rig(tmp_path / "rig").optics.focal_length_mm == 24  # of the run before
 

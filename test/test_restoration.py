@@ -12,6 +12,8 @@ from all_in_focus.files.stack import load_focus
 from all_in_focus_lab.metrics.truth import Truth, blur_per_inverse_depth, depth_errors, psnr
 from tool_helpers import (expect_refusal, fuse_stack, made_scene, read, read_report, succeeded)
 
+PLANES = ["--scene", "planes", "--size", "400x300", "--frames", 8, "--optics", "35,2.8,0.03", "--noise", 0.7]
+
 
 @pytest.fixture(scope="module")
 def scene():
@@ -56,7 +58,7 @@ def test_the_frames_alone_are_enough(tmp_path):
 
 
 def test_the_parallax_of_a_camera_that_moves_says_nothing_about_its_lens(tmp_path):
-    scene = made_scene("--scene", "clutter", "--frames", 10, "--optics", "35,2.8,0.03", "--noise", 0.7, "--drift", 20)
+    scene = made_scene(*PLANES, "--drift", 20)
     _, report = fuse(scene, tmp_path, "refined")
     moved, = [note for note in report["notes"] if "the camera moved" in note]
     assert float(re.search(r"up to ([\d.]+) mm", moved)[1]) == pytest.approx(20, abs=1)
@@ -65,17 +67,17 @@ def test_the_parallax_of_a_camera_that_moves_says_nothing_about_its_lens(tmp_pat
 
 
 def test_restored_is_no_worse_than_refined_if_the_camera_moves(tmp_path):
-    scene = made_scene("--scene", "plain", "--frames", 10, "--optics", "35,2,0.03", "--noise", 0.7, "--drift", 20)
+    scene = made_scene("--scene", "plain", "--size", "400x300", "--frames", 6, "--optics", "35,2,0.03", "--noise", 0.7,
+                       "--drift", 20)
     pictures = {mode: fuse(scene, tmp_path, mode)[0] for mode in ("refined", "restored")}
     truth = Truth.load(scene)
     assert psnr(pictures["restored"], truth.image) > psnr(pictures["refined"], truth.image)
 
 
 def test_without_depth_a_note_says_that_the_camera_moved(tmp_path):
-    options = ["--scene", "clutter", "--frames", 10, "--optics", "35,2.8,0.03", "--noise", 0.7]
     said = {}
     for name, drift in (("still", []), ("moved", ["--drift", 20])):
-        _, report = fuse(made_scene(*options, *drift), tmp_path, "refined", depth=False)
+        _, report = fuse(made_scene(*PLANES, *drift), tmp_path, "refined", depth=False)
         said[name] = [note for note in report["notes"] if "the camera moved" in note]
         assert all(note in report["said"] for note in said[name])
     assert not said["still"]
