@@ -8,7 +8,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import Image
 
-from all_in_focus.msg import FocusFrame, FusionReport, SegmentArray
+from all_in_focus.msg import FocusFrame, FusionReport
 from depth_testing import ERROR, WARN, camera_info, image_message, run_tests, two_planes, wait_until
 from fusion_testing import BRACKET_IDS, PERIOD, FusionTest, colour_message, picture, regions
 from refined_testing import FRAMES, INDICES, MIDDLE, RefinedTest, pixels
@@ -24,10 +24,10 @@ class StampTest(RefinedTest):
         self.expect_scene()
         good = {'rgb/image': colour_message(picture('both'), 0), 'rgb/focus': FocusFrame(),
                 'rgb/camera_info': camera_info(0, 'color'), 'segmentation/labels': image_message(regions(), 0, '32SC1', 'color'),
-                'segmentation/segments': SegmentArray(), 'depth_registered/image': image_message(two_planes(), 0),
+                'depth_registered/image': image_message(two_planes(), 0),
                 'depth_registered/image_raw': image_message(two_planes(), 0)}
         talkers = {'rgb/image': self.image, 'rgb/focus': self.focus, 'segmentation/labels': self.labels,
-                   'segmentation/segments': self.segments, **self.scene}
+                   **self.scene}
         for name, message in good.items():
             for stamp in (LAST_STAMP, rospy.Time(0)):
                 message.header.stamp = stamp
@@ -105,6 +105,7 @@ class PlainLateFramesTest(LateFrames):
 class SilenceTest(FusionTest):
     def send_behind_one_that_waits(self, stamp, *brackets):
         """The first frame waits for labels, the others for the first one."""
+        self.reconfigure(label_timeout=60.0)
         messages = [message for bracket in brackets for message in bracket]
         for first in range(0, len(messages), 2 * AT_ONCE):
             self.deliver(self.node, *messages[first:first + 2 * AT_ONCE])

@@ -8,8 +8,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import Image
 
-from all_in_focus.msg import SegmentArray
-from depth_testing import ERROR, HEIGHT, WARN, WIDTH, hears, image_message, run_tests, subscribers_of, wait_until
+from depth_testing import ERROR, HEIGHT, WARN, WIDTH, image_message, run_tests
 from fusion_testing import OUTPUTS, PERIOD, FusionTest, array_of, colour_message, picture, regions, scene
 
 STAMPS = itertools.count(100000, 10)
@@ -60,23 +59,6 @@ class LabelsTest(FusionTest):
         self.assert_diagnosed(WARN, 'no label image in time')
         self.assert_next_bracket_is_good(stamp + 1)
 
-    def test_nobody_waits_when_there_is_no_segmenter(self):
-        stamp = next(STAMPS)
-        self.assert_fused_by_sharpness(self.send_bracket(stamp))
-        self.assert_diagnosed(WARN, 'sharpness alone')
-        self.assert_next_bracket_is_good(stamp + 1)
-
-    def test_nobody_waits_when_the_segmenter_is_gone(self):
-        self.expect_labels()
-        stamp = next(STAMPS)
-        self.assert_next_bracket_is_good(stamp)
-        node = subscribers_of(self.topic('segmentation/labels'))[0]
-        for talker in (self.labels, self.segments):
-            talker.publisher.unregister()
-            self.talkers.remove(talker)
-        self.assertTrue(wait_until(lambda: not hears(node, self.topic('segmentation/labels'))))
-        self.assert_fused_by_sharpness(self.send_bracket(stamp + 5))
-
     def test_labels_of_another_size(self):
         self.expect_labels()
         for labels in (regions()[::2, ::2], regions().repeat(3, axis=0).repeat(3, axis=1)):
@@ -91,14 +73,6 @@ class LabelsTest(FusionTest):
         report = self.report(self.send_bracket(stamp))
         self.assertEqual([(s.label, s.frame) for s in report.segments], [(0, 1), (1, 2)])
 
-    def test_labels_without_their_segments_are_not_used(self):
-        self.reconfigure(label_timeout=0.25)
-        self.expect_labels()
-        stamp = next(STAMPS)
-        self.labels.say(image_message(regions(), stamp, '32SC1', 'color'))
-        self.assert_fused_by_sharpness(self.send_bracket(stamp))
-        self.assert_next_bracket_is_good(stamp + 1)
-
     def test_broken_labels_are_refused(self):
         self.reconfigure(label_timeout=0.25)
         self.expect_labels()
@@ -110,7 +84,6 @@ class LabelsTest(FusionTest):
             for name, value in cut.items():
                 setattr(message, name, value)
             self.labels.say(message)
-            self.segments.say(SegmentArray(header=message.header))
             self.assert_fused_by_sharpness(self.send_bracket(stamp))
         self.assert_next_bracket_is_good(stamp + 1)
 

@@ -248,8 +248,7 @@ class OutputsTest(FusionTest):
 
     def test_subscribes_only_while_somebody_listens(self):
         inputs = [self.topic(name) for name in ('rgb/image', 'rgb/focus', 'rgb/camera_info', 'segmentation/labels',
-                                                'segmentation/segments', 'depth_registered/image',
-                                                'depth_registered/image_raw', 'rgb/optics')]
+                                                'depth_registered/image', 'depth_registered/image_raw', 'rgb/optics')]
         for listener in self.listeners:
             listener.close()
         idle = lambda: not any(subscribers_of(topic) for topic in inputs)

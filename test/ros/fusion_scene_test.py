@@ -18,7 +18,7 @@ class SceneTest(RefinedTest):
         self.assertEqual(len(report.notes), 1, report.notes)
         self.assert_noted(report, *words)
 
-    def test_what_nobody_publishes_is_done_without(self):
+    def test_what_does_not_come_is_done_without(self):
         parts = ['depth_registered/image', 'depth_registered/image_raw', 'rgb/camera_info', 'rgb/optics']
         for part, consequence in (('rgb/camera_info', 'not used'), ('depth_registered/image_raw', 'counts as measured')):
             self.expect_scene(*[name for name in parts if name != part])
@@ -47,7 +47,7 @@ class SceneTest(RefinedTest):
         self.expect_scene()
         self.assert_as_files(self.fuse(), INDICES, MIDDLE)
         stamp = next(STAMPS)
-        self.deliver(self.node, self.part_of('depth_registered/image', stamp), *self.labels_of(stamp))
+        self.deliver(self.node, self.part_of('depth_registered/image', stamp), self.labels_of(stamp))
         self.send(stamp)
         self.assert_fused_without(stamp, 'no depth_registered/image_raw in time')
         self.assert_as_files(self.fuse(), INDICES, MIDDLE)
@@ -56,7 +56,7 @@ class SceneTest(RefinedTest):
         self.expect_scene()
         stamp = next(STAMPS)
         self.deliver(self.node, *(self.part_of(name, stamp + (0.25 if name == 'depth_registered/image' else 0))
-                                  for name in self.scene), *self.labels_of(stamp))
+                                  for name in self.scene), self.labels_of(stamp))
         self.send(stamp)
         report = self.report(stamp + MIDDLE * PERIOD)
         self.assertEqual([report.sharpness_alone, report.has_labels, report.frames_used], [True, False, len(FRAMES)])
@@ -72,7 +72,7 @@ class SceneTest(RefinedTest):
             stamp = next(STAMPS)
             message.header.stamp = rospy.Time.from_sec(stamp)
             self.deliver(self.node, *((self.scene[part], message) if part == name else self.part_of(part, stamp)
-                                      for part in self.scene), *self.labels_of(stamp))
+                                      for part in self.scene), self.labels_of(stamp))
             self.send(stamp)
             self.assert_fused_without(stamp, *words)
         self.assert_as_files(self.fuse(), INDICES, MIDDLE)
@@ -185,7 +185,7 @@ class SceneTest(RefinedTest):
         stamp = next(STAMPS)
         mirrored = image_message(np.ascontiguousarray(boards[:, ::-1]), stamp, '16UC1', 'color')
         self.deliver(self.node, *(self.part_of(name, stamp) if name.startswith('rgb') else (self.scene[name], mirrored)
-                                  for name in self.scene), *self.labels_of(stamp))
+                                  for name in self.scene), self.labels_of(stamp))
         self.send(stamp, replaced={index: lambda at: colour_message(light, at) for index in INDICES})
         words = 'fit the picture better when it is mirrored: turn off mirroring'
         self.assert_noted(self.report(stamp + MIDDLE * PERIOD), words)

@@ -11,7 +11,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
-from all_in_focus.msg import FocusFrame, FusionReport, Optics, SegmentArray
+from all_in_focus.msg import FocusFrame, FusionReport, Optics
 from depth_testing import HEIGHT, NEAR_MM, TIMEOUT, WIDTH, GraphTest, image_message, two_planes, wait_until
 
 NEAR, FAR = np.s_[:, :WIDTH // 2], np.s_[:, WIDTH // 2:]  # halves of the image
@@ -22,7 +22,7 @@ CHANNELS = {'bgr16': (np.uint16, 3),
 OUTPUTS = {'image': Image, 'source_index': Image, 'confidence': Image, 'weights_color': Image, 'depth': Image,
            'camera_info': CameraInfo, 'report': FusionReport}
 DEFAULTS = {'mode': 'paper', 'reference': -1, 'max_held_frames': 64, 'bracket_mode': 'bracket', 'bracket_size': 0,
-            'bracket_gap': 0.0, 'label_max_age': 1.0, 'label_timeout': 60.0}  # long: a wrong wait for labels fails the test
+            'bracket_gap': 0.0, 'label_max_age': 1.0, 'label_timeout': 2.0}
 BRACKET_IDS = itertools.count(1)
 CLIENTS = {}
 
@@ -100,21 +100,19 @@ class FusionTest(GraphTest):
     def expect_labels(self):
         """From here on a segmenter is there."""
         self.labels = self.talk(self.topic('segmentation/labels'), Image)
-        self.segments = self.talk(self.topic('segmentation/segments'), SegmentArray)
         self.assertTrue(wait_until(lambda: self.labels.publisher.get_num_connections() > 0))
 
-    def labels_of(self, stamp, labels=None, encoding='32SC1', optics=OPTICS):
-        """(talker, message) for labels and segments."""
-        message = image_message(regions() if labels is None else labels, stamp, encoding, 'color')
-        return (self.labels, message), (self.segments, SegmentArray(header=message.header, optics=optics))
+    def labels_of(self, stamp, labels=None, encoding='32SC1'):
+        """(talker, message)"""
+        return self.labels, image_message(regions() if labels is None else labels, stamp, encoding, 'color')
 
     def send_labels(self, stamp, *labels, **options):
-        for talker, message in self.labels_of(stamp, *labels, **options):
-            talker.say(message)
+        talker, message = self.labels_of(stamp, *labels, **options)
+        talker.say(message)
 
     def deliver_labels(self, stamp):
         """What is sent after that comes after them."""
-        self.deliver(self.node, *self.labels_of(stamp))
+        self.deliver(self.node, self.labels_of(stamp))
 
     def frame_of(self, stamp, sharp, **focus):
         """(talker, message) for the image and its FocusFrame. sharp: see picture(), or the message itself; focus: fields of the

@@ -108,7 +108,7 @@ class RefinedTest(FusionTest):
         """All that belongs to the brackets that begin at these stamps, without the topics of `but`. Returns when the node has
         taken it. replaced: see labels_of()."""
         self.deliver(self.node, *itertools.chain.from_iterable(
-            [*(self.part_of(name, stamp) for name in self.scene if name not in but), *self.labels_of(stamp, **replaced)]
+            [*(self.part_of(name, stamp) for name in self.scene if name not in but), self.labels_of(stamp, **replaced)]
             for stamp in stamps))
 
     def send_part(self, name, stamp):

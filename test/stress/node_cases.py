@@ -22,7 +22,7 @@ from std_msgs.msg import Header
 
 from all_in_focus.files.rig import load_rig
 from all_in_focus.files.rig_messages import camera_info
-from all_in_focus.msg import FocusFrame, FusionReport, Segment, SegmentArray
+from all_in_focus.msg import FocusFrame, FusionReport
 from file_helpers import run_script, wait_until
 from graph import FRAMES, NODES, Graph
 from mutation import mutate_message
@@ -74,8 +74,7 @@ def plausible_messages(scene):
             "/depth_registered/image": bridge.cv2_to_imgmsg(registered, "16UC1", rgb),
             "/depth_registered/image_raw": bridge.cv2_to_imgmsg(registered, "16UC1", rgb),
             "/depth_registered/camera_info": camera_info(rig.color, rgb),
-            "/segmentation/labels": bridge.cv2_to_imgmsg(labels, "32SC1", rgb),
-            "/segmentation/segments": SegmentArray(header=rgb, segments=[Segment()])}
+            "/segmentation/labels": bridge.cv2_to_imgmsg(labels, "32SC1", rgb)}
 
 
 def fuzz_messages(case, scene, seconds):

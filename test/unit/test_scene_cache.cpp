@@ -27,8 +27,6 @@ namespace enc = sensor_msgs::image_encodings;
 constexpr int kWidth = 8, kHeight = 6;
 constexpr double kFarTooLong = 20;  // s
 const cv::Size kFrame(kWidth, kHeight);
-const std::vector<SceneTopic> kAll = {SceneTopic::kDepth, SceneTopic::kMeasured, SceneTopic::kLabels,
-                                      SceneTopic::kCamera, SceneTopic::kOptics};
 
 sensor_msgs::ImageConstPtr image(double stamp_s, const std::string& encoding = enc::TYPE_16UC1,
                                  const cv::Size& size = {kWidth, kHeight}) {
@@ -48,15 +46,8 @@ sensor_msgs::CameraInfoPtr cameraInfo(double fx = 50) {
   return info;
 }
 
-SegmentArrayConstPtr segments(double stamp) {
-  const auto array = boost::make_shared<SegmentArray>();
-  array->header.stamp = ros::Time(stamp);
-  return array;
-}
-
 void addLabels(SceneCache& cache, double stamp) {
   cache.addLabels(image(stamp, enc::TYPE_32SC1));
-  cache.addSegments(segments(stamp));
 }
 
 // A scene of which everything has the stamp 10.
@@ -75,11 +66,16 @@ bool isWhole(const SceneMessages& scene) {
 class SceneCacheTest : public testing::Test {
  protected:
   static void SetUpTestSuite() { ros::Time::init(); }
-
-  void publish(const std::vector<SceneTopic>& topics = kAll) {
-    for (const SceneTopic topic : kAll) cache_.setPublished(topic, false);
-    for (const SceneTopic topic : topics) cache_.setPublished(topic, true);
+  void SetUp() override {
+    cache_.setCamera(cameraInfo());
+    cache_.setOptics(lens());
   }
+
+  void addDepth(double stamp) {
+    cache_.addDepth(image(stamp));
+    cache_.addMeasured(image(stamp));
+  }
+
   // What has come of waiting, a while after the call.
   std::future<SceneMessages> await(double stamp = 10) {
     auto scene =
@@ -87,12 +83,8 @@ class SceneCacheTest : public testing::Test {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     return scene;
   }
-  // Without waiting, and without a trace.
-  SceneMessages found(double stamp) {
-    SceneMessages scene = cache_.await(ros::Time(stamp), 0);
-    cache_.release(ros::Time(stamp));
-    return scene;
-  }
+  // Without waiting.
+  SceneMessages found(double stamp) { return cache_.await(ros::Time(stamp), 0); }
   static bool isReady(const std::future<SceneMessages>& scene, int ms = 0) {
     return scene.wait_for(std::chrono::milliseconds(ms)) == std::future_status::ready;
   }
@@ -101,14 +93,6 @@ class SceneCacheTest : public testing::Test {
 };
 
 }  // namespace
-
-TEST_F(SceneCacheTest, WhatNobodyPublishesIsNotWaitedFor) {
-  EXPECT_FALSE(cache_.await(ros::Time(10), kFarTooLong).depth);
-  cache_.addDepth(image(20));
-  const SceneMessages scene = cache_.await(ros::Time(20), kFarTooLong);
-  EXPECT_TRUE(scene.depth);
-  EXPECT_FALSE(scene.labels || scene.measured || scene.camera || scene.optics);
-}
 
 TEST_F(SceneCacheTest, TheNewestDepthAtOrBeforeTheFrameIsTaken) {
   for (const double stamp : {8.5, 9.5, 10.5}) cache_.addDepth(image(stamp));
@@ -128,25 +112,12 @@ TEST_F(SceneCacheTest, ModePaperGoesByLabels) {
   EXPECT_EQ(scene.depth->header.stamp, ros::Time(9.5));
 }
 
-TEST_F(SceneCacheTest, LabelsCountWithTheirSegmentsInAnyOrder) {
-  cache_.configure(/*by_labels=*/true, 1);
-  cache_.addLabels(image(9.5, enc::TYPE_32SC1));
-  cache_.addSegments(segments(9.75));
-  EXPECT_FALSE(found(10).labels || found(10).segments);
-  cache_.addSegments(segments(9.5));
-  EXPECT_EQ(found(10).labels->header.stamp, ros::Time(9.5));
-  cache_.addLabels(image(9.75, enc::TYPE_32SC1));
-  EXPECT_EQ(found(10).labels->header.stamp, ros::Time(9.75));
-  EXPECT_EQ(found(10).segments->header.stamp, ros::Time(9.75));
-}
-
 TEST_F(SceneCacheTest, EachPartIsWaitedForInAnyOrderButNotLabels) {
   const std::vector<std::function<void()>> parts = {[this] { cache_.addDepth(image(10)); },
                                                     [this] { cache_.addMeasured(image(10)); },
                                                     [this] { cache_.setCamera(cameraInfo()); }};
   for (std::size_t first = 0; first < parts.size(); ++first) {
     cache_.clear();
-    publish();
     cache_.setOptics(lens());
     auto scene = await();
     for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -157,22 +128,19 @@ TEST_F(SceneCacheTest, EachPartIsWaitedForInAnyOrderButNotLabels) {
   }
 }
 
-TEST_F(SceneCacheTest, LabelsThatComeLateJoinTheSceneUntilItIsReleased) {
+TEST_F(SceneCacheTest, LabelsThatComeLateJoinTheScene) {
   cache_.addDepth(image(9.5));
   EXPECT_FALSE(cache_.await(ros::Time(10), 0).labels);
   cache_.addDepth(image(9.75));  // too late to be chosen
   addLabels(cache_, 9.75);
-  EXPECT_FALSE(cache_.current(ros::Time(10)).labels);
+  EXPECT_FALSE(cache_.current().labels);
   for (int i = 0; i < 1000; ++i) cache_.addDepth(image(20 + i));  // drives its entry out
   addLabels(cache_, 9.5);
-  EXPECT_EQ(cache_.current(ros::Time(10)).labels->header.stamp, ros::Time(9.5));
-  EXPECT_EQ(cache_.current(ros::Time(10)).depth->header.stamp, ros::Time(9.5));
-  cache_.release(ros::Time(10));
-  EXPECT_FALSE(cache_.current(ros::Time(10)).depth);
+  EXPECT_EQ(cache_.current().labels->header.stamp, ros::Time(9.5));
+  EXPECT_EQ(cache_.current().depth->header.stamp, ros::Time(9.5));
 }
 
 TEST_F(SceneCacheTest, WhatWasLostIsNotWaitedFor) {
-  publish();
   fill(cache_);
   cache_.forgetAfter(ros::Time(9));
   for (const double stamp : {9.5, 10.5}) cache_.addDepth(image(stamp));
@@ -183,34 +151,14 @@ TEST_F(SceneCacheTest, WhatWasLostIsNotWaitedFor) {
 }
 
 TEST_F(SceneCacheTest, WaitingEndsInTime) {
-  publish();
   const auto start = std::chrono::steady_clock::now();
   cache_.await(ros::Time(10), 0.1);
   EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(99));
 }
 
-TEST_F(SceneCacheTest, WaitingEndsWhenAPublisherGoes) {
-  publish();
-  cache_.addDepth(image(10));
-  auto scene = await();
-  EXPECT_FALSE(isReady(scene));
-  publish({SceneTopic::kDepth});
-  EXPECT_TRUE(isReady(scene, 5000));
-}
-
 TEST_F(SceneCacheTest, ClearingLetsGo) {
-  publish();
   auto cleared = await();
   cache_.clear();
-  EXPECT_TRUE(isReady(cleared, 5000));
-  EXPECT_TRUE(isReady(await(), 5000));
-}
-
-TEST_F(SceneCacheTest, ClearingLetsGoAlsoIfSomebodyListensAgainAtOnce) {
-  publish();
-  auto cleared = await();
-  cache_.clear();
-  publish();
   EXPECT_TRUE(isReady(cleared, 5000));
 }
 
@@ -287,7 +235,6 @@ TEST_F(SceneCacheTest, ARegionOfInterestThatIsNotThatOfTheFramesIsRefused) {
 }
 
 TEST_F(SceneCacheTest, ABracketThatHasBegunKeepsItsSceneWhenTimeJumpsBack) {
-  publish();
   fill(cache_);
   cache_.pin(ros::Time(10));
   cache_.forgetAfter(ros::Time(1));
@@ -297,20 +244,18 @@ TEST_F(SceneCacheTest, ABracketThatHasBegunKeepsItsSceneWhenTimeJumpsBack) {
 }
 
 TEST_F(SceneCacheTest, ALateMessageFromBeforeAJumpDoesNotEndLaterWaits) {
-  publish({SceneTopic::kDepth});
   cache_.forgetAfter(ros::Time(10));
-  cache_.addDepth(image(300));  // was still under way
-  cache_.addDepth(image(10));
+  addDepth(300);  // was still under way
+  addDepth(10);
   auto scene = await(20);
   EXPECT_FALSE(isReady(scene));
-  cache_.addDepth(image(20));
+  addDepth(20);
   EXPECT_EQ(scene.get().stamp, ros::Time(20));
 }
 
 TEST_F(SceneCacheTest, ImagesOutOfOrderEndNoWaitLater) {
-  publish({SceneTopic::kDepth});
-  cache_.addDepth(image(10.51));
-  cache_.addDepth(image(10.49));
+  addDepth(10.51);
+  addDepth(10.49);
   auto scene = await(10.5);
   EXPECT_TRUE(isReady(scene, 5000));
   EXPECT_EQ(scene.get().stamp, ros::Time(10.49));
@@ -363,12 +308,11 @@ TEST_F(SceneCacheTest, BracketsThatNeverComeKeepLittle) {
   }
   const auto kept = std::count_if(all.begin(), all.end(), [](const auto& depth) { return !depth.expired(); });
   EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / kLargeBytes));  // with those that are not pinned
-  EXPECT_TRUE(cache_.current(ros::Time(10)).depth);
-  EXPECT_TRUE(cache_.current(ros::Time(69)).depth);
+  EXPECT_TRUE(cache_.current().depth);
+  EXPECT_TRUE(found(69).depth);
 }
 
 TEST_F(SceneCacheTest, BracketsThatNeverComeLeaveTheSceneThatABracketWaitsFor) {
-  cache_.setPublished(SceneTopic::kMeasured, true);
   cache_.addDepth(largeImage(10));
   cache_.pin(ros::Time(10));
   auto waits = std::async(std::launch::async, [this] { return cache_.await(ros::Time(10), 1); });
@@ -384,12 +328,12 @@ TEST_F(SceneCacheTest, BracketsThatNeverComeLeaveTheSceneThatABracketWaitsFor) {
 TEST_F(SceneCacheTest, TheSceneOfTheNextBracketWithTheSameFirstFrameStays) {
   cache_.addDepth(image(10));
   cache_.pin(ros::Time(10));
-  EXPECT_TRUE(cache_.await(ros::Time(10), 0).depth);
+  EXPECT_TRUE(found(10).depth);
   cache_.pin(ros::Time(10));
-  cache_.release(ros::Time(10));
+  EXPECT_TRUE(cache_.current().depth);
   for (int i = 0; i < 1000; ++i) cache_.addDepth(image(20 + i));
   EXPECT_TRUE(found(10).depth);
-  EXPECT_FALSE(found(10).depth) << "was released";
+  EXPECT_FALSE(found(10).depth) << "nobody keeps it any more";
 }
 
 TEST_F(SceneCacheTest, FramesThatNobodyAnnouncedMayBeLate) {
@@ -422,66 +366,26 @@ TEST_F(SceneCacheTest, TheCacheIsBoundedByBytes) {
   EXPECT_GE(kept, 4);
 }
 
-// What chooses the scene stays longer than labels, which only a report needs.
-TEST_F(SceneCacheTest, LabelsOfOldLargeScenesGoFirst) {
-  constexpr std::size_t bytes = std::size_t{2208} * 1242 * 2;
-  const auto large = [](double stamp, const std::string& encoding = enc::TYPE_16UC1) {
-    auto message = boost::make_shared<sensor_msgs::Image>(*image(stamp, encoding));
-    message->data.resize(encoding == enc::TYPE_16UC1 ? bytes : 2 * bytes);
-    return message;
-  };
-  for (const bool by_labels : {false, true}) {
-    cache_.clear();
-    cache_.configure(by_labels, 0.5);
-    cache_.pin(ros::Time(10));
-    for (int i = 0; i < 60; ++i) {
-      cache_.addDepth(large(10 + i));
-      cache_.addMeasured(large(10 + i));
-      cache_.addLabels(large(10 + i, enc::TYPE_32SC1));
-      cache_.addSegments(segments(10 + i));
-    }
-    std::size_t kept = 0, scenes = 0, labels = 0;
-    for (int i = 0; i < 60; ++i) {
-      const SceneMessages scene = found(10 + i);
-      EXPECT_EQ(scene.depth != nullptr, scene.measured != nullptr);
-      if (i == 0) {
-        EXPECT_TRUE(scene.labels);  // pinned
-        continue;
-      }
-      scenes += scene.depth != nullptr;
-      labels += scene.labels != nullptr;
-      kept += (scene.depth ? 2 * bytes : 0) + (scene.labels ? 2 * bytes : 0);
-      EXPECT_TRUE(i < 59 || (scene.depth && scene.labels));
-    }
-    EXPECT_LE(kept, kMaxWaitingBytes / 2);
-    EXPECT_GE(scenes, by_labels ? 5u : 8u);
-    EXPECT_EQ(labels < scenes, !by_labels);
-  }
-}
-
 TEST_F(SceneCacheTest, SilenceIsWaitedForOnce) {
-  publish();
   const auto start = std::chrono::steady_clock::now();
   cache_.await(ros::Time(10), 0.5);
   EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(499));
   for (int i = 1; i < 20; ++i) cache_.await(ros::Time(10 + i), kFarTooLong);
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(19)) << "less than one time-out";
-  publish({SceneTopic::kDepth});
-  cache_.addDepth(image(50));  // it speaks again
+  addDepth(50);  // it speaks again
   auto scene = await(50.5);
   EXPECT_FALSE(isReady(scene, 500));
-  cache_.addDepth(image(51));
+  addDepth(51);
   EXPECT_EQ(scene.get().depth->header.stamp, ros::Time(50));
 }
 
 TEST_F(SceneCacheTest, ATopicThatSendsLittleIsNotTakenForSilent) {
-  publish({SceneTopic::kDepth});
-  cache_.addDepth(image(10));
+  addDepth(10);
   EXPECT_TRUE(cache_.await(ros::Time(10.5), 0.1).depth);  // waited in vain for a better one
   auto scene = await(20);
   std::this_thread::sleep_for(std::chrono::milliseconds(500));  // late, but far within the time-out
   EXPECT_FALSE(isReady(scene));
-  cache_.addDepth(image(20));
+  addDepth(20);
   EXPECT_TRUE(scene.get().depth);
 }
 

@@ -86,10 +86,7 @@ SharedScene toScene(const SceneMessages& messages, Mode mode, const cv::Size& fr
 bool joinLate(const SceneMessages& now, SharedScene& shared) {
   SceneMessages& messages = shared.messages;
   const bool are_new = now.labels && !messages.labels;
-  if (are_new) {
-    messages.labels = now.labels;
-    messages.segments = now.segments;
-  }
+  if (are_new) messages.labels = now.labels;
   if (now.depth && !messages.depth) {
     messages.depth = now.depth;
     attempt(shared, takeDepth, kNotPublished);

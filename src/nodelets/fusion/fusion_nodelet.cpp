@@ -8,7 +8,6 @@
 #include <std_srvs/Trigger.h>
 
 #include <algorithm>
-#include <array>
 #include <boost/make_shared.hpp>
 #include <chrono>
 #include <cmath>
@@ -84,12 +83,11 @@ class Fusion {
         worker_(guard, status, scenes_, outputs_),
         image_input_(status.addInput(topics::kImage, Expect::kStream, "start the colour camera's driver")),
         focus_input_(status.addInput(topics::kFocus, Expect::kOptional, "")),
-        segments_input_(status.addInput(topics::kSegments, Expect::kOnce, "start the segmenter")),
-        scene_inputs_{status.addInput(topics::kDepth, Expect::kOnce, "start depth_preprocess"),
-                      status.addInput(topics::kMeasured, Expect::kOptional, ""),
-                      status.addInput(topics::kLabels, Expect::kOnce, "start the segmenter"),
-                      status.addInput(topics::kColorInfo, Expect::kOnce, "start the colour camera's driver"),
-                      status.addInput(topics::kOptics, Expect::kOptional, "")} {
+        depth_input_(status.addInput(topics::kDepth, Expect::kOnce, "start depth_preprocess")),
+        measured_input_(status.addInput(topics::kMeasured, Expect::kOptional, "")),
+        labels_input_(status.addInput(topics::kLabels, Expect::kOnce, "start the segmenter")),
+        info_input_(status.addInput(topics::kColorInfo, Expect::kOnce, "start the colour camera's driver")),
+        optics_input_(status.addInput(topics::kOptics, Expect::kOptional, "")) {
     restartMatcher();
     const auto on_timer = [this](const ros::WallTimerEvent&) { settle(); };
     settling_ =
@@ -158,13 +156,11 @@ class Fusion {
   // Depth and labels use plain ROS, because lossy transports would destroy them. They are subscribed first,
   // so that they are there when colour comes.
   void subscribe() {
-    updatePublished();
-    subscribeTo(inputOf(SceneTopic::kMeasured), &SceneCache::addMeasured);
-    subscribeTo(inputOf(SceneTopic::kDepth), &SceneCache::addDepth);
-    subscribeTo(inputOf(SceneTopic::kLabels), &SceneCache::addLabels);
-    subscribeTo(segments_input_, &SceneCache::addSegments);
-    subscribeTo(inputOf(SceneTopic::kCamera), &SceneCache::setCamera);
-    subscribeTo(inputOf(SceneTopic::kOptics), &SceneCache::setOptics);
+    subscribeTo(measured_input_, &SceneCache::addMeasured);
+    subscribeTo(depth_input_, &SceneCache::addDepth);
+    subscribeTo(labels_input_, &SceneCache::addLabels);
+    subscribeTo(info_input_, &SceneCache::setCamera);
+    subscribeTo(optics_input_, &SceneCache::setOptics);
     const auto on_focus = [this](const auto& focus) { onFocus(focus); };
     subscribers_[focus_input_] =
         guard_.subscribe<FocusFrame>(guard_.quick, focus_input_, kArrivingMessages, on_focus);
@@ -186,23 +182,14 @@ class Fusion {
     status_.setSubscribed(false);
   }
 
-  // Until they have had time to connect, publishers are assumed.
-  void updatePublished() {
-    for (std::size_t topic = 0; topic < kSceneTopics; ++topic) {
-      const bool is_published = !settled_ || isPublished(scene_inputs_[topic]);
-      scenes_.setPublished(static_cast<SceneTopic>(topic), is_published);
-    }
-    const int optics = inputOf(SceneTopic::kOptics);
-    if (subscribers_[optics].getNumPublishers() > 1)
-      status_.warn(status_.resolved(optics) + " has several publishers: the last message counts");
-  }
-
-  // After the first frame other publishers may still be connecting. Without their messages from rgb/focus, or
-  // without its scene, the first bracket would be cut or fused differently.
+  // Before the first frame the publisher of rgb/focus may still be connecting. Without its messages the first
+  // bracket would be cut differently: until this is called, frames wait for them.
   void settle() {
     settled_ = true;
-    updatePublished();
-    if (isPublished(focus_input_)) return;
+    if (subscribers_[optics_input_].getNumPublishers() > 1) {
+      status_.warn(status_.resolved(optics_input_) + " has several publishers: the last message counts");
+    }
+    if (hasFocusPublisher()) return;
     // The publisher has gone. Images that it had announced still wait for their messages; the others are
     // plain.
     std::deque<sensor_msgs::ImageConstPtr> waiting;
@@ -246,9 +233,8 @@ class Fusion {
 
   void onImage(const sensor_msgs::ImageConstPtr& image) {
     settling_.start();  // the first image starts it
-    updatePublished();
     // A publisher of rgb/focus defines the brackets while it is there.
-    const bool has_focus = isPublished(focus_input_) || isAnnounced(*image);
+    const bool has_focus = hasFocusPublisher() || isAnnounced(*image);
     if (settled_ && !has_focus) {
       giveUpAllImages();  // the publisher of rgb/focus is gone
       return addPlain(image);
@@ -325,8 +311,7 @@ class Fusion {
   }
 
   // roscpp knows who is connected; the master, which may hang, need not be asked.
-  bool isPublished(int input) { return subscribers_[input].getNumPublishers() > 0; }
-  int inputOf(SceneTopic topic) const { return scene_inputs_[static_cast<std::size_t>(topic)]; }
+  bool hasFocusPublisher() { return subscribers_[focus_input_].getNumPublishers() > 0; }
 
   CallbackGuard& guard_;
   NodeStatus& status_;
@@ -335,8 +320,8 @@ class Fusion {
   FusionOutputs outputs_;
   SceneCache scenes_;
   FusionWorker worker_;
-  const int image_input_, focus_input_, segments_input_;
-  const std::array<int, kSceneTopics> scene_inputs_;  // by SceneTopic
+  const int image_input_, focus_input_, depth_input_, measured_input_, labels_input_, info_input_,
+      optics_input_;
   TimeJumps time_jumps_;
 
   std::unique_ptr<Matcher> matcher_;                  // image + rgb/focus

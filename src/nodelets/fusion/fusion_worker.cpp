@@ -334,7 +334,7 @@ cv::Mat FusionWorker::inFullRange(const cv::Mat& bgr) const {
 
 // Images that have the stamp of the scene may come after its depth.
 void FusionWorker::joinScene() {
-  const bool has_new_labels = joinLate(scenes_.current(open_->first.header.stamp), open_->scene);
+  const bool has_new_labels = joinLate(scenes_.current(), open_->scene);
   if (has_new_labels && open_->settings.bracket.mode != Mode::kPaper)
     bracket_.setLabels(open_->scene.scene.labels);
 }
@@ -351,7 +351,6 @@ std::vector<FrameStatus> FusionWorker::finishBracket() {
     status_.count(outcomeOf(frame));
     if (!frame.reason.empty()) status_.error(reasonOf(frame));
   }
-  scenes_.release(open_->first.header.stamp);
   open_.reset();
   return result.frames;
 }
@@ -404,8 +403,8 @@ FusionReportPtr FusionWorker::toReport(const BracketResult& result) const {
   if (result.has_labels) report->label_stamp = open_->scene.messages.labels->header.stamp;
   if (open_->scene.scene.camera) {
     report->optics = toMessage(open_->scene.scene.optics);
-  } else if (result.has_labels) {
-    report->optics = open_->scene.messages.segments->optics;
+  } else if (result.has_labels && open_->scene.messages.optics) {
+    report->optics = *open_->scene.messages.optics;
   }
   report->blur_scale = result.blur_scale;
   for (const RegionChoice& choice : result.regions) {

@@ -10,9 +10,8 @@
 #include <iterator>
 #include <limits>
 #include <opencv2/core.hpp>
-#include <optional>
+#include <set>
 #include <stdexcept>
-#include <utility>
 
 #include "image_limit.hpp"
 #include "time_jumps.hpp"
@@ -20,44 +19,21 @@
 namespace all_in_focus {
 namespace {
 
-constexpr std::size_t kMaxCached = 64;                   // stamps
-constexpr std::size_t kMaxBytes = kMaxWaitingBytes / 2;  // of all pinned scenes, and of all others
-constexpr std::size_t kMaxPinned = 64;                   // brackets
+constexpr std::size_t kMaxCached = 64;  // stamps
+constexpr std::size_t kMaxPinned = 64;  // brackets
 constexpr double kTolerance = 1;  // s that a stamp may be ahead of the clock, or older than the one before
 constexpr double kAssumedLatency = 30;  // s that frames may be late, before the first one came
-constexpr double kLeastLatency = 5;     // s, afterwards
-constexpr double kLatencyMargin = 1.25;
+constexpr double kLatencyMargin = 5;    // s more than the longest so far, afterwards
 constexpr double kSilentTimeout = 0.1;  // s, for a topic of which the last wait brought nothing
-
-std::size_t bytesOf(const SceneMessages& scene) {
-  std::size_t bytes = 0;
-  for (const auto* image : {&scene.depth, &scene.measured, &scene.labels}) {
-    if (*image) bytes += (*image)->data.size();
-  }
-  return bytes;
-}
-
-// Labels are of use with the table of their regions only.
-bool has(const SceneMessages& scene, sensor_msgs::ImageConstPtr SceneMessages::*image) {
-  return scene.*image && (image != &SceneMessages::labels || scene.segments);
-}
-
-// Adds the messages that have come since.
-void join(const SceneMessages& entry, SceneMessages& scene) {
-  if (entry.depth) scene.depth = entry.depth;
-  if (entry.measured) scene.measured = entry.measured;
-  if (entry.labels) scene.labels = entry.labels;
-  if (entry.segments) scene.segments = entry.segments;
-}
 
 }  // namespace
 
 void SceneCache::addDepth(const sensor_msgs::ImageConstPtr& depth) {
-  add(depth, &SceneMessages::depth, SceneTopic::kDepth);
+  add(depth, &SceneMessages::depth, kDepth);
 }
 
 void SceneCache::addMeasured(const sensor_msgs::ImageConstPtr& measured) {
-  add(measured, &SceneMessages::measured, SceneTopic::kMeasured);
+  add(measured, &SceneMessages::measured, kMeasured);
 }
 
 void SceneCache::addLabels(const sensor_msgs::ImageConstPtr& labels) {
@@ -65,44 +41,38 @@ void SceneCache::addLabels(const sensor_msgs::ImageConstPtr& labels) {
       !labels->data.empty() && labels->data.size() >= std::size_t{labels->step} * labels->height;
   if (labels->encoding != sensor_msgs::image_encodings::TYPE_32SC1 || !is_whole)
     throw std::invalid_argument("labels must be 32SC1 and not empty, not " + labels->encoding);
-  add(labels, &SceneMessages::labels, SceneTopic::kLabels);
+  add(labels, &SceneMessages::labels, kLabels);
 }
 
-void SceneCache::addSegments(const SegmentArrayConstPtr& segments) {
-  add(segments, &SceneMessages::segments, SceneTopic::kLabels);
-}
-
-template <typename Message>
-void SceneCache::add(const Message& message, Message SceneMessages::*as, SceneTopic topic) {
+void SceneCache::add(const sensor_msgs::ImageConstPtr& image, Image as, Topic topic) {
   std::lock_guard<std::mutex> lock(mutex_);
-  SceneMessages& entry = entries_[message->header.stamp];
-  entry.stamp = message->header.stamp;
-  entry.*as = message;
-  const bool is_whole = topic != SceneTopic::kLabels || has(entry, &SceneMessages::labels);
-  updatePinned();
+  const ros::Time stamp = image->header.stamp;
+  SceneMessages& entry = entries_[stamp];
+  entry.stamp = stamp;
+  entry.*as = image;
+  updateAll();
   makeRoom();
-  if (!is_whole) return;
-  ros::Time& last = (*this)[topic].last;
-  if (entry.stamp > last || secondsBetween(entry.stamp, last) > kTolerance) last = entry.stamp;
+  ros::Time& last = topics_[topic].last;
+  if (stamp > last || secondsBetween(stamp, last) > kTolerance) last = stamp;
   arrived(topic);
 }
 
 // Holds mutex_.
-void SceneCache::arrived(SceneTopic topic) {
-  (*this)[topic].silent = false;
+void SceneCache::arrived(Topic topic) {
+  topics_[topic].silent = false;
   changed_.notify_all();
 }
 
 void SceneCache::setCamera(const sensor_msgs::CameraInfoConstPtr& camera) {
   std::lock_guard<std::mutex> lock(mutex_);
   camera_ = camera;
-  arrived(SceneTopic::kCamera);
+  arrived(kCamera);
 }
 
 void SceneCache::setOptics(const OpticsConstPtr& optics) {
   std::lock_guard<std::mutex> lock(mutex_);
   optics_ = optics;
-  arrived(SceneTopic::kOptics);
+  arrived(kOptics);
 }
 
 void SceneCache::configure(bool by_labels, double max_age_s) {
@@ -111,71 +81,76 @@ void SceneCache::configure(bool by_labels, double max_age_s) {
   max_age_s_ = max_age_s;
 }
 
-void SceneCache::setPublished(SceneTopic topic, bool published) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  if (std::exchange((*this)[topic].published, published) != published) changed_.notify_all();
-}
-
 void SceneCache::pin(const ros::Time& first_frame) {
   std::lock_guard<std::mutex> lock(mutex_);
-  const auto [found, is_new] = pinned_.try_emplace(first_frame);  // a bracket is announced, and begins later
-  if (found->second.chosen) found->second = {};                   // but this is another one
-  updatePinned();
-  if (is_new && !entries_.empty())
+  const auto is_this = [&](const Pinned& pinned) { return pinned.first_frame == first_frame; };
+  if (std::any_of(pinned_.begin(), pinned_.end(), is_this)) return;  // was announced, and begins
+  pinned_.push_back({first_frame, {}});
+  update(first_frame, pinned_.back().scene);
+  if (!entries_.empty())
     longest_latency_s_ = std::max(longest_latency_s_, secondsBetween(first_frame, entries_.rbegin()->first));
   makeRoom();
 }
 
-// A pinned scene outlives its entry.
-void SceneCache::updatePinned() {
-  for (auto& [frame, pinned] : pinned_) {
-    const auto newest = pinned.chosen ? entries_.end() : newestAt(frame);
-    if (newest != entries_.end() && newest->first > pinned.scene.stamp) pinned.scene = newest->second;
-    const auto found = entries_.find(pinned.scene.stamp);
-    if (found != entries_.end()) join(found->second, pinned.scene);
+// Makes it the best scene for the frame so far.
+void SceneCache::update(const ros::Time& first_frame, SceneMessages& scene) const {
+  const auto newest = newestAt(first_frame);
+  if (newest != entries_.end() && newest->first > scene.stamp) scene = newest->second;
+  join(scene);
+}
+
+// Adds the images of its stamp that have come since. A scene outlives its entry.
+void SceneCache::join(SceneMessages& scene) const {
+  const auto entry = entries_.find(scene.stamp);
+  if (entry == entries_.end()) return;
+  for (const Image image : {&SceneMessages::depth, &SceneMessages::measured, &SceneMessages::labels}) {
+    if (entry->second.*image) scene.*image = entry->second.*image;
   }
 }
 
+void SceneCache::updateAll() {
+  for (Pinned& pinned : pinned_) update(pinned.first_frame, pinned.scene);
+  awaited_ ? update(*awaited_, at_work_) : join(at_work_);
+}
+
 void SceneCache::makeRoom() {
-  std::size_t pinned_bytes = 0;
-  for (const auto& [frame, pinned] : pinned_) pinned_bytes += bytesOf(pinned.scene);
-  while (pinned_.size() > kMaxPinned || (pinned_bytes > kMaxBytes && pinned_.size() > kFewestWaiting)) {
-    // The oldest one, whose bracket was dropped or never came, but not that of the bracket at work.
-    const auto dispensable =
-        std::min_element(pinned_.begin(), pinned_.end(),
-                         [](const auto& a, const auto& b) { return a.second.at_work < b.second.at_work; });
-    pinned_bytes -= bytesOf(dispensable->second.scene);
-    pinned_.erase(dispensable);
-  }
-  const auto are_too_large = [this] {
-    std::size_t bytes = 0;
-    for (const auto& [stamp, entry] : entries_) bytes += bytesOf(entry);
-    return bytes > kMaxBytes && entries_.size() > kFewestWaiting;
-  };
-  while (entries_.size() > kMaxCached || are_too_large()) {
-    const auto newest_quarter = static_cast<std::ptrdiff_t>((entries_.size() + 3) / 4);
-    const auto end = std::prev(entries_.end(), newest_quarter);  // that quarter stays complete
-    const auto labelled =
-        std::find_if(entries_.begin(), end, [](const auto& entry) { return entry.second.labels != nullptr; });
-    if (entries_.size() > kMaxCached || by_labels_ || labelled == end) {
-      entries_.erase(mostDispensable(end));
+  while (pinned_.size() > kMaxPinned) pinned_.pop_front();
+  while (entries_.size() > kMaxCached) entries_.erase(mostDispensable());
+  while (bytes() > kMaxWaitingBytes) {
+    if (entries_.size() > kFewestWaiting) {
+      entries_.erase(mostDispensable());
+    } else if (pinned_.size() > kFewestWaiting) {
+      pinned_.pop_front();
     } else {
-      labelled->second.labels.reset();
-      labelled->second.segments.reset();
+      return;
     }
   }
 }
 
-// Of those before `end`.
-SceneCache::Entries::iterator SceneCache::mostDispensable(Entries::iterator end) {
-  const double latency =
-      longest_latency_s_ > 0 ? std::max(kLeastLatency, kLatencyMargin * longest_latency_s_) : kAssumedLatency;
+// Of all images. Scenes share them.
+std::size_t SceneCache::bytes() const {
+  std::set<sensor_msgs::ImageConstPtr> images;
+  const auto count = [&](const SceneMessages& scene) {
+    images.insert({scene.depth, scene.measured, scene.labels});
+  };
+  for (const auto& [stamp, entry] : entries_) count(entry);
+  for (const Pinned& pinned : pinned_) count(pinned.scene);
+  count(at_work_);
+  std::size_t bytes = 0;
+  for (const sensor_msgs::ImageConstPtr& image : images) bytes += image ? image->data.size() : 0;
+  return bytes;
+}
+
+// The newest quarter stays complete.
+SceneCache::Entries::iterator SceneCache::mostDispensable() {
+  const double latency = longest_latency_s_ > 0 ? longest_latency_s_ + kLatencyMargin : kAssumedLatency;
+  const auto end = std::prev(entries_.end(), static_cast<std::ptrdiff_t>((entries_.size() + 3) / 4));
   const ros::Time newest = entries_.rbegin()->first;
   auto found = entries_.begin();
   double smallest_gap = std::numeric_limits<double>::infinity();
   for (auto it = entries_.begin(); it != end; ++it) {
     const bool too_old = secondsBetween(it->first, newest) > max_age_s_ + latency;
-    if (too_old || !has(it->second, key())) return it;
+    if (too_old || !(it->second.*key())) return it;
     if (it == entries_.begin()) continue;
     const double gap = secondsBetween(std::prev(it)->first, std::next(it)->first);
     if (gap < smallest_gap) {
@@ -191,26 +166,14 @@ SceneCache::Entries::const_iterator SceneCache::newestAt(const ros::Time& frame)
   for (auto it = entries_.upper_bound(frame); it != entries_.begin();) {
     --it;
     if (secondsBetween(it->first, frame) > max_age_s_) break;
-    if (has(it->second, key())) return it;
+    if (it->second.*key()) return it;
   }
   return entries_.end();
 }
 
-SceneMessages SceneCache::sceneOf(const ros::Time& first_frame) const {
-  const auto found = pinned_.find(first_frame);
-  SceneMessages scene = found == pinned_.end() ? SceneMessages() : found->second.scene;
-  if (!has(scene, &SceneMessages::labels)) {
-    scene.labels.reset();
-    scene.segments.reset();
-  }
-  scene.camera = camera_;
-  scene.optics = optics_;
-  return scene;
-}
-
 // Whether no image with a stamp up to `stamp` can come any more. A topic keeps its order: none can once its
 // last image is at or after `stamp`, unless that one is from before /clock jumped back.
-bool SceneCache::isDecided(const Topic& topic, const ros::Time& stamp) {
+bool SceneCache::isDecided(const Arrivals& topic, const ros::Time& stamp) {
   const ros::Time& last = topic.last;
   const ros::Time latest = std::max(stamp, ros::Time::now());
   return !last.isZero() && last >= stamp && secondsBetween(latest, last) < kTolerance;
@@ -219,7 +182,7 @@ bool SceneCache::isDecided(const Topic& topic, const ros::Time& stamp) {
 void SceneCache::forgetAfter(const ros::Time& now) {
   std::lock_guard<std::mutex> lock(mutex_);
   entries_.erase(entries_.upper_bound(now), entries_.end());
-  for (Topic& topic : topics_) {
+  for (Arrivals& topic : topics_) {
     if (topic.last > now) topic.last = {};
   }
   changed_.notify_all();
@@ -229,6 +192,8 @@ void SceneCache::clear() {
   std::lock_guard<std::mutex> lock(mutex_);
   entries_.clear();
   pinned_.clear();
+  at_work_ = {};
+  awaited_.reset();
   camera_.reset();
   topics_ = {};
   changed_.notify_all();
@@ -237,50 +202,50 @@ void SceneCache::clear() {
 SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) {
   const auto start = std::chrono::steady_clock::now();
   std::unique_lock<std::mutex> lock(mutex_);
-  const auto [own, is_new] = pinned_.try_emplace(first_frame);
-  own->second.at_work = true;
-  if (is_new) updatePinned();
-  const auto scene = [&] { return sceneOf(first_frame); };
+  const auto own = std::find_if(pinned_.begin(), pinned_.end(),
+                                [&](const Pinned& pinned) { return pinned.first_frame == first_frame; });
+  at_work_ = own == pinned_.end() ? SceneMessages() : own->scene;
+  // Brackets before it were announced, but never came.
+  if (own != pinned_.end()) pinned_.erase(pinned_.begin(), std::next(own));
+  awaited_ = first_frame;
+  update(first_frame, at_work_);
   // stamp: waits until no better message for that stamp can come; without it, for any message.
-  const auto wait = [&](SceneTopic name, const auto message, const std::optional<ros::Time>& stamp) {
-    Topic& topic = (*this)[name];
-    const auto is_there = [&] { return scene().*message != nullptr; };
+  const auto wait = [&](Topic name, const auto message, const std::optional<ros::Time>& stamp) {
+    Arrivals& topic = topics_[name];
+    const auto is_there = [&] { return whole().*message != nullptr; };
     const std::chrono::duration<double> timeout(topic.silent ? std::min(timeout_s, kSilentTimeout)
                                                              : timeout_s);
     topic.silent = true;  // unless a message comes
     const bool in_time = changed_.wait_until(lock, start + timeout, [&] {
-      const bool forgotten = pinned_.count(first_frame) == 0;  // by clear(); the topic may be published again
-      return forgotten || !topic.published || (stamp ? isDecided(topic, *stamp) : is_there());
+      return !awaited_ || (stamp ? isDecided(topic, *stamp) : is_there());  // not awaited: clear() was called
     });
     if (in_time || is_there()) topic.silent = false;
   };
   if (by_labels_) {
-    wait(SceneTopic::kLabels, &SceneMessages::labels, first_frame);
+    wait(kLabels, &SceneMessages::labels, first_frame);
   } else {
-    wait(SceneTopic::kDepth, &SceneMessages::depth, first_frame);
-    if (scene().depth) {
-      wait(SceneTopic::kMeasured, &SceneMessages::measured, scene().stamp);
-      wait(SceneTopic::kCamera, &SceneMessages::camera, std::nullopt);
-      wait(SceneTopic::kOptics, &SceneMessages::optics, std::nullopt);
+    wait(kDepth, &SceneMessages::depth, first_frame);
+    if (at_work_.depth) {
+      wait(kMeasured, &SceneMessages::measured, at_work_.stamp);
+      wait(kCamera, &SceneMessages::camera, std::nullopt);
+      wait(kOptics, &SceneMessages::optics, std::nullopt);
     }
   }
-  const auto found = pinned_.find(first_frame);
-  if (found != pinned_.end()) found->second.chosen = true;
-  return scene();
+  awaited_.reset();
+  return whole();
 }
 
-SceneMessages SceneCache::current(const ros::Time& first_frame) const {
+SceneMessages SceneCache::current() const {
   std::lock_guard<std::mutex> lock(mutex_);
-  return sceneOf(first_frame);
+  return whole();
 }
 
-// Brackets of older frames were announced, but never came. Where none is chosen, another bracket waits that
-// has the same first frame, as in a bag that is played in a loop.
-void SceneCache::release(const ros::Time& first_frame) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  const auto own = pinned_.lower_bound(first_frame);
-  const bool has_ended = own != pinned_.end() && own->first == first_frame && own->second.chosen;
-  pinned_.erase(pinned_.begin(), has_ended ? std::next(own) : own);
+// Holds mutex_. The scene at work with the newest camera and lens.
+SceneMessages SceneCache::whole() const {
+  SceneMessages scene = at_work_;
+  scene.camera = camera_;
+  scene.optics = optics_;
+  return scene;
 }
 
 std::string SceneCache::whyNone(const ros::Time& frame) const {
@@ -288,7 +253,7 @@ std::string SceneCache::whyNone(const ros::Time& frame) const {
   const char* remedy = by_labels_ ? "(is the segmenter running?)" : "(is depth_preprocess running?)";
   const ros::Time *before = nullptr, *after = nullptr;
   for (const auto& [stamp, entry] : entries_) {
-    if (!has(entry, key())) continue;
+    if (!(entry.*key())) continue;
     if (stamp <= frame) before = &stamp;
     if (stamp > frame && !after) after = &stamp;
   }
