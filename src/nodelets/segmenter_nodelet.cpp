@@ -87,7 +87,8 @@ class Segmenter {
       : guard_(guard),
         status_(status),
         depth_input_(status.addInput(topics::kDepth, Expect::kStream, "start depth_preprocess")),
-        info_input_(status.addInput(topics::kDepthInfo, Expect::kOptional, "")) {
+        info_input_(status.addInput(topics::kDepthInfo, Expect::kOptional,
+                                    "publish the calibration of the depth image's camera")) {
     readNumber(guard.slow.private_nh, "queue_size", 1, kMostWaiting, queue_size_, status);
     optics_publisher_ =
         guard.slow.nh.advertise<OpticsMsg>(status.addOutput(topics::kOptics), 1, /*latch=*/true);
@@ -147,8 +148,9 @@ class Segmenter {
     } else if (!wants_markers) {
       info_subscriber_ = {};
       camera_.reset();  // may be out of date when the next subscriber comes
-      unmarked_.reset();
     }
+    // It is read for markers alone.
+    status_.setExpect(info_input_, wants_markers ? Expect::kOnce : Expect::kOptional);
     if (wanted && !depth_subscriber_) {
       depth_subscriber_ =
           guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
@@ -159,6 +161,7 @@ class Segmenter {
     }
   }
 
+  // It may come after the image.
   void onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
     camera_.reset();
     camera_ = toCamera(*info, "markers");
@@ -182,8 +185,8 @@ class Segmenter {
         toImage(message->header, sensor_msgs::image_encodings::TYPE_32SC1, result_.labels));
     segments_publisher_.publish(segments);
     try {
-      publishCaptioned(message->header);
       publishPlan(message->header);
+      publishCaptioned(message->header);
     } catch (const std::exception& e) {
       status_.error(std::string("labels are published, but not all that is drawn of them: ") + e.what());
     }
@@ -223,23 +226,16 @@ class Segmenter {
       cv::cvtColor(regions, regions, cv::COLOR_BGR2RGB);
       picture_publisher_.publish(toImage(header, sensor_msgs::image_encodings::RGB8, regions));
     }
-    if (!info_subscriber_) return;
-    const bool is_second = unmarked_.has_value();
-    unmarked_ = header;
+    header_ = header;
     publishMarkers();
-    if (unmarked_ && is_second) {
-      status_.warn(
-          "markers wait for " + status_.resolved(info_input_) +
-          ": nothing came that fits the depth image; publish its camera's calibration there, or remap it");
-    }
   }
 
-  // The message of the camera may come after the image.
+  // Those of the result.
   void publishMarkers() {
-    if (!unmarked_ || !camera_ || camera_->size != result_.labels.size()) return;
+    if (!camera_ || result_.labels.empty()) return;
+    requireSize(result_.labels, *camera_, status_.resolved(depth_input_), status_.resolved(info_input_));
     const auto labels = static_cast<int>(result_.segments.size());
-    markers_publisher_.publish(toMarkers(*unmarked_, *camera_, labels, captions_));
-    unmarked_.reset();
+    markers_publisher_.publish(toMarkers(header_, *camera_, labels, captions_));
   }
 
   CallbackGuard& guard_;
@@ -259,7 +255,7 @@ class Segmenter {
   Segmentation result_;                            // of the newest depth image
   std::vector<RegionCaption> captions_;            // of the result
   std::optional<Camera> camera_;                   // of the depth images, while anybody wants markers
-  std::optional<std_msgs::Header> unmarked_;       // of the result, if its camera is still to come
+  std_msgs::Header header_;                        // of the captions
 
   image_transport::Subscriber depth_subscriber_;
   ros::Subscriber info_subscriber_;
