@@ -4,11 +4,9 @@
 #include "parameters.hpp"
 
 #include <algorithm>
-#include <boost/algorithm/string/case_conv.hpp>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <limits>
 #include <type_traits>
 
@@ -26,20 +24,20 @@ const char* typeName() {
 }
 
 std::string show(XmlRpcValue value) {
-  constexpr std::size_t kMost = 60;  // characters
   std::ostringstream text;
-  if (value.getType() == XmlRpcValue::TypeBoolean) return static_cast<bool>(value) ? "true" : "false";
-  if (value.getType() == XmlRpcValue::TypeDouble) {
+  if (value.getType() == XmlRpcValue::TypeBoolean) {
+    text << (static_cast<bool>(value) ? "true" : "false");
+  } else if (value.getType() == XmlRpcValue::TypeDouble) {
     text << static_cast<double>(value);
+  } else if (value.getType() == XmlRpcValue::TypeString) {
+    text << '\'' << value << '\'';
   } else if (value.getType() == XmlRpcValue::TypeArray) {
-    for (int i = 0; i < value.size(); ++i) text << (i > 0 ? ", " : "") << show(value[i]);
+    for (int i = 0; i < value.size(); ++i) text << (i > 0 ? ", " : "[") << show(value[i]);
+    text << ']';
   } else {
     text << value;
   }
-  std::string shown = text.str();
-  if (shown.size() > kMost) shown = shown.substr(0, kMost) + "...";
-  if (value.getType() == XmlRpcValue::TypeArray) return '[' + shown + ']';
-  return value.getType() == XmlRpcValue::TypeString ? '\'' + shown + '\'' : shown;
+  return text.str();
 }
 std::string show(const std::vector<int>& values) {
   std::string text;
@@ -75,16 +73,6 @@ bool read(const ros::NodeHandle& nh, const std::string& name, std::vector<int>& 
   return true;
 }
 
-// Text that can mean nothing but the value.
-template <typename T>
-bool parse(const std::string& text, T& value) {
-  if constexpr (std::is_arithmetic_v<T>) {
-    std::istringstream words(boost::algorithm::to_lower_copy(text));
-    return words >> std::boolalpha >> value && words.peek() == EOF;
-  }
-  return false;
-}
-
 // is_possible: of a value of the right type.
 template <typename T, typename Check>
 void readChecked(const ros::NodeHandle& nh, const std::string& name, const std::string& expected,
@@ -92,16 +80,8 @@ void readChecked(const ros::NodeHandle& nh, const std::string& name, const std::
   XmlRpcValue given;
   if (!nh.getParam(name, given)) return;
   T wanted{};
-  std::string text;
-  bool is_known = read(nh, name, wanted);
-  const bool is_text = !is_known && nh.getParam(name, text);
-  if (is_text) is_known = parse(text, wanted);
-  if (!is_known || !is_possible(wanted))
+  if (!read(nh, name, wanted) || !is_possible(wanted))
     return status.error(name + " must be " + expected + ", not " + show(given) + ": using " + show(value));
-  if (is_text) {
-    status.warn(name + " is text: " + show(text) + " is taken as " + show(wanted) +
-                "; write it without quotes");
-  }
   value = wanted;
 }
 

@@ -21,9 +21,8 @@
 /// with it, and the value that is used.
 namespace all_in_focus {
 
-/// Reads a parameter if it is set. Text that is nothing but a number, or true or false, is converted where
-/// such a value is expected, and that is said. Anything else of another type leaves `value` as it is.
-/// T: bool, int, double, std::string.
+/// Reads a parameter if it is set. One of another type leaves `value` as it is. T: bool, int, double,
+/// std::string.
 template <typename T>
 void readParameter(const ros::NodeHandle& nh, const std::string& name, T& value, NodeStatus& status);
 

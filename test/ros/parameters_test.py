@@ -22,7 +22,7 @@ CASES = [
         'queue_size': (-5, 'queue_size must be a whole number from 1 to 1000, not -5: using 5', None),
         'invalid_values': ('none', INVALID % "'none'", None),
         'mode': ('best', 'mode = best, must be paper or refined: using refined', 'refined'),
-        'fill_holes': ('false', "fill_holes is text: 'false' is taken as false; write it without quotes", False)}),
+        'fill_holes': ('false', "fill_holes must be true or false, not 'false': using true", True)}),
     ('depth_preprocess', {'invalid_values': ([0, 2047.5, True], INVALID % '[0, 2047.5, true]', None)}),
     ('depth_preprocess', {'invalid_values': ([0, True], INVALID % '[0, true]', None)}),
     ('depth_preprocess', {'invalid_values': ([-1, 'far', [0]], INVALID % "[-1, 'far', [0]]", None)}),
@@ -31,7 +31,7 @@ CASES = [
     ('segmenter', {
         'queue_size': (2.5, 'queue_size must be a whole number from 1 to 1000, not 2.5: using 5', None),
         'mode': (3, "mode must be text, not 3: using 'refined'", None),
-        'focal_length_mm': ('35', "focal_length_mm is text: '35' is taken as 35; write it without quotes", 35.0),
+        'focal_length_mm': ('35', "focal_length_mm must be a number, not '35': using 24", 24.0),
         'aperture': ('wide', "aperture must be a number, not 'wide': using 4", 4.0),
         'circle_of_confusion_mm': (0, 'circle_of_confusion_mm = 0, must be from 1e-06 to 10: using 0.019', 0.019),
         'min_region_size': (7.0, None, 7)}),
