@@ -19,7 +19,6 @@ namespace {
 using diagnostic_msgs::DiagnosticStatus;
 
 constexpr std::chrono::seconds kSilence{5};
-constexpr std::chrono::seconds kPause{5};  // a text that comes again within it tells of the same condition
 constexpr std::chrono::seconds kReminder{60};
 constexpr std::chrono::seconds kRateWindow{10};
 
@@ -131,7 +130,7 @@ void NodeStatus::report(unsigned char level, const std::string& reason) {
     std::string key = text;
     const auto is_digit = [](unsigned char c) { return std::isdigit(c); };
     key.erase(std::remove_if(key.begin(), key.end(), is_digit), key.end());
-    if (isThrottled(key, kPause)) return;
+    if (isThrottled(key)) return;
   }
   // A macro for each level: one macro keeps its level in a static variable, which all threads would share.
   if (is_error) {
@@ -141,16 +140,14 @@ void NodeStatus::report(unsigned char level, const std::string& reason) {
   }
 }
 
-// Holds mutex_. pause: after it the text of this key is new.
-bool NodeStatus::isThrottled(const std::string& key, std::chrono::seconds pause) {
+// Holds mutex_.
+bool NodeStatus::isThrottled(const std::string& key) {
   const auto now = Clock::now();
-  if (raised_.size() > 100) raised_.clear();
-  const auto [entry, is_new] = raised_.try_emplace(key, Raised{now, now});
-  Raised& text_raised = entry->second;
-  const bool goes_on = !is_new && now - text_raised.last < pause && now - text_raised.logged < kReminder;
-  text_raised.last = now;
-  if (!goes_on) text_raised.logged = now;
-  return goes_on;
+  if (logged_.size() > 100) logged_.clear();
+  const auto [entry, is_new] = logged_.try_emplace(key, now);
+  if (!is_new && now - entry->second < kReminder) return true;
+  entry->second = now;
+  return false;
 }
 
 void NodeStatus::setValue(const std::string& key, const std::string& value) {
@@ -172,8 +169,7 @@ void NodeStatus::warnOfSilence(const Input& input) {
       cv::format("no data for %d s on %s: ", static_cast<int>(kSilence.count()), input.resolved.c_str()) +
       (is_connected ? "connected, but no message comes: is its publisher working, or its bag at the end?"
                     : "no publisher is connected; " + input.remedy + " (or remap it)");
-  // Each silence is noticed kSilence late.
-  if (!isThrottled(text, kSilence + kPause)) ROS_WARN_STREAM(name_ << ": " << text);
+  if (!isThrottled(text)) ROS_WARN_STREAM(name_ << ": " << text);
 }
 
 void NodeStatus::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {

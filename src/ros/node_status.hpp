@@ -83,9 +83,8 @@ class NodeStatus {
   /// Counts inputs that nobody waits for (labels of the fusion, for example).
   void count(Outcome outcome, std::uint64_t n = 1);
 
-  /// One line for people. A text that is given again within five seconds goes on, even if its numbers differ:
-  /// it is logged when it begins, and then once a minute. Sets the level of the diagnostics until the next
-  /// kProcessed, and for one report at least.
+  /// One line for people. The same text, even if its numbers differ, is logged once a minute at most. Sets
+  /// the level of the diagnostics until the next kProcessed, and for one report at least.
   void error(const std::string& text);
   void warn(const std::string& text);
 
@@ -107,16 +106,13 @@ class NodeStatus {
     std::uint64_t arrived;
     Clock::time_point last_arrival;
   };
-  struct Raised {
-    Clock::time_point last, logged;
-  };
   struct Condition {
     unsigned char level = 0;
     std::string text = "ok";
   };
 
   void report(unsigned char level, const std::string& reason);
-  bool isThrottled(const std::string& key, std::chrono::seconds pause);
+  bool isThrottled(const std::string& key);
   bool silent(const Input& input, Clock::time_point now) const;
   void warnOfSilence(const Input& input);
   void fill(diagnostic_updater::DiagnosticStatusWrapper& status);
@@ -131,7 +127,7 @@ class NodeStatus {
   std::vector<Input> inputs_;
   std::map<std::string, std::string> values_;
   std::map<Outcome, std::uint64_t> counts_;
-  std::map<std::string, Raised> raised_;
+  std::map<std::string, Clock::time_point> logged_;
   bool subscribed_ = false;
   Clock::time_point subscribed_at_;
   std::uint64_t time_jumps_ = 0;
