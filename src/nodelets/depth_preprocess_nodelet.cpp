@@ -7,12 +7,10 @@
 #include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/buffer.h>
 
-#include <algorithm>
 #include <boost/make_shared.hpp>
-#include <cstddef>
-#include <deque>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
+#include <utility>
 
 #include "all_in_focus/pipeline.hpp"
 #include "all_in_focus/rig_checks.hpp"
@@ -133,50 +131,37 @@ class DepthPreprocess {
     retry_timer_.stop();
     depth_subscriber_ = {};
     depth_info_subscriber_ = rgb_info_subscriber_ = {};
-    waiting_.clear();
+    waiting_.reset();
     waiting_since_ = ros::WallTime();
     depth_info_ = rgb_info_ = nullptr;  // may be out of date when the next subscriber comes
     status_.setSubscribed(false);
   }
 
   void onDepth(const sensor_msgs::ImageConstPtr& depth) {
-    if (time_jumps_.streamWentBack(depth->header.stamp)) {
-      status_.timeWentBack(depth_input_);
-      giveUpWaiting(waiting_.size());
-    }
-    waiting_.push_back(depth);
-    const std::size_t most = imageLimit(queue_size_, *depth);
-    if (waiting_.size() > most) giveUpWaiting(waiting_.size() - most);
+    if (time_jumps_.streamWentBack(depth->header.stamp)) status_.timeWentBack(depth_input_);
+    if (waiting_) status_.acknowledge(waiting_->header, Outcome::kUnmatched);
+    waiting_ = depth;
     processWaiting();
   }
 
-  // Camera infos and the transform usually come within a moment. The depth image waits for them, because it
-  // may be the only one in a bag.
+  // Camera infos and the transform usually come within a moment. The newest depth image waits for them,
+  // because it may be the only one in a bag.
   void processWaiting() {
+    if (!waiting_) return;
     std::string missing;
-    const auto is_ready = [&](const auto& depth) { return !isSomethingMissing(*depth, missing); };
-    for (;;) {
-      const auto ready = std::find_if(waiting_.begin(), waiting_.end(), is_ready);
-      if (ready == waiting_.end()) break;
-      giveUpWaiting(ready - waiting_.begin());  // results are published in the order of stamps
-      const sensor_msgs::ImageConstPtr depth = waiting_.front();
-      waiting_.pop_front();
-      waiting_since_ = ros::WallTime();
-      try {
-        process(depth);
-      } catch (const std::exception& e) {
-        status_.acknowledge(depth->header, Outcome::kInvalid, e.what());
-      }
+    if (isSomethingMissing(*waiting_, missing)) {
+      const ros::WallTime now = ros::WallTime::now();
+      if (waiting_since_.isZero()) waiting_since_ = now;
+      if (!missing.empty() && (now - waiting_since_).toSec() > kPatience) status_.error(missing);
+      return;
     }
-    if (waiting_.empty()) return;
-    const ros::WallTime now = ros::WallTime::now();
-    if (waiting_since_.isZero()) waiting_since_ = now;
-    if (!missing.empty() && (now - waiting_since_).toSec() > kPatience) status_.error(missing);
-  }
-
-  void giveUpWaiting(std::ptrdiff_t oldest) {
-    for (; oldest > 0; --oldest, waiting_.pop_front())
-      status_.acknowledge(waiting_.front()->header, Outcome::kUnmatched);
+    const sensor_msgs::ImageConstPtr depth = std::exchange(waiting_, nullptr);
+    waiting_since_ = ros::WallTime();
+    try {
+      process(depth);
+    } catch (const std::exception& e) {
+      status_.acknowledge(depth->header, Outcome::kInvalid, e.what());
+    }
   }
 
   // True while something is missing that may still come. When it returns false, transform_ is that of this
@@ -255,8 +240,8 @@ class DepthPreprocess {
   DepthPreprocessConfig config_ = DepthPreprocessConfig::__getDefault__();  // always possible
   image_transport::Publisher registered_publisher_, filled_publisher_;
   ros::Publisher info_publisher_;
-  std::deque<sensor_msgs::ImageConstPtr> waiting_;  // for camera infos and the transform, oldest first
-  ros::WallTime waiting_since_;                     // zero: nothing waits
+  sensor_msgs::ImageConstPtr waiting_;  // for camera infos and the transform
+  ros::WallTime waiting_since_;         // since when images wait; zero: none does
   sensor_msgs::CameraInfoConstPtr depth_info_, rgb_info_;
   geometry_msgs::Transform transform_;
   std::unique_ptr<DepthPreprocessing> preprocessing_;  // empty: the configuration has changed
