@@ -16,13 +16,6 @@ constexpr std::uint32_t kMaxFrames = 65535;  // 65535 itself means "none" in a s
 
 }  // namespace
 
-bool BracketAssembler::announce(std::uint32_t bracket_id, std::uint32_t index) {
-  const bool begins = index == 0 || announced_ != bracket_id;
-  announced_ = bracket_id;
-  if (index == 0) whole_ = bracket_id;
-  return begins;
-}
-
 bool BracketAssembler::endsBefore(const BracketFrame& frame) const {
   std::string reason;
   if (!open_ || refuses(frame, reason)) return false;

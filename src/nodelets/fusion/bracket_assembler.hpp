@@ -38,9 +38,9 @@ class BracketAssembler {
   explicit BracketAssembler(const BracketConfig& config = {}) : config_(config) {}
   void configure(const BracketConfig& config) { config_ = config; }
 
-  /// Takes note of a FocusFrame, whose picture may come much later. Returns whether it is the first one of
-  /// its bracket. If it has index 0, the bracket is used even where that first picture is lost.
-  bool announce(std::uint32_t bracket_id, std::uint32_t index);
+  /// Takes note of a bracket of which FocusFrame 0 has come: it is used even where that first picture is
+  /// lost.
+  void announce(std::uint32_t bracket_id) { announced_ = bracket_id; }
 
   /// The frame belongs to another bracket than the open one, which ended without notice: close() it before
   /// add().
@@ -65,7 +65,7 @@ class BracketAssembler {
   /// Whether a frame from the middle of a bracket is the first one with a FocusFrame, since the start or
   /// since frames without one.
   bool hasBegunUnseen(std::uint32_t bracket_id) const {
-    return !by_focus_ && !skipped_ && whole_ != bracket_id;
+    return !by_focus_ && !skipped_ && announced_ != bracket_id;
   }
 
   BracketConfig config_;
@@ -76,8 +76,8 @@ class BracketAssembler {
   std::uint32_t count_ = 0;
   int missing_ = 0;
   ros::Time last_stamp_;
-  std::optional<std::uint32_t> skipped_;  ///< the bracket that is left out: its first frame was not seen
-  std::optional<std::uint32_t> announced_, whole_;  ///< the last bracket announced; and from its beginning
+  std::optional<std::uint32_t> announced_;  ///< the last bracket
+  std::optional<std::uint32_t> skipped_;    ///< the bracket that is left out: its first frame was not seen
 };
 
 }  // namespace all_in_focus

@@ -84,8 +84,10 @@ void FusionWorker::configure(const FusionSettings& settings) {
 }
 
 void FusionWorker::announce(const FocusFrame& focus) {
+  if (focus.index != 0) return;
   std::lock_guard<std::mutex> lock(mutex_);
-  if (assembler_.announce(focus.bracket_id, focus.index)) scenes_.pin(focus.header.stamp);
+  assembler_.announce(focus.bracket_id);
+  scenes_.pin(focus.header.stamp);
 }
 
 void FusionWorker::add(const BracketFrame& frame) {
