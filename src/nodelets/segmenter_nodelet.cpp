@@ -177,6 +177,8 @@ class Segmenter {
           mode_, opticsOf(config_), parseDofSpan(config_.dof_rule), config_.min_region_size));
     }
     segmentation_->compute(depth, result_);
+    header_ = message->header;
+    captions_.clear();
 
     // The labels come first: whatever fails or takes long afterwards, the fusion has them.
     const SegmentArrayPtr segments = toMessage(result_, segmentation_->config());
@@ -226,7 +228,6 @@ class Segmenter {
       cv::cvtColor(regions, regions, cv::COLOR_BGR2RGB);
       picture_publisher_.publish(toImage(header, sensor_msgs::image_encodings::RGB8, regions));
     }
-    header_ = header;
     publishMarkers();
   }
 
@@ -255,7 +256,7 @@ class Segmenter {
   Segmentation result_;                            // of the newest depth image
   std::vector<RegionCaption> captions_;            // of the result
   std::optional<Camera> camera_;                   // of the depth images, while anybody wants markers
-  std_msgs::Header header_;                        // of the captions
+  std_msgs::Header header_;                        // of the result
 
   image_transport::Subscriber depth_subscriber_;
   ros::Subscriber info_subscriber_;

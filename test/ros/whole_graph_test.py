@@ -79,7 +79,7 @@ class BadInputTest(RigTest):
             self.assert_good_bracket_is_fused()
 
     def test_a_transform_that_comes_late(self):
-        self.reconfigure()
+        self.reconfigure(label_timeout=30.0)
         stamp = next(STAMPS)
         self.send_depth(stamp, frame='latecomer')
         middle = self.send_bracket(stamp)
