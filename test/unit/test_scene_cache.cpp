@@ -312,6 +312,14 @@ TEST_F(SceneCacheTest, BracketsThatNeverComeKeepLittle) {
   EXPECT_TRUE(found(69).depth);
 }
 
+TEST_F(SceneCacheTest, AnImageThatBracketsShareCountsOnce) {
+  cache_.configure(/*by_labels=*/false, 100);
+  cache_.addDepth(largeImage(10));
+  for (int i = 0; i < 60; ++i) cache_.pin(ros::Time(10 + i));
+  for (int i = 0; i < 30; ++i) cache_.addDepth(largeImage(1000 + i));
+  for (const double frame : {10, 69}) EXPECT_TRUE(found(frame).depth) << frame;
+}
+
 TEST_F(SceneCacheTest, BracketsThatNeverComeLeaveTheSceneThatABracketWaitsFor) {
   cache_.addDepth(largeImage(10));
   cache_.pin(ros::Time(10));
