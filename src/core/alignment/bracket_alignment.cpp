@@ -227,8 +227,8 @@ CameraMotion BracketAlignment::measureMotion(const cv::Mat& reference, const cv:
     const PairMeasurement free =
         drift_alignment_.measure(pyramid, start, {/*turn=*/true, /*parallax=*/relief_.isKnown()});
     if (!free.converged && !relief_.isKnown()) break;
-    if (!free.converged) continue;
-    if (!is_noted) {
+    if (!free.converged && !drifts_) continue;
+    if (free.converged && !is_noted) {
       drifts_ = drifts_ || (relief_.isKnown() && parallaxFollows(free));
       // A turn before a wall that stands askew looks like a parallax.
       const bool tells = drifts_ || !relief_.isKnown();

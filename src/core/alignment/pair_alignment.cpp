@@ -380,9 +380,11 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const CameraMo
   const double width = levels_[0].size.width * levels_[0].reduction;
   PairMeasurement result;
   result.motion = guess;
+  result.parallax = guess.parallax;
   Motion motion((guess.scale - 1) * radius, guess.angle * radius, guess.shift.x, guess.shift.y,
                 freedom.turn ? guess.turn[0] : 0, freedom.turn ? guess.turn[1] : 0, guess.parallax[0],
                 guess.parallax[1], guess.parallax[2]);
+  const std::size_t numbers = 4 + (freedom.turn ? 2 : 0) + (parallax ? 3 : 0);
   const double most = (parallax ? kAlignment.farther_by_parallax : 1) * kAlignment.largest_motion;
   double least = 0;
   for (int i = frame.levels() - 1; i >= 0; --i) {
@@ -393,10 +395,12 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const CameraMo
     const cv::Matx44d of_similarity = covariance.get_minor<4, 4>(0, 0);
     const cv::Vec2d of_turn = turnOf(refined);
     const cv::Vec3d of_parallax(refined[6], refined[7], refined[8]);
-    const bool converged =
-        estimate.step <= kAlignment.largest_step && std::hypot(refined[0], refined[1]) <= most * radius &&
-        std::hypot(refined[2], refined[3]) <= most * width && cv::norm(of_turn) <= most * width &&
-        (!parallax || cv::norm(of_parallax) <= most * width);
+    // A tile tells two numbers. As many must be left to contradict: three tiles fit any parallax.
+    const bool converged = pulls_.size() >= numbers && estimate.step <= kAlignment.largest_step &&
+                           std::hypot(refined[0], refined[1]) <= most * radius &&
+                           std::hypot(refined[2], refined[3]) <= most * width &&
+                           cv::norm(of_turn) <= most * width &&
+                           (!parallax || cv::norm(of_parallax) <= most * width);
     if (!converged) continue;  // NaN is not
     motion = refined;
     if (!parallax) motion[6] = motion[7] = motion[8] = 0;

@@ -18,7 +18,7 @@ struct PairMeasurement {
   /// px^2, of magnification and roll (both at half a diagonal from the centre) and shift x, y
   cv::Matx44d covariance;
   double tiles = 0;             ///< so many tiles of equal texture would tell as much
-  bool converged = false;       ///< otherwise the motion is the guess
+  bool converged = false;       ///< otherwise motion and parallax are the guess
   cv::Vec2d turn;               ///< see CameraMotion
   cv::Matx22d turn_covariance;  ///< px^2; zeros: not measured
   /// Where relief is known, see CameraMotion. Without `parallax` in measure(): what one more step would find.
