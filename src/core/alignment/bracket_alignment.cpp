@@ -19,10 +19,6 @@ double modelVariance(double radius, double tiles) {
   return std::pow(kAlignment.model_error * radius, 2) / std::max(kAlignment.fewest_tiles, tiles);
 }
 
-cv::Matx22d turnInformation(const PairMeasurement& found, double radius) {
-  return (found.turn_covariance + modelVariance(radius, found.tiles) * cv::Matx22d::eye()).inv();
-}
-
 cv::Matx33d parallaxInformation(const PairMeasurement& found, double radius) {
   return (found.parallax_covariance + modelVariance(radius, found.tiles) * cv::Matx33d::eye()).inv();
 }
@@ -170,7 +166,8 @@ void BracketAlignment::noteTurn(const PairMeasurement& found) {
   cv::Vec2d shift(found.motion.shift.x, found.motion.shift.y);
   if (relief_.isKnown())
     shift -= cv::Vec2d(found.parallax[0], found.parallax[1]) * (relief_.mean / relief_.deviation);
-  const cv::Matx22d information = turnInformation(found, radius_);
+  const cv::Matx22d information =
+      (found.turn_covariance + modelVariance(radius_, found.tiles) * cv::Matx22d::eye()).inv();
   turned_ += shift.dot(information * found.turn);
   shifted_ += shift.dot(information * shift);
 }
