@@ -57,9 +57,9 @@ cv::Mat naiveProduct(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge) 
   cv::Mat product;
   for (int l = static_cast<int>(levels.size()) - 1; l >= 0; --l) {
     const double floor = std::pow(0.6, l) * (1.7 + 12 * gauge.noise.deviation());
-    const double contrast = (l == 0 && gauge.resampled ? 0.85 : 1) * gauge.contrast;
+    const double factor = l == 0 && gauge.resampled ? 0.85 : 1;
     cv::Mat sharpness =
-        contrast * (l == 0 ? smoothedLaplacian(levels[l], 0.85, 5) : smoothedLaplacian(levels[l], 1.4, 9));
+        factor * (l == 0 ? smoothedLaplacian(levels[l], 0.85, 5) : smoothedLaplacian(levels[l], 1.4, 9));
     cv::sqrt(sharpness.mul(sharpness) + floor * floor, sharpness);
     product = product.empty() ? sharpness : sharpness.mul(enlarged(product, levels[l].size()));
     if (l == 0) break;
@@ -104,10 +104,10 @@ TEST(SharpnessPyramid, IsTheProductOverAllLevels) {
     cv::Mat gray = randomGray(size);
     for (const double blur : {0.0, 4.0}) {
       if (blur > 0) cv::GaussianBlur(gray, gray, {}, blur);
-      for (const SharpnessPyramid::Gauge& gauge : {SharpnessPyramid::Gauge{{}, 1, true},
-                                                   {noise, 1.4, true},
-                                                   {noise, 0.8, false},
-                                                   {noise, 1.2, true, false, {}, true}}) {
+      for (const SharpnessPyramid::Gauge& gauge : {SharpnessPyramid::Gauge{{}, true},
+                                                   {noise, true},
+                                                   {noise, false},
+                                                   {noise, true, false, {}, true}}) {
         EXPECT_LT(largestRatio(product(gray, gauge), naiveProduct(gray, gauge)), 0.01) << size << blur;
       }
     }
@@ -144,7 +144,7 @@ TEST(SharpnessPyramid, HoldsForHugeFramesOfTheGreatestContrast) {
   for (int y = 0; y < gray.rows; ++y) {
     for (int x = 0; x < gray.cols; ++x) gray.at<uchar>(y, x) = (x ^ y) & 1 ? 255 : 0;
   }
-  EXPECT_TRUE(cv::checkRange(product(gray, {whiteNoise(50), 2, true}, 0, 500), true, nullptr, 0, 1e38));
+  EXPECT_TRUE(cv::checkRange(product(gray, {whiteNoise(50), true}, 0, 500), true, nullptr, 0, 1e38));
 }
 
 TEST(SharpnessPyramid, SeesFromAfarThatAFlatPlaceBelongsToASharpFrame) {
@@ -153,7 +153,7 @@ TEST(SharpnessPyramid, SeesFromAfarThatAFlatPlaceBelongsToASharpFrame) {
   sharp(cv::Rect(200, 0, 60, 480)) = 200;
   cv::blur(sharp, blurred, {41, 41});
   const cv::Point flat(272, 240);
-  const SharpnessPyramid::Gauge all, finest{{}, 1, false};
+  const SharpnessPyramid::Gauge all, finest{{}, false};
   EXPECT_GT(product(sharp, all).at<float>(flat), 1.5f * product(blurred, all).at<float>(flat));
   EXPECT_NEAR(product(sharp, finest).at<float>(flat), product(blurred, finest).at<float>(flat), 1);
 }
@@ -161,7 +161,7 @@ TEST(SharpnessPyramid, SeesFromAfarThatAFlatPlaceBelongsToASharpFrame) {
 TEST(SharpnessPyramid, HardlyTrustsAFrameThatIsSharpNowhere) {
   cv::Mat sharp = randomGray({320, 240}), blurred;
   cv::GaussianBlur(sharp, blurred, {}, 20);
-  const SharpnessPyramid::Gauge plain, trusting{{}, 1, true, true};
+  const SharpnessPyramid::Gauge plain, trusting{{}, true, true};
   EXPECT_EQ(cv::norm(product(sharp, trusting), product(sharp, plain), cv::NORM_INF), 0);
   EXPECT_LT(cv::norm(product(blurred, trusting), cv::NORM_INF),
             0.1 * cv::norm(product(blurred, plain), cv::NORM_INF));
@@ -171,7 +171,7 @@ TEST(SharpnessPyramid, TrustsAnEnlargedFrameAsMuch) {
   cv::Mat sharp, enlarged;  // at its level 1 the enlarged one is sharp nowhere
   cv::GaussianBlur(randomGray({640, 480}), sharp, {}, 1.5);
   cv::resize(sharp, enlarged, {}, 4, 4, cv::INTER_CUBIC);
-  const SharpnessPyramid::Gauge plain, trusting{{}, 1, true, true};
+  const SharpnessPyramid::Gauge plain, trusting{{}, true, true};
   EXPECT_EQ(cv::norm(product(sharp, trusting), product(sharp, plain), cv::NORM_INF), 0);
   EXPECT_EQ(cv::norm(product(enlarged, trusting), product(enlarged, plain), cv::NORM_INF), 0);
 }

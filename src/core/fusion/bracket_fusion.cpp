@@ -49,11 +49,6 @@ cv::Mat clear(const cv::Mat& opaque) {
 // Factor on the sharpness of transparent pixels: they count less than the least share that counts.
 constexpr float kNothing = 1e-6f;
 
-// The factor by which a gain changes the contrast of middle gray.
-double contrastGain(double gain) {
-  return (codeWithGain(192, gain) - codeWithGain(64, gain)) / 128;
-}
-
 ALL_IN_FOCUS_SIMD void blend(const float* a, const float* b, float part, int n, float* __restrict out) {
   for (int i = 0; i < n; ++i) out[i] = (1 - part) * a[i] + part * b[i];
 }
@@ -196,6 +191,7 @@ std::string BracketFusion::addRefined(int index, double focus_mm, bool may_wait)
   }
   if (!aligned.opaque.empty()) aligned.seen &= cv::boundingRect(aligned.opaque);
   if (config_.exposure && !is_reference) aligned.gain = exposure_.gain(gray);
+  if (aligned.gain != 1) gray = withGain({gray, {}, aligned.gain});
   if (on_aligned_) on_aligned_(aligned);
   addAligned(aligned, gray, !is_still);
   return "";
@@ -338,7 +334,6 @@ std::string BracketFusion::hiddenDriftNote() const {
 void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, bool resampled) {
   SharpnessPyramid::Gauge gauge;
   gauge.noise = noise_;
-  gauge.contrast = contrastGain(frame.gain);
   gauge.resampled = resampled;
   gauge.scales = config_.scales;
   gauge.trust = !predicts_ || std::isnan(frame.focus_mm);
@@ -347,7 +342,7 @@ void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   sharpness_.begin(gray, gauge);
   const bool prefers_dark = config_.brightness && !linear_;
   BrightnessPenalty penalty;
-  if (prefers_dark) penalty = brightnessPenalty(gray, gauge.contrast, noise_.deviation(), resampled_);
+  if (prefers_dark) penalty = brightnessPenalty(gray, noise_.deviation(), resampled_);
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
       prediction_.addTexture(texture, noise_.sharpness(prediction_.textureLevel()));

@@ -15,7 +15,7 @@ constexpr double kNoiseOfMedian = 2;  // gray levels of noise, from which on the
 
 }  // namespace
 
-BrightnessPenalty brightnessPenalty(const cv::Mat& gray, double contrast, double noise, bool resampled) {
+BrightnessPenalty brightnessPenalty(const cv::Mat& gray, double noise, bool resampled) {
   BrightnessPenalty penalty{gray};
   const double median_share = resampled ? 1 : std::min(1.0, noise / kNoiseOfMedian);
   if (median_share > 0) {
@@ -25,8 +25,7 @@ BrightnessPenalty brightnessPenalty(const cv::Mat& gray, double contrast, double
     penalty.level = median;
   }
   for (int level = 0; level < 256; ++level) {
-    const double shown = std::min(contrast * level, 255.0);
-    penalty.of_level[level] = static_cast<float>(std::pow(kDark / (kDark + shown), 1.5));
+    penalty.of_level[level] = static_cast<float>(std::pow(kDark / (kDark + level), 1.5));
   }
   return penalty;
 }

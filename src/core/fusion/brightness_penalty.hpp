@@ -21,8 +21,8 @@ struct BrightnessPenalty {
   std::array<float, 256> of_level = {};  ///< factor on its sharpness
 };
 
-/// gray: CV_8UC1; contrast: factor that brings its levels to the exposure of the reference; noise: standard
-/// deviation, gray levels; resampled: frames of the bracket are.
-BrightnessPenalty brightnessPenalty(const cv::Mat& gray, double contrast, double noise, bool resampled);
+/// gray: CV_8UC1, in the exposure of the reference; noise: standard deviation, gray levels; resampled: frames
+/// of the bracket are.
+BrightnessPenalty brightnessPenalty(const cv::Mat& gray, double noise, bool resampled);
 
 }  // namespace all_in_focus::core

@@ -29,7 +29,7 @@ constexpr struct SharpnessParameters {
   size_t far_level = 2;
   // Factor of the finest level of a resampled frame. Resampling takes away the finest detail, and its errors
   // look like detail. (0.9 gains two thirds as much, 1: clutter_mild -0.38 dB, 0.7: gardens up to -0.5.)
-  double resampled = 0.85;
+  float resampled = 0.85f;
   // Limit of s_l near clipped lights, gray levels, and the finest level that it holds for: at most so many
   // times as wide as the map of the lights. Windows of finer levels are smaller than the discs of lights.
   float most_near_lights = 3;
@@ -83,8 +83,8 @@ ALL_IN_FOCUS_SIMD void mean(const float* a, const float* b, int n, float* __rest
 }
 
 // The sum in quadrature: where s is far below the floor, how much it varies does not matter.
-ALL_IN_FOCUS_SIMD void raise(float contrast, float squared_floor, size_t n, float* s) {
-  for (size_t i = 0; i < n; ++i) s[i] = std::sqrt(contrast * s[i] * (contrast * s[i]) + squared_floor);
+ALL_IN_FOCUS_SIMD void raise(float factor, float squared_floor, size_t n, float* s) {
+  for (size_t i = 0; i < n; ++i) s[i] = std::sqrt(factor * s[i] * (factor * s[i]) + squared_floor);
 }
 
 // Two pixels of the coarser product make four: 0, 0 | 1, 1, 1 | 2, ...
@@ -97,8 +97,8 @@ ALL_IN_FOCUS_SIMD void multiply(const float* coarser, int pairs, float* __restri
 
 // Some rows of a level: their smoothed Laplacian `s` becomes the product. coarser: the product of the next
 // level, whose pixel i lies on pixel 2 i of this one; it is interpolated linearly. Empty: there is none.
-void toProduct(const cv::Mat1f& coarser, const cv::Range& rows, float contrast, float floor, cv::Mat1f& s) {
-  raise(contrast, floor * floor, s.total(), s[0]);
+void toProduct(const cv::Mat1f& coarser, const cv::Range& rows, float factor, float floor, cv::Mat1f& s) {
+  raise(factor, floor * floor, s.total(), s[0]);
   if (coarser.empty()) return;
   std::vector<float> row(static_cast<size_t>(coarser.cols) + 1);
   for (int y = rows.start; y < rows.end; ++y) {
@@ -160,7 +160,6 @@ float SharpnessPyramid::trust(double noise) const {
 
 // Multiplies the product of all coarser levels by that of a level.
 void SharpnessPyramid::addLevel(const cv::Mat& image, size_t level, bool is_texture) {
-  const auto contrast = static_cast<float>(gauge_.contrast);
   cv::Mat1b lights;
   if (!gauge_.lights.empty() && image.cols <= kSharpness.finest_of_lights * gauge_.lights.cols)
     cv::resize(gauge_.lights, lights, image.size(), 0, 0, cv::INTER_NEAREST);
@@ -168,11 +167,10 @@ void SharpnessPyramid::addLevel(const cv::Mat& image, size_t level, bool is_text
   forEachBlock({0, image.rows}, [&](const cv::Range& rows) {
     cv::Mat1f sharpness = product.rowRange(rows);
     smoothedLaplacian(image, rows, kSharpness.coarser_window, sharpness);
-    if (is_texture) sharpness.convertTo(texture_.rowRange(rows), -1, contrast);
+    if (is_texture) sharpness.copyTo(texture_.rowRange(rows));
     if (!lights.empty())
-      cv::Mat(cv::min(sharpness, kSharpness.most_near_lights / contrast))
-          .copyTo(sharpness, lights.rowRange(rows));
-    toProduct(product_, rows, contrast, floorOf(gauge_.noise, level), sharpness);
+      cv::Mat(cv::min(sharpness, kSharpness.most_near_lights)).copyTo(sharpness, lights.rowRange(rows));
+    toProduct(product_, rows, 1, floorOf(gauge_.noise, level), sharpness);
   });
   product_ = product;
 }
@@ -180,9 +178,8 @@ void SharpnessPyramid::addLevel(const cv::Mat& image, size_t level, bool is_text
 cv::Mat1f SharpnessPyramid::compute(const cv::Range& rows) const {
   cv::Mat1f sharpness;
   smoothedLaplacian(gray_, rows, kSharpness.finest_window, sharpness);
-  const double contrast = (gauge_.resampled ? kSharpness.resampled : 1) * gauge_.contrast;
-  toProduct(product_, rows, trust_ * static_cast<float>(contrast), trust_ * floorOf(gauge_.noise, 0),
-            sharpness);
+  const float factor = gauge_.resampled ? kSharpness.resampled : 1;
+  toProduct(product_, rows, trust_ * factor, trust_ * floorOf(gauge_.noise, 0), sharpness);
   return sharpness;
 }
 

@@ -11,7 +11,7 @@
 namespace all_in_focus::core {
 
 /// How sharp a frame is at every scale, pixel by pixel:
-///   t_0 t_1 (t_2 t_3 ...)^(3/4),  t_l = sqrt((contrast s_l)^2 + n_l^2)  at level l of a Gaussian pyramid,
+///   t_0 t_1 (t_2 t_3 ...)^(3/4),  t_l = sqrt(s_l^2 + n_l^2)  at level l of a Gaussian pyramid,
 /// s_l the modified Laplacian |I_xx| + |I_yy| (Nayar and Nakagawa 1994) of that level in a Gaussian window,
 /// each level upsampled to the size of the one below it; n_l = 0.6^l (1.7 + 12 sigma), sigma the deviation of
 /// the noise, so that frames which differ by noise alone are about as sharp. Fine texture is measured at the
@@ -35,10 +35,9 @@ namespace all_in_focus::core {
 /// Level 0 is never held as a whole; all others together take a third of the pixels of one frame.
 class SharpnessPyramid {
  public:
-  /// The noise of a frame, and what makes its contrast that of the reference.
+  /// What a frame is measured by.
   struct Gauge {
     NoiseSpectrum noise;
-    double contrast = 1;     ///< factor, > 0
     bool scales = true;      ///< false: level 0 alone, for comparison
     bool trust = false;      ///< count a frame that is sharp nowhere as hardly sharp everywhere
     cv::Mat predicted{};     ///< CV_8UC1, any size; not 0: depth predicts the blur there; empty: nowhere
@@ -49,13 +48,13 @@ class SharpnessPyramid {
   /// Level 1 of a picture 640 px wide, and the level of that size in a larger one.
   static std::size_t textureLevel(int width);
 
-  /// gray: CV_8UC1, not empty; must outlive the rows.
+  /// gray: CV_8UC1 in the exposure of the reference, not empty; must outlive the rows.
   void begin(const cv::Mat& gray, const Gauge& gauge);
 
   /// The product in some rows, > 0. Products stay below 1e38 for frames of up to a gigapixel.
   cv::Mat1f compute(const cv::Range& rows) const;
 
-  /// contrast s_l of the frame at textureLevel(), or at the coarsest level, CV_32FC1; empty if there is only
+  /// s_l of the frame at textureLevel(), or at the coarsest level, CV_32FC1; empty if there is only
   /// one.
   const cv::Mat& texture() const { return texture_; }
 
