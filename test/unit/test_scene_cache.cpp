@@ -307,7 +307,7 @@ TEST_F(SceneCacheTest, BracketsThatNeverComeKeepLittle) {
     all.emplace_back(large);
   }
   const auto kept = std::count_if(all.begin(), all.end(), [](const auto& depth) { return !depth.expired(); });
-  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / kLargeBytes));  // with those that are not pinned
+  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / 2 / kLargeBytes));  // with those that are not pinned
   EXPECT_TRUE(cache_.current().depth);
   EXPECT_TRUE(found(69).depth);
 }
@@ -370,7 +370,7 @@ TEST_F(SceneCacheTest, TheCacheIsBoundedByBytes) {
   }
   int kept = 0;
   for (int i = 0; i < 60; ++i) kept += found(10 + i).depth != nullptr;
-  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / kLargeBytes));
+  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / 2 / kLargeBytes));
   EXPECT_GE(kept, 4);
 }
 

@@ -116,7 +116,7 @@ void SceneCache::updateAll() {
 void SceneCache::makeRoom() {
   while (pinned_.size() > kMaxPinned) pinned_.pop_front();
   while (entries_.size() > kMaxCached) entries_.erase(mostDispensable());
-  while (bytes() > kMaxWaitingBytes) {
+  while (bytes() > kMaxWaitingBytes / 2) {
     if (entries_.size() > kFewestWaiting) {
       entries_.erase(mostDispensable());
     } else if (pinned_.size() > kFewestWaiting) {
