@@ -128,6 +128,15 @@ def test_distortion_of_eight_zeros(tmp_path):
                 load_rig(tmp_path)
 
 
+def test_a_misspelt_distortion_is_not_none(tmp_path):
+    save_changed_rig(tmp_path, "depth.yaml", "distortion_coefficients", "distortion_coeficients")
+    with pytest.raises(RigError, match="depth.yaml: distortion_coefficients: expected finite numbers"):
+        load_rig(tmp_path)
+    stack = write_stack(tmp_path / "stack", ["0.png", "1.png"])
+    done = fuse_stack(stack, "--rig", tmp_path, "--output", tmp_path / "o.png")
+    assert done.returncode == 2 and "depth.yaml: key 'distortion_coefficients' is missing" in done.stderr
+
+
 def test_rig_without_file(tmp_path):
     with pytest.raises(RigError, match="depth.yaml: No such file"):
         load_rig(tmp_path)

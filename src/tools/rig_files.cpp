@@ -113,9 +113,15 @@ Camera readCamera(const std::string& path) {
   requireKnownModel(node, path);
   const auto model =
       node["distortion_model"] ? get<std::string>(node, "distortion_model", path) : "plumb_bob";
-  const auto coefficients = node["distortion_coefficients"]
-                                ? get<std::vector<double>>(node["distortion_coefficients"], "data", path)
-                                : std::vector<double>();
+  std::vector<double> coefficients;
+  // Where another key of the distortion is there, theirs may be misspelt.
+  const auto is_distortion = [](const auto& entry) {
+    return entry.first.Scalar().rfind("distortion", 0) == 0;
+  };
+  if (std::any_of(node.begin(), node.end(), is_distortion)) {
+    coefficients =
+        get<std::vector<double>>(get<YAML::Node>(node, "distortion_coefficients", path), "data", path);
+  }
   naming(path + ": distortion_coefficients", [&] { camera.setDistortion(model, coefficients); });
   naming(path, [&] { validate(camera, "this"); });
   return camera;

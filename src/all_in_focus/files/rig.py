@@ -197,7 +197,7 @@ def load_camera(path):
     for key in ("binning_x", "binning_y"):
         if key in file.data and file.numbers(key) not in (0, 1):
             file.fail(key, "is not supported in a file: give the calibration of the binned pictures")
-    D = file.numbers("distortion_coefficients", None) if "distortion_coefficients" in file.data else []
+    D = file.numbers("distortion_coefficients", None) if any(key.startswith("distortion") for key in file.data) else []
     R, P = (file.numbers(key, shape) if key in file.data else None
             for key, shape in (("rectification_matrix", (3, 3)), ("projection_matrix", (3, 4))))
     return Camera(file.text("camera_name", "camera"), file.size("image_width"), file.size("image_height"), K,
