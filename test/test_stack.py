@@ -247,6 +247,7 @@ def test_focus_of_a_video_goes_in_frame_order(tmp_path):
     ("frames: [{file: 0.png, focus_mm: 800,314}]", "a number ends with ',314': write a decimal point"),
     ("focus_table: [{step: 0, mm: 500,5}, {step: 9, mm: 900}]", "ends with ',5'"),
     ("frames: [{file: 0.png, focus_mm: 800,5e1}]", "ends with ',5e1'"),
+    ("frames: [{file: 0.png}]", "entry 0: focus_mm: expected a positive number, not ''"),
     ("frames: [{file: 0.png, focus_mn: 800}]", "entry 0: 'focus_mn' is none of the keys file, focus_mm"),
     ("frames: [{file: 0.png, focus_mm: 800, 314: x}]", "entry 0: '314' is none of the keys file, focus_mm"),
     ("{frames: [], step: 2}", "'step' is none of the keys frames"),

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <map>
 #include <set>
@@ -113,16 +114,16 @@ Camera readCamera(const std::string& path) {
   requireKnownModel(node, path);
   const auto model =
       node["distortion_model"] ? get<std::string>(node, "distortion_model", path) : "plumb_bob";
-  std::vector<double> coefficients;
+  const auto coefficients = node["distortion_coefficients"]
+                                ? get<std::vector<double>>(node["distortion_coefficients"], "data", path)
+                                : std::vector<double>();
+  naming(path + ": distortion_coefficients", [&] { camera.setDistortion(model, coefficients); });
   // Where another key of the distortion is there, theirs may be misspelt.
   const auto is_distortion = [](const auto& entry) {
     return entry.first.Scalar().rfind("distortion", 0) == 0;
   };
-  if (std::any_of(node.begin(), node.end(), is_distortion)) {
-    coefficients =
-        get<std::vector<double>>(get<YAML::Node>(node, "distortion_coefficients", path), "data", path);
-  }
-  naming(path + ": distortion_coefficients", [&] { camera.setDistortion(model, coefficients); });
+  if (std::any_of(node.begin(), node.end(), is_distortion))
+    get<YAML::Node>(node, "distortion_coefficients", path);
   naming(path, [&] { validate(camera, "this"); });
   return camera;
 }
@@ -160,6 +161,13 @@ std::vector<double> focusOfTable(const YAML::Node& file, const std::string& path
     if (!(focus > 0)) fail(path, cv::format("mm must be positive, not %g", focus));
     dioptres[get<int>(row, "step", path)] = 1 / focus;
   }
+  if (table.size() < 2) fail(path, "focus_table: expected two steps or more");
+  const auto is_monotone = [&](const auto& compare) {
+    const auto wrong = [&](const auto& a, const auto& b) { return !compare(a.second, b.second); };
+    return std::adjacent_find(dioptres.begin(), dioptres.end(), wrong) == dioptres.end();
+  };
+  if (dioptres.size() < table.size() || (!is_monotone(std::less<>()) && !is_monotone(std::greater<>())))
+    fail(path, "focus_table: steps must differ, and the distances must grow or fall throughout");
   std::vector<double> focus;
   for (int index = 0; index < count; ++index) {
     const int at = first + index * step;

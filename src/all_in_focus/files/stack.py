@@ -238,7 +238,7 @@ def _focus_file(path):
     for number, entry in enumerate(entries):
         where = f"{path}: entry {number}"
         yaml_file.require_keys(entry, ("file", "focus_mm"), where)
-        value = math.nan if entry.get("focus_mm") is None else entry["focus_mm"]
+        value = math.nan if entry.get("focus_mm", "") is None else entry.get("focus_mm", "")  # null is unknown
         if type(value) not in (int, float) or value <= 0:
             raise StackError(f"{where}: focus_mm: expected a positive number, not '{value}'")
         found.append((entry.get("file"), value / 1000.0))
