@@ -332,6 +332,18 @@ TEST_F(SceneCacheTest, BracketsThatNeverComeLeaveTheSceneThatABracketWaitsFor) {
   EXPECT_TRUE(waits.get().depth);
 }
 
+// They were announced before it began with its second frame.
+TEST_F(SceneCacheTest, ABracketWhoseFirstPictureIsLostLeavesTheScenesOfLaterOnes) {
+  for (const double stamp : {10, 20, 30}) {
+    cache_.addDepth(image(stamp));
+    cache_.pin(ros::Time(stamp));
+  }
+  for (int i = 0; i < 1000; ++i) cache_.addDepth(image(40 + i));  // drives their entries out
+  cache_.pin(ros::Time(10.1));
+  found(10.1);
+  for (const double stamp : {20, 30}) EXPECT_TRUE(found(stamp).depth) << stamp;
+}
+
 // As in a bag of one bracket that is played in a loop.
 TEST_F(SceneCacheTest, TheSceneOfTheNextBracketWithTheSameFirstFrameStays) {
   cache_.addDepth(image(10));

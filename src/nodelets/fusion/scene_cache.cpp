@@ -205,8 +205,12 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) 
   const auto own = std::find_if(pinned_.begin(), pinned_.end(),
                                 [&](const Pinned& pinned) { return pinned.first_frame == first_frame; });
   at_work_ = own == pinned_.end() ? SceneMessages() : own->scene;
-  // Brackets before it were announced, but never came.
-  if (own != pinned_.end()) pinned_.erase(pinned_.begin(), std::next(own));
+  // Older brackets were announced before it, but never came. Newer ones may come yet: it may have lost the
+  // picture that was announced.
+  if (own != pinned_.end()) {
+    const auto is_over = [&](const Pinned& pinned) { return pinned.first_frame <= first_frame; };
+    pinned_.erase(std::remove_if(pinned_.begin(), std::next(own), is_over), std::next(own));
+  }
   awaited_ = first_frame;
   update(first_frame, at_work_);
   // stamp: waits until no better message for that stamp can come; without it, for any message.
