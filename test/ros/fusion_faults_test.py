@@ -149,6 +149,17 @@ class SilenceTest(FusionTest):
     def test_a_whole_bracket_is_dropped_so_that_others_are_fused_whole(self):
         self.assert_counts((3, 3, 0), (AT_ONCE, 0, AT_ONCE), (AT_ONCE, AT_ONCE, 0))
 
+    def test_a_dropped_bracket_has_nothing_of_the_scene_of_the_one_before(self):
+        self.expect_labels()
+        depth, stamp = self.talk(self.topic('depth_registered/image'), Image), next(STAMPS)
+        self.deliver(self.node, (depth, image_message(picture('both'), stamp, 'bgr8', 'color')))
+        self.send_behind_one_that_waits(stamp, *(self.bracket_of(stamp + 10 * n, ['near'] * length)
+                                                 for n, length in enumerate((3, AT_ONCE, AT_ONCE))))
+        fused, dropped = self.report(stamp + PERIOD), self.report(stamp + 10)
+        self.assertEqual([fused.frames_used, dropped.frames_used], [3, 0])
+        self.assert_noted(fused, 'the result has no depth')
+        self.assertFalse([note for note in dropped.notes if 'depth' in note], dropped.notes)
+
     def test_the_rest_of_a_bracket_is_dropped_before_a_whole_one(self):
         """Of the long one the first frames do not fit, nor those of the bracket before it that wait."""
         self.assert_counts((3, 1, 2), (2 * AT_ONCE, 0, 2 * AT_ONCE), (20, 20, 0), (AT_ONCE, AT_ONCE, 0))

@@ -334,8 +334,10 @@ cv::Mat FusionWorker::inFullRange(const cv::Mat& bgr) const {
   return scaled;
 }
 
-// Images that have the stamp of the scene may come after its depth.
+// Images that have the stamp of the scene may come after its depth. Where all frames were dropped, nobody has
+// asked for a scene: the one at work is that of another bracket.
 void FusionWorker::joinScene() {
+  if (open_->frames.empty()) return;
   const bool has_new_labels = joinLate(scenes_.current(), open_->scene);
   if (has_new_labels && open_->settings.bracket.mode != Mode::kPaper)
     bracket_.setLabels(open_->scene.scene.labels);
