@@ -157,6 +157,7 @@ class Segmenter {
       status_.setSubscribed(true);
     } else if (!wanted && depth_subscriber_) {
       depth_subscriber_ = {};
+      result_ = {};  // out of date, too
       status_.setSubscribed(false);
     }
   }
@@ -235,6 +236,7 @@ class Segmenter {
   void publishMarkers() {
     if (!camera_ || result_.labels.empty()) return;
     requireSize(result_.labels, *camera_, status_.resolved(depth_input_), status_.resolved(info_input_));
+    if (captions_.empty()) captions_ = captionRegions(result_, config_.caption_min_area);
     const auto labels = static_cast<int>(result_.segments.size());
     markers_publisher_.publish(toMarkers(header_, *camera_, labels, captions_));
   }

@@ -138,6 +138,14 @@ class CaptionTest(GraphTest):
         self.info.say(camera_info(0))
         self.assertEqual(len(self.markers_at(stamp)), 3)
 
+    def test_an_image_that_came_before_anybody_wanted_markers_has_its_own(self):
+        labels, stamp = self.listen('/alone/segmentation/labels', Image), next(STAMPS)
+        self.depth.say(image_message(two_planes(), stamp, frame='color'))
+        self.assertIsNotNone(labels.at(stamp))
+        self.listen_to_markers()
+        self.info.say(camera_info(0))
+        self.assertEqual(len(self.markers_at(stamp)), 3)
+
     def test_calibration_is_read_only_for_markers(self):
         silent = lambda: not subscribers_of('/alone/' + INFO)
         self.listen('/alone/segmentation/image_color', Image)
