@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "fusion/bracket_fusion.hpp"
+#include "fusion/exposure_matching.hpp"
 
 using namespace all_in_focus::core;
 
@@ -267,6 +268,20 @@ TEST(ModeRefined, LightsStaySmall) {
     // 44 dB, 1.5 gray levels; the blurred frame alone: 39 dB, 3.
     EXPECT_GT(psnr(fusion.result().image, sharp), 42) << sharp_first;
   }
+}
+
+TEST(ModeRefined, WhatABrighterFrameClipsIsNotTakenForDark) {
+  const cv::Rect window(100, 60, 120, 120);
+  cv::Mat reference(240, 320, CV_8UC3, cv::Scalar::all(80));
+  cv::Mat brighter(reference.size(), CV_8UC3, cv::Scalar::all(std::round(codeWithGain(80, 2))));
+  reference(window) = cv::Scalar::all(230);
+  brighter(window) = cv::Scalar::all(255);
+  BracketFusion fusion;
+  fusion.begin({}, reference.size(), Mode::kRefined);
+  EXPECT_EQ(fusion.add(reference, 0), "");
+  EXPECT_EQ(fusion.add(brighter, 1), "");
+  // As white the brighter frame has a quarter of the weight; by what it shows here, 188, nine tenths.
+  EXPECT_GT(fusion.result().image.at<cv::Vec3b>(120, 160)[0], 210);
 }
 
 TEST(ModeRefined, TheCameraMayBeCalibratedAtAnotherSize) {

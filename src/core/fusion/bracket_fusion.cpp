@@ -342,7 +342,12 @@ void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   sharpness_.begin(gray, gauge);
   const bool prefers_dark = config_.brightness && !linear_;
   BrightnessPenalty penalty;
-  if (prefers_dark) penalty = brightnessPenalty(gray, noise_.deviation(), resampled_);
+  if (prefers_dark) {
+    penalty = brightnessPenalty(gray, noise_.deviation(), resampled_);
+    // What a brighter frame clips may be as bright as white.
+    const auto clipped = static_cast<std::size_t>(codeWithGain(255, frame.gain));
+    std::fill(penalty.of_level.begin() + clipped, penalty.of_level.end(), penalty.of_level.back());
+  }
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
       prediction_.addTexture(texture, noise_.sharpness(prediction_.textureLevel()));
