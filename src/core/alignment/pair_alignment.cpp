@@ -395,7 +395,7 @@ PairMeasurement PairAlignment::measure(const ImagePyramid& frame, const CameraMo
     const cv::Matx44d of_similarity = covariance.get_minor<4, 4>(0, 0);
     const cv::Vec2d of_turn = turnOf(refined);
     const cv::Vec3d of_parallax(refined[6], refined[7], refined[8]);
-    // A tile tells two numbers. As many must be left to contradict: three tiles fit any parallax.
+    // A tile gives two equations. There must be two for each number: three tiles fit any parallax.
     const bool converged = pulls_.size() >= numbers && estimate.step <= kAlignment.largest_step &&
                            std::hypot(refined[0], refined[1]) <= most * radius &&
                            std::hypot(refined[2], refined[3]) <= most * width &&
