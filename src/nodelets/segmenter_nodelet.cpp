@@ -14,6 +14,7 @@
 #include <optional>
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "all_in_focus/drawing.hpp"
@@ -162,11 +163,11 @@ class Segmenter {
     }
   }
 
-  // It may come after the image.
+  // It may come after the image, and again with each image.
   void onInfo(const sensor_msgs::CameraInfoConstPtr& info) {
-    camera_.reset();
+    const std::optional<Camera> before = std::exchange(camera_, std::nullopt);
     camera_ = toCamera(*info, "markers");
-    publishMarkers();
+    if (!(camera_ == before)) publishMarkers();
   }
 
   void onDepth(const sensor_msgs::ImageConstPtr& message) {
