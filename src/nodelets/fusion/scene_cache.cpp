@@ -83,13 +83,17 @@ void SceneCache::configure(bool by_labels, double max_age_s) {
 
 void SceneCache::pin(const ros::Time& first_frame) {
   std::lock_guard<std::mutex> lock(mutex_);
-  const auto is_this = [&](const Pinned& pinned) { return pinned.first_frame == first_frame; };
-  if (std::any_of(pinned_.begin(), pinned_.end(), is_this)) return;  // was announced, and begins
+  if (pinnedFor(first_frame) != pinned_.end()) return;  // was announced, and begins
   pinned_.push_back({first_frame, {}});
   update(first_frame, pinned_.back().scene);
   if (!entries_.empty())
     longest_latency_s_ = std::max(longest_latency_s_, secondsBetween(first_frame, entries_.rbegin()->first));
   makeRoom();
+}
+
+std::deque<SceneCache::Pinned>::iterator SceneCache::pinnedFor(const ros::Time& first_frame) {
+  return std::find_if(pinned_.begin(), pinned_.end(),
+                      [&](const Pinned& pinned) { return pinned.first_frame == first_frame; });
 }
 
 // Makes it the best scene for the frame so far.
@@ -202,8 +206,7 @@ void SceneCache::clear() {
 SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) {
   const auto start = std::chrono::steady_clock::now();
   std::unique_lock<std::mutex> lock(mutex_);
-  const auto own = std::find_if(pinned_.begin(), pinned_.end(),
-                                [&](const Pinned& pinned) { return pinned.first_frame == first_frame; });
+  const auto own = pinnedFor(first_frame);
   at_work_ = own == pinned_.end() ? SceneMessages() : own->scene;
   // Older brackets were announced before it, but never came. Newer ones may come yet: it may have lost the
   // picture that was announced.

@@ -83,6 +83,7 @@ class SceneCache {
 
   void add(const sensor_msgs::ImageConstPtr& image, Image as, Topic topic);
   void arrived(Topic topic);
+  std::deque<Pinned>::iterator pinnedFor(const ros::Time& first_frame);
   void update(const ros::Time& first_frame, SceneMessages& scene) const;
   void join(SceneMessages& scene) const;
   void updateAll();
