@@ -307,9 +307,21 @@ TEST_F(SceneCacheTest, BracketsThatNeverComeKeepLittle) {
     all.emplace_back(large);
   }
   const auto kept = std::count_if(all.begin(), all.end(), [](const auto& depth) { return !depth.expired(); });
-  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / 2 / kLargeBytes));  // with those that are not pinned
+  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / kLargeBytes));  // with those that are not pinned
   EXPECT_TRUE(cache_.current().depth);
   EXPECT_TRUE(found(69).depth);
+}
+
+TEST_F(SceneCacheTest, TwentySecondsOfAnnouncedBracketsKeepLargeScenes) {
+  for (int i = 0; i < 60; ++i) cache_.addDepth(largeImage(10 + i));
+  for (int i = 0; i < 20; ++i) {
+    cache_.addDepth(largeImage(70 + i));
+    cache_.pin(ros::Time(70 + i));
+  }
+  for (int i = 0; i < 20; ++i) {
+    cache_.addDepth(largeImage(90 + i));
+    EXPECT_EQ(found(70 + i).stamp, ros::Time(70 + i));
+  }
 }
 
 TEST_F(SceneCacheTest, AnImageThatBracketsShareCountsOnce) {
@@ -333,14 +345,14 @@ TEST_F(SceneCacheTest, BracketsThatNeverComeLeaveTheSceneThatABracketWaitsFor) {
 }
 
 // They were announced before it began with its second frame.
-TEST_F(SceneCacheTest, ABracketWhoseFirstPictureIsLostLeavesTheScenesOfLaterOnes) {
+TEST_F(SceneCacheTest, ABracketWhoseFirstPictureIsLostHasItsSceneAndLeavesThoseOfLaterOnes) {
   for (const double stamp : {10, 20, 30}) {
     cache_.addDepth(image(stamp));
     cache_.pin(ros::Time(stamp));
   }
   for (int i = 0; i < 1000; ++i) cache_.addDepth(image(40 + i));  // drives their entries out
   cache_.pin(ros::Time(10.1));
-  found(10.1);
+  EXPECT_EQ(found(10.1).stamp, ros::Time(10));
   for (const double stamp : {20, 30}) EXPECT_TRUE(found(stamp).depth) << stamp;
 }
 

@@ -23,7 +23,7 @@ constexpr std::size_t kMaxCached = 64;  // stamps
 constexpr std::size_t kMaxPinned = 64;  // brackets
 constexpr double kTolerance = 1;  // s that a stamp may be ahead of the clock, or older than the one before
 constexpr double kAssumedLatency = 30;  // s that frames may be late, before the first one came
-constexpr double kLatencyMargin = 5;    // s more than the longest so far, afterwards
+constexpr double kLatencyMargin = 2;    // s more than the longest so far, afterwards
 constexpr double kSilentTimeout = 0.1;  // s, for a topic of which the last wait brought nothing
 
 }  // namespace
@@ -84,8 +84,15 @@ void SceneCache::configure(bool by_labels, double max_age_s) {
 void SceneCache::pin(const ros::Time& first_frame) {
   std::lock_guard<std::mutex> lock(mutex_);
   if (pinnedFor(first_frame) != pinned_.end()) return;  // was announced, and begins
-  pinned_.push_back({first_frame, {}});
-  update(first_frame, pinned_.back().scene);
+  // A bracket that lost the picture which was announced begins with a later one: its scene is kept already.
+  SceneMessages scene;
+  for (const Pinned& before : pinned_) {
+    const ros::Time& stamp = before.scene.stamp;
+    const bool is_near = stamp <= first_frame && secondsBetween(stamp, first_frame) <= max_age_s_;
+    if (is_near && stamp > scene.stamp) scene = before.scene;
+  }
+  update(first_frame, scene);
+  pinned_.push_back({first_frame, scene});
   if (!entries_.empty())
     longest_latency_s_ = std::max(longest_latency_s_, secondsBetween(first_frame, entries_.rbegin()->first));
   makeRoom();
@@ -120,15 +127,9 @@ void SceneCache::updateAll() {
 void SceneCache::makeRoom() {
   while (pinned_.size() > kMaxPinned) pinned_.pop_front();
   while (entries_.size() > kMaxCached) entries_.erase(mostDispensable());
-  while (bytes() > kMaxWaitingBytes / 2) {
-    if (entries_.size() > kFewestWaiting) {
-      entries_.erase(mostDispensable());
-    } else if (pinned_.size() > kFewestWaiting) {
-      pinned_.pop_front();
-    } else {
-      return;
-    }
-  }
+  while (entries_.size() > kFewestWaiting && bytes() > kMaxWaitingBytes / 2)
+    entries_.erase(mostDispensable());
+  while (pinned_.size() > kFewestWaiting && bytes() > kMaxWaitingBytes) pinned_.pop_front();
 }
 
 // Of all images. Scenes share them.

@@ -34,9 +34,9 @@ struct SceneMessages {
 /// The scene of a bracket is that of the newest depth at or before its first frame; in mode paper that of the
 /// newest labels. What has the same stamp belongs to it. Camera and lens are the newest ones.
 ///
-/// Scenes are limited in number and bytes. At the limit those of no bracket go first: of the older ones those
-/// whose neighbours are nearest in time, so that the whole time that a frame may be late stays covered. Then
-/// those go that are kept for a bracket, from the oldest on. All methods are thread-safe.
+/// Scenes are limited in number and bytes. Those of no bracket go first: of the older ones those whose
+/// neighbours are nearest in time, so that the whole time that a frame may be late stays covered. At twice as
+/// many bytes those go that are kept for a bracket, from the oldest on. All methods are thread-safe.
 class SceneCache {
  public:
   void addDepth(const sensor_msgs::ImageConstPtr& depth);
