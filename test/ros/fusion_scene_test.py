@@ -2,6 +2,8 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Mode refined: what belongs to the scene of a bracket is waited for, but can be done without."""
+import subprocess
+
 import numpy as np
 import rospy
 
@@ -100,6 +102,15 @@ class SceneTest(RefinedTest):
         self.deliver_labels(stamp)
         self.send(stamp, indices=INDICES[-1:], bracket_id=bracket_id)
         self.assert_as_files(stamp, INDICES, MIDDLE)
+
+    def test_a_second_publisher_of_the_lens_is_told_of(self):
+        self.expect_scene()
+        self.fuse()
+        late = subprocess.Popen(['rostopic', 'pub', self.topic('rgb/optics'), 'all_in_focus/Optics', '50.0', '2.0', '0.03'])
+        with late:
+            self.addCleanup(late.terminate)
+            self.assert_diagnosed(WARN, 'has several publishers')
+            late.terminate()
 
     def test_a_lens_that_is_corrected_gives_the_right_pixels(self):
         """Where the lens of the calibration is unknown, it is the present one: the pixel pitch follows it."""

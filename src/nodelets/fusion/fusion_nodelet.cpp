@@ -148,6 +148,8 @@ class Fusion {
     const auto on_message = [this, input, use](const boost::shared_ptr<const Message>& message) {
       if (time_jumps_.clockWentBack()) startAfresh(input, ros::Time::now());
       (scenes_.*use)(message);
+      if (input == optics_input_ && publishersOf(input) > 1)
+        status_.warn(status_.resolved(input) + " has several publishers: the last message counts");
     };
     subscribers_[input] = guard_.subscribe<Message>(
         guard_.quick, input, is_image ? kArrivingImages : kArrivingMessages, on_message);
@@ -186,10 +188,7 @@ class Fusion {
   // bracket would be cut differently: until this is called, frames wait for them.
   void settle() {
     settled_ = true;
-    if (subscribers_[optics_input_].getNumPublishers() > 1) {
-      status_.warn(status_.resolved(optics_input_) + " has several publishers: the last message counts");
-    }
-    if (hasFocusPublisher()) return;
+    if (publishersOf(focus_input_) > 0) return;
     // The publisher has gone. Images that it had announced still wait for their messages; the others are
     // plain.
     std::deque<sensor_msgs::ImageConstPtr> waiting;
@@ -234,7 +233,7 @@ class Fusion {
   void onImage(const sensor_msgs::ImageConstPtr& image) {
     settling_.start();  // the first image starts it
     // A publisher of rgb/focus defines the brackets while it is there.
-    const bool has_focus = hasFocusPublisher() || isAnnounced(*image);
+    const bool has_focus = publishersOf(focus_input_) > 0 || isAnnounced(*image);
     if (settled_ && !has_focus) {
       giveUpAllImages();  // the publisher of rgb/focus is gone
       return addPlain(image);
@@ -311,7 +310,7 @@ class Fusion {
   }
 
   // roscpp knows who is connected; the master, which may hang, need not be asked.
-  bool hasFocusPublisher() { return subscribers_[focus_input_].getNumPublishers() > 0; }
+  std::uint32_t publishersOf(int input) { return subscribers_[input].getNumPublishers(); }
 
   CallbackGuard& guard_;
   NodeStatus& status_;
