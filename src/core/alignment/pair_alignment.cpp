@@ -193,36 +193,21 @@ ALL_IN_FOCUS_SIMD void PairAlignment::Taps::prepare(double begin, double step, i
 // out[i] = spline of the picture where pixel at + (i, 0) lies in it.
 void PairAlignment::sampleRow(const cv::Mat& image, const Shears& shears, const cv::Point& at, int width,
                               float* out) {
-  across_.prepare(shears.v0 + shears.v_y * at.y, shears.v_u, image.cols, image.rows);
-  row_.resize(image.cols);
-  for (int u = 0, end = 0; u < image.cols; u = end) {
-    for (end = u + 1; end < image.cols && across_.first[end] == across_.first[u];) ++end;
+  if (width == 0) return;  // the level is narrower than a tile
+  along_.prepare(shears.u0 + shears.u_y * at.y + shears.u_x * at.x, shears.u_x, width, image.cols);
+  const auto [begin, last] = std::minmax(along_.first.front(), along_.first.back());
+  const int count = last + 4 - begin;  // columns
+  across_.prepare(shears.v0 + shears.v_y * at.y + shears.v_u * begin, shears.v_u, count, image.rows);
+  row_.resize(count);
+  for (int u = 0, end = 0; u < count; u = end) {
+    for (end = u + 1; end < count && across_.first[end] == across_.first[u];) ++end;
     TapRows rows;
-    for (int k = 0; k < 4; ++k) rows[k] = image.ptr<float>(across_.first[u] + k);
+    for (int k = 0; k < 4; ++k) rows[k] = image.ptr<float>(across_.first[u] + k) + begin;
     combineAcross(rows, across_.fraction.data(), u, end, row_.data());
   }
-  along_.prepare(shears.u0 + shears.u_y * at.y + shears.u_x * at.x, shears.u_x, width, image.cols);
   for (int i = 0, end = 0; i < width; i = end) {
     for (end = i + 1; end < width && along_.first[end] - end == along_.first[i] - i;) ++end;
-    combineAlong(row_.data() + along_.first[i], along_.fraction.data() + i, end - i, out + i);
-  }
-}
-
-// The same of a tile, pixel by pixel.
-void PairAlignment::sampleTile(const cv::Mat& image, const Shears& shears, const cv::Point& corner,
-                               Pixels& out) {
-  for (int i = 0; i < kTile * kTile; ++i) {
-    const int x = corner.x + i % kTile, y = corner.y + i / kTile;
-    const double u = shears.u0 + shears.u_x * x + shears.u_y * y,
-                 v = shears.v0 + shears.v_u * u + shears.v_y * y;
-    const int column = static_cast<int>(u), row = static_cast<int>(v);
-    const auto f = static_cast<float>(u - column);
-    std::array<float, 4> along;
-    for (int k = 0; k < 4; ++k) {
-      const float* from = image.ptr<float>(std::min(row - 1 + k, image.rows - 1)) + column - 1;
-      along[k] = spline(from[0], from[1], from[2], from[std::min(3, image.cols - column)], f);
-    }
-    out[i] = spline(along[0], along[1], along[2], along[3], static_cast<float>(v - row));
+    combineAlong(row_.data() + along_.first[i] - begin, along_.fraction.data() + i, end - i, out + i);
   }
 }
 
@@ -319,7 +304,8 @@ ALL_IN_FOCUS_SIMD PairAlignment::Estimate PairAlignment::refine(const Level& lev
           const Shears moved = shears.movedBy(turned * x + n * (motion[6] + x * motion[8]),
                                               turned * y + n * (motion[7] + y * motion[8]));
           if (!moved.cover({left, top, kTile, kTile})) continue;
-          sampleTile(image, moved, {left, top}, residual);
+          for (int v = 0; v < kTile; ++v)
+            sampleRow(image, moved, {left, top + v}, kTile, residual.data() + v * kTile);
         } else {
           if (!all_covered && !shears.cover({left, top, kTile, kTile})) continue;
           for (int v = 0; v < kTile; ++v) {

@@ -122,7 +122,6 @@ class PairAlignment {
   CellShifts shifts(const Level& level) const;
   Estimate refine(const Level& level, const cv::Mat& image, const Motion& guess);
   void sampleRow(const cv::Mat& image, const Shears& shears, const cv::Point& at, int width, float* out);
-  static void sampleTile(const cv::Mat& image, const Shears& shears, const cv::Point& corner, Pixels& out);
 
   Relief relief_;
   Freedom freedom_;               ///< of the motion that is measured

@@ -118,7 +118,8 @@ ParallaxView viewOf(const CameraMotion& motion, const cv::Mat1f& relief, const c
       const float* above = nearest[there.y] + there.x;
       const float* below = nearest[there.y + 1] + there.x;
       const double in_front = std::max({above[0], above[1], below[0], below[1]}) - relief(y, x);
-      view.shown(y, x) = in_front * std::hypot(across(x), down(y)) > kAlignment.hidden ? 0 : 255;
+      const cv::Point2d apart = in_front * cv::Point2d(across(x), down(y));
+      view.shown(y, x) = apart.dot(apart) > kAlignment.hidden * kAlignment.hidden ? 0 : 255;
     }
   });
   return view;
