@@ -14,7 +14,6 @@ import tempfile
 import zlib
 from pathlib import Path
 
-import cv2
 from PIL import Image
 
 SOFTWARE = 305  # EXIF
@@ -72,7 +71,6 @@ def _standard_stream(path):
     with contextlib.suppress(OSError):
         named_file = Path(path).stat()
         return next((number for number in (1, 2) if os.path.samestat(os.fstat(number), named_file)), None)
-    return None
 
 
 def _is_stream(path):
@@ -88,6 +86,7 @@ def _is_stream(path):
 
 def write_picture(path, image):
     """Writes an image file in the format of its suffix, PNG without one. ValueError for other suffixes."""
+    import cv2  # takes most of the time in which a program starts; many write no picture
     try:
         data = cv2.imencode(Path(path).suffix or ".png", image)[1].tobytes()
     except cv2.error:
@@ -126,6 +125,7 @@ def write_json(path, data):
 
 def encode_png(image):
     """PNG file as bytes; colour images are BGR. ValueError where the type of the image does not fit PNG."""
+    import cv2
     try:
         return cv2.imencode(".png", image)[1].tobytes()
     except cv2.error:

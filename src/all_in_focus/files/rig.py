@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Optional
 
-import cv2
 import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
@@ -151,6 +150,7 @@ class Rig:
         self.parent_frame = self.parent_frame or f"{self.color.name}_optical_frame"
         self.child_frame = self.child_frame or f"{self.depth.name}_optical_frame"
         if self.quaternion is None:
+            import cv2  # see output_file.py
             self.quaternion = Rotation.from_rotvec(cv2.Rodrigues(self.R)[0].ravel()).as_quat()
 
 
