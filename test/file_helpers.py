@@ -176,9 +176,7 @@ class VirtualTime:
 
 def call(name, *arguments):
     """Like run_script(), but in this process: to start Python and to import OpenCV takes longer than most tests. Not for
-    what a process has of its own: signals, environment, limits, and that it has one thread."""
-    if name == "evaluate_bag":
-        return run_script(name, *arguments)  # it becomes a node of ROS, which a process can do once
+    what a process has of its own: signals, environment, limits, that it has one thread, and that it becomes a node of ROS."""
     path = script(name)
     old_arguments, old_handler = sys.argv, signal.getsignal(signal.SIGINT)
     sys.argv = [str(path), *map(str, arguments)]

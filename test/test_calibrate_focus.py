@@ -12,7 +12,7 @@ from all_in_focus.files import yaml_file
 from all_in_focus.files.focus_table import FocusTable
 from all_in_focus.files.rig import Camera, Rig, save_rig
 from all_in_focus.files.stack import Stack, focus_of_arrivals, load_focus
-from file_helpers import run_script
+from file_helpers import call, run_script
 from tool_helpers import expect_refusal, fuse_stack
 
 SIZE = (480, 320)
@@ -68,8 +68,8 @@ def test_distances_are_those_of_the_lens(scene):
 
 def test_depth_of_the_depth_camera_is_registered(scene, tmp_path):
     save_rig(tmp_path / "rig", Rig(CAMERA, CAMERA, np.eye(3), [0.0, 0.0, 0.0], None, "color", "depth"))
-    done = run_script("calibrate_focus", "--stack", scene / "stack", "--depth", scene / "depth.png", "--rig", tmp_path / "rig",
-                      "--first", 4, "--step", 3, "--output", tmp_path / "table.yaml")
+    done = call("calibrate_focus", "--stack", scene / "stack", "--depth", scene / "depth.png", "--rig", tmp_path / "rig",
+                "--first", 4, "--step", 3, "--output", tmp_path / "table.yaml")
     assert done.returncode == 0, done.stderr
     assert [read(path).distance(5) for path in (tmp_path / "table.yaml", scene / "table.yaml")] == pytest.approx(
         [1 / FOCUS[5]] * 2, rel=0.03)
@@ -79,7 +79,7 @@ def test_depth_that_is_unknown_everywhere_is_named(scene, tmp_path):
     save_rig(tmp_path / "rig", Rig(CAMERA, CAMERA, np.eye(3), [0.0, 0.0, 0.0], None, "color", "depth"))
     cv2.imwrite(str(tmp_path / "none.png"), np.zeros(SIZE[::-1], np.uint16))
     for depth in (["--registered-depth", tmp_path / "none.png"], ["--depth", tmp_path / "none.png", "--rig", tmp_path / "rig"]):
-        done = run_script("calibrate_focus", "--stack", scene / "stack", *depth, "--output", tmp_path / "table.yaml")
+        done = call("calibrate_focus", "--stack", scene / "stack", *depth, "--output", tmp_path / "table.yaml")
         expect_refusal(done, "calibrate_focus", "none.png: no pixel of the pictures gets a depth")
 
 
@@ -152,7 +152,7 @@ def test_tables_that_cannot_be_right(tmp_path):
 
 
 def test_usage():
-    expect_refusal(run_script("calibrate_focus", "--output", "t.yaml"), "calibrate_focus")
+    expect_refusal(call("calibrate_focus", "--output", "t.yaml"), "calibrate_focus")
     for text in ("two", "inf", "1.5"):
-        done = run_script("calibrate_focus", "--live", "--step", text, "--output", "t.yaml")
+        done = call("calibrate_focus", "--live", "--step", text, "--output", "t.yaml")
         expect_refusal(done, "calibrate_focus", f"argument --step: '{text}': expected a whole number")

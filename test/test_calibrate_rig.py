@@ -107,6 +107,7 @@ def test_a_rig_without_a_lens_is_told(views, tmp_path):
         done = succeeded(call(*arguments(few, tmp_path / "rig"), *options))
         assert ("no lens: robot.launch needs" in done.stdout) == told
     assert load_rig(tmp_path / "rig").optics.focal_length_mm == 24  # of the run before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["few", "rig"]
 
 
 def test_an_existing_rig_stays(calibrated, views):
@@ -121,10 +122,6 @@ def test_force_does_not_replace_a_rig_of_others(views, tmp_path):
     save_rig(str(rig), true_rig())
     with unchanged(rig):
         assert "was not written by calibrate_rig" in refused([*arguments(few, rig), "--force"])
-    shutil.rmtree(rig)
-    for more in ([], ["--force"]):
-        succeeded(call(*arguments(few, rig), *more))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["few", "rig"]
 
 
 def test_known_cameras_stay_as_they_are_and_force_replaces(views, tmp_path):
@@ -245,4 +242,4 @@ def test_a_folder_that_cannot_be_written_is_told_before_the_work(tmp_path, sourc
 def test_the_script():
     result = run_script("calibrate_rig", "--help")
     assert result.returncode == 0 and "--ir-offset" in result.stdout
-    expect_refusal(run_script("calibrate_rig"), "calibrate_rig")
+    expect_refusal(call("calibrate_rig"), "calibrate_rig")

@@ -10,7 +10,7 @@ import sys
 import time
 
 import pytest
-from file_helpers import SCRIPTS, captured, listen_to_signals, run, script, start
+from file_helpers import SCRIPTS, call, captured, listen_to_signals, run, script, start
 from tool_helpers import TwoPlanes, succeeded
 
 from all_in_focus import command_line
@@ -199,13 +199,13 @@ def test_a_reader_that_has_seen_enough():
 
 def test_help_of_every_program():
     for name in ("check_bag", "bag_to_stack", "make_scene"):
-        assert succeeded(run([sys.executable, script(name), "--help"])).stdout.startswith("usage: ")
+        assert succeeded(call(name, "--help")).stdout.startswith("usage: ")
 
 
 @pytest.mark.parametrize("name", ["focus_bracket_camera", "image_folder_camera", "replay_bag", "capture", "depth_file_camera",
                                   "rig_publisher"])
 def test_help_of_a_node_lists_its_parameters(name):
-    shown = succeeded(run([sys.executable, script(name), "--help"])).stdout
+    shown = succeeded(call(name, "--help")).stdout
     listed = set(re.findall(r"^  ~(\w+) +\w", shown, re.M))
     sources = (SCRIPTS / name, *(SCRIPTS.parent / "src" / "all_in_focus" / "camera").glob("*.py"))
     used = set(re.findall(r"settings\.(\w+)", (SCRIPTS / name).read_text()))

@@ -140,6 +140,7 @@ def test_three_planned_frames_show_all_that_the_sweep_does(tmp_path, fused):
 
 
 @needs_sweep
+@pytest.mark.parametrize("fused", ["refined"], indirect=True)  # test_bag_equality.py: all modes
 def test_nodes_give_the_pixels_of_fuse_stack(tmp_path, fused, sweep_bag):
     mode, folder = fused
     assert check_equality(evaluate_bag(tmp_path / mode, sweep_bag, "--mode", mode), folder)["frames_used"] == 540

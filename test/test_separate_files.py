@@ -30,7 +30,7 @@ def planes(tmp_path):
 @pytest.fixture
 def bag(planes):
     path = planes.folder / "scene.bag"
-    succeeded(run_script("make_bag", *planes.with_depth, "--stack", planes.stack, "--output", path))
+    succeeded(call("make_bag", *planes.with_depth, "--stack", planes.stack, "--output", path))
     return path
 
 
@@ -108,7 +108,7 @@ def test_no_output_of_the_other_programs_is_an_input(planes, program, arguments)
 
 def test_a_scene_is_not_made_from_what_it_replaces(tmp_path):
     scene = tmp_path / "scene"
-    succeeded(run_script("make_scene", "--scene", "planes", "--size", "64x48", "--frames", "2", "--output", scene))
+    succeeded(call("make_scene", "--scene", "planes", "--size", "64x48", "--frames", "2", "--output", scene))
     with unchanged(tmp_path):
         done = call("make_scene", "--scene", "picture", "--picture", scene / "truth.png", "--depth",
                     scene / "truth_depth.png", "--output", scene)

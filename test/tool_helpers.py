@@ -19,7 +19,7 @@ import numpy as np
 import all_in_focus
 from all_in_focus.files.output_folder import MARK
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
-from file_helpers import call, environment, made_once, run
+from file_helpers import call, environment, made_once, run, run_script
 
 # The space that the package is imported from: prefix/lib/python3/dist-packages/all_in_focus/__init__.py.
 PREFIX = Path(all_in_focus.__file__).absolute().parents[4]
@@ -247,7 +247,7 @@ def fuse(folder, *arguments):
 
 def evaluate_bag(folder, bag, *options):
     """Folder with what evaluate_bag makes of the only bracket of a bag."""
-    succeeded(call("evaluate_bag", "--bag", bag, "--output", folder, *options))
+    succeeded(run_script("evaluate_bag", "--bag", bag, "--output", folder, *options))
     assert sorted(path.name for path in folder.iterdir()) == [MARK, "bracket_0000"]
     return folder / "bracket_0000"
 
