@@ -2,13 +2,12 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Mode refined: what belongs to the scene of a bracket is waited for, but can be done without."""
-import subprocess
-
 import numpy as np
 import rospy
 
 from depth_testing import HEIGHT, WARN, WIDTH, camera_info, image_message, run_tests, two_planes
 from fusion_testing import BRACKET_IDS, PERIOD, array_of, colour_message
+from process_testing import Talkative
 from refined_testing import FRAMES, INDICES, LENS, MIDDLE, STAMPS, RefinedTest, fused_by_files, pixels
 
 
@@ -106,11 +105,9 @@ class SceneTest(RefinedTest):
     def test_a_second_publisher_of_the_lens_is_told_of(self):
         self.expect_scene()
         self.fuse()
-        late = subprocess.Popen(['rostopic', 'pub', self.topic('rgb/optics'), 'all_in_focus/Optics', '50.0', '2.0', '0.03'])
-        with late:
-            self.addCleanup(late.terminate)
-            self.assert_diagnosed(WARN, 'has several publishers')
-            late.terminate()
+        late = Talkative(['rostopic', 'pub', self.topic('rgb/optics'), 'all_in_focus/Optics', '50.0', '2.0', '0.03'])
+        self.addCleanup(late.stop)
+        self.assert_diagnosed(WARN, 'has several publishers')
 
     def test_a_lens_that_is_corrected_gives_the_right_pixels(self):
         """Where the lens of the calibration is unknown, it is the present one: the pixel pitch follows it."""
