@@ -35,8 +35,9 @@ struct SceneMessages {
 /// newest labels. What has the same stamp belongs to it. Camera and lens are the newest ones.
 ///
 /// Scenes are limited in number and bytes. Those of no bracket go first: of the older ones those whose
-/// neighbours are nearest in time, so that the whole time that a frame may be late stays covered. At twice as
-/// many bytes those go that are kept for a bracket, from the oldest on. All methods are thread-safe.
+/// neighbours are nearest in time, so that the whole time that a frame may be late stays covered. With the
+/// scenes that are kept for brackets there may be twice as many bytes; then the oldest of these go. All
+/// methods are thread-safe.
 class SceneCache {
  public:
   void addDepth(const sensor_msgs::ImageConstPtr& depth);
