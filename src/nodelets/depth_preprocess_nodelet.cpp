@@ -192,23 +192,26 @@ class DepthPreprocess {
     requireSize(depth, rig.depth, topic, status_.resolved(depth_info_input_));
     if (!preprocessing_ || !(preprocessing_->rig() == rig))
       preprocessing_ = std::make_unique<DepthPreprocessing>(rig, parseMode(config_.mode));
-    preprocessing_->compute(depth, registered_, filled_);
-
     std_msgs::Header header = message->header;
     header.frame_id = rgb_info_->header.frame_id;
+    cv::Mat measured, filled;
+    const auto blank = [&](cv::Mat& pixels) {
+      return blankImage(header, sensor_msgs::image_encodings::TYPE_16UC1, rig.color.size, pixels);
+    };
+    const sensor_msgs::ImagePtr registered = blank(measured), all = blank(filled);
+    preprocessing_->compute(depth, measured, filled);
+
     const auto info = boost::make_shared<sensor_msgs::CameraInfo>(*rgb_info_);
     info->header = header;
     info_publisher_.publish(info);
-    const std::string& encoding = sensor_msgs::image_encodings::TYPE_16UC1;
-    const sensor_msgs::ImagePtr registered = toImage(header, encoding, registered_);
     registered_publisher_.publish(registered);
-    filled_publisher_.publish(config_.fill_holes ? toImage(header, encoding, filled_) : registered);
+    filled_publisher_.publish(config_.fill_holes ? all : registered);
     status_.acknowledge(message->header, Outcome::kProcessed);
-    warnOfRig(depth);
+    warnOfRig(depth, measured);
   }
 
   // Warns of likely mistakes in the rig, in the words of fuse_stack.
-  void warnOfRig(const cv::Mat& depth) {
+  void warnOfRig(const cv::Mat& depth, const cv::Mat& registered) {
     const std::string topic = status_.resolved(depth_input_) + ": ";
     if (cv::countNonZero(depth) == 0) {
       status_.warn(topic + "not one pixel has a depth: is something too near, or the sensor covered?");
@@ -219,7 +222,7 @@ class DepthPreprocess {
         core::checkDepthUnit(depth), core::checkPrincipalPoint(rig.depth, "depth"),
         core::checkPrincipalPoint(rig.color, "colour"), core::checkPose(rig.depth_to_color)};
     try {
-      warnings.push_back(core::checkCoverage(registered_, rig));
+      warnings.push_back(core::checkCoverage(registered, rig));
     } catch (const std::invalid_argument& e) {
       status_.error(topic + e.what());
     }
@@ -245,7 +248,6 @@ class DepthPreprocess {
   sensor_msgs::CameraInfoConstPtr depth_info_, rgb_info_;
   geometry_msgs::Transform transform_;
   std::unique_ptr<DepthPreprocessing> preprocessing_;  // empty: the configuration has changed
-  cv::Mat registered_, filled_;                        // reused
 
   image_transport::Subscriber depth_subscriber_;
   ros::Subscriber depth_info_subscriber_, rgb_info_subscriber_;

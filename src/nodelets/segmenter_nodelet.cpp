@@ -178,6 +178,8 @@ class Segmenter {
       segmentation_ = std::make_unique<DofSegmentation>(segmentationConfig(
           mode_, opticsOf(config_), parseDofSpan(config_.dof_rule), config_.min_region_size));
     }
+    labels_ =
+        blankImage(message->header, sensor_msgs::image_encodings::TYPE_32SC1, depth.size(), result_.labels);
     segmentation_->compute(depth, result_);
     header_ = message->header;
     captions_.clear();
@@ -185,8 +187,7 @@ class Segmenter {
     // The labels come first: whatever fails or takes long afterwards, the fusion has them.
     const SegmentArrayPtr segments = toMessage(result_, segmentation_->config());
     segments->header = message->header;
-    labels_publisher_.publish(
-        toImage(message->header, sensor_msgs::image_encodings::TYPE_32SC1, result_.labels));
+    labels_publisher_.publish(labels_);
     segments_publisher_.publish(segments);
     try {
       publishPlan(message->header);
@@ -257,6 +258,7 @@ class Segmenter {
 
   std::unique_ptr<DofSegmentation> segmentation_;  // empty: the configuration has changed
   Segmentation result_;                            // of the newest depth image
+  sensor_msgs::ImageConstPtr labels_;              // of the result, which draws in its memory
   std::vector<RegionCaption> captions_;            // of the result
   std::optional<Camera> camera_;                   // of the depth images, while anybody wants markers
   std_msgs::Header header_;                        // of the result

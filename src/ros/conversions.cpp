@@ -119,6 +119,20 @@ sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string&
   return cv_bridge::CvImage(header, encoding, image).toImageMsg();
 }
 
+sensor_msgs::ImagePtr blankImage(const std_msgs::Header& header, const std::string& encoding,
+                                 const cv::Size& size, cv::Mat& pixels) {
+  const int type = cv_bridge::getCvType(encoding);
+  const auto message = boost::make_shared<sensor_msgs::Image>();
+  message->header = header;
+  message->encoding = encoding;
+  message->height = static_cast<std::uint32_t>(size.height);
+  message->width = static_cast<std::uint32_t>(size.width);
+  message->step = message->width * static_cast<std::uint32_t>(CV_ELEM_SIZE(type));
+  message->data.resize(std::size_t{message->step} * message->height);
+  pixels = cv::Mat(size, type, message->data.data(), message->step);
+  return message;
+}
+
 Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic) {
   if (std::max(info.width, info.height) > kMaxSize || std::uint64_t{info.width} * info.height > kMaxPixels) {
     fail(topic,

@@ -47,6 +47,10 @@ cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const 
 sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
                               const cv::Mat& image);
 
+/// A message to draw in, all zero: `pixels` becomes its memory, so nothing need be copied.
+sensor_msgs::ImagePtr blankImage(const std_msgs::Header& header, const std::string& encoding,
+                                 const cv::Size& size, cv::Mat& pixels);
+
 /// Models plumb_bob, rational_polynomial and "" (no distortion). Binning and region of interest are applied:
 /// the camera is the one of the images on the wire. topic: of the camera_info.
 Camera toCamera(const sensor_msgs::CameraInfo& info, const std::string& topic);

@@ -85,15 +85,16 @@ void FusionOutputs::publish(const BracketResult& result, const FusionReportPtr& 
     image_.publish(image);
     source_index_.publish(toImage(header, enc::TYPE_16UC1, result.source_index));
     confidence_.publish(toImage(header, enc::MONO8, result.confidence));
-    cv::Mat weights;
-    drawWeights(result.source_index, result.confidence, result.length, weights);
-    cv::cvtColor(weights, weights, cv::COLOR_BGR2RGB);
-    weights_.publish(toImage(header, enc::RGB8, weights));
+    cv::Mat drawn, weights;
+    drawWeights(result.source_index, result.confidence, result.length, drawn);
+    const sensor_msgs::ImagePtr weights_message = blankImage(header, enc::RGB8, drawn.size(), weights);
+    cv::cvtColor(drawn, weights, cv::COLOR_BGR2RGB);
+    weights_.publish(weights_message);
     // All 0 where depth is unknown: that of an older result must not stay beside a newer picture. rviz's
     // DepthCloud wants depth of the colour image's stamp, frame and size.
-    cv::Mat mm = cv::Mat::zeros(result.image.size(), CV_16UC1);
+    cv::Mat mm;
+    sensor_msgs::ImagePtr depth = blankImage(header, enc::TYPE_16UC1, result.image.size(), mm);
     if (!scene.depth.empty()) core::resizeDepth(scene.depth, result.image.size(), mm);
-    sensor_msgs::ImagePtr depth = toImage(header, enc::TYPE_16UC1, mm);
     depth_.publish(depth);
     if (!result.restored_depth.empty()) {
       depth = toImage(header, enc::TYPE_16UC1, result.restored_depth);
