@@ -117,7 +117,7 @@ class Bracket {
   /// paper.
   void setLabels(const cv::Mat& labels);
 
-  /// Whether the frame may be asked for again.
+  /// Whether the frame may be asked for again. None is once finish() restores or has returned.
   bool holds(int index) const { return held_.count(index) + fused_.count(index) > 0; }
 
   /// The result of the frames fused so far.

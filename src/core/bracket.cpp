@@ -477,6 +477,7 @@ BracketResult Bracket::finish(const Progress& progress) {
   for (auto& [index, held] : held_) held.misfit.clear();  // each gets a second chance
   fuseReady();
   while (!held_.empty()) markRejected(held_.begin()->first, whyUnused(held_.begin()->second));
+  fused_.clear();
   Stopwatch watch;
   BracketResult result = preview();
   const std::string hidden_drift = fusion_->hiddenDriftNote();

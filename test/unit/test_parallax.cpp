@@ -370,6 +370,16 @@ SlowBracket slowBracket(int max_held, const std::set<int>& odd = {}) {
   return slow;
 }
 
+// With depth a bracket keeps what it may have to fuse anew, as long as frames may come.
+TEST(Parallax, ABracketThatIsFinishedHoldsNoFrame) {
+  Bracket bracket;
+  bracket.begin(bands(), {}, [](int) { return cv::Mat(); });
+  for (int k = 0; k < 3; ++k) bracket.add(slowFrame(0), k);
+  EXPECT_TRUE(bracket.holds(1));
+  bracket.finish();
+  for (int k = 0; k < 3; ++k) EXPECT_FALSE(bracket.holds(k)) << k;
+}
+
 // That the camera moves shows after some frames. They are fused anew, as if it had been known from the first.
 TEST(Parallax, FramesBeforeItShowsAreFusedAnew) {
   const SlowBracket slow = slowBracket(kNoFrame);

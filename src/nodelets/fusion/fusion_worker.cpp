@@ -102,7 +102,7 @@ void FusionWorker::add(const BracketFrame& frame) {
   outputs_.tell(step.frame);                  // before the result
   push({Task::Kind::kFrame, step, frame.image});
   limit_ = imageLimit(settings_.most_waiting, *frame.image);
-  dropWholeBrackets(imageLimit(settings_.most_waiting, *frame.image, kMaxWaitingBytes / 2));
+  dropWholeBrackets(imageLimit(settings_.most_waiting, *frame.image, kMaxWaitingBytes / 4));
   const auto waits = [](const Task& task) { return task.image != nullptr; };
   while (waitingImages() > limit_) drop(*std::find_if(tasks_.begin(), tasks_.end(), waits));
 }
@@ -177,6 +177,7 @@ bool FusionWorker::isCancelled() const {
 }
 
 bool FusionWorker::mayRestore(double done) const {
+  releaseFrames();
   const std::string id = std::to_string(open_->first.bracket_id);
   status_.setValue(kProgress, "bracket " + id + ": " + std::to_string(std::lround(100 * done)) + " %");
   if (isCancelled()) return false;
@@ -300,10 +301,15 @@ FrameStatus FusionWorker::fuse(const Task& task) {
   frame.image = task.image;
   findWhite(bgr);
   FrameStatus status = bracket_.add(inFullRange(bgr), index, frame.focus_mm);
-  for (auto& [i, each] : open_->frames) {
-    if (each.image && !bracket_.holds(i)) each.image.reset();
-  }
+  releaseFrames();
   return status;
+}
+
+// Those that the bracket will not ask for again.
+void FusionWorker::releaseFrames() const {
+  for (auto& [index, frame] : open_->frames) {
+    if (!bracket_.holds(index)) frame.image.reset();
+  }
 }
 
 // Cameras may use fewer than 16 bits. Which code is white is found anew in each bracket, whose frames must be
@@ -348,6 +354,7 @@ std::vector<FrameStatus> FusionWorker::finishBracket() {
   joinScene();
   BracketResult result = bracket_.finish([this](double done) { return mayRestore(done); });
   status_.setValue(kProgress, "idle");
+  releaseFrames();
   if (result.stopped) result.warnings.emplace_back("not restored: the next bracket came first");
   if (!isCancelled()) publish(result, /*complete=*/true);
   for (const FrameStatus& frame : result.frames) {
