@@ -113,7 +113,8 @@ image_transport::Subscriber CallbackGuard::subscribeToDepth(int input, std::size
     std::lock_guard<std::mutex> lock(waiting->mutex);
     const std::size_t before = waiting->images.size();
     waiting->images.push_back(image);
-    for (; waiting->images.size() > imageLimit(most, *image); waiting->images.pop_front()) {
+    for (const std::size_t limit = imageLimit(most, *image, kMaxWaitingBytes / 16);
+         waiting->images.size() > limit; waiting->images.pop_front()) {
       status_.acknowledge(waiting->images.front()->header, Outcome::kDropped,
                           "cannot keep up: oldest waiting image dropped");
     }

@@ -394,8 +394,32 @@ TEST_F(SceneCacheTest, TheCacheIsBoundedByBytes) {
   }
   int kept = 0;
   for (int i = 0; i < 60; ++i) kept += found(10 + i).depth != nullptr;
-  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / 2 / kLargeBytes));
+  EXPECT_LE(kept, static_cast<int>(kMaxWaitingBytes / 3 / kLargeBytes));
   EXPECT_GE(kept, 4);
+}
+
+TEST_F(SceneCacheTest, OldLabelsGoBeforeDepthAndInModePaperDepthBeforeLabels) {
+  for (const bool by_labels : {false, true}) {
+    cache_.clear();
+    cache_.configure(by_labels, 0.5);
+    constexpr int kScenes = 20;
+    for (int i = 0; i < kScenes; ++i) {
+      const auto labels = largeImage(10 + i);
+      labels->encoding = sensor_msgs::image_encodings::TYPE_32SC1;
+      cache_.addDepth(largeImage(10 + i));
+      cache_.addLabels(labels);
+    }
+    const SceneMessages newest = found(10 + kScenes - 1);
+    EXPECT_TRUE(newest.depth && newest.labels);
+    int whole = 0, kept = 0;
+    for (int i = 0; i < kScenes; ++i) {
+      const SceneMessages scene = found(10 + i);
+      whole += scene.depth && scene.labels;
+      kept += (by_labels ? scene.labels : scene.depth) != nullptr;
+    }
+    EXPECT_GT(kept, whole);
+    EXPECT_GE(kept, 5);
+  }
 }
 
 TEST_F(SceneCacheTest, SilenceIsWaitedForOnce) {

@@ -21,6 +21,7 @@ namespace {
 
 constexpr std::size_t kMaxCached = 64;  // stamps
 constexpr std::size_t kMaxPinned = 64;  // brackets
+constexpr std::size_t kMaxCachedBytes = kMaxWaitingBytes / 3;
 constexpr double kTolerance = 1;  // s that a stamp may be ahead of the clock, or older than the one before
 constexpr double kAssumedLatency = 30;  // s that frames may be late, before the first one came
 constexpr double kLatencyMargin = 2;    // s more than the longest so far, afterwards
@@ -127,8 +128,12 @@ void SceneCache::updateAll() {
 void SceneCache::makeRoom() {
   while (pinned_.size() > kMaxPinned) pinned_.pop_front();
   while (entries_.size() > kMaxCached) entries_.erase(mostDispensable());
-  while (entries_.size() > kFewestWaiting && bytes() > kMaxWaitingBytes / 2)
-    entries_.erase(mostDispensable());
+  // Images on which no pixel depends go first. The newest quarter stays complete.
+  for (auto it = entries_.begin(); it != newestQuarter() && bytes() > kMaxCachedBytes; ++it) {
+    if (by_labels_) it->second.depth = it->second.measured = nullptr;
+    if (!by_labels_) it->second.labels = nullptr;
+  }
+  while (entries_.size() > kFewestWaiting && bytes() > kMaxCachedBytes) entries_.erase(mostDispensable());
   while (pinned_.size() > kFewestWaiting && bytes() > kMaxWaitingBytes) pinned_.pop_front();
 }
 
@@ -146,10 +151,14 @@ std::size_t SceneCache::bytes() const {
   return bytes;
 }
 
-// The newest quarter stays complete.
+SceneCache::Entries::iterator SceneCache::newestQuarter() {
+  return std::prev(entries_.end(), static_cast<std::ptrdiff_t>((entries_.size() + 3) / 4));
+}
+
+// Of those before the newest quarter.
 SceneCache::Entries::iterator SceneCache::mostDispensable() {
   const double latency = longest_latency_s_ > 0 ? longest_latency_s_ + kLatencyMargin : kAssumedLatency;
-  const auto end = std::prev(entries_.end(), static_cast<std::ptrdiff_t>((entries_.size() + 3) / 4));
+  const auto end = newestQuarter();
   const ros::Time newest = entries_.rbegin()->first;
   auto found = entries_.begin();
   double smallest_gap = std::numeric_limits<double>::infinity();

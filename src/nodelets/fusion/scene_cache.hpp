@@ -34,10 +34,10 @@ struct SceneMessages {
 /// The scene of a bracket is that of the newest depth at or before its first frame; in mode paper that of the
 /// newest labels. What has the same stamp belongs to it. Camera and lens are the newest ones.
 ///
-/// Scenes are limited in number and bytes. Those of no bracket go first: of the older ones those whose
-/// neighbours are nearest in time, so that the whole time that a frame may be late stays covered. With the
-/// scenes that are kept for brackets there may be twice as many bytes; then the oldest of these go. All
-/// methods are thread-safe.
+/// Scenes are limited in number and bytes. Those of no bracket go first: of the older ones the images on
+/// which no pixel depends (labels; in mode paper depth), then those whose neighbours are nearest in time, so
+/// that the whole time that a frame may be late stays covered. With the scenes that are kept for brackets
+/// there may be three times as many bytes; then the oldest of these go. All methods are thread-safe.
 class SceneCache {
  public:
   void addDepth(const sensor_msgs::ImageConstPtr& depth);
@@ -90,6 +90,7 @@ class SceneCache {
   void updateAll();
   void makeRoom();
   std::size_t bytes() const;
+  Entries::iterator newestQuarter();
   Entries::iterator mostDispensable();
   Entries::const_iterator newestAt(const ros::Time& frame) const;
   SceneMessages whole() const;
