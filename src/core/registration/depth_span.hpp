@@ -50,8 +50,7 @@ struct Footprint {
   float halfWidth() const { return kHalf * (std::abs(e1_u) + std::abs(e2_u)); }
   float halfHeight() const { return kHalf * (std::abs(e1_v) + std::abs(e2_v)); }
 
-  /// True if it covers the centre of a pixel of the colour image. The covered pixels of a row or a column are
-  /// consecutive, because both coordinates are monotonic along them, even rounded.
+  /// True if it covers the centre of a pixel of the colour image.
   bool covers(int x, int y) const {
     const float dx = static_cast<float>(x) - u, dy = static_cast<float>(y) - v;
     const float along1 = (dx * e2_v - dy * e2_u) * to_a, along2 = (dy * e1_u - dx * e1_v) * to_a;

@@ -34,7 +34,7 @@ class ZBuffer {
   std::uint16_t* at(int y) const { return origin_ + static_cast<std::ptrdiff_t>(y) * frame_.stride; }
   void clearUpTo(const RowRange& rows);
   void drawQuads(const QuadSpan& quads, int count);
-  void drawBox(int u0, int v0, int u1, int v1, const Footprint& footprint, float w);
+  void drawBox(int u0, int v0, int u1, int v1, const Footprint& f, float w);
 
   Frame frame_{{}, 0};
   cv::Mat1w memory_;
