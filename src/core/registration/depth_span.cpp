@@ -123,23 +123,23 @@ ALL_IN_FOCUS_SIMD bool toQuads(const DepthSpan& from, const ProjectedSpan& __res
   return sides <= 1;
 }
 
-ALL_IN_FOCUS_SIMD RowRange rowsOf(const std::int32_t* at, int count, int stride) {
+ALL_IN_FOCUS_SIMD cv::Range rowsOf(const std::int32_t* at, int count, int stride) {
   std::uint32_t first = UINT32_MAX;  // negative indices, which are not drawn, are large as unsigned numbers
   std::int32_t last = -1;
   for (int i = 0; i < count; ++i) {
     first = std::min(first, static_cast<std::uint32_t>(at[i]));
     last = std::max(last, at[i]);
   }
-  return last < 0 ? RowRange{0, -1} : RowRange{static_cast<int>(first) / stride, last / stride};
+  return last < 0 ? cv::Range() : cv::Range(static_cast<int>(first) / stride, last / stride + 1);
 }
 
-ALL_IN_FOCUS_SIMD RowRange rowsOf(const BoxSpan& boxes, int count) {
+ALL_IN_FOCUS_SIMD cv::Range rowsOf(const BoxSpan& boxes, int count) {
   int top = INT_MAX, bottom = -1;
   for (int i = 0; i < count; ++i) {
     top = std::min(top, boxes.v0[i]);
     bottom = std::max(bottom, boxes.v1[i]);
   }
-  return {top, bottom};
+  return bottom < 0 ? cv::Range() : cv::Range(top, bottom + 1);
 }
 
 }  // namespace all_in_focus::core

@@ -80,11 +80,6 @@ struct Frame {
   float cols, rows, first = 0, outside = -1;
 };
 
-/// Rows of the colour image that a span is drawn to: top..bottom; none if top > bottom.
-struct RowRange {
-  int top, bottom;
-};
-
 /// The colour pixel nearest to each point.
 struct PointSpan {
   std::int32_t at[DepthSpan::kMost];      ///< index v * stride + u; negative, i - kMost: do not draw
@@ -114,7 +109,8 @@ void toBoxes(const DepthSpan& from, const ProjectedSpan& projected, const Frame&
 /// Returns false if a footprint covers more than 2 x 2 pixels; `to` is of no use then.
 bool toQuads(const DepthSpan& from, const ProjectedSpan& projected, const Frame& frame, QuadSpan& to);
 
-RowRange rowsOf(const std::int32_t* at, int count, int stride);  ///< of points or quads
-RowRange rowsOf(const BoxSpan& boxes, int count);
+/// Rows of the colour image that points or quads, or boxes, are drawn to.
+cv::Range rowsOf(const std::int32_t* at, int count, int stride);
+cv::Range rowsOf(const BoxSpan& boxes, int count);
 
 }  // namespace all_in_focus::core

@@ -24,17 +24,16 @@ void ZBuffer::begin(const cv::Size& image) {
   memory_.create(1, ahead + (image.height + 1) * frame_.stride);
   origin_ = memory_[0] + ahead;
   std::fill(memory_[0], origin_, kNone);
-  top_ = bottom_ = 0;
+  cleared_ = {};
 }
 
-void ZBuffer::clearUpTo(const RowRange& rows) {
-  if (rows.top > rows.bottom) return;
-  const int bottom = rows.bottom + 2;  // drawing also writes to the row below
-  if (top_ == bottom_) top_ = bottom_ = rows.top;
-  if (rows.top < top_) std::fill(at(rows.top), at(top_), kNone);
-  if (bottom > bottom_) std::fill(at(bottom_), at(bottom), kNone);
-  top_ = std::min(top_, rows.top);
-  bottom_ = std::max(bottom_, bottom);
+void ZBuffer::clearUpTo(const cv::Range& rows) {
+  if (rows.empty()) return;
+  const int end = rows.end + 1;  // drawing also writes to the row below
+  if (cleared_.empty()) cleared_ = {rows.start, rows.start};
+  if (rows.start < cleared_.start) std::fill(at(rows.start), at(cleared_.start), kNone);
+  if (end > cleared_.end) std::fill(at(cleared_.end), at(end), kNone);
+  cleared_ = {std::min(cleared_.start, rows.start), std::max(cleared_.end, end)};
 }
 
 void ZBuffer::drawPoints(const ProjectedSpan& projected, int count) {

@@ -28,18 +28,18 @@ class ZBuffer {
   void drawFootprints(const DepthSpan& from, const ProjectedSpan& projected);
 
   /// Row y, depths in mm less one, 0xFFFF = none; nullptr if nothing was drawn to it.
-  const std::uint16_t* row(int y) const { return y >= top_ && y < bottom_ ? at(y) : nullptr; }
+  const std::uint16_t* row(int y) const { return y >= cleared_.start && y < cleared_.end ? at(y) : nullptr; }
 
  private:
   std::uint16_t* at(int y) const { return origin_ + static_cast<std::ptrdiff_t>(y) * frame_.stride; }
-  void clearUpTo(const RowRange& rows);
+  void clearUpTo(const cv::Range& rows);
   void drawQuads(const QuadSpan& quads, int count);
   void drawBox(int u0, int v0, int u1, int v1, const Footprint& f, float w);
 
   Frame frame_{{}, 0};
   cv::Mat1w memory_;
   std::uint16_t* origin_ = nullptr;
-  int top_ = 0, bottom_ = 0;  ///< rows top_..bottom_-1 have been cleared
+  cv::Range cleared_;  ///< rows
   bool small_ = true;         ///< the last footprints covered at most 2 x 2 pixels
 };
 
