@@ -9,10 +9,9 @@
 namespace all_in_focus::core {
 
 // A counting sort: each strip of rows counts its edges by weight and then moves them to their places.
-void AdjacencyEdges::find(const PixelGraph& graph) {
+void AdjacencyEdges::find(const PixelGraph& graph, int max_weight) {
   const RowStrips& strips = graph.strips();
   strips_.resize(strips.count());
-  const int max_weight = std::max(0, graph.farthest() - graph.nearest());
   strips.forEach([&](const cv::Range& rows, int i) { findInRows(graph, max_weight, rows, strips_[i]); });
   count_ = 0;
   for (int weight = 0; weight <= max_weight; ++weight) {

@@ -23,7 +23,8 @@ class AdjacencyEdges {
   };
 
   /// Finds and sorts the edges between the graph's labels, none of which joins label 0 (unknown depth).
-  void find(const PixelGraph& graph);
+  /// max_weight: of all edges, >= 0.
+  void find(const PixelGraph& graph, int max_weight);
 
   /// The result of the last find().
   const Edge* begin() const { return sorted_.data(); }

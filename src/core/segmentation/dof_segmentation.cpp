@@ -48,13 +48,24 @@ struct DofSegmentation::Work {
 
   RegionMap regionMap() const { return {graph, nodes.data(), node_count, regions.data(), region_count}; }
 
-  void segment(const DofRule& rule) {
+  void segment(const DofRule& rule, double focal_length_mm) {
     const int second = std::max(0, graph.weightQuantile(kSecondShare));
     const bool noisy = graph.weightQuantile(kShareWithoutNoise) > second;
     const int first = noisy ? graph.weightQuantile(kFirstShare) : second;
     node_count = zones.find(graph, rule, first, second, nodes);
-    edges.find(graph);
     RegionNode* const node = nodes.data();
+    int nearest = 65536, farthest = 0;  // mm
+    for (int i = 1; i <= node_count; ++i) {
+      nearest = std::min<int>(nearest, node[i].min);
+      farthest = std::max<int>(farthest, node[i].max);
+    }
+    // Nothing at or before the focal length is ever sharp: such optics, or such depths, are a mistake.
+    if (nearest <= focal_length_mm) {
+      throw std::invalid_argument(
+          cv::format("segmentation: the focal length, %g mm, is not smaller than the nearest depth, %d mm",
+                     focal_length_mm, nearest));
+    }
+    edges.find(graph, std::max(0, farthest - nearest));
     for (const AdjacencyEdges::Edge& edge : edges) {
       const int a = findRoot(node, edge.a), b = findRoot(node, edge.b);
       if (a != b && rule.fits(std::min(node[a].min, node[b].min), std::max(node[a].max, node[b].max)))
@@ -104,13 +115,7 @@ void DofSegmentation::compute(const cv::Mat& depth, Segmentation& result) {
   }
   Work& work = *work_;
   work.graph.reset(depth);
-  // Nothing at or before the focal length is ever sharp: such optics, or such depths, are a mistake.
-  if (work.graph.nearest() <= config_.optics.focal_length_mm && work.graph.farthest() > 0) {
-    throw std::invalid_argument(
-        cv::format("segmentation: the focal length, %g mm, is not smaller than the nearest depth, %d mm",
-                   config_.optics.focal_length_mm, work.graph.nearest()));
-  }
-  work.segment(rule_);
+  work.segment(rule_, config_.optics.focal_length_mm);
   work.statistics.measure(work.regionMap());
   const std::vector<int>& areas = work.statistics.areas();
   if (config_.merge_against_rule && areas.size() > 1 &&

@@ -5,28 +5,11 @@
 
 #include <algorithm>
 #include <array>
-#include <mutex>
-
-#include "util/simd.hpp"
 
 namespace all_in_focus::core {
 namespace {
 
 constexpr int kMinStripRows = 32;
-
-// Extends the range by a row of depth. Unknown depth less one wraps round to 65535, which is never the
-// nearest.
-ALL_IN_FOCUS_SIMD
-void extendRange(const std::uint16_t* depth, int n, int& nearest, int& farthest) {
-  std::uint16_t min = 65535, max = 0;
-  for (int x = 0; x < n; ++x) {
-    const std::uint16_t less_one = depth[x] - 1;
-    min = less_one < min ? less_one : min;
-    max = depth[x] > max ? depth[x] : max;
-  }
-  nearest = std::min(nearest, min + 1);
-  farthest = std::max(farthest, static_cast<int>(max));
-}
 
 }  // namespace
 
@@ -42,19 +25,11 @@ void PixelGraph::reset(const cv::Mat& depth) {
   weights_.resize(4 * padded);
   labels_.resize(padded);
 
-  nearest_ = 65536;
-  farthest_ = 0;
-  std::mutex mutex;  // of these two
   strips_.forEach([&](const cv::Range& rows, int) {
-    int nearest = 65536, farthest = 0;
     for (int y = rows.start; y < rows.end; ++y) {
-      extendRange(depthRow(y), cols(), nearest, farthest);
       weighRow(y);
       labelRow(y)[cols()] = 0;
     }
-    const std::lock_guard<std::mutex> lock(mutex);
-    nearest_ = std::min(nearest_, nearest);
-    farthest_ = std::max(farthest_, farthest);
   });
   std::fill_n(&weights_[static_cast<std::size_t>(rows()) * 4 * stride()], 4 * stride(), kHeavy);
   std::fill_n(labelRow(rows()), stride(), 0);

@@ -28,9 +28,6 @@ class PixelGraph {
   int stride() const { return depth_.cols + 1; }  ///< from a label to the one below
   const RowStrips& strips() const { return strips_; }
 
-  int nearest() const { return nearest_; }    ///< smallest known depth, mm; 65536 if there is none
-  int farthest() const { return farthest_; }  ///< greatest depth, mm; 0 if none is known
-
   const std::uint16_t* depthRow(int y) const { return depth_.ptr<std::uint16_t>(y); }
   WeightRow weightRow(int y) const;                                                           ///< 0..rows()
   std::int32_t* labelRow(int y) { return &labels_[static_cast<std::size_t>(y) * stride()]; }  ///< 0..rows()
@@ -45,7 +42,6 @@ class PixelGraph {
 
   cv::Mat depth_;
   RowStrips strips_;
-  int nearest_ = 0, farthest_ = 0;
   std::vector<std::uint8_t> weights_;  // by row: ab, ac, ad, bc of all its blocks
   std::vector<std::int32_t> labels_;
 };
