@@ -58,13 +58,14 @@ struct FrameStatus {
 
 /// The result of one bracket. `image` is empty when no frame could be used.
 struct BracketResult : FusionResult {
-  FusedBy fused_by = FusedBy::kSharpness;
-  bool has_labels = false;  ///< labels were used
-  cv::Mat restored_depth;   ///< CV_16UC1 mm, from the bracket; empty unless restored
-  double blur_scale = 0;    ///< measured blur / blur that the optics predict; 0 = unknown, or not restored
-  bool stopped = false;     ///< progress stopped the restoration: the image is refined
-  int reference = 0;  ///< frame whose geometry and exposure the image has; mode paper: the nearest to it
-  int length = 0;     ///< frames of the bracket, as far as known
+  Mode mode = Mode::kRefined;   ///< that ran: where restoration is not possible, restored becomes refined
+  bool sharpness_alone = true;  ///< neither labels nor depth nor a restoration counts
+  bool has_labels = false;      ///< labels were used
+  cv::Mat restored_depth;       ///< CV_16UC1 mm, from the bracket; empty unless restored
+  double blur_scale = 0;  ///< measured blur / blur that the optics predict; 0 = unknown, or not restored
+  bool stopped = false;   ///< progress stopped the restoration: the image is refined
+  int reference = 0;      ///< frame whose geometry and exposure the image has; mode paper: the nearest to it
+  int length = 0;         ///< frames of the bracket, as far as known
   std::vector<FrameStatus> frames;    ///< all that came, by index
   int used = 0, rejected = 0;         ///< how many of them
   std::vector<std::string> warnings;  ///< for the user: what is refused, and its effect, one line each

@@ -54,17 +54,6 @@ struct RefinedConfig {
   bool choice = true;      ///< record which frame each pixel comes from; false: takes less memory
 };
 
-/// How a bracket was fused.
-enum class FusedBy {
-  kRegions,    ///< one frame a region (RegionFusion, mode paper with labels)
-  kPixels,     ///< pixel by pixel, by sharpness, depth and optics
-  kSharpness,  ///< pixel by pixel, by sharpness alone
-  kRestored,   ///< as kPixels or kSharpness, then corrected beside depth edges (BracketRestoration)
-};
-
-/// The mode that ran: where restoration is not possible, mode restored becomes refined.
-Mode modeThatRan(Mode wanted, FusedBy fused_by);
-
 /// A frame as mode refined adds it: in the geometry of the reference.
 struct AlignedFrame {
   cv::Mat image;    ///< CV_8UC3 or CV_16UC3; its pixels are valid only during the call that hands it over

@@ -434,7 +434,8 @@ std::string Bracket::anotherSize(const cv::Size& size) const {
 BracketResult Bracket::preview() const {
   BracketResult result;
   if (used_ > 0) static_cast<FusionResult&>(result) = fusion_->result();
-  if (!size_.empty()) result.fused_by = fusion_->fusedBy();
+  result.mode = settings_.mode == Mode::kPaper ? Mode::kPaper : Mode::kRefined;
+  if (!size_.empty()) result.sharpness_alone = fusion_->bySharpnessAlone();
   result.has_labels = has_labels_;
   result.reference = nearest_;
   result.length = std::max(settings_.length, frames_.empty() ? 0 : frames_.back().index + 1);
@@ -488,7 +489,7 @@ BracketResult Bracket::finish(const Progress& progress) {
   if (restores()) {
     restore(fusion_->drifts() || !hidden_drift.empty(), progress, result);
     // Restoration has asked all frames, not only those before the reference.
-    if (result.fused_by == FusedBy::kRestored) result.lens_notes.clear();
+    if (result.mode == Mode::kRestored) result.lens_notes.clear();
     result.restoration_ms = watch.lap();
   }
   result.notes.insert(result.notes.end(), result.lens_notes.begin(), result.lens_notes.end());
@@ -516,7 +517,8 @@ void Bracket::restore(bool has_moved, const Progress& progress, BracketResult& r
     }
     result.image = restored->image;
     result.restored_depth = restored->depth;
-    result.fused_by = FusedBy::kRestored;
+    result.mode = Mode::kRestored;
+    result.sharpness_alone = false;
   } catch (const std::exception& e) {
     if (settings_.strict) throw;
     result.warnings.push_back("not restored: " + oneLine(e.what()));

@@ -131,7 +131,6 @@ Fused fuseStack(const po::variables_map& values, const NamedStack& of, const std
   const Mode mode = parseMode(values["mode"].as<std::string>());
   PipelineInput input;
   ReportContext context;
-  context.mode = mode;
   input.reference = parseReference(values["reference"].as<std::string>());
   input.refined = parseWithout(textOption(values, "without"));
   readScene(values, input, context);

@@ -65,14 +65,14 @@ std::string fusionReport(const PipelineResult& result, const ReportContext& cont
   }
   Json timing_names = {"depth", "segmentation", "fusion"};
   Json timing_ms = {result.depth_ms, result.segmentation_ms, bracket.fusion_ms};
-  if (bracket.fused_by == FusedBy::kRestored) {
+  if (bracket.mode == Mode::kRestored) {
     timing_names.push_back("restoration");
     timing_ms.push_back(bracket.restoration_ms);
   }
   const Json report = {{"version", kReportVersion},
                        {"bracket_id", 0},
-                       {"mode", name(modeThatRan(context.mode, bracket.fused_by))},
-                       {"sharpness_alone", bracket.fused_by == FusedBy::kSharpness},
+                       {"mode", name(bracket.mode)},
+                       {"sharpness_alone", bracket.sharpness_alone},
                        {"frames_seen", bracket.frames.size()},
                        {"frames_used", bracket.used},
                        {"frames_rejected", bracket.rejected},

@@ -13,7 +13,6 @@ using namespace core;
 
 /// What a report needs beyond the pipeline's result.
 struct ReportContext {
-  Mode mode = Mode::kRefined;      ///< that was wanted
   std::vector<std::string> files;  ///< names of the frames, by index; empty: of a video
   std::string dof_rule = "paper";
   bool has_optics = false;  ///< regions were cut for the optics

@@ -317,7 +317,8 @@ TEST(Bracket, ModePaperHoldsNoFrame) {
   const BracketResult result = sender.bracket.finish();
   EXPECT_TRUE(sender.asked.empty());
   EXPECT_EQ(result.reference, 2);
-  EXPECT_EQ(result.fused_by, FusedBy::kRegions);
+  EXPECT_EQ(result.mode, Mode::kPaper);
+  EXPECT_FALSE(result.sharpness_alone);
   EXPECT_EQ(result.used, 5);
 }
 
@@ -515,7 +516,7 @@ TEST(Bracket, ModePaperFallsBackToSharpness) {
   Sender sender(settingsOf(Mode::kPaper, 3), scene);
   sender.add({0, 1, 2});
   const BracketResult result = sender.bracket.finish();
-  EXPECT_EQ(result.fused_by, FusedBy::kSharpness);
+  EXPECT_TRUE(result.sharpness_alone);
   EXPECT_TRUE(contains(result.warnings, "sharpness alone"));
   EXPECT_EQ(result.used, 3);
 }
@@ -559,13 +560,14 @@ TEST(Bracket, RestoresUnlessToldToStop) {
     last = done;
     return true;
   });
-  EXPECT_EQ(whole.fused_by, FusedBy::kRestored);
+  EXPECT_EQ(whole.mode, Mode::kRestored);
+  EXPECT_FALSE(whole.sharpness_alone);
   EXPECT_EQ(whole.restored_depth.size(), kSize);
   EXPECT_EQ(last, 1);
   for (const double until : {0.0, 0.3, 0.7}) {
     const BracketResult stopped = restored([&](double done) { return done < until; });
     EXPECT_TRUE(stopped.stopped);
-    EXPECT_EQ(stopped.fused_by, FusedBy::kPixels);
+    EXPECT_EQ(stopped.mode, Mode::kRefined);
     EXPECT_TRUE(stopped.restored_depth.empty());
     EXPECT_EQ(different(stopped.image, wanted), 0);
   }

@@ -386,11 +386,6 @@ void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   });
 }
 
-FusedBy BracketFusion::fusedBy() const {
-  if (by_region_) return FusedBy::kRegions;
-  return labels_.empty() && scene_.depth.empty() ? FusedBy::kSharpness : FusedBy::kPixels;
-}
-
 FusionResult BracketFusion::result() const {
   if (focus_mm_.empty()) throw std::logic_error("fusion: no frame yet");
   FusionResult result;

@@ -68,7 +68,8 @@ class BracketFusion {
     on_aligned_ = std::move(callback);
   }
 
-  FusedBy fusedBy() const;
+  /// Whether neither labels nor depth count.
+  bool bySharpnessAlone() const { return labels_.empty() && scene_.depth.empty(); }
 
   /// The result of the frames so far; images are copies. Throws std::logic_error before the first frame.
   FusionResult result() const;

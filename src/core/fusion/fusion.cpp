@@ -18,9 +18,4 @@ Mode parseMode(const std::string& text) {
   throw std::invalid_argument("mode '" + text + "' is none of paper, refined, restored");
 }
 
-Mode modeThatRan(Mode wanted, FusedBy fused_by) {
-  if (wanted == Mode::kPaper) return Mode::kPaper;
-  return fused_by == FusedBy::kRestored ? Mode::kRestored : Mode::kRefined;
-}
-
 }  // namespace all_in_focus::core

@@ -403,8 +403,8 @@ FusionReportPtr FusionWorker::toReport(const BracketResult& result) const {
   report->header = open_->first.header;
   if (result.used > 0) report->header.stamp = open_->frames.at(result.reference).stamp;
   report->bracket_id = open_->first.bracket_id;
-  report->mode = name(modeThatRan(open_->settings.bracket.mode, result.fused_by));
-  report->sharpness_alone = result.fused_by == FusedBy::kSharpness;
+  report->mode = name(result.mode);
+  report->sharpness_alone = result.sharpness_alone;
   report->frames_seen = static_cast<std::uint32_t>(result.frames.size());
   report->frames_used = static_cast<std::uint32_t>(result.used);
   report->frames_rejected = static_cast<std::uint32_t>(result.rejected);
@@ -429,7 +429,7 @@ FusionReportPtr FusionWorker::toReport(const BracketResult& result) const {
   }
   report->timing_names = {"scene_wait", "fusion"};
   report->timing_ms = {open_->scene_wait_ms, result.fusion_ms};
-  if (result.fused_by == FusedBy::kRestored) {
+  if (result.mode == Mode::kRestored) {
     report->timing_names.emplace_back("restoration");
     report->timing_ms.push_back(result.restoration_ms);
   }
