@@ -62,6 +62,11 @@ void checkMeasured(const cv::Mat& measured, const cv::Mat& depth) {
                               ", filled depth is " + text(depth.size()));
 }
 
+bool isColor(const cv::Mat& frame) {
+  return (frame.depth() == CV_8U || frame.depth() == CV_16U) &&
+         (frame.channels() == 3 || frame.channels() == 4) && !frame.empty();
+}
+
 void checkCamera(const BracketScene& scene, const cv::Size& frame) {
   validate(scene.optics);
   if (!scene.camera) return;
@@ -172,9 +177,7 @@ void Bracket::setLabels(const cv::Mat& labels) {
 }
 
 void Bracket::take(const cv::Mat& frame, int index, double focus_mm) {
-  const bool is_color =
-      (frame.depth() == CV_8U || frame.depth() == CV_16U) && (frame.channels() == 3 || frame.channels() == 4);
-  if (!is_color || frame.empty())
+  if (!isColor(frame))
     throw std::invalid_argument(name(index) +
                                 " must have 8 or 16 bits, three or four channels and not be empty");
   if (index < 0 || index >= kNoFrame)
@@ -273,17 +276,15 @@ BracketScene Bracket::usableScene(const cv::Size& size) {
 
 double Bracket::usableFocus(int index, double focus_mm) {
   const double focal_length_mm = scene_.camera ? scene_.optics.focal_length_mm : 0;
-  if (settings_.strict || std::isnan(focus_mm) || focus_mm > focal_length_mm) {
+  if (std::isnan(focus_mm) || focus_mm > focal_length_mm) {
     focus_known_ = focus_known_ || !std::isnan(focus_mm);
     return focus_mm;
   }
-  if (settings_.mode != Mode::kPaper && !focus_refused_) {
-    focus_refused_ = true;
-    notes_.push_back(
-        name(index) +
-        cv::format(": a lens of %g mm cannot be focused at %g m: such focus distances are unknown",
-                   focal_length_mm, focus_mm / kMmPerM));
-  }
+  const std::string refusal = name(index) + cv::format(": a lens of %g mm cannot be focused at %g m",
+                                                       focal_length_mm, focus_mm / kMmPerM);
+  if (settings_.mode == Mode::kPaper) return kUnknownFocus;
+  if (settings_.strict) throw std::invalid_argument(refusal);
+  if (!std::exchange(focus_refused_, true)) notes_.push_back(refusal + ": such focus distances are unknown");
   return kUnknownFocus;
 }
 
@@ -324,7 +325,11 @@ std::optional<int> Bracket::next() const {
 }
 
 cv::Mat Bracket::frameAt(int index) const {
-  return index == current_.first && !current_.second.empty() ? current_.second : again_(index);
+  if (index == current_.first && !current_.second.empty()) return current_.second;
+  const cv::Mat frame = again_(index);
+  if (!isColor(frame) || frame.size() != size_)
+    throw std::invalid_argument(name(index) + " was another picture when it was read again");
+  return frame;
 }
 
 void Bracket::observe(int index) {

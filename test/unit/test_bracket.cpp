@@ -532,6 +532,18 @@ TEST(Bracket, WhoIsStrictIsToldOfWhatIsWrong) {
   EXPECT_THROW(sender.add(2, frameOf(2, kOther)), std::invalid_argument);
 }
 
+TEST(Bracket, AFrameThatIsAnotherOneWhenItIsAskedForAgainIsRejected) {
+  for (const cv::Mat& other : {cv::Mat(), frameOf(0, kOther), cv::Mat(kSize, CV_8UC1, cv::Scalar(0))}) {
+    Sender sender(settingsOf(Mode::kRefined, 3));
+    sender.add({0});
+    sender.kept[0] = other;
+    sender.add({1, 2});
+    const BracketResult result = sender.bracket.finish();
+    EXPECT_EQ(result.used, 2);
+    EXPECT_TRUE(contains(result.notes, "frame 0 rejected: frame 0 was another picture"));
+  }
+}
+
 TEST(Bracket, ImpossibleFocusDistancesAreUnknown) {
   Sender sender(settingsOf(Mode::kRefined, 3), twoPlanes());
   for (int i = 0; i < 3; ++i) sender.add(i, frameOf(i), 0);
@@ -539,6 +551,10 @@ TEST(Bracket, ImpossibleFocusDistancesAreUnknown) {
   EXPECT_EQ(result.used, 3);
   EXPECT_TRUE(contains(result.notes, "a lens of 24 mm cannot be focused at 0 m"));
   EXPECT_TRUE(contains(result.notes, "no focus distances"));
+  BracketSettings strict = settingsOf(Mode::kRefined, 3);
+  strict.strict = true;
+  Sender refuses(strict, twoPlanes());
+  EXPECT_THROW(refuses.add(0, frameOf(0), 0), std::invalid_argument);
 }
 
 TEST(Bracket, RestoresUnlessToldToStop) {

@@ -233,23 +233,6 @@ TEST(BracketFusion, NotesWhatTheBracketDoesNotReach) {
   EXPECT_TRUE(fusion.result().notes.empty());
 }
 
-TEST(BracketFusion, ABadFrameChangesNothing) {
-  const cv::Mat frame = halfSharp(true);
-  for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
-    BracketFusion fusion;
-    fusion.begin(nearAndFar(), kSize, mode);
-    EXPECT_THROW(fusion.result(), std::logic_error);
-    EXPECT_THROW(fusion.observe(cv::Mat(), 0), std::invalid_argument);
-    fusion.add(frame, 0);
-    EXPECT_THROW(fusion.add(cv::Mat(10, 10, CV_8UC3), 1), std::invalid_argument);
-    EXPECT_THROW(fusion.add(cv::Mat(60, 80, CV_8UC1), 1), std::invalid_argument);
-    EXPECT_THROW(fusion.add(cv::Mat(), 1), std::invalid_argument);
-    EXPECT_THROW(fusion.add(frame, -1), std::invalid_argument);
-    EXPECT_THROW(fusion.add(frame, kNoFrame), std::invalid_argument);
-    EXPECT_EQ(differentPixels(fusion.result().image, frame), 0);
-  }
-}
-
 TEST(BracketFusion, TheNextBracketMayHaveAnotherSize) {
   for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
     BracketFusion fusion;

@@ -112,33 +112,18 @@ void BracketFusion::setLabels(const cv::Mat& labels) {
   if (!labels.empty() && labels.size() != size_) cv::resize(labels, labels_, size_, 0, 0, cv::INTER_NEAREST);
 }
 
-// Checks a frame.
-void BracketFusion::takeApart(const cv::Mat& frame, int index) {
-  const bool is_color =
-      (frame.depth() == CV_8U || frame.depth() == CV_16U) && (frame.channels() == 3 || frame.channels() == 4);
-  if (!is_color || frame.size() != size_) {
-    throw std::invalid_argument(
-        cv::format("fusion: frame %d must have 8 or 16 bits, three or four channels and be %dx%d", index,
-                   size_.width, size_.height));
-  }
-  if (index < 0 || index >= kNoFrame)
-    throw std::invalid_argument(cv::format("fusion: frame index %d is not in 0..65534", index));
+void BracketFusion::takeApart(const cv::Mat& frame) {
   if (depth_ < 0) depth_ = frame.depth();
   color_ = toBits(contentOf(frame, opaque_), depth_);
   cv::cvtColor(toEightBits(color_), gray_, cv::COLOR_BGR2GRAY);
 }
 
 void BracketFusion::observe(const cv::Mat& frame, int index, double focus_mm) {
-  takeApart(frame, index);
+  takeApart(frame);
   if (!by_region_) observeGray(index, focus_mm);
 }
 
 void BracketFusion::observeGray(int index, double focus_mm) {
-  if (focus_mm <= focal_length_mm_) {
-    throw std::invalid_argument(
-        cv::format("fusion: frame %d is focused at %g mm, not beyond the focal length, %g mm", index,
-                   focus_mm, focal_length_mm_));
-  }
   focus_known_ = focus_known_ || !std::isnan(focus_mm);
   light_.observe(gray_, index);
   if (config_.alignment) alignment_.observe(gray_, index);
@@ -151,7 +136,7 @@ void BracketFusion::observeGray(int index, double focus_mm) {
 }
 
 std::string BracketFusion::add(const cv::Mat& frame, int index, double focus_mm, bool may_wait) {
-  takeApart(frame, index);
+  takeApart(frame);
   if (by_region_) {
     regions_.add(color_, gray_, index);
   } else if (std::string misfit = addRefined(index, focus_mm, may_wait); !misfit.empty()) {

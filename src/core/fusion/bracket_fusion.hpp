@@ -35,9 +35,9 @@ namespace all_in_focus::core {
 ///   observe(0), .. observe(r), add(r), add(0), .. add(r - 1), add(r + 1), ...
 class BracketFusion {
  public:
-  /// Starts a bracket of frames of that size. The scene must be possible (Bracket checks it). Its images are
-  /// shared, not copied; labels are scaled to the frames by nearest neighbour. drifts: the camera is known to
-  /// move.
+  /// Starts a bracket of frames of that size. Scene, frames and focus distances must be possible (Bracket
+  /// checks them). The scene's images are shared, not copied; labels are scaled to the frames by nearest
+  /// neighbour. drifts: the camera is known to move.
   void begin(const BracketScene& scene, const cv::Size& size, Mode mode, const RefinedConfig& config = {},
              bool drifts = false);
 
@@ -48,8 +48,8 @@ class BracketFusion {
   /// nothing in mode paper.
   void observe(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
 
-  /// frame: CV_8U or CV_16U, three channels or four, of the bracket's size (else std::invalid_argument, and
-  /// the bracket is as before). Pixels whose alpha is 0 weigh nothing. The first frame decides whether the
+  /// frame: CV_8U or CV_16U, three channels or four, of the bracket's size. Pixels whose alpha is 0 weigh
+  /// nothing. The first frame decides whether the
   /// result has 8 or 16 bits; evidence has 8. index: 0..65534, names the frame in the result; once a bracket.
   /// focus_mm: NaN = unknown, may be infinite. Returns why the frame does not fit the others and was left
   /// out, or "". A frame that was left out may be added once more: it may fit what has come since. may_wait:
@@ -83,7 +83,7 @@ class BracketFusion {
   bool mayDrift() const { return !by_region_ && relief_.isKnown(); }
 
  private:
-  void takeApart(const cv::Mat& frame, int index);
+  void takeApart(const cv::Mat& frame);
   void beginRefined(bool drifts);
   void observeGray(int index, double focus_mm);
   std::string addRefined(int index, double focus_mm, bool may_wait);
