@@ -211,26 +211,16 @@ void Bracket::drop(const std::function<std::string(int index)>& why) {
 // Starts to fuse frames of a size, or starts over with them. Those that did not fit are judged anew.
 void Bracket::start(const cv::Size& size, bool drifts) {
   for (auto& [index, held] : held_) held.misfit.clear();
-  const cv::Size before = std::exchange(size_, size);
-  if (before != size) drop([&](int) { return anotherSize(before); });
   scene_warnings_.clear();
-  BracketScene scene = usableScene(size);
-  const auto begin = [&] {
-    fusion_->begin(scene, size, settings_.mode, settings_.refined, drifts);
-    if (restores()) restoration_->begin(scene);
-  };
-  try {
-    begin();
-  } catch (const std::exception& e) {
-    if (settings_.strict) throw;
-    scene_warnings_.push_back("fused by sharpness alone: " + oneLine(e.what()));
-    scene = {};
-    begin();
-  }
+  const BracketScene scene = usableScene(size);
+  fusion_->begin(scene, size, settings_.mode, settings_.refined, drifts);
+  if (restores()) restoration_->begin(scene);
   fusion_->setAlignedFrameCallback([this](const AlignedFrame& frame) {
     if (restores()) restoration_->add(frame);
     if (settings_.on_aligned) settings_.on_aligned(frame);
   });
+  const cv::Size before = std::exchange(size_, size);  // not before all has begun: memory may be short
+  if (before != size) drop([&](int) { return anotherSize(before); });
   has_labels_ = !scene.labels.empty();
   predicts_ = !scene.depth.empty() && scene.camera;
 

@@ -4,12 +4,11 @@
 #include "fusion/region_fusion.hpp"
 
 #include <algorithm>
-#include <stdexcept>
 
 namespace all_in_focus::core {
 namespace {
 
-// Fits 32 bits for runs of up to 66051 pixels: no image row is longer (65025 = 255^2).
+// The sums of a run fit 32 bits up to 66051 pixels (65025 = 255^2).
 constexpr int kMaxRun = 65536;
 
 void addRun(const std::uint8_t* gray, int length, GraySums& sums) {
@@ -37,8 +36,6 @@ double normalizedVariance(const GraySums& sums) {
 }
 
 void RegionFusion::begin(const cv::Mat& labels) {
-  if (labels.cols > kMaxRun)
-    throw std::invalid_argument("fusion: images wider than 65536 pixels are not supported");
   size_ = labels.size();
   image_.create(size_, CV_8UC3);
   image_.setTo(cv::Scalar::all(0));
@@ -48,7 +45,7 @@ void RegionFusion::begin(const cv::Mat& labels) {
     const auto* row = labels.ptr<std::int32_t>(y);
     for (int x = 0; x < labels.cols;) {
       const int begin = x, label = row[x];
-      while (++x < labels.cols && row[x] == label) {
+      while (++x < labels.cols && row[x] == label && x - begin < kMaxRun) {
       }
       runs_.push_back({y, begin, x, label});
     }

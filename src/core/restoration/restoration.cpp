@@ -9,7 +9,6 @@
 #include <limits>
 #include <memory>
 #include <opencv2/imgproc.hpp>
-#include <stdexcept>
 
 #include "all_in_focus/codes.hpp"
 #include "all_in_focus/depth_registration.hpp"
@@ -365,8 +364,6 @@ void addTo(cv::Mat& image, const cv::Mat3f& correction) {
 }  // namespace
 
 void BracketRestoration::begin(const BracketScene& scene) {
-  validate(scene.optics);
-  if (scene.camera) validate(*scene.camera, "colour camera");
   scene_ = scene;
   size_ = working_size_ = {};
   focus_known_ = linear_ = false;
@@ -441,10 +438,6 @@ double BracketRestoration::shrinking() const {
 
 // All pictures in one size and one exposure, with the lens that was given.
 ObservedBracket BracketRestoration::observed(const cv::Mat& fused, std::optional<int> exact) const {
-  if (!missing().empty()) throw std::logic_error("restoration: " + missing());
-  if ((fused.type() != CV_8UC3 && fused.type() != CV_16UC3) || fused.size() != size_)
-    throw std::invalid_argument(
-        "restoration: the fused picture must have three channels and the frames' size");
   ObservedBracket bracket;
   bracket.fused = downsampled(toEightBits(fused), working_size_);
   bracket.curve = linear_ ? &LightCurve::linear() : &LightCurve::srgb();

@@ -43,8 +43,7 @@ class BracketRestoration {
   /// Receives how much of the work is done, 0..1; returns false to stop it.
   using Progress = std::function<bool(double done)>;
 
-  /// Starts a bracket. The scene's images are shared, not copied. Throws std::invalid_argument on impossible
-  /// optics or an impossible camera.
+  /// Starts a bracket. The scene must be possible (Bracket checks it); its images are shared, not copied.
   void begin(const BracketScene& scene);
 
   /// Holds a downsampled copy of a frame. If there are too many frames, it keeps those that lie most evenly
@@ -58,10 +57,9 @@ class BracketRestoration {
   /// What is missing for a restoration, as text for a user; "" = restore() will work.
   std::string missing() const;
 
-  /// fused: CV_8UC3 of the frames' size, the result of mode refined. exact: if the camera moved, the index
-  /// of the frame whose geometry the picture has. Contours of the others may be a pixel off, or more.
-  /// Empty when progress said stop. Throws std::logic_error when something is missing, std::invalid_argument
-  /// on another size or type.
+  /// Nothing may be missing(). fused: CV_8UC3 or CV_16UC3 of the frames' size, the result of mode refined.
+  /// exact: if the camera moved, the index of the frame whose geometry the picture has. Contours of the
+  /// others may be a pixel off, or more. Empty when progress said stop.
   std::optional<RestorationResult> restore(const cv::Mat& fused, const Progress& progress = {},
                                            std::optional<int> exact = {}) const;
 
