@@ -68,16 +68,11 @@ cv::Point2d Camera::distort(const cv::Point2d& ideal) const {
 
 double Camera::reach() const {
   constexpr double kStep = 0.01, kMost = 10;
-  const double k1 = distortion[0], k2 = distortion[1], k3 = distortion[4], k4 = distortion[5],
-               k5 = distortion[6], k6 = distortion[7];
-  const auto distorted_radius = [&](double r) {
-    if (lens == LensModel::kEquidistant) return fisheyeRadius(distortion, std::atan(r));
-    const double r2 = r * r;
-    return r * (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
-  };
+  Camera radial = *this;
+  if (lens == LensModel::kPolynomial) radial.distortion[2] = radial.distortion[3] = 0;
   double radius = 0, image_radius = 0;
   while (radius < kMost) {
-    const double r = radius + kStep, next = distorted_radius(r);
+    const double r = radius + kStep, next = radial.distort({r, 0}).x;
     if (!(next > image_radius)) break;
     radius = r;
     image_radius = next;
