@@ -213,12 +213,9 @@ ImageFormation::Prediction ImageFormation::predict(const cv::Point& p, float inv
                                                    const cv::Mat4f& sharp) const {
   const cv::Vec4f* here = &sharp(p.y + kMargin, p.x + kMargin);
   const auto stride = static_cast<std::ptrdiff_t>(sharp.step1() / 4);
-  cv::v_float32x4 sum = cv::v_setzero_f32();
-  const float own_share = forEachPart(p, inverse_depth, [&](int dx, int dy, float share) {
-    sum += cv::v_load(here[dy * stride + dx].val) * cv::v_setall_f32(share);
-  });
   cv::Vec4f light;
-  cv::v_store(light.val, sum);
+  const float own_share = forEachPart(
+      p, inverse_depth, [&](int dx, int dy, float share) { light += share * here[dy * stride + dx]; });
   return {{light[0], light[1], light[2]}, own_share};
 }
 

@@ -9,7 +9,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <opencv2/core/hal/intrin.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <utility>
@@ -124,13 +123,10 @@ class Equations {
   static cv::Vec3f predicted(const Row& row, const Part* parts, const cv::Mat4f& light) {
     const cv::Vec4f* here = &light(row.y, row.x);
     const auto stride = static_cast<std::ptrdiff_t>(light.step1() / 4);
-    cv::v_float32x4 sum = cv::v_setzero_f32();
+    cv::Vec4f sum;
     for (std::uint32_t i = 0; i < row.count; ++i)
-      sum += cv::v_load(here[parts[i].dy * stride + parts[i].dx].val) *
-             cv::v_setall_f32(static_cast<float>(parts[i].share));
-    cv::Vec4f light_sum;
-    cv::v_store(light_sum.val, sum);
-    return cv::Vec3f(light_sum.val).mul(row.slope) * (1 / kWholeShare);
+      sum += static_cast<float>(parts[i].share) * here[parts[i].dy * stride + parts[i].dx];
+    return cv::Vec3f(sum.val).mul(row.slope) * (1 / kWholeShare);
   }
 
   // out = A^T omega values(row, parts), by pixel.
@@ -192,11 +188,9 @@ class Equations {
     const std::ptrdiff_t stride = solved_.cols;
     const cv::Vec4f* light_here = &light_(p);
     const std::uint8_t* solved_here = &solved_(p);
-    cv::v_float32x4 sum = cv::v_setzero_f32();
-    for (const ImageFormation::Part& part : parts)
-      sum += cv::v_load(light_here[part.dy * stride + part.dx].val) * cv::v_setall_f32(part.share);
     cv::Vec4f light;
-    cv::v_store(light.val, sum);
+    for (const ImageFormation::Part& part : parts)
+      light += part.share * light_here[part.dy * stride + part.dx];
 
     Row row;
     row.x = p.x;
@@ -235,12 +229,11 @@ class Equations {
       for (const Row& row : equations_[i].rows) {
         const Part* parts = equations_[i].parts.data() + row.first;
         const cv::Vec3f wanted = value(row, parts);
-        const cv::v_float32x4 here(wanted[0], wanted[1], wanted[2], 0);
+        const cv::Vec4f here(wanted[0], wanted[1], wanted[2], 0);
         cv::Vec4f* to = &sums_[i](row.y - rows.start + kFarthestPart, row.x);
         for (std::uint32_t k = 0; k < row.count; ++k) {
-          float* sum = to[parts[k].dy * stride + parts[k].dx].val;
-          const float share = factor(static_cast<float>(parts[k].share) * (1 / kWholeShare));
-          cv::v_store(sum, cv::v_load(sum) + here * cv::v_setall_f32(share));
+          to[parts[k].dy * stride + parts[k].dx] +=
+              factor(static_cast<float>(parts[k].share) * (1 / kWholeShare)) * here;
         }
       }
     });
