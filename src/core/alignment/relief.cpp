@@ -73,7 +73,7 @@ cv::Mat1f reliefImage(const Relief& relief, const cv::Size& size) {
   cv::medianBlur(relief.filled, depth, kAlignment.speck);
   cv::resize(depth, depth, size, 0, 0, cv::INTER_NEAREST);
   cv::Mat1f result(size);
-  forEachRow(size.height, [&](int y) {
+  inParallel(size.height, [&](int y) {
     std::transform(depth[y], depth[y] + size.width, result[y], [&](std::uint16_t z) { return relief.of(z); });
   });
   const cv::Mat known = depth != 0;
@@ -92,7 +92,7 @@ ParallaxView viewOf(const CameraMotion& motion, const cv::Mat1f& relief, const c
   const auto across = [&](int x) { return parallax[0] + parallax[2] * (x - center.x) / radius; };
   const auto down = [&](int y) { return parallax[1] + parallax[2] * (y - center.y) / radius; };
   ParallaxView view{cv::Mat2f(size), cv::Mat1b(size)};
-  forEachRow(size.height, [&](int y) {
+  inParallel(size.height, [&](int y) {
     for (int x = 0; x < size.width; ++x) {
       const double n = relief(y, x);
       const double u = (x - center.x) / radius, v = (y - center.y) / radius,
@@ -110,7 +110,7 @@ ParallaxView viewOf(const CameraMotion& motion, const cv::Mat1f& relief, const c
       if (cv::Rect({}, nearest.size()).contains(cell)) nearest(cell) = std::max(nearest(cell), relief(y, x));
     }
   }
-  forEachRow(size.height, [&](int y) {
+  inParallel(size.height, [&](int y) {
     for (int x = 0; x < size.width; ++x) {
       const cv::Point there(cvRound(view.map(y, x)[0]), cvRound(view.map(y, x)[1]));
       view.shown(y, x) = 0;

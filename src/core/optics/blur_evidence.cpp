@@ -46,7 +46,7 @@ double placeOf(double variance) {
 // out = codes of light
 void toCodes(const cv::Mat1f& light, const LightCurve& curve, cv::Mat1f& out) {
   out.create(light.size());
-  forEachRow(light.rows, [&](int y) {
+  inParallel(light.rows, [&](int y) {
     for (int x = 0; x < light.cols; ++x) out(y, x) = curve.code(light(y, x));
   });
 }
@@ -105,14 +105,12 @@ BlurEvidence::BlurEvidence(const cv::Mat1b& fused, const std::vector<Frame>& fra
   for (std::size_t r = 0; r < kRadii.size(); ++r) {
     blurByDisc(light, kRadii[r], blurred);
     toCodes(blurred, curve, codes);
-    cv::parallel_for_({0, static_cast<int>(places.size())}, [&](const cv::Range& range) {
-      for (int t = range.start; t < range.end; ++t) {
-        for (std::size_t k = 0; k < frames.size(); ++k) {
-          std::vector<float>& errors = tiles_[t].errors[k];
-          if (errors.empty()) continue;
-          errors.resize(r + 1);
-          errors[r] = errorOf(codes, frames[k].gray, places[t]);
-        }
+    inParallel(static_cast<int>(places.size()), [&](int t) {
+      for (std::size_t k = 0; k < frames.size(); ++k) {
+        std::vector<float>& errors = tiles_[t].errors[k];
+        if (errors.empty()) continue;
+        errors.resize(r + 1);
+        errors[r] = errorOf(codes, frames[k].gray, places[t]);
       }
     });
     const double before = least_;
@@ -176,17 +174,13 @@ double BlurEvidence::explained(const std::vector<FrameBlur>& blur, double scale)
   });
   const double least = ends.first->inverse_depth, span = ends.second->inverse_depth - least;
   std::vector<double> left(tiles_.size());
-  cv::parallel_for_({0, static_cast<int>(tiles_.size())}, [&](const cv::Range& range) {
-    for (int t = range.start; t < range.end; ++t) {
-      const Tile& tile = tiles_[t];
-      left[t] = std::numeric_limits<double>::infinity();
-      const auto tryDepth = [&](double depth) {
-        left[t] = std::min(left[t], error(tile, blur, scale, depth));
-      };
-      for (const float depth : tile.depths) tryDepth(depth);
-      for (int i = 0; i < kDepths && tile.depths.empty(); ++i)
-        tryDepth(least + span * ((1 + 2 * kBeyond) * i / (kDepths - 1) - kBeyond));
-    }
+  inParallel(static_cast<int>(tiles_.size()), [&](int t) {
+    const Tile& tile = tiles_[t];
+    left[t] = std::numeric_limits<double>::infinity();
+    const auto tryDepth = [&](double depth) { left[t] = std::min(left[t], error(tile, blur, scale, depth)); };
+    for (const float depth : tile.depths) tryDepth(depth);
+    for (int i = 0; i < kDepths && tile.depths.empty(); ++i)
+      tryDepth(least + span * ((1 + 2 * kBeyond) * i / (kDepths - 1) - kBeyond));
   });
   double sum = 0;
   for (const double of_tile : left) sum += of_tile;
@@ -198,16 +192,14 @@ double BlurEvidence::typicalScale(const std::vector<FrameBlur>& blur, double nea
     double scale = 1, weight = 0;
   };
   std::vector<OfTile> found(tiles_.size());
-  cv::parallel_for_({0, static_cast<int>(tiles_.size())}, [&](const cv::Range& range) {
-    for (int t = range.start; t < range.end; ++t) {
-      const Tile& tile = tiles_[t];
-      if (tile.depths.empty()) continue;
-      const double unblurred = error(tile, blur, 0, tile.middle);
-      for (int i = -kScales; i <= kScales; ++i) {
-        const double scale = near * std::pow(2, static_cast<double>(i) / kScales);
-        const double gain = unblurred - error(tile, blur, scale, tile.middle);
-        if (gain > found[t].weight) found[t] = {scale, gain};
-      }
+  inParallel(static_cast<int>(tiles_.size()), [&](int t) {
+    const Tile& tile = tiles_[t];
+    if (tile.depths.empty()) return;
+    const double unblurred = error(tile, blur, 0, tile.middle);
+    for (int i = -kScales; i <= kScales; ++i) {
+      const double scale = near * std::pow(2, static_cast<double>(i) / kScales);
+      const double gain = unblurred - error(tile, blur, scale, tile.middle);
+      if (gain > found[t].weight) found[t] = {scale, gain};
     }
   });
   std::sort(found.begin(), found.end(), [](const OfTile& a, const OfTile& b) { return a.scale < b.scale; });

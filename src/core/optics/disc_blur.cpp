@@ -127,7 +127,7 @@ BlurredPictures::BlurredPictures(const cv::Mat3f& light, const LightCurve& curve
     if (radius > DiscKernels::kLargestPx || (i > 0 && radius > largest + kCoarseStep / 2)) break;
     blurByDisc(light, radius, blurred);
     cv::Mat3s codes(light.size());
-    forEachRow(light.rows, [&](int y) {
+    inParallel(light.rows, [&](int y) {
       const float* from = blurred.ptr<float>(y);
       short* to = codes.ptr<short>(y);
       for (int k = 0; k < 3 * light.cols; ++k)

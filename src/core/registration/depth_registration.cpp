@@ -49,7 +49,7 @@ DepthRegistration::DepthRegistration(const Rig& rig, Splat splat) : rig_(rig), s
 
   // One column and one row more than the image: differences of rays give the sides of the last footprints.
   for (cv::Mat1f& component : ray_) component.create(in.size.height + 1, in.size.width + 1);
-  forEachRow(in.size.height + 1, [&](int v) {
+  inParallel(in.size.height + 1, [&](int v) {
     for (int u = 0; u <= in.size.width; ++u) {
       const cv::Point2d ray = in.ray(cv::Point2d(u, v));      // equation 1, Z = 1
       const cv::Vec3d r = KR * cv::Vec3d(ray.x, ray.y, 1.0);  // equation 2
@@ -86,7 +86,7 @@ void DepthRegistration::compute(const cv::Mat& depth, cv::Mat& registered) {
     }
     if (!reached) std::fill_n(row, registered.cols, 0);
   };
-  forEachRow(registered.rows, merge, static_cast<double>(registered.total()) / kMinPixelsPerThread);
+  inParallel(registered.rows, merge, static_cast<double>(registered.total()) / kMinPixelsPerThread);
 }
 
 void DepthRegistration::drawRows(const cv::Mat& depth, const cv::Range& rows, ZBuffer& nearest) const {

@@ -112,7 +112,7 @@ void fillFromFarSide(const cv::Mat& depth, cv::Mat& filled) {
   const cv::Mat1w known(depth);
   const cv::Mat1b holes(depth == 0);
   cv::Mat1w width(depth.size()), result(filled);
-  forEachRow(depth.rows, [&](int y) { fillAcross(known[y], holes[y], depth.cols, result[y], width[y]); });
+  inParallel(depth.rows, [&](int y) { fillAcross(known[y], holes[y], depth.cols, result[y], width[y]); });
   RowStrips({0, depth.cols}, stripCount(depth.cols)).forEach([&](const cv::Range& columns, int) {
     fillDown(known, holes, columns, width, result);
   });

@@ -83,7 +83,7 @@ std::vector<float> costsBesideMeasured(const Levels& levels, double px_mm) {
 // How much of depth a pixel tells, 0..1: bare surfaces look alike in all frames, whatever their depth.
 cv::Mat1f textureOf(const ObservedBracket& bracket) {
   cv::Mat1f texture(bracket.fused.size(), 0);
-  forEachRow(texture.rows, [&](int y) {
+  inParallel(texture.rows, [&](int y) {
     for (int x = 0; x < texture.cols; ++x) {
       std::array<float, 3> sum = {};
       float squares = 0, count = 0;
@@ -187,7 +187,7 @@ cv::Mat1f depthFromBracket(const ObservedBracket& bracket, const BlurredPictures
                                                 static_cast<int>(kDepth.small_step * kCostScale),
                                                 static_cast<int>(kDepth.jump * kCostScale));
   cv::Mat1f inverse_depth(volume.size);
-  forEachRow(inverse_depth.rows, [&](int y) {
+  inParallel(inverse_depth.rows, [&](int y) {
     for (int x = 0; x < inverse_depth.cols; ++x)
       inverse_depth(y, x) = levels.inverseDepth(lowest(volume.at(y, x), levels.count));
   });

@@ -146,7 +146,7 @@ class Contours {
   // only neighbours, and the formation as it was.
   int sweep(int parity) {
     cv::Mat1b changed(inverse_depth_.size(), 0), nearby;
-    forEachRow(inverse_depth_.rows, [&](int y) {
+    inParallel(inverse_depth_.rows, [&](int y) {
       for (int x = (y + parity) % 2; x < inverse_depth_.cols; x += 2) {
         if (!pending_(y, x)) continue;
         pending_(y, x) = 0;
@@ -160,9 +160,7 @@ class Contours {
     cv::findNonZero(changed, places);
     cv::dilate(changed, nearby, square(kContours.effect));
     pending_ |= nearby & within_;
-    cv::parallel_for_({0, static_cast<int>(formation_.size())}, [&](const cv::Range& range) {
-      for (int k = range.start; k < range.end; ++k) formation_[k].update(places);
-    });
+    inParallel(static_cast<int>(formation_.size()), [&](int k) { formation_[k].update(places); });
     return static_cast<int>(places.size());
   }
 
@@ -200,7 +198,7 @@ class Contours {
   // Of a jump between a pixel and its right or lower neighbour: less at a colour edge.
   void findJumpCosts(float stiffness) {
     for (cv::Mat1f* costs : {&right_, &below_}) costs->create(inverse_depth_.size());
-    forEachRow(inverse_depth_.rows, [&](int y) {
+    inParallel(inverse_depth_.rows, [&](int y) {
       for (int x = 0; x < inverse_depth_.cols; ++x) {
         const cv::Vec3b& here = bracket_.fused(y, x);
         const auto cost = [&](const cv::Vec3b& other) {

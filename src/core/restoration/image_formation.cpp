@@ -9,6 +9,8 @@
 #include <opencv2/core/hal/intrin.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "util/row_strips.hpp"
+
 namespace all_in_focus::core {
 namespace {
 
@@ -72,9 +74,7 @@ ImageFormation::ImageFormation(const cv::Mat1f& inverse_depth, const FrameBlur& 
 }
 
 void updateAll(std::vector<ImageFormation>& formation) {
-  cv::parallel_for_({0, static_cast<int>(formation.size())}, [&](const cv::Range& range) {
-    for (int k = range.start; k < range.end; ++k) formation[k].update();
-  });
+  inParallel(static_cast<int>(formation.size()), [&](int k) { formation[k].update(); });
 }
 
 cv::Mat4f ImageFormation::withMargin(const cv::Mat3f& light) {

@@ -49,7 +49,7 @@ constexpr int kStripRows = 16;
 // work(y, x) for all pixels, rows at the same time.
 template <typename Work>
 void forEachPixel(const cv::Size& size, const Work& work) {
-  forEachRow(size.height, [&](int y) {
+  inParallel(size.height, [&](int y) {
     for (int x = 0; x < size.width; ++x) work(y, x);
   });
 }

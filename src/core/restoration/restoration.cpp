@@ -201,7 +201,7 @@ double noiseVariance(const std::vector<cv::Mat>& frames) {
 // Blur raises dark values by much and lowers bright ones by little, and the fused picture prefers dark
 // frames. So what it shows as dark is rarely too dark. Neither holds where codes are in proportion to light.
 void keepDark(const cv::Mat3b& fused, cv::Mat3f& correction) {
-  forEachRow(fused.rows, [&](int y) {
+  inParallel(fused.rows, [&](int y) {
     for (int x = 0; x < fused.cols; ++x) {
       for (int c = 0; c < 3; ++c) {
         float& z = correction(y, x)[c];
@@ -242,24 +242,22 @@ cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<Ima
                            const cv::Mat3f& light, const cv::Mat1b& asked) {
   const cv::Mat4f sharp = ImageFormation::withMargin(light);
   cv::Mat1f errors(asked.size(), 0.0f);
-  cv::parallel_for_({0, (asked.rows + 1) / kErrorGrid}, [&](const cv::Range& range) {
-    for (int y = kErrorGrid * range.start; y < std::min(asked.rows, kErrorGrid * range.end);
-         y += kErrorGrid) {
-      for (int x = 0; x < asked.cols; x += kErrorGrid) {
-        if (!asked(y, x)) continue;
-        for (std::size_t k = 0; k < formation.size(); ++k) {
-          const ObservedFrame& frame = bracket.frames[k];
-          if (!frame.shown(y, x)) continue;
-          const cv::Vec3f predicted =
-              formation[k].predict({x, y}, formation[k].inverseDepth({x, y}), sharp).light;
-          float squared = 0;
-          for (int c = 0; c < 3; ++c) {
-            const float difference =
-                bracket.curve->code(predicted[c]) - static_cast<float>(frame.codes(y, x)[c]) / kCodeScale;
-            squared += difference * difference;
-          }
-          errors(y, x) += std::min(squared, kRestoration.most_squared_error);
+  inParallel((asked.rows + kErrorGrid - 1) / kErrorGrid, [&](int row) {
+    const int y = kErrorGrid * row;
+    for (int x = 0; x < asked.cols; x += kErrorGrid) {
+      if (!asked(y, x)) continue;
+      for (std::size_t k = 0; k < formation.size(); ++k) {
+        const ObservedFrame& frame = bracket.frames[k];
+        if (!frame.shown(y, x)) continue;
+        const cv::Vec3f predicted =
+            formation[k].predict({x, y}, formation[k].inverseDepth({x, y}), sharp).light;
+        float squared = 0;
+        for (int c = 0; c < 3; ++c) {
+          const float difference =
+              bracket.curve->code(predicted[c]) - static_cast<float>(frame.codes(y, x)[c]) / kCodeScale;
+          squared += difference * difference;
         }
+        errors(y, x) += std::min(squared, kRestoration.most_squared_error);
       }
     }
   });

@@ -9,6 +9,7 @@
 #include <limits>
 #include <vector>
 
+#include "util/row_strips.hpp"
 #include "util/simd.hpp"
 
 namespace all_in_focus::core {
@@ -122,10 +123,8 @@ CostVolume aggregateAlongPaths(const CostVolume& costs, const cv::Mat3b& picture
   const JumpCosts jumps(jump);
   std::array<CostVolume, 2> sums = {CostVolume(costs.size, costs.levels),
                                     CostVolume(costs.size, costs.levels)};
-  cv::parallel_for_({0, 2}, [&](const cv::Range& halves) {
-    for (int i = halves.start; i < halves.end; ++i)
-      walk(costs, picture, jumps, static_cast<std::int16_t>(small_step), i == 1, sums[i]);
-  });
+  inParallel(
+      2, [&](int i) { walk(costs, picture, jumps, static_cast<std::int16_t>(small_step), i == 1, sums[i]); });
   sums[0].costs += sums[1].costs;
   return sums[0];
 }

@@ -13,13 +13,14 @@ inline int stripCount(int rows, int min_rows = 64) {
   return std::clamp(rows / min_rows, 1, std::max(cv::getNumThreads(), 1));
 }
 
-/// Calls work(y) for the rows 0..rows-1, in parallel. parts: to divide them into, at most; < 0: any number.
+/// Calls work(i) for 0..count-1, such as rows, in parallel. parts: to divide them into, at most; < 0: any
+/// number.
 template <typename Work>
-void forEachRow(int rows, const Work& work, double parts = -1) {
+void inParallel(int count, const Work& work, double parts = -1) {
   cv::parallel_for_(
-      cv::Range(0, rows),
+      cv::Range(0, count),
       [&work](const cv::Range& range) {
-        for (int y = range.start; y < range.end; ++y) work(y);
+        for (int i = range.start; i < range.end; ++i) work(i);
       },
       parts);
 }
@@ -28,7 +29,7 @@ void forEachRow(int rows, const Work& work, double parts = -1) {
 template <typename Work>
 void forEachBlock(const cv::Range& rows, const Work& work) {
   constexpr int kBlockRows = 64;
-  forEachRow((rows.size() + kBlockRows - 1) / kBlockRows, [&](int i) {
+  inParallel((rows.size() + kBlockRows - 1) / kBlockRows, [&](int i) {
     const int start = rows.start + i * kBlockRows;
     work(cv::Range(start, std::min(start + kBlockRows, rows.end)));
   });
@@ -46,12 +47,8 @@ class RowStrips {
   template <typename Work>
   void forEach(const Work& work) const {  ///< calls work(rows, strip) for all strips, in parallel
     if (count_ == 1) return work(rows_, 0);
-    cv::parallel_for_(
-        cv::Range(0, count_),
-        [this, &work](const cv::Range& strips) {
-          for (int i = strips.start; i < strips.end; ++i) work((*this)[i], i);
-        },
-        count_);
+    inParallel(
+        count_, [&](int i) { work((*this)[i], i); }, count_);
   }
 
  private:
