@@ -4,6 +4,7 @@
 #include "fusion/region_fusion.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 namespace all_in_focus::core {
 namespace {
@@ -84,15 +85,11 @@ void RegionFusion::add(const cv::Mat& frame, const cv::Mat& gray, int index) {
   if (!any_won) return;
 
   if (image_.type() != frame.type()) image_ = cv::Mat::zeros(size_, frame.type());  // the first one
-  frame.depth() == CV_8U ? copyWon<cv::Vec3b>(frame) : copyWon<cv::Vec3w>(frame);
-}
-
-template <typename Pixel>
-void RegionFusion::copyWon(const cv::Mat& frame) {
+  const std::size_t bytes = frame.elemSize();
   for (const Run& run : runs_) {
-    const auto* from = frame.ptr<Pixel>(run.y);
-    if (regions_[run.region].won)
-      std::copy(from + run.begin, from + run.end, image_.ptr<Pixel>(run.y) + run.begin);
+    if (!regions_[run.region].won) continue;
+    std::memcpy(image_.ptr(run.y) + run.begin * bytes, frame.ptr(run.y) + run.begin * bytes,
+                (run.end - run.begin) * bytes);
   }
 }
 

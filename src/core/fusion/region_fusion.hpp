@@ -39,9 +39,6 @@ class RegionFusion {
   std::vector<RegionChoice> choices() const;  ///< of the labels that occur, ascending
 
  private:
-  template <typename Pixel>
-  void copyWon(const cv::Mat& frame);
-
   struct Run {  ///< pixels begin..end-1 of row y, all of one region
     int y, begin, end, region;
   };

@@ -85,14 +85,14 @@ cv::Mat4f ImageFormation::withMargin(const cv::Mat3f& light) {
 }
 
 void ImageFormation::update() {
-  const DiscKernels& kernels = DiscKernels::get();
   const cv::Size size = inverse_depth_.size();
   cv::Mat1b index(size), layers(size), own(size);
   for (int y = 0; y < own.rows; ++y) {
     for (int x = 0; x < own.cols; ++x) {
-      index(y, x) = static_cast<std::uint8_t>(DiscKernels::index(blur_.radius(inverse_depth_(y, x))));
-      layers(y, x) = static_cast<std::uint8_t>(layer(inverse_depth_(y, x)));
-      own(y, x) = static_cast<std::uint8_t>(kernels.reach(index(y, x)));
+      const Candidate here = candidate(inverse_depth_(y, x));
+      index(y, x) = static_cast<std::uint8_t>(here.index);
+      layers(y, x) = static_cast<std::uint8_t>(here.layer);
+      own(y, x) = static_cast<std::uint8_t>(here.reach);
     }
   }
   cv::copyMakeBorder(index, index_, kMargin, kMargin, kMargin, kMargin, cv::BORDER_REFLECT_101);
