@@ -125,6 +125,10 @@ TEST(WeightedMean, TheLessNoiseTheLessASofterFrameWeighs) {
   EXPECT_NEAR(shareOfSofter(0.23, steep), shareAtPower(9), 2 * kStep);
   EXPECT_NEAR(shareOfSofter(2, steep), shareAtPower(8), kStep);
   EXPECT_NEAR(shareOfSofter(0, {}), shareAtPower(8), kStep);
+  WeightedMean::Kind resampled;
+  resampled.resampled = true;
+  const double weight = std::pow(0.9, 8) * (1.75 - 0.75 * std::pow(0.9, 4));
+  EXPECT_NEAR(shareOfSofter(0, resampled), weight / (1 + weight), kStep);
 }
 
 TEST(WeightedMean, ThePredictedErrorCountsInUnitsOfTheNoise) {

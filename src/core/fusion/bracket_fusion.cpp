@@ -191,7 +191,7 @@ void BracketFusion::setReference(int index) {
   if (config_.alignment) gray_.copyTo(reference_gray_);
   resampled_ = config_.alignment && (alignment_.drifts() || alignment_.moves(reference_));
   mean_.begin(size_, noise_.deviation(),
-              {config_.soft, config_.choice, !(predicts_ && focus_known_) && !resampled_});
+              {config_.soft, config_.choice, !(predicts_ && focus_known_), resampled_});
   exposure_.setReference(gray_);
 }
 

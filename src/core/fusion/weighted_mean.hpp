@@ -42,6 +42,7 @@ class WeightedMean {
     bool soft = true;    ///< false: the frame that weighs most is copied, for comparison
     bool choice = true;  ///< false: no sourceIndex() and confidence(), whose sums are 6 of 20 bytes a pixel
     bool steep = false;  ///< the power grows where there is little noise, up to 12
+    bool resampled = false;  ///< some frames are: the sharper of two counts less, `steep` does not count
   };
 
   /// noise: standard deviation of the frames' noise in gray levels, >= 0.
@@ -62,7 +63,7 @@ class WeightedMean {
  private:
   bool soft_ = true, choice_ = true;
   int frames_ = 0;
-  float steep_ = 0;  // 0: power 8, 1: power 12
+  float steep_ = 0;  // 0: power 8; 1: power 12; less than 0: flatter where frames are about as sharp
   float error_floor_ = 1;
   std::uint16_t index_ = 0;  // of the frame being added
   std::vector<float> lut_;   // of that frame
