@@ -12,6 +12,8 @@
 #include <optional>
 #include <utility>
 
+#include "all_in_focus/depth_registration.hpp"
+
 namespace all_in_focus::core {
 namespace {
 
@@ -56,8 +58,8 @@ void LensCheck::ask(const LightCurve& curve, const std::function<Placement(int)>
     return refuse(
         "the frames show that the focus distances are in reverse order: depth and lens data are not used");
   }
-  const BlurEvidence evidence(compared.fused, compared.frames, curve, inverseDepth(compared.fused.size()),
-                              shrinking_);
+  const BlurEvidence evidence(compared.fused, compared.frames, curve,
+                              inverseDepthOf(depth(), compared.fused.size()), shrinking_);
   if ((!voted || voted->isNone()) && evidence.explained(blur, 1) >= kRight) return;
 
   const LensFit fit = fitLens(evidence, blur, voted, true);
@@ -110,15 +112,6 @@ LensCheck::Compared LensCheck::compare(const std::vector<Copy>& copies,
     compared.blur.push_back(frameBlur(scene_.optics, pixel_pitch_mm_, 1 / focus_mm_.at(copy.index)));
   }
   return compared;
-}
-
-cv::Mat1f LensCheck::inverseDepth(const cv::Size& size) const {
-  cv::Mat small;
-  cv::Mat1f inverse_depth;
-  cv::resize(depth(), small, size, 0, 0, cv::INTER_NEAREST);
-  cv::divide(1, small, inverse_depth, CV_32F);
-  inverse_depth.setTo(0, small == 0);
-  return inverse_depth;
 }
 
 double LensCheck::focusOf(int index) const {

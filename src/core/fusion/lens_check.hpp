@@ -58,7 +58,6 @@ class LensCheck {
     cv::Mat fused;  // CV_8UC1
   };
   Compared compare(const std::vector<Copy>& copies, const std::function<Placement(int)>& placement) const;
-  cv::Mat1f inverseDepth(const cv::Size& size) const;
   const cv::Mat& depth() const { return scene_.measured.empty() ? scene_.depth : scene_.measured; }
   void refuse(const char* reason);
 

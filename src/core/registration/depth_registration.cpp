@@ -117,4 +117,13 @@ void resizeDepth(const cv::Mat& depth, const cv::Size& size, cv::Mat& resized) {
   cv::resize(source, resized, size, 0, 0, cv::INTER_NEAREST);
 }
 
+cv::Mat1f inverseDepthOf(const cv::Mat& depth, const cv::Size& size) {
+  cv::Mat resized;
+  cv::Mat1f inverse_depth;
+  resizeDepth(depth, size, resized);
+  cv::divide(1, resized, inverse_depth, CV_32F);
+  inverse_depth.setTo(0, resized == 0);
+  return inverse_depth;
+}
+
 }  // namespace all_in_focus::core

@@ -66,17 +66,6 @@ cv::Mat downsampled(const cv::Mat& image, const cv::Size& size) {
   return small;
 }
 
-// Depth in mm, any size -> inverse depth, 1/mm, 0 = unknown.
-cv::Mat1f inverseDepthOf(const cv::Mat& depth, const cv::Size& size) {
-  cv::Mat scaled;
-  resizeDepth(depth, size, scaled);
-  cv::Mat1f inverse_depth;
-  scaled.convertTo(inverse_depth, CV_32F);
-  cv::divide(1, inverse_depth, inverse_depth);
-  inverse_depth.setTo(0, scaled == 0);
-  return inverse_depth;
-}
-
 cv::Mat depthOf(const cv::Mat1f& inverse_depth, const cv::Size& size) {
   cv::Mat depth, scaled;
   cv::Mat(1 / cv::max(inverse_depth, 1e-9f)).convertTo(depth, CV_16U);
