@@ -40,7 +40,7 @@ class ZBuffer {
   cv::Mat1w memory_;
   std::uint16_t* origin_ = nullptr;
   cv::Range cleared_;  ///< rows
-  bool small_ = true;         ///< the last footprints covered at most 2 x 2 pixels
+  bool small_ = true;  ///< the last footprints covered at most 2 x 2 pixels
 };
 
 }  // namespace all_in_focus::core
