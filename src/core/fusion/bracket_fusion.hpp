@@ -49,11 +49,10 @@ class BracketFusion {
   void observe(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus);
 
   /// frame: CV_8U or CV_16U, three channels or four, of the bracket's size. Pixels whose alpha is 0 weigh
-  /// nothing. The first frame decides whether the
-  /// result has 8 or 16 bits; evidence has 8. index: 0..65534, names the frame in the result; once a bracket.
-  /// focus_mm: NaN = unknown, may be infinite. Returns why the frame does not fit the others and was left
-  /// out, or "". A frame that was left out may be added once more: it may fit what has come since. may_wait:
-  /// leaves out a frame, too, of which only later ones will tell.
+  /// nothing. The first frame decides whether the result has 8 or 16 bits; evidence has 8. index: 0..65534,
+  /// names the frame in the result; once a bracket. focus_mm: NaN = unknown, may be infinite. Returns why the
+  /// frame does not fit the others and was left out, or "". A frame that was left out may be added once more:
+  /// it may fit what has come since. may_wait: leaves out a frame, too, of which only later ones will tell.
   std::string add(const cv::Mat& frame, int index, double focus_mm = kUnknownFocus, bool may_wait = false);
 
   /// Mode refined: why a frame that was observed or added does not fit another one, or "".
