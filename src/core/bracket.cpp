@@ -316,7 +316,7 @@ std::optional<int> Bracket::next() const {
 
 cv::Mat Bracket::frameAt(int index) const {
   if (index == current_.first && !current_.second.empty()) return current_.second;
-  const cv::Mat frame = again_(index);
+  cv::Mat frame = again_(index);
   if (!isColor(frame) || frame.size() != size_)
     throw std::invalid_argument(name(index) + " was another picture when it was read again");
   return frame;

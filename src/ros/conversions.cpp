@@ -122,7 +122,7 @@ sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string&
 sensor_msgs::ImagePtr blankImage(const std_msgs::Header& header, const std::string& encoding,
                                  const cv::Size& size, cv::Mat& pixels) {
   const int type = cv_bridge::getCvType(encoding);
-  const auto message = boost::make_shared<sensor_msgs::Image>();
+  auto message = boost::make_shared<sensor_msgs::Image>();
   message->header = header;
   message->encoding = encoding;
   message->height = static_cast<std::uint32_t>(size.height);

@@ -110,11 +110,13 @@ cv::Mat1f textureOf(const ObservedBracket& bracket) {
 std::vector<float> radiiBeyondSharpest(const ObservedBracket& bracket, float inverse_depth) {
   const DiscKernels& discs = DiscKernels::get();
   std::vector<double> variances;
+  variances.reserve(bracket.frames.size());
   for (const ObservedFrame& frame : bracket.frames)
     variances.push_back(discs.variance(frame.blur.radius(inverse_depth)));
   const double least = *std::min_element(variances.begin(), variances.end());
-  std::vector<float> radii;
-  for (const double variance : variances) radii.push_back(discs.radius(variance - least));
+  std::vector<float> radii(variances.size());
+  std::transform(variances.begin(), variances.end(), radii.begin(),
+                 [&](double variance) { return discs.radius(variance - least); });
   return radii;
 }
 
@@ -123,6 +125,7 @@ CostVolume costsOf(const ObservedBracket& bracket, const BlurredPictures& pictur
   const std::vector<float> beside_measured = costsBesideMeasured(levels, bracket.pxMm());
   const cv::Mat1f texture = textureOf(bracket);
   std::vector<std::vector<float>> beyond_sharpest;
+  beyond_sharpest.reserve(levels.count);
   for (int l = 0; l < levels.count; ++l)
     beyond_sharpest.push_back(radiiBeyondSharpest(bracket, levels.inverseDepth(l)));
   CostVolume volume(size, levels.count);
