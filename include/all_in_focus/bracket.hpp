@@ -118,7 +118,7 @@ class Bracket {
   /// paper.
   void setLabels(const cv::Mat& labels);
 
-  /// Whether the frame may be asked for again. None is once finish() restores or has returned.
+  /// Whether the frame may be asked for again; false once finish() has fused the last frame.
   bool holds(int index) const { return held_.count(index) + fused_.count(index) > 0; }
 
   /// The result of the frames fused so far.
@@ -138,7 +138,7 @@ class Bracket {
   void planReference(int first_index);
   void chooseReference(bool may_wait);
   void take(const cv::Mat& frame, int index, double focus_mm);
-  void start(const cv::Size& size, bool drifts = false);
+  void start(const cv::Size& wanted, bool drifts = false);
   void drop(const std::function<std::string(int index)>& why);
   bool passes(const std::function<void()>& check, const std::string& effect);
   cv::Mat usableLabels(const cv::Size& size);

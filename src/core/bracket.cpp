@@ -209,8 +209,12 @@ void Bracket::drop(const std::function<std::string(int index)>& why) {
 }
 
 // Starts to fuse frames of a size, or starts over with them. Those that did not fit are judged anew.
-void Bracket::start(const cv::Size& size, bool drifts) {
+void Bracket::start(const cv::Size& wanted, bool drifts) {
+  const cv::Size size = wanted;  // which may be size_ itself
   for (auto& [index, held] : held_) held.misfit.clear();
+  const cv::Size before = std::exchange(size_, size);
+  if (before != size) drop([&](int) { return anotherSize(before); });
+  size_ = {};  // until all has begun: where memory is short, the next frame begins anew
   scene_warnings_.clear();
   const BracketScene scene = usableScene(size);
   fusion_->begin(scene, size, settings_.mode, settings_.refined, drifts);
@@ -219,8 +223,7 @@ void Bracket::start(const cv::Size& size, bool drifts) {
     if (restores()) restoration_->add(frame);
     if (settings_.on_aligned) settings_.on_aligned(frame);
   });
-  const cv::Size before = std::exchange(size_, size);  // not before all has begun: memory may be short
-  if (before != size) drop([&](int) { return anotherSize(before); });
+  size_ = size;
   has_labels_ = !scene.labels.empty();
   predicts_ = !scene.depth.empty() && scene.camera;
 
