@@ -532,6 +532,29 @@ TEST(Bracket, WhoIsStrictIsToldOfWhatIsWrong) {
   EXPECT_THROW(sender.add(2, frameOf(2, kOther)), std::invalid_argument);
 }
 
+TEST(Bracket, ABadFrameChangesNothing) {
+  const cv::Mat gray(kSize, CV_8UC1, cv::Scalar(0)), small(10, 10, CV_8UC3, cv::Scalar::all(0));
+  for (const Mode mode : {Mode::kPaper, Mode::kRefined}) {
+    BracketSettings strict = settingsOf(mode);
+    strict.strict = true;
+    EXPECT_THROW(Sender(strict).add(-1, frameOf(0)), std::invalid_argument);
+    Sender refuses(strict), rejects(settingsOf(mode));
+    refuses.add({0});
+    rejects.add({0});
+    int index = 0;
+    for (const cv::Mat& bad : {cv::Mat(), gray, small}) {
+      EXPECT_THROW(refuses.add(++index, bad), std::invalid_argument) << index;
+      rejects.add(index, bad);
+    }
+    EXPECT_THROW(refuses.add(kNoFrame, frameOf(0)), std::invalid_argument);
+    rejects.add(kNoFrame, frameOf(0));
+    const BracketResult result = rejects.bracket.finish();
+    EXPECT_EQ(result.used, 1);
+    EXPECT_EQ(result.rejected, 4);
+    EXPECT_EQ(cv::norm(result.image, fused(settingsOf(mode), {0}).image, cv::NORM_INF), 0);
+  }
+}
+
 TEST(Bracket, AFrameThatIsAnotherOneWhenItIsAskedForAgainIsRejected) {
   for (const cv::Mat& other : {cv::Mat(), frameOf(0, kOther), cv::Mat(kSize, CV_8UC1, cv::Scalar(0))}) {
     Sender sender(settingsOf(Mode::kRefined, 3));
