@@ -54,7 +54,7 @@ class DepthRegistration {
 /// nothing. depth, resized: CV_16UC1. The memory of `resized` is used again where it has the size already.
 void resizeDepth(const cv::Mat& depth, const cv::Size& size, cv::Mat& resized);
 
-/// Inverse depth, 1/mm, of resized depth; 0 = unknown in both.
+/// Inverse of depth that resizeDepth() has brought to a size: CV_16UC1 mm to 1/mm, 0 = unknown in both.
 cv::Mat1f inverseDepthOf(const cv::Mat& depth, const cv::Size& size);
 
 }  // namespace all_in_focus::core

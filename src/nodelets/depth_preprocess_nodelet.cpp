@@ -198,14 +198,14 @@ class DepthPreprocess {
     const auto blank = [&](cv::Mat& pixels) {
       return blankImage(header, sensor_msgs::image_encodings::TYPE_16UC1, rig.color.size, pixels);
     };
-    const sensor_msgs::ImagePtr registered = blank(measured), all = blank(filled);
+    const sensor_msgs::ImagePtr measured_message = blank(measured), filled_message = blank(filled);
     preprocessing_->compute(depth, measured, filled);
 
     const auto info = boost::make_shared<sensor_msgs::CameraInfo>(*rgb_info_);
     info->header = header;
     info_publisher_.publish(info);
-    registered_publisher_.publish(registered);
-    filled_publisher_.publish(config_.fill_holes ? all : registered);
+    registered_publisher_.publish(measured_message);
+    filled_publisher_.publish(config_.fill_holes ? filled_message : measured_message);
     status_.acknowledge(message->header, Outcome::kProcessed);
     warnOfRig(depth, measured);
   }

@@ -47,7 +47,7 @@ cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const 
 sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
                               const cv::Mat& image);
 
-/// A message to draw in, all zero: `pixels` becomes its memory, so nothing need be copied.
+/// A message of zeros to draw in: `pixels` becomes a view of its memory, which saves a copy.
 sensor_msgs::ImagePtr blankImage(const std_msgs::Header& header, const std::string& encoding,
                                  const cv::Size& size, cv::Mat& pixels);
 

@@ -42,7 +42,8 @@ class WeightedMean {
     bool soft = true;    ///< false: the frame that weighs most is copied, for comparison
     bool choice = true;  ///< false: no sourceIndex() and confidence(), whose sums are 6 of 20 bytes a pixel
     bool steep = false;  ///< the power grows where there is little noise, up to 12
-    bool resampled = false;  ///< some frames are: the sharper of two counts less, `steep` does not count
+    /// Some frames are resampled: small differences of sharpness count less. `steep` is not used then.
+    bool resampled = false;
   };
 
   /// noise: standard deviation of the frames' noise in gray levels, >= 0.

@@ -177,7 +177,6 @@ bool FusionWorker::isCancelled() const {
 }
 
 bool FusionWorker::mayRestore(double done) const {
-  releaseFrames();
   const std::string id = std::to_string(open_->first.bracket_id);
   status_.setValue(kProgress, "bracket " + id + ": " + std::to_string(std::lround(100 * done)) + " %");
   if (isCancelled()) return false;
@@ -306,7 +305,7 @@ FrameStatus FusionWorker::fuse(const Task& task) {
 }
 
 // Those that the bracket will not ask for again.
-void FusionWorker::releaseFrames() const {
+void FusionWorker::releaseFrames() {
   for (auto& [index, frame] : open_->frames) {
     if (!bracket_.holds(index)) frame.image.reset();
   }
@@ -352,7 +351,10 @@ void FusionWorker::joinScene() {
 // Returns what has become of all frames.
 std::vector<FrameStatus> FusionWorker::finishBracket() {
   joinScene();
-  BracketResult result = bracket_.finish([this](double done) { return mayRestore(done); });
+  BracketResult result = bracket_.finish([this](double done) {
+    releaseFrames();  // restoration needs memory
+    return mayRestore(done);
+  });
   status_.setValue(kProgress, "idle");
   releaseFrames();
   if (result.stopped) result.warnings.emplace_back("not restored: the next bracket came first");

@@ -84,7 +84,7 @@ class FusionWorker {
   void awaitScene(const FocusFrame& first, const sensor_msgs::Image& image);
   void beginBracket();
   FrameStatus fuse(const Task& task);
-  void releaseFrames() const;
+  void releaseFrames();
   void findWhite(const cv::Mat& bgr);
   cv::Mat inFullRange(const cv::Mat& bgr) const;
   void joinScene();

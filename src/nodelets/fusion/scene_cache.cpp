@@ -130,8 +130,12 @@ void SceneCache::makeRoom() {
   while (entries_.size() > kMaxCached) entries_.erase(mostDispensable());
   // Images on which no pixel depends go first. The newest quarter stays complete.
   for (auto it = entries_.begin(); it != newestQuarter() && bytes() > kMaxCachedBytes; ++it) {
-    if (by_labels_) it->second.depth = it->second.measured = nullptr;
-    if (!by_labels_) it->second.labels = nullptr;
+    SceneMessages& scene = it->second;
+    if (by_labels_) {
+      scene.depth = scene.measured = nullptr;
+    } else {
+      scene.labels = nullptr;
+    }
   }
   while (entries_.size() > kFewestWaiting && bytes() > kMaxCachedBytes) entries_.erase(mostDispensable());
   while (pinned_.size() > kFewestWaiting && bytes() > kMaxWaitingBytes) pinned_.pop_front();
