@@ -235,6 +235,17 @@ TEST(Restoration, ThinsAnObjectThatRegistrationMadeTooFat) {
   EXPECT_LT(errorLeft(result, card), 0.26);  // 0.13
 }
 
+TEST(Restoration, AThinThingThatDepthHasMissedStays) {
+  const CardBeforeWall thread(kSize, {100, 20, 1, 110}), stalk(kSize, {100, 20, 3, 110});
+  BracketScene scene = stalk.scene;
+  scene.depth.setTo(kFarMm);
+  scene.depth(thread.card_at + cv::Point(4, 0)) = kNearMm;
+  EXPECT_LT(errorLeft(restored(thread, scene), thread), 1.1);  // 1.00
+  scene.depth.setTo(kFarMm);
+  scene.depth(cv::Rect(104, 0, 60, kSize.height)) = 1300;
+  EXPECT_LT(errorLeft(restored(stalk, scene), stalk), 1.2);  // 1.05; 1.68 if depth is trusted
+}
+
 TEST(Restoration, PicturesOfAnyShapeAreCorrectedInFull) {
   for (const cv::Size& size : {cv::Size(40000, 12), cv::Size(12, 40000)}) {
     const CardBeforeWall card(

@@ -51,7 +51,13 @@ constexpr struct RestorationParameters {
   // Rise of the error, as a share of it, up to which all of a correction is kept, and at which nothing: depth
   // may be wrong.
   float worse = 0.4f, surely_worse = 1.2f;
-  double told_share = 0.9;  // of a correction; if less is kept, a note says so
+  // Does the depth explain the frame that the given picture shows? Unexplained contrast, as a share of the
+  // contrast there, up to which all of a correction is kept, and at which nothing.
+  float unexplained = 0.05f, wrong = 0.2f;
+  double error_sigma = 2;       // px: both are means over that
+  double detail_sigma = 3;      // px; contrast is of finer detail
+  double least_contrast = 100;  // gray levels squared
+  double told_share = 0.9;      // of a correction; if less is kept, a note says so
   // A channel of the fused picture that is this dark is not brightened, one this bright as the equations say;
   // gray levels. (Without: slope_24mm -0.4 dB, motorcycle_breathing +0.2, 30 scenes -0.06.)
   float never_brightened = 20, freely_brightened = 100;
@@ -226,18 +232,22 @@ std::vector<ImageFormation> formationOf(const ObservedBracket& bracket, const cv
 }
 
 // Squared error of all frames, gray levels, as the lens makes them of a sharp picture: by pixel, of every
-// second row and column where it is asked for; else 0.
+// second row and column where it is asked for; else 0. only: of this frame alone, by pixel; of all rows and
+// columns, and uncut.
 cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
-                           const cv::Mat3f& light, const cv::Mat1b& asked) {
+                           const cv::Mat3f& light, const cv::Mat1b& asked, const cv::Mat1b& only = {}) {
   const cv::Mat4f sharp = ImageFormation::withMargin(light);
+  const bool of_all = only.empty();
+  const int grid = of_all ? kErrorGrid : 1;
+  const float most = of_all ? kRestoration.most_squared_error : std::numeric_limits<float>::infinity();
   cv::Mat1f errors(asked.size(), 0.0f);
-  inParallel((asked.rows + kErrorGrid - 1) / kErrorGrid, [&](int row) {
-    const int y = kErrorGrid * row;
-    for (int x = 0; x < asked.cols; x += kErrorGrid) {
+  inParallel((asked.rows + grid - 1) / grid, [&](int row) {
+    const int y = grid * row;
+    for (int x = 0; x < asked.cols; x += grid) {
       if (!asked(y, x)) continue;
       for (std::size_t k = 0; k < formation.size(); ++k) {
         const ObservedFrame& frame = bracket.frames[k];
-        if (!frame.shown(y, x)) continue;
+        if (!frame.shown(y, x) || (!of_all && only(y, x) != k)) continue;
         const cv::Vec3f predicted =
             formation[k].predict({x, y}, formation[k].inverseDepth({x, y}), sharp).light;
         float squared = 0;
@@ -246,31 +256,80 @@ cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<Ima
               bracket.curve->code(predicted[c]) - static_cast<float>(frame.codes(y, x)[c]) / kCodeScale;
           squared += difference * difference;
         }
-        errors(y, x) += std::min(squared, kRestoration.most_squared_error);
+        errors(y, x) += std::min(squared, most);
       }
     }
   });
   return errors;
 }
 
-// Keeps a correction but where the frames show the given picture, blurred by the lens, better than the
-// corrected one by more than errors of the depth explain. Returns the share that is kept.
-double keepWhatFramesShow(const cv::Mat1f& before, const cv::Mat1f& after, cv::Mat3f& correction) {
+// 1 up to all, 0 from none on.
+cv::Mat1f fallingFrom(float all, float none, const cv::Mat1f& value) {
+  return cv::Mat1f(cv::max(cv::min((none - value) / (none - all), 1), 0));
+}
+
+// How much of a correction to keep: not where the frames show the given picture, blurred by the lens, better
+// than the corrected one by more than errors of the depth explain.
+cv::Mat1f shareThatFramesShow(const cv::Mat1f& before, const cv::Mat1f& after) {
   cv::Mat1f rise(after - before), given;
   cv::GaussianBlur(before, given, {}, kRestoration.tile_sigma);
   cv::GaussianBlur(rise, rise, {}, kRestoration.tile_sigma);
+  return fallingFrom(kRestoration.worse, kRestoration.surely_worse, cv::Mat1f(rise / (given + 1e-4f)));
+}
+
+// Squared lengths, means over a few pixels.
+cv::Mat1f meanSquares(const cv::Mat3f& vectors, double sigma) {
+  cv::Mat1f squares;
+  cv::transform(vectors.mul(vectors), squares, cv::Matx13f(1, 1, 1));
+  cv::GaussianBlur(squares, squares, {}, sigma);
+  return squares;
+}
+
+// The frame that a picture shows at each pixel: the one that differs least from it. None where the contours
+// of that frame may lie elsewhere.
+constexpr std::uint8_t kNoFrame = 255;
+cv::Mat1b framesShownBy(const cv::Mat3f& picture, const ObservedBracket& bracket) {
+  cv::Mat1b shown(picture.size(), kNoFrame);
+  cv::Mat1f least(picture.size(), std::numeric_limits<float>::max());
+  for (std::size_t k = 0; k < bracket.frames.size(); ++k) {
+    const ObservedFrame& frame = bracket.frames[k];
+    cv::Mat3f codes;
+    frame.codes.convertTo(codes, CV_32F, 1.0 / kCodeScale);
+    codes -= picture;
+    const cv::Mat1f difference = meanSquares(codes, 1);
+    cv::Mat is_nearer = difference < least;
+    is_nearer &= frame.shown;
+    difference.copyTo(least, is_nearer);
+    shown.setTo(frame.is_exact ? static_cast<int>(k) : kNoFrame, is_nearer);
+  }
+  return shown;
+}
+
+// How much of a correction to keep: not where the depth is wrong. A thin near thing may have been taken for
+// what lies behind it; then the equations remove it, and all frames seem to agree. But the frame that the
+// given picture shows there is known to be sharp, and such a depth foretells that it is blurred, whether the
+// picture is corrected or not. before, after: errors of that frame.
+cv::Mat1f shareWhereDepthIsRight(const cv::Mat3f& given, const cv::Mat1f& before, const cv::Mat1f& after,
+                                 double noise_variance) {
+  cv::Mat1f unexplained(cv::max(cv::min(before, after) - 3 * noise_variance, 0));
+  cv::GaussianBlur(unexplained, unexplained, {}, kRestoration.error_sigma);
+  cv::Mat3f detail;
+  cv::GaussianBlur(given, detail, {}, kRestoration.detail_sigma);
+  cv::subtract(given, detail, detail);
+  const cv::Mat1f contrast = meanSquares(detail, kRestoration.error_sigma);
+  return fallingFrom(kRestoration.unexplained, kRestoration.wrong,
+                     cv::Mat1f(unexplained / (contrast + kRestoration.least_contrast)));
+}
+
+// Applies a correction to a share by pixel. Returns the share of all of it that is kept.
+double keep(const cv::Mat1f& share, cv::Mat3f& correction) {
   double all = 0, kept = 0;
-  for (int y = 0; y < rise.rows; ++y) {
-    for (int x = 0; x < rise.cols; ++x) {
-      cv::Vec3f& z = correction(y, x);
-      const double size = cv::norm(z, cv::NORM_L2SQR);
-      if (size == 0) continue;
-      const float worse = rise(y, x) / (given(y, x) + 1e-4f);
-      const float keep = std::clamp(
-          (kRestoration.surely_worse - worse) / (kRestoration.surely_worse - kRestoration.worse), 0.0f, 1.0f);
-      z *= keep;
+  for (int y = 0; y < share.rows; ++y) {
+    for (int x = 0; x < share.cols; ++x) {
+      const double size = cv::norm(correction(y, x), cv::NORM_L2SQR);
       all += size;
-      kept += keep * size;
+      kept += share(y, x) * size;
+      correction(y, x) *= share(y, x);
     }
   }
   return all > 0 ? kept / all : 1;
@@ -559,12 +618,19 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     from += 0.3;
   }
 
-  // 5. Do the frames show the restored picture as well as the given one?
+  // 5. Do the frames show the restored picture as well as the given one, and is the depth right?
   cv::Mat unchanged;
   cv::inRange(sum, cv::Scalar(), cv::Scalar(), unchanged);
-  const cv::Mat1b changed(~unchanged);
-  result.kept = keepWhatFramesShow(predictionErrors(bracket, formation, given_light, changed),
-                                   predictionErrors(bracket, formation, bracket.light, changed), sum);
+  const auto errors = [&](const cv::Mat3f& light, const cv::Mat1b& only) {
+    return predictionErrors(bracket, formation, light, cv::Mat1b(~unchanged), only);
+  };
+  cv::Mat3f given_codes;
+  given.convertTo(given_codes, CV_32F);
+  const cv::Mat1b source = framesShownBy(given_codes, bracket);
+  const cv::Mat1f shown = shareThatFramesShow(errors(given_light, {}), errors(bracket.light, {}));
+  const cv::Mat1f right = shareWhereDepthIsRight(given_codes, errors(given_light, source),
+                                                 errors(bracket.light, source), bracket.noise_variance);
+  result.kept = keep(cv::Mat1f(shown.mul(right)), sum);
   if (!linear_) keepDark(given, sum);
   keepLights(given, images(), sum);
   if (result.kept < kRestoration.told_share) {
