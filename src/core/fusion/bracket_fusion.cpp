@@ -361,7 +361,8 @@ void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
               error.data());
         evidence.squared_error = error.data();
       }
-      if (fades) {
+      if (fades) evidence.part = fade_x.data();
+      if (fades && fade_y[y] != 1) {
         std::transform(fade_x.begin(), fade_x.end(), parts.begin(),
                        [part = fade_y[y]](float along) { return part * along; });
         evidence.part = parts.data();

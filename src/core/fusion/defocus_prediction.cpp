@@ -31,7 +31,6 @@ constexpr struct PredictionParameters {
   double edge_error = 2, sensor_columns = 640;
   double cell = 1.5;          // side of a cell of the grid, in that deviation
   float least_known = 1e-3f;  // share of known depth about a cell
-  double least_sigma = 0.1;   // cells: no blur
 } kPrediction{};
 
 constexpr int kSlabs = 8;  // of inverse depth (16: plain_35mm +0.05 dB)
@@ -122,7 +121,7 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
 void DefocusPrediction::addTexture(const cv::Mat& sharpness, double noise) {
   // The largest of a cell and its neighbours, because blur brings their light here.
   cv::Mat texture;
-  cv::resize(sharpness, texture, inverse_depth_.size(), 0, 0, cv::INTER_AREA);
+  cv::resize(sharpness, texture, inverse_depth_.size(), 0, 0, cv::INTER_NEAREST);  // a window has smoothed it
   cv::dilate(texture, texture, cv::Mat());
   texture -= kNoiseMargin * noise;
   if (laplacian_.empty()) laplacian_ = cv::Mat1f::zeros(texture.size());
@@ -159,12 +158,13 @@ void DefocusPrediction::addGlow(double focus_mm, cv::Mat& squared_error) {
   cv::Mat nearer_light = cv::Mat::zeros(inverse_depth_.size(), CV_8UC2), disc;
   for (std::size_t i = kFirstBehind; i < slabs_.size(); ++i) {
     const Slab& nearer = slabs_[i - kFirstBehind];
-    if (cv::countNonZero(nearer.cells) > 0) {
-      // A disc wider than the picture, by wrong numbers maybe, would only take longer.
-      const double width =
-          std::min(blurCircle(optics_, nearer.depth_mm, focus_mm) / (pixel_pitch_mm_ * cell_),
-                   static_cast<double>(inverse_depth_.cols));
-      cv::GaussianBlur(nearer.light, disc, cv::Size(), std::max(width / 4, kPrediction.least_sigma));
+    // A disc wider than the picture, by wrong numbers maybe, would only take longer.
+    const double width =
+        std::min(blurCircle(optics_, nearer.depth_mm, focus_mm) / (pixel_pitch_mm_ * cell_),
+                 static_cast<double>(inverse_depth_.cols));
+    const int side = 2 * cvRound(width / 2) + 1;  // cells that a disc reaches
+    if (side > 1 && cv::countNonZero(nearer.cells) > 0) {
+      cv::GaussianBlur(nearer.light, disc, {side, side}, width / 4);
       covered += disc;
     }
     covered.copyTo(nearer_light, slabs_[i].cells);
