@@ -110,9 +110,9 @@ cv::Mat nextLevel(const cv::Mat& image) {
     return level;
   }
   // By way of 16 bits: a whole frame takes half the memory that floats would.
-  constexpr int kUnit = 256;  // of a gray level
+  constexpr int kUnit = 128;  // of a gray level
   cv::Mat units, of_level;
-  image.convertTo(units, CV_16U, kUnit);
+  image.convertTo(units, CV_16S, kUnit);
   cv::pyrDown(units, of_level);
   of_level.convertTo(level, CV_32F, 1.0 / kUnit);
   return level;

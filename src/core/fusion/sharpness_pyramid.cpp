@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
@@ -53,22 +54,35 @@ float floorOf(const NoiseSpectrum& noise, size_t level) {
 }
 
 // The modified Laplacian |I_xx| + |I_yy| of a row, by its pixels and those above and below it.
+template <typename Value>
+inline void laplacianOf(const Value* above, const Value* here, const Value* below, int n,
+                        float* __restrict out) {
+  for (int i = 0; i < n; ++i) {
+    const auto twice = 2 * here[i];
+    out[i] = static_cast<float>(std::abs(twice - here[i - 1] - here[i + 1]) +
+                                std::abs(twice - above[i] - below[i]));
+  }
+}
+
 ALL_IN_FOCUS_SIMD void modifiedLaplacian(const float* above, const float* here, const float* below, int n,
                                          float* __restrict out) {
-  for (int i = 0; i < n; ++i) {
-    const float twice = 2 * here[i];
-    out[i] = std::abs(twice - here[i - 1] - here[i + 1]) + std::abs(twice - above[i] - below[i]);
-  }
+  laplacianOf(above, here, below, n, out);
+}
+
+ALL_IN_FOCUS_SIMD void modifiedLaplacian(const std::uint8_t* above, const std::uint8_t* here,
+                                         const std::uint8_t* below, int n, float* __restrict out) {
+  laplacianOf(above, here, below, n, out);
 }
 
 // The modified Laplacian of some rows in a window, gray levels. OpenCV sees the rows around these, too, and
 // continues the picture where there are none.
-void smoothedLaplacian(const cv::Mat& image, const cv::Range& rows, const Window& window, cv::Mat1f& out) {
+template <typename Value>
+void smoothedLaplacian(const cv::Mat_<Value>& image, const cv::Range& rows, const Window& window,
+                       cv::Mat1f& out) {
   const cv::Range all(std::max(rows.start - window.radius, 0),
                       std::min(rows.end + window.radius, image.rows));
-  cv::Mat padded;
-  cv::copyMakeBorder(image.rowRange(all), padded, 1, 1, 1, 1, cv::BORDER_REPLICATE);
-  cv::Mat1f pixels(padded);
+  cv::Mat_<Value> pixels;
+  cv::copyMakeBorder(image.rowRange(all), pixels, 1, 1, 1, 1, cv::BORDER_REPLICATE);
   cv::Mat1f laplacian(all.size(), image.cols);
   for (int y = 0; y < laplacian.rows; ++y) {
     modifiedLaplacian(pixels[y] + 1, pixels[y + 1] + 1, pixels[y + 2] + 1, image.cols, laplacian[y]);
@@ -159,7 +173,7 @@ float SharpnessPyramid::trust(double noise) const {
 }
 
 // Multiplies the product of all coarser levels by that of a level.
-void SharpnessPyramid::addLevel(const cv::Mat& image, size_t level, bool is_texture) {
+void SharpnessPyramid::addLevel(const cv::Mat1f& image, size_t level, bool is_texture) {
   cv::Mat1b lights;
   if (!gauge_.lights.empty() && image.cols <= kSharpness.finest_of_lights * gauge_.lights.cols)
     cv::resize(gauge_.lights, lights, image.size(), 0, 0, cv::INTER_NEAREST);

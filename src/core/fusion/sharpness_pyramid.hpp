@@ -59,10 +59,10 @@ class SharpnessPyramid {
   const cv::Mat& texture() const { return texture_; }
 
  private:
-  void addLevel(const cv::Mat& image, size_t level, bool is_texture);
+  void addLevel(const cv::Mat1f& image, size_t level, bool is_texture);
   float trust(double noise) const;
 
-  cv::Mat gray_;
+  cv::Mat1b gray_;
   Gauge gauge_;
   float trust_ = 1;
   cv::Mat1f product_;  ///< of all coarser levels than the present one; empty: there are none
