@@ -81,6 +81,8 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
   const double edge_error = kPrediction.edge_error * columns;
   cell_ = std::max(1, static_cast<int>(kPrediction.cell * edge_error));
   edge_error_px_ = edge_error / cell_;
+  const int side = 2 * cvRound(3 * edge_error_px_) + 1;
+  window_ = {side, side};
   const cv::Size grid((size.width + cell_ - 1) / cell_, (size.height + cell_ - 1) / cell_);
 
   // At the middle of each cell.
@@ -111,10 +113,10 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
   }
   setPicture(cv::Mat::zeros(grid, CV_8UC1));
 
-  cv::GaussianBlur(doubt, constant_, cv::Size(), edge_error_px_);
+  cv::GaussianBlur(doubt, constant_, window_, edge_error_px_);
   constant_ *= kPrediction.hole_error * kPrediction.hole_error;
   known.convertTo(per_known_, CV_32F, 1.0 / 255);
-  cv::GaussianBlur(per_known_, per_known_, cv::Size(), edge_error_px_);
+  cv::GaussianBlur(per_known_, per_known_, window_, edge_error_px_);
   for (float& share : per_known_) share = share > kPrediction.least_known ? 1 / share : 0;
 }
 
@@ -142,7 +144,7 @@ void DefocusPrediction::compute(double focus_mm, cv::Mat& squared_error) {
   blurError(inverse_depth_[0], blur, error_.total(), error_[0]);
   if (std::isnan(focus_mm))
     error_.setTo(kPrediction.unknown_focus_error * kPrediction.unknown_focus_error, inverse_depth_ > 0);
-  cv::GaussianBlur(error_, squared_error, cv::Size(), edge_error_px_);
+  cv::GaussianBlur(error_, squared_error, window_, edge_error_px_);
   cv::add(squared_error, constant_, squared_error);
   // The mean over known depth. Where there is none, all frames get 0 alike.
   cv::multiply(squared_error, per_known_, squared_error);
@@ -170,7 +172,7 @@ void DefocusPrediction::addGlow(double focus_mm, cv::Mat& squared_error) {
     covered.copyTo(nearer_light, slabs_[i].cells);
   }
   glow(nearer_light.ptr(), picture_.ptr(), picture_.total(), error_[0]);
-  cv::GaussianBlur(error_, error_, cv::Size(), edge_error_px_);
+  cv::GaussianBlur(error_, error_, window_, edge_error_px_);
   cv::add(squared_error, error_, squared_error);
 }
 

@@ -71,12 +71,6 @@ ALL_IN_FOCUS_SIMD void addWeights(const float* sharpness, const float* squared_e
   }
 }
 
-ALL_IN_FOCUS_SIMD bool isWhole(const float* part, int n) {
-  int parts = 0;
-  for (int i = 0; i < n; ++i) parts += part[i] != 1;
-  return parts == 0;
-}
-
 // Of frames of which a part counts. The first frame there, before = 0, has nothing to fade into. sum: with
 // the frame, then as much as later frames are to be compared with.
 void fade(const float* part, const float* before, int n, float* sum, float* share) {
@@ -84,7 +78,7 @@ void fade(const float* part, const float* before, int n, float* sum, float* shar
   constexpr int kPiece = 64;  // most are whole
   for (int begin = 0; begin < n; begin += kPiece) {
     const int end = std::min(begin + kPiece, n);
-    if (isWhole(part + begin, end - begin)) continue;
+    if (part[begin] == 1 && part[end - 1] == 1) continue;  // and so between: parts rise, then fall
     for (int i = begin; i < end; ++i) {
       if (part[i] == 1) continue;
       if (before[i] > 0) share[i] *= part[i];
@@ -135,9 +129,8 @@ void moveTowards(const Code* codes, const std::vector<float>& lut, const float* 
 
 ALL_IN_FOCUS_SIMD void keepHeavier(const float* keep, const float* weight, std::uint16_t index, int n,
                                    float* most, std::uint16_t* source) {
-  for (int i = 0; i < n; ++i) most[i] *= keep[i];
-  for (int i = 0; i < n; ++i) source[i] = weight[i] > most[i] ? index : source[i];
-  for (int i = 0; i < n; ++i) most[i] = std::max(most[i], weight[i]);
+  for (int i = 0; i < n; ++i) source[i] = weight[i] > keep[i] * most[i] ? index : source[i];
+  for (int i = 0; i < n; ++i) most[i] = std::max(keep[i] * most[i], weight[i]);
 }
 
 }  // namespace
