@@ -161,9 +161,8 @@ void DefocusPrediction::addGlow(double focus_mm, cv::Mat& squared_error) {
   for (std::size_t i = kFirstBehind; i < slabs_.size(); ++i) {
     const Slab& nearer = slabs_[i - kFirstBehind];
     // A disc wider than the picture, by wrong numbers maybe, would only take longer.
-    const double width =
-        std::min(blurCircle(optics_, nearer.depth_mm, focus_mm) / (pixel_pitch_mm_ * cell_),
-                 static_cast<double>(inverse_depth_.cols));
+    const double width = std::min(blurCircle(optics_, nearer.depth_mm, focus_mm) / (pixel_pitch_mm_ * cell_),
+                                  static_cast<double>(inverse_depth_.cols));
     const int side = 2 * cvRound(width / 2) + 1;  // cells that a disc reaches
     if (side > 1 && cv::countNonZero(nearer.cells) > 0) {
       cv::GaussianBlur(nearer.light, disc, {side, side}, width / 4);
