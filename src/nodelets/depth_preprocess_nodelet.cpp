@@ -138,7 +138,6 @@ class DepthPreprocess {
   }
 
   void onDepth(const sensor_msgs::ImageConstPtr& depth) {
-    if (time_jumps_.streamWentBack(depth->header.stamp)) status_.timeWentBack(depth_input_);
     if (waiting_) status_.acknowledge(waiting_->header, Outcome::kUnmatched);
     waiting_ = depth;
     processWaiting();
@@ -234,7 +233,6 @@ class DepthPreprocess {
   CallbackGuard& guard_;
   NodeStatus& status_;
   const int depth_input_, depth_info_input_, rgb_info_input_;
-  TimeJumps time_jumps_;
   tf2_ros::Buffer tf_buffer_;
   ros::Time last_transform_;  // when it came
   ros::Subscriber moving_subscriber_, static_subscriber_;

@@ -24,7 +24,6 @@
 #include "image_limit.hpp"
 #include "nodelet_of.hpp"
 #include "parameters.hpp"
-#include "time_jumps.hpp"
 #include "topics.hpp"
 
 namespace all_in_focus {
@@ -171,8 +170,6 @@ class Segmenter {
   }
 
   void onDepth(const sensor_msgs::ImageConstPtr& message) {
-    // There is no cache to empty.
-    if (time_jumps_.streamWentBack(message->header.stamp)) status_.timeWentBack(depth_input_);
     const cv::Mat depth = toDepth(*message, {}, status_.resolved(depth_input_));
     if (!segmentation_) {
       segmentation_ = std::make_unique<DofSegmentation>(segmentationConfig(
@@ -245,7 +242,6 @@ class Segmenter {
 
   CallbackGuard& guard_;
   NodeStatus& status_;
-  TimeJumps time_jumps_;
   const int depth_input_, info_input_;
   int queue_size_ = 5;
   Mode mode_ = Mode::kRefined;

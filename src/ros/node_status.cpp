@@ -81,12 +81,6 @@ void NodeStatus::setExpect(int input, Expect expect) {
   inputs_.at(input).expect = expect;
 }
 
-void NodeStatus::timeWentBack(int input) {
-  std::lock_guard<std::mutex> lock(mutex_);
-  ++time_jumps_;
-  ROS_INFO_STREAM(name_ << ": time went back (" << inputs_.at(input).resolved << "), starting afresh");
-}
-
 void NodeStatus::acknowledge(const std_msgs::Header& header, Outcome outcome, const std::string& reason) {
   count(outcome);
   if (outcome == Outcome::kProcessed) {
@@ -187,7 +181,6 @@ void NodeStatus::fill(diagnostic_updater::DiagnosticStatusWrapper& status) {
   status.add("rate [Hz]", static_cast<double>(processed_at_.size()) / std::max(1.0, since_first.count()));
   status.add("delay [ms]", delay_ms_);
   status.add("last error", last_error_);
-  status.add("backward time jumps", time_jumps_);
   for (const Input& input : inputs_) {
     status.add(input.resolved, std::to_string(input.arrived) + " messages");
     if (!silent(input, now)) continue;

@@ -72,9 +72,6 @@ class NodeStatus {
   /// Changes how long an input may be silent.
   void setExpect(int input, Expect expect);
 
-  /// Counts a backward jump of time that an input has shown.
-  void timeWentBack(int input);
-
   /// The node is done with an input: counts it; processed ones tell rate and delay. A reason is logged and
   /// reported like error() for kInvalid, like warn() otherwise.
   void acknowledge(const std_msgs::Header& header, Outcome outcome, const std::string& reason = {});
@@ -130,7 +127,6 @@ class NodeStatus {
   std::map<std::string, Clock::time_point> logged_;
   bool subscribed_ = false;
   Clock::time_point subscribed_at_;
-  std::uint64_t time_jumps_ = 0;
   std::deque<Clock::time_point> processed_at_;  // of the last ten seconds
   std::string delay_ms_ = "unknown";
   std::string last_error_ = "none";

@@ -133,11 +133,8 @@ class SegmenterTest(AloneTest):
         self.assertTrue(wait_until(dropped))
 
     def test_time_may_jump_back(self):
-        jumps = lambda: int(values_of(self.diagnostics.next('alone/segmenter'))['backward time jumps'])
-        before = jumps()
         for stamp in (900, 901, 100, 101):
             self.assertEqual(len(self.cut(stamp=stamp)[1].segments), 2)
-        self.assertGreaterEqual(jumps(), before + 1)
 
 
 class ChainTest(GraphTest):

@@ -39,10 +39,11 @@ constexpr std::uint32_t kArrivingImages = 64, kArrivingMessages = 1000;
 // Images that may wait for FocusFrame messages, and the reverse: a camera may send the pictures of a sweep
 // after its end.
 constexpr std::uint32_t kMostUnmatched = 1024;
-constexpr double kSettleTime = 1;             // s of wall time
-constexpr double kAheadOfClock = 0.1;         // s that a frame may be ahead of /clock
-constexpr double kDefaultGap = 1;             // s
-constexpr std::chrono::seconds kPatience(5);  // before a warning
+constexpr const char* kJumps = "backward time jumps";  // key of the diagnostics
+constexpr double kSettleTime = 1;                      // s of wall time
+constexpr double kAheadOfClock = 0.1;                  // s that a frame may be ahead of /clock
+constexpr double kDefaultGap = 1;                      // s
+constexpr std::chrono::seconds kPatience(5);           // before a warning
 
 // all_in_focus.launch loads the lens of the rig as ~calibration.
 CalibrationLens readCalibration(const ros::NodeHandle& private_nh, NodeStatus& status) {
@@ -89,6 +90,7 @@ class Fusion {
         info_input_(status.addInput(topics::kColorInfo, Expect::kOnce, "start the colour camera's driver")),
         optics_input_(status.addInput(topics::kOptics, Expect::kOptional, "")) {
     restartMatcher();
+    status.setValue(kJumps, "0");
     const auto on_timer = [this](const ros::WallTimerEvent&) { settle(); };
     settling_ =
         guard.quick.nh.createWallTimer(ros::WallDuration(kSettleTime), guard.wrap("publishers", on_timer),
@@ -206,7 +208,9 @@ class Fusion {
   // are those of the new time already: they may overtake /clock. Unmatched images belong to that time to
   // which their stamps are nearer: some of the new time may have overtaken rgb/focus.
   void startAfresh(int input, const ros::Time& now) {
-    status_.timeWentBack(input);
+    ROS_INFO_STREAM(status_.name() << ": time went back (" << status_.resolved(input)
+                                   << "), starting afresh");
+    status_.setValue(kJumps, std::to_string(++jumps_));
     scenes_.forgetAfter(now);
     const ros::Time before = last_frame_;
     if (secondsBetween(now, before) <= kAheadOfClock) return;
@@ -322,6 +326,7 @@ class Fusion {
   const int image_input_, focus_input_, depth_input_, measured_input_, labels_input_, info_input_,
       optics_input_;
   TimeJumps time_jumps_;
+  int jumps_ = 0;  // so far
 
   std::unique_ptr<Matcher> matcher_;                  // image + rgb/focus
   std::deque<sensor_msgs::ImageConstPtr> images_;     // that it has not matched, from the oldest on
