@@ -100,7 +100,7 @@ void FusionWorker::add(const BracketFrame& frame) {
   if (!step.use) return status_.acknowledge(header, Outcome::kUnmatched, step.reason);
   if (step.begin) scenes_.pin(header.stamp);  // before the worker asks for the scene
   outputs_.tell(step.frame);                  // before the result
-  push({Task::Kind::kFrame, step, frame.image});
+  push({step, frame.image});
   limit_ = imageLimit(settings_.most_waiting, *frame.image);
   dropWholeBrackets(imageLimit(settings_.most_waiting, *frame.image, kMaxWaitingBytes / 4));
   const auto waits = [](const Task& task) { return task.image != nullptr; };
@@ -143,8 +143,9 @@ std::size_t FusionWorker::waitingImages() const {
 void FusionWorker::endBracket() {
   if (!assembler_.open()) return;
   BracketAssembler::Step end;
+  end.frame.last = true;
   end.missing = assembler_.close();
-  push({Task::Kind::kEnd, end, nullptr});
+  push({end, nullptr});
 }
 
 void FusionWorker::restart() {
@@ -157,7 +158,8 @@ void FusionWorker::cancel() {
   std::lock_guard<std::mutex> lock(mutex_);
   tasks_.clear();
   assembler_.restart();
-  push({Task::Kind::kCancel, {}, nullptr});
+  is_cancelled_ = true;
+  guard_.post(status_.name(), [this] { handleNext(); });
 }
 
 int FusionWorker::finish() {
@@ -173,7 +175,7 @@ int FusionWorker::finish() {
 
 bool FusionWorker::isCancelled() const {
   std::lock_guard<std::mutex> lock(mutex_);
-  return !tasks_.empty() && tasks_.front().kind == Task::Kind::kCancel;
+  return is_cancelled_;
 }
 
 bool FusionWorker::mayRestore(double done) const {
@@ -182,9 +184,8 @@ bool FusionWorker::mayRestore(double done) const {
   if (isCancelled()) return false;
   if (open_->settings.restore_every) return true;
   std::lock_guard<std::mutex> lock(mutex_);
-  const bool is_whole = std::any_of(tasks_.begin(), tasks_.end(), [](const Task& task) {
-    return task.kind == Task::Kind::kEnd || (task.kind == Task::Kind::kFrame && task.step.frame.last);
-  });
+  const auto is_last = [](const Task& task) { return task.step.frame.last; };
+  const bool is_whole = std::any_of(tasks_.begin(), tasks_.end(), is_last);
   return !is_whole && 2 * waitingImages() <= limit_;
 }
 
@@ -192,17 +193,13 @@ void FusionWorker::handleNext() {
   Task task;
   {
     std::lock_guard<std::mutex> lock(mutex_);
+    if (std::exchange(is_cancelled_, false)) open_.reset();
     if (tasks_.empty()) return;  // ~finish was first, or all were cancelled
     task = std::move(tasks_.front());
     tasks_.pop_front();
   }
   try {
-    if (task.kind == Task::Kind::kFrame) handleFrame(task);
-    if (task.kind == Task::Kind::kCancel) open_.reset();
-    if (task.kind == Task::Kind::kEnd && open_) {
-      open_->missing = task.step.missing;
-      finishBracket();
-    }
+    handle(task);
   } catch (const std::exception& e) {
     open_.reset();  // what it holds is uncertain
     status_.error(std::string("fusion: ") + e.what());
@@ -222,7 +219,7 @@ void FusionWorker::onTimer() {
                std::to_string(kSilence) + " s: ~finish or the next bracket ends it");
 }
 
-void FusionWorker::handleFrame(const Task& task) {
+void FusionWorker::handle(const Task& task) {
   const FocusFrame& frame = task.step.frame;
   if (task.step.begin) open(frame);
   if (!open_) {
@@ -231,7 +228,7 @@ void FusionWorker::handleFrame(const Task& task) {
   }
   open_->missing = task.step.missing;
   if (!task.image) {
-    ++open_->dropped;
+    if (task.step.use) ++open_->dropped;
     if (frame.last) finishBracket();
     return;
   }

@@ -57,15 +57,10 @@ class FusionWorker {
   int finish();
 
  private:
+  /// A frame, or the end of the open bracket: a step that uses no frame.
   struct Task {
-    enum class Kind {
-      kFrame,
-      kEnd,     ///< the open bracket has ended
-      kCancel,  ///< drop the open bracket
-    };
-    Kind kind = Kind::kFrame;
-    BracketAssembler::Step step;       ///< kEnd: only what is missing
-    sensor_msgs::ImageConstPtr image;  ///< of kFrame; null: it was dropped to make room for newer ones
+    BracketAssembler::Step step;
+    sensor_msgs::ImageConstPtr image;  ///< null: it was dropped to make room for newer ones
   };
   struct OpenBracket;
 
@@ -79,7 +74,7 @@ class FusionWorker {
   // Slow callbacks.
   void handleNext();
   void onTimer();
-  void handleFrame(const Task& task);
+  void handle(const Task& task);
   void open(const FocusFrame& first);
   void awaitScene(const FocusFrame& first, const sensor_msgs::Image& image);
   void beginBracket();
@@ -103,6 +98,7 @@ class FusionWorker {
   FusionSettings settings_;
   BracketAssembler assembler_;
   std::deque<Task> tasks_;      // for each a call of handleNext() is posted
+  bool is_cancelled_ = false;   // the open bracket is to be dropped, by the next call of handleNext()
   std::size_t limit_ = 1;       // how many images of the size of the newest may wait
   ros::Time last_frame_;        // when it came, for the gap
   ros::WallTime silent_since_;  // the same, for the warning
