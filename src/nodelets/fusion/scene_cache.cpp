@@ -10,6 +10,7 @@
 #include <iterator>
 #include <limits>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <set>
 #include <stdexcept>
 
@@ -51,7 +52,8 @@ void SceneCache::add(const sensor_msgs::ImageConstPtr& image, Image as, Topic to
   SceneMessages& entry = entries_[stamp];
   entry.stamp = stamp;
   entry.*as = image;
-  updateAll();
+  for (Pinned& pinned : pinned_) update(pinned);
+  update(at_work_);
   makeRoom();
   ros::Time& last = topics_[topic].last;
   if (stamp > last || secondsBetween(stamp, last) > kTolerance) last = stamp;
@@ -86,14 +88,14 @@ void SceneCache::pin(const ros::Time& first_frame) {
   std::lock_guard<std::mutex> lock(mutex_);
   if (pinnedFor(first_frame) != pinned_.end()) return;  // was announced, and begins
   // A bracket that lost the picture which was announced begins with a later one: its scene is kept already.
-  SceneMessages scene;
+  Pinned own{first_frame, {}};
   for (const Pinned& before : pinned_) {
     const ros::Time& stamp = before.scene.stamp;
     const bool is_near = stamp <= first_frame && secondsBetween(stamp, first_frame) <= max_age_s_;
-    if (is_near && stamp > scene.stamp) scene = before.scene;
+    if (is_near && stamp > own.scene.stamp) own.scene = before.scene;
   }
-  update(first_frame, scene);
-  pinned_.push_back({first_frame, scene});
+  update(own);
+  pinned_.push_back(own);
   if (!entries_.empty())
     longest_latency_s_ = std::max(longest_latency_s_, secondsBetween(first_frame, entries_.rbegin()->first));
   makeRoom();
@@ -101,28 +103,20 @@ void SceneCache::pin(const ros::Time& first_frame) {
 
 std::deque<SceneCache::Pinned>::iterator SceneCache::pinnedFor(const ros::Time& first_frame) {
   return std::find_if(pinned_.begin(), pinned_.end(),
-                      [&](const Pinned& pinned) { return pinned.first_frame == first_frame; });
+                      [&](const Pinned& pinned) { return pinned.frame == first_frame; });
 }
 
-// Makes it the best scene for the frame so far.
-void SceneCache::update(const ros::Time& first_frame, SceneMessages& scene) const {
-  const auto newest = newestAt(first_frame);
+// Makes it the best scene for the frame so far, with the images of its stamp that have come since. A scene
+// outlives its entry.
+void SceneCache::update(Pinned& pinned) const {
+  SceneMessages& scene = pinned.scene;
+  const auto newest = newestAt(pinned.frame);
   if (newest != entries_.end() && newest->first > scene.stamp) scene = newest->second;
-  join(scene);
-}
-
-// Adds the images of its stamp that have come since. A scene outlives its entry.
-void SceneCache::join(SceneMessages& scene) const {
   const auto entry = entries_.find(scene.stamp);
   if (entry == entries_.end()) return;
   for (const Image image : {&SceneMessages::depth, &SceneMessages::measured, &SceneMessages::labels}) {
     if (entry->second.*image) scene.*image = entry->second.*image;
   }
-}
-
-void SceneCache::updateAll() {
-  for (Pinned& pinned : pinned_) update(pinned.first_frame, pinned.scene);
-  awaited_ ? update(*awaited_, at_work_) : join(at_work_);
 }
 
 void SceneCache::makeRoom() {
@@ -149,7 +143,7 @@ std::size_t SceneCache::bytes() const {
   };
   for (const auto& [stamp, entry] : entries_) count(entry);
   for (const Pinned& pinned : pinned_) count(pinned.scene);
-  count(at_work_);
+  count(at_work_.scene);
   std::size_t bytes = 0;
   for (const sensor_msgs::ImageConstPtr& image : images) bytes += image ? image->data.size() : 0;
   return bytes;
@@ -211,7 +205,7 @@ void SceneCache::clear() {
   entries_.clear();
   pinned_.clear();
   at_work_ = {};
-  awaited_.reset();
+  is_awaited_ = false;
   camera_.reset();
   topics_ = {};
   changed_.notify_all();
@@ -221,15 +215,15 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) 
   const auto start = std::chrono::steady_clock::now();
   std::unique_lock<std::mutex> lock(mutex_);
   const auto own = pinnedFor(first_frame);
-  at_work_ = own == pinned_.end() ? SceneMessages() : own->scene;
+  at_work_ = own == pinned_.end() ? Pinned{first_frame, {}} : *own;
   // Older brackets were announced before it, but never came. Newer ones may come yet: it may have lost the
   // picture that was announced.
   if (own != pinned_.end()) {
-    const auto is_over = [&](const Pinned& pinned) { return pinned.first_frame <= first_frame; };
+    const auto is_over = [&](const Pinned& pinned) { return pinned.frame <= first_frame; };
     pinned_.erase(std::remove_if(pinned_.begin(), std::next(own), is_over), std::next(own));
   }
-  awaited_ = first_frame;
-  update(first_frame, at_work_);
+  is_awaited_ = true;
+  update(at_work_);
   // stamp: waits until no better message for that stamp can come; without it, for any message.
   const auto wait = [&](Topic name, const auto message, const std::optional<ros::Time>& stamp) {
     Arrivals& topic = topics_[name];
@@ -238,7 +232,8 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) 
                                                              : timeout_s);
     topic.silent = true;  // unless a message comes
     const bool in_time = changed_.wait_until(lock, start + timeout, [&] {
-      return !awaited_ || (stamp ? isDecided(topic, *stamp) : is_there());  // not awaited: clear() was called
+      // Not awaited: clear() was called.
+      return !is_awaited_ || (stamp ? isDecided(topic, *stamp) : is_there());
     });
     if (in_time || is_there()) topic.silent = false;
   };
@@ -246,13 +241,14 @@ SceneMessages SceneCache::await(const ros::Time& first_frame, double timeout_s) 
     wait(kLabels, &SceneMessages::labels, first_frame);
   } else {
     wait(kDepth, &SceneMessages::depth, first_frame);
-    if (at_work_.depth) {
-      wait(kMeasured, &SceneMessages::measured, at_work_.stamp);
+    if (at_work_.scene.depth) {
+      wait(kMeasured, &SceneMessages::measured, at_work_.scene.stamp);
       wait(kCamera, &SceneMessages::camera, std::nullopt);
       wait(kOptics, &SceneMessages::optics, std::nullopt);
     }
   }
-  awaited_.reset();
+  is_awaited_ = false;
+  at_work_.frame = at_work_.scene.stamp;  // it stays, whatever comes
   return whole();
 }
 
@@ -263,7 +259,7 @@ SceneMessages SceneCache::current() const {
 
 // Holds mutex_. The scene at work with the newest camera and lens.
 SceneMessages SceneCache::whole() const {
-  SceneMessages scene = at_work_;
+  SceneMessages scene = at_work_.scene;
   scene.camera = camera_;
   scene.optics = optics_;
   return scene;

@@ -12,7 +12,6 @@
 #include <deque>
 #include <map>
 #include <mutex>
-#include <optional>
 #include <string>
 
 namespace all_in_focus {
@@ -73,7 +72,7 @@ class SceneCache {
   using Entries = std::map<ros::Time, SceneMessages>;  // without camera and lens
   using Image = sensor_msgs::ImageConstPtr SceneMessages::*;
   struct Pinned {
-    ros::Time first_frame;
+    ros::Time frame;      // it wants the scene of that time
     SceneMessages scene;  // the best one so far
   };
   enum Topic { kDepth, kMeasured, kLabels, kCamera, kOptics, kTopics };
@@ -85,9 +84,7 @@ class SceneCache {
   void add(const sensor_msgs::ImageConstPtr& image, Image as, Topic topic);
   void arrived(Topic topic);
   std::deque<Pinned>::iterator pinnedFor(const ros::Time& first_frame);
-  void update(const ros::Time& first_frame, SceneMessages& scene) const;
-  void join(SceneMessages& scene) const;
-  void updateAll();
+  void update(Pinned& pinned) const;
   void makeRoom();
   std::size_t bytes() const;
   Entries::iterator newestQuarter();
@@ -100,9 +97,9 @@ class SceneCache {
   mutable std::mutex mutex_;  // guards all below
   std::condition_variable changed_;
   Entries entries_;
-  std::deque<Pinned> pinned_;         // for brackets to come, in their order
-  SceneMessages at_work_;             // of the bracket that waits for it or is fused
-  std::optional<ros::Time> awaited_;  // first frame of that bracket, while a better scene will do
+  std::deque<Pinned> pinned_;  // for brackets to come, in their order
+  Pinned at_work_;             // of the bracket that waits for it or is fused
+  bool is_awaited_ = false;    // it waits
   std::array<Arrivals, kTopics> topics_;
   bool by_labels_ = false;
   double max_age_s_ = 1, longest_latency_s_ = 0;
