@@ -10,7 +10,6 @@
 #include <boost/make_shared.hpp>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
-#include <utility>
 
 #include "all_in_focus/pipeline.hpp"
 #include "all_in_focus/rig_checks.hpp"
@@ -27,14 +26,12 @@ namespace {
 constexpr double kRetryPeriod = 0.1;  // s, while a depth image waits for the transform
 constexpr double kPatience = 3.0;     // s; a longer wait is an error. rig_publisher takes up to 2 s to start
 
-// Frame id as tf2 wants it.
-std::string withoutSlash(const std::string& frame) {
-  return !frame.empty() && frame[0] == '/' ? frame.substr(1) : frame;
-}
-
-void requireFrame(const std_msgs::Header& header, const std::string& topic) {
-  if (header.frame_id.empty())
+// Frame id as tf2 wants it: without a slash.
+std::string frameOf(const std_msgs::Header& header, const std::string& topic) {
+  const std::string& frame = header.frame_id;
+  if (frame.empty())
     throw std::invalid_argument(topic + ": frame_id is empty: set it in the camera's driver");
+  return frame[0] == '/' ? frame.substr(1) : frame;
 }
 
 }  // namespace
@@ -146,48 +143,42 @@ class DepthPreprocess {
   // Camera infos and the transform usually come within a moment. The newest depth image waits for them,
   // because it may be the only one in a bag.
   void processWaiting() {
-    if (!waiting_) return;
-    std::string missing;
-    if (isSomethingMissing(*waiting_, missing)) {
-      const ros::WallTime now = ros::WallTime::now();
-      if (waiting_since_.isZero()) waiting_since_ = now;
-      if (!missing.empty() && (now - waiting_since_).toSec() > kPatience) status_.error(missing);
-      return;
-    }
-    const sensor_msgs::ImageConstPtr depth = std::exchange(waiting_, nullptr);
-    waiting_since_ = ros::WallTime();
+    if (!waiting_ || !depth_info_ || !rgb_info_) return;  // the status names silent inputs
+    const ros::WallTime now = ros::WallTime::now();
+    if (waiting_since_.isZero()) waiting_since_ = now;
+    const sensor_msgs::ImageConstPtr depth = waiting_;
     try {
       process(depth);
+    } catch (const tf2::TransformException& e) {  // it may still come
+      if ((now - waiting_since_).toSec() > kPatience) status_.error(e.what());
+      return;
     } catch (const std::exception& e) {
       status_.acknowledge(depth->header, Outcome::kInvalid, e.what());
     }
+    waiting_.reset();
+    waiting_since_ = ros::WallTime();
   }
 
-  // True while something is missing that may still come. When it returns false, transform_ is that of this
-  // image. It does not wait for anything that is broken: process() refuses that.
-  bool isSomethingMissing(const sensor_msgs::Image& depth, std::string& reason) {
-    if (!depth_info_ || !rgb_info_) return true;  // the status names silent inputs
-    const std::string from = withoutSlash(depth.header.frame_id),
-                      to = withoutSlash(rgb_info_->header.frame_id);
-    if (from.empty() || to.empty()) return false;
+  // From the depth camera to the colour camera.
+  RigidTransform transform(const std_msgs::Header& depth) {
+    const std::string from = frameOf(depth, status_.resolved(depth_input_)),
+                      to = frameOf(rgb_info_->header, status_.resolved(rgb_info_input_));
     try {
-      transform_ = tf_buffer_.lookupTransform(to, from, ros::Time(0)).transform;
-      return false;
+      return toRigidTransform(tf_buffer_.lookupTransform(to, from, ros::Time(0)).transform);
     } catch (const tf2::TransformException& e) {
-      reason = "no transform from depth frame \"" + from + "\" to colour frame \"" + to +
-               "\": publish it, e.g. rosrun tf2_ros static_transform_publisher x y z qx qy qz qw " + to +
-               " " + from + " (" + e.what() + ")";
-      return true;
+      throw tf2::TransformException(
+          "no transform from depth frame \"" + from + "\" to colour frame \"" + to +
+          "\": publish it, e.g. rosrun tf2_ros static_transform_publisher x y z qx qy qz qw " + to + " " +
+          from + " (" + e.what() + ")");
     }
   }
 
   void process(const sensor_msgs::ImageConstPtr& message) {
     const std::string topic = status_.resolved(depth_input_);
-    requireFrame(message->header, topic);
-    requireFrame(rgb_info_->header, status_.resolved(rgb_info_input_));
+    const RigidTransform depth_to_color = transform(message->header);
     const cv::Mat depth = toDepth(*message, invalid_values_, topic);
     const Rig rig = {toCamera(*depth_info_, status_.resolved(depth_info_input_)),
-                     toCamera(*rgb_info_, status_.resolved(rgb_info_input_)), toRigidTransform(transform_)};
+                     toCamera(*rgb_info_, status_.resolved(rgb_info_input_)), depth_to_color};
     requireSize(depth, rig.depth, topic, status_.resolved(depth_info_input_));
     if (!preprocessing_ || !(preprocessing_->rig() == rig))
       preprocessing_ = std::make_unique<DepthPreprocessing>(rig, parseMode(config_.mode));
@@ -244,7 +235,6 @@ class DepthPreprocess {
   sensor_msgs::ImageConstPtr waiting_;  // for camera infos and the transform
   ros::WallTime waiting_since_;         // since when images wait; zero: none does
   sensor_msgs::CameraInfoConstPtr depth_info_, rgb_info_;
-  geometry_msgs::Transform transform_;
   std::unique_ptr<DepthPreprocessing> preprocessing_;  // empty: the configuration has changed
 
   image_transport::Subscriber depth_subscriber_;
