@@ -64,9 +64,8 @@ class DepthPreprocess {
   // As tf2_ros::TransformListener does. A transform with an impossible stamp would end that one and the whole
   // process; here it is refused and reported.
   ros::Subscriber listenToTransforms(const std::string& topic, bool is_static) {
-    constexpr std::uint32_t kQueueSize = 100;
     return guard_.subscribe<tf2_msgs::TFMessage>(
-        guard_.quick, status_.addInput(topic, Expect::kOptional, ""), kQueueSize,
+        guard_.quick, status_.addInput(topic, Expect::kOptional, ""),
         [this, is_static](const auto& message) { addTransforms(*message, is_static); });
   }
 
@@ -108,11 +107,10 @@ class DepthPreprocess {
 
   void subscribe() {
     const auto subscribe = [&](int input, sensor_msgs::CameraInfoConstPtr& slot) {
-      return guard_.subscribe<sensor_msgs::CameraInfo>(guard_.slow, input, queue_size_,
-                                                       [this, &slot](const auto& info) {
-                                                         slot = info;
-                                                         processWaiting();
-                                                       });
+      return guard_.subscribe<sensor_msgs::CameraInfo>(guard_.slow, input, [this, &slot](const auto& info) {
+        slot = info;
+        processWaiting();
+      });
     };
     depth_info_subscriber_ = subscribe(depth_info_input_, depth_info_);
     rgb_info_subscriber_ = subscribe(rgb_info_input_, rgb_info_);

@@ -144,7 +144,7 @@ class Segmenter {
                                                         plan_publisher_, picture_publisher_);
     if (wants_markers && !info_subscriber_) {
       info_subscriber_ = guard_.subscribe<sensor_msgs::CameraInfo>(
-          guard_.slow, info_input_, 1, [this](const auto& info) { onInfo(info); });
+          guard_.slow, info_input_, [this](const auto& info) { onInfo(info); });
     } else if (!wants_markers) {
       info_subscriber_ = {};
       camera_.reset();  // may be out of date when the next subscriber comes

@@ -18,10 +18,6 @@
 namespace all_in_focus {
 namespace {
 
-// Images. They are taken at once, but on a busy computer a thread waits for its turn, and what roscpp drops
-// is not counted.
-constexpr std::uint32_t kArriving = 64;
-
 class Call : public ros::CallbackInterface {
  public:
   explicit Call(std::function<void()> function) : function_(std::move(function)) {}
@@ -72,8 +68,9 @@ image_transport::Subscriber CallbackGuard::receiveImages(int input, const ImageC
   readParameter(quick.private_nh, "image_transport", wanted, status_);
   const auto subscribe = [&] {
     const image_transport::TransportHints hints(raw, ros::TransportHints(), quick.private_nh);
-    return image_transport::ImageTransport(quick.nh).subscribe(
-        status_.topic(input), kArriving, checked<sensor_msgs::Image>(input, receive), ros::VoidPtr(), hints);
+    return image_transport::ImageTransport(quick.nh).subscribe(status_.topic(input), kArrivingImages,
+                                                               checked<sensor_msgs::Image>(input, receive),
+                                                               ros::VoidPtr(), hints);
   };
   image_transport::Subscriber subscriber;
   try {

@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <type_traits>
 
 #include "node_status.hpp"
 #include "time_jumps.hpp"
@@ -75,8 +76,10 @@ class CallbackGuard {
   /// Subscribes to an input of the status, which counts the arrivals. Messages with an impossible stamp are
   /// refused. on: one of the threads above.
   template <typename Message, typename Function>
-  ros::Subscriber subscribe(Thread& on, int input, std::uint32_t queue_size, Function function) {
-    return on.nh.subscribe<Message>(status_.topic(input), queue_size, checked<Message>(input, function));
+  ros::Subscriber subscribe(Thread& on, int input, Function function) {
+    constexpr bool is_image = std::is_same_v<Message, sensor_msgs::Image>;
+    return on.nh.subscribe<Message>(status_.topic(input), is_image ? kArrivingImages : kArrivingMessages,
+                                    checked<Message>(input, function));
   }
 
   /// The same for images, by the image_transport of the parameters. receive: a quick callback. lossless: by
@@ -90,6 +93,10 @@ class CallbackGuard {
   image_transport::Subscriber subscribeToDepth(int input, std::size_t most, const ImageCallback& process);
 
  private:
+  // Callbacks hand messages over at once or are quick, but on a busy computer a thread waits for its turn,
+  // and what roscpp drops is not counted.
+  static constexpr std::uint32_t kArrivingImages = 64, kArrivingMessages = 1000;
+
   template <typename Message, typename Function>
   boost::function<void(const boost::shared_ptr<const Message>&)> checked(int input, Function function) const {
     const auto check_and_call = [&status = status_, input, function](const auto& message) mutable {

@@ -126,7 +126,7 @@ class CaptionTest(GraphTest):
         self.listen_to_markers()
         stamp, other = next(STAMPS), camera_info(0)
         other.width = WIDTH // 2
-        for info in (other, camera_info(0, 0.0)):  # one after the other: only the newest waits
+        for info in (other, camera_info(0, 0.0)):
             self.deliver('alone/segmenter', (self.info, info))
         self.depth.say(image_message(two_planes(), stamp, frame='color'))
         self.assertIsNotNone(self.labels.at(stamp))

@@ -18,7 +18,6 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
 #include <string>
-#include <type_traits>
 
 #include "all_in_focus/fusion.hpp"
 #include "conversions.hpp"
@@ -34,8 +33,6 @@
 namespace all_in_focus {
 namespace {
 
-// Callbacks hand over at once; what waits there is bounded and counted.
-constexpr std::uint32_t kArrivingImages = 64, kArrivingMessages = 1000;
 // Images that may wait for FocusFrame messages, and the reverse: a camera may send the pictures of a sweep
 // after its end.
 constexpr std::uint32_t kMostUnmatched = 1024;
@@ -146,15 +143,13 @@ class Fusion {
 
   template <typename Message>
   void subscribeTo(int input, void (SceneCache::*use)(const boost::shared_ptr<const Message>&)) {
-    constexpr bool is_image = std::is_same_v<Message, sensor_msgs::Image>;
     const auto on_message = [this, input, use](const boost::shared_ptr<const Message>& message) {
       if (time_jumps_.clockWentBack()) startAfresh(input, ros::Time::now());
       (scenes_.*use)(message);
       if (input == optics_input_ && publishersOf(input) > 1)
         status_.warn(status_.resolved(input) + " has several publishers: the last message counts");
     };
-    subscribers_[input] = guard_.subscribe<Message>(
-        guard_.quick, input, is_image ? kArrivingImages : kArrivingMessages, on_message);
+    subscribers_[input] = guard_.subscribe<Message>(guard_.quick, input, on_message);
   }
 
   // Depth and labels use plain ROS, because lossy transports would destroy them. They are subscribed first,
@@ -165,9 +160,8 @@ class Fusion {
     subscribeTo(labels_input_, &SceneCache::addLabels);
     subscribeTo(info_input_, &SceneCache::setCamera);
     subscribeTo(optics_input_, &SceneCache::setOptics);
-    const auto on_focus = [this](const auto& focus) { onFocus(focus); };
-    subscribers_[focus_input_] =
-        guard_.subscribe<FocusFrame>(guard_.quick, focus_input_, kArrivingMessages, on_focus);
+    subscribers_[focus_input_] = guard_.subscribe<FocusFrame>(guard_.quick, focus_input_,
+                                                              [this](const auto& focus) { onFocus(focus); });
     image_subscriber_ = guard_.receiveImages(image_input_, [this](const auto& image) { onImage(image); });
     status_.setSubscribed(true);
   }
