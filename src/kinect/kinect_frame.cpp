@@ -3,13 +3,12 @@
 
 #include "kinect_frame.hpp"
 
+#include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>
 
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string>
-
-#include "conversions.hpp"
 
 namespace all_in_focus {
 namespace {
@@ -84,7 +83,7 @@ sensor_msgs::ImagePtr toImage(const KinectFrame& frame, const std_msgs::Header& 
   for (const int value : invalid_values) {
     if (layout.is_depth) image.setTo(0, image == value);
   }
-  return toImage(header, layout.encoding, image);
+  return cv_bridge::CvImage(header, layout.encoding, image).toImageMsg();
 }
 
 }  // namespace all_in_focus

@@ -162,7 +162,10 @@ class DepthPreprocess {
     const std::string from = frameOf(depth, status_.resolved(depth_input_)),
                       to = frameOf(rgb_info_->header, status_.resolved(rgb_info_input_));
     try {
-      return toRigidTransform(tf_buffer_.lookupTransform(to, from, ros::Time(0)).transform);
+      const geometry_msgs::Transform found = tf_buffer_.lookupTransform(to, from, ros::Time(0)).transform;
+      const geometry_msgs::Quaternion& q = found.rotation;
+      const geometry_msgs::Vector3& t = found.translation;
+      return RigidTransform::fromQuaternion(q.x, q.y, q.z, q.w, {t.x, t.y, t.z});
     } catch (const tf2::TransformException& e) {
       throw tf2::TransformException(
           "no transform from depth frame \"" + from + "\" to colour frame \"" + to +

@@ -226,7 +226,8 @@ class Segmenter {
       cv::Mat regions;
       drawRegions(result_, captions_, regions);
       cv::cvtColor(regions, regions, cv::COLOR_BGR2RGB);
-      picture_publisher_.publish(toImage(header, sensor_msgs::image_encodings::RGB8, regions));
+      picture_publisher_.publish(
+          cv_bridge::CvImage(header, sensor_msgs::image_encodings::RGB8, regions).toImageMsg());
     }
     publishMarkers();
   }

@@ -114,11 +114,6 @@ void requireSize(const cv::Mat& depth, const Camera& camera, const std::string& 
                          depth.cols, depth.rows, info_topic.c_str(), camera.size.width, camera.size.height));
 }
 
-sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
-                              const cv::Mat& image) {
-  return cv_bridge::CvImage(header, encoding, image).toImageMsg();
-}
-
 sensor_msgs::ImagePtr blankImage(const std_msgs::Header& header, const std::string& encoding,
                                  const cv::Size& size, cv::Mat& pixels) {
   const int type = cv_bridge::getCvType(encoding);
@@ -213,12 +208,6 @@ sensor_msgs::PointCloud2Ptr toPointCloud(const std_msgs::Header& header, const c
     }
   });
   return cloud;
-}
-
-RigidTransform toRigidTransform(const geometry_msgs::Transform& transform) {
-  const geometry_msgs::Quaternion& q = transform.rotation;
-  const geometry_msgs::Vector3& t = transform.translation;
-  return RigidTransform::fromQuaternion(q.x, q.y, q.z, q.w, {t.x, t.y, t.z});
 }
 
 OpticsMsg toMessage(const core::Optics& optics) {

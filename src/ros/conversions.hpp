@@ -5,7 +5,6 @@
 #include <all_in_focus/FusionReport.h>
 #include <all_in_focus/SegmentArray.h>
 #include <cv_bridge/cv_bridge.h>
-#include <geometry_msgs/Transform.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/PointCloud2.h>
@@ -43,11 +42,8 @@ void requireSize(const cv::Mat& depth, const Camera& camera, const std::string& 
 /// is not copied.
 cv_bridge::CvImageConstPtr toBgr(const sensor_msgs::ImageConstPtr& image, const std::string& topic);
 
-/// A copy as a message. encoding: of sensor_msgs/image_encodings.h.
-sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
-                              const cv::Mat& image);
-
-/// A message of zeros to draw in: `pixels` becomes a view of its memory, which saves a copy.
+/// A message of zeros to draw in. encoding: of sensor_msgs/image_encodings.h. `pixels` becomes a view of its
+/// memory, which saves a copy.
 sensor_msgs::ImagePtr blankImage(const std_msgs::Header& header, const std::string& encoding,
                                  const cv::Size& size, cv::Mat& pixels);
 
@@ -64,8 +60,6 @@ void requireRegion(const sensor_msgs::CameraInfo& info, const cv::Size& image, c
 /// pictures of the same shape, in any resolution.
 sensor_msgs::PointCloud2Ptr toPointCloud(const std_msgs::Header& header, const cv::Mat& bgr,
                                          const cv::Mat& mm, const core::Camera& camera);
-
-RigidTransform toRigidTransform(const geometry_msgs::Transform& transform);
 
 OpticsMsg toMessage(const core::Optics& optics);
 core::Optics toOptics(const OpticsMsg& message);

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: all_in_focus contributors
 // SPDX-License-Identifier: BSD-3-Clause
 
-// CameraInfo, Transform and Optics messages. What is accepted can be used.
+// CameraInfo and Optics messages, poses. What is accepted can be used.
 
 #include <cmath>
 
@@ -48,15 +48,15 @@ void run(Input& input) {
   const sensor_msgs::CameraInfo info = infoFrom(input);
   accepts([&] { requireUsable(info); });
 
-  geometry_msgs::Transform transform;
-  for (double* number :
-       {&transform.rotation.x, &transform.rotation.y, &transform.rotation.z, &transform.rotation.w,
-        &transform.translation.x, &transform.translation.y, &transform.translation.z})
-    *number = input.number();
+  cv::Vec4d q;
+  cv::Vec3d t;
+  for (double& number : q.val) number = input.number();
+  for (double& number : t.val) number = input.number();
   RigidTransform pose;
-  if (accepts([&] { pose = toRigidTransform(transform); })) {
+  if (accepts([&] { pose = RigidTransform::fromQuaternion(q[0], q[1], q[2], q[3], t); })) {
     require(cv::norm(pose.rotation * pose.rotation.t() - cv::Matx33d::eye()) < 1e-9, "the rotation is none");
-    for (const double t : pose.translation_mm.val) require(std::isfinite(t), "the translation is not finite");
+    for (const double mm : pose.translation_mm.val)
+      require(std::isfinite(mm), "the translation is not finite");
   }
 
   OpticsMsg lens;

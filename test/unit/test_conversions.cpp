@@ -259,17 +259,6 @@ TEST(Camera, BinningAndRegionOfInterestAreApplied) {
   EXPECT_DOUBLE_EQ(camera.cy, (240 - 40 + 0.5) / 4 - 0.5);
 }
 
-TEST(Transform, IsInMillimetres) {
-  geometry_msgs::Transform transform;
-  transform.translation.x = 0.025;
-  transform.rotation.z = transform.rotation.w = 2;  // 90 degrees about Z, not normalised
-  const RigidTransform rigid = toRigidTransform(transform);
-  EXPECT_NEAR(rigid.translation_mm[0], 25, 1e-12);
-  EXPECT_NEAR(rigid.rotation(1, 0), 1, 1e-12);
-  transform.rotation.z = transform.rotation.w = 0;
-  EXPECT_THROW(toRigidTransform(transform), std::invalid_argument);
-}
-
 TEST(OpticsMessage, ThereAndBack) {
   const core::Optics optics{50, 1.8, 0.03};
   EXPECT_TRUE(toOptics(toMessage(optics)) == optics);

@@ -185,6 +185,12 @@ TEST(DepthRegistration, RefusesWhatItCannotUse) {
   EXPECT_THROW(RigidTransform::fromQuaternion(0, 0, 0, 1, {1e307, 0, 0}), std::invalid_argument);  // in mm
 }
 
+TEST(RigidTransform, IsInMillimetres) {
+  const auto turned = RigidTransform::fromQuaternion(0, 0, 2, 2, {0.025, 0, 0});  // by 90 degrees about Z
+  EXPECT_NEAR(turned.translation_mm[0], 25, 1e-12);
+  EXPECT_NEAR(turned.rotation(1, 0), 1, 1e-12);
+}
+
 TEST(DepthRegistration, WritesIntoPartOfAnImage) {
   const Rig rig = sameCameras();
   cv::Mat depth(48, 64, CV_16UC1);

@@ -32,7 +32,8 @@ sensor_msgs::ImageConstPtr image(double stamp_s, const std::string& encoding = e
                                  const cv::Size& size = {kWidth, kHeight}) {
   std_msgs::Header header;
   header.stamp = ros::Time(stamp_s);
-  return toImage(header, encoding, cv::Mat(size, cv_bridge::getCvType(encoding), cv::Scalar::all(1)));
+  const cv::Mat ones(size, cv_bridge::getCvType(encoding), cv::Scalar::all(1));
+  return cv_bridge::CvImage(header, encoding, ones).toImageMsg();
 }
 
 OpticsPtr lens(double focal_length_mm = 24) {

@@ -18,6 +18,7 @@
 
 namespace all_in_focus {
 
+using cv_bridge::CvImage;
 namespace enc = sensor_msgs::image_encodings;
 
 namespace {
@@ -81,10 +82,11 @@ void FusionOutputs::publish(const BracketResult& result, const FusionReportPtr& 
       info_.publish(restamped);
     }
     const bool is_deep = result.image.depth() == CV_16U;
-    const sensor_msgs::ImagePtr image = toImage(header, is_deep ? enc::BGR16 : enc::BGR8, result.image);
+    const sensor_msgs::ImagePtr image =
+        CvImage(header, is_deep ? enc::BGR16 : enc::BGR8, result.image).toImageMsg();
     image_.publish(image);
-    source_index_.publish(toImage(header, enc::TYPE_16UC1, result.source_index));
-    confidence_.publish(toImage(header, enc::MONO8, result.confidence));
+    source_index_.publish(CvImage(header, enc::TYPE_16UC1, result.source_index).toImageMsg());
+    confidence_.publish(CvImage(header, enc::MONO8, result.confidence).toImageMsg());
     cv::Mat drawn, weights;
     drawWeights(result.source_index, result.confidence, result.length, drawn);
     const sensor_msgs::ImagePtr weights_message = blankImage(header, enc::RGB8, drawn.size(), weights);
@@ -97,7 +99,7 @@ void FusionOutputs::publish(const BracketResult& result, const FusionReportPtr& 
     if (!scene.depth.empty()) core::resizeDepth(scene.depth, result.image.size(), mm);
     depth_.publish(depth);
     if (!result.restored_depth.empty()) {
-      depth = toImage(header, enc::TYPE_16UC1, result.restored_depth);
+      depth = CvImage(header, enc::TYPE_16UC1, result.restored_depth).toImageMsg();
       depth_restored_.publish(depth);
     }
     {
