@@ -101,8 +101,7 @@ class DepthPreprocess {
   // Works only while anybody subscribes.
   void connect() {
     const bool wanted = anybodyListens(registered_publisher_, filled_publisher_, info_publisher_);
-    if (wanted && !depth_subscriber_) subscribe();
-    if (!wanted && depth_subscriber_) unsubscribe();
+    if (status_.setSubscribed(wanted)) wanted ? subscribe() : unsubscribe();
   }
 
   void subscribe() {
@@ -119,7 +118,6 @@ class DepthPreprocess {
     retry_timer_ = guard_.slow.nh.createWallTimer(
         ros::WallDuration(kRetryPeriod),
         guard_.wrap(status_.name(), [this](const ros::WallTimerEvent&) { processWaiting(); }));
-    status_.setSubscribed(true);
   }
 
   void unsubscribe() {
@@ -129,7 +127,6 @@ class DepthPreprocess {
     waiting_.reset();
     waiting_since_ = ros::WallTime();
     depth_info_ = rgb_info_ = nullptr;  // may be out of date when the next subscriber comes
-    status_.setSubscribed(false);
   }
 
   void onDepth(const sensor_msgs::ImageConstPtr& depth) {

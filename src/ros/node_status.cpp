@@ -56,12 +56,13 @@ void NodeStatus::start() {
   updater_.add("processing", this, &NodeStatus::fill);
 }
 
-void NodeStatus::setSubscribed(bool subscribed) {
+bool NodeStatus::setSubscribed(bool subscribed) {
   std::lock_guard<std::mutex> lock(mutex_);
-  if (subscribed == subscribed_) return;
+  if (subscribed == subscribed_) return false;
   subscribed_ = subscribed;
   subscribed_at_ = Clock::now();
   if (!subscribed) current_ = {};
+  return true;
 }
 
 void NodeStatus::inputArrived(int input) {

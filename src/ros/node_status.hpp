@@ -64,7 +64,8 @@ class NodeStatus {
   void tick() { updater_.force_update(); }  // update() starves after a backward jump of ROS time
 
   /// Lazy subscription: silence counts only while subscribed. Ends errors and warnings when it becomes false.
-  void setSubscribed(bool subscribed);
+  /// Returns whether it has changed.
+  bool setSubscribed(bool subscribed);
 
   void inputArrived(int input);
   /// The topic that the image_transport of an input subscribes to.

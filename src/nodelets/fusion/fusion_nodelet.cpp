@@ -136,9 +136,8 @@ class Fusion {
 
   // Works only while somebody listens.
   void connect() {
-    const bool is_wanted = outputs_.wanted(), is_subscribed = static_cast<bool>(image_subscriber_);
-    if (is_wanted && !is_subscribed) subscribe();
-    if (!is_wanted && is_subscribed) unsubscribe();
+    const bool wanted = outputs_.wanted();
+    if (status_.setSubscribed(wanted)) wanted ? subscribe() : unsubscribe();
   }
 
   template <typename Message>
@@ -163,7 +162,6 @@ class Fusion {
     subscribers_[focus_input_] = guard_.subscribe<FocusFrame>(guard_.quick, focus_input_,
                                                               [this](const auto& focus) { onFocus(focus); });
     image_subscriber_ = guard_.receiveImages(image_input_, [this](const auto& image) { onImage(image); });
-    status_.setSubscribed(true);
   }
 
   void unsubscribe() {
@@ -177,7 +175,6 @@ class Fusion {
     status_.setExpect(image_input_, Expect::kStream);
     worker_.cancel();
     scenes_.clear();
-    status_.setSubscribed(false);
   }
 
   // Before the first frame the publisher of rgb/focus may still be connecting. Without its messages the first
