@@ -115,8 +115,12 @@ class Segmenter {
         nh.advertise<FocusPlan>(status_.addOutput("segmentation/focus_plan"), 1, on_connect, on_connect);
     picture_publisher_ =
         transport.advertise(status_.addOutput("segmentation/image_color"), 1, on_connect, on_connect);
+    const auto on_listener = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) {
+      connect();
+      publishMarkers();  // of the newest image
+    });
     markers_publisher_ = nh.advertise<visualization_msgs::MarkerArray>(
-        status_.addOutput("segmentation/markers"), 1, on_connect, on_connect);
+        status_.addOutput("segmentation/markers"), 1, on_listener, on_connect);
   }
 
   void reconfigure(SegmenterConfig& config) {
@@ -142,24 +146,18 @@ class Segmenter {
     const bool wants_markers = anybodyListens(markers_publisher_);
     const bool wanted = wants_markers || anybodyListens(labels_publisher_, segments_publisher_,
                                                         plan_publisher_, picture_publisher_);
-    if (wants_markers && !info_subscriber_) {
-      info_subscriber_ = guard_.subscribe<sensor_msgs::CameraInfo>(
-          guard_.slow, info_input_, [this](const auto& info) { onInfo(info); });
-    } else if (!wants_markers) {
-      info_subscriber_ = {};
-      camera_.reset();  // may be out of date when the next subscriber comes
-    }
-    // It is read for markers alone.
+    // It is used for markers alone.
     status_.setExpect(info_input_, wants_markers ? Expect::kOnce : Expect::kOptional);
-    if (wanted && !depth_subscriber_) {
-      depth_subscriber_ =
-          guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
-      status_.setSubscribed(true);
-    } else if (!wanted && depth_subscriber_) {
-      depth_subscriber_ = {};
-      result_ = {};  // out of date, too
-      status_.setSubscribed(false);
-    }
+    if (!status_.setSubscribed(wanted)) return;
+    info_subscriber_ = {};
+    depth_subscriber_ = {};
+    camera_.reset();  // may be out of date when the next subscriber comes
+    result_ = {};     // out of date, too
+    if (!wanted) return;
+    info_subscriber_ = guard_.subscribe<sensor_msgs::CameraInfo>(guard_.slow, info_input_,
+                                                                 [this](const auto& info) { onInfo(info); });
+    depth_subscriber_ =
+        guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
   }
 
   // It may come after the image, and again with each image.
@@ -219,10 +217,8 @@ class Segmenter {
 
   // Publishes the outputs with captions, which take longer than the labels.
   void publishCaptioned(const std_msgs::Header& header) {
-    const bool wants_picture = anybodyListens(picture_publisher_);
-    if (!wants_picture && !info_subscriber_) return;
-    captions_ = captionRegions(result_, config_.caption_min_area);
-    if (wants_picture) {
+    if (anybodyListens(picture_publisher_)) {
+      captions_ = captionRegions(result_, config_.caption_min_area);
       cv::Mat regions;
       drawRegions(result_, captions_, regions);
       cv::cvtColor(regions, regions, cv::COLOR_BGR2RGB);
@@ -234,7 +230,7 @@ class Segmenter {
 
   // Those of the result.
   void publishMarkers() {
-    if (!camera_ || result_.labels.empty()) return;
+    if (!camera_ || result_.labels.empty() || !anybodyListens(markers_publisher_)) return;
     requireSize(result_.labels, *camera_, status_.resolved(depth_input_), status_.resolved(info_input_));
     if (captions_.empty()) captions_ = captionRegions(result_, config_.caption_min_area);
     const auto labels = static_cast<int>(result_.segments.size());
