@@ -152,7 +152,7 @@ class Segmenter {
     info_subscriber_ = {};
     depth_subscriber_ = {};
     camera_.reset();  // may be out of date when the next subscriber comes
-    result_ = {};     // out of date, too
+    labels_.reset();  // out of date, too
     if (!wanted) return;
     info_subscriber_ = guard_.subscribe<sensor_msgs::CameraInfo>(guard_.slow, info_input_,
                                                                  [this](const auto& info) { onInfo(info); });
@@ -176,7 +176,6 @@ class Segmenter {
     labels_ =
         blankImage(message->header, sensor_msgs::image_encodings::TYPE_32SC1, depth.size(), result_.labels);
     segmentation_->compute(depth, result_);
-    header_ = message->header;
     captions_.clear();
 
     // The labels come first: whatever fails or takes long afterwards, the fusion has them.
@@ -185,8 +184,8 @@ class Segmenter {
     labels_publisher_.publish(labels_);
     segments_publisher_.publish(segments);
     try {
-      publishPlan(message->header);
-      publishCaptioned(message->header);
+      publishPlan();
+      publishCaptioned();
     } catch (const std::exception& e) {
       status_.error(std::string("labels are published, but not all that is drawn of them: ") + e.what());
     }
@@ -196,11 +195,11 @@ class Segmenter {
                         no_depth ? status_.resolved(depth_input_) + ": not one pixel has a depth" : "");
   }
 
-  void publishPlan(const std_msgs::Header& header) {
+  void publishPlan() {
     if (!anybodyListens(plan_publisher_)) return;
     const core::Optics& optics = segmentation_->config().optics;
     const auto plan = boost::make_shared<FocusPlan>();
-    plan->header = header;
+    plan->header = labels_->header;
     plan->optics = toMessage(optics);
     plan->segments = static_cast<std::uint32_t>(result_.segments.size());
     try {
@@ -216,25 +215,25 @@ class Segmenter {
   }
 
   // Publishes the outputs with captions, which take longer than the labels.
-  void publishCaptioned(const std_msgs::Header& header) {
+  void publishCaptioned() {
     if (anybodyListens(picture_publisher_)) {
       captions_ = captionRegions(result_, config_.caption_min_area);
       cv::Mat regions;
       drawRegions(result_, captions_, regions);
       cv::cvtColor(regions, regions, cv::COLOR_BGR2RGB);
       picture_publisher_.publish(
-          cv_bridge::CvImage(header, sensor_msgs::image_encodings::RGB8, regions).toImageMsg());
+          cv_bridge::CvImage(labels_->header, sensor_msgs::image_encodings::RGB8, regions).toImageMsg());
     }
     publishMarkers();
   }
 
   // Those of the result.
   void publishMarkers() {
-    if (!camera_ || result_.labels.empty() || !anybodyListens(markers_publisher_)) return;
+    if (!camera_ || !labels_ || !anybodyListens(markers_publisher_)) return;
     requireSize(result_.labels, *camera_, status_.resolved(depth_input_), status_.resolved(info_input_));
     if (captions_.empty()) captions_ = captionRegions(result_, config_.caption_min_area);
     const auto labels = static_cast<int>(result_.segments.size());
-    markers_publisher_.publish(toMarkers(header_, *camera_, labels, captions_));
+    markers_publisher_.publish(toMarkers(labels_->header, *camera_, labels, captions_));
   }
 
   CallbackGuard& guard_;
@@ -251,10 +250,9 @@ class Segmenter {
 
   std::unique_ptr<DofSegmentation> segmentation_;  // empty: the configuration has changed
   Segmentation result_;                            // of the newest depth image
-  sensor_msgs::ImageConstPtr labels_;              // of the result, which draws in its memory
+  sensor_msgs::ImageConstPtr labels_;              // of the result, which draws in their memory; null: none
   std::vector<RegionCaption> captions_;            // of the result
-  std::optional<Camera> camera_;                   // of the depth images, while anybody wants markers
-  std_msgs::Header header_;                        // of the result
+  std::optional<Camera> camera_;                   // of the depth images
 
   image_transport::Subscriber depth_subscriber_;
   ros::Subscriber info_subscriber_;
