@@ -40,7 +40,7 @@ void takeLabels(SharedScene& shared) {
 }
 
 void takeDepth(SharedScene& shared) {
-  shared.depth = toDepth(*shared.messages.depth, {}, topics::kDepth);
+  shared.scene.depth = toDepth(*shared.messages.depth, {}, topics::kDepth);
 }
 
 void takeMeasured(SharedScene& shared) {
@@ -75,7 +75,6 @@ SharedScene toScene(const SceneMessages& messages, Mode mode, const cv::Size& fr
   if (messages.labels) attempt(shared, takeLabels, is_paper ? kBySharpness : kNoLabels);
   const bool has_depth = messages.depth && attempt(shared, takeDepth, is_paper ? kNotPublished : kNotUsed);
   if (is_paper) return shared;
-  shared.scene.depth = shared.depth;
   if (has_depth) attempt(shared, takeMeasured, ": filled depth counts as measured");
   const auto take_camera = [&](SharedScene& scene) { takeCamera(calibration, scene); };
   if (messages.depth || messages.camera) attempt(shared, take_camera, kNotUsed);

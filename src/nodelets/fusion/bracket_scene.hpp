@@ -24,7 +24,6 @@ struct SharedScene {
   BracketScene scene;  ///< may read the messages' own memory
   std::vector<std::string> warnings;
   SceneMessages messages;
-  cv::Mat depth;  ///< for the outputs, in all modes
 };
 
 /// The scene for a mode. Mode paper uses labels, the other modes depth, lens and camera; the report lists the

@@ -96,7 +96,7 @@ void FusionOutputs::publish(const BracketResult& result, const FusionReportPtr& 
     // DepthCloud wants depth of the colour image's stamp, frame and size.
     cv::Mat mm;
     sensor_msgs::ImagePtr depth = blankImage(header, enc::TYPE_16UC1, result.image.size(), mm);
-    if (!scene.depth.empty()) core::resizeDepth(scene.depth, result.image.size(), mm);
+    if (!scene.scene.depth.empty()) core::resizeDepth(scene.scene.depth, result.image.size(), mm);
     depth_.publish(depth);
     if (!result.restored_depth.empty()) {
       depth = CvImage(header, enc::TYPE_16UC1, result.restored_depth).toImageMsg();

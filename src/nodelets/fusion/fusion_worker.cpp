@@ -41,7 +41,7 @@ std::vector<std::string> checkRig(const FusionReport& report, const SharedScene&
       warnings.push_back(core::checkCircleOfConfusion(toOptics(report.optics),
                                                       toCamera(*scene.messages.camera, topics::kColorInfo)));
     }
-    warnings.push_back(core::checkMirroring(scene.depth, cv::Mat(), image));
+    warnings.push_back(core::checkMirroring(scene.scene.depth, cv::Mat(), image));
   } catch (const std::invalid_argument&) {
     // Reported where it is used.
   }
