@@ -17,8 +17,7 @@ constexpr std::uint32_t kMaxFrames = 65535;  // 65535 itself means "none" in a s
 }  // namespace
 
 bool BracketAssembler::endsBefore(const BracketFrame& frame) const {
-  std::string reason;
-  if (!open_ || refuses(frame, reason)) return false;
+  if (!open_ || !whyRefused(frame).empty()) return false;
   if (by_focus_ != (frame.focus != nullptr)) return true;
   // A bracket number that begins again at index 0 is a new bracket: the bag loops, or the driver was
   // restarted.
@@ -26,38 +25,30 @@ bool BracketAssembler::endsBefore(const BracketFrame& frame) const {
   return endsAfter(std::abs(secondsBetween(last_stamp_, frame.image->header.stamp)));
 }
 
-bool BracketAssembler::refuses(const BracketFrame& frame, std::string& reason) const {
-  if (!frame.focus) return false;
+std::string BracketAssembler::whyRefused(const BracketFrame& frame) const {
+  if (!frame.focus) return "";
   const std::uint32_t id = frame.focus->bracket_id, index = frame.focus->index;
   const std::string bracket = "bracket " + std::to_string(id);
   const bool same = by_focus_ && id == id_;
-  if (index >= kMaxFrames) {
-    reason = bracket + ": frame index " + std::to_string(index) + " is above 65534";
-  } else if (index == 0) {
-    return false;  // the first frame of a bracket is always accepted
-  } else if (hasBegunUnseen(id) || skipped_ == id) {
-    reason = bracket + " had begun before anybody listened: waiting for the next one";
-  } else if (open_ && same && index < next_) {
-    reason = bracket + ": frame " + std::to_string(index) + " came twice or too late";
-  } else if (!open_ && same) {
-    reason = bracket + " is finished already";
-  }
-  return !reason.empty();
+  if (index >= kMaxFrames) return bracket + ": frame index " + std::to_string(index) + " is above 65534";
+  if (index == 0) return "";  // the first frame of a bracket is always accepted
+  if (hasBegunUnseen(id) || skipped_ == id)
+    return bracket + " had begun before anybody listened: waiting for the next one";
+  if (open_ && same && index < next_)
+    return bracket + ": frame " + std::to_string(index) + " came twice or too late";
+  return !open_ && same ? bracket + " is finished already" : "";
 }
 
 BracketAssembler::Step BracketAssembler::add(const BracketFrame& frame) {
   const FocusFrame* focus = frame.focus.get();
   Step step;
   step.frame.header = frame.image->header;
-  if (refuses(frame, step.reason)) {
-    if (hasBegunUnseen(focus->bracket_id)) {
-      skipped_ = focus->bracket_id;
-    } else if (skipped_ == focus->bracket_id) {
-      step.reason.clear();  // said once a bracket
-    }
+  step.reason = whyRefused(frame);
+  step.use = step.reason.empty();
+  if (!step.use) {
+    if (hasBegunUnseen(focus->bracket_id)) skipped_ = focus->bracket_id;
     return step;
   }
-  step.use = true;
   step.begin = !open_;
   if (step.begin) {
     id_ = focus ? focus->bracket_id : id_ + 1;

@@ -61,7 +61,7 @@ class BracketAssembler {
   std::uint32_t id() const { return id_; }    ///< of the open bracket
 
  private:
-  bool refuses(const BracketFrame& frame, std::string& reason) const;
+  std::string whyRefused(const BracketFrame& frame) const;  // "" = it is not
   /// Whether a frame from the middle of a bracket is the first one with a FocusFrame, since the start or
   /// since frames without one.
   bool hasBegunUnseen(std::uint32_t bracket_id) const {
