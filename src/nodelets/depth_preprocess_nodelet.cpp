@@ -82,7 +82,7 @@ class DepthPreprocess {
   void advertise() {
     ros::NodeHandle& nh = guard_.slow.nh;
     image_transport::ImageTransport transport(nh);
-    const auto on_connect = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) { connect(); });
+    const auto on_connect = guard_.wrap([this](const auto& /*subscriber*/) { connect(); });
 
     registered_publisher_ =
         transport.advertise(status_.addOutput(topics::kMeasured), 1, on_connect, on_connect);
@@ -115,9 +115,9 @@ class DepthPreprocess {
     rgb_info_subscriber_ = subscribe(rgb_info_input_, rgb_info_);
     depth_subscriber_ =
         guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
-    retry_timer_ = guard_.slow.nh.createWallTimer(
-        ros::WallDuration(kRetryPeriod),
-        guard_.wrap(status_.name(), [this](const ros::WallTimerEvent&) { processWaiting(); }));
+    retry_timer_ =
+        guard_.slow.nh.createWallTimer(ros::WallDuration(kRetryPeriod),
+                                       guard_.wrap([this](const ros::WallTimerEvent&) { processWaiting(); }));
   }
 
   void unsubscribe() {

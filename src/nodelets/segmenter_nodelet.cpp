@@ -105,7 +105,7 @@ class Segmenter {
   void advertise() {
     ros::NodeHandle& nh = guard_.slow.nh;
     image_transport::ImageTransport transport(nh);
-    const auto on_connect = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) { connect(); });
+    const auto on_connect = guard_.wrap([this](const auto& /*subscriber*/) { connect(); });
 
     labels_publisher_ =
         nh.advertise<sensor_msgs::Image>(status_.addOutput(topics::kLabels), 1, on_connect, on_connect);
@@ -115,7 +115,7 @@ class Segmenter {
         nh.advertise<FocusPlan>(status_.addOutput("segmentation/focus_plan"), 1, on_connect, on_connect);
     picture_publisher_ =
         transport.advertise(status_.addOutput("segmentation/image_color"), 1, on_connect, on_connect);
-    const auto on_listener = guard_.wrap(status_.name(), [this](const auto& /*subscriber*/) {
+    const auto on_listener = guard_.wrap([this](const auto& /*subscriber*/) {
       connect();
       publishMarkers();  // of the newest image
     });

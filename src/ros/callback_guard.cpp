@@ -57,8 +57,8 @@ void CallbackGuard::stop() {
   slow.spinner.stop();
 }
 
-void CallbackGuard::post(const std::string& place, const std::function<void()>& function) {
-  slow.queue.addCallback(boost::make_shared<Call>(wrap(place, function)));
+void CallbackGuard::post(const std::function<void()>& function) {
+  slow.queue.addCallback(boost::make_shared<Call>(wrap(function)));
 }
 
 image_transport::Subscriber CallbackGuard::receiveImages(int input, const ImageCallback& receive,
@@ -116,7 +116,7 @@ image_transport::Subscriber CallbackGuard::subscribeToDepth(int input, std::size
                           "cannot keep up: oldest waiting image dropped");
     }
     // An image that displaces another one takes over its call.
-    if (waiting->images.size() > before) post(status_.resolved(input), turn);
+    if (waiting->images.size() > before) post(turn);
   };
   return receiveImages(input, receive, /*lossless=*/true);
 }

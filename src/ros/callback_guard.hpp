@@ -56,22 +56,22 @@ class CallbackGuard {
 
   /// Guarded, a call of any arguments that returns nothing. place: begins the message of an error.
   template <typename Function>
-  auto wrap(const std::string& place, Function function) const {
+  auto wrap(Function function, const std::string& place = {}) const {
     return [&status = status_, place, function](auto&&... arguments) mutable {
       try {
         function(arguments...);
       } catch (const std::exception& e) {
         status.count(Outcome::kInvalid);
-        status.error(place + ": " + e.what());
+        status.error(place + e.what());
       } catch (const XmlRpc::XmlRpcException& e) {  // of parameters and the master; not a std::exception
         status.count(Outcome::kInvalid);
-        status.error(place + ": " + e.getMessage());
+        status.error(place + e.getMessage());
       }
     };
   }
 
-  /// Runs a function among the slow callbacks, after all that wait there. place: as in wrap().
-  void post(const std::string& place, const std::function<void()>& function);
+  /// Runs a function among the slow callbacks, after all that wait there.
+  void post(const std::function<void()>& function);
 
   /// Subscribes to an input of the status, which counts the arrivals. Messages with an impossible stamp are
   /// refused. on: one of the threads above.
@@ -104,7 +104,7 @@ class CallbackGuard {
       if constexpr (ros::message_traits::HasHeader<Message>::value) requirePossible(message->header.stamp);
       function(message);
     };
-    return wrap(status_.resolved(input), check_and_call);
+    return wrap(check_and_call, status_.resolved(input) + ": ");
   }
 
   NodeStatus& status_;

@@ -31,8 +31,7 @@ class NodeletOf : public nodelet::Nodelet {
     double period = 1;  // s; the name of the parameter is that of diagnostic_updater
     readNumber(getPrivateNodeHandle(), "diagnostic_period", 0.01, 3600.0, period, *status_);
     diagnostics_timer_ = guard_->quick.nh.createWallTimer(
-        ros::WallDuration(period),
-        guard_->wrap("diagnostics", [this](const ros::WallTimerEvent&) { status_->tick(); }));
+        ros::WallDuration(period), guard_->wrap([this](const ros::WallTimerEvent&) { status_->tick(); }));
     guard_->start();
   }
 

@@ -89,8 +89,8 @@ std::unique_ptr<dynamic_reconfigure::Server<Config>> serveConfiguration(
     if (parameter->type == "str") check(parameter->name, boost::any_cast<std::string>(standard));
   }
   auto server = std::make_unique<dynamic_reconfigure::Server<Config>>(private_nh);
-  server->setCallback(guard.wrap(
-      status.name(), [reconfigure](Config& config, std::uint32_t /*level*/) { reconfigure(config); }));
+  server->setCallback(
+      guard.wrap([reconfigure](Config& config, std::uint32_t /*level*/) { reconfigure(config); }));
   return server;
 }
 

@@ -77,7 +77,7 @@ class Fusion {
   Fusion(CallbackGuard& guard, NodeStatus& status)
       : guard_(guard),
         status_(status),
-        outputs_(guard.quick.nh, status, guard.wrap(status.name(), [this] { connect(); })),
+        outputs_(guard.quick.nh, status, guard.wrap([this] { connect(); })),
         worker_(guard, status, scenes_, outputs_),
         image_input_(status.addInput(topics::kImage, Expect::kStream, "start the colour camera's driver")),
         focus_input_(status.addInput(topics::kFocus, Expect::kOptional, "")),
@@ -88,10 +88,9 @@ class Fusion {
         optics_input_(status.addInput(topics::kOptics, Expect::kOptional, "")) {
     restartMatcher();
     status.setValue(kJumps, "0");
-    const auto on_timer = [this](const ros::WallTimerEvent&) { settle(); };
-    settling_ =
-        guard.quick.nh.createWallTimer(ros::WallDuration(kSettleTime), guard.wrap("publishers", on_timer),
-                                       /*oneshot=*/true, /*autostart=*/false);
+    const auto on_timer = guard.wrap([this](const ros::WallTimerEvent&) { settle(); });
+    settling_ = guard.quick.nh.createWallTimer(ros::WallDuration(kSettleTime), on_timer, /*oneshot=*/true,
+                                               /*autostart=*/false);
     readNumber(guard.slow.private_nh, "queue_size", 1, kMostWaiting, at_start_.most_waiting, status);
     readParameter(guard.slow.private_nh, "restore_every_bracket", at_start_.restore_every, status);
     at_start_.calibration = readCalibration(guard.slow.private_nh, status);

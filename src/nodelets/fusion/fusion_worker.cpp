@@ -71,8 +71,8 @@ struct FusionWorker::OpenBracket {
 FusionWorker::FusionWorker(CallbackGuard& guard, NodeStatus& status, SceneCache& scenes,
                            FusionOutputs& outputs)
     : guard_(guard), status_(status), scenes_(scenes), outputs_(outputs) {
-  const auto on_timer = [this](const ros::WallTimerEvent&) { onTimer(); };
-  timer_ = guard.slow.nh.createWallTimer(ros::WallDuration(kIdlePeriod), guard.wrap("gap in time", on_timer));
+  const auto on_timer = guard.wrap([this](const ros::WallTimerEvent&) { onTimer(); });
+  timer_ = guard.slow.nh.createWallTimer(ros::WallDuration(kIdlePeriod), on_timer);
 }
 
 FusionWorker::~FusionWorker() = default;
@@ -131,7 +131,7 @@ void FusionWorker::drop(Task& task) {
 // Holds mutex_.
 void FusionWorker::push(const Task& task) {
   tasks_.push_back(task);
-  guard_.post(status_.name(), [this] { handleNext(); });
+  guard_.post([this] { handleNext(); });
 }
 
 // Holds mutex_.
@@ -159,7 +159,7 @@ void FusionWorker::cancel() {
   tasks_.clear();
   assembler_.restart();
   is_cancelled_ = true;
-  guard_.post(status_.name(), [this] { handleNext(); });
+  guard_.post([this] { handleNext(); });
 }
 
 int FusionWorker::finish() {
