@@ -53,7 +53,7 @@ void CallbackGuard::start() {
 
 void CallbackGuard::stop() {
   quick.spinner.stop();
-  if (const auto end = std::exchange(on_stop, nullptr)) end();
+  if (on_stop) on_stop();
   slow.spinner.stop();
 }
 

@@ -34,7 +34,6 @@ class CallbackGuard {
 
   /// nh, private_nh: those of the nodelet. status: must live until stop() returns.
   CallbackGuard(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, NodeStatus& status);
-  ~CallbackGuard() { stop(); }
 
   /// Runs the callbacks of its handles, one after the other.
   struct Thread {
