@@ -235,8 +235,7 @@ void FusionWorker::handle(const Task& task) {
   if (open_->frames.empty()) awaitScene(frame, *task.image);
   FrameStatus status = fuse(task);
   if (frame.last) {
-    const std::vector<FrameStatus> frames = finishBracket();
-    if (!frames.empty()) status = frames.back();
+    status = finishBracket().back();
   } else if (status.kind == FrameStatus::Kind::kHeld) {
     open_->frames.at(status.index).acknowledged = true;
     return status_.acknowledgeEarly(frame.header);
