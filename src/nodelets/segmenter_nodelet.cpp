@@ -110,7 +110,7 @@ class Segmenter {
     labels_publisher_ =
         nh.advertise<sensor_msgs::Image>(status_.addOutput(topics::kLabels), 1, on_connect, on_connect);
     segments_publisher_ =
-        nh.advertise<SegmentArray>(status_.addOutput(topics::kSegments), 1, on_connect, on_connect);
+        nh.advertise<SegmentArray>(status_.addOutput("segmentation/segments"), 1, on_connect, on_connect);
     plan_publisher_ =
         nh.advertise<FocusPlan>(status_.addOutput("segmentation/focus_plan"), 1, on_connect, on_connect);
     picture_publisher_ =

@@ -13,7 +13,6 @@ constexpr const char* kDepth = "depth_registered/image";         ///< holes fill
 constexpr const char* kMeasured = "depth_registered/image_raw";  ///< before its holes were filled
 constexpr const char* kDepthInfo = "depth_registered/camera_info";
 constexpr const char* kLabels = "segmentation/labels";
-constexpr const char* kSegments = "segmentation/segments";
 constexpr const char* kPoints = "all_in_focus/points";
 
 }  // namespace all_in_focus::topics

@@ -11,7 +11,6 @@
 
 #include <functional>
 #include <mutex>
-#include <string>
 
 #include "all_in_focus/bracket.hpp"
 #include "bracket_scene.hpp"
