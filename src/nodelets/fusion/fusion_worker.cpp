@@ -169,19 +169,14 @@ int FusionWorker::finish() {
     endBracket();
     waiting = tasks_.size();
   }
-  for (; waiting > 0 && !isCancelled(); --waiting) handleNext();
-  return isCancelled() ? -1 : published_;
-}
-
-bool FusionWorker::isCancelled() const {
-  std::lock_guard<std::mutex> lock(mutex_);
-  return is_cancelled_;
+  for (; waiting > 0 && !is_cancelled_; --waiting) handleNext();
+  return is_cancelled_ ? -1 : published_;
 }
 
 bool FusionWorker::mayRestore(double done) const {
   const std::string id = std::to_string(open_->first.bracket_id);
   status_.setValue(kProgress, "bracket " + id + ": " + std::to_string(std::lround(100 * done)) + " %");
-  if (isCancelled()) return false;
+  if (is_cancelled_) return false;
   if (open_->settings.restore_every) return true;
   std::lock_guard<std::mutex> lock(mutex_);
   const auto is_last = [](const Task& task) { return task.step.frame.last; };
@@ -193,7 +188,7 @@ void FusionWorker::handleNext() {
   Task task;
   {
     std::lock_guard<std::mutex> lock(mutex_);
-    if (std::exchange(is_cancelled_, false)) open_.reset();
+    if (is_cancelled_.exchange(false)) open_.reset();
     if (tasks_.empty()) return;  // ~finish was first, or all were cancelled
     task = std::move(tasks_.front());
     tasks_.pop_front();
@@ -354,7 +349,7 @@ std::vector<FrameStatus> FusionWorker::finishBracket() {
   status_.setValue(kProgress, "idle");
   releaseFrames();
   if (result.stopped) result.warnings.emplace_back("not restored: the next bracket came first");
-  if (!isCancelled()) publish(result, /*complete=*/true);
+  if (!is_cancelled_) publish(result, /*complete=*/true);
   for (const FrameStatus& frame : result.frames) {
     if (!open_->frames.at(frame.index).acknowledged) continue;
     status_.count(outcomeOf(frame));

@@ -5,6 +5,7 @@
 #include <all_in_focus/FocusFrame.h>
 #include <sensor_msgs/Image.h>
 
+#include <atomic>
 #include <cstddef>
 #include <deque>
 #include <memory>
@@ -86,7 +87,6 @@ class FusionWorker {
   std::vector<FrameStatus> finishBracket();
   void publish(const BracketResult& result, bool complete);
   FusionReportPtr toReport(const BracketResult& result) const;
-  bool isCancelled() const;
   bool mayRestore(double done) const;
 
   CallbackGuard& guard_;
@@ -94,11 +94,12 @@ class FusionWorker {
   SceneCache& scenes_;
   FusionOutputs& outputs_;
 
+  std::atomic<bool> is_cancelled_{false};  // the next call of handleNext() is to drop the open bracket
+
   mutable std::mutex mutex_;  // guards all up to the next comment
   FusionSettings settings_;
   BracketAssembler assembler_;
   std::deque<Task> tasks_;      // for each a call of handleNext() is posted
-  bool is_cancelled_ = false;   // the open bracket is to be dropped, by the next call of handleNext()
   std::size_t limit_ = 1;       // how many images of the size of the newest may wait
   ros::Time last_frame_;        // when it came, for the gap
   ros::WallTime silent_since_;  // the same, for the warning
