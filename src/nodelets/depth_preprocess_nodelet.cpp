@@ -101,7 +101,9 @@ class DepthPreprocess {
   // Works only while anybody subscribes.
   void connect() {
     const bool wanted = anybodyListens(registered_publisher_, filled_publisher_, info_publisher_);
-    if (status_.setSubscribed(wanted)) wanted ? subscribe() : unsubscribe();
+    if (wanted == status_.subscribed()) return;
+    wanted ? subscribe() : unsubscribe();
+    status_.setSubscribed(wanted);
   }
 
   void subscribe() {

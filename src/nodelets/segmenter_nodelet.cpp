@@ -148,16 +148,18 @@ class Segmenter {
                                                         plan_publisher_, picture_publisher_);
     // It is used for markers alone.
     status_.setExpect(info_input_, wants_markers ? Expect::kOnce : Expect::kOptional);
-    if (!status_.setSubscribed(wanted)) return;
+    if (wanted == status_.subscribed()) return;
     info_subscriber_ = {};
     depth_subscriber_ = {};
     camera_.reset();  // may be out of date when the next subscriber comes
     labels_.reset();  // out of date, too
-    if (!wanted) return;
-    info_subscriber_ = guard_.subscribe<sensor_msgs::CameraInfo>(guard_.slow, info_input_,
-                                                                 [this](const auto& info) { onInfo(info); });
-    depth_subscriber_ =
-        guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
+    if (wanted) {
+      info_subscriber_ = guard_.subscribe<sensor_msgs::CameraInfo>(
+          guard_.slow, info_input_, [this](const auto& info) { onInfo(info); });
+      depth_subscriber_ =
+          guard_.subscribeToDepth(depth_input_, queue_size_, [this](const auto& depth) { onDepth(depth); });
+    }
+    status_.setSubscribed(wanted);
   }
 
   // It may come after the image, and again with each image.

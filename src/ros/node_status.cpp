@@ -56,13 +56,17 @@ void NodeStatus::start() {
   updater_.add("processing", this, &NodeStatus::fill);
 }
 
-bool NodeStatus::setSubscribed(bool subscribed) {
+void NodeStatus::setSubscribed(bool subscribed) {
   std::lock_guard<std::mutex> lock(mutex_);
-  if (subscribed == subscribed_) return false;
+  if (subscribed == subscribed_) return;
   subscribed_ = subscribed;
   subscribed_at_ = Clock::now();
   if (!subscribed) current_ = {};
-  return true;
+}
+
+bool NodeStatus::subscribed() const {
+  std::lock_guard<std::mutex> lock(mutex_);
+  return subscribed_;
 }
 
 void NodeStatus::inputArrived(int input) {

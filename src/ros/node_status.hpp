@@ -64,8 +64,9 @@ class NodeStatus {
   void tick() { updater_.force_update(); }  // update() starves after a backward jump of ROS time
 
   /// Lazy subscription: silence counts only while subscribed. Ends errors and warnings when it becomes false.
-  /// Returns whether it has changed.
-  bool setSubscribed(bool subscribed);
+  /// Call it after subscribing, so that a node whose subscriptions failed tries again.
+  void setSubscribed(bool subscribed);
+  bool subscribed() const;
 
   void inputArrived(int input);
   /// The topic that the image_transport of an input subscribes to.
@@ -121,7 +122,7 @@ class NodeStatus {
   ros::Publisher processed_;
 
   std::string topics_;  // resolved, for people
-  std::mutex mutex_;    // guards all below, but the names of the inputs
+  mutable std::mutex mutex_;    // guards all below, but the names of the inputs
   std::vector<Input> inputs_;
   std::map<std::string, std::string> values_;
   std::map<Outcome, std::uint64_t> counts_;

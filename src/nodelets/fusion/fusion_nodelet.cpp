@@ -136,7 +136,9 @@ class Fusion {
   // Works only while somebody listens.
   void connect() {
     const bool wanted = outputs_.wanted();
-    if (status_.setSubscribed(wanted)) wanted ? subscribe() : unsubscribe();
+    if (wanted == status_.subscribed()) return;
+    wanted ? subscribe() : unsubscribe();
+    status_.setSubscribed(wanted);
   }
 
   template <typename Message>
