@@ -1,14 +1,11 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """fuse_stack, segment_depth and the programs of the package as they are called at the command line."""
-import atexit
 import json
 import os
 import re
 import shutil
-import subprocess
 import sys
-import tempfile
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -19,7 +16,7 @@ import numpy as np
 import all_in_focus
 from all_in_focus.files.output_folder import MARK
 from all_in_focus.files.rig import Camera, Optics, Rig, save_rig
-from file_helpers import call, environment, made_once, run, run_script
+from file_helpers import ToolServer, call, environment, fork_script, made_once, run
 
 # The space that the package is imported from: prefix/lib/python3/dist-packages/all_in_focus/__init__.py.
 PREFIX = Path(all_in_focus.__file__).absolute().parents[4]
@@ -44,21 +41,12 @@ def run_tool(name, *arguments, **options):
 def tool_server(name):
     library = PREFIX / "lib" / f"lib{name}_called.so"
     assert library.is_file(), f"{library} is missing: build the target tests"
-    server = subprocess.Popen([sys.executable, str(Path(__file__).with_name("tool_server.py")), str(library)], bufsize=1,
-                              universal_newlines=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-    atexit.register(server.wait)
-    atexit.register(server.terminate)  # first
-    return server
+    return ToolServer(library)
 
 
 def fork_tool(name, *arguments):
     """Like run_tool(), but in a fork of a process that has linked OpenCV already."""
-    command = [str(part) for part in (tool(name), *arguments)]
-    server = tool_server(name)
-    with tempfile.NamedTemporaryFile("r", errors="replace") as out, tempfile.NamedTemporaryFile("r", errors="replace") as err:
-        print(json.dumps({"command": command, "cwd": os.getcwd(), "environment": dict(os.environ),
-                          "output": [out.name, err.name]}), file=server.stdin)
-        return subprocess.CompletedProcess(command, int(server.stdout.readline()), out.read(), err.read())
+    return tool_server(name).run([tool(name), *arguments], dict(os.environ))
 
 
 def fuse_stack(*arguments):
@@ -247,7 +235,7 @@ def fuse(folder, *arguments):
 
 def evaluate_bag(folder, bag, *options):
     """Folder with what evaluate_bag makes of the only bracket of a bag."""
-    succeeded(run_script("evaluate_bag", "--bag", bag, "--output", folder, *options))
+    succeeded(fork_script("evaluate_bag", "--bag", bag, "--output", folder, *options))
     assert sorted(path.name for path in folder.iterdir()) == [MARK, "bracket_0000"]
     return folder / "bracket_0000"
 

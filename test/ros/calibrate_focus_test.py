@@ -8,7 +8,7 @@ from sensor_msgs.msg import Image
 
 from camera_testing import CameraTest
 from depth_testing import image_message, run_tests
-from file_helpers import SCRIPTS, run_script
+from file_helpers import SCRIPTS, fork_script, run_script
 from test_calibrate_focus import FOCUS, board, photograph
 
 CAMERA = SCRIPTS / "image_folder_camera"
@@ -23,7 +23,7 @@ class CalibrateFocusTest(CameraTest):
         cv2.imwrite(str(self.folder / "depth.png"), board())
 
     def table(self, name, *arguments):
-        done = run_script("calibrate_focus", *arguments, "--output", self.folder / name)
+        done = fork_script("calibrate_focus", *arguments, "--output", self.folder / name)
         self.assertEqual(done.returncode, 0, done.stderr)
         return (self.folder / name).read_text()
 

@@ -1,7 +1,6 @@
 # SPDX-FileCopyrightText: all_in_focus contributors
 # SPDX-License-Identifier: BSD-3-Clause
 """Shared by the tests of the camera nodes: starts nodes as processes, and listens to their three topics."""
-import sys
 import tempfile
 import unittest
 from pathlib import Path
@@ -13,6 +12,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from all_in_focus.msg import FocusFrame
 from all_in_focus.files.rig import Camera, Rig, save_rig
 from depth_testing import TIMEOUT, Listener, wait_until
+from file_helpers import Fork
 from process_testing import Talkative
 
 HERE = Path(__file__).resolve().parent
@@ -20,9 +20,11 @@ TOPICS = {"rgb/image": Image, "rgb/camera_info": CameraInfo, "rgb/focus": FocusF
 
 
 class NodeProcess(Talkative):
+    started = Fork
+
     def __init__(self, path, namespace, **parameters):
         arguments = [f"_{name}:={value}" for name, value in parameters.items()]
-        super().__init__([sys.executable, path, "__ns:=" + namespace, *arguments], ROSCONSOLE_FORMAT="${message}")
+        super().__init__([path, "__ns:=" + namespace, *arguments], ROSCONSOLE_FORMAT="${message}")
 
     def exit_code(self):
         return self.process.wait(timeout=TIMEOUT)

@@ -18,9 +18,11 @@ class Talkative:
 
     def __init__(self, command, **environment):
         self.lines = []
-        self.process = start(command, stderr=subprocess.STDOUT, env=dict(os.environ, PYTHONUNBUFFERED='1', **environment))
+        self.process = self.started(command, dict(os.environ, PYTHONUNBUFFERED='1', **environment))
         self._reader = threading.Thread(target=lambda: self.lines.extend(iter(self.process.stdout.readline, '')))
         self._reader.start()
+
+    started = staticmethod(lambda command, environment: start(command, stderr=subprocess.STDOUT, env=environment))
 
     def said(self, words, timeout=TIMEOUT):
         """The first line with these words, None if it does not come."""

@@ -16,7 +16,7 @@ from std_msgs.msg import Header, String
 from all_in_focus.msg import CaptureAction, CaptureActionGoal, CaptureActionResult, CaptureGoal, FocusFrame, FocusPlan
 from camera_testing import HERE, CameraTest
 from depth_testing import TIMEOUT, Listener, Talker, run_tests, wait_until
-from file_helpers import run_script
+from file_helpers import call
 from fusion_testing import array_of
 from robot_testing import FRAMES, LaunchTest, Scene, whole
 from tool_helpers import succeeded
@@ -174,7 +174,7 @@ class ReplayTest(LaunchTest):
 
     def test_a_bag(self):
         bag = self.folder / "scene.bag"
-        succeeded(run_script("make_bag", *self.scene.files, "--output", bag))
+        succeeded(call("make_bag", *self.scene.files, "--output", bag))
         self.launch("all_in_focus", "replay.launch", rviz="false", bag=bag, rig=self.scene.rig, capture="true")
         self.assert_captures()
 

@@ -10,7 +10,7 @@ import rosbag
 import rospy
 
 from depth_testing import run_tests
-from file_helpers import run_script
+from file_helpers import call
 from robot_testing import LaunchTest, Scene, whole
 from tool_helpers import succeeded
 
@@ -25,7 +25,7 @@ class ReplayTest(LaunchTest):
         cls.scene = Scene(Path(cls.shared.name) / 'scene')
         cls.expected = cls.scene.fused()
         cls.bag = Path(cls.shared.name) / 'scene.bag'
-        succeeded(run_script('make_bag', *cls.scene.files, '--output', cls.bag))
+        succeeded(call('make_bag', *cls.scene.files, '--output', cls.bag))
 
     def setUp(self):
         super().setUp()
@@ -61,7 +61,7 @@ class ReplayTest(LaunchTest):
         with rosbag.Bag(str(self.bag)) as bag, rosbag.Bag(str(other), 'w') as renamed:
             for topic, message, time in bag.read_messages():
                 renamed.write(topic.replace('/depth/', '/camera/depth/').replace('/rgb/', '/camera/color/'), message, time)
-        run_script('check_bag', other, '--save-topics', names)
+        call('check_bag', other, '--save-topics', names)
 
         def last_round(report):
             if not any(report is known for known in reports):
