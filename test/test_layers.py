@@ -5,6 +5,7 @@ import ast
 import os
 import re
 import xml.etree.ElementTree as ET
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -168,13 +169,13 @@ def is_text(node):
             or isinstance(node, ast.BinOp) and (is_text(node.left) or is_text(node.right)))
 
 
+@lru_cache(maxsize=None)
 def python_nodes():
     """(path:line, node) of the syntax trees of all Python sources."""
     python = [path for path in sources() if path.suffix in {'.py', '.cfg'} or b'python' in path.read_bytes()[:40]]
     assert len(python) > 150
-    for path in python:
-        for node in ast.walk(ast.parse(path.read_text())):
-            yield f'{path.relative_to(ROOT)}:{getattr(node, "lineno", 0)}', node
+    return [(f'{path.relative_to(ROOT)}:{getattr(node, "lineno", 0)}', node)
+            for path in python for node in ast.walk(ast.parse(path.read_text()))]
 
 
 def test_strings_are_formatted_as_f_strings():

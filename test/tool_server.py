@@ -13,6 +13,7 @@ import json
 import os
 import runpy
 import sys
+from pathlib import Path
 
 LIBRARY = ctypes.CDLL(sys.argv[1]) if sys.argv[1:] else None
 # Of the package nothing but messages, and not rospy: it reads the command line when it is imported.
@@ -26,7 +27,7 @@ def run(command, files):
         os.dup2(file, number)
     if LIBRARY:
         os._exit(LIBRARY.main(len(command), (ctypes.c_char_p * (len(command) + 1))(*map(os.fsencode, command), None)))
-    sys.argv, sys.path[0] = command, os.path.dirname(command[0])
+    sys.argv, sys.path[0] = command, str(Path(command[0]).parent)
     sys.stdout, sys.stderr = (open(number, "w", 1, errors=errors) for number, errors in ((1, "strict"), (2, "backslashreplace")))
     runpy.run_path(command[0], run_name="__main__")
 
