@@ -121,8 +121,8 @@ class NodeStatus {
   diagnostic_updater::Updater updater_;
   ros::Publisher processed_;
 
-  std::string topics_;  // resolved, for people
-  mutable std::mutex mutex_;    // guards all below, but the names of the inputs
+  std::string topics_;        // resolved, for people
+  mutable std::mutex mutex_;  // guards all below, but the names of the inputs
   std::vector<Input> inputs_;
   std::map<std::string, std::string> values_;
   std::map<Outcome, std::uint64_t> counts_;
