@@ -18,7 +18,6 @@
 #include "optics/disc_blur.hpp"
 #include "restoration/contours.hpp"
 #include "restoration/image_formation.hpp"
-#include "restoration/inversion.hpp"
 #include "restoration/observed_bracket.hpp"
 #include "restoration/restoration.hpp"
 #include "restoration/semi_global_matching.hpp"
@@ -563,28 +562,6 @@ TEST(ImageFormation, NearPixelsComeFirstAndSharesSumUpToOne) {
 }
 
 // The frames that show a pixel itself outvote those that show what lies beside it.
-TEST(Inversion, KeepsWhatItsOwnFramesShow) {
-  const CardBeforeWall card;
-  ObservedBracket bracket;
-  bracket.fused = card.truth;
-  bracket.light = linearLight(bracket.fused, *bracket.curve);
-  cv::Mat1f inverse_depth(kSize, 1.0f / kFarMm);
-  inverse_depth(kCard) = 1.0f / kNearMm;
-  for (auto focus_mm = kSweep.rbegin(); focus_mm != kSweep.rend(); ++focus_mm) {
-    const FrameBlur blur = frameBlur(card.scene.optics, kFocalLength / kPixels, 1 / *focus_mm);
-    bracket.frames.push_back(
-        {exposed(card.frame(*focus_mm), 1, *bracket.curve), cv::Mat1b(kSize, 255), blur});
-  }
-  std::vector<ImageFormation> formation;
-  for (const ObservedFrame& frame : bracket.frames)
-    formation.emplace_back(inverse_depth, frame.blur, bracket.gap(kJumpPx));
-  updateAll(formation);
-  const auto z = correction(bracket, formation, inverse_depth, [](double) { return true; });
-  ASSERT_TRUE(z);
-  EXPECT_LT(cv::norm(*z, cv::NORM_INF), 5);  // 3.7; 6.1 if all frames counted alike
-}
-
-// On a bare surface the frames do not tell where the contour runs.
 TEST(Contours, GoByMeasuredDepthWhereFramesDoNotTell) {
   constexpr int kSide = 40, kEdge = 20;
   const cv::Size size(kSide, kSide);

@@ -39,8 +39,6 @@ constexpr struct InversionParameters {
   float range_margin = 2;                  // gray levels, beyond what the frames differ by
   float gate_from = 0.1f, gate_to = 0.4f;  // share of the residual that is explained: none is kept, all
   double chance = 0.3;                     // of the variance of the noise; a smaller excess may be chance
-  double own_sigma = 1;                    // px; frames are compared by means over so much
-  float own_rise = 4;  // variances of the noise; where the error rises by so many, nothing is kept
 } kInversion{};
 
 constexpr int kFarthestPart = 4;  // px; parts farther away count as known
@@ -58,7 +56,6 @@ void forEachPixel(const cv::Size& size, const Work& work) {
 struct Row {
   int x, y;
   float weight;                // omega
-  float trust;                 // 1, less of a frame that is not exact
   cv::Vec3f residual;          // of the fused picture, gray levels
   cv::Vec3f slope;             // d code / d light
   std::uint32_t first, count;  // its parts
@@ -195,9 +192,9 @@ class Equations {
     Row row;
     row.x = p.x;
     row.y = p.y;
-    row.trust = frame.is_exact ? 1 : kInversion.inexact_share;
-    row.weight = static_cast<float>(row.trust / (bracket_.noise_variance + kInversion.model_variance +
-                                                 kInversion.model_error * radius * radius));
+    const float trust = frame.is_exact ? 1 : kInversion.inexact_share;
+    row.weight = static_cast<float>(trust / (bracket_.noise_variance + kInversion.model_variance +
+                                             kInversion.model_error * radius * radius));
     for (int c = 0; c < 3; ++c) {
       const float code = curve.code(light[c]);
       row.residual[c] = static_cast<float>(frame.codes(p)[c]) / kCodeScale - code;
@@ -390,22 +387,6 @@ cv::Mat1f gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f&
       cv::max(cv::min((share - kInversion.gate_from) / (kInversion.gate_to - kInversion.gate_from), 1), 0));
 }
 
-// The share of the correction to keep by the frames that show a pixel itself: their error must not rise. They
-// count by the squared share of the pixel's own disc. z: in light.
-cv::Mat1f gateOfOwnFrames(const Equations& equations, const cv::Mat4f& z) {
-  cv::Mat1f rise(equations.solved().size(), 0), weight(rise.size(), 0);
-  equations.forEach([&](const Row& row, const Part* parts) {
-    if (row.count == 0 || parts->dx != 0 || parts->dy != 0) return;  // of all parts the own one comes first
-    const float own = static_cast<float>(parts->share) / kWholeShare;
-    const cv::Vec3f left = row.residual - Equations::predicted(row, parts, z);
-    rise(row.y, row.x) += own * own * row.weight * mean(squared(left) - squared(row.residual));
-    weight(row.y, row.x) += own * own * row.trust;
-  });
-  cv::GaussianBlur(rise, rise, {}, kInversion.own_sigma);
-  cv::GaussianBlur(weight, weight, {}, kInversion.own_sigma);
-  return cv::Mat1f(cv::max(cv::min(1 - rise / cv::max(weight, 1e-6f) / kInversion.own_rise, 1), 0));
-}
-
 // region, 0..1: where to correct. Beside jumps, and where no frame is sharp. solved: see Equations.
 void findRegion(const ObservedBracket& bracket, const cv::Mat1f& inverse_depth, cv::Mat1f& region,
                 cv::Mat1b& solved) {
@@ -444,7 +425,7 @@ std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
   const cv::Mat4f& light = equations.toLight(*z);
   const cv::Mat1f left = excessOf(equations, light, bracket.noise_variance);
   const cv::Mat1f by_frames = gate(excess, left, weight, bracket.noise_variance);
-  const cv::Mat1f kept(region.mul(by_frames).mul(gateOfOwnFrames(equations, light)));
+  const cv::Mat1f kept(region.mul(by_frames));
   forEachPixel(kept.size(), [&](int y, int x) { (*z)(y, x) *= kept(y, x); });
   return z;
 }
