@@ -106,7 +106,7 @@ image_transport::Subscriber CallbackGuard::subscribeToDepth(int input, std::size
       status_.acknowledge(oldest->header, Outcome::kInvalid, e.what());
     }
   };
-  const auto receive = [this, input, waiting, most, turn](const sensor_msgs::ImageConstPtr& image) {
+  const auto receive = [this, waiting, most, turn](const sensor_msgs::ImageConstPtr& image) {
     std::lock_guard<std::mutex> lock(waiting->mutex);
     const std::size_t before = waiting->images.size();
     waiting->images.push_back(image);
