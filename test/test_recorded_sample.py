@@ -133,7 +133,8 @@ def test_three_planned_frames_show_all_that_the_sweep_does(tmp_path, fused):
 
 @needs_sweep
 def test_nodes_give_the_pixels_of_fuse_stack(tmp_path):
-    """Of every second frame: more than a byte counts, and than may wait. test_bag_equality.py: all modes."""
+    """Every second frame of the sweep: 270 are more than one byte can number, and more than may wait.
+    test_bag_equality.py tests all modes, with fewer frames."""
     half = [*INPUT[:4], "--stack", write_video(tmp_path / "half.avi", video_frames(0, 540)[::2])]
     succeeded(call("make_bag", *half, "--output", tmp_path / "sweep.bag"))
     report = check_equality(evaluate_bag(tmp_path / "bag", tmp_path / "sweep.bag"), fuse(tmp_path / "files", *half))

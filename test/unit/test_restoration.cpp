@@ -561,7 +561,7 @@ TEST(ImageFormation, NearPixelsComeFirstAndSharesSumUpToOne) {
   }
 }
 
-// The frames that show a pixel itself outvote those that show what lies beside it.
+// On a bare surface the frames do not tell where the contour runs.
 TEST(Contours, GoByMeasuredDepthWhereFramesDoNotTell) {
   constexpr int kSide = 40, kEdge = 20;
   const cv::Size size(kSide, kSide);

@@ -200,7 +200,8 @@ void PairAlignment::sampleRow(const cv::Mat& image, const Shears& shears, const 
   across_.prepare(shears.v0 + shears.v_y * at.y + shears.v_u * begin, shears.v_u, count, image.rows);
   row_.resize(count);
   for (int u = 0, end = 0; u < count; u = end) {
-    end = across_.first.back() == across_.first[u] ? count : u + 1;  // they rise or fall all along the row
+    // Rows rise, or fall, all along it: if the last one is the same, so are all between.
+    end = across_.first.back() == across_.first[u] ? count : u + 1;
     while (end < count && across_.first[end] == across_.first[u]) ++end;
     TapRows rows;
     for (int k = 0; k < 4; ++k) rows[k] = image.ptr<float>(across_.first[u] + k) + begin;

@@ -19,8 +19,8 @@ BrightnessPenalty brightnessPenalty(const cv::Mat& gray, double noise, bool resa
   BrightnessPenalty penalty{gray};
   const double median_share = resampled ? 1 : std::min(1.0, noise / kNoiseOfMedian);
   if (median_share > 0) {
-    // OpenCV takes as many columns at once as a vector has bytes and those left one by one, which takes twice
-    // as long as all others. Of two more than a multiple of 32 none are left.
+    // OpenCV takes as many columns at once as a vector has bytes, and one by one those that are left. These
+    // take twice as long as all others. A width of a multiple of 32 and two more leaves none.
     cv::Mat wide, median;
     cv::copyMakeBorder(gray, wide, 0, 0, 0, (34 - gray.cols % 32) % 32, cv::BORDER_REPLICATE);
     cv::medianBlur(wide, median, 3);

@@ -123,7 +123,7 @@ void DefocusPrediction::begin(const cv::Mat& depth, const cv::Mat& measured, con
 void DefocusPrediction::addTexture(const cv::Mat& sharpness, double noise) {
   // The largest of a cell and its neighbours, because blur brings their light here.
   cv::Mat texture;
-  cv::resize(sharpness, texture, inverse_depth_.size(), 0, 0, cv::INTER_LINEAR);  // a window has smoothed it
+  cv::resize(sharpness, texture, inverse_depth_.size(), 0, 0, cv::INTER_LINEAR);  // it is smooth already
   cv::dilate(texture, texture, cv::Mat());
   texture -= kNoiseMargin * noise;
   if (laplacian_.empty()) laplacian_ = cv::Mat1f::zeros(texture.size());

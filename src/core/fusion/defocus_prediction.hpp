@@ -66,7 +66,7 @@ class DefocusPrediction {
   double pixel_pitch_mm_ = 0;
   int cell_ = 1;              // side of a cell of the grid, px
   double edge_error_px_ = 0;  // on the grid
-  cv::Size window_;           // of that deviation
+  cv::Size window_;           // of a Gaussian of that deviation: three of them to each side
   std::size_t texture_level_ = 1;
 
   // On a grid as coarse as the edges of depth are uncertain.

@@ -91,7 +91,7 @@ bool FrameLight::differs(int index, int other, double usual) const {
 }
 
 double FrameLight::intrusion(int index, const std::function<bool(int)>& counts) const {
-  if (blocks_.rbegin()->first == index) return 0;  // nobody knows yet whether it stays
+  if (blocks_.rbegin()->first == index) return 0;  // of the newest frame nobody knows yet what stays
   const Neighbours near = neighbours(index, counts);
   if (near.differing <= near.alike) return 0;
   double part = 0;

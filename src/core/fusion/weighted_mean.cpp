@@ -78,7 +78,7 @@ void fade(const float* part, const float* before, int n, float* sum, float* shar
   constexpr int kPiece = 64;  // most are whole
   for (int begin = 0; begin < n; begin += kPiece) {
     const int end = std::min(begin + kPiece, n);
-    if (part[begin] == 1 && part[end - 1] == 1) continue;  // and so between: parts rise, then fall
+    if (part[begin] == 1 && part[end - 1] == 1) continue;  // so are all between, for parts rise, then fall
     for (int i = begin; i < end; ++i) {
       if (part[i] == 1) continue;
       if (before[i] > 0) share[i] *= part[i];

@@ -51,10 +51,11 @@ constexpr struct RestorationParameters {
   // Rise of the error, as a share of it, up to which all of a correction is kept, and at which nothing: depth
   // may be wrong.
   float worse = 0.4f, surely_worse = 1.2f;
-  // Does the depth explain the frame that the given picture shows? Unexplained contrast, as a share of the
+  // Does the depth explain the frame that the given picture shows? Error that it leaves, as a share of the
   // contrast there, up to which all of a correction is kept, and at which nothing.
   float unexplained = 0.05f, wrong = 0.2f;
-  double error_sigma = 2;       // px: both are means over that
+  double shown_sigma = 1;       // px: differences that tell which frame is shown are means over that
+  double error_sigma = 2;       // px: so are error and contrast
   double detail_sigma = 3;      // px; contrast is of finer detail
   double least_contrast = 100;  // gray levels squared
   double told_share = 0.9;      // of a correction; if less is kept, a note says so
@@ -232,8 +233,8 @@ std::vector<ImageFormation> formationOf(const ObservedBracket& bracket, const cv
 }
 
 // Squared error of all frames, gray levels, as the lens makes them of a sharp picture: by pixel, of every
-// second row and column where it is asked for; else 0. only: of this frame alone, by pixel; of all rows and
-// columns, and uncut.
+// second row and column where it is asked for; else 0. If `only` names a frame for each pixel, the error is
+// that of this frame, of all rows and columns, and large errors are not cut.
 cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
                            const cv::Mat3f& light, const cv::Mat1b& asked, const cv::Mat1b& only = {}) {
   const cv::Mat4f sharp = ImageFormation::withMargin(light);
@@ -263,13 +264,13 @@ cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<Ima
   return errors;
 }
 
-// 1 up to all, 0 from none on.
+// Falls from 1, where a value is at most `all`, to 0, where it is at least `none`.
 cv::Mat1f fallingFrom(float all, float none, const cv::Mat1f& value) {
   return cv::Mat1f(cv::max(cv::min((none - value) / (none - all), 1), 0));
 }
 
-// How much of a correction to keep: not where the frames show the given picture, blurred by the lens, better
-// than the corrected one by more than errors of the depth explain.
+// How much of a correction to keep. None is kept where the frames show the given picture, blurred by the
+// lens, better than the corrected one, and by more than errors of the depth explain.
 cv::Mat1f shareThatFramesShow(const cv::Mat1f& before, const cv::Mat1f& after) {
   cv::Mat1f rise(after - before), given;
   cv::GaussianBlur(before, given, {}, kRestoration.tile_sigma);
@@ -277,7 +278,7 @@ cv::Mat1f shareThatFramesShow(const cv::Mat1f& before, const cv::Mat1f& after) {
   return fallingFrom(kRestoration.worse, kRestoration.surely_worse, cv::Mat1f(rise / (given + 1e-4f)));
 }
 
-// Squared lengths, means over a few pixels.
+// The mean of the squared lengths of vectors about each pixel. sigma: px, of the Gaussian that weighs them.
 cv::Mat1f meanSquares(const cv::Mat3f& vectors, double sigma) {
   cv::Mat1f squares;
   cv::transform(vectors.mul(vectors), squares, cv::Matx13f(1, 1, 1));
@@ -285,8 +286,8 @@ cv::Mat1f meanSquares(const cv::Mat3f& vectors, double sigma) {
   return squares;
 }
 
-// The frame that a picture shows at each pixel: the one that differs least from it. None where the contours
-// of that frame may lie elsewhere.
+// The frame that a picture shows at each pixel: the one that differs least from it. kNoFrame where the
+// contours of that frame may lie elsewhere.
 constexpr std::uint8_t kNoFrame = 255;
 cv::Mat1b framesShownBy(const cv::Mat3f& picture, const ObservedBracket& bracket) {
   cv::Mat1b shown(picture.size(), kNoFrame);
@@ -296,7 +297,7 @@ cv::Mat1b framesShownBy(const cv::Mat3f& picture, const ObservedBracket& bracket
     cv::Mat3f codes;
     frame.codes.convertTo(codes, CV_32F, 1.0 / kCodeScale);
     codes -= picture;
-    const cv::Mat1f difference = meanSquares(codes, 1);
+    const cv::Mat1f difference = meanSquares(codes, kRestoration.shown_sigma);
     cv::Mat is_nearer = difference < least;
     is_nearer &= frame.shown;
     difference.copyTo(least, is_nearer);
@@ -305,10 +306,11 @@ cv::Mat1b framesShownBy(const cv::Mat3f& picture, const ObservedBracket& bracket
   return shown;
 }
 
-// How much of a correction to keep: not where the depth is wrong. A thin near thing may have been taken for
-// what lies behind it; then the equations remove it, and all frames seem to agree. But the frame that the
-// given picture shows there is known to be sharp, and such a depth foretells that it is blurred, whether the
-// picture is corrected or not. before, after: errors of that frame.
+// How much of a correction to keep. None is kept where the depth is wrong. It may have taken a thin near
+// thing for what lies behind it. Then the equations remove that thing, and all frames seem to agree. But the
+// frame that the given picture shows there is sharp, and such a depth foretells that it is blurred, whether
+// the picture is corrected or not. before, after: errors of that frame by the given and the corrected
+// picture.
 cv::Mat1f shareWhereDepthIsRight(const cv::Mat3f& given, const cv::Mat1f& before, const cv::Mat1f& after,
                                  double noise_variance) {
   cv::Mat1f unexplained(cv::max(cv::min(before, after) - 3 * noise_variance, 0));
@@ -321,7 +323,7 @@ cv::Mat1f shareWhereDepthIsRight(const cv::Mat3f& given, const cv::Mat1f& before
                      cv::Mat1f(unexplained / (contrast + kRestoration.least_contrast)));
 }
 
-// Applies a correction to a share by pixel. Returns the share of all of it that is kept.
+// Multiplies a correction by a share for each pixel. Returns which share of its squares is kept, 0..1.
 double keep(const cv::Mat1f& share, cv::Mat3f& correction) {
   double all = 0, kept = 0;
   for (int y = 0; y < share.rows; ++y) {
