@@ -174,6 +174,21 @@ TEST(Restoration, TakesTheBlurOffTheWallBesideTheCard) {
   EXPECT_NEAR(result.blur_scale, 1, kTolerableScale);  // 0.98
 }
 
+TEST(Restoration, BrightensWhatAMovedCameraHasMadeTooDark) {
+  CardBeforeWall card;
+  for (cv::Mat3f* light : {&card.wall, &card.front}) *light *= 0.1;
+  card.truth = card.frame(0);
+  cv::Mat fused = card.fused(), ring(kSize, CV_8UC1, cv::Scalar(0));
+  cv::rectangle(ring, kCard, 255);
+  cv::subtract(fused, cv::Scalar::all(10), fused, ring);
+  BracketRestoration restoration;
+  restoration.begin(card.scene);
+  card.addTo(restoration);
+  const double still = errorLeft(restoration.restore(fused)->image, fused, card.truth);
+  const double moved = errorLeft(restoration.restore(fused, {}, 2)->image, fused, card.truth);
+  EXPECT_LT(moved, 0.9 * still);  // 0.32, 0.42
+}
+
 TEST(Restoration, CodesMayBeInProportionToLight) {
   const CardBeforeWall card(kSize, kCard, LightCurve::linear());
   const RestorationResult result = restored(card, card.scene);

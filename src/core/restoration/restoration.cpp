@@ -196,6 +196,7 @@ double noiseVariance(const std::vector<cv::Mat>& frames) {
 
 // Blur raises dark values by much and lowers bright ones by little, and the fused picture prefers dark
 // frames. So what it shows as dark is rarely too dark. Neither holds where codes are in proportion to light.
+// Where the camera moved, dark pixels of other frames may lie where nothing is dark.
 void keepDark(const cv::Mat3b& fused, cv::Mat3f& correction) {
   inParallel(fused.rows, [&](int y) {
     for (int x = 0; x < fused.cols; ++x) {
@@ -633,7 +634,7 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
   const cv::Mat1f right = shareWhereDepthIsRight(given_codes, errors(given_light, source),
                                                  errors(bracket.light, source), bracket.noise_variance);
   result.kept = keep(cv::Mat1f(shown.mul(right)), sum);
-  if (!linear_) keepDark(given, sum);
+  if (!linear_ && !exact) keepDark(given, sum);
   keepLights(given, images(), sum);
   if (result.kept < kRestoration.told_share) {
     result.notes.push_back(cv::format(
