@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <utility>
@@ -36,7 +35,6 @@ constexpr struct InversionParameters {
   float inexact_share = 0.1f;  // weight of a frame whose contours may be off, where others have 1
   // The limits of the correction.
   double residual_sigma = 2;               // px: residuals are means over that
-  float range_margin = 2;                  // gray levels, beyond what the frames differ by
   float gate_from = 0.1f, gate_to = 0.4f;  // share of the residual that is explained: none is kept, all
   double chance = 0.3;                     // of the variance of the noise; a smaller excess may be chance
 } kInversion{};
@@ -355,29 +353,6 @@ std::optional<cv::Mat3f> solve(Equations& equations, const cv::Mat1f& prior,
   }
 }
 
-// |z| is at most what the frames that show a pixel differ by there; its colour stays.
-void limit(const ObservedBracket& bracket, cv::Mat3f& z) {
-  forEachPixel(z.size(), [&](int y, int x) {
-    cv::Vec3f& here = z(y, x);
-    if (here == cv::Vec3f()) return;
-    cv::Vec3s least = cv::Vec3s::all(std::numeric_limits<short>::max()), most;
-    for (const ObservedFrame& frame : bracket.frames) {
-      if (!frame.shown(y, x)) continue;
-      for (int c = 0; c < 3; ++c) {
-        least[c] = std::min(least[c], frame.codes(y, x)[c]);
-        most[c] = std::max(most[c], frame.codes(y, x)[c]);
-      }
-    }
-    float factor = 1;
-    for (int c = 0; c < 3; ++c) {
-      const float range = static_cast<float>(std::max(0, most[c] - least[c])) / kCodeScale;
-      const float allowed = range + kInversion.range_margin;
-      factor = std::min(factor, allowed / std::max(std::abs(here[c]), allowed));
-    }
-    here *= factor;
-  });
-}
-
 // How much of z is kept, 0..1: by the share of the residual in excess of noise that z explains.
 cv::Mat1f gate(const cv::Mat1f& before, const cv::Mat1f& after, const cv::Mat1f& weight,
                double noise_variance) {
@@ -421,7 +396,6 @@ std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
   std::optional<cv::Mat3f> z = solve(equations, priorOf(excess, weight, bracket.noise_variance),
                                      [&](double done) { return proceed(0.4 + 0.5 * done); });
   if (!z) return z;
-  limit(bracket, *z);
   const cv::Mat4f& light = equations.toLight(*z);
   const cv::Mat1f left = excessOf(equations, light, bracket.noise_variance);
   const cv::Mat1f by_frames = gate(excess, left, weight, bracket.noise_variance);

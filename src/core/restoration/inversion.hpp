@@ -16,8 +16,7 @@ namespace all_in_focus::core {
 /// image formation A_k:
 ///   sum omega_k (A_k (x + z) - I_k)^2 + z^2 / s^2 + 0.1 |grad z|^2 -> min,
 /// beside jumps of inverse depth and where no frame is sharp, over the frames that are nearly sharp there. It
-/// is limited to the range of what the frames show, removed where it explains nothing, and fades out
-/// elsewhere. CV_32FC3. Empty when proceed said stop.
+/// is removed where it explains nothing, and fades out elsewhere. CV_32FC3. Empty when proceed said stop.
 std::optional<cv::Mat3f> correction(const ObservedBracket& bracket,
                                     const std::vector<ImageFormation>& formation,
                                     const cv::Mat1f& inverse_depth,

@@ -43,14 +43,9 @@ constexpr struct RestorationParameters {
   int order_tile = 16;         // px; errors of different tiles count as independent
   double order = 2.5;          // standard deviations that tell near from far
   double turned = 0.93;  // share of the error that must be left, too, to turn focus distances that were given
+  float most_squared_error = 3 * 900;  // of a pixel; larger ones are cut, as it may show what no other does
   // Of contours, in each round: in the first one they lie at colour edges.
   std::array<float, 2> stiffness = {2, 1};
-  // Do the frames show the restored picture as well as the given one?
-  float most_squared_error = 3 * 900;  // of a pixel; larger ones are cut, as it may show what no other does
-  double tile_sigma = 5;               // px: errors are means over that
-  // Rise of the error, as a share of it, up to which all of a correction is kept, and at which nothing: depth
-  // may be wrong.
-  float worse = 0.4f, surely_worse = 1.2f;
   // Does the depth explain the frame that the given picture shows? Error that it leaves, as a share of the
   // contrast there, up to which all of a correction is kept, and at which nothing.
   float unexplained = 0.05f, wrong = 0.2f;
@@ -64,7 +59,7 @@ constexpr struct RestorationParameters {
   float never_brightened = 20, freely_brightened = 100;
 } kRestoration{};
 
-constexpr int kErrorGrid = 2;  // rows and columns between pixels whose prediction is compared
+constexpr std::uint8_t kNoneShown = 255;  // instead of a frame's place in the bracket
 
 cv::Mat downsampled(const cv::Mat& image, const cv::Size& size) {
   if (image.size() == size) return image.clone();
@@ -233,50 +228,50 @@ std::vector<ImageFormation> formationOf(const ObservedBracket& bracket, const cv
   return formation;
 }
 
-// Squared error of all frames, gray levels, as the lens makes them of a sharp picture: by pixel, of every
-// second row and column where it is asked for; else 0. If `only` names a frame for each pixel, the error is
-// that of this frame, of all rows and columns, and large errors are not cut.
-cv::Mat1f predictionErrors(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
-                           const cv::Mat3f& light, const cv::Mat1b& asked, const cv::Mat1b& only = {}) {
+// Squared error of a pixel of a frame, as the lens makes it of a sharp picture; gray levels.
+float squaredError(const ObservedFrame& frame, const ImageFormation& formation, const LightCurve& curve,
+                   const cv::Mat4f& sharp, const cv::Point& p) {
+  const cv::Vec3f predicted = formation.predict(p, formation.inverseDepth(p), sharp).light;
+  float squared = 0;
+  for (int c = 0; c < 3; ++c) {
+    const float difference = curve.code(predicted[c]) - static_cast<float>(frame.codes(p)[c]) / kCodeScale;
+    squared += difference * difference;
+  }
+  return squared;
+}
+
+// The sum over all frames, of every second row and column where it is asked for; else 0.
+cv::Mat1f errorsOfAll(const ObservedBracket& bracket, const std::vector<ImageFormation>& formation,
+                      const cv::Mat3f& light, const cv::Mat1b& asked) {
   const cv::Mat4f sharp = ImageFormation::withMargin(light);
-  const bool of_all = only.empty();
-  const int grid = of_all ? kErrorGrid : 1;
-  const float most = of_all ? kRestoration.most_squared_error : std::numeric_limits<float>::infinity();
   cv::Mat1f errors(asked.size(), 0.0f);
-  inParallel((asked.rows + grid - 1) / grid, [&](int row) {
-    const int y = grid * row;
-    for (int x = 0; x < asked.cols; x += grid) {
+  inParallel((asked.rows + 1) / 2, [&](int row) {
+    const int y = 2 * row;
+    for (int x = 0; x < asked.cols; x += 2) {
       if (!asked(y, x)) continue;
       for (std::size_t k = 0; k < formation.size(); ++k) {
-        const ObservedFrame& frame = bracket.frames[k];
-        if (!frame.shown(y, x) || (!of_all && only(y, x) != k)) continue;
-        const cv::Vec3f predicted =
-            formation[k].predict({x, y}, formation[k].inverseDepth({x, y}), sharp).light;
-        float squared = 0;
-        for (int c = 0; c < 3; ++c) {
-          const float difference =
-              bracket.curve->code(predicted[c]) - static_cast<float>(frame.codes(y, x)[c]) / kCodeScale;
-          squared += difference * difference;
-        }
-        errors(y, x) += std::min(squared, most);
+        if (!bracket.frames[k].shown(y, x)) continue;
+        const float squared = squaredError(bracket.frames[k], formation[k], *bracket.curve, sharp, {x, y});
+        errors(y, x) += std::min(squared, kRestoration.most_squared_error);
       }
     }
   });
   return errors;
 }
 
-// Falls from 1, where a value is at most `all`, to 0, where it is at least `none`.
-cv::Mat1f fallingFrom(float all, float none, const cv::Mat1f& value) {
-  return cv::Mat1f(cv::max(cv::min((none - value) / (none - all), 1), 0));
-}
-
-// How much of a correction to keep. None is kept where the frames show the given picture, blurred by the
-// lens, better than the corrected one, and by more than errors of the depth explain.
-cv::Mat1f shareThatFramesShow(const cv::Mat1f& before, const cv::Mat1f& after) {
-  cv::Mat1f rise(after - before), given;
-  cv::GaussianBlur(before, given, {}, kRestoration.tile_sigma);
-  cv::GaussianBlur(rise, rise, {}, kRestoration.tile_sigma);
-  return fallingFrom(kRestoration.worse, kRestoration.surely_worse, cv::Mat1f(rise / (given + 1e-4f)));
+// Of one frame for each pixel; 0 where that is kNoneShown.
+cv::Mat1f errorsOf(const cv::Mat1b& frames, const ObservedBracket& bracket,
+                   const std::vector<ImageFormation>& formation, const cv::Mat3f& light) {
+  const cv::Mat4f sharp = ImageFormation::withMargin(light);
+  cv::Mat1f errors(frames.size(), 0.0f);
+  inParallel(frames.rows, [&](int y) {
+    for (int x = 0; x < frames.cols; ++x) {
+      const std::uint8_t k = frames(y, x);
+      if (k != kNoneShown)
+        errors(y, x) = squaredError(bracket.frames[k], formation[k], *bracket.curve, sharp, {x, y});
+    }
+  });
+  return errors;
 }
 
 // The mean of the squared lengths of vectors about each pixel. sigma: px, of the Gaussian that weighs them.
@@ -287,11 +282,10 @@ cv::Mat1f meanSquares(const cv::Mat3f& vectors, double sigma) {
   return squares;
 }
 
-// The frame that a picture shows at each pixel: the one that differs least from it. kNoFrame where the
+// The frame that a picture shows at each pixel: the one that differs least from it. kNoneShown where the
 // contours of that frame may lie elsewhere.
-constexpr std::uint8_t kNoFrame = 255;
 cv::Mat1b framesShownBy(const cv::Mat3f& picture, const ObservedBracket& bracket) {
-  cv::Mat1b shown(picture.size(), kNoFrame);
+  cv::Mat1b shown(picture.size(), kNoneShown);
   cv::Mat1f least(picture.size(), std::numeric_limits<float>::max());
   for (std::size_t k = 0; k < bracket.frames.size(); ++k) {
     const ObservedFrame& frame = bracket.frames[k];
@@ -302,7 +296,7 @@ cv::Mat1b framesShownBy(const cv::Mat3f& picture, const ObservedBracket& bracket
     cv::Mat is_nearer = difference < least;
     is_nearer &= frame.shown;
     difference.copyTo(least, is_nearer);
-    shown.setTo(frame.is_exact ? static_cast<int>(k) : kNoFrame, is_nearer);
+    shown.setTo(frame.is_exact ? static_cast<int>(k) : kNoneShown, is_nearer);
   }
   return shown;
 }
@@ -320,8 +314,9 @@ cv::Mat1f shareWhereDepthIsRight(const cv::Mat3f& given, const cv::Mat1f& before
   cv::GaussianBlur(given, detail, {}, kRestoration.detail_sigma);
   cv::subtract(given, detail, detail);
   const cv::Mat1f contrast = meanSquares(detail, kRestoration.error_sigma);
-  return fallingFrom(kRestoration.unexplained, kRestoration.wrong,
-                     cv::Mat1f(unexplained / (contrast + kRestoration.least_contrast)));
+  const cv::Mat1f measure(unexplained / (contrast + kRestoration.least_contrast));
+  return cv::Mat1f(cv::max(
+      cv::min((kRestoration.wrong - measure) / (kRestoration.wrong - kRestoration.unexplained), 1), 0));
 }
 
 // Multiplies a correction by a share for each pixel. Returns which share of its squares is kept, 0..1.
@@ -391,7 +386,7 @@ std::optional<OrderedBracket> orderByOcclusion(const ObservedBracket& given,
     const auto half = [&](double done) { return proceed(0.5 * (static_cast<double>(i) + done)); };
     if (!moveContours(bracket, formation, inverse_depth, kRestoration.stiffness[0], half))
       return std::nullopt;
-    errors[i] = predictionErrors(bracket, formation, bracket.light, beside);
+    errors[i] = errorsOfAll(bracket, formation, bracket.light, beside);
   }
   const double turned_is_worse = deviationsOfRise(errors[0], errors[1]);
   bool turned = turned_is_worse < kRestoration.order;
@@ -621,19 +616,16 @@ std::optional<RestorationResult> BracketRestoration::restore(const cv::Mat& fuse
     from += 0.3;
   }
 
-  // 5. Do the frames show the restored picture as well as the given one, and is the depth right?
-  cv::Mat unchanged;
-  cv::inRange(sum, cv::Scalar(), cv::Scalar(), unchanged);
-  const auto errors = [&](const cv::Mat3f& light, const cv::Mat1b& only) {
-    return predictionErrors(bracket, formation, light, cv::Mat1b(~unchanged), only);
-  };
+  // 5. Does the depth explain what the given picture shows?
   cv::Mat3f given_codes;
   given.convertTo(given_codes, CV_32F);
-  const cv::Mat1b source = framesShownBy(given_codes, bracket);
-  const cv::Mat1f shown = shareThatFramesShow(errors(given_light, {}), errors(bracket.light, {}));
-  const cv::Mat1f right = shareWhereDepthIsRight(given_codes, errors(given_light, source),
-                                                 errors(bracket.light, source), bracket.noise_variance);
-  result.kept = keep(cv::Mat1f(shown.mul(right)), sum);
+  cv::Mat1b source = framesShownBy(given_codes, bracket);
+  cv::Mat unchanged;
+  cv::inRange(sum, cv::Scalar(), cv::Scalar(), unchanged);
+  source.setTo(kNoneShown, unchanged);
+  const cv::Mat1f before = errorsOf(source, bracket, formation, given_light);
+  const cv::Mat1f after = errorsOf(source, bracket, formation, bracket.light);
+  result.kept = keep(shareWhereDepthIsRight(given_codes, before, after, bracket.noise_variance), sum);
   if (!linear_ && !exact) keepDark(given, sum);
   keepLights(given, images(), sum);
   if (result.kept < kRestoration.told_share) {
