@@ -59,7 +59,7 @@ cv::Mat naiveProduct(const cv::Mat& gray, const SharpnessPyramid::Gauge& gauge) 
     const double floor = std::pow(0.6, l) * (1.7 + 12 * gauge.noise.deviation());
     const double factor = l == 0 && gauge.resampled ? 0.85 : 1;
     cv::Mat sharpness =
-        factor * (l == 0 ? smoothedLaplacian(levels[l], 0.85, 5) : smoothedLaplacian(levels[l], 1.4, 9));
+        factor * (l == 0 ? smoothedLaplacian(levels[l], 0.85, 5) : smoothedLaplacian(levels[l], 1.45, 7));
     cv::sqrt(sharpness.mul(sharpness) + floor * floor, sharpness);
     product = product.empty() ? sharpness : sharpness.mul(enlarged(product, levels[l].size()));
     if (l == 0) break;

@@ -23,7 +23,7 @@ struct Window {
 
 constexpr struct SharpnessParameters {
   Window finest_window = {0.85, 2};  // keeps to its side of an edge
-  Window coarser_window = {1.4, 4};
+  Window coarser_window = {1.45, 3};
   int smallest_side = 12;  // px of the coarsest level
   // The product of this level and all coarser ones counts by its power 3/4: their windows look across thin
   // things. (The power 1/2: gardens +0.1 to 0.3 dB without depth, slope_jitter enlarged five times -1.0.)
