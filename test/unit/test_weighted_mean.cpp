@@ -18,7 +18,7 @@ namespace {
 const cv::Size kSize(40, 30);
 const cv::Rect kWhole({}, kSize);
 
-std::vector<float> asTheyAre() {
+std::vector<std::uint16_t> asTheyAre() {
   return {};
 }
 
@@ -45,8 +45,8 @@ Evidence sharpness(float value) {
   return {everywhere(value), {}};
 }
 
-void add(WeightedMean& mean, const cv::Mat& frame, const std::vector<float>& codes, const Evidence& evidence,
-         const cv::Rect& inside, int index) {
+void add(WeightedMean& mean, const cv::Mat& frame, const std::vector<std::uint16_t>& codes,
+         const Evidence& evidence, const cv::Rect& inside, int index) {
   const auto row = [](const cv::Mat& image, int y) { return image.empty() ? nullptr : image.ptr<float>(y); };
   mean.beginFrame(index, codes);
   cv::parallel_for_({inside.y, inside.br().y}, [&](const cv::Range& rows) {
@@ -219,7 +219,7 @@ TEST(WeightedMean, ConfidenceIsTheSameForHardAndSoft) {
 }
 
 TEST(WeightedMean, CodesAreTheValuesThatCount) {
-  std::vector<float> brighter(256, 0);
+  std::vector<std::uint16_t> brighter(256, 0);
   brighter[100] = 257 * 150;
   brighter[200] = 257 * 255;
   WeightedMean mean;

@@ -76,19 +76,19 @@ double codeWithGain(double code, double gain) {
   return gain == 1 ? code : std::min(255.0, codeOf(gain * lightOf(code)));  // exactly itself
 }
 
-std::vector<float> gainLut(double gain, int depth) {
+std::vector<std::uint16_t> gainLut(double gain, int depth) {
   if (gain == 1) return {};
   const double code_step = depth == CV_16U ? 1 / kDeepPerCode : 1;
-  std::vector<float> table(depth == CV_16U ? 65536 : 256);
+  std::vector<std::uint16_t> table(depth == CV_16U ? 65536 : 256);
   for (std::size_t code = 0; code < table.size(); ++code)
-    table[code] =
-        static_cast<float>(kDeepPerCode * codeWithGain(code_step * static_cast<double>(code), gain));
+    table[code] = cv::saturate_cast<std::uint16_t>(kDeepPerCode *
+                                                   codeWithGain(code_step * static_cast<double>(code), gain));
   return table;
 }
 
 cv::Mat withGain(const AlignedFrame& frame) {
   cv::Mat image = frame.image.clone();
-  const std::vector<float> lut = gainLut(frame.gain, image.depth());
+  const std::vector<std::uint16_t> lut = gainLut(frame.gain, image.depth());
   if (lut.empty()) return image;
   if (image.depth() == CV_8U) {
     cv::Mat codes;
@@ -96,7 +96,7 @@ cv::Mat withGain(const AlignedFrame& frame) {
     cv::LUT(image, codes, image);
   } else {
     image.forEach<cv::Vec3w>([&lut](cv::Vec3w& pixel, const int*) {
-      for (std::uint16_t& code : pixel.val) code = cv::saturate_cast<std::uint16_t>(lut[code]);
+      for (std::uint16_t& code : pixel.val) code = lut[code];
     });
   }
   return image;

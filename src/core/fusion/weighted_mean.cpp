@@ -87,42 +87,47 @@ void fade(const float* part, const float* before, int n, float* sum, float* shar
   }
 }
 
-ALL_IN_FOCUS_SIMD void threeTimes(const float* values, int n, float* __restrict out) {
-  for (int i = 0; i < n; ++i) out[3 * i] = out[3 * i + 1] = out[3 * i + 2] = values[i];
+constexpr std::uint16_t kAll = 65535;  // a share of 1
+
+ALL_IN_FOCUS_SIMD void threeTimes(const float* shares, int n, std::uint16_t* __restrict out) {
+  for (int i = 0; i < n; ++i)
+    out[3 * i] = out[3 * i + 1] = out[3 * i + 2] =
+        static_cast<std::uint16_t>(static_cast<int>(kAll * shares[i] + 0.5f));
 }
 
-// Moves the mean towards the values by their shares. unit: of a value, in codes of 16 bits.
-template <typename Value>
-inline void move(const Value* values, float unit, const float* shares, int n,
+inline std::uint16_t product(std::uint16_t code, std::uint16_t share) {
+  return static_cast<std::uint16_t>((std::uint32_t{code} * share) >> 16);
+}
+
+// Moves the mean towards the codes by their shares. unit: of a code, in codes of 16 bits. Both products lose
+// half a unit on average, so the mean neither grows nor falls by it.
+template <typename Code>
+inline void move(const Code* codes, std::uint16_t unit, const std::uint16_t* shares, int n,
                  std::uint16_t* __restrict mean) {
   for (int i = 0; i < n; ++i) {
-    const auto now = static_cast<float>(mean[i]);
-    const float next = now + shares[i] * (unit * static_cast<float>(values[i]) - now);
-    mean[i] = static_cast<std::uint16_t>(static_cast<int>(next + 0.5f));
+    const std::uint16_t share = shares[i], now = mean[i];
+    const auto code = static_cast<std::uint16_t>(unit * codes[i]);
+    const auto moved = static_cast<std::uint16_t>(now - product(now, share) + product(code, share));
+    mean[i] = share == kAll ? code : moved;
   }
 }
 
-ALL_IN_FOCUS_SIMD void moveTowards(const std::uint8_t* codes, const float* shares, int n,
+ALL_IN_FOCUS_SIMD void moveTowards(const std::uint8_t* codes, const std::uint16_t* shares, int n,
                                    std::uint16_t* __restrict mean) {
-  move(codes, static_cast<float>(kDeepPerCode), shares, n, mean);
+  move(codes, static_cast<std::uint16_t>(kDeepPerCode), shares, n, mean);
 }
 
-ALL_IN_FOCUS_SIMD void moveTowards(const std::uint16_t* codes, const float* shares, int n,
+ALL_IN_FOCUS_SIMD void moveTowards(const std::uint16_t* codes, const std::uint16_t* shares, int n,
                                    std::uint16_t* __restrict mean) {
   move(codes, 1, shares, n, mean);
 }
 
-ALL_IN_FOCUS_SIMD void moveTowards(const float* values, const float* shares, int n,
-                                   std::uint16_t* __restrict mean) {
-  move(values, 1, shares, n, mean);
-}
-
 // lut: see WeightedMean::beginFrame().
 template <typename Code>
-void moveTowards(const Code* codes, const std::vector<float>& lut, const float* shares, int n,
+void moveTowards(const Code* codes, const std::vector<std::uint16_t>& lut, const std::uint16_t* shares, int n,
                  std::uint16_t* mean) {
   if (lut.empty()) return moveTowards(codes, shares, n, mean);
-  std::array<float, 3 * kSpan> values;
+  std::array<std::uint16_t, 3 * kSpan> values;
   for (int i = 0; i < n; ++i) values[i] = lut[codes[i]];
   moveTowards(values.data(), shares, n, mean);
 }
@@ -167,7 +172,7 @@ void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
   source_index_.setTo(kNoFrame);
 }
 
-void WeightedMean::beginFrame(int index, std::vector<float> lut) {
+void WeightedMean::beginFrame(int index, std::vector<std::uint16_t> lut) {
   ++frames_;
   index_ = static_cast<std::uint16_t>(index);
   lut_ = std::move(lut);
@@ -189,7 +194,7 @@ void WeightedMean::addRow(int y, const cv::Range& columns, const cv::Mat& frame,
       keepHeavier(keep.data(), weight.data(), index_, n, most_.ptr<float>(y) + x, source);
       for (int i = 0; i < n && !soft_; ++i) share[i] = source[i] == index_ ? 1 : 0;
     }
-    std::array<float, 3 * kSpan> shares;
+    std::array<std::uint16_t, 3 * kSpan> shares;
     threeTimes(share.data(), n, shares.data());
     auto* mean = mean_.ptr<std::uint16_t>(y) + 3 * x;
     if (frame.depth() == CV_16U) {

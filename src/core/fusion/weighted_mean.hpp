@@ -51,7 +51,7 @@ class WeightedMean {
 
   /// The rows that follow are of this frame. lut: the code of 16 bits that each of its codes stands for
   /// (gainLut()); empty: as it is.
-  void beginFrame(int index, std::vector<float> lut);
+  void beginFrame(int index, std::vector<std::uint16_t> lut);
 
   /// Adds row y of the frame, CV_8UC3 or CV_16UC3. columns: those that it has seen. Other threads may add
   /// other rows at the same time.
@@ -66,12 +66,12 @@ class WeightedMean {
   int frames_ = 0;
   float steep_ = 0;  // 0: power 8; 1: power 12; less than 0: flatter where frames are about as sharp
   float error_floor_ = 1;
-  std::uint16_t index_ = 0;  // of the frame being added
-  std::vector<float> lut_;   // of that frame
-  cv::Mat mean_;             // CV_16UC3, codes of 16 bits (hard: of the heaviest frame)
-  cv::Mat sharpest_;         // CV_32FC1: greatest sharpness; a weight of 1 is its 8th power
-  cv::Mat weights_;          // CV_32FC1: sums
-  cv::Mat most_;             // CV_32FC1: greatest weight; unused without choice_, as source_index_
+  std::uint16_t index_ = 0;         // of the frame being added
+  std::vector<std::uint16_t> lut_;  // of that frame
+  cv::Mat mean_;                    // CV_16UC3, codes of 16 bits (hard: of the heaviest frame)
+  cv::Mat sharpest_;                // CV_32FC1: greatest sharpness; a weight of 1 is its 8th power
+  cv::Mat weights_;                 // CV_32FC1: sums
+  cv::Mat most_;                    // CV_32FC1: greatest weight; unused without choice_, as source_index_
   cv::Mat source_index_;
 };
 
