@@ -3,17 +3,22 @@
 // The darker of two frames counts more, whatever noise does.
 #include <gtest/gtest.h>
 
-#include <cstdint>
-
 #include "fusion/brightness_penalty.hpp"
+#include "fusion/sharpness_pyramid.hpp"
 
 namespace all_in_focus::core {
 namespace {
 
 // In the middle of a picture of 5 x 5 px.
 float penaltyOf(const cv::Mat& gray, double noise = 0, bool resampled = false) {
-  const BrightnessPenalty penalty = brightnessPenalty(gray, noise, resampled);
-  return penalty.of_level[penalty.level.at<std::uint8_t>(2, 2)];
+  SharpnessPyramid pyramid;
+  const auto sharpness = [&](const cv::Mat& brightness) {
+    SharpnessPyramid::Gauge gauge;
+    gauge.brightness = brightness;
+    pyramid.begin(cv::Mat::zeros(5, 5, CV_8UC1), gauge);
+    return pyramid.compute({0, 5})(2, 2);
+  };
+  return sharpness(brightnessOf(gray, noise, resampled)) / sharpness({});
 }
 
 cv::Mat flat(int level) {

@@ -53,11 +53,6 @@ ALL_IN_FOCUS_SIMD void blend(const float* a, const float* b, float part, int n, 
   for (int i = 0; i < n; ++i) out[i] = (1 - part) * a[i] + part * b[i];
 }
 
-ALL_IN_FOCUS_SIMD void weigh(const std::uint8_t* level, const float* of_level, int n,
-                             float* __restrict sharpness) {
-  for (int i = 0; i < n; ++i) sharpness[i] *= of_level[level[i]];
-}
-
 }  // namespace
 
 void BracketFusion::begin(const BracketScene& scene, const cv::Size& size, Mode mode,
@@ -324,15 +319,9 @@ void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
   gauge.trust = !predicts_ || std::isnan(frame.focus_mm);
   if (predicts_ && focus_known_) gauge.predicted = prediction_.known();
   gauge.lights = lights_;
+  if (config_.brightness && !linear_)
+    gauge.brightness = brightnessOf(gray, noise_.deviation(), resampled_, codeWithGain(255, frame.gain));
   sharpness_.begin(gray, gauge);
-  const bool prefers_dark = config_.brightness && !linear_;
-  BrightnessPenalty penalty;
-  if (prefers_dark) {
-    penalty = brightnessPenalty(gray, noise_.deviation(), resampled_);
-    // What a brighter frame clips may be as bright as white.
-    const auto clipped = static_cast<std::size_t>(codeWithGain(255, frame.gain));
-    std::fill(penalty.of_level.begin() + clipped, penalty.of_level.end(), penalty.of_level.back());
-  }
   if (predicts_) {
     if (const cv::Mat texture = sharpness_.texture(); !texture.empty())
       prediction_.addTexture(texture, noise_.sharpness(prediction_.textureLevel()));
@@ -349,7 +338,6 @@ void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
     std::vector<float> parts(fade_x.size()), error(fade_x.size());
     for (int y = block.start; y < block.end; ++y) {
       float* row = sharpness[y - block.start];
-      if (prefers_dark) weigh(penalty.level.ptr(y), penalty.of_level.data(), size_.width, row);
       for (int x = 0; !frame.opaque.empty() && x < size_.width; ++x)
         row[x] *= frame.opaque.at<std::uint8_t>(y, x) != 0 ? 1 : kNothing;
       EvidenceRow evidence{row};

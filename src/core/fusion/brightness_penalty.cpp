@@ -10,13 +10,12 @@
 namespace all_in_focus::core {
 namespace {
 
-constexpr double kDark = 20;          // gray levels; below, differences in brightness count little
 constexpr double kNoiseOfMedian = 2;  // gray levels of noise, from which on the median counts alone
 
 }  // namespace
 
-BrightnessPenalty brightnessPenalty(const cv::Mat& gray, double noise, bool resampled) {
-  BrightnessPenalty penalty{gray};
+cv::Mat brightnessOf(const cv::Mat& gray, double noise, bool resampled, double clipped) {
+  cv::Mat level = gray;
   const double median_share = resampled ? 1 : std::min(1.0, noise / kNoiseOfMedian);
   if (median_share > 0) {
     // OpenCV takes as many columns at once as a vector has bytes, and one by one those that are left. These
@@ -24,14 +23,11 @@ BrightnessPenalty brightnessPenalty(const cv::Mat& gray, double noise, bool resa
     cv::Mat wide, median;
     cv::copyMakeBorder(gray, wide, 0, 0, 0, (34 - gray.cols % 32) % 32, cv::BORDER_REPLICATE);
     cv::medianBlur(wide, median, 3);
-    median = median.colRange(0, gray.cols);
-    if (median_share < 1) cv::addWeighted(gray, 1 - median_share, median, median_share, 0, median);
-    penalty.level = median;
+    level = median.colRange(0, gray.cols);
+    if (median_share < 1) cv::addWeighted(gray, 1 - median_share, level, median_share, 0, level);
   }
-  for (int level = 0; level < 256; ++level) {
-    penalty.of_level[level] = static_cast<float>(std::pow(kDark / (kDark + level), 1.5));
-  }
-  return penalty;
+  if (clipped < 255) level = level | (level >= std::floor(clipped));
+  return level;
 }
 
 }  // namespace all_in_focus::core

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
 #include <opencv2/core.hpp>
 
 namespace all_in_focus::core {
@@ -12,17 +11,14 @@ namespace all_in_focus::core {
 /// dark one by much, while the dark one lowers those of the bright one by little. So the darker value is the
 /// safer one.
 ///
-/// The sharpness of a frame is multiplied by (20 / (20 + v))^1.5, v its gray level in the exposure of the
-/// reference. Noise, and the ringing of resampling, would favour frames that are dark by chance, so there v
-/// is a mean of the pixel and of the median of its 3 x 3 neighbours: the median counts by its share min(1,
-/// deviation of the noise / 2), and alone where frames of the bracket are resampled.
-struct BrightnessPenalty {
-  cv::Mat level;                         ///< CV_8UC1, of each pixel
-  std::array<float, 256> of_level = {};  ///< factor on its sharpness
-};
-
-/// gray: CV_8UC1, in the exposure of the reference; noise: standard deviation, gray levels; resampled: frames
-/// of the bracket are.
-BrightnessPenalty brightnessPenalty(const cv::Mat& gray, double noise, bool resampled);
+/// The sharpness of a frame is multiplied by (20 / (20 + v))^1.5 (SharpnessPyramid), v its gray level in the
+/// exposure of the reference. Noise, and the ringing of resampling, would favour frames that are dark by
+/// chance, so there v is a mean of the pixel and of the median of its 3 x 3 neighbours: the median counts by
+/// its share min(1, deviation of the noise / 2), and alone where frames of the bracket are resampled. What is
+/// clipped may be as bright as white.
+///
+/// Returns v, CV_8UC1. gray: CV_8UC1, in the exposure of the reference; noise: standard deviation, gray
+/// levels; resampled: frames of the bracket are; clipped: the level that the frame shows of white.
+cv::Mat brightnessOf(const cv::Mat& gray, double noise, bool resampled, double clipped = 255);
 
 }  // namespace all_in_focus::core

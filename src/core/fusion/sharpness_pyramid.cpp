@@ -46,6 +46,7 @@ constexpr struct SharpnessParameters {
   // plain with three frames that are sharp nowhere, without depth, -2.8 dB; no scene of the suites changes.)
   double sharp = 4, least_trust = 0.075;
   double texture_width = 640;  // of a picture whose textureLevel() is 1
+  float dark = 20;             // gray levels; below, differences in brightness count little
 } kSharpness{};
 
 float floorOf(const NoiseSpectrum& noise, size_t level) {
@@ -101,6 +102,15 @@ ALL_IN_FOCUS_SIMD void raise(float factor, float squared_floor, size_t n, float*
   for (size_t i = 0; i < n; ++i) s[i] = std::sqrt(factor * s[i] * (factor * s[i]) + squared_floor);
 }
 
+// The same, less where it is bright.
+ALL_IN_FOCUS_SIMD void raise(float factor, float squared_floor, const std::uint8_t* brightness, int n,
+                             float* __restrict s) {
+  for (int i = 0; i < n; ++i) {
+    const float q = 1 + brightness[i] / kSharpness.dark;
+    s[i] = std::sqrt((factor * s[i] * (factor * s[i]) + squared_floor) / (q * q * q));
+  }
+}
+
 // Two pixels of the coarser product make four: 0, 0 | 1, 1, 1 | 2, ...
 ALL_IN_FOCUS_SIMD void multiply(const float* coarser, int pairs, float* __restrict s) {
   for (int i = 0; i < pairs; ++i) {
@@ -111,8 +121,12 @@ ALL_IN_FOCUS_SIMD void multiply(const float* coarser, int pairs, float* __restri
 
 // Some rows of a level: their smoothed Laplacian `s` becomes the product. coarser: the product of the next
 // level, whose pixel i lies on pixel 2 i of this one; it is interpolated linearly. Empty: there is none.
-void toProduct(const cv::Mat1f& coarser, const cv::Range& rows, float factor, float floor, cv::Mat1f& s) {
-  raise(factor, floor * floor, s.total(), s[0]);
+// brightness: of the level; empty: does not count.
+void toProduct(const cv::Mat1f& coarser, const cv::Range& rows, float factor, float floor,
+               const cv::Mat& brightness, cv::Mat1f& s) {
+  if (brightness.empty()) raise(factor, floor * floor, s.total(), s[0]);
+  for (int y = rows.start; !brightness.empty() && y < rows.end; ++y)
+    raise(factor, floor * floor, brightness.ptr(y), s.cols, s[y - rows.start]);
   if (coarser.empty()) return;
   std::vector<float> row(static_cast<size_t>(coarser.cols) + 1);
   for (int y = rows.start; y < rows.end; ++y) {
@@ -184,7 +198,7 @@ void SharpnessPyramid::addLevel(const cv::Mat1f& image, size_t level, bool is_te
     if (is_texture) sharpness.copyTo(texture_.rowRange(rows));
     if (!lights.empty())
       cv::Mat(cv::min(sharpness, kSharpness.most_near_lights)).copyTo(sharpness, lights.rowRange(rows));
-    toProduct(product_, rows, 1, floorOf(gauge_.noise, level), sharpness);
+    toProduct(product_, rows, 1, floorOf(gauge_.noise, level), {}, sharpness);
   });
   product_ = product;
 }
@@ -193,7 +207,7 @@ cv::Mat1f SharpnessPyramid::compute(const cv::Range& rows) const {
   cv::Mat1f sharpness;
   smoothedLaplacian(gray_, rows, kSharpness.finest_window, sharpness);
   const float factor = gauge_.resampled ? kSharpness.resampled : 1;
-  toProduct(product_, rows, trust_ * factor, trust_ * floorOf(gauge_.noise, 0), sharpness);
+  toProduct(product_, rows, trust_ * factor, trust_ * floorOf(gauge_.noise, 0), gauge_.brightness, sharpness);
   return sharpness;
 }
 

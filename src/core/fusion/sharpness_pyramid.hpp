@@ -24,6 +24,8 @@ namespace all_in_focus::core {
 /// s_0 of a `resampled` frame is multiplied by 0.85: resampling takes away the finest detail, and its errors
 /// look like detail.
 ///
+/// Where `brightness` is known, t_0 is multiplied by (20 / (20 + v))^1.5, v the brightness of the pixel.
+///
 /// Near `lights` s_l would grow with the blur. There it is at most 3 gray levels, at levels from 1 on that
 /// are no more than 1.5 times as wide as the map of the lights.
 ///
@@ -42,6 +44,7 @@ class SharpnessPyramid {
     bool trust = false;      ///< count a frame that is sharp nowhere as hardly sharp everywhere
     cv::Mat predicted{};     ///< CV_8UC1, any size; not 0: depth predicts the blur there; empty: nowhere
     bool resampled = false;  ///< the frame was brought into the geometry of another
+    cv::Mat brightness{};    ///< CV_8UC1, see brightnessOf(); empty: does not count
     cv::Mat lights{};        ///< CV_8UC1, see clippedLights(), the same for all frames; empty: none
   };
 
