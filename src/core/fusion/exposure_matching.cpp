@@ -4,6 +4,7 @@
 #include "fusion/exposure_matching.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <opencv2/imgproc.hpp>
@@ -30,10 +31,11 @@ constexpr struct ExposureParameters {
 } kExposure{};
 
 // Of the codes; clipped ones have so much that their block counts as too bright.
-const cv::Mat& lights() {
-  static const cv::Mat lights = [] {
-    cv::Mat1f of_code(1, 256, 1e6f);
-    for (int code = 0; code < kExposure.clipped; ++code) of_code(code) = LightCurve::srgb().light(code);
+const std::array<float, 256>& lights() {
+  static const auto lights = [] {
+    std::array<float, 256> of_code;
+    of_code.fill(1e6f);
+    for (int code = 0; code < kExposure.clipped; ++code) of_code[code] = LightCurve::srgb().light(code);
     return of_code;
   }();
   return lights;
@@ -45,12 +47,27 @@ ExposureMatching::Blocks ExposureMatching::blocksOf(const cv::Mat& gray) {
   Blocks blocks;
   const cv::Size grid = gray.size() / std::max(gray.cols / kExposure.columns, kExposure.samples);
   if (grid.empty()) return blocks;
-  cv::Mat samples, light, squares;
-  cv::resize(gray, samples, grid * kExposure.samples, 0, 0, cv::INTER_NEAREST);
-  cv::LUT(samples, lights(), light);
-  cv::resize(light.mul(light), squares, grid, 0, 0, cv::INTER_AREA);
-  cv::resize(light, blocks.light, grid, 0, 0, cv::INTER_AREA);
-  const cv::Mat1f contrast(squares / blocks.light.mul(blocks.light) - 1);
+  constexpr int n = kExposure.samples;
+  const std::array<float, 256>& light_of = lights();
+  std::vector<int> columns(static_cast<std::size_t>(n) * grid.width);
+  for (int i = 0; i < n * grid.width; ++i) columns[i] = i * gray.cols / (n * grid.width);
+  cv::Mat1f squares(grid, 0.0f);
+  blocks.light = cv::Mat1f(grid, 0.0f);
+  for (int i = 0; i < n * grid.height; ++i) {
+    const auto* codes = gray.ptr<std::uint8_t>(i * gray.rows / (n * grid.height));
+    for (int x = 0; x < grid.width; ++x) {
+      float sum = 0, square = 0;
+      for (int u = 0; u < n; ++u) {
+        const float light = light_of[codes[columns[n * x + u]]];
+        sum += light;
+        square += light * light;
+      }
+      blocks.light(i / n, x) += sum;
+      squares(i / n, x) += square;
+    }
+  }
+  blocks.light /= n * n;
+  const cv::Mat1f contrast(squares / blocks.light.mul(blocks.light) / (n * n) - 1);
   blocks.counts = (blocks.light > lightOf(kExposure.dark)) & (blocks.light < lightOf(kExposure.bright)) &
                   (contrast < kExposure.textured);
   return blocks;
