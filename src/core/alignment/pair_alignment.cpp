@@ -230,7 +230,7 @@ inline __attribute__((always_inline)) double PairAlignment::step(const Level& le
   const auto number = [](int i) { return N == 7 && i >= 4 ? i + 2 : i; };
   // The guess counts with the largest motion as its standard deviation: it stays where there is no texture.
   const Square prior = Square::eye() * (1 / std::pow(kAlignment.largest_motion * level.radius, 2));
-  Square information = prior, scatter = prior;
+  Square information = prior, scatter;
   Numbers gradient;
   double texture = 0, squared_texture = 0;
   for (const Pull& tile : pulls_) {
@@ -253,9 +253,14 @@ inline __attribute__((always_inline)) double PairAlignment::step(const Level& le
       shift(1, i) = by[number(i)][1];
     }
     const Numbers pull = shift.t() * (tile.weight * tile.pull);
-    information += shift.t() * (tile.weight * tile.information) * shift;
+    const cv::Matx<double, 2, N> weighed = tile.weight * tile.information * shift;
+    for (int i = 0; i < N; ++i) {
+      for (int k = 0; k < N; ++k) {
+        information(i, k) += shift(0, i) * weighed(0, k) + shift(1, i) * weighed(1, k);
+        scatter(i, k) += pull[i] * pull[k];
+      }
+    }
     gradient += pull;
-    scatter += kAlignment.shared_edges * pull * pull.t();
     const double of_tile = tile.weight * cv::trace(tile.information);
     texture += of_tile;
     squared_texture += of_tile * of_tile;
@@ -263,7 +268,7 @@ inline __attribute__((always_inline)) double PairAlignment::step(const Level& le
   const Square inverse = information.inv(cv::DECOMP_CHOLESKY);
   const Numbers step = inverse * gradient;
   // Uncertain as far as the tiles disagree: A^-1 sum(g g^T) A^-1, the "sandwich" estimate.
-  const Square covariance = inverse * scatter * inverse;
+  const Square covariance = inverse * (prior + kAlignment.shared_edges * scatter) * inverse;
   for (int i = 0; i < N; ++i) {
     estimate.motion[number(i)] -= step[i];
     for (int k = 0; k < N; ++k) estimate.covariance(number(i), number(k)) = covariance(i, k);
