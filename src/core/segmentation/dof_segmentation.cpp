@@ -15,11 +15,9 @@
 namespace all_in_focus::core {
 namespace {
 
-// Zones are found by the weight that the first share of the edges does not exceed, those that break the rule
-// again by that of the second: with more than about two fifths of the edges of a noisy image, zones grow over
-// whole surfaces. Without noise the second share has nearly all edges already, and begins. That is so if the
-// weight does not change up to the third share. Only speed depends on these shares, not the labels.
-constexpr double kFirstShare = 0.97, kSecondShare = 0.36, kShareWithoutNoise = 0.6;
+// Zones are found by the weight that this share of the edges does not exceed, those that break the rule again
+// by half of it. Only speed depends on it, not the labels.
+constexpr double kShare = 0.97;
 
 }  // namespace
 
@@ -49,10 +47,7 @@ struct DofSegmentation::Work {
   RegionMap regionMap() const { return {graph, nodes.data(), node_count, regions.data(), region_count}; }
 
   void segment(const DofRule& rule, double focal_length_mm) {
-    const int second = std::max(0, graph.weightQuantile(kSecondShare));
-    const bool noisy = graph.weightQuantile(kShareWithoutNoise) > second;
-    const int first = noisy ? graph.weightQuantile(kFirstShare) : second;
-    node_count = zones.find(graph, rule, first, second, nodes);
+    node_count = zones.find(graph, rule, std::max(0, graph.weightQuantile(kShare)), nodes);
     RegionNode* const node = nodes.data();
     int nearest = 65536, farthest = 0;  // mm
     for (int i = 1; i <= node_count; ++i) {

@@ -72,10 +72,9 @@ int numberRow(PixelGraph& graph, int y, int last, RegionNode* zones) {
 
 }  // namespace
 
-int QuasiFlatZones::find(PixelGraph& graph, const DofRule& rule, int first, int second,
-                         std::vector<RegionNode>& zones) {
+int QuasiFlatZones::find(PixelGraph& graph, const DofRule& rule, int limit, std::vector<RegionNode>& zones) {
   limits_.assign(static_cast<std::size_t>(graph.rows() + 1) * graph.stride(),
-                 static_cast<std::uint8_t>(first));
+                 static_cast<std::uint8_t>(limit));
   for (;;) {
     const int count = label(graph, zones);
     broken_.assign(count + 1, 0);
@@ -86,18 +85,16 @@ int QuasiFlatZones::find(PixelGraph& graph, const DofRule& rule, int first, int 
       any |= broken_[i] != 0;
     }
     if (!any) return count;
-    lowerBrokenLimits(graph, second);
+    halveBrokenLimits(graph);
   }
 }
 
-void QuasiFlatZones::lowerBrokenLimits(const PixelGraph& graph, int second) {
+void QuasiFlatZones::halveBrokenLimits(const PixelGraph& graph) {
   const std::int32_t* const labels = graph.labelRow(0);
   graph.strips().forEach([&](const cv::Range& rows, int) {
     const std::int32_t* const end = graph.labelRow(rows.end);
     for (const std::int32_t* label = graph.labelRow(rows.start); label != end; ++label) {
-      if (broken_[*label] == 0) continue;
-      std::uint8_t& limit = limits_[label - labels];
-      limit = static_cast<std::uint8_t>(limit > second ? second : limit / 2);
+      if (broken_[*label] != 0) limits_[label - labels] /= 2;
     }
   });
 }

@@ -32,15 +32,14 @@ inline void mergeRoots(RegionNode* nodes, int a, int b) {
 /// A zone that fits the rule as a whole is the start of one region, whatever the order of merging: nothing
 /// can refuse a merge inside it, and all edges that leave it are heavier and come later. So its edges need
 /// not be sorted, not even stored, and zones are found like any connected components, in parallel. A zone
-/// that breaks the rule is divided by the second limit, then by half the limit, again and again; at limit 0
-/// it has one depth.
+/// that breaks the rule is divided by half the limit, again and again; at limit 0 it has one depth.
 class QuasiFlatZones {
  public:
   /// Labels the graph with zones 1..n in the order of their first pixels, 0 where depth is unknown, and
   /// describes them in zones[1..n], each a set of its own. Returns n.
   ///
-  /// first, second: limits, mm, 0 <= second <= first <= 254.
-  int find(PixelGraph& graph, const DofRule& rule, int first, int second, std::vector<RegionNode>& zones);
+  /// limit: mm, 0..254.
+  int find(PixelGraph& graph, const DofRule& rule, int limit, std::vector<RegionNode>& zones);
 
  private:
   struct Strip {
@@ -51,7 +50,7 @@ class QuasiFlatZones {
     int first_zone, zones;
   };
 
-  void lowerBrokenLimits(const PixelGraph& graph, int second);
+  void halveBrokenLimits(const PixelGraph& graph);
   int label(PixelGraph& graph, std::vector<RegionNode>& zones);
   void findRow(const PixelGraph& graph, int y, BlockRow* blocks) const;
   void linkPixels(PixelGraph& graph, const cv::Range& rows, Strip& strip) const;
