@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "all_in_focus/codes.hpp"
+#include "all_in_focus/depth_registration.hpp"
 #include "all_in_focus/drawing.hpp"
 #include "command_line.hpp"
 #include "fusion/bracket_fusion.hpp"
@@ -34,6 +35,16 @@ namespace {
 constexpr int kWidth = 320;
 constexpr int kShown = 3;           // frame whose evidence is shown
 constexpr int kCorrectionGain = 3;  // of the contrast of what mode restored corrects
+
+// From red (nearest) to blue (farthest), evenly in dioptres; unknown depth is black.
+cv::Mat depthPicture(const cv::Mat& depth, double nearest_mm, double farthest_mm) {
+  const double hues = 120 / (1 / nearest_mm - 1 / farthest_mm);
+  cv::Mat hue, picture;
+  inverseDepthOf(depth, depth.size()).convertTo(hue, CV_8U, -hues, hues / nearest_mm);
+  cv::merge(std::vector<cv::Mat>{hue, cv::Mat(depth.size(), CV_8UC1, cv::Scalar(220)), depth > 0}, picture);
+  cv::cvtColor(picture, picture, cv::COLOR_HSV2BGR);
+  return picture;
+}
 
 struct CloseUp {
   const char* name;
@@ -164,8 +175,7 @@ void drawAll(const po::variables_map& values) {
   cv::minMaxLoc(result.filled, &nearest, &farthest, nullptr, nullptr, result.filled > 0);
   cv::Mat picture;
   const auto save_depth = [&](const char* name, const cv::Mat& depth) {
-    drawDepth(depth, nearest, farthest, picture);
-    save(name, picture, cv::INTER_AREA);
+    save(name, depthPicture(depth, nearest, farthest), cv::INTER_AREA);
   };
   save_depth("depth_raw", scene.input.depth);
   save_depth("depth_registered", result.registered);

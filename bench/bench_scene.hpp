@@ -5,7 +5,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "all_in_focus/pipeline.hpp"
+#include "../test/frames_in_memory.hpp"
 
 namespace all_in_focus {
 

@@ -21,12 +21,6 @@ void drawLabels(const cv::Mat& labels, int count, cv::Mat& picture);
 /// CV_8UC3, else std::invalid_argument.
 void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture);
 
-/// Draws a depth map for people: from red (nearest) to blue (farthest), evenly in dioptres, 0 black;
-/// below it a legend with metres.
-/// depth: CV_16UC1 mm, 0 = unknown, else std::invalid_argument. nearest_mm, farthest_mm: ends of the colours;
-/// 0: of this depth map. picture: CV_8UC3, BGR, higher than the depth map.
-void drawDepth(const cv::Mat& depth, double nearest_mm, double farthest_mm, cv::Mat& picture);
-
 /// The picture of regions for people: drawLabels(), captions, and below them a legend with metres.
 /// segmentation: labels and segments; without a segment the legend is empty. captions: captionRegions().
 /// picture: CV_8UC3, BGR, higher than the labels by what follows from their width.

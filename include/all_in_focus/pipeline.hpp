@@ -2,12 +2,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstddef>
 #include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "all_in_focus/bracket.hpp"
@@ -43,23 +41,6 @@ class FrameSource {
   virtual bool next(cv::Mat& frame) = 0;  ///< as Bracket::add() takes it; false at the end
   virtual void rewind() = 0;
   virtual int count() = 0;  ///< may take as long as reading them all
-};
-
-/// Frames that are in memory already.
-class FramesInMemory : public FrameSource {
- public:
-  explicit FramesInMemory(std::vector<cv::Mat> frames) : frames_(std::move(frames)) {}
-  bool next(cv::Mat& frame) override {
-    if (next_ == frames_.size()) return false;
-    frame = frames_[next_++];
-    return true;
-  }
-  void rewind() override { next_ = 0; }
-  int count() override { return static_cast<int>(frames_.size()); }
-
- private:
-  std::vector<cv::Mat> frames_;
-  std::size_t next_ = 0;
 };
 
 /// One bracket and what is known about its scene: depth with its rig, or registered depth, or labels, or

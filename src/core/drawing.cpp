@@ -96,30 +96,6 @@ void drawCaptions(const std::vector<RegionCaption>& captions, cv::Mat& picture) 
   }
 }
 
-void drawDepth(const cv::Mat& depth, double nearest_mm, double farthest_mm, cv::Mat& picture) {
-  if (depth.type() != CV_16UC1) throw std::invalid_argument("drawing: depth must be CV_16UC1");
-  const cv::Mat known = depth > 0;
-  double least = 0, most = 0;
-  if (cv::countNonZero(known) > 0) cv::minMaxLoc(depth, &least, &most, nullptr, nullptr, known);
-  const double near = nearest_mm > 0 ? nearest_mm : std::max(1.0, least);
-  const double far = std::max(near, farthest_mm > 0 ? farthest_mm : most);
-  constexpr int kColors = 256;
-  const std::vector<cv::Vec3b> colors = hues(kColors, kFarHue, false);
-  const double per_dioptre = near < far ? (kColors - 1) / (1 / near - 1 / far) : 0;
-  const auto color = [&](double mm) {
-    return colors[std::clamp(cvRound((1 / near - 1 / mm) * per_dioptre), 0, kColors - 1)];
-  };
-  std::vector<cv::Vec3b> of_depth(65536);
-  for (int mm = 1; mm < 65536; ++mm) of_depth[mm] = color(mm);
-  cv::Mat map(depth.size(), CV_8UC3);
-  for (int y = 0; y < depth.rows; ++y) {
-    const auto* from = depth.ptr<std::uint16_t>(y);
-    auto* to = map.ptr<cv::Vec3b>(y);
-    for (int x = 0; x < depth.cols; ++x) to[x] = of_depth[from[x]];
-  }
-  cv::vconcat(map, drawLegend(map.cols, near, far, color), picture);
-}
-
 void drawRegions(const Segmentation& segmentation, const std::vector<RegionCaption>& captions,
                  cv::Mat& picture) {
   const std::vector<Segment>& segments = segmentation.segments;

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "all_in_focus/drawing.hpp"
+#include "frames_in_memory.hpp"
 #include "images.hpp"
 #include "report_json.hpp"
 #include "rigs.hpp"

@@ -18,8 +18,8 @@
 
 #include "alignment/bracket_alignment.hpp"
 #include "all_in_focus/bracket.hpp"
-#include "all_in_focus/pipeline.hpp"
 #include "bracket_drawing.hpp"
+#include "frames_in_memory.hpp"
 #include "fusion/bracket_fusion.hpp"
 
 using namespace all_in_focus::core;

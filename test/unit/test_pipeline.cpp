@@ -5,7 +5,7 @@
 
 #include <stdexcept>
 
-#include "all_in_focus/pipeline.hpp"
+#include "frames_in_memory.hpp"
 
 using namespace all_in_focus::core;
 
