@@ -51,8 +51,8 @@ void add(WeightedMean& mean, const cv::Mat& frame, const std::vector<std::uint16
   mean.beginFrame(index, codes);
   cv::parallel_for_({inside.y, inside.br().y}, [&](const cv::Range& rows) {
     for (int y = rows.start; y < rows.end; ++y) {
-      mean.addRow(y, {inside.x, inside.br().x}, frame, row(evidence.sharpness, y),
-                  row(evidence.squared_error, y));
+      mean.addRow(y, {inside.x, inside.br().x}, frame,
+                  {row(evidence.sharpness, y), row(evidence.squared_error, y)});
     }
   });
 }

@@ -330,22 +330,32 @@ void BracketFusion::addAligned(const AlignedFrame& frame, const cv::Mat& gray, b
     cv::resize(squared_error_, wide_error_, {size_.width, squared_error_.rows}, 0, 0, cv::INTER_LINEAR);
   }
   const cv::Range columns(frame.seen.x, frame.seen.br().x), rows(frame.seen.y, frame.seen.br().y);
+  const bool fades = config_.soft && frame.seen.size() != size_;
+  const std::vector<float> fade_x = fadeAlong(columns, size_.width), fade_y = fadeAlong(rows, size_.height);
   mean_.beginFrame(frame.index, gainLut(frame.gain, depth_));
   forEachBlock(rows, [&](const cv::Range& block) {
     cv::Mat1f sharpness = sharpness_.compute(block);
-    std::vector<float> error(predicts_ ? size_.width : 0);
+    std::vector<float> parts(fade_x.size()), error(fade_x.size());
     for (int y = block.start; y < block.end; ++y) {
       float* row = sharpness[y - block.start];
       for (int x = 0; !frame.opaque.empty() && x < size_.width; ++x)
         row[x] *= frame.opaque.at<std::uint8_t>(y, x) != 0 ? 1 : kNothing;
+      EvidenceRow evidence{row};
       if (predicts_) {
         const double place =
             std::clamp((y + 0.5) * wide_error_.rows / size_.height - 0.5, 0.0, wide_error_.rows - 1.0);
         const int above = static_cast<int>(place), below = std::min(above + 1, wide_error_.rows - 1);
         blend(wide_error_[above], wide_error_[below], static_cast<float>(place - above), size_.width,
               error.data());
+        evidence.squared_error = error.data();
       }
-      mean_.addRow(y, columns, frame.image, row, predicts_ ? error.data() : nullptr);
+      if (fades) evidence.part = fade_x.data();
+      if (fades && fade_y[y] != 1) {
+        std::transform(fade_x.begin(), fade_x.end(), parts.begin(),
+                       [part = fade_y[y]](float along) { return part * along; });
+        evidence.part = parts.data();
+      }
+      mean_.addRow(y, columns, frame.image, evidence);
     }
   });
 }

@@ -50,10 +50,12 @@ constexpr int kSpan = 512;  // pixels worked on at a time: what they need stays 
 
 // Adds the weight of a frame to what remains of the sum of weights.
 // weight: the power of the sharpness in units of the sharpest frame's, this one included, over the expected
-// error; keep: what remains of older sums in these units; share: of the weight in the new sum.
+// error; keep: what remains of older sums in these units; before: the sum without the frame; share: of the
+// weight in the new sum.
 ALL_IN_FOCUS_SIMD void addWeights(const float* sharpness, const float* squared_error, float floor,
                                   float steep, int n, float* __restrict sharpest, float* __restrict sum,
-                                  float* __restrict keep, float* __restrict weight, float* __restrict share) {
+                                  float* __restrict keep, float* __restrict weight, float* __restrict before,
+                                  float* __restrict share) {
   for (int i = 0; i < n; ++i) {
     const float less = std::min(sharpness[i], sharpest[i]), more = std::max(sharpness[i], sharpest[i]);
     const float ratio = std::max(less / more, kMean.least_share);
@@ -63,8 +65,25 @@ ALL_IN_FOCUS_SIMD void addWeights(const float* sharpness, const float* squared_e
     keep[i] = sharper ? power : 1;
     weight[i] = (sharper ? 1 : power) / (squared_error[i] + floor);
     sharpest[i] = more;
-    sum[i] = keep[i] * sum[i] + weight[i];
+    before[i] = keep[i] * sum[i];
+    sum[i] = before[i] + weight[i];
     share[i] = weight[i] / (sum[i] + kNoWeight);
+  }
+}
+
+// Of frames of which a part counts. The first frame there, before = 0, has nothing to fade into. sum: with
+// the frame, then as much as later frames are to be compared with.
+void fade(const float* part, const float* before, int n, float* sum, float* share) {
+  constexpr float kLeast = 1e-8f;
+  constexpr int kPiece = 64;  // most are whole
+  for (int begin = 0; begin < n; begin += kPiece) {
+    const int end = std::min(begin + kPiece, n);
+    if (part[begin] == 1 && part[end - 1] == 1) continue;  // so are all between, for parts rise, then fall
+    for (int i = begin; i < end; ++i) {
+      if (part[i] == 1) continue;
+      if (before[i] > 0) share[i] *= part[i];
+      sum[i] *= std::pow(std::max(before[i] / (sum[i] + kNoWeight), kLeast), 1 - part[i]);
+    }
   }
 }
 
@@ -121,6 +140,19 @@ ALL_IN_FOCUS_SIMD void keepHeavier(const float* keep, const float* weight, std::
 
 }  // namespace
 
+std::vector<float> fadeAlong(const cv::Range& seen, int size) {
+  constexpr double kWidth = 0.5;  // over what the frame lacks
+  const auto part = [](int distance, int lacks) {
+    return std::min(1.0, (distance + 0.5) / (kWidth * lacks));
+  };
+  std::vector<float> parts(static_cast<std::size_t>(size), 1);
+  for (int i = seen.start; i < seen.end; ++i) {
+    parts[static_cast<std::size_t>(i)] =
+        static_cast<float>(part(i - seen.start, seen.start) * part(seen.end - 1 - i, size - seen.end));
+  }
+  return parts;
+}
+
 void WeightedMean::begin(const cv::Size& size, double noise, const Kind& kind) {
   soft_ = kind.soft;
   choice_ = kind.choice || !kind.soft;
@@ -146,15 +178,17 @@ void WeightedMean::beginFrame(int index, std::vector<std::uint16_t> lut) {
   lut_ = std::move(lut);
 }
 
-void WeightedMean::addRow(int y, const cv::Range& columns, const cv::Mat& frame, const float* sharpness,
-                          const float* squared_error) {
+void WeightedMean::addRow(int y, const cv::Range& columns, const cv::Mat& frame,
+                          const EvidenceRow& evidence) {
   static constexpr std::array<float, kSpan> kNoError{};
   for (int x = columns.start; x < columns.end; x += kSpan) {
     const int n = std::min(kSpan, columns.end - x);
-    std::array<float, kSpan> keep, weight, share;
-    addWeights(sharpness + x, squared_error ? squared_error + x : kNoError.data(), error_floor_, steep_, n,
-               sharpest_.ptr<float>(y) + x, weights_.ptr<float>(y) + x, keep.data(), weight.data(),
-               share.data());
+    std::array<float, kSpan> keep, weight, before, share;
+    float* sum = weights_.ptr<float>(y) + x;
+    addWeights(evidence.sharpness + x, evidence.squared_error ? evidence.squared_error + x : kNoError.data(),
+               error_floor_, steep_, n, sharpest_.ptr<float>(y) + x, sum, keep.data(), weight.data(),
+               before.data(), share.data());
+    if (evidence.part) fade(evidence.part + x, before.data(), n, sum, share.data());
     if (choice_) {
       auto* source = source_index_.ptr<std::uint16_t>(y) + x;
       keepHeavier(keep.data(), weight.data(), index_, n, most_.ptr<float>(y) + x, source);

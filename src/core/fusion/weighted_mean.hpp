@@ -8,6 +8,20 @@
 
 namespace all_in_focus::core {
 
+/// How reliable a row of a frame is, pixel by pixel.
+struct EvidenceRow {
+  const float* sharpness = nullptr;  ///< over all scales (SharpnessPyramid), > 0; never null
+  const float* squared_error =
+      nullptr;                  ///< that depth and optics predict, gray levels squared; null: nothing
+  const float* part = nullptr;  ///< 0..1 of the frame that counts (fadeAlong()); null: all of it
+};
+
+/// How a frame fades where it ends within the picture, so that no seam is seen there: in proportion to the
+/// distance from its end, over half as many pixels as it lacks. What is sharp there is lost, so it does not
+/// fade over more. seen: what the frame shows of one side of the picture, of that size. Returns the parts
+/// 0..1 of the frame that count along that side; those along both are multiplied.
+std::vector<float> fadeAlong(const cv::Range& seen, int size);
+
 /// Running weighted mean of frames, pixel by pixel, and which of them weighed most. Keeps a few numbers
 /// per pixel, however many frames there are.
 ///
@@ -15,8 +29,10 @@ namespace all_in_focus::core {
 ///   sharpness^8 / (predicted squared error + 1/12 + 5 noise variances):
 /// the inverse of the variance that is expected of it (1/12 is that of rounding), times a softmax, the power,
 /// of what is seen. As such powers overflow, weights are kept in units of the greatest sharpness so far. Each
-/// frame moves the mean by its share of all weights, so that no sum of colours is needed. The mean is rounded
-/// to codes of 16 bits: two bytes instead of the four of a float.
+/// frame moves the mean by its share of all weights, so that no sum of colours is needed. Where only a part
+/// of a frame counts, it moves the mean by that part of its share: a small weight would not do, because
+/// weights of a sharp frame are many times those of others. The mean is rounded to codes of 16 bits: two
+/// bytes instead of the four of a float.
 ///
 /// A frame of 640x480 takes 0.5 ms; the same as a sequence of OpenCV's operations, 32 rows at a time, 6.5 ms
 /// (one thread).
@@ -37,11 +53,9 @@ class WeightedMean {
   /// (gainLut()); empty: as it is.
   void beginFrame(int index, std::vector<std::uint16_t> lut);
 
-  /// Adds row y of the frame, CV_8UC3 or CV_16UC3. columns: those that it has seen. Of each pixel of the row,
-  /// sharpness: over all scales (SharpnessPyramid), > 0; squared_error: that depth and optics predict, gray
-  /// levels squared; null: nothing. Other threads may add other rows at the same time.
-  void addRow(int y, const cv::Range& columns, const cv::Mat& frame, const float* sharpness,
-              const float* squared_error);
+  /// Adds row y of the frame, CV_8UC3 or CV_16UC3. columns: those that it has seen. Other threads may add
+  /// other rows at the same time.
+  void addRow(int y, const cv::Range& columns, const cv::Mat& frame, const EvidenceRow& evidence);
 
   cv::Mat image(int depth) const;                               ///< CV_8UC3 or CV_16UC3
   const cv::Mat& sourceIndex() const { return source_index_; }  ///< CV_16UC1
