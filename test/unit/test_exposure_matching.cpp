@@ -33,8 +33,10 @@ TEST(GainLut, IsAGainInLinearLight) {
     const int codes_per_gray = depth == CV_8U ? 1 : 257;
     ASSERT_EQ(table.size(), 255 * codes_per_gray + 1);
     EXPECT_EQ(table[0], 0);
-    for (const int code : {3, 30, 100, 200})
-      EXPECT_NEAR(toLight(table[code * codes_per_gray] / 257.0), 1.3 * toLight(code), 2e-5) << code;
+    for (const int code : {3, 30, 100, 200}) {
+      EXPECT_NEAR(toLight(codeWithGain(code, 1.3)), 1.3 * toLight(code), 1e-5) << code;
+      EXPECT_NEAR(table[code * codes_per_gray], 257 * codeWithGain(code, 1.3), 0.5) << code;
+    }
     EXPECT_EQ(table.back(), 65535);  // the reference would have clipped, too
     EXPECT_TRUE(gainLut(1, depth).empty());
   }

@@ -37,7 +37,7 @@ class ExposureMatching {
 /// The code, 0..255, that the reference would have shown.
 double codeWithGain(double code, double gain);
 
-/// The same for each code of a frame, CV_8U or CV_16U, in codes of 16 bits; empty: as they are.
+/// The same for each code of a frame, CV_8U or CV_16U, in codes of 16 bits, rounded; empty: as they are.
 std::vector<std::uint16_t> gainLut(double gain, int depth);
 
 }  // namespace all_in_focus::core
